@@ -1,0 +1,163 @@
+"""What an engine is to this suite: a `Protocol`, a declared capability table, and where engines come from.
+
+An engine is found by name among the entry points of group `crosscheck.engines`. It answers two questions:
+
+`solve(scene, route)`   position, velocity, acceleration in its natural form, as a `Motion`;
+`constraints(scene)`    its own residual, Jacobian, constraint velocity and drift term in a model whose coordinates are
+                        (x, y, phi) per body, at configurations that need not be assembled.
+
+What it cannot do it refuses by name (`refusals`), it never skips in silence. A positions-only engine needs `solve` alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from importlib.metadata import entry_points
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crosscheck.frames import RowMap
+from refkin.model import Scene
+from refkin.motion import Motion, Route
+
+API = (1, 0)
+Array = NDArray[np.float64]
+
+
+class Level(StrEnum):
+    """What can be asked of an engine about one joint."""
+
+    RESIDUAL = "residual"
+    JACOBIAN = "jacobian"
+    CONSTRAINT_VELOCITY = "constraint_velocity"
+    DRIFT = "drift"
+    SOLVE = "solve"
+
+
+class Support(StrEnum):
+    """How an engine answers: by its own means, with the adapter supplying a part, or not at all."""
+
+    NATIVE = "native"
+    DERIVED = "derived"
+    REFUSED = "refused"
+
+
+@dataclass(frozen=True)
+class Capability:
+    """How one engine treats one joint or driver type at one level, and why where it does not simply do it."""
+
+    support: Support
+    reason: str = ""
+
+
+Capabilities = Mapping[str, Mapping[Level, Capability]]
+"""Joint or driver type -> level -> capability. A type that is absent is refused at every level."""
+
+NATIVE = Capability(Support.NATIVE)
+
+
+def refused(reason: str) -> Capability:
+    """Return the refusal with its reason."""
+    return Capability(Support.REFUSED, reason)
+
+
+def derived(reason: str) -> Capability:
+    """Return support in which the adapter supplies the part that `reason` names."""
+    return Capability(Support.DERIVED, reason)
+
+
+class EngineError(Exception):
+    """An engine that was asked for what it refuses, or that failed in a way that is no status."""
+
+
+class ConstraintModel(Protocol):
+    """An engine's own constraint rows, in the engine's own order and sign; `rows` maps ours onto them.
+
+    Columns are (x, y, phi) of the scene's bodies in their order, in metres and the ground frame of the scene.
+    Returned arrays are fresh copies. Raises nothing for unassembled configurations.
+    """
+
+    rows: Sequence[RowMap]
+    owns_driver: bool
+
+    def residual(self, q: Array, t: float) -> Array:
+        """Return the engine's residual, (m,)."""
+
+    def jacobian(self, q: Array, t: float) -> Array:
+        """Return the engine's constraint Jacobian, (m, n)."""
+
+    def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
+        """Return the engine's own phi_q qd (+ phi_t where it owns the driver), (m,)."""
+
+    def drift(self, q: Array, qd: Array, t: float) -> Array:
+        """Return gamma as the engine has it: phi_q qdd = gamma, (m,)."""
+
+    def close(self) -> None:
+        """Free what the engine holds."""
+
+
+@runtime_checkable
+class Engine(Protocol):
+    """A peer that answers scenes."""
+
+    name: str
+    api: tuple[int, int]
+
+    def version(self) -> str:
+        """Return the version of the engine's package."""
+
+    def routes(self) -> Sequence[Route]:
+        """Return the routes it knows, best first."""
+
+    def capabilities(self) -> Capabilities:
+        """Return what it can express."""
+
+    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
+        """Return its answer to a scene; raises EngineError if `refusals` names a reason not to."""
+
+    def constraints(self, scene: Scene) -> ConstraintModel:
+        """Return its constraint rows for the joints that it does not refuse at level residual."""
+
+
+def refusals(engine: Engine, scene: Scene, level: Level) -> list[str]:
+    """Return why `engine` cannot answer `scene` at `level`, joint by joint; empty if it can."""
+    table = engine.capabilities()
+    missing = refused("no such joint in this engine")
+    found = []
+    for constraint in scene.mechanism.constraints:
+        capability = table.get(constraint.type, {}).get(level, missing)
+        if capability.support is Support.REFUSED:
+            found.append(f"{engine.name} refuses {constraint.type} {constraint.name!r} at {level}: {capability.reason}")
+    return found
+
+
+def available() -> dict[str, Any]:
+    """Return name -> entry point of every engine that is registered, whether or not its package is installed."""
+    return {point.name: point for point in entry_points(group="crosscheck.engines")}
+
+
+def load(name: str) -> Engine:
+    """Return the engine of that name.
+
+    Raises
+    ------
+    EngineError
+        If there is none, its package is missing, or it does not keep the protocol; the message says which.
+    """
+    points = available()
+    if name not in points:
+        raise EngineError(f"no engine is called {name!r}; there are: {', '.join(sorted(points))}")
+    try:
+        engine = points[name].load()()
+    except ImportError as error:
+        raise EngineError(f"engine {name!r} cannot be imported: {error}") from error
+    missing = [key for key in ("name", "api", "version", "routes", "capabilities", "solve") if not hasattr(engine, key)]
+    if missing:
+        raise EngineError(f"engine {name!r} lacks: {', '.join(missing)}")
+    if engine.api[0] != API[0]:
+        raise EngineError(f"engine {name!r} speaks interface {engine.api[0]}.x, this suite {API[0]}.x")
+    return engine  # type: ignore[no-any-return]

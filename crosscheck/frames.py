@@ -1,0 +1,76 @@
+"""How an engine's constraint rows correspond to ours: order, factor, and a form where they differ by more than a factor.
+
+Each adapter declares one `RowMap` per row beside its model. If an engine's row is y = factor * F(x) of our row x, then
+
+    y_q = factor F'(x) x_q,    its drift term  gamma_y = factor (F'(x) gamma - F''(x) x'^2),    x' = phi_q qd + phi_t.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+
+class Form(Protocol):
+    """A scalar function with two derivatives."""
+
+    def __call__(self, x: Any, order: int) -> Any:
+        """Return the derivative of the given order at x."""
+
+
+@dataclass(frozen=True)
+class Linear:
+    """y = x."""
+
+    def __call__(self, x: Any, order: int) -> Any:
+        return (x, 1.0 + 0.0 * x, 0.0 * x)[order]
+
+
+@dataclass(frozen=True)
+class Sine:
+    """y = sin x: an engine that holds two axes parallel by a product of unit vectors."""
+
+    def __call__(self, x: Any, order: int) -> Any:
+        return (np.sin(x), np.cos(x), -np.sin(x))[order]
+
+
+@dataclass(frozen=True)
+class Length:
+    """y = |d| - L where ours is x = (d . d - L^2) / (2 L): y = sqrt(L^2 + 2 L x) - L."""
+
+    length: float
+
+    def __call__(self, x: Any, order: int) -> Any:
+        distance = np.sqrt(self.length * (self.length + 2.0 * x))
+        return (distance - self.length, self.length / distance, -(self.length**2) / distance**3)[order]
+
+
+@dataclass(frozen=True, kw_only=True)
+class RowMap:
+    """Row `row` of the joint or driver `constraint` is row `engine_row` of the engine, as factor * form.
+
+    `derived` says that the adapter supplied part of the row (a product rule, say), so that it proves less.
+    """
+
+    constraint: str
+    row: int
+    engine_row: int
+    factor: float = 1.0
+    form: Form = Linear()
+    derived: bool = False
+
+
+def wrap(angle: Any) -> Any:
+    """Return the angle modulo 2 pi, nearest zero [rad]."""
+    return np.arctan2(np.sin(angle), np.cos(angle))
+
+
+def unwrap_near(angle: float, near: float) -> float:
+    """Return angle + 2 pi k nearest `near` [rad]."""
+    return angle + math.tau * round((near - angle) / math.tau)

@@ -1,0 +1,60 @@
+"""What refkin raises. Each error carries the data that reproduce it.
+
+Numbers that failed are data (a status in a result); requests that make no sense are these exceptions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+class RefkinError(Exception):
+    """Base of every error that refkin raises on purpose."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """One thing that is wrong with a scene.
+
+    Attributes
+    ----------
+    path : str
+        Where it is, as in the scene file: `joint[2].body_i`.
+    value : object
+        What stands there; None where something is missing.
+    expected : str
+        What was expected, in words.
+    """
+
+    path: str
+    value: object
+    expected: str
+
+    def __str__(self) -> str:
+        got = "" if self.value is None else f", got {self.value!r}"
+        return f"{self.path}: expected {self.expected}{got}"
+
+
+class InvalidScene(RefkinError):
+    """A scene or mechanism that makes no sense; `faults` lists everything that is wrong, not just the first."""
+
+    def __init__(self, faults: list[Fault] | tuple[Fault, ...], source: str = "scene") -> None:
+        self.faults = tuple(faults)
+        self.source = source
+        super().__init__("\n".join(f"{source}: {fault}" for fault in self.faults))
+
+
+class NotCalledFor(RefkinError):
+    """An effect was asked of a system that was compiled without it."""
+
+    def __init__(self, effect: str, effects: frozenset[str]) -> None:
+        self.effect, self.effects = effect, effects
+        super().__init__(f"this system was compiled for {sorted(effects)}: {effect!r} was not called for")
+
+
+class UnknownName(RefkinError):
+    """A body, point or coordinate that does not exist; lists those that do."""
+
+    def __init__(self, kind: str, name: str, known: tuple[str, ...]) -> None:
+        self.kind, self.name, self.known = kind, name, known
+        super().__init__(f"no {kind} is called {name!r}; there are: {', '.join(known) or 'none'}")

@@ -1,0 +1,154 @@
+"""What every joint and driver offers: its data, named as in a scene file, and its formulas in scalar arithmetic.
+
+A formula takes ``g``, the numbers of the geometry (`constants`), ``f``, the values and derivatives of the laws
+(`inputs`: ``f[0][k]`` is the k-th derivative of the first law) and one `BodyValues` per body. It returns rows:
+
+=========== ============================================================== =======================================
+`residual`  Phi(q, t)                                                      `rows` scalars
+`jacobian`  Phi_q: one block per body                                      per body `rows` triples (d/dx, d/dy, d/dphi)
+`nu`        nu = -Phi_t                                                    `rows` scalars
+`gamma`     gamma = -(Phi_q qd)_q qd - 2 Phi_qt qd - Phi_tt                `rows` scalars
+=========== ============================================================== =======================================
+
+Only `+ - *`: no array, no branch on a value, no root. So the same text runs on floats, complex numbers, NumPy rows,
+balls and symbols, and what is read is what is run, batched, compiled and proved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from typing import Any, ClassVar
+
+from refkin.errors import Fault
+from refkin.motion_laws import Law
+from refkin.vec import BodyValues, Scalar, Vec
+
+GROUND = "ground"
+"""The name of the fixed frame at the origin."""
+
+Pair = tuple[float, float]
+Triple = tuple[Scalar, Scalar, Scalar]
+Rows = tuple[Scalar, ...]
+Blocks = tuple[tuple[Triple, ...], ...]
+
+
+@dataclass(frozen=True)
+class Unit:
+    """How lengths become the dimensionless numbers of a solve: (u - origin) / size for the ground, u / size on a body.
+
+    Attributes
+    ----------
+    size : float
+        Length of one unit [m]; a power of two, so that scaling rounds nothing.
+    origin : pair of float
+        The ground point that becomes the origin [m], so that a mechanism far from its origin loses no digits.
+    """
+
+    size: float = 1.0
+    origin: Pair = (0.0, 0.0)
+
+    def point(self, body: str, u: Pair) -> Pair:
+        """Return the scaled coordinates of a point of a body, in the body's own frame."""
+        ox, oy = self.origin if body == GROUND else (0.0, 0.0)
+        return (u[0] - ox) / self.size, (u[1] - oy) / self.size
+
+
+SI = Unit()
+"""Metres and the scene's own origin."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Constraint:
+    """A joint or driver between `body_i` and `body_j`.
+
+    Subclasses are dataclasses whose fields are the keys of a scene file; they state the four formulas, `constants`,
+    and, where a law drives them, `laws` and how a law's value is scaled.
+    """
+
+    name: str
+    rows: ClassVar[int]
+    type: str = field(init=False)
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+
+    @property
+    def bodies(self) -> tuple[str, str]:
+        """The names of the bodies i and j."""
+        return self.body_i, self.body_j  # type: ignore[attr-defined, no-any-return]
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        """The functions of time that enter the constraint."""
+        return ()
+
+    def points(self) -> Iterator[tuple[str, Pair]]:
+        """Yield (body, point in its frame) for each joint point."""
+        for side in "ij":
+            if hasattr(self, f"point_{side}"):
+                yield getattr(self, f"body_{side}"), getattr(self, f"point_{side}")
+
+    def reach(self) -> float:
+        """Return a length [m] that the constraint itself brings, such as that of a massless link."""
+        return 0.0
+
+    def constants(self, unit: Unit) -> tuple[float, ...]:
+        """Return the scaled geometry, flat, in the order in which the formulas unpack it."""
+        return tuple(c for body, point in self.points() for c in unit.point(body, point))
+
+    def inputs(self, t: Any, unit: Unit, order: int) -> tuple[tuple[Scalar, ...], ...]:
+        """Return for each law its scaled value and derivatives up to `order` at t."""
+        shifts, factor = self.law_scale(unit)
+        return tuple(
+            tuple((law(t, k) - (shift if k == 0 else 0.0)) / factor for k in range(order + 1))
+            for law, shift in zip(self.laws, shifts, strict=True)
+        )
+
+    def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
+        """Return per law the shift, and the factor: a scaled law is (f - shift) / factor."""
+        return (0.0,) * len(self.laws), 1.0
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        """Yield what is wrong with the constraint's own numbers."""
+        for law in self.laws:
+            yield from law.faults(f"{path}.law")
+
+    @staticmethod
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        """Return Phi."""
+        raise NotImplementedError
+
+    @staticmethod
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
+        """Return the blocks of Phi_q for body i and body j."""
+        raise NotImplementedError
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        """Return -Phi_t."""
+        raise NotImplementedError
+
+    @staticmethod
+    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        """Return the acceleration right side."""
+        raise NotImplementedError
+
+
+def arms(g: Any, i: BodyValues, j: BodyValues) -> tuple[Vec, Vec, Vec]:
+    """Return a_i = A_i point_i, a_j = A_j point_j and d = r_j + a_j - r_i - a_i, the points being the first four of g."""
+    a_i, a_j = i.turned(Vec(g[0], g[1])), j.turned(Vec(g[2], g[3]))
+    return a_i, a_j, j.r + a_j - i.r - a_i
+
+
+def drift(a_i: Vec, a_j: Vec, i: BodyValues, j: BodyValues) -> Vec:
+    """Return the part of d'' that holds no acceleration: omega_i^2 a_i - omega_j^2 a_j."""
+    return a_i * (i.omega * i.omega) - a_j * (j.omega * j.omega)
+
+
+def gap_rate(a_i: Vec, a_j: Vec, i: BodyValues, j: BodyValues) -> Vec:
+    """Return d' = v_j + omega_j a_j.perp() - v_i - omega_i a_i.perp()."""
+    return j.v + a_j.perp() * j.omega - i.v - a_i.perp() * i.omega
+
+
+def along(n: Vec, a_i: Vec, a_j: Vec) -> tuple[Triple, Triple]:
+    """Return the gradient of n . d with n held fixed, for body i and for body j."""
+    return (-n.x, -n.y, -n.dot(a_i.perp())), (n.x, n.y, n.dot(a_j.perp()))

@@ -1,0 +1,175 @@
+"""The drivers: what prescribes motion. angle, x, y, distance; each by a law, or by the rate of one.
+
+`law` gives the value, `rate_law` the rate, with `initial` the value at t = 0 (Shabana: theta - theta_0 - g(t) = 0, g the
+integral of the rate). A driving constraint is a constraint like any other whose nu is f' and whose gamma holds f''.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from refkin.errors import Fault
+from refkin.joints.base import GROUND, Blocks, Constraint, Pair, Rows, Unit, along, arms, drift, gap_rate
+from refkin.motion_laws import AnyLaw, Integral, Law
+from refkin.vec import BodyValues, Vec
+
+
+@dataclass(frozen=True, kw_only=True)
+class Driver(Constraint):
+    """A constraint of one row that follows a law of time."""
+
+    rows = 1
+    law: AnyLaw | None = None
+    rate_law: AnyLaw | None = None
+    initial: float = 0.0
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        if self.law is not None:
+            return (self.law,)
+        return () if self.rate_law is None else (Integral(rate=self.rate_law, initial=self.initial),)
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        if (self.law is None) == (self.rate_law is None):
+            yield Fault(f"{path}.law", None, "either `law` or `rate_law`, one of the two")
+        elif self.law is not None and self.initial != 0.0:
+            yield Fault(f"{path}.initial", self.initial, "`initial` only beside `rate_law`")
+        for law in self.laws:
+            yield from law.faults(f"{path}.{'law' if self.law is not None else 'rate_law'}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class AngleDriver(Driver):
+    """The angle of a body, absolute or against another body: phi - phi_relative_to - f(t) = 0 [rad]."""
+
+    body: str
+    relative_to: str = GROUND
+    type: Literal["angle"] = "angle"
+
+    @property
+    def bodies(self) -> tuple[str, str]:
+        return self.relative_to, self.body
+
+    @staticmethod
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (j.phi - i.phi - f[0][0],)
+
+    @staticmethod
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
+        return ((0, 0, -1),), ((0, 0, 1),)
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (f[0][1],)
+
+    @staticmethod
+    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (f[0][2],)
+
+
+@dataclass(frozen=True, kw_only=True)
+class CoordinateDriver(Driver):
+    """A coordinate of a point of a body in the ground frame follows f(t) [m]; `DIRECTION` says which."""
+
+    body: str
+    point: Pair = (0.0, 0.0)
+
+    @property
+    def bodies(self) -> tuple[str, str]:
+        return GROUND, self.body
+
+    def points(self) -> Iterator[tuple[str, Pair]]:
+        yield self.body, self.point
+
+
+@dataclass(frozen=True, kw_only=True)
+class XDriver(CoordinateDriver):
+    """x + (A point)_x - f(t) = 0 [m]."""
+
+    type: Literal["x"] = "x"
+
+    def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
+        return (unit.origin[0],), unit.size
+
+    @staticmethod
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (j.r.x + j.turned(Vec(g[0], g[1])).x - f[0][0],)
+
+    @staticmethod
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
+        return ((0, 0, 0),), ((1, 0, -j.turned(Vec(g[0], g[1])).y),)
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (f[0][1],)
+
+    @staticmethod
+    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (j.turned(Vec(g[0], g[1])).x * (j.omega * j.omega) + f[0][2],)
+
+
+@dataclass(frozen=True, kw_only=True)
+class YDriver(CoordinateDriver):
+    """y + (A point)_y - f(t) = 0 [m]."""
+
+    type: Literal["y"] = "y"
+
+    def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
+        return (unit.origin[1],), unit.size
+
+    @staticmethod
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (j.r.y + j.turned(Vec(g[0], g[1])).y - f[0][0],)
+
+    @staticmethod
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
+        return ((0, 0, 0),), ((0, 1, j.turned(Vec(g[0], g[1])).x),)
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (f[0][1],)
+
+    @staticmethod
+    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (j.turned(Vec(g[0], g[1])).y * (j.omega * j.omega) + f[0][2],)
+
+
+@dataclass(frozen=True, kw_only=True)
+class DistanceDriver(Driver):
+    """The distance of two points follows f(t) [m], as a hydraulic cylinder does: (d . d - f^2) / 2 = 0."""
+
+    body_i: str
+    point_i: Pair
+    body_j: str
+    point_j: Pair
+    type: Literal["distance"] = "distance"
+
+    def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
+        return (0.0,), unit.size
+
+    @staticmethod
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        _, _, d = arms(g, i, j)
+        return ((d.dot(d) - f[0][0] * f[0][0]) * 0.5,)
+
+    @staticmethod
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
+        a_i, a_j, d = arms(g, i, j)
+        block_i, block_j = along(d, a_i, a_j)
+        return (block_i,), (block_j,)
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (f[0][0] * f[0][1],)
+
+    @staticmethod
+    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        a_i, a_j, d = arms(g, i, j)
+        rate = gap_rate(a_i, a_j, i, j)
+        moving = f[0][1] * f[0][1] + f[0][0] * f[0][2]
+        return (moving - rate.dot(rate) - d.dot(drift(a_i, a_j, i, j)),)
+
+
+DRIVER_TYPES: tuple[type[Driver], ...] = (AngleDriver, XDriver, YDriver, DistanceDriver)

@@ -1,0 +1,221 @@
+"""The planar joints: revolute, fixed, prismatic, point_on_line, distance.
+
+To add a joint: write a dataclass like these (its fields are its keys in a scene file) and name it in `JOINT_TYPES`.
+r_P = r + A(phi) u is a point of a body, d = r_Pj - r_Pi the gap between the two points of a joint (Shabana, Computational
+Dynamics, section 3; Haug, Computer Aided Kinematics and Dynamics, section 3.3).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from refkin.errors import Fault
+from refkin.joints.base import Blocks, Constraint, Pair, Rows, Unit, along, arms, drift, gap_rate
+from refkin.vec import BodyValues, Vec
+
+
+@dataclass(frozen=True, kw_only=True)
+class Revolute(Constraint):
+    """Two points coincide: d = 0."""
+
+    rows = 2
+    body_i: str
+    point_i: Pair
+    body_j: str
+    point_j: Pair
+    type: Literal["revolute"] = "revolute"
+
+    @staticmethod
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        _, _, d = arms(g, i, j)
+        return d.x, d.y
+
+    @staticmethod
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
+        a_i, a_j, _ = arms(g, i, j)
+        return ((-1, 0, a_i.y), (0, -1, -a_i.x)), ((1, 0, -a_j.y), (0, 1, a_j.x))
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return 0, 0
+
+    @staticmethod
+    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        a_i, a_j, _ = arms(g, i, j)
+        bias = drift(a_i, a_j, i, j)
+        return -bias.x, -bias.y
+
+
+@dataclass(frozen=True, kw_only=True)
+class Fixed(Constraint):
+    """Two bodies move as one: d = 0 and phi_j - phi_i = angle [rad]."""
+
+    rows = 3
+    body_i: str
+    point_i: Pair
+    body_j: str
+    point_j: Pair
+    angle: float = 0.0
+    type: Literal["fixed"] = "fixed"
+
+    def constants(self, unit: Unit) -> tuple[float, ...]:
+        return (*super().constants(unit), self.angle)
+
+    @staticmethod
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (*Revolute.residual(g, f, i, j), j.phi - i.phi - g[4])
+
+    @staticmethod
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
+        block_i, block_j = Revolute.jacobian(g, f, i, j)
+        return (*block_i, (0, 0, -1)), (*block_j, (0, 0, 1))
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return 0, 0, 0
+
+    @staticmethod
+    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (*Revolute.gamma(g, f, i, j), 0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointOnLine(Constraint):
+    """A point of body j stays on a line of body i: axis_i x d = n . d = 0 with n the unit normal of the axis."""
+
+    rows = 1
+    body_i: str
+    point_i: Pair
+    axis_i: Pair
+    body_j: str
+    point_j: Pair
+    type: Literal["point_on_line"] = "point_on_line"
+
+    def constants(self, unit: Unit) -> tuple[float, ...]:
+        return (*super().constants(unit), *unit_normal(self.axis_i))
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        yield from axis_faults(path, self.axis_i)
+
+    @staticmethod
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        _, _, d = arms(g, i, j)
+        return (i.turned(Vec(g[4], g[5])).dot(d),)
+
+    @staticmethod
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
+        a_i, a_j, d = arms(g, i, j)
+        n = i.turned(Vec(g[4], g[5]))
+        (x, y, phi), block_j = along(n, a_i, a_j)
+        return ((x, y, phi + n.perp().dot(d)),), (block_j,)
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (0,)
+
+    @staticmethod
+    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        a_i, a_j, d = arms(g, i, j)
+        n = i.turned(Vec(g[4], g[5]))
+        turning = n.perp().dot(gap_rate(a_i, a_j, i, j)) * (2 * i.omega) - n.dot(d) * (i.omega * i.omega)
+        return (-turning - n.dot(drift(a_i, a_j, i, j)),)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Prismatic(Constraint):
+    """Body j slides along an axis of body i and does not turn against it: n . d = 0 and phi_j - phi_i = angle [rad]."""
+
+    rows = 2
+    body_i: str
+    point_i: Pair
+    axis_i: Pair
+    body_j: str
+    point_j: Pair
+    angle: float = 0.0
+    type: Literal["prismatic"] = "prismatic"
+
+    def constants(self, unit: Unit) -> tuple[float, ...]:
+        return (*super().constants(unit), *unit_normal(self.axis_i), self.angle)
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        yield from axis_faults(path, self.axis_i)
+
+    @staticmethod
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (*PointOnLine.residual(g, f, i, j), j.phi - i.phi - g[6])
+
+    @staticmethod
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
+        block_i, block_j = PointOnLine.jacobian(g, f, i, j)
+        return (*block_i, (0, 0, -1)), (*block_j, (0, 0, 1))
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return 0, 0
+
+    @staticmethod
+    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (*PointOnLine.gamma(g, f, i, j), 0)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Distance(Constraint):
+    """Two points keep a distance, as the ends of a massless link do: (d . d - length^2) / (2 length) = 0."""
+
+    rows = 1
+    body_i: str
+    point_i: Pair
+    body_j: str
+    point_j: Pair
+    length: float
+    type: Literal["distance"] = "distance"
+
+    def constants(self, unit: Unit) -> tuple[float, ...]:
+        length = self.length / unit.size
+        return (*super().constants(unit), length, 1 / length)
+
+    def reach(self) -> float:
+        return self.length
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        if not self.length > 0:
+            yield Fault(f"{path}.length", self.length, "a length above 0 (a revolute joint keeps two points together)")
+
+    @staticmethod
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        _, _, d = arms(g, i, j)
+        return ((d.dot(d) - g[4] * g[4]) * g[5] * 0.5,)
+
+    @staticmethod
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
+        a_i, a_j, d = arms(g, i, j)
+        block_i, block_j = along(d * g[5], a_i, a_j)
+        return (block_i,), (block_j,)
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (0,)
+
+    @staticmethod
+    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        a_i, a_j, d = arms(g, i, j)
+        rate = gap_rate(a_i, a_j, i, j)
+        return ((rate.dot(rate) + d.dot(drift(a_i, a_j, i, j))) * -g[5],)
+
+
+JOINT_TYPES: tuple[type[Constraint], ...] = (Revolute, Fixed, PointOnLine, Prismatic, Distance)
+
+
+def unit_normal(axis: Pair) -> Pair:
+    """Return the axis turned by a quarter turn counter-clockwise, scaled to length 1."""
+    length = math.hypot(*axis)
+    return -axis[1] / length, axis[0] / length
+
+
+def axis_faults(path: str, axis: Pair) -> Iterator[Fault]:
+    """Yield whether an axis has no direction."""
+    if math.hypot(*axis) == 0.0:
+        yield Fault(f"{path}.axis_i", list(axis), "a vector that is not zero")

@@ -1,0 +1,202 @@
+"""What is asked: Body, Mechanism, Scene. Frozen, named, validated on creation; plain numbers, no arrays."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+from enum import StrEnum
+from typing import Any, ClassVar
+
+from refkin.errors import Fault, InvalidScene
+from refkin.joints import GROUND, Constraint, Driver, Pair, Unit
+
+
+class Effect(StrEnum):
+    """What a scene may call for beyond position, which is always there."""
+
+    VELOCITY = "velocity"
+    ACCELERATION = "acceleration"
+
+
+class Evidence(StrEnum):
+    """What a scene may ask as evidence beyond status and residual, which are always there."""
+
+    CONDITION = "condition"
+    CERTIFICATE = "certificate"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Body:
+    """A rigid body of the plane; `estimate` is (x [m], y [m], phi [rad]) at the first time, if known."""
+
+    name: str
+    estimate: tuple[float, float, float] | None = None
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Point:
+    """A point of a body whose motion is wanted; `position` [m] in the body's own frame."""
+
+    name: str
+    body: str
+    position: Pair
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """Bodies, joints and drivers.
+
+    Raises
+    ------
+    InvalidScene
+        With every fault: a name twice, a body that does not exist, a body held against itself, numbers that are not
+        finite, too few constraints.
+    """
+
+    bodies: tuple[Body, ...]
+    joints: tuple[Constraint, ...]
+    drivers: tuple[Driver, ...] = ()
+
+    def __post_init__(self) -> None:
+        found = list(mechanism_faults(self.bodies, self.joints, self.drivers))
+        if found:
+            raise InvalidScene(found, "mechanism")
+
+    @property
+    def constraints(self) -> tuple[Constraint, ...]:
+        """Joints, then drivers: the order of the rows."""
+        return (*self.joints, *self.drivers)
+
+    def size(self) -> float:
+        """Return the power of two nearest the largest distance of two joint points on one body, ground included [m].
+
+        A massless link (distance joint) counts with its length. 1 if no body has two points.
+        """
+        points: dict[str, list[Pair]] = {}
+        for constraint in self.constraints:
+            for body, point in constraint.points():
+                points.setdefault(body, []).append(point)
+        largest = max((math.dist(a, b) for on in points.values() for a in on for b in on), default=0.0)
+        largest = max([largest, *(c.reach() for c in self.constraints)])
+        if largest == 0.0:
+            return 1.0
+        mantissa, exponent = math.frexp(largest)
+        return math.ldexp(1.0, exponent if mantissa > math.sqrt(0.5) else exponent - 1)
+
+    def unit(self) -> Unit:
+        """Return the unit every solve runs in: the size, and the first joint point on the ground as origin."""
+        on_ground = (point for c in self.constraints for body, point in c.points() if body == GROUND)
+        return Unit(self.size(), next(on_ground, (0.0, 0.0)))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scene:
+    """A mechanism, the times, and what is wanted; what is not called for is not computed.
+
+    Attributes
+    ----------
+    times : tuple of float
+        Strictly increasing [s].
+    effects : frozenset of Effect
+        Acceleration computes velocity, and reports it only when asked.
+    bodies_wanted : tuple of str or None
+        The bodies that are reported; all if None.
+    evidence : frozenset of Evidence
+        What is delivered with every answer beside status and residual.
+    """
+
+    mechanism: Mechanism
+    times: tuple[float, ...]
+    name: str = "scene"
+    effects: frozenset[Effect] = frozenset({Effect.VELOCITY, Effect.ACCELERATION})
+    bodies_wanted: tuple[str, ...] | None = None
+    evidence: frozenset[Evidence] = frozenset({Evidence.CONDITION, Evidence.CERTIFICATE})
+    points: tuple[Point, ...] = ()
+
+    def __post_init__(self) -> None:
+        found = list(scene_faults(self))
+        if found:
+            raise InvalidScene(found, self.name)
+
+    @property
+    def wanted(self) -> tuple[str, ...]:
+        """The names of the bodies that are reported."""
+        return self.bodies_wanted if self.bodies_wanted is not None else tuple(b.name for b in self.mechanism.bodies)
+
+
+def mechanism_faults(
+    bodies: Sequence[Body], joints: Sequence[Constraint], drivers: Sequence[Driver]
+) -> Iterator[Fault]:
+    """Yield everything that is wrong with a mechanism, with paths as in a scene file."""
+    if not bodies:
+        yield Fault("body", None, "at least one body")
+    yield from name_faults("body", [b.name for b in bodies], taken=(GROUND,))
+    yield from name_faults("joint or driver", [c.name for c in (*joints, *drivers)])
+    known = (GROUND, *(b.name for b in bodies))
+    for kind, group in (("body", bodies), ("joint", joints), ("driver", drivers)):
+        for k, item in enumerate(group):
+            yield from finite_faults(f"{kind}[{k}]", item)
+    for kind, constraints in (("joint", joints), ("driver", drivers)):
+        for k, constraint in enumerate(constraints):
+            yield from _constraint_faults(f"{kind}[{k}]", constraint, known)
+    missing = 3 * len(bodies) - sum(c.rows for c in (*joints, *drivers))
+    if bodies and missing > 0:
+        yield Fault("driver", None, f"{missing} more constraint{'s' * (missing > 1)}: add drivers")
+
+
+def _constraint_faults(path: str, constraint: Constraint, known: tuple[str, ...]) -> Iterator[Fault]:
+    for key in ("body", "body_i", "body_j", "relative_to"):
+        body = getattr(constraint, key, None)
+        if body is not None and body not in known:
+            yield Fault(f"{path}.{key}", body, f"a body of the scene: {', '.join(known)}")
+    if constraint.bodies[0] == constraint.bodies[1]:
+        yield Fault(path, constraint.bodies[0], "two different bodies")
+    yield from constraint.faults(path)
+
+
+def scene_faults(scene: Scene) -> Iterator[Fault]:
+    """Yield everything that is wrong with a scene beyond its mechanism."""
+    names = tuple(b.name for b in scene.mechanism.bodies)
+    if not scene.times:
+        yield Fault("times", [], "at least one time")
+    if not all(math.isfinite(t) for t in scene.times):
+        yield Fault("times", list(scene.times), "finite times")
+    if any(b <= a for a, b in zip(scene.times, scene.times[1:], strict=False)):
+        yield Fault("times", list(scene.times), "strictly increasing times")
+    for body in scene.bodies_wanted or ():
+        if body not in names:
+            yield Fault("bodies_wanted", body, f"bodies of the scene: {', '.join(names)}")
+    yield from name_faults("point", [p.name for p in scene.points])
+    for k, point in enumerate(scene.points):
+        yield from finite_faults(f"point[{k}]", point)
+        if point.body not in names:
+            yield Fault(f"point[{k}].body", point.body, f"a body of the scene: {', '.join(names)}")
+    for k, driver in enumerate(scene.mechanism.drivers):
+        for law in driver.laws:
+            low, high = law.domain()
+            if scene.times and not (low <= scene.times[0] and scene.times[-1] <= high):
+                yield Fault(f"driver[{k}].law", [low, high], f"a table that covers the times {scene.times[0]} to {scene.times[-1]}")
+
+
+def name_faults(kind: str, names: Sequence[str], taken: tuple[str, ...] = ()) -> Iterator[Fault]:
+    """Yield empty names and names given twice."""
+    for k, name in enumerate(names):
+        if not name:
+            yield Fault(f"{kind}[{k}].name", name, "a name that is not empty")
+        elif name in taken or name in names[:k]:
+            yield Fault(f"{kind}[{k}].name", name, "a name not used before")
+
+
+def finite_faults(path: str, item: Any) -> Iterator[Fault]:
+    """Yield every number in a dataclass, at any depth, that is not finite."""
+    if isinstance(item, float) and not math.isfinite(item):
+        yield Fault(path, item, "a finite number")
+    elif isinstance(item, tuple):
+        for k, part in enumerate(item):
+            yield from finite_faults(f"{path}[{k}]", part)
+    elif hasattr(item, "__dataclass_fields__"):
+        for key in fields(item):
+            yield from finite_faults(f"{path}.{key.name}", getattr(item, key.name))

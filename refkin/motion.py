@@ -1,0 +1,170 @@
+"""What is answered: a `Motion`. Every producer, refkin and engines alike, returns this one type; nothing else is compared."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from refkin.errors import UnknownName
+
+Array = NDArray[np.float64]
+
+
+class Status(StrEnum):
+    """What is known of one pose; defined in the scene file format."""
+
+    OK = "ok"
+    SINGULAR = "singular"
+    UNASSEMBLABLE = "unassemblable"
+    NOT_CONVERGED = "not_converged"
+    BRANCH_LOST = "branch_lost"
+
+
+class Seeding(StrEnum):
+    """How much of our answer a producer was given."""
+
+    NONE = "none"
+    INITIAL_GUESS = "initial_guess"
+    CONFIGURATION = "configuration"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Route:
+    """Who did what on the way to an answer; stands in every table.
+
+    `name` identifies the route; the other fields name the one who supplied the residual and Jacobian, ran Newton, solved
+    the linear systems, and supplied the drift term of the acceleration.
+    """
+
+    name: str
+    residual_by: str
+    jacobian_by: str
+    newton_by: str
+    linear_solve_by: str
+    drift_by: str
+    seeding: Seeding
+
+
+@dataclass(frozen=True, kw_only=True)
+class Producer:
+    """Who made a motion: name, version, and by which route."""
+
+    name: str
+    version: str
+    route: Route
+
+
+@dataclass(frozen=True, kw_only=True)
+class CertifiedRadius:
+    """Proved bounds on the error of the scaled coordinates, largest component, per time; NaN where there is no proof."""
+
+    position: Array
+    velocity: Array
+    acceleration: Array
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointMotion:
+    """Position [m], velocity [m/s] and acceleration [m/s^2] of a point, each (2, T); None if not called for."""
+
+    r: Array
+    v: Array | None = None
+    a: Array | None = None
+
+
+@dataclass(frozen=True)
+class BodyMotion:
+    """One body's rows of a motion, by name: x, y, phi and their rates xd ... phidd, each (T,)."""
+
+    q: Array
+    qd: Array | None
+    qdd: Array | None
+
+    def __getattr__(self, name: str) -> Array:
+        level = {"": self.q, "d": self.qd, "dd": self.qdd}
+        for row, coordinate in enumerate(("x", "y", "phi")):
+            suffix = name.removeprefix(coordinate)
+            if name.startswith(coordinate) and suffix in level and level[suffix] is not None:
+                return level[suffix][row]  # type: ignore[index, no-any-return]
+        raise AttributeError(f"{name!r}: not a coordinate, or not called for by the scene")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Motion:
+    """Position, velocity and acceleration of the wanted bodies over the times of a scene.
+
+    Attributes
+    ----------
+    t : (T,) array
+        Times [s].
+    bodies : tuple of str
+        The bodies whose coordinates (x [m], y [m], phi [rad], three rows each) `q` holds, in this order.
+    q, qd, qdd : (n, T) array
+        Coordinates and rates; `qd`, `qdd` are None if not called for. NaN means "no answer" and never has status ok.
+    status : tuple of Status
+        One per time.
+    residual : (T,) array
+        Largest component of the scaled residual.
+    sigma_min, condition : (T,) array
+        Smallest singular value and condition number of the scaled phi_q; NaN if not called for.
+    certified_radius : CertifiedRadius
+        NaN where there is no proof.
+    """
+
+    t: Array
+    bodies: tuple[str, ...]
+    q: Array
+    qd: Array | None
+    qdd: Array | None
+    status: tuple[Status, ...]
+    residual: Array
+    producer: Producer
+    sigma_min: Array
+    condition: Array
+    certified_radius: CertifiedRadius
+    points: Mapping[str, PointMotion] = field(default_factory=dict)
+    message: str = ""
+
+    def __getitem__(self, body: str) -> BodyMotion:
+        """Return the motion of one body.
+
+        Raises
+        ------
+        UnknownName
+            If the body is not among those that were wanted.
+        """
+        if body not in self.bodies:
+            raise UnknownName("body", body, self.bodies)
+        k = 3 * self.bodies.index(body)
+        return BodyMotion(*(None if level is None else level[k : k + 3] for level in self.levels))  # type: ignore[arg-type]
+
+    @property
+    def levels(self) -> tuple[Array, Array | None, Array | None]:
+        """Position, velocity, acceleration."""
+        return self.q, self.qd, self.qdd
+
+    @property
+    def verdict(self) -> Status:
+        """The first status that is not ok, or ok."""
+        return next((s for s in self.status if s is not Status.OK), Status.OK)
+
+
+def nowhere(times: int) -> Array:
+    """Return (T,) NaN: a bound or a number that nobody delivered."""
+    return np.full(times, np.nan)
+
+
+def engine_motion(
+    t: Any, bodies: tuple[str, ...], q: Any, qd: Any, qdd: Any, status: tuple[Status, ...], producer: Producer, **more: Any
+) -> Motion:
+    """Return a motion without evidence of its own: what an engine's adapter delivers."""
+    count = len(status)
+    blank = {"residual": nowhere(count), "sigma_min": nowhere(count), "condition": nowhere(count)}
+    radius = CertifiedRadius(position=nowhere(count), velocity=nowhere(count), acceleration=nowhere(count))
+    rest = {**blank, "certified_radius": radius, **more}
+    return Motion(t=np.asarray(t, float), bodies=bodies, q=q, qd=qd, qdd=qdd, status=status, producer=producer, **rest)

@@ -1,0 +1,167 @@
+"""Laws of motion f(t) with exact derivatives and integrals: polynomial, sinusoid, table (cubic spline).
+
+A law is evaluated by order: `law(t, 0)` is f, `law(t, 1)` is f', up to order 3. `t` is a float or a NumPy row. A law given
+as a rate f' becomes `Integral(rate=..., initial=f(0))`, integrated exactly.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Annotated, Any, ClassVar, Literal, Protocol
+
+import numpy as np
+from pydantic import Field
+
+from refkin.errors import Fault
+
+
+class Law(Protocol):
+    """A scalar function of one argument, with derivatives by order and an exact integral."""
+
+    def __call__(self, t: Any, order: int = 0) -> Any:
+        """Return the derivative of the given order at t, in the shape of t."""
+
+    def integral(self, t: Any) -> Any:
+        """Return the integral of f from 0 to t."""
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        """Yield what is wrong with the law's numbers."""
+
+    def domain(self) -> tuple[float, float]:
+        """Return the interval of arguments in which the law is defined."""
+
+
+class _Everywhere:
+    """A law without gaps: every finite set of its numbers is one."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+
+    def domain(self) -> tuple[float, float]:
+        return (-np.inf, np.inf)
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        return iter(())
+
+
+@dataclass(frozen=True, kw_only=True)
+class Polynomial(_Everywhere):
+    """f(t) = sum_k coefficients[k] t^k."""
+
+    coefficients: tuple[float, ...]
+    kind: Literal["polynomial"] = "polynomial"
+
+    def __call__(self, t: Any, order: int = 0) -> Any:
+        coefficients = list(self.coefficients)
+        for _ in range(order):
+            coefficients = [k * c for k, c in enumerate(coefficients)][1:]
+        return _horner(coefficients, t)
+
+    def integral(self, t: Any) -> Any:
+        """Return sum_k coefficients[k] t^(k+1) / (k+1)."""
+        return _horner([0.0, *(c / (k + 1) for k, c in enumerate(self.coefficients))], t)
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        """Yield whether there is no coefficient at all."""
+        if not self.coefficients:
+            yield Fault(f"{path}.coefficients", [], "at least one coefficient")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Sinusoid(_Everywhere):
+    """f(t) = offset + amplitude sin(angular_frequency t + phase)."""
+
+    amplitude: float
+    angular_frequency: float
+    offset: float = 0.0
+    phase: float = 0.0
+    kind: Literal["sinusoid"] = "sinusoid"
+
+    def __call__(self, t: Any, order: int = 0) -> Any:
+        w = self.angular_frequency
+        wave = (np.sin, np.cos)[order % 2](w * t + self.phase)
+        value = (-1.0) ** (order // 2) * self.amplitude * w**order * wave
+        return value if order else self.offset + value
+
+    def integral(self, t: Any) -> Any:
+        """Return offset t + amplitude (cos(phase) - cos(w t + phase))/w, written so that a small w cancels nothing."""
+        half = 0.5 * self.angular_frequency
+        lobe = np.sin(half * t) / half if half else t
+        return self.offset * t + self.amplitude * np.sin(half * t + self.phase) * lobe
+
+
+@dataclass(frozen=True, kw_only=True)
+class Table:
+    """Cubic spline through (argument, value): not-a-knot ends, or twice continuously differentiable around if periodic."""
+
+    argument: tuple[float, ...]
+    value: tuple[float, ...]
+    periodic: bool = False
+    kind: Literal["table"] = "table"
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+
+    @cached_property
+    def _spline(self) -> Any:
+        from scipy.interpolate import CubicSpline  # here, because importing it costs more than the rest of refkin
+
+        return CubicSpline(self.argument, self.value, bc_type="periodic" if self.periodic else "not-a-knot")
+
+    def __call__(self, t: Any, order: int = 0) -> Any:
+        return self._spline(t, order)[()]
+
+    def integral(self, t: Any) -> Any:
+        """Return the integral of the spline from 0 to t, exact piece by piece."""
+        return np.vectorize(lambda end: float(self._spline.integrate(0.0, end)), otypes=[float])(t)[()]
+
+    def domain(self) -> tuple[float, float]:
+        """Return the arguments covered: the table's own, or all if periodic."""
+        return (-np.inf, np.inf) if self.periodic else (self.argument[0], self.argument[-1])
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        """Yield what keeps the table from being interpolated."""
+        if len(self.argument) < 2:
+            yield Fault(f"{path}.argument", list(self.argument), "at least two arguments")
+        if len(self.argument) != len(self.value):
+            yield Fault(f"{path}.value", list(self.value), f"{len(self.argument)} values, one for each argument")
+        if any(b <= a for a, b in zip(self.argument, self.argument[1:], strict=False)):
+            yield Fault(f"{path}.argument", list(self.argument), "strictly increasing arguments")
+        if self.periodic and self.value and self.value[0] != self.value[-1]:
+            yield Fault(f"{path}.value", list(self.value), "a last value equal to the first, as the table is periodic")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Integral:
+    """f(t) = initial + integral of `rate` from 0 to t: the law of a driver that is given as a rate."""
+
+    rate: Law
+    initial: float = 0.0
+
+    def __call__(self, t: Any, order: int = 0) -> Any:
+        return self.rate(t, order - 1) if order else self.initial + self.rate.integral(t)
+
+    def integral(self, t: Any) -> Any:
+        """Refuse: no scene integrates a law twice."""
+        raise NotImplementedError("a law is integrated once")
+
+    def domain(self) -> tuple[float, float]:
+        """Return the arguments covered by the rate."""
+        return self.rate.domain()
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        """Yield the rate's faults, and whether it leaves out 0, where `initial` holds."""
+        found = list(self.rate.faults(path))
+        yield from found
+        if not found and not self.domain()[0] <= 0.0 <= self.domain()[1]:
+            yield Fault(f"{path}.argument", list(self.domain()), "a table that covers t = 0, where `initial` holds")
+
+
+AnyLaw = Annotated[Polynomial | Sinusoid | Table, Field(discriminator="kind")]
+"""The laws a scene file may name, by their `kind`."""
+
+
+def _horner(coefficients: list[float], t: Any) -> Any:
+    value = t * 0.0
+    for c in reversed(coefficients):
+        value = value * t + c
+    return value

@@ -1,0 +1,72 @@
+"""Two-component vectors and the values of one body: all that a joint's formula may touch.
+
+The components are scalars of any arithmetic: `float`, `complex`, NumPy rows of shape (B,), `flint.arb` balls, traced
+symbols. Nothing here branches on a value or makes an array, so a formula written with these runs on all of them.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+Scalar = Any
+"""A number of any arithmetic that has `+ - *`: float, complex, NumPy row, ball or symbol."""
+
+
+class Vec:
+    """A vector of the plane with components of any arithmetic."""
+
+    __slots__ = ("x", "y")
+
+    def __init__(self, x: Scalar, y: Scalar) -> None:
+        self.x = x
+        self.y = y
+
+    def __add__(self, other: Vec) -> Vec:
+        return Vec(self.x + other.x, self.y + other.y)
+
+    def __sub__(self, other: Vec) -> Vec:
+        return Vec(self.x - other.x, self.y - other.y)
+
+    def __mul__(self, factor: Scalar) -> Vec:
+        return Vec(self.x * factor, self.y * factor)
+
+    def dot(self, other: Vec) -> Scalar:
+        """Return the scalar product."""
+        return self.x * other.x + self.y * other.y
+
+    def perp(self) -> Vec:
+        """Return the vector turned by a quarter turn counter-clockwise: d(A u)/dphi = (A u).perp()."""
+        return Vec(-self.y, self.x)
+
+
+class BodyValues:
+    """Position and rates of one body: `r` [m], `phi` [rad], cos and sin of it, `v` [m/s], `omega` [rad/s]."""
+
+    __slots__ = ("c", "omega", "phi", "r", "s", "v")
+
+    def __init__(self, x: Scalar, y: Scalar, phi: Scalar) -> None:
+        self.r = Vec(x, y)
+        self.phi = phi
+        self.c, self.s = cosine_and_sine(phi)
+
+    def moving(self, xd: Scalar, yd: Scalar, phid: Scalar) -> BodyValues:
+        """Give the body its rates and return it."""
+        self.v = Vec(xd, yd)
+        self.omega = phid
+        return self
+
+    def turned(self, u: Vec) -> Vec:
+        """Return A(phi) u: a body-fixed vector in the ground frame."""
+        return Vec(self.c * u.x - self.s * u.y, self.s * u.x + self.c * u.y)
+
+
+def cosine_and_sine(angle: Scalar) -> tuple[Scalar, Scalar]:
+    """Return cos and sin of an angle of any arithmetic."""
+    if isinstance(angle, float):
+        return math.cos(angle), math.sin(angle)
+    if hasattr(angle, "cos"):  # balls and symbols bring their own
+        return angle.cos(), angle.sin()
+    return np.cos(angle), np.sin(angle)
