@@ -1,0 +1,85 @@
+"""Jacobians by differences: forward, central, complex step, each with its step rule and its own error bound.
+
+=============== ============================ ============================================== ================
+scheme          formula                      step h                                         error, about
+=============== ============================ ============================================== ================
+forward         (f(x+h) - f(x)) / h          sqrt(u) max(1, abs(x))                         h f''/2 + 2 e/h
+central         (f(x+h) - f(x-h)) / 2h       cbrt(u) max(1, abs(x))                         h^2 f'''/6 + e/h
+complex step    Im f(x + ih) / h             1e-100: no difference, so no cancellation      u f'
+=============== ============================ ============================================== ================
+
+with u = 2^-52 and e the error of one evaluation. (Numerical Recipes section 5.7; Squire and Trapp, SIAM Review 40, 1998.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+EPS = float(np.finfo(float).eps)
+
+
+class Scheme(StrEnum):
+    """How a derivative is approximated."""
+
+    FORWARD = "forward"
+    CENTRAL = "central"
+    COMPLEX_STEP = "complex_step"
+
+
+def step(scheme: Scheme, x: Any) -> Any:
+    """Return the step per coordinate, in the shape of x; x + h - x is exactly the real steps."""
+    x = np.asarray(x, float)
+    if scheme is Scheme.COMPLEX_STEP:
+        return np.full(x.shape, 1e-100)
+    rough = EPS ** (1 / 2 if scheme is Scheme.FORWARD else 1 / 3) * np.maximum(1.0, np.abs(x))
+    return (x + rough) - x
+
+
+def jacobian(f: Callable[[Any], Any], x: Any, scheme: Scheme = Scheme.COMPLEX_STEP, h: Any = None) -> Any:
+    """Return df/dx, (m, n), of a function from (n,) to (m,).
+
+    Parameters
+    ----------
+    f : callable
+        For the complex step it must accept complex arrays and be analytic: no abs, no comparison.
+    h : float or (n,) array, optional
+        The step; by default that of `step`.
+    """
+    x = np.asarray(x, float)
+    steps = np.broadcast_to(step(scheme, x) if h is None else h, x.shape)
+    middle = f(x) if scheme is Scheme.FORWARD else None
+    columns = []
+    for k, size in enumerate(steps):
+        # Each coordinate is moved on a fresh copy: what one column moved must not stay moved for the next.
+        moved = np.zeros(x.shape, complex if scheme is Scheme.COMPLEX_STEP else float)
+        moved[k] = 1j * size if scheme is Scheme.COMPLEX_STEP else size
+        if scheme is Scheme.COMPLEX_STEP:
+            columns.append(np.imag(f(x + moved)) / size)
+        elif scheme is Scheme.CENTRAL:
+            columns.append((f(x + moved) - f(x - moved)) / (2 * size))
+        else:
+            columns.append((f(x + moved) - middle) / size)
+    return np.stack(columns, axis=-1)
+
+
+def error_bound(scheme: Scheme, h: Any, second: Any, third: Any, evaluation: Any, slope: Any) -> Any:
+    """Return the bound of the table above.
+
+    Parameters
+    ----------
+    h : array
+        Steps.
+    second, third, slope : array
+        Bounds of |f''|, |f'''| and |f'| between the points that are evaluated.
+    evaluation : array
+        Bound of the error of one evaluation of f.
+    """
+    if scheme is Scheme.FORWARD:
+        return h * second / 2 + 2 * evaluation / h
+    if scheme is Scheme.CENTRAL:
+        return h**2 * third / 6 + evaluation / h
+    return 8 * EPS * slope

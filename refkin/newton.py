@@ -1,0 +1,217 @@
+"""Newton's method on callables: phi(q) = 0 by phi_q dq = -phi, with its whole history and never without an end.
+
+It knows nothing of mechanisms: `phi` maps (n,) to (m,), m >= n, `phi_q` to (m, n); scalars are accepted too. More rows than
+unknowns are solved by least squares (redundant rows change nothing where they are consistent).
+
+The stopping tests are those of the source documents, and `RoundOff`, which goes on until arithmetic allows no more.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any, Protocol
+
+import numpy as np
+
+from refkin.differences import EPS
+
+
+class NewtonStatus(StrEnum):
+    """How an iteration ended."""
+
+    CONVERGED = "converged"
+    ITERATION_LIMIT = "the iteration limit was reached"
+    SINGULAR = "the Jacobian is singular away from a root"
+    NOT_FINITE = "the iterates left the domain of the equations"
+
+
+class StoppingTest(Protocol):
+    """Says whether to stop, from phi(q_k), the correction dq_k and q_k + dq_k."""
+
+    def __call__(self, residual: Any, correction: Any, q: Any) -> bool: ...
+
+
+@dataclass(frozen=True)
+class CorrectionNorm:
+    """Stop when |dq| < limit, Euclidean norm (ME451 slides)."""
+
+    limit: float = 1e-8
+
+    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
+        return bool(np.linalg.norm(correction) < self.limit)
+
+
+@dataclass(frozen=True)
+class ResidualOrCorrection:
+    """Stop when |phi| < residual_limit or |dq| < correction_limit (METU 3.9; printed there without absolute values)."""
+
+    residual_limit: float = 1e-8
+    correction_limit: float = 1e-8
+
+    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
+        small_residual = np.linalg.norm(residual) < self.residual_limit
+        return bool(small_residual or np.linalg.norm(correction) < self.correction_limit)
+
+
+@dataclass(frozen=True)
+class BothLargest:
+    """Stop when the largest components of phi and of dq are both below their limits (ME581 notes)."""
+
+    residual_limit: float = 1e-8
+    correction_limit: float = 1e-8
+
+    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
+        small_residual = np.max(np.abs(residual)) < self.residual_limit
+        return bool(small_residual and np.max(np.abs(correction)) < self.correction_limit)
+
+
+@dataclass(frozen=True)
+class ScaledNorms:
+    """Stop when |dq| / n or |phi| / m is below the limit, n and m the numbers of components (notes on Shabana)."""
+
+    limit: float = 1e-8
+
+    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
+        scaled = (np.linalg.norm(v) / np.size(v) for v in (correction, residual))
+        return bool(min(scaled) < self.limit)
+
+
+@dataclass
+class RoundOff:
+    """Stop when the correction is below the spacing of the numbers, or no longer shrinks with the residual at round-off.
+
+    Near a multiple root the correction halves down to sqrt(u) and then only jitters: hence the second rule.
+    """
+
+    previous: float = field(default=np.inf, repr=False)
+
+    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
+        size, scale = np.max(np.abs(correction)), max(1.0, np.max(np.abs(q)))
+        stalled = size > 0.75 * self.previous and np.max(np.abs(residual)) <= 32 * EPS * scale
+        self.previous = size
+        return bool(size <= EPS * scale or stalled)
+
+
+@dataclass(frozen=True)
+class NewtonResult:
+    """What an iteration did, all of it.
+
+    Attributes
+    ----------
+    q : (n,) array
+        The last iterate.
+    iterates : (k + 1, n) array
+        q_0 ... q_k.
+    residuals : (k + 1, m) array
+        phi at each iterate, the last one included.
+    corrections : (k, n) array
+        dq_0 ... dq_(k-1).
+    """
+
+    status: NewtonStatus
+    q: Any
+    iterates: Any
+    residuals: Any
+    corrections: Any
+
+    @property
+    def converged(self) -> bool:
+        """Whether the stopping test was met at a finite iterate."""
+        return self.status is NewtonStatus.CONVERGED
+
+    @property
+    def iterations(self) -> int:
+        """How many corrections were made."""
+        return len(self.corrections)
+
+    @property
+    def residual(self) -> float:
+        """Largest component of phi at `q`."""
+        return float(np.max(np.abs(self.residuals[-1])))
+
+
+def newton(
+    phi: Callable[[Any], Any],
+    phi_q: Callable[[Any], Any],
+    q0: Any,
+    *,
+    stop: StoppingTest | None = None,
+    max_iterations: int = 50,
+    jacobian_every: int = 1,
+    damped: bool = False,
+) -> NewtonResult:
+    """Solve phi(q) = 0 from q0.
+
+    Parameters
+    ----------
+    phi, phi_q : callable
+        Residual and Jacobian; the Jacobian may be a difference quotient (`refkin.differences.jacobian`).
+    q0 : float or (n,) array
+        The estimate.
+    stop : StoppingTest, optional
+        `RoundOff()` by default.
+    max_iterations : int
+        The cap on corrections; reaching it is the status ITERATION_LIMIT.
+    jacobian_every : int
+        1 is full Newton, k renews the Jacobian every k corrections, 0 keeps the first (chord method).
+    damped : bool
+        Halve a correction until the residual decreases (for starts far from a root).
+
+    Returns
+    -------
+    NewtonResult
+        Never raises for numbers that fail: the status says how it ended.
+    """
+    stop = RoundOff() if stop is None else stop
+    q = np.atleast_1d(np.array(q0, float))
+    iterates, corrections = [q], []
+    with np.errstate(all="ignore"):  # leaving the domain is a status, not a warning
+        residuals = [_vector(phi(q))]
+        status = NewtonStatus.ITERATION_LIMIT
+        slope = None
+        for k in range(max_iterations):
+            if slope is None or (jacobian_every and k % jacobian_every == 0):
+                slope = np.reshape(phi_q(q), (residuals[-1].size, q.size))
+            if not (np.isfinite(residuals[-1]).all() and np.isfinite(slope).all()):
+                status = NewtonStatus.NOT_FINITE
+                break
+            try:
+                correction = solve_linear(slope, -residuals[-1])
+            except np.linalg.LinAlgError:
+                at_root = not residuals[-1].any()
+                status = NewtonStatus.CONVERGED if at_root else NewtonStatus.SINGULAR
+                break
+            if damped:
+                correction = _damp(phi, q, residuals[-1], correction)
+            q = q + correction
+            corrections.append(correction)
+            iterates.append(q)
+            residuals.append(_vector(phi(q)))
+            if stop(residuals[-2], correction, q) and np.isfinite(residuals[-1]).all():
+                status = NewtonStatus.CONVERGED
+                break
+    history = np.array(corrections).reshape(len(corrections), q.size)
+    return NewtonResult(status, q, np.array(iterates), np.array(residuals), history)
+
+
+def solve_linear(matrix: Any, right: Any) -> Any:
+    """Return x with matrix x = right: by LU if square, by least squares if there are more rows than columns."""
+    if matrix.shape[0] == matrix.shape[1]:
+        return np.linalg.solve(matrix, right)
+    return np.linalg.lstsq(matrix, right, rcond=None)[0]
+
+
+def _vector(value: Any) -> Any:
+    return np.atleast_1d(np.asarray(value, float))
+
+
+def _damp(phi: Callable[[Any], Any], q: Any, residual: Any, correction: Any) -> Any:
+    """Return the largest of correction * 2^-k whose residual is smaller; the smallest tried if none is."""
+    norm = np.linalg.norm(residual)
+    for _ in range(20):
+        if np.linalg.norm(_vector(phi(q + correction))) < norm:
+            return correction
+        correction = correction / 2
+    return correction
