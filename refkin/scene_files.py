@@ -1,0 +1,211 @@
+"""Scene files: TOML (or JSON) <-> Scene. The keys of a joint are the fields of its dataclass, so a new joint needs no line here."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterator
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Annotated, Any, Literal, Union
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, ValidationError
+
+from refkin.errors import Fault, InvalidScene
+from refkin.joints import DRIVER_TYPES, JOINT_TYPES
+from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene, mechanism_faults, scene_faults
+
+SCHEMA = 1
+
+AnyJoint = Annotated[Union[JOINT_TYPES], Field(discriminator="type")]  # noqa: UP007 (a union of a tuple)
+AnyDriver = Annotated[Union[DRIVER_TYPES], Field(discriminator="type")]  # noqa: UP007
+
+
+class _Strict(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True)
+
+
+class TimeGrid(_Strict):
+    """`start`, `stop` inclusive and `count`; or `values`, strictly increasing [s]."""
+
+    start: float | None = None
+    stop: float | None = None
+    count: int | None = None
+    values: tuple[float, ...] | None = None
+
+    def faults(self) -> Iterator[Fault]:
+        """Yield what keeps the grid from being one of its two forms."""
+        grid = {"start": self.start, "stop": self.stop, "count": self.count}
+        if self.values is not None:
+            for key, value in grid.items():
+                if value is not None:
+                    yield Fault(f"times.{key}", value, "either `values` or `start`, `stop`, `count`")
+            return
+        for key, value in grid.items():
+            if value is None:
+                yield Fault(f"times.{key}", None, f"`{key}` (or `values`)")
+        if self.count is not None and self.count < 1:
+            yield Fault("times.count", self.count, "a count of at least 1")
+        if None not in grid.values() and self.count > 1 and not self.stop > self.start:  # type: ignore[operator]
+            yield Fault("times.stop", self.stop, f"a stop above start = {self.start}")
+
+    def times(self) -> tuple[float, ...]:
+        """Return the times."""
+        if self.values is not None:
+            return self.values
+        return tuple(np.linspace(self.start, self.stop, self.count).tolist())  # type: ignore[arg-type]
+
+
+class SceneFile(_Strict):
+    """The keys of a scene file."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    name: str = "scene"
+    dimension: Literal["planar"] = "planar"
+    effects: tuple[Effect, ...] = ()
+    bodies_wanted: tuple[str, ...] | None = None
+    evidence: tuple[Evidence, ...] = tuple(Evidence)
+    times: TimeGrid
+    body: tuple[Body, ...]
+    joint: tuple[AnyJoint, ...] = ()
+    driver: tuple[AnyDriver, ...] = ()
+    point: tuple[Point, ...] = ()
+
+
+def load(path: str | Path) -> Scene:
+    """Read a scene file; `.json` is read as JSON, everything else as TOML.
+
+    Raises
+    ------
+    InvalidScene
+        With every fault of the file, each with its key, the value and what was expected.
+    """
+    path = Path(path)
+    try:
+        text = path.read_text(encoding="utf-8")
+        data = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+    except OSError as error:
+        raise InvalidScene([Fault("file", str(path), f"a readable file ({error.strerror})")], str(path)) from error
+    except UnicodeDecodeError as error:
+        raise InvalidScene([Fault("file", str(path), "UTF-8 text")], str(path)) from error
+    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
+        raise InvalidScene([Fault("file", str(error), "TOML (or JSON in a .json file)")], str(path)) from error
+    return parse(data, str(path))
+
+
+def parse(data: Any, source: str = "scene") -> Scene:
+    """Return the scene that a parsed scene file describes; raises InvalidScene as `load` does."""
+    try:
+        # Through JSON, because there a list may stand for a tuple although the reading is strict.
+        file = SceneFile.model_validate_json(json.dumps(data, default=str))
+    except ValidationError as error:
+        raise InvalidScene([_fault(e) for e in error.errors(include_url=False)], source) from error
+    found = [*file.times.faults(), *mechanism_faults(file.body, file.joint, file.driver)]
+    if found:
+        raise InvalidScene(found, source)
+    try:
+        return Scene(
+            mechanism=Mechanism(file.body, file.joint, file.driver),
+            times=file.times.times(),
+            name=file.name,
+            effects=frozenset(file.effects),
+            bodies_wanted=file.bodies_wanted,
+            evidence=frozenset(file.evidence),
+            points=file.point,
+        )
+    except InvalidScene as error:
+        raise InvalidScene(error.faults, source) from None
+
+
+def to_dict(scene: Scene) -> dict[str, Any]:
+    """Return the scene as the data of a scene file; `parse` gives the same scene back, bit for bit."""
+    data: dict[str, Any] = {
+        "schema": SCHEMA,
+        "name": scene.name,
+        "dimension": "planar",
+        "effects": sorted(scene.effects),
+        "evidence": sorted(scene.evidence),
+    }
+    if scene.bodies_wanted is not None:
+        data["bodies_wanted"] = list(scene.bodies_wanted)
+    data["times"] = {"values": list(scene.times)}
+    groups = (scene.mechanism.bodies, scene.mechanism.joints, scene.mechanism.drivers, scene.points)
+    for key, items in zip(("body", "joint", "driver", "point"), groups, strict=True):
+        if items:
+            data[key] = [_plain(item) for item in items]
+    return data
+
+
+def to_toml(scene: Scene) -> str:
+    """Return the scene as the text of a scene file."""
+    lines, tables = [], []
+    for key, value in to_dict(scene).items():
+        if isinstance(value, list) and value and isinstance(value[0], dict):
+            tables += [line for item in value for line in ("", f"[[{key}]]", *_entries(item))]
+        elif isinstance(value, dict):
+            tables = ["", f"[{key}]", *_entries(value), *tables]
+        else:
+            lines.append(f"{key} = {_toml(value)}")
+    return "\n".join([*lines, *tables, ""])
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of scene files, for editors."""
+    return SceneFile.model_json_schema(by_alias=True)
+
+
+def _plain(item: Any) -> Any:
+    """Return a dataclass as plain data, leaving out what has its default."""
+    if isinstance(item, tuple):
+        return [_plain(part) for part in item]
+    if not hasattr(item, "__dataclass_fields__"):
+        return item
+    keep = {}
+    for key in fields(item):
+        value = getattr(item, key.name)
+        if key.name in ("type", "kind") or key.default is MISSING or value != key.default:
+            keep[key.name] = _plain(value)
+    return keep
+
+
+def _entries(table: dict[str, Any]) -> list[str]:
+    return [f"{key} = {_toml(value)}" for key, value in table.items()]
+
+
+def _toml(value: Any) -> str:
+    if isinstance(value, dict):
+        return "{ " + ", ".join(_entries(value)) + " }"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_toml, value)) + "]"
+    if isinstance(value, float):
+        return repr(float(value))
+    return json.dumps(value)
+
+
+def _fault(error: Any) -> Fault:
+    """Return one of pydantic's findings as a fault, with the path as it is written in the file."""
+    path = ""
+    for k, part in enumerate(error["loc"]):
+        if isinstance(part, int):
+            path += f"[{part}]"
+        elif part not in _TAGS or k == len(error["loc"]) - 1:
+            path += f".{part}" if path else part
+    value = error.get("input")
+    kind, context = error["type"], error.get("ctx", {})
+    if kind == "missing":
+        return Fault(path, None, "this key, which is missing")
+    if kind == "extra_forbidden":
+        return Fault(path, value, "no such key")
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        key = context["discriminator"].strip("'")
+        return Fault(f"{path}.{key}", context.get("tag"), f"one of {context.get('expected_tags', 'the known ones')}")
+    return Fault(path, value, error["msg"].removeprefix("Input should be ").removeprefix("a valid "))
+
+
+_TAGS = {
+    *(c.__dataclass_fields__["type"].default for c in (*JOINT_TYPES, *DRIVER_TYPES)),
+    "polynomial",
+    "sinusoid",
+    "table",
+}
