@@ -1,4 +1,5 @@
-"""How an engine's constraint rows correspond to ours: order, factor, and a form where they differ by more than a factor.
+"""How an engine's constraint rows correspond to ours: order, factor, and a form where they differ by more than a
+factor.
 
 Each adapter declares one `RowMap` per row beside its model. If an engine's row is y = factor * F(x) of our row x, then
 

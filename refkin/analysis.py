@@ -125,15 +125,14 @@ class _Answer:
         levels = [self.system.to_physical(level, order) for order, level in enumerate((self.q, self.qd, self.qdd))]
         called = (True, Effect.VELOCITY in wants, Effect.ACCELERATION in wants)
         rows = np.concatenate([np.r_[self.system.columns(b)] for b in scene.wanted])
-        q, qd, qdd = (level[rows] if asked else None for level, asked in zip(levels, called, strict=True))
         condition = Evidence.CONDITION in scene.evidence
         count = len(self.status)
         return Motion(
             t=self.t,
             bodies=scene.wanted,
-            q=q,
-            qd=qd,
-            qdd=qdd,
+            q=levels[0][rows],
+            qd=levels[1][rows] if called[1] else None,
+            qdd=levels[2][rows] if called[2] else None,
             status=tuple(self.status),
             residual=self.residual,
             sigma_min=self.sigma_min if condition else nowhere(count),

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import GROUND, Constraint, Driver, Pair, Unit
+from refkin.motion_laws import STRICT
 
 
 class Effect(StrEnum):
@@ -32,7 +33,7 @@ class Body:
 
     name: str
     estimate: tuple[float, float, float] | None = None
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,7 +43,7 @@ class Point:
     name: str
     body: str
     position: Pair
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
 
 @dataclass(frozen=True)
@@ -117,7 +118,8 @@ class Scene:
     points: tuple[Point, ...] = ()
 
     def __post_init__(self) -> None:
-        found = list(scene_faults(self))
+        m = self.mechanism
+        found = list(scene_faults(m.bodies, m.drivers, self.times, self.points, self.bodies_wanted))
         if found:
             raise InvalidScene(found, self.name)
 
@@ -134,7 +136,8 @@ def mechanism_faults(
     if not bodies:
         yield Fault("body", None, "at least one body")
     yield from name_faults("body", [b.name for b in bodies], taken=(GROUND,))
-    yield from name_faults("joint or driver", [c.name for c in (*joints, *drivers)])
+    yield from name_faults("joint", [c.name for c in joints])
+    yield from name_faults("driver", [c.name for c in drivers], taken=[c.name for c in joints])
     known = (GROUND, *(b.name for b in bodies))
     for kind, group in (("body", bodies), ("joint", joints), ("driver", drivers)):
         for k, item in enumerate(group):
@@ -157,32 +160,43 @@ def _constraint_faults(path: str, constraint: Constraint, known: tuple[str, ...]
     yield from constraint.faults(path)
 
 
-def scene_faults(scene: Scene) -> Iterator[Fault]:
+def scene_faults(
+    bodies: Sequence[Body],
+    drivers: Sequence[Driver],
+    times: Sequence[float],
+    points: Sequence[Point] = (),
+    bodies_wanted: Sequence[str] | None = None,
+) -> Iterator[Fault]:
     """Yield everything that is wrong with a scene beyond its mechanism."""
-    names = tuple(b.name for b in scene.mechanism.bodies)
-    if not scene.times:
+    names = tuple(b.name for b in bodies)
+    if not times:
         yield Fault("times", [], "at least one time")
-    if not all(math.isfinite(t) for t in scene.times):
-        yield Fault("times", list(scene.times), "finite times")
-    if any(b <= a for a, b in zip(scene.times, scene.times[1:], strict=False)):
-        yield Fault("times", list(scene.times), "strictly increasing times")
-    for body in scene.bodies_wanted or ():
+    if not all(math.isfinite(t) for t in times):
+        yield Fault("times", list(times), "finite times")
+    if any(b <= a for a, b in zip(times, times[1:], strict=False)):
+        yield Fault("times", list(times), "strictly increasing times")
+    if bodies_wanted is not None and not bodies_wanted:
+        yield Fault("bodies_wanted", [], "at least one body, or no such key for all of them")
+    for k, body in enumerate(bodies_wanted or ()):
         if body not in names:
-            yield Fault("bodies_wanted", body, f"bodies of the scene: {', '.join(names)}")
-    yield from name_faults("point", [p.name for p in scene.points])
-    for k, point in enumerate(scene.points):
+            yield Fault(f"bodies_wanted[{k}]", body, f"a body of the scene: {', '.join(names)}")
+        elif body in bodies_wanted[:k]:  # type: ignore[index]
+            yield Fault(f"bodies_wanted[{k}]", body, "each body once")
+    yield from name_faults("point", [p.name for p in points])
+    for k, point in enumerate(points):
         yield from finite_faults(f"point[{k}]", point)
         if point.body not in names:
             yield Fault(f"point[{k}].body", point.body, f"a body of the scene: {', '.join(names)}")
-    for k, driver in enumerate(scene.mechanism.drivers):
+    for k, driver in enumerate(drivers):
         for law in driver.laws:
-            low, high = law.domain()
-            if scene.times and not (low <= scene.times[0] and scene.times[-1] <= high):
-                yield Fault(f"driver[{k}].law", [low, high], f"a table that covers the times {scene.times[0]} to {scene.times[-1]}")
+            if times and not list(law.faults("")):
+                low, high = law.domain()
+                if not (low <= times[0] and times[-1] <= high):
+                    yield Fault(f"driver[{k}].law.argument", [low, high], f"a table from {times[0]} to {times[-1]}")
 
 
-def name_faults(kind: str, names: Sequence[str], taken: tuple[str, ...] = ()) -> Iterator[Fault]:
-    """Yield empty names and names given twice."""
+def name_faults(kind: str, names: Sequence[str], taken: Sequence[str] = ()) -> Iterator[Fault]:
+    """Yield empty names and names that are taken."""
     for k, name in enumerate(names):
         if not name:
             yield Fault(f"{kind}[{k}].name", name, "a name that is not empty")

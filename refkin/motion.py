@@ -160,7 +160,14 @@ def nowhere(times: int) -> Array:
 
 
 def engine_motion(
-    t: Any, bodies: tuple[str, ...], q: Any, qd: Any, qdd: Any, status: tuple[Status, ...], producer: Producer, **more: Any
+    t: Any,
+    bodies: tuple[str, ...],
+    q: Any,
+    qd: Any,
+    qdd: Any,
+    status: tuple[Status, ...],
+    producer: Producer,
+    **more: Any,
 ) -> Motion:
     """Return a motion without evidence of its own: what an engine's adapter delivers."""
     count = len(status)

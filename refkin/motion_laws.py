@@ -1,7 +1,7 @@
 """Laws of motion f(t) with exact derivatives and integrals: polynomial, sinusoid, table (cubic spline).
 
-A law is evaluated by order: `law(t, 0)` is f, `law(t, 1)` is f', up to order 3. `t` is a float or a NumPy row. A law given
-as a rate f' becomes `Integral(rate=..., initial=f(0))`, integrated exactly.
+A law is evaluated by order: `law(t, 0)` is f, `law(t, 1)` is f', up to order 3. `t` is a float or a NumPy row.
+A law given as a rate f' becomes `Integral(rate=..., initial=f(0))`, integrated exactly.
 """
 
 from __future__ import annotations
@@ -15,6 +15,9 @@ import numpy as np
 from pydantic import Field
 
 from refkin.errors import Fault
+
+STRICT: dict[str, Any] = {"extra": "forbid", "strict": True}
+"""How dataclasses are read from a scene file: no unknown key, no text where a number belongs."""
 
 
 class Law(Protocol):
@@ -36,7 +39,7 @@ class Law(Protocol):
 class _Everywhere:
     """A law without gaps: every finite set of its numbers is one."""
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     def domain(self) -> tuple[float, float]:
         return (-np.inf, np.inf)
@@ -93,13 +96,13 @@ class Sinusoid(_Everywhere):
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Cubic spline through (argument, value): not-a-knot ends, or twice continuously differentiable around if periodic."""
+    """Cubic spline through (argument, value): not-a-knot ends, or, if periodic, smooth (C2) all around."""
 
     argument: tuple[float, ...]
     value: tuple[float, ...]
     periodic: bool = False
     kind: Literal["table"] = "table"
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     @cached_property
     def _spline(self) -> Any:

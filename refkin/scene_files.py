@@ -1,4 +1,7 @@
-"""Scene files: TOML (or JSON) <-> Scene. The keys of a joint are the fields of its dataclass, so a new joint needs no line here."""
+"""Scene files: TOML (or JSON) <-> Scene.
+
+The keys of a joint are the fields of its dataclass, so a new joint needs no line here.
+"""
 
 from __future__ import annotations
 
@@ -7,19 +10,24 @@ import tomllib
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
 from pathlib import Path
-from typing import Annotated, Any, Literal, Union
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
 from refkin.errors import Fault, InvalidScene
-from refkin.joints import DRIVER_TYPES, JOINT_TYPES
+from refkin.joints import DRIVER_TYPES, JOINT_TYPES, Constraint, Driver
 from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene, mechanism_faults, scene_faults
 
 SCHEMA = 1
+MOST_TIMES = 10_000_000
 
-AnyJoint = Annotated[Union[JOINT_TYPES], Field(discriminator="type")]  # noqa: UP007 (a union of a tuple)
-AnyDriver = Annotated[Union[DRIVER_TYPES], Field(discriminator="type")]  # noqa: UP007
+if TYPE_CHECKING:
+    AnyJoint = Constraint
+    AnyDriver = Driver
+else:
+    AnyJoint = Annotated[Union[JOINT_TYPES], Field(discriminator="type")]  # noqa: UP007 (a union of a tuple)
+    AnyDriver = Annotated[Union[DRIVER_TYPES], Field(discriminator="type")]  # noqa: UP007
 
 
 class _Strict(BaseModel):
@@ -47,6 +55,8 @@ class TimeGrid(_Strict):
                 yield Fault(f"times.{key}", None, f"`{key}` (or `values`)")
         if self.count is not None and self.count < 1:
             yield Fault("times.count", self.count, "a count of at least 1")
+        if self.count is not None and self.count > MOST_TIMES:
+            yield Fault("times.count", self.count, f"a count of at most {MOST_TIMES}")
         if None not in grid.values() and self.count > 1 and not self.stop > self.start:  # type: ignore[operator]
             yield Fault("times.stop", self.stop, f"a stop above start = {self.start}")
 
@@ -96,26 +106,66 @@ def load(path: str | Path) -> Scene:
 
 def parse(data: Any, source: str = "scene") -> Scene:
     """Return the scene that a parsed scene file describes; raises InvalidScene as `load` does."""
+    found: list[Fault] = []
     try:
-        # Through JSON, because there a list may stand for a tuple although the reading is strict.
-        file = SceneFile.model_validate_json(json.dumps(data, default=str))
+        file = _read(data)
     except ValidationError as error:
-        raise InvalidScene([_fault(e) for e in error.errors(include_url=False)], source) from error
-    found = [*file.times.faults(), *mechanism_faults(file.body, file.joint, file.driver)]
+        found += [_fault(e) for e in error.errors(include_url=False)]
+        found += _further_faults(data, error)
+    else:
+        found += _meaning(file)
     if found:
         raise InvalidScene(found, source)
+    return Scene(
+        mechanism=Mechanism(file.body, file.joint, file.driver),
+        times=file.times.times(),
+        name=file.name,
+        effects=frozenset(file.effects),
+        bodies_wanted=file.bodies_wanted,
+        evidence=frozenset(file.evidence),
+        points=file.point,
+    )
+
+
+def _read(data: Any) -> SceneFile:
+    # Through JSON, because there a list may stand for a tuple although the reading is strict.
+    return SceneFile.model_validate_json(json.dumps(data, default=str))
+
+
+def _meaning(file: SceneFile) -> list[Fault]:
+    """Return what is wrong with a file whose keys and types are right."""
+    grid = list(file.times.faults())
+    times = () if grid else file.times.times()
+    scene = scene_faults(file.body, file.driver, times, file.point, file.bodies_wanted)
+    found = [*grid, *mechanism_faults(file.body, file.joint, file.driver), *scene]
+    return [f for f in found if not (grid and f.path == "times")]
+
+
+def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
+    """Return what else is wrong beside wrong keys and types: the meaning of the parts that can be read.
+
+    The parts that cannot are left out, and so is every finding that leaving them out might have brought about.
+    """
+    bad = {e["loc"][:2] if e["loc"][0] in _GROUPS else e["loc"][:1] for e in error.errors() if e["loc"]}
+    if not isinstance(data, dict) or any((group,) in bad for group in ("body", "times")):
+        return []
+    kept = {g: [k for k in range(len(data.get(g, ()))) if (g, k) not in bad] for g in _GROUPS if (g,) not in bad}
+    whole = {key: value for key, value in data.items() if key not in _GROUPS and (key,) not in bad}
+    parts = {g: [data[g][k] for k in places] for g, places in kept.items() if g in data}
     try:
-        return Scene(
-            mechanism=Mechanism(file.body, file.joint, file.driver),
-            times=file.times.times(),
-            name=file.name,
-            effects=frozenset(file.effects),
-            bodies_wanted=file.bodies_wanted,
-            evidence=frozenset(file.evidence),
-            points=file.point,
-        )
-    except InvalidScene as error:
-        raise InvalidScene(error.faults, source) from None
+        file = _read({**whole, **parts, "schema": SCHEMA})
+    except ValidationError:
+        return []
+    unread = {str(data[g][k].get("name")) for g, k in (b for b in bad if len(b) == 2) if isinstance(data[g][k], dict)}
+    found = []
+    for fault in _meaning(file):
+        group, _, rest = fault.path.partition("[")
+        if group in kept and rest:
+            place, _, tail = rest.partition("]")
+            fault = Fault(f"{group}[{kept[group][int(place)]}]{tail}", fault.value, fault.expected)
+        if (rest or group.startswith("times")) and fault.value not in unread:
+            found.append(fault)
+    return found
 
 
 def to_dict(scene: Scene) -> dict[str, Any]:
@@ -185,7 +235,7 @@ def _toml(value: Any) -> str:
 
 def _fault(error: Any) -> Fault:
     """Return one of pydantic's findings as a fault, with the path as it is written in the file."""
-    path = ""
+    path = "" if error["loc"] else "file"
     for k, part in enumerate(error["loc"]):
         if isinstance(part, int):
             path += f"[{part}]"
@@ -195,14 +245,17 @@ def _fault(error: Any) -> Fault:
     kind, context = error["type"], error.get("ctx", {})
     if kind == "missing":
         return Fault(path, None, "this key, which is missing")
-    if kind == "extra_forbidden":
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         return Fault(path, value, "no such key")
+    if kind in ("too_short", "too_long"):
+        return Fault(path, value, f"{context.get('min_length', context.get('max_length'))} numbers")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         key = context["discriminator"].strip("'")
         return Fault(f"{path}.{key}", context.get("tag"), f"one of {context.get('expected_tags', 'the known ones')}")
     return Fault(path, value, error["msg"].removeprefix("Input should be ").removeprefix("a valid "))
 
 
+_GROUPS = ("body", "joint", "driver", "point")
 _TAGS = {
     *(c.__dataclass_fields__["type"].default for c in (*JOINT_TYPES, *DRIVER_TYPES)),
     "polynomial",

@@ -1,9 +1,9 @@
 """Position over time: from one pose to the next, on one branch.
 
-From the last poses the next is predicted by a polynomial in t, then Newton corrects it. The step is taken only if Newton
-contracted at once (its second correction is a small part of the first: no other root is near) and the sign of det phi_q is
-what it was; otherwise it is halved. So the branch is never changed; where no step is small enough the sweep stops, and says
-whether it stopped at a singular pose.
+From the last poses the next is predicted by a polynomial in t, then Newton corrects it. The step is taken only if
+Newton contracted at once (its second correction is a small part of the first: no other root is near) and the sign of
+det phi_q is what it was; otherwise it is halved. So the branch is never changed; where no step is small enough the sweep
+stops, and says whether it stopped at a singular pose.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """A mechanism's equations: phi(q, t) = 0, phi_q qd = nu, phi_q qdd = gamma.
 
-`compile_system` is the only place that knows where a body's coordinates sit in q. Coordinates come first, a batch comes last:
-q has shape (n,) or (n, B), t is a number or (B,), and so are all results. The dtype of q decides the arithmetic: float,
-complex, or object (balls, symbols).
+`compile_system` is the only place that knows where a body's coordinates sit in q. Coordinates come first, a batch comes
+last: q has shape (n,) or (n, B), t is a number or (B,), and so are all results. The dtype of q decides the arithmetic:
+float, complex, or object (balls, symbols).
 """
 
 from __future__ import annotations

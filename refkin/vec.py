@@ -46,6 +46,8 @@ class BodyValues:
     """Position and rates of one body: `r` [m], `phi` [rad], cos and sin of it, `v` [m/s], `omega` [rad/s]."""
 
     __slots__ = ("c", "omega", "phi", "r", "s", "v")
+    v: Vec
+    omega: Scalar
 
     def __init__(self, x: Scalar, y: Scalar, phi: Scalar) -> None:
         self.r = Vec(x, y)

@@ -6,7 +6,8 @@ An engine is found by name among the entry points of group `crosscheck.engines`.
 `constraints(scene)`    its own residual, Jacobian, constraint velocity and drift term in a model whose coordinates are
                         (x, y, phi) per body, at configurations that need not be assembled.
 
-What it cannot do it refuses by name (`refusals`), it never skips in silence. A positions-only engine needs `solve` alone.
+What it cannot do it refuses by name (`refusals`), it never skips in silence. A positions-only engine needs `solve`
+alone.
 """
 
 from __future__ import annotations
@@ -21,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crosscheck.frames import RowMap
+from refkin.joints import Constraint, DistanceDriver
 from refkin.model import Scene
 from refkin.motion import Motion, Route
 
@@ -55,7 +57,7 @@ class Capability:
 
 
 Capabilities = Mapping[str, Mapping[Level, Capability]]
-"""Joint or driver type -> level -> capability. A type that is absent is refused at every level."""
+"""Joint or driver type (`table_key`) -> level -> capability. A type that is absent is refused at every level."""
 
 NATIVE = Capability(Support.NATIVE)
 
@@ -68,6 +70,21 @@ def refused(reason: str) -> Capability:
 def derived(reason: str) -> Capability:
     """Return support in which the adapter supplies the part that `reason` names."""
     return Capability(Support.DERIVED, reason)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Term:
+    """An error that an engine adds by its own doing, as a bound of the scaled residual at one level.
+
+    `level` is position (added to e_phi), velocity (e_nu), acceleration (e_gamma), or drift (the bare gamma rows, unscaled).
+    `relative` multiplies the size of what stands in the equations there, `absolute` is added as it is.
+    """
+
+    name: str
+    level: str
+    reason: str
+    absolute: float = 0.0
+    relative: float = 0.0
 
 
 class EngineError(Exception):
@@ -116,11 +133,19 @@ class Engine(Protocol):
     def capabilities(self) -> Capabilities:
         """Return what it can express."""
 
+    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
+        """Return what this engine adds to the allowed error by its own doing; usually nothing."""
+
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
         """Return its answer to a scene; raises EngineError if `refusals` names a reason not to."""
 
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Return its constraint rows for the joints that it does not refuse at level residual."""
+
+
+def table_key(constraint: Constraint) -> str:
+    """Return a constraint's key in a capability table: its type, or "distance driver" for the driver of that type."""
+    return "distance driver" if isinstance(constraint, DistanceDriver) else constraint.type
 
 
 def refusals(engine: Engine, scene: Scene, level: Level) -> list[str]:
@@ -129,9 +154,10 @@ def refusals(engine: Engine, scene: Scene, level: Level) -> list[str]:
     missing = refused("no such joint in this engine")
     found = []
     for constraint in scene.mechanism.constraints:
-        capability = table.get(constraint.type, {}).get(level, missing)
+        key = table_key(constraint)
+        capability = table.get(key, {}).get(level, missing)
         if capability.support is Support.REFUSED:
-            found.append(f"{engine.name} refuses {constraint.type} {constraint.name!r} at {level}: {capability.reason}")
+            found.append(f"{engine.name} refuses {key} {constraint.name!r} at {level}: {capability.reason}")
     return found
 
 
@@ -155,7 +181,11 @@ def load(name: str) -> Engine:
         engine = points[name].load()()
     except ImportError as error:
         raise EngineError(f"engine {name!r} cannot be imported: {error}") from error
-    missing = [key for key in ("name", "api", "version", "routes", "capabilities", "solve") if not hasattr(engine, key)]
+    missing = [
+        key
+        for key in ("name", "api", "version", "routes", "capabilities", "terms", "solve")
+        if not hasattr(engine, key)
+    ]
     if missing:
         raise EngineError(f"engine {name!r} lacks: {', '.join(missing)}")
     if engine.api[0] != API[0]:

@@ -1,0 +1,143 @@
+"""The allowed error of an answer, derived per sample and component; nothing here is tuned.
+
+First-order propagation through the equations of the reference, at its solution and in its scaled coordinates:
+
+    dq   = |J^-1| e_phi                          + u |q|
+    dqd  = |J^-1| (|d(J qd - nu)/dq| dq + e_nu)   + 2 u |qd|
+    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + 2 u |qdd|
+
+with J = phi_q. The e are running-error bounds of the formulas themselves (`running_error`), with coordinates that
+are rounded to u |q|: no float64 code is told more. `SAFETY` covers that an engine evaluates the same closure by
+other formulas: in space (products of three terms instead of two) and down a chain of frames (each pose composed of
+two before it), which is at most 2 * 2 times the operations, on both sides of a comparison: 8. Velocity and
+acceleration are solutions of linear systems: LU adds a backward error of n u |J| |x|, which it may move from row to
+row (`_solve_error`).
+
+What an engine adds by its own doing, such as a stopping rule above round-off, is a named `Term` with its reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import Term
+from crosscheck.running_error import U, errors, running
+from refkin.motion import Motion, Status
+from refkin.system import System
+
+SAFETY = 8.0
+STEP = 1e-100
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """Allowed absolute errors in scaled coordinates, (n, T) per level; NaN where no first-order statement holds.
+
+    `judged` says per time whether it does: where the position error could change J by a good part of itself (near a
+    singular pose) it does not, and only a certificate can arbitrate.
+    """
+
+    position: Any
+    velocity: Any
+    acceleration: Any
+    judged: Any
+
+
+def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Sequence[Term] = ()) -> ErrorBudget:
+    """Return the budget at a solution of the reference.
+
+    Parameters
+    ----------
+    system : System
+        Compiled with `mechanism.unit()` and every effect.
+    motion : Motion
+        The reference's answer, for times and statuses.
+    q, qd, qdd : (n, T) array
+        Its coordinates and rates in the system's scaled coordinates; NaN where there is no answer.
+    """
+    lanes = np.flatnonzero([s is Status.OK for s in motion.status])
+    shape = q.shape
+    budget = ErrorBudget(*(np.full(shape, np.nan) for _ in range(3)), np.zeros(shape[1], bool))
+    if not lanes.size:
+        return budget
+    t, q, qd, qdd = motion.t[lanes], q[:, lanes], qd[:, lanes], qdd[:, lanes]
+    inverse = _abs_inverse(system, q, t)
+    extra = {
+        level: [term for term in terms if term.level == level] for level in ("position", "velocity", "acceleration")
+    }
+
+    e_phi = SAFETY * errors(system.phi(running(q, U * np.abs(q)), t), t.shape)
+    printed = U * np.abs(system.to_physical(q))  # what is left of a coordinate when it is handed over in metres
+    printed = np.where(np.arange(len(q))[:, None] % 3 == 2, printed, printed / system.unit.size)
+    dq = _carried(inverse, e_phi + _added(extra["position"], e_phi)) + 2 * printed + U * np.abs(q)
+    second = _slope(lambda z: _times(system.phi_q(z, t), qd) - system.nu(z, t), q)
+    e_nu = SAFETY * _residual_error(system, q, qd, t, "nu")
+    size = _times(np.abs(system.phi_q(q, t)), np.abs(qd))
+    e_nu = e_nu + _solve_error(size) + _added(extra["velocity"], size)
+    dqd = _carried(inverse, _times(np.abs(second), dq) + e_nu) + 2 * U * np.abs(qd)
+    third = _slope(lambda z: _times(system.phi_q(z, t), qdd) - system.gamma(z, qd, t), q)
+    coriolis = _slope(lambda z: system.gamma(q, z, t), qd)
+    e_gamma = SAFETY * _residual_error(system, q, qdd, t, "gamma", qd)
+    size = _times(np.abs(system.phi_q(q, t)), np.abs(qdd)) + np.abs(system.gamma(q, qd, t))
+    e_gamma = e_gamma + _solve_error(size) + _added(extra["acceleration"], size)
+    carried = _times(np.abs(third), dq) + _times(np.abs(coriolis), dqd) + e_gamma
+    dqdd = _carried(inverse, carried) + 2 * U * np.abs(qdd)
+    for allowed, values in zip((budget.position, budget.velocity, budget.acceleration), (dq, dqd, dqdd), strict=True):
+        allowed[:, lanes] = values
+    budget.judged[lanes] = _first_order(system, inverse, dq, q, t)
+    return budget
+
+
+def _abs_inverse(system: System, q: Any, t: Any) -> Any:
+    """Return |J^-1| (n, m, T), of a least-squares inverse where rows are redundant."""
+    stacked = np.moveaxis(system.phi_q(q, t), -1, 0)
+    inverse = np.linalg.inv(stacked) if system.m == system.n else np.linalg.pinv(stacked)
+    return np.moveaxis(np.abs(inverse), 0, -1)
+
+
+def _times(matrix: Any, vector: Any) -> Any:
+    """Return the product lane by lane of (m, n, T) and (n, T)."""
+    return np.einsum("mnt,nt->mt", matrix, vector)
+
+
+_carried = _times
+
+
+def _solve_error(size: Any) -> Any:
+    """Return the backward error of LU, as a residual (m, T), where |J| |x| is `size`: n u of its largest row."""
+    return len(size) * U * np.broadcast_to(np.max(size, axis=0), size.shape)
+
+
+def _added(terms: Sequence[Term], size: Any) -> Any:
+    return sum((term.absolute + term.relative * size for term in terms), np.zeros_like(size))
+
+
+def _slope(function: Any, x: Any) -> Any:
+    """Return the derivative (m, n, T) of a function of (n, T) by complex steps, exact to round-off."""
+    columns = []
+    for k in range(len(x)):
+        moved = x.astype(complex)
+        moved[k] += 1j * STEP
+        columns.append(np.imag(function(moved)) / STEP)
+    return np.stack(columns, axis=1)
+
+
+def _residual_error(system: System, q: Any, rate: Any, t: Any, side: str, qd: Any = None) -> Any:
+    """Return the running error (m, T) of phi_q rate - nu or phi_q rate - gamma, as any code evaluates it at this q."""
+    at, moving = running(q), running(rate, U * np.abs(rate))
+    right = system.nu(at, t) if side == "nu" else system.gamma(at, running(qd), t)
+    left = system.phi_q(at, t)
+    rows = np.empty(system.m, object)
+    for m in range(system.m):
+        rows[m] = sum((moving[k] * left[m, k] for k in range(system.n)), running([0.0])[0]) - right[m]
+    return errors(rows, t.shape)
+
+
+def _first_order(system: System, inverse: Any, dq: Any, q: Any, t: Any) -> Any:
+    """Return per lane whether dq changes J by less than a tenth of itself, so that first order says enough."""
+    change = np.imag(system.phi_q(q + 1j * STEP * dq, t)) / STEP
+    return np.max(np.sum(np.einsum("nmt,mkt->nkt", inverse, np.abs(change)), axis=1), axis=0) < 0.1

@@ -1,0 +1,170 @@
+"""Two answers to one scene, held against a derived budget: error, error / allowed, digits, the worst sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from crosscheck.budget import ErrorBudget, derive
+from crosscheck.engines import Term
+from crosscheck.frames import wrap
+from refkin.analysis import solve
+from refkin.model import Effect, Scene
+from refkin.motion import Motion, Status
+from refkin.system import System, compile_system
+
+QUANTITIES = ("position", "velocity", "acceleration")
+MOST_DIGITS = 17.0
+"""What a sample without any error is given: binary64 holds no more."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The reference's answer for every body and effect, with what a comparison needs of it."""
+
+    scene: Scene
+    system: System
+    motion: Motion
+    levels: tuple[Any, Any, Any]
+    sigma_min: Any
+
+    def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
+        """Return the allowed errors against another answer."""
+        return derive(self.system, self.motion, *self.levels, terms)
+
+
+@dataclass(frozen=True)
+class QuantityComparison:
+    """One quantity of a comparison, per time; NaN where it was not judged.
+
+    Attributes
+    ----------
+    error, ratio, digits : (T,) array
+        Largest error in scaled coordinates; largest error / allowed; -log10 of the error relative to the size (position)
+        or to the largest component at that time (velocity, acceleration).
+    worst : str
+        The sample of the largest ratio: coordinate and time.
+    """
+
+    error: Any
+    ratio: Any
+    digits: Any
+    worst: str
+
+    @property
+    def agrees(self) -> bool:
+        """Whether every judged sample is within its budget."""
+        return not np.nanmax(self.ratio, initial=0.0) > 1.0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """An answer against the reference.
+
+    Attributes
+    ----------
+    quantities : mapping
+        By name, those that both have.
+    missing : int
+        Times at which the reference is ok and the other answer is not.
+    judged : int
+        Times that were compared against a budget.
+    other_assembly : bool
+        The answer closes the linkage, but on another branch.
+    """
+
+    quantities: Mapping[str, QuantityComparison]
+    missing: int
+    judged: int
+    other_assembly: bool
+
+    @property
+    def agrees(self) -> bool:
+        """Whether every judged sample of every quantity is within its budget."""
+        return all(q.agrees for q in self.quantities.values())
+
+
+def reference(scene: Scene) -> Reference:
+    """Solve a scene with refkin for every body and effect, whatever the scene calls for."""
+    whole = replace(scene, bodies_wanted=None, effects=frozenset(Effect))
+    motion = solve(whole)
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    with np.errstate(invalid="ignore"):
+        q = system.to_unit(motion.q)
+        rates = [_scaled_rates(system, level) for level in (motion.qd, motion.qdd)]
+    return Reference(whole, system, motion, (q, *rates), motion.sigma_min)
+
+
+def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Comparison:
+    """Compare a motion with the reference's, body by body in the motion's own order.
+
+    Angles are compared modulo full turns.
+    """
+    budget = ref.budget(terms)
+    rows = np.concatenate([np.r_[ref.system.columns(body)] for body in motion.bodies])
+    names = [f"{body}.{c}" for body in motion.bodies for c in ("x", "y", "phi")]
+    answered = np.array([s is Status.OK for s in motion.status])
+    lanes = budget.judged & answered
+    found = {}
+    for k, quantity in enumerate(QUANTITIES):
+        level = motion.levels[k]
+        if level is None:
+            continue
+        unit = ref.system.unit
+        theirs = np.array(level)
+        ours = ref.levels[k][rows]
+        for c in (0, 1):
+            shift = 0.0 if k else unit.origin[c]
+            theirs[c::3] = (theirs[c::3] - shift) / unit.size
+        error = np.abs(_difference(theirs, ours, k))
+        found[quantity] = _judge(error, getattr(budget, quantity)[rows], ours, lanes, k, names, ref.motion.t)
+    reference_ok = np.array([s is Status.OK for s in ref.motion.status])
+    missing = int(np.sum(reference_ok & ~answered))
+    return Comparison(found, missing, int(lanes.sum()), _other_assembly(ref, motion, found, lanes))
+
+
+def _difference(theirs: Any, ours: Any, level: int) -> Any:
+    difference = theirs - ours
+    if level == 0:
+        difference[2::3] = wrap(difference[2::3])
+    return difference
+
+
+def _judge(
+    error: Any, allowed: Any, ours: Any, lanes: Any, level: int, names: Sequence[str], t: Any
+) -> QuantityComparison:
+    count = len(lanes)
+    blank = np.full(count, np.nan)
+    out = QuantityComparison(blank.copy(), blank.copy(), blank.copy(), "")
+    if not lanes.any():
+        return out
+    error, allowed, ours = error[:, lanes], allowed[:, lanes], ours[:, lanes]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        ratio = np.where(error == 0.0, 0.0, error / allowed)
+        scale = 1.0 if level == 0 else np.max(np.abs(ours), axis=0)
+        relative = np.where(np.max(error, axis=0) == 0.0, 0.0, np.max(error, axis=0) / scale)
+        digits = np.minimum(MOST_DIGITS, -np.log10(relative))
+    out.error[lanes], out.ratio[lanes], out.digits[lanes] = np.max(error, axis=0), np.max(ratio, axis=0), digits
+    row, lane = (int(k) for k in np.unravel_index(np.nanargmax(ratio), ratio.shape))
+    return replace(out, worst=f"{names[row]} at t = {t[lanes][lane]:.17g}")
+
+
+def _other_assembly(ref: Reference, motion: Motion, found: Mapping[str, QuantityComparison], lanes: Any) -> bool:
+    """Whether a wrong position nevertheless satisfies the constraints: the same linkage, put together another way."""
+    if "position" not in found or found["position"].agrees or len(motion.bodies) * 3 != ref.system.n:
+        return False
+    order = np.concatenate([np.r_[3 * motion.bodies.index(b.name) :][:3] for b in ref.scene.mechanism.bodies])
+    q = ref.system.to_unit(motion.q[order][:, lanes])
+    residual = np.max(np.abs(ref.system.phi(q, ref.motion.t[lanes])), axis=0)
+    far = found["position"].error[lanes] > 1e-3
+    return bool(np.any(far & (residual < 1e-9)))
+
+
+def _scaled_rates(system: System, level: Any) -> Any:
+    out = np.array(level)
+    for c in (0, 1):
+        out[c::3] /= system.unit.size
+    return out
