@@ -1,0 +1,1 @@
+"""Compares exudyn, Pinocchio and MuJoCo with the reference: how many digits each can be trusted for."""

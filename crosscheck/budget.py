@@ -61,7 +61,8 @@ def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Seq
     """
     lanes = np.flatnonzero([s is Status.OK for s in motion.status])
     shape = q.shape
-    budget = ErrorBudget(*(np.full(shape, np.nan) for _ in range(3)), np.zeros(shape[1], bool))
+    blank = np.full(shape, np.nan)
+    budget = ErrorBudget(blank, blank.copy(), blank.copy(), np.zeros(shape[1], bool))
     if not lanes.size:
         return budget
     t, q, qd, qdd = motion.t[lanes], q[:, lanes], qd[:, lanes], qdd[:, lanes]

@@ -16,10 +16,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.budget import SAFETY
-from crosscheck.engines import ConstraintModel, Level, Support, Term
-from crosscheck.engines import Engine as Engine
+from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term
 from crosscheck.frames import RowMap
-from crosscheck.running_error import U, errors, running
+from crosscheck.running_error import U, Running, errors, running
 from refkin.model import Mechanism
 from refkin.system import System, compile_system
 
@@ -100,7 +99,7 @@ def compare_levels(
 
 def _worst_of(samples: Sequence[tuple[Any, Any]], maps: Sequence[RowMap]) -> LevelComparison:
     ratios = np.array([ratio for ratio, _ in samples])
-    sample, row = np.unravel_index(np.argmax(ratios), ratios.shape)
+    sample, row = (int(k) for k in np.unravel_index(np.argmax(ratios), ratios.shape))
     worst = f"row {maps[row].row} of {maps[row].constraint}, configuration {sample}"
     return LevelComparison(float(ratios.max()), tuple(float(d) for _, d in samples), len(maps), worst)
 
@@ -125,11 +124,19 @@ def _compare_at(
     ratios, relative = [], 0.0
     for m in maps:
         expected, allowed = _mapped(level, m, first_row[m.constraint] + m.row, ours)
-        allowed = allowed + sum(t.absolute + t.relative * np.max(np.abs(expected)) for t in terms if t.level == level)
+        allowed = allowed + abs(m.factor) * sum(t.absolute + t.relative * _convective(at) for t in terms if t.level == level)
         error = np.abs(theirs[m.engine_row] - expected)
         ratios.append(float(np.max(np.where(error == 0.0, 0.0, error / np.maximum(allowed, np.finfo(float).tiny)))))
         relative = max(relative, float(np.max(error)) / max(ours["scale"][level], np.finfo(float).tiny))
     return ratios, min(17.0, -np.log10(relative)) if relative else 17.0
+
+
+def _convective(at: Configuration) -> float:
+    """Return the largest omega v and omega^2 r of any body: what spatial accelerations add and take away again."""
+    omega = np.max(np.abs(at.qd[2::3]))
+    linear = max(np.max(np.abs(at.qd[0::3])), np.max(np.abs(at.qd[1::3])))
+    lever = max(np.max(np.abs(at.q[0::3])), np.max(np.abs(at.q[1::3])))
+    return float(omega * (linear + omega * lever))
 
 
 def _ours(system: System, at: Configuration) -> dict[Any, Any]:
@@ -167,4 +174,4 @@ def _mapped(level: Level, m: RowMap, row: int, ours: dict[Any, Any]) -> tuple[An
 
 def _values(rows: Any) -> Any:
     """Return the values of an object array of running numbers and plain ones."""
-    return np.vectorize(lambda entry: float(getattr(entry, "value", entry)), otypes=[float])(rows)
+    return np.vectorize(lambda entry: float(entry.value if isinstance(entry, Running) else entry), otypes=[float])(rows)

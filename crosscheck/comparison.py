@@ -12,7 +12,7 @@ from crosscheck.budget import ErrorBudget, derive
 from crosscheck.engines import Term
 from crosscheck.frames import wrap
 from refkin.analysis import solve
-from refkin.model import Effect, Scene
+from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Status
 from refkin.system import System, compile_system
 
@@ -89,7 +89,8 @@ class Comparison:
 
 def reference(scene: Scene) -> Reference:
     """Solve a scene with refkin for every body and effect, whatever the scene calls for."""
-    whole = replace(scene, bodies_wanted=None, effects=frozenset(Effect))
+    evidence = scene.evidence | {Evidence.CONDITION}
+    whole = replace(scene, bodies_wanted=None, effects=frozenset(Effect), evidence=evidence)
     motion = solve(whole)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     with np.errstate(invalid="ignore"):
@@ -156,7 +157,8 @@ def _other_assembly(ref: Reference, motion: Motion, found: Mapping[str, Quantity
     """Whether a wrong position nevertheless satisfies the constraints: the same linkage, put together another way."""
     if "position" not in found or found["position"].agrees or len(motion.bodies) * 3 != ref.system.n:
         return False
-    order = np.concatenate([np.r_[3 * motion.bodies.index(b.name) :][:3] for b in ref.scene.mechanism.bodies])
+    starts = [3 * motion.bodies.index(b.name) for b in ref.scene.mechanism.bodies]
+    order = np.concatenate([np.arange(start, start + 3) for start in starts])
     q = ref.system.to_unit(motion.q[order][:, lanes])
     residual = np.max(np.abs(ref.system.phi(q, ref.motion.t[lanes])), axis=0)
     far = found["position"].error[lanes] > 1e-3

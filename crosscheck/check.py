@@ -1,0 +1,196 @@
+"""One scene through the reference and the engines: what a worker does, what `replay` shows, what the library offers.
+
+A `Record` is plain data, one JSON line: it is all that the report is built from.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from crosscheck.comparison import QUANTITIES, Comparison, Reference, compare, reference
+from crosscheck.engines import Engine, EngineError, Level, load, refusals
+from crosscheck.levels import LevelComparison, compare_levels, configurations
+from refkin.model import Mechanism, Scene
+from refkin.motion import Motion, Route, Status
+from refkin.scene_files import to_dict
+
+Record = dict[str, Any]
+CONFIGURATIONS = 2
+"""Configurations per scene at which an engine's own rows are compared."""
+REGULAR = 1e-4
+"""Smallest singular value above which an engine has no excuse for giving no answer."""
+
+
+def key_of(scene: Scene) -> str:
+    """Return the hash that names a scene: equal scenes, equal keys, whatever their name."""
+    data = {k: v for k, v in to_dict(scene).items() if k != "name"}
+    return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
+
+
+def check(scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any] | None = None) -> Record:
+    """Return everything that is found out about one scene.
+
+    Parameters
+    ----------
+    engines : sequence of str or Engine
+        Names are looked up among the registered engines.
+    about : mapping
+        What the generator knows of the scene (kind, Grashof class, branch, distance to a singular pose).
+    """
+    start = time.perf_counter()
+    ref = reference(scene)
+    record: Record = {
+        "key": key_of(scene),
+        "scene": scene.name,
+        "about": dict(about or {}),
+        "reference": _reference_record(ref, time.perf_counter() - start),
+        "answers": [],
+        "levels": [],
+        "refusals": [],
+        "disagreements": [],
+    }
+    if ref.motion.verdict is not Status.OK:
+        told = {"engine": "refkin", "route": "newton", "quantity": "status", "ratio": None, "worst": ref.motion.message}
+        record["disagreements"].append({**told, "kind": str(ref.motion.verdict)})
+    for engine in (load(e) if isinstance(e, str) else e for e in engines):
+        _check_engine(engine, scene, ref, record)
+    return record
+
+
+def _reference_record(ref: Reference, seconds: float) -> dict[str, Any]:
+    motion = ref.motion
+    radius = motion.certified_radius
+    return {
+        "verdict": motion.verdict.value,
+        "message": motion.message,
+        "statuses": {s.value: motion.status.count(s) for s in set(motion.status)},
+        "sigma_min": _smallest(ref.sigma_min),
+        "residual": _largest(motion.residual),
+        "certified_radius": {q: _largest(getattr(radius, q)) for q in QUANTITIES},
+        "seconds": seconds,
+    }
+
+
+def _check_engine(engine: Engine, scene: Scene, ref: Reference, record: Record) -> None:
+    reasons = refusals(engine, scene, Level.SOLVE)
+    record["refusals"] += reasons
+    if not reasons:
+        for route in engine.routes():
+            _check_route(engine, route, scene, ref, record)
+    if hasattr(engine, "constraints"):
+        _check_levels(engine, scene, ref, record)
+
+
+def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, record: Record) -> None:
+    terms = engine.terms(scene, route)
+    start = time.perf_counter()
+    try:
+        motion = engine.solve(scene, route)
+        seconds = time.perf_counter() - start
+        turned_round = compare(ref, engine.solve(permuted(scene), route), terms)
+    except EngineError as error:
+        record["refusals"].append(str(error))
+        return
+    found = compare(ref, motion, terms)
+    record["answers"].append(_answer_record(engine, motion, found, ref, seconds))
+    told = {"engine": engine.name, "route": route.name}
+    for quantity, q in found.quantities.items():
+        again = turned_round.quantities[quantity]
+        if not q.agrees:
+            kind = "other assembly" if found.other_assembly else "beyond the allowed error"
+        elif not again.agrees:
+            q, kind = again, "depends on the order of bodies"
+        else:
+            continue
+        ratio = float(np.nanmax(q.ratio))
+        record["disagreements"].append({**told, "quantity": quantity, "kind": kind, "ratio": ratio, "worst": q.worst})
+    if found.missing and _smallest(ref.sigma_min) > REGULAR:
+        at = {"quantity": "status", "kind": "no answer", "ratio": None, "worst": f"{found.missing} times without answer"}
+        record["disagreements"].append({**told, **at})
+
+
+def _answer_record(engine: Engine, motion: Motion, found: Comparison, ref: Reference, seconds: float) -> dict[str, Any]:
+    route = motion.producer.route
+    return {
+        "engine": engine.name,
+        "version": motion.producer.version,
+        "route": {k: str(v) for k, v in vars(route).items()},
+        "quantities": {
+            name: {
+                "ratio": _largest(q.ratio),
+                "worst": q.worst,
+                "digits_by_sigma": by_decade(ref.sigma_min, q.digits),
+            }
+            for name, q in found.quantities.items()
+        },
+        "missing": found.missing,
+        "judged": found.judged,
+        "times": len(motion.status),
+        "seconds": seconds,
+    }
+
+
+def _check_levels(engine: Engine, scene: Scene, ref: Reference, record: Record) -> None:
+    """Compare the engine's own rows for the joints that it does not refuse; a refused joint is named, not skipped."""
+    refused = refusals(engine, scene, Level.JACOBIAN)
+    record["refusals"] += refused
+    lanes = np.flatnonzero(np.isfinite(ref.levels[0][0]))
+    if not lanes.size or len(refused) == len(scene.mechanism.constraints):
+        return
+    near = ref.system.to_physical(ref.levels[0][:, lanes])
+    at = configurations(scene.mechanism, near, ref.motion.t[lanes], record["key"], CONFIGURATIONS)
+    model = engine.constraints(scene)
+    try:
+        found = compare_levels(engine, model, scene.mechanism, at, engine.terms(scene))
+    finally:
+        model.close()
+    for level, comparison in found.items():
+        record["levels"].append(_level_record(engine, level, comparison))
+        if not comparison.agrees:
+            at_level = {"engine": engine.name, "route": "rows", "quantity": level.value, "kind": "model translated wrongly"}
+            record["disagreements"].append({**at_level, "ratio": comparison.ratio, "worst": comparison.worst})
+
+
+def _level_record(engine: Engine, level: Level, found: LevelComparison) -> dict[str, Any]:
+    digits = histogram(found.digits)
+    return {"engine": engine.name, "level": level.value, "ratio": found.ratio, "digits": digits, "rows": found.rows}
+
+
+def histogram(digits: Iterable[float]) -> dict[str, int]:
+    """Return how often each number of digits occurs, rounded down to a tenth; NaN is left out."""
+    counts: dict[str, int] = {}
+    for value in np.asarray(list(digits)):
+        if np.isfinite(value):
+            name = f"{np.floor(value * 10) / 10:.1f}"
+            counts[name] = counts.get(name, 0) + 1
+    return counts
+
+
+def by_decade(sigma: Any, digits: Any) -> dict[str, dict[str, int]]:
+    """Return the histogram of digits for each decade of sigma_min, the distance to a singular pose."""
+    seen = np.isfinite(sigma) & np.isfinite(digits) & (np.asarray(sigma) > 0)
+    decades = np.floor(np.log10(sigma[seen])).astype(int)
+    return {str(d): histogram(digits[seen][decades == d]) for d in sorted(set(decades.tolist()))}
+
+
+def permuted(scene: Scene) -> Scene:
+    """Return the same scene with its bodies, joints and drivers in reverse order."""
+    m = scene.mechanism
+    return replace(scene, mechanism=Mechanism(m.bodies[::-1], m.joints[::-1], m.drivers[::-1]))
+
+
+def _largest(values: Any) -> float | None:
+    finite = np.asarray(values)[np.isfinite(values)]
+    return float(finite.max()) if finite.size else None
+
+
+def _smallest(values: Any) -> float:
+    finite = np.asarray(values)[np.isfinite(values)]
+    return float(finite.min()) if finite.size else 0.0

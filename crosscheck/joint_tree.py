@@ -1,0 +1,268 @@
+"""A mechanism as a tree of joints with loops to close: the form in which robotics engines hold it.
+
+`joint_tree` reads a mechanism's topology and its own numbers; nothing here states a constraint. A spanning tree over
+the bodies, rooted in the ground, takes revolute, prismatic and fixed joints as its edges; the other joints are left to
+be closed (`loop_closing`). Bodies that no such joint ties to the ground get a free planar joint (x, y, phi) to it.
+Lengths are in units of the mechanism's size and seen from its first ground point, so that neither the scale nor the
+distance from the origin costs digits; any power of two and any origin would serve, as the way back undoes both.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from crosscheck.engines import EngineError
+from refkin.joints import GROUND, Constraint, Distance, Fixed, Pair, Prismatic, Revolute
+from refkin.model import Mechanism
+
+Array = NDArray[np.float64]
+Pose = tuple[float, float, float]
+
+
+class Freedom(StrEnum):
+    """What an edge of the tree lets a body do against its parent."""
+
+    TURN = "turn"
+    SLIDE = "slide"
+    NONE = "none"
+    FREE = "free"
+
+
+WIDTH = {Freedom.TURN: 1, Freedom.SLIDE: 1, Freedom.NONE: 0, Freedom.FREE: 3}
+"""How many coordinates an edge has: an angle [rad]; a length; none; x, y and an angle."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Edge:
+    """How a body hangs on its parent: pose = parent's pose . shift(point) . turn(angle) . freedom(q) . shift(-pin).
+
+    Attributes
+    ----------
+    body, parent : str
+        The parent is the ground or the body of an earlier edge.
+    freedom : Freedom
+        TURN: turned by q. SLIDE: shifted by q times `axis`. FREE: shifted by q[0], q[1], turned by q[2].
+    point, pin : pair of float
+        The joint's point on the parent and on the body, each in its own frame, in units of the size.
+    angle : float
+        Constant angle between the two [rad].
+    axis : pair of float
+        Unit vector of a slide, in the body's own frame.
+    first : int
+        Where the edge's coordinates begin in the tree's q.
+    """
+
+    body: str
+    parent: str
+    freedom: Freedom
+    point: Pair = (0.0, 0.0)
+    angle: float = 0.0
+    pin: Pair = (0.0, 0.0)
+    axis: Pair = (1.0, 0.0)
+    first: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class JointTree:
+    """Edges, parents before children, one per body; and what is left to be closed.
+
+    Attributes
+    ----------
+    closures : tuple of Constraint
+        The joints that are no edge, in the scene's own numbers (metres): read their points through `scaled`.
+    size, origin : float, pair of float
+        Unit of length [m] and the ground point [m] that is the tree's origin.
+    links : mapping of str to Distance
+        Massless links that stand for distance joints: bodies of the tree, but not of the scene.
+    """
+
+    edges: tuple[Edge, ...]
+    closures: tuple[Constraint, ...]
+    size: float
+    origin: Pair
+    estimates: Mapping[str, Pose | None]
+    links: Mapping[str, Distance]
+
+    @cached_property
+    def width(self) -> int:
+        """The number n of tree coordinates."""
+        return sum(WIDTH[edge.freedom] for edge in self.edges)
+
+    @cached_property
+    def depth(self) -> int:
+        """The number of bodies in the longest chain."""
+        depths = {GROUND: 0}
+        for edge in self.edges:
+            depths[edge.body] = depths[edge.parent] + 1
+        return max(depths.values())
+
+    @cached_property
+    def angle_rows(self) -> dict[str, Array]:
+        """Body -> (n,) row of zeros and ones: d(phi of the body)/dq. The ground's is zero."""
+        rows = {GROUND: np.zeros(self.width)}
+        for edge in self.edges:
+            rows[edge.body] = rows[edge.parent].copy()
+            if edge.freedom in (Freedom.TURN, Freedom.FREE):
+                rows[edge.body][edge.first + WIDTH[edge.freedom] - 1] = 1.0
+        return rows
+
+    @cached_property
+    def angle_offsets(self) -> dict[str, float]:
+        """Body -> phi at q = 0 [rad]: the sum of the constant angles on the way to it."""
+        offsets = {GROUND: 0.0}
+        for edge in self.edges:
+            offsets[edge.body] = offsets[edge.parent] + edge.angle
+        return offsets
+
+    def angle(self, body: str, q: Array) -> Any:
+        """Return phi [rad] of a body with its turns: the sum of the angles on the way to it; q is (n,) or (n, T)."""
+        return self.angle_offsets[body] + self.angle_rows[body] @ q
+
+    def scaled(self, body: str, u: Pair) -> Pair:
+        """Return a point of a body in units of the size; on the ground, seen from the tree's origin."""
+        ox, oy = self.origin if body == GROUND else (0.0, 0.0)
+        return (u[0] - ox) / self.size, (u[1] - oy) / self.size
+
+    def start(self) -> Array:
+        """Return the tree coordinates (n,) nearest the bodies' estimates.
+
+        Raises
+        ------
+        EngineError
+            If a body has no estimate.
+        """
+        poses = dict(self._estimated_poses())
+        q = np.zeros(self.width)
+        for edge in self.edges:
+            body = poses[edge.body]
+            slot = slice(edge.first, edge.first + WIDTH[edge.freedom])
+            if edge.freedom is Freedom.FREE:
+                q[slot] = body
+            elif edge.freedom is Freedom.TURN:
+                q[slot] = body[2] - poses[edge.parent][2] - edge.angle
+            elif edge.freedom is Freedom.SLIDE:
+                (px, py), (bx, by) = _point(poses[edge.parent], edge.point), _point(body, edge.pin)
+                ax, ay = _point((0.0, 0.0, body[2]), edge.axis)
+                q[slot] = ax * (bx - px) + ay * (by - py)
+        return q
+
+    def _estimated_poses(self) -> Iterator[tuple[str, Pose]]:
+        poses: dict[str, Pose] = {GROUND: (0.0, 0.0, 0.0)}
+        for body, estimate in self.estimates.items():
+            if estimate is None:
+                raise EngineError(f"body {body!r} has no estimate: a joint tree is closed from one of every body")
+            poses[body] = (*self.scaled(GROUND, estimate[:2]), estimate[2])
+        for link, joint in self.links.items():
+            xi, yi = _point(poses[joint.body_i], self.scaled(joint.body_i, joint.point_i))
+            xj, yj = _point(poses[joint.body_j], self.scaled(joint.body_j, joint.point_j))
+            poses[link] = (xi, yi, math.atan2(yj - yi, xj - xi))
+        yield from poses.items()
+
+
+def joint_tree(mechanism: Mechanism, *, massless_links: bool = False) -> JointTree:
+    """Return the tree of a mechanism, breadth first from the ground, so that chains are short.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+        Its joints become edges or closures; its drivers are rows to be appended (`loop_closing`).
+    massless_links : bool
+        Whether each distance joint becomes a body of its length with a revolute joint at either end, for an engine
+        that has no distance constraint. Such a body lies along its own x axis, from point_i to point_j.
+    """
+    unit = mechanism.unit()
+    joints, links = list(mechanism.joints), dict[str, Distance]()
+    names = [body.name for body in mechanism.bodies]
+    if massless_links:
+        joints, links = _with_links(mechanism.joints, names)
+    bare = JointTree(
+        edges=(),
+        closures=(),
+        size=unit.size,
+        origin=unit.origin,
+        estimates={body.name: body.estimate for body in mechanism.bodies},
+        links=links,
+    )
+    edges, used = _span(bare, [*names, *links], joints)
+    closures = tuple(joint for k, joint in enumerate(joints) if k not in used)
+    return replace(bare, edges=tuple(edges), closures=closures)
+
+
+def _with_links(joints: Sequence[Constraint], names: Sequence[str]) -> tuple[list[Constraint], dict[str, Distance]]:
+    """Return the joints with every distance joint replaced by two revolute ones, and body name -> distance joint."""
+    found: list[Constraint] = []
+    links: dict[str, Distance] = {}
+    for joint in joints:
+        if not isinstance(joint, Distance):
+            found.append(joint)
+            continue
+        link = f"link of {joint.name}"
+        while link in (*names, *links):
+            link += "'"
+        links[link] = joint
+        ends = ((joint.body_i, joint.point_i, (0.0, 0.0)), (joint.body_j, joint.point_j, (joint.length, 0.0)))
+        for side, (body, point, end) in zip("ij", ends, strict=True):
+            name = f"{joint.name}, end {side}"
+            found.append(Revolute(name=name, body_i=body, point_i=point, body_j=link, point_j=end))
+    return found, links
+
+
+def _span(tree: JointTree, bodies: Sequence[str], joints: Sequence[Constraint]) -> tuple[list[Edge], set[int]]:
+    """Return the edges of a spanning forest, its roots on the ground, and the indices of the joints they use."""
+    edges: list[Edge] = []
+    used: set[int] = set()
+    reached = [GROUND]
+
+    def hang(edge: Edge) -> None:
+        width = sum(WIDTH[before.freedom] for before in edges)
+        edges.append(replace(edge, first=width))
+        reached.append(edge.body)
+
+    frontier = 0
+    while frontier < len(reached) or len(edges) < len(bodies):
+        if frontier == len(reached):  # nothing more hangs on what was reached: the next body floats
+            body = next(name for name in bodies if name not in reached)
+            hang(Edge(body=body, parent=GROUND, freedom=Freedom.FREE))
+        parent = reached[frontier]
+        for k, joint in enumerate(joints):
+            edge = _edge(tree, joint, parent)
+            if edge is not None and edge.body not in reached:
+                hang(edge)
+                used.add(k)
+        frontier += 1
+    return edges, used
+
+
+def _edge(tree: JointTree, joint: Constraint, parent: str) -> Edge | None:
+    """Return the edge by which the other body of a joint hangs on `parent`, or None if the joint makes none."""
+    if not isinstance(joint, Revolute | Prismatic | Fixed) or parent not in joint.bodies:
+        return None
+    forward = parent == joint.body_i
+    ends = [(joint.body_i, joint.point_i), (joint.body_j, joint.point_j)]
+    (_, point), (body, pin) = ends if forward else reversed(ends)
+    places: dict[str, Any] = {"point": tree.scaled(parent, point), "pin": tree.scaled(body, pin)}
+    if isinstance(joint, Revolute):
+        return Edge(body=body, parent=parent, freedom=Freedom.TURN, **places)
+    angle = joint.angle if forward else -joint.angle
+    if isinstance(joint, Fixed):
+        return Edge(body=body, parent=parent, freedom=Freedom.NONE, angle=angle, **places)
+    length = math.hypot(*joint.axis_i)
+    axis = (joint.axis_i[0] / length, joint.axis_i[1] / length)
+    if forward:  # the axis lies on the parent; the body is turned against it
+        axis = _point((0.0, 0.0, -joint.angle), axis)
+    return Edge(body=body, parent=parent, freedom=Freedom.SLIDE, angle=angle, axis=axis, **places)
+
+
+def _point(pose: Pose, u: Pair) -> Pair:
+    """Return a point of a body in the ground frame."""
+    x, y, phi = pose
+    c, s = math.cos(phi), math.sin(phi)
+    return x + c * u[0] - s * u[1], y + s * u[0] + c * u[1]
