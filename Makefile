@@ -1,0 +1,35 @@
+# Two commands: `make test` and `make nightly`. Both set everything up in .venv; they need Python >= 3.11 and make.
+PYTHON ?= $(shell command -v python3.11 || command -v python3)
+VENV := .venv
+BIN := $(VENV)/bin
+READY := $(VENV)/.ready
+MINUTES ?= 3
+SEED ?=
+OUT ?= reports/latest
+ENGINES := exudyn,pinocchio,mujoco
+
+.PHONY: test nightly lint types sample clean
+
+test: $(READY) lint types
+	$(BIN)/python -m pytest -n auto tests
+
+lint: $(READY)
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: $(READY)
+	$(BIN)/mypy refkin crosscheck
+
+# A finished run makes room for a new one; one that was killed is resumed.
+nightly: $(READY)
+	@if [ -f $(OUT)/report.json ]; then rm -rf $(OUT); fi
+	$(BIN)/crosscheck nightly --minutes $(MINUTES) $(if $(SEED),--seed $(SEED)) --engines $(ENGINES) \
+		--require-engines $(ENGINES) --out $(OUT)
+
+$(READY): pyproject.toml constraints.txt
+	$(PYTHON) -m venv $(VENV)
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[engines,dev]"
+	@touch $@
+
+clean:
+	rm -rf $(VENV) reports/latest .pytest_cache .mypy_cache .ruff_cache .hypothesis
