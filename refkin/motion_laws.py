@@ -1,6 +1,7 @@
 """Laws of motion f(t) with exact derivatives and integrals: polynomial, sinusoid, table (cubic spline).
 
-A law is evaluated by order: `law(t, 0)` is f, `law(t, 1)` is f', up to order 3. `t` is a float or a NumPy row.
+A law is evaluated by order: `law(t, 0)` is f, `law(t, 1)` is f', up to order 3. `t` is a float or a NumPy row; for
+polynomial and sinusoid a number of any arithmetic.
 A law given as a rate f' becomes `Integral(rate=..., initial=f(0))`, integrated exactly.
 """
 
@@ -15,6 +16,7 @@ import numpy as np
 from pydantic import Field
 
 from refkin.errors import Fault
+from refkin.vec import cosine_and_sine
 
 STRICT: dict[str, Any] = {"extra": "forbid", "strict": True}
 """How dataclasses are read from a scene file: no unknown key, no text where a number belongs."""
@@ -83,15 +85,15 @@ class Sinusoid(_Everywhere):
 
     def __call__(self, t: Any, order: int = 0) -> Any:
         w = self.angular_frequency
-        wave = (np.sin, np.cos)[order % 2](w * t + self.phase)
+        wave = cosine_and_sine(w * t + self.phase)[(order + 1) % 2]
         value = (-1.0) ** (order // 2) * self.amplitude * w**order * wave
         return value if order else self.offset + value
 
     def integral(self, t: Any) -> Any:
         """Return offset t + amplitude (cos(phase) - cos(w t + phase))/w, written so that a small w cancels nothing."""
         half = 0.5 * self.angular_frequency
-        lobe = np.sin(half * t) / half if half else t
-        return self.offset * t + self.amplitude * np.sin(half * t + self.phase) * lobe
+        lobe = cosine_and_sine(half * t)[1] * (1.0 / half) if half else t
+        return self.offset * t + self.amplitude * cosine_and_sine(half * t + self.phase)[1] * lobe
 
 
 @dataclass(frozen=True, kw_only=True)

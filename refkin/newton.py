@@ -89,7 +89,8 @@ class RoundOff:
 
     def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
         size, scale = np.max(np.abs(correction)), max(1.0, np.max(np.abs(q)))
-        stalled = size > 0.75 * self.previous and np.max(np.abs(residual)) <= 32 * EPS * scale
+        small = size <= 1e-6 * scale and np.max(np.abs(residual)) <= 32 * EPS * scale
+        stalled = small and size > 0.75 * self.previous
         self.previous = size
         return bool(size <= EPS * scale or stalled)
 

@@ -21,7 +21,7 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from refkin.errors import Fault
-from refkin.motion_laws import Law
+from refkin.motion_laws import STRICT, Law
 from refkin.vec import BodyValues, Scalar, Vec
 
 GROUND = "ground"
@@ -69,12 +69,12 @@ class Constraint:
     name: str
     rows: ClassVar[int]
     type: str = field(init=False)
-    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid"}
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
     @property
     def bodies(self) -> tuple[str, str]:
         """The names of the bodies i and j."""
-        return self.body_i, self.body_j  # type: ignore[attr-defined, no-any-return]
+        return self.body_i, self.body_j  # type: ignore[attr-defined]
 
     @property
     def laws(self) -> tuple[Law, ...]:

@@ -211,7 +211,8 @@ JOINT_TYPES: tuple[type[Constraint], ...] = (Revolute, Fixed, PointOnLine, Prism
 
 def unit_normal(axis: Pair) -> Pair:
     """Return the axis turned by a quarter turn counter-clockwise, scaled to length 1."""
-    length = math.hypot(*axis)
+    square = axis[0] * axis[0] + axis[1] * axis[1]
+    length = square.sqrt() if hasattr(square, "sqrt") else math.hypot(*axis)  # balls bring their own root
     return -axis[1] / length, axis[0] / length
 
 

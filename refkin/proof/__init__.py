@@ -1,0 +1,1 @@
+"""How sure we are: what is proved of a pose, beside how it was computed."""

@@ -1,0 +1,155 @@
+"""Every assembly of a mechanism at one time, or the proof that there is none.
+
+The mechanism is put together cluster by cluster (`clusters`), each step in closed form and in balls of 113 bits
+(`placing`, `loci`), along every branch. A branch ends where loci certainly miss each other; if all of them end, the
+mechanism cannot be assembled, and the gap is the smallest distance that is missing. Where all steps can be taken and all meetings
+are proved, the assemblies found are all there are.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flint import ctx
+
+from refkin.motion import Array
+from refkin.newton import newton
+from refkin.proof.clusters import plan
+from refkin.proof.loci import Ball
+from refkin.proof.loops import open_loop
+from refkin.proof.placing import MOST_BRANCHES, Branch, End, Placement, place
+from refkin.proof.rows import Reader, Rows
+from refkin.proof.search import closes, coordinates, search
+from refkin.system import System
+
+PRECISION = 113
+SPREAD = 2.0**-50
+"""Relative radius of the numbers that redundant constraints are held against: eight half-ulps, a few roundings."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assemblies:
+    """What is known of the assemblies of a mechanism at one time.
+
+    Attributes
+    ----------
+    poses : tuple of (n,) arrays
+        The assemblies that were found, in the system's coordinates. An angle that no driver counts is in (-pi, pi].
+    branches : tuple of tuples of int
+        For each pose, on which side each dyad was assembled: 1 if its inner joint lies left of the line from the one outer
+        joint to the other, -1 if right, 0 if on it. Empty where the pose was found by search.
+    radii : tuple of float
+        For each pose, a proved bound of its error, largest component; NaN where the pose was found by search.
+    complete : bool
+        Whether it is proved that these are all assemblies, up to whole turns of angles that no driver counts.
+    gap : float or None
+        If it is proved that there is none: a lower bound of the distance that is missing at least (scaled; rad if angles
+        disagree), over all branches.
+    message : str
+        In words.
+    """
+
+    poses: tuple[Array, ...] = ()
+    branches: tuple[tuple[int, ...], ...] = ()
+    radii: tuple[float, ...] = ()
+    complete: bool = False
+    gap: float | None = None
+    message: str = ""
+
+    @property
+    def unassemblable(self) -> bool:
+        """Whether it is proved that there is no assembly."""
+        return self.gap is not None
+
+
+def assemblies(system: System, t: float) -> Assemblies:
+    """Return the assemblies of a system at time t.
+
+    Parameters
+    ----------
+    system : System
+        Compiled with `mechanism.unit()`, so that lengths are of the order of 1.
+    t : float
+        Taken as exact, as are the numbers of the mechanism. Where constraints are redundant they are held against each
+        other with all numbers spread by `SPREAD`.
+    """
+    with ctx.workprec(PRECISION):
+        names = [body.name for body in system.mechanism.bodies]
+        rows = Reader(system, t).read()
+        scheme = plan(rows, names)
+        if scheme.redundant:
+            rows = Reader(system, t, SPREAD).read()
+        placement = place(scheme, rows, names, system.unit.size)
+        if placement.impossible:
+            return _none(placement.ends)
+        if len(scheme.clusters) == 1 and not (rows.foreign or placement.stuck):
+            return _placed(system, t, placement)
+        return _searched(system, t, rows)
+
+
+def _none(ends: Sequence[End]) -> Assemblies:
+    """Return the proof that there is no assembly: the end that misses least speaks for all."""
+    least = min(ends, key=lambda end: below(end.gap))
+    return Assemblies(complete=True, gap=max(0.0, below(least.gap)), message=least.words())
+
+
+def _placed(system: System, t: float, placement: Placement) -> Assemblies:
+    """Return what closed form has placed."""
+    poses = [_pose(system, t, branch) for branch in placement.branches]
+    complete = not placement.truncated and all(b.decided for b in placement.branches)
+    message = "" if complete else "dyads are at a limit of their reach: assemblies coincide, or just miss"
+    if placement.truncated:
+        message = f"there are more than {MOST_BRANCHES} branches: not all were followed"
+    return Assemblies(
+        poses=tuple(q for q, _ in poses),
+        branches=tuple(b.sides for b in placement.branches),
+        radii=tuple(radius for _, radius in poses),
+        complete=complete,
+        message=message,
+    )
+
+
+def _searched(system: System, t: float, rows: Rows) -> Assemblies:
+    """Return what a search finds, or proves."""
+    end = open_loop(rows, system.unit.size)
+    if end is not None:
+        return _none([end])
+    found = search(system, t, rows)
+    if found.end is not None:
+        return _none([found.end])
+    unknown = tuple(() for _ in found.poses)
+    radii = tuple(math.nan for _ in found.poses)
+    what = f"{len(found.poses)} assemblies were found by search" if found.poses else "no assembly was found"
+    return Assemblies(
+        poses=found.poses, branches=unknown, radii=radii, message="; ".join(filter(None, (what, found.note)))
+    )
+
+
+def _pose(system: System, t: float, branch: Branch) -> tuple[Array, float]:
+    """Return a branch's coordinates as floats, and how far they may be from the true ones.
+
+    The middles of the balls are better than what Newton in floats can make of them, unless the balls are wide (where loci
+    touch, or with spread numbers).
+    """
+    q = coordinates(system, branch)
+    if not closes(system, q, t):
+        refined = newton(lambda x: system.phi(x, t), lambda x: system.phi_q(x, t), q, max_iterations=20)
+        q = refined.q if refined.converged and closes(system, refined.q, t) else q
+    radius = 0.0
+    for body in system.mechanism.bodies:
+        pose, columns = branch.poses[body.name], system.columns(body.name)
+        for exact, x in zip((pose.r.x, pose.r.y, pose.phi), q[columns], strict=True):
+            radius = max(radius, above(abs(exact - float(x))))
+    return q, radius
+
+
+def below(x: Ball) -> float:
+    """Return a float that is no larger than any number of a ball."""
+    return math.nextafter(float(x.lower()), -math.inf)
+
+
+def above(x: Ball) -> float:
+    """Return a float that is no smaller than any number of a ball."""
+    return math.nextafter(float(x.upper()), math.inf)

@@ -1,0 +1,297 @@
+"""Certificates in float64, for a whole batch of poses: there is exactly one solution here, and it is no further than this.
+
+Newton and Kantorovich's theorem in the form of Rump and of the radii polynomials, with a preconditioner R, about the
+inverse of J = phi_q(q). T(x) = x - R phi(x) has the roots of phi as its fixed points if R is regular, and its derivative is
+I - R phi_q(x). In the norm |v| = max_k |v_k| / w_k, w the first-order errors of the coordinates, let
+
+    eta >= |R phi(q)|     Z0 >= |I - R J|     Z2 r >= |R (phi_q(x) - J)| for all |x - q| <= r <= r_box.
+
+If eta + Z0 r + Z2 r^2 / 2 <= r <= r_box, then T maps the ball of radius r into itself, so phi has a root in it (Brouwer);
+if Z0 + Z2 r < 1, only one, for two would be closer to each other than they are. R and J are regular because Z0 < 1. Such an
+r exists if h = Z2 eta / (1 - Z0)^2 < 1/2: that is Kantorovich's h = beta K eta, with beta K in one number.
+
+Z2 comes from the spread of phi_q over the box, computed by the joints' own formulas (`bounded`): a constant for revolute
+rows, K0 + K1 r for rows that are bilinear; hence the box, and r is checked against it. Every bound includes the rounding
+of phi, of J, of the geometry and of the laws' values, and that of R J and of all products here (an inner product of n
+terms in any order is off by n U/(1 - n U) times the product of the absolute values). The truth is that of `exact`.
+
+Velocity solves J* x = nu at the root q*, acceleration J* x = gamma. With s = phi_q qd - nu enclosed over the ball,
+qd - qd* = R s + (I - R phi_q(q*)) (qd - qd*), so |qd - qd*| <= |R s| / (1 - Z0 - Z2 r); acceleration likewise, with gamma
+enclosed over the ball of velocities as well.
+
+S. M. Rump, Verification methods, Acta Numerica 19 (2010), sections 10 and 13.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+from typing import Any
+
+import numpy as np
+from scipy.linalg import qr
+
+from refkin.proof.bounded import TINY, UP, U, Bounds, Times, bounded_system, box, read
+from refkin.system import System
+
+BOX = 2.5
+"""Radius of the box in which Z2 is computed, in units of eta: r <= 2 eta / (1 - Z0), so it holds r if Z0 <= 1/5."""
+BLOCK = 2**16
+"""Matrix entries worked on at a time: what a cache holds."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is proved of a batch of poses; NaN where there is no proof. All in the system's scaled coordinates.
+
+    Attributes
+    ----------
+    ok : (B,) bool
+        Whether exactly one solution lies within `radii` of q.
+    radii : (n, B) array
+        Bounds of |q - q*| per coordinate.
+    unique : (B,) array
+        No other solution has all its coordinates closer to q than this.
+    beta : (B,) array
+        Bound of the row-sum norm of the inverse of phi_q.
+    lipschitz : (B,) array
+        Lipschitz constant K of phi_q in the row-sum norm, on the ball of radius min(1, 1/beta).
+    h : (B,) array
+        Kantorovich's h in the weighted norm, at most 1/2.
+    velocity, acceleration : (n, B) array or None
+        Bounds of |qd - qd*| and |qdd - qdd*|, if qd and qdd were given.
+    rows : (n,) array of int
+        The constraint rows the proof is about: all of them, or a maximal independent set of redundant ones.
+    left_out, left_out_allowed : (m - n, B) array
+        Largest |phi| that the other rows, in order, may have at the solution; and what rounding and the half-ulp errors
+        of their numbers explain: more than that is an inconsistent mechanism.
+    """
+
+    ok: Any
+    radii: Any
+    unique: Any
+    beta: Any
+    lipschitz: Any
+    h: Any
+    velocity: Any
+    acceleration: Any
+    rows: Any
+    left_out: Any
+    left_out_allowed: Any
+
+    @property
+    def position(self) -> Any:
+        """Largest of `radii` per pose, (B,)."""
+        return np.max(self.radii, axis=0)
+
+
+def certify(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, rows: Any = None) -> Certificate:
+    """Certify the poses q (n, B) at the times t (B,), and the rates that are given, by float64 alone.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit, so that no bound depends on the unit of length.
+    q, qd, qdd : (n, B) array
+        Answers of any origin in the system's coordinates; qdd only with qd.
+    rows : (n,) array of int, optional
+        The rows to certify where there are more than n; by default a maximal independent set at the first pose.
+    """
+    q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
+    rows = independent_rows(system, q, t) if rows is None else np.asarray(rows)
+    step = max(1, BLOCK // system.n**2)
+    parts = []
+    for start in range(0, max(q.shape[1], 1), step):
+        at = np.s_[start : start + step]
+        rates = [None if x is None else np.asarray(x, float)[:, at] for x in (qd, qdd)]
+        with np.errstate(all="ignore"):  # a pose that leaves the numbers' range has no proof, which NaN says
+            parts.append(_certify(system, rows, q[:, at], t[at], *rates))
+    return _joined(parts)
+
+
+def independent_rows(system: System, q: Any, t: Any) -> Any:
+    """Return n rows of phi_q that are independent at the first finite pose, by pivoted QR: all rows if m = n."""
+    finite = np.flatnonzero(np.isfinite(q).all(axis=0))
+    if system.m == system.n or not finite.size:
+        return np.arange(system.n)
+    pivots = qr(system.phi_q(q[:, finite[0]], t[finite[0]]).T, mode="r", pivoting=True)[1]
+    return np.sort(pivots[: system.n])
+
+
+def attainable(system: System, q: Any, t: Any, rows: Any = None) -> Any:
+    """Return the error (n, B) that any float64 code may have with these inputs, to first order.
+
+    Half an ulp of every number of the geometry and of the laws, carried by |J^-1|, and half an ulp of the answer in
+    metres and radians.
+    """
+    q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
+    rows = independent_rows(system, q, t) if rows is None else np.asarray(rows)
+    with np.errstate(all="ignore"):
+        pose = _Pose(system, rows, q, t, 0)
+        carried = _times(np.abs(pose.inverse), _input_effect(system, q, pose.times)[rows])
+        return carried + half_ulp(system, q)
+
+
+def half_ulp(system: System, q: Any) -> Any:
+    """Return half an ulp of the coordinates in metres and radians, in the system's coordinates."""
+    spacing = np.spacing(np.abs(system.to_physical(q))) / 2
+    spacing[0::3] /= system.unit.size
+    spacing[1::3] /= system.unit.size
+    return spacing
+
+
+class _Pose:
+    """A batch of poses with R, and what R makes of vectors and boxes; all bounds are rounded up."""
+
+    def __init__(self, system: System, rows: Any, q: Any, t: Any, order: int) -> None:
+        self.system, self.times, self.rows, self.q = bounded_system(system), Times(t, order), rows, q
+        self.slope = self.slope_over(0.0)
+        stacked = np.moveaxis(self.slope.mid, -1, 0)
+        inverse = inverses(stacked)
+        self.inverse = np.moveaxis(inverse, 0, -1)
+        self.size = np.abs(self.inverse)
+        self.defect = np.moveaxis(np.abs(np.eye(len(q)) - inverse @ stacked), 0, -1)
+        self.dot = (len(q) + 2) * U  # > n U/(1 - n U): the error of an inner product
+
+    def rows_of(self, numbers: Any) -> Bounds:
+        """Return the certified rows of what a system's method gave."""
+        return read(numbers[self.rows], self.q.shape[1])
+
+    def slope_over(self, radii: Any) -> Bounds:
+        """Return phi_q over a box around q."""
+        return self.rows_of(self.system.phi_q(box(self.q, radii), self.times))
+
+    def carried(self, mid: Any, error: Any) -> Any:
+        """Return the largest |R x| with |x - mid| <= error."""
+        return UP * (np.abs(_times(self.inverse, mid)) + _times(self.size, self.dot * np.abs(mid) + error)) + TINY
+
+    def defect_on(self, v: Any) -> Any:
+        """Return |I - R phi_q(q)| v for v >= 0."""
+        inner = _times(self.dot * np.abs(self.slope.mid) + self.slope.rounding, v)
+        return UP * (_times(self.defect, v) + _times(self.size, inner)) + TINY
+
+    def spread_on(self, spread: Any, v: Any) -> Any:
+        """Return |R| spread v for v >= 0."""
+        return UP * _times(self.size, _times(spread, v)) + TINY
+
+
+def _certify(system: System, rows: Any, q: Any, t: Any, qd: Any, qdd: Any) -> Certificate:
+    pose = _Pose(system, rows, q, t, 0 if qd is None else 1 if qdd is None else 2)
+    phi = pose.rows_of(pose.system.phi(box(q), pose.times))
+    ball = _Ball(pose, pose.carried(phi.mid, phi.rounding))
+    radii = np.where(ball.ok, ball.radii, np.nan)
+    velocity = None if qd is None else _velocity(ball, radii, qd)
+    acceleration = None if qdd is None else _acceleration(ball, radii, qd, velocity, qdd)
+    left_out, allowed = _left_out(system, pose, radii)
+    unique, beta, lipschitz = _uniqueness(pose, radii)
+    h = np.where(ball.ok, ball.h, np.nan)
+    return Certificate(ball.ok, radii, unique, beta, lipschitz, h, velocity, acceleration, rows, left_out, allowed)
+
+
+class _Ball:
+    """The smallest ball of the weighted norm that is proved to hold exactly one root; `ok` where there is one."""
+
+    def __init__(self, pose: _Pose, step: Any) -> None:
+        self.pose = pose
+        # No weight is far below the others: it would only magnify what rounding leaves of the zeros of R J.
+        self.w = w = step + np.maximum(U, 2.0**-20 * np.max(step, axis=0))
+        self.spread = pose.slope_over(BOX * w).spread
+        first, second = pose.defect_on(w), pose.spread_on(self.spread, w) / BOX
+        eta, self.z0, self.z2 = (np.max(v / w, axis=0) for v in (step, first, second))
+        rest = 1 - self.z0
+        self.h = self.z2 * eta / rest**2
+        r = 2 * eta / (rest + np.sqrt(rest**2 - 2 * self.z2 * eta)) * (1 + 2.0**-20)
+        self.r = r
+        into_itself = UP * (eta + self.z0 * r + self.z2 * r * r / 2) <= r
+        self.ok = into_itself & (r <= BOX) & (UP * (self.z0 + self.z2 * r) < 1)
+        self.radii = UP * np.minimum(r * w, step + first * r + second * r * r / 2)
+
+    def solved(self, mid: Any, error: Any) -> Any:
+        """Return the error bound (n, B) of x with phi_q(q*) x = b whose residual phi_q(q*) x - b is within mid +- error."""
+        v = self.pose.carried(mid, error)
+        theta = UP * (self.z0 + self.z2 * self.r)
+        largest = np.max(v / self.w, axis=0) / (1 - theta)
+        return np.where(theta < 1, UP * (v + UP * theta * largest * self.w), np.nan)
+
+    def residual(self, rate: Any, right: Bounds) -> tuple[Any, Any]:
+        """Return mid and error of phi_q(q*) rate - right."""
+        slope, size = self.pose.slope, np.abs(rate)
+        mid = _times(slope.mid, rate) - right.mid
+        off = self.pose.dot * np.abs(slope.mid) + slope.rounding + self.spread * (self.r / BOX)
+        return mid, UP * (_times(off, size) + U * np.abs(mid) + right.rounding + right.spread)
+
+
+def _velocity(ball: _Ball, radii: Any, qd: Any) -> Any:
+    pose = ball.pose
+    nu = pose.rows_of(pose.system.nu(box(pose.q, radii), pose.times))
+    return ball.solved(*ball.residual(qd, nu))
+
+
+def _acceleration(ball: _Ball, radii: Any, qd: Any, velocity: Any, qdd: Any) -> Any:
+    pose = ball.pose
+    gamma = pose.rows_of(pose.system.gamma(box(pose.q, radii), box(qd, velocity), pose.times))
+    return ball.solved(*ball.residual(qdd, gamma))
+
+
+def _uniqueness(pose: _Pose, radii: Any) -> tuple[Any, Any, Any]:
+    """Return uniqueness radius, beta and K, (B,) each, in the plain largest-component norm.
+
+    With the root x at most p from q, any other root y at most u: |x - y| <= (Z0 + Z2 (p + u)/2) |x - y|, the mean of
+    |. - q| on the segment being at most (p + u)/2. So u >= 2 (1 - Z0)/Z2 - p, as far as Z2 holds.
+    """
+    ones = np.ones_like(pose.q)
+    norm = np.max(_times(pose.size, ones), axis=0) * UP
+    rest = 1 - np.max(pose.defect_on(ones), axis=0)
+    reach = np.minimum(1.0, 1 / norm)
+    spread = pose.slope_over(reach * ones).spread
+    z2 = np.max(pose.spread_on(spread, ones), axis=0) / reach
+    position = np.max(radii, axis=0)
+    free = np.minimum(reach, 2 * rest / (UP * z2) - UP * position) * (2 - UP)
+    # The smallest side of the box that holds one root is proved in any case.
+    unique = np.fmax(np.where(position <= reach, free, np.nan), np.min(radii, axis=0))
+    beta = np.where((rest > 0) & ~np.isnan(position), UP * norm / rest, np.nan)
+    lipschitz = UP * np.max(_times(spread, ones), axis=0) / reach
+    return np.where(np.isnan(position), np.nan, unique), beta, np.where(np.isnan(position), np.nan, lipschitz)
+
+
+def _left_out(system: System, pose: _Pose, radii: Any) -> tuple[Any, Any]:
+    others = np.setdiff1d(np.arange(system.m), pose.rows)
+    lanes = pose.q.shape[1]
+    if not others.size:
+        return np.empty((0, lanes)), np.empty((0, lanes))
+    at_root = read(pose.system.phi(box(pose.q, radii), pose.times)[others], lanes)
+    inputs = _input_effect(system, pose.q, pose.times)
+    slope = read(pose.system.phi_q(box(pose.q), pose.times)[others], lanes)
+    moved = _times(np.abs(slope.mid), _times(pose.size, inputs[pose.rows]))
+    explained = at_root.rounding + at_root.spread
+    return UP * (np.abs(at_root.mid) + explained), explained + inputs[others] + moved
+
+
+def _input_effect(system: System, q: Any, times: Times) -> Any:
+    """Return how far half an ulp of every geometric number and law value moves phi, (m, B)."""
+    return read(bounded_system(system, U).phi(box(q), Times(times.t, 0, U)), q.shape[1]).spread
+
+
+def inverses(stacked: Any) -> Any:
+    """Return approximate inverses of (B, n, n), NaN where a matrix is singular or not finite."""
+    try:
+        return np.linalg.inv(stacked)
+    except np.linalg.LinAlgError:  # one singular matrix refuses the batch: halve it until it stands alone
+        if len(stacked) == 1:
+            return np.full_like(stacked, np.nan)
+        half = len(stacked) // 2
+        return np.concatenate([inverses(stacked[:half]), inverses(stacked[half:])])
+
+
+def _times(matrix: Any, vector: Any) -> Any:
+    """Return the product lane by lane of (m, n, B) and (n, B)."""
+    return np.einsum("ijb,jb->ib", matrix, vector)
+
+
+def _joined(parts: list[Certificate]) -> Certificate:
+    """Return the certificates of consecutive blocks of lanes as one."""
+    values = {}
+    for field in fields(Certificate):
+        found = [getattr(part, field.name) for part in parts]
+        whole = field.name == "rows" or found[0] is None
+        values[field.name] = found[0] if whole else np.concatenate(found, axis=-1)
+    return Certificate(**values)

@@ -1,0 +1,161 @@
+"""A system whose numbers are exact: lengths, points, angles and laws of the scene as `flint.arb`, rounded nowhere.
+
+The truth that an answer is held against is the scene as it is written: every number of it the binary64 number it is, each
+law evaluated exactly at the binary64 time, a table the cubic spline through its values and not what a float64 solver makes
+of it. `exact_system` gives the equations of that truth, by the same formulas: `phi(q, t)` of an (n,) object array of
+`arb` and an `arb` time are balls that enclose the value, as narrow as the precision in force.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections.abc import Sequence
+from dataclasses import dataclass, fields, is_dataclass, replace
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+from flint import arb, ctx
+
+from refkin.motion_laws import Law, Polynomial, Table
+from refkin.system import System
+
+
+@lru_cache(maxsize=64)
+def exact_system(system: System, bits: int) -> System:
+    """Return the system with the numbers of its mechanism as `arb`, computed with `bits` bits."""
+    with ctx.workprec(bits):
+        placed = []
+        for p in system.placed:
+            constraint = exact(p.constraint)
+            placed.append(replace(p, constraint=constraint, g=constraint.constants(system.unit)))
+    return replace(system, placed=tuple(placed))
+
+
+def exact(item: Any) -> Any:
+    """Return a dataclass, tuple or number with every number in it, at any depth, as an exact `arb`.
+
+    Zeros stay as they are: exact anyway, and a formula may ask whether a number is zero (a sinusoid does).
+    """
+    if isinstance(item, Table):
+        return ExactSpline.through(item.argument, item.value, item.periodic)
+    if isinstance(item, bool) or item == 0:
+        return item
+    if isinstance(item, int | float):
+        return arb(item)
+    if isinstance(item, tuple):
+        return tuple(exact(part) for part in item)
+    if is_dataclass(item) and not isinstance(item, type):
+        return replace(item, **{f.name: exact(getattr(item, f.name)) for f in fields(item)})
+    return item
+
+
+@dataclass(frozen=True)
+class ExactSpline:
+    """The cubic spline through a table, its coefficients balls: `pieces[k]` is a polynomial in t - knots[k].
+
+    `until[k]` is the integral from knots[0] to knots[k].
+    """
+
+    knots: tuple[float, ...]
+    pieces: tuple[Law, ...]
+    until: tuple[Any, ...]
+    periodic: bool
+
+    @classmethod
+    def through(cls, argument: tuple[float, ...], value: tuple[float, ...], periodic: bool) -> ExactSpline:
+        """Return the spline with not-a-knot ends, or the periodic one, of SciPy's `CubicSpline`."""
+        x, y = [arb(a) for a in argument], [arb(v) for v in value]
+        h = [b - a for a, b in zip(x, x[1:], strict=False)]
+        chord = [(b - a) / step for a, b, step in zip(y, y[1:], h, strict=False)]
+        slope = periodic_slopes(h, chord) if periodic and len(x) > 2 else not_a_knot_slopes(h, chord)
+        pieces, until = [], [arb(0)]
+        for k, step in enumerate(h):
+            bend = (slope[k] + slope[k + 1] - 2 * chord[k]) / step
+            rise = (chord[k] - slope[k]) / step - bend
+            pieces.append(Polynomial(coefficients=(y[k], slope[k], rise, bend / step)))
+            until.append(until[k] + pieces[k].integral(step))
+        return cls(tuple(argument), tuple(pieces), tuple(until), periodic)
+
+    def __call__(self, t: Any, order: int = 0) -> Any:
+        """Return the derivative of the given order at t."""
+        k, _, local = self._place(t)
+        return self.pieces[k](local, order)
+
+    def integral(self, t: Any) -> Any:
+        """Return the integral from 0 to t."""
+        return self._primitive(t) - self._primitive(arb(0))
+
+    def _primitive(self, t: Any) -> Any:
+        k, turns, local = self._place(t)
+        return turns * self.until[-1] + self.until[k] + self.pieces[k].integral(local)
+
+    def _place(self, t: Any) -> tuple[int, int, Any]:
+        """Return the piece that t lies in, the whole periods before it, and t - knots[k] less those; all decided exactly.
+
+        A knot belongs to the piece that begins there.
+        """
+        if not arb(t).is_exact():
+            raise ValueError(f"t: expected an exact time, got the ball {t}")
+        since = Fraction(float(t)) - Fraction(self.knots[0])
+        turns = 0
+        if self.periodic:
+            turns, since = divmod(since, Fraction(self.knots[-1]) - Fraction(self.knots[0]))
+        k = bisect_right(self.knots, since + Fraction(self.knots[0])) - 1
+        k = min(max(k, 0), len(self.pieces) - 1)
+        local = since + Fraction(self.knots[0]) - Fraction(self.knots[k])
+        return k, turns, arb(local.numerator) / local.denominator
+
+
+def not_a_knot_slopes(h: Sequence[Any], chord: Sequence[Any]) -> list[Any]:
+    """Return the spline's slopes at its knots if its first two pieces, and its last two, are one polynomial each."""
+    if len(h) == 1:
+        return [chord[0], chord[0]]
+    if len(h) == 2:  # one parabola
+        middle = (h[1] * chord[0] + h[0] * chord[1]) / (h[0] + h[1])
+        return [2 * chord[0] - middle, middle, 2 * chord[1] - middle]
+    below, diagonal, above, right = _inner_rows(h, chord)
+    for rows, a, b, s, r in ((0, h[0], h[1], chord[0], chord[1]), (len(h), h[-1], h[-2], chord[-1], chord[-2])):
+        diagonal[rows] = b
+        (above if rows == 0 else below)[rows] = a + b
+        right[rows] = ((3 * a + 2 * b) * b * s + a * a * r) / (a + b)
+    return tridiagonal(below, diagonal, above, right)
+
+
+def periodic_slopes(h: Sequence[Any], chord: Sequence[Any]) -> list[Any]:
+    """Return the slopes of the spline that goes on from its last knot at its first, smooth up to f''."""
+    count = len(h)
+    below, diagonal, above, right = _inner_rows([h[-1], *h], [chord[-1], *chord])
+    # Rows 1 ... count belong to knots 0 ... count - 1; the corners are moved to one column (Sherman and Morrison).
+    below, diagonal, above, right = (row[1 : count + 1] for row in (below, diagonal, above, right))
+    top, bottom = below[0], above[-1]
+    diagonal[0], diagonal[-1] = diagonal[0] - top, diagonal[-1] - bottom
+    corner = [top] + [arb(0)] * (count - 2) + [bottom]
+    y, z = tridiagonal(below, diagonal, above, right), tridiagonal(below, diagonal, above, corner)
+    factor = (y[0] + y[-1]) / (1 + z[0] + z[-1])
+    slopes = [a - factor * b for a, b in zip(y, z, strict=True)]
+    return [*slopes, slopes[0]]
+
+
+def _inner_rows(h: Sequence[Any], chord: Sequence[Any]) -> tuple[list[Any], ...]:
+    """Return the rows that make f'' continuous at the inner knots, as three diagonals and a right side."""
+    inner = range(1, len(h))
+    zero = arb(0)
+    below = [zero, *(h[k] for k in inner), zero]
+    diagonal = [zero, *(2 * (h[k - 1] + h[k]) for k in inner), zero]
+    above = [zero, *(h[k - 1] for k in inner), zero]
+    right = [zero, *(3 * (h[k] * chord[k - 1] + h[k - 1] * chord[k]) for k in inner), zero]
+    return below, diagonal, above, right
+
+
+def tridiagonal(below: Sequence[Any], diagonal: Sequence[Any], above: Sequence[Any], right: Sequence[Any]) -> list[Any]:
+    """Return x with below[k] x[k-1] + diagonal[k] x[k] + above[k] x[k+1] = right[k], by elimination without exchange."""
+    pivots, sides = [diagonal[0]], [right[0]]
+    for k in range(1, len(diagonal)):
+        factor = below[k] / pivots[-1]
+        pivots.append(diagonal[k] - factor * above[k - 1])
+        sides.append(right[k] - factor * sides[-1])
+    x = [sides[-1] / pivots[-1]]
+    for k in range(len(diagonal) - 2, -1, -1):
+        x.append((sides[k] - above[k] * x[-1]) / pivots[k])
+    return x[::-1]
