@@ -109,9 +109,9 @@ def test_the_same_text_runs_on_rows_and_balls(constraint):
     ball = system.phi(np.array([arb(v) for v in q[:, 0]], object), t[0])
 
     assert all(np.max(np.abs(a - b)) < 1e-14 for a, b in zip(lane, rows, strict=True))
-    # Sixteen roundings of a value's own size are more than any of these rows has.
+    # A row has about eight roundings, each at most of the largest term on the way: d . d is up to eight times the result.
     exact = np.array([float(arb(b).mid()) for b in ball])
-    assert np.max(np.abs(exact - lane[0][:, 0]) / np.maximum(1.0, np.abs(exact))) < 16 * 2.0**-53
+    assert np.max(np.abs(exact - lane[0][:, 0]) / np.maximum(1.0, np.abs(exact))) < 64 * 2.0**-53
 
 
 def test_every_joint_and_driver_type_is_among_the_cases():

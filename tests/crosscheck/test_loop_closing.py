@@ -1,0 +1,205 @@
+"""Newton and the march over the times, on small systems whose solutions can be written down."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crosscheck import loop_closing
+from crosscheck.engines import EngineError
+from crosscheck.loop_closing import EPS, March, close, march, round_off, solve
+from crosscheck.tree_system import TreeSystem
+from refkin.joints import Revolute
+from refkin.motion import Status
+
+OK, LOST, SINGULAR = Status.OK, Status.NOT_CONVERGED, Status.SINGULAR
+
+
+@dataclass
+class Toy:
+    """A system given by its functions, with as many calls of `position` as it took."""
+
+    start: list[float]
+    phi: Callable[[Any, float], list[float]]
+    phi_q: Callable[[Any, float], list[list[float]]]
+    rate: Callable[[float], list[float]]
+    curvature: Callable[[Any, Any, float], list[float]] | None = None
+    calls: int = field(default=0)
+
+    def __post_init__(self) -> None:
+        self.tree = SimpleNamespace(width=len(self.start), depth=1, start=lambda: np.array(self.start))
+
+    def position(self, q: Any, t: float) -> tuple[Any, Any]:
+        self.calls += 1
+        return np.array(self.phi(q, t)), np.array(self.phi_q(q, t))
+
+    def nu(self, t: float) -> Any:
+        return np.array(self.rate(t))
+
+    def gamma(self, q: Any, qd: Any, t: float) -> Any:
+        assert self.curvature is not None
+        return np.array(self.curvature(q, qd, t))
+
+
+def circle(start: float = 0.9) -> Toy:
+    """x^2 + y^2 = 1 with y = t: x = sqrt(1 - t^2), a fold at t = 1."""
+    return Toy(
+        start=[start, 0.1],
+        phi=lambda q, t: [0.5 * (q[0] ** 2 + q[1] ** 2 - 1.0), q[1] - t],
+        phi_q=lambda q, t: [[q[0], q[1]], [0.0, 1.0]],
+        rate=lambda t: [0.0, 1.0],
+        curvature=lambda q, qd, t: [-(qd[0] ** 2) - qd[1] ** 2, 0.0],
+    )
+
+
+def two_tracks() -> Toy:
+    """(x - 5 t^2)^2 = 0.01: two branches 0.2 apart that move by 5 up to t = 1; the start is near the upper one."""
+    return Toy(
+        start=[0.11],
+        phi=lambda q, t: [0.5 * ((q[0] - 5.0 * t * t) ** 2 - 0.01)],
+        phi_q=lambda q, t: [[q[0] - 5.0 * t * t]],
+        rate=lambda t: [math.nan],  # replaced below: it depends on the branch
+    )
+
+
+def run(toy: Toy, times: Any, order: int = 0) -> March:
+    return march(toy, tuple(float(t) for t in times), order)  # type: ignore[arg-type]
+
+
+def test_position_velocity_and_acceleration_are_those_of_the_closed_form() -> None:
+    t = np.linspace(0.0, 0.9, 31)
+    x = np.sqrt(1.0 - t * t)
+    found = run(circle(), t, 2)
+
+    assert found.status == (OK,) * 31
+    # x >= 0.43: J's inverse is at most 3, and enters to the powers 1, 3 and 5
+    for level, exact, power in zip(found.levels, (x, -t / x, -1.0 / x**3), (1, 3, 5), strict=True):
+        assert np.max(np.abs(level[0] - exact)) <= 4 * EPS * 2.3**power
+
+
+def test_newton_goes_on_until_round_off() -> None:
+    """From 0.1 off: 5e-3, 1e-5, 1e-10, round-off, one to see that it no longer decreases; full Newton is quadratic."""
+    toy = circle()
+    pose = close(toy, np.array([1.1, 0.0]), 0.0)  # type: ignore[arg-type]
+
+    assert pose is not None
+    assert abs(pose.q[0] - 1.0) <= EPS
+    assert toy.calls <= 6
+
+
+def test_what_is_not_called_for_is_not_computed() -> None:
+    toy = circle()
+    toy.curvature = None  # whose call would fail
+
+    assert len(run(toy, [0.0, 0.1], 1).levels) == 2
+
+
+def test_the_march_reaches_a_pose_close_to_a_fold() -> None:
+    """1e-10 before the fold, x = 1.4e-5 is found, where it can be known to EPS / x."""
+    found = run(circle(), [0.0, 1.0 - 1e-10])
+    t = 1.0 - 1e-10  # its rounding is that of the driver's value
+
+    assert found.status == (OK, OK)
+    assert abs(found.levels[0][0, 1] - math.sqrt((1.0 - t) * (1.0 + t))) <= 8 * EPS / 1.4e-5
+
+
+def test_a_fold_is_singular_and_has_no_rates() -> None:
+    found = run(circle(), [0.0, 1.0], 2)
+
+    assert found.status == (OK, SINGULAR)
+    assert np.isnan(found.levels[1][:, 1]).all()
+    assert np.isnan(found.levels[2][:, 1]).all()
+
+
+def test_beyond_a_fold_there_is_no_answer() -> None:
+    found = run(circle(), [0.0, 1.0 + 1e-9, 1.5], 2)
+
+    assert found.status == (OK, LOST, LOST)
+    assert np.isnan(np.array([level[:, 1:] for level in found.levels])).all()
+
+
+def tracked(toy: Toy) -> Toy:
+    toy.rate = lambda t: [0.1 * 10.0 * t]  # (x - 5 t^2) * 10 t with x - 5 t^2 = +0.1: the velocity of the upper branch
+    return toy
+
+
+def test_the_march_stays_on_its_branch() -> None:
+    found = run(tracked(two_tracks()), [0.0, 1.0])
+
+    assert found.levels[0][0].tolist() == pytest.approx([0.1, 5.1], abs=1e-12)
+
+
+def test_without_shorter_steps_it_would_jump(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shows that the test before can fail: Newton from the prediction alone lands on the lower branch."""
+    monkeypatch.setattr(loop_closing, "TRUST", math.inf)
+    monkeypatch.setattr(loop_closing, "CONTRACTION", math.inf)
+
+    assert run(tracked(two_tracks()), [0.0, 1.0]).levels[0][0, 1] == pytest.approx(4.9, abs=1e-12)
+
+
+def straight(**more: Any) -> Toy:
+    """x = t."""
+    rest = {"phi": lambda q, t: [q[0] - t], "phi_q": lambda q, t: [[1.0]], "rate": lambda t: [1.0], **more}
+    return Toy(start=[0.0], **rest)
+
+
+def test_a_time_without_answer_does_not_end_the_march() -> None:
+    toy = straight(phi=lambda q, t: [math.nan if t == 0.5 else q[0] - t])
+    found = run(toy, [0.0, 0.5, 1.0])
+
+    assert (found.status, found.levels[0][0, 2]) == ((OK, LOST, OK), 1.0)
+
+
+def test_a_first_time_without_answer_does_not_end_the_march() -> None:
+    toy = straight(phi=lambda q, t: [math.nan if t == 0.0 else q[0] - t])
+
+    assert run(toy, [0.0, 0.5]).status == (LOST, OK)
+
+
+@pytest.mark.parametrize(("gap", "status"), [(0.0, OK), (1e-9, LOST)])
+def test_redundant_rows_must_agree(gap: float, status: Status) -> None:
+    """A second row that contradicts the first by 1e-9 is no pose, however small the least-squares correction is."""
+    toy = straight(
+        phi=lambda q, t: [q[0] - t, q[0] - t - gap], phi_q=lambda q, t: [[1.0], [1.0]], rate=lambda t: [1.0, 1.0]
+    )
+
+    assert run(toy, [0.0, 1.0]).status == (status, status)
+
+
+@pytest.mark.parametrize("square", [1.0, 1e-20])
+def test_newton_that_never_converges_ends_without_an_answer(square: float) -> None:
+    """x^2 + 1 = 0 has no root; its flat part sends Newton far away, which is a status and not a warning."""
+    toy = straight(phi=lambda q, t: [square * q[0] ** 2 + 1.0], phi_q=lambda q, t: [[2.0 * square * q[0]]])
+    toy.start = [0.5]
+
+    assert run(toy, [0.0, 1.0]).status == (LOST, LOST)
+
+
+def test_a_small_residual_is_not_enough() -> None:
+    """x^4 = t at t = 1e-18: far from the root (3e-5) the residual is at round-off, but corrections still decrease."""
+    toy = Toy([0.01], lambda q, t: [q[0] ** 4 - t], lambda q, t: [[4.0 * q[0] ** 3]], lambda t: [1.0])
+    pose = close(toy, np.array([0.01]), 1e-18)  # type: ignore[arg-type]
+
+    assert pose is not None
+    assert pose.q[0] == pytest.approx(1e-18**0.25, rel=1e-6)
+
+
+def test_a_matrix_without_inverse_solves_to_nothing() -> None:
+    assert solve(np.zeros((2, 2)), np.ones(2)) is None
+
+
+def test_round_off_grows_with_the_turns() -> None:
+    assert round_off(np.array([1000.0]), 1) == 1001 * round_off(np.array([0.0]), 1)
+
+
+def test_a_driver_of_another_type_is_refused_by_name() -> None:
+    joint = Revolute(name="odd", body_i="ground", point_i=(0.0, 0.0), body_j="b", point_j=(0.0, 0.0))
+
+    with pytest.raises(EngineError, match="driver 'odd' of type revolute"):
+        TreeSystem(SimpleNamespace(tree=None), [joint])  # type: ignore[arg-type, list-item]

@@ -1,0 +1,208 @@
+"""Scene files: what is written is read back bit for bit; what is wrong is named, all of it at once."""
+
+from __future__ import annotations
+
+import copy
+import json
+import tomllib
+
+import pytest
+
+from refkin.errors import InvalidScene
+from refkin.scene_files import load, parse, schema, to_dict, to_toml
+
+TEXT = """
+schema = 1
+name = "crank-rocker"
+effects = ["velocity"]
+bodies_wanted = ["coupler"]
+[times]
+start = 0.0
+stop = 1.0
+count = 3
+[[body]]
+name = "crank"
+estimate = [0.5, 0.0, 0.0]
+[[body]]
+name = "coupler"
+estimate = [2.3, 1.5, 0.9]
+[[body]]
+name = "rocker"
+estimate = [3.6, 1.5, 1.8]
+[[joint]]
+name = "A0"
+type = "revolute"
+body_i = "ground"
+point_i = [0.0, 0.0]
+body_j = "crank"
+point_j = [-0.5, 0.0]
+[[joint]]
+name = "A"
+type = "revolute"
+body_i = "crank"
+point_i = [0.5, 0.0]
+body_j = "coupler"
+point_j = [-1.75, 0.0]
+[[joint]]
+name = "B"
+type = "revolute"
+body_i = "coupler"
+point_i = [1.75, 0.0]
+body_j = "rocker"
+point_j = [1.5, 0.0]
+[[joint]]
+name = "B0"
+type = "revolute"
+body_i = "rocker"
+point_i = [-1.5, 0.0]
+body_j = "ground"
+point_j = [4.0, 0.0]
+[[driver]]
+name = "motor"
+type = "angle"
+body = "crank"
+law = { kind = "polynomial", coefficients = [0.0, 2.0] }
+[[point]]
+name = "P"
+body = "coupler"
+position = [0.3, 0.2]
+"""
+GOOD = tomllib.loads(TEXT)
+TABLE = {"kind": "table", "argument": [0.0, 1.0], "value": [0.0, 1.0]}
+
+
+def put(*path_and_value):
+    """Return a change: set, or with `...` delete, what stands at a path."""
+    *path, value = path_and_value
+
+    def change(data):
+        for key in path[:-1]:
+            data = data[key]
+        if value is ...:
+            del data[path[-1]]
+        else:
+            data[path[-1]] = value
+
+    return change
+
+
+BROKEN = {
+    "no schema": (put("schema", ...), "schema: "),
+    "another schema": (put("schema", 2), "schema: expected 1, got 2"),
+    "spatial": (put("dimension", "spatial"), "dimension: expected 'planar', got 'spatial'"),
+    "unknown key": (put("bodys", 1), "bodys: expected no such key"),
+    "unknown effect": (put("effects", ["velocty"]), "effects[0]: "),
+    "unknown evidence": (put("evidence", ["proof"]), "evidence[0]: "),
+    "unknown body wanted": (put("bodies_wanted", ["link"]), "bodies_wanted[0]: "),
+    "no body wanted": (put("bodies_wanted", []), "bodies_wanted: "),
+    "no times": (put("times", ...), "times: "),
+    "half a grid": (put("times", "count", ...), "times.count: "),
+    "grid and values": (put("times", "values", [0.0, 1.0]), "times.start: "),
+    "times backwards": (put("times", {"values": [1.0, 0.5]}), "times: expected strictly increasing times"),
+    "stop before start": (put("times", "stop", -1.0), "times.stop: "),
+    "count zero": (put("times", "count", 0), "times.count: "),
+    "count not whole": (put("times", "count", 2.5), "times.count: "),
+    "count beyond reason": (put("times", "count", 10**12), "times.count: "),
+    "no body": (put("body", []), "body: "),
+    "name twice": (put("body", 1, "name", "crank"), "body[1].name: expected a name not used before, got 'crank'"),
+    "empty name": (put("joint", 0, "name", ""), "joint[0].name: "),
+    "body called ground": (put("body", 0, "name", "ground"), "body[0].name: "),
+    "driver named like a joint": (put("driver", 0, "name", "A0"), "driver[0].name: "),
+    "estimate too short": (put("body", 0, "estimate", [0.5, 0.0]), "body[0].estimate"),
+    "unknown joint type": (put("joint", 0, "type", "revolut"), "joint[0].type: "),
+    "no joint type": (put("joint", 0, "type", ...), "joint[0].type: "),
+    "unknown body in joint": (put("joint", 1, "body_i", "crnk"), "joint[1].body_i: expected a body of the scene"),
+    "body against itself": (put("joint", 1, "body_j", "crank"), "joint[1]: expected two different bodies, got 'crank'"),
+    "point missing": (put("joint", 1, "point_i", ...), "joint[1].point_i: "),
+    "point as text": (put("joint", 1, "point_i", [0.5, "0"]), "joint[1].point_i[1]: expected number, got '0'"),
+    "three components": (put("joint", 1, "point_i", [0.5, 0.0, 0.0]), "joint[1].point_i: expected 2 numbers"),
+    "not finite": (put("joint", 1, "point_i", [float("nan"), 0.0]), "joint[1].point_i[0]: expected a finite number"),
+    "key of another joint": (put("joint", 1, "length", 2.0), "joint[1].length: expected no such key"),
+    "axis zero": (
+        put("joint", 0, {**GOOD["joint"][0], "type": "prismatic", "axis_i": [0.0, 0.0]}),
+        "joint[0].axis_i: expected a vector that is not zero",
+    ),
+    "length zero": (put("joint", 0, {**GOOD["joint"][0], "type": "distance", "length": 0.0}), "joint[0].length: "),
+    "no driver": (put("driver", []), "driver: expected 1 more constraint: add drivers"),
+    "unknown driver": (put("driver", 0, "type", "torque"), "driver[0].type: "),
+    "no law": (put("driver", 0, "law", ...), "driver[0].law: expected either `law` or `rate_law`"),
+    "two laws": (put("driver", 0, "rate_law", TABLE), "driver[0].law: expected either `law` or `rate_law`"),
+    "initial beside a law": (put("driver", 0, "initial", 1.0), "driver[0].initial: "),
+    "unknown law": (put("driver", 0, "law", "kind", "poly"), "driver[0].law.kind: "),
+    "no coefficients": (put("driver", 0, "law", "coefficients", []), "driver[0].law.coefficients: "),
+    "table too short": (put("driver", 0, "law", {**TABLE, "argument": [0.0, 0.5]}), "driver[0].law.argument: "),
+    "table backwards": (put("driver", 0, "law", {**TABLE, "argument": [1.0, 0.0]}), "driver[0].law.argument: "),
+    "table uneven": (put("driver", 0, "law", {**TABLE, "value": [0.0]}), "driver[0].law.value: "),
+    "point of no body": (put("point", 0, "body", "couple"), "point[0].body: "),
+    "body not a list": (put("body", 3), "body: "),
+}
+
+
+def messages(data):
+    with pytest.raises(InvalidScene) as found:
+        parse(data, "scene.toml")
+    return str(found.value).splitlines()
+
+
+@pytest.mark.parametrize(("change", "told"), BROKEN.values(), ids=BROKEN.keys())
+def test_each_broken_scene_gets_one_clear_message(change, told):
+    data = copy.deepcopy(GOOD)
+    change(data)
+    lines = messages(data)
+
+    assert sum(line.startswith(f"scene.toml: {told}") for line in lines) == 1, lines
+
+
+def test_all_faults_of_a_file_are_told_at_once():
+    """Of keys, types, references and numbers, also where one item cannot be read at all."""
+    data = copy.deepcopy(GOOD)
+    for name in ("spatial", "unknown joint type", "unknown law", "point of no body", "stop before start"):
+        BROKEN[name][0](data)
+    data["joint"][3]["body_i"] = "rcker"
+    told = "\n".join(messages(data))
+
+    for part in ("dimension", "joint[0].type", "driver[0].law.kind", "point[0].body", "times.stop", "joint[3].body_i"):
+        assert part in told
+    assert "add drivers" not in told
+
+
+def test_a_scene_is_written_and_read_back_bit_for_bit():
+    scene = parse(GOOD)
+
+    assert parse(tomllib.loads(to_toml(scene))) == scene
+    assert parse(json.loads(json.dumps(to_dict(scene)))) == scene
+
+
+def test_an_example_reads_as_it_stands():
+    scene = parse(GOOD)
+
+    assert scene.times == (0.0, 0.5, 1.0)
+    assert scene.wanted == ("coupler",)
+    assert scene.effects == {"velocity"}
+    assert scene.evidence == {"condition", "certificate"}
+
+
+@pytest.mark.parametrize(
+    ("name", "text"),
+    [("a.toml", "schema = = 1"), ("a.json", "{"), ("a.toml", "\ufeffschema = 1"), ("a.json", "[1, 2]")],
+)
+def test_text_that_is_no_scene_file_is_refused_in_one_line(tmp_path, name, text):
+    path = tmp_path / name
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidScene) as found:
+        load(path)
+
+    assert len(found.value.faults) == 1
+
+
+def test_a_file_that_is_not_there_and_one_that_is_not_text_are_named(tmp_path):
+    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    for path in (tmp_path / "absent.toml", tmp_path / "binary.toml", tmp_path):
+        with pytest.raises(InvalidScene, match=path.name):
+            load(path)
+
+
+def test_the_schema_names_every_joint():
+    text = json.dumps(schema())
+
+    assert all(f'"{kind}"' in text for kind in ("revolute", "prismatic", "point_on_line", "distance", "fixed", "angle"))
