@@ -60,7 +60,7 @@ class Outcome:
         return PASS if self.checked else NOTHING_RAN
 
 
-def run(plan: Plan, progress: Callable[[int, int], None] = lambda checked, new: None) -> Outcome:
+def run(plan: Plan, progress: Callable[[int], None] = lambda checked: None) -> Outcome:
     """Carry out a plan; records go to `records.jsonl` in its folder, what is already there is not done again."""
     versions, missing = find_engines(plan.engines)
     outcome = Outcome(versions, missing)
@@ -75,12 +75,32 @@ def run(plan: Plan, progress: Callable[[int, int], None] = lambda checked, new: 
             for record in _records(plan, tuple(versions), workers, journal, where):
                 journal.append(record)
                 outcome.checked = len(journal.keys)
-                progress(outcome.checked, len(outcome.new))
+                progress(outcome.checked)
             _judge(journal, gaps, outcome)
             _write_disagreements(plan, outcome, where, workers, tuple(versions))
     finally:
         journal.close()
     return outcome
+
+
+class OtherRun(Exception):
+    """The folder holds a run with another seed or other engines; its records would be mixed with this one's."""
+
+
+def seed_of(out: Path, asked: int | None) -> int:
+    """Return the seed of a night: what was asked, what the run in the folder has, or the day's date as a number."""
+    made = _made(out)
+    if made is not None:
+        if asked is not None and asked != made["seed"]:
+            raise OtherRun(f"--out {out} holds a run with seed {made['seed']}, not {asked}: choose another folder")
+        return int(made["seed"])
+    return int(time.strftime("%Y%m%d", time.gmtime())) if asked is None else asked
+
+
+def _made(out: Path) -> dict[str, Any] | None:
+    """Return what is written about the run that a folder holds."""
+    path = out / "run.json"
+    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
 
 
 def find_engines(names: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:
@@ -185,7 +205,10 @@ def _commented(disagreement: Mapping[str, Any], text: str) -> str:
 
 
 def _write_plan(plan: Plan, outcome: Outcome) -> None:
-    """Write what the report says about how it was made."""
+    """Write what the report says about how it was made, unless the folder holds a run with other engines."""
+    before = _made(plan.out)
+    if before is not None and before["versions"] != outcome.versions:
+        raise OtherRun(f"{plan.out} holds a run with {before['versions']}, not {outcome.versions}: choose another folder")
     made = {
         **{k: str(v) if isinstance(v, Path) else v for k, v in asdict(plan).items() if k != "out"},
         "versions": outcome.versions,

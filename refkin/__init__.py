@@ -41,6 +41,7 @@ from refkin.joints import (
     XDriver,
     YDriver,
 )
+from refkin.linkages import FourBar, InvertedSliderCrank, SliderCrank
 from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene
 from refkin.motion import Motion, Seeding, Status
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
@@ -57,8 +58,10 @@ __all__ = [
     "Evidence",
     "Fault",
     "Fixed",
+    "FourBar",
     "Integral",
     "InvalidScene",
+    "InvertedSliderCrank",
     "Mechanism",
     "Motion",
     "NewtonResult",
@@ -72,6 +75,7 @@ __all__ = [
     "Scene",
     "Seeding",
     "Sinusoid",
+    "SliderCrank",
     "Status",
     "System",
     "Table",

@@ -201,11 +201,10 @@ class Linkage:
         intervals = self.input_range(driven, relative_to)
         if not covers(intervals, min(values), max(values), math.inf if slide else math.tau):
             words = " or ".join(f"[{a:.6g}, {b:.6g}]" for a, b in intervals)
-            words = (
-                f"{words} {'m' if slide else 'rad'}, where the linkage assembles" if words else "lengths that assemble"
-            )
+            expected = f"the input ({driven}) within {words} {'m' if slide else 'rad'}, where the linkage assembles"
             asked = (min(values), max(values))
-            raise InvalidScene([Fault(path, asked, f"the input ({driven}) within {words}")], type(self).__name__)
+            unassemblable = "lengths that assemble: these do at no input"
+            raise InvalidScene([Fault(path, asked, expected if words else unassemblable)], type(self).__name__)
 
     def _place(self, z: complex) -> Pair:
         turned = z * cmath.rect(1.0, self.angle)

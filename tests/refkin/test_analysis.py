@@ -1,0 +1,142 @@
+"""Scenes solved: closure, rates against differences, invariance to scale and place, one branch, honest verdicts."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin import Effect, FourBar, Polynomial, Sinusoid, SliderCrank, Status
+from refkin.joints import Constraint
+
+ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+ENGINE = SliderCrank(crank=1.0, rod=3.0, offset=0.4)
+LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
+
+
+def scaled(scene, factor, shift=(0.0, 0.0)):
+    """The scene in another unit and elsewhere: every length times `factor`, then the ground moved."""
+
+    def on(body, point):
+        moved = shift if body == "ground" else (0.0, 0.0)
+        return (point[0] * factor + moved[0], point[1] * factor + moved[1])
+
+    def joint(c: Constraint):
+        points = {f"point_{s}": on(getattr(c, f"body_{s}"), getattr(c, f"point_{s}")) for s in "ij"}
+        return replace(c, **points)
+
+    m = scene.mechanism
+    bodies = tuple(replace(b, estimate=(*on("ground", b.estimate[:2]), b.estimate[2])) for b in m.bodies)
+    return replace(scene, mechanism=replace(m, bodies=bodies, joints=tuple(map(joint, m.joints))))
+
+
+@pytest.mark.parametrize("branch", ["open", "crossed"])
+@pytest.mark.parametrize("linkage", [ROCKER, ENGINE], ids=["four-bar", "slider-crank"])
+def test_a_turn_closes_with_rates_that_are_its_derivatives(linkage, branch):
+    """Velocity and acceleration against fourth-order differences of the positions: h^4 is 1e-10 here."""
+    motion = refkin.solve(linkage.scene(speed=2.0, turns=1, samples=1001, branch=branch))
+    h = motion.t[1] - motion.t[0]
+
+    def derivative(values):
+        return (values[:, :-4] - 8 * values[:, 1:-3] + 8 * values[:, 3:-1] - values[:, 4:]) / (12 * h)
+
+    assert motion.verdict is Status.OK
+    assert np.max(motion.residual) < 4e-16
+    assert np.max(np.abs(derivative(motion.q) - motion.qd[:, 2:-2])) < 1e-7
+    assert np.max(np.abs(derivative(motion.qd) - motion.qdd[:, 2:-2])) < 1e-7
+
+
+@pytest.mark.parametrize("exponent", [-30, 30])
+def test_a_linkage_in_another_unit_gives_the_same_bits(exponent):
+    scene = ROCKER.scene(samples=37)
+    here, there = refkin.solve(scene), refkin.solve(scaled(scene, 2.0**exponent))
+    is_angle = np.arange(9) % 3 == 2
+
+    for a, b in zip(here.levels, there.levels, strict=True):
+        assert np.array_equal(a[is_angle], b[is_angle])
+        assert np.array_equal(a[~is_angle], b[~is_angle] * 2.0**-exponent)
+
+
+def test_a_linkage_far_from_its_origin_loses_nothing_but_its_coordinates():
+    """At 2^27 sizes from the origin the ground points are still exact, and so is all that is not a coordinate."""
+    scene = ROCKER.scene(samples=37)
+    here, there = refkin.solve(scene), refkin.solve(scaled(scene, 1.0, (2.0**29, -(2.0**29))))
+
+    assert np.array_equal(here.qdd, there.qdd)
+    assert np.array_equal(here["rocker"].phi, there["rocker"].phi)
+
+
+def test_a_coarse_sweep_stays_on_its_branch():
+    """Four samples per turn, against the same times of a fine sweep."""
+    fine, coarse = (refkin.solve(ROCKER.scene(turns=2, samples=n)) for n in (721, 9))
+
+    assert coarse.verdict is Status.OK
+    assert np.max(np.abs(fine.q[:, ::90] - coarse.q)) < 1e-13
+
+
+def test_a_near_change_point_is_passed_on_the_branch():
+    """Slack 1e-8: the two branches come within 1e-4 of each other."""
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + 1e-8)
+    motion = refkin.solve(linkage.scene(turns=1, samples=13, branch="open"))
+    expected = [linkage.assemble(phi, "open")["rocker"][2] for phi in motion["crank"].phi]
+    off = np.angle(np.exp(1j * (motion["rocker"].phi - expected)))
+
+    assert motion.verdict is Status.OK
+    assert np.max(np.abs(off)) < 1e-9
+
+
+def test_only_what_a_scene_calls_for_is_computed(monkeypatch):
+    """Without velocity and acceleration no nu, no gamma and no derivative of a law is evaluated."""
+    asked = []
+    value = Polynomial.__call__
+    monkeypatch.setattr(Polynomial, "__call__", lambda law, t, order=0: asked.append(order) or value(law, t, order))
+    scene = ROCKER.scene(samples=5)
+    motion = refkin.solve(replace(scene, effects=frozenset(), evidence=frozenset()))
+
+    assert motion.qd is None
+    assert motion.qdd is None
+    assert set(asked) == {0}
+
+
+def test_acceleration_alone_reports_no_velocity():
+    motion = refkin.solve(replace(ROCKER.scene(samples=5), effects=frozenset({Effect.ACCELERATION})))
+
+    assert motion.qd is None
+    assert np.isfinite(motion.qdd).all()
+
+
+def test_wanted_bodies_are_reported_alone_and_as_ever():
+    scene = ROCKER.scene(samples=5)
+    motion = refkin.solve(replace(scene, bodies_wanted=("rocker",)))
+
+    assert motion.bodies == ("rocker",)
+    assert np.array_equal(motion["rocker"].q, refkin.solve(scene)["rocker"].q)
+    with pytest.raises(refkin.RefkinError, match="rocker"):
+        motion["crank"]
+
+
+def test_points_move_with_their_body():
+    point = refkin.Point(name="P", body="coupler", position=(0.3, 0.2))
+    motion = refkin.solve(replace(ROCKER.scene(samples=801), points=(point,)))
+    moved = motion.points["P"]
+    h = motion.t[1] - motion.t[0]
+
+    assert np.max(np.abs((moved.r[:, 2:] - moved.r[:, :-2]) / (2 * h) - moved.v[:, 1:-1])) < 1e-3
+    assert np.max(np.abs((moved.v[:, 2:] - moved.v[:, :-2]) / (2 * h) - moved.a[:, 1:-1])) < 1e-3
+
+
+def test_a_crank_that_swings_beyond_its_limit_is_not_followed_there():
+    """The law leaves the range of the crank and comes back: the branch ends at the limit, and nothing jumps."""
+    limit = LIMITED.input_range()[0][1]
+    law = Sinusoid(amplitude=limit + 0.05, angular_frequency=1.0)
+    scene = LIMITED.scene(law=Sinusoid(amplitude=0.5, angular_frequency=1.0), times=tuple(np.linspace(0.0, 3.0, 31)))
+    driver = replace(scene.mechanism.drivers[0], law=law)
+    motion = refkin.solve(replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,))))
+    beyond = np.abs(law(motion.t)) > limit
+
+    assert motion.status[0] is Status.OK
+    assert not any(s is Status.OK for s, out in zip(motion.status, beyond, strict=True) if out)
+    assert np.isnan(motion.q[:, beyond]).all()
+    assert motion.status[-1] is Status.BRANCH_LOST
