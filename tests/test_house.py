@@ -62,7 +62,8 @@ def test_an_adapter_calls_no_formula_of_a_joint(path):
         if isinstance(node, ast.Attribute)
         and node.attr in formulas
         and isinstance(node.value, ast.Name)
-        and node.value.id in {"joint", "driver", "constraint", "Revolute", "Prismatic", "Distance", "PointOnLine", "Fixed"}
+        and node.value.id
+        in {"joint", "driver", "constraint", "Revolute", "Prismatic", "Distance", "PointOnLine", "Fixed"}
     ]
 
     assert not of_a_joint
@@ -78,7 +79,9 @@ def test_no_engine_imports_another(path):
     assert all(path.name == "__init__.py" or m.split("_")[0] == own for m in modules)
 
 
-@pytest.mark.parametrize("package", ["refkin", "crosscheck", "crosscheck.strategies", "refkin.linkages", "refkin.proof"])
+@pytest.mark.parametrize(
+    "package", ["refkin", "crosscheck", "crosscheck.strategies", "refkin.linkages", "refkin.proof"]
+)
 def test_every_exported_name_exists(package):
     module = importlib.import_module(package)
 

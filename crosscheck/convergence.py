@@ -1,0 +1,100 @@
+"""Observed orders and rates of convergence, from the part of a history that shows them.
+
+An order is read off between the basin, where the error is not yet small, and round-off, where it no longer is error. A
+history that leaves too few points there is inconclusive, which is not a pass.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from refkin.differences import EPS
+
+
+class Kind(StrEnum):
+    """What a history shows."""
+
+    ORDER = "order"
+    RATE = "rate"
+    INCONCLUSIVE = "inconclusive"
+
+
+@dataclass(frozen=True)
+class Observed:
+    """A fitted order or rate.
+
+    Attributes
+    ----------
+    value : float
+        The order p of e_(k+1) = C e_k^p, the rate of e_(k+1) = r e_k, or the slope of log e over log h.
+    spread : float
+        How far single estimates lie from it at most.
+    points : int
+        How many estimates it rests on.
+    """
+
+    kind: Kind
+    value: float
+    spread: float
+    points: int
+
+    def is_near(self, expected: float, tolerance: float) -> bool:
+        """Return whether value and expectation agree; never true when inconclusive."""
+        return self.kind is not Kind.INCONCLUSIVE and abs(self.value - expected) <= tolerance
+
+
+NOTHING = Observed(Kind.INCONCLUSIVE, np.nan, np.nan, 0)
+
+
+def newton_order(errors: Sequence[float], floor: float = 64 * EPS, basin: float = 0.1) -> Observed:
+    """Return the order of convergence from a history of errors.
+
+    Each p_k = log(e_(k+2)/e_(k+1)) / log(e_(k+1)/e_k) uses three errors below `basin` of which the last is above `floor`;
+    the last one is the nearest to the limit, so it is the value, and at least two are needed.
+    """
+    e = _trimmed(errors, floor, basin)
+    estimates = [np.log(e[k + 2] / e[k + 1]) / np.log(e[k + 1] / e[k]) for k in range(len(e) - 2)]
+    if len(estimates) < 2:
+        return NOTHING
+    return Observed(Kind.ORDER, float(estimates[-1]), float(np.ptp(estimates[-2:])), len(estimates))
+
+
+def linear_rate(errors: Sequence[float], floor: float = 64 * EPS, basin: float = 0.1) -> Observed:
+    """Return the rate of linear convergence: the median of e_(k+1) / e_k, of at least four."""
+    e = _trimmed(errors, floor, basin)
+    ratios = e[1:] / e[:-1]
+    if len(ratios) < 4:
+        return NOTHING
+    rate = float(np.median(ratios))
+    return Observed(Kind.RATE, rate, float(np.max(np.abs(ratios - rate))), len(ratios))
+
+
+def slope(h: Any, errors: Any, floor: float, ceiling: float = np.inf) -> Observed:
+    """Return the slope of log error over log h, over the errors between `floor` and `ceiling`; at least four points.
+
+    `spread` is the largest distance of a slope between neighbours from the fitted one.
+    """
+    h, errors = np.asarray(h, float), np.asarray(errors, float)
+    keep = (errors > floor) & (errors < ceiling)
+    if keep.sum() < 4:
+        return NOTHING
+    x, y = np.log(h[keep]), np.log(errors[keep])
+    fitted = float(np.polyfit(x, y, 1)[0])
+    local = np.diff(y) / np.diff(x)
+    return Observed(Kind.ORDER, fitted, float(np.max(np.abs(local - fitted))), int(keep.sum()))
+
+
+def _trimmed(errors: Sequence[float], floor: float, basin: float) -> Any:
+    """Return the errors from the first below `basin` to the last above `floor`."""
+    e = np.asarray(errors, float)
+    started = np.flatnonzero(e < basin)
+    if not started.size:
+        return e[:0]
+    e = e[started[0] :]
+    ended = np.flatnonzero(~(e > floor))
+    return e[: ended[0]] if ended.size else e
