@@ -19,7 +19,9 @@ from refkin.model import Effect, Evidence, Scene
 from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route, Seeding, Status, nowhere
 from refkin.newton import NewtonResult, newton
 from refkin.points import point_motion
-from refkin.starts import find_start
+from refkin.proof.assembly import assemblies
+from refkin.proof.isolate import isolate
+from refkin.starts import find_start, unassemblable
 from refkin.sweep import SINGULAR, Arrival, Sweep
 from refkin.system import System, compile_system
 
@@ -56,13 +58,11 @@ def solve(scene: Scene) -> Motion:
     """
     implied = {Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set()
     system = compile_system(scene.mechanism, scene.effects | implied, scene.mechanism.unit())
-    t = np.array(scene.times)
     q, status, message = _positions(system, scene)
+    answer = _Answer(system, scene, q, status)
     reached = np.flatnonzero(np.isfinite(q[0]))
-    answer = _Answer(system, scene, t, q, status)
     if reached.size:
         answer.judge(reached)
-        answer.rates(np.flatnonzero([s is Status.OK for s in status]))
     return answer.motion(message)
 
 
@@ -72,51 +72,88 @@ def _positions(system: System, scene: Scene) -> tuple[Any, list[Status], str]:
     q = np.full((system.n, count), np.nan)
     start = find_start(system, scene)
     if start.q is None:
-        return q, [start.status] * count, start.message
+        later = [Status.NOT_CONVERGED] * (count - 1)
+        return q, _proved(system, scene, [start.status, *later])[0], start.message
     q[:, 0] = start.q
-    status = [Status.OK] + [Status.BRANCH_LOST] * (count - 1)
     sweep = Sweep(system, [scene.times[0]], [start.q])
-    for k in range(1, count):
-        arrival = sweep.to(scene.times[k])
+    done, why = 1, ""
+    while done < count and not why:
+        arrival = sweep.to(scene.times[done])
         if arrival is Arrival.STOPPED:
-            where = f"the sweep stopped at t = {sweep.t[-1]:.17g}, before t = {scene.times[k]:g}"
-            return q, status, f"{start.message}{where}: a singular pose ends the branch"
-        q[:, k], status[k] = sweep.q[-1], Status.OK
-        if arrival is Arrival.AT_SINGULAR_POSE:
-            return q, status, f"{start.message}the pose at t = {scene.times[k]:g} is singular"
-    return q, status, start.message
+            why = f"the branch ends at a singular pose after t = {sweep.t[-1]:.17g}"
+            break
+        q[:, done] = sweep.q[-1]
+        done += 1
+        if arrival is Arrival.AT_SINGULAR_POSE and not isolate(system, sweep.q[-1][:, None], sweep.t[-1:]).ok[0]:
+            why = f"the pose at t = {sweep.t[-1]:g} is singular: how the branch goes on is not decided"
+    status, gap = _proved(system, scene, [Status.OK] * done + [Status.BRANCH_LOST] * (count - done))
+    return q, status, "; ".join(filter(None, (start.message, why, gap)))
+
+
+def _proved(system: System, scene: Scene, status: list[Status]) -> tuple[list[Status], str]:
+    """Return the statuses with UNASSEMBLABLE where that is proved of a pose that was not reached, and the first gap."""
+    told = ""
+    for k, t in enumerate(scene.times):
+        if status[k] in (Status.BRANCH_LOST, Status.NOT_CONVERGED):
+            found = assemblies(system, t)
+            if found.unassemblable:
+                status[k] = Status.UNASSEMBLABLE
+                told = told or f"at t = {t:g} {unassemblable(system, found)}"
+    return status, told
 
 
 class _Answer:
     """The arrays of a motion while they are filled, in the system's coordinates."""
 
-    def __init__(self, system: System, scene: Scene, t: Any, q: Any, status: list[Status]) -> None:
-        self.system, self.scene, self.t, self.q, self.status = system, scene, t, q, status
+    def __init__(self, system: System, scene: Scene, q: Any, status: list[Status]) -> None:
+        self.system, self.scene, self.t, self.q, self.status = system, scene, np.array(scene.times), q, status
         count = len(status)
         self.qd, self.qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
         self.residual, self.sigma_min, self.condition = (nowhere(count) for _ in range(3))
+        self.radius = CertifiedRadius(position=nowhere(count), velocity=nowhere(count), acceleration=nowhere(count))
 
     def judge(self, lanes: Any) -> None:
-        """Fill residual and condition of the poses that were reached, and give each its status."""
+        """Fill rates and evidence of the poses that were reached, and give each its status."""
         q, t = self.q[:, lanes], self.t[lanes]
         self.residual[lanes] = np.max(np.abs(self.system.phi(q, t)), axis=0)
         sigma = np.linalg.svd(np.moveaxis(self.system.phi_q(q, t), -1, 0), compute_uv=False)
-        self.sigma_min[lanes] = sigma[:, self.system.n - 1]
+        smallest = self.sigma_min[lanes] = sigma[:, self.system.n - 1]
         with np.errstate(divide="ignore"):
-            self.condition[lanes] = sigma[:, 0] / self.sigma_min[lanes]
+            self.condition[lanes] = sigma[:, 0] / smallest
+        solvable = smallest > self.system.n * EPS * sigma[:, 0]
+        self._rates(lanes[solvable])
+        proved = Evidence.CERTIFICATE in self.scene.evidence
+        ok = np.where(proved, False, smallest > SINGULAR)
+        for group in (lanes[~ok & solvable], lanes[~ok & ~solvable]):
+            ok[np.isin(lanes, group)] = self._prove(group)
         closed = self.residual[lanes] <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))
-        for k, is_closed, smallest in zip(lanes, closed, self.sigma_min[lanes], strict=True):
-            isolated = Status.OK if smallest > SINGULAR else Status.SINGULAR
-            self.status[k] = isolated if is_closed else Status.NOT_CONVERGED
+        for k, isolated, closes in zip(lanes, ok, closed, strict=True):
+            if self.status[k] is Status.OK:
+                open_ = Status.SINGULAR if closes else Status.NOT_CONVERGED
+                self.status[k] = Status.OK if isolated else open_
+            if self.status[k] is not Status.OK:
+                self.qd[:, k] = self.qdd[:, k] = np.nan
 
-    def rates(self, lanes: Any) -> None:
-        """Fill velocity and acceleration where the pose is isolated, as far as the scene calls for them."""
-        q, t = self.q[:, lanes], self.t[lanes]
+    def _rates(self, lanes: Any) -> None:
+        """Fill velocity and acceleration, as far as the scene calls for them."""
         if not self.system.effects or not lanes.size:
             return
+        q, t = self.q[:, lanes], self.t[lanes]
         self.qd[:, lanes] = velocity(self.system, q, t)
         if Effect.ACCELERATION in self.system.effects:
             self.qdd[:, lanes] = acceleration(self.system, q, self.qd[:, lanes], t)
+
+    def _prove(self, lanes: Any) -> Any:
+        """Return which poses are isolated, by proof, and note the proved radii."""
+        if not lanes.size:
+            return np.zeros(0, bool)
+        rates = [level[:, lanes] if np.isfinite(level[:, lanes]).all() else None for level in (self.qd, self.qdd)]
+        found = isolate(self.system, self.q[:, lanes], self.t[lanes], *rates)
+        for name in ("position", "velocity", "acceleration"):
+            getattr(self.radius, name)[lanes] = getattr(found, name)
+        for k in lanes[found.contradiction > 1.0]:
+            self.status[k] = Status.UNASSEMBLABLE
+        return found.ok
 
     def motion(self, message: str) -> Motion:
         """Return the answer in metres, for the bodies and effects that the scene calls for."""
@@ -137,9 +174,7 @@ class _Answer:
             residual=self.residual,
             sigma_min=self.sigma_min if condition else nowhere(count),
             condition=self.condition if condition else nowhere(count),
-            certified_radius=CertifiedRadius(
-                position=nowhere(count), velocity=nowhere(count), acceleration=nowhere(count)
-            ),
+            certified_radius=self.radius,
             points=self._points(levels, called),
             producer=Producer(name="refkin", version=version("refkin"), route=ROUTE),
             message=message,

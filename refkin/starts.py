@@ -1,7 +1,8 @@
-"""The first pose: from the scene's estimate, or, without one, from starts that are tried."""
+"""The first pose: the assembly that the scene's estimate is nearest to, or, without one, the first that is found."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -9,7 +10,9 @@ import numpy as np
 
 from refkin.model import Scene
 from refkin.motion import Status
-from refkin.newton import newton
+from refkin.newton import NewtonResult, newton
+from refkin.proof.assembly import Assemblies, assemblies
+from refkin.sweep import CONTRACTION
 from refkin.system import System
 
 
@@ -23,14 +26,69 @@ class Start:
 
 
 def find_start(system: System, scene: Scene) -> Start:
-    """Return the assembly at the first time that the scene's estimates lead to."""
-    t = scene.times[0]
-    estimate = system.to_unit(np.concatenate([b.estimate or (0.0, 0.0, 0.0) for b in scene.mechanism.bodies]))
-    smallest = np.inf
-    for damped in (False, True):
-        result = newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), estimate, damped=damped)
-        if result.converged:
-            return Start(Status.OK, result.q)
-        smallest = min(smallest, np.nanmin(np.max(np.abs(result.residuals), axis=1), initial=np.inf))
-    message = f"no assembly was found at t = {t:g}: {result.status}; smallest scaled residual {smallest:.3g}"
-    return Start(Status.NOT_CONVERGED, message=message)
+    """Return the assembly at the first time that the scene's estimates lead to.
+
+    An estimate from which Newton contracts at once is near one assembly and far from others. From any other estimate
+    Newton may go anywhere: then all assemblies are enumerated and the nearest is taken.
+    """
+    t, bodies = scene.times[0], scene.mechanism.bodies
+    missing = [b.name for b in bodies if b.estimate is None]
+    estimate = system.to_unit(np.concatenate([b.estimate or (0.0, 0.0, 0.0) for b in bodies]))
+    tries: list[NewtonResult] = []
+    if not missing:
+        tries.append(_newton(system, t, estimate))
+        if tries[0].converged and _contracts(tries[0]):
+            return Start(Status.OK, tries[0].q)
+    found = assemblies(system, t)
+    if found.unassemblable:
+        return Start(Status.UNASSEMBLABLE, message=unassemblable(system, found))
+    if found.poses:
+        return Start(Status.OK, *_choice(system, found, estimate, missing, t))
+    tries.append(_newton(system, t, estimate, damped=True))
+    best = next((r for r in tries if r.converged), None)
+    if best is not None:
+        return Start(Status.OK, best.q, f"the estimate was far; Newton found an assembly from it at t = {t:g}")
+    smallest = min(np.nanmin(np.max(np.abs(r.residuals), axis=1), initial=np.inf) for r in tries)
+    why = f"{found.message}; {tries[-1].status}; smallest scaled residual {smallest:.3g}"
+    return Start(Status.NOT_CONVERGED, message=f"no assembly was found at t = {t:g}: {why}")
+
+
+def unassemblable(system: System, found: Assemblies) -> str:
+    """Return the proof in words, with the gap in metres where it is a length."""
+    return f"{found.message} (gap at least {found.gap:.3g} of the size {system.unit.size:g} m)"
+
+
+def _newton(system: System, t: float, start: Any, damped: bool = False) -> NewtonResult:
+    return newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start, damped=damped)
+
+
+def _contracts(result: NewtonResult) -> bool:
+    """Whether the corrections shrank from the first on, fast enough that no other root can be near."""
+    sizes = np.max(np.abs(result.corrections), axis=1)
+    return len(sizes) < 2 or bool(sizes[1] <= CONTRACTION * sizes[0])
+
+
+def _choice(
+    system: System, found: Assemblies, estimate: Any, missing: list[str], t: float
+) -> tuple[Any, str]:
+    """Return an assembly and what to say of the choice: the nearest to what estimates there are, else the first."""
+    held = np.concatenate([np.full(3, b.name not in missing) for b in system.mechanism.bodies])
+    poses = [_turned_to(system, q, estimate, held, t) for q in found.poses]
+    distances = [float(np.linalg.norm((q - estimate)[held])) for q in poses]
+    nearest = int(np.argmin(distances))
+    if not missing:
+        return poses[nearest], ""
+    which = f"assembly {nearest + 1} of {len(poses)}{'' if found.complete else ' found'}"
+    sides = f", sides {found.branches[nearest]}" if found.branches[nearest] else ""
+    return poses[nearest], f"no estimate for {', '.join(missing)}: {which}{sides}; "
+
+
+
+def _turned_to(system: System, q: Any, estimate: Any, held: Any, t: float) -> Any:
+    """Return the assembly with whole turns added to its angles so that they are nearest to the estimate's.
+
+    Turns that a driver counts are not ours to choose: where they would break a constraint none are added.
+    """
+    angle = np.arange(system.n) % 3 == 2
+    moved = q + math.tau * np.where(angle & held, np.round((estimate - q) / math.tau), 0.0)
+    return moved if np.max(np.abs(system.phi(moved, t))) < 1.0 else q
