@@ -2,9 +2,9 @@
 
 First-order propagation through the equations of the reference, at its solution and in its scaled coordinates:
 
-    dq   = |J^-1| e_phi                          + u |q|
-    dqd  = |J^-1| (|d(J qd - nu)/dq| dq + e_nu)   + 2 u |qd|
-    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + 2 u |qdd|
+    dq   = |J^-1| e_phi                          + 2 u max(1, |q|)
+    dqd  = |J^-1| (|d(J qd - nu)/dq| dq + e_nu)   + 2 u max |qd|
+    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + 2 u max |qdd|
 
 with J = phi_q. The e are running-error bounds of the formulas themselves (`running_error`), with coordinates that
 are rounded to u |q|: no float64 code is told more. `SAFETY` covers that an engine evaluates the same closure by
@@ -25,8 +25,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
-from crosscheck.running_error import U, errors, running
+from crosscheck.running_error import Running, U, errors, running
 from refkin.motion import Motion, Status
+from refkin.motion_laws import Table
 from refkin.system import System
 
 SAFETY = 8.0
@@ -71,22 +72,21 @@ def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Seq
         level: [term for term in terms if term.level == level] for level in ("position", "velocity", "acceleration")
     }
 
-    e_phi = SAFETY * errors(system.phi(running(q, U * np.abs(q)), t), t.shape)
-    printed = U * np.abs(system.to_physical(q))  # what is left of a coordinate when it is handed over in metres
-    printed = np.where(np.arange(len(q))[:, None] % 3 == 2, printed, printed / system.unit.size)
-    dq = _carried(inverse, e_phi + _added(extra["position"], e_phi)) + 2 * printed + U * np.abs(q)
+    clock = _clock(system, t)
+    e_phi = SAFETY * errors(system.phi(running(q, U * np.abs(q)), clock), t.shape)
+    dq = _carried(inverse, e_phi + _added(extra["position"], e_phi)) + _handed_over(system, q)
     second = _slope(lambda z: _times(system.phi_q(z, t), qd) - system.nu(z, t), q)
-    e_nu = SAFETY * _residual_error(system, q, qd, t, "nu")
+    e_nu = SAFETY * _residual_error(system, q, qd, clock, t.shape)
     size = _times(np.abs(system.phi_q(q, t)), np.abs(qd))
     e_nu = e_nu + _solve_error(size) + _added(extra["velocity"], size)
-    dqd = _carried(inverse, _times(np.abs(second), dq) + e_nu) + 2 * U * np.abs(qd)
+    dqd = _carried(inverse, _times(np.abs(second), dq) + e_nu) + 2 * U * np.max(np.abs(qd), axis=0)
     third = _slope(lambda z: _times(system.phi_q(z, t), qdd) - system.gamma(z, qd, t), q)
     coriolis = _slope(lambda z: system.gamma(q, z, t), qd)
-    e_gamma = SAFETY * _residual_error(system, q, qdd, t, "gamma", qd)
+    e_gamma = SAFETY * _residual_error(system, q, qdd, clock, t.shape, qd)
     size = _times(np.abs(system.phi_q(q, t)), np.abs(qdd)) + np.abs(system.gamma(q, qd, t))
     e_gamma = e_gamma + _solve_error(size) + _added(extra["acceleration"], size)
     carried = _times(np.abs(third), dq) + _times(np.abs(coriolis), dqd) + e_gamma
-    dqdd = _carried(inverse, carried) + 2 * U * np.abs(qdd)
+    dqdd = _carried(inverse, carried) + 2 * U * np.max(np.abs(qdd), axis=0)
     for allowed, values in zip((budget.position, budget.velocity, budget.acceleration), (dq, dqd, dqdd), strict=True):
         allowed[:, lanes] = values
     budget.judged[lanes] = _first_order(system, inverse, dq, q, t)
@@ -127,15 +127,33 @@ def _slope(function: Any, x: Any) -> Any:
     return np.stack(columns, axis=1)
 
 
-def _residual_error(system: System, q: Any, rate: Any, t: Any, side: str, qd: Any = None) -> Any:
-    """Return the running error (m, T) of phi_q rate - nu or phi_q rate - gamma, as any code evaluates it at this q."""
+def _clock(system: System, t: Any) -> Any:
+    """Return the times as running numbers, so that a law's own rounding counts; tables are what their floats say."""
+    laws = [law for c in system.mechanism.constraints for law in c.laws]
+    tables = any(isinstance(getattr(law, "rate", law), Table) for law in laws)
+    return t if tables else Running(t)
+
+
+def _handed_over(system: System, q: Any) -> Any:
+    """Return the rounding of a coordinate that is composed of others, in metres and back.
+
+    A pose at the end of a chain is a sum of lever arms up to one size and of angles up to one turn, each rounded; in metres it
+    is rounded relative to its distance from the scene's origin, which is not ours.
+    """
+    metres = np.abs(system.to_physical(q))
+    is_angle = np.arange(len(q))[:, None] % 3 == 2
+    return 2 * U * np.maximum(1.0, np.where(is_angle, metres, metres / system.unit.size))
+
+
+def _residual_error(system: System, q: Any, rate: Any, t: Any, shape: tuple[int, ...], qd: Any = None) -> Any:
+    """Return the running error (m, T) of phi_q rate - nu, or of phi_q rate - gamma if qd is given, at this q."""
     at, moving = running(q), running(rate, U * np.abs(rate))
-    right = system.nu(at, t) if side == "nu" else system.gamma(at, running(qd), t)
+    right = system.nu(at, t) if qd is None else system.gamma(at, running(qd), t)
     left = system.phi_q(at, t)
     rows = np.empty(system.m, object)
     for m in range(system.m):
-        rows[m] = sum((moving[k] * left[m, k] for k in range(system.n)), running([0.0])[0]) - right[m]
-    return errors(rows, t.shape)
+        rows[m] = sum((moving[k] * left[m, k] for k in range(system.n)), Running(0.0)) - right[m]
+    return errors(rows, shape)
 
 
 def _first_order(system: System, inverse: Any, dq: Any, q: Any, t: Any) -> Any:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -31,9 +31,14 @@ class Reference:
     levels: tuple[Any, Any, Any]
     sigma_min: Any
 
+    _budgets: dict[tuple[Term, ...], ErrorBudget] = field(default_factory=dict, repr=False)
+
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
-        """Return the allowed errors against another answer."""
-        return derive(self.system, self.motion, *self.levels, terms)
+        """Return the allowed errors against another answer; derived once for the same terms."""
+        key = tuple(terms)
+        if key not in self._budgets:
+            self._budgets[key] = derive(self.system, self.motion, *self.levels, key)
+        return self._budgets[key]
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from typing import Any
 
 from hypothesis import HealthCheck, Phase, given, seed, settings
 
-from crosscheck.strategies import Drawn, nightly
+from crosscheck.strategies import Drawn, drawn_scenes
 
 SHARD = 100
 """Scenes per shard."""
@@ -51,7 +51,7 @@ def draw(night: int, shard: int) -> list[Drawn]:
 
     @seed(shard_seed(night, shard))
     @profile((Phase.generate,))
-    @given(nightly())
+    @given(drawn_scenes())
     def collect(drawn: Drawn) -> None:
         scenes.append(drawn)
 
@@ -77,7 +77,7 @@ def shrink(
 
     @seed(shard_seed(night, shard))
     @profile((Phase.generate, Phase.shrink))
-    @given(nightly())
+    @given(drawn_scenes())
     def property_to_shrink(drawn: Drawn) -> None:
         nonlocal best, met
         met = met or drawn == failing
@@ -97,4 +97,10 @@ def shrink(
 
 def describe(drawn: Drawn) -> dict[str, Any]:
     """Return what the generator knows of a scene, as plain data."""
-    return {key: value for key, value in vars(drawn).items() if key != "scene"}
+    return {
+        "kind": drawn.kind,
+        "grashof": None if drawn.grashof is None else drawn.grashof.value,
+        "branch": drawn.branch.value,
+        "hardness": drawn.hardness.value,
+        "distance": drawn.distance,
+    }

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.budget import SAFETY
-from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term
+from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, table_key
 from crosscheck.frames import RowMap
 from crosscheck.running_error import U, Running, errors, running
 from refkin.model import Mechanism
@@ -80,7 +80,7 @@ def compare_levels(
     system = compile_system(mechanism)
     table = engine.capabilities()
     first_row = {p.constraint.name: p.row for p in system.placed}
-    kinds = {c.name: c.type for c in mechanism.constraints}
+    kinds = {c.name: table_key(c) for c in mechanism.constraints}
     drivers = {d.name for d in mechanism.drivers}
     found = {}
     for level in LEVELS:
@@ -146,7 +146,7 @@ def _ours(system: System, at: Configuration) -> dict[Any, Any]:
     rate = np.empty(system.m, object)
     nu = system.nu(q, at.t)
     for m in range(system.m):
-        rate[m] = sum((qd[k] * slope[m, k] for k in range(system.n)), running([0.0])[0]) - nu[m]
+        rate[m] = sum((qd[k] * slope[m, k] for k in range(system.n)), Running(0.0)) - nu[m]
     values = {"x": system.phi(q, at.t), "x_q": slope, "x'": rate, "gamma": system.gamma(q, qd, at.t)}
     found: dict[Any, Any] = {key: (_values(v), errors(v, ())) for key, v in values.items()}
     largest = {Level.RESIDUAL: "x", Level.JACOBIAN: "x_q", Level.CONSTRAINT_VELOCITY: "x'", Level.DRIFT: "gamma"}
@@ -169,6 +169,7 @@ def _mapped(level: Level, m: RowMap, row: int, ours: dict[Any, Any]) -> tuple[An
         gamma, e_gamma = (v[row] for v in ours["gamma"])
         value = f1 * gamma - f2 * rate**2
         error = abs(f1) * e_gamma + abs(f2) * (2 * abs(rate) * e_rate + ex * abs(gamma) + U * rate**2)
+        error = error + abs(m.factor * (m.form(x + ex, 2) - m.form(x, 2))) * rate**2  # F'' at an x known to ex
     return value, SAFETY * (error + 2 * U * np.abs(value))
 
 

@@ -42,6 +42,10 @@ class Running:
         inherited = np.abs(self.value) * b.error + np.abs(b.value) * self.error
         return self._result(self.value * b.value, inherited)
 
+    def __truediv__(self, other: float) -> Running:
+        """Divide by a plain number."""
+        return self * (1.0 / other)
+
     __radd__ = __add__
     __rmul__ = __mul__
 

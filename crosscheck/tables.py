@@ -8,7 +8,7 @@ from typing import Any
 from rich.table import Table
 
 from crosscheck.engines import Engine, Level, Support
-from refkin.joints import DRIVER_TYPES, JOINT_TYPES
+from refkin.joints import DRIVER_TYPES, JOINT_TYPES, DistanceDriver
 
 QUANTITIES = ("position", "velocity", "acceleration")
 
@@ -68,7 +68,7 @@ def type_name(cls: Any) -> str:
 
 
 def _levels(known: Any, cls: Any) -> Any:
-    return known.get(type_name(cls), {})
+    return known.get("distance driver" if cls is DistanceDriver else type_name(cls), {})
 
 
 def _cells(quantity: Mapping[str, Any] | None) -> list[str]:

@@ -14,8 +14,7 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.joint_tree import Array, JointTree
-from refkin.joints import GROUND, AngleDriver, DistanceDriver, Driver, Pair, YDriver
-from refkin.joints.drivers import CoordinateDriver
+from refkin.joints import GROUND, AngleDriver, DistanceDriver, Driver, Pair, XDriver, YDriver
 
 
 class TreeEngine(Protocol):
@@ -55,7 +54,7 @@ class TreeSystem:
 
     def __init__(self, engine: TreeEngine, drivers: Sequence[Driver]) -> None:
         for driver in drivers:
-            if not isinstance(driver, AngleDriver | CoordinateDriver | DistanceDriver):
+            if not isinstance(driver, AngleDriver | XDriver | YDriver | DistanceDriver):
                 raise EngineError(f"driver {driver.name!r} of type {driver.type}: a joint tree has no row for it")
         self.engine, self.tree, self.drivers = engine, engine.tree, tuple(drivers)
         self._known: tuple[float, list[tuple[float, float]]] = (math.nan, [])
@@ -85,7 +84,7 @@ class TreeSystem:
         if isinstance(driver, DistanceDriver):
             d, jacobian = self._gap(driver, q)
             return float(d @ d - f * f) / (2.0 * (f or 1.0)), d @ jacobian / (f or 1.0)
-        assert isinstance(driver, CoordinateDriver)
+        assert isinstance(driver, XDriver | YDriver)
         k = _component(driver)
         r, jacobian = self._point(q, driver.body, driver.point)
         return r[k] - f, jacobian[k]
@@ -101,7 +100,7 @@ class TreeSystem:
                 q, qd, driver.body_i, driver.point_i
             )
             return (fd * fd + f * fdd - float(rate @ rate) - float(d @ drift)) / (f or 1.0)
-        assert isinstance(driver, CoordinateDriver)
+        assert isinstance(driver, XDriver | YDriver)
         return fdd - float(self._drift(q, qd, driver.body, driver.point)[_component(driver)])
 
     def _turn(self, driver: AngleDriver) -> Array:

@@ -206,7 +206,8 @@ class Linkage:
             unassemblable = "lengths that assemble: these do at no input"
             raise InvalidScene([Fault(path, asked, expected if words else unassemblable)], type(self).__name__)
 
-    def _place(self, z: complex) -> Pair:
+    def place(self, z: complex) -> Pair:
+        """Return a point of the linkage's own frame in the ground frame [m]."""
         turned = z * cmath.rect(1.0, self.angle)
         return self.origin[0] + turned.real, self.origin[1] + turned.imag
 

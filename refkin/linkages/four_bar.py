@@ -108,11 +108,11 @@ class FourBar(Linkage):
         phi = {link: angle - phi["ground"] for link, angle in phi.items()}
         crank, coupler, rocker = (cmath.rect(getattr(self, link), phi[link]) for link in ("crank", "coupler", "rocker"))
         middles = {"crank": crank / 2, "coupler": crank + coupler / 2, "rocker": self.ground + rocker / 2}
-        return {link: (*self._place(z), phi[link] + self.angle) for link, z in middles.items()}
+        return {link: (*self.place(z), phi[link] + self.angle) for link, z in middles.items()}
 
     def joints(self) -> tuple[Constraint, ...]:
         crank, coupler, rocker = self.crank / 2, self.coupler / 2, self.rocker / 2
-        pivot = self._place(complex(self.ground))
+        pivot = self.place(complex(self.ground))
         return (
             Revolute(name="A0", body_i=GROUND, point_i=self.origin, body_j="crank", point_j=(-crank, 0.0)),
             Revolute(name="A", body_i="crank", point_i=(crank, 0.0), body_j="coupler", point_j=(-coupler, 0.0)),

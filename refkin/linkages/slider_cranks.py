@@ -103,14 +103,14 @@ class SliderCrank(Linkage):
         crank, rod = self.solve_loop(value, sign, driven, relative_to)
         pin, arm = cmath.rect(self.crank, crank), cmath.rect(self.rod, rod)
         return {
-            "crank": (*self._place(pin / 2), crank + self.angle),
-            "connecting_rod": (*self._place(pin + arm / 2), rod + self.angle),
-            "slider": (*self._place(complex((pin + arm).real, self.offset)), self.angle),
+            "crank": (*self.place(pin / 2), crank + self.angle),
+            "connecting_rod": (*self.place(pin + arm / 2), rod + self.angle),
+            "slider": (*self.place(complex((pin + arm).real, self.offset)), self.angle),
         }
 
     def joints(self) -> tuple[Constraint, ...]:
         c, r, rod = self.crank / 2, self.rod / 2, "connecting_rod"
-        foot, along = self._place(complex(0.0, self.offset)), (math.cos(self.angle), math.sin(self.angle))
+        foot, along = self.place(complex(0.0, self.offset)), (math.cos(self.angle), math.sin(self.angle))
         return (
             Revolute(name="A0", body_i=GROUND, point_i=self.origin, body_j="crank", point_j=(-c, 0.0)),
             Revolute(name="A", body_i="crank", point_i=(c, 0.0), body_j=rod, point_j=(-r, 0.0)),
@@ -139,7 +139,7 @@ class SliderCrank(Linkage):
     def _input(self, coordinate: float, driven: str) -> float:
         if driven != "slider":
             return coordinate
-        x, y = self._place(complex(0.0, self.offset))
+        x, y = self.place(complex(0.0, self.offset))
         return (coordinate - x) / math.cos(self.angle) if self._drives_x else (coordinate - y) / math.sin(self.angle)
 
 
@@ -201,12 +201,12 @@ class InvertedSliderCrank(Linkage):
         lever = math.pi - ground
         crank = rod + lever
         return {
-            "crank": (*self._place(cmath.rect(self.crank / 2, crank)), crank + self.angle),
-            "lever": (*self._place(complex(self.ground)), lever + self.angle),
+            "crank": (*self.place(cmath.rect(self.crank / 2, crank)), crank + self.angle),
+            "lever": (*self.place(complex(self.ground)), lever + self.angle),
         }
 
     def joints(self) -> tuple[Constraint, ...]:
-        c, pivot = self.crank / 2, self._place(complex(self.ground))
+        c, pivot = self.crank / 2, self.place(complex(self.ground))
         return (
             Revolute(name="A0", body_i=GROUND, point_i=self.origin, body_j="crank", point_j=(-c, 0.0)),
             Revolute(name="B0", body_i=GROUND, point_i=pivot, body_j="lever", point_j=(0.0, 0.0)),

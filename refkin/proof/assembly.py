@@ -2,13 +2,12 @@
 
 The mechanism is put together cluster by cluster (`clusters`), each step in closed form and in balls of 113 bits
 (`placing`, `loci`), along every branch. A branch ends where loci certainly miss each other; if all of them end, the
-mechanism cannot be assembled, and the gap is the smallest distance that is missing. Where all steps can be taken and all meetings
-are proved, the assemblies found are all there are.
+mechanism cannot be assembled, and the gap is the smallest distance that is missing. Where all steps can be taken and
+all meetings are proved, the assemblies found are all there are. What closed form does not reach is left to `search`.
 """
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -17,10 +16,10 @@ from flint import ctx
 from refkin.motion import Array
 from refkin.newton import newton
 from refkin.proof.clusters import plan
-from refkin.proof.loci import Ball
+from refkin.proof.loci import above, below
 from refkin.proof.loops import open_loop
 from refkin.proof.placing import MOST_BRANCHES, Branch, End, Placement, place
-from refkin.proof.rows import Reader, Rows
+from refkin.proof.rows import Rows, read_rows
 from refkin.proof.search import closes, coordinates, search
 from refkin.system import System
 
@@ -38,15 +37,15 @@ class Assemblies:
     poses : tuple of (n,) arrays
         The assemblies that were found, in the system's coordinates. An angle that no driver counts is in (-pi, pi].
     branches : tuple of tuples of int
-        For each pose, on which side each dyad was assembled: 1 if its inner joint lies left of the line from the one outer
-        joint to the other, -1 if right, 0 if on it. Empty where the pose was found by search.
+        For each pose, on which side each dyad was assembled: 1 if its inner joint lies left of the line from the one
+        outer joint to the other, -1 if right, 0 if on it. Empty where the pose was found by search.
     radii : tuple of float
-        For each pose, a proved bound of its error, largest component; NaN where the pose was found by search.
+        For each pose, a bound of its error, largest component; NaN where none was proved.
     complete : bool
         Whether it is proved that these are all assemblies, up to whole turns of angles that no driver counts.
     gap : float or None
-        If it is proved that there is none: a lower bound of the distance that is missing at least (scaled; rad if angles
-        disagree), over all branches.
+        If it is proved that there is none: a lower bound of what is missing at least, over all branches (scaled
+        lengths; rad if angles disagree).
     message : str
         In words.
     """
@@ -77,16 +76,16 @@ def assemblies(system: System, t: float) -> Assemblies:
     """
     with ctx.workprec(PRECISION):
         names = [body.name for body in system.mechanism.bodies]
-        rows = Reader(system, t).read()
+        rows = read_rows(system, t)
         scheme = plan(rows, names)
         if scheme.redundant:
-            rows = Reader(system, t, SPREAD).read()
+            rows = read_rows(system, t, SPREAD)
         placement = place(scheme, rows, names, system.unit.size)
         if placement.impossible:
             return _none(placement.ends)
         if len(scheme.clusters) == 1 and not (rows.foreign or placement.stuck):
             return _placed(system, t, placement)
-        return _searched(system, t, rows)
+        return _searched(system, t, rows, bool(placement.stuck))
 
 
 def _none(ends: Sequence[End]) -> Assemblies:
@@ -97,41 +96,45 @@ def _none(ends: Sequence[End]) -> Assemblies:
 
 def _placed(system: System, t: float, placement: Placement) -> Assemblies:
     """Return what closed form has placed."""
-    poses = [_pose(system, t, branch) for branch in placement.branches]
-    complete = not placement.truncated and all(b.decided for b in placement.branches)
-    message = "" if complete else "dyads are at a limit of their reach: assemblies coincide, or just miss"
+    poses = [(*_pose(system, t, branch), branch.sides) for branch in placement.branches]
+    closed = [pose for pose in poses if closes(system, pose[0], t)]
+    decided = all(branch.decided for branch in placement.branches)
+    message = "" if decided else "a dyad is at the limit of its reach: its assemblies coincide, or just miss"
     if placement.truncated:
         message = f"there are more than {MOST_BRANCHES} branches: not all were followed"
     return Assemblies(
-        poses=tuple(q for q, _ in poses),
-        branches=tuple(b.sides for b in placement.branches),
-        radii=tuple(radius for _, radius in poses),
-        complete=complete,
+        poses=tuple(q for q, _, _ in closed),
+        branches=tuple(sides for _, _, sides in closed),
+        radii=tuple(radius for _, radius, _ in closed),
+        complete=decided and not placement.truncated and len(closed) == len(poses),
         message=message,
     )
 
 
-def _searched(system: System, t: float, rows: Rows) -> Assemblies:
+def _searched(system: System, t: float, rows: Rows, stuck: bool) -> Assemblies:
     """Return what a search finds, or proves."""
     end = open_loop(rows, system.unit.size)
     if end is not None:
         return _none([end])
     found = search(system, t, rows)
-    if found.end is not None:
-        return _none([found.end])
-    unknown = tuple(() for _ in found.poses)
-    radii = tuple(math.nan for _ in found.poses)
+    gap = None if found.gap is None else below(found.gap)
     what = f"{len(found.poses)} assemblies were found by search" if found.poses else "no assembly was found"
+    why = "the outer joints of a dyad coincide, or its lines are parallel" if stuck else ""
     return Assemblies(
-        poses=found.poses, branches=unknown, radii=radii, message="; ".join(filter(None, (what, found.note)))
+        poses=found.poses,
+        branches=tuple(() for _ in found.poses),
+        radii=found.radii,
+        complete=found.complete or gap is not None,
+        gap=gap,
+        message=found.note if gap is not None else "; ".join(filter(None, (what, why, found.note))),
     )
 
 
 def _pose(system: System, t: float, branch: Branch) -> tuple[Array, float]:
     """Return a branch's coordinates as floats, and how far they may be from the true ones.
 
-    The middles of the balls are better than what Newton in floats can make of them, unless the balls are wide (where loci
-    touch, or with spread numbers).
+    The middles of the balls are better than what Newton in floats can make of them, unless the balls are wide (where
+    loci touch, or with spread numbers).
     """
     q = coordinates(system, branch)
     if not closes(system, q, t):
@@ -143,13 +146,3 @@ def _pose(system: System, t: float, branch: Branch) -> tuple[Array, float]:
         for exact, x in zip((pose.r.x, pose.r.y, pose.phi), q[columns], strict=True):
             radius = max(radius, above(abs(exact - float(x))))
     return q, radius
-
-
-def below(x: Ball) -> float:
-    """Return a float that is no larger than any number of a ball."""
-    return math.nextafter(float(x.lower()), -math.inf)
-
-
-def above(x: Ball) -> float:
-    """Return a float that is no smaller than any number of a ball."""
-    return math.nextafter(float(x.upper()), math.inf)

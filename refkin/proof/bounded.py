@@ -1,26 +1,30 @@
 """Float64 numbers that carry a proved bound of their rounding error and of how far they move with the coordinates.
 
-The formulas of the joints run on these numbers unchanged, so no bound is stated beside a formula: it is computed from it.
-A `Bounded` number stands for a function of the coordinates over a box |q - q0| <= s box, 0 <= s <= 1:
+The formulas of the joints run on these numbers unchanged, so no bound is stated beside a formula: it is computed from
+it. A `Bounded` number stands for a function of the coordinates, at q0 and over a box |q - q0| <= s box, 0 <= s <= 1:
 
-    |value(q) - mid| <= rounding + s spread
+    |value(q0) - mid| <= rounding     |value(q) - value(q0)| <= s spread
 
-`rounding` is a running-error bound (Higham, Accuracy and Stability of Numerical Algorithms, section 3.3): what the number
-is off at q0 itself. `spread` bounds the motion over the whole box; the spread of phi_q over a box of radius r is r times a
-Lipschitz constant of phi_q there, the K(r) of Newton and Kantorovich. For a sum it is the sum, and for a product
+`rounding` is a running-error bound (Higham, Accuracy and Stability of Numerical Algorithms, section 3.3). `spread`
+bounds the motion over the box; the spread of phi_q over a box of radius r is r times a Lipschitz constant of phi_q
+there, the K(r) of Newton and Kantorovich. For a sum it is the sum, and for a product
 
-    |x y - x0 y0| <= |x0| |dy| + |y0| |dx| + |dx| |dy|,   |dx| <= rounding_x + s spread_x,   s^2 <= s.
+    |x y - x0 y0| <= |x0| |dy| + |y0| |dx| + |dx| |dy|,   |x0| <= |mid| + rounding,   |dx| <= s spread,   s^2 <= s.
 
-What is assumed: IEEE 754 binary64, rounding to nearest, and sine and cosine within 2 ulp. The bounds themselves are
-computed in float64 from sums and products of non-negative numbers; each such operation is off by a factor within
+What is assumed: IEEE 754 arithmetic, rounding to nearest, and sine and cosine within 2 ulp. The bounds themselves are
+computed in binary64 from sums and products of non-negative numbers; each such operation is off by a factor within
 1 +- 2^-53 and at most 2^12 of them lie on the way to any bound, which `UP` makes good when the bounds are read.
+
+`Extended` does the same with the machine's long double in the middle, 64 bits on x86-64 and those of binary64 where a
+machine has no more. What is small by cancellation, a residual at a solution, is then known to a few digits; it alone
+decides how sharp a certificate is.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
+from typing import Any, Self, cast
 
 import numpy as np
 from flint import arb, ctx
@@ -35,10 +39,8 @@ UP = 1.0 + 2.0**-40
 """More than (1 + U)^(2^12)."""
 TINY = 2.0**-900
 """More than all that is lost by underflow."""
-LAW_BITS = 113
-"""Precision in which geometry and laws are computed before they are rounded to float64."""
-TRIGONOMETRIC = 4 * U
-"""Relative error of a sine or cosine within 2 ulp: an ulp of x is at most 2 U |x|."""
+LAW_BITS = 160
+"""Precision in which geometry and laws are computed before they are rounded."""
 
 
 class Bounded:
@@ -46,48 +48,90 @@ class Bounded:
 
     __slots__ = ("mid", "rounding", "spread")
     __array_ufunc__ = None  # an array on the left of + - * leaves the operation to this class
+    unit = U
 
     def __init__(self, mid: Any, rounding: Any = 0.0, spread: Any = 0.0) -> None:
         self.mid = mid
         self.rounding = rounding
         self.spread = spread
 
+    @classmethod
+    def near(cls, parts: Any, input_error: float = 0.0) -> Self:
+        """Return the number, or row, that lies within parts[2] of parts[0] + parts[1] (see `parts`)."""
+        high, low, rest = parts
+        return cls(high, abs(low) + rest, input_error * abs(high))
+
+    @classmethod
+    def exactly(cls, mid: Any, spread: Any = 0.0) -> Self:
+        """Return binary64 numbers, which are what they are."""
+        return cls(mid, 0.0, spread)
+
+    @staticmethod
+    def size(mid: Any) -> Any:
+        """Return |mid| in binary64."""
+        return abs(mid)
+
     def __add__(self, other: Any) -> Bounded:
-        x = other if isinstance(other, Bounded) else Bounded(other)
+        x = other if isinstance(other, Bounded) else self.exactly(other)
         mid = self.mid + x.mid
-        return Bounded(mid, self.rounding + x.rounding + U * abs(mid), self.spread + x.spread)
+        back = mid - self.mid
+        lost = (self.mid - (mid - back)) + (x.mid - back)  # exactly (Knuth's two-sum)
+        return type(self)(mid, self.rounding + x.rounding + self.size(lost), self.spread + x.spread)
 
     def __sub__(self, other: Any) -> Bounded:
-        x = other if isinstance(other, Bounded) else Bounded(other)
-        mid = self.mid - x.mid
-        return Bounded(mid, self.rounding + x.rounding + U * abs(mid), self.spread + x.spread)
+        return self.__add__(-other)
 
     def __rsub__(self, other: Any) -> Bounded:
-        return Bounded(other) - self
+        return (-self).__add__(other)
 
     def __mul__(self, other: Any) -> Bounded:
-        x = other if isinstance(other, Bounded) else Bounded(other)
+        if isinstance(other, int) and abs(other) == 1:
+            return self if other == 1 else -self
+        x = other if isinstance(other, Bounded) else self.exactly(other)
         mid = self.mid * x.mid
-        most, most_x = abs(self.mid) + self.rounding, abs(x.mid)
-        rounding = most * x.rounding + most_x * self.rounding + (U * abs(mid) + TINY)
+        most, most_x = self.size(self.mid) + self.rounding, self.size(x.mid)
+        rounding = most * x.rounding + most_x * self.rounding + (self.unit * self.size(mid) + TINY)
         spread = (most + self.spread) * x.spread + (most_x + x.rounding) * self.spread
-        return Bounded(mid, rounding, spread)
+        return type(self)(mid, rounding, spread)
 
     __radd__ = __add__
     __rmul__ = __mul__
 
     def __neg__(self) -> Bounded:
-        return Bounded(-self.mid, self.rounding, self.spread)
+        return type(self)(-self.mid, self.rounding, self.spread)
 
     def cos(self) -> Bounded:
         """Return the cosine; its slope is at most 1."""
-        mid = np.cos(self.mid)
-        return Bounded(mid, self.rounding + (TRIGONOMETRIC * abs(mid) + TINY), self.spread)
+        return self._trigonometric(np.cos(self.mid))
 
     def sin(self) -> Bounded:
         """Return the sine; its slope is at most 1."""
-        mid = np.sin(self.mid)
-        return Bounded(mid, self.rounding + (TRIGONOMETRIC * abs(mid) + TINY), self.spread)
+        return self._trigonometric(np.sin(self.mid))
+
+    def _trigonometric(self, mid: Any) -> Bounded:
+        # An ulp of x is at most 2 unit |x|.
+        return type(self)(mid, self.rounding + (4 * self.unit * self.size(mid) + TINY), self.spread)
+
+
+class Extended(Bounded):
+    """A `Bounded` number whose `mid` is a long double; its bounds stay in binary64."""
+
+    __slots__ = ()
+    unit = 2.0 ** -(np.finfo(np.longdouble).nmant + 1)
+
+    @classmethod
+    def near(cls, parts: Any, input_error: float = 0.0) -> Self:
+        high, low, rest = parts
+        mid = np.longdouble(high) + np.longdouble(low)
+        return cls(mid, cls.unit * abs(high) * (low != 0) * 2 + rest, input_error * abs(high))
+
+    @classmethod
+    def exactly(cls, mid: Any, spread: Any = 0.0) -> Self:
+        return cls(np.longdouble(mid), 0.0, spread)
+
+    @staticmethod
+    def size(mid: Any) -> Any:
+        return np.float64(abs(mid))
 
 
 @dataclass(frozen=True)
@@ -99,86 +143,88 @@ class Bounds:
     spread: Any
 
 
-def box(q: Any, radii: Any = 0.0) -> Any:
-    """Return coordinates (n, B) as an object array (n,) of `Bounded` rows over the box of the given radii."""
-    q, radii = np.asarray(q, float), np.broadcast_to(radii, np.shape(q))
+def box(q: Any, radii: Any = 0.0, number: type[Bounded] = Bounded) -> Any:
+    """Return coordinates (n, B) as an object array (n,) of rows over the box of the given radii."""
+    radii = np.broadcast_to(radii, np.shape(q))
     out = np.empty(len(q), object)
     for k, (mid, spread) in enumerate(zip(q, radii, strict=True)):
-        out[k] = Bounded(mid, 0.0, spread)
+        out[k] = number.exactly(mid, spread)
     return out
 
 
 def read(numbers: Any, lanes: int) -> Bounds:
-    """Return an object array of `Bounded` numbers and plain ones as arrays, B = `lanes`."""
+    """Return an object array of `Bounded` numbers and plain ones as binary64 arrays, B = `lanes`."""
     mid, rounding, spread = (np.zeros((*numbers.shape, lanes)) for _ in range(3))
     for place, x in np.ndenumerate(numbers):
         if isinstance(x, Bounded):
-            mid[place], rounding[place], spread[place] = x.mid, x.rounding, x.spread + TINY
+            narrowed = U * x.size(x.mid) if x.unit < U else 0.0
+            mid[place], rounding[place], spread[place] = x.mid, x.rounding + narrowed, x.spread + TINY
         else:
             mid[place] = x
     return Bounds(mid, rounding * UP, spread * UP)
 
 
 class Times:
-    """Times (B,) for a `bounded_system`, with the laws' values there: each computed exactly once, then rounded."""
+    """Times (B,) for a `bounded_system`, with the laws' values there, each computed exactly and once."""
 
-    def __init__(self, t: Any, order: int, input_error: float = 0.0) -> None:
+    def __init__(self, t: Any, order: int) -> None:
         self.t = np.asarray(t, float)
         self.order = order
-        self.input_error = input_error
-        self._inputs: dict[str, tuple[tuple[Bounded, ...], ...]] = {}
+        self._values: dict[str, list[Any]] = {}
 
-    def inputs(self, constraint: Any, unit: Unit) -> tuple[tuple[Bounded, ...], ...]:
-        """Return per law its scaled value and derivatives up to `order`, as rows."""
-        if not constraint.laws:
-            return ()
-        if constraint.name not in self._inputs:
+    def values(self, constraint: Any, unit: Unit) -> list[Any]:
+        """Return per law its scaled value and derivatives up to `order` as `parts`, (order + 1, 3, B)."""
+        if constraint.name not in self._values:
             with ctx.workprec(LAW_BITS):
-                exact = [constraint.inputs(arb(t), unit, self.order) for t in self.t.tolist()]
-                laws = [[[rounded(x) for x in at] for at in zip(*law, strict=True)] for law in zip(*exact, strict=True)]
-            self._inputs[constraint.name] = tuple(tuple(self._row(values) for values in law) for law in laws)
-        return self._inputs[constraint.name]
-
-    def _row(self, values: list[tuple[float, float]]) -> Bounded:
-        mid, rounding = np.array(values).T
-        return Bounded(mid, rounding, self.input_error * abs(mid))
+                found = [constraint.inputs(arb(t), unit, self.order) for t in self.t.tolist()]
+                laws = [[[parts(x) for x in at] for at in law] for law in zip(*found, strict=True)]
+            self._values[constraint.name] = [np.moveaxis(np.array(law), 0, -1) for law in laws]
+        return self._values[constraint.name]
 
 
 class _Rounded:
     """A constraint whose laws come from `Times`; its formulas are the constraint's own."""
 
-    def __init__(self, exact: Any) -> None:
-        self.exact = exact
+    def __init__(self, exact: Any, number: type[Bounded], input_error: float) -> None:
+        self.exact, self.number, self.input_error = exact, number, input_error
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.exact, name)
 
     def inputs(self, t: Times, unit: Unit, order: int) -> tuple[tuple[Bounded, ...], ...]:
         """Return the laws' values; more orders than asked do no harm."""
-        return t.inputs(self.exact, unit)
+        if not self.exact.laws:
+            return ()
+        return tuple(self._law(orders, t) for orders in t.values(self.exact, unit))
+
+    def _law(self, orders: Any, t: Times) -> tuple[Bounded, ...]:
+        rows = tuple(self.number.near(order, self.input_error) for order in orders)
+        if self.input_error:  # the time is a number too: what an error of it does to the value, by the derivative
+            for row, derivative in zip(rows, orders[1:], strict=False):
+                row.spread = row.spread + self.input_error * abs(t.t * derivative[0])
+        return rows
 
 
 @lru_cache(maxsize=64)
-def bounded_system(system: System, input_error: float = 0.0) -> System:
-    """Return the system of `exact_system` with its numbers rounded to float64, each with the bound of its rounding.
+def bounded_system(system: System, number: type[Bounded] = Bounded, input_error: float = 0.0) -> System:
+    """Return the system of `exact_system` with its numbers rounded, each with the bound of its rounding.
 
-    Its `q` are object arrays of `Bounded` (see `box`), its `t` are `Times`. With `input_error` every geometric number
-    also spreads by that part of itself; the laws' values do so by the `input_error` of the `Times`.
+    Its `q` are object arrays of `number` (see `box`), its `t` are `Times`. With `input_error` every geometric number,
+    law value and time also spreads by that part of itself (times of `order` 1 then serve order 0).
     """
     placed = []
     for p in exact_system(system, LAW_BITS).placed:
         with ctx.workprec(LAW_BITS):
-            g = tuple(Bounded(mid, error, input_error * abs(mid)) for mid, error in map(rounded, p.g))
-        placed.append(replace(p, constraint=_Rounded(p.constraint), g=g))
+            g = tuple(number.near(parts(x), input_error) for x in p.g)
+        constraint = _Rounded(p.constraint, number, input_error)
+        placed.append(replace(p, constraint=cast(Any, constraint), g=cast(Any, g)))
     return replace(system, placed=tuple(placed))
 
 
-def rounded(x: Any) -> tuple[float, float]:
-    """Return a ball, or a float, as a float and a bound of the distance to everything in it."""
-    mid = float(x)
-    return mid, 0.0 if x == mid else float(abs(x - mid).upper()) * UP + TINY
-
-
-def _row(values: Any, input_error: float) -> Bounded:
-    mid, rounding = np.array(values).T
-    return Bounded(mid, rounding, input_error * abs(mid))
+def parts(x: Any) -> tuple[float, float, float]:
+    """Return a ball, or a float, as two floats that add up to about it, and a bound of what they leave."""
+    high = float(x)
+    if x == high:
+        return high, 0.0, 0.0
+    low = float(x - high)
+    return high, low, float(abs(x - high - low).upper()) * UP + TINY

@@ -1,23 +1,26 @@
-"""Certificates in float64, for a whole batch of poses: there is exactly one solution here, and it is no further than this.
+"""Certificates in float64, for a whole batch of poses: exactly one solution is here, and it is no further than this.
 
 Newton and Kantorovich's theorem in the form of Rump and of the radii polynomials, with a preconditioner R, about the
-inverse of J = phi_q(q). T(x) = x - R phi(x) has the roots of phi as its fixed points if R is regular, and its derivative is
-I - R phi_q(x). In the norm |v| = max_k |v_k| / w_k, w the first-order errors of the coordinates, let
+inverse of J = phi_q(q). T(x) = x - R phi(x) has the roots of phi as its fixed points if R is regular, and its
+derivative is I - R phi_q(x). In the norm |v| = max_k |v_k| / w_k, w the first-order errors of the coordinates, let
 
     eta >= |R phi(q)|     Z0 >= |I - R J|     Z2 r >= |R (phi_q(x) - J)| for all |x - q| <= r <= r_box.
 
-If eta + Z0 r + Z2 r^2 / 2 <= r <= r_box, then T maps the ball of radius r into itself, so phi has a root in it (Brouwer);
-if Z0 + Z2 r < 1, only one, for two would be closer to each other than they are. R and J are regular because Z0 < 1. Such an
-r exists if h = Z2 eta / (1 - Z0)^2 < 1/2: that is Kantorovich's h = beta K eta, with beta K in one number.
+If eta + Z0 r + Z2 r^2 / 2 <= r <= r_box, then T maps the ball of radius r into itself, so phi has a root in it
+(Brouwer); if Z0 + Z2 r < 1, only one, for two would be closer to each other than they are. R and J are regular because
+Z0 < 1. Such an r exists if h = Z2 eta / (1 - Z0)^2 < 1/2: Kantorovich's h = beta K eta, with beta K in one number.
 
-Z2 comes from the spread of phi_q over the box, computed by the joints' own formulas (`bounded`): a constant for revolute
-rows, K0 + K1 r for rows that are bilinear; hence the box, and r is checked against it. Every bound includes the rounding
-of phi, of J, of the geometry and of the laws' values, and that of R J and of all products here (an inner product of n
-terms in any order is off by n U/(1 - n U) times the product of the absolute values). The truth is that of `exact`.
+Z2 comes from the spread of phi_q over the box, computed by the joints' own formulas (`bounded`): a constant for
+revolute rows, K0 + K1 r for rows that are bilinear; hence the box, and r is checked against it. Every bound includes
+the rounding of phi, of J, of the geometry and of the laws' values, and that of R J and of all products here (an inner
+product of n terms in any order is off by n U/(1 - n U) times the product of the absolute values). The truth is that of
+`exact`: the scene as it is written.
 
 Velocity solves J* x = nu at the root q*, acceleration J* x = gamma. With s = phi_q qd - nu enclosed over the ball,
-qd - qd* = R s + (I - R phi_q(q*)) (qd - qd*), so |qd - qd*| <= |R s| / (1 - Z0 - Z2 r); acceleration likewise, with gamma
-enclosed over the ball of velocities as well.
+qd - qd* = R s + (I - R phi_q(q*)) (qd - qd*), so |qd - qd*| <= |R s| / (1 - Z0 - Z2 r); acceleration likewise. The root
+is known better than q: within eta Z0 + Z2 r^2 / 2 of q - R phi(q). So the equations of velocity are enclosed around that
+point, those of acceleration around the velocity so improved; and phi and s, which are small by cancellation, are
+computed in extended precision. The bounds are then near the errors themselves, not near what rounding could have done.
 
 S. M. Rump, Verification methods, Acta Numerica 19 (2010), sections 10 and 13.
 """
@@ -30,11 +33,13 @@ from typing import Any
 import numpy as np
 from scipy.linalg import qr
 
-from refkin.proof.bounded import TINY, UP, U, Bounds, Times, bounded_system, box, read
+from refkin.proof.bounded import TINY, UP, Bounds, Extended, Times, U, bounded_system, box, read
 from refkin.system import System
 
 BOX = 2.5
 """Radius of the box in which Z2 is computed, in units of eta: r <= 2 eta / (1 - Z0), so it holds r if Z0 <= 1/5."""
+REACH = 4.0
+"""The ball in which K and the uniqueness radius are sought, in units of 1/beta."""
 BLOCK = 2**16
 """Matrix entries worked on at a time: what a cache holds."""
 
@@ -54,16 +59,13 @@ class Certificate:
     beta : (B,) array
         Bound of the row-sum norm of the inverse of phi_q.
     lipschitz : (B,) array
-        Lipschitz constant K of phi_q in the row-sum norm, on the ball of radius min(1, 1/beta).
+        Lipschitz constant K of phi_q in the row-sum norm, on the ball of radius min(1, 4/beta).
     h : (B,) array
         Kantorovich's h in the weighted norm, at most 1/2.
     velocity, acceleration : (n, B) array or None
         Bounds of |qd - qd*| and |qdd - qdd*|, if qd and qdd were given.
     rows : (n,) array of int
         The constraint rows the proof is about: all of them, or a maximal independent set of redundant ones.
-    left_out, left_out_allowed : (m - n, B) array
-        Largest |phi| that the other rows, in order, may have at the solution; and what rounding and the half-ulp errors
-        of their numbers explain: more than that is an inconsistent mechanism.
     """
 
     ok: Any
@@ -75,8 +77,6 @@ class Certificate:
     velocity: Any
     acceleration: Any
     rows: Any
-    left_out: Any
-    left_out_allowed: Any
 
     @property
     def position(self) -> Any:
@@ -117,33 +117,12 @@ def independent_rows(system: System, q: Any, t: Any) -> Any:
     return np.sort(pivots[: system.n])
 
 
-def attainable(system: System, q: Any, t: Any, rows: Any = None) -> Any:
-    """Return the error (n, B) that any float64 code may have with these inputs, to first order.
-
-    Half an ulp of every number of the geometry and of the laws, carried by |J^-1|, and half an ulp of the answer in
-    metres and radians.
-    """
-    q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
-    rows = independent_rows(system, q, t) if rows is None else np.asarray(rows)
-    with np.errstate(all="ignore"):
-        pose = _Pose(system, rows, q, t, 0)
-        carried = _times(np.abs(pose.inverse), _input_effect(system, q, pose.times)[rows])
-        return carried + half_ulp(system, q)
-
-
-def half_ulp(system: System, q: Any) -> Any:
-    """Return half an ulp of the coordinates in metres and radians, in the system's coordinates."""
-    spacing = np.spacing(np.abs(system.to_physical(q))) / 2
-    spacing[0::3] /= system.unit.size
-    spacing[1::3] /= system.unit.size
-    return spacing
-
-
-class _Pose:
+class Pose:
     """A batch of poses with R, and what R makes of vectors and boxes; all bounds are rounded up."""
 
     def __init__(self, system: System, rows: Any, q: Any, t: Any, order: int) -> None:
-        self.system, self.times, self.rows, self.q = bounded_system(system), Times(t, order), rows, q
+        self.system, self.sharp = bounded_system(system), bounded_system(system, Extended)
+        self.times, self.rows, self.q = Times(t, order), rows, q
         self.slope = self.slope_over(0.0)
         stacked = np.moveaxis(self.slope.mid, -1, 0)
         inverse = inverses(stacked)
@@ -160,88 +139,113 @@ class _Pose:
         """Return phi_q over a box around q."""
         return self.rows_of(self.system.phi_q(box(self.q, radii), self.times))
 
-    def carried(self, mid: Any, error: Any) -> Any:
-        """Return the largest |R x| with |x - mid| <= error."""
-        return UP * (np.abs(_times(self.inverse, mid)) + _times(self.size, self.dot * np.abs(mid) + error)) + TINY
+    def carried(self, x: Bounds) -> tuple[Any, Any]:
+        """Return R x as a value and a bound of its error."""
+        off = self.dot * np.abs(x.mid) + x.rounding + x.spread
+        return product(self.inverse, x.mid), UP * product(self.size, off) + TINY
 
     def defect_on(self, v: Any) -> Any:
         """Return |I - R phi_q(q)| v for v >= 0."""
-        inner = _times(self.dot * np.abs(self.slope.mid) + self.slope.rounding, v)
-        return UP * (_times(self.defect, v) + _times(self.size, inner)) + TINY
+        inner = product(self.dot * np.abs(self.slope.mid) + self.slope.rounding, v)
+        return UP * (product(self.defect, v) + product(self.size, inner)) + TINY
 
     def spread_on(self, spread: Any, v: Any) -> Any:
         """Return |R| spread v for v >= 0."""
-        return UP * _times(self.size, _times(spread, v)) + TINY
+        return UP * product(self.size, product(spread, v)) + TINY
 
 
 def _certify(system: System, rows: Any, q: Any, t: Any, qd: Any, qdd: Any) -> Certificate:
-    pose = _Pose(system, rows, q, t, 0 if qd is None else 1 if qdd is None else 2)
-    phi = pose.rows_of(pose.system.phi(box(q), pose.times))
-    ball = _Ball(pose, pose.carried(phi.mid, phi.rounding))
+    pose = Pose(system, rows, q, t, 0 if qd is None else 1 if qdd is None else 2)
+    phi = pose.rows_of(pose.sharp.phi(box(q, 0.0, Extended), pose.times))
+    ball = _Ball(pose, phi)
     radii = np.where(ball.ok, ball.radii, np.nan)
-    velocity = None if qd is None else _velocity(ball, radii, qd)
-    acceleration = None if qdd is None else _acceleration(ball, radii, qd, velocity, qdd)
-    left_out, allowed = _left_out(system, pose, radii)
+    velocity, acceleration = _rates(ball, qd, qdd)
     unique, beta, lipschitz = _uniqueness(pose, radii)
     h = np.where(ball.ok, ball.h, np.nan)
-    return Certificate(ball.ok, radii, unique, beta, lipschitz, h, velocity, acceleration, rows, left_out, allowed)
+    return Certificate(ball.ok, radii, unique, beta, lipschitz, h, velocity, acceleration, rows)
 
 
 class _Ball:
     """The smallest ball of the weighted norm that is proved to hold exactly one root; `ok` where there is one."""
 
-    def __init__(self, pose: _Pose, step: Any) -> None:
+    def __init__(self, pose: Pose, phi: Bounds) -> None:
         self.pose = pose
+        shift, error = pose.carried(phi)
+        step = np.abs(shift) + error
         # No weight is far below the others: it would only magnify what rounding leaves of the zeros of R J.
         self.w = w = step + np.maximum(U, 2.0**-20 * np.max(step, axis=0))
-        self.spread = pose.slope_over(BOX * w).spread
-        first, second = pose.defect_on(w), pose.spread_on(self.spread, w) / BOX
-        eta, self.z0, self.z2 = (np.max(v / w, axis=0) for v in (step, first, second))
-        rest = 1 - self.z0
-        self.h = self.z2 * eta / rest**2
-        r = 2 * eta / (rest + np.sqrt(rest**2 - 2 * self.z2 * eta)) * (1 + 2.0**-20)
-        self.r = r
-        into_itself = UP * (eta + self.z0 * r + self.z2 * r * r / 2) <= r
-        self.ok = into_itself & (r <= BOX) & (UP * (self.z0 + self.z2 * r) < 1)
-        self.radii = UP * np.minimum(r * w, step + first * r + second * r * r / 2)
+        first = pose.defect_on(w)
+        second = pose.spread_on(pose.slope_over(BOX * w).spread, w) / BOX
+        eta, z0, z2 = (np.max(v / w, axis=0) for v in (step, first, second))
+        rest = 1 - z0
+        self.h = z2 * eta / rest**2
+        r = 2 * eta / (rest + np.sqrt(rest**2 - 2 * z2 * eta)) * (1 + 2.0**-20)
+        into_itself = UP * (eta + z0 * r + z2 * r * r / 2) <= r
+        self.theta = UP * (z0 + z2 * r)
+        self.ok = into_itself & (r <= BOX) & (self.theta < 1)
+        self.defect_at_root = UP * (first + second * r)  # |I - R phi_q(q*)| w
+        remainder = UP * (error + first * r + second * r * r / 2)
+        self.radii = UP * np.minimum(r * w, np.abs(shift) + remainder)
+        self.root = Nearly(pose.q, -shift, np.where(self.ok, remainder, np.nan))
 
-    def solved(self, mid: Any, error: Any) -> Any:
-        """Return the error bound (n, B) of x with phi_q(q*) x = b whose residual phi_q(q*) x - b is within mid +- error."""
-        v = self.pose.carried(mid, error)
-        theta = UP * (self.z0 + self.z2 * self.r)
-        largest = np.max(v / self.w, axis=0) / (1 - theta)
-        return np.where(theta < 1, UP * (v + UP * theta * largest * self.w), np.nan)
-
-    def residual(self, rate: Any, right: Bounds) -> tuple[Any, Any]:
-        """Return mid and error of phi_q(q*) rate - right."""
-        slope, size = self.pose.slope, np.abs(rate)
-        mid = _times(slope.mid, rate) - right.mid
-        off = self.pose.dot * np.abs(slope.mid) + slope.rounding + self.spread * (self.r / BOX)
-        return mid, UP * (_times(off, size) + U * np.abs(mid) + right.rounding + right.spread)
+    def solved(self, rate: Any, residual: Bounds) -> Nearly:
+        """Return x* with phi_q(q*) x* = b, from x (`rate`) and bounds of phi_q(q*) x - b."""
+        shift, error = self.pose.carried(residual)
+        largest = np.max((np.abs(shift) + error) / self.w, axis=0) / (1 - self.theta)
+        return Nearly(rate, -shift, UP * (error + UP * largest * self.defect_at_root))
 
 
-def _velocity(ball: _Ball, radii: Any, qd: Any) -> Any:
-    pose = ball.pose
-    nu = pose.rows_of(pose.system.nu(box(pose.q, radii), pose.times))
-    return ball.solved(*ball.residual(qd, nu))
+@dataclass(frozen=True)
+class Nearly:
+    """A number proved to lie within `remainder` of `given` + `shift`: what was given and its known error, (n, B) each."""
+
+    given: Any
+    shift: Any
+    remainder: Any
+
+    @property
+    def error(self) -> Any:
+        """Bound of the distance from `given`."""
+        return UP * (np.abs(self.shift) + self.remainder)
+
+    def box(self) -> Any:
+        """Return the numbers as rows around `given` + `shift`."""
+        added = 4 * Extended.unit * (np.abs(self.given) + np.abs(self.shift))  # the rounding of that sum
+        return box(np.longdouble(self.given) + self.shift, self.remainder + added, Extended)
 
 
-def _acceleration(ball: _Ball, radii: Any, qd: Any, velocity: Any, qdd: Any) -> Any:
-    pose = ball.pose
-    gamma = pose.rows_of(pose.system.gamma(box(pose.q, radii), box(qd, velocity), pose.times))
-    return ball.solved(*ball.residual(qdd, gamma))
+def _rates(ball: _Ball, qd: Any, qdd: Any) -> tuple[Any, Any]:
+    """Return the bounds of velocity and acceleration, each None if not asked for."""
+    if qd is None:
+        return None, None
+    pose, at = ball.pose, ball.root.box()
+    slope = pose.sharp.phi_q(at, pose.times)
+    velocity = ball.solved(qd, pose.rows_of(_residual(slope, qd, pose.sharp.nu(at, pose.times))))
+    if qdd is None:
+        return velocity.error, None
+    gamma = pose.sharp.gamma(at, velocity.box(), pose.times)
+    return velocity.error, ball.solved(qdd, pose.rows_of(_residual(slope, qdd, gamma))).error
 
 
-def _uniqueness(pose: _Pose, radii: Any) -> tuple[Any, Any, Any]:
+def _residual(slope: Any, rate: Any, right: Any) -> Any:
+    """Return slope rate - right, number by number."""
+    rates = box(rate, 0.0, Extended)
+    out = np.empty(len(slope), object)
+    for k, (row, side) in enumerate(zip(slope, right, strict=True)):
+        out[k] = sum((x * a for a, x in zip(row, rates, strict=True) if not (isinstance(a, int) and a == 0)), -side)
+    return out
+
+
+def _uniqueness(pose: Pose, radii: Any) -> tuple[Any, Any, Any]:
     """Return uniqueness radius, beta and K, (B,) each, in the plain largest-component norm.
 
     With the root x at most p from q, any other root y at most u: |x - y| <= (Z0 + Z2 (p + u)/2) |x - y|, the mean of
     |. - q| on the segment being at most (p + u)/2. So u >= 2 (1 - Z0)/Z2 - p, as far as Z2 holds.
     """
     ones = np.ones_like(pose.q)
-    norm = np.max(_times(pose.size, ones), axis=0) * UP
+    norm = np.max(product(pose.size, ones), axis=0) * UP
     rest = 1 - np.max(pose.defect_on(ones), axis=0)
-    reach = np.minimum(1.0, 1 / norm)
+    reach = np.minimum(1.0, REACH / norm)
     spread = pose.slope_over(reach * ones).spread
     z2 = np.max(pose.spread_on(spread, ones), axis=0) / reach
     position = np.max(radii, axis=0)
@@ -249,26 +253,8 @@ def _uniqueness(pose: _Pose, radii: Any) -> tuple[Any, Any, Any]:
     # The smallest side of the box that holds one root is proved in any case.
     unique = np.fmax(np.where(position <= reach, free, np.nan), np.min(radii, axis=0))
     beta = np.where((rest > 0) & ~np.isnan(position), UP * norm / rest, np.nan)
-    lipschitz = UP * np.max(_times(spread, ones), axis=0) / reach
+    lipschitz = UP * np.max(product(spread, ones), axis=0) / reach
     return np.where(np.isnan(position), np.nan, unique), beta, np.where(np.isnan(position), np.nan, lipschitz)
-
-
-def _left_out(system: System, pose: _Pose, radii: Any) -> tuple[Any, Any]:
-    others = np.setdiff1d(np.arange(system.m), pose.rows)
-    lanes = pose.q.shape[1]
-    if not others.size:
-        return np.empty((0, lanes)), np.empty((0, lanes))
-    at_root = read(pose.system.phi(box(pose.q, radii), pose.times)[others], lanes)
-    inputs = _input_effect(system, pose.q, pose.times)
-    slope = read(pose.system.phi_q(box(pose.q), pose.times)[others], lanes)
-    moved = _times(np.abs(slope.mid), _times(pose.size, inputs[pose.rows]))
-    explained = at_root.rounding + at_root.spread
-    return UP * (np.abs(at_root.mid) + explained), explained + inputs[others] + moved
-
-
-def _input_effect(system: System, q: Any, times: Times) -> Any:
-    """Return how far half an ulp of every geometric number and law value moves phi, (m, B)."""
-    return read(bounded_system(system, U).phi(box(q), Times(times.t, 0, U)), q.shape[1]).spread
 
 
 def inverses(stacked: Any) -> Any:
@@ -282,7 +268,7 @@ def inverses(stacked: Any) -> Any:
         return np.concatenate([inverses(stacked[:half]), inverses(stacked[half:])])
 
 
-def _times(matrix: Any, vector: Any) -> Any:
+def product(matrix: Any, vector: Any) -> Any:
     """Return the product lane by lane of (m, n, B) and (n, B)."""
     return np.einsum("ijb,jb->ib", matrix, vector)
 

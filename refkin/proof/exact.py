@@ -1,9 +1,9 @@
 """A system whose numbers are exact: lengths, points, angles and laws of the scene as `flint.arb`, rounded nowhere.
 
-The truth that an answer is held against is the scene as it is written: every number of it the binary64 number it is, each
-law evaluated exactly at the binary64 time, a table the cubic spline through its values and not what a float64 solver makes
-of it. `exact_system` gives the equations of that truth, by the same formulas: `phi(q, t)` of an (n,) object array of
-`arb` and an `arb` time are balls that enclose the value, as narrow as the precision in force.
+The truth that an answer is held against is the scene as it is written: every number of it the binary64 number it is,
+each law evaluated exactly at the binary64 time, a table the cubic spline through its values and not what a float64
+solver makes of it. `exact_system` gives the equations of that truth, by the same formulas: `phi(q, t)` of an (n,)
+object array of `arb` and an `arb` time are balls that enclose the value, as narrow as the precision in force.
 """
 
 from __future__ import annotations
@@ -13,6 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
 from functools import lru_cache
+from itertools import pairwise
 from typing import Any
 
 from flint import arb, ctx
@@ -66,8 +67,8 @@ class ExactSpline:
     def through(cls, argument: tuple[float, ...], value: tuple[float, ...], periodic: bool) -> ExactSpline:
         """Return the spline with not-a-knot ends, or the periodic one, of SciPy's `CubicSpline`."""
         x, y = [arb(a) for a in argument], [arb(v) for v in value]
-        h = [b - a for a, b in zip(x, x[1:], strict=False)]
-        chord = [(b - a) / step for a, b, step in zip(y, y[1:], h, strict=False)]
+        h = [b - a for a, b in pairwise(x)]
+        chord = [(b - a) / step for (a, b), step in zip(pairwise(y), h, strict=True)]
         slope = periodic_slopes(h, chord) if periodic and len(x) > 2 else not_a_knot_slopes(h, chord)
         pieces, until = [], [arb(0)]
         for k, step in enumerate(h):
@@ -91,9 +92,9 @@ class ExactSpline:
         return turns * self.until[-1] + self.until[k] + self.pieces[k].integral(local)
 
     def _place(self, t: Any) -> tuple[int, int, Any]:
-        """Return the piece that t lies in, the whole periods before it, and t - knots[k] less those; all decided exactly.
+        """Return the piece that t lies in, the whole periods before it, and t - knots[k] less those.
 
-        A knot belongs to the piece that begins there.
+        All is decided exactly; a knot belongs to the piece that begins there.
         """
         if not arb(t).is_exact():
             raise ValueError(f"t: expected an exact time, got the ball {t}")
@@ -149,7 +150,7 @@ def _inner_rows(h: Sequence[Any], chord: Sequence[Any]) -> tuple[list[Any], ...]
 
 
 def tridiagonal(below: Sequence[Any], diagonal: Sequence[Any], above: Sequence[Any], right: Sequence[Any]) -> list[Any]:
-    """Return x with below[k] x[k-1] + diagonal[k] x[k] + above[k] x[k+1] = right[k], by elimination without exchange."""
+    """Return x with below[k] x[k-1] + diagonal[k] x[k] + above[k] x[k+1] = right[k], by elimination."""
     pivots, sides = [diagonal[0]], [right[0]]
     for k in range(1, len(diagonal)):
         factor = below[k] / pivots[-1]

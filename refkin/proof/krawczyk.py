@@ -6,8 +6,8 @@ Krawczyk's operator on a box X around m, with R about the inverse of phi_q(m),
 
 encloses the image of X under x - R phi(x). If K(X) lies inside X, then X holds exactly one root, and K(X) holds it too.
 The balls are `flint.arb`, the formulas the joints' own, the numbers those of `exact`: the truth is the scene as it is
-written, with each law evaluated at the binary64 time. One such proof takes about a millisecond; it is what float64 leaves
-open (`certificate`), and the arbiter between answers that differ.
+written, each law evaluated at the binary64 time. One such proof takes about a millisecond; it decides what float64
+leaves open (`certificate`), and between answers that differ.
 
 R. Krawczyk, Newton-Algorithmen zur Bestimmung von Nullstellen mit Fehlerschranken, Computing 4 (1969); S. M. Rump, Acta
 Numerica 19 (2010), section 13.
@@ -26,6 +26,8 @@ from refkin.proof.certificate import independent_rows
 from refkin.proof.exact import exact_system
 from refkin.system import System
 
+JUDGE_BITS = 256
+"""Precision of the difference between an answer and the truth: more than either has."""
 MOST_STEPS = 12
 """Newton steps, or enclosures, before a root is given up; a regular one needs three from a float64 answer."""
 
@@ -51,9 +53,9 @@ class Enclosure:
     radii: Any
     rows: Any
 
-    def distance(self, q: Any) -> Any:
-        """Return an upper bound (n,) of |q - q*|."""
-        return _above(self.q, q, self.bits)
+    def distance(self, answer: Any, truth: tuple[Any, ...] | None = None) -> Any:
+        """Return upper bounds (n,) of |answer - truth|; the truth is the position, or rates enclosed by this object."""
+        return _above(self.q if truth is None else truth, answer, self.bits)
 
     def velocity(self) -> tuple[Any, ...]:
         """Return balls that enclose the solution of phi_q qd = nu at the root; NaN where phi_q may be singular."""
@@ -92,14 +94,14 @@ def judge(truth: tuple[Any, ...], answer: Any, allowed: Any) -> Judgement:
 
     Undecidable: the balls are too wide to say, or one of the numbers is not finite.
     """
-    allowed = np.broadcast_to(np.asarray(allowed, float), np.shape(answer))
-    distances = [abs(x - float(a)) for x, a in zip(truth, answer, strict=True)]
-    ratios = [float(d.mid()) / r if r > 0 else np.inf * float(d.mid()) for d, r in zip(distances, allowed, strict=True)]
-    worst = float(np.max(ratios))
-    if any(d > r for d, r in zip(distances, allowed.tolist(), strict=True)):
-        return Judgement(Verdict.OUTSIDE, worst)
-    inside = all(d <= r for d, r in zip(distances, allowed.tolist(), strict=True))
-    return Judgement(Verdict.INSIDE if inside else Verdict.UNDECIDABLE, worst)
+    limits = np.broadcast_to(np.asarray(allowed, float), np.shape(answer)).tolist()
+    with ctx.workprec(JUDGE_BITS):
+        distances = [abs(x - float(a)) for x, a in zip(truth, answer, strict=True)]
+        outside = any(d > limit for d, limit in zip(distances, limits, strict=True))
+        inside = all(d <= limit for d, limit in zip(distances, limits, strict=True))
+    away = [float(d) / limit if limit else np.inf * (d != 0) for d, limit in zip(distances, limits, strict=True)]
+    verdict = Verdict.OUTSIDE if outside else Verdict.INSIDE if inside else Verdict.UNDECIDABLE
+    return Judgement(verdict, float(np.max(away)))
 
 
 def krawczyk(system: System, q: Any, t: float, bits: int = 113, radius: Any = None) -> Enclosure | None:
@@ -112,29 +114,25 @@ def krawczyk(system: System, q: Any, t: float, bits: int = 113, radius: Any = No
     q : (n,) array
         The answer, in the system's coordinates.
     radius : float or (n,) array, optional
-        Half-widths of the box; by default twice the distance to the root that Newton finds from q, and some round-off.
+        Half-widths of the box; by default about the distance to the root that Newton finds from q.
     """
     with ctx.workprec(bits):
         equations = _Equations(system, t, independent_rows(system, *_one_lane(q, t)), bits)
-        middle = equations.newton(q)
+        middle = equations.newton(q) if radius is None else [arb(float(x)) for x in q]
         if middle is None:
             return None
-        distance = _above(middle, q, bits)
-        if radius is None:
+        if radius is None:  # around the root: a smaller box proves as much of q
+            distance = _above(middle, q, bits)
             widths = 2 * distance + equations.round_off(middle)
+            around = (widths - distance) * (1 - 2.0**-50)
         else:
-            widths = np.broadcast_to(np.asarray(radius, float), distance.shape)
-        # The box is laid around q where it was asked for, else around the root: a smaller one then holds q.
-        centre = [arb(float(x)) for x in q] if radius is not None else middle
-        found = equations.enclosed(centre, [arb(0, w) for w in widths.tolist()])
-        if found is None:
-            return None
-        around = widths if radius is not None else widths - distance
-        return Enclosure(system, t, bits, found, around, equations.rows)
+            widths = around = np.broadcast_to(np.asarray(radius, float), np.shape(q))
+        found = equations.enclosed(middle, [arb(0, w) for w in widths.tolist()])
+        return None if found is None else Enclosure(system, t, bits, found, around, equations.rows)
 
 
 def refine(system: System, q: Any, t: float, bits: int = 200) -> Enclosure | None:
-    """Return the root that Newton finds from q, enclosed and proved; whether q is near, or another root nearer, is open."""
+    """Return the root that Newton finds from q, enclosed and proved; whether another root is nearer to q stays open."""
     with ctx.workprec(bits):
         equations = _Equations(system, t, independent_rows(system, *_one_lane(q, t)), bits)
         middle = equations.newton(q)
@@ -146,7 +144,7 @@ def refine(system: System, q: Any, t: float, bits: int = 200) -> Enclosure | Non
 
 
 def excludes(system: System, q: Any, radii: Any, t: float, bits: int = 53) -> bool:
-    """Return whether the box |x - q| <= radii certainly holds no root: some row, or combination of rows, is never 0 there.
+    """Return whether the box |x - q| <= radii certainly holds no root: there some combination of rows is never 0.
 
     Rows are tried as they are, and in the mean value form phi(q) + phi_q(X) (X - q) preconditioned by an inverse.
     """
@@ -198,16 +196,16 @@ class _Equations:
         return x
 
     def round_off(self, q: Any) -> Any:
-        """Return about what float64 leaves of the coordinates at q: unit errors of phi carried by the inverse, (n,)."""
+        """Return what rounding in this precision may leave of the coordinates at q, (n,), with room for a proof."""
         inverse = self.inverse(q)
         n = len(q)
         if inverse is None:
             return np.full(n, np.inf)
         entries = np.abs(np.array([float(x) for x in inverse.entries()])).reshape(n, n)
-        return 2.0**-52 * (entries.sum(axis=1) + 1)
+        return 2.0 ** (12 - ctx.prec) * (entries.sum(axis=1) + 1)
 
     def enclosed(self, middle: list[Any], widths: list[Any]) -> tuple[Any, ...] | None:
-        """Return the root in the box, enclosed as narrowly as the precision allows, if it is proved to be the only one."""
+        """Return the root in the box, as narrow as the precision allows, if it is proved to be the only one."""
         inside = self.operator(middle, widths)
         if inside is None or not all(
             (m + w).contains_interior(x) for m, w, x in zip(middle, widths, inside, strict=True)

@@ -7,6 +7,7 @@ meeting is *undecided*: its one point encloses every point at which the loci may
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
@@ -115,14 +116,27 @@ def _chord(foot: Vec, direction: Vec, half_squared: Ball) -> Meeting:
     if half_squared > 0:
         half = half_squared.sqrt()
         return Meeting(((1, foot + direction * half), (-1, foot - direction * half)))
-    return Meeting(((0, foot + direction * around_zero(half_squared.nonnegative_part().sqrt())),), decided=False)
+    return Meeting(((0, foot + direction * arb(0, root(half_squared).upper())),), decided=False)
 
 
-def around_zero(x: Ball) -> Ball:
-    """Return the ball around 0 that holds x and -x."""
-    return arb(0, abs(x).upper())
+def root(x: Ball) -> Ball:
+    """Return the square root of the numbers of a ball that are not negative."""
+    if x > 0:
+        return x.sqrt()
+    half = x.upper().sqrt() / 2
+    return half + half * arb(0, 1)
 
 
 def length(v: Vec) -> Ball:
     """Return |v|."""
-    return v.dot(v).nonnegative_part().sqrt()
+    return root(v.dot(v))
+
+
+def below(x: Ball) -> float:
+    """Return a float that is no larger than any number of a ball."""
+    return math.nextafter(float(x.lower()), -math.inf)
+
+
+def above(x: Ball) -> float:
+    """Return a float that is no smaller than any number of a ball."""
+    return math.nextafter(float(x.upper()), math.inf)

@@ -59,7 +59,7 @@ def _closed(way: list[Passage], links: list[Row]) -> Iterator[list[Passage]]:
 
 
 def _lengths(loop: list[Passage]) -> Iterator[tuple[str, Ball]]:
-    """Yield the links of a loop: on each body from the point it is entered by to the one it is left by; and distances."""
+    """Yield the links of a loop: bodies, from the point they are entered by to that they are left by, and distances."""
     for (row, _, body), (following, _, _) in zip(loop, [*loop[1:], loop[0]], strict=True):
         entered = row.q if row.j == body else row.p
         left = following.p if following.i == body else following.q

@@ -8,41 +8,13 @@ from dataclasses import dataclass, field, replace
 from flint import arb
 
 from refkin.joints import GROUND
-from refkin.proof.clusters import Form, Plan, Relation, Step
-from refkin.proof.loci import Ball, Circle, Line, Locus, Meeting, length, meet
+from refkin.proof.clusters import Form, Plan, Relation, Step, Way
+from refkin.proof.joining import Link, Move, Pose, joined, located
+from refkin.proof.loci import Ball, Meeting, length
 from refkin.proof.rows import Kind, Row, Rows, Tie
-from refkin.proof.slopes import whole
 from refkin.vec import Vec
 
 MOST_BRANCHES = 256
-
-
-@dataclass(frozen=True)
-class Pose:
-    """Position and angle of a body in its cluster; clusters of one heading have parallel axes."""
-
-    r: Vec
-    phi: Ball
-    c: Ball
-    s: Ball
-
-    def turned(self, u: Vec) -> Vec:
-        """Return A(phi) u."""
-        return Vec(self.c * u.x - self.s * u.y, self.s * u.x + self.c * u.y)
-
-    def point(self, u: Vec) -> Vec:
-        """Return r + A(phi) u."""
-        return self.r + self.turned(u)
-
-    def local(self, x: Vec) -> Vec:
-        """Return u with r + A(phi) u = x."""
-        d = x - self.r
-        return Vec(self.c * d.x + self.s * d.y, self.c * d.y - self.s * d.x)
-
-    def rotated(self, by: Pose) -> Pose:
-        """Return the pose with its cluster turned about the cluster's origin by the angle of `by`."""
-        c, s = by.c * self.c - by.s * self.s, by.s * self.c + by.c * self.s
-        return Pose(by.turned(self.r), self.phi + by.phi, c, s)
 
 
 @dataclass(frozen=True)
@@ -84,35 +56,6 @@ class Placement:
     def impossible(self) -> bool:
         """Whether every branch ended by proof."""
         return bool(self.ends) and not (self.branches or self.stuck or self.truncated)
-
-
-@dataclass(frozen=True)
-class _Link:
-    """A relation in numbers: p fixed in cluster A, q in cluster B."""
-
-    kind: Kind
-    p: Vec
-    q: Vec
-    normal: Vec
-    on_b: bool
-    distance: Ball
-
-
-@dataclass(frozen=True)
-class _Move:
-    """How cluster B comes to A: turned (if it is), then shifted; and on which side of its meeting that is."""
-
-    side: int | None
-    turn: Pose | None
-    shift: Vec
-
-
-@dataclass(frozen=True)
-class _Moves:
-    """Every way to join two clusters, or the meeting that fails."""
-
-    moves: tuple[_Move, ...]
-    meeting: Meeting = Meeting()
 
 
 def place(plan: Plan, rows: Rows, bodies: Iterable[str], size: float, holding: bool = True) -> Placement:
@@ -173,7 +116,7 @@ class _Worker:
         """Return the branches that one branch goes on to, and note in `placement` those that end."""
         for way in step.candidates:
             links = [self._link(r, step, branch) for r in way]
-            found = _located(links) if step.locates else _joined(links, bool(step.turning))
+            found = located(links) if step.locates else joined(links, bool(step.turning))
             if found is None:
                 continue
             if found.meeting.gap is not None:
@@ -187,7 +130,7 @@ class _Worker:
     def _row(self, k: int, branch: Branch) -> Row:
         return self.rows[k] if k < len(self.rows) else branch.pins[k - len(self.rows)]
 
-    def _link(self, relation: Relation, step: Step, branch: Branch) -> _Link:
+    def _link(self, relation: Relation, step: Step, branch: Branch) -> Link:
         """Return a relation in numbers."""
         first, second = self._row(relation.first, branch), self._row(relation.second, branch)
         zero = arb(0)
@@ -196,15 +139,15 @@ class _Worker:
         distance = zero if second.distance is None else second.distance
         if relation.form is Form.DIRECT:
             (p, _), (q, _) = _ends_of(second, step.a, poses), _ends_of(second, step.b, poses)
-            return _Link(relation.kind, p, q, normal, on_b, distance)
+            return Link(relation.kind, p, q, normal, on_b, distance)
         near, far = (step.a, step.b) if relation.form is Form.LINK or on_b else (step.b, step.a)
         (p, c_first), (q, c_second) = _ends_of(first, near, poses), _ends_of(second, far, poses)
         if relation.form is Form.LINK:
-            return _Link(relation.kind, p, q, normal, on_b, length(c_second - c_first))
+            return Link(relation.kind, p, q, normal, on_b, length(c_second - c_first))
         q = q - (c_second - c_first)
-        return _Link(relation.kind, *((p, q) if on_b else (q, p)), normal, on_b, distance)
+        return Link(relation.kind, *((p, q) if on_b else (q, p)), normal, on_b, distance)
 
-    def _child(self, step: Step, way: tuple[Relation, ...], branch: Branch, move: _Move, decided: bool) -> Branch:
+    def _child(self, step: Step, way: Way, branch: Branch, move: Move, decided: bool) -> Branch:
         poses, pins = dict(branch.poses), branch.pins
         if step.locates:
             second = self._row(way[0].second, branch)
@@ -219,7 +162,7 @@ class _Worker:
         sides = branch.sides if move.side is None else (*branch.sides, move.side)
         return Branch(poses, pins, sides, branch.decided and decided)
 
-    def _ends(self, step: Step, way: tuple[Relation, ...], branch: Branch, placement: Placement) -> bool:
+    def _ends(self, step: Step, way: Way, branch: Branch, placement: Placement) -> bool:
         """Hold the rows between the joined clusters that were not needed to join them."""
         used = {r.first for r in way[:1] if r.form is Form.DIRECT}
         used |= {r.first for r in way if r.form is Form.DIRECT and r.kind is not Kind.PIN}
@@ -236,7 +179,7 @@ class _Worker:
     def _cannot_close(self, row: Row, gap: Ball) -> End:
         return End(gap, lambda: f"{row.name} cannot close: {row.i} and {row.j} miss by {self._metres(gap)}")
 
-    def _cannot_meet(self, step: Step, way: tuple[Relation, ...], meeting: Meeting, branch: Branch) -> End:
+    def _cannot_meet(self, step: Step, way: Way, meeting: Meeting, branch: Branch) -> End:
         def words() -> str:
             who = " and ".join(self._involved(step, way, branch))
             apart, reach, gap = (self._metres(x) for x in (meeting.apart, meeting.reach, meeting.gap))
@@ -250,7 +193,7 @@ class _Worker:
 
         return End(meeting.gap, words)
 
-    def _involved(self, step: Step, way: tuple[Relation, ...], branch: Branch) -> list[str]:
+    def _involved(self, step: Step, way: Way, branch: Branch) -> list[str]:
         """Return the names of the moving bodies that a way joins, and of the lines and distances."""
         names: list[str] = []
         for relation in way:
@@ -275,106 +218,6 @@ def _missing(row: Row, poses: dict[str, Pose]) -> Ball:
     if row.kind is Kind.LINE:
         return abs(poses[row.i].turned(row.normal).dot(d))  # type: ignore[arg-type]
     return length(d) if row.kind is Kind.PIN else abs(length(d) - row.distance)
-
-
-def _located(links: list[_Link]) -> _Moves | None:
-    """Return where the point of B that two loci of A share can be; as shifts."""
-    met = meet(*(Line(k.p, k.normal) if k.kind is Kind.LINE else Circle(k.p, k.distance) for k in links))
-    return None if met is None else _Moves(tuple(_Move(_side(met, side), None, x) for side, x in met.points), met)
-
-
-def _joined(links: list[_Link], turning: bool) -> _Moves | None:
-    if turning:
-        return _from_three_lines(links) if len(links) == 3 else _about_pin(*links)
-    if links[0].kind is Kind.PIN:
-        return _Moves((_Move(None, None, links[0].p - links[0].q),))
-    loci: list[Locus] = []
-    for k in links:
-        loci.append(Line(k.p - k.q, k.normal) if k.kind is Kind.LINE else Circle(k.p - k.q, k.distance))
-    met = meet(*loci)
-    return None if met is None else _Moves(tuple(_Move(_side(met, side), None, x) for side, x in met.points), met)
-
-
-def _side(met: Meeting, side: int) -> int | None:
-    """Return the side to be noted: none where there was no choice."""
-    return side if side or not met.decided else None
-
-
-def _about_pin(pin: _Link, other: _Link) -> _Moves | None:
-    """Turn B about a pin until a second pin, line or distance closes."""
-    arm, goal = other.q - pin.q, other.p - pin.p
-    met: Meeting | None = Meeting(((0, goal),))
-    if other.kind is Kind.LINE and other.on_b:
-        met = meet(Circle(pin.q, length(goal)), Line(other.q, other.normal))
-    elif other.kind is Kind.LINE:
-        met = meet(Circle(pin.p, length(arm)), Line(other.p, other.normal))
-    elif other.kind is Kind.DISTANCE:
-        met = meet(Circle(pin.p, length(arm)), Circle(other.p, other.distance))
-    if met is None:
-        return None
-    moves = []
-    for side, x in met.points:
-        if other.kind is Kind.LINE and other.on_b:
-            turn = _turn(goal, x - pin.q)
-        else:
-            turn = _turn(goal if other.kind is Kind.PIN else x - pin.p, arm)
-        if turn is None:
-            return None
-        moves.append(_Move(_side(met, side) if other.kind is not Kind.PIN else None, turn, pin.p - turn.turned(pin.q)))
-    return _Moves(tuple(moves), met)
-
-
-def _from_three_lines(links: list[_Link]) -> _Moves | None:
-    """Lay three points of one cluster on three lines of the other (the elliptic trammel): a cos + b sin = d."""
-    on_b = links[0].on_b
-    points = [k.p if on_b else k.q for k in links]
-    lines = [Line(k.q if on_b else k.p, k.normal) for k in links]
-    n1, n2, n3 = (line.normal for line in lines)
-    det = _cross(n1, n2)
-    if det.contains(0):
-        return None
-    weights = (_cross(n3, n2) / det, _cross(n1, n3) / det, arb(-1))  # n3 = w1 n1 + w2 n2
-    a = sum(w * line.normal.dot(q) for w, line, q in zip(weights, lines, points, strict=True))
-    b = sum(w * line.normal.dot(q.perp()) for w, line, q in zip(weights, lines, points, strict=True))
-    d = sum(w * line.normal.dot(line.through) for w, line in zip(weights, lines, strict=True))
-    size = length(Vec(a, b))
-    if size.contains(0):
-        return None
-    zero = arb(0)
-    normal = Vec(a, b) * (1 / size)
-    met = meet(Circle(Vec(zero, zero), size), Line(normal * d, normal))
-    if met is None:
-        return None
-    moves = []
-    for side, x in met.points:
-        turn = _turn(x, Vec(size, zero))
-        if turn is None:
-            return None
-        heights = [line.normal.dot(line.through - turn.turned(q)) for line, q in zip(lines, points, strict=True)]
-        shift = Vec((heights[0] * n2.y - heights[1] * n1.y) / det, (n1.x * heights[1] - n2.x * heights[0]) / det)
-        if on_b:  # A was laid on B: B lies on A by the inverse
-            turn = Pose(turn.r, -turn.phi, turn.c, -turn.s)
-            shift = turn.turned(shift) * -1
-        moves.append(_Move(_side(met, side), turn, shift))
-    return _Moves(tuple(moves), met)
-
-
-def _turn(to: Vec, arm: Vec) -> Pose | None:
-    """Return the rotation that turns one vector into the direction of another; None if a vector may be zero."""
-    size = length(to) * length(arm)
-    if size.contains(0):
-        return None
-    c, s = arm.dot(to) / size, _cross(arm, to) / size
-    # atan2 has its cut at -pi: there the angle is taken from the opposite direction.
-    c_all, s_all = whole(c), whole(s)
-    phi = arb.atan2(s_all, c_all) if c_all > -0.5 else arb.atan2(-s_all, -c_all) + arb.pi()
-    if phi > arb.pi():
-        phi = phi - 2 * arb.pi()
-    return Pose(Vec(arb(0), arb(0)), phi, c, s)
-
-
-def _cross(a: Vec, b: Vec) -> Ball:
-    return a.x * b.y - a.y * b.x
 
 
 def _number(x: Ball) -> str:

@@ -1,9 +1,10 @@
 """What closed form alone does not place: groups larger than a dyad, by way of one angle that is not known.
 
-With one more angle given, a triad (a body on three links, a four-bar driven at its coupler point) falls into steps of closed
-form again, with one row left over. Over an interval of that angle, in numbers with slopes, every branch may end by proof:
-then no assembly has its angle there. Intervals that are left are halved; if none is left, there is no assembly. The
-middle of each interval is a start for Newton's method.
+With one more angle given, a triad (a body on three links, a four-bar driven at its coupler point) falls into steps of
+closed form again, with one row left over. Over an interval of that angle, in numbers with slopes (`slopes`), every
+branch may end by proof: then no assembly has its angle there. Intervals that are left are halved, and their middles are
+starts for Newton's method. An interval whose branches all lie where an assembly is proved to be the only one
+(`krawczyk`) is done with. If no interval is left, what was found is all there is; if nothing was found, there is none.
 
 Where one angle is not enough the starts come from a fixed sequence of angles (Halton), and nothing is proved.
 """
@@ -11,46 +12,75 @@ Where one angle is not enough the starts come from a fixed sequence of angles (H
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from flint import arb
-from scipy.optimize import least_squares
 
 from refkin.differences import EPS
 from refkin.joints import GROUND
 from refkin.motion import Array
 from refkin.newton import newton
 from refkin.proof.clusters import Plan, headings, plan
-from refkin.proof.placing import Branch, End, place
+from refkin.proof.krawczyk import krawczyk
+from refkin.proof.loci import Ball, above, below
+from refkin.proof.placing import Branch, Placement, place
 from refkin.proof.rows import Rows, Tie
-from refkin.proof.slopes import Slope, interval, whole
+from refkin.proof.slopes import interval, whole
 from refkin.system import System
 
-FIRST_INTERVALS = 32
+WIDTHS = (2e-3, 1e-5, 1e-8)
+"""Widths of intervals at which Newton is started from their middles [rad]."""
 MOST_INTERVALS = 2000
 """How many intervals are looked at before a proof is given up: about a second for a triad."""
+NARROWEST = 1e-14
+"""Width below which the ends of an interval are no longer different floats."""
 MOST_STARTS = 64
 MOST_POSES = 32
 SAME = 1e-7
 """Largest component by which two poses may differ that count as one."""
+RADII = (3e-2, 1e-2, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+"""Half-widths of the boxes in which an assembly is tried to be proved the only one, largest first."""
 NAME = "trial angle"
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19)
 
 
 @dataclass(frozen=True)
 class Found:
-    """What a search came to: assemblies, or the end of all intervals, or neither."""
+    """What a search came to.
+
+    Attributes
+    ----------
+    poses, radii : tuple
+        The assemblies found, and how far each is from the true one at most (NaN where that is not proved).
+    complete : bool
+        Whether it is proved that there are no others.
+    gap : ball or None
+        If it is proved that there is none at all: what some joint misses by at least, at any angle.
+    note : str
+        In words.
+    """
 
     poses: tuple[Array, ...] = ()
-    end: End | None = None
+    radii: tuple[float, ...] = ()
+    complete: bool = False
+    gap: Ball | None = None
     note: str = ""
 
 
+@dataclass(frozen=True)
+class _Known:
+    """An assembly, the half-width of the box around it in which it is alone, and a bound of its error."""
+
+    q: Array
+    alone: float
+    radius: float
+
+
 def search(system: System, t: float, rows: Rows) -> Found:
-    """Look for assemblies of a system that closed form does not place, and for the proof that there is none."""
+    """Look for all assemblies of a system that closed form does not place, or the proof that there is none."""
     return _Search(system, t, rows).run()
 
 
@@ -58,36 +88,51 @@ class _Search:
     def __init__(self, system: System, t: float, rows: Rows) -> None:
         self.system, self.t, self.rows = system, t, rows
         self.names = [body.name for body in system.mechanism.bodies]
-        self.scale = system.unit.size
         self.turned, self.plan = self._trial_angles()
+        self.known: list[_Known] = []
 
     def run(self) -> Found:
-        if len(self.turned) != 1 or self.rows.foreign:
-            return Found(self._assemblies(self._halton()), note="the group is larger than a triad: no proof was tried")
+        if len(self.turned) != 1 or len(self.plan.clusters) > 1 or self.rows.foreign:
+            self._try(self._halton())
+            return self._found("the group is larger than a triad: no proof was tried")
         intervals = _Intervals(self)
-        intervals.halve(FIRST_INTERVALS)
-        poses = self._assemblies(intervals.middles())
-        if poses:
-            return Found(poses)
-        intervals.halve(MOST_INTERVALS)
+        for width in WIDTHS:
+            intervals.halve(width)
+            self._try(intervals.middles())
+            intervals.forget_known()
+            if not intervals.open or len(self.known) == MOST_POSES:
+                break
+        else:
+            intervals.halve(0.0)
         if not intervals.open:
-            return Found(end=intervals.end)
-        poses = self._assemblies((*intervals.middles(), *self._halton()))
-        width = intervals.width
-        return Found(poses, note=f"{len(intervals.open)} intervals of {width:.2g} rad were not excluded")
+            return self._found(complete=True) if self.known else self._none(intervals.gap)
+        left = f"{len(intervals.open)} intervals of {intervals.width:.2g} rad of the angle of {self.turned[0]}"
+        return self._found(f"{left} may hold more")
 
-    def at(self, angles: tuple[Any, ...]) -> Rows:
-        """Return the rows with the trial angles given."""
+    def placed(self, angles: tuple[Any, ...], holding: bool = True) -> Placement:
+        """Return the placement with the trial angles given."""
         ties = tuple(Tie(GROUND, body, a, NAME) for body, a in zip(self.turned, angles, strict=True))
-        return replace(self.rows, ties=(*self.rows.ties, *ties))
+        rows = replace(self.rows, ties=(*self.rows.ties, *ties))
+        return place(self.plan, rows, self.names, self.system.unit.size, holding)
+
+    def _found(self, note: str = "", complete: bool = False) -> Found:
+        poses = tuple(known.q for known in self.known)
+        return Found(poses, tuple(known.radius for known in self.known), complete, note=note)
+
+    def _none(self, gap: Ball) -> Found:
+        metres = below(gap) * self.system.unit.size
+        return Found(gap=gap, note=f"at any angle of {self.turned[0]} some joint stays open by at least {metres:.6g} m")
+
+    def _headings(self) -> list[set[str]]:
+        return headings(tuple((tie.i, tie.j) for tie in self.rows.ties), self.names)
 
     def _trial_angles(self) -> tuple[tuple[str, ...], Plan]:
         """Return the bodies whose angles, if known, let closed form go furthest, one after another."""
         turned: tuple[str, ...] = ()
         best = plan(self.rows, self.names)
-        known = next(h for h in headings(self.rows, self.names) if GROUND in h)
+        given = next(h for h in self._headings() if GROUND in h)
         while not turned or len(best.clusters) > 1:
-            plans = [(b, self._plan((*turned, b))) for b in self.names if b not in (*turned, *known)]
+            plans = [(b, self._plan((*turned, b))) for b in self.names if b not in (*turned, *given)]
             if not plans:
                 break
             body, best = min(plans, key=lambda p: len(p[1].clusters))
@@ -99,79 +144,100 @@ class _Search:
         return plan(replace(self.rows, ties=(*self.rows.ties, *ties)), self.names)
 
     def _halton(self) -> Iterator[tuple[float, ...]]:
-        for k in range(1, MOST_STARTS + 1):
-            yield tuple(math.tau * radical_inverse(k, p) - math.pi for _, p in zip(self.turned, PRIMES, strict=False))
+        for k in range(1, MOST_STARTS + 1 if self.turned else 2):
+            point = [radical_inverse(k, p) for _, p in zip(self.turned, PRIMES, strict=False)]
+            yield tuple(math.tau * x - math.pi for x in point)
 
-    def _assemblies(self, trials: Any) -> tuple[Array, ...]:
-        """Return the different assemblies that Newton reaches from the trial angles."""
-        found: list[Array] = []
+    def _try(self, trials: Iterable[tuple[float, ...]]) -> None:
+        """Note the new assemblies that Newton reaches from trial angles."""
         for angles in trials:
             for start in self._starts(angles):
                 q = self._refined(start)
-                if q is not None and not any(np.max(np.abs(q - other)) < SAME for other in found):
-                    found.append(q)
-                if len(found) == MOST_POSES:
-                    return tuple(found)
-        return tuple(found)
+                if q is not None and all(np.max(np.abs(q - other.q)) > SAME for other in self.known):
+                    self.known.append(self._proved(q))
+                if len(self.known) == MOST_POSES:
+                    return
 
     def _starts(self, angles: tuple[float, ...]) -> Iterator[Array]:
         padded = (*angles, *(0.0 for _ in self.turned[len(angles) :]))
-        rows = self.at(tuple(arb(a) for a in padded))
-        placement = place(self.plan, rows, self.names, self.scale, holding=False)
+        placement = self.placed(tuple(arb(a) for a in padded), holding=False)
         for branch in (*placement.branches, *placement.stuck):
             yield coordinates(self.system, branch)
 
     def _refined(self, start: Array) -> Array | None:
+        """Return the assembly that Newton finds from a start, or else Levenberg and Marquardt."""
         s, t = self.system, self.t
         for damped in (False, True):
             result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start, damped=damped, max_iterations=40)
             if result.converged and closes(s, result.q, t):
                 return self._without_turns(result.q)
-        result = least_squares(lambda q: s.phi(q, t), start, jac=lambda q: s.phi_q(q, t), method="lm", max_nfev=60)
-        return self._without_turns(result.x) if closes(s, result.x, t) else None
+        q = least_squares_root(s, start, t)
+        return self._without_turns(q) if closes(s, q, t) else None
 
     def _without_turns(self, q: Array) -> Array:
         """Return the pose with each heading that no driver counts turned back into (-pi, pi]."""
         q = q.copy()
-        for heading in headings(self.rows, self.names):
+        for heading in self._headings():
             if GROUND not in heading:
                 phi = [self.system.columns(body).stop - 1 for body in self.names if body in heading]
                 q[phi] -= math.tau * math.ceil(q[phi[0]] / math.tau - 0.5)
         return q
 
+    def _proved(self, q: Array) -> _Known:
+        for alone in RADII:
+            root = krawczyk(self.system, q, self.t, radius=alone)
+            if root is not None:
+                return _Known(q, alone, max(above(abs(x - float(v))) for x, v in zip(root.q, q, strict=True)))
+        return _Known(q, 0.0, math.nan)
+
 
 class _Intervals:
-    """Intervals of the trial angle that may hold an assembly, by width."""
+    """Intervals of the trial angle, all of the same width, that may hold assemblies not known yet."""
 
     def __init__(self, search: _Search) -> None:
         self.search = search
         # A little more than a turn, so that the ends of the interval are inside as well.
         self.open, self.width = [(-3.1416, 3.1416)], 6.2832
         self.looked_at = 0
-        self.end: End | None = None
+        self.gap: Ball = arb.pos_inf()
 
-    def halve(self, most: int) -> None:
-        """Halve and exclude until nothing is left, or the next halving would go beyond `most` intervals."""
-        while self.open and self.looked_at + 2 * len(self.open) <= most:
+    def halve(self, width: float) -> None:
+        """Halve, and drop what is done with, until nothing is left, a width or the allowed number is reached."""
+        while self.open and self.width > max(width, NARROWEST) and self.looked_at + 2 * len(self.open) <= MOST_INTERVALS:
             self.looked_at += 2 * len(self.open)
             halves = [half for low, high in self.open for half in _halves(low, high)]
-            self.open = [part for part in halves if not self._excluded(part)]
+            self.open = [part for part in halves if not self._done(part)]
             self.width /= 2
+
+    def forget_known(self) -> None:
+        """Drop the intervals that hold no assembly but known ones."""
+        self.open = [part for part in self.open if not self._done(part)]
 
     def middles(self) -> tuple[tuple[float], ...]:
         """Return the middles of the open intervals: all, or some evenly."""
         step = -(-len(self.open) // MOST_STARTS) or 1
         return tuple(((low + high) / 2,) for low, high in self.open[::step])
 
-    def _excluded(self, part: tuple[float, float]) -> bool:
-        search = self.search
-        placement = place(search.plan, search.at((interval(*part),)), search.names, search.scale)
-        if not placement.impossible:
+    def _done(self, part: tuple[float, float]) -> bool:
+        placement = self.search.placed((interval(*part),))
+        if placement.stuck or placement.truncated:
             return False
-        least = min(placement.ends, key=lambda end: float(end.gap.lower()))
-        if self.end is None or float(least.gap.lower()) < float(self.end.gap.lower()):
-            self.end = least
-        return True
+        self.gap = min([self.gap, *(whole(end.gap) for end in placement.ends)], key=below)
+        return all(self._is_known(branch) for branch in placement.branches)
+
+    def _is_known(self, branch: Branch) -> bool:
+        """Whether all of a branch lies where a known assembly is the only one."""
+        names, system = self.search.names, self.search.system
+        for known in self.search.known:
+            off = 0.0
+            for body in names:
+                pose, (x, y, phi) = branch.poses[body], known.q[system.columns(body)]
+                turn = whole(pose.phi) - float(phi)
+                turn = turn - 2 * arb.pi() * round(float(turn.mid()) / math.tau)
+                off = max([off, *(above(abs(d)) for d in (whole(pose.r.x) - x, whole(pose.r.y) - y, turn))])
+            if off <= known.alone:
+                return True
+        return False
 
 
 def _halves(low: float, high: float) -> tuple[tuple[float, float], tuple[float, float]]:
@@ -187,6 +253,19 @@ def radical_inverse(k: int, base: int) -> float:
         value += digit * weight
         weight /= base
     return value
+
+
+def least_squares_root(system: System, start: Array, t: float) -> Array:
+    """Return where Levenberg and Marquardt's method ends; a stalled minimum is no root."""
+    from scipy.optimize import least_squares  # here, because importing it costs more than most proofs
+
+    def phi(q: Array) -> Any:
+        return system.phi(q, t)
+
+    def slope(q: Array) -> Any:
+        return system.phi_q(q, t)
+
+    return np.asarray(least_squares(phi, start, jac=slope, method="lm", max_nfev=60).x)
 
 
 def closes(system: System, q: Array, t: float) -> bool:

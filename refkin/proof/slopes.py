@@ -1,8 +1,8 @@
 """A number that depends on one parameter, enclosed over an interval of it by a ball and a slope.
 
-For a parameter m + h, |h| <= r, `whole` holds every value x(m + h), `centre` holds x(m), and x(m + h) - x(m) lies in slope * h
-(Krawczyk and Neumaier, SIAM J. Numer. Anal. 22, 1985). So the excess of an enclosure shrinks with r^2, not with r, and few
-intervals prove that a mechanism misses by little. Mixed with plain balls, those are constants.
+For a parameter m + h, |h| <= r, `whole` holds every value x(m + h), `centre` holds x(m), and x(m + h) - x(m) lies in
+slope * h (Krawczyk and Neumaier, SIAM J. Numer. Anal. 22, 1985). So the excess of an enclosure shrinks with r^2, not
+with r, and few intervals prove that a mechanism misses by little. Mixed with plain balls, those are constants.
 """
 
 from __future__ import annotations
@@ -57,10 +57,10 @@ class Slope:
     __radd__, __rmul__ = __add__, __mul__
 
     def __rsub__(self, other: Any) -> Slope:
-        return -self + other
+        return (-self).__add__(other)
 
     def __rtruediv__(self, other: Any) -> Slope:
-        return Slope(arb(other), arb(0), self.step) / self
+        return Slope(arb(other), arb(0), self.step).__truediv__(self)
 
     def __abs__(self) -> Slope:
         if self.whole > 0:
@@ -87,11 +87,6 @@ class Slope:
     def sin(self) -> Slope:
         """Return the sine."""
         return Slope(self.centre.sin(), self.whole.cos() * self.slope, self.step, self.whole.sin())
-
-    def nonnegative_part(self) -> Slope:
-        """Return max(x, 0), whose slopes are between 0 and those of x."""
-        between = self.slope * arb(0.5, 0.5)
-        return Slope(self.centre.nonnegative_part(), between, self.step, self.whole.nonnegative_part())
 
     def contains(self, number: Any) -> bool:
         """Whether the number is among the values."""

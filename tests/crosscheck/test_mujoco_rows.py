@@ -1,22 +1,20 @@
-"""The MuJoCo adapter: its rows against refkin's formulas, its motions against closed forms, and faults it must not hide."""
+"""MuJoCo's constraint rows against refkin's formulas where nothing is assembled, and faults that this must show."""
 
 from __future__ import annotations
 
-import cmath
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
-from pathlib import Path
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
 import pytest
 
-from crosscheck.engines import EngineError, Level, Support, load, table_key
-from crosscheck.engines.mujoco_engine import NEWTON, Mujoco, TreeRows
-from crosscheck.engines.mujoco_model import Driven, Plan
+from crosscheck.engines import EngineError, Level, Support, table_key
+from crosscheck.engines.mujoco_engine import Mujoco
+from crosscheck.engines.mujoco_model import Plan
+from crosscheck.engines.mujoco_parts import Driven
 from crosscheck.engines.mujoco_rows import MujocoRows
-from crosscheck.tree_system import TreeSystem
 from refkin.joints import (
     DRIVER_TYPES,
     JOINT_TYPES,
@@ -31,9 +29,8 @@ from refkin.joints import (
     XDriver,
     YDriver,
 )
-from refkin.model import Body, Effect, Mechanism, Point, Scene
-from refkin.motion import Motion, Seeding, Status
-from refkin.motion_laws import Polynomial, Sinusoid
+from refkin.model import Body, Mechanism, Scene
+from refkin.motion_laws import Sinusoid
 from refkin.system import compile_system
 
 U = 2.0**-53
@@ -88,14 +85,14 @@ def configurations(count: int = 40) -> Iterator[tuple[Any, Any, float]]:
         yield q, draw.uniform(-3.0, 3.0, 6), float(draw.uniform(0.0, 3.0))
 
 
-# What rounding allows, in units of U = 2^-53, at these configurations. An arm (a joint point in its body's frame) is at most
-# sqrt 2 long, two joint points are less than 11 apart, their relative velocity is below 17, the drift part of their relative
-# acceleration below 26. refkin turns an arm by a cosine and a sine; MuJoCo by the quaternion of half the angle (2
-# roundings), its product with that of the site (4), the matrix of it (6) and the product with the arm (4): with what refkin
-# spends, below 18 roundings of each arm, and 10 of the sums. A line has a normal that is turned so too, over levers of 11;
-# with its rates it multiplies 17, 2 * 3 * 17 and 3^2 * 11. Squares: d . err(d) and so on for d . d / 2, d . d',
-# d' . d' + d . d''. Lengths: err(d), err(d') + |d'| err(d) / |d|, 2 |d'| err(d') / |d| + |d'|^2 err(d) / |d|^2 at
-# |d| = LENGTH; `strain` is for shorter ones.
+# What rounding allows, in units of U = 2^-53, at these configurations. An arm (a joint point in its body's frame) is
+# at most sqrt 2 long, two joint points are less than 11 apart, their relative velocity is below 17, the drift part of
+# their relative acceleration below 26. refkin turns an arm by a cosine and a sine; MuJoCo by the quaternion of half
+# the angle (2 roundings), its product with that of the site (4), the matrix of it (6) and the product with the arm
+# (4): with what refkin spends, below 18 roundings of each arm, and 10 of the sums. A line has a normal that is turned
+# so too, over levers of 11; with its rates it multiplies 17, 2 * 3 * 17 and 3^2 * 11. Squares: d . err(d) and so on
+# for d . d / 2, d . d', d' . d' + d . d''. Lengths: err(d), err(d') + |d'| err(d) / |d|, 2 |d'| err(d') / |d| +
+# |d'|^2 err(d) / |d|^2 at |d| = LENGTH; for shorter ones see `allowed_error`.
 ROUNDINGS = {
     "points": (100.0, 100.0, 350.0, 750.0),
     "lines": (300.0, 300.0, 1400.0, 6400.0),
@@ -137,8 +134,8 @@ def disagreement(scene: Scene, level: Level, model: Any = None) -> float:
 def allowed_error(scene: Scene, name: str, level: Level, row: float) -> float:
     """Return what rounding allows a row of a constraint to differ.
 
-    A distance joint is mapped by |d| = sqrt(L^2 + 2 L x), x = (d . d - L^2) / (2 L). Where |d| is below L the root cancels
-    and magnifies its rounding by L / |d|, and its derivatives L / |d| and -L^2 / |d|^3 do so once more each.
+    A distance joint is mapped by |d| = sqrt(L^2 + 2 L x), x = (d . d - L^2) / (2 L). Where |d| is below L the root
+    cancels and magnifies its rounding by L / |d|; its derivatives L / |d| and -L^2 / |d|^3 do so once more each.
     """
     c = next(c for c in scene.mechanism.constraints if c.name == name)
     family = {PointOnLine: "lines", Prismatic: "lines", DistanceDriver: "squares", Distance: "lengths"}
@@ -148,7 +145,7 @@ def allowed_error(scene: Scene, name: str, level: Level, row: float) -> float:
     return bound
 
 
-# ---- rows at unassembled configurations ------------------------------------------------------------------------------
+# ---- rows at unassembled configurations
 
 
 @pytest.mark.parametrize("level", ROWS)
@@ -215,7 +212,32 @@ def test_a_joint_point_nearer_to_its_body_s_origin_than_1e_6_is_not_taken_for_th
     assert [0.0 + x for x in point] == pytest.approx(model.residual(np.zeros(3), 0.0)[near].tolist(), abs=4 * U)
 
 
-# ---- capabilities ----------------------------------------------------------------------------------------------------
+def fast_and_slow() -> tuple[float, float]:
+    """Return the error of the drift term of bodies that fly fast and turn slowly, and omega v + omega^2 r of them."""
+    scene = loose_scene("revolute")
+    system, model = compile_system(scene.mechanism), Mujoco().constraints(scene)
+    worst, omega, speed = 0.0, 1e-3, 3.0
+    for q, qd, t in configurations():
+        rates = qd / 3.0 * [speed, speed, omega, speed, speed, omega]
+        worst = max(worst, float(np.abs(model.drift(q, rates, t) - system.gamma(q, rates, t)).max()))
+    return worst, omega * (speed + omega * 3.0)
+
+
+def test_drift_of_fast_bodies_that_turn_slowly_errs_no_more_than_declared() -> None:
+    worst, convective = fast_and_slow()
+    (term,) = Mujoco().terms(loose_scene("revolute"))
+
+    assert worst <= term.relative * convective
+
+
+def test_the_declared_term_of_the_drift_is_needed() -> None:
+    worst, _ = fast_and_slow()
+    arms = 2.0 * math.sqrt(2.0) * 1e-6  # omega^2 r of both arms: what the formula itself adds
+
+    assert worst > 20.0 * U * arms
+
+
+# ---- capabilities
 
 
 def test_the_table_lists_every_joint_and_driver_type_at_every_level() -> None:
@@ -265,7 +287,7 @@ def test_two_models_at_once_do_not_disturb_each_other() -> None:
     assert before.tolist() == first.drift(q, qd, t).tolist()
 
 
-# ---- planted faults: the checks above must turn red ------------------------------------------------------------------------
+# ---- planted faults: the checks above must turn red
 
 
 def off_by_1e_9(patch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,228 @@
+"""Numbers that carry their first two derivatives in time, and the two arithmetics they run in: float64 rows and balls.
+
+A closed form for the position, evaluated on jets, is a closed form for velocity and acceleration: no formula for either
+is written anywhere (Griewank and Walther, Evaluating Derivatives, chapter 13, for the recurrences).
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any, Protocol
+
+import numpy as np
+from flint import arb
+from numpy.typing import NDArray
+
+Number = Any
+"""A float, a ball, or a NumPy row (T,) of either; the int 0 as a derivative means "constant"."""
+
+Mask = NDArray[np.bool_]
+
+
+class Arithmetic(Protocol):
+    """What distinguishes floats from balls."""
+
+    name: str
+
+    def number(self, value: float) -> Number:
+        """Return a float of the scene, exactly."""
+
+    def row(self, values: tuple[float, ...]) -> Number:
+        """Return the numbers as a row (T,), exactly."""
+
+    def pi(self) -> Number:
+        """Return pi."""
+
+    def sign(self, slack: Number, scale: Number) -> tuple[Mask, Mask]:
+        """Return where the slack is surely negative, and where its sign cannot be told; `scale` bounds its terms."""
+
+    def clipped(self, square: Number, zero: Mask) -> Number:
+        """Return a square whose true value is not negative, fit for a root where it vanishes (`zero`)."""
+
+
+class Floats:
+    """IEEE double precision; a slack is zero when the half-chord that it makes is below 8 sqrt(eps) of the scale.
+
+    A half-chord is h = sqrt(2 r slack) for a slack far below r: h / r <= 8 sqrt(eps) is slack / r <= 32 eps. A few
+    round-offs of the slack then are a good part of it.
+    """
+
+    name = "float"
+    zero = 32 * np.finfo(float).eps
+
+    def number(self, value: float) -> Number:
+        return float(value)
+
+    def row(self, values: tuple[float, ...]) -> Number:
+        return np.array(values, float)
+
+    def pi(self) -> Number:
+        return math.pi
+
+    def sign(self, slack: Number, scale: Number) -> tuple[Mask, Mask]:
+        small = np.abs(slack) <= self.zero * scale
+        return np.asarray((slack < 0.0) & ~small), np.asarray(small)
+
+    def clipped(self, square: Number, zero: Mask) -> Number:
+        return np.where(zero, np.maximum(square, 0.0), square)
+
+
+class Balls:
+    """`flint.arb` balls at the precision of the current flint context: every number encloses the exact one."""
+
+    name = "arb"
+
+    def number(self, value: float) -> Number:
+        return arb(value)
+
+    def row(self, values: tuple[float, ...]) -> Number:
+        return np.array([arb(value) for value in values], dtype=object)
+
+    def pi(self) -> Number:
+        return arb.pi()
+
+    def sign(self, slack: Number, scale: Number) -> tuple[Mask, Mask]:
+        del scale
+        negative, positive = np.asarray(slack < 0, bool), np.asarray(slack > 0, bool)
+        return negative, ~negative & ~positive & ~np.asarray(np.isnan(midpoint(slack)))
+
+    def clipped(self, square: Number, zero: Mask) -> Number:
+        return _nonnegative(square, zero)
+
+
+_nonnegative = np.frompyfunc(lambda ball, zero: ball.nonnegative_part() if zero else ball, 2, 1)
+_ball_atan2 = np.frompyfunc(arb.atan2, 2, 1)
+_float = np.frompyfunc(float, 1, 1)
+
+
+def midpoint(value: Number) -> Any:
+    """Return the float nearest each number."""
+    return np.asarray(_float(value), float)
+
+
+def atan2(y: Number, x: Number) -> Number:
+    """Return the angle of (x, y) in either arithmetic."""
+    return _ball_atan2(y, x) if np.asarray(y).dtype.hasobject else np.arctan2(y, x)
+
+
+def _mul(a: Number, b: Number) -> Number:
+    return 0 if type(a) is int or type(b) is int else a * b
+
+
+def _add(a: Number, b: Number) -> Number:
+    if type(a) is int:
+        return b
+    return a if type(b) is int else a + b
+
+
+def _neg(a: Number) -> Number:
+    return 0 if type(a) is int else -a
+
+
+def _div(a: Number, b: Number) -> Number:
+    return 0 if type(a) is int else a / b
+
+
+class Jet:
+    """A number with its first and second derivative in time."""
+
+    __slots__ = ("a", "d", "v")
+
+    def __init__(self, value: Number, rate: Number = 0, acceleration: Number = 0) -> None:
+        self.v, self.d, self.a = value, rate, acceleration
+
+    def __add__(self, other: Jet) -> Jet:
+        return Jet(self.v + other.v, _add(self.d, other.d), _add(self.a, other.a))
+
+    def __neg__(self) -> Jet:
+        return Jet(-self.v, _neg(self.d), _neg(self.a))
+
+    def __sub__(self, other: Jet) -> Jet:
+        return Jet(self.v - other.v, _add(self.d, _neg(other.d)), _add(self.a, _neg(other.a)))
+
+    def __mul__(self, other: Jet) -> Jet:
+        cross = _mul(self.d, other.d)
+        return Jet(
+            self.v * other.v,
+            _add(_mul(self.d, other.v), _mul(self.v, other.d)),
+            _add(_add(_mul(self.a, other.v), _mul(self.v, other.a)), _add(cross, cross)),
+        )
+
+    def __truediv__(self, other: Jet) -> Jet:
+        v = self.v / other.v
+        d = _div(_add(self.d, _neg(_mul(v, other.d))), other.v)
+        turning = _mul(d, other.d)
+        rest = _add(_add(turning, turning), _mul(v, other.a))
+        return Jet(v, d, _div(_add(self.a, _neg(rest)), other.v))
+
+    def times(self, factor: Number) -> Jet:
+        """Return the jet multiplied by a constant."""
+        return Jet(self.v * factor, _mul(self.d, factor), _mul(self.a, factor))
+
+    def sqrt(self) -> Jet:
+        """Return the square root r: r' = v'/(2 r), r'' = (v''/2 - r'^2)/r."""
+        r = np.sqrt(self.v)
+        d = _div(self.d, r + r)
+        return Jet(r, d, _div(_add(_div(self.a, 2), _neg(_mul(d, d))), r))
+
+    def cos_sin(self) -> tuple[Jet, Jet]:
+        """Return cosine and sine."""
+        c, s = np.cos(self.v), np.sin(self.v)
+        cd, sd = _neg(_mul(s, self.d)), _mul(c, self.d)
+        ca = _neg(_add(_mul(s, self.a), _mul(sd, self.d)))
+        return Jet(c, cd, ca), Jet(s, sd, _add(_mul(c, self.a), _mul(cd, self.d)))
+
+
+class Planar:
+    """A vector of the plane, or a rotation (a unit one), as the complex number x + i y with jets for x and y."""
+
+    __slots__ = ("x", "y")
+
+    def __init__(self, x: Jet, y: Jet) -> None:
+        self.x, self.y = x, y
+
+    def __add__(self, other: Planar) -> Planar:
+        return Planar(self.x + other.x, self.y + other.y)
+
+    def __sub__(self, other: Planar) -> Planar:
+        return Planar(self.x - other.x, self.y - other.y)
+
+    def __mul__(self, other: Planar) -> Planar:
+        """Return the complex product: a rotation times a vector is the vector turned."""
+        return Planar(self.x * other.x - self.y * other.y, self.x * other.y + self.y * other.x)
+
+    def conj(self) -> Planar:
+        """Return the conjugate: the inverse of a rotation."""
+        return Planar(self.x, -self.y)
+
+    def perp(self) -> Planar:
+        """Return the vector turned by a quarter turn counter-clockwise."""
+        return Planar(-self.y, self.x)
+
+    def scaled(self, factor: Jet) -> Planar:
+        """Return the vector multiplied by a number."""
+        return Planar(self.x * factor, self.y * factor)
+
+    def over(self, divisor: Jet) -> Planar:
+        """Return the vector divided by a number."""
+        return Planar(self.x / divisor, self.y / divisor)
+
+    def dot(self, other: Planar) -> Jet:
+        """Return the scalar product."""
+        return self.x * other.x + self.y * other.y
+
+    def cross(self, other: Planar) -> Jet:
+        """Return x_1 y_2 - y_1 x_2."""
+        return self.x * other.y - self.y * other.x
+
+    def length(self) -> Jet:
+        """Return the length."""
+        return self.dot(self).sqrt()
+
+    def angle(self) -> Jet:
+        """Return the angle in (-pi, pi]: theta' = (x y' - y x') / (x^2 + y^2)."""
+        x, y = self.x, self.y
+        square = self.dot(self)
+        d = _div(_add(_mul(x.v, y.d), _neg(_mul(y.v, x.d))), square.v)
+        swept = _add(_mul(x.v, y.a), _neg(_mul(y.v, x.a)))
+        return Jet(atan2(y.v, x.v), d, _div(_add(swept, _neg(_mul(d, square.d))), square.v))

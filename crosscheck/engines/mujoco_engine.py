@@ -1,0 +1,266 @@
+"""MuJoCo as an engine: its own residual, Jacobian and drift term, in absolute coordinates and in a joint tree.
+
+MuJoCo closes loops by soft forces, never exactly. Its constraint rows are exact all the same, so that the adapter runs
+Newton on them; MuJoCo's dynamics and solver are not used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from crosscheck.engines import (
+    API,
+    NATIVE,
+    Capabilities,
+    Capability,
+    ConstraintModel,
+    EngineError,
+    Level,
+    Support,
+    Term,
+    derived,
+    refusals,
+    table_key,
+)
+from crosscheck.engines.mujoco_model import Plan, mujoco
+from crosscheck.engines.mujoco_rows import MujocoRows
+from crosscheck.frames import RowMap
+from crosscheck.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
+from crosscheck.tree_motion import tree_motion
+from refkin.joints import GROUND, Constraint, DistanceDriver, Pair
+from refkin.model import Mechanism, Scene
+from refkin.motion import Motion, Producer, Route, Seeding
+
+NEWTON = Route(
+    name="newton",
+    residual_by="mujoco",
+    jacobian_by="mujoco",
+    newton_by="adapter",
+    linear_solve_by="numpy",
+    drift_by="mujoco",
+    seeding=Seeding.INITIAL_GUESS,
+)
+
+SPATIAL = Term(
+    name="spatial velocities",
+    level="drift",
+    reason="a point's acceleration is summed from omega x v of its body with both signs: 8 roundings, two bodies",
+    relative=16.0 * 2.0**-53,
+)
+
+
+def _levels(**exceptions: Capability) -> dict[Level, Capability]:
+    """Return the capability at each level: native but for the exceptions."""
+    return {level: exceptions.get(level.value, NATIVE) for level in Level}
+
+
+_LINE = _levels(
+    jacobian=derived("no such equality: the velocity sensor in the frame of the guide at unit rates, column by column"),
+    drift=derived(
+        "no such equality: product rule in the adapter, on the numbers of a connect and of the guide's frame"
+    ),
+    solve=derived("a tree joint is MuJoCo's own; for a closing one the adapter forms the drift term"),
+)
+_LAW = _levels(
+    constraint_velocity=Capability(Support.NATIVE, "phi_q qd alone: MuJoCo knows no rate of a law"),
+    drift=derived("f'' is added by the adapter"),
+    solve=derived("the adapter appends the row, on MuJoCo's motion of the body"),
+)
+_SQUARED = derived("MuJoCo's row is |d| - f; the adapter makes it (d . d - f^2) / 2")
+_BIAS = derived("efc_aref lacks Jdot qd of a tendon: taken from the bias force of a tendon with armature")
+
+CAPABILITIES: Capabilities = {
+    "revolute": _levels(),
+    "fixed": _levels(),
+    "prismatic": _LINE,
+    "point_on_line": _LINE,
+    "distance": _levels(drift=_BIAS, solve=_BIAS),
+    "angle": _LAW,
+    "x": _LAW,
+    "y": _LAW,
+    "distance driver": {**dict.fromkeys(Level, _SQUARED), Level.SOLVE: _LAW[Level.SOLVE]},
+}
+
+
+class Mujoco:
+    """MuJoCo, through its Python package; every scene gets a model of its own."""
+
+    name = "mujoco"
+    api = API
+
+    def version(self) -> str:
+        """Return the version of the package."""
+        return str(mujoco.__version__)
+
+    def routes(self) -> Sequence[Route]:
+        """Return the one route: Newton on MuJoCo's rows, in a joint tree."""
+        return (NEWTON,)
+
+    def capabilities(self) -> Capabilities:
+        """Return what MuJoCo can express."""
+        return CAPABILITIES
+
+    def constraints(self, scene: Scene) -> ConstraintModel:
+        """Return MuJoCo's rows, for the joints it does not refuse, in a model with coordinates (x, y, phi) per body.
+
+        Raises
+        ------
+        EngineError
+            If it refuses all of them; the message names each and why.
+        """
+        known = [c for c in scene.mechanism.constraints if table_key(c) in CAPABILITIES]
+        if not known:
+            _refuse(refusals(self, scene, Level.RESIDUAL))
+        return AbsoluteRows(scene.mechanism, known)
+
+    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
+        """Return the rounding of MuJoCo's drift terms; Newton runs to round-off, and no constraint is soft."""
+        return (SPATIAL,)
+
+    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
+        """Return the motion of the wanted bodies, found in a joint tree from the bodies' estimates.
+
+        Raises
+        ------
+        EngineError
+            If the scene has a joint that is refused or a body without estimate, or the route is unknown.
+        """
+        _refuse(refusals(self, scene, Level.SOLVE))
+        if route not in (None, NEWTON):
+            raise EngineError(f"mujoco knows no route {route.name!r}, only {NEWTON.name!r}")
+        producer = Producer(name=self.name, version=self.version(), route=NEWTON)
+        return tree_motion(TreeRows(joint_tree(scene.mechanism)), scene, producer)
+
+
+class TreeRows:
+    """MuJoCo's model of a joint tree: the `TreeEngine` that `loop_closing` works on."""
+
+    def __init__(self, tree: JointTree) -> None:
+        self.tree = tree
+        self._rows = MujocoRows(Plan(tree, tree.closures, weld=False))
+        self.closure_rows = len(self._rows.plan.sources)
+
+    def closure(self, q: Array) -> tuple[Array, Array]:
+        """Return the residual of the closures and its Jacobian."""
+        self._rows.pose(q)
+        return self._rows.residual(), self._rows.jacobian()
+
+    def closure_drift(self, q: Array, qd: Array) -> Array:
+        """Return gamma of the closures."""
+        self._rows.pose(q)
+        self._rows.move(qd)
+        return self._rows.drift()
+
+    def point(self, q: Array, body: str, u: Pair) -> tuple[Array, Array]:
+        """Return a point of a body, and its Jacobian."""
+        self._rows.place(q)
+        return self._rows.point(body, u)
+
+    def point_drift(self, q: Array, qd: Array, body: str, u: Pair) -> Array:
+        """Return the acceleration of a point at qdd = 0."""
+        self._rows.place(q)
+        self._rows.move(qd)
+        return self._rows.point_drift(body, u)
+
+
+class AbsoluteRows:
+    """MuJoCo's rows with every body free on the ground, so that qpos is (x, y, phi) per body: a `ConstraintModel`.
+
+    The model is in units of the mechanism's size, a power of two, and seen from its first ground point; what goes in
+    and comes out is in metres. The row |d| - f of a distance driver is multiplied by (|d| + f) / 2.
+    """
+
+    owns_driver: bool = False
+    rows: Sequence[RowMap]
+
+    def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
+        bodies = mechanism.bodies
+        tree = _absolute_tree(mechanism)
+        self._rows = MujocoRows(Plan(tree, constraints, weld=True))
+        sources = self._rows.plan.sources
+        self._drivers = self._rows.plan.driven
+        self._squared = [d for d in self._drivers if isinstance(d.driver, DistanceDriver)]
+        self._metre = np.array([tree.size**s.unit for s in sources])
+        for driven in self._squared:
+            self._metre[driven.source] *= tree.size
+        self._unit = np.tile([1.0 / tree.size, 1.0 / tree.size, 1.0], len(bodies))
+        self._origin = np.tile([*tree.origin, 0.0], len(bodies))
+        self.rows = tuple(
+            RowMap(
+                constraint=s.constraint.name,
+                row=s.row,
+                engine_row=k,
+                form=s.form,
+                derived=s.guide is not None or isinstance(s.constraint, DistanceDriver),
+            )
+            for k, s in enumerate(sources)
+        )
+
+    def residual(self, q: Array, t: float) -> Array:
+        """Return MuJoCo's residual, (m,)."""
+        self._pose(q, t)
+        residual = self._rows.residual()
+        for driven in self._squared:
+            residual[driven.source] *= 0.5 * (self._rows.length(driven.source) + driven.value(t, 0))
+        return residual * self._metre
+
+    def jacobian(self, q: Array, t: float) -> Array:
+        """Return MuJoCo's constraint Jacobian, (m, n)."""
+        self._pose(q, t)
+        jacobian = self._rows.jacobian()
+        for driven in self._squared:
+            jacobian[driven.source] *= self._rows.length(driven.source)
+        return jacobian * np.outer(self._metre, self._unit)
+
+    def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
+        """Return the velocity of MuJoCo's rows, (m,), without a driver's rate, which MuJoCo does not know."""
+        self._pose(q, t)
+        self._rows.move(qd * self._unit)
+        velocity = self._rows.velocity()
+        for driven in self._squared:
+            velocity[driven.source] *= self._rows.length(driven.source)
+        return velocity * self._metre
+
+    def drift(self, q: Array, qd: Array, t: float) -> Array:
+        """Return MuJoCo's -Jdot qd and, added here, what the law of each driver brings, (m,)."""
+        self._pose(q, t)
+        self._rows.move(qd * self._unit)
+        drift, velocity = self._rows.drift(), self._rows.velocity()
+        for driven in self._drivers:
+            f, fd, fdd = (driven.value(t, order) for order in range(3))
+            k = driven.source
+            if isinstance(driven.driver, DistanceDriver):  # |d| |d|'' + |d|'^2 = f f'' + f'^2
+                drift[k] = self._rows.length(k) * drift[k] - velocity[k] ** 2 + fd**2 + f * fdd
+            else:
+                drift[k] += fdd
+        return drift * self._metre
+
+    def close(self) -> None:
+        """Let the model go."""
+        del self._rows
+
+    def _pose(self, q: Array, t: float) -> None:
+        self._rows.drive(t)
+        self._rows.pose((q - self._origin) * self._unit)
+
+
+def _absolute_tree(mechanism: Mechanism) -> JointTree:
+    """Return the tree without joints: every body free on the ground."""
+    names = [body.name for body in mechanism.bodies]
+    edges = [Edge(body=body, parent=GROUND, freedom=Freedom.FREE, first=3 * k) for k, body in enumerate(names)]
+    unit = mechanism.unit()
+    return JointTree(
+        edges=tuple(edges),
+        closures=mechanism.joints,
+        size=unit.size,
+        origin=unit.origin,
+        estimates={},
+        links={},
+    )
+
+
+def _refuse(reasons: Sequence[str]) -> None:
+    if reasons:
+        raise EngineError("; ".join(reasons))

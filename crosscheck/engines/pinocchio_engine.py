@@ -1,0 +1,165 @@
+"""Pinocchio as a peer: its own constraint rows in absolute coordinates, and its joint trees with loops to be closed.
+
+Pinocchio has no kinematic loop solver, no prescribed motion and no distance constraint. So Newton, driver rows and
+linear solves are the adapter's (`loop_closing`, `tree_system`), and a distance joint is a massless link; residual,
+Jacobian, drift term and the motion of points are Pinocchio's. Every scene gets its own model: nothing is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import pinocchio as pin
+
+from crosscheck.engines import API, NATIVE, Array, Capabilities, EngineError, Level, Term, derived, refusals, refused
+from crosscheck.engines.pinocchio_model import Frame, Rows, absolute_model, tree_model
+from crosscheck.frames import RowMap
+from crosscheck.joint_tree import JointTree, joint_tree
+from crosscheck.tree_motion import tree_motion
+from refkin.joints import Pair
+from refkin.model import Scene
+from refkin.motion import Motion, Producer, Route, Seeding
+
+TREE = Route(
+    name="joint tree",
+    residual_by="pinocchio",
+    jacobian_by="pinocchio",
+    newton_by="adapter",
+    linear_solve_by="numpy",
+    drift_by="pinocchio",
+    seeding=Seeding.INITIAL_GUESS,
+)
+
+NO_DISTANCE = refused("Pinocchio has no distance constraint")
+NO_DRIVER = refused("Pinocchio prescribes no motion; a row of the adapter's own would prove nothing")
+LINK = derived("a massless link with a revolute joint at either end")
+OWN_ROW = derived("a row of the adapter's, on Pinocchio's motion of points or its joint angles")
+
+CAPABILITIES: Capabilities = {
+    **{joint: dict.fromkeys(Level, NATIVE) for joint in ("revolute", "fixed", "prismatic", "point_on_line")},
+    "distance": {**dict.fromkeys(Level, NO_DISTANCE), Level.SOLVE: LINK},
+    **{
+        key: {**dict.fromkeys(Level, NO_DRIVER), Level.SOLVE: OWN_ROW} for key in ("angle", "x", "y", "distance driver")
+    },
+}
+
+
+class Pinocchio:
+    """The engine of the package `pin`."""
+
+    name = "pinocchio"
+    api = API
+
+    def version(self) -> str:
+        """Return the version of the package."""
+        return str(pin.__version__)
+
+    def routes(self) -> Sequence[Route]:
+        """Return the one route there is."""
+        return (TREE,)
+
+    def capabilities(self) -> Capabilities:
+        """Return what Pinocchio can express."""
+        return CAPABILITIES
+
+    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
+        """Return none: Newton goes on to round-off, and nothing in Pinocchio stops above it."""
+        return ()
+
+    def constraints(self, scene: Scene) -> PinocchioConstraints:
+        """Return Pinocchio's rows for the joints of a scene that it does not refuse.
+
+        Raises
+        ------
+        EngineError
+            If it refuses all of them; the message says why, one by one.
+        """
+        found = PinocchioConstraints(scene)
+        if not found.rows:
+            raise EngineError("; ".join(refusals(self, scene, Level.RESIDUAL)))
+        return found
+
+    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
+        """Return the motion that closes Pinocchio's joint tree, started at the bodies' estimates.
+
+        Raises
+        ------
+        EngineError
+            If a joint or the route is refused, or a body has no estimate; the message names it.
+        """
+        reasons = refusals(self, scene, Level.SOLVE)
+        if reasons:
+            raise EngineError("; ".join(reasons))
+        if route not in (None, TREE):
+            raise EngineError(f"pinocchio has no route {route.name!r}; there is: {TREE.name!r}")
+        tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True))
+        return tree_motion(tree, scene, Producer(name=self.name, version=self.version(), route=TREE))
+
+
+class PinocchioConstraints:
+    """Pinocchio's rows for the joints of a scene, with columns (x, y, phi) per body [m, rad]; none for drivers."""
+
+    owns_driver = False
+
+    def __init__(self, scene: Scene) -> None:
+        bodies = [body.name for body in scene.mechanism.bodies]
+        joints = [j for j in scene.mechanism.joints if CAPABILITIES.get(j.type, {}).get(Level.RESIDUAL) == NATIVE]
+        self._rows = Rows(absolute_model(bodies), joints, lambda body, u: u)
+        ours = [(joint.name, row) for joint in joints for row in range(joint.rows)]
+        self.rows: Sequence[RowMap] = tuple(
+            RowMap(constraint=name, row=row, engine_row=k) for k, (name, row) in enumerate(ours)
+        )
+
+    def residual(self, q: Array, t: float) -> Array:
+        """Return the residual (m,)."""
+        return self._rows.residual(q)
+
+    def jacobian(self, q: Array, t: float) -> Array:
+        """Return the Jacobian (m, n)."""
+        return self._rows.jacobian(q)
+
+    def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
+        """Return phi_q qd (m,), from Pinocchio's velocities of frames."""
+        return self._rows.velocity(q, qd)
+
+    def drift(self, q: Array, qd: Array, t: float) -> Array:
+        """Return gamma (m,), from Pinocchio's accelerations of frames."""
+        return self._rows.drift(q, qd)
+
+    def close(self) -> None:
+        """Do nothing: Pinocchio frees its memory with the object."""
+
+
+class PinocchioTree:
+    """Pinocchio's model of a joint tree: a `TreeEngine`."""
+
+    def __init__(self, tree: JointTree) -> None:
+        self.tree = tree
+        self._planar = tree_model(tree)
+        self._rows = Rows(self._planar, tree.closures, tree.scaled)
+        self._frames: dict[tuple[str, Pair], Frame] = {}
+        self.closure_rows = self._rows.count
+
+    def closure(self, q: Array) -> tuple[Array, Array]:
+        """Return the residual of the closures and its Jacobian."""
+        return self._rows.residual(q), self._rows.jacobian(q)
+
+    def closure_drift(self, q: Array, qd: Array) -> Array:
+        """Return gamma of the closures."""
+        return self._rows.drift(q, qd)
+
+    def point(self, q: Array, body: str, u: Pair) -> tuple[Array, Array]:
+        """Return a point of a body and its Jacobian."""
+        self._planar.place(q)
+        frame = self._frame(body, u)
+        return self._planar.point(frame), self._planar.point_jacobian(frame)
+
+    def point_drift(self, q: Array, qd: Array, body: str, u: Pair) -> Array:
+        """Return the acceleration of a point at qdd = 0."""
+        self._planar.move(q, qd)
+        return self._planar.point_acceleration(self._frame(body, u))
+
+    def _frame(self, body: str, u: Pair) -> Frame:
+        if (body, u) not in self._frames:
+            self._frames[body, u] = self._planar.frames[body].at(u)
+        return self._frames[body, u]

@@ -1,0 +1,159 @@
+"""What is counted per engine, route and quantity."""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import Counter
+from dataclasses import dataclass, field
+from typing import Any
+
+from crosscheck.report.digits import Digits
+from crosscheck.report.records import Answer, Histogram, RouteData
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a number was met: record, scene, line of records.jsonl."""
+
+    key: str
+    scene: str
+    line: int
+
+
+@dataclass(frozen=True)
+class WorstSample:
+    """The largest error / allowed and the sample it was met at: a coordinate and a time, or a row."""
+
+    ratio: float
+    place: Place
+    sample: str
+
+    def described(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        coordinate, _, time = self.sample.partition(" at t = ")
+        at = {"coordinate": coordinate, "time": time} if time else {"coordinate": None, "time": None}
+        return {"ratio": finite(self.ratio), **vars(self.place), "sample": self.sample, **at}
+
+
+def finite(ratio: float | None) -> float | None:
+    """Return a ratio as JSON can hold it: an infinite one as the largest double, NaN as None."""
+    if ratio is None or math.isnan(ratio):
+        return None
+    return min(ratio, sys.float_info.max)
+
+
+@dataclass
+class Cell:
+    """One quantity by one route of one engine.
+
+    Attributes
+    ----------
+    scenes : int
+        Scenes in which it was compared.
+    judged : int
+        Configurations that were held against a budget (position, velocity, acceleration).
+    failures, known_gaps : int
+        Scenes with a disagreement that no known gap accounts for; scenes with one that a gap accounts for.
+    """
+
+    digits: Digits = field(default_factory=Digits)
+    scenes: int = 0
+    judged: int = 0
+    failures: int = 0
+    known_gaps: int = 0
+    worst: WorstSample | None = None
+    least: tuple[float, Place] | None = None
+
+    def add(self, histograms: dict[int | None, Histogram], place: Place) -> None:
+        """Count one scene's digits."""
+        self.scenes += 1
+        for decade, histogram in histograms.items():
+            self.digits.add(decade, histogram)
+        least = min((digits for h in histograms.values() for digits, times in h.items() if times), default=None)
+        if least is not None and (self.least is None or least < self.least[0]):
+            self.least = (least, place)
+
+    def meet(self, ratio: float | None, place: Place, sample: str) -> None:
+        """Keep a ratio if it is the largest so far."""
+        if ratio is None or math.isnan(ratio):
+            return
+        if self.worst is None or ratio > self.worst.ratio:
+            self.worst = WorstSample(ratio, place, sample)
+
+    def described(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        least = self.least
+        return {
+            **self.digits.described(),
+            "worst_over_allowed": finite(self.worst.ratio) if self.worst else None,
+            "scenes": self.scenes,
+            "samples": self.digits.samples,
+            "judged": self.judged,
+            "failures": self.failures,
+            "known_gaps": self.known_gaps,
+            "worst": self.worst.described() if self.worst else None,
+            "digits_worst_at": {"digits": least[0], **vars(least[1])} if least else None,
+            "digits_by_sigma": self.digits.described_by_sigma(),
+        }
+
+
+TIME_BINS = 100
+"""Bins per decade of the histogram of times: a median is right to 1.2 %."""
+
+
+@dataclass
+class RouteTotals:
+    """What one route of one engine did over the run, whatever the quantity."""
+
+    made: RouteData
+    version: str
+    scenes: int = 0
+    times: int = 0
+    judged: int = 0
+    unanswered: int = 0
+    unanswered_by_sigma: Counter[int] = field(default_factory=Counter)
+    seconds: float = 0.0
+    bins: Counter[int] = field(default_factory=Counter)
+
+    def add(self, answer: Answer, sigma_decade: int | None) -> None:
+        """Count one scene's answer; `sigma_decade` is that of the scene's smallest sigma_min."""
+        self.scenes += 1
+        self.times += answer.times
+        self.judged += answer.judged
+        self.unanswered += answer.missing
+        if answer.missing and sigma_decade is not None:
+            self.unanswered_by_sigma[sigma_decade] += answer.missing
+        self.seconds += answer.seconds
+        if answer.times and answer.seconds > 0:
+            microseconds = 1e6 * answer.seconds / answer.times
+            self.bins[math.floor(TIME_BINS * math.log10(microseconds))] += 1
+
+    @property
+    def microseconds(self) -> dict[str, float | None]:
+        """Mean over all configurations; median over scenes of the scene's mean."""
+        mean = 1e6 * self.seconds / self.times if self.times else None
+        return {"microseconds_mean": mean, "microseconds_median": self._median()}
+
+    def _median(self) -> float | None:
+        rank = -(-self.bins.total() // 2)
+        reached = 0
+        for bin_number in sorted(self.bins):
+            reached += self.bins[bin_number]
+            if reached >= rank:
+                return float(10 ** ((bin_number + 0.5) / TIME_BINS))
+        return None
+
+    def described(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        return {
+            "version": self.version,
+            **self.made.model_dump(exclude={"name"}),
+            "scenes": self.scenes,
+            "configurations": self.times,
+            "judged": self.judged,
+            "unanswered": self.unanswered,
+            "not_judged": self.times - self.judged - self.unanswered,
+            "unanswered_by_sigma": {str(d): n for d, n in sorted(self.unanswered_by_sigma.items())},
+            **self.microseconds,
+        }

@@ -1,0 +1,142 @@
+"""The disagreements of a run: which are new, which a known gap accounts for, and one row per kind of either."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+from crosscheck.known_gaps import Gap
+from crosscheck.report.cells import Place, WorstSample
+from crosscheck.report.records import Checked, Disagreement
+
+MOST_EXAMPLES = 5
+"""Examples kept per kind; a night in which everything fails still fits a page."""
+MOST_TEXT = 20_000
+"""Characters of a scene file that are shown."""
+
+Identity = tuple[str, str, str, str, str]
+"""Record key, engine, route, quantity, kind."""
+
+
+@dataclass
+class Group:
+    """The disagreements that share engine, route, quantity and kind, and the gap that accounts for them, if any."""
+
+    signature: tuple[str, str, str, str]
+    gap: Gap | None
+    scenes: int = 0
+    worst: WorstSample | None = None
+    examples: list[dict[str, Any]] = field(default_factory=list)
+
+    def add(self, place: Place, told: Disagreement, extra: Mapping[str, Any]) -> None:
+        """Count one more; a shrunk example goes first."""
+        self.scenes += 1
+        if told.ratio is not None and not math.isnan(told.ratio):
+            if self.worst is None or told.ratio > self.worst.ratio:
+                self.worst = WorstSample(told.ratio, place, told.worst)
+        example = {**vars(place), "sample": told.worst, **extra}
+        if example.get("shrunk"):
+            self.examples.insert(0, example)
+        else:
+            self.examples.append(example)
+        del self.examples[MOST_EXAMPLES:]
+
+    def described(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        told = dict(zip(("engine", "route", "quantity", "kind"), self.signature, strict=True))
+        return {
+            **told,
+            "known": self.gap is not None,
+            "reason": self.gap.reason if self.gap else None,
+            "scenes": self.scenes,
+            "worst": self.worst.described() if self.worst else None,
+            "examples": self.examples,
+        }
+
+
+class Disagreements:
+    """Judges every record by the table of known gaps, and compares with what the run itself called new.
+
+    What either calls new is new: a disagreement is never lost between the two.
+    """
+
+    def __init__(self, folder: Path, gaps: Sequence[Gap], told: Sequence[Mapping[str, Any]]) -> None:
+        self.folder, self.gaps = folder, gaps
+        self.told: dict[Identity, Mapping[str, Any]] = {_identity(d): d for d in told}
+        self.seen: set[Identity] = set()
+        self.groups: dict[tuple[Any, ...], Group] = {}
+        self.covered = [0] * len(gaps)
+        self.new = self.known = 0
+
+    def add(self, place: Place, line: bytes, record: Checked) -> list[tuple[Disagreement, bool]]:
+        """Count the disagreements of one record and return each with whether it is new."""
+        if not record.disagreements:
+            return []
+        raw = json.loads(line)
+        found = []
+        for told, plain in zip(record.disagreements, raw["disagreements"], strict=True):
+            identity = (record.key, *told.signature)
+            self.seen.add(identity)
+            gap = None if identity in self.told or record.reference is None else self._gap(raw, plain)
+            self._count(place, told, gap, self._files(identity))
+            found.append((told, gap is None))
+        return found
+
+    def finish(self) -> list[Disagreement]:
+        """Count and return what the run called new and no record holds."""
+        rest = []
+        for identity, plain in self.told.items():
+            if identity not in self.seen:
+                told = Disagreement.model_validate(plain)
+                self._count(Place(identity[0], "", 0), told, None, self._files(identity))
+                rest.append(told)
+        return rest
+
+    def described(self) -> list[dict[str, Any]]:
+        """Return one row per kind, new ones first, most frequent first; the first example of a new one with its scene."""
+        order = sorted(self.groups.values(), key=lambda g: (g.gap is not None, -g.scenes, g.signature))
+        rows = [group.described() for group in order]
+        for row in rows:
+            for example in row["examples"][:1]:
+                example["toml"] = self._text(example.get("file"))
+        return rows
+
+    def _gap(self, raw: Mapping[str, Any], plain: Mapping[str, Any]) -> Gap | None:
+        for k, gap in enumerate(self.gaps):
+            if gap.covers(raw, plain):
+                self.covered[k] += 1
+                return gap
+        return None
+
+    def _count(self, place: Place, told: Disagreement, gap: Gap | None, extra: Mapping[str, Any]) -> None:
+        which = None if gap is None else self.gaps.index(gap)
+        group = self.groups.setdefault((told.signature, which), Group(told.signature, gap))
+        group.add(place, told, extra)
+        if gap is None:
+            self.new += 1
+        else:
+            self.known += 1
+
+    def _files(self, identity: Identity) -> dict[str, Any]:
+        """Return the scene file of a disagreement, as the run tells it or as it is named."""
+        told = self.told.get(identity, {})
+        name = told.get("file") or f"disagreements/{identity[0]}-{'-'.join(identity[1:4])}.toml"
+        held = self._path(name)
+        return {"file": name if held else None, "shrunk": bool(told.get("shrunk")) and held is not None}
+
+    def _path(self, name: str) -> Path | None:
+        """Return a file inside the folder; None if there is none, or the name leads out of it."""
+        path = (self.folder / name).resolve()
+        return path if path.is_relative_to(self.folder.resolve()) and path.is_file() else None
+
+    def _text(self, name: str | None) -> str | None:
+        path = self._path(name) if name else None
+        return path.read_text(encoding="utf-8", errors="replace")[:MOST_TEXT] if path else None
+
+
+def _identity(told: Mapping[str, Any]) -> Identity:
+    return tuple(str(told[key]) for key in ("key", "engine", "route", "quantity", "kind"))  # type: ignore[return-value]

@@ -1,0 +1,246 @@
+"""A run in one pass over its records: the whole content of `report.json`. Memory does not grow with the samples."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any, Protocol
+
+from crosscheck.known_gaps import Gap
+from crosscheck.report.cells import Cell, Place, RouteTotals
+from crosscheck.report.coverage import Coverage, Refusals, decade
+from crosscheck.report.disagreements import Disagreements
+from crosscheck.report.records import Checked, Disagreement, Unreadable, read_records
+from crosscheck.report.reference import ReferenceTotals
+from crosscheck.report.verdict import verdict
+
+SOLVED = ("position", "velocity", "acceleration")
+OWN_ROWS = ("residual", "jacobian", "constraint_velocity", "gamma")
+ROWS, ANY = "rows", "any"
+REFERENCE = "refkin"
+MOST_FAILURES = 50
+ROWS_MADE = {
+    "seeding": "configuration",
+    "newton_by": "none",
+    "linear_solve_by": "none",
+    "drift_by": "none",
+}
+"""An engine's own rows are evaluated at a configuration that it is handed; nothing is solved."""
+
+
+class Ended(Protocol):
+    """What a run says at its end: `crosscheck.campaign.Outcome`."""
+
+    versions: dict[str, str]
+    missing: dict[str, str]
+    checked: int
+    failed: list[str]
+    new: list[dict[str, Any]]
+    known: int
+
+
+class Summary:
+    """Adds up records; `described` gives the report."""
+
+    def __init__(self, folder: Path, gaps: Sequence[Gap], outcome: Ended | None) -> None:
+        self.gaps, self.outcome = gaps, outcome
+        self.keys: set[str] = set()
+        self.repeated = self.configurations = self.without_result = self.reference_failures = 0
+        self.cells: dict[tuple[str, str, str], Cell] = {}
+        self.routes: dict[tuple[str, str], RouteTotals] = {}
+        self.versions: dict[str, Counter[str]] = {}
+        self.reference = ReferenceTotals()
+        self.coverage, self.refusals = Coverage(), Refusals()
+        self.disagreements = Disagreements(folder, gaps, outcome.new if outcome else ())
+        self.failures: list[str] = []
+        for line, text, record in read_records(folder / "records.jsonl"):
+            self._add(line, text, record)
+        for told in self.disagreements.finish():
+            self._blame({_blamed(told): True})
+        held = set(self.failures)
+        self.failures += [text for text in (outcome.failed if outcome else ()) if text not in held]
+
+    def _add(self, line: int, text: bytes, record: Checked | Unreadable) -> None:
+        if isinstance(record, Unreadable):
+            self.failures.append(f"line {line} of records.jsonl is no record: {record.reason}")
+            return
+        if record.key in self.keys:
+            self.repeated += 1
+            return
+        self.keys.add(record.key)
+        place = Place(record.key, record.scene, line)
+        self.coverage.add(record.about, record.reference)
+        if record.failure is not None:
+            self.without_result += 1
+            self.failures.append(f"{record.key}: {record.failure}")
+        if record.reference is not None:
+            self.reference.add(record.reference, place)
+            self._add_answers(record, place, decade(record.reference.sigma_min))
+        self.refusals.add(record.refusals)
+        blamed: dict[tuple[str, str, str], bool] = {}
+        for told, is_new in self.disagreements.add(place, text, record):
+            who = _blamed(told)
+            blamed[who] = blamed.get(who, False) or is_new
+            if told.engine != REFERENCE and told.quantity != "status":
+                self._cell(*who).meet(told.ratio, place, told.worst)
+        self._blame(blamed)
+
+    def _add_answers(self, record: Checked, place: Place, sigma_decade: int | None) -> None:
+        for answer in record.answers:
+            engine, route = answer.engine, answer.route.name
+            self.versions.setdefault(engine, Counter())[answer.version] += 1
+            self.routes.setdefault((engine, route), RouteTotals(answer.route, answer.version)).add(answer, sigma_decade)
+            for name, found in answer.quantities.items():
+                cell = self._cell(engine, route, name)
+                cell.add(dict(found.digits_by_sigma), place)
+                cell.judged += answer.judged
+                cell.meet(found.ratio, place, found.worst)
+        for row in record.levels:
+            cell = self._cell(row.engine, ROWS, _quantity(row.level))
+            cell.add({None: row.digits}, place)
+            cell.meet(row.ratio, place, row.worst)
+
+    def _cell(self, engine: str, route: str, quantity: str) -> Cell:
+        return self.cells.setdefault((engine, route, quantity), Cell())
+
+    def _blame(self, blamed: Mapping[tuple[str, str, str], bool]) -> None:
+        """Count one scene's disagreements, each cell once, as new where one of them is; no answer counts in every cell."""
+        counted: dict[tuple[str, str, str], bool] = {}
+        for (engine, route, quantity), is_new in blamed.items():
+            everywhere = quantity == "status" and route != ANY and engine != REFERENCE
+            for name in SOLVED if everywhere else (quantity,):
+                counted[engine, route, name] = counted.get((engine, route, name), False) or is_new
+        for (engine, route, quantity), is_new in counted.items():
+            if engine == REFERENCE:
+                self.reference_failures += is_new
+            else:
+                cell = self._cell(engine, route, quantity)
+                cell.failures += is_new
+                cell.known_gaps += not is_new
+
+    def described(self, run: Mapping[str, Any], required: Sequence[str] | None) -> dict[str, Any]:
+        """Return the whole report; `run` is what run.json holds."""
+        versions = dict(self.outcome.versions if self.outcome else run.get("versions", {}))
+        missing = dict(self.outcome.missing if self.outcome else run.get("missing", {}))
+        engines = sorted({*versions, *(engine for engine, *_ in self.cells)} - {REFERENCE})
+        answering = {engine for engine, _ in self.routes}
+        if required is None:
+            required = self._required(run, missing)
+        found, why = verdict(
+            required=required,
+            missing=missing,
+            silent=[engine for engine in engines if engine not in answering],
+            new=self.disagreements.new,
+            failures=len(self.failures),
+            scenes=len(self.keys),
+        )
+        return {
+            "schema": 1,
+            "verdict": found,
+            "why": why,
+            "date": run.get("date"),
+            "seed": run.get("seed"),
+            "versions": {"refkin": version("refkin"), **versions},
+            "missing": missing,
+            "required": list(required),
+            "scenes": len(self.keys),
+            "scenes_without_result": self.without_result,
+            "configurations": self.reference.configurations,
+            "new_disagreements": self.disagreements.new,
+            "known_disagreements": self.disagreements.known,
+            "failures": self.failures[:MOST_FAILURES],
+            "failures_total": len(self.failures),
+            "notes": self._notes(versions, engines, answering, run),
+            "reference": {**self.reference.described(), "failures": self.reference_failures},
+            "engines": {engine: self._engine(engine) for engine in engines},
+            "routes": [{"engine": e, "route": r, **t.described()} for (e, r), t in sorted(self.routes.items())],
+            "disagreements": self.disagreements.described(),
+            "known_gaps": [
+                _gap_row(g, n) for g, n in zip(self.gaps, self.disagreements.covered, strict=True)
+            ],
+            "coverage": self.coverage.described(),
+            "refusals": self.refusals.described(),
+            "run": dict(run),
+        }
+
+    def _required(self, run: Mapping[str, Any], missing: Mapping[str, str]) -> list[str]:
+        """Return the required engines as the run tells; a run that stopped before its first scene for want of one tells none."""
+        if self.outcome and self.outcome.missing and not self.outcome.checked and not self.keys:
+            return sorted(missing)
+        return list(run.get("required", ()))
+
+    def _engine(self, engine: str) -> dict[str, Any]:
+        """Return {route: {quantity: numbers}}: every quantity stands under every route; what nobody answered is None."""
+        seen = {r for e, r in self.routes if e == engine} | {r for e, r, _ in self.cells if e == engine}
+        routes = sorted(seen - {ROWS, ANY}) or [ANY]
+        found: dict[str, Any] = {}
+        for route in routes:
+            made = self.routes.get((engine, route))
+            who = made.made.model_dump(include=set(ROWS_MADE)) if made else dict.fromkeys(ROWS_MADE)
+            speed = made.microseconds if made else {"microseconds_mean": None, "microseconds_median": None}
+            unanswered = made.unanswered if made else 0
+            found[route] = {
+                quantity: {**self._solved(engine, route, quantity), **who, "unanswered": unanswered, **speed}
+                for quantity in SOLVED
+            }
+            for quantity in OWN_ROWS:
+                cell = self.cells.get((engine, ROWS, quantity), Cell())
+                found[route][quantity] = {**cell.described(), **ROWS_MADE}
+        return found
+
+    def _solved(self, engine: str, route: str, quantity: str) -> dict[str, Any]:
+        """Return a cell, with the crashes and hangs, which count against every route of the engine."""
+        told = self.cells.get((engine, route, quantity), Cell()).described()
+        everywhere = self.cells.get((engine, ANY, "status"), Cell())
+        told["failures"] += everywhere.failures
+        told["known_gaps"] += everywhere.known_gaps
+        return told
+
+    def _notes(
+        self, versions: Mapping[str, str], engines: Sequence[str], answering: set[str], run: Mapping[str, Any]
+    ) -> list[str]:
+        notes = [f"{name} answered no scene" for name in engines if name not in answering]
+        for engine, seen in sorted(self.versions.items()):
+            if set(seen) != {versions.get(engine)}:
+                told = ", ".join(f"{v} ({n} answers)" for v, n in sorted(seen.items()))
+                notes.append(f"{engine}: the run names version {versions.get(engine)}, its answers come from {told}")
+        if not run:
+            notes.append("there is no run.json: seed, date and requirements are not known")
+        if self.repeated:
+            notes.append(f"{self.repeated} records of scenes that had one already were not counted")
+        if self.outcome and self.outcome.known != self.disagreements.known:
+            notes.append(f"the run counted {self.outcome.known} known disagreements, its records hold {self.disagreements.known}")
+        bare = {name: c.judged - c.digits.samples for name, c in self.cells.items() if c.judged > c.digits.samples}
+        for (engine, route, quantity), count in sorted(bare.items()):
+            notes.append(f"{engine} ({route}), {quantity}: {count} judged configurations have no finite number of digits")
+        return notes
+
+
+def read_run(folder: Path) -> dict[str, Any]:
+    """Return what run.json says about how the run was made; empty if there is none."""
+    path = folder / "run.json"
+    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+
+
+def _quantity(level: str) -> str:
+    return "gamma" if level == "drift" else level
+
+
+def _blamed(told: Disagreement) -> tuple[str, str, str]:
+    return told.engine, told.route, _quantity(told.quantity)
+
+
+def _gap_row(gap: Gap, covered: int) -> dict[str, Any]:
+    return {
+        "engine": gap.engine,
+        "match": dict(gap.match),
+        "predicate": gap.predicate,
+        "reason": gap.reason,
+        "class": gap.kind_of_gap,
+        "date": gap.date.isoformat(),
+        "reproduction": gap.reproduction,
+        "disagreements": covered,
+    }

@@ -1,0 +1,64 @@
+"""Numbers as a page shows them. What has no answer says so; it is never a blank or a zero."""
+
+from __future__ import annotations
+
+import math
+import sys
+from typing import Any
+
+from markupsafe import Markup
+
+from crosscheck.report.svg import SUPERSCRIPTS
+
+NO_ANSWER = Markup('<span class="none">no answer</span>')
+THIN = "\u202f"
+SEEDING = {"initial_guess": "an estimate", "configuration": "the pose", "none": "nothing"}
+
+
+def digits(value: float | None) -> str:
+    """Return digits to a tenth, as they are kept."""
+    return NO_ANSWER if value is None else f"{value:.1f}"
+
+
+def count(value: int | None) -> str:
+    """Return a whole number in groups of three."""
+    return NO_ANSWER if value is None else f"{value:,}".replace(",", THIN)
+
+
+def number(value: float | None, figures: int = 2) -> str:
+    """Return a number to a few figures, with a power of ten where it is very large or small."""
+    if value is None or math.isnan(value):
+        return NO_ANSWER
+    if abs(value) >= sys.float_info.max:
+        return "unbounded"
+    if value == 0:
+        return "0"
+    exponent = math.floor(math.log10(abs(float(f"{value:.{figures - 1}e}"))))
+    if -4 <= exponent < 5:
+        return f"{value:,.{max(0, figures - 1 - exponent)}f}".replace(",", THIN)
+    mantissa = value / 10.0**exponent if exponent > -300 else value * 10.0**-exponent
+    return f"{mantissa:.{figures - 1}f} × 10{str(exponent).translate(SUPERSCRIPTS)}"
+
+
+def ratio(value: float | None) -> str:
+    """Return error / allowed to two figures, or more where rounding would move it across 1."""
+    if value is not None and value != 1.0 and abs(value - 1.0) < 0.1:
+        return next((t for f in range(2, 17) if ((float(t := f"{value:.{f}f}")) > 1.0) == (value > 1.0) and float(t) != 1.0), str(value))
+    return number(value)
+
+
+def seeding(value: str | None) -> str:
+    """Return in words how much of the answer a route was given."""
+    return NO_ANSWER if value is None else SEEDING.get(value, value)
+
+
+def words(value: Any) -> str:
+    """Return a value that is shown as it is."""
+    return NO_ANSWER if value is None else str(value)
+
+
+def headline(verdict: str, new: int) -> str:
+    """Return the verdict as the page's heading."""
+    if verdict == "new disagreements":
+        return f"{count(new)} new disagreement{'s' * (new != 1)}"
+    return {"infrastructure": "Infrastructure failure"}.get(verdict, verdict.capitalize())

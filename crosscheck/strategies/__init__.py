@@ -1,0 +1,22 @@
+"""Hypothesis strategies for planar linkages and scenes, feasible by construction.
+
+`four_bars`, `slider_cranks`, `inverted_slider_cranks` yield linkages (`refkin.linkages`); `scenes` yields scenes to
+solve; `drawn_scenes` yields them with what reports are binned by: kind, Grashof class, branch, distance to a singular
+pose.
+"""
+
+from crosscheck.strategies.laws import motion_laws
+from crosscheck.strategies.linkages import four_bars, inverted_slider_cranks, slider_cranks
+from crosscheck.strategies.scenes import Drawn, drawn_scenes, scenes
+from crosscheck.strategies.spans import Hardness
+
+__all__ = [
+    "Drawn",
+    "Hardness",
+    "drawn_scenes",
+    "four_bars",
+    "inverted_slider_cranks",
+    "motion_laws",
+    "scenes",
+    "slider_cranks",
+]

@@ -1,0 +1,131 @@
+"""Motion laws that stay between two values: polynomial, sinusoid, table; each as a value or as a rate."""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+from typing import Any
+
+from hypothesis import strategies as st
+from hypothesis.strategies import DrawFn
+from scipy.interpolate import CubicSpline
+
+from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
+
+KNOTS = 6
+
+
+class LawKind(StrEnum):
+    """The kinds of motion laws that are drawn."""
+
+    POLYNOMIAL = "polynomial"
+    SINUSOID = "sinusoid"
+    TABLE = "table"
+
+
+KINDS = st.sampled_from(LawKind)
+CONTROLS = st.lists(st.floats(0.125, 0.875), max_size=2)
+CROWDING = st.just(1.0) | st.floats(0.75, 1.375)
+DISTURBANCES = st.lists(st.floats(-0.125, 0.125), min_size=KNOTS, max_size=KNOTS)
+RATES = st.lists(st.floats(1.0, 1.5), min_size=KNOTS, max_size=KNOTS)
+
+
+@st.composite
+def motion_laws(draw: DrawFn, *, first: float, last: float, duration: float, monotone: bool = False) -> Law:
+    """Return laws whose values over [0, duration] lie between `first` and `last`.
+
+    A monotone law goes from `first` at 0 to `last` at `duration`, with a rate that is nowhere 0; others may oscillate.
+    A law that is given as a rate comes as `Integral`.
+
+    Examples from this strategy shrink towards a linear polynomial that is given as a value.
+    """
+    return draw_law(draw, first, last, duration, monotone)
+
+
+def draw_law(draw: DrawFn, first: float, last: float, duration: float, monotone: bool) -> Law:
+    """Draw what `motion_laws` says."""
+    kind = draw(KINDS, label="law")
+    as_rate = draw(st.booleans(), label="given as a rate")
+    if kind is LawKind.POLYNOMIAL:
+        return _polynomial(_draw_cubic(draw, monotone), first, last, duration, as_rate)
+    if kind is LawKind.SINUSOID:
+        return _draw_sinusoid(draw, first, last, duration, monotone, as_rate)
+    argument = _draw_arguments(draw, duration)
+    if as_rate:
+        return _draw_rate_table(draw, argument, first, last)
+    return _draw_table(draw, argument, first, last, monotone)
+
+
+def _draw_cubic(draw: DrawFn, monotone: bool) -> list[float]:
+    """Draw coefficients of a polynomial of tau in [0, 1], of degree 1 to 3, that goes from 0 to 1 and stays between.
+
+    In Bernstein form its control values 0, ..., 1 enclose its values; it is monotone if they are.
+    """
+    inner = draw(CONTROLS, label="control values")
+    if not inner:
+        return [0.0, 1.0]
+    if len(inner) == 1:
+        return [0.0, 2 * inner[0], 1 - 2 * inner[0]]
+    b, c = sorted(inner) if monotone else inner
+    return [0.0, 3 * b, 3 * c - 6 * b, 1 + 3 * b - 3 * c]
+
+
+def _polynomial(unit: list[float], first: float, last: float, duration: float, as_rate: bool) -> Law:
+    c = [a * (last - first) / duration**k for k, a in enumerate(unit)]
+    if as_rate:
+        return Integral(rate=Polynomial(coefficients=tuple(k * a for k, a in enumerate(c))[1:]), initial=first)
+    return Polynomial(coefficients=(first, *c[1:]))
+
+
+def _draw_sinusoid(draw: DrawFn, first: float, last: float, duration: float, monotone: bool, as_rate: bool) -> Law:
+    """Draw a wave between the two values; monotone as long as it sweeps less than half a turn, around its zero."""
+    sweep = draw(st.floats(0.5, 2.75) if monotone else st.floats(0.5, 6.25), label="angle swept")
+    phase = -sweep / 2 if monotone else draw(st.floats(-3.125, 3.125), label="phase")
+    amplitude = (last - first) / 2 / (math.sin(sweep / 2) if monotone else 1.0)
+    middle, frequency = (first + last) / 2, sweep / duration
+    if not as_rate:
+        return Sinusoid(offset=middle, amplitude=amplitude, angular_frequency=frequency, phase=phase)
+    rate = Sinusoid(amplitude=amplitude * frequency, angular_frequency=frequency, phase=phase + math.pi / 2)
+    return Integral(rate=rate, initial=middle + amplitude * math.sin(phase))
+
+
+def _draw_arguments(draw: DrawFn, duration: float) -> list[float]:
+    """Draw knots over [0, duration], evenly spaced or closer together at one end."""
+    power = draw(CROWDING, label="crowding of knots")
+    return [duration * (k / (KNOTS - 1)) ** power for k in range(KNOTS)]
+
+
+def _draw_table(draw: DrawFn, argument: list[float], first: float, last: float, monotone: bool) -> Law:
+    """Draw a cubic sampled at knots (its not-a-knot spline is that cubic); or that, or a closed wave, disturbed."""
+    steps = [t / argument[-1] for t in argument]
+    periodic = not monotone and draw(st.booleans(), label="periodic")
+    if periodic:
+        value = [(1 - math.cos(math.tau * step)) / 2 for step in steps]
+    else:
+        unit = _draw_cubic(draw, monotone)
+        value = [sum(c * step**k for k, c in enumerate(unit)) for step in steps]
+    if not monotone:
+        value = [v + by for v, by in zip(value, draw(DISTURBANCES, label="disturbances"), strict=True)]
+        value[-1] = value[0] if periodic else value[-1]
+        value = _fitted(value, CubicSpline(argument, value, bc_type="periodic" if periodic else "not-a-knot"))
+    value = [first + (last - first) * v for v in value]
+    return Table(argument=tuple(argument), value=tuple(value), periodic=periodic)
+
+
+def _fitted(value: list[float], spline: Any) -> list[float]:
+    """Return the values scaled so that their spline just fits into [0, 1]: interpolation is linear in the values."""
+    turning = [float(t) for t in spline.derivative().roots(extrapolate=False) if math.isfinite(t)]
+    extremes = spline([*spline.x[[0, -1]], *turning])
+    low, high = float(min(extremes)), float(max(extremes))
+    return [(v - low) / (high - low) for v in value]
+
+
+def _draw_rate_table(draw: DrawFn, argument: list[float], first: float, last: float) -> Law:
+    """Draw a positive rate; its integral is scaled to go from `first` to `last`.
+
+    A spline of values in 1.25 +- 0.25 stays within 0.25 L of 1.25, so above 0 while L < 5. On these knots the Lebesgue
+    constant L of the not-a-knot spline is below 3.1.
+    """
+    rate = draw(RATES, label="rates")
+    scale = (last - first) / float(CubicSpline(argument, rate).integrate(0.0, argument[-1]))
+    return Integral(rate=Table(argument=tuple(argument), value=tuple(scale * r for r in rate)), initial=first)

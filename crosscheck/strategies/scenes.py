@@ -1,0 +1,192 @@
+"""Scenes: a linkage, an input that it can follow, a motion law, and one of many ways to model it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.strategies import DrawFn, SearchStrategy
+
+from crosscheck.strategies.driving import WIDEST, Drive, crank_drive, moved, slider_drive
+from crosscheck.strategies.laws import motion_laws
+from crosscheck.strategies.linkages import (
+    AnyLinkage,
+    Decades,
+    four_bars,
+    inverted_slider_cranks,
+    longest,
+    slider_cranks,
+)
+from crosscheck.strategies.spans import Hardness, Input, critical_input, limited_inputs, spans
+from crosscheck.strategies.variety import Variant, variants
+from refkin.joints import GROUND
+from refkin.linkages import Branch, FourBar, GrashofClass, Pose, SliderCrank, rough
+from refkin.model import Body, Mechanism, Scene
+from refkin.motion_laws import Law
+
+KINDS: Mapping[str, Any] = {
+    "four-bar": four_bars,
+    "slider-crank": slider_cranks,
+    "inverted slider-crank": inverted_slider_cranks,
+}
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drawn:
+    """A scene and what it was made of: what reports are binned by, and its poses in closed form.
+
+    Attributes
+    ----------
+    kind : str
+        One of `KINDS`.
+    linkage : Linkage
+        Before variants of joints and frames.
+    pair : (driven, relative_to)
+        The input of the linkage that the driver holds, directly or by a pin.
+    branch : Branch
+        The assembly, as `linkage.assemble` has it for this input.
+    span : (float, float)
+        Between these the input stays.
+    """
+
+    scene: Scene
+    kind: str
+    linkage: AnyLinkage
+    pair: Input
+    branch: Branch
+    hardness: Hardness
+    span: tuple[float, float]
+    drive: Drive
+    law: Law
+    variant: Variant
+
+    @property
+    def grashof(self) -> GrashofClass | None:
+        """The Grashof class of a four-bar."""
+        return self.linkage.grashof if isinstance(self.linkage, FourBar) else None
+
+    @property
+    def distance(self) -> float:
+        """How near the span comes to a singular pose: its smallest `closure_margin`, in longest lengths of the linkage.
+
+        At a limit position it is 0, and sigma_min goes with its root; at a change point it is about the slack.
+        """
+        low, high = sorted(self.span)
+        turning = critical_input(self.linkage, self.pair)
+        if self.pair[0] != "slider":
+            turning += math.tau * math.ceil((low - turning) / math.tau)
+        inputs = [low, high, *([turning] if turning < high and turning > low else [])]
+        return min(self.linkage.closure_margin(value, *self.pair) for value in inputs) / longest(self.linkage)
+
+    def pose(self, t: float) -> Pose:
+        """Return the pose of the scene's bodies at a time, angles up to full turns."""
+        own = self.linkage.assemble(self.input(t), self.branch, driven=self.pair[0], relative_to=self.pair[1])
+        return self.variant.apply(self.linkage, own).pose
+
+    def input(self, t: float) -> float:
+        """Return the input of the linkage at a time."""
+        return self.drive.back(float(self.law(t)))
+
+
+def scenes(**bounds: Any) -> SearchStrategy[Scene]:
+    """Return scenes of planar linkages that assemble at all their times; bounds are those of `drawn_scenes`.
+
+    Examples from this strategy shrink towards a crank-rocker of about one metre, driven steadily at its crank.
+    """
+    return drawn_scenes(**bounds).map(lambda drawn: drawn.scene)
+
+
+@st.composite
+def drawn_scenes(
+    draw: DrawFn,
+    *,
+    kinds: Collection[str] = tuple(KINDS),
+    hardness: Collection[Hardness] = tuple(Hardness),
+    decades: Decades = (3, 10),
+    samples: int = 72,
+    min_size: float = 1e-3,
+    max_size: float = 1e3,
+    max_ratio: float = 8.0,
+    max_offset: float = 10.0,
+) -> Drawn:
+    """Return scenes with what they were made of; `scenes` returns the scenes alone.
+
+    Every scene assembles at all times, on one branch. Drawn are: the kind of linkage and its lengths (bounds as in
+    `four_bars`); which body or slide is the input, absolute or relative; whether a driver holds it by its angle or by
+    x, y or the distance of a pin; the motion law, a value or a rate; the branch; the joints (links replaced by distance
+    joints, sliders by point_on_line, a body fixed to another), which body comes first in a joint; the body frames.
+    `hardness` says how near to singular poses they go, `decades` (k, k') that they go to 10^-k ... 10^-k' of them.
+
+    Examples from this strategy shrink towards a crank-rocker of about one metre, driven steadily at its crank.
+    """
+    hard = draw(st.sampled_from([h for h in Hardness if h in hardness]), label="hardness")
+    kind = draw(st.sampled_from([k for k in KINDS if k in kinds]), label="kind")
+    bounds = {"min_size": min_size, "max_size": max_size, "max_ratio": max_ratio, "max_offset": max_offset}
+    linkage: AnyLinkage = draw(KINDS[kind](**bounds, **_class_bounds(kind, hard, decades)), label="linkage")
+    pair = draw(st.sampled_from(limited_inputs(linkage) if hard is Hardness.LIMIT else linkage.INPUTS), label="input")
+    drive, span = draw(_drives(linkage, pair, hard, decades), label="drive and span")
+    law, times = draw(_motions(drive, span, samples, hard), label="law and times")
+    made = {"kind": kind, "linkage": linkage, "pair": pair, "hardness": hard, "span": span, "drive": drive, "law": law}
+    return draw(_models(times, made))
+
+
+def _class_bounds(kind: str, hard: Hardness, decades: Decades) -> dict[str, Any]:
+    if hard is Hardness.CHANGE_POINT:
+        return {"slack_decades": decades}
+    if hard is Hardness.LIMIT and kind == "four-bar":
+        # At an exact change point the input can go on in two ways: that pose is a bifurcation, no limit.
+        return {"classes": [c for c in GrashofClass if c is not GrashofClass.CHANGE_POINT]}
+    return {}
+
+
+@st.composite
+def _drives(
+    draw: DrawFn, linkage: AnyLinkage, pair: Input, hard: Hardness, decades: Decades
+) -> tuple[Drive, tuple[float, float]]:
+    """Draw what holds the input, and how far it goes."""
+    by_pin = ("coordinate", "distance")
+    kinds = by_pin if pair[0] == "slider" else ("angle", *by_pin) if pair == ("crank", GROUND) else ("angle",)
+    kind = draw(st.sampled_from(kinds), label="held by")
+    on_circle = kind != "angle" and pair[0] == "crank"
+    widest = WIDEST if on_circle else math.inf
+    span = draw(spans(linkage=linkage, pair=pair, hardness=hard, decades=decades, widest=widest), label="span")
+    if isinstance(linkage, SliderCrank) and pair[0] == "slider":
+        return slider_drive(linkage, kind), span
+    return crank_drive(linkage, kind, sum(span) / 2) if on_circle else Drive(), span
+
+
+@st.composite
+def _motions(
+    draw: DrawFn, drive: Drive, span: tuple[float, float], samples: int, hard: Hardness
+) -> tuple[Law, list[float]]:
+    """Draw a law of what the drive holds, and the times: from 0 on, or from a part of the duration."""
+    regular = hard is Hardness.REGULAR
+    duration = 10.0 ** draw(st.floats(-1.0, 1.0), label="decade of the duration")
+    first, last = (drive.to(value) for value in span)
+    law = draw(motion_laws(first=first, last=last, duration=duration, monotone=not regular), label="law")
+    start = draw(st.just(0.0) | st.floats(0.0, 0.5), label="part before the first time") if regular else 0.0
+    return law, np.linspace(start * duration, duration, samples).tolist()
+
+
+@st.composite
+def _models(draw: DrawFn, times: list[float], made: dict[str, Any]) -> Drawn:
+    """Draw branch, joints and frames, and put the scene together."""
+    linkage, pair, drive, law = (made[key] for key in ("linkage", "pair", "drive", "law"))
+    branch = draw(st.sampled_from(Branch), label="branch")
+    value = drive.back(float(law(times[0])))
+    own = linkage.assemble(value, branch, driven=pair[0], relative_to=pair[1])
+    variant = draw(variants(linkage=linkage, pose=own, held=pair), label="variant")
+    model = variant.apply(linkage, own)
+    driver = drive.driver(model, pair, moved(law, variant.turned(pair)) if type(drive) is Drive else law)
+    estimate = rough(model.pose, longest(linkage), linkage.closure_margin(value, *pair))
+    bodies = tuple(Body(name=name, estimate=q) for name, q in estimate.items())
+    scene = Scene(
+        mechanism=Mechanism(bodies, model.joints, (driver,)),
+        times=tuple(times),
+        name=f"{made['kind']} {branch}, {made['hardness']}, {driver.type} driver",
+    )
+    return Drawn(scene=scene, branch=branch, variant=variant, **made)

@@ -1,0 +1,138 @@
+"""How far an input goes: inside its range, and as near to a singular pose as is asked."""
+
+from __future__ import annotations
+
+import math
+from enum import StrEnum
+
+from hypothesis import strategies as st
+from hypothesis.strategies import DrawFn, SearchStrategy
+
+from crosscheck.strategies.linkages import AnyLinkage, Decades, longest, powers_of_ten
+from refkin.joints import GROUND
+from refkin.linkages import ANYWHERE, Interval
+
+Input = tuple[str, str]
+"""(driven, relative_to), see `refkin.linkages.Linkage.INPUTS`."""
+
+
+class Hardness(StrEnum):
+    """How near to a singular pose a scene goes on purpose.
+
+    REGULAR keeps away; LIMIT goes to 10^-k of a limit position or dead centre (rad, or longest lengths of a slide);
+    CHANGE_POINT has a slack of 10^-k shortest lengths and goes to the pose where that shows, or through it.
+    """
+
+    REGULAR = "regular"
+    LIMIT = "limit"
+    CHANGE_POINT = "change-point"
+
+
+def spans(
+    *, linkage: AnyLinkage, pair: Input, hardness: Hardness, decades: Decades, widest: float = math.inf
+) -> SearchStrategy[tuple[float, float]]:
+    """Return (first, last): the input may take any value between, and goes to `last` if that is near a singular pose.
+
+    Spans of an angle are at most one turn, and never more than `widest` [rad].
+    """
+    if hardness is Hardness.LIMIT:
+        return _to_limit(linkage, pair, decades, widest)
+    if hardness is Hardness.CHANGE_POINT:
+        passable = linkage.closure_margin(critical_input(linkage, pair), *pair) >= 0
+        return _through(linkage, pair, widest) if passable else _to_gap(linkage, pair, widest)
+    return _regular(linkage, pair, widest)
+
+
+def critical_input(linkage: AnyLinkage, pair: Input) -> float:
+    """Return the input at which a linkage is flat if it is at a change point, and nearly so if it is near one."""
+    if pair[0] == "slider":
+        return 0.0
+    zero = linkage.angle if pair[1] == GROUND else 0.0
+    return min((zero + k * math.pi / 2 for k in range(4)), key=lambda value: abs(linkage.closure_margin(value, *pair)))
+
+
+def limited_inputs(linkage: AnyLinkage) -> list[Input]:
+    """Return the inputs that have a limit; every linkage has some."""
+    return [pair for pair in linkage.INPUTS if linkage.input_range(*pair) != ANYWHERE]
+
+
+@st.composite
+def _regular(draw: DrawFn, linkage: AnyLinkage, pair: Input, widest: float) -> tuple[float, float]:
+    low, high = draw(st.sampled_from(_between_flat_poses(linkage, pair)), label="interval")
+    if math.isfinite(low):
+        margins = st.floats(0.0625, 0.375)
+        width = high - low
+        low, high = low + width * draw(margins, label="margin"), high - width * draw(margins, label="margin")
+    else:
+        low = draw(st.floats(-math.pi, math.pi), label="start")
+        high = low + draw(st.just(math.tau) | st.floats(0.75, 6.25), label="turned")
+    high = min(high, low + widest)
+    if pair[0] != "slider":
+        turns = math.tau * draw(st.sampled_from((0, 0, 0, 0, 1, -2)), label="turns before")
+        low, high = low + turns, high + turns
+    return draw(st.sampled_from(((low, high), (high, low))), label="from, to")
+
+
+@st.composite
+def _to_limit(draw: DrawFn, linkage: AnyLinkage, pair: Input, decades: Decades, widest: float) -> tuple[float, float]:
+    low, high = draw(st.sampled_from(linkage.input_range(*pair)), label="interval")
+    unit = longest(linkage) if pair[0] == "slider" else 1.0
+    near = unit * draw(powers_of_ten(*decades), label="distance")
+    away = min(widest, (high - low) * draw(st.floats(0.125, 0.75), label="part of the range"))
+    return draw(st.sampled_from(((high - away, high - near), (low + away, low + near))), label="from, to")
+
+
+@st.composite
+def _through(draw: DrawFn, linkage: AnyLinkage, pair: Input, widest: float) -> tuple[float, float]:
+    """Draw spans that end at the nearly flat pose, or go beyond it."""
+    middle = critical_input(linkage, pair)
+    low, high = next(_shifted_over(middle, interval) for interval in linkage.input_range(*pair))
+    rooms = [min(room, math.pi, widest / 2) for room in (middle - low, high - middle)]
+    parts = st.floats(0.25, 0.75)
+    side = draw(st.sampled_from((1, -1)), label="side")
+    before, after = rooms[::side]
+    beyond = draw(st.just(0.0) | parts, label="beyond")
+    return middle - side * before * draw(parts, label="before"), middle + side * after * beyond
+
+
+@st.composite
+def _to_gap(draw: DrawFn, linkage: AnyLinkage, pair: Input, widest: float) -> tuple[float, float]:
+    """Draw spans that end beside the small gap around the critical input, by a part of its half width."""
+    middle = critical_input(linkage, pair)
+    low, high = draw(st.sampled_from(linkage.input_range(*pair)), label="interval")
+    period = math.inf if pair[0] == "slider" else math.tau
+    from_low, from_high = (abs(_remainder(end - middle, period)) for end in (low, high))
+    ends = [(low, 1, from_low), (high, -1, from_high)]
+    half = min(from_low, from_high)
+    end, inward, _ = draw(st.sampled_from([e for e in ends if e[2] < 2 * half]), label="end")
+    near = half * draw(st.floats(0.125, 1.0), label="part of the gap")
+    away = min(widest, (high - low) * draw(st.floats(0.125, 0.75), label="part of the range"))
+    return end + inward * away, end + inward * near
+
+
+def _between_flat_poses(linkage: AnyLinkage, pair: Input) -> list[Interval]:
+    """Return the input's range, cut where the flat pose of an exact change point lies inside."""
+    intervals = linkage.input_range(*pair)
+    if linkage.slack != 0.0:
+        return list(intervals)
+    flat = critical_input(linkage, pair)
+    if intervals == ANYWHERE:
+        return [(flat, flat + math.tau)]
+    found = []
+    for low, high in intervals:
+        inside = flat + math.tau * math.floor((high - flat) / math.tau)
+        found += [(low, inside), (inside, high)] if low < inside < high else [(low, high)]
+    return found
+
+
+def _shifted_over(value: float, interval: Interval) -> Interval:
+    """Return the interval, full turns away, that holds an angle; as it is if it holds all."""
+    low, high = interval
+    if low < value < high:
+        return low, high
+    turns = math.tau * math.floor((value - low) / math.tau)
+    return low + turns, high + turns
+
+
+def _remainder(angle: float, period: float) -> float:
+    return angle if math.isinf(period) else math.remainder(angle, period)

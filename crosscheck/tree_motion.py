@@ -1,0 +1,37 @@
+"""The motion of a scene from an engine's joint tree: the same steps for every engine that has no loop solver."""
+
+from __future__ import annotations
+
+from crosscheck.joint_tree import Array
+from crosscheck.loop_closing import body_levels, march, point_levels
+from crosscheck.tree_system import TreeEngine, TreeSystem
+from refkin.model import Effect, Scene
+from refkin.motion import Motion, PointMotion, Producer, engine_motion
+
+
+def tree_motion(engine: TreeEngine, scene: Scene, producer: Producer) -> Motion:
+    """Return the motion of the bodies and points that a scene wants, at the levels it calls for.
+
+    Raises
+    ------
+    EngineError
+        If a body of the scene has no estimate.
+    """
+    order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
+    found = march(TreeSystem(engine, scene.mechanism.drivers), scene.times, order)
+    points = {p.name: _reported(scene, point_levels(engine, found, p.body, p.position)) for p in scene.points}
+    return engine_motion(
+        scene.times,
+        scene.wanted,
+        *_reported(scene, body_levels(engine, found, scene.wanted)),
+        found.status,
+        producer,
+        residual=found.residual,
+        points={name: PointMotion(r=r, v=v, a=a) for name, (r, v, a) in points.items()},
+    )
+
+
+def _reported(scene: Scene, levels: list[Array]) -> tuple[Array, Array | None, Array | None]:
+    """Return position, velocity and acceleration; None for what was computed on the way but not called for."""
+    velocity = levels[1] if Effect.VELOCITY in scene.effects else None
+    return levels[0], velocity, levels[2] if Effect.ACCELERATION in scene.effects else None

@@ -1,0 +1,88 @@
+"""What is known of an answer: proved by float64 where that is enough, else by balls, else not at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from refkin.proof.certificate import certify
+from refkin.proof.inputs import contradiction
+from refkin.proof.krawczyk import Enclosure, krawczyk
+from refkin.system import System
+
+FLOAT64 = 53
+
+
+@dataclass(frozen=True)
+class Isolation:
+    """Proved error bounds of a batch of poses, largest scaled coordinate, each (B,); NaN where there is no proof.
+
+    Attributes
+    ----------
+    ok : (B,) array of bool
+        Whether the pose is isolated: exactly one solution lies within the bound, in a box that holds q.
+    bits : (B,) array of int
+        The precision of the proof: 53 float64, more for balls, 0 none.
+    position, velocity, acceleration : (B,) array
+        Bounds of the errors of q, qd, qdd; a rate that was not given has NaN.
+    unique : (B,) array
+        No other solution has all its coordinates closer to q than this.
+    contradiction : (B,) array
+        Where rows are redundant, the largest |phi| of a row that was not needed, in units of what rounding and half-ulp
+        errors of the mechanism's numbers explain: at most 1 is consistent. 0 without redundant rows.
+    """
+
+    ok: Any
+    bits: Any
+    position: Any
+    velocity: Any
+    acceleration: Any
+    unique: Any
+    contradiction: Any
+
+
+def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, bits: int = 113) -> Isolation:
+    """Prove what can be proved of the poses q (n, B) at the times t (B,) and of their rates.
+
+    Poses are certified in float64, all at once; each that fails is tried by Krawczyk's test with `bits` bits.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit.
+    q, qd, qdd : (n, B) array
+        Answers in the system's coordinates; qdd only with qd.
+    """
+    q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
+    proof = certify(system, q, t, qd, qdd)
+    nothing = np.full(len(t), np.nan)
+    found = Isolation(
+        ok=proof.ok.copy(),
+        bits=np.where(proof.ok, FLOAT64, 0),
+        position=proof.position,
+        velocity=nothing.copy() if proof.velocity is None else np.max(proof.velocity, axis=0),
+        acceleration=nothing.copy() if proof.acceleration is None else np.max(proof.acceleration, axis=0),
+        unique=proof.unique,
+        contradiction=contradiction(system, proof.rows, q, t, proof.radii),
+    )
+    for lane in np.flatnonzero(~found.ok & np.isfinite(q).all(axis=0) & np.isfinite(t)):
+        enclosure = krawczyk(system, q[:, lane], t[lane], bits)
+        if enclosure is not None:
+            rates = [None if x is None else np.asarray(x, float)[:, lane] for x in (qd, qdd)]
+            _by_balls(found, lane, enclosure, q[:, lane], *rates)
+    return found
+
+
+def _by_balls(found: Isolation, lane: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:
+    radii = enclosure.distance(q)
+    found.ok[lane], found.bits[lane] = True, enclosure.bits
+    found.position[lane], found.unique[lane] = np.max(radii), np.min(enclosure.radii)
+    pose = enclosure.system, enclosure.rows, q[:, None], [enclosure.t], radii[:, None]
+    found.contradiction[lane] = contradiction(*pose)[0]
+    if qd is not None:
+        velocity = enclosure.velocity()
+        found.velocity[lane] = np.max(enclosure.distance(qd, velocity))
+    if qdd is not None:
+        found.acceleration[lane] = np.max(enclosure.distance(qdd, enclosure.acceleration(velocity)))

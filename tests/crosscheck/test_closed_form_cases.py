@@ -1,0 +1,308 @@
+"""The closed form case by case: branches, turns, what does not close, dead centres, laws, refusals."""
+
+import ast
+import cmath
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crosscheck.assur.jets import Floats
+from crosscheck.engines import Engine, EngineError, Level, Support, load
+from crosscheck.engines.closed_form import ClosedForm, truth
+from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
+from refkin.model import Body, Mechanism, Point, Scene
+from refkin.motion import Seeding, Status
+from refkin.motion_laws import Polynomial, Sinusoid, Table
+
+from .closed_form_scenes import Drawing
+from .loop_closures import Carried, U
+
+LENGTHS = {"ground": 4.0, "crank": 1.0, "coupler": 3.5, "rocker": 3.0}
+LAW = Polynomial(coefficients=(0.3, 1.0))
+
+
+def linkage(lengths, law=LAW, times=(0.0,), sign=1, estimates=True, turns=0):
+    """A four-bar with frames at the pins, estimated on the branch of the given sign."""
+    g, a, b, c = (lengths[k] for k in ("ground", "crank", "coupler", "rocker"))
+    theta = float(law(times[0], 0))
+    tip = cmath.rect(a, theta)
+    base = g - tip
+    x = (abs(base) ** 2 + b * b - c * c) / (2 * abs(base))
+    pin = tip + base / abs(base) * complex(x, sign * math.sqrt(abs(b * b - x * x)))
+    angles = (theta, cmath.phase(pin - tip) + math.tau * turns, cmath.phase(pin - g))
+    poses = zip((0j, tip, complex(g)), angles, strict=True)
+    bodies = tuple(
+        Body(name=n, estimate=(r.real, r.imag, phi) if estimates else None)
+        for n, (r, phi) in zip(("crank", "coupler", "rocker"), poses, strict=True)
+    )
+    joints = (
+        Revolute(name="A0", body_i=GROUND, point_i=(0.0, 0.0), body_j="crank", point_j=(0.0, 0.0)),
+        Revolute(name="A", body_i="crank", point_i=(a, 0.0), body_j="coupler", point_j=(0.0, 0.0)),
+        Revolute(name="B", body_i="coupler", point_i=(b, 0.0), body_j="rocker", point_j=(c, 0.0)),
+        Revolute(name="B0", body_i=GROUND, point_i=(g, 0.0), body_j="rocker", point_j=(0.0, 0.0)),
+    )
+    drivers = (AngleDriver(name="motor", body="crank", law=law),)
+    return Scene(mechanism=Mechanism(bodies, joints, drivers), times=times)
+
+
+def orientation(motion):
+    """The sign of coupler x rocker at the pin B, per time."""
+    return np.sign(np.sin(motion["rocker"].phi - motion["coupler"].phi))
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("route", [0, 1], ids=["float", "arb"])
+def test_the_estimate_chooses_the_branch_and_the_motion_keeps_it(sign, route):
+    engine = ClosedForm()
+    scene = linkage(LENGTHS, times=tuple(np.linspace(0.0, 7.0, 40)), sign=sign)
+    motion = engine.solve(scene, engine.routes()[route])
+
+    assert motion.verdict is Status.OK
+    assert set(orientation(motion)) == {sign}
+
+
+def test_a_flat_estimate_goes_to_the_nearer_assembly():
+    """Coupler and rocker in one line in the estimate, which lies on the upper side."""
+    scene = linkage(LENGTHS, sign=1)
+    bodies = list(scene.mechanism.bodies)
+    tip, ground = cmath.rect(1.0, 0.3), 4.0 + 0j
+    pin = 0.5 * (tip + ground) + 0.05j  # sine of the angle at the pin: 0.07, not decisive
+    lean = cmath.phase(pin - tip)
+    end = pin - cmath.rect(LENGTHS["coupler"], lean)  # so that the estimate sees the pin B there
+    bodies[1] = replace(bodies[1], estimate=(end.real, end.imag, lean))
+    flat = replace(scene, mechanism=replace(scene.mechanism, bodies=tuple(bodies)))
+
+    assert np.array_equal(ClosedForm().solve(flat).q, ClosedForm().solve(scene).q)
+
+
+def test_without_estimates_the_positive_orientation_is_taken_and_said():
+    motion = ClosedForm().solve(linkage(LENGTHS, estimates=False))
+
+    assert motion.verdict is Status.OK
+    assert "no estimate" in motion.message
+
+
+@pytest.mark.parametrize("turns", [-3, 0, 7])
+def test_angles_keep_the_turns_of_the_estimate(turns):
+    scene = linkage(LENGTHS, times=tuple(np.linspace(0.0, 20.0, 100)), turns=turns)
+    plain = linkage(LENGTHS, times=scene.times)
+    moved = ClosedForm().solve(scene)["coupler"].phi - ClosedForm().solve(plain)["coupler"].phi
+
+    assert np.abs(moved - math.tau * turns).max() < 1e-13
+
+
+@pytest.mark.parametrize("bits", [None, 113])
+def test_a_follower_that_turns_is_counted_between_far_times(bits):
+    """A drag link: crank, coupler and rocker all turn, 50 rad between two times that are asked for."""
+    drag = {"ground": 1.0, "crank": 3.0, "coupler": 2.5, "rocker": 3.2}
+    law = Polynomial(coefficients=(0.3, 100.0))
+    motion = ClosedForm(bits).solve(linkage(drag, law, times=(0.0, 0.5, 1.0, 1.5)))
+    turned = motion["rocker"].phi - motion["crank"].phi
+
+    assert motion.verdict is Status.OK
+    assert np.abs(turned - turned[0]).max() < math.pi, motion.message
+
+
+def test_turns_that_cannot_be_counted_are_no_answer():
+    """1e9 rad between two times: no grid of the closed form follows that."""
+    drag = {"ground": 1.0, "crank": 3.0, "coupler": 2.5, "rocker": 3.2}
+    law = Polynomial(coefficients=(0.3, 1e9))
+    motion = ClosedForm().solve(linkage(drag, law, times=(0.0, 1.0)))
+
+    assert motion.status == (Status.OK, Status.NOT_CONVERGED)
+    assert np.isnan(motion.q[:, 1]).all()
+
+
+@pytest.mark.parametrize("bits", [None, 113])
+@pytest.mark.parametrize(("coupler", "gap"), [(1.5, "(a + b) - D"), (8.5, "D - |a - b|")])
+def test_what_cannot_close_is_unassemblable_with_its_gap(bits, coupler, gap):
+    """Crank at pi: D = 5. Rocker 3 and coupler 1.5 reach 4.5; coupler 8.5 and rocker 3 stay 5.5 apart."""
+    law = Polynomial(coefficients=(math.pi, 1.0))
+    motion = ClosedForm(bits).solve(linkage({**LENGTHS, "coupler": coupler}, law))
+
+    assert motion.verdict is Status.UNASSEMBLABLE
+    assert f"{gap} = -0.5 m" in motion.message
+    assert np.isnan(motion.q).all()
+
+
+def test_floats_alone_prove_no_unassemblable(monkeypatch):
+    """Every slack called negative stands for a dyad that has lost its digits."""
+    monkeypatch.setattr(Floats, "sign", lambda self, slack, scale: (np.asarray(slack > 0), np.asarray(slack < 0)))
+    motion = ClosedForm().solve(linkage(LENGTHS))
+
+    assert motion.verdict is Status.NOT_CONVERGED
+    assert "not proved" in motion.message
+
+
+def test_frames_far_from_their_joints_are_answered():
+    """Points 1e12 away from the bodies' origins leave four digits, and no error."""
+    d = Drawing({"1": (1e12 + 0j, 0.3)})
+    d.pin("ground", "1", 0.5j)
+    d.drive_angle("1")
+
+    assert ClosedForm().solve(d.scene(times=(0.0,))).verdict is Status.OK
+
+
+def test_a_motion_that_leaves_its_range_is_answered_within_it():
+    short = {**LENGTHS, "coupler": 1.5}
+    times = tuple(np.linspace(0.0, math.tau, 41))
+    motion = ClosedForm().solve(linkage(short, times=times))
+    distance = abs(4.0 - np.exp(1j * (0.3 + motion.t)))
+    closes = (distance < 4.5) & (distance > 1.5)
+
+    assert [w is Status.OK for w in motion.status] == list(closes)
+    assert 0 < closes.sum() < 41
+    assert np.isfinite(motion.q[:, closes]).all()
+
+
+@pytest.mark.parametrize("bits", [None, 113])
+def test_a_dead_centre_is_singular_with_a_pose_and_no_rates(bits):
+    """Crank at 0 and 4 = 1 + 1.5 + 1.5: coupler and rocker in line."""
+    lengths = {"ground": 4.0, "crank": 1.0, "coupler": 1.5, "rocker": 1.5}
+    motion = ClosedForm(bits).solve(linkage(lengths, Polynomial(coefficients=(0.0, 1.0))))
+
+    assert motion.verdict is Status.SINGULAR
+    assert motion["rocker"].phi == pytest.approx(math.pi, abs=1e-7)
+    assert np.isnan(motion.qd).all()
+
+
+@pytest.mark.parametrize("slack", [1e-9, 1e-12])
+def test_balls_decide_near_a_dead_centre(slack):
+    """Slack 1e-12 is 1e-16 after its root: floats lose half of their digits there, balls do not."""
+    lengths = {"ground": 4.0, "crank": 1.0, "coupler": 1.5, "rocker": 1.5 + slack}
+    found = truth(linkage(lengths, Polynomial(coefficients=(0.0, 1.0))))
+
+    assert found.motion.verdict is Status.OK
+    assert found.radius_q.max() < 4 * U * np.abs(found.motion.q).max()
+
+
+def test_scenes_scale_with_powers_of_two_bit_by_bit():
+    scene = linkage(LENGTHS, times=tuple(np.linspace(0.0, 6.0, 20)))
+    small = linkage({k: math.ldexp(v, -30) for k, v in LENGTHS.items()}, times=scene.times)
+    scale = np.tile([2.0**-30, 2.0**-30, 1.0], 3)[:, None]
+
+    for large, little in zip(ClosedForm().solve(scene).levels, ClosedForm().solve(small).levels, strict=True):
+        assert np.array_equal(little, large * scale)
+
+
+LAWS = [
+    Polynomial(coefficients=(0.2, 0.5, -0.1, 0.03)),
+    Sinusoid(amplitude=0.4, angular_frequency=1.3, offset=0.1, phase=0.2),
+    Table(argument=(0.0, 0.7, 1.1, 2.0, 3.0), value=(0.1, 0.3, 0.2, 0.5, 0.4)),
+    Table(argument=(0.0, 1.0, 3.0), value=(0.1, 0.3, 0.2)),
+    Table(argument=(0.0, 3.0), value=(0.1, 0.3)),
+    Table(argument=(0.0, 0.4, 1.0, 1.7), value=(0.1, 0.3, 0.2, 0.1), periodic=True),
+]
+
+
+@pytest.mark.parametrize("rate", [False, True])
+@pytest.mark.parametrize("law", LAWS, ids=lambda law: f"{law.kind}-{len(getattr(law, 'argument', ()))}")
+def test_exact_laws_agree_with_float_laws(law, rate):
+    """Coefficients of five knots are some tens of operations on values and slopes of order 1: 1e-14 holds them."""
+    scene = linkage(LENGTHS, times=tuple(np.linspace(0.0, 3.0, 13)))
+    driver = {"rate_law": law, "initial": 0.3} if rate else {"law": law}
+    motor = AngleDriver(name="motor", body="crank", **driver)
+    driven = replace(scene, mechanism=replace(scene.mechanism, drivers=(motor,)))
+    crank = truth(driven).motion["crank"]
+    expected = [motor.laws[0](np.array(scene.times), order) for order in range(3)]
+
+    for got, want in zip((crank.phi, crank.phid, crank.phidd), expected, strict=True):
+        assert np.abs(got - want).max() < 1e-14
+
+
+def test_points_move_with_their_body():
+    scene = linkage(LENGTHS, times=tuple(np.linspace(0.0, 1.0, 5)))
+    scene = replace(scene, points=(Point(name="P", body="coupler", position=(0.3, 0.2)),))
+    motion = truth(scene).motion
+    carried = Carried(motion, "coupler").point((0.3, 0.2))
+    p = motion.points["P"]
+
+    for got, want in zip((p.r, p.v, p.a), carried, strict=True):
+        assert np.abs(got[0] + 1j * got[1] - want).max() < 1e-14
+
+
+def test_only_what_is_wanted_is_reported():
+    scene = replace(linkage(LENGTHS), bodies_wanted=("rocker",), effects=frozenset())
+    motion = ClosedForm().solve(scene)
+
+    assert motion.bodies == ("rocker",)
+    assert motion.q.shape == (3, 1)
+    assert motion.qd is None
+    assert motion.qdd is None
+
+
+def triad():
+    """Three bodies on three pins of a coupler that is not held: class III."""
+    d = Drawing({"1": (0j, 0.0), "2": (1 + 0j, 1.0), "3": (0j, 2.0), "4": (1j, 0.5)})
+    for k, (root, tip) in enumerate(((0j, 1 + 0.2j), (3 + 0j, 2 + 0.3j), (1 + 3j, 1.5 + 1j))):
+        d.pin("ground", str(k + 1), root)
+        d.pin(str(k + 1), "4", tip)
+    return d.scene(times=(0.0,))
+
+
+def test_a_group_of_class_three_is_refused_by_name():
+    with pytest.raises(EngineError, match=r"no dyad places '1', '2', '3', '4'"):
+        ClosedForm().solve(triad())
+
+
+def test_redundant_constraints_are_refused_by_name():
+    scene = linkage(LENGTHS)
+    twice = AngleDriver(name="again", body="rocker", law=LAW)
+    m = scene.mechanism
+
+    with pytest.raises(EngineError, match="1 redundant constraint"):
+        ClosedForm().solve(replace(scene, mechanism=replace(m, drivers=(*m.drivers, twice))))
+
+
+def test_an_angle_given_twice_is_refused_by_name():
+    """As many rows as coordinates, but one angle has two and a distance none."""
+    scene = linkage(LENGTHS)
+    m = scene.mechanism
+    twice = AngleDriver(name="again", body="crank", law=LAW)
+    loose = (*m.joints[:3], PointOnLine(name="B0", body_i=GROUND, point_i=(4.0, 0.0), axis_i=(1.0, 0.0),
+                                       body_j="rocker", point_j=(0.0, 0.0)))  # fmt: skip
+
+    with pytest.raises(EngineError, match="'again' gives an angle that is already given"):
+        ClosedForm().solve(replace(scene, mechanism=Mechanism(m.bodies, loose, (*m.drivers, twice))))
+
+
+def test_there_are_no_constraint_rows():
+    engine = ClosedForm()
+    with pytest.raises(EngineError, match="no constraint rows"):
+        engine.constraints(linkage(LENGTHS))
+
+    levels = {(lv, c.support) for joint in engine.capabilities().values() for lv, c in joint.items()}
+    assert {lv for lv, support in levels if support is not Support.REFUSED} == {Level.SOLVE}
+
+
+def test_an_unknown_route_is_refused():
+    engine = ClosedForm()
+    with pytest.raises(EngineError, match="route"):
+        engine.solve(linkage(LENGTHS), replace(engine.routes()[0], name="guess"))
+
+
+def test_it_is_registered_as_an_engine():
+    assert isinstance(load("closed_form"), Engine)
+
+
+def test_only_the_branch_is_taken_from_the_estimate():
+    assert {route.seeding for route in ClosedForm().routes()} == {Seeding.INITIAL_GUESS}
+
+
+def test_no_geometry_is_shared_with_the_reference():
+    """It reads the dataclasses of a scene, laws among them, and writes a Motion; it imports no formula."""
+    root = Path(__file__).parents[2] / "crosscheck"
+    files = [*(root / "assur").glob("*.py"), root / "engines" / "closed_form.py"]
+    trees = [ast.parse(path.read_text()) for path in files]
+    modules = {n.module for tree in trees for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
+
+    assert len(files) == 9
+    assert {m for m in modules if m.startswith("refkin")} <= {
+        "refkin.joints",
+        "refkin.model",
+        "refkin.motion",
+        "refkin.motion_laws",
+    }

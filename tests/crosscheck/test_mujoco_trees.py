@@ -1,0 +1,167 @@
+"""MuJoCo in joint trees: each kind of joint as an edge and as the one that closes, each kind of driver."""
+
+from __future__ import annotations
+
+import cmath
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crosscheck.engines.mujoco_engine import Mujoco
+from refkin.joints import (
+    AngleDriver,
+    Constraint,
+    Distance,
+    DistanceDriver,
+    Fixed,
+    PointOnLine,
+    Prismatic,
+    Revolute,
+    XDriver,
+    YDriver,
+)
+from refkin.model import Body, Mechanism, Scene
+from refkin.motion import Status
+from refkin.motion_laws import Sinusoid
+from refkin.system import compile_system
+
+U = 2.0**-53
+ORDERS = pytest.mark.parametrize("order", [0, 1, 2], ids=["position", "velocity", "acceleration"])
+
+
+def pair(z: complex) -> tuple[float, float]:
+    return z.real, z.imag
+
+
+class Builder:
+    """A mechanism that is assembled at random poses: each constraint gets what the poses make of it."""
+
+    def __init__(self, *bodies: str) -> None:
+        draw = np.random.default_rng(4)
+        self.u = lambda: complex(*draw.uniform(-1.0, 1.0, 2))
+        self.poses = {b: (2.0 * self.u(), float(draw.uniform(-2.0, 2.0))) for b in bodies} | {"ground": (0j, 0.0)}
+        self.joints: list[Constraint] = []
+        self.drivers: list[Any] = []
+
+    def at(self, body: str, u: complex) -> complex:
+        r, phi = self.poses[body]
+        return r + cmath.exp(1j * phi) * u
+
+    def hold(self, kind: str, i: str, j: str) -> Builder:
+        """Add a joint between two bodies where they are."""
+        (_, turn), (r, phi) = self.poses[i], self.poses[j]
+        u, axis = self.u(), self.u()
+        place = self.at(i, u)
+        more: dict[str, Any] = {}
+        if kind in ("prismatic", "point_on_line"):
+            more["axis_i"] = pair(axis)
+            place += 1.3 * axis * cmath.exp(1j * turn)
+        if kind in ("fixed", "prismatic"):
+            more["angle"] = phi - turn
+        if kind == "distance":
+            place += 1.5
+            more["length"] = 1.5
+        ends = {"point_i": pair(u), "point_j": pair(cmath.exp(-1j * phi) * (place - r))}
+        cls = {c.type: c for c in (Revolute, Fixed, Prismatic, PointOnLine, Distance)}[kind]
+        self.joints.append(cls(name=f"{kind} {len(self.joints)}", body_i=i, body_j=j, **ends, **more))
+        return self
+
+    def drive(self, kind: str, body: str, other: str = "ground") -> Builder:
+        """Add a driver that starts where the bodies are and swings a little."""
+        u, v = self.u(), self.u()
+        gap = self.at(body, u) - self.at(other, v)
+        start = {"x": self.at(body, u).real, "y": self.at(body, u).imag, "distance": abs(gap)}
+        start["angle"] = self.poses[body][1] - self.poses[other][1]
+        name = f"motor {len(self.drivers)}"
+        law = Sinusoid(offset=start[kind], amplitude=0.1, angular_frequency=1.5)
+        self.drivers.append(
+            {
+                "angle": lambda: AngleDriver(name=name, body=body, relative_to=other, law=law),
+                "x": lambda: XDriver(name=name, body=body, point=pair(u), law=law),
+                "y": lambda: YDriver(name=name, body=body, point=pair(u), law=law),
+                "distance": lambda: DistanceDriver(
+                    name=name, body_i=other, point_i=pair(v), body_j=body, point_j=pair(u), law=law
+                ),
+            }[kind]()
+        )
+        return self
+
+    def scene(self) -> Scene:
+        bodies = tuple(Body(name=b, estimate=(*pair(r), phi)) for b, (r, phi) in self.poses.items() if b != "ground")
+        mechanism = Mechanism(bodies, tuple(self.joints), tuple(self.drivers))
+        return Scene(mechanism=mechanism, times=tuple(np.linspace(0.0, 1.0, 11).tolist()))
+
+
+def trees() -> dict[str, Builder]:
+    """Return mechanisms in which each kind of joint is met as an edge of the tree and as the one that closes it."""
+    rr = lambda *bodies: Builder(*bodies).hold("revolute", "ground", "a").hold("revolute", "ground", "b")  # noqa: E731
+    return {
+        "revolute closes": rr("a", "b", "c").hold("revolute", "a", "c").hold("revolute", "c", "b").drive("angle", "a"),
+        "prismatic closes, guide moves": rr("a", "b", "c")
+        .hold("revolute", "a", "c")
+        .hold("prismatic", "b", "c")
+        .drive("angle", "a"),
+        "prismatic closes, guide is the coupler": rr("a", "b", "c")
+        .hold("revolute", "a", "c")
+        .hold("prismatic", "c", "b")
+        .drive("angle", "b"),
+        "prismatic joints alone": Builder("a", "b")
+        .hold("prismatic", "ground", "a")
+        .hold("prismatic", "a", "b")
+        .hold("prismatic", "b", "ground")
+        .drive("x", "a"),
+        "fixed closes": rr("a", "b", "c", "e")
+        .hold("revolute", "a", "c")
+        .hold("revolute", "e", "b")
+        .hold("fixed", "c", "e")
+        .drive("angle", "a"),
+        "fixed is an edge": rr("a", "b", "c").hold("fixed", "c", "a").hold("distance", "c", "b").drive("angle", "a"),
+        "fixed twice to the ground": Builder("a").hold("fixed", "ground", "a").hold("fixed", "a", "ground"),
+        "point_on_line closes, line moves": rr("a", "b").hold("point_on_line", "a", "b").drive("angle", "a"),
+        "point_on_line on the ground": Builder("a", "b")
+        .hold("revolute", "ground", "a")
+        .hold("revolute", "a", "b")
+        .hold("point_on_line", "ground", "b")
+        .drive("angle", "a"),
+        "trammel: a body on two lines": Builder("a")
+        .hold("point_on_line", "ground", "a")
+        .hold("point_on_line", "ground", "a")
+        .drive("angle", "a"),
+        "distance closes": rr("a", "b").hold("distance", "b", "a").drive("y", "a"),
+        "distance driver": rr("a", "b").hold("distance", "a", "b").drive("distance", "a"),
+        "distance driver between bodies": rr("a", "b").drive("distance", "a", "b").drive("angle", "b"),
+        "relative angle driver": rr("a", "b", "c")
+        .hold("revolute", "a", "c")
+        .hold("revolute", "b", "c")
+        .drive("angle", "c", "a"),
+    }
+
+
+TREES = trees()
+
+
+@pytest.mark.parametrize("name", TREES)
+def test_motion_is_found_at_every_time(name: str) -> None:
+    motion = Mujoco().solve(TREES[name].scene())
+
+    assert {Status.OK} == set(motion.status)
+
+
+# A solved motion is put into refkin's equations. Arms are up to 1.5 long and joint points up to 5 apart, at the end
+# of two links, with rates below 3; refkin's own rounding and what the solve leaves are each below 2 * 18 roundings of
+# two arms and 10 of the sums: 300 U, and for the rows of a line, whose normal is turned too, with rates 1400 U and
+# 6400 U.
+@ORDERS
+@pytest.mark.parametrize("name", TREES)
+def test_motion_satisfies_refkin_s_equations(name: str, order: int) -> None:
+    scene = TREES[name].scene()
+    system = compile_system(scene.mechanism)
+    motion = Mujoco().solve(scene)
+    t, (q, qd, qdd) = motion.t, motion.levels
+    assert qd is not None
+    assert qdd is not None
+    rate = lambda v: np.einsum("mnt,nt->mt", system.phi_q(q, t), v)  # noqa: E731
+    left = (lambda: system.phi(q, t), lambda: rate(qd) - system.nu(q, t), lambda: rate(qdd) - system.gamma(q, qd, t))
+
+    assert np.abs(left[order]()).max() <= 2.0 * U * (300.0, 1400.0, 6400.0)[order]

@@ -1,0 +1,234 @@
+"""Pinocchio's joint trees against closed forms of linkages that have one."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crosscheck import loop_closing
+from crosscheck.engines import EngineError
+from crosscheck.engines.pinocchio_engine import TREE, Pinocchio
+from crosscheck.engines.pinocchio_model import PlanarModel, Rows
+from crosscheck.joint_tree import JointTree, joint_tree
+from crosscheck.tree_system import TreeSystem
+from refkin.joints import GROUND, Fixed, XDriver
+from refkin.model import Body, Effect, Mechanism, Point, Scene
+from refkin.motion import Seeding, Status
+from refkin.motion_laws import Polynomial
+
+from .exact_linkages import CASES, EPS, Case, T, cylinder, excess, four_bar, lifted_end, scotch_yoke, slider_crank
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_the_joint_tree_moves_as_the_closed_form(name: str) -> None:
+    case = CASES[name]()
+    motion = Pinocchio().solve(case.scene)
+
+    assert motion.status == (Status.OK,) * len(T)
+    assert excess(case, motion) <= 1.0
+
+
+NEARLY_FLAT = (1.0, 2.5, 2.0, 1.5 + 1e-6)
+"""A crank-rocker with a slack of 1e-6: when crank and ground line up, its branches pass each other at some 1e-3 rad."""
+
+
+def twin(case: Case) -> Case:
+    """Return a four-bar with a second coupler and rocker, each a copy of the first, on the same crank."""
+    mechanism, copies = case.scene.mechanism, {"coupler": "coupler 2", "rocker": "rocker 2"}
+    bodies = [replace(b, name=copies[b.name]) for b in mechanism.bodies if b.name in copies]
+    joints = [
+        replace(j, name=f"{j.name} 2", body_i=copies.get(j.body_i, j.body_i), body_j=copies.get(j.body_j, j.body_j))
+        for j in mechanism.joints
+        if j.name != "A0"
+    ]
+    doubled = replace(mechanism, bodies=(*mechanism.bodies, *bodies), joints=(*mechanism.joints, *joints))
+    rows = {**case.rows, **{copy: case.rows[name] for name, copy in copies.items()}}
+    return replace(case, scene=replace(case.scene, mechanism=doubled), rows=rows)
+
+
+@pytest.mark.parametrize("branch", [1, -1])
+@pytest.mark.parametrize("double", [False, True], ids=["one loop", "two loops"])
+def test_it_stays_on_its_branch_where_another_is_close(branch: int, double: bool) -> None:
+    case = four_bar(branch=branch, lengths=NEARLY_FLAT)
+    case = twin(case) if double else case
+
+    assert excess(case, Pinocchio().solve(case.scene)) <= 1.0
+
+
+def test_contraction_alone_would_not_hold_it_there(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Shows that the test before can fail."""
+    monkeypatch.setattr(loop_closing, "_connected", lambda last, pose: True)
+    cases = [four_bar(branch=branch, lengths=NEARLY_FLAT) for branch in (1, -1)]
+
+    assert max(excess(case, Pinocchio().solve(case.scene)) for case in cases) > 1e6
+
+
+@pytest.mark.parametrize(("size", "at"), [(2.0**-30, 0j), (2.0**30, 0j), (1.0, 1e6 - 2e6j), (2.0**-10, 1024 - 2048j)])
+def test_neither_scale_nor_distance_from_the_origin_costs_digits(size: float, at: complex) -> None:
+    """The ground points are doubles here; what is rounded far away is a coordinate when it is handed over."""
+    case = four_bar(size=size, at=at)
+
+    assert excess(case, Pinocchio().solve(case.scene)) <= 1.0
+
+
+def test_the_order_of_bodies_does_not_matter() -> None:
+    case = four_bar()
+    mechanism = case.scene.mechanism
+    turned = replace(mechanism, bodies=mechanism.bodies[::-1], joints=mechanism.joints[::-1])
+
+    assert excess(case, Pinocchio().solve(replace(case.scene, mechanism=turned))) <= 1.0
+
+
+def test_only_what_is_called_for_is_reported() -> None:
+    scene = four_bar(effects=frozenset({Effect.ACCELERATION}), bodies_wanted=("rocker",)).scene
+    motion = Pinocchio().solve(scene)
+
+    assert (motion.bodies, motion.q.shape, motion.qd) == (("rocker",), (3, 72), None)
+    assert np.array_equal(motion.qdd, Pinocchio().solve(four_bar().scene)["rocker"].qdd)
+
+
+def test_only_what_is_called_for_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Without the acceleration of any point or joint being asked of Pinocchio."""
+    monkeypatch.setattr(PlanarModel, "point_acceleration", None)
+    monkeypatch.setattr(Rows, "drift", None)
+    motion = Pinocchio().solve(four_bar(effects=frozenset({Effect.VELOCITY})).scene)
+
+    assert (motion.verdict, motion.qdd) == (Status.OK, None)
+
+
+def test_the_motion_of_a_point_is_that_of_its_place_on_the_body() -> None:
+    """The pin B, told as a point of the coupler and of the rocker."""
+    points = (
+        Point(name="on coupler", body="coupler", position=(1.75, -0.25)),
+        Point(name="on rocker", body="rocker", position=(1.5, 0.0)),
+    )
+    case = four_bar(points=points)
+    motion = Pinocchio().solve(case.scene)
+    coupler, rocker = motion.points["on coupler"], motion.points["on rocker"]
+
+    for power, level in enumerate(("r", "v", "a"), start=1):
+        gap = np.abs(getattr(coupler, level) - getattr(rocker, level))
+        assert np.max(gap) <= 64 * EPS * (4.0 * case.kappa) ** power
+
+
+def test_turns_of_an_estimate_are_kept() -> None:
+    case = four_bar()
+    turn = 2.0 * math.pi
+    bodies = tuple(
+        replace(b, estimate=(*b.estimate[:2], b.estimate[2] + turn)) if b.name == "rocker" else b
+        for b in case.scene.mechanism.bodies
+    )
+    motion = Pinocchio().solve(replace(case.scene, mechanism=replace(case.scene.mechanism, bodies=bodies)))
+
+    assert motion["rocker"].phi - case.rows["rocker"][0][2] == pytest.approx(turn, abs=64 * EPS * case.kappa)
+
+
+def test_the_route_says_who_did_what() -> None:
+    route = Pinocchio().solve(four_bar().scene).producer.route
+
+    assert (route.newton_by, route.linear_solve_by, route.residual_by) == ("adapter", "numpy", "pinocchio")
+    assert route.seeding is Seeding.INITIAL_GUESS
+
+
+def test_another_route_is_refused_by_name() -> None:
+    with pytest.raises(EngineError, match="pinocchio has no route 'guess'; there is: 'joint tree'"):
+        Pinocchio().solve(four_bar().scene, replace(TREE, name="guess"))
+
+
+def test_a_body_without_estimate_is_refused_by_name() -> None:
+    scene = four_bar().scene
+    bodies = tuple(replace(b, estimate=None) if b.name == "coupler" else b for b in scene.mechanism.bodies)
+
+    with pytest.raises(EngineError, match="body 'coupler' has no estimate"):
+        Pinocchio().solve(replace(scene, mechanism=replace(scene.mechanism, bodies=bodies)))
+
+
+def short_rod(stop: float) -> Scene:
+    """A slider pulled by its driver from x = 3.2 to `stop`; crank 1 and rod 3 are stretched at x = 4."""
+    scene = slider_crank().scene
+    joints = tuple(
+        replace(j, point_i=(0.0, 0.0)) if j.name == "G" else j for j in scene.mechanism.joints
+    )  # no offset: stretched at 4 exactly
+    theta = math.acos((3.2**2 + 1.0 - 9.0) / 6.4)
+    phi = math.atan2(-math.sin(theta), 3.2 - math.cos(theta))
+    start = {"crank": (0.0, 0.0, theta), "rod": (math.cos(theta), math.sin(theta), phi), "slider": (3.2, -0.5, 0.0)}
+    bodies = tuple(replace(b, estimate=start[b.name]) for b in scene.mechanism.bodies)
+    pull = XDriver(name="pull", body="slider", law=Polynomial(coefficients=(3.2, 1.0)))
+    return replace(scene, mechanism=Mechanism(bodies, joints, (pull,)), times=(0.0, 0.4, stop - 3.2))
+
+
+def test_what_does_not_assemble_has_no_answer() -> None:
+    motion = Pinocchio().solve(short_rod(4.0 + 1e-9))
+
+    assert motion.status == (Status.OK, Status.OK, Status.NOT_CONVERGED)
+    assert np.isnan(motion.q[:, 2]).all()
+    assert np.isnan(motion.qd[:, 2]).all()
+
+
+def test_a_dead_centre_has_a_position_and_no_rates() -> None:
+    """Where the residual is at round-off, the angle is known to the root of it: 16 * 9 EPS gives 2e-7."""
+    motion = Pinocchio().solve(short_rod(4.0))
+
+    assert motion.status == (Status.OK, Status.OK, Status.SINGULAR)
+    assert abs(motion["crank"].phi[2]) <= 2e-7
+    assert np.isnan(motion.qd[:, 2]).all()
+
+
+def test_bodies_that_cannot_move_are_placed() -> None:
+    """A model without a single coordinate, whose frame Jacobian ends Pinocchio's process."""
+    weld = Fixed(name="W", body_i=GROUND, point_i=(1.0, 2.0), body_j="a", point_j=(0.5, 0.0), angle=math.pi / 2)
+    scene = Scene(mechanism=Mechanism((Body(name="a", estimate=(0.0, 0.0, 0.0)),), (weld,)), times=(0.0,))
+    motion = Pinocchio().solve(scene)
+
+    assert motion.q[:, 0] == pytest.approx([1.0, 1.5, math.pi / 2], abs=EPS)
+
+
+def test_two_solves_give_the_same_bits() -> None:
+    scene = four_bar().scene
+
+    assert Pinocchio().solve(scene).q.tobytes() == Pinocchio().solve(scene).q.tobytes()
+
+
+# ---- planted faults: each replaces a piece of the adapter or of what it reads, and must not go unseen
+
+
+def of_law(order: int) -> Callable[[Any], Any]:
+    """Return the replacement that forgets one derivative of the laws."""
+    return lambda f: lambda self, driver, t, k: 0.0 if k == order else f(self, driver, t, k)
+
+
+def long_coupler(f: Any) -> Any:
+    """Return the replacement that moves the far pin of the coupler by 1e-9."""
+    return lambda self, body, u: f(self, body, (u[0] + (1e-9 if body == "coupler" and u[0] > 0 else 0.0), u[1]))
+
+
+def other_branch(f: Any) -> Any:
+    """Return the replacement that starts a four-bar on its crossed branch."""
+    crossed = joint_tree(four_bar(branch=-1).scene.mechanism)
+    return lambda self: f(crossed if "coupler" in self.estimates else self)
+
+
+FAULTS: dict[str, tuple[Any, str, Callable[[Any], Any]]] = {
+    "gamma forgotten": (Rows, "drift", lambda f: lambda *a: 0.0 * f(*a)),
+    "sign of nu": (TreeSystem, "nu", lambda f: lambda *a: -f(*a)),
+    "driver rate forgotten": (TreeSystem, "_law", of_law(1)),
+    "driver acceleration forgotten": (TreeSystem, "_law", of_law(2)),
+    "drift of points forgotten": (PlanarModel, "point_acceleration", lambda f: lambda *a: 0.0 * f(*a)),
+    "a length off by 1e-9": (JointTree, "scaled", long_coupler),
+    "other branch": (JointTree, "start", other_branch),
+}
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_planted_fault_is_seen(name: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    cases = (four_bar(), slider_crank(), scotch_yoke(), cylinder(), lifted_end("x"))
+    healthy = max(excess(case, Pinocchio().solve(case.scene)) for case in cases)
+    owner, attribute, plant = FAULTS[name]
+    monkeypatch.setattr(owner, attribute, plant(getattr(owner, attribute)))
+
+    assert healthy <= 1.0 < max(excess(case, Pinocchio().solve(case.scene)) for case in cases)
