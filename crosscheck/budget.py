@@ -4,7 +4,7 @@ First-order propagation through the equations of the reference, at its solution 
 
     dq   = |J^-1| e_phi                          + 2 u max(1, |q|)
     dqd  = |J^-1| (|d(J qd - nu)/dq| dq + e_nu)   + 2 u max |qd|
-    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + 2 u max |qdd|
+    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + 2 u (max |qdd| + max |qd|^2)
 
 with J = phi_q. The e are running-error bounds of the formulas themselves (`running_error`), with coordinates that
 are rounded to u |q|: no float64 code is told more. `SAFETY` covers that an engine evaluates the same closure by
@@ -73,20 +73,22 @@ def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Seq
     }
 
     clock = _clock(system, t)
-    e_phi = SAFETY * errors(system.phi(running(q, U * np.abs(q)), clock), t.shape)
+    e_phi = SAFETY * errors(system.phi(running(q, U * np.abs(q)), clock), t.shape) + _table_error(system, t, 0)
     dq = _carried(inverse, e_phi + _added(extra["position"], e_phi)) + _handed_over(system, q)
     second = _slope(lambda z: _times(system.phi_q(z, t), qd) - system.nu(z, t), q)
     e_nu = SAFETY * _residual_error(system, q, qd, clock, t.shape)
     size = _times(np.abs(system.phi_q(q, t)), np.abs(qd))
-    e_nu = e_nu + _solve_error(size) + _added(extra["velocity"], size)
+    e_nu = e_nu + _solve_error(size) + _added(extra["velocity"], size) + _table_error(system, t, 1)
     dqd = _carried(inverse, _times(np.abs(second), dq) + e_nu) + 2 * U * np.max(np.abs(qd), axis=0)
     third = _slope(lambda z: _times(system.phi_q(z, t), qdd) - system.gamma(z, qd, t), q)
     coriolis = _slope(lambda z: system.gamma(q, z, t), qd)
     e_gamma = SAFETY * _residual_error(system, q, qdd, clock, t.shape, qd)
     size = _times(np.abs(system.phi_q(q, t)), np.abs(qdd)) + np.abs(system.gamma(q, qd, t))
-    e_gamma = e_gamma + _solve_error(size) + _added(extra["acceleration"], size)
+    e_gamma = e_gamma + _solve_error(size) + _added(extra["acceleration"], size) + _table_error(system, t, 2)
     carried = _times(np.abs(third), dq) + _times(np.abs(coriolis), dqd) + e_gamma
-    dqdd = _carried(inverse, carried) + 2 * U * np.max(np.abs(qdd), axis=0)
+    # The acceleration of a point is summed from alpha r and omega^2 r, also where the sum is small.
+    summed = np.max(np.abs(qdd), axis=0) + np.max(np.abs(qd), axis=0) ** 2
+    dqdd = _carried(inverse, carried) + 2 * U * summed
     for allowed, values in zip((budget.position, budget.velocity, budget.acceleration), (dq, dqd, dqdd), strict=True):
         allowed[:, lanes] = values
     budget.judged[lanes] = _first_order(system, inverse, dq, q, t)
@@ -128,10 +130,30 @@ def _slope(function: Any, x: Any) -> Any:
 
 
 def _clock(system: System, t: Any) -> Any:
-    """Return the times as running numbers, so that a law's own rounding counts; tables are what their floats say."""
+    """Return the times as running numbers, so that a law's own rounding counts; see `_table_error` for tables."""
     laws = [law for c in system.mechanism.constraints for law in c.laws]
     tables = any(isinstance(getattr(law, "rate", law), Table) for law in laws)
     return t if tables else Running(t)
+
+
+def _table_error(system: System, t: Any, order: int) -> Any:
+    """Return what the rounding of splines leaves in the rows (m, T) of the residual, of nu or of gamma.
+
+    A spline's slopes solve a diagonally dominant system whose right side are divided differences, each rounded by
+    u max|y| / h: k-th derivatives err by some u max|y| / h^k. Some is 32: two roundings of a difference, a factor 3 for
+    the solve, 4 terms of the cubic, rounded up.
+    """
+    out = np.zeros((system.m, len(t)))
+    for p in system.placed:
+        for law, scaled in zip(p.constraint.laws, p.constraint.inputs(t, system.unit, 0), strict=True):
+            table = getattr(law, "rate", law)
+            if isinstance(table, Table):
+                size = np.max(np.abs(table.value)) / p.constraint.law_scale(system.unit)[1]
+                finest = np.min(np.diff(table.argument))
+                depth = order if table is law else order - 1
+                # A driver whose row is quadratic in its law (distance) has the law itself as a factor.
+                out[p.row] += 32 * U * size / finest**depth * np.maximum(1.0, np.abs(scaled[0]))
+    return out
 
 
 def _handed_over(system: System, q: Any) -> Any:

@@ -16,7 +16,7 @@ import numpy as np
 
 from crosscheck.comparison import QUANTITIES, Comparison, Reference, compare, reference
 from crosscheck.engines import Engine, EngineError, Level, load, refusals
-from crosscheck.levels import LevelComparison, compare_levels, configurations
+from crosscheck.levels import Configuration, LevelComparison, compare_levels, configurations
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Route, Status
 from refkin.scene_files import to_dict
@@ -59,8 +59,14 @@ def check(scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any
     if ref.motion.verdict is not Status.OK:
         told = {"engine": "refkin", "route": "newton", "quantity": "status", "ratio": None, "worst": ref.motion.message}
         record["disagreements"].append({**told, "kind": str(ref.motion.verdict)})
+    at = _configurations(ref, record["key"])
     for engine in (load(e) if isinstance(e, str) else e for e in engines):
-        _check_engine(engine, scene, ref, record)
+        reasons = refusals(engine, scene, Level.SOLVE)
+        record["refusals"] += reasons
+        for route in () if reasons else engine.routes():
+            _check_route(engine, route, scene, ref, record)
+        if hasattr(engine, "constraints"):
+            _check_levels(engine, scene, at, record)
     return record
 
 
@@ -78,14 +84,13 @@ def _reference_record(ref: Reference, seconds: float) -> dict[str, Any]:
     }
 
 
-def _check_engine(engine: Engine, scene: Scene, ref: Reference, record: Record) -> None:
-    reasons = refusals(engine, scene, Level.SOLVE)
-    record["refusals"] += reasons
-    if not reasons:
-        for route in engine.routes():
-            _check_route(engine, route, scene, ref, record)
-    if hasattr(engine, "constraints"):
-        _check_levels(engine, scene, ref, record)
+def _configurations(ref: Reference, key: str) -> list[Configuration]:
+    """Return the configurations at which engines' own rows are compared; none if no pose was found to start from."""
+    lanes = np.flatnonzero(np.isfinite(ref.levels[0][0]))
+    if not lanes.size:
+        return []
+    near = ref.system.to_physical(ref.levels[0][:, lanes])
+    return configurations(ref.scene.mechanism, near, ref.motion.t[lanes], key, CONFIGURATIONS)
 
 
 def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, record: Record) -> None:
@@ -94,7 +99,8 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
     try:
         motion = engine.solve(scene, route)
         seconds = time.perf_counter() - start
-        turned_round = compare(ref, engine.solve(permuted(scene), route), terms)
+        best = route == engine.routes()[0]
+        turned_round = compare(ref, engine.solve(permuted(scene), route), terms) if best else None
     except EngineError as error:
         record["refusals"].append(str(error))
         return
@@ -102,11 +108,10 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
     record["answers"].append(_answer_record(engine, motion, found, ref, seconds))
     told = {"engine": engine.name, "route": route.name}
     for quantity, q in found.quantities.items():
-        again = turned_round.quantities[quantity]
         if not q.agrees:
             kind = "other assembly" if found.other_assembly else "beyond the allowed error"
-        elif not again.agrees:
-            q, kind = again, "depends on the order of bodies"
+        elif turned_round is not None and not turned_round.quantities[quantity].agrees:
+            q, kind = turned_round.quantities[quantity], "depends on the order of bodies"
         else:
             continue
         ratio = float(np.nanmax(q.ratio))
@@ -137,15 +142,12 @@ def _answer_record(engine: Engine, motion: Motion, found: Comparison, ref: Refer
     }
 
 
-def _check_levels(engine: Engine, scene: Scene, ref: Reference, record: Record) -> None:
+def _check_levels(engine: Engine, scene: Scene, at: Sequence[Configuration], record: Record) -> None:
     """Compare the engine's own rows for the joints that it does not refuse; a refused joint is named, not skipped."""
-    refused = refusals(engine, scene, Level.JACOBIAN)
-    record["refusals"] += refused
-    lanes = np.flatnonzero(np.isfinite(ref.levels[0][0]))
-    if not lanes.size or len(refused) == len(scene.mechanism.constraints):
+    reasons = refusals(engine, scene, Level.JACOBIAN)
+    record["refusals"] += reasons
+    if not at or len(reasons) == len(scene.mechanism.constraints):
         return
-    near = ref.system.to_physical(ref.levels[0][:, lanes])
-    at = configurations(scene.mechanism, near, ref.motion.t[lanes], record["key"], CONFIGURATIONS)
     model = engine.constraints(scene)
     try:
         found = compare_levels(engine, model, scene.mechanism, at, engine.terms(scene))

@@ -35,7 +35,12 @@ class Linear:
 
 @dataclass(frozen=True)
 class Sine:
-    """y = sin x: an engine that holds two axes parallel by a product of unit vectors."""
+    """y = sin x: an engine that holds two axes parallel by a product of unit vectors.
+
+    `rounding` is what such a product errs by, whatever x is: its two terms are of order 1, each rounded once or twice.
+    """
+
+    rounding: float = 2.0**-52
 
     def __call__(self, x: Any, order: int) -> Any:
         return (np.sin(x), np.cos(x), -np.sin(x))[order]

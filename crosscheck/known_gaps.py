@@ -17,8 +17,8 @@ Predicate = Callable[[Mapping[str, Any]], bool]
 
 
 def near_singular(record: Mapping[str, Any]) -> bool:
-    """Return whether the smallest scaled singular value met in the scene is below 1e-4."""
-    return bool(record["reference"]["sigma_min"] < 1e-4)
+    """Return whether the smallest scaled singular value met in the scene is below 1e-2."""
+    return bool(record["reference"]["sigma_min"] < 1e-2)
 
 
 def anywhere(record: Mapping[str, Any]) -> bool:

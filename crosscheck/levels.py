@@ -11,6 +11,7 @@ from __future__ import annotations
 import random
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from crosscheck.budget import SAFETY
 from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, table_key
 from crosscheck.frames import RowMap
-from crosscheck.running_error import U, Running, errors, running
+from crosscheck.running_error import Running, U, errors, running
 from refkin.model import Mechanism
 from refkin.system import System, compile_system
 
@@ -29,9 +30,15 @@ LEVELS = (Level.RESIDUAL, Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT
 class Configuration:
     """A state to evaluate at, in metres and rad; nothing makes it an assembled one."""
 
+    system: System
     q: Any
     qd: Any
     t: float
+
+    @cached_property
+    def ours(self) -> dict[Any, Any]:
+        """Our values there, with the running error of each: the same for all engines."""
+        return _ours(self.system, self)
 
 
 @dataclass(frozen=True)
@@ -59,13 +66,14 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
     The numbers come from `seed` alone, so a scene is always checked at the same ones.
     """
     draw = random.Random(seed)
+    system = compile_system(mechanism)
     size = mechanism.size()
     scale = np.tile([size, size, 1.0], len(mechanism.bodies))
     found = []
     for _ in range(count):
         lane = draw.randrange(len(t))
         move, rate = (np.array([draw.uniform(-1.0, 1.0) for _ in scale]) * scale for _ in range(2))
-        found.append(Configuration(near[:, lane] + move, 3.0 * rate, float(t[lane])))
+        found.append(Configuration(system, near[:, lane] + move, 3.0 * rate, float(t[lane])))
     return found
 
 
@@ -77,9 +85,7 @@ def compare_levels(
     terms: Sequence[Term] = (),
 ) -> dict[Level, LevelComparison]:
     """Compare every level that the engine declares for the mechanism's joints; driver rows only if it owns the driver."""
-    system = compile_system(mechanism)
     table = engine.capabilities()
-    first_row = {p.constraint.name: p.row for p in system.placed}
     kinds = {c.name: table_key(c) for c in mechanism.constraints}
     drivers = {d.name for d in mechanism.drivers}
     found = {}
@@ -92,7 +98,7 @@ def compare_levels(
             and (model.owns_driver or m.constraint not in drivers)
         ]
         if maps:
-            samples = [_compare_at(level, system, model, c, maps, first_row, terms) for c in at]
+            samples = [_compare_at(level, model, c, maps, terms) for c in at]
             found[level] = _worst_of(samples, maps)
     return found
 
@@ -106,15 +112,15 @@ def _worst_of(samples: Sequence[tuple[Any, Any]], maps: Sequence[RowMap]) -> Lev
 
 def _compare_at(
     level: Level,
-    system: System,
     model: ConstraintModel,
     at: Configuration,
     maps: Sequence[RowMap],
-    first_row: dict[str, int],
     terms: Sequence[Term],
 ) -> tuple[Any, float]:
     """Return error / allowed per mapped row, and the digits of the worst row, at one configuration."""
-    ours = _ours(system, at)
+    ours = at.ours
+    first_row = {p.constraint.name: p.row for p in at.system.placed}
+    added = sum(t.absolute + t.relative * _size(level, at) for t in terms if t.level == level)
     theirs = {
         Level.RESIDUAL: lambda: model.residual(at.q, at.t),
         Level.JACOBIAN: lambda: model.jacobian(at.q, at.t),
@@ -124,19 +130,24 @@ def _compare_at(
     ratios, relative = [], 0.0
     for m in maps:
         expected, allowed = _mapped(level, m, first_row[m.constraint] + m.row, ours)
-        allowed = allowed + abs(m.factor) * sum(t.absolute + t.relative * _convective(at) for t in terms if t.level == level)
+        allowed = allowed + abs(m.factor) * added
         error = np.abs(theirs[m.engine_row] - expected)
         ratios.append(float(np.max(np.where(error == 0.0, 0.0, error / np.maximum(allowed, np.finfo(float).tiny)))))
         relative = max(relative, float(np.max(error)) / max(ours["scale"][level], np.finfo(float).tiny))
     return ratios, min(17.0, -np.log10(relative)) if relative else 17.0
 
 
-def _convective(at: Configuration) -> float:
-    """Return the largest omega v and omega^2 r of any body: what spatial accelerations add and take away again."""
+def _size(level: Level, at: Configuration) -> float:
+    """Return the size of what an engine may add and take away again on the way to a row.
+
+    Residual and Jacobian: the farthest coordinate from the origin; velocity: omega times that, and v; drift: omega
+    times all of these.
+    """
     omega = np.max(np.abs(at.qd[2::3]))
     linear = max(np.max(np.abs(at.qd[0::3])), np.max(np.abs(at.qd[1::3])))
     lever = max(np.max(np.abs(at.q[0::3])), np.max(np.abs(at.q[1::3])))
-    return float(omega * (linear + omega * lever))
+    rate = linear + omega * lever
+    return float({Level.CONSTRAINT_VELOCITY: rate, Level.DRIFT: omega * rate}.get(level, lever))
 
 
 def _ours(system: System, at: Configuration) -> dict[Any, Any]:
@@ -158,18 +169,21 @@ def _mapped(level: Level, m: RowMap, row: int, ours: dict[Any, Any]) -> tuple[An
     """Return the row the engine must have, and the allowed error, at one level."""
     (x, ex), (rate, e_rate) = ([v[row] for v in ours[key]] for key in ("x", "x'"))
     f0, f1, f2 = (m.factor * m.form(x, order) for order in range(3))
+    own = abs(m.factor) * getattr(m.form, "rounding", 0.0)  # of an engine that has y by a product, not from x
     if level is Level.RESIDUAL:
-        value, error = f0, abs(f1) * ex
+        value, error = f0, abs(f1) * ex + own
     elif level is Level.JACOBIAN:
         slope, e_slope = (v[row] for v in ours["x_q"])
         value, error = f1 * slope, abs(f1) * (e_slope + U * np.max(np.abs(slope))) + abs(f2) * ex * np.abs(slope)
+        error = error + own * np.abs(slope)
     elif level is Level.CONSTRAINT_VELOCITY:
-        value, error = f1 * rate, abs(f1) * e_rate + abs(f2) * ex * abs(rate)
+        value, error = f1 * rate, abs(f1) * e_rate + (abs(f2) * ex + own) * abs(rate)
     else:
         gamma, e_gamma = (v[row] for v in ours["gamma"])
         value = f1 * gamma - f2 * rate**2
         error = abs(f1) * e_gamma + abs(f2) * (2 * abs(rate) * e_rate + ex * abs(gamma) + U * rate**2)
-        error = error + abs(m.factor * (m.form(x + ex, 2) - m.form(x, 2))) * rate**2  # F'' at an x known to ex
+        # F'' at an x known to ex
+        error = error + (abs(m.factor * (m.form(x + ex, 2) - m.form(x, 2))) + own) * rate**2
     return value, SAFETY * (error + 2 * U * np.abs(value))
 
 

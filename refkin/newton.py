@@ -184,6 +184,9 @@ def newton(
                 at_root = not residuals[-1].any()
                 status = NewtonStatus.CONVERGED if at_root else NewtonStatus.SINGULAR
                 break
+            if not np.isfinite(q + correction).all():
+                status = NewtonStatus.NOT_FINITE
+                break
             if damped:
                 correction = _damp(phi, q, residuals[-1], correction)
             q = q + correction

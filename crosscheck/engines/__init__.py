@@ -76,9 +76,9 @@ def derived(reason: str) -> Capability:
 class Term:
     """An error that an engine adds by its own doing, as a bound of the scaled residual at one level.
 
-    `level` is position (added to e_phi), velocity (e_nu), acceleration (e_gamma), or drift (the bare gamma rows, unscaled).
-    `relative` multiplies the size of what stands in the equations there (for drift: the largest omega v + omega^2 r of any
-    body), `absolute` is added as it is.
+    `level` is position (added to e_phi), velocity (e_nu) or acceleration (e_gamma); or, for an engine's own rows, one
+    of `Level` (unscaled). `relative` multiplies the size of what stands in the equations there (for own rows: the
+    largest coordinate, rate, or omega times rate of any body), `absolute` is added as it is.
     """
 
     name: str

@@ -96,8 +96,17 @@ class Exudyn:
         return CAPABILITIES
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
-        """Return what exudyn's stopping rule leaves of the residual: on `static` nothing above round-off."""
-        return () if route in (None, STATIC) else (_shipped_stop(scene),)
+        """Return what exudyn's stopping rule leaves of the residual: on `static` nothing above round-off.
+
+        Raises
+        ------
+        EngineError
+            As `solve`: the rule of `shipped` depends on the start.
+        """
+        if route in (None, STATIC):
+            return ()
+        self._refuse(scene)
+        return (_shipped_stop(scene),)
 
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Return exudyn's rows of the joints and drivers that it does not refuse, in metres."""
@@ -143,8 +152,10 @@ def _shipped_stop(scene: Scene) -> Term:
     newton = quiet_settings().staticSolver.newton
     model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints)
     start = np.array([body.estimate for body in scene.mechanism.bodies], float).ravel()
-    norms = [float(np.linalg.norm(model.residual(start, scene.times[0])))]
-    model.close()
+    try:
+        norms = [float(np.linalg.norm(model.residual(start, scene.times[0])))]
+    finally:
+        model.close()
     laws = [law for driver in scene.mechanism.drivers for law in driver.laws]
     values = np.array([[float(law(t)) for t in scene.times] for law in laws])
     norms += np.linalg.norm(np.diff(values), axis=0).tolist() if laws else []

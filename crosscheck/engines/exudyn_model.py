@@ -44,7 +44,7 @@ class ExudynModel:
     owns_driver = True
 
     def __init__(self, bodies: Sequence[Body], constraints: Sequence[Constraint], unit: Unit = SI) -> None:
-        exu.config.printToConsole = False
+        exu.config.printToConsole = False  # for the whole process: exudyn knows no smaller scope
         exu.config.suppressWarnings = True
         self.clock = Clock()
         self.container = exu.SystemContainer()

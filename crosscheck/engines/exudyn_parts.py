@@ -15,8 +15,8 @@ x, y driver         CoordinateConstraint on a relative translation marker     +
 distance driver     DistanceConstraint, its distance set anew at each time    |d| - f(t), made ours by the model
 =================== ========================================================= =====================================
 
-exudyn has no drift term of its own: gamma is put together from its point motions at qdd = 0 (`Readings`), by the rules of
-differentiation for a difference, a product and a length. That last step is the adapter's.
+exudyn has no drift term of its own: gamma is put together from its point motions at qdd = 0 (`Readings`), by the rules
+of differentiation for a difference, a product and a length. That last step is the adapter's.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """What exudyn says of points and directions of its bodies at the present state.
 
-Its body outputs give position, velocity and acceleration of any point. With the accelerations of the coordinates at zero,
-as they are in a static solver, these accelerations are the parts that hold no qdd: what a drift term is made of.
+Its body outputs give position, velocity and acceleration of any point. With the accelerations of the coordinates at
+zero, as they are in a static solver, these accelerations are the parts that hold no qdd: what a drift term is made of.
 """
 
 from __future__ import annotations

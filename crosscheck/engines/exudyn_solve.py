@@ -48,11 +48,12 @@ class StaticNewton:
     size : float
         Size of the mechanism in the model's unit.
     accepted : float
-        Largest component of the scaled residual with which its answer is believed.
+        Largest component of the scaled residual with which its answer is believed, for coordinates of order 1.
     """
 
     predicts = True
     size = 1.0
+    accepted = 10.0 * TOLERANCES[-1]
 
     def __init__(self, model: ExudynModel) -> None:
         self.model = model
@@ -62,7 +63,6 @@ class StaticNewton:
             self.settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
             self.settings.linearSolver.ignoreSingularJacobian = True
         model.solver.InitializeSolver(model.mbs, self.settings)
-        self.accepted = 10.0 * TOLERANCES[-1]
 
     def __call__(self, t: float, start: Array) -> Array:
         model = self.model
@@ -70,12 +70,19 @@ class StaticNewton:
         extent = max(1.0, _largest(start))
         for tolerance in TOLERANCES:
             if self._newton(tolerance * extent):
-                q = model.data.GetODE2Coordinates(CURRENT)
-                # A first residual is never accepted without a correction: this one removes what the tolerance left.
-                return model.data.GetODE2Coordinates(CURRENT) if self._newton(tolerance * extent) else q
+                return self._corrected_once_more(tolerance * extent)
             if not _largest(model.solver.GetSystemResidual()[model.n :]) < STALLED * extent:
                 break
         raise EngineError("its Newton did not converge")
+
+    def _corrected_once_more(self, tolerance: float) -> Array:
+        """Return the pose without what the tolerance left: exudyn accepts no first residual without a correction."""
+        q: Array = self.model.data.GetODE2Coordinates(CURRENT)
+        try:
+            better = self._newton(tolerance)
+        except EngineError:
+            better = False
+        return self.model.data.GetODE2Coordinates(CURRENT) if better else q
 
     def _newton(self, tolerance: float) -> bool:
         self.model.solver.newton.absoluteTolerance = tolerance
@@ -144,6 +151,7 @@ class Marcher:
         prismatic = [joint for joint in scene.mechanism.joints if isinstance(joint, Prismatic)]
         self.slides = [(joint, columns.get(joint.body_i), columns.get(joint.body_j)) for joint in prismatic]
         self.last: Pose | None = None
+        self.sign = 0.0
 
     def run(self, start: Array) -> Poses:
         """Return the poses at all times of the scene, from an estimate of the first."""
@@ -163,6 +171,7 @@ class Marcher:
                 lost = True
             else:
                 self._record(poses, k, self.last)
+                self.sign = self.sign or self.last.sign
                 lost = False
         return poses
 
@@ -206,7 +215,7 @@ class Marcher:
         """Return the pose that the solver finds from a start; EngineError says why it is not believed."""
         q = self.solver(t, start)
         residual = _largest(self.model.residual(q, t)[self.model.live] / self.row_scale)
-        if not residual <= self.solver.accepted:
+        if not residual <= self.solver.accepted * max(1.0, _largest(q / self.column_scale)):
             raise EngineError(f"it reported success with a residual of {residual:.1e}")
         self._check_turns(q)
         if last is not None and _largest(q - start) > max(ASTRAY * _largest(q - last.q), NEAR):
@@ -215,7 +224,7 @@ class Marcher:
             return Pose(t, q, residual)
         jacobian = self.model.jacobian(q, t)[self.model.live] * self.column_scale / self.row_scale[:, None]
         sign = float(np.linalg.slogdet(jacobian)[0]) if len(jacobian) == self.model.n else 0.0
-        if self.solver.predicts and self.last is not None and sign != self.last.sign:
+        if self.solver.predicts and sign * self.sign < 0.0:
             raise EngineError("the determinant of its Jacobian changed sign: another branch")
         rate = self._solved(jacobian, -self.model.constraint_velocity(q, self.still, t))
         return Pose(t, q, residual, jacobian, rate, sign)

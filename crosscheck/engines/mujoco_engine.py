@@ -43,11 +43,15 @@ NEWTON = Route(
     seeding=Seeding.INITIAL_GUESS,
 )
 
-SPATIAL = Term(
-    name="spatial velocities",
-    level="drift",
-    reason="a point's acceleration is summed from omega x v of its body with both signs: 8 roundings, two bodies",
-    relative=16.0 * 2.0**-53,
+SPATIAL = tuple(
+    Term(
+        name="spatial vectors",
+        level=level.value,
+        reason="lever arms are differences of positions in the ground frame, and omega x v enters with both signs: "
+        "8 roundings, two bodies",
+        relative=16.0 * 2.0**-53,
+    )
+    for level in (Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
 )
 
 
@@ -117,7 +121,7 @@ class Mujoco:
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of MuJoCo's drift terms; Newton runs to round-off, and no constraint is soft."""
-        return (SPATIAL,)
+        return SPATIAL
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
         """Return the motion of the wanted bodies, found in a joint tree from the bodies' estimates.
@@ -139,7 +143,7 @@ class TreeRows:
 
     def __init__(self, tree: JointTree) -> None:
         self.tree = tree
-        self._rows = MujocoRows(Plan(tree, tree.closures, weld=False))
+        self._rows = MujocoRows(Plan(tree, tree.closures))
         self.closure_rows = len(self._rows.plan.sources)
 
     def closure(self, q: Array) -> tuple[Array, Array]:
@@ -168,8 +172,8 @@ class TreeRows:
 class AbsoluteRows:
     """MuJoCo's rows with every body free on the ground, so that qpos is (x, y, phi) per body: a `ConstraintModel`.
 
-    The model is in units of the mechanism's size, a power of two, and seen from its first ground point; what goes in
-    and comes out is in metres. The row |d| - f of a distance driver is multiplied by (|d| + f) / 2.
+    The model is in units of the mechanism's size, a power of two, so that MuJoCo is given the very numbers it is asked
+    about. The row |d| - f of a distance driver is multiplied by (|d| + f) / 2.
     """
 
     owns_driver: bool = False
@@ -178,7 +182,7 @@ class AbsoluteRows:
     def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
         bodies = mechanism.bodies
         tree = _absolute_tree(mechanism)
-        self._rows = MujocoRows(Plan(tree, constraints, weld=True))
+        self._rows = MujocoRows(Plan(tree, constraints))
         sources = self._rows.plan.sources
         self._drivers = self._rows.plan.driven
         self._squared = [d for d in self._drivers if isinstance(d.driver, DistanceDriver)]
@@ -186,7 +190,6 @@ class AbsoluteRows:
         for driven in self._squared:
             self._metre[driven.source] *= tree.size
         self._unit = np.tile([1.0 / tree.size, 1.0 / tree.size, 1.0], len(bodies))
-        self._origin = np.tile([*tree.origin, 0.0], len(bodies))
         self.rows = tuple(
             RowMap(
                 constraint=s.constraint.name,
@@ -243,19 +246,18 @@ class AbsoluteRows:
 
     def _pose(self, q: Array, t: float) -> None:
         self._rows.drive(t)
-        self._rows.pose((q - self._origin) * self._unit)
+        self._rows.pose(q * self._unit)
 
 
 def _absolute_tree(mechanism: Mechanism) -> JointTree:
     """Return the tree without joints: every body free on the ground."""
     names = [body.name for body in mechanism.bodies]
     edges = [Edge(body=body, parent=GROUND, freedom=Freedom.FREE, first=3 * k) for k, body in enumerate(names)]
-    unit = mechanism.unit()
     return JointTree(
         edges=tuple(edges),
         closures=mechanism.joints,
-        size=unit.size,
-        origin=unit.origin,
+        size=mechanism.size(),
+        origin=(0.0, 0.0),
         estimates={},
         links={},
     )

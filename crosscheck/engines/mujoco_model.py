@@ -4,7 +4,8 @@
 joint or driver  in MuJoCo                                                row
 ================ ======================================================== ==========================
 revolute         `connect` of two sites                                   d = r_j - r_i
-fixed            `weld` of two sites                                      d; sin(delta / 2)
+fixed            `connect` of two sites;                                  d
+                 equality of a fixed tendon over the hinges               delta
 prismatic        `framepos` of a site in the frame of one on the guide;   n . d
                  equality of a fixed tendon over the hinges               delta
 point_on_line    `framepos` of a site in the frame of one on the guide    n . d
@@ -16,7 +17,8 @@ distance driver  equality of a spatial tendon between two sites           |d| - 
 
 delta is the angle between the bodies minus the one that is wanted. MuJoCo has no equality that holds a point on a line
 of a moving body, but sensors that state position and velocity of a site in the frame of another; a `connect` beside
-them, whose rows are no constraint of the scene, serves for the drift term.
+them, whose rows are no constraint of the scene, serves for the drift term. A `weld` would hold sin(delta / 2), which is
+blind to whole turns and rounded like a quaternion.
 
 Three habits of MuJoCo shape the model. A site within 1e-6 of the origin of its body counts as being there: lengths come
 in units of the mechanism's size, and `site_sameframe` is reset. An equality holds a tendon at its length in the pose of
@@ -32,7 +34,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from crosscheck.engines import EngineError
-from crosscheck.engines.mujoco_parts import LINEAR, Driven, Guide, HalfSine, Source
+from crosscheck.engines.mujoco_parts import LINEAR, Driven, Guide, Source
 from crosscheck.frames import Length
 from crosscheck.joint_tree import Edge, Freedom, JointTree
 from refkin.joints import (
@@ -72,12 +74,10 @@ class Plan:
         The bodies, and how they hang on each other; with each one free on the ground, qpos is (x, y, phi) per body.
     constraints : iterable of Constraint
         The joints and drivers that become rows.
-    weld : bool
-        Whether a fixed joint is a `weld`, whose angle row is blind to whole turns, or a `connect` and an angle row.
     """
 
-    def __init__(self, tree: JointTree, constraints: Iterable[Constraint], *, weld: bool) -> None:
-        self.tree, self.weld = tree, weld
+    def __init__(self, tree: JointTree, constraints: Iterable[Constraint]) -> None:
+        self.tree = tree
         self.spec = _kinematic_spec()
         self.bodies: dict[str, Any] = {GROUND: self.spec.worldbody}
         self.pins: dict[str, Pair] = {GROUND: (0.0, 0.0)}
@@ -133,9 +133,7 @@ class Plan:
         self.bodies[edge.body], self.pins[edge.body] = body, edge.pin
 
     def _constrain(self, name: str, c: Constraint) -> None:
-        if isinstance(c, Fixed) and self.weld:
-            self._weld(name, c)
-        elif isinstance(c, Revolute | Fixed):
+        if isinstance(c, Revolute | Fixed):
             first = self._connect(*self._ends(name, c))
             self.sources += [Source(constraint=c, row=k, equality=first + k) for k in range(2)]
         elif isinstance(c, PointOnLine | Prismatic):
@@ -146,7 +144,7 @@ class Plan:
             self._coordinate(name, c)
         elif not isinstance(c, AngleDriver):
             raise EngineError(f"mujoco refuses {c.type} {c.name!r}: it is not written for this type")
-        if isinstance(c, Prismatic | AngleDriver) or (isinstance(c, Fixed) and not self.weld):
+        if isinstance(c, Fixed | Prismatic | AngleDriver):
             self._angle(name, c)
 
     def _ends(self, name: str, c: Any) -> tuple[str, str]:
@@ -169,13 +167,6 @@ class Plan:
 
     def _connect(self, j: str, i: str) -> int:
         return self._equality(mujoco.mjtEq.mjEQ_CONNECT, 3, j, i)
-
-    def _weld(self, name: str, c: Fixed) -> None:
-        j, i = self._ends(name, c)
-        _turn(self.spec.site(i), c.angle)
-        first = self._equality(mujoco.mjtEq.mjEQ_WELD, 6, j, i)
-        self.sources += [Source(constraint=c, row=k, equality=first + k) for k in range(2)]
-        self.sources.append(Source(constraint=c, row=2, equality=first + 5, unit=0, form=HalfSine()))
 
     def _guide(self, name: str, c: Any) -> None:
         """Read a point on a line from sensors, in the frame of a site whose x axis is the line."""

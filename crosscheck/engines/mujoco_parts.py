@@ -3,21 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
-
-import numpy as np
 
 from crosscheck.frames import Form, Linear
 from refkin.joints import Constraint, Driver
-
-
-@dataclass(frozen=True)
-class HalfSine:
-    """y = sin(x / 2): the vector part of the unit quaternion that turns one frame onto the other."""
-
-    def __call__(self, x: Any, order: int) -> Any:
-        return (np.sin(0.5 * x), 0.5 * np.cos(0.5 * x), -0.25 * np.sin(0.5 * x))[order]
-
 
 LINEAR = Linear()
 

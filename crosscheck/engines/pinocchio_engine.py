@@ -44,6 +44,18 @@ CAPABILITIES: Capabilities = {
 }
 
 
+SPATIAL = tuple(
+    Term(
+        name="spatial vectors",
+        level=level.value,
+        reason="lever arms are differences of positions in the ground frame, and omega x v enters with both signs: "
+        "8 roundings, two bodies",
+        relative=16.0 * 2.0**-53,
+    )
+    for level in (Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
+)
+
+
 class Pinocchio:
     """The engine of the package `pin`."""
 
@@ -63,8 +75,8 @@ class Pinocchio:
         return CAPABILITIES
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
-        """Return none: Newton goes on to round-off, and nothing in Pinocchio stops above it."""
-        return ()
+        """Return the rounding of Pinocchio's drift terms; Newton goes on to round-off, nothing stops above it."""
+        return SPATIAL
 
     def constraints(self, scene: Scene) -> PinocchioConstraints:
         """Return Pinocchio's rows for the joints of a scene that it does not refuse.

@@ -1,4 +1,4 @@
-"""Write `report.json` and `index.html` into the folder of a run. The page is made from what report.json holds, nothing else."""
+"""Write `report.json` and `index.html` into the folder of a run. The page holds nothing that report.json does not."""
 
 from __future__ import annotations
 
@@ -15,22 +15,21 @@ from jinja2 import Environment, StrictUndefined
 from markupsafe import Markup
 
 from crosscheck import known_gaps
-from crosscheck.budget import SAFETY
 from crosscheck.known_gaps import Gap
 from crosscheck.report import wording
 from crosscheck.report.figures import digits_figure, newton_figure
 from crosscheck.report.histories import newton_histories
-from crosscheck.report.summary import SOLVED, Ended, Summary, read_run
+from crosscheck.report.summary import SOLVED, Ended, Summary
 from crosscheck.report.svg import bar, power_of_ten
 
 GROUPS = {
     "position": "Position",
     "velocity": "Velocity",
     "acceleration": "Acceleration",
-    "jacobian": "Its own Jacobian, phi_q",
-    "gamma": "Its own drift term, gamma",
-    "residual": "Its own residual, phi",
-    "constraint_velocity": "Its own constraint velocity, phi_q qd - nu",
+    "jacobian": "The engine's own Jacobian, phi_q",
+    "gamma": "The engine's own drift term, gamma",
+    "residual": "The engine's own residual, phi",
+    "constraint_velocity": "The engine's own constraint velocity, phi_q qd − nu",
 }
 COVERAGE_NAMES = {
     "kind": "Linkage",
@@ -68,7 +67,7 @@ def build(
     """
     folder.mkdir(parents=True, exist_ok=True)
     summary = Summary(folder, known_gaps.read() if gaps is None else gaps, outcome)
-    report = plain({**summary.described(read_run(folder), required), "newton_histories": newton_histories()})
+    report = plain({**summary.described(required), "newton_histories": newton_histories()})
     _replace(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     page = folder / "index.html"
     _replace(page, render(report))
@@ -92,26 +91,28 @@ def render(report: Mapping[str, Any]) -> str:
     """Return the page for a report; whatever comes from records is escaped."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     environment.filters.update(
-        {name: getattr(wording, name) for name in ("digits", "count", "number", "ratio", "seeding", "words")}
+        {
+            name: getattr(wording, name)
+            for name in ("digits", "count", "number", "ratio", "sample", "seeding", "words", "known")
+        }
     )
     source = files("crosscheck.report")
     template = environment.from_string(source.joinpath("page.html.j2").read_text(encoding="utf-8"))
     css = source.joinpath("page.css").read_text(encoding="utf-8")
     return template.render(
         report=report,
-        css=Markup(css),  # noqa: S704 (our own file)
+        css=Markup(css),  # our own file: nothing of a record is in it
         headline=wording.headline(report["verdict"], report["new_disagreements"]),
         glance=glance(report),
         digits_figure=digits_figure(report),
         newton_figure=newton_figure(report),
         coverage=coverage(report),
         certified=any(report["reference"]["largest_certified_radius"].values()),
-        safety=SAFETY,
     )
 
 
 def glance(report: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the rows of the table at a glance: by quantity, then engine and route; own rows are the same by every route."""
+    """Return the table at a glance: by quantity, then engine and route; own rows are the same by every route."""
     groups = []
     for quantity, title in GROUPS.items():
         solved = quantity in SOLVED
@@ -140,7 +141,7 @@ def coverage(report: Mapping[str, Any]) -> list[dict[str, Any]]:
 
 def _value(name: str, value: str) -> str:
     if not name.endswith("_decade") or not value.lstrip("-").isdigit():
-        return value
+        return value.replace("_", " ")
     return f"{power_of_ten(int(value))} to {power_of_ten(int(value) + 1)}"
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 from collections import Counter
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -36,6 +37,13 @@ class WorstSample:
         return {"ratio": finite(self.ratio), **vars(self.place), "sample": self.sample, **at}
 
 
+def worse(so_far: WorstSample | None, ratio: float | None, place: Place, sample: str) -> WorstSample | None:
+    """Return the larger of two ratios with its sample; NaN and None are no ratios."""
+    if ratio is None or math.isnan(ratio) or (so_far is not None and ratio <= so_far.ratio):
+        return so_far
+    return WorstSample(ratio, place, sample)
+
+
 def finite(ratio: float | None) -> float | None:
     """Return a ratio as JSON can hold it: an infinite one as the largest double, NaN as None."""
     if ratio is None or math.isnan(ratio):
@@ -65,7 +73,7 @@ class Cell:
     worst: WorstSample | None = None
     least: tuple[float, Place] | None = None
 
-    def add(self, histograms: dict[int | None, Histogram], place: Place) -> None:
+    def add(self, histograms: Mapping[int, Histogram] | Mapping[None, Histogram], place: Place) -> None:
         """Count one scene's digits."""
         self.scenes += 1
         for decade, histogram in histograms.items():
@@ -76,10 +84,7 @@ class Cell:
 
     def meet(self, ratio: float | None, place: Place, sample: str) -> None:
         """Keep a ratio if it is the largest so far."""
-        if ratio is None or math.isnan(ratio):
-            return
-        if self.worst is None or ratio > self.worst.ratio:
-            self.worst = WorstSample(ratio, place, sample)
+        self.worst = worse(self.worst, ratio, place, sample)
 
     def described(self) -> dict[str, Any]:
         """Return it as plain data."""

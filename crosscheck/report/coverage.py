@@ -54,11 +54,13 @@ class Coverage:
         return named
 
 
-REFUSAL = re.compile(r"(?P<engine>\S+) refuses (?P<joint>.+?) (?:'.*?'|\".*?\") at (?P<level>\w+): (?P<reason>.*)", re.S)
+REFUSAL = re.compile(
+    r"(?P<engine>\S+) refuses (?P<joint>.+?) (?:'.*?'|\".*?\") at (?P<level>\w+): (?P<reason>.*)", re.S
+)
 
 
 class Refusals:
-    """What engines refused, by engine, joint type, level and reason; what else they said instead of an answer, by its text."""
+    """What engines refused, by engine, joint type, level and reason; what else they said for an answer, by its text."""
 
     def __init__(self) -> None:
         self.joints: Counter[tuple[str, ...]] = Counter()

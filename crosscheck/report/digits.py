@@ -51,9 +51,10 @@ def describe(counts: Mapping[int, int]) -> dict[str, float | None]:
 
 
 def quantile(counts: Mapping[int, int], percent: int) -> float | None:
-    """Return the smallest value that at least `percent` of the samples do not exceed (the inverse of their distribution).
+    """Return the smallest value that at least `percent` of the samples do not exceed.
 
-    Always a value that occurs; in integers, so that no rounding of percent * N / 100 moves it by one sample.
+    The inverse of their distribution: always a value that occurs. In integers, so that no rounding of percent * N / 100
+    moves it by one sample.
     """
     rank = max(1, -(-sum(counts.values()) * percent // 100))
     reached = 0

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
 from crosscheck.known_gaps import Gap
-from crosscheck.report.cells import Place, WorstSample
-from crosscheck.report.records import Checked, Disagreement
+from crosscheck.report.cells import Place, WorstSample, worse
+from crosscheck.report.records import Answer, Checked, Disagreement, LevelRow
 
 MOST_EXAMPLES = 5
 """Examples kept per kind; a night in which everything fails still fits a page."""
@@ -35,9 +36,7 @@ class Group:
     def add(self, place: Place, told: Disagreement, extra: Mapping[str, Any]) -> None:
         """Count one more; a shrunk example goes first."""
         self.scenes += 1
-        if told.ratio is not None and not math.isnan(told.ratio):
-            if self.worst is None or told.ratio > self.worst.ratio:
-                self.worst = WorstSample(told.ratio, place, told.worst)
+        self.worst = worse(self.worst, told.ratio, place, told.worst)
         example = {**vars(place), "sample": told.worst, **extra}
         if example.get("shrunk"):
             self.examples.insert(0, example)
@@ -70,18 +69,18 @@ class Disagreements:
         self.seen: set[Identity] = set()
         self.groups: dict[tuple[Any, ...], Group] = {}
         self.covered = [0] * len(gaps)
-        self.new = self.known = 0
+        self.new: Counter[str] = Counter()
+        self.known = 0
 
     def add(self, place: Place, line: bytes, record: Checked) -> list[tuple[Disagreement, bool]]:
         """Count the disagreements of one record and return each with whether it is new."""
-        if not record.disagreements:
-            return []
-        raw = json.loads(line)
+        disagreements = [*record.disagreements, *implied(record)]
+        raw = json.loads(line) if disagreements else {}
         found = []
-        for told, plain in zip(record.disagreements, raw["disagreements"], strict=True):
+        for told in disagreements:
             identity = (record.key, *told.signature)
             self.seen.add(identity)
-            gap = None if identity in self.told or record.reference is None else self._gap(raw, plain)
+            gap = None if identity in self.told or record.reference is None else self._gap(raw, told.model_dump())
             self._count(place, told, gap, self._files(identity))
             found.append((told, gap is None))
         return found
@@ -97,7 +96,7 @@ class Disagreements:
         return rest
 
     def described(self) -> list[dict[str, Any]]:
-        """Return one row per kind, new ones first, most frequent first; the first example of a new one with its scene."""
+        """Return one row per kind, new ones first, most frequent first; the first example of each with its scene."""
         order = sorted(self.groups.values(), key=lambda g: (g.gap is not None, -g.scenes, g.signature))
         rows = [group.described() for group in order]
         for row in rows:
@@ -117,7 +116,7 @@ class Disagreements:
         group = self.groups.setdefault((told.signature, which), Group(told.signature, gap))
         group.add(place, told, extra)
         if gap is None:
-            self.new += 1
+            self.new[told.engine] += 1
         else:
             self.known += 1
 
@@ -136,6 +135,38 @@ class Disagreements:
     def _text(self, name: str | None) -> str | None:
         path = self._path(name) if name else None
         return path.read_text(encoding="utf-8", errors="replace")[:MOST_TEXT] if path else None
+
+
+def implied(record: Checked) -> Iterator[Disagreement]:
+    """Yield what the numbers of a record say and its list of disagreements does not.
+
+    Whoever wrote the record should have listed it; that a list is empty is no proof.
+    """
+    listed = {(d.engine, d.route, d.quantity) for d in record.disagreements}
+    found = [*_of_reference(record), *(d for answer in record.answers for d in _of_answer(answer))]
+    found += [_of_level(row) for row in record.levels if row.ratio is None or not row.ratio <= 1.0]
+    yield from (d for d in found if (d.engine, d.route, d.quantity) not in listed)
+
+
+def _of_reference(record: Checked) -> Iterator[Disagreement]:
+    told = record.reference
+    if told is not None and told.verdict != "ok":
+        who = {"engine": "refkin", "route": "newton", "quantity": "status"}
+        yield Disagreement(**who, kind=told.verdict, ratio=None, worst=told.message)
+
+
+def _of_answer(answer: Answer) -> Iterator[Disagreement]:
+    for name, found in answer.quantities.items():
+        ratio = math.nan if found.ratio is None else found.ratio
+        kind = "beyond the allowed error" if ratio > 1.0 else "status ok without a number"
+        if ratio > 1.0 or (answer.judged and math.isnan(ratio)):
+            who = {"engine": answer.engine, "route": answer.route.name, "quantity": name}
+            yield Disagreement(**who, kind=kind, ratio=found.ratio, worst=found.worst)
+
+
+def _of_level(row: LevelRow) -> Disagreement:
+    who = {"engine": row.engine, "route": "rows", "quantity": row.level}
+    return Disagreement(**who, kind="model translated wrongly", ratio=row.ratio, worst=row.worst)
 
 
 def _identity(told: Mapping[str, Any]) -> Identity:

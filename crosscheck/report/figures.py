@@ -1,11 +1,11 @@
-"""The figures of the page, from the data of `report.json`: digits against distance to the singularity, Newton histories."""
+"""The figures of the page, from the data of `report.json`: digits near singular poses, Newton histories."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
@@ -14,7 +14,8 @@ from crosscheck.report.svg import Plot, Style, power_of_ten, style, swatch
 
 Report = Mapping[str, Any]
 LINES = {"digits_median": "median", "digits_worst": "worst"}
-NO_ANSWER = Style("#D55E00", "none", "cross")
+HIGHEST_DIGITS = 17.5
+NO_ANSWER = Style("currentColor", "none", "cross")
 
 
 @dataclass(frozen=True)
@@ -27,35 +28,40 @@ class Figure:
     rows: tuple[tuple[Any, ...], ...]
 
 
+class Bin(NamedTuple):
+    """The samples of one quantity by one route in one decade of sigma_min."""
+
+    name: tuple[str, str]
+    quantity: str
+    decade: int
+    told: Mapping[str, Any]
+
+
 def digits_figure(report: Report) -> Figure:
     """Return digits against sigma_min: per quantity, a line per engine and route, median above worst."""
-    names = [(engine, route) for engine, routes in report["engines"].items() for route in routes]
-    looks = {name: style(k) for k, name in enumerate(names)}
-    samples = _samples(report)
-    blanks = _blanks(report)
-    decades = [row[3] for row in samples] + [decade for _, decade, _ in blanks]
-    values = [row[5][line] for row in samples for line in LINES]
-    span = _decades(decades)
-    floor = min(0 if min(values, default=0) < 4 else 4, math.floor(min(values, default=0)))
+    looks = {name: style(k) for k, name in enumerate((e, r) for e, routes in report["engines"].items() for r in routes)}
+    bins, blanks = _bins(report), _blanks(report)
+    lowest = min((b.told[line] for b in bins for line in LINES), default=0.0)
+    floor = 4.0 if lowest >= 4 else min(0.0, math.floor(lowest))
+    span = _decades([b.decade for b in bins] + [decade for _, decade in blanks])
     panels = [
-        _digits_panel(samples, blanks, quantity, line, span, (floor, 17.5), looks)
+        _digits_panel(quantity, line, [b for b in bins if b.quantity == quantity], blanks, span, floor, looks)
         for line in LINES
         for quantity in SOLVED
+        if bins
     ]
-    legend = [(swatch(look), f"{engine} · {route}") for (engine, route), look in looks.items()]
-    legend += [(swatch(NO_ANSWER), "some configurations without an answer")] if blanks else []
-    rows = [
-        (f"{engine} · {route}", quantity, _bin(decade), count, *(told[k] for k in ("digits_median", "digits_p01", "digits_worst")))
-        for engine, route, quantity, decade, count, told in samples
-    ]
+    legend = [(swatch(look), " · ".join(name)) for name, look in looks.items()]
+    legend += [(swatch(NO_ANSWER, line=False), "at the foot: some configurations without an answer")] if blanks else []
     head = ("engine · route", "quantity", "sigma min", "samples", "median", "1st percentile", "worst")
+    keys = ("samples", "digits_median", "digits_p01", "digits_worst")
+    rows = [(" · ".join(b.name), b.quantity, _range(b.decade), *(b.told[key] for key in keys)) for b in bins]
     return Figure(tuple(panels), tuple(legend), head, tuple(rows))
 
 
-def _samples(report: Report) -> list[tuple[str, str, str, int, int, Mapping[str, float]]]:
-    """Return (engine, route, quantity, decade, samples, digits) of every bin that holds something."""
+def _bins(report: Report) -> list[Bin]:
+    """Return every bin that holds a sample."""
     return [
-        (engine, route, quantity, int(decade), told["samples"], told)
+        Bin((engine, route), quantity, int(decade), told)
         for engine, routes in report["engines"].items()
         for route, quantities in routes.items()
         for quantity in SOLVED
@@ -64,12 +70,12 @@ def _samples(report: Report) -> list[tuple[str, str, str, int, int, Mapping[str,
     ]
 
 
-def _blanks(report: Report) -> list[tuple[tuple[str, str], int, int]]:
-    """Return ((engine, route), decade of the scene's smallest sigma_min, configurations without an answer)."""
+def _blanks(report: Report) -> list[tuple[tuple[str, str], int]]:
+    """Return ((engine, route), decade of the scene's smallest sigma_min) where configurations went without an answer."""
     return [
-        ((row["engine"], row["route"]), int(decade), count)
+        ((row["engine"], row["route"]), int(decade))
         for row in report["routes"]
-        for decade, count in row["unanswered_by_sigma"].items()
+        for decade in row["unanswered_by_sigma"]
     ]
 
 
@@ -80,32 +86,35 @@ def _decades(found: Sequence[int]) -> tuple[int, int]:
 
 
 def _digits_panel(
-    samples: Sequence[tuple[Any, ...]],
-    blanks: Sequence[tuple[tuple[str, str], int, int]],
     quantity: str,
     line: str,
+    bins: Sequence[Bin],
+    blanks: Sequence[tuple[tuple[str, str], int]],
     span: tuple[int, int],
-    y: tuple[float, float],
+    floor: float,
     looks: Mapping[tuple[str, str], Style],
 ) -> Markup:
     title = f"{quantity.capitalize()}: {LINES[line]} digits"
-    plot = Plot(f"digits-{quantity}-{LINES[line]}", title, f"{title} per decade of sigma min, by engine and route", span, y)
+    description = f"{title} per decade of sigma min, by engine and route"
+    plot = Plot(f"digits-{quantity}-{LINES[line]}", title, description, span, (floor, HIGHEST_DIGITS))
     every = 2 if span[1] - span[0] > 8 else 1
     x_ticks = [(float(d), power_of_ten(d)) for d in range(span[1], span[0] - 1, -every)]
-    first = 4 * math.ceil(y[0] / 4)
-    plot.axes(x_ticks, [(v, str(v)) for v in range(first, 17, 4)], "← nearer to singular        sigma min")
+    y_ticks = [(float(v), str(v)) for v in range(4 * math.ceil(floor / 4), 17, 4)]
+    plot.axes(x_ticks, y_ticks, "sigma min · nearer to singular on the left")
     for k, (name, look) in enumerate(looks.items()):
         # Engines agree to the digit in most bins: each stands a little beside the others, inside its decade.
         aside = 0.5 + 0.5 * ((k + 0.5) / len(looks) - 0.5)
-        mine = [row for row in samples if row[:3] == (*name, quantity)]
-        plot.series([(row[3] + aside, row[5][line]) for row in mine], look)
-        for who, decade, _ in blanks:
-            if who == name and line == "digits_worst":
-                plot.series([(decade + aside, y[0] + 0.04 * (y[1] - y[0]))], Style(look.colour, "none", "cross"))
+        plot.series([(b.decade + aside, b.told[line]) for b in bins if b.name == name], look)
+        unanswered = [decade for who, decade in blanks if who == name and line == "digits_worst"]
+        for decade in unanswered:
+            foot = floor + 0.04 * (HIGHEST_DIGITS - floor)
+            plot.series([(decade + aside, foot)], Style(look.colour, "none", "cross"))
+    if not bins:
+        plot.text(plot.px(sum(span) / 2), plot.py((floor + HIGHEST_DIGITS) / 2), "no answer", size="13")
     return plot.markup()
 
 
-def _bin(decade: int) -> str:
+def _range(decade: int) -> str:
     return f"{power_of_ten(decade)} to {power_of_ten(decade + 1)}"
 
 

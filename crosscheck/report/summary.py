@@ -9,6 +9,7 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
+from crosscheck.budget import SAFETY
 from crosscheck.known_gaps import Gap
 from crosscheck.report.cells import Cell, Place, RouteTotals
 from crosscheck.report.coverage import Coverage, Refusals, decade
@@ -47,6 +48,7 @@ class Summary:
 
     def __init__(self, folder: Path, gaps: Sequence[Gap], outcome: Ended | None) -> None:
         self.gaps, self.outcome = gaps, outcome
+        self.run, self.failures = read_run(folder)
         self.keys: set[str] = set()
         self.repeated = self.configurations = self.without_result = self.reference_failures = 0
         self.cells: dict[tuple[str, str, str], Cell] = {}
@@ -55,7 +57,6 @@ class Summary:
         self.reference = ReferenceTotals()
         self.coverage, self.refusals = Coverage(), Refusals()
         self.disagreements = Disagreements(folder, gaps, outcome.new if outcome else ())
-        self.failures: list[str] = []
         for line, text, record in read_records(folder / "records.jsonl"):
             self._add(line, text, record)
         for told in self.disagreements.finish():
@@ -95,7 +96,7 @@ class Summary:
             self.routes.setdefault((engine, route), RouteTotals(answer.route, answer.version)).add(answer, sigma_decade)
             for name, found in answer.quantities.items():
                 cell = self._cell(engine, route, name)
-                cell.add(dict(found.digits_by_sigma), place)
+                cell.add(found.digits_by_sigma, place)
                 cell.judged += answer.judged
                 cell.meet(found.ratio, place, found.worst)
         for row in record.levels:
@@ -107,7 +108,7 @@ class Summary:
         return self.cells.setdefault((engine, route, quantity), Cell())
 
     def _blame(self, blamed: Mapping[tuple[str, str, str], bool]) -> None:
-        """Count one scene's disagreements, each cell once, as new where one of them is; no answer counts in every cell."""
+        """Count one scene's disagreements, each cell once, as new where one is; no answer counts in every cell."""
         counted: dict[tuple[str, str, str], bool] = {}
         for (engine, route, quantity), is_new in blamed.items():
             everywhere = quantity == "status" and route != ANY and engine != REFERENCE
@@ -121,18 +122,19 @@ class Summary:
                 cell.failures += is_new
                 cell.known_gaps += not is_new
 
-    def described(self, run: Mapping[str, Any], required: Sequence[str] | None) -> dict[str, Any]:
-        """Return the whole report; `run` is what run.json holds."""
+    def described(self, required: Sequence[str] | None) -> dict[str, Any]:
+        """Return the whole report; `required` engines are those that run.json names if None."""
+        run = self.run
         versions = dict(self.outcome.versions if self.outcome else run.get("versions", {}))
         missing = dict(self.outcome.missing if self.outcome else run.get("missing", {}))
         engines = sorted({*versions, *(engine for engine, *_ in self.cells)} - {REFERENCE})
         answering = {engine for engine, _ in self.routes}
         if required is None:
-            required = self._required(run, missing)
+            required = self._required(missing)
         found, why = verdict(
             required=required,
             missing=missing,
-            silent=[engine for engine in engines if engine not in answering],
+            answering=answering,
             new=self.disagreements.new,
             failures=len(self.failures),
             scenes=len(self.keys),
@@ -143,37 +145,36 @@ class Summary:
             "why": why,
             "date": run.get("date"),
             "seed": run.get("seed"),
-            "versions": {"refkin": version("refkin"), **versions},
+            "versions": {"refkin": version("refkin"), **self._seen_versions(), **versions},
             "missing": missing,
             "required": list(required),
             "scenes": len(self.keys),
             "scenes_without_result": self.without_result,
             "configurations": self.reference.configurations,
-            "new_disagreements": self.disagreements.new,
+            "new_disagreements": self.disagreements.new.total(),
             "known_disagreements": self.disagreements.known,
             "failures": self.failures[:MOST_FAILURES],
             "failures_total": len(self.failures),
-            "notes": self._notes(versions, engines, answering, run),
+            "notes": self._notes(versions, engines, answering),
             "reference": {**self.reference.described(), "failures": self.reference_failures},
             "engines": {engine: self._engine(engine) for engine in engines},
             "routes": [{"engine": e, "route": r, **t.described()} for (e, r), t in sorted(self.routes.items())],
             "disagreements": self.disagreements.described(),
-            "known_gaps": [
-                _gap_row(g, n) for g, n in zip(self.gaps, self.disagreements.covered, strict=True)
-            ],
+            "known_gaps": [_gap_row(g, n) for g, n in zip(self.gaps, self.disagreements.covered, strict=True)],
             "coverage": self.coverage.described(),
             "refusals": self.refusals.described(),
+            "safety_factor": SAFETY,
             "run": dict(run),
         }
 
-    def _required(self, run: Mapping[str, Any], missing: Mapping[str, str]) -> list[str]:
-        """Return the required engines as the run tells; a run that stopped before its first scene for want of one tells none."""
+    def _required(self, missing: Mapping[str, str]) -> list[str]:
+        """Return the required engines; a run that stopped before its first scene did not write which it wanted."""
         if self.outcome and self.outcome.missing and not self.outcome.checked and not self.keys:
             return sorted(missing)
-        return list(run.get("required", ()))
+        return list(self.run.get("required", ()))
 
     def _engine(self, engine: str) -> dict[str, Any]:
-        """Return {route: {quantity: numbers}}: every quantity stands under every route; what nobody answered is None."""
+        """Return {route: {quantity: numbers}}: every quantity under every route; what nobody answered is None."""
         seen = {r for e, r in self.routes if e == engine} | {r for e, r, _ in self.cells if e == engine}
         routes = sorted(seen - {ROWS, ANY}) or [ANY]
         found: dict[str, Any] = {}
@@ -199,30 +200,40 @@ class Summary:
         told["known_gaps"] += everywhere.known_gaps
         return told
 
-    def _notes(
-        self, versions: Mapping[str, str], engines: Sequence[str], answering: set[str], run: Mapping[str, Any]
-    ) -> list[str]:
+    def _seen_versions(self) -> dict[str, str]:
+        return {engine: ", ".join(sorted(seen)) for engine, seen in sorted(self.versions.items())}
+
+    def _notes(self, versions: Mapping[str, str], engines: Sequence[str], answering: set[str]) -> list[str]:
         notes = [f"{name} answered no scene" for name in engines if name not in answering]
         for engine, seen in sorted(self.versions.items()):
-            if set(seen) != {versions.get(engine)}:
+            if engine in versions and set(seen) != {versions[engine]}:
                 told = ", ".join(f"{v} ({n} answers)" for v, n in sorted(seen.items()))
-                notes.append(f"{engine}: the run names version {versions.get(engine)}, its answers come from {told}")
-        if not run:
+                notes.append(f"{engine}: the run names version {versions[engine]}, its answers come from {told}")
+        if not self.run:
             notes.append("there is no run.json: seed, date and requirements are not known")
         if self.repeated:
             notes.append(f"{self.repeated} records of scenes that had one already were not counted")
         if self.outcome and self.outcome.known != self.disagreements.known:
-            notes.append(f"the run counted {self.outcome.known} known disagreements, its records hold {self.disagreements.known}")
-        bare = {name: c.judged - c.digits.samples for name, c in self.cells.items() if c.judged > c.digits.samples}
-        for (engine, route, quantity), count in sorted(bare.items()):
-            notes.append(f"{engine} ({route}), {quantity}: {count} judged configurations have no finite number of digits")
+            notes.append(
+                f"the run counted {self.outcome.known} known disagreements, its records hold {self.disagreements.known}"
+            )
+        bare: Counter[str] = Counter()
+        for (engine, _, quantity), cell in self.cells.items():
+            bare[f"{engine} {quantity}"] += max(0, cell.judged - cell.digits.samples) if quantity in SOLVED else 0
+        if bare.total():
+            told = ", ".join(f"{name} {count}" for name, count in sorted(bare.items()) if count)
+            notes.append(f"judged configurations without a finite number of digits: {told}")
         return notes
 
 
-def read_run(folder: Path) -> dict[str, Any]:
-    """Return what run.json says about how the run was made; empty if there is none."""
+def read_run(folder: Path) -> tuple[dict[str, Any], list[str]]:
+    """Return what run.json says about how the run was made, empty if there is none, and what is wrong with it."""
     path = folder / "run.json"
-    return dict(json.loads(path.read_text(encoding="utf-8"))) if path.exists() else {}
+    try:
+        found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+    except ValueError as error:
+        return {}, [f"run.json cannot be read: {error}"]
+    return (found, []) if isinstance(found, dict) else ({}, ["run.json holds no object"])
 
 
 def _quantity(level: str) -> str:

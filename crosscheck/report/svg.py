@@ -1,7 +1,7 @@
 """A small plot in SVG: axes, lines, markers. Presentation attributes only, so that it survives any content policy.
 
-Everything is built as a tree and escaped when written. Text and axes take the colour of the page; series have one of the
-Okabe-Ito colours, a marker and a dash each, so that none of the three alone has to tell them apart.
+Everything is built as a tree and escaped when written. Text and axes take the colour of the page; series have one of
+the Okabe-Ito colours, a marker and a dash each, so that none of the three alone has to tell them apart.
 """
 
 from __future__ import annotations
@@ -120,17 +120,18 @@ class Plot:
 
     def markup(self) -> Markup:
         """Return the drawing as text that a page can hold."""
-        return Markup(ET.tostring(self.root, encoding="unicode"))  # noqa: S704 (escaped by ElementTree)
+        return Markup(ET.tostring(self.root, encoding="unicode"))
 
 
 def marker(parent: ET.Element, x: float, y: float, look: Style, r: float = 3.6) -> None:
     """Draw a marker at pixels."""
     h = 0.87 * r
+    lozenge = f"l{r:.1f} {1.25 * r:.1f}l{-r:.1f} {1.25 * r:.1f}l{-r:.1f} {-1.25 * r:.1f}z"
     paths = {
         "square": f"M{x - h:.1f} {y - h:.1f}h{2 * h:.1f}v{2 * h:.1f}h{-2 * h:.1f}z",
         "triangle": f"M{x:.1f} {y - r * 1.15:.1f}l{r * 1.1:.1f} {r * 1.95:.1f}h{-2.2 * r:.1f}z",
         "inverted": f"M{x:.1f} {y + r * 1.15:.1f}l{r * 1.1:.1f} {-r * 1.95:.1f}h{-2.2 * r:.1f}z",
-        "diamond": f"M{x:.1f} {y - 1.25 * r:.1f}l{r:.1f} {1.25 * r:.1f}l{-r:.1f} {1.25 * r:.1f}l{-r:.1f} {-1.25 * r:.1f}z",
+        "diamond": f"M{x:.1f} {y - 1.25 * r:.1f}{lozenge}",
         "plus": f"M{x - r:.1f} {y:.1f}h{2 * r:.1f}M{x:.1f} {y - r:.1f}v{2 * r:.1f}",
         "cross": f"M{x - h:.1f} {y - h:.1f}l{2 * h:.1f} {2 * h:.1f}M{x - h:.1f} {y + h:.1f}l{2 * h:.1f} {-2 * h:.1f}",
     }
@@ -142,13 +143,14 @@ def marker(parent: ET.Element, x: float, y: float, look: Style, r: float = 3.6) 
     ET.SubElement(parent, "path", {"d": paths[look.marker], "fill": "none" if strokes else look.colour, **strokes})
 
 
-def swatch(look: Style) -> Markup:
+def swatch(look: Style, line: bool = True) -> Markup:
     """Return the sample of a series for a legend."""
     root = ET.Element("svg", {"viewBox": "0 0 34 12", "width": "34", "height": "12", "aria-hidden": "true"})
-    dash = {"stroke-dasharray": look.dash, "stroke-width": "1.5"}
-    ET.SubElement(root, "polyline", {"points": "1,6 33,6", "fill": "none", "stroke": look.colour, **dash})
+    if line:
+        dash = {"stroke-dasharray": look.dash, "stroke-width": "1.5"}
+        ET.SubElement(root, "polyline", {"points": "1,6 33,6", "fill": "none", "stroke": look.colour, **dash})
     marker(root, 17, 6, look)
-    return Markup(ET.tostring(root, encoding="unicode"))  # noqa: S704 (escaped by ElementTree)
+    return Markup(ET.tostring(root, encoding="unicode"))
 
 
 def bar(share: float) -> Markup:
@@ -156,4 +158,4 @@ def bar(share: float) -> Markup:
     root = ET.Element("svg", {"viewBox": "0 0 120 10", "width": "120", "height": "10", "aria-hidden": "true"})
     at = {"x": "0", "y": "1", "height": "8", "width": f"{max(1.0, 120 * share):.1f}"}
     ET.SubElement(root, "rect", {**at, "fill": "#0072B2", "rx": "1"})
-    return Markup(ET.tostring(root, encoding="unicode"))  # noqa: S704 (escaped by ElementTree)
+    return Markup(ET.tostring(root, encoding="unicode"))

@@ -15,8 +15,8 @@ def verdict(
     *,
     required: Collection[str],
     missing: Mapping[str, str],
-    silent: Collection[str],
-    new: int,
+    answering: Collection[str],
+    new: Mapping[str, int],
     failures: int,
     scenes: int,
 ) -> tuple[str, str]:
@@ -28,21 +28,30 @@ def verdict(
         Engines without which the night is worth nothing.
     missing : mapping
         Engines that could not be loaded -> why.
-    silent : collection of str
-        Engines that were loaded and answered no scene at all.
-    new, failures, scenes : int
-        New disagreements; scenes without a result and other failures of the run; scenes with a record.
+    answering : collection of str
+        Engines that answered at least one scene.
+    new : mapping
+        New disagreements by engine.
+    failures, scenes : int
+        Scenes without a result and other failures of the run; scenes with a record.
     """
     absent = [name for name in required if name in missing]
     if absent:
         return ENGINE_MISSING, "; ".join(f"{name} is required and missing: {missing[name]}" for name in absent)
     if new:
-        return NEW_DISAGREEMENTS, f"{new} disagreement{'s' * (new > 1)} that no known gap accounts for"
+        told = ", ".join(
+            f"{engine} {count}" for engine, count in sorted(new.items(), key=lambda item: (-item[1], item[0]))
+        )
+        return NEW_DISAGREEMENTS, f"No known gap accounts for them. By engine: {told}"
     if failures:
-        return INFRASTRUCTURE, f"{failures} failure{'s' * (failures > 1)} of the run itself; what it checked agrees"
+        return (
+            INFRASTRUCTURE,
+            f"{failures} failure{'s' * (failures > 1)} of the run itself; nothing new in what it checked",
+        )
     if not scenes:
-        return NOTHING_RAN, "there is no record of any scene"
-    mute = [name for name in required if name in silent]
+        return NOTHING_RAN, "There is no record of any scene"
+    mute = [name for name in required if name not in answering]
     if mute:
-        return ENGINE_MISSING, f"required, loaded, and without an answer to any scene: {', '.join(mute)}"
-    return PASS, "every judged answer is within its derived budget, known gaps aside"
+        return ENGINE_MISSING, f"Required, and without an answer to any scene: {', '.join(mute)}"
+    without = f"; not compared, because missing: {', '.join(missing)}" if missing else ""
+    return PASS, f"Every judged answer is within its derived budget, known gaps aside{without}"

@@ -12,12 +12,13 @@ from crosscheck.report.svg import SUPERSCRIPTS
 
 NO_ANSWER = Markup('<span class="none">no answer</span>')
 THIN = "\u202f"
+MINUS = "\u2212"
 SEEDING = {"initial_guess": "an estimate", "configuration": "the pose", "none": "nothing"}
 
 
 def digits(value: float | None) -> str:
     """Return digits to a tenth, as they are kept."""
-    return NO_ANSWER if value is None else f"{value:.1f}"
+    return NO_ANSWER if value is None else f"{value:.1f}".replace("-", MINUS)
 
 
 def count(value: int | None) -> str:
@@ -43,7 +44,10 @@ def number(value: float | None, figures: int = 2) -> str:
 def ratio(value: float | None) -> str:
     """Return error / allowed to two figures, or more where rounding would move it across 1."""
     if value is not None and value != 1.0 and abs(value - 1.0) < 0.1:
-        return next((t for f in range(2, 17) if ((float(t := f"{value:.{f}f}")) > 1.0) == (value > 1.0) and float(t) != 1.0), str(value))
+        return next(
+            (t for f in range(2, 17) if ((float(t := f"{value:.{f}f}")) > 1.0) == (value > 1.0) and float(t) != 1.0),
+            str(value),
+        )
     return number(value)
 
 
@@ -52,9 +56,23 @@ def seeding(value: str | None) -> str:
     return NO_ANSWER if value is None else SEEDING.get(value, value)
 
 
+def sample(text: str) -> str:
+    """Return the place of a sample with its time to six figures; report.json has all seventeen."""
+    where, at, time = text.partition(" at t = ")
+    try:
+        return f"{where}{at}{float(time):.6g}" if at else text
+    except ValueError:
+        return text
+
+
 def words(value: Any) -> str:
     """Return a value that is shown as it is."""
     return NO_ANSWER if value is None else str(value)
+
+
+def known(value: Any) -> Any:
+    """Return what is known about the run itself."""
+    return Markup('<span class="none">not known</span>') if value is None else value
 
 
 def headline(verdict: str, new: int) -> str:

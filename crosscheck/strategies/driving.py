@@ -25,9 +25,9 @@ class Drive:
     def back(self, coordinate: float) -> float:
         return coordinate
 
-    def driver(self, model: Model, pair: tuple[str, str], law: Law) -> Driver:
-        """Return the driver of the pair (driven, relative_to) in a model."""
-        return AngleDriver(name="driver", body=pair[0], relative_to=pair[1], **law_keys(law))
+    def driver(self, model: Model, pair: tuple[str, str], law: Law, turned: float) -> Driver:
+        """Return the driver of the pair (driven, relative_to) in a model whose frames turn their angle by `turned`."""
+        return AngleDriver(name="driver", body=pair[0], relative_to=pair[1], **law_keys(moved(law, turned)))
 
 
 @dataclass(frozen=True)
@@ -37,7 +37,7 @@ class Coordinate(Drive):
     pin: str
     axis: float
 
-    def driver(self, model: Model, pair: tuple[str, str], law: Law) -> Driver:
+    def driver(self, model: Model, pair: tuple[str, str], law: Law, turned: float) -> Driver:
         body, point = model.pins[self.pin]
         return (YDriver if self.axis else XDriver)(name="driver", body=body, point=point, **law_keys(law))
 
@@ -79,7 +79,7 @@ class Distance(Drive):
     pin: str
     anchor: Pair
 
-    def driver(self, model: Model, pair: tuple[str, str], law: Law) -> Driver:
+    def driver(self, model: Model, pair: tuple[str, str], law: Law, turned: float) -> Driver:
         body, point = model.pins[self.pin]
         ends = {"body_i": GROUND, "point_i": self.anchor, "body_j": body, "point_j": point}
         return DistanceDriver(name="driver", **ends, **law_keys(law))  # type: ignore[arg-type]

@@ -5,24 +5,30 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Sequence
 from itertools import permutations
+from typing import Any
 
 from hypothesis import strategies as st
-from hypothesis.strategies import DrawFn, SearchStrategy
+from hypothesis.strategies import DrawFn
 
-from refkin.joints import Pair
 from refkin.linkages import FourBar, GrashofClass, InvertedSliderCrank, SliderCrank
 
 AnyLinkage = FourBar | SliderCrank | InvertedSliderCrank
 Decades = tuple[float, float]
 """(k, k'): a number is drawn whose logarithm lies evenly between those of 10^-k and 10^-k'."""
 
-ORDERS = tuple(permutations(("crank", "ground", "rocker", "coupler")))
 SHORTEST = {
     GrashofClass.CRANK_ROCKER: "crank",
     GrashofClass.DOUBLE_CRANK: "ground",
     GrashofClass.ROCKER_CRANK: "rocker",
     GrashofClass.DOUBLE_ROCKER: "coupler",
 }
+LINKS = tuple(permutations(("crank", "ground", "rocker", "coupler")))
+ORDERS = {c: st.sampled_from([o for o in LINKS if o[0] == SHORTEST.get(c, o[0])]) for c in GrashofClass}
+NEAR_CHANGE_POINT = st.sampled_from(("the shorter turns fully", "the shorter rocks"))
+FORMS = st.just("no offset") | NEAR_CHANGE_POINT
+COORDINATES = st.floats(-1.0, 1.0, allow_subnormal=False)
+ORIGINS = st.just((0.0, 0.0)) | st.tuples(COORDINATES, COORDINATES)
+ANGLES = st.just(0.0) | st.floats(-math.pi, math.pi)
 BITS = 50
 """Lengths are whole multiples of 2^-50 of the longest: sums and differences of four of them are exact in a float."""
 
@@ -52,11 +58,13 @@ def four_bars(
     if not allowed:
         raise ValueError(f"classes: expected a Grashof class that has a slack to draw, got {classes!r}")
     grashof = draw(st.sampled_from(allowed), label="Grashof class")
-    size = draw(_sizes(min_size, max_size), label="size")
-    lengths = draw(_lengths(grashof, size, max_ratio, slack_decades))
-    order = draw(st.sampled_from([o for o in ORDERS if o[0] == SHORTEST.get(grashof, o[0])]), label="order")
-    origin, angle = draw(_places(max_offset * size), label="place")
-    return FourBar(**dict(zip(order, lengths, strict=True)), origin=origin, angle=angle)
+    size = _draw_size(draw, min_size, max_size)
+    lengths = _draw_lengths(draw, grashof, size, max_ratio, slack_decades)
+    order = draw(ORDERS[grashof], label="links from short to long")
+    link = dict(zip(order, lengths, strict=True))
+    return FourBar(
+        link["ground"], link["crank"], link["coupler"], link["rocker"], **_draw_place(draw, max_offset * size)
+    )
 
 
 @st.composite
@@ -77,10 +85,9 @@ def slider_cranks(
     Examples from this strategy shrink towards a central slider-crank of about one metre at the origin.
     """
     _check_bounds(min_size, max_size, max_ratio, slack_decades)
-    size = draw(_sizes(min_size, max_size), label="size")
-    crank, rod, offset = draw(_two_and_offset(size, max_ratio, slack_decades))
-    origin, angle = draw(_places(max_offset * size), label="place")
-    return SliderCrank(crank, rod, offset, origin=origin, angle=angle)
+    size = _draw_size(draw, min_size, max_size)
+    crank, rod, offset = _draw_two_and_offset(draw, size, max_ratio, slack_decades)
+    return SliderCrank(crank, rod, offset, **_draw_place(draw, max_offset * size))
 
 
 @st.composite
@@ -100,17 +107,15 @@ def inverted_slider_cranks(
     Examples from this strategy shrink towards a line through the pivot, about one metre at the origin.
     """
     _check_bounds(min_size, max_size, max_ratio, slack_decades)
-    size = draw(_sizes(min_size, max_size), label="size")
-    crank, ground, offset = draw(_two_and_offset(size, max_ratio, slack_decades))
-    origin, angle = draw(_places(max_offset * size), label="place")
-    return InvertedSliderCrank(ground, crank, offset, origin=origin, angle=angle)
+    size = _draw_size(draw, min_size, max_size)
+    crank, ground, offset = _draw_two_and_offset(draw, size, max_ratio, slack_decades)
+    return InvertedSliderCrank(ground, crank, offset, **_draw_place(draw, max_offset * size))
 
 
-@st.composite
-def _lengths(
+def _draw_lengths(
     draw: DrawFn, grashof: GrashofClass, size: float, max_ratio: float, decades: Decades | None
 ) -> list[float]:
-    """Return s < p < q < l with a slack of the sign of the class.
+    """Draw s < p < q < l with a slack of the sign of the class.
 
     With p = s + d the longest is l = p + q - s - slack = q + d - slack: above q while slack < d, and short enough to
     assemble (l < s + p + q) while -slack < 2 s.
@@ -120,34 +125,39 @@ def _lengths(
     above = draw(st.floats(0.125, step), label="q - p")
     slack = 0.0
     if grashof is GrashofClass.TRIPLE_ROCKER:
-        slack = -draw(_slacks(1.5, decades), label="-slack")
+        slack = -_draw_slack(draw, 1.5, decades)
     elif grashof is not GrashofClass.CHANGE_POINT:
-        slack = draw(_slacks(d, decades), label="slack")
+        slack = _draw_slack(draw, d, decades)
     s, d, above, slack = _on_grid((size, d * size, above * size, slack * size), max_ratio * size)
     return [s, s + d, s + d + above, s + 2 * d + above - slack]
 
 
-@st.composite
-def _two_and_offset(draw: DrawFn, size: float, max_ratio: float, decades: Decades | None) -> tuple[float, float, float]:
-    """Return two lengths and an offset < their sum (so that they assemble) with |difference| - |offset| = slack."""
-    forms = ("the shorter turns fully", "the shorter rocks")
-    form = draw(st.sampled_from(forms if decades else ("no offset", *forms)), label="form")
+def _draw_two_and_offset(
+    draw: DrawFn, size: float, max_ratio: float, decades: Decades | None
+) -> tuple[float, float, float]:
+    """Draw two lengths and an offset < their sum (so that they assemble) with |difference| - |offset| = slack."""
+    form = draw(NEAR_CHANGE_POINT if decades else FORMS, label="form")
     slack = more = draw(st.floats(0.25, max_ratio - 1), label="difference")
     if form == "the shorter turns fully":
-        slack = draw(_slacks(more, decades), label="slack")
+        slack = _draw_slack(draw, more, decades)
     elif form == "the shorter rocks":
-        slack = -draw(_slacks(1.5, decades), label="-slack")
+        slack = -_draw_slack(draw, 1.5, decades)
     short, more, slack = _on_grid((size, more * size, slack * size), max_ratio * size)
-    side = draw(st.sampled_from((1, -1)), label="side")
-    first, second = draw(st.sampled_from(((short, short + more), (short + more, short))), label="two lengths")
-    return first, second, side * (more - slack)
+    offset = (more - slack) * draw(st.sampled_from((1, -1)), label="side of the offset")
+    first_is_shorter = draw(st.sampled_from((True, False)), label="first is shorter")
+    return (short, short + more, offset) if first_is_shorter else (short + more, short, offset)
 
 
-def _slacks(largest: float, decades: Decades | None) -> SearchStrategy[float]:
-    """Return slacks in shortest links: an eighth to seven eighths of the largest, or in the decades."""
+def _draw_slack(draw: DrawFn, largest: float, decades: Decades | None) -> float:
+    """Draw a slack in shortest links: an eighth to seven eighths of the largest, or in the decades."""
     if decades is None:
-        return st.floats(0.125, 0.875).map(lambda part: part * largest)
-    return powers_of_ten(*decades)
+        return largest * draw(st.floats(0.125, 0.875), label="part of the largest slack")
+    return draw_power_of_ten(draw, decades, "decade of the slack")
+
+
+def draw_power_of_ten(draw: DrawFn, decades: Decades, label: str) -> float:
+    """Draw a number from 10^-k to 10^-k', evenly by its logarithm."""
+    return math.pow(10.0, -draw(st.floats(*decades), label=label))
 
 
 def longest(linkage: AnyLinkage) -> float:
@@ -155,22 +165,15 @@ def longest(linkage: AnyLinkage) -> float:
     return float(max(getattr(linkage, key) for key in linkage.LENGTHS))
 
 
-def powers_of_ten(first: float, last: float) -> SearchStrategy[float]:
-    """Return numbers from 10^-first to 10^-last, evenly by their logarithm."""
-    return st.floats(first, last).map(lambda k: 10.0**-k)
+def _draw_size(draw: DrawFn, smallest: float, largest: float) -> float:
+    exponent = draw(st.floats(math.log10(smallest), math.log10(largest)), label="decade of the size")
+    return math.pow(10.0, exponent)
 
 
-def _sizes(smallest: float, largest: float) -> SearchStrategy[float]:
-    return st.floats(math.log10(smallest), math.log10(largest)).map(lambda exponent: 10.0**exponent)
-
-
-def _places(radius: float) -> SearchStrategy[tuple[Pair, float]]:
-    """Return (origin, angle), each of them 0 or not."""
-    coordinate = st.floats(-radius, radius)
-    return st.tuples(
-        st.just((0.0, 0.0)) | st.tuples(coordinate, coordinate),
-        st.just(0.0) | st.floats(-math.pi, math.pi),
-    )
+def _draw_place(draw: DrawFn, radius: float) -> dict[str, Any]:
+    """Draw where a linkage stands."""
+    x, y = draw(ORIGINS, label="origin")
+    return {"origin": (x * radius, y * radius), "angle": draw(ANGLES, label="angle")}
 
 
 def _on_grid(lengths: Sequence[float], longest: float) -> list[float]:
@@ -183,8 +186,6 @@ def _check_bounds(smallest: float, largest: float, max_ratio: float, decades: De
         raise ValueError(f"min_size, max_size: expected 0 < min_size <= max_size, got {smallest!r}, {largest!r}")
     if not 4 <= max_ratio <= 2.0 ** (BITS / 2):
         raise ValueError(f"max_ratio: expected 4 to 2^{BITS // 2}, got {max_ratio!r}")
-    if decades is None:
-        return
     finest = BITS * math.log10(2) - math.log10(max_ratio) - 2  # two digits of the slack are kept on the grid
-    if not 1 <= decades[0] <= decades[1] <= finest:
+    if decades is not None and not 1 <= decades[0] <= decades[1] <= finest:
         raise ValueError(f"slack_decades: expected 1 <= k <= k' <= {finest:.3g} at this max_ratio, got {decades!r}")

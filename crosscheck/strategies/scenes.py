@@ -11,8 +11,8 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
-from crosscheck.strategies.driving import WIDEST, Drive, crank_drive, moved, slider_drive
-from crosscheck.strategies.laws import motion_laws
+from crosscheck.strategies.driving import WIDEST, Drive, crank_drive, slider_drive
+from crosscheck.strategies.laws import draw_law
 from crosscheck.strategies.linkages import (
     AnyLinkage,
     Decades,
@@ -21,8 +21,8 @@ from crosscheck.strategies.linkages import (
     longest,
     slider_cranks,
 )
-from crosscheck.strategies.spans import Hardness, Input, critical_input, limited_inputs, spans
-from crosscheck.strategies.variety import Variant, variants
+from crosscheck.strategies.spans import Hardness, Input, draw_span, limited_inputs, turning_inputs
+from crosscheck.strategies.variety import Variant, draw_variant
 from refkin.joints import GROUND
 from refkin.linkages import Branch, FourBar, GrashofClass, Pose, SliderCrank, rough
 from refkin.model import Body, Mechanism, Scene
@@ -35,7 +35,7 @@ KINDS: Mapping[str, Any] = {
 }
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class Drawn:
     """A scene and what it was made of: what reports are binned by, and its poses in closed form.
 
@@ -76,10 +76,11 @@ class Drawn:
         At a limit position it is 0, and sigma_min goes with its root; at a change point it is about the slack.
         """
         low, high = sorted(self.span)
-        turning = critical_input(self.linkage, self.pair)
-        if self.pair[0] != "slider":
-            turning += math.tau * math.ceil((low - turning) / math.tau)
-        inputs = [low, high, *([turning] if turning < high and turning > low else [])]
+        inputs = [low, high]
+        for turning in turning_inputs(self.linkage, self.pair):
+            # An angle is taken by the full turns that bring it to `low` or just beyond: a span is at most one turn.
+            away = 0.0 if self.pair[0] == "slider" else math.tau * math.ceil((low - turning) / math.tau)
+            inputs += [turning + away] if low < turning + away < high else []
         return min(self.linkage.closure_margin(value, *self.pair) for value in inputs) / longest(self.linkage)
 
     def pose(self, t: float) -> Pose:
@@ -95,14 +96,13 @@ class Drawn:
 def scenes(**bounds: Any) -> SearchStrategy[Scene]:
     """Return scenes of planar linkages that assemble at all their times; bounds are those of `drawn_scenes`.
 
-    Examples from this strategy shrink towards a crank-rocker of about one metre, driven steadily at its crank.
+    Examples from this strategy shrink towards a linkage of about one metre at the origin, with its own joints and
+    frames, driven by a polynomial.
     """
     return drawn_scenes(**bounds).map(lambda drawn: drawn.scene)
 
 
-@st.composite
 def drawn_scenes(
-    draw: DrawFn,
     *,
     kinds: Collection[str] = tuple(KINDS),
     hardness: Collection[Hardness] = tuple(Hardness),
@@ -112,7 +112,7 @@ def drawn_scenes(
     max_size: float = 1e3,
     max_ratio: float = 8.0,
     max_offset: float = 10.0,
-) -> Drawn:
+) -> SearchStrategy[Drawn]:
     """Return scenes with what they were made of; `scenes` returns the scenes alone.
 
     Every scene assembles at all times, on one branch. Drawn are: the kind of linkage and its lengths (bounds as in
@@ -121,17 +121,15 @@ def drawn_scenes(
     joints, sliders by point_on_line, a body fixed to another), which body comes first in a joint; the body frames.
     `hardness` says how near to singular poses they go, `decades` (k, k') that they go to 10^-k ... 10^-k' of them.
 
-    Examples from this strategy shrink towards a crank-rocker of about one metre, driven steadily at its crank.
+    Examples from this strategy shrink towards a linkage of about one metre at the origin, with its own joints and
+    frames, driven by a polynomial.
     """
-    hard = draw(st.sampled_from([h for h in Hardness if h in hardness]), label="hardness")
-    kind = draw(st.sampled_from([k for k in KINDS if k in kinds]), label="kind")
     bounds = {"min_size": min_size, "max_size": max_size, "max_ratio": max_ratio, "max_offset": max_offset}
-    linkage: AnyLinkage = draw(KINDS[kind](**bounds, **_class_bounds(kind, hard, decades)), label="linkage")
-    pair = draw(st.sampled_from(limited_inputs(linkage) if hard is Hardness.LIMIT else linkage.INPUTS), label="input")
-    drive, span = draw(_drives(linkage, pair, hard, decades), label="drive and span")
-    law, times = draw(_motions(drive, span, samples, hard), label="law and times")
-    made = {"kind": kind, "linkage": linkage, "pair": pair, "hardness": hard, "span": span, "drive": drive, "law": law}
-    return draw(_models(times, made))
+    made = [(h, k) for h in Hardness if h in hardness for k in KINDS if k in kinds]
+    if not made or samples < 1:
+        raise ValueError(f"expected kinds, hardness, samples >= 1; got {kinds!r}, {hardness!r}, {samples!r}")
+    linkages = {(h, k): KINDS[k](**bounds, **_class_bounds(k, h, decades)) for h, k in made}
+    return _drawn_scenes(linkages, decades, samples)
 
 
 def _class_bounds(kind: str, hard: Hardness, decades: Decades) -> dict[str, Any]:
@@ -144,49 +142,57 @@ def _class_bounds(kind: str, hard: Hardness, decades: Decades) -> dict[str, Any]
 
 
 @st.composite
-def _drives(
-    draw: DrawFn, linkage: AnyLinkage, pair: Input, hard: Hardness, decades: Decades
-) -> tuple[Drive, tuple[float, float]]:
-    """Draw what holds the input, and how far it goes."""
-    by_pin = ("coordinate", "distance")
-    kinds = by_pin if pair[0] == "slider" else ("angle", *by_pin) if pair == ("crank", GROUND) else ("angle",)
-    kind = draw(st.sampled_from(kinds), label="held by")
-    on_circle = kind != "angle" and pair[0] == "crank"
-    widest = WIDEST if on_circle else math.inf
-    span = draw(spans(linkage=linkage, pair=pair, hardness=hard, decades=decades, widest=widest), label="span")
-    if isinstance(linkage, SliderCrank) and pair[0] == "slider":
-        return slider_drive(linkage, kind), span
-    return crank_drive(linkage, kind, sum(span) / 2) if on_circle else Drive(), span
-
-
-@st.composite
-def _motions(
-    draw: DrawFn, drive: Drive, span: tuple[float, float], samples: int, hard: Hardness
-) -> tuple[Law, list[float]]:
-    """Draw a law of what the drive holds, and the times: from 0 on, or from a part of the duration."""
-    regular = hard is Hardness.REGULAR
-    duration = 10.0 ** draw(st.floats(-1.0, 1.0), label="decade of the duration")
-    first, last = (drive.to(value) for value in span)
-    law = draw(motion_laws(first=first, last=last, duration=duration, monotone=not regular), label="law")
-    start = draw(st.just(0.0) | st.floats(0.0, 0.5), label="part before the first time") if regular else 0.0
-    return law, np.linspace(start * duration, duration, samples).tolist()
-
-
-@st.composite
-def _models(draw: DrawFn, times: list[float], made: dict[str, Any]) -> Drawn:
-    """Draw branch, joints and frames, and put the scene together."""
-    linkage, pair, drive, law = (made[key] for key in ("linkage", "pair", "drive", "law"))
+def _drawn_scenes(
+    draw: DrawFn, linkages: Mapping[tuple[Hardness, str], SearchStrategy[AnyLinkage]], decades: Decades, samples: int
+) -> Drawn:
+    hard, kind = draw(st.sampled_from(tuple(linkages)), label="hardness and kind")
+    linkage = draw(linkages[hard, kind], label="linkage")
+    inputs = limited_inputs(linkage) if hard is Hardness.LIMIT else linkage.INPUTS
+    pair = draw(st.sampled_from(inputs), label="input")
+    drive, span = _draw_drive(draw, linkage, pair, hard, decades)
+    law, times = _draw_motion(draw, drive, span, samples, monotone=hard is not Hardness.REGULAR)
     branch = draw(st.sampled_from(Branch), label="branch")
     value = drive.back(float(law(times[0])))
     own = linkage.assemble(value, branch, driven=pair[0], relative_to=pair[1])
-    variant = draw(variants(linkage=linkage, pose=own, held=pair), label="variant")
+    variant = draw_variant(draw, linkage, own, pair)
     model = variant.apply(linkage, own)
-    driver = drive.driver(model, pair, moved(law, variant.turned(pair)) if type(drive) is Drive else law)
+    driver = drive.driver(model, pair, law, variant.turned(pair))
     estimate = rough(model.pose, longest(linkage), linkage.closure_margin(value, *pair))
     bodies = tuple(Body(name=name, estimate=q) for name, q in estimate.items())
     scene = Scene(
         mechanism=Mechanism(bodies, model.joints, (driver,)),
         times=tuple(times),
-        name=f"{made['kind']} {branch}, {made['hardness']}, {driver.type} driver",
+        name=f"{kind} {branch}, {hard}, {driver.type} driver",
     )
-    return Drawn(scene=scene, branch=branch, variant=variant, **made)
+    return Drawn(scene, kind, linkage, pair, branch, hard, span, drive, law, variant)
+
+
+def _draw_drive(
+    draw: DrawFn, linkage: AnyLinkage, pair: Input, hard: Hardness, decades: Decades
+) -> tuple[Drive, tuple[float, float]]:
+    """Draw what holds the input, and how far it goes."""
+    held_by = draw(HELD_BY.get(pair, st.just("angle")), label="held by")
+    on_circle = held_by != "angle" and pair[0] == "crank"
+    span = draw_span(draw, linkage, pair, hard, decades, WIDEST if on_circle else math.inf)
+    if isinstance(linkage, SliderCrank) and pair[0] == "slider":
+        return slider_drive(linkage, held_by), span
+    return crank_drive(linkage, held_by, sum(span) / 2) if on_circle else Drive(), span
+
+
+HELD_BY = {
+    ("crank", GROUND): st.sampled_from(("angle", "coordinate", "distance")),
+    ("slider", GROUND): st.sampled_from(("coordinate", "distance")),
+}
+
+
+def _draw_motion(
+    draw: DrawFn, drive: Drive, span: tuple[float, float], samples: int, monotone: bool
+) -> tuple[Law, list[float]]:
+    """Draw a law of what the drive holds, and the times: from 0 on, or from a part of the duration."""
+    duration = 10.0 ** draw(st.floats(-1.0, 1.0), label="decade of the duration")
+    law = draw_law(draw, drive.to(span[0]), drive.to(span[1]), duration, monotone)
+    start = 0.0 if monotone else draw(STARTS, label="part before the first time")
+    return law, np.linspace(start * duration, duration, samples).tolist()
+
+
+STARTS = st.just(0.0) | st.floats(0.0, 0.5)

@@ -6,9 +6,9 @@ import math
 from enum import StrEnum
 
 from hypothesis import strategies as st
-from hypothesis.strategies import DrawFn, SearchStrategy
+from hypothesis.strategies import DrawFn
 
-from crosscheck.strategies.linkages import AnyLinkage, Decades, longest, powers_of_ten
+from crosscheck.strategies.linkages import AnyLinkage, Decades, draw_power_of_ten, longest
 from refkin.joints import GROUND
 from refkin.linkages import ANYWHERE, Interval
 
@@ -28,27 +28,33 @@ class Hardness(StrEnum):
     CHANGE_POINT = "change-point"
 
 
-def spans(
-    *, linkage: AnyLinkage, pair: Input, hardness: Hardness, decades: Decades, widest: float = math.inf
-) -> SearchStrategy[tuple[float, float]]:
-    """Return (first, last): the input may take any value between, and goes to `last` if that is near a singular pose.
+def draw_span(
+    draw: DrawFn, linkage: AnyLinkage, pair: Input, hardness: Hardness, decades: Decades, widest: float
+) -> tuple[float, float]:
+    """Draw (first, last): the input may take any value between, and goes to `last` if that is near a singular pose.
 
     Spans of an angle are at most one turn, and never more than `widest` [rad].
     """
+    if hardness is Hardness.REGULAR:
+        return _regular(draw, linkage, pair, widest)
     if hardness is Hardness.LIMIT:
-        return _to_limit(linkage, pair, decades, widest)
-    if hardness is Hardness.CHANGE_POINT:
-        passable = linkage.closure_margin(critical_input(linkage, pair), *pair) >= 0
-        return _through(linkage, pair, widest) if passable else _to_gap(linkage, pair, widest)
-    return _regular(linkage, pair, widest)
+        return _to_limit(draw, linkage, pair, decades, widest)
+    if linkage.closure_margin(critical_input(linkage, pair), *pair) >= 0:
+        return _through(draw, linkage, pair, widest)
+    return _to_gap(draw, linkage, pair, widest)
 
 
 def critical_input(linkage: AnyLinkage, pair: Input) -> float:
     """Return the input at which a linkage is flat if it is at a change point, and nearly so if it is near one."""
+    return min(turning_inputs(linkage, pair), key=lambda value: abs(linkage.closure_margin(value, *pair)))
+
+
+def turning_inputs(linkage: AnyLinkage, pair: Input) -> list[float]:
+    """Return the inputs, up to full turns, among which the closure margin has its extremes away from limits."""
     if pair[0] == "slider":
-        return 0.0
+        return [0.0]
     zero = linkage.angle if pair[1] == GROUND else 0.0
-    return min((zero + k * math.pi / 2 for k in range(4)), key=lambda value: abs(linkage.closure_margin(value, *pair)))
+    return [zero + k * math.pi / 2 for k in range(4)]
 
 
 def limited_inputs(linkage: AnyLinkage) -> list[Input]:
@@ -56,7 +62,6 @@ def limited_inputs(linkage: AnyLinkage) -> list[Input]:
     return [pair for pair in linkage.INPUTS if linkage.input_range(*pair) != ANYWHERE]
 
 
-@st.composite
 def _regular(draw: DrawFn, linkage: AnyLinkage, pair: Input, widest: float) -> tuple[float, float]:
     low, high = draw(st.sampled_from(_between_flat_poses(linkage, pair)), label="interval")
     if math.isfinite(low):
@@ -73,16 +78,14 @@ def _regular(draw: DrawFn, linkage: AnyLinkage, pair: Input, widest: float) -> t
     return draw(st.sampled_from(((low, high), (high, low))), label="from, to")
 
 
-@st.composite
 def _to_limit(draw: DrawFn, linkage: AnyLinkage, pair: Input, decades: Decades, widest: float) -> tuple[float, float]:
     low, high = draw(st.sampled_from(linkage.input_range(*pair)), label="interval")
     unit = longest(linkage) if pair[0] == "slider" else 1.0
-    near = unit * draw(powers_of_ten(*decades), label="distance")
+    near = unit * draw_power_of_ten(draw, decades, "decade of the distance")
     away = min(widest, (high - low) * draw(st.floats(0.125, 0.75), label="part of the range"))
     return draw(st.sampled_from(((high - away, high - near), (low + away, low + near))), label="from, to")
 
 
-@st.composite
 def _through(draw: DrawFn, linkage: AnyLinkage, pair: Input, widest: float) -> tuple[float, float]:
     """Draw spans that end at the nearly flat pose, or go beyond it."""
     middle = critical_input(linkage, pair)
@@ -95,7 +98,6 @@ def _through(draw: DrawFn, linkage: AnyLinkage, pair: Input, widest: float) -> t
     return middle - side * before * draw(parts, label="before"), middle + side * after * beyond
 
 
-@st.composite
 def _to_gap(draw: DrawFn, linkage: AnyLinkage, pair: Input, widest: float) -> tuple[float, float]:
     """Draw spans that end beside the small gap around the critical input, by a part of its half width."""
     middle = critical_input(linkage, pair)

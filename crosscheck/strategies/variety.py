@@ -8,9 +8,9 @@ from dataclasses import dataclass, field, replace
 from typing import Any
 
 from hypothesis import strategies as st
-from hypothesis.strategies import DrawFn, SearchStrategy
+from hypothesis.strategies import DrawFn
 
-from crosscheck.strategies.linkages import AnyLinkage, longest
+from crosscheck.strategies.linkages import COORDINATES, AnyLinkage, longest
 from refkin.joints import GROUND, Constraint, Distance, Fixed, Pair, PointOnLine, Prismatic, Revolute
 from refkin.linkages import FourBar, Pose, SliderCrank
 
@@ -77,28 +77,31 @@ class Variant:
         return replace(model, joints=tuple(_swap(j) if j.name in self.swapped else j for j in model.joints))
 
 
-@st.composite
-def variants(draw: DrawFn, *, linkage: AnyLinkage, pose: Pose, held: tuple[str, str]) -> Variant:
-    """Return variants of a linkage that leave it the bodies that a driver holds; `pose` names its bodies.
-
-    Examples from this strategy shrink towards the joints and frames that the linkage itself has.
-    """
+def draw_variant(draw: DrawFn, linkage: AnyLinkage, pose: Pose, held: tuple[str, str]) -> Variant:
+    """Draw a variant of a linkage that leaves it the bodies that a driver holds; `pose` names its bodies."""
     massless, sliding = draw(st.sampled_from(_structures(linkage, held)), label="structure")
     variant = Variant(massless=massless, sliding=sliding)
-    frames = _frames(longest(linkage))
-    if draw(st.sampled_from((False,) * 9 + (True,)), label="bracket"):
+    size = longest(linkage)
+    if draw(RARELY, label="bracket"):
         carrier = draw(st.sampled_from((GROUND, *variant.apply(linkage, pose).pose)), label="carrier")
-        variant = replace(variant, carrier=carrier, bracket=draw(frames, label="bracket's frame"))
+        variant = replace(variant, carrier=carrier, bracket=_draw_frame(draw, size, "bracket"))
     model = variant.apply(linkage, pose)
     if draw(st.booleans(), label="other frames"):
-        moved = {body: draw(frames, label=f"frame of {body}") for body in model.pose}
-        variant = replace(variant, frames=moved, stretch=draw(st.floats(0.25, 4.0), label="length of axes"))
-    names = [joint.name for joint in model.joints if not isinstance(joint, PointOnLine)]
-    return replace(variant, swapped=draw(st.frozensets(st.sampled_from(names)), label="swapped"))
+        frames = {body: _draw_frame(draw, size, body) for body in model.pose}
+        variant = replace(variant, frames=frames, stretch=draw(st.floats(0.25, 4.0), label="length of axes"))
+    swapped = draw(SWAPS, label="swapped")
+    names = (joint.name for joint, swap in zip(model.joints, swapped, strict=False) if swap)
+    return replace(variant, swapped=frozenset(names))
 
 
-def _frames(size: float) -> SearchStrategy[Frame]:
-    return st.tuples(st.floats(-size, size), st.floats(-size, size), st.floats(-math.pi, math.pi))
+RARELY = st.sampled_from((False,) * 9 + (True,))
+FRAMES = st.tuples(COORDINATES, COORDINATES, st.floats(-math.pi, math.pi))
+SWAPS = st.just((False,) * 6) | st.tuples(*[st.booleans()] * 6)
+
+
+def _draw_frame(draw: DrawFn, size: float, body: str) -> Frame:
+    x, y, angle = draw(FRAMES, label=f"frame of {body}")
+    return x * size, y * size, angle
 
 
 def _structures(linkage: AnyLinkage, held: tuple[str, str]) -> list[tuple[str, str]]:
@@ -178,7 +181,9 @@ def _in_frames(joint: Constraint, frames: Mapping[str, Frame], stretch: float) -
 
 
 def _swap(joint: Constraint) -> Constraint:
-    """Exchange bodies i and j of a joint that says the same of both."""
+    """Exchange bodies i and j of a joint that says the same of both; leave the others."""
+    if isinstance(joint, PointOnLine):
+        return joint
     (body_i, point_i), (body_j, point_j) = joint.points()
     keys: dict[str, object] = {"body_i": body_j, "point_i": point_j, "body_j": body_i, "point_j": point_i}
     if isinstance(joint, Prismatic | Fixed):

@@ -63,6 +63,10 @@ class Linkage:
         found = list(self._faults())
         if found:
             raise InvalidScene(found, type(self).__name__)
+        for key in (*self.LENGTHS, "offset", "angle"):
+            if hasattr(self, key):
+                object.__setattr__(self, key, float(getattr(self, key)))
+        object.__setattr__(self, "origin", (float(self.origin[0]), float(self.origin[1])))
 
     def _faults(self) -> Iterator[Fault]:
         for key in self.LENGTHS:
@@ -72,7 +76,7 @@ class Linkage:
         for key in ("offset", "angle"):
             if not _is_finite(getattr(self, key, 0.0)):
                 yield Fault(key, getattr(self, key), "a finite number")
-        if not (isinstance(self.origin, tuple) and len(self.origin) == 2 and all(map(_is_finite, self.origin))):
+        if not (isinstance(self.origin, Sequence) and len(self.origin) == 2 and all(map(_is_finite, self.origin))):
             yield Fault("origin", self.origin, "two finite numbers [m]")
 
     @property
@@ -260,11 +264,12 @@ def _uniform(speed: float, turns: float, samples: int, start: float) -> tuple[La
 
 def _given(law: Law, times: Sequence[float] | None) -> Sequence[float]:
     found = list(law.faults("law"))
-    if times is None or not len(times):
+    given = [] if times is None else [float(t) for t in times]
+    if not given:
         found.append(Fault("times", times, "times [s], as a law is given"))
     if found:
         raise InvalidScene(found, "linkage")
-    return [float(t) for t in times or ()]
+    return given
 
 
 def _is_finite(value: object) -> bool:

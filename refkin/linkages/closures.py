@@ -44,9 +44,18 @@ def leg(hypotenuse: Number, other: Number) -> float:
 
 
 def two_links(gap: complex, a: float, b: float, sign: int) -> tuple[float, float]:
-    """Return alpha, beta with a e^(i alpha) + b e^(i beta) = gap; the joint lies left of the gap if sign is 1."""
-    distance, direction = abs(gap), cmath.phase(gap)
-    return direction + sign * corner(a, distance, b), direction - sign * corner(b, distance, a)
+    """Return alpha, beta with a e^(i alpha) + b e^(i beta) = gap; the joint lies left of the gap if sign is 1.
+
+    Both corners come from the same three differences, so that they belong to one triangle: near a flat pose, where the
+    angles are uncertain by the root of round-off, the loop still closes to round-off.
+    """
+    d, direction = abs(gap), cmath.phase(gap)
+    if d == 0.0:
+        return direction + sign * math.pi / 2, direction - sign * math.pi / 2
+    over, over_a, over_b = (math.sqrt(max(0.0, x)) for x in (a + b - d, (d - a) + b, (d - b) + a))
+    all_sides = math.sqrt(a + b + d)
+    at_a, at_b = 2 * math.atan2(over * over_a, all_sides * over_b), 2 * math.atan2(over * over_b, all_sides * over_a)
+    return direction + sign * at_a, direction - sign * at_b
 
 
 def link_to_line(start: float, length: float, height: float, sign: int) -> float:

@@ -56,10 +56,10 @@ class Bounded:
         self.spread = spread
 
     @classmethod
-    def near(cls, parts: Any, input_error: float = 0.0) -> Self:
+    def near(cls, parts: Any, spread: Any = 0.0) -> Self:
         """Return the number, or row, that lies within parts[2] of parts[0] + parts[1] (see `parts`)."""
         high, low, rest = parts
-        return cls(high, abs(low) + rest, input_error * abs(high))
+        return cls(high, abs(low) + rest, spread)
 
     @classmethod
     def exactly(cls, mid: Any, spread: Any = 0.0) -> Self:
@@ -120,10 +120,10 @@ class Extended(Bounded):
     unit = 2.0 ** -(np.finfo(np.longdouble).nmant + 1)
 
     @classmethod
-    def near(cls, parts: Any, input_error: float = 0.0) -> Self:
+    def near(cls, parts: Any, spread: Any = 0.0) -> Self:
         high, low, rest = parts
         mid = np.longdouble(high) + np.longdouble(low)
-        return cls(mid, cls.unit * abs(high) * (low != 0) * 2 + rest, input_error * abs(high))
+        return cls(mid, 2 * cls.unit * abs(high) * (low != 0) + rest, spread)
 
     @classmethod
     def exactly(cls, mid: Any, spread: Any = 0.0) -> Self:
@@ -182,11 +182,27 @@ class Times:
         return self._values[constraint.name]
 
 
+@dataclass(frozen=True)
+class InputError:
+    """An error of every number of a mechanism: `relative` times the number, or times `least` if it is smaller."""
+
+    relative: float
+    least: float = 0.0
+
+    def of(self, x: Any) -> Any:
+        """Return the error of a number or row."""
+        return self.relative * np.maximum(abs(x), self.least)
+
+
+EXACT = InputError(0.0)
+"""The numbers of the mechanism are meant as they stand."""
+
+
 class _Rounded:
     """A constraint whose laws come from `Times`; its formulas are the constraint's own."""
 
-    def __init__(self, exact: Any, number: type[Bounded], input_error: float) -> None:
-        self.exact, self.number, self.input_error = exact, number, input_error
+    def __init__(self, exact: Any, number: type[Bounded], error: InputError) -> None:
+        self.exact, self.number, self.error = exact, number, error
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.exact, name)
@@ -195,28 +211,28 @@ class _Rounded:
         """Return the laws' values; more orders than asked do no harm."""
         if not self.exact.laws:
             return ()
-        return tuple(self._law(orders, t) for orders in t.values(self.exact, unit))
+        return tuple(self._law(orders, t.t) for orders in t.values(self.exact, unit))
 
-    def _law(self, orders: Any, t: Times) -> tuple[Bounded, ...]:
-        rows = tuple(self.number.near(order, self.input_error) for order in orders)
-        if self.input_error:  # the time is a number too: what an error of it does to the value, by the derivative
-            for row, derivative in zip(rows, orders[1:], strict=False):
-                row.spread = row.spread + self.input_error * abs(t.t * derivative[0])
-        return rows
+    def _law(self, orders: Any, t: Any) -> tuple[Bounded, ...]:
+        if self.error is EXACT:
+            return tuple(map(self.number.near, orders))
+        # The time is a number too: what an error of it does to the value, by the derivative.
+        by_time = [self.error.relative * abs(t * derivative[0]) for derivative in orders[1:]]
+        return tuple(self.number.near(at, self.error.of(at[0]) + by) for at, by in zip(orders, by_time, strict=False))
 
 
 @lru_cache(maxsize=64)
-def bounded_system(system: System, number: type[Bounded] = Bounded, input_error: float = 0.0) -> System:
+def bounded_system(system: System, number: type[Bounded] = Bounded, error: InputError = EXACT) -> System:
     """Return the system of `exact_system` with its numbers rounded, each with the bound of its rounding.
 
-    Its `q` are object arrays of `number` (see `box`), its `t` are `Times`. With `input_error` every geometric number,
-    law value and time also spreads by that part of itself (times of `order` 1 then serve order 0).
+    Its `q` are object arrays of `number` (see `box`), its `t` are `Times`. With an `error` every geometric number, law
+    value and time also spreads by it (times of `order` 1 then serve order 0).
     """
     placed = []
     for p in exact_system(system, LAW_BITS).placed:
         with ctx.workprec(LAW_BITS):
-            g = tuple(number.near(parts(x), input_error) for x in p.g)
-        constraint = _Rounded(p.constraint, number, input_error)
+            g = tuple(number.near(x, error.of(x[0])) for x in map(parts, p.g))
+        constraint = _Rounded(p.constraint, number, error)
         placed.append(replace(p, constraint=cast(Any, constraint), g=cast(Any, g)))
     return replace(system, placed=tuple(placed))
 

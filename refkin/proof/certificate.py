@@ -16,24 +16,24 @@ the rounding of phi, of J, of the geometry and of the laws' values, and that of 
 product of n terms in any order is off by n U/(1 - n U) times the product of the absolute values). The truth is that of
 `exact`: the scene as it is written.
 
-Velocity solves J* x = nu at the root q*, acceleration J* x = gamma. With s = phi_q qd - nu enclosed over the ball,
+Velocity solves phi_q(q*) x = nu at the root q*, acceleration phi_q(q*) x = gamma. With s = phi_q(q*) qd - nu enclosed,
 qd - qd* = R s + (I - R phi_q(q*)) (qd - qd*), so |qd - qd*| <= |R s| / (1 - Z0 - Z2 r); acceleration likewise. The root
-is known better than q: within eta Z0 + Z2 r^2 / 2 of q - R phi(q). So the equations of velocity are enclosed around that
+is known better than q: within Z0 r + Z2 r^2 / 2 of q - R phi(q). So the equations of velocity are enclosed around that
 point, those of acceleration around the velocity so improved; and phi and s, which are small by cancellation, are
-computed in extended precision. The bounds are then near the errors themselves, not near what rounding could have done.
+computed in extended precision. The bounds are then near the errors themselves, not near what rounding might have done.
 
 S. M. Rump, Verification methods, Acta Numerica 19 (2010), sections 10 and 13.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import astuple, dataclass, fields
 from typing import Any
 
 import numpy as np
-from scipy.linalg import qr
 
-from refkin.proof.bounded import TINY, UP, Bounds, Extended, Times, U, bounded_system, box, read
+from refkin.proof.bounded import UP, Bounds, Extended, U, box
+from refkin.proof.preconditioned import Nearly, Preconditioned, independent_rows, product
 from refkin.system import System
 
 BOX = 2.5
@@ -66,6 +66,8 @@ class Certificate:
         Bounds of |qd - qd*| and |qdd - qdd*|, if qd and qdd were given.
     rows : (n,) array of int
         The constraint rows the proof is about: all of them, or a maximal independent set of redundant ones.
+    root : Nearly
+        The solution itself: one Newton step from q, and how near it lies.
     """
 
     ok: Any
@@ -77,6 +79,7 @@ class Certificate:
     velocity: Any
     acceleration: Any
     rows: Any
+    root: Nearly
 
     @property
     def position(self) -> Any:
@@ -108,67 +111,21 @@ def certify(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, row
     return _joined(parts)
 
 
-def independent_rows(system: System, q: Any, t: Any) -> Any:
-    """Return n rows of phi_q that are independent at the first finite pose, by pivoted QR: all rows if m = n."""
-    finite = np.flatnonzero(np.isfinite(q).all(axis=0))
-    if system.m == system.n or not finite.size:
-        return np.arange(system.n)
-    pivots = qr(system.phi_q(q[:, finite[0]], t[finite[0]]).T, mode="r", pivoting=True)[1]
-    return np.sort(pivots[: system.n])
-
-
-class Pose:
-    """A batch of poses with R, and what R makes of vectors and boxes; all bounds are rounded up."""
-
-    def __init__(self, system: System, rows: Any, q: Any, t: Any, order: int) -> None:
-        self.system, self.sharp = bounded_system(system), bounded_system(system, Extended)
-        self.times, self.rows, self.q = Times(t, order), rows, q
-        self.slope = self.slope_over(0.0)
-        stacked = np.moveaxis(self.slope.mid, -1, 0)
-        inverse = inverses(stacked)
-        self.inverse = np.moveaxis(inverse, 0, -1)
-        self.size = np.abs(self.inverse)
-        self.defect = np.moveaxis(np.abs(np.eye(len(q)) - inverse @ stacked), 0, -1)
-        self.dot = (len(q) + 2) * U  # > n U/(1 - n U): the error of an inner product
-
-    def rows_of(self, numbers: Any) -> Bounds:
-        """Return the certified rows of what a system's method gave."""
-        return read(numbers[self.rows], self.q.shape[1])
-
-    def slope_over(self, radii: Any) -> Bounds:
-        """Return phi_q over a box around q."""
-        return self.rows_of(self.system.phi_q(box(self.q, radii), self.times))
-
-    def carried(self, x: Bounds) -> tuple[Any, Any]:
-        """Return R x as a value and a bound of its error."""
-        off = self.dot * np.abs(x.mid) + x.rounding + x.spread
-        return product(self.inverse, x.mid), UP * product(self.size, off) + TINY
-
-    def defect_on(self, v: Any) -> Any:
-        """Return |I - R phi_q(q)| v for v >= 0."""
-        inner = product(self.dot * np.abs(self.slope.mid) + self.slope.rounding, v)
-        return UP * (product(self.defect, v) + product(self.size, inner)) + TINY
-
-    def spread_on(self, spread: Any, v: Any) -> Any:
-        """Return |R| spread v for v >= 0."""
-        return UP * product(self.size, product(spread, v)) + TINY
-
-
 def _certify(system: System, rows: Any, q: Any, t: Any, qd: Any, qdd: Any) -> Certificate:
-    pose = Pose(system, rows, q, t, 0 if qd is None else 1 if qdd is None else 2)
+    pose = Preconditioned(system, rows, q, t, 0 if qd is None else 1 if qdd is None else 2)
     phi = pose.rows_of(pose.sharp.phi(box(q, 0.0, Extended), pose.times))
     ball = _Ball(pose, phi)
     radii = np.where(ball.ok, ball.radii, np.nan)
     velocity, acceleration = _rates(ball, qd, qdd)
     unique, beta, lipschitz = _uniqueness(pose, radii)
     h = np.where(ball.ok, ball.h, np.nan)
-    return Certificate(ball.ok, radii, unique, beta, lipschitz, h, velocity, acceleration, rows)
+    return Certificate(ball.ok, radii, unique, beta, lipschitz, h, velocity, acceleration, rows, ball.root)
 
 
 class _Ball:
     """The smallest ball of the weighted norm that is proved to hold exactly one root; `ok` where there is one."""
 
-    def __init__(self, pose: Pose, phi: Bounds) -> None:
+    def __init__(self, pose: Preconditioned, phi: Bounds) -> None:
         self.pose = pose
         shift, error = pose.carried(phi)
         step = np.abs(shift) + error
@@ -182,7 +139,7 @@ class _Ball:
         r = 2 * eta / (rest + np.sqrt(rest**2 - 2 * z2 * eta)) * (1 + 2.0**-20)
         into_itself = UP * (eta + z0 * r + z2 * r * r / 2) <= r
         self.theta = UP * (z0 + z2 * r)
-        self.ok = into_itself & (r <= BOX) & (self.theta < 1)
+        self.ok = into_itself & (UP * r <= BOX) & (self.theta < 1)
         self.defect_at_root = UP * (first + second * r)  # |I - R phi_q(q*)| w
         remainder = UP * (error + first * r + second * r * r / 2)
         self.radii = UP * np.minimum(r * w, np.abs(shift) + remainder)
@@ -193,25 +150,6 @@ class _Ball:
         shift, error = self.pose.carried(residual)
         largest = np.max((np.abs(shift) + error) / self.w, axis=0) / (1 - self.theta)
         return Nearly(rate, -shift, UP * (error + UP * largest * self.defect_at_root))
-
-
-@dataclass(frozen=True)
-class Nearly:
-    """A number proved to lie within `remainder` of `given` + `shift`: what was given and its known error, (n, B) each."""
-
-    given: Any
-    shift: Any
-    remainder: Any
-
-    @property
-    def error(self) -> Any:
-        """Bound of the distance from `given`."""
-        return UP * (np.abs(self.shift) + self.remainder)
-
-    def box(self) -> Any:
-        """Return the numbers as rows around `given` + `shift`."""
-        added = 4 * Extended.unit * (np.abs(self.given) + np.abs(self.shift))  # the rounding of that sum
-        return box(np.longdouble(self.given) + self.shift, self.remainder + added, Extended)
 
 
 def _rates(ball: _Ball, qd: Any, qdd: Any) -> tuple[Any, Any]:
@@ -236,7 +174,7 @@ def _residual(slope: Any, rate: Any, right: Any) -> Any:
     return out
 
 
-def _uniqueness(pose: Pose, radii: Any) -> tuple[Any, Any, Any]:
+def _uniqueness(pose: Preconditioned, radii: Any) -> tuple[Any, Any, Any]:
     """Return uniqueness radius, beta and K, (B,) each, in the plain largest-component norm.
 
     With the root x at most p from q, any other root y at most u: |x - y| <= (Z0 + Z2 (p + u)/2) |x - y|, the mean of
@@ -257,27 +195,15 @@ def _uniqueness(pose: Pose, radii: Any) -> tuple[Any, Any, Any]:
     return np.where(np.isnan(position), np.nan, unique), beta, np.where(np.isnan(position), np.nan, lipschitz)
 
 
-def inverses(stacked: Any) -> Any:
-    """Return approximate inverses of (B, n, n), NaN where a matrix is singular or not finite."""
-    try:
-        return np.linalg.inv(stacked)
-    except np.linalg.LinAlgError:  # one singular matrix refuses the batch: halve it until it stands alone
-        if len(stacked) == 1:
-            return np.full_like(stacked, np.nan)
-        half = len(stacked) // 2
-        return np.concatenate([inverses(stacked[:half]), inverses(stacked[half:])])
-
-
-def product(matrix: Any, vector: Any) -> Any:
-    """Return the product lane by lane of (m, n, B) and (n, B)."""
-    return np.einsum("ijb,jb->ib", matrix, vector)
-
-
 def _joined(parts: list[Certificate]) -> Certificate:
     """Return the certificates of consecutive blocks of lanes as one."""
-    values = {}
+    values: dict[str, Any] = {}
     for field in fields(Certificate):
         found = [getattr(part, field.name) for part in parts]
-        whole = field.name == "rows" or found[0] is None
-        values[field.name] = found[0] if whole else np.concatenate(found, axis=-1)
+        if field.name == "root":
+            values["root"] = Nearly(*(np.concatenate(part, axis=-1) for part in zip(*map(astuple, found), strict=True)))
+        elif field.name == "rows" or found[0] is None:
+            values[field.name] = found[0]
+        else:
+            values[field.name] = np.concatenate(found, axis=-1)
     return Certificate(**values)

@@ -6,9 +6,14 @@ from typing import Any
 
 import numpy as np
 
-from refkin.proof.bounded import UP, Times, U, bounded_system, box, read
-from refkin.proof.certificate import Pose, independent_rows, product
+from refkin.proof.bounded import UP, InputError, Times, U, bounded_system, box, read
+from refkin.proof.preconditioned import Nearly, Preconditioned, independent_rows, product
 from refkin.system import System
+
+HALF_ULP = InputError(U)
+"""What one rounding leaves of a number."""
+A_FEW_ROUNDINGS = InputError(2.0**-50, least=1.0)
+"""Eight half-ulps of a number, at least of the size: what is left of one that was computed before it was written."""
 
 
 def attainable(system: System, q: Any, t: Any, rows: Any = None) -> Any:
@@ -29,8 +34,8 @@ def attainable(system: System, q: Any, t: Any, rows: Any = None) -> Any:
     q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
     rows = independent_rows(system, q, t) if rows is None else rows
     with np.errstate(all="ignore"):
-        pose = Pose(system, rows, q, t, 0)
-        return product(pose.size, input_effect(system, q, t)[rows]) + half_ulp(system, q)
+        pose = Preconditioned(system, rows, q, t, 0)
+        return product(pose.size, input_effect(system, q, t, HALF_ULP)[rows]) + half_ulp(system, q)
 
 
 def half_ulp(system: System, q: Any) -> Any:
@@ -39,30 +44,29 @@ def half_ulp(system: System, q: Any) -> Any:
     It is also the most that `System.to_physical` adds to the error of an answer.
     """
     spacing = np.spacing(np.abs(system.to_physical(q))) / 2
-    # A rate of the unit: lengths divided by its size, angles as they are.
+    # Rates know no origin: lengths are divided by the size, angles stay.
     return spacing / system.to_physical(np.ones_like(spacing), order=1)
 
 
-def input_effect(system: System, q: Any, t: Any) -> Any:
-    """Return how far half an ulp of every geometric number, time and law value moves phi, (m, B)."""
-    return read(bounded_system(system, input_error=U).phi(box(q), Times(t, 1)), np.shape(q)[1]).spread
+def input_effect(system: System, q: Any, t: Any, error: InputError) -> Any:
+    """Return how far an error of every geometric number, time and law value moves phi, (m, B)."""
+    return read(bounded_system(system, error=error).phi(box(q), Times(t, 1)), np.shape(q)[1]).spread
 
 
-def contradiction(system: System, rows: Any, q: Any, t: Any, radii: Any) -> Any:
-    """Return the largest |phi| of the rows that were left out, in units of what explains it, (B,).
+def contradiction(system: System, rows: Any, root: Nearly, t: Any) -> Any:
+    """Return the largest |phi| of the rows that were left out, at the root, in units of what explains it, (B,).
 
-    Up to 1 the rows are consistent. What explains it: rounding, the proved `radii` (n, B) of q, and half-ulp errors of the mechanism's numbers, in these
-    rows and, through the pose, in the rows (n,) that were solved. 0 if no row was left out.
+    Up to 1 the rows are consistent. What explains it: rounding, and `A_FEW_ROUNDINGS` of the mechanism's numbers, in
+    these rows and, through the pose, in the rows (n,) that were solved. 0 if no row was left out.
     """
     others = np.setdiff1d(np.arange(system.m), rows)
+    lanes = np.shape(root.given)[1]
     if not others.size:
-        return np.zeros(np.shape(q)[1])
+        return np.zeros(lanes)
     with np.errstate(all="ignore"):
-        pose = Pose(system, rows, np.asarray(q, float), np.asarray(t, float), 0)
-        lanes = pose.q.shape[1]
-        phi = read(pose.system.phi(box(pose.q, radii), pose.times)[others], lanes)
+        pose = Preconditioned(system, rows, root.given, t, 0)
+        phi = read(pose.sharp.phi(root.box(), pose.times)[others], lanes)
         slope = read(pose.system.phi_q(box(pose.q), pose.times)[others], lanes)
-        inputs = input_effect(system, pose.q, t)
+        inputs = input_effect(system, pose.q, t, A_FEW_ROUNDINGS)
         moved = product(np.abs(slope.mid), product(pose.size, inputs[rows]))
-        explained = UP * (phi.rounding + phi.spread + inputs[others] + moved)
-        return np.max(np.abs(phi.mid) / explained, axis=0)
+        return np.max(np.abs(phi.mid) / (UP * (phi.rounding + phi.spread + inputs[others] + moved)), axis=0)

@@ -30,8 +30,8 @@ class Isolation:
     unique : (B,) array
         No other solution has all its coordinates closer to q than this.
     contradiction : (B,) array
-        Where rows are redundant, the largest |phi| of a row that was not needed, in units of what rounding and half-ulp
-        errors of the mechanism's numbers explain: at most 1 is consistent. 0 without redundant rows.
+        Where rows are redundant, the largest |phi| of a row that was not needed, in units of what a few roundings of
+        the mechanism's numbers explain: at most 1 is consistent. 0 without redundant rows.
     """
 
     ok: Any
@@ -43,7 +43,7 @@ class Isolation:
     contradiction: Any
 
 
-def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, bits: int = 113) -> Isolation:
+def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, bits: int = 113) -> Isolation:
     """Prove what can be proved of the poses q (n, B) at the times t (B,) and of their rates.
 
     Poses are certified in float64, all at once; each that fails is tried by Krawczyk's test with `bits` bits.
@@ -65,7 +65,7 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, bit
         velocity=nothing.copy() if proof.velocity is None else np.max(proof.velocity, axis=0),
         acceleration=nothing.copy() if proof.acceleration is None else np.max(proof.acceleration, axis=0),
         unique=proof.unique,
-        contradiction=contradiction(system, proof.rows, q, t, proof.radii),
+        contradiction=contradiction(system, proof.rows, proof.root, t),
     )
     for lane in np.flatnonzero(~found.ok & np.isfinite(q).all(axis=0) & np.isfinite(t)):
         enclosure = krawczyk(system, q[:, lane], t[lane], bits)
@@ -76,13 +76,13 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, bit
 
 
 def _by_balls(found: Isolation, lane: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:
-    radii = enclosure.distance(q)
     found.ok[lane], found.bits[lane] = True, enclosure.bits
-    found.position[lane], found.unique[lane] = np.max(radii), np.min(enclosure.radii)
-    pose = enclosure.system, enclosure.rows, q[:, None], [enclosure.t], radii[:, None]
-    found.contradiction[lane] = contradiction(*pose)[0]
+    found.position[lane] = position = np.max(enclosure.distance(q))
+    wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
+    found.unique[lane] = np.min(enclosure.radii) if wider is None else 2 * position
+    found.contradiction[lane] = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])[0]
     if qd is not None:
         velocity = enclosure.velocity()
         found.velocity[lane] = np.max(enclosure.distance(qd, velocity))
-    if qdd is not None:
-        found.acceleration[lane] = np.max(enclosure.distance(qdd, enclosure.acceleration(velocity)))
+        if qdd is not None:
+            found.acceleration[lane] = np.max(enclosure.distance(qdd, enclosure.acceleration(velocity)))

@@ -22,8 +22,9 @@ from typing import Any
 import numpy as np
 from flint import arb, arb_mat, ctx
 
-from refkin.proof.certificate import independent_rows
+from refkin.proof.bounded import parts
 from refkin.proof.exact import exact_system
+from refkin.proof.preconditioned import Nearly, independent_rows
 from refkin.system import System
 
 JUDGE_BITS = 256
@@ -34,14 +35,14 @@ MOST_STEPS = 12
 
 @dataclass(frozen=True)
 class Enclosure:
-    """A proved root: exactly one solution lies in `box`, and in the box of half-widths `radii` around the given q.
+    """A proved root: exactly one solution lies in the balls `q`, and no other within `radii` of the given answer.
 
     Attributes
     ----------
     q : tuple of arb
         Balls, one per coordinate, that enclose the root.
     radii : (n,) array
-        Half-widths of the box around the given q in which no other root lies; `refine` proves none around q: NaN.
+        Half-widths of the box around the given answer that holds no other root; NaN from `refine`, which proves none.
     rows : (n,) array of int
         The constraint rows that were solved.
     """
@@ -56,6 +57,17 @@ class Enclosure:
     def distance(self, answer: Any, truth: tuple[Any, ...] | None = None) -> Any:
         """Return upper bounds (n,) of |answer - truth|; the truth is the position, or rates enclosed by this object."""
         return _above(self.q if truth is None else truth, answer, self.bits)
+
+    def nearest(self) -> Any:
+        """Return the root as float64 numbers (n,)."""
+        return np.array([float(x) for x in self.q])
+
+    def root(self, q: Any) -> Nearly:
+        """Return the root as seen from an answer q (n,)."""
+        with ctx.workprec(self.bits):
+            away = [parts(x - float(v)) for x, v in zip(self.q, q, strict=True)]
+        shift, low, rest = np.array(away).T[..., None]
+        return Nearly(np.asarray(q, float)[:, None], shift, np.abs(low) + rest)
 
     def velocity(self) -> tuple[Any, ...]:
         """Return balls that enclose the solution of phi_q qd = nu at the root; NaN where phi_q may be singular."""
@@ -118,17 +130,19 @@ def krawczyk(system: System, q: Any, t: float, bits: int = 113, radius: Any = No
     """
     with ctx.workprec(bits):
         equations = _Equations(system, t, independent_rows(system, *_one_lane(q, t)), bits)
-        middle = equations.newton(q) if radius is None else [arb(float(x)) for x in q]
+        if radius is not None:
+            around = np.broadcast_to(np.asarray(radius, float), np.shape(q))
+            found = equations.enclosed([arb(float(x)) for x in q], around, inflations=0)
+            return None if found is None else Enclosure(system, t, bits, found[0], around, equations.rows)
+        middle = equations.newton(q)
         if middle is None:
             return None
-        if radius is None:  # around the root: a smaller box proves as much of q
-            distance = _above(middle, q, bits)
-            widths = 2 * distance + equations.round_off(middle)
-            around = (widths - distance) * (1 - 2.0**-50)
-        else:
-            widths = around = np.broadcast_to(np.asarray(radius, float), np.shape(q))
-        found = equations.enclosed(middle, [arb(0, w) for w in widths.tolist()])
-        return None if found is None else Enclosure(system, t, bits, found, around, equations.rows)
+        # The box lies around the root and holds q: a smaller one proves as much as one that lies around q.
+        distance = _above(middle, q, bits)
+        found = equations.enclosed(middle, 2 * distance)
+        if found is None:
+            return None
+        return Enclosure(system, t, bits, found[0], (found[1] - distance) * (1 - 2.0**-50), equations.rows)
 
 
 def refine(system: System, q: Any, t: float, bits: int = 200) -> Enclosure | None:
@@ -136,11 +150,8 @@ def refine(system: System, q: Any, t: float, bits: int = 200) -> Enclosure | Non
     with ctx.workprec(bits):
         equations = _Equations(system, t, independent_rows(system, *_one_lane(q, t)), bits)
         middle = equations.newton(q)
-        if middle is None:
-            return None
-        widths = [arb(0, w) for w in equations.round_off(middle).tolist()]
-        found = equations.enclosed(middle, widths)
-        return None if found is None else Enclosure(system, t, bits, found, np.full(len(q), np.nan), equations.rows)
+        found = None if middle is None else equations.enclosed(middle, np.zeros(len(q)))
+        return None if found is None else Enclosure(system, t, bits, found[0], np.full(len(q), np.nan), equations.rows)
 
 
 def excludes(system: System, q: Any, radii: Any, t: float, bits: int = 53) -> bool:
@@ -185,9 +196,9 @@ class _Equations:
         last = None
         for _ in range(MOST_STEPS):
             correction = self.slope(x).solve(self.phi(x), nonstop=True).mid().entries()
-            size = max(abs(c) for c in correction)
-            if not size.is_finite():
+            if not all(c.is_finite() for c in correction):
                 return None
+            size = max(abs(c) for c in correction)
             x = [(a - c).mid() for a, c in zip(x, correction, strict=True)]
             # Quadratic convergence ends at round-off; what no longer shrinks and is small is there too.
             if size < arb(2) ** (4 - ctx.prec) or (last is not None and not size < last / 2 and size < 2.0**-40):
@@ -195,42 +206,43 @@ class _Equations:
             last = size
         return x
 
-    def round_off(self, q: Any) -> Any:
-        """Return what rounding in this precision may leave of the coordinates at q, (n,), with room for a proof."""
-        inverse = self.inverse(q)
-        n = len(q)
-        if inverse is None:
-            return np.full(n, np.inf)
-        entries = np.abs(np.array([float(x) for x in inverse.entries()])).reshape(n, n)
-        return 2.0 ** (12 - ctx.prec) * (entries.sum(axis=1) + 1)
+    def enclosed(self, middle: list[Any], widths: Any, inflations: int = 6) -> tuple[tuple[Any, ...], Any] | None:
+        """Return the root, if some box around a point is proved to hold exactly one, and that box's half-widths (n,).
 
-    def enclosed(self, middle: list[Any], widths: list[Any]) -> tuple[Any, ...] | None:
-        """Return the root in the box, as narrow as the precision allows, if it is proved to be the only one."""
-        inside = self.operator(middle, widths)
-        if inside is None or not all(
-            (m + w).contains_interior(x) for m, w, x in zip(middle, widths, inside, strict=True)
-        ):
-            return None
+        A box that is too small for its own round-off is widened to what the operator makes of it, a few times.
+        """
+        for _ in range(inflations + 1):
+            balls = [arb(0, w) for w in widths.tolist()]
+            image = self.image(middle, balls)
+            if image is None or not all(x.is_finite() for x in image):
+                return None
+            if all(w.contains_interior(x) for w, x in zip(balls, image, strict=True)):
+                return self.narrowed([m + x for m, x in zip(middle, image, strict=True)]), widths
+            widths = np.maximum(widths, [4 * float(abs(x).upper()) + 2.0**-1000 for x in image])
+        return None
+
+    def narrowed(self, root: list[Any]) -> tuple[Any, ...]:
+        """Return balls that enclose a root as narrowly as the precision allows."""
         for _ in range(MOST_STEPS):
-            middle = [x.mid() for x in inside]
-            narrower = self.operator(middle, [x - m for x, m in zip(inside, middle, strict=True)])
-            if narrower is None:
+            middle = [x.mid() for x in root]
+            image = self.image(middle, [x - m for x, m in zip(root, middle, strict=True)])
+            if image is None:
                 break
-            before = max(x.rad() for x in inside)
-            inside = [x.intersection(y) for x, y in zip(inside, narrower, strict=True)]
-            if not max(x.rad() for x in inside) < before / 2:
+            before = max(x.rad() for x in root)
+            root = [x.intersection(m + y) for x, m, y in zip(root, middle, image, strict=True)]
+            if not max(x.rad() for x in root) < before / 2:
                 break
-        return tuple(inside)
+        return tuple(root)
 
-    def operator(self, middle: list[Any], widths: list[Any]) -> list[Any] | None:
-        """Return K(middle + widths), None where no inverse was found."""
+    def image(self, middle: list[Any], widths: list[Any]) -> list[Any] | None:
+        """Return K(middle + widths) - middle, None where no inverse was found."""
         inverse = self.inverse(middle)
         if inverse is None:
             return None
         whole = [m + w for m, w in zip(middle, widths, strict=True)]
         identity = arb_mat(len(middle), len(middle), 1)
         image = (identity - inverse * self.slope(whole)) * _column(widths) - inverse * self.phi(middle)
-        return [m + x for m, x in zip(middle, image.entries(), strict=True)]
+        return list(image.entries())
 
 
 def _one_lane(q: Any, t: float) -> tuple[Any, Any]:

@@ -257,6 +257,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "four-bar of 1e-9 m": lambda: four_bar(1, 1e-9),
     "four-bar of 1e9 m": lambda: four_bar(-1, 1e9),
     "four-bar 1e6 m away": lambda: four_bar(1, 1.0, complex(1e6, -2e6)),
+    "four-bar after 1600 turns": lambda: four_bar(law=(1e4, 2.0, 0.3)),
     "four-bar with a massless coupler": massless_coupler,
     "slider-crank": slider_crank,
     "slider-crank crossed": lambda: slider_crank(-1),

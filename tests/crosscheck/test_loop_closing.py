@@ -36,6 +36,7 @@ class Toy:
         self.tree = SimpleNamespace(width=len(self.start), depth=1, start=lambda: np.array(self.start))
 
     def position(self, q: Any, t: float) -> tuple[Any, Any]:
+        assert np.isfinite(q).all()
         self.calls += 1
         return np.array(self.phi(q, t)), np.array(self.phi_q(q, t))
 
@@ -122,6 +123,13 @@ def test_beyond_a_fold_there_is_no_answer() -> None:
 
     assert found.status == (OK, LOST, LOST)
     assert np.isnan(np.array([level[:, 1:] for level in found.levels])).all()
+
+
+def test_nothing_is_predicted_from_a_singular_pose() -> None:
+    """On the way from 0 to 2 the step that ends at 1 lands on a pose without rates."""
+    toy = Toy([0.0], lambda q, t: [(q[0] - t) * (1 - q[0])], lambda q, t: [[1 - 2 * q[0] + t]], lambda t: [1 - t])
+
+    assert run(toy, [0.0, 2.0]).status == (OK, LOST)
 
 
 def tracked(toy: Toy) -> Toy:

@@ -294,7 +294,7 @@ def test_where_there_is_no_answer_every_number_is_nan() -> None:
 
 def test_mujoco_leaves_no_log_behind_when_it_warns(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    rows = MujocoRows(Plan(joint_tree(four_bar().mechanism), (), weld=False))
+    rows = MujocoRows(Plan(joint_tree(four_bar().mechanism), ()))
     rows.data.qpos[:] = np.nan
     mujoco.mj_step(rows.model, rows.data)
     warned = sum(w.number for w in rows.data.warning)

@@ -1,13 +1,14 @@
 """Mechanisms drawn around a pose: each joint's numbers are made to fit bodies that already lie somewhere.
 
-So every kind of joint is there, between any two bodies, and every mechanism assembles. A pose is (x + i y, phi) by name of
-the body; a joint is made at a point of the plane.
+So every kind of joint is there, between any two bodies, and every mechanism assembles. A pose is (x + i y, phi) by name
+of the body; a joint is made at a point of the plane.
 """
 
 from __future__ import annotations
 
 import cmath
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -25,10 +26,11 @@ from refkin.joints import (
     PointOnLine,
     Prismatic,
     Revolute,
+    Unit,
     XDriver,
 )
 from refkin.model import Body, Mechanism
-from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
+from refkin.motion_laws import Law, Polynomial, Sinusoid, Table
 from refkin.system import System, compile_system
 
 
@@ -106,10 +108,10 @@ class Draw:
         a, b = self.point(), self.point()
         self.drivers.append(DistanceDriver(**self._ends(i, a, j, b), law=self.law(abs(b - a))))
 
-    def system(self) -> tuple[System, Any]:
-        """Return the system in its own unit, and the drawn pose in its coordinates."""
+    def system(self, unit: Unit | None = None) -> tuple[System, Any]:
+        """Return the system, in its own unit by default, and the drawn pose in its coordinates."""
         mechanism = Mechanism(tuple(Body(name=n) for n in self.names), tuple(self.joints), tuple(self.drivers))
-        system = compile_system(mechanism, unit=mechanism.unit())
+        system = compile_system(mechanism, unit=unit or mechanism.unit())
         q = [c for n in self.names for c in (self.pose[n][0].real, self.pose[n][0].imag, self.pose[n][1])]
         return system, system.to_unit(np.array(q))
 
@@ -176,8 +178,16 @@ FAMILIES: tuple[Callable[[np.random.Generator], Draw], ...] = (
 )
 
 
+def perturbed(draw: Draw, change: Callable[[float], float], unit: Unit | None = None) -> tuple[System, Any]:
+    """Return the system of a drawn mechanism of revolute joints with every coordinate of its points changed."""
+    for k, joint in enumerate(draw.joints):
+        points = {side: tuple(change(c) for c in getattr(joint, side)) for side in ("point_i", "point_j")}
+        draw.joints[k] = replace(joint, **points)
+    return draw.system(unit)
+
+
 def poses(count: int, seed: int, per_mechanism: int = 4) -> list[tuple[System, Any, Any]]:
-    """Return `count` poses as (system, q (n, B), t (B,)): each mechanism at up to B times, by Newton from the drawn pose."""
+    """Return `count` poses as (system, q (n, B), t (B,)), by Newton from the drawn pose of each mechanism."""
     rng = np.random.default_rng(seed)
     found, missing = [], count
     while missing:

@@ -1,0 +1,643 @@
+"""Assemblies in closed form: all of them, or the proof that there is none, against formulas written here."""
+
+from __future__ import annotations
+
+import cmath
+import math
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from refkin.joints import (
+    AngleDriver,
+    Distance,
+    DistanceDriver,
+    Fixed,
+    PointOnLine,
+    Prismatic,
+    Revolute,
+    XDriver,
+    YDriver,
+)
+from refkin.model import Body, Mechanism
+from refkin.motion_laws import Polynomial, Sinusoid, Table
+from refkin.proof.assembly import assemblies
+from refkin.system import compile_system
+
+ROUND_OFF = 1e-14
+"""Residual of a pose in scaled coordinates: some ten roundings of numbers up to 10."""
+
+
+def constant(value):
+    return Polynomial(coefficients=(float(value),))
+
+
+def pin(name, i, at_i, j, at_j):
+    return Revolute(name=name, body_i=i, point_i=at_i, body_j=j, point_j=at_j)
+
+
+def bodies(*names):
+    return tuple(Body(name=name) for name in names)
+
+
+def turned(body, law):
+    return AngleDriver(name="motor", body=body, law=law if not isinstance(law, float) else constant(law))
+
+
+def four_bar(ground, crank, coupler, rocker, driver, at=(0.0, 0.0)):
+    """Pins A0, A, B, B0; `driver` is the crank's angle or a driver."""
+    joints = (
+        pin("A0", "ground", at, "crank", (0.0, 0.0)),
+        pin("A", "crank", (crank, 0.0), "coupler", (0.0, 0.0)),
+        pin("B", "coupler", (coupler, 0.0), "rocker", (rocker, 0.0)),
+        pin("B0", "ground", (at[0] + ground, at[1]), "rocker", (0.0, 0.0)),
+    )
+    driver = turned("crank", driver) if isinstance(driver, float) else driver
+    return Mechanism(bodies("crank", "coupler", "rocker"), joints, (driver,))
+
+
+def slider_crank(crank, rod, offset, driver):
+    joints = (
+        pin("A0", "ground", (0.0, 0.0), "crank", (0.0, 0.0)),
+        pin("A", "crank", (crank, 0.0), "rod", (0.0, 0.0)),
+        pin("C", "rod", (rod, 0.0), "slider", (0.0, 0.0)),
+        Prismatic(
+            name="guide",
+            body_i="ground",
+            point_i=(0.0, offset),
+            axis_i=(1.0, 0.0),
+            body_j="slider",
+            point_j=(0.0, 0.0),
+        ),
+    )
+    return Mechanism(bodies("crank", "rod", "slider"), joints, (driver,))
+
+
+def solved(mechanism, t=0.0):
+    system = compile_system(mechanism, unit=mechanism.unit())
+    return system, assemblies(system, t)
+
+
+def residual(system, found, t=0.0):
+    return max(float(np.max(np.abs(system.phi(q, t)))) for q in found.poses)
+
+
+def diagonal(ground, crank, angle):
+    """|B0 - A| to 50 digits."""
+    with mpmath.workdps(50):
+        g, a, th = (mpmath.mpf(x) for x in (ground, crank, angle))
+        return mpmath.sqrt((g - a * mpmath.cos(th)) ** 2 + (a * mpmath.sin(th)) ** 2)
+
+
+def missing(ground, crank, coupler, rocker, angle):
+    """What a four-bar misses: D - (b + c) or |b - c| - D, whichever is larger; negative if it assembles."""
+    with mpmath.workdps(50):
+        d, b, c = diagonal(ground, crank, angle), mpmath.mpf(coupler), mpmath.mpf(rocker)
+        return max(d - (b + c), abs(b - c) - d)
+
+
+# ---- four-bars
+
+CLASSES = {
+    "crank-rocker": (4.0, 1.0, 3.5, 3.0),
+    "double crank": (1.0, 3.0, 3.5, 4.0),
+    "double rocker": (4.0, 3.0, 1.0, 3.5),
+    "rocker-crank": (4.0, 3.0, 3.5, 1.0),
+    "triple rocker": (6.0, 3.0, 4.0, 2.0),
+    "change point": (4.0, 1.0, 3.0, 2.0),
+    "never closes": (10.0, 1.0, 2.0, 3.0),
+}
+
+
+@pytest.mark.parametrize("lengths", CLASSES.values(), ids=CLASSES)
+def test_two_assemblies_inside_the_input_range_and_a_proof_outside(lengths):
+    unit = 8.0 if lengths[0] > 5.7 else 4.0
+    for angle in np.linspace(-3.1, 3.1, 41):
+        _, found = solved(four_bar(*lengths, float(angle)))
+        gap = missing(*lengths, float(angle))
+
+        assert found.complete
+        assert len(found.poses) == (0 if gap > 0 else 2)
+        assert (found.gap is None) == (gap < 0)
+        if gap > 0:
+            assert found.gap == pytest.approx(float(gap) / unit, rel=1e-13)
+
+
+@pytest.mark.parametrize("gap", [1e-1, 1e-3, 1e-6, 1e-9, 1e-12])
+@pytest.mark.parametrize("side", ["stretched", "folded"])
+@pytest.mark.parametrize("sign", [1, -1], ids=["missing", "to spare"])
+def test_a_gap_of_this_size_is_decided_on_both_sides(gap, side, sign):
+    """Closure missed by the gap is proved and measured; closure with as much to spare gives both assemblies."""
+    ground, crank, rocker, angle = 4.0, 1.0, 3.0, 0.9
+    d = float(diagonal(ground, crank, angle))
+    coupler = d - rocker - sign * gap if side == "stretched" else d + rocker + sign * gap
+    if coupler < 0:
+        coupler, rocker = 7.0, d + 7.0 + sign * gap
+    system, found = solved(four_bar(ground, crank, coupler, rocker, angle))
+    truth = float(missing(ground, crank, coupler, rocker, angle)) / system.unit.size
+
+    assert sign * truth > 0
+    assert found.complete
+    if sign > 0:
+        assert found.gap == pytest.approx(truth, rel=1e-9)
+        assert found.gap <= truth * (1 + 1e-15)
+        assert found.poses == ()
+    else:
+        assert found.gap is None
+        assert sorted(found.branches) == [(-1,), (1,)]
+        assert residual(system, found) < ROUND_OFF
+
+
+def test_the_message_names_bodies_distance_and_reach():
+    _, found = solved(four_bar(10.0, 1.0, 2.0, 3.0, math.pi))
+
+    assert found.message == (
+        "coupler and rocker cannot meet: their pins are 11 m apart, their lengths reach 5 m; 6 m are missing"
+    )
+
+
+def test_a_loop_with_a_link_longer_than_the_rest_never_closes_however_it_is_driven():
+    """The driver on a coupler point leaves no dyad; the loop alone is the proof."""
+    driver = YDriver(name="motor", body="coupler", point=(1.0, 0.7), law=constant(0.5))
+    system, found = solved(four_bar(10.0, 1.0, 2.0, 3.0, driver))
+
+    assert found.gap == pytest.approx(4.0 / system.unit.size, rel=1e-14)
+    assert "ground is longer (10 m) than the rest of its loop (6 m)" in found.message
+
+
+def test_the_sides_say_on_which_side_of_the_diagonal_the_inner_pin_lies():
+    system, found = solved(four_bar(4.0, 1.0, 3.5, 3.0, 0.7))
+    a = cmath.rect(1.0, 0.7)
+    for q, (side,) in zip(found.poses, found.branches, strict=True):
+        physical = system.to_physical(q)
+        x, y, phi = physical[system.columns("coupler")]
+        b = complex(x, y) + cmath.rect(3.5, phi)
+
+        assert math.copysign(1, ((b - a) * (4.0 - a).conjugate()).imag) == side
+
+
+@pytest.mark.parametrize(
+    ("driver", "count"),
+    [
+        (turned("coupler", 0.6), 2),
+        (AngleDriver(name="motor", body="coupler", relative_to="rocker", law=constant(1.6)), 2),
+        (DistanceDriver(name="m", body_i="ground", point_i=(0.0, -2.0), body_j="crank", point_j=(0.8, 0.0), law=constant(1.6)), 4),
+        (DistanceDriver(name="m", body_i="coupler", point_i=(1.0, 1.0), body_j="crank", point_j=(0.5, 0.0), law=constant(-1.1)), 4),
+    ],
+    ids=["coupler angle", "angle between coupler and rocker", "cylinder on the crank", "cylinder, negative length"],
+)  # fmt: skip
+def test_a_four_bar_is_enumerated_wherever_its_driver_sits(driver, count):
+    system, found = solved(four_bar(4.0, 1.0, 3.5, 3.0, driver))
+
+    assert found.complete
+    assert len(found.poses) == count
+    assert residual(system, found) < ROUND_OFF
+
+
+def test_poses_are_better_than_any_that_floats_could_find_close_to_a_limit():
+    """1e-12 before the limit the condition is 1e6; the pose is still right to its last digits, and says so."""
+    d = float(diagonal(4.0, 1.0, 0.9))
+    coupler = d - 3.0 + 1e-12
+    system, found = solved(four_bar(4.0, 1.0, coupler, 3.0, 0.9))
+    with mpmath.workdps(50):
+        b, c, dd = mpmath.mpf(coupler), mpmath.mpf(3), diagonal(4.0, 1.0, 0.9)
+        a = mpmath.expj(mpmath.mpf(0.9))
+        inner = mpmath.acos((b * b + dd * dd - c * c) / (2 * b * dd))
+        exact = [float(mpmath.arg(4 - a) + side * inner) for (side,) in found.branches]
+    angles = [float(q[system.columns("coupler")][2]) for q in found.poses]
+
+    assert np.abs(np.subtract(angles, exact)).max() < 4e-16
+    assert max(found.radii) < 4e-16
+
+
+# ---- other dyads
+
+UNDECIDED_AT = {
+    "slider at its limit": slider_crank(
+        1.0, 3.0, 0.0, XDriver(name="m", body="slider", law=constant(4.0))
+    ),
+    "crank and coupler in line": four_bar(4.0, 1.0, 2.0, 5.0, 0.0),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("mechanism", UNDECIDED_AT.values(), ids=UNDECIDED_AT)
+def test_where_the_assemblies_coincide_exactly_the_pose_is_given_and_nothing_is_claimed(mechanism):
+    system, found = solved(mechanism)
+
+    assert found.gap is None
+    assert not found.complete
+    assert found.branches == ((0,),)
+    assert residual(system, found) < ROUND_OFF
+
+
+@pytest.mark.parametrize("x", [2.0, 2.3, 3.9, 4.0 - 1e-9, 4.0 + 1e-9, 4.5, 1.9])
+def test_a_slider_that_drives_reaches_from_rod_minus_crank_to_their_sum(x):
+    system, found = solved(slider_crank(1.0, 3.0, 0.25, XDriver(name="m", body="slider", law=constant(x))))
+    with mpmath.workdps(50):
+        d = mpmath.hypot(mpmath.mpf(x), mpmath.mpf(0.25))
+        truth = float(max(d - 4, 2 - d)) / system.unit.size
+
+    assert found.complete
+    assert len(found.poses) == (2 if truth < 0 else 0)
+    if truth > 0:
+        assert found.gap == pytest.approx(truth, rel=1e-9)
+
+
+@pytest.mark.parametrize("angle", [-2.0, -1.3, -0.4, 0.7, 1.9, 3.0])
+@pytest.mark.parametrize("rod", [3.0, 0.6])
+def test_a_crank_that_drives_reaches_the_guide_where_the_rod_is_long_enough(rod, angle):
+    system, found = solved(slider_crank(1.0, rod, 0.25, turned("crank", angle)))
+    truth = (abs(math.sin(angle) - 0.25) - rod) / system.unit.size
+
+    assert len(found.poses) == (2 if truth < 0 else 0)
+    if truth > 0:
+        assert found.gap == pytest.approx(truth, rel=1e-12)
+        assert "the line is" in found.message
+
+
+def inverted(ground, crank, offset, angle):
+    """A block on the crank pin slides along the rocker; `offset` is the distance of that line from the rocker's pivot."""
+    joints = (
+        pin("A0", "ground", (0.0, 0.0), "crank", (0.0, 0.0)),
+        pin("A", "crank", (crank, 0.0), "block", (0.0, 0.0)),
+        pin("B0", "ground", (ground, 0.0), "rocker", (0.0, 0.0)),
+        Prismatic(
+            name="slide", body_i="rocker", point_i=(0.3, offset), axis_i=(2.0, 0.0), body_j="block", point_j=(0.0, 0.0)
+        ),
+    )
+    return Mechanism(bodies("crank", "block", "rocker"), joints, (turned("crank", angle),))
+
+
+@pytest.mark.parametrize("offset", [0.0, 0.3, 1.9, 2.5])
+def test_an_inverted_slider_crank_assembles_where_the_pin_is_farther_than_the_offset(offset):
+    system, found = solved(inverted(3.0, 1.0, offset, 0.8))
+    truth = (offset - abs(3.0 - cmath.rect(1.0, 0.8))) / system.unit.size
+
+    assert len(found.poses) == (2 if truth < 0 else 0)
+    assert found.complete
+    if truth > 0:
+        assert found.gap == pytest.approx(truth, rel=1e-12)
+
+
+def two_sliders():
+    """PRP: two sliders on lines of the ground, pinned to each other."""
+    first = Prismatic(name="p", body_i="ground", point_i=(0.0, 0.1), axis_i=(1.0, 0.2), body_j="a", point_j=(0.0, 0.0))
+    second = Prismatic(name="r", body_i="ground", point_i=(1.0, 0.0), axis_i=(0.0, 1.0), body_j="b", point_j=(0.0, 0.0))
+    return Mechanism(bodies("a", "b"), (first, second, pin("C", "a", (0.1, 0.2), "b", (0.3, 0.0))), ())
+
+
+def ladder(driver):
+    def on(name, axis, at):
+        return PointOnLine(
+            name=name, body_i="ground", point_i=(0.0, 0.0), axis_i=axis, body_j="ladder", point_j=(at, 0.0)
+        )
+
+    return Mechanism(bodies("ladder"), (on("wall", (0.0, 1.0), 0.0), on("floor", (1.0, 0.0), 2.0)), (driver,))
+
+
+def foot(x):
+    return ladder(XDriver(name="m", body="ladder", point=(2.0, 0.0), law=constant(x)))
+
+
+def middle(x):
+    return ladder(XDriver(name="m", body="ladder", point=(1.0, 0.3), law=constant(x)))
+
+
+def massless(length):
+    rod = Distance(name="rod", body_i="crank", point_i=(1.0, 0.0), body_j="rocker", point_j=(3.0, 0.0), length=length)
+    joints = (
+        pin("A0", "ground", (0.0, 0.0), "crank", (0.0, 0.0)),
+        pin("B0", "ground", (4.0, 0.0), "rocker", (0.0, 0.0)),
+        rod,
+    )
+    return Mechanism(bodies("crank", "rocker"), joints, (turned("crank", 0.8),))
+
+
+def plate(angle):
+    """A plate fixed to the crank, and a rod from the plate to a pin of the ground: a fixed joint within a dyad."""
+    weld = Fixed(name="weld", body_i="crank", point_i=(1.0, 0.0), body_j="plate", point_j=(0.1, 0.0), angle=0.4)
+    base = four_bar(4.0, 1.0, 3.5, 3.0, angle)
+    joints = (*base.joints[:1], weld, pin("A", "plate", (0.1, 0.0), "coupler", (0.0, 0.0)), *base.joints[2:])
+    return Mechanism((*base.bodies, *bodies("plate")), joints, base.drivers)
+
+
+DYADS = {
+    "PRP": (two_sliders(), 1),
+    "foot of a ladder": (foot(1.3), 2),
+    "middle of a ladder": (middle(0.7), 2),
+    "angle of a ladder": (ladder(turned("ladder", -0.7)), 1),
+    "massless coupler": (massless(3.5), 2),
+    "fixed plate": (plate(0.7), 2),
+    "inverted": (inverted(3.0, 1.0, 0.3, 0.8), 2),
+}
+
+
+@pytest.mark.parametrize(("mechanism", "count"), DYADS.values(), ids=DYADS)
+def test_every_assembly_of_a_dyad_is_enumerated(mechanism, count):
+    system, found = solved(mechanism)
+
+    assert found.complete
+    assert len(found.poses) == len(found.branches) == count
+    assert residual(system, found) < ROUND_OFF
+    assert max(found.radii) < ROUND_OFF
+
+
+OUT_OF_REACH = {
+    "foot of a ladder": (foot(2.3), 0.3),
+    "middle of a ladder": (middle(1.7), 1.7 - math.hypot(1.0, 0.3)),
+    "massless coupler": (massless(0.2), abs(4.0 - cmath.rect(1.0, 0.8)) - 3.2),
+}
+
+
+@pytest.mark.parametrize(("mechanism", "metres"), OUT_OF_REACH.values(), ids=OUT_OF_REACH)
+def test_what_a_dyad_misses_is_measured(mechanism, metres):
+    """For the trammel a cos + b sin = d the gap is |d| - |(a, b)|; here (a, b) is the driven point on the ladder."""
+    system, found = solved(mechanism)
+
+    assert found.poses == ()
+    assert found.gap * system.unit.size == pytest.approx(metres, rel=1e-12)
+
+
+def six_bar(angle, reach=3.0):
+    base = four_bar(4.0, 1.0, 3.5, 3.0, angle)
+    more = (
+        pin("D", "coupler", (1.7, 1.0), "link", (0.0, 0.0)),
+        pin("E", "link", (reach, 0.0), "output", (2.5, 0.0)),
+        pin("E0", "ground", (3.0, 4.0), "output", (0.0, 0.0)),
+    )
+    return Mechanism((*base.bodies, *bodies("link", "output")), (*base.joints, *more), base.drivers)
+
+
+def test_two_dyads_have_four_assemblies():
+    system, found = solved(six_bar(0.7))
+
+    assert found.complete
+    assert sorted(found.branches) == [(-1, -1), (-1, 1), (1, -1), (1, 1)]
+    assert residual(system, found) < ROUND_OFF
+    assert min(np.abs(a - b).max() for k, a in enumerate(found.poses) for b in found.poses[:k]) > 1e-3
+
+
+def test_the_gap_of_two_dyads_is_the_smallest_along_all_branches():
+    """Both assemblies of the first dyad leave the second one open; the nearer of the two is the gap."""
+    system, found = solved(six_bar(0.7, reach=0.25))
+    inner = [system.to_physical(q) for q in solved(six_bar(0.7))[1].poses]
+    misses = []
+    for q in inner:
+        x, y, phi = q[system.columns("coupler")]
+        d = abs(complex(x, y) + complex(1.7, 1.0) * cmath.exp(1j * phi) - (3 + 4j))
+        misses.append(max(d - 2.75, 2.25 - d))
+
+    assert min(misses) > 0
+    assert found.gap * system.unit.size == pytest.approx(min(misses), rel=1e-12)
+
+
+def test_a_branch_of_the_first_dyad_that_the_second_cannot_follow_is_left_out():
+    """The gap between the branches of the test above: a link that reaches from one of them only."""
+    found = [solved(six_bar(0.7, reach=float(r)))[1] for r in np.linspace(0.3, 3.0, 28)]
+
+    assert {len(f.poses) for f in found} == {0, 2, 4}
+    assert all(f.complete for f in found)
+    assert all({s[0] for s in f.branches} == {f.branches[0][0]} for f in found if len(f.poses) == 2)
+
+
+# ---- redundant rows
+
+
+def parallelogram(third, angle=0.7):
+    base = four_bar(4.0, 1.0, 4.0, 1.0, angle)
+    more = (
+        pin("D", "coupler", (0.3 * 4.0, 0.0), "third", (third, 0.0)),
+        pin("D0", "ground", (0.3 * 4.0, 0.0), "third", (0.0, 0.0)),
+    )
+    return Mechanism((*base.bodies, *bodies("third")), (*base.joints, *more), base.drivers)  # fmt: skip
+
+
+def test_a_third_crank_that_fits_keeps_the_parallel_assembly_alone():
+    system, found = solved(parallelogram(1.0))
+    coupler = found.poses[0][system.columns("coupler")]
+
+    assert found.complete
+    assert len(found.poses) == 1
+    assert abs(coupler[2]) < ROUND_OFF
+
+
+@pytest.mark.parametrize("off", [1e-3, -1e-6, 1e-9, -1e-11])
+def test_a_third_crank_that_does_not_fit_is_refused_with_what_it_misses(off):
+    """The coupler stays parallel, so the third crank misses by exactly what its length is off."""
+    system, found = solved(parallelogram(1.0 + off))
+
+    # Each number is spread by 2^-50 = 9e-16; a few hundred operations on them widen a ball to no more than 2e-12.
+    assert abs(off) - 2e-12 < found.gap * system.unit.size <= abs(1.0 + off - 1.0)
+    assert found.message.startswith("D0 cannot close: ground and third miss by")
+
+
+def test_a_third_crank_that_is_rounded_is_not_refused():
+    assert solved(parallelogram(math.nextafter(1.0, 2.0)))[1].gap is None
+
+
+def test_two_motors_on_one_body_must_agree():
+    base = four_bar(4.0, 1.0, 3.5, 3.0, 0.7)
+    for second, gap in ((0.7, None), (0.7 + 1e-9, 1e-9), (0.7 + math.tau, math.tau)):
+        also = AngleDriver(name="second motor", body="crank", law=constant(second))
+        found = solved(Mechanism(base.bodies, base.joints, (*base.drivers, also)))[1]
+
+        assert found.gap == (None if gap is None else pytest.approx(gap, rel=1e-6))
+
+
+# ---- scale, place, laws
+
+
+@pytest.mark.parametrize("exponent", [-30, -3, 30])
+def test_a_linkage_and_its_copy_of_another_size_have_the_same_bits(exponent):
+    f = 2.0**exponent
+    one, other = solved(four_bar(4.0, 1.0, 3.5, 3.0, 0.7))[1], solved(four_bar(4.0 * f, f, 3.5 * f, 3.0 * f, 0.7))[1]
+
+    assert all((a == b).all() for a, b in zip(one.poses, other.poses, strict=True))
+
+
+def test_a_gap_far_from_the_origin_is_that_of_the_rounded_numbers():
+    """1e8 m away the ground pins are rounded to 1.5e-8 m: their distance is still 4 m here, as both are integers."""
+    d = float(diagonal(4.0, 1.0, 0.9))
+    near = four_bar(4.0, 1.0, d - 3.0 - 1e-9, 3.0, 0.9)
+    far = four_bar(4.0, 1.0, d - 3.0 - 1e-9, 3.0, 0.9, at=(1e8, -3e8))
+
+    assert solved(far)[1].gap == solved(near)[1].gap > 0
+
+
+@pytest.mark.parametrize("ratio", [1e-6, 1e-3, 1e3, 1e6])
+def test_a_linkage_with_lengths_of_this_ratio_has_both_assemblies(ratio):
+    system, found = solved(four_bar(4.0, ratio, 3.5, 3.0, 0.7) if ratio < 1 else four_bar(4.0 * ratio, 1.0, 4.0 * ratio, 3.0, 0.7))  # fmt: skip
+
+    assert found.complete
+    assert len(found.poses) == 2
+    assert residual(system, found) < ROUND_OFF
+
+
+KNOTS = tuple(0.25 * k for k in range(9))
+LAWS = {
+    "polynomial": turned("crank", Polynomial(coefficients=(0.1, 1.5, -0.2))),
+    "sinusoid": turned("crank", Sinusoid(amplitude=0.7, angular_frequency=3.0, offset=0.2, phase=0.1)),
+    "table": turned("crank", Table(argument=KNOTS, value=tuple(math.sin(t) for t in KNOTS))),
+    "rate": AngleDriver(name="m", body="crank", rate_law=Sinusoid(amplitude=1.0, angular_frequency=2.0), initial=0.3),
+    "1e5 rad": turned("crank", Polynomial(coefficients=(1e5, 1.0))),
+}
+
+
+@pytest.mark.parametrize("driver", LAWS.values(), ids=LAWS)
+def test_the_driven_angle_is_that_of_the_law_with_its_turns(driver):
+    system, found = solved(four_bar(4.0, 1.0, 3.5, 3.0, driver), t=0.7)
+    expected = float(driver.laws[0](0.7))
+
+    assert [q[2] for q in found.poses] == pytest.approx([expected] * 2, rel=4e-16)
+    assert residual(system, found, 0.7) < ROUND_OFF * max(1.0, abs(expected))
+
+
+# ---- no wrong claim
+
+LENGTH = st.floats(-3.0, 3.0).map(lambda x: 10.0**x)
+SHARE = st.floats(1e-6, 1 - 1e-6)
+ANGLE = st.floats(-3.2, 3.2)
+
+
+@settings(max_examples=300, deadline=None)
+@given(LENGTH, LENGTH, LENGTH, ANGLE, SHARE)
+def test_a_linkage_that_assembles_is_never_called_unassemblable(ground, crank, rocker, angle, share):
+    """Lengths over six decades; the coupler is drawn between the limits of its reach, 1e-6 of the range inside them."""
+    d = float(diagonal(ground, crank, angle))
+    assume(d > 1e-6 * max(ground, crank))
+    coupler = abs(d - rocker) + share * 2 * min(d, rocker)
+    system, found = solved(four_bar(ground, crank, coupler, rocker, angle))
+
+    assert missing(ground, crank, coupler, rocker, angle) < 0
+    assert found.gap is None
+    assert len(found.poses) == 2
+    assert residual(system, found) < ROUND_OFF
+
+
+@settings(max_examples=300, deadline=None)
+@given(LENGTH, LENGTH, LENGTH, LENGTH, ANGLE)
+def test_a_proof_and_the_formula_agree_on_every_four_bar(ground, crank, coupler, rocker, angle):
+    truth = missing(ground, crank, coupler, rocker, angle)
+    system, found = solved(four_bar(ground, crank, coupler, rocker, angle))
+
+    assert (found.gap is not None) == (truth > 0)
+    if truth > 0:
+        assert 0 < found.gap * system.unit.size <= truth
+
+
+class Assembled:
+    """Bodies that lie somewhere, and joints made to fit them: every joint is drawn at a point of the plane."""
+
+    def __init__(self, rng):
+        self.rng, self.pose, self.joints, self.drivers = rng, {"ground": (0j, 0.0)}, [], []
+
+    def point(self):
+        return complex(*self.rng.uniform(-1, 1, 2))
+
+    def local(self, body, point):
+        r, phi = self.pose[body]
+        u = (point - r) * cmath.exp(-1j * phi)
+        return (u.real, u.imag)
+
+    def any_body(self):
+        return str(self.rng.choice(sorted(self.pose)))
+
+    def body(self):
+        name = f"b{len(self.pose)}"
+        self.pose[name] = (self.point(), float(self.rng.uniform(-3, 3)))
+        return name
+
+    def ends(self, i, at_i, j, at_j):
+        names = {"name": f"joint {len(self.joints)}", "body_i": i, "body_j": j}
+        return {**names, "point_i": self.local(i, at_i), "point_j": self.local(j, at_j)}
+
+    def pin(self, i, j):
+        at = self.point()
+        self.joints.append(Revolute(**self.ends(i, at, j, at)))
+
+    def slide(self, i, j, turning=False):
+        at, axis = self.point(), cmath.exp(1j * self.rng.uniform(-3, 3))
+        inner = axis * cmath.exp(-1j * self.pose[i][1])
+        ends = self.ends(i, at, j, at + axis * self.rng.uniform(-1, 1)) | {"axis_i": (inner.real, inner.imag)}
+        kind = PointOnLine(**ends) if turning else Prismatic(**ends, angle=self.pose[j][1] - self.pose[i][1])
+        self.joints.append(kind)
+
+    def rod(self, i, j):
+        a, b = self.point(), self.point()
+        self.joints.append(Distance(**self.ends(i, a, j, b), length=abs(b - a)))
+
+    def weld(self, i, j):
+        at = self.point()
+        self.joints.append(Fixed(**self.ends(i, at, j, at), angle=self.pose[j][1] - self.pose[i][1]))
+
+    def add_group(self):
+        """Add one or two bodies that are determined by those there are."""
+        i, j = self.any_body(), self.any_body()
+        a = self.body()
+        choice = int(self.rng.integers(12))
+        if choice < 5:
+            b = self.body()
+        if choice == 0:  # RRR
+            self.pin(i, a), self.pin(j, b), self.pin(a, b)
+        elif choice == 1:  # RRP
+            self.pin(i, a), self.pin(a, b), self.slide(j, b)
+        elif choice == 2:  # RPR
+            self.pin(i, a), self.slide(a, b), self.pin(b, j)
+        elif choice == 3:  # PRP
+            self.slide(i, a), self.pin(a, b), self.slide(b, j)
+        elif choice == 4:  # sliding on a turning body
+            self.pin(i, a), self.slide(b, a), self.slide(b, j, turning=True), self.rod(i, a)
+        elif choice == 5:
+            self.pin(i, a), self.slide(j, a, turning=True)
+        elif choice == 6:
+            self.pin(i, a), self.slide(a, j, turning=True)
+        elif choice == 7:
+            self.pin(i, a), self.rod(j, a)
+        elif choice == 8:
+            self.weld(i, a)
+        elif choice == 9:
+            self.slide(i, a), self.rod(j, a)
+        elif choice == 10:
+            self.pin(i, a)
+            self.drivers.append(AngleDriver(name=f"m{a}", body=a, relative_to=i, law=constant(self.pose[a][1] - self.pose[i][1])))  # fmt: skip
+        else:
+            for _ in range(3):
+                self.slide("ground", a, turning=True)
+
+    def mechanism(self):
+        return Mechanism(bodies(*(b for b in self.pose if b != "ground")), tuple(self.joints), tuple(self.drivers))
+
+    def q(self, system):
+        drawn = [c for b, (r, phi) in self.pose.items() if b != "ground" for c in (r.real, r.imag, phi)]
+        return system.to_unit(np.array(drawn))
+
+
+def distance(one, other):
+    """Largest difference of two poses, angles without whole turns."""
+    off = one - other
+    off[2::3] = (off[2::3] + math.pi) % math.tau - math.pi
+    return float(np.abs(off).max())
+
+
+@settings(max_examples=400, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 4))
+def test_the_pose_a_mechanism_was_drawn_around_is_among_its_assemblies(seed, groups):
+    """Every kind of group, one upon another. The drawn numbers are rounded: the pose moves by that over sigma_min."""
+    drawn = Assembled(np.random.default_rng(seed))
+    for _ in range(groups):
+        drawn.add_group()
+    mechanism = drawn.mechanism()
+    system, found = solved(mechanism)
+    q = drawn.q(system)
+    sigma = float(np.linalg.svd(system.phi_q(q, 0.0), compute_uv=False)[system.n - 1])
+
+    # At a fold a rounding u of the numbers opens a gap of that order: what is proved then is no more than that.
+    assert found.gap is None or (found.gap < 1e-14 / sigma and sigma < 1e-6)
+    if found.gap is None:
+        assert found.complete
+        assert len(found.branches) == len(set(found.branches))
+        assert min(distance(x, q) for x in found.poses) < 1e-14 / sigma
+        assert residual(system, found) < ROUND_OFF
