@@ -2,7 +2,7 @@
 
 First-order propagation through the equations of the reference, at its solution and in its scaled coordinates:
 
-    dq   = |J^-1| e_phi                          + 2 u max(1, |q|)
+    dq   = |J^-1| e_phi                          + 2 u max(bodies, |q|)
     dqd  = |J^-1| (|d(J qd - nu)/dq| dq + e_nu)   + 2 u max |qd|
     dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + 2 u (max |qdd| + max |qd|^2)
 
@@ -159,12 +159,14 @@ def _table_error(system: System, t: Any, order: int) -> Any:
 def _handed_over(system: System, q: Any) -> Any:
     """Return the rounding of a coordinate that is composed of others, in metres and back.
 
-    A pose at the end of a chain is a sum of lever arms up to one size and of angles up to one turn, each rounded; in metres it
+    A pose at the end of a chain is a sum of arms of one size, one per body, and of the angles of other bodies, each rounded; in metres it
     is rounded relative to its distance from the scene's origin, which is not ours.
     """
     metres = np.abs(system.to_physical(q))
     is_angle = np.arange(len(q))[:, None] % 3 == 2
-    return 2 * U * np.maximum(1.0, np.where(is_angle, metres, metres / system.unit.size))
+    largest_angle = np.max(np.where(is_angle, metres, 0.0), axis=0)
+    arms = len(system.mechanism.bodies)
+    return 2 * U * np.maximum(arms, np.where(is_angle, largest_angle, metres / system.unit.size))
 
 
 def _residual_error(system: System, q: Any, rate: Any, t: Any, shape: tuple[int, ...], qd: Any = None) -> Any:

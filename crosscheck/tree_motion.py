@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+from crosscheck.engines import Term
 from crosscheck.joint_tree import Array
 from crosscheck.loop_closing import body_levels, march, point_levels
 from crosscheck.tree_system import TreeEngine, TreeSystem
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, PointMotion, Producer, engine_motion
+
+
+CHAIN = Term(
+    name="chain of frames",
+    level="position",
+    reason="a loop is closed by a chain of up to four frames where the reference composes one: twice the roundings",
+    relative=1.0,
+)
 
 
 def tree_motion(engine: TreeEngine, scene: Scene, producer: Producer) -> Motion:

@@ -16,7 +16,7 @@ import numpy as np
 
 from refkin.differences import EPS
 from refkin.model import Effect, Evidence, Scene
-from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route, Seeding, Status, nowhere
+from refkin.motion import CertifiedRadius, ContactMotion, Motion, PointMotion, Producer, Route, Seeding, Status, nowhere
 from refkin.newton import NewtonResult, newton
 from refkin.points import point_motion
 from refkin.proof.assembly import assemblies
@@ -108,6 +108,7 @@ class _Answer:
     def __init__(self, system: System, scene: Scene, q: Any, status: list[Status]) -> None:
         self.system, self.scene, self.t, self.q, self.status = system, scene, np.array(scene.times), q, status
         count = len(status)
+        self.note = ""
         self.qd, self.qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
         self.residual, self.sigma_min, self.condition = (nowhere(count) for _ in range(3))
         self.radius = CertifiedRadius(position=nowhere(count), velocity=nowhere(count), acceleration=nowhere(count))
@@ -133,6 +134,8 @@ class _Answer:
                 self.status[k] = Status.OK if isolated else open_
             if self.status[k] is not Status.OK:
                 self.qd[:, k] = self.qdd[:, k] = np.nan
+                for radii in (self.radius.position, self.radius.velocity, self.radius.acceleration):
+                    radii[k] = np.nan
 
     def _rates(self, lanes: Any) -> None:
         """Fill velocity and acceleration, as far as the scene calls for them."""
@@ -151,8 +154,10 @@ class _Answer:
         found = isolate(self.system, self.q[:, lanes], self.t[lanes], *rates)
         for name in ("position", "velocity", "acceleration"):
             getattr(self.radius, name)[lanes] = getattr(found, name)
-        for k in lanes[found.contradiction > 1.0]:
-            self.status[k] = Status.UNASSEMBLABLE
+        for k, size in zip(lanes, found.contradiction, strict=True):
+            if size > 1.0:
+                self.status[k] = Status.UNASSEMBLABLE
+                self.note = f"redundant rows contradict each other: {size:.3g} times what rounding explains"
         return found.ok
 
     def motion(self, message: str) -> Motion:
@@ -176,9 +181,19 @@ class _Answer:
             condition=self.condition if condition else nowhere(count),
             certified_radius=self.radius,
             points=self._points(levels, called),
+            contacts=self._contacts(levels, called),
             producer=Producer(name="refkin", version=version("refkin"), route=ROUTE),
-            message=message,
+            message="; ".join(filter(None, (message, self.note))),
         )
+
+    def _contacts(self, levels: list[Any], called: tuple[bool, bool, bool]) -> dict[str, ContactMotion]:
+        found = {}
+        for joint in self.scene.mechanism.joints:
+            if joint.parameters:
+                at = self.system.parameter(joint.name).start
+                sd, sdd = (level[at] if wanted else None for level, wanted in zip(levels[1:], called[1:], strict=True))
+                found[joint.name] = ContactMotion(s=levels[0][at], sd=sd, sdd=sdd)
+        return found
 
     def _points(self, levels: list[Any], called: tuple[bool, bool, bool]) -> dict[str, PointMotion]:
         found = {}

@@ -82,7 +82,8 @@ class ScaledNorms:
 class RoundOff:
     """Stop when the correction is below the spacing of the numbers, or no longer shrinks with the residual at round-off.
 
-    Near a multiple root the correction halves down to sqrt(u) and then only jitters: hence the second rule.
+    Near a multiple root the correction halves down to sqrt(u) and then only jitters: hence the second rule, which lets
+    a factor 1/2 pass.
     """
 
     previous: float = field(default=np.inf, repr=False)
@@ -90,7 +91,7 @@ class RoundOff:
     def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
         size, scale = np.max(np.abs(correction)), max(1.0, np.max(np.abs(q)))
         small = size <= 1e-6 * scale and np.max(np.abs(residual)) <= 32 * EPS * scale
-        stalled = small and size > 0.75 * self.previous
+        stalled = small and size > 0.6 * self.previous
         self.previous = size
         return bool(size <= EPS * scale or stalled)
 

@@ -8,11 +8,14 @@ from typing import Any
 
 import numpy as np
 
+from refkin.contacts import touched
+from refkin.joints import Cam
 from refkin.model import Scene
 from refkin.motion import Status
 from refkin.newton import NewtonResult, newton
 from refkin.proof.assembly import Assemblies, assemblies
-from refkin.sweep import CONTRACTION
+from refkin.proof.search import closes
+from refkin.sweep import contracts
 from refkin.system import System
 
 
@@ -33,11 +36,11 @@ def find_start(system: System, scene: Scene) -> Start:
     """
     t, bodies = scene.times[0], scene.mechanism.bodies
     missing = [b.name for b in bodies if b.estimate is None]
-    estimate = system.to_unit(np.concatenate([b.estimate or (0.0, 0.0, 0.0) for b in bodies]))
+    estimate = _estimate(system, scene)
     tries: list[NewtonResult] = []
     if not missing:
         tries.append(_newton(system, t, estimate))
-        if tries[0].converged and _contracts(tries[0]):
+        if tries[0].converged and contracts(np.max(np.abs(tries[0].corrections), axis=1)):
             return Start(Status.OK, tries[0].q)
     found = assemblies(system, t)
     if found.unassemblable:
@@ -53,6 +56,14 @@ def find_start(system: System, scene: Scene) -> Start:
     return Start(Status.NOT_CONVERGED, message=f"no assembly was found at t = {t:g}: {why}")
 
 
+def _estimate(system: System, scene: Scene) -> Any:
+    """Return the estimates in the system's coordinates, zero where a body has none; contacts are looked for there."""
+    q = np.zeros(system.n)
+    for body in scene.mechanism.bodies:
+        q[system.columns(body.name)] = body.estimate or (0.0, 0.0, 0.0)
+    return touched(system, system.to_unit(q), scene.times[0])
+
+
 def unassemblable(system: System, found: Assemblies) -> str:
     """Return the proof in words, with the gap in metres where it is a length."""
     return f"{found.message} (gap at least {found.gap:.3g} of the size {system.unit.size:g} m)"
@@ -62,17 +73,15 @@ def _newton(system: System, t: float, start: Any, damped: bool = False) -> Newto
     return newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start, damped=damped)
 
 
-def _contracts(result: NewtonResult) -> bool:
-    """Whether the corrections shrank from the first on, fast enough that no other root can be near."""
-    sizes = np.max(np.abs(result.corrections), axis=1)
-    return len(sizes) < 2 or bool(sizes[1] <= CONTRACTION * sizes[0])
-
-
 def _choice(
     system: System, found: Assemblies, estimate: Any, missing: list[str], t: float
 ) -> tuple[Any, str]:
     """Return an assembly and what to say of the choice: the nearest to what estimates there are, else the first."""
-    held = np.concatenate([np.full(3, b.name not in missing) for b in system.mechanism.bodies])
+    held = np.zeros(system.n, bool)
+    for body in system.mechanism.bodies:
+        held[system.columns(body.name)] = body.name not in missing
+    for cam in (j for j in system.mechanism.joints if isinstance(j, Cam)):
+        held[system.parameter(cam.name)] = cam.contact_estimate is not None
     poses = [_turned_to(system, q, estimate, held, t) for q in found.poses]
     distances = [float(np.linalg.norm((q - estimate)[held])) for q in poses]
     nearest = int(np.argmin(distances))
@@ -87,8 +96,13 @@ def _choice(
 def _turned_to(system: System, q: Any, estimate: Any, held: Any, t: float) -> Any:
     """Return the assembly with whole turns added to its angles so that they are nearest to the estimate's.
 
-    Turns that a driver counts are not ours to choose: where they would break a constraint none are added.
+    Turns that a driver, gear or profile counts are not ours to choose: none are added that break a constraint.
     """
-    angle = np.arange(system.n) % 3 == 2
-    moved = q + math.tau * np.where(angle & held, np.round((estimate - q) / math.tau), 0.0)
-    return moved if np.max(np.abs(system.phi(moved, t))) < 1.0 else q
+    turns = math.tau * np.where(system.angles & held, np.round((estimate - q) / math.tau), 0.0)
+    if closes(system, q + turns, t):
+        return q + turns
+    for k in np.flatnonzero(turns):
+        moved = q.copy()
+        moved[k] += turns[k]
+        q = moved if closes(system, moved, t) else q
+    return q

@@ -8,6 +8,7 @@ stops, and says whether it stopped at a singular pose.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Any
@@ -15,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from refkin.differences import EPS
-from refkin.newton import NewtonResult, newton
+from refkin.newton import NewtonResult, RoundOff, newton
 from refkin.system import System
 
 CONTRACTION = 1 / 8
@@ -56,7 +57,7 @@ class Sweep:
             self.steps += 1
             last = step >= target - self.t[-1]
             t = target if last else self.t[-1] + step
-            result = self._corrected(t, 8)
+            result = self._corrected(t)
             if self._on_branch(result, t):
                 self._accept(result.q, t)
                 if last:
@@ -83,17 +84,15 @@ class Sweep:
                 poses[k] = ((t - b) * poses[k] + (a - t) * poses[k + 1]) / (a - b)
         return poses[0]
 
-    def _corrected(self, t: float, iterations: int) -> NewtonResult:
-        s = self.system
-        return newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), self._predicted(t), max_iterations=iterations)
+    def _corrected(self, t: float) -> NewtonResult:
+        s, stop = self.system, _WhileContracting()
+        return newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), self._predicted(t), stop=stop)
 
     def _on_branch(self, result: NewtonResult, t: float) -> bool:
         if not result.converged:
             return False
         sizes = np.max(np.abs(result.corrections), axis=1)
-        # Below 1e-6 the first correction is round-off of a good prediction or too small to leave a regular branch.
-        contracts = len(sizes) < 2 or sizes[1] <= CONTRACTION * sizes[0] or sizes[0] < 1e-6
-        return bool(contracts) and orientation(self.system, result.q, t) == self.sign
+        return contracts(sizes) and orientation(self.system, result.q, t) == self.sign
 
     def _arrives_at_singular_pose(self, t: float) -> bool:
         """Whether Newton, started at the last pose itself, ends at a singular pose nearby; accepts it if so."""
@@ -106,6 +105,28 @@ class Sweep:
             return False
         self._accept(result.q, t)
         return True
+
+
+@dataclass
+class _WhileContracting(RoundOff):
+    """Goes on to round-off, but gives a step up at once that will not be taken.
+
+    Near a singular pose what is left at round-off may shrink slowly, by any factor: that takes iterations, no smaller step.
+    """
+
+    sizes: list[float] = field(default_factory=list)
+
+    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
+        self.sizes.append(float(np.max(np.abs(correction))))
+        return super().__call__(residual, correction, q) or not contracts(self.sizes)
+
+
+def contracts(sizes: Sequence[float]) -> bool:
+    """Return whether Newton's second correction is small against its first.
+
+    A first correction below 1e-6 is round-off of a good prediction, or too small to leave a regular branch.
+    """
+    return len(sizes) < 2 or bool(sizes[1] <= CONTRACTION * sizes[0] or sizes[0] < 1e-6)
 
 
 def orientation(system: System, q: Any, t: float) -> float:

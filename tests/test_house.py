@@ -12,7 +12,7 @@ ROOT = Path(__file__).parent.parent
 ENGINE_PACKAGES = {"exudyn", "pinocchio", "mujoco", "coal"}
 TYPES_AND_LAWS = {"refkin.model", "refkin.motion", "refkin.motion_laws", "refkin.joints", "refkin.errors"}
 """What an adapter may know of refkin: what a scene says, and the type of an answer."""
-NUMBERS_ONLY = ("joint_tree", "loop_closing", "tree_system", "frames")
+NUMBERS_ONLY = ("joint_tree", "loop_closing", "tree_system", "tree_motion", "frames")
 """Modules of crosscheck that adapters share; they are held to the same rule."""
 
 

@@ -58,12 +58,15 @@ JETS = (
         relative=2.0,
         absolute=8.0 * 2.0**-53,
     ),
-    Term(
-        name="jets",
-        level="acceleration",
-        reason="chord, root, quotient and arctangent of second-order jets: four steps of four products of up to "
-        "four terms each",
-        relative=64.0 * 2.0**-53,
+    *(
+        Term(
+            name="jets",
+            level=level,
+            reason="chord, root, quotient and arctangent of second-order jets: four steps of four products of up to four "
+            "terms each",
+            relative=64.0 * 2.0**-53,
+        )
+        for level in ("velocity", "acceleration")
     ),
 )
 

@@ -28,7 +28,7 @@ from crosscheck.engines.mujoco_model import Plan, mujoco
 from crosscheck.engines.mujoco_rows import MujocoRows
 from crosscheck.frames import RowMap
 from crosscheck.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
-from crosscheck.tree_motion import tree_motion
+from crosscheck.tree_motion import CHAIN, tree_motion
 from refkin.joints import GROUND, Constraint, DistanceDriver, Pair
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route, Seeding
@@ -121,7 +121,7 @@ class Mujoco:
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of MuJoCo's drift terms; Newton runs to round-off, and no constraint is soft."""
-        return SPATIAL
+        return (CHAIN, *SPATIAL)
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
         """Return the motion of the wanted bodies, found in a joint tree from the bodies' estimates.

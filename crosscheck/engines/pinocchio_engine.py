@@ -15,7 +15,7 @@ from crosscheck.engines import API, NATIVE, Array, Capabilities, EngineError, Le
 from crosscheck.engines.pinocchio_model import Frame, Rows, absolute_model, tree_model
 from crosscheck.frames import RowMap
 from crosscheck.joint_tree import JointTree, joint_tree
-from crosscheck.tree_motion import tree_motion
+from crosscheck.tree_motion import CHAIN, tree_motion
 from refkin.joints import Pair
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Seeding
@@ -44,15 +44,23 @@ CAPABILITIES: Capabilities = {
 }
 
 
-SPATIAL = tuple(
+SPATIAL = (
     Term(
-        name="spatial vectors",
-        level=level.value,
-        reason="lever arms are differences of positions in the ground frame, and omega x v enters with both signs: "
-        "8 roundings, two bodies",
-        relative=16.0 * 2.0**-53,
-    )
-    for level in (Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
+        name="angles from rotations",
+        level=Level.RESIDUAL.value,
+        reason="the angle of a prismatic row is read from a rotation matrix, each entry of which is rounded by u or two",
+        absolute=8.0 * 2.0**-53,
+    ),
+    *(
+        Term(
+            name="spatial vectors",
+            level=level.value,
+            reason="lever arms are differences of positions in the ground frame, and omega x v enters with both signs: "
+            "8 roundings, two bodies",
+            relative=16.0 * 2.0**-53,
+        )
+        for level in (Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
+    ),
 )
 
 
@@ -76,7 +84,7 @@ class Pinocchio:
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of Pinocchio's drift terms; Newton goes on to round-off, nothing stops above it."""
-        return SPATIAL
+        return (CHAIN, *SPATIAL)
 
     def constraints(self, scene: Scene) -> PinocchioConstraints:
         """Return Pinocchio's rows for the joints of a scene that it does not refuse.

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from crosscheck.engines import table_key
 from crosscheck.engines.mujoco_engine import Mujoco
 from refkin.joints import (
     AngleDriver,
@@ -139,6 +140,12 @@ def trees() -> dict[str, Builder]:
 
 
 TREES = trees()
+
+
+def test_every_type_in_the_table_is_solved_here() -> None:
+    solved = {table_key(c) for tree in TREES.values() for c in tree.scene().mechanism.constraints}
+
+    assert set(Mujoco().capabilities()) == solved
 
 
 @pytest.mark.parametrize("name", TREES)

@@ -24,6 +24,7 @@ from refkin.joints import (
 )
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial, Sinusoid, Table
+from refkin.newton import newton
 from refkin.proof.assembly import assemblies
 from refkin.system import compile_system
 
@@ -45,6 +46,10 @@ def bodies(*names):
 
 def turned(body, law):
     return AngleDriver(name="motor", body=body, law=law if not isinstance(law, float) else constant(law))
+
+
+def cylinder(i, at_i, j, at_j, length):
+    return DistanceDriver(name="cylinder", body_i=i, point_i=at_i, body_j=j, point_j=at_j, law=constant(length))
 
 
 def four_bar(ground, crank, coupler, rocker, driver, at=(0.0, 0.0)):
@@ -82,7 +87,8 @@ def solved(mechanism, t=0.0):
 
 
 def residual(system, found, t=0.0):
-    return max(float(np.max(np.abs(system.phi(q, t)))) for q in found.poses)
+    """Largest residual of the poses, relative to their largest coordinate above 1."""
+    return max(np.abs(system.phi(q, t)).max() / max(1.0, np.abs(q).max()) for q in found.poses)
 
 
 def diagonal(ground, crank, angle):
@@ -184,11 +190,11 @@ def test_the_sides_say_on_which_side_of_the_diagonal_the_inner_pin_lies():
     [
         (turned("coupler", 0.6), 2),
         (AngleDriver(name="motor", body="coupler", relative_to="rocker", law=constant(1.6)), 2),
-        (DistanceDriver(name="m", body_i="ground", point_i=(0.0, -2.0), body_j="crank", point_j=(0.8, 0.0), law=constant(1.6)), 4),
-        (DistanceDriver(name="m", body_i="coupler", point_i=(1.0, 1.0), body_j="crank", point_j=(0.5, 0.0), law=constant(-1.1)), 4),
+        (cylinder("ground", (0.0, -2.0), "crank", (0.8, 0.0), 1.6), 4),
+        (cylinder("coupler", (1.0, 1.0), "crank", (0.5, 0.0), -1.1), 4),
     ],
     ids=["coupler angle", "angle between coupler and rocker", "cylinder on the crank", "cylinder, negative length"],
-)  # fmt: skip
+)
 def test_a_four_bar_is_enumerated_wherever_its_driver_sits(driver, count):
     system, found = solved(four_bar(4.0, 1.0, 3.5, 3.0, driver))
 
@@ -259,7 +265,7 @@ def test_a_crank_that_drives_reaches_the_guide_where_the_rod_is_long_enough(rod,
 
 
 def inverted(ground, crank, offset, angle):
-    """A block on the crank pin slides along the rocker; `offset` is the distance of that line from the rocker's pivot."""
+    """A block on the crank pin slides along the rocker, on a line at a distance of `offset` from the rocker's pivot."""
     joints = (
         pin("A0", "ground", (0.0, 0.0), "crank", (0.0, 0.0)),
         pin("A", "crank", (crank, 0.0), "block", (0.0, 0.0)),
@@ -403,6 +409,26 @@ def test_a_branch_of_the_first_dyad_that_the_second_cannot_follow_is_left_out():
     assert all({s[0] for s in f.branches} == {f.branches[0][0]} for f in found if len(f.poses) == 2)
 
 
+def test_more_branches_than_are_followed_leave_everything_open():
+    """Nine dyads in a row, 512 assemblies: what is given is right, but neither all nor proved to be."""
+    base, names, joints = four_bar(4.0, 1.0, 3.5, 3.0, 0.7), [], []
+    for k in range(8):
+        inner, outer = f"inner {k}", f"outer {k}"
+        names += [inner, outer]
+        joints += [
+            pin(f"P{k}", f"inner {k - 1}" if k else "coupler", (1.0, 0.3), inner, (0.0, 0.0)),
+            pin(f"Q{k}", inner, (3.0, 0.0), outer, (3.0, 0.0)),
+            pin(f"R{k}", "ground", (0.5, 2.0), outer, (0.0, 0.0)),
+        ]
+    system, found = solved(Mechanism((*base.bodies, *bodies(*names)), (*base.joints, *joints), base.drivers))
+
+    assert found.poses
+    assert residual(system, found) < ROUND_OFF
+    assert not found.complete
+    assert found.gap is None
+    assert "more than 256 branches" in found.message
+
+
 # ---- redundant rows
 
 
@@ -467,9 +493,9 @@ def test_a_gap_far_from_the_origin_is_that_of_the_rounded_numbers():
     assert solved(far)[1].gap == solved(near)[1].gap > 0
 
 
-@pytest.mark.parametrize("ratio", [1e-6, 1e-3, 1e3, 1e6])
-def test_a_linkage_with_lengths_of_this_ratio_has_both_assemblies(ratio):
-    system, found = solved(four_bar(4.0, ratio, 3.5, 3.0, 0.7) if ratio < 1 else four_bar(4.0 * ratio, 1.0, 4.0 * ratio, 3.0, 0.7))  # fmt: skip
+@pytest.mark.parametrize("lengths", [(4.0, 1e-6, 3.5, 3.0), (4.0, 1e-3, 3.5, 3.0), (4e6, 1.0, 4e6, 3.0)])
+def test_a_linkage_with_lengths_of_a_large_ratio_has_both_assemblies(lengths):
+    system, found = solved(four_bar(*lengths, 0.7))
 
     assert found.complete
     assert len(found.poses) == 2
@@ -492,7 +518,7 @@ def test_the_driven_angle_is_that_of_the_law_with_its_turns(driver):
     expected = float(driver.laws[0](0.7))
 
     assert [q[2] for q in found.poses] == pytest.approx([expected] * 2, rel=4e-16)
-    assert residual(system, found, 0.7) < ROUND_OFF * max(1.0, abs(expected))
+    assert residual(system, found, 0.7) < ROUND_OFF
 
 
 # ---- no wrong claim
@@ -602,7 +628,8 @@ class Assembled:
             self.slide(i, a), self.rod(j, a)
         elif choice == 10:
             self.pin(i, a)
-            self.drivers.append(AngleDriver(name=f"m{a}", body=a, relative_to=i, law=constant(self.pose[a][1] - self.pose[i][1])))  # fmt: skip
+            law = constant(self.pose[a][1] - self.pose[i][1])
+            self.drivers.append(AngleDriver(name=f"motor {a}", body=a, relative_to=i, law=law))
         else:
             for _ in range(3):
                 self.slide("ground", a, turning=True)
@@ -641,3 +668,20 @@ def test_the_pose_a_mechanism_was_drawn_around_is_among_its_assemblies(seed, gro
         assert len(found.branches) == len(set(found.branches))
         assert min(distance(x, q) for x in found.poses) < 1e-14 / sigma
         assert residual(system, found) < ROUND_OFF
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.integers(0, 2**32 - 1), st.integers(1, 3))
+def test_what_newton_finds_from_anywhere_is_among_the_assemblies(seed, groups):
+    rng = np.random.default_rng(seed)
+    drawn = Assembled(rng)
+    for _ in range(groups):
+        drawn.add_group()
+    system, found = solved(drawn.mechanism())
+    for _ in range(10):
+        start = drawn.q(system) + rng.uniform(-1, 1, system.n)
+        result = newton(lambda q: system.phi(q, 0.0), lambda q: system.phi_q(q, 0.0), start, damped=True)
+        sigma = float(np.linalg.svd(system.phi_q(result.q, 0.0), compute_uv=False)[-1])
+        closed = result.converged and result.residual < ROUND_OFF and np.abs(result.q).max() < 1e3
+
+        assert not closed or sigma < 1e-4 or min(distance(x, result.q) for x in found.poses) < 1e-13 / sigma

@@ -1,0 +1,133 @@
+"""Records of a run as the tests of the report plant them, with the raw samples beside their histograms."""
+
+from __future__ import annotations
+
+import datetime
+import json
+import math
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crosscheck.campaign import Outcome
+from crosscheck.known_gaps import Gap
+
+ROUTES = {"pinocchio": "joint tree", "mujoco": "newton", "exudyn": "static newton"}
+WHO = {
+    "residual_by": "the engine",
+    "jacobian_by": "the engine",
+    "newton_by": "adapter",
+    "linear_solve_by": "numpy",
+    "drift_by": "the engine",
+    "seeding": "initial_guess",
+}
+QUANTITIES = ("position", "velocity", "acceleration")
+
+
+def floored(digits: Any) -> Any:
+    """Return digits rounded down to a tenth, by decimal text: what a record's histogram keeps of them."""
+    return np.array([float(f"{math.floor(d * 10) / 10:.1f}") for d in digits])
+
+
+def histogram(digits: Any) -> dict[str, int]:
+    counts: dict[str, int] = {}
+    for value in floored(digits):
+        counts[f"{value:.1f}"] = counts.get(f"{value:.1f}", 0) + 1
+    return counts
+
+
+def quantity(samples: Mapping[int, Any], ratio: float | None = 0.5, worst: str = "rocker.phi at t = 1.25") -> Any:
+    """Return a quantity from samples of digits by decade of sigma_min."""
+    return {"ratio": ratio, "worst": worst, "digits_by_sigma": {str(d): histogram(v) for d, v in samples.items()}}
+
+
+def answer(engine: str, quantities: Mapping[str, Any], **more: Any) -> dict[str, Any]:
+    told = {
+        "engine": engine,
+        "version": "1.0",
+        "route": {"name": ROUTES[engine], **WHO},
+        "quantities": quantities,
+        "missing": 0,
+        "judged": 4,
+        "times": 4,
+        "seconds": 0.0004,
+    }
+    return {**told, **more}
+
+
+def good_answer(engine: str, **more: Any) -> dict[str, Any]:
+    return answer(engine, {name: quantity({-1: [15.0, 15.5, 16.0, 14.0]}) for name in QUANTITIES}, **more)
+
+
+def level(engine: str, name: str, digits: Any = (15.0, 15.5), ratio: float = 0.25) -> dict[str, Any]:
+    return {"engine": engine, "level": name, "ratio": ratio, "digits": histogram(digits), "rows": 8}
+
+
+def record(key: str, *answers: Any, **more: Any) -> dict[str, Any]:
+    told = {
+        "key": key,
+        "scene": f"scene {key}",
+        "about": {"kind": "four_bar", "grashof": "crank-rocker", "branch": "open", "distance": 0.02, "shard": 0},
+        "reference": {
+            "verdict": "ok",
+            "message": "",
+            "statuses": {"ok": 4},
+            "sigma_min": 0.2,
+            "residual": 1e-16,
+            "certified_radius": {"position": None, "velocity": None, "acceleration": None},
+            "seconds": 0.002,
+        },
+        "answers": list(answers),
+        "levels": [],
+        "refusals": [],
+        "disagreements": [],
+    }
+    return {**told, **more}
+
+
+def failed_record(key: str) -> dict[str, Any]:
+    """Return the record of a scene that no worker brought to an end, as the workers write it."""
+    bare = record(key)
+    return {**{k: v for k, v in bare.items() if k != "reference"}, "failure": "the reference itself: hang"}
+
+
+def disagreement(engine: str = "mujoco", quantity: str = "velocity", **more: Any) -> dict[str, Any]:
+    told = {"engine": engine, "route": ROUTES[engine], "quantity": quantity, "kind": "beyond the allowed error"}
+    return {**told, "ratio": 3.5, "worst": "rocker.phi at t = 0.5", **more}
+
+
+def write(
+    folder: Path, *records: Any, required: tuple[str, ...] = (), missing: Mapping[str, str] | None = None
+) -> Path:
+    """Write a run's folder."""
+    folder.mkdir(parents=True, exist_ok=True)
+    (folder / "records.jsonl").write_text("".join(json.dumps(r) + "\n" for r in records), encoding="utf-8")
+    engines = sorted({a["engine"] for r in records for a in r["answers"]})
+    run = {
+        "seed": 42,
+        "engines": engines,
+        "required": list(required),
+        "scenes": len(records),
+        "minutes": None,
+        "versions": dict.fromkeys(engines, "1.0"),
+        "missing": dict(missing or {}),
+        "date": "2026-11-21 02:17",
+    }
+    (folder / "run.json").write_text(json.dumps(run), encoding="utf-8")
+    return folder
+
+
+def outcome(**more: Any) -> Outcome:
+    return Outcome(**{"versions": {"mujoco": "1.0"}, "missing": {}, "checked": 1, **more})
+
+
+def gap(**match: str) -> Gap:
+    told = {
+        "engine": "mujoco",
+        "predicate": "anywhere",
+        "reason": "soft constraints",
+        "kind_of_gap": "documented limit",
+    }
+    return Gap(**told, date=datetime.date(2026, 11, 20), reproduction="tests/corpus/a.toml", match=match)

@@ -1,0 +1,457 @@
+"""report.json: the numbers against the raw samples by other means, the verdict against planted faults."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+import tracemalloc
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from crosscheck import check
+from crosscheck.report import build
+from crosscheck.report.digits import quantile
+from crosscheck.report.histories import newton_histories
+from crosscheck.report.summary import Summary
+from refkin.linkages import FourBar
+
+from .report_records import (
+    QUANTITIES,
+    ROUTES,
+    WHO,
+    answer,
+    disagreement,
+    failed_record,
+    floored,
+    gap,
+    good_answer,
+    level,
+    outcome,
+    quantity,
+    record,
+    write,
+)
+
+
+def reported(folder: Path, *arguments: Any, **more: Any) -> Any:
+    build(folder, *arguments, **{"gaps": (), **more})
+    text = (folder / "report.json").read_text(encoding="utf-8")
+    return json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
+
+
+@pytest.fixture(scope="module")
+def sampled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, dict[Any, Any], list[Any]]:
+    """A run of 40 scenes with random samples: its report, the raw digits by (engine, quantity, decade), its records."""
+    draw = np.random.default_rng(5)
+    raw: dict[Any, list[float]] = {}
+    records = []
+    for k in range(40):
+        answers = []
+        for engine in ROUTES:
+            found = {}
+            for name in QUANTITIES:
+                samples = {int(d): draw.uniform(-1.0, 17.0, 7) for d in draw.choice([-6, -3, -1, 0], 2, replace=False)}
+                for decade, digits in samples.items():
+                    raw.setdefault((engine, name, decade), []).extend(digits)
+                found[name] = quantity(samples, float(draw.uniform(0.0, 0.9)), f"crank.x at t = {k}")
+            answers.append(answer(engine, found, judged=14, times=14, seconds=float(draw.uniform(1e-4, 1e-2))))
+        levels = [level("mujoco", "drift", draw.uniform(10, 17, 2)), level("mujoco", "jacobian", [15.0, 16.0], 0.75)]
+        records.append(record(f"{k:016x}", *answers, levels=levels))
+    folder = write(tmp_path_factory.mktemp("run"), *records)
+    return reported(folder), raw, records
+
+
+def pooled(raw: dict[Any, Any], engine: str, name: str) -> Any:
+    return floored([d for (e, q, _), digits in raw.items() if (e, q) == (engine, name) for d in digits])
+
+
+@pytest.mark.parametrize("engine", ROUTES)
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_quantiles_are_those_of_the_raw_samples(sampled: Any, engine: str, name: str) -> None:
+    report, raw, _ = sampled
+    digits = pooled(raw, engine, name)
+    expected = [*np.quantile(digits, [0.5, 0.01], method="inverted_cdf"), digits.min()]
+
+    cell = report["engines"][engine][ROUTES[engine]][name]
+    assert expected == [cell["digits_median"], cell["digits_p01"], cell["digits_worst"]]
+
+
+@pytest.mark.parametrize("name", QUANTITIES)
+def test_quantiles_by_decade_are_those_of_the_raw_samples(sampled: Any, name: str) -> None:
+    report, raw, _ = sampled
+    expected = {}
+    for (engine, quantity_name, decade), digits in raw.items():
+        if (engine, quantity_name) == ("mujoco", name):
+            kept = floored(digits)
+            median, low = np.quantile(kept, [0.5, 0.01], method="inverted_cdf")
+            numbers = {"digits_median": median, "digits_p01": low, "digits_worst": kept.min()}
+            expected[str(decade)] = {"samples": len(kept), **numbers}
+
+    assert expected == report["engines"]["mujoco"]["newton"][name]["digits_by_sigma"]
+
+
+def test_worst_ratio_is_the_largest_of_the_records_and_names_its_record(sampled: Any) -> None:
+    report, _, records = sampled
+    worst = max(records, key=lambda r: r["answers"][1]["quantities"]["velocity"]["ratio"])
+
+    cell = report["engines"]["mujoco"]["newton"]["velocity"]
+    found = worst["answers"][1]["quantities"]["velocity"]
+    place = {"key": worst["key"], "scene": worst["scene"], "line": records.index(worst) + 1}
+    sample = {"sample": found["worst"], "coordinate": "crank.x", "time": found["worst"].split()[-1]}
+    assert {"ratio": found["ratio"], **place, **sample} == cell["worst"]
+
+
+def test_fewest_digits_name_a_record_that_has_them(sampled: Any) -> None:
+    report, _, records = sampled
+    cell = report["engines"]["exudyn"]["static newton"]["acceleration"]
+    at = cell["digits_worst_at"]
+    held = records[at["line"] - 1]["answers"][2]["quantities"]["acceleration"]["digits_by_sigma"]
+
+    assert cell["digits_worst"] == at["digits"] == min(float(d) for h in held.values() for d in h)
+
+
+def test_own_rows_stand_under_the_route_and_drift_is_called_gamma(sampled: Any) -> None:
+    report, _, records = sampled
+    drift = [float(d) for r in records for d, n in r["levels"][0]["digits"].items() for _ in range(n)]
+
+    cell = report["engines"]["mujoco"]["newton"]["gamma"]
+    assert np.quantile(drift, 0.5, method="inverted_cdf") == cell["digits_median"]
+
+
+def test_jacobian_keeps_its_ratio_and_was_handed_the_configuration(sampled: Any) -> None:
+    cell = sampled[0]["engines"]["mujoco"]["newton"]["jacobian"]
+
+    assert (cell["worst_over_allowed"], cell["seeding"], cell["newton_by"]) == (0.75, "configuration", "none")
+
+
+def test_every_cell_has_every_key_that_is_promised(sampled: Any) -> None:
+    digits = {"digits_median", "digits_p01", "digits_worst", "worst_over_allowed", "scenes", "failures", "known_gaps"}
+    promised = digits | {"seeding", "newton_by", "linear_solve_by"}
+
+    for routes in sampled[0]["engines"].values():
+        for quantities in routes.values():
+            for name in (*QUANTITIES, "jacobian", "gamma"):
+                assert promised <= quantities[name].keys()
+
+
+def test_who_did_what_is_what_the_records_say(sampled: Any) -> None:
+    cell = sampled[0]["engines"]["pinocchio"]["joint tree"]["position"]
+
+    assert {key: WHO[key] for key in ("seeding", "newton_by", "linear_solve_by", "drift_by")}.items() <= cell.items()
+
+
+def test_mean_time_is_all_seconds_over_all_configurations(sampled: Any) -> None:
+    report, _, records = sampled
+    mujoco = [r["answers"][1] for r in records]
+    expected = 1e6 * sum(a["seconds"] for a in mujoco) / sum(a["times"] for a in mujoco)
+
+    assert report["engines"]["mujoco"]["newton"]["position"]["microseconds_mean"] == pytest.approx(expected, rel=1e-12)
+
+
+def test_median_time_is_right_to_its_bin(sampled: Any) -> None:
+    report, _, records = sampled
+    times = [1e6 * r["answers"][1]["seconds"] / 14 for r in records]
+    expected = np.quantile(times, 0.5, method="inverted_cdf")
+
+    found = report["engines"]["mujoco"]["newton"]["position"]["microseconds_median"]
+    assert found == pytest.approx(expected, rel=10 ** (0.5 / 100) - 1)
+
+
+def test_a_quantity_nobody_compared_has_no_number_at_all(sampled: Any) -> None:
+    cell = sampled[0]["engines"]["pinocchio"]["joint tree"]["jacobian"]
+
+    numbers = ("digits_median", "digits_p01", "digits_worst", "worst_over_allowed", "worst")
+    assert [cell[key] for key in numbers] == [None] * 5
+    assert cell["scenes"] == 0
+
+
+@given(st.dictionaries(st.integers(-20, 170), st.integers(1, 50), min_size=1), st.sampled_from([1, 50]))
+def test_quantile_is_the_sample_of_its_rank(counts: dict[int, int], percent: int) -> None:
+    samples = sorted(Counter(counts).elements())
+    below = math.ceil(len(samples) * percent / 100)
+
+    assert quantile(counts, percent) == samples[max(below, 1) - 1] / 10
+
+
+def test_infinite_ratio_stays_the_largest_and_the_file_stays_json(tmp_path: Path) -> None:
+    told = disagreement(ratio=math.inf)
+    report = reported(write(tmp_path, record("a", good_answer("mujoco"), disagreements=[told])))
+
+    assert sys.float_info.max == report["engines"]["mujoco"]["newton"]["velocity"]["worst_over_allowed"]
+
+
+# The verdict.
+
+
+def test_agreement_everywhere_is_a_pass(tmp_path: Path) -> None:
+    report = reported(write(tmp_path, record("a", good_answer("mujoco"))), outcome())
+
+    assert (report["verdict"], report["scenes"], report["configurations"]) == ("pass", 1, 4)
+
+
+def test_disagreement_of_a_record_is_new_even_if_the_run_did_not_say_so(tmp_path: Path) -> None:
+    folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=[disagreement()]))
+    report = reported(folder, outcome())
+
+    assert (report["verdict"], report["new_disagreements"]) == ("new disagreements", 1)
+
+
+def test_disagreement_the_run_tells_is_new_even_if_no_record_holds_it(tmp_path: Path) -> None:
+    folder = write(tmp_path, record("a", good_answer("mujoco")))
+    report = reported(folder, outcome(new=[{**disagreement(), "key": "b"}]))
+
+    assert (report["verdict"], report["new_disagreements"]) == ("new disagreements", 1)
+
+
+def test_disagreement_that_run_and_record_tell_counts_once(tmp_path: Path) -> None:
+    folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=[disagreement()]))
+    report = reported(folder, outcome(new=[{**disagreement(), "key": "a"}]))
+
+    cell = report["engines"]["mujoco"]["newton"]["velocity"]
+    assert (report["new_disagreements"], cell["failures"], cell["worst_over_allowed"]) == (1, 1, 3.5)
+
+
+def test_known_gap_is_counted_and_does_not_turn_the_night_red(tmp_path: Path) -> None:
+    folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=[disagreement()]))
+    report = reported(folder, outcome(known=1), gaps=[gap(quantity="velocity")])
+
+    cell = report["engines"]["mujoco"]["newton"]["velocity"]
+    assert (report["verdict"], cell["known_gaps"], cell["failures"], report["known_disagreements"]) == ("pass", 1, 0, 1)
+
+
+def test_known_gap_covers_nothing_but_its_own(tmp_path: Path) -> None:
+    told = [disagreement(), disagreement(quantity="position")]
+    folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=told))
+    report = reported(folder, gaps=[gap(quantity="velocity")])
+
+    assert (
+        report["verdict"],
+        report["new_disagreements"],
+        report["known_disagreements"],
+    ) == ("new disagreements", 1, 1)
+
+
+@pytest.mark.parametrize("ratio", [1.0000001, 40.0, None, math.nan])
+def test_answer_beyond_its_budget_is_a_disagreement_whether_listed_or_not(tmp_path: Path, ratio: float | None) -> None:
+    bad = answer("mujoco", {"position": quantity({-1: [3.0]}, ratio)})
+
+    assert reported(write(tmp_path, record("a", bad)))["verdict"] == "new disagreements"
+
+
+def test_rows_beyond_their_allowed_error_are_a_disagreement_whether_listed_or_not(tmp_path: Path) -> None:
+    bad = record("a", good_answer("mujoco"), levels=[level("mujoco", "jacobian", ratio=2.0)])
+    report = reported(write(tmp_path, bad))
+
+    assert (report["verdict"], report["engines"]["mujoco"]["newton"]["jacobian"]["failures"]) == (
+        "new disagreements",
+        1,
+    )
+
+
+def test_reference_without_an_answer_is_a_disagreement_whether_listed_or_not(tmp_path: Path) -> None:
+    bad = record("a", good_answer("mujoco"))
+    bad["reference"] |= {"verdict": "branch_lost", "statuses": {"ok": 1, "branch_lost": 3}}
+    report = reported(write(tmp_path, bad))
+
+    assert (report["verdict"], report["reference"]["failures"]) == ("new disagreements", 1)
+
+
+def test_scene_without_a_result_is_an_infrastructure_failure(tmp_path: Path) -> None:
+    report = reported(write(tmp_path, record("a", good_answer("mujoco")), failed_record("b")), outcome())
+
+    assert (report["verdict"], report["scenes"], report["scenes_without_result"]) == ("infrastructure", 2, 1)
+
+
+def test_failure_that_only_the_run_tells_is_an_infrastructure_failure(tmp_path: Path) -> None:
+    report = reported(write(tmp_path, record("a", good_answer("mujoco"))), outcome(failed=["x: the pool died"]))
+
+    assert (report["verdict"], report["failures"]) == ("infrastructure", ["x: the pool died"])
+
+
+def test_torn_line_is_an_infrastructure_failure_with_its_line(tmp_path: Path) -> None:
+    folder = write(tmp_path, record("a", good_answer("mujoco")))
+    with (folder / "records.jsonl").open("a", encoding="utf-8") as file:
+        file.write('{"key": "b", "sce')
+    report = reported(folder)
+
+    assert report["verdict"] == "infrastructure"
+    assert "line 2" in report["failures"][0]
+
+
+@pytest.mark.parametrize("key", ["key", "reference", "answers", "levels", "disagreements"])
+def test_record_that_lacks_a_part_is_an_infrastructure_failure(tmp_path: Path, key: str) -> None:
+    torn = record("b", good_answer("mujoco"))
+    folder = write(tmp_path, record("a", good_answer("mujoco")), torn)
+    del torn[key]
+    lines = (folder / "records.jsonl").read_text().splitlines()
+    (folder / "records.jsonl").write_text("\n".join([lines[0], json.dumps(torn)]) + "\n")
+
+    assert reported(folder)["verdict"] == "infrastructure"
+
+
+def test_unreadable_run_file_is_an_infrastructure_failure(tmp_path: Path) -> None:
+    folder = write(tmp_path, record("a", good_answer("mujoco")))
+    (folder / "run.json").write_text('{"seed": 4')
+
+    assert reported(folder)["verdict"] == "infrastructure"
+
+
+def test_required_engine_that_is_missing_is_the_verdict(tmp_path: Path) -> None:
+    missing = {"exudyn": "no module named exudyn"}
+    folder = write(tmp_path, record("a", good_answer("mujoco")), required=("exudyn",), missing=missing)
+
+    assert reported(folder)["verdict"] == "engine missing"
+
+
+def test_run_that_stopped_before_its_first_scene_for_want_of_an_engine_says_so(tmp_path: Path) -> None:
+    ended = outcome(versions={}, missing={"exudyn": "no module named exudyn"}, checked=0)
+
+    assert reported(tmp_path / "new", ended)["verdict"] == "engine missing"
+
+
+def test_missing_engine_that_nobody_requires_is_named_in_the_reason(tmp_path: Path) -> None:
+    folder = write(tmp_path, record("a", good_answer("mujoco")), missing={"exudyn": "no module named exudyn"})
+    report = reported(folder)
+
+    assert report["verdict"] == "pass"
+    assert "exudyn" in report["why"]
+
+
+def test_required_engine_that_answered_nothing_is_no_pass(tmp_path: Path) -> None:
+    folder = write(tmp_path, record("a", good_answer("mujoco")), required=("exudyn", "mujoco"))
+
+    assert reported(folder)["verdict"] == "engine missing"
+
+
+def test_engine_that_answered_nothing_has_cells_without_numbers(tmp_path: Path) -> None:
+    ended = outcome(versions={"mujoco": "1.0", "exudyn": "1.13"})
+    report = reported(write(tmp_path, record("a", good_answer("mujoco"))), ended)
+
+    (quantities,) = report["engines"]["exudyn"].values()
+    assert (quantities["position"]["digits_median"], quantities["position"]["scenes"]) == (None, 0)
+
+
+@pytest.mark.parametrize("text", [None, ""])
+def test_folder_without_records_is_nothing_ran(tmp_path: Path, text: str | None) -> None:
+    if text is not None:
+        (tmp_path / "records.jsonl").write_text(text)
+
+    assert reported(tmp_path, outcome(checked=0))["verdict"] == "nothing ran"
+
+
+def test_crash_counts_against_every_quantity_of_the_engine(tmp_path: Path) -> None:
+    crash = {"engine": "mujoco", "route": "any", "quantity": "status", "kind": "crash (exit code -11)"}
+    crashed = record("b", disagreements=[{**crash, "ratio": None, "worst": "Abnormal termination"}])
+    report = reported(write(tmp_path, record("a", good_answer("mujoco")), crashed))
+
+    assert [report["engines"]["mujoco"]["newton"][name]["failures"] for name in QUANTITIES] == [1, 1, 1]
+
+
+def test_engine_that_crashed_on_every_scene_still_has_its_failures(tmp_path: Path) -> None:
+    crash = {"engine": "mujoco", "route": "any", "quantity": "status", "kind": "hang", "ratio": None, "worst": ""}
+    report = reported(write(tmp_path, record("b", disagreements=[crash])))
+
+    assert report["engines"]["mujoco"]["any"]["position"]["failures"] == 1
+
+
+def test_no_answer_and_wrong_answer_in_one_scene_is_one_failing_scene(tmp_path: Path) -> None:
+    told = [disagreement(), disagreement(quantity="status", kind="no answer", ratio=None)]
+    report = reported(write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=told)))
+
+    cell = report["engines"]["mujoco"]["newton"]["velocity"]
+    assert (cell["failures"], cell["unanswered"], report["new_disagreements"]) == (1, 1, 2)
+
+
+def test_second_record_of_a_scene_is_not_counted(tmp_path: Path) -> None:
+    twice = record("a", good_answer("mujoco"))
+    report = reported(write(tmp_path, twice, twice))
+
+    assert (report["scenes"], report["engines"]["mujoco"]["newton"]["position"]["scenes"]) == (1, 1)
+
+
+def test_answers_of_another_version_than_the_run_names_are_noted(tmp_path: Path) -> None:
+    report = reported(write(tmp_path, record("a", good_answer("mujoco", version="0.9"))), outcome())
+
+    assert any("0.9" in note for note in report["notes"])
+
+
+def test_judged_configurations_without_digits_are_noted(tmp_path: Path) -> None:
+    report = reported(write(tmp_path, record("a", good_answer("mujoco", judged=6))))
+
+    assert any("mujoco position 2" in note for note in report["notes"])
+
+
+def test_coverage_counts_scenes_by_property_and_decade(tmp_path: Path) -> None:
+    second = record("b", good_answer("mujoco"))
+    second["about"] |= {"kind": "slider_crank", "grashof": None, "distance": 3e-7}
+    coverage = reported(write(tmp_path, record("a", good_answer("mujoco")), second))["coverage"]
+
+    expected = ({"four_bar": 1, "slider_crank": 1}, {"crank-rocker": 1, "not applicable": 1}, {"-7": 1, "-2": 1})
+    assert expected == (coverage["kind"], coverage["grashof"], coverage["distance_decade"])
+
+
+def test_refusals_are_counted_by_joint_type_not_by_joint(tmp_path: Path) -> None:
+    texts = [f"mujoco refuses gear {name!r} at solve: no such joint in this engine" for name in ("A", "B", "it's")]
+    refusals = reported(write(tmp_path, record("a", good_answer("mujoco"), refusals=texts)))["refusals"]
+
+    told = {"engine": "mujoco", "joint": "gear", "level": "solve", "reason": "no such joint in this engine"}
+    assert [{**told, "scenes": 1, "joints": 3}] == refusals
+
+
+def test_same_records_give_the_same_bytes(tmp_path: Path) -> None:
+    folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=[disagreement()]))
+    first, second = (build(folder, gaps=()).read_bytes() for _ in range(2))
+
+    assert first == second
+
+
+def test_memory_does_not_grow_with_the_number_of_samples(tmp_path: Path) -> None:
+    peaks = []
+    for count in (200, 1600):
+        records = [record(f"{k:016x}", *(good_answer(e) for e in ROUTES)) for k in range(count)]
+        folder = write(tmp_path / str(count), *records)
+        tracemalloc.start()
+        Summary(folder, (), None)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+
+    # A scene leaves its key behind: a string of 65 bytes, and in a set that grows by four at a time up to 7 slots of 16
+    # bytes and the 2 of the table it came from: 210 bytes. Its digits, as objects, are thousands.
+    assert peaks[1] - peaks[0] < 1400 * 300
+
+
+def test_records_as_they_are_really_written_are_understood(tmp_path: Path) -> None:
+    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
+    real = check.check(scene, ["closed_form"], {"kind": "four_bar", "distance": 1.0})
+    report = reported(write(tmp_path, real))
+
+    (told, *_) = real["answers"]
+    cell = report["engines"]["closed_form"][told["route"]["name"]]["position"]
+    assert (told["quantities"]["position"]["ratio"], told["judged"]) == (cell["worst_over_allowed"], cell["samples"])
+
+
+# Newton histories.
+
+
+def test_regular_history_converges_with_order_two() -> None:
+    regular = newton_histories()[0]
+
+    assert regular["last_order"] == pytest.approx(2.0, abs=0.15)
+
+
+def test_history_at_a_fold_halves_its_corrections() -> None:
+    fold = newton_histories()[-1]
+
+    assert fold["typical_ratio"] == pytest.approx(0.5, abs=0.01)
+
+
+def test_histories_have_one_residual_more_than_corrections() -> None:
+    for history in newton_histories():
+        assert len(history["residual"]) == len(history["correction"]) + 1 == history["iterations"] + 1

@@ -1,0 +1,341 @@
+"""index.html: what it shows stands in report.json, nothing of a record acts in it, and nothing is loaded."""
+
+from __future__ import annotations
+
+import json
+import re
+from dataclasses import dataclass, field
+from html.parser import HTMLParser
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from crosscheck.report import build, wording
+from crosscheck.report.svg import COLOURS, style
+
+from .report_records import (
+    QUANTITIES,
+    ROUTES,
+    answer,
+    disagreement,
+    failed_record,
+    gap,
+    good_answer,
+    level,
+    outcome,
+    quantity,
+    record,
+    write,
+)
+
+VOID = {"meta", "br", "link", "img", "input", "hr"}
+NASTY = "<script>alert(1)</script>\"' onload=x"
+
+
+@dataclass
+class Node:
+    """One element of a page."""
+
+    tag: str
+    attributes: dict[str, str | None]
+    parents: tuple[Node, ...]
+    text: list[str] = field(default_factory=list)
+
+    def inside(self, **wanted: str) -> bool:
+        return any(all(n.attributes.get(k.rstrip("_")) == v for k, v in wanted.items()) for n in self.parents)
+
+
+class Page(HTMLParser):
+    """All elements of a page, in order, each with the text in it."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.source, self.nodes, self.open = text, [], []
+        self.feed(text)
+
+    def handle_starttag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        node = Node(tag, dict(attributes), tuple(self.open))
+        self.nodes.append(node)
+        if tag not in VOID:
+            self.open.append(node)
+
+    def handle_startendtag(self, tag: str, attributes: list[tuple[str, str | None]]) -> None:
+        self.nodes.append(Node(tag, dict(attributes), tuple(self.open)))
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop().tag == tag, f"</{tag}> closes something else"
+
+    def handle_data(self, data: str) -> None:
+        for node in self.open:
+            node.text.append(data)
+
+    def all(self, *tags: str) -> list[Node]:
+        return [n for n in self.nodes if n.tag in tags]
+
+    def text(self, node: Node) -> str:
+        return " ".join("".join(node.text).split())
+
+
+def page_of(folder: Path, *arguments: Any, **more: Any) -> Page:
+    return Page(build(folder, *arguments, **{"gaps": (), **more}).read_text(encoding="utf-8"))
+
+
+def rich_run(folder: Path, text: str = "plain") -> tuple[Path, Any, Any]:
+    """Write a run in which everything happens that a page can show, with `text` wherever a record has any."""
+    about = {"kind": text, "grashof": text, text: text, "distance": 1e-3, "shard": 0}
+    nasty = good_answer("mujoco", version=text)
+    nasty["route"] = {key: f"{key} {text}" for key in nasty["route"]}
+    told = [disagreement(), disagreement(quantity="position", kind=text, worst=text)]
+    levels = [level("mujoco", name) for name in ("residual", "jacobian", "constraint_velocity", "drift")]
+    refusals = [f"mujoco refuses gear 'A' at solve: {text}", text]
+    first = record("a", nasty, good_answer("pinocchio"), about=about, scene=text, disagreements=told, refusals=refusals)
+    second = record("b", good_answer("mujoco", missing=1, judged=3), levels=levels, disagreements=told[:1])
+    lost = {**failed_record("c"), "failure": text}
+    write(folder, {**first, "levels": levels}, second, lost, missing={"exudyn": text})
+    (folder / "disagreements").mkdir()
+    file = "disagreements/a-mujoco-newton-velocity.toml"
+    (folder / file).write_text(f'name = "{text}"\n', encoding="utf-8")
+    new = [{**told[0], "key": "a", "file": file, "shrunk": True}, {**told[1], "key": "a"}]
+    ended = outcome(new=new, missing={"exudyn": text}, failed=[f"pool: {text}"], known=1)
+    return folder, ended, [gap(kind="nothing"), gap(quantity="velocity")]
+
+
+@pytest.fixture(scope="module")
+def rich(tmp_path_factory: pytest.TempPathFactory) -> tuple[Page, Any]:
+    folder, ended, gaps = rich_run(tmp_path_factory.mktemp("rich"))
+    page = page_of(folder, ended, gaps=gaps)
+    return page, json.loads((folder / "report.json").read_text())
+
+
+def test_text_of_records_never_becomes_an_element_or_an_attribute(tmp_path: Path) -> None:
+    plain_folder, ended, gaps = rich_run(tmp_path / "plain")
+    plain = page_of(plain_folder, ended, gaps=gaps)
+    nasty_folder, ended, gaps = rich_run(tmp_path / "nasty", NASTY)
+    nasty = page_of(nasty_folder, ended, gaps=gaps)
+
+    assert NASTY in "".join(nasty.nodes[0].text)
+    assert [(n.tag, set(n.attributes)) for n in plain.nodes] == [(n.tag, set(n.attributes)) for n in nasty.nodes]
+
+
+def test_page_loads_nothing(rich: Any) -> None:
+    page, _ = rich
+    for node in page.nodes:
+        assert node.tag not in {"script", "link", "img", "iframe", "object", "embed", "image", "use", "form", "base"}
+        assert (node.attributes.get("href") or "#").startswith("#")
+        assert not {"src", "srcset", "xlink:href", "style", "action"} & node.attributes.keys()
+        assert not [name for name in node.attributes if name.startswith("on")]
+
+
+def test_page_names_no_address_and_its_style_imports_none(rich: Any) -> None:
+    page, _ = rich
+
+    assert not re.search(r"https?:|url\(|@import|//\w", page.source)
+
+
+def test_content_policy_allows_nothing_but_inline_style(rich: Any) -> None:
+    page, _ = rich
+    (policy,) = [n for n in page.all("meta") if n.attributes.get("http-equiv") == "Content-Security-Policy"]
+
+    assert policy.attributes["content"] == "default-src 'none'; style-src 'unsafe-inline'; img-src data:"
+
+
+def test_page_has_language_title_and_one_main_landmark(rich: Any) -> None:
+    page, _ = rich
+
+    assert page.all("html")[0].attributes["lang"] == "en"
+    assert page.text(page.all("title")[0])
+    assert (len(page.all("main")), len(page.all("h1"))) == (1, 1)
+
+
+def test_headings_leave_no_level_out(rich: Any) -> None:
+    page, _ = rich
+    levels = [int(n.tag[1]) for n in page.all("h1", "h2", "h3", "h4")]
+
+    assert all(b - a <= 1 for a, b in pairwise(levels))
+
+
+def test_ids_are_unique_and_every_link_has_its_target(rich: Any) -> None:
+    page, _ = rich
+    ids = [n.attributes["id"] for n in page.nodes if "id" in n.attributes]
+
+    assert len(ids) == len(set(ids))
+    assert {n.attributes["href"] for n in page.all("a")} <= {f"#{name}" for name in ids}
+
+
+def test_every_table_has_a_caption_scopes_and_a_box_of_its_own_to_scroll_in(rich: Any) -> None:
+    page, _ = rich
+    for table in page.all("table"):
+        inside = [n for n in page.nodes if table in n.parents]
+        assert [n for n in inside if n.tag == "caption" and page.text(n)]
+        assert all(n.attributes.get("scope") in {"col", "row", "rowgroup"} for n in inside if n.tag == "th")
+        assert table.inside(class_="scroll")
+
+
+def test_every_drawing_is_named_or_hidden_and_has_a_table_beside_it(rich: Any) -> None:
+    page, _ = rich
+    for drawing in page.all("svg"):
+        if drawing.attributes.get("aria-hidden") == "true":
+            continue
+        figure = next(n for n in drawing.parents if n.tag == "figure")
+        inside = [n for n in page.nodes if figure in n.parents]
+        names = [n.attributes["id"] for n in inside if n.tag in ("title", "desc") and page.text(n)]
+        assert set(drawing.attributes["aria-labelledby"].split()) <= set(names)
+        assert [n for n in inside if n.tag == "table" and any(p.tag == "details" for p in n.parents)]
+
+
+def glance_rows(page: Page) -> dict[tuple[str, str], list[str]]:
+    """Return {(group, row): cells} of the table at a glance."""
+    rows, group = {}, ""
+    for row in page.all("tr"):
+        if not row.inside(class_="glance"):
+            continue
+        cells = [n for n in page.nodes if n.parents and n.parents[-1] is row]
+        if cells[0].attributes.get("scope") == "rowgroup":
+            group = page.text(cells[0])
+        elif group:
+            rows[group, page.text(cells[0])] = [page.text(n) for n in cells[1:]]
+    return rows
+
+
+def test_every_row_at_a_glance_is_what_report_json_says(tmp_path: Path) -> None:
+    answers = [answer(e, {q: quantity({-1: [14.31, 12.6, 9.05]}, 0.13) for q in QUANTITIES}) for e in ROUTES]
+    folder = write(tmp_path, record("a", *answers))
+    rows = glance_rows(page_of(folder))
+    report = json.loads((folder / "report.json").read_text())
+
+    for name in QUANTITIES:
+        for engine, route in ROUTES.items():
+            cell = report["engines"][engine][route][name]
+            digits = [f"{cell[k]:.1f}" for k in ("digits_median", "digits_p01", "digits_worst")]
+            counts = [str(cell[k]) for k in ("failures", "known_gaps", "unanswered", "scenes")]
+            expected = [*digits, "0.13", *counts, cell["newton_by"], cell["linear_solve_by"]]
+            assert expected == rows[name.capitalize(), f"{engine} · {route}"][:10]
+
+
+def test_missing_engine_has_a_row_that_says_so_for_every_quantity(rich: Any) -> None:
+    rows = glance_rows(rich[0])
+
+    for name in QUANTITIES:
+        assert rows[name.capitalize(), "exudyn"] == ["no answer: the engine is missing"]
+
+
+def test_level_nobody_answered_reads_no_answer(rich: Any) -> None:
+    rows = glance_rows(rich[0])
+
+    assert rows["The engine's own Jacobian, phi_q", "pinocchio"] == ["no answer in any scene"]
+
+
+def test_answer_without_samples_reads_no_answer_and_not_zero(tmp_path: Path) -> None:
+    silent = answer("mujoco", {"position": quantity({}, None, "")}, missing=4, judged=0)
+    rows = glance_rows(page_of(write(tmp_path, record("a", silent))))
+
+    assert rows["Position", "mujoco · newton"][:4] == ["no answer"] * 4
+
+
+@pytest.mark.parametrize("planted", ["pass", "new", "failure", "missing", "nothing"])
+def test_first_heading_is_the_verdict(tmp_path: Path, planted: str) -> None:
+    good = record("a", good_answer("mujoco"))
+    runs = {
+        "pass": ([good], {}, "Pass"),
+        "new": ([{**good, "disagreements": [disagreement()]}], {}, "1 new disagreement"),
+        "failure": ([good, failed_record("b")], {}, "Infrastructure failure"),
+        "missing": ([good], {"required": ("exudyn",), "missing": {"exudyn": "gone"}}, "Engine missing"),
+        "nothing": ([], {}, "Nothing ran"),
+    }
+    records, more, expected = runs[planted]
+    page = page_of(write(tmp_path, *records, **more))
+
+    assert page.text(page.all("h1")[0])[1:] == expected
+
+
+def test_only_a_pass_has_the_sign_and_the_colour_of_one(tmp_path: Path) -> None:
+    good = record("a", good_answer("mujoco"))
+    pages = [page_of(write(tmp_path / "p", good)), page_of(write(tmp_path / "n"))]
+
+    told = [(p.all("header")[0].attributes["class"], p.text(p.all("h1")[0])[0]) for p in pages]
+    assert told == [("pass", "✓"), ("fail", "✕")]
+
+
+def test_new_disagreement_shows_its_minimal_scene_and_how_to_replay_it(rich: Any) -> None:
+    page, _ = rich
+    code = [page.text(n) for n in page.all("code")]
+
+    assert "crosscheck replay disagreements/a-mujoco-newton-velocity.toml" in code
+    assert 'name = "plain"' in code
+
+
+def test_new_disagreements_come_before_known_ones(rich: Any) -> None:
+    known = [row["known"] for row in rich[1]["disagreements"]]
+
+    assert known == sorted(known)
+    assert set(known) == {True, False}
+
+
+def test_file_outside_the_folder_is_not_shown(tmp_path: Path) -> None:
+    (tmp_path / "secret.toml").write_text("secret = 1")
+    folder = write(tmp_path / "run", record("a", good_answer("mujoco"), disagreements=[disagreement()]))
+    page = page_of(folder, outcome(new=[{**disagreement(), "key": "a", "file": "../secret.toml"}]))
+
+    assert "secret" not in page.source
+
+
+def test_digits_figure_has_one_mark_per_bin_and_line(tmp_path: Path) -> None:
+    found = {name: quantity({-5: [9.0, 10.0], -1: [15.0]}) for name in QUANTITIES}
+    page = page_of(write(tmp_path, record("a", answer("mujoco", found, judged=3))))
+    marks = [n for n in page.all("circle") if any(p.attributes.get("role") == "img" for p in n.parents)]
+    digits = [n for n in marks if any("digits-" in (p.attributes.get("aria-labelledby") or "") for p in n.parents)]
+
+    assert len(digits) == 2 * len(QUANTITIES) * 2
+
+
+def luminance(colour: str) -> float:
+    parts = [int(colour[k : k + 2], 16) / 255 for k in (1, 3, 5)]
+    linear = [c / 12.92 if c <= 0.03928 else ((c + 0.055) / 1.055) ** 2.4 for c in parts]
+    return 0.2126 * linear[0] + 0.7152 * linear[1] + 0.0722 * linear[2]
+
+
+def contrast(a: str, b: str) -> float:
+    high, low = sorted((luminance(a), luminance(b)), reverse=True)
+    return (high + 0.05) / (low + 0.05)
+
+
+@pytest.mark.parametrize("paper", ["#fdfdfc", "#14171a"])
+def test_first_five_series_stand_out_from_the_paper(rich: Any, paper: str) -> None:
+    assert paper in rich[0].source
+    for colour in COLOURS[1:5]:
+        assert contrast(colour, paper) > 2.9, colour
+
+
+def test_text_colours_are_readable_on_their_paper(rich: Any) -> None:
+    css = rich[0].text(rich[0].all("style")[0])
+    themes = [dict(re.findall(r"--(\w+): (#[0-9a-f]{6});", block)) for block in re.findall(r":root \{(.*?)\}", css)[:2]]
+
+    assert len(themes) == 2
+    for theme in themes:
+        for name in ("ink", "soft", "link", "good", "bad", "gap"):
+            assert contrast(theme[name], theme["paper"]) > 4.5, name
+
+
+def test_no_two_series_look_the_same() -> None:
+    assert len({style(k) for k in range(40)}) == 40
+
+
+@pytest.mark.parametrize(
+    ("value", "expected"),
+    [
+        (None, wording.NO_ANSWER),
+        (0.0, "0"),
+        (0.03413, "0.034"),
+        (0.99999, "0.99999"),
+        (1.0, "1.0"),
+        (1.0000004, "1.0000004"),
+        (5.26, "5.3"),
+        (41234.0, "41\u202f234"),
+        (2.6e13, "2.6 × 10¹³"),
+        (1.7976931348623157e308, "unbounded"),
+    ],
+)
+def test_ratio_is_never_rounded_across_one(value: float | None, expected: str) -> None:
+    assert wording.ratio(value) == expected

@@ -1,0 +1,154 @@
+"""The numbers that proofs are made of: exact laws and geometry, and float64 numbers with bounds that hold."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from flint import arb, ctx
+
+from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
+from refkin.proof.bounded import Bounded, Extended, Times, bounded_system, box, read
+from refkin.proof.exact import exact, exact_system
+
+from .assembled import FAMILIES
+
+BITS = 200
+
+
+def number(x: Any) -> Any:
+    """Return a long double as an exact ball."""
+    high = float(x)
+    return arb(high) + float(x - np.longdouble(high))
+
+
+def table(knots: int, periodic: bool) -> Table:
+    rng = np.random.default_rng(knots)
+    value = rng.uniform(-1, 1, knots)
+    value[-1] = value[0] if periodic else value[-1]
+    argument = np.cumsum(rng.uniform(0.5, 1.5, knots)) - 2.0
+    return Table(argument=tuple(argument.tolist()), value=tuple(value.tolist()), periodic=periodic)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize("knots", [2, 3, 4, 5, 30])
+def test_the_exact_spline_is_that_of_scipy_up_to_round_off(knots: int, periodic: bool) -> None:
+    law, low = table(knots, periodic), table(knots, periodic).argument[0]
+    times = np.linspace(low - 30.0, low + 30.0, 50) if periodic else np.linspace(low, law.argument[-1], 50)
+    with ctx.workprec(BITS):
+        spline = exact(law)
+        for order in range(3):
+            found = [float(spline(arb(t), order)) for t in times.tolist()]
+            # Scale of the order-th derivative: the values are below 1, the knots half a unit apart at least.
+            np.testing.assert_allclose(found, law(times, order), rtol=0, atol=1e-13 * 4.0**order)
+        found = [float(spline.integral(arb(t))) for t in times.tolist()]
+    np.testing.assert_allclose(found, law.integral(times), rtol=0, atol=1e-12)
+
+
+def test_the_exact_spline_goes_through_its_table() -> None:
+    law = table(30, periodic=False)
+    with ctx.workprec(BITS):
+        spline = exact(law)
+        for t, value in zip(law.argument, law.value, strict=True):
+            assert abs(spline(arb(t)) - value) < 1e-50
+
+
+def test_the_exact_spline_refuses_a_time_that_is_not_exact() -> None:
+    with pytest.raises(ValueError, match="exact time"):
+        exact(table(4, periodic=False))(arb(0.5, 0.1))
+
+
+LAWS: tuple[Law, ...] = (
+    Polynomial(coefficients=(0.1, 0.0, -0.3, 0.7)),
+    Sinusoid(amplitude=0.4, angular_frequency=3.0, offset=0.2, phase=0.6),
+    Integral(rate=Sinusoid(amplitude=0.4, angular_frequency=0.0, offset=0.2, phase=0.6), initial=0.3),
+    Integral(rate=Sinusoid(amplitude=0.4, angular_frequency=3.0), initial=-0.1),
+    Integral(rate=Polynomial(coefficients=(0.1, 0.3)), initial=0.3),
+    Integral(rate=table(7, periodic=True)),
+)
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_an_exact_law_is_the_float_law_without_its_rounding(law: Law, order: int) -> None:
+    for t in (-1.3, 0.0, 0.7, 2.9):
+        with ctx.workprec(BITS):
+            value = arb(exact(law)(arb(t), order))
+            assert float(value.rad()) < 1e-50
+            assert abs(value - float(law(t, order))) < 1e-14
+
+
+def test_the_numbers_of_a_joint_are_exact() -> None:
+    system, _ = FAMILIES[1](np.random.default_rng(0)).system()
+    slider = next(p for p in exact_system(system, BITS).placed if p.constraint.type == "prismatic")
+    normal = slider.g[4:6]
+    with ctx.workprec(BITS):
+        assert abs(normal[0] * normal[0] + normal[1] * normal[1] - 1) < 1e-55
+
+
+@pytest.mark.parametrize("kind", [float, np.longdouble])
+@pytest.mark.parametrize("largest", [1.0, 1e3, 1e6, 1e9])
+def test_sine_and_cosine_are_within_two_ulp_as_is_assumed(kind: type, largest: float) -> None:
+    x = np.random.default_rng(0).uniform(-largest, largest, 1000).astype(kind)
+    with ctx.workprec(BITS):
+        for argument, sine, cosine in zip(x, np.sin(x), np.cos(x), strict=True):
+            for true, found in ((number(argument).sin(), sine), (number(argument).cos(), cosine)):
+                assert abs(true - number(found)) < 2 * float(np.spacing(abs(found)))
+
+
+@pytest.mark.parametrize("kind", [Bounded, Extended])
+@pytest.mark.parametrize("operation", ["__add__", "__sub__", "__rsub__", "__mul__", "cos", "sin"])
+def test_each_operation_bounds_its_own_rounding(operation: str, kind: type[Bounded]) -> None:
+    rng = np.random.default_rng(0)
+    operands = [kind.exactly(rng.uniform(-1, 1, 1000)) for _ in range(2 - (operation in ("cos", "sin")))]
+    found = getattr(operands[0], operation)(*operands[1:])
+    with ctx.workprec(BITS):
+        for k, bound in enumerate(found.rounding):
+            exact_operands = [number(x.mid[k]) for x in operands]
+            assert abs(getattr(exact_operands[0], operation)(*exact_operands[1:]) - number(found.mid[k])) <= bound
+
+
+def evaluated(system: Any, q: Any, qd: Any, t: Any) -> Any:
+    """Return phi, phi_q, nu and gamma, one after the other, in any arithmetic."""
+    return np.concatenate(
+        [x.ravel() for x in (system.phi(q, t), system.phi_q(q, t), system.nu(q, t), system.gamma(q, qd, t))]
+    )
+
+
+def objects(q: Any) -> Any:
+    out = np.empty(len(q), object)
+    out[:] = [arb(float(x)) for x in q]
+    return out
+
+
+def excess(family: int, kind: type[Bounded], radius: float, corner: bool) -> Any:
+    """Return the true |value - mid| of all formulas at points of a box, over what `rounding` + `spread` allow."""
+    rng = np.random.default_rng(family)
+    system, q = FAMILIES[family](rng).system()
+    q, qd = q + rng.uniform(-1, 1, q.shape), rng.uniform(-1, 1, q.shape)
+    numbers = bounded_system(system, kind), box(q[:, None], radius, kind), box(qd[:, None], radius, kind)
+    bounds = read(evaluated(*numbers, Times([0.3], 2)), 1)
+    ratios = []
+    for _ in range(10):
+        moves = rng.choice([-1.0, 1.0], (2, len(q))) if corner else rng.uniform(-1, 1, (2, len(q)))
+        at, moving = q + moves[0] * radius * (1 - 1e-6), qd + moves[1] * radius * (1 - 1e-6)
+        with ctx.workprec(BITS):
+            true = evaluated(exact_system(system, BITS), objects(at), objects(moving), arb(0.3))
+            off = np.array([float(abs(x - m)) for x, m in zip(true, bounds.mid[:, 0].tolist(), strict=True)])
+        allowed = bounds.rounding[:, 0] + bounds.spread[:, 0]
+        assert not off[allowed == 0].any()
+        ratios.append(off[allowed > 0] / allowed[allowed > 0])
+    return np.array(ratios)
+
+
+@pytest.mark.parametrize("kind", [Bounded, Extended])
+@pytest.mark.parametrize("radius", [0.0, 1e-12, 1e-3, 1.0])
+@pytest.mark.parametrize("family", range(len(FAMILIES)))
+def test_every_formula_stays_within_its_bounds_over_a_box(family: int, radius: float, kind: type[Bounded]) -> None:
+    assert np.max(excess(family, kind, radius, corner=False)) <= 1
+
+
+@pytest.mark.parametrize("family", range(len(FAMILIES)))
+def test_the_bounds_over_a_box_are_reached_to_a_good_part(family: int) -> None:
+    assert np.max(np.median(excess(family, Bounded, 1e-3, corner=True), axis=1)) > 0.1
