@@ -162,7 +162,7 @@ def _check_levels(engine: Engine, scene: Scene, at: Sequence[Configuration], rec
 
 def _level_record(engine: Engine, level: Level, found: LevelComparison) -> dict[str, Any]:
     digits = histogram(found.digits)
-    return {"engine": engine.name, "level": level.value, "ratio": found.ratio, "digits": digits, "rows": found.rows}
+    return {"engine": engine.name, "level": level.value, "ratio": found.ratio, "digits": digits, "rows": found.rows, "worst": found.worst}
 
 
 def histogram(digits: Iterable[float]) -> dict[str, int]:

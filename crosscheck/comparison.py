@@ -149,8 +149,10 @@ def _judge(
         return out
     error, allowed, ours = error[:, lanes], allowed[:, lanes], ours[:, lanes]
     with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.where(np.isfinite(error), error, np.inf)  # a NaN that calls itself an answer is as wrong as can be
         ratio = np.where(error == 0.0, 0.0, error / allowed)
-        scale = 1.0 if level == 0 else np.max(np.abs(ours), axis=0)
+        largest = np.max(np.abs(ours), axis=0)
+        scale = np.where((level == 0) | (largest == 0.0), 1.0, largest)
         relative = np.where(np.max(error, axis=0) == 0.0, 0.0, np.max(error, axis=0) / scale)
         digits = np.minimum(MOST_DIGITS, -np.log10(relative))
     out.error[lanes], out.ratio[lanes], out.digits[lanes] = np.max(error, axis=0), np.max(ratio, axis=0), digits

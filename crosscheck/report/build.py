@@ -37,6 +37,7 @@ COVERAGE_NAMES = {
     "branch": "Branch",
     "distance_decade": "Decade of the drawn distance to a limit position or change point",
     "sigma_min_decade": "Decade of the smallest singular value met",
+    "hardness": "How it was drawn",
 }
 
 
@@ -93,7 +94,7 @@ def render(report: Mapping[str, Any]) -> str:
     environment.filters.update(
         {
             name: getattr(wording, name)
-            for name in ("digits", "count", "number", "ratio", "sample", "seeding", "words", "known")
+            for name in ("digits", "count", "number", "ratio", "sample", "seeding", "whose", "words", "known")
         }
     )
     source = files("crosscheck.report")

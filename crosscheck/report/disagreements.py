@@ -19,6 +19,9 @@ MOST_EXAMPLES = 5
 MOST_TEXT = 20_000
 """Characters of a scene file that are shown."""
 
+SHRUNK = "# shrunk: True"
+"""A line that a run writes into the scene files that are minimal."""
+
 Identity = tuple[str, str, str, str, str]
 """Record key, engine, route, quantity, kind."""
 
@@ -101,7 +104,8 @@ class Disagreements:
         rows = [group.described() for group in order]
         for row in rows:
             for example in row["examples"][:1]:
-                example["toml"] = self._text(example.get("file"))
+                text = example["toml"] = self._text(example.get("file"))
+                example["shrunk"] = bool(example["shrunk"] or (text and SHRUNK in text.splitlines()))
         return rows
 
     def _gap(self, raw: Mapping[str, Any], plain: Mapping[str, Any]) -> Gap | None:

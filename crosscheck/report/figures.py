@@ -71,7 +71,7 @@ def _bins(report: Report) -> list[Bin]:
 
 
 def _blanks(report: Report) -> list[tuple[tuple[str, str], int]]:
-    """Return ((engine, route), decade of the scene's smallest sigma_min) where configurations went without an answer."""
+    """Return ((engine, route), decade of a scene's smallest sigma_min) where configurations have no answer."""
     return [
         ((row["engine"], row["route"]), int(decade))
         for row in report["routes"]

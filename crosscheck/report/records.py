@@ -69,7 +69,7 @@ class ReferenceRow(_Data):
     verdict: str
     message: str = ""
     statuses: dict[str, NonNegativeInt]
-    sigma_min: float | None
+    sigma_min: float
     residual: float | None
     certified_radius: dict[str, float | None] = {}
     seconds: float

@@ -35,7 +35,7 @@ class ReferenceTotals:
         for name, radius in row.certified_radius.items():
             if radius is not None and radius > self.radii.get(name, (-1.0, place))[0]:
                 self.radii[name] = (radius, place)
-        if row.sigma_min is not None and (self.smallest_sigma is None or row.sigma_min < self.smallest_sigma[0]):
+        if self.smallest_sigma is None or row.sigma_min < self.smallest_sigma[0]:
             self.smallest_sigma = (row.sigma_min, place)
 
     def described(self) -> dict[str, Any]:

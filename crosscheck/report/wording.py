@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from typing import Any
 
@@ -54,6 +55,20 @@ def ratio(value: float | None) -> str:
 def seeding(value: str | None) -> str:
     """Return in words how much of the answer a route was given."""
     return NO_ANSWER if value is None else SEEDING.get(value, value)
+
+
+def whose(text: str | None, quantity: str) -> str:
+    """Return who did something for one quantity, in short: the table of routes has the whole text.
+
+    A route may tell by quantity, as in "position: exudyn; velocity, acceleration: adapter (numpy)".
+    """
+    if text is None:
+        return NO_ANSWER
+    parts = [part.partition(": ") for part in text.split("; ")]
+    told = {name.strip(): who for names, colon, who in parts if colon for name in names.split(",")}
+    bare = re.sub(r" \([^)]*\)", "", told.get(quantity, text))
+    clause = re.split("[,;]", bare)[0]
+    return clause if clause == bare else f"{clause} …"
 
 
 def sample(text: str) -> str:

@@ -369,6 +369,13 @@ def test_no_answer_and_wrong_answer_in_one_scene_is_one_failing_scene(tmp_path: 
     assert (cell["failures"], cell["unanswered"], report["new_disagreements"]) == (1, 1, 2)
 
 
+def test_route_without_an_answer_fails_in_every_quantity_it_owes(tmp_path: Path) -> None:
+    told = [disagreement(quantity="status", kind="no answer", ratio=None)]
+    report = reported(write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=told)))
+
+    assert [report["engines"]["mujoco"]["newton"][name]["failures"] for name in QUANTITIES] == [1, 1, 1]
+
+
 def test_second_record_of_a_scene_is_not_counted(tmp_path: Path) -> None:
     twice = record("a", good_answer("mujoco"))
     report = reported(write(tmp_path, twice, twice))
@@ -390,7 +397,7 @@ def test_judged_configurations_without_digits_are_noted(tmp_path: Path) -> None:
 
 def test_coverage_counts_scenes_by_property_and_decade(tmp_path: Path) -> None:
     second = record("b", good_answer("mujoco"))
-    second["about"] |= {"kind": "slider_crank", "grashof": None, "distance": 3e-7}
+    second["about"] |= {"kind": "slider_crank", "grashof": None, "distance": 8e-7}
     coverage = reported(write(tmp_path, record("a", good_answer("mujoco")), second))["coverage"]
 
     expected = ({"four_bar": 1, "slider_crank": 1}, {"crank-rocker": 1, "not applicable": 1}, {"-7": 1, "-2": 1})

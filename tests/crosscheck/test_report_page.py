@@ -282,12 +282,13 @@ def test_file_outside_the_folder_is_not_shown(tmp_path: Path) -> None:
 
 
 def test_digits_figure_has_one_mark_per_bin_and_line(tmp_path: Path) -> None:
-    found = {name: quantity({-5: [9.0, 10.0], -1: [15.0]}) for name in QUANTITIES}
-    page = page_of(write(tmp_path, record("a", answer("mujoco", found, judged=3))))
-    marks = [n for n in page.all("circle") if any(p.attributes.get("role") == "img" for p in n.parents)]
-    digits = [n for n in marks if any("digits-" in (p.attributes.get("aria-labelledby") or "") for p in n.parents)]
+    near = {name: quantity({-5: [9.0, 10.0], -1: [15.0]}) for name in QUANTITIES}
+    far = {name: quantity({0: [16.0]}) for name in QUANTITIES}
+    page = page_of(write(tmp_path, record("a", answer("exudyn", near, judged=3), answer("mujoco", far, judged=1))))
+    marks = [n for n in page.all("circle", "path") if n.parents[-1].attributes.get("role") == "img"]
+    digits = [n for n in marks if "digits-" in (n.parents[-1].attributes["aria-labelledby"] or "")]
 
-    assert len(digits) == 2 * len(QUANTITIES) * 2
+    assert len(digits) == 2 * len(QUANTITIES) * (2 + 1)
 
 
 def luminance(colour: str) -> float:
@@ -320,6 +321,29 @@ def test_text_colours_are_readable_on_their_paper(rich: Any) -> None:
 
 def test_no_two_series_look_the_same() -> None:
     assert len({style(k) for k in range(40)}) == 40
+
+
+def test_scene_that_a_run_shrunk_is_called_minimal_when_the_page_is_made_again(tmp_path: Path) -> None:
+    folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=[disagreement()]))
+    (folder / "disagreements").mkdir()
+    (folder / "disagreements" / "a-mujoco-newton-velocity.toml").write_text("# engine: mujoco\n# shrunk: True\n")
+
+    assert "Shrunk to a minimal scene" in page_of(folder).source
+
+
+@pytest.mark.parametrize(
+    ("text", "quantity", "expected"),
+    [
+        ("numpy", "position", "numpy"),
+        ("exudyn (SolveStatic, default settings)", "position", "exudyn"),
+        ("position: exudyn; velocity, acceleration: adapter (numpy)", "position", "exudyn"),
+        ("position: exudyn; velocity, acceleration: adapter (numpy)", "acceleration", "adapter"),
+        ("exudyn at qdd = 0, combined by the adapter", "acceleration", "exudyn at qdd = 0 …"),
+        (None, "position", wording.NO_ANSWER),
+    ],
+)
+def test_short_form_of_who_did_it_says_where_it_is_cut(text: str | None, quantity: str, expected: str) -> None:
+    assert wording.whose(text, quantity) == expected
 
 
 @pytest.mark.parametrize(
