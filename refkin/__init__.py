@@ -8,7 +8,8 @@
 `system`                  phi(q, t) = 0, phi_q qd = nu, phi_q qdd = gamma
 `differences`             forward, central, complex-step Jacobians
 `newton`                  Newton's method on callables, with its history
-`starts`, `sweep`         the first pose, and from one pose to the next on one branch
+`contacts`, `starts`      the first pose: where cams are touched, which assembly is meant
+`sweep`                   from one pose to the next on one branch
 `motion`, `points`        what is answered
 `analysis`                position, velocity, acceleration: a Scene becomes a Motion
 `linkages`                four-bar and slider-cranks by their lengths
@@ -18,7 +19,8 @@
 Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockwise in rad):
 
 ========= ======================================= ==============================================================
-`q`       coordinates, (x, y, phi) per body       `qd`, `qdd` their rates
+`q`       coordinates, (x, y, phi) per body,      `qd`, `qdd` their rates
+          then contact parameters
 `phi`     constraint residual, Shabana's C        phi(q, t) = 0
 `phi_q`   constraint Jacobian
 `nu`      velocity right side                     nu = -phi_t,  phi_q qd = nu
@@ -31,11 +33,16 @@ from refkin.analysis import acceleration, position, solve, velocity
 from refkin.errors import Fault, InvalidScene, RefkinError
 from refkin.joints import (
     AngleDriver,
+    Cam,
+    Disc,
     Distance,
     DistanceDriver,
     Fixed,
+    Gear,
     PointOnLine,
+    Polar,
     Prismatic,
+    RackAndPinion,
     Revolute,
     Unit,
     XDriver,
@@ -52,6 +59,8 @@ from refkin.system import System, compile_system
 __all__ = [
     "AngleDriver",
     "Body",
+    "Cam",
+    "Disc",
     "Distance",
     "DistanceDriver",
     "Effect",
@@ -59,6 +68,7 @@ __all__ = [
     "Fault",
     "Fixed",
     "FourBar",
+    "Gear",
     "Integral",
     "InvalidScene",
     "InvertedSliderCrank",
@@ -68,8 +78,10 @@ __all__ = [
     "NewtonStatus",
     "Point",
     "PointOnLine",
+    "Polar",
     "Polynomial",
     "Prismatic",
+    "RackAndPinion",
     "RefkinError",
     "Revolute",
     "Scene",

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.contacts import end_of_profile
 from refkin.differences import EPS
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import CertifiedRadius, ContactMotion, Motion, PointMotion, Producer, Route, Seeding, Status, nowhere
@@ -80,11 +81,13 @@ def _positions(system: System, scene: Scene) -> tuple[Any, list[Status], str]:
     while done < count and not why:
         arrival = sweep.to(scene.times[done])
         if arrival is Arrival.STOPPED:
-            why = f"the branch ends at a singular pose after t = {sweep.t[-1]:.17g}"
+            cam = end_of_profile(system, sweep.q[-1])
+            end = f"the contact of {cam} leaves its profile" if cam else "the branch ends at a singular pose"
+            why = f"{end} after t = {sweep.t[-1]:.17g}"
             break
         q[:, done] = sweep.q[-1]
         done += 1
-        if arrival is Arrival.AT_SINGULAR_POSE and not isolate(system, sweep.q[-1][:, None], sweep.t[-1:]).ok[0]:
+        if arrival is Arrival.AT_SINGULAR_POSE:
             why = f"the pose at t = {sweep.t[-1]:g} is singular: how the branch goes on is not decided"
     status, gap = _proved(system, scene, [Status.OK] * done + [Status.BRANCH_LOST] * (count - done))
     return q, status, "; ".join(filter(None, (start.message, why, gap)))
@@ -95,7 +98,7 @@ def _proved(system: System, scene: Scene, status: list[Status]) -> tuple[list[St
     told = ""
     for k, t in enumerate(scene.times):
         if status[k] in (Status.BRANCH_LOST, Status.NOT_CONVERGED):
-            found = assemblies(system, t)
+            found = assemblies(system, t, trying=False)
             if found.unassemblable:
                 status[k] = Status.UNASSEMBLABLE
                 told = told or f"at t = {t:g} {unassemblable(system, found)}"

@@ -119,7 +119,7 @@ class Scene:
 
     def __post_init__(self) -> None:
         m = self.mechanism
-        found = list(scene_faults(m.bodies, m.drivers, self.times, self.points, self.bodies_wanted))
+        found = list(scene_faults(m.bodies, m.joints, m.drivers, self.times, self.points, self.bodies_wanted))
         if found:
             raise InvalidScene(found, self.name)
 
@@ -145,7 +145,7 @@ def mechanism_faults(
     for kind, constraints in (("joint", joints), ("driver", drivers)):
         for k, constraint in enumerate(constraints):
             yield from _constraint_faults(f"{kind}[{k}]", constraint, known)
-    missing = 3 * len(bodies) - sum(c.rows for c in (*joints, *drivers))
+    missing = 3 * len(bodies) - sum(c.rows - c.parameters for c in (*joints, *drivers))
     if bodies and missing > 0:
         yield Fault("driver", None, f"{missing} more constraint{'s' * (missing > 1)}: add drivers")
 
@@ -162,6 +162,7 @@ def _constraint_faults(path: str, constraint: Constraint, known: tuple[str, ...]
 
 def scene_faults(
     bodies: Sequence[Body],
+    joints: Sequence[Constraint],
     drivers: Sequence[Driver],
     times: Sequence[float],
     points: Sequence[Point] = (),
@@ -187,12 +188,14 @@ def scene_faults(
         yield from finite_faults(f"point[{k}]", point)
         if point.body not in names:
             yield Fault(f"point[{k}].body", point.body, f"a body of the scene: {', '.join(names)}")
-    for k, driver in enumerate(drivers):
-        for law in driver.laws:
-            if times and not list(law.faults("")):
-                low, high = law.domain()
-                if not (low <= times[0] and times[-1] <= high):
-                    yield Fault(f"driver[{k}].law.argument", [low, high], f"a table from {times[0]} to {times[-1]}")
+    for kind, constraints in (("joint", joints), ("driver", drivers)):
+        for k, constraint in enumerate(constraints):
+            for key, law in zip(constraint.law_keys, constraint.laws, strict=True):
+                if times and not list(law.faults("")):
+                    low, high = law.domain()
+                    if not (low <= times[0] and times[-1] <= high):
+                        expected = f"a table from {times[0]} to {times[-1]}"
+                        yield Fault(f"{kind}[{k}].{key}.argument", [low, high], expected)
 
 
 def name_faults(kind: str, names: Sequence[str], taken: Sequence[str] = ()) -> Iterator[Fault]:

@@ -77,6 +77,15 @@ class PointMotion:
     a: Array | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class ContactMotion:
+    """The contact parameter of a cam [rad] and its rates, each (T,); None if not called for."""
+
+    s: Array
+    sd: Array | None = None
+    sdd: Array | None = None
+
+
 @dataclass(frozen=True)
 class BodyMotion:
     """One body's rows of a motion, by name: x, y, phi and their rates xd ... phidd, each (T,)."""
@@ -114,6 +123,8 @@ class Motion:
         Smallest singular value and condition number of the scaled phi_q; NaN if not called for.
     certified_radius : CertifiedRadius
         NaN where there is no proof.
+    contacts : mapping
+        By name of the joint, where cams are touched; from refkin alone.
     """
 
     t: Array
@@ -128,6 +139,7 @@ class Motion:
     condition: Array
     certified_radius: CertifiedRadius
     points: Mapping[str, PointMotion] = field(default_factory=dict)
+    contacts: Mapping[str, ContactMotion] = field(default_factory=dict)
     message: str = ""
 
     def __getitem__(self, body: str) -> BodyMotion:

@@ -1,13 +1,14 @@
 """Laws of motion f(t) with exact derivatives and integrals: polynomial, sinusoid, table (cubic spline).
 
-A law is evaluated by order: `law(t, 0)` is f, `law(t, 1)` is f', up to order 3. `t` is a float or a NumPy row; for
-polynomial and sinusoid a number of any arithmetic.
+A law is evaluated by order: `law(t, 0)` is f, `law(t, 1)` is f', up to order 3. `t` is a number of any arithmetic for
+polynomial and sinusoid; for a table it is a float, a NumPy row, a complex number or a row of them (to first order in
+the imaginary part, which is all that a complex step asks for), or a number that brings a method `through`.
 A law given as a rate f' becomes `Integral(rate=..., initial=f(0))`, integrated exactly.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal, Protocol
@@ -98,7 +99,10 @@ class Sinusoid(_Everywhere):
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Cubic spline through (argument, value): not-a-knot ends, or, if periodic, smooth (C2) all around."""
+    """Cubic spline through (argument, value): not-a-knot ends, or, if periodic, smooth (C2) all around.
+
+    Outside its arguments a table that is not periodic has no value: NaN.
+    """
 
     argument: tuple[float, ...]
     value: tuple[float, ...]
@@ -110,13 +114,18 @@ class Table:
     def _spline(self) -> Any:
         from scipy.interpolate import CubicSpline  # here, because importing it costs more than the rest of refkin
 
-        return CubicSpline(self.argument, self.value, bc_type="periodic" if self.periodic else "not-a-knot")
+        if self.periodic:
+            return CubicSpline(self.argument, self.value, bc_type="periodic")
+        return CubicSpline(self.argument, self.value, extrapolate=False)
 
     def __call__(self, t: Any, order: int = 0) -> Any:
-        return self._spline(t, order)[()]
+        return _through(lambda x, k: self._spline(x, order + k)[()], t)
 
     def integral(self, t: Any) -> Any:
         """Return the integral of the spline from 0 to t, exact piece by piece."""
+        return _through(lambda x, k: self._spline(x)[()] if k else self._integral(x), t)
+
+    def _integral(self, t: Any) -> Any:
         return np.vectorize(lambda end: float(self._spline.integrate(0.0, end)), otypes=[float])(t)[()]
 
     def domain(self) -> tuple[float, float]:
@@ -163,6 +172,15 @@ class Integral:
 
 AnyLaw = Annotated[Polynomial | Sinusoid | Table, Field(discriminator="kind")]
 """The laws a scene file may name, by their `kind`."""
+
+
+def _through(f: Callable[[Any, int], Any], t: Any) -> Any:
+    """Return f(t, 0) of a function of real numbers whose derivative is f(t, 1)."""
+    if hasattr(t, "through"):
+        return t.through(f)
+    if np.iscomplexobj(t):
+        return f(np.real(t), 0) + 1j * np.imag(t) * f(np.real(t), 1)
+    return f(t, 0)
 
 
 def _horner(coefficients: list[float], t: Any) -> Any:

@@ -151,7 +151,7 @@ def newton(
     phi, phi_q : callable
         Residual and Jacobian; the Jacobian may be a difference quotient (`refkin.differences.jacobian`).
     q0 : float or (n,) array
-        The estimate.
+        The estimate; if it is complex, so are the iterates, and the residual may be.
     stop : StoppingTest, optional
         `RoundOff()` by default.
     max_iterations : int
@@ -167,8 +167,11 @@ def newton(
         Never raises for numbers that fail: the status says how it ended.
     """
     stop = RoundOff() if stop is None else stop
-    q = np.atleast_1d(np.array(q0, float))
+    q = np.atleast_1d(np.array(q0, complex if np.iscomplexobj(q0) else float))
     iterates, corrections = [q], []
+    if not np.isfinite(q).all():
+        nowhere = np.full((1, q.size), np.nan)
+        return NewtonResult(NewtonStatus.NOT_FINITE, q, q[None], nowhere, np.empty((0, q.size)))
     with np.errstate(all="ignore"):  # leaving the domain is a status, not a warning
         residuals = [_vector(phi(q))]
         status = NewtonStatus.ITERATION_LIMIT
@@ -209,7 +212,7 @@ def solve_linear(matrix: Any, right: Any) -> Any:
 
 
 def _vector(value: Any) -> Any:
-    return np.atleast_1d(np.asarray(value, float))
+    return np.atleast_1d(np.asarray(value, complex if np.iscomplexobj(value) else float))
 
 
 def _damp(phi: Callable[[Any], Any], q: Any, residual: Any, correction: Any) -> Any:

@@ -136,7 +136,7 @@ def _meaning(file: SceneFile) -> list[Fault]:
     """Return what is wrong with a file whose keys and types are right."""
     grid = list(file.times.faults())
     times = () if grid else file.times.times()
-    scene = scene_faults(file.body, file.driver, times, file.point, file.bodies_wanted)
+    scene = scene_faults(file.body, file.joint, file.driver, times, file.point, file.bodies_wanted)
     found = [*grid, *mechanism_faults(file.body, file.joint, file.driver), *scene]
     return [f for f in found if not (grid and f.path == "times")]
 
@@ -261,4 +261,6 @@ _TAGS = {
     "polynomial",
     "sinusoid",
     "table",
+    "disc",
+    "polar",
 }

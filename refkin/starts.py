@@ -14,9 +14,11 @@ from refkin.model import Scene
 from refkin.motion import Status
 from refkin.newton import NewtonResult, newton
 from refkin.proof.assembly import Assemblies, assemblies
-from refkin.proof.search import closes
 from refkin.sweep import contracts
 from refkin.system import System
+
+COUNTED = 1e-6
+"""Scaled residual that says that a constraint counts a turn: far above round-off, far below what a gear makes of it."""
 
 
 @dataclass(frozen=True)
@@ -73,9 +75,7 @@ def _newton(system: System, t: float, start: Any, damped: bool = False) -> Newto
     return newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start, damped=damped)
 
 
-def _choice(
-    system: System, found: Assemblies, estimate: Any, missing: list[str], t: float
-) -> tuple[Any, str]:
+def _choice(system: System, found: Assemblies, estimate: Any, missing: list[str], t: float) -> tuple[Any, str]:
     """Return an assembly and what to say of the choice: the nearest to what estimates there are, else the first."""
     held = np.zeros(system.n, bool)
     for body in system.mechanism.bodies:
@@ -92,17 +92,15 @@ def _choice(
     return poses[nearest], f"no estimate for {', '.join(missing)}: {which}{sides}; "
 
 
-
 def _turned_to(system: System, q: Any, estimate: Any, held: Any, t: float) -> Any:
     """Return the assembly with whole turns added to its angles so that they are nearest to the estimate's.
 
     Turns that a driver, gear or profile counts are not ours to choose: none are added that break a constraint.
     """
     turns = math.tau * np.where(system.angles & held, np.round((estimate - q) / math.tau), 0.0)
-    if closes(system, q + turns, t):
-        return q + turns
-    for k in np.flatnonzero(turns):
-        moved = q.copy()
-        moved[k] += turns[k]
-        q = moved if closes(system, moved, t) else q
+    for some in (turns, *np.diag(turns)):
+        if some.any() and np.max(np.abs(system.phi(q + some, t))) < COUNTED:
+            q = q + some
+            if some is turns:
+                break
     return q

@@ -1,9 +1,10 @@
 """Position over time: from one pose to the next, on one branch.
 
 From the last poses the next is predicted by a polynomial in t, then Newton corrects it. The step is taken only if
-Newton contracted at once (its second correction is a small part of the first: no other root is near) and the sign of
-det phi_q is what it was; otherwise it is halved. So the branch is never changed; where no step is small enough the sweep
-stops, and says whether it stopped at a singular pose.
+the correction is small against the move, Newton contracted at once (its second correction is a small part of the first:
+no other root is near) and the sign of det phi_q is what it was; otherwise it is halved. Where no step is small enough
+the sweep stops, and says whether it stopped at a singular pose. That the branch was never changed is proved afterwards
+(`proof.tube`).
 """
 
 from __future__ import annotations
@@ -17,10 +18,22 @@ import numpy as np
 
 from refkin.differences import EPS
 from refkin.newton import NewtonResult, RoundOff, newton
+from refkin.proof.isolate import isolate
+from refkin.proof.preconditioned import independent_rows
 from refkin.system import System
 
 CONTRACTION = 1 / 8
 """Largest ratio of Newton's second correction to its first: a quarter of what Newton-Kantorovich needs for a root."""
+NEAR = 1 / 4
+"""Largest correction of a prediction, in units of the move from the last pose."""
+FIRST = 0.1
+"""Largest first move, for which there is no prediction yet [sizes, rad]."""
+TINY = 1e-6
+"""Corrections below it are round-off of a good prediction, or too small to leave a regular branch [sizes, rad]."""
+NOISE = 256 * EPS
+"""What rounding leaves of phi, times what sigma_min may have shrunk in a step: over sigma_min it is noise in a pose."""
+FURTHEST = 1.0
+"""Largest move of an angle in one step: predictions do not know what lies within a radian [rad]."""
 REACH = 0.25
 """Largest distance to a singular pose from which it is approached in one step [sizes, rad]."""
 SINGULAR = 8 * np.sqrt(EPS)
@@ -45,29 +58,31 @@ class Sweep:
     q: list[Any]
     sign: float = field(init=False)
     steps: int = 0
+    step: float = np.inf
+    tiny: float = TINY
 
     def __post_init__(self) -> None:
         self.sign = orientation(self.system, self.q[0], self.t[0])
 
     def to(self, target: float) -> Arrival:
         """Go on to a time, in as many steps as it takes; on REACHED and AT_SINGULAR_POSE `q[-1]` is the pose there."""
-        step = target - self.t[-1]
-        smallest = 4 * EPS * max(abs(target), abs(self.t[-1]), abs(step))
+        smallest = 4 * EPS * max(abs(target), abs(self.t[-1]), target - self.t[-1])
         while self.steps < MOST_STEPS:
             self.steps += 1
-            last = step >= target - self.t[-1]
-            t = target if last else self.t[-1] + step
+            last = self.step >= target - self.t[-1]
+            t = target if last else self.t[-1] + self.step
             result = self._corrected(t)
             if self._on_branch(result, t):
+                self.step = 2 * max(t - self.t[-1], self.step if last else 0.0)
                 self._accept(result.q, t)
                 if last:
                     return Arrival.REACHED
-                step = 2 * step
                 continue
-            if last and self._arrives_at_singular_pose(t):
-                return Arrival.AT_SINGULAR_POSE
-            step = min(step, target - self.t[-1]) / 2
-            if step < smallest:
+            if last and (arrival := self._at_singular_pose(t)) is not None:
+                return arrival
+            self.step = (t - self.t[-1]) / 2
+            self.tiny = max(TINY, NOISE / max(EPS, _sigma_min(self.system, self.q[-1], self.t[-1])))
+            if self.step < smallest:
                 break
         return Arrival.STOPPED
 
@@ -85,26 +100,42 @@ class Sweep:
         return poses[0]
 
     def _corrected(self, t: float) -> NewtonResult:
-        s, stop = self.system, _WhileContracting()
+        s, stop = self.system, _WhileContracting(tiny=self.tiny)
         return newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), self._predicted(t), stop=stop)
 
     def _on_branch(self, result: NewtonResult, t: float) -> bool:
-        if not result.converged:
+        if not (result.converged and contracts(np.max(np.abs(result.corrections), axis=1), self.tiny)):
             return False
-        sizes = np.max(np.abs(result.corrections), axis=1)
-        return contracts(sizes) and orientation(self.system, result.q, t) == self.sign
+        move, off = (np.max(np.abs(result.q - q)) for q in (self.q[-1], result.iterates[0]))
+        near = off <= max(NEAR * move, self.tiny) if len(self.q) > 1 else move <= FIRST
+        turn = np.max(np.abs(result.q - self.q[-1])[self.system.angles], initial=0.0)
+        return bool(near and turn <= FURTHEST and self._same_side(result.q, t))
 
-    def _arrives_at_singular_pose(self, t: float) -> bool:
-        """Whether Newton, started at the last pose itself, ends at a singular pose nearby; accepts it if so."""
+    def _same_side(self, q: Any, t: float) -> bool:
+        """Whether det phi_q has the sign of the last pose; with redundant rows, that of independent ones there."""
+        s, last = self.system, (self.q[-1], self.t[-1])
+        if s.m == s.n:
+            return orientation(s, q, t) == self.sign
+        rows = independent_rows(s, last[0][:, None], np.array(last[1:]))
+        signs = [np.linalg.slogdet(s.phi_q(*pose)[rows])[0] for pose in (last, (q, t))]
+        return bool(signs[0] == signs[1])
+
+    def _at_singular_pose(self, t: float) -> Arrival | None:
+        """Accept a pose with a tiny sigma_min, to which Newton comes slowly from the last pose; None if there is none.
+
+        REACHED if it is proved to be alone and lies on this branch.
+        """
         s, start = self.system, self.q[-1]
         result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start, max_iterations=60)
         if not result.converged or np.max(np.abs(result.q - start)) > REACH:
-            return False
-        sigma = np.linalg.svd(s.phi_q(result.q, t), compute_uv=False)[s.n - 1]
-        if sigma > SINGULAR:
-            return False
+            return None
+        if _sigma_min(s, result.q, t) > SINGULAR:
+            return None
+        isolated = bool(isolate(s, result.q[:, None], [t]).ok[0])
+        if isolated and not self._same_side(result.q, t):
+            return None
         self._accept(result.q, t)
-        return True
+        return Arrival.REACHED if isolated else Arrival.AT_SINGULAR_POSE
 
 
 @dataclass
@@ -114,19 +145,20 @@ class _WhileContracting(RoundOff):
     Near a singular pose what is left at round-off may shrink slowly, by any factor: that takes iterations, no smaller step.
     """
 
+    tiny: float = TINY
     sizes: list[float] = field(default_factory=list)
 
     def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
         self.sizes.append(float(np.max(np.abs(correction))))
-        return super().__call__(residual, correction, q) or not contracts(self.sizes)
+        return super().__call__(residual, correction, q) or not contracts(self.sizes, self.tiny)
 
 
-def contracts(sizes: Sequence[float]) -> bool:
+def contracts(sizes: Sequence[float], tiny: float = TINY) -> bool:
     """Return whether Newton's second correction is small against its first.
 
-    A first correction below 1e-6 is round-off of a good prediction, or too small to leave a regular branch.
+    A first correction below `tiny` is not looked at.
     """
-    return len(sizes) < 2 or bool(sizes[1] <= CONTRACTION * sizes[0] or sizes[0] < 1e-6)
+    return len(sizes) < 2 or bool(sizes[1] <= CONTRACTION * sizes[0] or sizes[0] < tiny)
 
 
 def orientation(system: System, q: Any, t: float) -> float:
@@ -134,3 +166,7 @@ def orientation(system: System, q: Any, t: float) -> float:
     if system.m != system.n:
         return 0.0
     return float(np.linalg.slogdet(system.phi_q(q, t))[0])
+
+
+def _sigma_min(system: System, q: Any, t: float) -> float:
+    return float(np.linalg.svd(system.phi_q(q, t), compute_uv=False)[system.n - 1])

@@ -1,8 +1,9 @@
 """A mechanism's equations: phi(q, t) = 0, phi_q qd = nu, phi_q qdd = gamma.
 
-`compile_system` is the only place that knows where a body's coordinates sit in q. Coordinates come first, a batch comes
-last: q has shape (n,) or (n, B), t is a number or (B,), and so are all results. The dtype of q decides the arithmetic:
-float, complex, or object (balls, symbols).
+`compile_system` is the only place that knows where coordinates sit in q: three for each body, then the parameters of
+the joints that bring some (contact parameters). Coordinates come first, a batch comes last: q has shape (n,) or
+(n, B), t is a number or (B,), and so are all results. The dtype of q decides the arithmetic: float, complex, or object
+(balls, symbols).
 """
 
 from __future__ import annotations
@@ -16,14 +17,16 @@ import numpy as np
 from refkin.errors import NotCalledFor
 from refkin.joints import GROUND, SI, Constraint, Unit
 from refkin.model import Effect, Mechanism
-from refkin.vec import BodyValues
+from refkin.vec import BodyValues, ParameterValue
 
 EVERYTHING = frozenset(Effect)
+PROFILE_ORDER = 3
+"""The highest derivative of a profile that any formula takes: gamma that of a tangent, whose own rate it is."""
 
 
 @dataclass(frozen=True)
 class Placed:
-    """A constraint with its scaled geometry `g`, its first row, and where the coordinates of its bodies start in q.
+    """A constraint with its scaled geometry `g`, its first row, and where in q its bodies and its parameters start.
 
     A start is None for the ground, which has no coordinates.
     """
@@ -56,6 +59,21 @@ class System:
         start = 3 * [b.name for b in self.mechanism.bodies].index(body)
         return slice(start, start + 3)
 
+    def parameter(self, joint: str) -> slice:
+        """Return where the parameters of a joint sit in q; an empty slice if it has none."""
+        p = next(p for p in self.placed if p.constraint.name == joint)
+        return slice(p.starts[2], p.starts[2] + 1) if p.constraint.parameters else slice(0, 0)  # type: ignore[operator]
+
+    @property
+    def of_bodies(self) -> int:
+        """The number of coordinates that belong to bodies; those of parameters come after them."""
+        return 3 * len(self.mechanism.bodies)
+
+    @property
+    def angles(self) -> Any:
+        """Which coordinates are angles, (n,) of bool: phi of each body, and all parameters; the others are lengths."""
+        return (np.arange(self.n) % 3 == 2) | (np.arange(self.n) >= self.of_bodies)
+
     @property
     def row_names(self) -> tuple[str, ...]:
         """The name of each row: its constraint's, with a number where a constraint has several rows."""
@@ -68,18 +86,16 @@ class System:
     def phi(self, q: Any, t: Any) -> Any:
         """Return the constraint residual, (m,) or (m, B)."""
         q = np.asarray(q)
-        bodies = self._bodies(q)
-        rows = self._rows(bodies, t, 0, lambda c: c.residual)
+        rows = self._rows(self._values(q), t, 0, lambda c: c.residual)
         return _stack(rows, self.m, q, t)
 
     def phi_q(self, q: Any, t: Any) -> Any:
         """Return the constraint Jacobian, (m, n) or (m, n, B)."""
         q = np.asarray(q)
-        bodies = self._bodies(q)
+        values = self._values(q)
         out = np.zeros((self.m, self.n, *q.shape[1:]), dtype=np.result_type(q, np.asarray(t)))
         for p in self.placed:
-            f = p.constraint.inputs(t, self.unit, 0)
-            blocks = p.constraint.jacobian(p.g, f, *(bodies[s] for s in p.starts))
+            blocks = p.constraint.jacobian(p.g, self._given(p, values, t, 0), *(values[s] for s in p.starts))
             for start, block in zip(p.starts, blocks, strict=True):
                 if start is None:
                     continue
@@ -92,50 +108,66 @@ class System:
         """Return the velocity right side nu = -phi_t, (m,) or (m, B)."""
         self._called_for(Effect.VELOCITY, Effect.ACCELERATION)
         q = np.asarray(q)
-        rows = self._rows(self._bodies(q), t, 1, lambda c: c.nu)
+        rows = self._rows(self._values(q), t, 1, lambda c: c.nu)
         return _stack(rows, self.m, q, t)
 
     def gamma(self, q: Any, qd: Any, t: Any) -> Any:
         """Return the acceleration right side gamma = -(phi_q qd)_q qd - 2 phi_qt qd - phi_tt, (m,) or (m, B)."""
         self._called_for(Effect.ACCELERATION)
         q, qd = np.asarray(q), np.asarray(qd)
-        rows = self._rows(self._bodies(q, qd), t, 2, lambda c: c.gamma)
+        rows = self._rows(self._values(q, qd), t, 2, lambda c: c.gamma)
         return _stack(rows, self.m, q + qd, t)
 
-    def to_unit(self, q: Any) -> Any:
-        """Return physical coordinates (m, rad) as coordinates of this system."""
+    def to_unit(self, q: Any, order: int = 0) -> Any:
+        """Return physical coordinates (order 0) or their rates (order 1, 2), in m and rad, as those of this system.
+
+        The coordinates may be all n, or those of the bodies alone; the same holds for `to_physical`.
+        """
         out = np.array(q, copy=True)
         for k, shift in enumerate(self.unit.origin):
-            out[k::3] = (out[k::3] - shift) / self.unit.size
+            at = slice(k, self.of_bodies, 3)
+            out[at] = (out[at] - (0.0 if order else shift)) / self.unit.size
         return out
 
     def to_physical(self, q: Any, order: int = 0) -> Any:
         """Return this system's coordinates (order 0) or their rates (order 1, 2) in m and rad."""
         out = np.array(q, copy=True)
         for k, shift in enumerate(self.unit.origin):
-            out[k::3] = out[k::3] * self.unit.size + (0.0 if order else shift)
+            at = slice(k, self.of_bodies, 3)
+            out[at] = out[at] * self.unit.size + (0.0 if order else shift)
         return out
 
-    def _bodies(self, q: Any, qd: Any = None) -> dict[int | None, BodyValues]:
-        """Return the values of each body by the place where it starts in q; None is the ground."""
-        values = q.tolist() if q.ndim == 1 else q
-        bodies: dict[int | None, BodyValues] = {None: BodyValues(0.0, 0.0, 0.0)}
-        for k in range(0, self.n, 3):
-            bodies[k] = BodyValues(*values[k : k + 3])
+    def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:
+        """Return the values of each body and parameter by the place where it starts in q; None is the ground."""
+        numbers = q.tolist() if q.ndim == 1 else q
+        values: dict[int | None, Any] = {None: BodyValues(0.0, 0.0, 0.0)}
+        for k in range(0, self.of_bodies, 3):
+            values[k] = BodyValues(*numbers[k : k + 3])
+        for k in range(self.of_bodies, self.n):
+            values[k] = ParameterValue(numbers[k])
         if qd is not None:
             rates = qd.tolist() if qd.ndim == 1 else qd
-            bodies[None].moving(0.0, 0.0, 0.0)
-            for k in range(0, self.n, 3):
-                bodies[k].moving(*rates[k : k + 3])
-        return bodies
+            values[None].moving(0.0, 0.0, 0.0)
+            for k in range(0, self.of_bodies, 3):
+                values[k].moving(*rates[k : k + 3])
+            for k in range(self.of_bodies, self.n):
+                values[k].moving(rates[k])
+        return values
+
+    def _given(self, p: Placed, values: dict[int | None, Any], t: Any, order: int) -> Any:
+        """Return the values of a constraint's laws up to `order`, and of its profile as far as the formulas go."""
+        f = p.constraint.inputs(t, self.unit, order)
+        if not p.constraint.parameters:
+            return f
+        s = values[p.starts[2]].value
+        return (*f, p.constraint.profile_values(s, self.unit, min(order + 2, PROFILE_ORDER)))
 
     def _rows(
-        self, bodies: dict[int | None, BodyValues], t: Any, order: int, formula: Callable[[Constraint], Any]
+        self, values: dict[int | None, Any], t: Any, order: int, formula: Callable[[Constraint], Any]
     ) -> Iterable[Any]:
         """Yield the rows of one formula; laws are evaluated up to `order`, no further."""
         for p in self.placed:
-            f = p.constraint.inputs(t, self.unit, order)
-            yield from formula(p.constraint)(p.g, f, *(bodies[s] for s in p.starts))
+            yield from formula(p.constraint)(p.g, self._given(p, values, t, order), *(values[s] for s in p.starts))
 
     def _called_for(self, *effects: Effect) -> None:
         if not self.effects.intersection(effects):
@@ -148,7 +180,8 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     Parameters
     ----------
     mechanism : Mechanism
-        Bodies, joints and drivers. Rows come in the order of joints, then drivers; columns in the order of bodies.
+        Bodies, joints and drivers. Rows come in the order of joints, then drivers; columns in the order of bodies, then
+        of the joints that bring parameters.
     effects : frozenset of Effect
         What may be asked beyond phi and phi_q.
     unit : Unit
@@ -158,12 +191,13 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     for k, body in enumerate(mechanism.bodies):
         starts[body.name] = 3 * k
     placed = []
-    row = 0
+    row, n = 0, 3 * len(mechanism.bodies)
     for constraint in mechanism.constraints:
-        where = tuple(starts[body] for body in constraint.bodies)
+        own = range(n, n + constraint.parameters)
+        where = (*(starts[body] for body in constraint.bodies), *own)
         placed.append(Placed(constraint, constraint.constants(unit), row, where))
-        row += constraint.rows
-    return System(mechanism, effects, unit, tuple(placed), 3 * len(mechanism.bodies), row)
+        row, n = row + constraint.rows, n + len(own)
+    return System(mechanism, effects, unit, tuple(placed), n, row)
 
 
 def _stack(rows: Iterable[Any], m: int, q: Any, t: Any) -> Any:

@@ -1,4 +1,4 @@
-"""Two-component vectors and the values of one body: all that a joint's formula may touch.
+"""Two-component vectors and the values of one body or parameter: all that a joint's formula may touch.
 
 The components are scalars of any arithmetic: `float`, `complex`, NumPy rows of shape (B,), `flint.arb` balls, traced
 symbols. Nothing here branches on a value or makes an array, so a formula written with these runs on all of them.
@@ -63,6 +63,22 @@ class BodyValues:
     def turned(self, u: Vec) -> Vec:
         """Return A(phi) u: a body-fixed vector in the ground frame."""
         return Vec(self.c * u.x - self.s * u.y, self.s * u.x + self.c * u.y)
+
+
+class ParameterValue:
+    """An angle that is a coordinate but no body's: `value` [rad], cos and sin of it, `rate` [rad/s]."""
+
+    __slots__ = ("c", "rate", "s", "value")
+    rate: Scalar
+
+    def __init__(self, value: Scalar) -> None:
+        self.value = value
+        self.c, self.s = cosine_and_sine(value)
+
+    def moving(self, rate: Scalar) -> ParameterValue:
+        """Give the parameter its rate and return it."""
+        self.rate = rate
+        return self
 
 
 def cosine_and_sine(angle: Scalar) -> tuple[Scalar, Scalar]:

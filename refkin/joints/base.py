@@ -12,6 +12,10 @@ A formula takes ``g``, the numbers of the geometry (`constants`), ``f``, the val
 
 Only `+ - *`: no array, no branch on a value, no root. So the same text runs on floats, complex numbers, NumPy rows,
 balls and symbols, and what is read is what is run, batched, compiled and proved.
+
+A constraint may bring coordinates of its own (`parameters`), such as where a cam is touched: its formulas then take a
+`ParameterValue` after the bodies, `jacobian` returns a block of 1-tuples for it, and the last of ``f`` is what
+`profile_values` returns: a function of the parameter, with its derivatives.
 """
 
 from __future__ import annotations
@@ -30,7 +34,7 @@ GROUND = "ground"
 Pair = tuple[float, float]
 Triple = tuple[Scalar, Scalar, Scalar]
 Rows = tuple[Scalar, ...]
-Blocks = tuple[tuple[Triple, ...], ...]
+Blocks = tuple[tuple[tuple[Scalar, ...], ...], ...]
 
 
 @dataclass(frozen=True)
@@ -67,9 +71,18 @@ class Constraint:
     """
 
     name: str
-    rows: ClassVar[int]
     type: str = field(init=False)
     __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
+    @property
+    def rows(self) -> int:
+        """The number of equations."""
+        raise NotImplementedError
+
+    @property
+    def parameters(self) -> int:
+        """The number of coordinates that the constraint itself brings, all angles."""
+        return 0
 
     @property
     def bodies(self) -> tuple[str, str]:
@@ -79,6 +92,11 @@ class Constraint:
     @property
     def laws(self) -> tuple[Law, ...]:
         """The functions of time that enter the constraint."""
+        return ()
+
+    @property
+    def law_keys(self) -> tuple[str, ...]:
+        """Where each of the laws stands in a scene file."""
         return ()
 
     def points(self) -> Iterator[tuple[str, Pair]]:
@@ -103,14 +121,18 @@ class Constraint:
             for law, shift in zip(self.laws, shifts, strict=True)
         )
 
+    def profile_values(self, s: Scalar, unit: Unit, order: int) -> tuple[Scalar, ...]:
+        """Return the scaled value of the profile at the parameter s, and its derivatives up to `order`."""
+        raise NotImplementedError
+
     def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
         """Return per law the shift, and the factor: a scaled law is (f - shift) / factor."""
         return (0.0,) * len(self.laws), 1.0
 
     def faults(self, path: str) -> Iterator[Fault]:
         """Yield what is wrong with the constraint's own numbers."""
-        for law in self.laws:
-            yield from law.faults(f"{path}.law")
+        for key, law in zip(self.law_keys, self.laws, strict=True):
+            yield from law.faults(f"{path}.{key}")
 
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
@@ -134,19 +156,26 @@ class Constraint:
 
 
 def arms(g: Any, i: BodyValues, j: BodyValues) -> tuple[Vec, Vec, Vec]:
-    """Return a_i = A_i point_i, a_j = A_j point_j and d = r_j + a_j - r_i - a_i, the points being the first four of g."""
+    """Return a_i = A_i point_i, a_j = A_j point_j and d = r_j + a_j - r_i - a_i; the points are the first four of g."""
     a_i, a_j = i.turned(Vec(g[0], g[1])), j.turned(Vec(g[2], g[3]))
     return a_i, a_j, j.r + a_j - i.r - a_i
 
 
 def drift(a_i: Vec, a_j: Vec, i: BodyValues, j: BodyValues) -> Vec:
     """Return the part of d'' that holds no acceleration: omega_i^2 a_i - omega_j^2 a_j."""
-    return a_i * (i.omega * i.omega) - a_j * (j.omega * j.omega)
+    bias: Vec = a_i * (i.omega * i.omega) - a_j * (j.omega * j.omega)
+    return bias
 
 
 def gap_rate(a_i: Vec, a_j: Vec, i: BodyValues, j: BodyValues) -> Vec:
     """Return d' = v_j + omega_j a_j.perp() - v_i - omega_i a_i.perp()."""
-    return j.v + a_j.perp() * j.omega - i.v - a_i.perp() * i.omega
+    rate: Vec = j.v + a_j.perp() * j.omega - i.v - a_i.perp() * i.omega
+    return rate
+
+
+def offset(f: Any, order: int) -> Vec:
+    """Return the vector of two laws, or its derivative of the given order; zero where there are no laws."""
+    return Vec(f[0][order], f[1][order]) if f else Vec(0, 0)
 
 
 def along(n: Vec, a_i: Vec, a_j: Vec) -> tuple[Triple, Triple]:

@@ -1,7 +1,7 @@
 """The drivers: what prescribes motion. angle, x, y, distance; each by a law, or by the rate of one.
 
-`law` gives the value, `rate_law` the rate, with `initial` the value at t = 0 (Shabana: theta - theta_0 - g(t) = 0, g the
-integral of the rate). A driving constraint is a constraint like any other whose nu is f' and whose gamma holds f''.
+`law` gives the value, `rate_law` the rate, with `initial` the value at t = 0 (Shabana: theta - theta_0 - g(t) = 0, g
+the integral of the rate). A driving constraint is a constraint like any other whose nu is f' and whose gamma holds f''.
 """
 
 from __future__ import annotations
@@ -31,13 +31,16 @@ class Driver(Constraint):
             return (self.law,)
         return () if self.rate_law is None else (Integral(rate=self.rate_law, initial=self.initial),)
 
+    @property
+    def law_keys(self) -> tuple[str, ...]:
+        return (("law" if self.law is not None else "rate_law"),) * len(self.laws)
+
     def faults(self, path: str) -> Iterator[Fault]:
         if (self.law is None) == (self.rate_law is None):
             yield Fault(f"{path}.law", None, "either `law` or `rate_law`, one of the two")
         elif self.law is not None and self.initial != 0.0:
             yield Fault(f"{path}.initial", self.initial, "`initial` only beside `rate_law`")
-        for law in self.laws:
-            yield from law.faults(f"{path}.{'law' if self.law is not None else 'rate_law'}")
+        yield from super().faults(path)
 
 
 @dataclass(frozen=True, kw_only=True)

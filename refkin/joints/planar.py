@@ -1,8 +1,8 @@
 """The planar joints: revolute, fixed, prismatic, point_on_line, distance.
 
-To add a joint: write a dataclass like these (its fields are its keys in a scene file) and name it in `JOINT_TYPES`.
-r_P = r + A(phi) u is a point of a body, d = r_Pj - r_Pi the gap between the two points of a joint (Shabana, Computational
-Dynamics, section 3; Haug, Computer Aided Kinematics and Dynamics, section 3.3).
+To add a joint: write a dataclass like these (its fields are its keys in a scene file) and name it in `JOINT_TYPES` of
+the package. r_P = r + A(phi) u is a point of a body, d = r_Pj - r_Pi the gap between the two points of a joint
+(Shabana, Computational Dynamics, section 3; Haug, Computer Aided Kinematics and Dynamics, section 3.3).
 """
 
 from __future__ import annotations
@@ -13,25 +13,43 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from refkin.errors import Fault
-from refkin.joints.base import Blocks, Constraint, Pair, Rows, Unit, along, arms, drift, gap_rate
+from refkin.joints.base import Blocks, Constraint, Pair, Rows, Unit, along, arms, drift, gap_rate, offset
+from refkin.motion_laws import AnyLaw, Law
 from refkin.vec import BodyValues, Vec
 
 
 @dataclass(frozen=True, kw_only=True)
 class Revolute(Constraint):
-    """Two points coincide: d = 0."""
+    """Two points coincide: d = 0; or, with an `offset_law`, are kept apart by two functions of time: d - f(t) = 0 [m].
+
+    The offset leads from point i to point j, in the ground frame. (The source has the bodies the other way round:
+    R^i + A^i u^i - R^j - A^j u^j = f(t).)
+    """
 
     rows = 2
     body_i: str
     point_i: Pair
     body_j: str
     point_j: Pair
+    offset_law: tuple[AnyLaw, AnyLaw] | None = None
     type: Literal["revolute"] = "revolute"
+
+    @property
+    def laws(self) -> tuple[Law, ...]:
+        return self.offset_law or ()
+
+    def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
+        return (0.0,) * len(self.laws), unit.size
+
+    @property
+    def law_keys(self) -> tuple[str, ...]:
+        return ("offset_law[0]", "offset_law[1]")[: len(self.laws)]
 
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
         _, _, d = arms(g, i, j)
-        return d.x, d.y
+        apart = d - offset(f, 0)
+        return apart.x, apart.y
 
     @staticmethod
     def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
@@ -40,13 +58,14 @@ class Revolute(Constraint):
 
     @staticmethod
     def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return 0, 0
+        moving = offset(f, 1)
+        return moving.x, moving.y
 
     @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
         a_i, a_j, _ = arms(g, i, j)
-        bias = drift(a_i, a_j, i, j)
-        return -bias.x, -bias.y
+        right = offset(f, 2) - drift(a_i, a_j, i, j)
+        return right.x, right.y
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -206,14 +225,20 @@ class Distance(Constraint):
         return ((rate.dot(rate) + d.dot(drift(a_i, a_j, i, j))) * -g[5],)
 
 
-JOINT_TYPES: tuple[type[Constraint], ...] = (Revolute, Fixed, PointOnLine, Prismatic, Distance)
+PLANAR_TYPES: tuple[type[Constraint], ...] = (Revolute, Fixed, PointOnLine, Prismatic, Distance)
+
+
+def direction(axis: Pair) -> Pair:
+    """Return the axis scaled to length 1."""
+    square = axis[0] * axis[0] + axis[1] * axis[1]
+    length = square.sqrt() if hasattr(square, "sqrt") else math.hypot(*axis)  # balls bring their own root
+    return axis[0] / length, axis[1] / length
 
 
 def unit_normal(axis: Pair) -> Pair:
     """Return the axis turned by a quarter turn counter-clockwise, scaled to length 1."""
-    square = axis[0] * axis[0] + axis[1] * axis[1]
-    length = square.sqrt() if hasattr(square, "sqrt") else math.hypot(*axis)  # balls bring their own root
-    return -axis[1] / length, axis[0] / length
+    x, y = direction(axis)
+    return -y, x
 
 
 def axis_faults(path: str, axis: Pair) -> Iterator[Fault]:

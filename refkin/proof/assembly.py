@@ -44,8 +44,8 @@ class Assemblies:
     complete : bool
         Whether it is proved that these are all assemblies, up to whole turns of angles that no driver counts.
     gap : float or None
-        If it is proved that there is none: a lower bound of what is missing at least, over all branches (scaled
-        lengths; rad if angles disagree).
+        If it is proved that there is none: a lower bound of what is missing over all branches, where the first loci
+        certainly do not meet (scaled lengths; rad if angles disagree). For a dyad it is sharp.
     message : str
         In words.
     """
@@ -63,7 +63,7 @@ class Assemblies:
         return self.gap is not None
 
 
-def assemblies(system: System, t: float) -> Assemblies:
+def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
     """Return the assemblies of a system at time t.
 
     Parameters
@@ -73,6 +73,8 @@ def assemblies(system: System, t: float) -> Assemblies:
     t : float
         Taken as exact, as are the numbers of the mechanism. Where constraints are redundant they are held against each
         other with all numbers spread by `SPREAD`.
+    trying : bool
+        Whether to look for assemblies also where none could be proved to be the only ones, nor that there are none.
     """
     with ctx.workprec(PRECISION):
         names = [body.name for body in system.mechanism.bodies]
@@ -85,7 +87,7 @@ def assemblies(system: System, t: float) -> Assemblies:
             return _none(placement.ends)
         if len(scheme.clusters) == 1 and not (rows.foreign or placement.stuck):
             return _placed(system, t, placement)
-        return _searched(system, t, rows, bool(placement.stuck))
+        return _searched(system, t, rows, bool(placement.stuck), trying)
 
 
 def _none(ends: Sequence[End]) -> Assemblies:
@@ -111,11 +113,13 @@ def _placed(system: System, t: float, placement: Placement) -> Assemblies:
     )
 
 
-def _searched(system: System, t: float, rows: Rows, stuck: bool) -> Assemblies:
+def _searched(system: System, t: float, rows: Rows, stuck: bool, trying: bool) -> Assemblies:
     """Return what a search finds, or proves."""
     end = open_loop(rows, system.unit.size)
     if end is not None:
         return _none([end])
+    if rows.foreign and not trying:
+        return Assemblies(message=f"there is no closed form of {', '.join(rows.foreign)}")
     found = search(system, t, rows)
     gap = None if found.gap is None else below(found.gap)
     what = f"{len(found.poses)} assemblies were found by search" if found.poses else "no assembly was found"

@@ -213,6 +213,25 @@ class _Rounded:
             return ()
         return tuple(self._law(orders, t.t) for orders in t.values(self.exact, unit))
 
+    def profile_values(self, s: Bounded, unit: Unit, order: int) -> tuple[Bounded, ...]:
+        """Return the profile around s: its exact values there, and how far its slope over all of s moves them."""
+        at, reach = np.broadcast_arrays(s.mid, UP * (s.rounding + s.spread))
+        values: list[Any] = []
+        slopes: list[Any] = []
+        with ctx.workprec(LAW_BITS):
+            for mid, off in zip(at.ravel(), reach.ravel().tolist(), strict=True):
+                high = float(mid)
+                middle = arb(high) + arb(float(mid - high))
+                values.append([parts(x) for x in self.exact.profile_values(middle, unit, order)])
+                around = self.exact.profile_values(middle + arb(0, off), unit, order + 1)[1:]
+                slopes.append([float(abs(x).upper()) * UP + TINY for x in around])
+        found = []
+        for near, slope in zip(np.moveaxis(np.array(values), 0, -1), np.array(slopes).T, strict=True):
+            x = self.number.near(near.reshape(3, *at.shape))
+            steep, own = slope.reshape(at.shape), self.error.of(near[0].reshape(at.shape))
+            found.append(self.number(x.mid, x.rounding + steep * s.rounding, own + steep * s.spread))
+        return tuple(found)
+
     def _law(self, orders: Any, t: Any) -> tuple[Bounded, ...]:
         if self.error is EXACT:
             return tuple(map(self.number.near, orders))

@@ -38,7 +38,7 @@ from refkin.system import System
 
 BOX = 2.5
 """Radius of the box in which Z2 is computed, in units of eta: r <= 2 eta / (1 - Z0), so it holds r if Z0 <= 1/5."""
-REACH = 4.0
+REACH = 8.0
 """The ball in which K and the uniqueness radius are sought, in units of 1/beta."""
 BLOCK = 2**16
 """Matrix entries worked on at a time: what a cache holds."""
@@ -59,7 +59,7 @@ class Certificate:
     beta : (B,) array
         Bound of the row-sum norm of the inverse of phi_q.
     lipschitz : (B,) array
-        Lipschitz constant K of phi_q in the row-sum norm, on the ball of radius min(1, 4/beta).
+        Lipschitz constant K of phi_q in the row-sum norm, on the ball of radius min(1, 8/beta).
     h : (B,) array
         Kantorovich's h in the weighted norm, at most 1/2.
     velocity, acceleration : (n, B) array or None

@@ -8,6 +8,7 @@ object array of `arb` and an `arb` time are balls that enclose the value, as nar
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
@@ -51,11 +52,17 @@ def exact(item: Any) -> Any:
     return item
 
 
+CUBIC = 3
+"""The order of the highest derivative of a spline that has values, if not a slope, everywhere."""
+
+
 @dataclass(frozen=True)
 class ExactSpline:
     """The cubic spline through a table, its coefficients balls: `pieces[k]` is a polynomial in t - knots[k].
 
-    `until[k]` is the integral from knots[0] to knots[k].
+    `until[k]` is the integral from knots[0] to knots[k]. Over a ball of arguments the values of all pieces that it
+    touches are enclosed together. NaN where that is not possible: beyond the ends of a table that is not periodic, over
+    more than a period, and over a knot for the slope of the third derivative, which jumps there.
     """
 
     knots: tuple[float, ...]
@@ -79,33 +86,67 @@ class ExactSpline:
         return cls(tuple(argument), tuple(pieces), tuple(until), periodic)
 
     def __call__(self, t: Any, order: int = 0) -> Any:
-        """Return the derivative of the given order at t."""
-        k, _, local = self._place(t)
-        return self.pieces[k](local, order)
+        """Return the derivative of the given order at t, or over it if t is a ball; NaN where there is no value."""
+        low, high = _ends(t)
+        if not self._covers(low, high) or high - low > self._length:
+            return arb.nan()
+        (turn, k), last = self._place(low), self._place(high)
+        if order > CUBIC and (turn, k) != last:
+            return arb.nan()
+        value = self._on_piece(t, turn, k, order)
+        while (turn, k) != last:  # a ball over several pieces: what each of them makes of it
+            turn, k = (turn, k + 1) if k + 1 < len(self.pieces) else (turn + 1, 0)
+            value = value.union(self._on_piece(t, turn, k, order))
+        return value
 
     def integral(self, t: Any) -> Any:
-        """Return the integral from 0 to t."""
+        """Return the integral from 0 to an exact t."""
         return self._primitive(t) - self._primitive(arb(0))
 
     def _primitive(self, t: Any) -> Any:
-        k, turns, local = self._place(t)
-        return turns * self.until[-1] + self.until[k] + self.pieces[k].integral(local)
+        low, high = _ends(t)
+        if not self._covers(low, high) or low != high:
+            return arb.nan()
+        turn, k = self._place(low)
+        return turn * self.until[-1] + self.until[k] + self.pieces[k].integral(t - self._start(turn, k))
 
-    def _place(self, t: Any) -> tuple[int, int, Any]:
-        """Return the piece that t lies in, the whole periods before it, and t - knots[k] less those.
+    def _on_piece(self, t: Any, turn: int, k: int, order: int) -> Any:
+        return arb(self.pieces[k](t - self._start(turn, k), order))
 
-        All is decided exactly; a knot belongs to the piece that begins there.
-        """
-        if not arb(t).is_exact():
-            raise ValueError(f"t: expected an exact time, got the ball {t}")
-        since = Fraction(float(t)) - Fraction(self.knots[0])
-        turns = 0
-        if self.periodic:
-            turns, since = divmod(since, Fraction(self.knots[-1]) - Fraction(self.knots[0]))
-        k = bisect_right(self.knots, since + Fraction(self.knots[0])) - 1
-        k = min(max(k, 0), len(self.pieces) - 1)
-        local = since + Fraction(self.knots[0]) - Fraction(self.knots[k])
-        return k, turns, arb(local.numerator) / local.denominator
+    @property
+    def _length(self) -> Fraction:
+        return Fraction(self.knots[-1]) - Fraction(self.knots[0])
+
+    def _covers(self, low: Any, high: Any) -> bool:
+        inside = self.periodic or (self.knots[0] <= low and high <= self.knots[-1])
+        return bool(inside and math.isfinite(high) and math.isfinite(low))
+
+    def _place(self, t: Fraction) -> tuple[int, int]:
+        """Return the whole periods before t, and the piece it then lies in; a knot belongs to the piece that begins."""
+        first = Fraction(self.knots[0])
+        turn, since = divmod(t - first, self._length) if self.periodic else (0, t - first)
+        return int(turn), min(bisect_right(self.knots, first + since), len(self.pieces)) - 1
+
+    def _start(self, turn: int, k: int) -> Any:
+        return _rational(turn * self._length + Fraction(self.knots[k]))
+
+
+def _ends(t: Any) -> tuple[Any, Any]:
+    """Return rational numbers that a ball lies between: itself, twice, if it is exact; NaN if it has no end."""
+    ball = arb(t)
+    if not ball.is_finite():
+        return math.nan, math.nan
+    if ball.is_exact():
+        mantissa, exponent = ball.man_exp()
+        whole = Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
+        return whole, whole
+    # The nearest floats of the ends, one step further out.
+    low, high = float(ball.lower()), float(ball.upper())
+    return Fraction(math.nextafter(low, -math.inf)), Fraction(math.nextafter(high, math.inf))
+
+
+def _rational(x: Fraction) -> Any:
+    return arb(x.numerator) / x.denominator
 
 
 def not_a_knot_slopes(h: Sequence[Any], chord: Sequence[Any]) -> list[Any]:

@@ -19,8 +19,9 @@ from typing import Any
 import numpy as np
 from flint import arb
 
+from refkin.contacts import touched
 from refkin.differences import EPS
-from refkin.joints import GROUND
+from refkin.joints import GROUND, Cam, Gear, Polar, RackAndPinion
 from refkin.motion import Array
 from refkin.newton import newton
 from refkin.proof.clusters import Plan, headings, plan
@@ -58,7 +59,8 @@ class Found:
     complete : bool
         Whether it is proved that there are no others.
     gap : ball or None
-        If it is proved that there is none at all: what some joint misses by at least, at any angle.
+        If it is proved that there is none at all: a lower bound, over all angles, of what is missing where loci
+        certainly do not meet, each joint before being closed as far as it can be.
     note : str
         In words.
     """
@@ -121,7 +123,7 @@ class _Search:
 
     def _none(self, gap: Ball) -> Found:
         metres = below(gap) * self.system.unit.size
-        return Found(gap=gap, note=f"at any angle of {self.turned[0]} some joint stays open by at least {metres:.6g} m")
+        return Found(gap=gap, note=f"no angle of {self.turned[0]} closes it: at least {metres:.6g} m are missing")
 
     def _headings(self) -> list[set[str]]:
         return headings(tuple((tie.i, tie.j) for tie in self.rows.ties), self.names)
@@ -144,9 +146,12 @@ class _Search:
         return plan(replace(self.rows, ties=(*self.rows.ties, *ties)), self.names)
 
     def _halton(self) -> Iterator[tuple[float, ...]]:
-        for k in range(1, MOST_STARTS + 1 if self.turned else 2):
-            point = [radical_inverse(k, p) for _, p in zip(self.turned, PRIMES, strict=False)]
-            yield tuple(math.tau * x - math.pi for x in point)
+        """Yield trial angles, and contact parameters after them."""
+        contacts = [c.span for c in self.system.mechanism.joints if isinstance(c, Cam) and c.parameters]
+        ranges = [(-math.pi, math.pi) for _ in self.turned] + contacts
+        for k in range(1, MOST_STARTS + 1 if ranges else 2):
+            point = [radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(len(ranges))]
+            yield tuple(low + x * (high - low) for x, (low, high) in zip(point, ranges, strict=True))
 
     def _try(self, trials: Iterable[tuple[float, ...]]) -> None:
         """Note the new assemblies that Newton reaches from trial angles."""
@@ -159,10 +164,14 @@ class _Search:
                     return
 
     def _starts(self, angles: tuple[float, ...]) -> Iterator[Array]:
-        padded = (*angles, *(0.0 for _ in self.turned[len(angles) :]))
-        placement = self.placed(tuple(arb(a) for a in padded), holding=False)
+        turned, contacts = angles[: len(self.turned)], angles[len(self.turned) :]
+        placement = self.placed(tuple(arb(a) for a in turned), holding=False)
         for branch in (*placement.branches, *placement.stuck):
-            yield coordinates(self.system, branch)
+            q = coordinates(self.system, branch)
+            q[self.system.of_bodies :][: len(contacts)] = contacts
+            yield q
+            if contacts:
+                yield touched(self.system, q, self.t)
 
     def _refined(self, start: Array) -> Array | None:
         """Return the assembly that Newton finds from a start, or else Levenberg and Marquardt."""
@@ -175,12 +184,15 @@ class _Search:
         return self._without_turns(q) if closes(s, q, t) else None
 
     def _without_turns(self, q: Array) -> Array:
-        """Return the pose with each heading that no driver counts turned back into (-pi, pi]."""
+        """Return the pose with each angle turned back into (-pi, pi], unless a driver, gear or profile counts it."""
         q = q.copy()
-        for heading in self._headings():
-            if GROUND not in heading:
-                phi = [self.system.columns(body).stop - 1 for body in self.names if body in heading]
-                q[phi] -= math.tau * math.ceil(q[phi[0]] / math.tau - 0.5)
+        joints = self.system.mechanism.joints
+        counted = {GROUND, *(body for c in joints if isinstance(c, Gear | RackAndPinion) for body in c.bodies)}
+        free = [heading for heading in self._headings() if counted.isdisjoint(heading)]
+        groups = [[self.system.columns(body).stop - 1 for body in self.names if body in heading] for heading in free]
+        closed = [c.name for c in joints if isinstance(c, Cam) and isinstance(c.profile, Polar) and c.profile.closed]
+        for group in (*groups, *([self.system.parameter(name).start] for name in closed)):
+            q[group] -= math.tau * math.ceil(q[group[0]] / math.tau - 0.5)
         return q
 
     def _proved(self, q: Array) -> _Known:
@@ -203,7 +215,9 @@ class _Intervals:
 
     def halve(self, width: float) -> None:
         """Halve, and drop what is done with, until nothing is left, a width or the allowed number is reached."""
-        while self.open and self.width > max(width, NARROWEST) and self.looked_at + 2 * len(self.open) <= MOST_INTERVALS:
+        while (
+            self.open and self.width > max(width, NARROWEST) and self.looked_at + 2 * len(self.open) <= MOST_INTERVALS
+        ):
             self.looked_at += 2 * len(self.open)
             halves = [half for low, high in self.open for half in _halves(low, high)]
             self.open = [part for part in halves if not self._done(part)]
@@ -258,6 +272,9 @@ def radical_inverse(k: int, base: int) -> float:
 def least_squares_root(system: System, start: Array, t: float) -> Array:
     """Return where Levenberg and Marquardt's method ends; a stalled minimum is no root."""
     from scipy.optimize import least_squares  # here, because importing it costs more than most proofs
+
+    if not np.isfinite(system.phi(start, t)).all():
+        return start
 
     def phi(q: Array) -> Any:
         return system.phi(q, t)

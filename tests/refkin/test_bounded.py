@@ -35,7 +35,7 @@ def table(knots: int, periodic: bool) -> Table:
 @pytest.mark.parametrize("knots", [2, 3, 4, 5, 30])
 def test_the_exact_spline_is_that_of_scipy_up_to_round_off(knots: int, periodic: bool) -> None:
     law, low = table(knots, periodic), table(knots, periodic).argument[0]
-    times = np.linspace(low - 30.0, low + 30.0, 50) if periodic else np.linspace(low, law.argument[-1], 50)
+    times = np.linspace(low - 30.0, low + 30.0, 50) if periodic else np.linspace(0.0, law.argument[-1], 50)
     with ctx.workprec(BITS):
         spline = exact(law)
         for order in range(3):
@@ -54,9 +54,29 @@ def test_the_exact_spline_goes_through_its_table() -> None:
             assert abs(spline(arb(t)) - value) < 1e-50
 
 
-def test_the_exact_spline_refuses_a_time_that_is_not_exact() -> None:
-    with pytest.raises(ValueError, match="exact time"):
-        exact(table(4, periodic=False))(arb(0.5, 0.1))
+@pytest.mark.parametrize("order", range(4))
+@pytest.mark.parametrize("periodic", [False, True])
+def test_the_exact_spline_of_a_ball_encloses_its_values(periodic: bool, order: int) -> None:
+    law = table(9, periodic)
+    low, high = (law.argument[0] - 5, law.argument[-1] + 5) if periodic else (law.argument[0], law.argument[-1])
+    with ctx.workprec(BITS):
+        spline = exact(law)
+        for middle in np.linspace(low + 0.8, high - 0.8, 20).tolist():
+            over = spline(arb(middle, 0.7), order)
+            assert all(over.contains(spline(arb(middle + by), order)) for by in np.linspace(-0.69, 0.69, 9).tolist())
+
+
+def test_a_table_has_no_exact_value_outside_its_arguments() -> None:
+    law = table(4, periodic=False)
+    spline = exact(law)
+    assert not spline(arb(law.argument[-1]) + 1e-9).is_finite()
+    assert not spline(arb(law.argument[-1], 1e-9)).is_finite()
+
+
+def test_over_a_knot_the_third_derivative_has_a_range_but_no_slope() -> None:
+    over = arb(table(9, periodic=False).argument[3], 1e-3)
+    spline = exact(table(9, periodic=False))
+    assert (spline(over, 3).is_finite(), spline(over, 4).is_finite()) == (True, False)
 
 
 LAWS: tuple[Law, ...] = (

@@ -1,0 +1,272 @@
+"""The joints that touch: gear, rack_and_pinion, cam (Shabana, Computational Dynamics, section 3.9)."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Annotated, Any, ClassVar, Literal
+
+from pydantic import Field
+
+from refkin.errors import Fault
+from refkin.joints.base import Blocks, Constraint, Pair, Rows, Unit
+from refkin.joints.planar import Distance, PointOnLine, axis_faults, direction
+from refkin.joints.touching import FaceOnCurve, FaceOnDisc, PointOnCurve, RollerOnCurve
+from refkin.motion_laws import STRICT, AnyLaw, Table
+from refkin.vec import BodyValues, Scalar
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gear(Constraint):
+    """Two wheels roll on each other: radius_i (phi_i - phi0_i) + radius_j (phi_j - phi0_j) = 0.
+
+    Both angles are measured against the ground, so the centres are held by other joints, at rest. Only the ratio of the
+    radii matters; opposite signs are an internal gear (or a belt): both wheels then turn the same way.
+    Source: (theta^i - theta^i_o) a^i + (theta^j - theta^j_o) a^j = 0.
+    """
+
+    rows = 1
+    body_i: str
+    radius_i: float
+    body_j: str
+    radius_j: float
+    phi0_i: float = 0.0
+    phi0_j: float = 0.0
+    type: Literal["gear"] = "gear"
+
+    def reach(self) -> float:
+        return max(abs(self.radius_i), abs(self.radius_j))
+
+    def constants(self, unit: Unit) -> tuple[float, ...]:
+        return self.radius_i / unit.size, self.radius_j / unit.size, self.phi0_i, self.phi0_j
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        for key in ("radius_i", "radius_j"):
+            if getattr(self, key) == 0.0:
+                yield Fault(f"{path}.{key}", 0.0, "a radius that is not zero")
+
+    @staticmethod
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return ((i.phi - g[2]) * g[0] + (j.phi - g[3]) * g[1],)
+
+    @staticmethod
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
+        return ((0, 0, g[0]),), ((0, 0, g[1]),)
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (0,)
+
+    @staticmethod
+    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (0,)
+
+
+@dataclass(frozen=True, kw_only=True)
+class RackAndPinion(Constraint):
+    """A wheel rolls on a straight rack: axis_i . d - s0 - radius (phi_j - phi_i - phi0) = 0.
+
+    Body i is the rack, and carries the axis (in its own frame, of any length); body j is the pinion, with its centre at
+    point_j. So axis_i . d says how far along the rack the pinion's centre is. The radius is positive for a pinion that
+    lies to the right of the axis, negative to the left; the distance of its centre from the rack is held by other
+    joints. The pinion's angle counts against the rack, which may itself turn. Source: the equation of gears, with the
+    arc of the one wheel unrolled to a length.
+    """
+
+    rows = 1
+    body_i: str
+    point_i: Pair
+    axis_i: Pair
+    body_j: str
+    point_j: Pair
+    radius: float
+    phi0: float = 0.0
+    s0: float = 0.0
+    type: Literal["rack_and_pinion"] = "rack_and_pinion"
+
+    def reach(self) -> float:
+        return abs(self.radius)
+
+    def constants(self, unit: Unit) -> tuple[float, ...]:
+        lengths = self.radius / unit.size, self.s0 / unit.size
+        return (*super().constants(unit), *direction(self.axis_i), *lengths, self.phi0)
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        yield from axis_faults(path, self.axis_i)
+        if self.radius == 0.0:
+            yield Fault(f"{path}.radius", 0.0, "a radius that is not zero")
+
+    @staticmethod
+    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        (travel,) = PointOnLine.residual(g, f, i, j)  # n . d with n along the rack
+        return (travel - g[7] - (j.phi - i.phi - g[8]) * g[6],)
+
+    @staticmethod
+    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
+        ((x_i, y_i, phi_i),), ((x_j, y_j, phi_j),) = PointOnLine.jacobian(g, f, i, j)
+        return ((x_i, y_i, phi_i + g[6]),), ((x_j, y_j, phi_j - g[6]),)
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (0,)
+
+    @staticmethod
+    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return PointOnLine.gamma(g, f, i, j)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disc:
+    """A circular profile around point_i [m]; off the body's pivot it is an eccentric."""
+
+    radius: float
+    kind: Literal["disc"] = "disc"
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        """Yield whether the radius is none."""
+        if not self.radius > 0:
+            yield Fault(f"{path}.radius", self.radius, "a radius above 0")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Polar:
+    """A profile d(s) [m] around point_i, by the angle s [rad] from the x-axis of body i.
+
+    A law that repeats itself every turn is a closed profile, whose contact parameter may be found in any turn. Any
+    other is open, as on a sector cam or a spiral, and a table that is not periodic ends where its arguments do.
+    """
+
+    law: AnyLaw
+    kind: Literal["polar"] = "polar"
+    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+
+    @property
+    def closed(self) -> bool:
+        """Whether the profile repeats itself every turn."""
+        law = self.law
+        if isinstance(law, Table):
+            return law.periodic
+        if law.kind == "sinusoid":
+            return law.angular_frequency == round(law.angular_frequency) or law.amplitude == 0.0
+        return not any(law.coefficients[1:])
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """The parameters among which a contact is looked for: a turn, an open table's own, or two turns of a spiral."""
+        low, high = self.law.domain()
+        reach = math.pi if self.closed else 2 * math.pi
+        return max(low, -reach), min(high, reach)
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        """Yield the law's faults, and whether a periodic table repeats itself at other than whole parts of a turn."""
+        found = list(self.law.faults(f"{path}.law"))
+        yield from found
+        if isinstance(self.law, Table) and self.law.periodic and not found:
+            first, last = self.law.argument[0], self.law.argument[-1]
+            parts = round(math.tau / (last - first)) if math.isfinite(last - first) else 0
+            # The arguments and their difference are rounded.
+            if abs((last - first) * parts - math.tau) > parts * 2.0**-50 * max(math.tau, abs(first), abs(last)):
+                yield Fault(f"{path}.law.argument", last - first, f"a period of {math.tau!r} or of a whole part of it")
+
+
+AnyProfile = Annotated[Disc | Polar, Field(discriminator="kind")]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cam(Constraint):
+    """A follower on a cam: body i carries the profile around point_i, body j touches it.
+
+    The follower is a point (point_j), a roller around point_j (`roller_radius`), or a flat face through point_j with
+    the normal `normal_j`, in the frame of body j, which points from the cam to the follower. A disc takes one row,
+
+    ====== =========================================
+    flat   normal_j . d - radius = 0
+    point  |d| - radius = 0
+    roller |d| - radius - roller_radius = 0
+    ====== =========================================
+
+    a polar profile two and one more coordinate, the contact parameter s, with u(s) = d(s) (cos s, sin s) and the
+    contact tangent t = du/ds of the source; `touching` has the rows. `contact_estimate` is s at the first time, if it
+    matters which of several contacts is meant: by default the nearest to the estimated pose.
+    """
+
+    body_i: str
+    point_i: Pair
+    profile: AnyProfile
+    body_j: str
+    point_j: Pair
+    follower: Literal["flat", "point", "roller"]
+    normal_j: Pair | None = None
+    roller_radius: float | None = None
+    contact_estimate: float | None = None
+    type: Literal["cam"] = "cam"
+
+    @property
+    def contact(self) -> Any:
+        """The class that states the formulas for this profile and follower."""
+        if self.profile.kind == "disc":
+            return FaceOnDisc if self.follower == "flat" else Distance
+        return {"flat": FaceOnCurve, "point": PointOnCurve, "roller": RollerOnCurve}[self.follower]
+
+    @property
+    def rows(self) -> int:
+        return self.contact.rows  # type: ignore[no-any-return]
+
+    @property
+    def parameters(self) -> int:
+        return 1 if self.profile.kind == "polar" else 0
+
+    @property
+    def span(self) -> tuple[float, float]:
+        """Where the contact parameter is looked for; nowhere on a disc, which has none."""
+        return self.profile.span if isinstance(self.profile, Polar) else (0.0, 0.0)
+
+    def reach(self) -> float:
+        if isinstance(self.profile, Disc):
+            return self.profile.radius
+        return abs(float(self.profile.law(min(max(0.0, self.profile.law.domain()[0]), self.profile.law.domain()[1]))))
+
+    def constants(self, unit: Unit) -> tuple[float, ...]:
+        points = super().constants(unit)
+        if self.normal_j is not None:
+            disc = (self.profile.radius / unit.size,) if self.profile.kind == "disc" else ()
+            return (*points, *direction(self.normal_j), *disc)
+        around = 0.0 if self.roller_radius is None else self.roller_radius
+        distance = (around + self.profile.radius if self.profile.kind == "disc" else around) / unit.size
+        return points if self.contact is PointOnCurve else (*points, distance, 1 / distance)
+
+    def profile_values(self, s: Scalar, unit: Unit, order: int) -> tuple[Scalar, ...]:
+        """Return d(s), scaled, and its derivatives up to `order`."""
+        return tuple(self.profile.law(s, k) / unit.size for k in range(order + 1))  # type: ignore[union-attr]
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        yield from self.profile.faults(f"{path}.profile")
+        if self.follower == "flat" and self.normal_j is None:
+            yield Fault(f"{path}.normal_j", None, "the normal of the face, as the follower is flat")
+        elif self.follower == "flat" and math.hypot(*self.normal_j) == 0.0:  # type: ignore[misc]
+            yield Fault(f"{path}.normal_j", list(self.normal_j), "a vector that is not zero")  # type: ignore[arg-type]
+        elif self.follower != "flat" and self.normal_j is not None:
+            yield Fault(f"{path}.normal_j", list(self.normal_j), f"no normal, as the follower is a {self.follower}")
+        if self.follower == "roller" and not (self.roller_radius is not None and self.roller_radius > 0):
+            yield Fault(f"{path}.roller_radius", self.roller_radius, "a radius above 0, as the follower is a roller")
+        elif self.follower != "roller" and self.roller_radius is not None:
+            yield Fault(f"{path}.roller_radius", self.roller_radius, f"no roller, as the follower is {self.follower}")
+        if self.profile.kind == "disc" and self.contact_estimate is not None:
+            yield Fault(f"{path}.contact_estimate", self.contact_estimate, "no such key, as the profile is a disc")
+
+    def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+        return self.contact.residual(g, f, *at)  # type: ignore[no-any-return]
+
+    def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
+        return self.contact.jacobian(g, f, *at)  # type: ignore[no-any-return]
+
+    def nu(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+        return self.contact.nu(g, f, *at)  # type: ignore[no-any-return]
+
+    def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+        return self.contact.gamma(g, f, *at)  # type: ignore[no-any-return]
+
+
+CONTACT_TYPES: tuple[type[Constraint], ...] = (Gear, RackAndPinion, Cam)

@@ -1,0 +1,250 @@
+"""How many freedoms a mechanism has: by Gruebler's count, and by the rank of its constraints at a pose.
+
+The count needs only which joints there are: n_d = d n_b - n_c, with d = 3 in the plane and 6 in space, n_b bodies of
+which the ground is one, and n_c equations, d for the ground and d less a joint's freedoms for each joint (Shabana,
+Computational Dynamics, section 3.5). It is right if the equations are independent. The rank says whether they are, at
+one pose: mobility = n - rank(phi_q) of the joints alone. That is the instantaneous mobility: at a singular pose, and in
+a shaky linkage at every pose, it exceeds the finite one (Müller 2016).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from refkin.differences import EPS
+from refkin.errors import Fault, InvalidScene
+from refkin.joints import GROUND
+from refkin.model import Mechanism
+from refkin.system import System, compile_system
+
+FREEDOMS: Mapping[str, Mapping[str, int]] = {
+    "planar": {
+        "fixed": 0,
+        "revolute": 1,
+        "prismatic": 1,
+        "point_on_line": 2,
+        "distance": 2,
+        "gear": 2,
+        "rack_and_pinion": 2,
+        "cam": 2,
+    },
+    "spatial": {
+        "fixed": 0,
+        "revolute": 1,
+        "prismatic": 1,
+        "screw": 1,
+        "cylindrical": 2,
+        "universal": 2,
+        "spherical": 3,
+    },
+}
+"""Freedoms that a joint leaves between two bodies."""
+COORDINATES = {"planar": 3, "spatial": 6}
+TOLERANCE = 8.0 * math.sqrt(EPS)
+"""A singular pose is known to the root of round-off only, and so are the singular values that vanish there."""
+
+Connection = tuple[str, str, str]
+"""Type of a joint, and the names of its two bodies."""
+
+
+def kind_of(mobility: int) -> str:
+    """Return what a system of this mobility is called."""
+    if mobility == 0:
+        return "structure"
+    if mobility < 0:
+        return f"overconstrained: {-mobility} equation{'s' * (mobility < -1)} more than coordinates"
+    return "mechanism with one freedom" if mobility == 1 else f"mechanism with {mobility} freedoms"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Count:
+    """Gruebler's count.
+
+    Attributes
+    ----------
+    bodies, equations : int
+        n_b with the ground, n_c with the ground's own.
+    coordinates : int
+        d of one body.
+    idle : tuple of str
+        Bodies that spin on their own without moving anything else: in space, those held by two spherical joints alone.
+    """
+
+    bodies: int
+    equations: int
+    coordinates: int
+    idle: tuple[str, ...]
+
+    @property
+    def mobility(self) -> int:
+        """n_d = d n_b - n_c, idle spins included."""
+        return self.coordinates * self.bodies - self.equations
+
+    @property
+    def useful(self) -> int:
+        """Mobility without the idle spins."""
+        return self.mobility - len(self.idle)
+
+    @property
+    def kind(self) -> str:
+        """What such a system is called: "structure" if nothing can move."""
+        return kind_of(self.mobility)
+
+
+def gruebler(joints: Sequence[Connection], dimension: str = "planar") -> Count:
+    """Count the freedoms of bodies held by joints.
+
+    Parameters
+    ----------
+    joints : sequence of (type, body, body)
+        Types as in `FREEDOMS`; the ground is called "ground".
+    dimension : str
+        "planar" or "spatial".
+
+    Raises
+    ------
+    InvalidScene
+        If there is no such dimension or type of joint.
+    """
+    if dimension not in FREEDOMS:
+        raise InvalidScene([Fault("dimension", dimension, " or ".join(FREEDOMS))], "mobility")
+    free, d = FREEDOMS[dimension], COORDINATES[dimension]
+    unknown = [k for k, (kind, _, _) in enumerate(joints) if kind not in free]
+    if unknown:
+        faults = [Fault(f"joints[{k}]", joints[k][0], f"one of {', '.join(free)}") for k in unknown]
+        raise InvalidScene(faults, "mobility")
+    bodies = dict.fromkeys([GROUND, *(body for _, *pair in joints for body in pair)])
+    held = {body: [kind for kind, *pair in joints if body in pair] for body in bodies}
+    return Count(
+        bodies=len(bodies),
+        equations=d + sum(d - free[kind] for kind, _, _ in joints),
+        coordinates=d,
+        idle=tuple(body for body, by in held.items() if by == ["spherical"] * 2 and body != GROUND),
+    )
+
+
+def count(mechanism: Mechanism) -> Count:
+    """Count the freedoms of a mechanism's joints, without its drivers."""
+    return gruebler([(joint.type, *joint.bodies) for joint in mechanism.joints])
+
+
+@dataclass(frozen=True)
+class Dependence:
+    """A row of phi_q that is the sum of others times `factors`: it takes no freedom away that these leave.
+
+    Rows are named by their joint, with a number where a joint has several.
+    """
+
+    row: str
+    factors: Mapping[str, float]
+
+    def __str__(self) -> str:
+        return f"{self.row} depends on {', '.join(self.factors) or 'nothing: it vanishes'}"
+
+
+@dataclass(frozen=True)
+class Rank:
+    """The rank of some rows of phi_q at a pose.
+
+    Attributes
+    ----------
+    coordinates, rank : int
+    kept, dropped : float
+        Smallest singular value that counts and largest that does not (0 if there is none): how clear the decision is.
+    dependent : tuple of Dependence
+        One for each row beyond the rank; the last of the rows that depend on each other is named.
+    """
+
+    coordinates: int
+    rank: int
+    kept: float
+    dropped: float
+    dependent: tuple[Dependence, ...]
+
+    @property
+    def freedoms(self) -> int:
+        """What the rows leave free: coordinates - rank."""
+        return self.coordinates - self.rank
+
+
+@dataclass(frozen=True)
+class Mobility:
+    """Rank-based mobility at a pose: of the joints alone, and with the drivers."""
+
+    joints: Rank
+    driven: Rank
+
+    @property
+    def mobility(self) -> int:
+        """What the joints leave free: n - rank(phi_q)."""
+        return self.joints.freedoms
+
+    @property
+    def kind(self) -> str:
+        """What such a system is called: "structure" if nothing can move."""
+        return kind_of(self.mobility)
+
+
+def mobility(mechanism: Mechanism, q: Any, t: float = 0.0, tolerance: float = TOLERANCE) -> Mobility:
+    """Return the mobility of a mechanism at a pose.
+
+    Parameters
+    ----------
+    mechanism : Mechanism
+    q : (n,) array
+        Coordinates of the bodies in their order [m, rad], then the parameters of contacts, if there are any.
+    tolerance : float
+        Singular values of the scaled phi_q at or below this do not count.
+    """
+    system = compile_system(mechanism, unit=mechanism.unit())
+    return mobility_of(system, system.to_unit(np.asarray(q, float)), t, tolerance)
+
+
+def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = TOLERANCE) -> Mobility:
+    """Return the mobility at a pose in the coordinates of a system."""
+    if np.shape(q) != (system.n,):
+        raise InvalidScene([Fault("q", np.shape(q), f"{system.n} coordinates")], "mobility")
+    phi_q, names = system.phi_q(q, t), system.row_names
+    kinematic = sum(joint.rows for joint in system.mechanism.joints)
+    of_joints, of_all = (rank_of(phi_q[:m], names[:m], tolerance) for m in (kinematic, system.m))
+    return Mobility(of_joints, of_all)
+
+
+def rank_of(matrix: Any, names: Sequence[str], tolerance: float = TOLERANCE) -> Rank:
+    """Return the rank of a matrix (m, n) with rows of these names, and which of them depend on which."""
+    m, n = matrix.shape
+    if not m:
+        return Rank(n, 0, 0.0, 0.0, ())
+    left, sigma, _ = np.linalg.svd(matrix)
+    rank = int(np.sum(sigma > tolerance))
+    kept = float(sigma[rank - 1]) if rank else 0.0
+    dropped = float(sigma[rank]) if rank < len(sigma) else 0.0
+    # What rounding and the pose leave of a factor that is zero: a perturbation over the smallest value that counts.
+    smallest = min(0.1, tolerance / kept) if rank else 0.1
+    return Rank(n, rank, kept, dropped, tuple(_dependences(left[:, rank:].T, names, smallest)))
+
+
+def _dependences(null: Any, names: Sequence[str], smallest: float) -> Iterator[Dependence]:
+    """Yield the dependences in a basis (m - rank, m) of the left null space, by elimination from the last row on."""
+    rest = np.array(null)
+    solved: list[tuple[int, Any]] = []
+    for row in range(len(names) - 1, -1, -1):
+        if not len(rest):
+            break
+        k = int(np.argmax(np.abs(rest[:, row])))
+        if abs(rest[k, row]) <= smallest:
+            continue
+        pivot = rest[k] / rest[k, row]
+        rest = np.delete(rest, k, axis=0)
+        rest = rest - np.outer(rest[:, row], pivot)
+        solved = [(other, basis - basis[row] * pivot) for other, basis in solved]
+        solved.append((row, pivot))
+    for row, basis in reversed(solved):
+        yield Dependence(
+            names[row], {names[k]: -float(x) for k, x in enumerate(basis) if abs(x) > smallest and k != row}
+        )

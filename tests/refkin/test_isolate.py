@@ -1,0 +1,127 @@
+"""Near folds, between branches, without a root, with redundant rows: what is isolated, and what must not be."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from refkin.joints import GROUND, AngleDriver, Revolute, XDriver
+from refkin.model import Body, Mechanism
+from refkin.motion_laws import Polynomial
+from refkin.proof.certificate import certify
+from refkin.proof.inputs import half_ulp
+from refkin.proof.isolate import isolate
+from refkin.proof.krawczyk import excludes, refine
+from refkin.system import System, compile_system
+
+from .assembled import Draw
+
+# A bar on a pivot, the x of its tip given: x = cos phi, with the roots +-phi, which meet at x = 1.
+
+
+def bar(x: float) -> System:
+    tip = XDriver(name="tip", body="bar", point=(1.0, 0.0), law=Polynomial(coefficients=(x,)))
+    pivot = Revolute(name="pivot", body_i=GROUND, point_i=(0.0, 0.0), body_j="bar", point_j=(0.0, 0.0))
+    mechanism = Mechanism((Body(name="bar"),), (pivot,), (tip,))
+    return compile_system(mechanism, unit=mechanism.unit())
+
+
+def at_angle(phi: float) -> Any:
+    return np.array([[0.0], [0.0], [phi]])
+
+
+@pytest.mark.parametrize("k", range(2, 53, 5))
+def test_towards_a_fold_the_pose_stays_certified(k: int) -> None:
+    assert certify(bar(1 - 2.0**-k), at_angle(2 * np.arcsin(np.sqrt(2.0 ** -(k + 1)))), [0.0]).ok[0]
+
+
+@pytest.mark.parametrize("k", range(2, 53, 5))
+def test_the_uniqueness_radius_does_not_reach_the_other_branch(k: int) -> None:
+    phi = 2 * np.arcsin(np.sqrt(2.0 ** -(k + 1)))
+    unique = certify(bar(1 - 2.0**-k), at_angle(phi), [0.0]).unique[0]
+    assert phi / 2 < unique <= 2 * phi
+
+
+@pytest.mark.parametrize("phi", [0.0, 1e-12, 1e-8, 1e-4])
+def test_a_double_root_is_never_isolated(phi: float) -> None:
+    assert not isolate(bar(1.0), at_angle(phi), [0.0]).ok[0]
+
+
+@pytest.mark.parametrize("phi", [0.0, 1e-12, 1e-8, 1e-4, 1.0])
+def test_what_cannot_be_assembled_has_no_proof_of_a_pose(phi: float) -> None:
+    assert not isolate(bar(1 + 2.0**-40), at_angle(phi), [0.0]).ok[0]
+
+
+@pytest.mark.parametrize("part", [-0.5, -0.1, 0.1, 0.2])
+def test_an_answer_between_two_branches_is_not_isolated(part: float) -> None:
+    phi = 2 * np.arcsin(np.sqrt(2.0**-21))
+    assert not isolate(bar(1 - 2.0**-20), at_angle(part * phi), [0.0]).ok[0]
+
+
+@pytest.mark.parametrize(
+    ("tip", "phi", "radii", "excluded"),
+    [
+        (np.cos(1.0), 0.5, (0.01, 0.01, 0.4), True),
+        (np.cos(1.0), 0.5, (0.01, 0.01, 0.6), False),
+        (np.cos(1.0), 1.0, (0.01, 0.01, 0.05), False),
+        (1.1, 0.0, (0.01, 0.01, 0.05), True),  # phi_q is singular at the middle: a row as it stands
+        (np.cos(0.8), 0.5, (0.3, 0.3, 0.1), True),  # each row may be 0, their difference may not
+    ],
+)
+def test_a_box_is_excluded_only_if_it_holds_no_root(tip: float, phi: float, radii: Any, excluded: bool) -> None:
+    assert excludes(bar(float(tip)), at_angle(phi)[:, 0], radii, 0.0) is excluded
+
+
+def test_balls_take_over_where_float64_proves_nothing() -> None:
+    d = Draw(np.random.default_rng(6), ("crank", "coupler", "rocker"))
+    d.pose["coupler"] = (1e8 + 1e8j, 0.3)  # its own origin far from its joints: every product loses eight digits
+    for i, j in ((GROUND, "crank"), ("crank", "coupler"), ("coupler", "rocker"), (GROUND, "rocker")):
+        d.revolute(i, j)
+    d.drivers.append(AngleDriver(name="motor", body="crank", law=Polynomial(coefficients=(d.pose["crank"][1],))))
+    system, start = d.system()
+    truth = refine(system, start, 0.0)
+    assert truth is not None
+    q = truth.nearest()[:, None]
+    assert not certify(system, q, [0.0]).ok[0]
+    found = isolate(system, q, [0.0])
+    assert (found.ok[0], found.bits[0]) == (True, 113)
+    assert found.position[0] <= np.max(half_ulp(system, q)) * (1 + 1e-9)
+
+
+def test_one_bad_lane_spoils_no_other() -> None:
+    q = np.concatenate([at_angle(phi) for phi in (1.0, 0.0, np.nan, 1e300, -1.0)], axis=1)
+    assert certify(bar(float(np.cos(1.0))), q, np.zeros(5)).ok.tolist() == [True, False, False, False, True]
+
+
+# Three parallel cranks of the same length: one row more than coordinates.
+
+
+def three_cranks(longer: float) -> tuple[System, Any]:
+    names = ("first", "second", "third")
+    joints = []
+    for k, name in enumerate(names):
+        length = 0.7 + (longer if k == 2 else 0.0)
+        pivot, pin = (k / 3, 0.1 * k), (k / 3 - 0.2, 0.1 * k + 0.3)
+        joints.append(Revolute(name=f"A{k}", body_i=GROUND, point_i=pivot, body_j=name, point_j=(0.0, 0.0)))
+        joints.append(Revolute(name=f"B{k}", body_i=name, point_i=(length, 0.0), body_j="coupler", point_j=pin))
+    motor = AngleDriver(name="motor", body="first", law=Polynomial(coefficients=(1.0,)))
+    mechanism = Mechanism(tuple(Body(name=n) for n in (*names, "coupler")), tuple(joints), (motor,))
+    system = compile_system(mechanism, unit=mechanism.unit())
+    pins = [(k / 3, 0.1 * k, 1.0) for k in range(3)]
+    coupler = (0.7 * np.cos(1.0) + 0.2, 0.7 * np.sin(1.0) - 0.3, 0.0)
+    return system, system.to_unit(np.array([*pins, coupler]).reshape(12, 1))
+
+
+def test_a_redundant_mechanism_is_certified_on_independent_rows() -> None:
+    system, q = three_cranks(0.0)
+    found = isolate(system, q, [0.0])
+    assert (system.m, system.n, found.ok[0], found.contradiction[0] < 1) == (13, 12, True, True)
+
+
+@pytest.mark.parametrize("longer", [1e-3, 1e-9, 1e-12])
+def test_redundant_rows_that_contradict_each_other_are_seen(longer: float) -> None:
+    system, q = three_cranks(longer)
+    found = isolate(system, q, [0.0])
+    assert found.contradiction[0] > 1
