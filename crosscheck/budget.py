@@ -3,8 +3,8 @@
 First-order propagation through the equations of the reference, at its solution and in its scaled coordinates:
 
     dq   = |J^-1| e_phi                          + 2 u max(bodies, |q|)
-    dqd  = |J^-1| (|d(J qd - nu)/dq| dq + e_nu)   + 2 u max |qd|
-    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + 2 u (max |qdd| + max |qd|^2)
+    dqd  = |J^-1| (|d(J qd - nu)/dq| dq + e_nu)   + 2 u bodies max |qd|
+    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + 2 u bodies (max |qdd| + max |qd|^2)
 
 with J = phi_q. The e are running-error bounds of the formulas themselves (`running_error`), with coordinates that
 are rounded to u |q|: no float64 code is told more. `SAFETY` covers that an engine evaluates the same closure by
@@ -48,8 +48,46 @@ class ErrorBudget:
     judged: Any
 
 
-def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Sequence[Term] = ()) -> ErrorBudget:
-    """Return the budget at a solution of the reference.
+@dataclass(frozen=True)
+class Propagation:
+    """What carries errors through the equations at a solution: the same for every engine. See `propagation`.
+
+    `second`, `third` and `coriolis` are |d(J qd - nu)/dq|, |d(J qdd - gamma)/dq| and |d gamma/d qd|; `e` are the errors
+    of the residuals of the three levels (m, T) before an engine adds its own, `size` what stands in their equations,
+    and `rounding` what handing a result over costs (n, T).
+    """
+
+    system: System
+    q: Any
+    t: Any
+    lanes: Any
+    count: int
+    inverse: Any
+    second: Any
+    third: Any
+    coriolis: Any
+    e: tuple[Any, Any, Any]
+    size: tuple[Any, Any, Any]
+    rounding: tuple[Any, Any, Any]
+
+    def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
+        """Return the allowed errors where an engine adds these terms."""
+        e_phi, e_nu, e_gamma = (
+            e + sum((term.absolute + term.relative * size for term in terms if term.level == level), np.zeros_like(e))
+            for level, e, size in zip(("position", "velocity", "acceleration"), self.e, self.size, strict=True)
+        )
+        dq = _times(self.inverse, e_phi) + self.rounding[0]
+        dqd = _times(self.inverse, _times(self.second, dq) + e_nu) + self.rounding[1]
+        carried = _times(self.third, dq) + _times(self.coriolis, dqd) + e_gamma
+        dqdd = _times(self.inverse, carried) + self.rounding[2]
+        judged = np.zeros(self.count, bool)
+        judged[self.lanes] = _first_order(self.system, self.inverse, dq, self.q, self.t)
+        position, velocity, acceleration = (_spread(level, self.lanes, self.count) for level in (dq, dqd, dqdd))
+        return ErrorBudget(position, velocity, acceleration, judged)
+
+
+def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Propagation | None:
+    """Return what budgets are derived from, at the times at which the reference is ok; None if there are none.
 
     Parameters
     ----------
@@ -61,38 +99,45 @@ def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Seq
         Its coordinates and rates in the system's scaled coordinates; NaN where there is no answer.
     """
     lanes = np.flatnonzero([s is Status.OK for s in motion.status])
-    shape = q.shape
-    blank = np.full(shape, np.nan)
-    budget = ErrorBudget(blank, blank.copy(), blank.copy(), np.zeros(shape[1], bool))
     if not lanes.size:
-        return budget
+        return None
     t, q, qd, qdd = motion.t[lanes], q[:, lanes], qd[:, lanes], qdd[:, lanes]
-    inverse = _abs_inverse(system, q, t)
-    extra = {
-        level: [term for term in terms if term.level == level] for level in ("position", "velocity", "acceleration")
-    }
+    clock, jacobian = _clock(system, t), np.abs(system.phi_q(q, t))
+    e_phi = SAFETY * errors(system.phi(running(q, U * np.abs(q)), clock), t.shape)
+    moving = _times(jacobian, np.abs(qd))
+    e_nu = SAFETY * _residual_error(system, q, qd, clock, t.shape) + _solve_error(moving)
+    bending = _times(jacobian, np.abs(qdd)) + np.abs(system.gamma(q, qd, t))
+    e_gamma = SAFETY * _residual_error(system, q, qdd, clock, t.shape, qd) + _solve_error(bending)
+    return Propagation(
+        system=system,
+        q=q,
+        t=t,
+        lanes=lanes,
+        count=len(motion.t),
+        inverse=_abs_inverse(system, q, t),
+        second=np.abs(_slope(lambda z: _times(system.phi_q(z, t), qd) - system.nu(z, t), q)),
+        third=np.abs(_slope(lambda z: _times(system.phi_q(z, t), qdd) - system.gamma(z, qd, t), q)),
+        coriolis=np.abs(_slope(lambda z: system.gamma(q, z, t), qd)),
+        e=tuple(e + _table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma))),
+        size=(e_phi, moving, bending),
+        rounding=_handed_over(system, q, qd, qdd),
+    )
 
-    clock = _clock(system, t)
-    e_phi = SAFETY * errors(system.phi(running(q, U * np.abs(q)), clock), t.shape) + _table_error(system, t, 0)
-    dq = _carried(inverse, e_phi + _added(extra["position"], e_phi)) + _handed_over(system, q)
-    second = _slope(lambda z: _times(system.phi_q(z, t), qd) - system.nu(z, t), q)
-    e_nu = SAFETY * _residual_error(system, q, qd, clock, t.shape)
-    size = _times(np.abs(system.phi_q(q, t)), np.abs(qd))
-    e_nu = e_nu + _solve_error(size) + _added(extra["velocity"], size) + _table_error(system, t, 1)
-    dqd = _carried(inverse, _times(np.abs(second), dq) + e_nu) + 2 * U * np.max(np.abs(qd), axis=0)
-    third = _slope(lambda z: _times(system.phi_q(z, t), qdd) - system.gamma(z, qd, t), q)
-    coriolis = _slope(lambda z: system.gamma(q, z, t), qd)
-    e_gamma = SAFETY * _residual_error(system, q, qdd, clock, t.shape, qd)
-    size = _times(np.abs(system.phi_q(q, t)), np.abs(qdd)) + np.abs(system.gamma(q, qd, t))
-    e_gamma = e_gamma + _solve_error(size) + _added(extra["acceleration"], size) + _table_error(system, t, 2)
-    carried = _times(np.abs(third), dq) + _times(np.abs(coriolis), dqd) + e_gamma
-    # The acceleration of a point is summed from alpha r and omega^2 r, also where the sum is small.
-    summed = np.max(np.abs(qdd), axis=0) + np.max(np.abs(qd), axis=0) ** 2
-    dqdd = _carried(inverse, carried) + 2 * U * summed
-    for allowed, values in zip((budget.position, budget.velocity, budget.acceleration), (dq, dqd, dqdd), strict=True):
-        allowed[:, lanes] = values
-    budget.judged[lanes] = _first_order(system, inverse, dq, q, t)
-    return budget
+
+def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Sequence[Term] = ()) -> ErrorBudget:
+    """Return the budget at a solution of the reference; parameters as in `propagation`."""
+    found = propagation(system, motion, q, qd, qdd)
+    if found is None:
+        blank = np.full(q.shape, np.nan)
+        return ErrorBudget(blank, blank, blank, np.zeros(q.shape[1], bool))
+    return found.budget(terms)
+
+
+def _spread(values: Any, lanes: Any, count: int) -> Any:
+    """Return (n, count) with the values in their lanes and NaN elsewhere."""
+    out = np.full((len(values), count), np.nan)
+    out[:, lanes] = values
+    return out
 
 
 def _abs_inverse(system: System, q: Any, t: Any) -> Any:
@@ -107,16 +152,9 @@ def _times(matrix: Any, vector: Any) -> Any:
     return np.einsum("mnt,nt->mt", matrix, vector)
 
 
-_carried = _times
-
-
 def _solve_error(size: Any) -> Any:
     """Return the backward error of LU, as a residual (m, T), where |J| |x| is `size`: n u of its largest row."""
     return len(size) * U * np.broadcast_to(np.max(size, axis=0), size.shape)
-
-
-def _added(terms: Sequence[Term], size: Any) -> Any:
-    return sum((term.absolute + term.relative * size for term in terms), np.zeros_like(size))
 
 
 def _slope(function: Any, x: Any) -> Any:
@@ -156,17 +194,21 @@ def _table_error(system: System, t: Any, order: int) -> Any:
     return out
 
 
-def _handed_over(system: System, q: Any) -> Any:
-    """Return the rounding of a coordinate that is composed of others, in metres and back.
+def _handed_over(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, Any]:
+    """Return the rounding of coordinates and rates that are composed of others, in metres and back.
 
-    A pose at the end of a chain is a sum of arms of one size, one per body, and of the angles of other bodies, each rounded; in metres it
-    is rounded relative to its distance from the scene's origin, which is not ours.
+    A pose at the end of a chain is a sum of arms of one size, one per body, and of the angles of other bodies, each
+    rounded; so are its rates, of omega r, and of alpha r and omega^2 r, also where the sum is small. In metres a
+    pose is rounded relative to its distance from the scene's origin, which is not ours.
     """
-    metres = np.abs(system.to_physical(q))
-    is_angle = np.arange(len(q))[:, None] % 3 == 2
-    largest_angle = np.max(np.where(is_angle, metres, 0.0), axis=0)
     arms = len(system.mechanism.bodies)
-    return 2 * U * np.maximum(arms, np.where(is_angle, largest_angle, metres / system.unit.size))
+    metres = np.abs(system.to_physical(q))
+    is_angle = system.angles[:, None]
+    largest_angle = np.max(np.where(is_angle, metres, 0.0), axis=0)
+    position = np.maximum(arms, np.where(is_angle, largest_angle, metres / system.unit.size))
+    rate = arms * np.max(np.abs(qd), axis=0)
+    bend = arms * (np.max(np.abs(qdd), axis=0) + np.max(np.abs(qd), axis=0) ** 2)
+    return 2 * U * position, 2 * U * rate, 2 * U * bend
 
 
 def _residual_error(system: System, q: Any, rate: Any, t: Any, shape: tuple[int, ...], qd: Any = None) -> Any:

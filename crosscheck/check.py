@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import hashlib
 import json
+import sys
 import time
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
@@ -14,8 +15,8 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.comparison import QUANTITIES, Comparison, Reference, compare, reference
-from crosscheck.engines import Engine, EngineError, Level, load, refusals
+from crosscheck.comparison import QUANTITIES, Comparison, QuantityComparison, Reference, compare, reference
+from crosscheck.engines import Engine, EngineError, Level, Term, load, refusals
 from crosscheck.levels import Configuration, LevelComparison, compare_levels, configurations
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Route, Status
@@ -24,6 +25,7 @@ from refkin.scene_files import to_dict
 Record = dict[str, Any]
 CONFIGURATIONS = 2
 """Configurations per scene at which an engine's own rows are compared."""
+NOTHING = QuantityComparison(np.zeros(0), np.zeros(0), np.zeros(0), "")
 REGULAR = 1e-4
 """Smallest singular value above which an engine has no excuse for giving no answer."""
 
@@ -78,10 +80,19 @@ def _reference_record(ref: Reference, seconds: float) -> dict[str, Any]:
         "message": motion.message,
         "statuses": {s.value: motion.status.count(s) for s in set(motion.status)},
         "sigma_min": _smallest(ref.sigma_min),
+        "sigma_per_step": _sigma_per_step(ref),
         "residual": _largest(motion.residual),
         "certified_radius": {q: _largest(getattr(radius, q)) for q in QUANTITIES},
         "seconds": seconds,
     }
+
+
+def _sigma_per_step(ref: Reference) -> float | None:
+    """Return the smallest ratio of sigma_min, at either end of a step, to what a coordinate changes by in it."""
+    steps = np.max(np.abs(np.diff(ref.levels[0], axis=1)), axis=0)
+    sigma = np.minimum(ref.sigma_min[1:], ref.sigma_min[:-1])
+    moved = np.isfinite(sigma) & (steps > 0.0)
+    return _smallest(sigma[moved] / steps[moved]) if moved.any() else None
 
 
 def _configurations(ref: Reference, key: str) -> list[Configuration]:
@@ -94,19 +105,21 @@ def _configurations(ref: Reference, key: str) -> list[Configuration]:
 
 
 def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, record: Record) -> None:
-    terms = engine.terms(scene, route)
-    start = time.perf_counter()
+    told = {"engine": engine.name, "route": route.name}
+    regular = _smallest(ref.sigma_min) > REGULAR
     try:
+        terms = engine.terms(scene, route)
+        start = time.perf_counter()
         motion = engine.solve(scene, route)
         seconds = time.perf_counter() - start
-        best = route == engine.routes()[0]
-        turned_round = compare(ref, engine.solve(permuted(scene), route), terms) if best else None
     except EngineError as error:
         record["refusals"].append(str(error))
+        if regular and not _is_refusal(error, scene):
+            record["disagreements"].append({**told, **_no_answer("no answer", str(error))})
         return
     found = compare(ref, motion, terms)
     record["answers"].append(_answer_record(engine, motion, found, ref, seconds))
-    told = {"engine": engine.name, "route": route.name}
+    turned_round = _turned_round(engine, route, scene, ref, terms) if route == engine.routes()[0] else None
     for quantity, q in found.quantities.items():
         if not q.agrees:
             kind = "other assembly" if found.other_assembly else "beyond the allowed error"
@@ -114,11 +127,31 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
             q, kind = turned_round.quantities[quantity], "depends on the order of bodies"
         else:
             continue
-        ratio = float(np.nanmax(q.ratio))
-        record["disagreements"].append({**told, "quantity": quantity, "kind": kind, "ratio": ratio, "worst": q.worst})
-    if found.missing and _smallest(ref.sigma_min) > REGULAR:
-        at = {"quantity": "status", "kind": "no answer", "ratio": None, "worst": f"{found.missing} times without answer"}
+        kind = "status ok without a number" if np.isinf(q.error).any() else kind
+        at = {"quantity": quantity, "kind": kind, "ratio": _largest_ratio(q.ratio), "worst": q.worst}
         record["disagreements"].append({**told, **at})
+    if found.missing and regular:
+        record["disagreements"].append({**told, **_no_answer("no answer", f"{found.missing} times without answer")})
+    elif turned_round is not None and turned_round.missing and regular:
+        at = _no_answer("depends on the order of bodies", f"{turned_round.missing} times without answer")
+        record["disagreements"].append({**told, **at})
+
+
+def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, terms: Sequence[Term]) -> Comparison:
+    """Return the comparison of the engine's answer to the same scene with its bodies, joints and drivers reversed."""
+    try:
+        return compare(ref, engine.solve(permuted(scene), route), terms)
+    except EngineError:
+        return Comparison({q: NOTHING for q in QUANTITIES}, len(scene.times), 0, other_assembly=False)
+
+
+def _is_refusal(error: EngineError, scene: Scene) -> bool:
+    """Whether an engine says what it cannot do, rather than that it failed at something it can."""
+    return "refuses" in str(error) or any(body.estimate is None for body in scene.mechanism.bodies)
+
+
+def _no_answer(kind: str, worst: str) -> dict[str, Any]:
+    return {"quantity": "status", "kind": kind, "ratio": None, "worst": worst}
 
 
 def _answer_record(engine: Engine, motion: Motion, found: Comparison, ref: Reference, seconds: float) -> dict[str, Any]:
@@ -129,7 +162,7 @@ def _answer_record(engine: Engine, motion: Motion, found: Comparison, ref: Refer
         "route": {k: str(v) for k, v in vars(route).items()},
         "quantities": {
             name: {
-                "ratio": _largest(q.ratio),
+                "ratio": _largest_ratio(q.ratio),
                 "worst": q.worst,
                 "digits_by_sigma": by_decade(ref.sigma_min, q.digits),
             }
@@ -148,21 +181,40 @@ def _check_levels(engine: Engine, scene: Scene, at: Sequence[Configuration], rec
     record["refusals"] += reasons
     if not at or len(reasons) == len(scene.mechanism.constraints):
         return
-    model = engine.constraints(scene)
     try:
-        found = compare_levels(engine, model, scene.mechanism, at, engine.terms(scene))
-    finally:
-        model.close()
+        model = engine.constraints(scene)
+        try:
+            found = compare_levels(engine, model, scene.mechanism, at, engine.terms(scene))
+        finally:
+            model.close()
+    except EngineError as error:
+        record["refusals"].append(str(error))
+        if not _is_refusal(error, scene):
+            told = {"engine": engine.name, "route": "rows", **_no_answer("no answer", str(error))}
+            record["disagreements"].append(told)
+        return
     for level, comparison in found.items():
         record["levels"].append(_level_record(engine, level, comparison))
         if not comparison.agrees:
-            at_level = {"engine": engine.name, "route": "rows", "quantity": level.value, "kind": "model translated wrongly"}
+            at_level = {
+                "engine": engine.name,
+                "route": "rows",
+                "quantity": level.value,
+                "kind": "model translated wrongly",
+            }
             record["disagreements"].append({**at_level, "ratio": comparison.ratio, "worst": comparison.worst})
 
 
 def _level_record(engine: Engine, level: Level, found: LevelComparison) -> dict[str, Any]:
     digits = histogram(found.digits)
-    return {"engine": engine.name, "level": level.value, "ratio": found.ratio, "digits": digits, "rows": found.rows, "worst": found.worst}
+    return {
+        "engine": engine.name,
+        "level": level.value,
+        "ratio": found.ratio,
+        "digits": digits,
+        "rows": found.rows,
+        "worst": found.worst,
+    }
 
 
 def histogram(digits: Iterable[float]) -> dict[str, int]:
@@ -191,6 +243,12 @@ def permuted(scene: Scene) -> Scene:
 def _largest(values: Any) -> float | None:
     finite = np.asarray(values)[np.isfinite(values)]
     return float(finite.max()) if finite.size else None
+
+
+def _largest_ratio(ratios: Any) -> float | None:
+    """Return the largest ratio, an infinite one as the largest double; None if nothing was judged."""
+    judged = np.asarray(ratios)[~np.isnan(ratios)]
+    return min(float(judged.max()), sys.float_info.max) if judged.size else None
 
 
 def _smallest(values: Any) -> float:

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from crosscheck.budget import ErrorBudget, derive
+from crosscheck.budget import ErrorBudget, Propagation, derive, propagation
 from crosscheck.engines import Term
 from crosscheck.frames import wrap
 from refkin.analysis import solve
@@ -33,11 +34,17 @@ class Reference:
 
     _budgets: dict[tuple[Term, ...], ErrorBudget] = field(default_factory=dict, repr=False)
 
+    @cached_property
+    def propagation(self) -> Propagation | None:
+        """What budgets are derived from; it costs most of them, and is the same for all engines."""
+        return propagation(self.system, self.motion, *self.levels)
+
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
-        """Return the allowed errors against another answer; derived once for the same terms."""
+        """Return the allowed errors against another answer."""
         key = tuple(terms)
         if key not in self._budgets:
-            self._budgets[key] = derive(self.system, self.motion, *self.levels, key)
+            found = self.propagation
+            self._budgets[key] = derive(self.system, self.motion, *self.levels) if found is None else found.budget(key)
         return self._budgets[key]
 
 
@@ -48,7 +55,7 @@ class QuantityComparison:
     Attributes
     ----------
     error, ratio, digits : (T,) array
-        Largest error in scaled coordinates; largest error / allowed; -log10 of the error relative to the size (position)
+        Largest error in scaled coordinates; largest error / allowed; -log10 of the error relative to size (position)
         or to the largest component at that time (velocity, acceleration).
     worst : str
         The sample of the largest ratio: coordinate and time.
@@ -98,10 +105,11 @@ def reference(scene: Scene) -> Reference:
     whole = replace(scene, bodies_wanted=None, effects=frozenset(Effect), evidence=evidence)
     motion = solve(whole)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    contacts: list[Any] = [(c.s, c.sd, c.sdd) for c in motion.contacts.values()]
+    whole_levels: list[Any] = [(level, *(c[k] for c in contacts)) for k, level in enumerate(motion.levels)]
     with np.errstate(invalid="ignore"):
-        q = system.to_unit(motion.q)
-        rates = [_scaled_rates(system, level) for level in (motion.qd, motion.qdd)]
-    return Reference(whole, system, motion, (q, *rates), motion.sigma_min)
+        q, qd, qdd = (system.to_unit(np.vstack(level), order) for order, level in enumerate(whole_levels))
+    return Reference(whole, system, motion, (q, qd, qdd), motion.sigma_min)
 
 
 def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Comparison:
@@ -161,19 +169,18 @@ def _judge(
 
 
 def _other_assembly(ref: Reference, motion: Motion, found: Mapping[str, QuantityComparison], lanes: Any) -> bool:
-    """Whether a wrong position nevertheless satisfies the constraints: the same linkage, put together another way."""
+    """Whether a wrong position is another solution of the constraints: the same linkage, put together another way.
+
+    It is if its own residual, carried by |J^-1|, accounts for less than a tenth of its error: to first order the two
+    are equal, and no second order is ten times as large but where it leads to the next solution.
+    """
     if "position" not in found or found["position"].agrees or len(motion.bodies) * 3 != ref.system.n:
         return False
+    wrong = lanes & (found["position"].ratio > 1.0) & np.isfinite(found["position"].error)
     starts = [3 * motion.bodies.index(b.name) for b in ref.scene.mechanism.bodies]
     order = np.concatenate([np.arange(start, start + 3) for start in starts])
-    q = ref.system.to_unit(motion.q[order][:, lanes])
-    residual = np.max(np.abs(ref.system.phi(q, ref.motion.t[lanes])), axis=0)
-    far = found["position"].error[lanes] > 1e-3
-    return bool(np.any(far & (residual < 1e-9)))
-
-
-def _scaled_rates(system: System, level: Any) -> Any:
-    out = np.array(level)
-    for c in (0, 1):
-        out[c::3] /= system.unit.size
-    return out
+    q, t = ref.system.to_unit(motion.q[order][:, wrong]), ref.motion.t[wrong]
+    stacked = np.moveaxis(ref.system.phi_q(ref.levels[0][:, wrong], t), -1, 0)
+    residual = np.moveaxis(np.abs(ref.system.phi(q, t)), -1, 0)[..., None]
+    carried = np.abs(np.linalg.pinv(stacked)) @ residual
+    return bool(np.any(np.max(carried, axis=(1, 2)) < 0.1 * found["position"].error[wrong]))

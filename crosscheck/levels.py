@@ -17,23 +17,28 @@ from typing import Any
 import numpy as np
 
 from crosscheck.budget import SAFETY
-from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, table_key
+from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, refused, table_key
 from crosscheck.frames import RowMap
 from crosscheck.running_error import Running, U, errors, running
 from refkin.model import Mechanism
 from refkin.system import System, compile_system
 
+ABSENT = refused("not in the table")
 LEVELS = (Level.RESIDUAL, Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
 
 
 @dataclass(frozen=True)
 class Configuration:
-    """A state to evaluate at, in metres and rad; nothing makes it an assembled one."""
+    """A state of the bodies to evaluate at, in metres and rad; nothing makes it an assembled one.
+
+    `contacts` are the contact parameters at which our rows of cams are evaluated.
+    """
 
     system: System
     q: Any
     qd: Any
     t: float
+    contacts: Any
 
     @cached_property
     def ours(self) -> dict[Any, Any]:
@@ -73,7 +78,8 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
     for _ in range(count):
         lane = draw.randrange(len(t))
         move, rate = (np.array([draw.uniform(-1.0, 1.0) for _ in scale]) * scale for _ in range(2))
-        found.append(Configuration(system, near[:, lane] + move, 3.0 * rate, float(t[lane])))
+        bodies, contacts = np.split(near[:, lane], [system.of_bodies])
+        found.append(Configuration(system, bodies + move, 3.0 * rate, float(t[lane]), contacts))
     return found
 
 
@@ -93,8 +99,7 @@ def compare_levels(
         maps = [
             m
             for m in model.rows
-            if level in table[kinds[m.constraint]]
-            and table[kinds[m.constraint]][level].support is not Support.REFUSED
+            if table.get(kinds[m.constraint], {}).get(level, ABSENT).support is not Support.REFUSED
             and (model.owns_driver or m.constraint not in drivers)
         ]
         if maps:
@@ -152,13 +157,14 @@ def _size(level: Level, at: Configuration) -> float:
 
 def _ours(system: System, at: Configuration) -> dict[Any, Any]:
     """Return our values at a configuration, with the running errors of each."""
-    q, qd = running(at.q), running(at.qd)
+    q, qd = running(np.append(at.q, at.contacts)), running(np.append(at.qd, 0.0 * at.contacts))
     slope = system.phi_q(q, at.t)
     rate = np.empty(system.m, object)
     nu = system.nu(q, at.t)
     for m in range(system.m):
         rate[m] = sum((qd[k] * slope[m, k] for k in range(system.n)), Running(0.0)) - nu[m]
-    values = {"x": system.phi(q, at.t), "x_q": slope, "x'": rate, "gamma": system.gamma(q, qd, at.t)}
+    of_bodies = slope[:, : system.of_bodies]
+    values = {"x": system.phi(q, at.t), "x_q": of_bodies, "x'": rate, "gamma": system.gamma(q, qd, at.t)}
     found: dict[Any, Any] = {key: (_values(v), errors(v, ())) for key, v in values.items()}
     largest = {Level.RESIDUAL: "x", Level.JACOBIAN: "x_q", Level.CONSTRAINT_VELOCITY: "x'", Level.DRIFT: "gamma"}
     found["scale"] = {level: float(np.max(np.abs(found[key][0]))) for level, key in largest.items()}

@@ -8,6 +8,7 @@ is computed from it.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -62,6 +63,10 @@ class Running:
     def sin(self) -> Running:
         """Return the sine, its library error one ulp at most."""
         return Running(np.sin(self.value), self.error * np.abs(np.cos(self.value)) + 2 * U)
+
+    def through(self, f: Callable[[Any, int], Any]) -> Running:
+        """Return f(x, 0) of a function of floats whose derivative is f(x, 1), with one rounding of its own."""
+        return self._result(f(self.value, 0), self.error * np.abs(f(self.value, 1)))
 
 
 def _running(x: Any) -> Running:

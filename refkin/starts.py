@@ -12,11 +12,16 @@ from refkin.contacts import touched
 from refkin.joints import Cam
 from refkin.model import Scene
 from refkin.motion import Status
+from refkin.levenberg import levenberg_marquardt
 from refkin.newton import NewtonResult, newton
 from refkin.proof.assembly import Assemblies, assemblies
+from refkin.proof.inputs import A_FEW_ROUNDINGS
+from refkin.proof.search import PRIMES, closes, radical_inverse
 from refkin.sweep import contracts
 from refkin.system import System
 
+NEW_ESTIMATES = 6
+"""How many estimates are made up where the given one leads nowhere."""
 COUNTED = 1e-6
 """Scaled residual that says that a constraint counts a turn: far above round-off, far below what a gear makes of it."""
 
@@ -34,28 +39,53 @@ def find_start(system: System, scene: Scene) -> Start:
     """Return the assembly at the first time that the scene's estimates lead to.
 
     An estimate from which Newton contracts at once is near one assembly and far from others. From any other estimate
-    Newton may go anywhere: then all assemblies are enumerated and the nearest is taken.
+    Newton may go anywhere: then all assemblies are enumerated and the nearest is taken; if none is found so, damped
+    Newton and least squares are tried, from the estimate and from a few new ones.
     """
     t, bodies = scene.times[0], scene.mechanism.bodies
     missing = [b.name for b in bodies if b.estimate is None]
-    estimate = _estimate(system, scene)
-    tries: list[NewtonResult] = []
-    if not missing:
-        tries.append(_newton(system, t, estimate))
-        if tries[0].converged and contracts(np.max(np.abs(tries[0].corrections), axis=1)):
-            return Start(Status.OK, tries[0].q)
-    found = assemblies(system, t)
-    if found.unassemblable:
+    with np.errstate(all="ignore"):  # estimates may lie anywhere
+        estimate = _estimate(system, scene)
+        first = _newton(system, t, estimate)
+        if not missing and first.converged and contracts(np.max(np.abs(first.corrections), axis=1)):
+            return Start(Status.OK, first.q)
+        found = assemblies(system, t)
+        if found.poses:
+            return Start(Status.OK, *_choice(system, found, estimate, missing, t))
+        rounding = found.gap is not None and found.gap <= A_FEW_ROUNDINGS.relative
+        if found.gap is not None and not rounding:
+            return Start(Status.UNASSEMBLABLE, message=unassemblable(system, found))
+        q, how, smallest = _far(system, t, estimate, first)
+    if q is None and found.gap is not None:
         return Start(Status.UNASSEMBLABLE, message=unassemblable(system, found))
-    if found.poses:
-        return Start(Status.OK, *_choice(system, found, estimate, missing, t))
-    tries.append(_newton(system, t, estimate, damped=True))
-    best = next((r for r in tries if r.converged), None)
-    if best is not None:
-        return Start(Status.OK, best.q, f"the estimate was far; Newton found an assembly from it at t = {t:g}")
-    smallest = min(np.nanmin(np.max(np.abs(r.residuals), axis=1), initial=np.inf) for r in tries)
-    why = f"{found.message}; {tries[-1].status}; smallest scaled residual {smallest:.3g}"
-    return Start(Status.NOT_CONVERGED, message=f"no assembly was found at t = {t:g}: {why}")
+    if q is None:
+        why = f"{found.message}; smallest scaled residual {smallest:.3g}"
+        return Start(Status.NOT_CONVERGED, message=f"no assembly was found at t = {t:g}: {why}")
+    if rounding:
+        return Start(Status.OK, q, f"{found.message}: less than rounding of the numbers explains")
+    return Start(Status.OK, q, f"the estimate was far: {how} found an assembly at t = {t:g}")
+
+
+def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[Any, str, float]:
+    """Return an assembly and what found it, from a far estimate; else None, and the smallest residual of all tries.
+
+    Where Newton and least squares end at a pose that is no root (a singular phi_q, a minimum), new estimates are taken:
+    the angles turned by a fixed sequence.
+    """
+    if first.converged and closes(system, first.q, t):
+        return first.q, "Newton", first.residual
+    smallest = np.nanmin(np.append(np.max(np.abs(first.residuals), axis=1), np.inf))
+    for k in range(NEW_ESTIMATES + 1):
+        turned = np.array([radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(system.n)]) * system.angles
+        start, new = estimate + math.tau * turned, " from a new estimate" if k else ""
+        damped = _newton(system, t, start, damped=True, max_iterations=30)
+        least = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start)
+        ended = _newton(system, t, least.q, max_iterations=60)
+        for result, how in ((damped, "damped Newton"), (ended, "least squares")):
+            if result.converged and closes(system, result.q, t):
+                return result.q, how + new, result.residual
+        smallest = np.nanmin([smallest, damped.residual, least.residual])
+    return None, "", float(smallest)
 
 
 def _estimate(system: System, scene: Scene) -> Any:
@@ -71,8 +101,8 @@ def unassemblable(system: System, found: Assemblies) -> str:
     return f"{found.message} (gap at least {found.gap:.3g} of the size {system.unit.size:g} m)"
 
 
-def _newton(system: System, t: float, start: Any, damped: bool = False) -> NewtonResult:
-    return newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start, damped=damped)
+def _newton(system: System, t: float, start: Any, **options: Any) -> NewtonResult:
+    return newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start, **options)
 
 
 def _choice(system: System, found: Assemblies, estimate: Any, missing: list[str], t: float) -> tuple[Any, str]:
@@ -85,11 +115,10 @@ def _choice(system: System, found: Assemblies, estimate: Any, missing: list[str]
     poses = [_turned_to(system, q, estimate, held, t) for q in found.poses]
     distances = [float(np.linalg.norm((q - estimate)[held])) for q in poses]
     nearest = int(np.argmin(distances))
-    if not missing:
-        return poses[nearest], ""
     which = f"assembly {nearest + 1} of {len(poses)}{'' if found.complete else ' found'}"
     sides = f", sides {found.branches[nearest]}" if found.branches[nearest] else ""
-    return poses[nearest], f"no estimate for {', '.join(missing)}: {which}{sides}; "
+    why = f"no estimate for {', '.join(missing)}" if missing else "Newton did not contract from the estimate"
+    return poses[nearest], f"{why}: {which}{sides}"
 
 
 def _turned_to(system: System, q: Any, estimate: Any, held: Any, t: float) -> Any:

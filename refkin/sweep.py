@@ -69,7 +69,7 @@ class Sweep:
         smallest = 4 * EPS * max(abs(target), abs(self.t[-1]), target - self.t[-1])
         while self.steps < MOST_STEPS:
             self.steps += 1
-            last = self.step >= target - self.t[-1]
+            last = self.t[-1] + self.step >= target  # as rounded: else a step may land on the target and not be the last
             t = target if last else self.t[-1] + self.step
             result = self._corrected(t)
             if self._on_branch(result, t):

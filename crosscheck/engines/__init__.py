@@ -15,14 +15,17 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from importlib import import_module
 from importlib.metadata import entry_points
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
 
 from crosscheck.frames import RowMap
-from refkin.joints import Constraint, DistanceDriver
+from refkin.joints import Constraint, DistanceDriver, Driver
 from refkin.model import Scene
 from refkin.motion import Motion, Route
 
@@ -145,8 +148,14 @@ class Engine(Protocol):
 
 
 def table_key(constraint: Constraint) -> str:
-    """Return a constraint's key in a capability table: its type, or "distance driver" for the driver of that type."""
-    return "distance driver" if isinstance(constraint, DistanceDriver) else constraint.type
+    """Return a constraint's key in a capability table: its type, but for two that are not what their type says.
+
+    These are the "distance driver", and a joint that a law moves, such as a "revolute with a law".
+    """
+    if isinstance(constraint, DistanceDriver):
+        return "distance driver"
+    moved = constraint.laws and not isinstance(constraint, Driver)
+    return f"{constraint.type} with a law" if moved else constraint.type
 
 
 def refusals(engine: Engine, scene: Scene, level: Level) -> list[str]:
@@ -167,28 +176,55 @@ def available() -> dict[str, Any]:
     return {point.name: point for point in entry_points(group="crosscheck.engines")}
 
 
-def load(name: str) -> Engine:
-    """Return the engine of that name.
+def load(spec: str) -> Engine:
+    """Return an engine: by its name among those that are registered, or as `file.py:Class` or `module:Class`.
 
     Raises
     ------
     EngineError
         If there is none, its package is missing, or it does not keep the protocol; the message says which.
     """
-    points = available()
-    if name not in points:
-        raise EngineError(f"no engine is called {name!r}; there are: {', '.join(sorted(points))}")
-    try:
-        engine = points[name].load()()
-    except ImportError as error:
-        raise EngineError(f"engine {name!r} cannot be imported: {error}") from error
+    engine: Engine = _class_of(spec)()
     missing = [
         key
         for key in ("name", "api", "version", "routes", "capabilities", "terms", "solve")
         if not hasattr(engine, key)
     ]
     if missing:
-        raise EngineError(f"engine {name!r} lacks: {', '.join(missing)}")
+        raise EngineError(f"engine {spec!r} lacks: {', '.join(missing)}")
     if engine.api[0] != API[0]:
-        raise EngineError(f"engine {name!r} speaks interface {engine.api[0]}.x, this suite {API[0]}.x")
-    return engine  # type: ignore[no-any-return]
+        raise EngineError(f"engine {spec!r} speaks interface {engine.api[0]}.x, this suite {API[0]}.x")
+    if engine.name != spec and ":" not in spec:
+        raise EngineError(f"engine {spec!r} calls itself {engine.name!r}")
+    if engine.name in available() and ":" in spec:
+        raise EngineError(f"engine {spec!r} calls itself {engine.name!r}, as a registered one does")
+    return engine
+
+
+def _class_of(spec: str) -> Any:
+    """Return the class that a name or a path stands for."""
+    where, _, name = spec.rpartition(":")
+    try:
+        if not where:
+            points = available()
+            if spec not in points:
+                raise EngineError(f"no engine is called {spec!r}; there are: {', '.join(sorted(points))}")
+            return points[spec].load()
+        module = _module_of_file(where) if where.endswith(".py") else import_module(where)
+    except ImportError as error:
+        raise EngineError(f"engine {spec!r} cannot be imported: {error}") from error
+    if not hasattr(module, name):
+        raise EngineError(f"engine {spec!r}: there is no {name!r} in {where}")
+    return getattr(module, name)
+
+
+def _module_of_file(where: str) -> Any:
+    path = Path(where)
+    if not path.is_file():
+        raise EngineError(f"there is no file {where}")
+    found = spec_from_file_location(path.stem, path)
+    assert found is not None
+    assert found.loader is not None
+    module = module_from_spec(found)
+    found.loader.exec_module(module)
+    return module

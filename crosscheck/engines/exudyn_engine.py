@@ -70,6 +70,7 @@ CAPABILITIES: Capabilities = {
     "prismatic": _FROM_POINTS,
     "point_on_line": _FROM_POINTS,
     "distance": _FROM_POINTS,
+    "gear": {**_ROWS, Level.DRIFT: derived("a linear row: the adapter knows that nothing drifts")},
     "angle": _FROM_LAW,
     "x": {**_ROWS, Level.DRIFT: derived("exudyn's point acceleration at qdd = 0; f'' by the adapter")},
     "y": {**_ROWS, Level.DRIFT: derived("exudyn's point acceleration at qdd = 0; f'' by the adapter")},

@@ -10,6 +10,7 @@ fixed               RevoluteJoint2D [i, j], CoordinateConstraint [phi_i, j]   +,
 prismatic           PrismaticJoint2D [j, i], normal on i                      -, sine of ours
 point_on_line       the same with constrainRotation=False                     - (its second row is empty)
 distance            DistanceConstraint                                        |d| - L
+gear                CoordinateConstraint [phi_i, phi_j] with a factor         ours / -radius_i
 angle driver        CoordinateConstraint [phi_i, phi_j]                       +
 x, y driver         CoordinateConstraint on a relative translation marker     +
 distance driver     DistanceConstraint, its distance set anew at each time    |d| - f(t), made ours by the model
@@ -37,6 +38,7 @@ from refkin.joints import (
     Distance,
     DistanceDriver,
     Fixed,
+    Gear,
     Pair,
     PointOnLine,
     Prismatic,
@@ -233,6 +235,19 @@ def _distance(b: Builder, c: Distance) -> None:
     b.blocks.append(Block(c.name, rod, 0, ((1.0, Length(length)),), (1,), drift))
 
 
+def _gear(b: Builder, c: Gear) -> None:
+    # exudyn's row: factor phi_j - phi_i - offset.
+    factor = -c.radius_j / c.radius_i
+    teeth = b.mbs.AddObject(
+        item.CoordinateConstraint(
+            markerNumbers=[b.angle(c.body_i), b.angle(c.body_j)],
+            factorValue1=factor,
+            offset=factor * c.phi0_j - c.phi0_i,
+        )
+    )
+    b.blocks.append(Block(c.name, teeth, 0, ((-b.unit.size / c.radius_i, Linear()),), (0,), lambda: (0.0,)))
+
+
 def _distance_driver(b: Builder, c: DistanceDriver) -> None:
     law = b.law(c, size=b.unit.size)
     rod = b.mbs.AddObject(item.DistanceConstraint(markerNumbers=b.points(c), distance=1.0))
@@ -272,6 +287,7 @@ ADD: dict[type[Constraint], Callable[[Builder, Any], None]] = {
     Prismatic: _prismatic,
     PointOnLine: _point_on_line,
     Distance: _distance,
+    Gear: _gear,
     AngleDriver: _angle,
     XDriver: lambda b, c: _coordinate(b, c, 0),
     YDriver: lambda b, c: _coordinate(b, c, 1),

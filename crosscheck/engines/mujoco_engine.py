@@ -81,6 +81,7 @@ CAPABILITIES: Capabilities = {
     "prismatic": _LINE,
     "point_on_line": _LINE,
     "distance": _levels(drift=_BIAS, solve=_BIAS),
+    "gear": _levels(),
     "angle": _LAW,
     "x": _LAW,
     "y": _LAW,

@@ -10,6 +10,8 @@ prismatic        `framepos` of a site in the frame of one on the guide;   n . d
                  equality of a fixed tendon over the hinges               delta
 point_on_line    `framepos` of a site in the frame of one on the guide    n . d
 distance         equality of a spatial tendon between two sites           |d| - length
+gear             equality of a fixed tendon over the hinges, weighted     ours
+                 by the radii
 angle            equality of a fixed tendon over the hinges               delta
 x, y             `connect` with a ground site that the law moves          one component of d
 distance driver  equality of a spatial tendon between two sites           |d| - f(t)
@@ -33,6 +35,8 @@ import os
 from collections.abc import Iterable
 from typing import Any
 
+import numpy as np
+
 from crosscheck.engines import EngineError
 from crosscheck.engines.mujoco_parts import LINEAR, Driven, Guide, Source
 from crosscheck.frames import Length
@@ -45,6 +49,7 @@ from refkin.joints import (
     DistanceDriver,
     Driver,
     Fixed,
+    Gear,
     Pair,
     PointOnLine,
     Prismatic,
@@ -142,6 +147,8 @@ class Plan:
             self._distance(name, c)
         elif isinstance(c, XDriver | YDriver):
             self._coordinate(name, c)
+        elif isinstance(c, Gear):
+            self._gear(name, c)
         elif not isinstance(c, AngleDriver):
             raise EngineError(f"mujoco refuses {c.type} {c.name!r}: it is not written for this type")
         if isinstance(c, Fixed | Prismatic | AngleDriver):
@@ -189,15 +196,31 @@ class Plan:
         if not turns.any():  # nothing turns one against the other: MuJoCo holds no such tendon, and none is needed
             self.sources.append(Source(constraint=c, row=row, constant=offset - c.angle, unit=0))
             return
-        tendon = self.spec.add_tendon(name=f"{name} angle")
-        for column in turns.nonzero()[0]:
-            tendon.wrap_joint(f"q{column}", float(turns[column]))
-        first = self._equality(mujoco.mjtEq.mjEQ_TENDON, 1, tendon.name)
+        first = self._turning(f"{name} angle", turns)
         self.sources.append(Source(constraint=c, row=row, equality=first, unit=0))
         if isinstance(c, Driver):
             self.driven.append(Driven(c, len(self.sources) - 1, self.owners[first], shift=offset))
         else:
             self.spec.equalities[-1].data[0] = c.angle - offset
+
+    def _turning(self, name: str, weights: Any) -> int:
+        """Hold a sum of hinge angles by a fixed tendon, and return its row."""
+        tendon = self.spec.add_tendon(name=name)
+        for column in weights.nonzero()[0]:
+            tendon.wrap_joint(f"q{column}", float(weights[column]))
+        return self._equality(mujoco.mjtEq.mjEQ_TENDON, 1, tendon.name)
+
+    def _gear(self, name: str, c: Gear) -> None:
+        """Hold the turns of two bodies, each times its radius, at a sum of zero."""
+        radii = {c.body_i: c.radius_i / self.tree.size, c.body_j: c.radius_j / self.tree.size}
+        turns = sum(radius * self.tree.angle_rows[body] for body, radius in radii.items())
+        zeros = {c.body_i: c.phi0_i, c.body_j: c.phi0_j}
+        wanted = sum(radius * (zeros[body] - self.tree.angle_offsets[body]) for body, radius in radii.items())
+        if not np.any(turns):
+            self.sources.append(Source(constraint=c, row=0, constant=-wanted))
+            return
+        self.sources.append(Source(constraint=c, row=0, equality=self._turning(f"{name} gear", turns)))
+        self.spec.equalities[-1].data[0] = wanted
 
     def _distance(self, name: str, c: Any) -> None:
         tendon = self.spec.add_tendon(name=f"{name} length")

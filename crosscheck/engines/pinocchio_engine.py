@@ -11,7 +11,19 @@ from collections.abc import Sequence
 
 import pinocchio as pin
 
-from crosscheck.engines import API, NATIVE, Array, Capabilities, EngineError, Level, Term, derived, refusals, refused
+from crosscheck.engines import (
+    API,
+    NATIVE,
+    Array,
+    Capabilities,
+    EngineError,
+    Level,
+    Term,
+    derived,
+    refusals,
+    refused,
+    table_key,
+)
 from crosscheck.engines.pinocchio_model import Frame, Rows, absolute_model, tree_model
 from crosscheck.frames import RowMap
 from crosscheck.joint_tree import JointTree, joint_tree
@@ -123,7 +135,8 @@ class PinocchioConstraints:
 
     def __init__(self, scene: Scene) -> None:
         bodies = [body.name for body in scene.mechanism.bodies]
-        joints = [j for j in scene.mechanism.joints if CAPABILITIES.get(j.type, {}).get(Level.RESIDUAL) == NATIVE]
+        native = {key for key, levels in CAPABILITIES.items() if levels.get(Level.RESIDUAL) == NATIVE}
+        joints = [joint for joint in scene.mechanism.joints if table_key(joint) in native]
         self._rows = Rows(absolute_model(bodies), joints, lambda body, u: u)
         ours = [(joint.name, row) for joint in joints for row in range(joint.rows)]
         self.rows: Sequence[RowMap] = tuple(

@@ -47,7 +47,7 @@ def draw_law(draw: DrawFn, first: float, last: float, duration: float, monotone:
     kind = draw(KINDS, label="law")
     as_rate = draw(st.booleans(), label="given as a rate")
     if kind is LawKind.POLYNOMIAL:
-        return _polynomial(_draw_cubic(draw, monotone), first, last, duration, as_rate)
+        return _polynomial(_draw_cubic(draw), first, last, duration, as_rate)
     if kind is LawKind.SINUSOID:
         return _draw_sinusoid(draw, first, last, duration, monotone, as_rate)
     argument = _draw_arguments(draw, duration)
@@ -56,17 +56,18 @@ def draw_law(draw: DrawFn, first: float, last: float, duration: float, monotone:
     return _draw_table(draw, argument, first, last, monotone)
 
 
-def _draw_cubic(draw: DrawFn, monotone: bool) -> list[float]:
-    """Draw coefficients of a polynomial of tau in [0, 1], of degree 1 to 3, that goes from 0 to 1 and stays between.
+def _draw_cubic(draw: DrawFn) -> list[float]:
+    """Draw coefficients of a polynomial of tau in [0, 1], of degree 1 to 3, that rises from 0 to 1 without a stop.
 
-    In Bernstein form its control values 0, ..., 1 enclose its values; it is monotone if they are.
+    In Bernstein form with control values 0, b, c, 1 its rate is 3 (b (1-tau)^2 + 2 (c-b) tau (1-tau) + (1-c) tau^2):
+    above 0 while b - c < sqrt(b (1-c)), and so for all b, c in [1/8, 7/8].
     """
     inner = draw(CONTROLS, label="control values")
     if not inner:
         return [0.0, 1.0]
     if len(inner) == 1:
         return [0.0, 2 * inner[0], 1 - 2 * inner[0]]
-    b, c = sorted(inner) if monotone else inner
+    b, c = inner
     return [0.0, 3 * b, 3 * c - 6 * b, 1 + 3 * b - 3 * c]
 
 
@@ -102,7 +103,7 @@ def _draw_table(draw: DrawFn, argument: list[float], first: float, last: float, 
     if periodic:
         value = [(1 - math.cos(math.tau * step)) / 2 for step in steps]
     else:
-        unit = _draw_cubic(draw, monotone)
+        unit = _draw_cubic(draw)
         value = [sum(c * step**k for k, c in enumerate(unit)) for step in steps]
     if not monotone:
         value = [v + by for v, by in zip(value, draw(DISTURBANCES, label="disturbances"), strict=True)]

@@ -22,6 +22,7 @@ SHORTEST = {
     GrashofClass.ROCKER_CRANK: "rocker",
     GrashofClass.DOUBLE_ROCKER: "coupler",
 }
+SIGN_OF_SLACK = {c: 1 for c in SHORTEST} | {GrashofClass.TRIPLE_ROCKER: -1, GrashofClass.CHANGE_POINT: 0}
 LINKS = tuple(permutations(("crank", "ground", "rocker", "coupler")))
 ORDERS = {c: st.sampled_from([o for o in LINKS if o[0] == SHORTEST.get(c, o[0])]) for c in GrashofClass}
 NEAR_CHANGE_POINT = st.sampled_from(("the shorter turns fully", "the shorter rocks"))
@@ -57,6 +58,8 @@ def four_bars(
     allowed = [c for c in GrashofClass if c in classes and not (slack_decades and c is GrashofClass.CHANGE_POINT)]
     if not allowed:
         raise ValueError(f"classes: expected a Grashof class that has a slack to draw, got {classes!r}")
+    if slack_decades and GrashofClass.TRIPLE_ROCKER in allowed:
+        allowed += [GrashofClass.TRIPLE_ROCKER] * 3  # the one class below 0 as often as the four above
     grashof = draw(st.sampled_from(allowed), label="Grashof class")
     size = _draw_size(draw, min_size, max_size)
     lengths = _draw_lengths(draw, grashof, size, max_ratio, slack_decades)
@@ -123,11 +126,8 @@ def _draw_lengths(
     step = (max_ratio - 3) / 3
     d = draw(st.floats(0.25, step), label="p - s")
     above = draw(st.floats(0.125, step), label="q - p")
-    slack = 0.0
-    if grashof is GrashofClass.TRIPLE_ROCKER:
-        slack = -_draw_slack(draw, 1.5, decades)
-    elif grashof is not GrashofClass.CHANGE_POINT:
-        slack = _draw_slack(draw, d, decades)
+    # Drawn for a change point too: classes with as many draws as another shrink to the first of them.
+    slack = _draw_slack(draw, 1.5 if grashof is GrashofClass.TRIPLE_ROCKER else d, decades) * SIGN_OF_SLACK[grashof]
     s, d, above, slack = _on_grid((size, d * size, above * size, slack * size), max_ratio * size)
     return [s, s + d, s + d + above, s + 2 * d + above - slack]
 

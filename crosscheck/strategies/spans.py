@@ -10,7 +10,7 @@ from hypothesis.strategies import DrawFn
 
 from crosscheck.strategies.linkages import AnyLinkage, Decades, draw_power_of_ten, longest
 from refkin.joints import GROUND
-from refkin.linkages import ANYWHERE, Interval
+from refkin.linkages import ANYWHERE, Interval, InvertedSliderCrank, SliderCrank
 
 Input = tuple[str, str]
 """(driven, relative_to), see `refkin.linkages.Linkage.INPUTS`."""
@@ -50,16 +50,23 @@ def critical_input(linkage: AnyLinkage, pair: Input) -> float:
 
 
 def turning_inputs(linkage: AnyLinkage, pair: Input) -> list[float]:
-    """Return the inputs, up to full turns, among which the closure margin has its extremes away from limits."""
-    if pair[0] == "slider":
+    """Return the inputs, up to full turns, at which the closure margin is largest or smallest away from limits.
+
+    Two links that are held at an angle are farthest and nearest end to end when they lie in line; a link that is held
+    at an angle against a guide reaches highest and lowest at right angles to it.
+    """
+    driven, relative_to = pair
+    if driven == "slider":
         return [0.0]
-    zero = linkage.angle if pair[1] == GROUND else 0.0
-    return [zero + k * math.pi / 2 for k in range(4)]
+    on_guide = isinstance(linkage, SliderCrank) and relative_to == GROUND
+    on_lever = isinstance(linkage, InvertedSliderCrank) and driven == "lever"
+    first = (linkage.angle if relative_to == GROUND else 0.0) + (math.pi / 2 if on_guide or on_lever else 0.0)
+    return [first, first + math.pi]
 
 
-def limited_inputs(linkage: AnyLinkage) -> list[Input]:
+def limited_inputs(linkage: AnyLinkage) -> tuple[Input, ...]:
     """Return the inputs that have a limit; every linkage has some."""
-    return [pair for pair in linkage.INPUTS if linkage.input_range(*pair) != ANYWHERE]
+    return tuple(pair for pair in linkage.INPUTS if linkage.input_range(*pair) != ANYWHERE)
 
 
 def _regular(draw: DrawFn, linkage: AnyLinkage, pair: Input, widest: float) -> tuple[float, float]:

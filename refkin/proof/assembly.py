@@ -48,6 +48,8 @@ class Assemblies:
         certainly do not meet (scaled lengths; rad if angles disagree). For a dyad it is sharp.
     message : str
         In words.
+    searched : bool
+        Whether closed form did not do and a search was made, which takes up to a second.
     """
 
     poses: tuple[Array, ...] = ()
@@ -56,6 +58,7 @@ class Assemblies:
     complete: bool = False
     gap: float | None = None
     message: str = ""
+    searched: bool = False
 
     @property
     def unassemblable(self) -> bool:
@@ -130,6 +133,7 @@ def _searched(system: System, t: float, rows: Rows, stuck: bool, trying: bool) -
         radii=found.radii,
         complete=found.complete or gap is not None,
         gap=gap,
+        searched=True,
         message=found.note if gap is not None else "; ".join(filter(None, (what, why, found.note))),
     )
 

@@ -6,7 +6,8 @@ branch may end by proof: then no assembly has its angle there. Intervals that ar
 starts for Newton's method. An interval whose branches all lie where an assembly is proved to be the only one
 (`krawczyk`) is done with. If no interval is left, what was found is all there is; if nothing was found, there is none.
 
-Where one angle is not enough the starts come from a fixed sequence of angles (Halton), and nothing is proved.
+Where one angle is not enough the starts come from a fixed sequence of angles (Halton), and nothing is proved. A search
+also ends where assemblies turn out not to be isolated, or where start after start leads nowhere.
 """
 
 from __future__ import annotations
@@ -22,6 +23,7 @@ from flint import arb
 from refkin.contacts import touched
 from refkin.differences import EPS
 from refkin.joints import GROUND, Cam, Gear, Polar, RackAndPinion
+from refkin.levenberg import levenberg_marquardt
 from refkin.motion import Array
 from refkin.newton import newton
 from refkin.proof.clusters import Plan, headings, plan
@@ -38,8 +40,14 @@ MOST_INTERVALS = 2000
 """How many intervals are looked at before a proof is given up: about a second for a triad."""
 NARROWEST = 1e-14
 """Width below which the ends of an interval are no longer different floats."""
+PROBE = 0.2
+"""Width of the first intervals that are started from, a few of them: most assemblies are found, or a continuum [rad]."""
 MOST_STARTS = 64
 MOST_POSES = 32
+MOST_LOOSE = 3
+"""How many assemblies that are not proved to be isolated make a continuum of them likely: there is no end of such."""
+MOST_FAILURES = 24
+"""How many starts in a row may lead nowhere."""
 SAME = 1e-7
 """Largest component by which two poses may differ that count as one."""
 RADII = (3e-2, 1e-2, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
@@ -92,19 +100,22 @@ class _Search:
         self.names = [body.name for body in system.mechanism.bodies]
         self.turned, self.plan = self._trial_angles()
         self.known: list[_Known] = []
+        self.failures = 0
 
     def run(self) -> Found:
         if len(self.turned) != 1 or len(self.plan.clusters) > 1 or self.rows.foreign:
             self._try(self._halton())
             return self._found("the group is larger than a triad: no proof was tried")
         intervals = _Intervals(self)
-        for width in WIDTHS:
+        intervals.halve(PROBE)
+        self._try(intervals.middles(most=8))
+        for width in () if self.exhausted else WIDTHS:
             intervals.halve(width)
-            self._try(intervals.middles())
+            self._try(intervals.middles(MOST_STARTS))
             intervals.forget_known()
-            if not intervals.open or len(self.known) == MOST_POSES:
+            if not intervals.open or self.exhausted:
                 break
-        else:
+        if not self.exhausted:
             intervals.halve(0.0)
         if not intervals.open:
             return self._found(complete=True) if self.known else self._none(intervals.gap)
@@ -153,14 +164,22 @@ class _Search:
             point = [radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(len(ranges))]
             yield tuple(low + x * (high - low) for x, (low, high) in zip(point, ranges, strict=True))
 
+    @property
+    def exhausted(self) -> bool:
+        """Whether looking on is in vain."""
+        loose = sum(known.alone == 0.0 for known in self.known)
+        return len(self.known) >= MOST_POSES or loose >= MOST_LOOSE
+
     def _try(self, trials: Iterable[tuple[float, ...]]) -> None:
         """Note the new assemblies that Newton reaches from trial angles."""
         for angles in trials:
             for start in self._starts(angles):
                 q = self._refined(start)
+                self.failures = self.failures + 1 if q is None else 0
                 if q is not None and all(np.max(np.abs(q - other.q)) > SAME for other in self.known):
                     self.known.append(self._proved(q))
-                if len(self.known) == MOST_POSES:
+                if self.exhausted or self.failures >= MOST_FAILURES:
+                    self.failures = 0
                     return
 
     def _starts(self, angles: tuple[float, ...]) -> Iterator[Array]:
@@ -176,12 +195,13 @@ class _Search:
     def _refined(self, start: Array) -> Array | None:
         """Return the assembly that Newton finds from a start, or else Levenberg and Marquardt."""
         s, t = self.system, self.t
-        for damped in (False, True):
-            result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start, damped=damped, max_iterations=40)
-            if result.converged and closes(s, result.q, t):
-                return self._without_turns(result.q)
-        q = least_squares_root(s, start, t)
-        return self._without_turns(q) if closes(s, q, t) else None
+        result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start, max_iterations=30)
+        if not (result.converged and closes(s, result.q, t)):
+            least = levenberg_marquardt(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start)
+            result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), least.q, max_iterations=30)
+            if not (least.converged and result.converged and closes(s, result.q, t)):
+                return None
+        return self._without_turns(result.q)
 
     def _without_turns(self, q: Array) -> Array:
         """Return the pose with each angle turned back into (-pi, pi], unless a driver, gear or profile counts it."""
@@ -227,9 +247,9 @@ class _Intervals:
         """Drop the intervals that hold no assembly but known ones."""
         self.open = [part for part in self.open if not self._done(part)]
 
-    def middles(self) -> tuple[tuple[float], ...]:
+    def middles(self, most: int) -> tuple[tuple[float], ...]:
         """Return the middles of the open intervals: all, or some evenly."""
-        step = -(-len(self.open) // MOST_STARTS) or 1
+        step = -(-len(self.open) // most) or 1
         return tuple(((low + high) / 2,) for low, high in self.open[::step])
 
     def _done(self, part: tuple[float, float]) -> bool:
@@ -267,22 +287,6 @@ def radical_inverse(k: int, base: int) -> float:
         value += digit * weight
         weight /= base
     return value
-
-
-def least_squares_root(system: System, start: Array, t: float) -> Array:
-    """Return where Levenberg and Marquardt's method ends; a stalled minimum is no root."""
-    from scipy.optimize import least_squares  # here, because importing it costs more than most proofs
-
-    if not np.isfinite(system.phi(start, t)).all():
-        return start
-
-    def phi(q: Array) -> Any:
-        return system.phi(q, t)
-
-    def slope(q: Array) -> Any:
-        return system.phi_q(q, t)
-
-    return np.asarray(least_squares(phi, start, jac=slope, method="lm", max_nfev=60).x)
 
 
 def closes(system: System, q: Array, t: float) -> bool:

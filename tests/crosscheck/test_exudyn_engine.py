@@ -21,8 +21,10 @@ from refkin.joints import (
     Distance,
     DistanceDriver,
     Fixed,
+    Gear,
     PointOnLine,
     Prismatic,
+    RackAndPinion,
     Revolute,
     XDriver,
     YDriver,
@@ -251,6 +253,32 @@ def cylinder() -> Case:
     return Case((pin("A", "ground", (0.0, 0.0), "boom", (0.0, 0.0)),), (lift,), truth)
 
 
+def geared_five_bar() -> Case:
+    """Return two geared cranks whose tips carry two links with a common end; the second wheel is the larger one."""
+
+    def truth(t: Any) -> dict[str, tuple[Any, Any]]:
+        first, second = theta(t), mpf(0.25) + mpf(-0.5) / mpf(0.75) * (theta(t) - mpf(0.125))
+        p, s = mp.expj(first), 2 + mp.expj(second)
+        tip = between(p, mpf(2), s, mpf(1.75), 1)
+        return {
+            "crank": (mp.mpc(0), first),
+            "wheel": (mp.mpc(2), second),
+            "left": (p, mp.arg(tip - p)),
+            "right": (s, mp.arg(tip - s)),
+        }
+
+    teeth = Gear(name="teeth", body_i="crank", radius_i=0.5, phi0_i=0.125, body_j="wheel", radius_j=0.75, phi0_j=0.25)
+    joints = (
+        pin("A", "ground", (0.0, 0.0), "crank", (0.0, 0.0)),
+        pin("D", "ground", (2.0, 0.0), "wheel", (0.0, 0.0)),
+        pin("P", "crank", (1.0, 0.0), "left", (0.0, 0.0)),
+        pin("S", "wheel", (1.0, 0.0), "right", (0.0, 0.0)),
+        pin("T", "left", (2.0, 0.0), "right", (1.75, 0.0)),
+        teeth,
+    )
+    return Case(joints, (motor(),), truth)
+
+
 CASES: dict[str, Callable[[], Case]] = {
     "four-bar": four_bar,
     "four-bar crossed": lambda: four_bar(-1),
@@ -267,6 +295,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "relative angle": elbow,
     "x and y of a point": reach,
     "driven distance": cylinder,
+    "geared five-bar": geared_five_bar,
 }
 
 
@@ -476,24 +505,18 @@ def test_every_type_in_the_table_is_solved_by_a_case_above() -> None:
     assert set(CAPABILITIES) == kinds
 
 
-@dataclass(frozen=True, kw_only=True)
-class Gear(Revolute):
-    """A joint that exudyn is not told how to express."""
-
-    type: Any = "gear"
-
-
 def test_an_unknown_joint_is_refused_by_name_and_left_out_of_the_rows() -> None:
     whole = four_bar()
-    gear = Gear(name="G", body_i="crank", point_i=(0.0, 0.0), body_j="rocker", point_j=(0.0, 0.0))
-    scene = replace(whole, joints=(*whole.joints, gear)).scene()
+    ends: dict[str, Any] = {"body_i": "crank", "point_i": (0.0, 0.0), "body_j": "rocker", "point_j": (0.0, 0.0)}
+    rack = RackAndPinion(name="R", **ends, axis_i=(1.0, 0.0), radius=1.0)
+    scene = replace(whole, joints=(*whole.joints, rack)).scene()
     engine = Exudyn()
 
     assert refusals(engine, scene, Level.RESIDUAL) == [
-        "exudyn refuses gear 'G' at residual: no such joint in this engine"
+        "exudyn refuses rack_and_pinion 'R' at residual: no such joint in this engine"
     ]
-    assert "G" not in {row.constraint for row in engine.constraints(scene).rows}
-    with pytest.raises(EngineError, match="refuses gear 'G' at solve: no such joint"):
+    assert "R" not in {row.constraint for row in engine.constraints(scene).rows}
+    with pytest.raises(EngineError, match="refuses rack_and_pinion 'R' at solve: no such joint"):
         engine.solve(scene)
 
 

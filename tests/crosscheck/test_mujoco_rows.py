@@ -23,6 +23,7 @@ from refkin.joints import (
     Distance,
     DistanceDriver,
     Fixed,
+    Gear,
     PointOnLine,
     Prismatic,
     Revolute,
@@ -35,7 +36,7 @@ from refkin.system import compile_system
 
 U = 2.0**-53
 ROWS = (Level.RESIDUAL, Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
-KINDS = ("revolute", "fixed", "prismatic", "point_on_line", "distance", "angle", "x", "y", "distance driver")
+KINDS = ("revolute", "fixed", "prismatic", "point_on_line", "distance", "gear", "angle", "x", "y", "distance driver")
 LENGTH = 1.25
 
 
@@ -48,6 +49,10 @@ def constraint(kind: str, k: int, i: str, j: str, u: Callable[[], Any], size: fl
     moving = i if j == "ground" else j
     if kind == "angle":
         return AngleDriver(name=name, body=j, relative_to=i, law=turn)
+    if kind == "gear":
+        (radius_i, radius_j), (phi0_i, phi0_j) = u(), u()
+        zeros = {"phi0_i": phi0_i / size, "phi0_j": phi0_j / size}
+        return Gear(name=name, body_i=i, radius_i=radius_i, body_j=j, radius_j=radius_j, **zeros)
     if kind in "xy":
         return {"x": XDriver, "y": YDriver}[kind](name=name, body=moving, point=u(), law=law)
     ends: dict[str, Any] = {"name": name, "body_i": i, "point_i": u(), "body_j": j, "point_j": u()}

@@ -16,6 +16,7 @@ from refkin.joints import (
     Distance,
     DistanceDriver,
     Fixed,
+    Gear,
     PointOnLine,
     Prismatic,
     Revolute,
@@ -66,6 +67,13 @@ class Builder:
         ends = {"point_i": pair(u), "point_j": pair(cmath.exp(-1j * phi) * (place - r))}
         cls = {c.type: c for c in (Revolute, Fixed, Prismatic, PointOnLine, Distance)}[kind]
         self.joints.append(cls(name=f"{kind} {len(self.joints)}", body_i=i, body_j=j, **ends, **more))
+        return self
+
+    def mesh(self, i: str, j: str) -> Builder:
+        """Add a gear between two bodies as they are turned."""
+        (_, phi_i), (_, phi_j) = self.poses[i], self.poses[j]
+        wheels: dict[str, Any] = {"radius_i": 0.7, "phi0_i": phi_i, "radius_j": -0.4, "phi0_j": phi_j}
+        self.joints.append(Gear(name=f"gear {len(self.joints)}", body_i=i, body_j=j, **wheels))
         return self
 
     def drive(self, kind: str, body: str, other: str = "ground") -> Builder:
@@ -130,6 +138,22 @@ def trees() -> dict[str, Builder]:
         .hold("point_on_line", "ground", "a")
         .drive("angle", "a"),
         "distance closes": rr("a", "b").hold("distance", "b", "a").drive("y", "a"),
+        "gear closes": rr("a", "b").mesh("a", "b").drive("angle", "a"),
+        "gear on an arm": Builder("a", "b")
+        .hold("revolute", "ground", "a")
+        .hold("revolute", "a", "b")
+        .mesh("b", "a")
+        .drive("x", "a"),
+        "gear against the ground": Builder("a", "b")
+        .hold("revolute", "ground", "a")
+        .hold("revolute", "a", "b")
+        .mesh("ground", "b")
+        .drive("angle", "a"),
+        "gear that nothing turns": Builder("a", "b")
+        .hold("fixed", "ground", "a")
+        .hold("prismatic", "ground", "b")
+        .mesh("a", "b")
+        .drive("x", "b"),
         "distance driver": rr("a", "b").hold("distance", "a", "b").drive("distance", "a"),
         "distance driver between bodies": rr("a", "b").drive("distance", "a", "b").drive("angle", "b"),
         "relative angle driver": rr("a", "b", "c")

@@ -33,6 +33,7 @@ from refkin import (
 TIMES = tuple(np.linspace(0.0, 2.0, 6).tolist())
 MOTOR = Polynomial(coefficients=(0.2, 1.5, -0.25))
 SHIFT = (Sinusoid(amplitude=0.25, angular_frequency=2.0, offset=0.125), Polynomial(coefficients=(0.0, 0.25, -0.125)))
+RATE = Sinusoid(offset=1.5, amplitude=0.75, angular_frequency=2.0, phase=0.25)
 LOBES = Sinusoid(offset=1.0, amplitude=0.0625, angular_frequency=3.0, phase=0.375)
 
 
@@ -220,7 +221,7 @@ def wheel_on_swing(t):
     return {"rack": (0, 0, swing), "wheel": (x, y, swing + (along - 2) / 0.5)}
 
 
-# Pins with an offset, and slots that move.
+# Pins with an offset, slots that move, and motion given at a point or as a rate.
 
 
 def shifted_platform(t):
@@ -239,6 +240,16 @@ def slotted_rocker(t):
     """A pin on the crank, 1 from the origin, in a slot of the rocker through its pivot (-2, 0)."""
     angle = motor(t)
     return {"crank": (0, 0, angle), "rocker": (-2, 0, atan2(sin(angle), cos(angle) + 2))}
+
+
+def crank_by_its_tip(t):
+    """A crank of length 2 whose tip is at a given x."""
+    return {"crank": (0, 0, acos((1.0 - 0.5 * t) / 2))}
+
+
+def crank_by_its_rate(t):
+    """phi' = 1.5 + 0.75 sin(2 t + 0.25), from 0.375 at t = 0."""
+    return {"crank": (0, 0, 0.375 + 1.5 * t - 0.375 * (cos(2 * t + 0.25) - cos(mpf(0.25))))}
 
 
 def rack(name, other, radius, **more):
@@ -341,6 +352,17 @@ CASES = {
             ),
             (turning("crank"),),
         ),
+    ),
+    "crank by its tip": (
+        crank_by_its_tip,
+        (
+            (pin("crank"),),
+            (XDriver(name="push", body="crank", point=(2.0, 0.0), law=Polynomial(coefficients=(1.0, -0.5))),),
+        ),
+    ),
+    "crank by its rate": (
+        crank_by_its_rate,
+        ((pin("crank"),), (AngleDriver(name="motor", body="crank", rate_law=RATE, initial=0.375),)),
     ),
     "slotted rocker": (
         slotted_rocker,

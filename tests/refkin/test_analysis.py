@@ -140,3 +140,20 @@ def test_a_crank_that_swings_beyond_its_limit_is_not_followed_there():
     assert not any(s is Status.OK for s, out in zip(motion.status, beyond, strict=True) if out)
     assert np.isnan(motion.q[:, beyond]).all()
     assert motion.status[-1] is Status.BRANCH_LOST
+
+
+def test_a_step_that_lands_on_the_next_time_by_rounding_is_the_last():
+    """A sweep that took such a step for an inner one asked for the same time again, and ended there with 0/0."""
+    table = {
+        0.0: 0.00024013814943283474,
+        0.12184037977982422: 0.6853523971003729,
+        0.31601484770435423: 2.560190215378128,
+        0.551865149770244: 2.7119007408605302,
+        0.8196411087200428: 4.609107678935194,
+        1.1139738599948024: 6.264149927436847,
+    }
+    law = refkin.Table(argument=tuple(table), value=tuple(table.values()))
+    times = np.linspace(0.0, 1.1139738599948024, 12)
+    motion = refkin.solve(refkin.InvertedSliderCrank(ground=2.0, crank=1.0, offset=0.5).scene(law=law, times=times))
+
+    assert set(motion.status) == {Status.OK}

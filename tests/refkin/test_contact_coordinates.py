@@ -63,7 +63,7 @@ def times(lengths, factor):
 
 def scaled(item, factor):
     """A joint, driver or law with all its lengths multiplied."""
-    lengths = {"point_i", "point_j", "radius", "radius_i", "radius_j", "s0", "roller_radius", "length"}
+    lengths = {"point", "point_i", "point_j", "radius", "radius_i", "radius_j", "s0", "roller_radius", "length"}
     of_lengths = {"offset", "amplitude", "coefficients", "value"}
     keys = {}
     for key in item.__dataclass_fields__:

@@ -190,7 +190,7 @@ def test_beyond_the_ends_of_the_input_range_nothing_assembles(linkage):
 def _elsewhere(linkage, driven, relative_to, value) -> bool:
     """Return whether the neighbouring interval of the range already holds the value."""
     period = math.inf if driven == "slider" else math.tau
-    copies = (value,) if math.isinf(period) else tuple(value + k * period for k in (-1, 0, 1))
+    copies = (value,) if math.isinf(period) else tuple(value + k * period for k in range(-2, 3))
     return any(low <= v <= high for low, high in linkage.input_range(driven, relative_to) for v in copies)
 
 

@@ -1,0 +1,111 @@
+"""Levenberg and Marquardt's method: the least-squares form of phi(q) = 0, for starts from which Newton does not converge.
+
+It minimises |phi|^2 / 2, as solvers of spreadsheets do with closure errors (METU 3.9): each correction solves
+
+    (phi_q^T phi_q + mu D) dq = -phi_q^T phi,
+
+D the largest diagonal of phi_q^T phi_q so far, so that units do not matter; mu is lowered after a correction that made
+|phi| smaller, raised after one that did not. So |phi| never grows. At a root it ends as Newton's method does, quadratically.
+A minimum with phi != 0 is no root: there the method *stalls*, and says so. (J. J. More, Numerical Analysis Dundee, 1977.)
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from refkin.differences import EPS
+from refkin.newton import NewtonStatus
+
+LOWER, RAISE = 0.2, 4.0
+"""Factors of mu after a success and after a failure."""
+FLAT = 1e-10
+"""Cosine between phi and the range of phi_q below which a minimum is taken for reached: the root of round-off, and more."""
+
+
+@dataclass(frozen=True)
+class LeastSquares:
+    """Where the method ended.
+
+    Attributes
+    ----------
+    q : (n,) array
+        The iterate with the smallest |phi|.
+    residual : float
+        Largest component of phi there.
+    stalled : bool
+        Whether that is a minimum of |phi| which is no root.
+    """
+
+    status: NewtonStatus
+    q: Any
+    residual: float
+    iterations: int
+    stalled: bool
+
+    @property
+    def converged(self) -> bool:
+        """Whether phi is round-off at `q`."""
+        return self.status is NewtonStatus.CONVERGED
+
+
+def levenberg_marquardt(
+    phi: Callable[[Any], Any], phi_q: Callable[[Any], Any], q0: Any, *, max_iterations: int = 60
+) -> LeastSquares:
+    """Minimise |phi(q)|^2 from q0; never raises for numbers that fail.
+
+    Parameters
+    ----------
+    phi, phi_q : callable
+        From (n,) to (m,) and to (m, n), m >= n or not; phi of the order of 1 (it is compared with round-off).
+    q0 : (n,) array
+        The estimate.
+    max_iterations : int
+        The cap on corrections that are tried.
+    """
+    q = np.atleast_1d(np.array(q0, float))
+    with np.errstate(all="ignore"):  # what leaves the numbers' range is no success
+        residual = np.asarray(phi(q), float) if np.isfinite(q).all() else np.full(1, np.nan)
+        if not np.isfinite(residual).all():
+            return LeastSquares(NewtonStatus.NOT_FINITE, q, np.nan, 0, False)
+        diagonal, mu, slope = np.zeros(q.size), 1e-3, None
+        for k in range(max_iterations):
+            if _is_round_off(residual, q):
+                return LeastSquares(NewtonStatus.CONVERGED, q, _largest(residual), k, False)
+            if slope is None:
+                slope = np.asarray(phi_q(q), float)
+                if not np.isfinite(slope).all():
+                    return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual), k, False)
+                diagonal = np.maximum(diagonal, np.linalg.norm(slope, axis=0))
+                gradient = slope.T @ residual
+            correction = _correction(slope, residual, np.sqrt(mu) * np.where(diagonal > 0, diagonal, 1.0))
+            if _is_flat(gradient, diagonal, residual) or np.max(np.abs(correction)) <= EPS * max(1.0, np.max(np.abs(q))):
+                return LeastSquares(NewtonStatus.SINGULAR, q, _largest(residual), k, True)
+            tried = np.asarray(phi(q + correction), float) if np.isfinite(q + correction).all() else residual * np.inf
+            if np.linalg.norm(tried) < np.linalg.norm(residual):
+                q, residual, slope, mu = q + correction, tried, None, mu * LOWER
+            else:
+                mu *= RAISE
+    status = NewtonStatus.CONVERGED if _is_round_off(residual, q) else NewtonStatus.ITERATION_LIMIT
+    return LeastSquares(status, q, _largest(residual), max_iterations, False)
+
+
+def _correction(slope: Any, residual: Any, weight: Any) -> Any:
+    """Return the minimiser of |slope dq + residual|^2 + |weight dq|^2."""
+    stacked = np.vstack([slope, np.diag(weight)])
+    return np.linalg.lstsq(stacked, -np.concatenate([residual, np.zeros(len(weight))]), rcond=None)[0]
+
+
+def _is_flat(gradient: Any, diagonal: Any, residual: Any) -> bool:
+    return bool(np.all(np.abs(gradient) <= FLAT * diagonal * np.linalg.norm(residual)))
+
+
+def _is_round_off(residual: Any, q: Any) -> bool:
+    return bool(_largest(residual) <= 32 * EPS * max(1.0, float(np.max(np.abs(q)))))
+
+
+def _largest(residual: Any) -> float:
+    return float(np.max(np.abs(residual)))

@@ -1,0 +1,83 @@
+"""Gears, racks, cams and offset pins in a comparison: budgets, own rows beside them, and refusals by name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crosscheck.check import check
+from crosscheck.comparison import compare, reference
+from crosscheck.engines import Level, exudyn_parts, load, refusals, table_key
+from crosscheck.engines.mujoco_model import Plan
+from refkin import Gear, Revolute, Table
+from refkin.motion import Status
+
+from ..refkin.contact_cases import CASES, SHIFT, over_profile, scene  # noqa: TID252 (tests is no package)
+
+ENGINES = ("closed_form", "exudyn", "mujoco", "pinocchio")
+WAVY = Table(argument=(-4.0, -2.0, 0.0, 2.0, 4.0), value=(1.0, 1.1, 1.0, 1.05, 1.0))
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_budget_is_derived_and_the_answer_itself_is_within_it(name):
+    ref = reference(scene(name))
+    budget = ref.budget()
+
+    assert compare(ref, ref.motion).agrees
+    assert budget.judged.all()
+    assert all(np.isfinite(allowed).all() for allowed in (budget.position, budget.velocity, budget.acceleration))
+
+
+@pytest.mark.parametrize("name", ["plate over lobes", "gear train", "shifted rocker", "wheel on swing"])
+@pytest.mark.parametrize("level", [0, 1, 2])
+def test_an_answer_that_is_off_is_beyond_its_budget(name, level):
+    """The comparison can fail: it sees one coordinate of one body move by a few times what is allowed."""
+    ref = reference(scene(name))
+    allowed = (ref.budget().position, ref.budget().velocity, ref.budget().acceleration)[level]
+    ref.motion.levels[level][0] += 3.0 * allowed[0] * ref.system.unit.size
+
+    assert not compare(ref, ref.motion).agrees
+
+
+def test_a_profile_that_is_a_table_has_a_budget_too():
+    ref = reference(over_profile(WAVY, "roller"))
+
+    assert ref.motion.verdict is Status.OK
+    assert np.isfinite(ref.budget().acceleration).all()
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("engine", ENGINES)
+def test_what_an_engine_does_not_have_is_refused_by_name_and_the_rest_is_compared(name, engine):
+    record = check(scene(name), [engine])
+    unknown = [c for c in scene(name).mechanism.joints if table_key(c) not in load(engine).capabilities()]
+
+    assert record["disagreements"] == []
+    for joint in unknown:
+        assert any(repr(joint.name) in line for line in record["refusals"])
+    assert bool(record["answers"]) == (not refusals(load(engine), scene(name), Level.SOLVE))
+    assert engine == "closed_form" or record["levels"]
+
+
+def test_a_pin_with_an_offset_is_not_taken_for_a_pin():
+    ends = {"name": "A", "body_i": "a", "point_i": (0.0, 0.0), "body_j": "b", "point_j": (0.0, 0.0)}
+
+    assert table_key(Revolute(**ends)) == "revolute"
+    assert table_key(Revolute(**ends, offset_law=SHIFT)) == "revolute with a law"
+    assert all("revolute with a law" not in load(engine).capabilities() for engine in ENGINES)
+
+
+def exchanged(gear):
+    return replace(gear, radius_i=gear.radius_j, radius_j=gear.radius_i)
+
+
+@pytest.mark.parametrize("engine", ["exudyn", "mujoco"])
+def test_wheels_that_an_adapter_exchanges_are_seen_in_rows_and_motion(engine, monkeypatch):
+    right = exudyn_parts.ADD[Gear], Plan._gear
+    monkeypatch.setitem(exudyn_parts.ADD, Gear, lambda b, c: right[0](b, exchanged(c)))
+    monkeypatch.setattr(Plan, "_gear", lambda plan, name, c: right[1](plan, name, exchanged(c)))
+    seen = {d["quantity"] for d in check(scene("gear train"), [engine])["disagreements"]}
+
+    assert seen >= {"position", "velocity", "acceleration", "residual", "jacobian"}

@@ -1,0 +1,221 @@
+"""Mobility: Gruebler's count in the plane and in space, rank at a pose, redundant rows by name."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin.errors import InvalidScene
+from refkin.joints import JOINT_TYPES
+from refkin.mobility import COORDINATES, FREEDOMS, count, gruebler, kind_of, mobility, rank_of
+from refkin.model import Body, Mechanism
+from refkin.motion_laws import Polynomial
+
+SLIDER_CRANK = (
+    ("revolute", "ground", "crank"),
+    ("revolute", "crank", "rod"),
+    ("revolute", "rod", "slider"),
+    ("prismatic", "ground", "slider"),
+)
+RSSR = (
+    ("revolute", "ground", "crank"),
+    ("spherical", "crank", "coupler"),
+    ("spherical", "coupler", "rocker"),
+    ("revolute", "rocker", "ground"),
+)
+
+
+# ---- by count
+
+
+def test_the_slider_crank_of_the_notes_has_one_freedom():
+    """3 x 4 - 11."""
+    found = gruebler(SLIDER_CRANK)
+
+    assert (found.bodies, found.equations, found.mobility) == (4, 11, 1)
+
+
+def test_the_rssr_has_two_of_which_one_is_the_idle_spin_of_its_coupler():
+    """6 x 4 - 22."""
+    found = gruebler(RSSR, "spatial")
+
+    assert (found.bodies, found.equations, found.mobility) == (4, 22, 2)
+    assert (found.idle, found.useful) == (("coupler",), 1)
+
+
+def test_a_coupler_held_by_a_universal_joint_does_not_spin():
+    """R-U-S-R: 6 x 4 - (6 + 5 + 4 + 3 + 5) = 1."""
+    joints = (RSSR[0], ("universal", "crank", "coupler"), *RSSR[2:])
+
+    assert (gruebler(joints, "spatial").mobility, gruebler(joints, "spatial").idle) == (1, ())
+
+
+def test_a_four_bar_counted_in_space_seems_overconstrained():
+    """6 x 4 - 6 - 4 x 5 = -2: parallel axes make equations depend on each other, which no count sees."""
+    joints = [("revolute", a, b) for a, b in (("ground", "a"), ("a", "b"), ("b", "c"), ("c", "ground"))]
+
+    assert gruebler(joints, "spatial").mobility == -2
+    assert gruebler(joints, "spatial").kind == "overconstrained: 2 equations more than coordinates"
+
+
+def test_a_triangle_is_a_structure():
+    joints = [("revolute", a, b) for a, b in (("ground", "a"), ("a", "b"), ("b", "ground"))]
+
+    assert (gruebler(joints).mobility, gruebler(joints).kind) == (0, "structure")
+
+
+@pytest.mark.parametrize(("freedoms", "words"), [(1, "one freedom"), (2, "2 freedoms"), (-1, "1 equation more")])
+def test_other_mobilities_are_said_in_words(freedoms, words):
+    assert words in kind_of(freedoms)
+
+
+@pytest.mark.parametrize("joint", [t for t in JOINT_TYPES if isinstance(getattr(t, "rows", None), int)])
+def test_a_joint_takes_away_as_many_freedoms_as_it_has_rows(joint):
+    assert COORDINATES["planar"] - FREEDOMS["planar"][joint.type] == joint.rows
+
+
+def test_every_planar_joint_is_counted():
+    assert {t.type for t in JOINT_TYPES} == set(FREEDOMS["planar"])
+
+
+@pytest.mark.parametrize(
+    ("joints", "dimension", "words"),
+    [
+        ([("spherical", "a", "b")], "planar", "joints\\[0\\]: expected one of fixed, revolute"),
+        ([("revolute", "a", "b")], "solid", "dimension: expected planar or spatial, got 'solid'"),
+    ],
+)
+def test_what_cannot_be_counted_is_refused_in_words(joints, dimension, words):
+    with pytest.raises(InvalidScene, match=words):
+        gruebler(joints, dimension)
+
+
+# ---- by rank
+
+
+def pose(scene):
+    """The pose of all bodies at the first time."""
+    return refkin.solve(scene).q[:, 0]
+
+
+@pytest.mark.parametrize(
+    "linkage",
+    [
+        refkin.FourBar(4.0, 1.0, 3.5, 3.0, origin=(1e3, 2.0)),
+        refkin.SliderCrank(0.2, 0.35, 0.05),
+        refkin.InvertedSliderCrank(3e-6, 1e-6),
+    ],
+    ids=lambda linkage: type(linkage).__name__,
+)
+def test_a_linkage_has_one_freedom_by_count_and_by_rank(linkage):
+    scene = linkage.scene(samples=2)
+    found = mobility(scene.mechanism, pose(scene))
+
+    assert (count(scene.mechanism).mobility, found.mobility, found.driven.freedoms) == (1, 1, 0)
+    assert found.joints.dependent == ()
+
+
+def parallelogram(third_crank, phi=1.0):
+    """Two cranks of length 1, 2 m apart, on a coupler; and, if asked, a third one between."""
+    pins = {"crank": 0.0, "rocker": 2.0} | ({"third": 1.0} if third_crank else {})
+    tip = np.array([math.cos(phi), math.sin(phi)])
+    poses = {name: (x, 0.0, phi) for name, x in pins.items()} | {"coupler": (*tip, 0.0)}
+    joints = []
+    for name, x in pins.items():
+        at = {"body_j": name, "point_j": (0.0, 0.0)}
+        joints.append(refkin.Revolute(name=f"{name} pivot", body_i="ground", point_i=(x, 0.0), **at))
+        end = {"body_i": name, "point_i": (1.0, 0.0), "body_j": "coupler", "point_j": (x, 0.0)}
+        joints.append(refkin.Revolute(name=f"{name} pin", **end))
+    driver = refkin.AngleDriver(name="motor", body="crank", law=Polynomial(coefficients=(phi,)))
+    bodies = tuple(Body(name=name, estimate=q) for name, q in poses.items())
+    return Mechanism(bodies, tuple(joints), (driver,)), np.array(list(poses.values())).ravel()
+
+
+def test_a_third_crank_of_a_parallelogram_is_redundant_and_named():
+    """By count a structure; it moves, as one row of the third crank says what the others say."""
+    mechanism, q = parallelogram(third_crank=True)
+    found = mobility(mechanism, q)
+    (dependence,) = found.joints.dependent
+
+    assert (count(mechanism).kind, found.mobility) == ("structure", 1)
+    assert dependence.row.startswith("third pin")
+    assert {name.split("[")[0] for name in dependence.factors} == {
+        *("crank pivot", "crank pin", "rocker pivot", "rocker pin"),
+        *("third pivot", "third pin"),
+    }
+
+
+def test_a_dependence_holds_as_it_is_told():
+    """The row is the sum of the others times their factors: to round-off over the smallest value that counts."""
+    mechanism, q = parallelogram(third_crank=True)
+    system = refkin.compile_system(mechanism, unit=mechanism.unit())
+    rows = dict(zip(system.row_names, system.phi_q(system.to_unit(q), 0.0), strict=True))
+    found = mobility(mechanism, q).joints
+    for dependence in found.dependent:
+        rest = rows[dependence.row] - sum(factor * rows[name] for name, factor in dependence.factors.items())
+        assert np.abs(rest).max() <= 64 * 2.0**-52 / found.kept
+
+
+def test_a_third_crank_of_another_length_makes_a_structure():
+    mechanism, q = parallelogram(third_crank=True)
+    shorter = [
+        refkin.Revolute(name=j.name, body_i=j.body_i, point_i=(0.9, 0.1), body_j=j.body_j, point_j=(0.95, -0.05))
+        if j.name == "third pin"
+        else j
+        for j in mechanism.joints
+    ]
+    found = mobility(Mechanism(mechanism.bodies, tuple(shorter), mechanism.drivers), q)
+
+    assert (found.mobility, found.kind) == (0, "structure")
+
+
+def test_a_flat_parallelogram_has_two_instantaneous_freedoms():
+    mechanism, q = parallelogram(third_crank=False, phi=0.0)
+
+    assert mobility(mechanism, q).mobility == 2
+    assert [d.row for d in mobility(mechanism, q).joints.dependent] == ["rocker pin[0]"]
+
+
+def stretched(driver):
+    """The slider-crank of the notes, crank and rod in one line."""
+    joints = refkin.SliderCrank(0.2, 0.35).joints()
+    poses = {"crank": (0.1, 0.0, 0.0), "connecting_rod": (0.375, 0.0, 0.0), "slider": (0.55, 0.0, 0.0)}
+    bodies = tuple(Body(name=name, estimate=q) for name, q in poses.items())
+    return Mechanism(bodies, joints, (driver,)), np.array(list(poses.values())).ravel()
+
+
+def test_at_a_dead_centre_the_slider_holds_nothing_but_the_crank_does():
+    """The same pose, another actuator: the slider's row repeats what three pins say along the guide."""
+    law = Polynomial(coefficients=(0.0,))
+    by_slider = mobility(*stretched(refkin.XDriver(name="pull", body="slider", law=law)))
+    by_crank = mobility(*stretched(refkin.AngleDriver(name="motor", body="crank", law=law)))
+    (dependence,) = by_slider.driven.dependent
+
+    assert (by_slider.mobility, by_crank.mobility) == (1, 1)
+    assert (by_slider.driven.freedoms, by_crank.driven.freedoms) == (1, 0)
+    assert (dependence.row, set(dependence.factors)) == ("pull", {"A0[0]", "A[0]", "B[0]"})
+
+
+def test_linear_constraints_may_repeat_each_other():
+    """Two equal rows are linear and singular: the claim that linear constraints are never singular is false."""
+    found = rank_of(np.array([[1.0, 0.0, 2.0], [0.0, 1.0, 0.0], [1.0, 0.0, 2.0]]), ["a", "b", "a again"])
+
+    assert found.rank == 2
+    assert [(d.row, {k: round(v, 12) for k, v in d.factors.items()}) for d in found.dependent] == [
+        ("a again", {"a": 1.0})
+    ]
+
+
+def test_a_row_that_vanishes_depends_on_nothing():
+    (found,) = rank_of(np.array([[1.0, 0.0], [0.0, 0.0]]), ["a", "b"]).dependent
+
+    assert str(found) == "b depends on nothing: it vanishes"
+
+
+def test_a_pose_of_another_mechanism_is_refused():
+    mechanism, q = parallelogram(third_crank=False)
+    with pytest.raises(InvalidScene, match="q: expected 9 coordinates"):
+        mobility(mechanism, q[:6])

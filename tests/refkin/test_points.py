@@ -1,0 +1,176 @@
+"""Points fixed in a body and moving in it: parts of velocity and acceleration, and the Coriolis example."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import fields
+
+import numpy as np
+import pytest
+from flint import arb, ctx
+from hypothesis import given
+from hypothesis import strategies as st
+
+import refkin
+from refkin.differences import EPS
+from refkin.points import PointParts, point_motion, point_parts, rod_and_block
+
+NUMBERS = st.floats(-3.0, 3.0)
+TRIPLE = st.tuples(NUMBERS, NUMBERS, NUMBERS).map(np.array)
+PAIR = st.tuples(NUMBERS, NUMBERS)
+
+
+def cross(omega, w):
+    """omega k x w in the plane, by the cross product of space."""
+    return np.cross([0.0, 0.0, omega], [*w, 0.0])[:2]
+
+
+def rotation(phi):
+    return np.array([[math.cos(phi), -math.sin(phi)], [math.sin(phi), math.cos(phi)]])
+
+
+@given(u=PAIR, ud=PAIR, udd=PAIR, q=TRIPLE, qd=TRIPLE, qdd=TRIPLE)
+def test_each_part_is_its_cross_product(u, ud, udd, q, qd, qdd):
+    """The source's formulas with omega x and alpha x, taken in space; at most four roundings of products up to 81."""
+    parts, (w, wd, wdd) = point_parts(u, q, qd, qdd, ud, udd), (rotation(q[2]) @ x for x in (u, ud, udd))
+    expected = {
+        "r": q[:2] + w,
+        "v_origin": qd[:2],
+        "v_turning": cross(qd[2], w),
+        "v_relative": wd,
+        "a_origin": qdd[:2],
+        "a_normal": cross(qd[2], cross(qd[2], w)),
+        "a_tangential": cross(qdd[2], w),
+        "a_coriolis": 2 * cross(qd[2], wd),
+        "a_relative": wdd,
+    }
+
+    assert set(expected) == {f.name for f in fields(PointParts)}
+    for name, value in expected.items():
+        assert np.abs(getattr(parts, name) - value).max() <= 4 * EPS * 81, name
+
+
+@given(u=PAIR, ud=PAIR, udd=PAIR, q=TRIPLE, qd=TRIPLE, qdd=TRIPLE)
+def test_the_parts_add_up_to_the_derivatives_of_the_position(u, ud, udd, q, qd, qdd):
+    """Differences of r(s) = R + A u in 300 bits, with q and u to second order in s: exact to s^2."""
+
+    def at(s):
+        x, y, phi, a, b = (
+            arb(c) + arb(d) * s + arb(e) * s * s / 2 for c, d, e in zip((*q, *u), (*qd, *ud), (*qdd, *udd), strict=True)
+        )
+        c, n = phi.cos(), phi.sin()
+        return np.array([x + c * a - n * b, y + n * a + c * b])
+
+    with ctx.workprec(300):
+        h = arb(2) ** -80
+        before, here, after = at(-h), at(arb(0)), at(h)
+        v, a = ((after - before) / (2 * h)).astype(float), ((after - 2 * here + before) / h**2).astype(float)
+    parts = point_parts(u, q, qd, qdd, ud, udd)
+
+    assert np.abs(parts.v - v).max() <= 8 * EPS * 30
+    assert np.abs(parts.a - a).max() <= 16 * EPS * 120
+
+
+@given(u=PAIR, ud=PAIR, udd=PAIR, q=TRIPLE, qd=TRIPLE, qdd=TRIPLE)
+def test_rows_of_times_give_what_single_times_give(u, ud, udd, q, qd, qdd):
+    row = [np.stack([np.asarray(x, float), 2.0 * np.asarray(x, float)], axis=1) for x in (u, q, qd, qdd, ud, udd)]
+    batch = point_parts(*row)
+    for k, factor in enumerate((1.0, 2.0)):
+        single = point_parts(*(factor * np.asarray(x, float) for x in (u, q, qd, qdd, ud, udd)))
+        for name in (f.name for f in fields(PointParts)):
+            assert np.abs(getattr(batch, name)[:, k] - getattr(single, name)).max() <= 4 * EPS * 1000, name
+
+
+def test_a_fixed_point_has_no_relative_and_no_coriolis_part():
+    parts = point_parts((0.3, 0.4), *np.array([[1.0, 2.0, 0.5], [0.1, 0.2, 3.0], [4.0, 5.0, 6.0]]))
+
+    assert not np.any([parts.v_relative, parts.a_coriolis, parts.a_relative])
+
+
+def test_the_coriolis_part_is_normal_to_the_relative_velocity():
+    parts = point_parts((0.3, 0.4), *np.array([[1.0, 2.0, 0.5], [0.1, 0.2, 3.0], [4.0, 5.0, 6.0]]), ud=(0.7, -0.2))
+
+    assert parts.a_coriolis @ parts.v_relative == pytest.approx(0.0, abs=8 * EPS)
+    assert np.linalg.norm(parts.a_coriolis) == pytest.approx(2 * 3.0 * math.hypot(0.7, 0.2), rel=4 * EPS)
+
+
+def test_no_answer_stays_no_answer():
+    """NaN where a body's pose is not known."""
+    q = np.array([[0.0, np.nan], [0.0, np.nan], [0.0, np.nan]])
+    found = point_motion((1.0, 0.0), q, q, q)
+
+    assert np.isnan(found.a[:, 1]).all()
+    assert not np.isnan(found.a[:, 0]).any()
+
+
+def test_rates_that_are_not_given_are_not_reported():
+    q = np.zeros((3, 2))
+
+    assert point_motion((1.0, 0.0), q).v is None
+    assert point_motion((1.0, 0.0), q, q).a is None
+
+
+# ---- the Coriolis example: crank 2, rod 3, block P on the rod at the crank's end
+
+
+def example():
+    """Crank of length l2 and a rod pivoted at distance d on x; theta2' = 1.3, theta2'' = -0.7."""
+    l2, d, theta2, omega2, alpha2 = 0.2, 0.35, 0.9, 1.3, -0.7
+    pin = l2 * np.array([math.cos(theta2), math.sin(theta2)])
+    x, y = pin - [d, 0.0]
+    crank = point_parts((l2, 0.0), *np.array([[0.0, 0.0, theta2], [0.0, 0.0, omega2], [0.0, 0.0, alpha2]]))
+    return l2, theta2, omega2, alpha2, math.atan2(y, x), math.hypot(x, y), crank
+
+
+def test_the_rates_of_rod_and_block_are_those_of_the_notes():
+    """theta3' = theta2' l2 cos(theta3 - theta2) / x,  x' = theta2' l2 sin(theta3 - theta2)."""
+    l2, theta2, omega2, _, theta3, x, pin = example()
+    found = rod_and_block(theta3, x, pin.v, pin.a)
+
+    assert found.omega == pytest.approx(omega2 * l2 * math.cos(theta3 - theta2) / x, rel=8 * EPS)
+    assert found.slide_rate == pytest.approx(omega2 * l2 * math.sin(theta3 - theta2), rel=8 * EPS)
+
+
+def test_the_accelerations_solve_the_notes_equations_with_the_right_sign():
+    """Row 2 of the right side starts +theta2'' l2 cos theta2, which the notes print with a minus."""
+    l2, theta2, omega2, alpha2, theta3, x, pin = example()
+    found = rod_and_block(theta3, x, pin.v, pin.a)
+    c2, s2, c3, s3 = math.cos(theta2), math.sin(theta2), math.cos(theta3), math.sin(theta3)
+    w, xd = found.omega, found.slide_rate
+    right = np.array(
+        [
+            -alpha2 * l2 * s2 - omega2**2 * l2 * c2 + w**2 * x * c3 + 2 * w * xd * s3,
+            alpha2 * l2 * c2 - omega2**2 * l2 * s2 + w**2 * x * s3 - 2 * w * xd * c3,
+        ]
+    )
+    solved = np.linalg.solve([[-x * s3, c3], [x * c3, s3]], right)
+
+    assert (found.alpha, found.slide_acceleration) == pytest.approx(tuple(solved), rel=64 * EPS)
+
+
+def test_the_pin_seen_from_the_rod_moves_as_seen_from_the_crank():
+    """Three of the five parts of the acceleration are at work: normal, tangential, Coriolis, and relative."""
+    *_, theta3, x, pin = example()
+    found = rod_and_block(theta3, x, pin.v, pin.a)
+    rod = np.array([[0.0, 0.0, theta3], [0.0, 0.0, found.omega], [0.0, 0.0, found.alpha]])
+    seen = point_parts((x, 0.0), *rod, (found.slide_rate, 0.0), (found.slide_acceleration, 0.0))
+
+    assert seen.v == pytest.approx(pin.v, abs=8 * EPS)
+    assert seen.a == pytest.approx(pin.a, abs=8 * EPS)
+
+
+def test_a_whole_motion_of_the_inverted_slider_crank_is_that_of_rod_and_block():
+    """Absolute coordinates against relative motion, over a turn.
+
+    At the crank's fastest the lever turns with 0.2/0.15 of it, so qd and qdd are within 10; phi_q has a condition below
+    10: each level carries some 100 roundings of the one before, times these.
+    """
+    scene = refkin.InvertedSliderCrank(ground=0.35, crank=0.2).scene(samples=37)
+    motion = refkin.solve(scene)
+    crank, lever = motion["crank"], motion["lever"]
+    pin = point_parts((0.1, 0.0), crank.q, crank.qd, crank.qdd)
+    slide = np.hypot(*(pin.r - lever.q[:2]))
+    found = rod_and_block(lever.phi, slide, pin.v, pin.a)
+
+    assert found.omega == pytest.approx(lever.phid, abs=1000 * EPS)
+    assert found.alpha == pytest.approx(lever.phidd, abs=1000 * EPS * 10)
