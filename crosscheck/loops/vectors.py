@@ -1,0 +1,203 @@
+"""Vectors of a loop in complex form, c r e^(i theta), and sums of them with first and second derivatives.
+
+A length r and an angle theta are each a `Variable`: a constant, at most one unknown of the loop, known functions of
+time. c is a constant complex number: which way along the link, or a point in a link's own frame. With E = c e^(i theta)
+
+    w   = r E
+    w'  = (r' + i r theta') E
+    w'' = (r'' + 2 i r' theta' + i r theta'' - r theta'^2) E
+
+Shapes: unknowns q are (n,) with a time t, or (n, T) with times (T,); sums are (rows,) or (rows, T).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from refkin.motion_laws import Law
+
+
+@dataclass(frozen=True)
+class Variable:
+    """constant + unknown + sum of factor * law(t): an angle [rad] or a length.
+
+    Attributes
+    ----------
+    constant : float
+    unknown : str or None
+        The name of the unknown that it contains.
+    laws : tuple of (factor, law)
+    """
+
+    constant: float = 0.0
+    unknown: str | None = None
+    laws: tuple[tuple[float, Law], ...] = ()
+
+    def plus(self, constant: float = 0.0, law: Law | None = None, factor: float = 1.0) -> Variable:
+        """Return the variable with a constant, or a factor times a law, added."""
+        added = () if law is None else ((factor, law),)
+        return Variable(self.constant + constant, self.unknown, (*self.laws, *added))
+
+
+ONE = Variable(1.0)
+ZERO = Variable(0.0)
+
+
+def variable(given: Variable | Law | float) -> Variable:
+    """Return a number or a law of time as a `Variable`."""
+    if isinstance(given, Variable):
+        return given
+    return Variable(laws=((1.0, given),)) if callable(given) else Variable(float(given))
+
+
+@dataclass(frozen=True)
+class Vector:
+    """coefficient * length * e^(i angle)."""
+
+    coefficient: complex = 1.0
+    length: Variable = ONE
+    angle: Variable = ZERO
+
+    def times(self, factor: complex) -> Vector:
+        """Return the vector multiplied by a complex constant."""
+        return Vector(self.coefficient * factor, self.length, self.angle)
+
+
+def combined(vectors: Sequence[Vector]) -> list[Vector]:
+    """Return the sum of vectors with those of the same length and angle added up, and none that is zero."""
+    found: dict[tuple[Variable, Variable], complex] = {}
+    for v in vectors:
+        key = v.length, v.angle
+        found[key] = found.get(key, 0.0) + v.coefficient
+    return [Vector(c, *key) for key, c in found.items() if c != 0.0]
+
+
+class Variables:
+    """A column of K variables as functions of the unknowns and of time.
+
+    Attributes
+    ----------
+    slope : (K, n) array
+        1 where a variable contains an unknown.
+    """
+
+    def __init__(self, variables: Sequence[Variable], unknowns: Sequence[str]) -> None:
+        self.variables = tuple(variables)
+        self.slope = np.zeros((len(self.variables), len(unknowns)))
+        for k, v in enumerate(self.variables):
+            if v.unknown is not None:
+                self.slope[k, unknowns.index(v.unknown)] = 1.0
+        self._recent: tuple[float | None, dict[int, Any]] = (None, {})
+
+    def known(self, t: Any, order: int) -> Any:
+        """Return what time alone makes of the variables or of their derivative, (K,) or (K, T)."""
+        if not isinstance(t, float):
+            return self._known(t, order)
+        if self._recent[0] != t:  # Newton asks again and again at the same time
+            self._recent = (t, {})
+        values = self._recent[1]
+        if order not in values:
+            values[order] = self._known(t, order)
+        return values[order]
+
+    def _known(self, t: Any, order: int) -> Any:
+        rows = [
+            sum((factor * law(t, order) for factor, law in v.laws), 0.0 if order else v.constant)
+            for v in self.variables
+        ]
+        shape = np.shape(t)
+        spread = rows if not shape else [np.broadcast_to(row, shape) for row in rows]
+        return np.array(spread).reshape(len(rows), *shape)
+
+    def at(self, q: Any, t: Any, order: int = 0) -> Any:
+        """Return the variables (order 0), or their derivative from the unknowns' derivative of that order."""
+        return self.known(t, order) + self.slope @ q
+
+
+class Sums:
+    """Rows of sums of vectors.
+
+    Attributes
+    ----------
+    coefficients : (K,) complex array
+        Of all vectors of all rows.
+    which : (rows, K) array
+        1 where a vector belongs to a row.
+    """
+
+    def __init__(self, rows: Sequence[Sequence[Vector]], unknowns: Sequence[str]) -> None:
+        vectors = [v for row in rows for v in row]
+        self.coefficients = np.array([v.coefficient for v in vectors], complex)
+        self.lengths = Variables([v.length for v in vectors], unknowns)
+        self.angles = Variables([v.angle for v in vectors], unknowns)
+        self.which = np.zeros((len(rows), len(vectors)))
+        owners = [k for k, row in enumerate(rows) for _ in row]
+        self.which[owners, range(len(vectors))] = 1.0
+
+    def value(self, q: Any, t: Any, sense: int = 1) -> Any:
+        """Return the sums; with `sense` -1 those of the conjugate vectors, c* r e^(-i theta)."""
+        return self.which @ (self.lengths.at(q, t) * self._directions(q, t, sense))
+
+    def slope(self, q: Any, t: Any, sense: int = 1) -> Any:
+        """Return the derivatives of `value` by the unknowns, (rows, n) or (rows, n, T).
+
+        By a length it is c e^(i theta), by an angle i c r e^(i theta).
+        """
+        along = self._directions(q, t, sense)
+        across = sense * 1j * self.lengths.at(q, t) * along
+        return self._columns(along, across)
+
+    def parts(self, q: Any, t: Any) -> tuple[Any, Any]:
+        """Return x and y of the sums, written with cos and sin; analytic in q, as a complex step asks for."""
+        x, y = self._components(q, t)
+        r = self.lengths.at(q, t)
+        return self.which @ (r * x), self.which @ (r * y)
+
+    def slope_parts(self, q: Any, t: Any) -> tuple[Any, Any]:
+        """Return the derivatives of `parts` by the unknowns, each (rows, n) or (rows, n, T)."""
+        x, y = self._components(q, t)
+        r = self.lengths.at(q, t)
+        return self._columns(x, -r * y), self._columns(y, r * x)
+
+    def rate(self, q: Any, qd: Any, t: Any) -> Any:
+        """Return the first derivative of the sums."""
+        r, rd, angled = self.lengths.at(q, t), self.lengths.at(qd, t, 1), self.angles.at(qd, t, 1)
+        return self.which @ ((rd + 1j * r * angled) * self._directions(q, t))
+
+    def acceleration(self, q: Any, qd: Any, qdd: Any, t: Any) -> Any:
+        """Return the second derivative of the sums."""
+        r, rd, rdd = self.lengths.at(q, t), self.lengths.at(qd, t, 1), self.lengths.at(qdd, t, 2)
+        angled, angledd = self.angles.at(qd, t, 1), self.angles.at(qdd, t, 2)
+        turning = rdd - r * angled**2 + 1j * (2.0 * rd * angled + r * angledd)
+        return self.which @ (turning * self._directions(q, t))
+
+    def size(self, q: Any, t: Any) -> Any:
+        """Return the sum of |c r| (1 + |theta|): what one rounding of each number in a row may move it by, over u."""
+        long = np.abs(self._spread(self.coefficients, q) * self.lengths.at(q, t))
+        return self.which @ (long * (1.0 + np.abs(self.angles.at(q, t))))
+
+    def _directions(self, q: Any, t: Any, sense: int = 1) -> Any:
+        c = self.coefficients if sense > 0 else np.conj(self.coefficients)
+        return self._spread(c, q) * np.exp(sense * 1j * self.angles.at(q, t))
+
+    def _components(self, q: Any, t: Any) -> tuple[Any, Any]:
+        angles, c = self.angles.at(q, t), self._spread(self.coefficients, q)
+        cosine, sine = np.cos(angles), np.sin(angles)
+        return c.real * cosine - c.imag * sine, c.real * sine + c.imag * cosine
+
+    def _columns(self, by_length: Any, by_angle: Any) -> Any:
+        """Return the derivatives by the unknowns from those by each length and by each angle."""
+        if by_length.ndim == 1:
+            columns = by_length[:, None] * self.lengths.slope + by_angle[:, None] * self.angles.slope
+            return self.which @ columns
+        return np.einsum("lk,kt,kn->lnt", self.which, by_length, self.lengths.slope, optimize=True) + np.einsum(
+            "lk,kt,kn->lnt", self.which, by_angle, self.angles.slope, optimize=True
+        )
+
+    @staticmethod
+    def _spread(c: Any, q: Any) -> Any:
+        return c[:, None] if np.ndim(q) == 2 else c

@@ -1,0 +1,305 @@
+"""Loop-closure equations: their derivatives, the source documents' own numbers, and what is no root."""
+
+from __future__ import annotations
+
+import ast
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from flint import arb, ctx
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+import crosscheck.loops
+from crosscheck import loops
+from crosscheck.convergence import newton_order
+from crosscheck.loops.solving import MinimumStatus
+from crosscheck.loops.vectors import Sums
+from refkin.differences import EPS, Scheme, jacobian
+from refkin.motion_laws import Sinusoid
+from refkin.newton import BothLargest, NewtonStatus, ResidualOrCorrection, newton
+
+LAW = Sinusoid(amplitude=0.7, angular_frequency=1.3, offset=0.4, phase=0.2)
+GUESS = np.array([*np.radians([200.0, 80.0, 180.0]), 400.0])
+"""Of the rapier drive, as its source has it: theta13, theta14, theta15, s16."""
+SYSTEMS = {
+    "four-bar": loops.four_bar(90.0, 30.0, 60.0, 45.0, LAW),
+    "four-bar, coupler driven": loops.four_bar(90.0, 30.0, 60.0, 45.0, LAW, driven="theta3", ground_angle=0.3),
+    "slider-crank": loops.slider_crank(0.2, 0.35, 0.05, LAW, guide_angle=-0.4),
+    "slider-crank, slider driven": loops.slider_crank(0.2, 0.35, 0.05, LAW, driven="s"),
+    "inverted slider-crank": loops.inverted_slider_crank(1.0, 0.4, 0.1, LAW),
+    "slotted": loops.slotted(1.05, 0.25, 0.9, 0.6, -0.57, 0.48, LAW),
+    "rapier R1": loops.rapier("R1", LAW),
+    "rapier R2": loops.rapier("R2", LAW),
+}
+SOME = st.sampled_from(list(SYSTEMS))
+UNASSEMBLED = st.lists(st.floats(-3.0, 3.0), min_size=8, max_size=8).map(np.array)
+
+
+def test_loops_know_of_refkin_only_types_laws_and_newton():
+    """No joint's formula and no pose of a linkage: what agrees with them is another formulation."""
+    allowed = {"joints", "model", "motion", "motion_laws", "newton", "differences", "errors"}
+    for path in Path(crosscheck.loops.__file__).parent.glob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("refkin"):
+                assert node.module.split(".")[1] in allowed, (path.name, node.module)
+
+
+# ---- derivatives, at configurations that need not be assembled
+
+
+@given(name=SOME, numbers=UNASSEMBLED)
+def test_the_real_jacobian_is_the_complex_step_of_the_residual(name, numbers):
+    system, q = SYSTEMS[name], numbers[: SYSTEMS[name].n]
+    off = np.abs(jacobian(lambda z: system.residual(z, 0.3), q, Scheme.COMPLEX_STEP) - system.jacobian(q, 0.3))
+
+    assert off.max() <= 8 * EPS * np.abs(system.jacobian(q, 0.3)).max()
+
+
+@given(name=SOME, numbers=UNASSEMBLED)
+def test_the_complex_form_is_the_real_form_in_other_words(name, numbers):
+    """F = x + i y and F* = x - i y, and so are the Jacobians."""
+    system, q = SYSTEMS[name], numbers[: SYSTEMS[name].n]
+    for of_pairs, complex_rows in (
+        (system.residual(q, 0.3), system.complex_residual(q, 0.3)),
+        (system.jacobian(q, 0.3), system.complex_jacobian(q, 0.3)),
+    ):
+        f = of_pairs[0::2] + 1j * of_pairs[1::2]
+        off = np.abs(np.concatenate([f, f.conj()]) - complex_rows)
+        assert off.max() <= 4 * np.max(system.rounding(q, 0.3))
+
+
+@given(name=SOME, numbers=UNASSEMBLED)
+def test_nu_and_gamma_are_differences_of_the_residual(name, numbers):
+    """In 300 bits, along q + s qd, t + s: (r(h) - r(-h))/2h = J qd - nu, the second difference = -gamma, to h^2."""
+    system = SYSTEMS[name]
+    q, qd, h, t = numbers[: system.n], numbers[4 : 4 + system.n], 2.0**-80, 0.3
+    with ctx.workprec(300):
+
+        def at(s):
+            balls = np.array([arb(a) + arb(b) * s for a, b in zip(q, qd, strict=True)], object)
+            return system.residual(balls, arb(t) + s)
+
+        before, here, after = at(arb(-h)), at(arb(0)), at(arb(h))
+        first = ((after - before) / arb(2 * h)).astype(float)
+        second = ((after - 2 * here + before) / arb(h) ** 2).astype(float)
+    allowed = 64 * EPS * (1.0 + np.max(np.abs(second))) * (1.0 + system.scale)
+
+    assert np.abs(system.jacobian(q, t) @ qd - system.nu(q, t) - first).max() <= allowed
+    assert np.abs(-system.gamma(q, qd, t) - second).max() <= allowed
+
+
+@pytest.mark.parametrize("name", SYSTEMS)
+def test_a_batch_gives_what_single_times_give(name):
+    system, t = SYSTEMS[name], np.array([0.1, 0.7, 1.5])
+    q = np.linspace(-1.0, 2.0, 3 * system.n).reshape(system.n, 3)
+    for form in (system.residual, system.jacobian, system.complex_jacobian, system.velocity):
+        single = np.stack([form(q[:, k], t[k]) for k in range(3)], axis=-1)
+        np.testing.assert_allclose(form(q, t), single, rtol=1e-12, atol=1e-13 * np.abs(single).max())
+
+
+# ---- the documents' numbers
+
+
+def c4():
+    return loops.four_bar(90.0, 30.0, 60.0, 45.0, math.radians(65.0))
+
+
+def test_the_four_bar_of_the_notes_converges_as_recomputed_at_every_iterate():
+    """ME581: iterates, residuals and corrections as recomputed with 30 digits, here to the digits they are given in."""
+    r = newton(c4().residual, c4().jacobian, np.radians([0.0, 90.0]), stop=BothLargest(1e-12, 1e-12))
+    q = np.degrees(r.iterates)
+
+    assert q[1] == pytest.approx((17.0080290663, 112.054357847), abs=5e-10)
+    assert q[2] == pytest.approx((13.2163961329, 114.647100651), abs=5e-10)
+    assert q[3] == pytest.approx((13.1517247536, 114.827662726), abs=5e-10)
+    assert r.residuals[0] == pytest.approx((-17.32145, -17.81077), abs=5e-6)
+    assert r.residuals[1] == pytest.approx((-3.04875, 3.03231), abs=6e-6)
+    assert r.corrections[3] == pytest.approx((-3.93409e-6, 1.88303e-6), abs=5e-12)
+    assert np.degrees(r.q) == pytest.approx((13.1514993464592379702, 114.827770615851464450), abs=1e-13)
+
+
+def test_the_determinant_is_that_of_the_transmission_angle():
+    """-r3 r4 sin(theta4 - theta3) with the rocker as follower; r2 r3 sin(theta3 - theta2) with the rocker driving."""
+    system, q = c4(), np.array([0.2, 1.9])
+    driven = loops.four_bar(90.0, 30.0, 60.0, 45.0, 1.9, driven="theta4")
+
+    assert np.linalg.det(system.jacobian(q)) == pytest.approx(-60.0 * 45.0 * math.sin(1.7), rel=1e-14)
+    assert np.linalg.det(driven.jacobian(np.array([0.7, 0.2]))) == pytest.approx(1800.0 * math.sin(-0.5), rel=1e-14)
+
+
+def test_the_other_estimate_leads_to_the_crossed_assembly():
+    found = loops.close(c4(), np.radians([300.0, 200.0]))
+
+    assert np.degrees(found.q) == pytest.approx((308.10118075, 206.42490948), abs=1e-8)
+
+
+@pytest.mark.parametrize(("h", "errors"), [(1e-3, (0.03, 0.0225)), (1e-2, (0.2999975, 0.22499813))])
+def test_numerical_partials_err_as_the_notes_show(h, errors):
+    """At (0, 90 deg) entry (0, 0) is off by -r3 h/2 and (1, 1) by r4 h/2."""
+    system, q = c4(), np.array([0.0, math.pi / 2])
+    off = jacobian(system.residual, q, Scheme.FORWARD, h=h) - system.jacobian(q)
+
+    assert (-off[0, 0], off[1, 1]) == pytest.approx(errors, rel=1e-6)
+
+
+def slotted():
+    """The geometry on which the slotted mechanism is tried out, and the pose it is consistent with."""
+    a2, a4, a5, theta12, theta14, theta15, s4 = 0.25, 0.9, 0.6, *np.radians([50.0, 70.0, 20.0]), 0.5
+    first = a2 * np.exp(1j * theta12) - a5 * np.exp(1j * theta15) - s4 * np.exp(1j * theta14)
+    second = a5 * np.exp(1j * theta15) + a4 * np.exp(1j * theta14)
+    system = loops.slotted(second.imag, a2, a4, a5, first.real, -first.imag, theta12)
+    return system, np.array([theta14, theta15, s4, first.real + second.real])
+
+
+@pytest.mark.parametrize("complex_form", [False, True], ids=["real", "complex"])
+def test_the_slotted_mechanism_converges_as_recorded(complex_form):
+    """From (0.05, -0.04, 0.03) off: 7.1e-3, 1.2e-4, 3.9e-8, 4.0e-15, the last at round-off."""
+    system, root = slotted()
+    found = loops.close(system, root + np.array([0.05, -0.04, 0.03, -0.02]), complex_form=complex_form)
+    errors = np.max(np.abs(found.iterates - root), axis=1)
+
+    assert [float(f"{e:.1e}") for e in errors[1:4]] == [7.1e-3, 1.2e-4, 3.9e-8]
+    assert errors[4] < 8e-15
+
+
+RAPIER = {
+    "R1": (188.572555996644, 67.3949336605564, 175.143712272957, 406.059657496346),
+    "R2": (191.349010435964, 65.1746608282384, 180.211258797277, 275.864910951621),
+}
+
+
+@pytest.mark.parametrize("complex_form", [False, True], ids=["real", "complex"])
+@pytest.mark.parametrize("reading", RAPIER)
+def test_the_rapier_drive_at_sixty_degrees(reading, complex_form):
+    found = loops.close(loops.rapier(reading, math.radians(60.0)), GUESS, complex_form=complex_form)
+
+    assert found.converged
+    assert (*np.degrees(found.q.real[:3]), found.q.real[3]) == pytest.approx(RAPIER[reading], abs=2e-12, rel=1e-14)
+    assert np.max(np.abs(found.q.imag), initial=0.0) <= 1e-15
+
+
+def test_newton_on_the_rapier_loops_has_order_two():
+    found = loops.close(loops.rapier("R1", math.radians(60.0)), GUESS)
+    errors = np.max(np.abs(found.iterates - found.q)[:, :3], axis=1)
+
+    assert newton_order(errors, basin=0.15).is_near(2.0, 0.15)
+
+
+# ---- what is no root, and new estimates
+
+
+@pytest.mark.parametrize("reading", RAPIER)
+def test_least_squares_finds_the_root_that_newton_finds(reading):
+    system = loops.rapier(reading, math.radians(60.0))
+    found = loops.minimise(system, GUESS)
+
+    assert found.status is MinimumStatus.ROOT
+    assert found.q == pytest.approx(loops.close(system, GUESS).q, rel=1e-13)
+
+
+@given(angle=st.floats(math.radians(115.0), math.radians(245.0)), q0=st.tuples(*[st.floats(-0.6, 0.6)] * 2))
+@settings(deadline=None)
+def test_a_stalled_minimum_is_no_root_and_tells_the_gap(angle, q0):
+    """Beyond the limit of 112.02 deg coupler and rocker, in one line, miss each other by |d| - (r3 + r4)."""
+    system = loops.four_bar(90.0, 30.0, 60.0, 45.0, angle)
+    distance = 90.0 - 30.0 * complex(math.cos(angle), math.sin(angle))
+    straight = math.atan2(distance.imag, distance.real)
+    found = loops.minimise(system, [straight + q0[0], straight + math.pi + q0[1]])
+
+    assert found.status is MinimumStatus.STALLED
+    assert found.gap == pytest.approx(abs(distance) - 105.0, abs=1e-9)
+
+
+def test_an_evaluation_limit_is_not_called_a_minimum():
+    assert loops.minimise(c4(), [2.0, -1.0], max_evaluations=2).status is MinimumStatus.ITERATION_LIMIT
+
+
+def test_where_the_derivative_vanishes_a_new_estimate_is_taken():
+    """x^2 - 4 x + 1: F' = 0 at 2, where F = -3."""
+    tried = loops.with_new_estimates(lambda x: x * x - 4 * x + 1, lambda x: 2 * x - 4, iter([2.0, 5.0, 1.0]))
+
+    assert [r.status for r in tried] == [NewtonStatus.SINGULAR, NewtonStatus.CONVERGED]
+    assert tried[-1].q[0] == pytest.approx(2.0 + math.sqrt(3.0), abs=4 * EPS)
+
+
+def test_links_in_one_line_are_such_an_estimate():
+    system = c4()
+    tried = loops.with_new_estimates(system.residual, system.jacobian, [[0.0, 0.0], np.radians([0.0, 90.0])])
+
+    assert [r.status for r in tried] == [NewtonStatus.SINGULAR, NewtonStatus.CONVERGED]
+
+
+def test_all_estimates_may_be_used_up():
+    tried = loops.with_new_estimates(lambda x: x * x + 4, lambda x: 2 * x, [0.0, 0.0])
+
+    assert [r.status for r in tried] == [NewtonStatus.SINGULAR] * 2
+
+
+@pytest.mark.parametrize(
+    ("start", "status"),
+    [
+        (5.0, NewtonStatus.CONVERGED),
+        (2.0, NewtonStatus.SINGULAR),
+        (2.0 + 1e-12, NewtonStatus.ITERATION_LIMIT),
+    ],
+)
+def test_the_three_outcomes_of_the_document_are_statuses(start, status):
+    found = newton(
+        lambda x: x * x - 4 * x + 1,
+        lambda x: 2 * x - 4,
+        start,
+        stop=ResidualOrCorrection(1e-9, 1e-9),
+        max_iterations=10,
+    )
+
+    assert found.status is status
+
+
+# ---- planted faults
+
+
+def scaled(result):
+    return tuple(1.001 * x for x in result) if isinstance(result, tuple) else 1.001 * result
+
+
+@pytest.mark.parametrize(
+    ("part", "killer"),
+    [
+        ("slope_parts", test_the_real_jacobian_is_the_complex_step_of_the_residual),
+        ("slope", test_the_complex_form_is_the_real_form_in_other_words),
+        ("value", test_the_complex_form_is_the_real_form_in_other_words),
+        ("rate", test_nu_and_gamma_are_differences_of_the_residual),
+        ("acceleration", test_nu_and_gamma_are_differences_of_the_residual),
+    ],
+)
+def test_a_fault_of_a_thousandth_is_seen(part, killer, monkeypatch):
+    check = killer.hypothesis.inner_test
+    at = {"name": "rapier R1", "numbers": np.linspace(0.3, 2.4, 8)}
+    check(**at)
+    healthy = getattr(Sums, part)
+    monkeypatch.setattr(Sums, part, lambda *arguments: scaled(healthy(*arguments)))
+
+    with pytest.raises(AssertionError):
+        check(**at)
+
+
+# ---- requests that make no sense
+
+
+@pytest.mark.parametrize(
+    ("build", "words"),
+    [
+        (lambda: loops.four_bar(4.0, 1.0, 3.5, 3.0, 0.0, driven="theta1"), "driven: expected one of theta2"),
+        (lambda: loops.rapier("R1", 0.0, a9=1.0), "expected lengths among a1"),
+        (lambda: loops.rapier("R3", 0.0), "R3"),
+        (lambda: loops.LoopSystem(("x",), [[loops.Vector(1.0)]]), "expected 1 equations for"),
+        (lambda: loops.LoopSystem(("x", "y"), [[loops.Vector(1.0)]]), "which the loops contain"),
+        (lambda: loops.with_new_estimates(math.cos, math.sin, []), "estimates: expected at least one"),
+    ],
+)
+def test_a_request_without_sense_is_refused_in_words(build, words):
+    with pytest.raises(ValueError, match=words):
+        build()

@@ -1,0 +1,193 @@
+"""The vector-loop method as a peer: against closed forms, and against refkin within derived budgets."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import event, given, settings
+from hypothesis import strategies as st
+
+import refkin
+from crosscheck import loops
+from crosscheck.check import check, permuted
+from crosscheck.comparison import compare, reference
+from crosscheck.engines import EngineError, Level, Support, load
+from crosscheck.engines.vector_loop import ROUTE, VectorLoop
+from crosscheck.loops.reading import read
+from crosscheck.strategies import Hardness, drawn_scenes
+from refkin.model import Effect, Point
+from refkin.motion import Seeding, Status
+from refkin.motion_laws import Polynomial
+
+from .exact_linkages import CASES, EPS, excess, four_bar
+from .loop_scenes import TOUCHING, rapier
+
+REGULAR = 1e-4
+"""Smallest singular value above which there is no excuse for giving no answer."""
+
+
+def found_wrong(scene):
+    """What a comparison with the reference, within the derived budget, has against the answer."""
+    ref = reference(scene)
+    assert ref.motion.verdict is Status.OK
+    compared = compare(ref, VectorLoop().solve(scene), VectorLoop().terms(scene))
+    missed = compared.missing and np.nanmin(ref.sigma_min) > REGULAR
+    return [f"{name} {q.worst}" for name, q in compared.quantities.items() if not q.agrees] + ["missing"] * missed
+
+
+# ---- agreement
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_it_moves_as_the_closed_form(name):
+    case = CASES[name]()
+    motion = VectorLoop().solve(case.scene)
+
+    assert motion.verdict is Status.OK
+    assert excess(case, motion) <= 1.0
+
+
+@settings(max_examples=40, deadline=None)
+@given(drawn=drawn_scenes(hardness=[Hardness.REGULAR], samples=12))
+def test_drawn_scenes_agree_with_the_reference_at_all_times(drawn):
+    event(drawn.kind)
+    ref = reference(drawn.scene)
+    compared = compare(ref, VectorLoop().solve(drawn.scene))
+
+    assert (compared.agrees, compared.missing, compared.judged) == (True, 0, 12)
+
+
+@settings(max_examples=30, deadline=None)
+@given(drawn=drawn_scenes(hardness=[Hardness.LIMIT, Hardness.CHANGE_POINT], samples=12))
+def test_scenes_near_singular_poses_agree_as_far_as_they_are_judged(drawn):
+    event(f"{drawn.hardness}, {drawn.kind}")
+
+    assert found_wrong(drawn.scene) == []
+
+
+@settings(max_examples=15, deadline=None)
+@given(drawn=drawn_scenes(samples=4))
+def test_the_order_of_bodies_and_joints_does_not_matter(drawn):
+    assert found_wrong(permuted(drawn.scene)) == []
+
+
+@settings(max_examples=20, deadline=None)
+@given(drawn=drawn_scenes(hardness=[Hardness.REGULAR], samples=1), off=st.lists(st.floats(-0.1, 0.1), min_size=15))
+def test_a_rough_estimate_leads_to_the_assembly_that_the_reference_takes(drawn, off):
+    mechanism, at = drawn.scene.mechanism, iter(off)
+    size = mechanism.size()
+    bodies = tuple(
+        replace(b, estimate=tuple(x + next(at) * scale for x, scale in zip(b.estimate, (size, size, 1.0), strict=True)))
+        for b in mechanism.bodies
+    )
+
+    assert found_wrong(replace(drawn.scene, mechanism=replace(mechanism, bodies=bodies))) == []
+
+
+@pytest.mark.parametrize("branch", ["open", "crossed"])
+@pytest.mark.parametrize(
+    "linkage",
+    [
+        refkin.FourBar(4.0, 1.0, 3.5, 3.0, origin=(3.0, -2.0), angle=0.4),
+        refkin.SliderCrank(1.0, 3.0, 0.4, angle=-0.7),
+        refkin.InvertedSliderCrank(3.0, 1.0, 0.2, origin=(-1.0, 5.0)),
+    ],
+    ids=lambda linkage: type(linkage).__name__,
+)
+def test_both_assemblies_over_a_whole_turn(linkage, branch):
+    assert found_wrong(linkage.scene(samples=25, branch=branch)) == []
+
+
+@pytest.mark.parametrize(("reading", "degrees"), [("R1", 360.0), ("R2", 89.0)])
+def test_the_rapier_drive_agrees_with_absolute_coordinates_over_its_cycle(reading, degrees):
+    assert found_wrong(rapier(reading, np.radians(np.linspace(60.0, 60.0 + degrees, 31)))) == []
+
+
+@pytest.mark.parametrize("reading", ["R1", "R2"])
+def test_the_documents_own_loops_and_those_read_from_the_scene_are_one_motion(reading):
+    times = np.radians(np.linspace(60.0, 140.0, 9))
+    read_from_scene = VectorLoop().solve(rapier(reading, times))
+    start = [*np.radians([200.0, 80.0, 180.0]), 400.0]
+    own = loops.march(loops.rapier(reading, Polynomial(coefficients=(0.0, 1.0))), times, start)
+    c0_or_a0 = -623.0 if reading == "R1" else 0.0
+    rows = [*(read_from_scene[body].phi for body in ("coupler", "lever", "rocker"))]
+    rows.append(read_from_scene["rapier"].x + 1100.0 - c0_or_a0)
+
+    assert np.array(rows) == pytest.approx(own.q, rel=1e-12)
+
+
+# ---- joints beyond links and slides
+
+
+@pytest.mark.parametrize("name", TOUCHING)
+def test_gears_racks_discs_and_moved_pivots_agree(name):
+    assert found_wrong(TOUCHING[name]) == []
+
+
+# ---- one more source
+
+
+def test_it_is_found_by_name_and_compared_without_disagreement():
+    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=12)
+    record = check(scene, ["vector_loop"])
+
+    assert isinstance(load("vector_loop"), VectorLoop)
+    assert record["disagreements"] == []
+    assert record["answers"][0]["judged"] == 12
+
+
+def test_it_declares_that_it_has_no_rows():
+    engine = VectorLoop()
+    rows = {entry[level].support for entry in engine.capabilities().values() for level in Level if level != Level.SOLVE}
+
+    assert rows == {Support.REFUSED}
+    with pytest.raises(EngineError, match="its rows are loops of vectors"):
+        engine.constraints(four_bar().scene)
+
+
+def test_the_route_says_who_did_what():
+    route = VectorLoop().solve(four_bar().scene).producer.route
+
+    assert (route.newton_by, route.residual_by, route.seeding) == (
+        "refkin.newton",
+        "vector loops",
+        Seeding.INITIAL_GUESS,
+    )
+    with pytest.raises(EngineError, match="no route 'other'"):
+        VectorLoop().solve(four_bar().scene, replace(ROUTE, name="other"))
+
+
+def test_a_driven_crank_is_no_unknown_and_a_four_bar_is_one_loop():
+    found = read(four_bar().scene).system
+
+    assert found.unknowns == ("angle of rocker", "angle of coupler")
+    assert len(found.loops) == 1
+    assert read(CASES["welded arm"]().scene).system.n == 0
+
+
+def test_only_what_is_called_for_is_reported():
+    points = (
+        Point(name="B", body="coupler", position=(1.75, -0.25)),
+        Point(name="same", body="rocker", position=(1.5, 0.0)),
+    )
+    case = four_bar(effects=frozenset({Effect.ACCELERATION}), bodies_wanted=("rocker",), points=points)
+    motion = VectorLoop().solve(case.scene)
+    one, other = motion.points["B"], motion.points["same"]
+
+    assert (motion.bodies, motion.q.shape, motion.qd, one.v) == (("rocker",), (3, 72), None, None)
+    assert np.abs(one.r - other.r).max() <= 64 * EPS * case.kappa
+    assert np.abs(one.a - other.a).max() <= 64 * EPS * (4.0 * case.kappa) ** 3
+
+
+def test_turns_of_an_estimate_are_kept():
+    case = four_bar()
+    bodies = tuple(
+        replace(b, estimate=(*b.estimate[:2], b.estimate[2] - 3 * math.tau)) if b.name == "rocker" else b
+        for b in case.scene.mechanism.bodies
+    )
+    motion = VectorLoop().solve(replace(case.scene, mechanism=replace(case.scene.mechanism, bodies=bodies)))
+
+    assert motion["rocker"].phi - case.rows["rocker"][0][2] == pytest.approx(-3 * math.tau, abs=256 * EPS * case.kappa)
