@@ -8,7 +8,9 @@ from typing import Any
 __all__ = ["compare"]
 
 
-def compare(scene: Any, engines: Sequence[str] = ("exudyn", "pinocchio", "mujoco"), show: bool = True) -> dict[str, Any]:
+def compare(
+    scene: Any, engines: Sequence[str] = ("exudyn", "pinocchio", "mujoco"), show: bool = True
+) -> dict[str, Any]:
     """Solve a scene with the reference and with engines, print how they agree, and return it.
 
     Parameters

@@ -54,8 +54,8 @@ NOTHING = Observed(Kind.INCONCLUSIVE, np.nan, np.nan, 0)
 def newton_order(errors: Sequence[float], floor: float = 64 * EPS, basin: float = 0.1) -> Observed:
     """Return the order of convergence from a history of errors.
 
-    Each p_k = log(e_(k+2)/e_(k+1)) / log(e_(k+1)/e_k) uses three errors below `basin` of which the last is above `floor`;
-    the last one is the nearest to the limit, so it is the value, and at least two are needed.
+    Each p_k = log(e_(k+2)/e_(k+1)) / log(e_(k+1)/e_k) uses three errors below `basin` of which the last is above
+    `floor`; the last one is the nearest to the limit, so it is the value, and at least two are needed.
     """
     e = _trimmed(errors, floor, basin)
     estimates = [np.log(e[k + 2] / e[k + 1]) / np.log(e[k + 1] / e[k]) for k in range(len(e) - 2)]

@@ -1,5 +1,4 @@
-"""How an engine's constraint rows correspond to ours: order, factor, and a form where they differ by more than a
-factor.
+"""How an engine's constraint rows correspond to ours: order, factor, and a form where a factor is not enough.
 
 Each adapter declares one `RowMap` per row beside its model. If an engine's row is y = factor * F(x) of our row x, then
 

@@ -1,5 +1,4 @@
-"""The translation of the model, apart from any solve: an engine's own rows at configurations that need not be
-assembled.
+"""The translation of the model, apart from any solve: an engine's own rows where nothing is assembled.
 
 Both sides are fed the same (q, qd, t). Through the adapter's `RowMap`s our row x becomes the row y the engine must
 have: y = factor F(x), y_q = factor F' x_q, y' = factor F' x', gamma_y = factor (F' gamma - F'' x'^2). The allowed
@@ -90,7 +89,7 @@ def compare_levels(
     at: Sequence[Configuration],
     terms: Sequence[Term] = (),
 ) -> dict[Level, LevelComparison]:
-    """Compare every level that the engine declares for the mechanism's joints; driver rows only if it owns the driver."""
+    """Compare every level that the engine declares for the joints; driver rows only if it owns the driver."""
     table = engine.capabilities()
     kinds = {c.name: table_key(c) for c in mechanism.constraints}
     drivers = {d.name for d in mechanism.drivers}

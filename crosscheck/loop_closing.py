@@ -1,9 +1,9 @@
 """Close the loops of a joint tree over the times of a scene: full Newton, and a march that stays on its branch.
 
 Residual, Jacobian and drift term are an engine's own (`tree_system`); Newton is the adapter's and the same for every
-engine; linear systems are solved by NumPy. The march starts at the scene's estimates, predicts each pose from the velocity
-before it, and takes shorter steps where Newton does not contract at once or a singular pose may lie between, so that
-it does not jump to another branch in silence.
+engine; linear systems are solved by NumPy. The march starts at the scene's estimates, predicts each pose from the
+velocity before it, and takes shorter steps where Newton does not contract at once or a singular pose may lie
+between, so that it does not jump to another branch in silence.
 """
 
 from __future__ import annotations

@@ -3,19 +3,27 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
 from crosscheck.engines import Engine, Level, Support
+from crosscheck.known_gaps import Gap
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, DistanceDriver
 
+if TYPE_CHECKING:
+    from crosscheck.campaign import Outcome
+
+MOST_LINES = 20
+"""Disagreements, and failures, that are told on a terminal; the report has all."""
 QUANTITIES = ("position", "velocity", "acceleration")
 
 
 def capability_table(engines: Iterable[Engine]) -> Table:
     """Return joint x engine x level: native, derived, or refused with its reason."""
-    table = Table("engine", "joint or driver", *(level.value for level in Level), "why not", title="What engines can do")
+    table = Table(
+        "engine", "joint or driver", *(level.value for level in Level), "why not", title="What engines can do"
+    )
     labels = {cls: type_name(cls) for cls in JOINT_TYPES} | {cls: f"{type_name(cls)} (driver)" for cls in DRIVER_TYPES}
     for engine in engines:
         known = engine.capabilities()
@@ -60,6 +68,27 @@ def disagreement_lines(disagreements: Sequence[Mapping[str, Any]]) -> list[str]:
         ratio = "" if d["ratio"] is None else f", {d['ratio']:.3g} times the allowed error"
         lines.append(f"{d['engine']} ({d['route']}), {d['quantity']}: {d['kind']}{ratio}; {d['worst']}")
     return lines
+
+
+def lines_with_gap(told: Mapping[str, Any], record: Mapping[str, Any], gaps: Sequence[Gap]) -> list[str]:
+    """Return the line of a disagreement with the known gap that accounts for it, if any."""
+    gap = next((gap for gap in gaps if gap.covers(record, told)), None)
+    known = "" if gap is None else f" [known since {gap.date}: {gap.reason}]"
+    return [line + known for line in disagreement_lines([told])]
+
+
+def outcome_lines(outcome: Outcome) -> list[str]:
+    """Return how a night ended, in lines that a log can hold."""
+    lines = [f"new: {disagreement_lines([told])[0]}  ({told['file']})" for told in outcome.new[:MOST_LINES]]
+    lines += [f"failed: {text}" for text in outcome.failed[:MOST_LINES]]
+    lines += [f"missing: {name}: {reason}" for name, reason in outcome.missing.items()]
+    for gap in outcome.possibly_closed:
+        told = f"the gap of {gap.engine} known since {gap.date} ({gap.predicate}) showed in no scene of its kind"
+        lines.append(f"possibly closed: {told}")
+    if outcome.new:
+        lines.append(f"simplifying disagreements took {outcome.shrinking_seconds:.0f} s")
+    counted = f"{len(outcome.new)} new and {outcome.known} known disagreements"
+    return [*lines, f"{outcome.checked} scenes checked, {counted}"]
 
 
 def type_name(cls: Any) -> str:

@@ -9,7 +9,6 @@ from crosscheck.tree_system import TreeEngine, TreeSystem
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, PointMotion, Producer, engine_motion
 
-
 CHAIN = Term(
     name="chain of frames",
     level="position",

@@ -42,8 +42,11 @@ class TwoCircles:
 
     def solve(self, scene, route=None):
         joints = {j.name: j for j in scene.mechanism.joints}
-        if set(joints) != {"A0", "A", "B", "B0"} or [b.name for b in scene.mechanism.bodies] != [*"crank coupler rocker".split()]:
-            raise EngineError("two_circles: expected the four joints of refkin.FourBar")
+        bodies = {body.name for body in scene.mechanism.bodies}
+        if set(joints) != {"A0", "A", "B", "B0"} or bodies != {"crank", "coupler", "rocker"}:
+            raise EngineError(
+                f"two_circles refuses {scene.name!r}: it knows the bodies and joints of refkin.FourBar alone"
+            )
         q = np.array([self._pose(joints, float(scene.mechanism.drivers[0].laws[0](t))) for t in scene.times]).T
         status = tuple(Status.OK if np.isfinite(column).all() else Status.UNASSEMBLABLE for column in q.T)
         producer = Producer(name=self.name, version=self.version(), route=ROUTE)

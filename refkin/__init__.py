@@ -1,4 +1,6 @@
-"""The reference implementation of absolute-coordinate kinematics, written to be read in one sitting, in this order:
+"""The reference implementation of absolute-coordinate kinematics, written to be read in one sitting.
+
+In this order:
 
 ========================= ==============================================================================================
 `vec`                     vectors and the values of one body, in any arithmetic

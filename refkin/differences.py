@@ -8,7 +8,8 @@ central         (f(x+h) - f(x-h)) / 2h       cbrt(u) max(1, abs(x))             
 complex step    Im f(x + ih) / h             1e-100: no difference, so no cancellation      u f'
 =============== ============================ ============================================== ================
 
-with u = 2^-52 and e the error of one evaluation. (Numerical Recipes section 5.7; Squire and Trapp, SIAM Review 40, 1998.)
+with u = 2^-52 and e the error of one evaluation. (Numerical Recipes section 5.7; Squire and Trapp, SIAM Review 40,
+1998.)
 """
 
 from __future__ import annotations

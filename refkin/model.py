@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 from enum import StrEnum
+from itertools import pairwise
 from typing import Any, ClassVar
 
 from refkin.errors import Fault, InvalidScene
@@ -174,7 +175,7 @@ def scene_faults(
         yield Fault("times", [], "at least one time")
     if not all(math.isfinite(t) for t in times):
         yield Fault("times", list(times), "finite times")
-    if any(b <= a for a, b in zip(times, times[1:], strict=False)):
+    if any(b <= a for a, b in pairwise(times)):
         yield Fault("times", list(times), "strictly increasing times")
     if bodies_wanted is not None and not bodies_wanted:
         yield Fault("bodies_wanted", [], "at least one body, or no such key for all of them")

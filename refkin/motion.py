@@ -1,4 +1,4 @@
-"""What is answered: a `Motion`. Every producer, refkin and engines alike, returns this one type; nothing else is compared."""
+"""What is answered: a `Motion`. Every producer, refkin and engines alike, returns it; nothing else is compared."""
 
 from __future__ import annotations
 
@@ -37,8 +37,8 @@ class Seeding(StrEnum):
 class Route:
     """Who did what on the way to an answer; stands in every table.
 
-    `name` identifies the route; the other fields name the one who supplied the residual and Jacobian, ran Newton, solved
-    the linear systems, and supplied the drift term of the acceleration.
+    `name` identifies the route; the other fields name the one who supplied the residual and Jacobian, ran Newton,
+    solved the linear systems, and supplied the drift term of the acceleration.
     """
 
     name: str
@@ -61,7 +61,7 @@ class Producer:
 
 @dataclass(frozen=True, kw_only=True)
 class CertifiedRadius:
-    """Proved bounds on the error of the scaled coordinates, largest component, per time; NaN where there is no proof."""
+    """Proved bounds of the error of the scaled coordinates, largest component, per time; NaN: no proof."""
 
     position: Array
     velocity: Array

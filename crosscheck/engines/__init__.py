@@ -12,6 +12,7 @@ alone.
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -222,9 +223,11 @@ def _module_of_file(where: str) -> Any:
     path = Path(where)
     if not path.is_file():
         raise EngineError(f"there is no file {where}")
-    found = spec_from_file_location(path.stem, path)
+    name = f"crosscheck_engine_{path.stem}"
+    found = spec_from_file_location(name, path)
     assert found is not None
     assert found.loader is not None
     module = module_from_spec(found)
+    sys.modules[name] = module  # dataclasses look their module up
     found.loader.exec_module(module)
     return module

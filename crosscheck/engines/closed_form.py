@@ -53,7 +53,8 @@ JETS = (
     Term(
         name="chords",
         level="position",
-        reason="an area by its four factors, a root and an arctangent stand for each residual: three times its roundings; "
+        reason="an area by its four factors, a root and an arctangent stand for each residual: three times its "
+        "roundings; "
         "and a frame is placed from either end of its chain, each arm up to one size",
         relative=2.0,
         absolute=8.0 * 2.0**-53,
@@ -62,8 +63,8 @@ JETS = (
         Term(
             name="jets",
             level=level,
-            reason="chord, root, quotient and arctangent of second-order jets: four steps of four products of up to four "
-            "terms each",
+            reason="chord, root, quotient and arctangent of second-order jets: four steps of four products "
+            "of up to four terms each",
             relative=64.0 * 2.0**-53,
         )
         for level in ("velocity", "acceleration")

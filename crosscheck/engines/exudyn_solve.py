@@ -263,13 +263,13 @@ def solved(jacobian: Array, right: Array) -> Array:
     rows, n = jacobian.shape
     if rows == n:
         try:
-            x = np.linalg.solve(jacobian, right)
+            x: Array = np.asarray(np.linalg.solve(jacobian, right), np.float64)
         except np.linalg.LinAlgError:
             return np.full(n, np.nan)
         rounding = n * EPS * _largest(jacobian) * _largest(x)
         return x if rounding <= _largest(right) else np.full(n, np.nan)
-    x, _, rank, _ = np.linalg.lstsq(jacobian, right)
-    return x if rank == n else np.full(n, np.nan)
+    least, _, rank, _ = np.linalg.lstsq(jacobian, right)
+    return np.asarray(least, np.float64) if rank == n else np.full(n, np.nan)
 
 
 def _largest(x: Array) -> float:

@@ -60,15 +60,15 @@ SPATIAL = (
     Term(
         name="angles from rotations",
         level=Level.RESIDUAL.value,
-        reason="the angle of a prismatic row is read from a rotation matrix, each entry of which is rounded by u or two",
+        reason="the angle of a prismatic row is read from a rotation matrix, each entry rounded by u or two",
         absolute=8.0 * 2.0**-53,
     ),
     *(
         Term(
             name="spatial vectors",
             level=level.value,
-            reason="lever arms are differences of positions in the ground frame, and omega x v enters with both signs: "
-            "8 roundings, two bodies",
+            reason="lever arms are differences of positions in the ground frame, and omega x v enters with both "
+            "signs: 8 roundings, two bodies",
             relative=16.0 * 2.0**-53,
         )
         for level in (Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)

@@ -54,7 +54,7 @@ def four_bars(
 
     Examples from this strategy shrink towards a crank-rocker of about one metre at the origin.
     """
-    _check_bounds(min_size, max_size, max_ratio, slack_decades)
+    _check_bounds(min_size, max_size, max_ratio, max_offset, slack_decades)
     allowed = [c for c in GrashofClass if c in classes and not (slack_decades and c is GrashofClass.CHANGE_POINT)]
     if not allowed:
         raise ValueError(f"classes: expected a Grashof class that has a slack to draw, got {classes!r}")
@@ -87,7 +87,7 @@ def slider_cranks(
 
     Examples from this strategy shrink towards a central slider-crank of about one metre at the origin.
     """
-    _check_bounds(min_size, max_size, max_ratio, slack_decades)
+    _check_bounds(min_size, max_size, max_ratio, max_offset, slack_decades)
     size = _draw_size(draw, min_size, max_size)
     crank, rod, offset = _draw_two_and_offset(draw, size, max_ratio, slack_decades)
     return SliderCrank(crank, rod, offset, **_draw_place(draw, max_offset * size))
@@ -109,7 +109,7 @@ def inverted_slider_cranks(
 
     Examples from this strategy shrink towards a line through the pivot, about one metre at the origin.
     """
-    _check_bounds(min_size, max_size, max_ratio, slack_decades)
+    _check_bounds(min_size, max_size, max_ratio, max_offset, slack_decades)
     size = _draw_size(draw, min_size, max_size)
     crank, ground, offset = _draw_two_and_offset(draw, size, max_ratio, slack_decades)
     return InvertedSliderCrank(ground, crank, offset, **_draw_place(draw, max_offset * size))
@@ -181,11 +181,15 @@ def _on_grid(lengths: Sequence[float], longest: float) -> list[float]:
     return [round(length / step) * step for length in lengths]
 
 
-def _check_bounds(smallest: float, largest: float, max_ratio: float, decades: Decades | None) -> None:
+def _check_bounds(
+    smallest: float, largest: float, max_ratio: float, max_offset: float, decades: Decades | None
+) -> None:
     if not 0 < smallest <= largest < math.inf:
         raise ValueError(f"min_size, max_size: expected 0 < min_size <= max_size, got {smallest!r}, {largest!r}")
     if not 4 <= max_ratio <= 2.0 ** (BITS / 2):
         raise ValueError(f"max_ratio: expected 4 to 2^{BITS // 2}, got {max_ratio!r}")
+    if not 0 <= max_offset < math.inf:
+        raise ValueError(f"max_offset: expected 0 or more, got {max_offset!r}")
     finest = BITS * math.log10(2) - math.log10(max_ratio) - 2  # two digits of the slack are kept on the grid
     if decades is not None and not 1 <= decades[0] <= decades[1] <= finest:
         raise ValueError(f"slack_decades: expected 1 <= k <= k' <= {finest:.3g} at this max_ratio, got {decades!r}")

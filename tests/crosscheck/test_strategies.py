@@ -400,6 +400,7 @@ def test_monotone_laws_go_from_end_to_end_without_a_stop(data, first, step, dura
         (four_bars, {"min_size": 0.0}, "min_size"),
         (four_bars, {"min_size": 2.0, "max_size": 1.0}, "max_size"),
         (four_bars, {"max_ratio": 3.0}, "max_ratio"),
+        (four_bars, {"max_offset": -1.0}, "max_offset"),
         (four_bars, {"classes": []}, "classes"),
         (four_bars, {"classes": [GrashofClass.CHANGE_POINT], "slack_decades": (3, 10)}, "classes"),
         (slider_cranks, {"slack_decades": (10, 3)}, "slack_decades"),
