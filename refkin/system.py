@@ -9,7 +9,7 @@ the joints that bring some (contact parameters). Coordinates come first, a batch
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -53,6 +53,7 @@ class System:
     placed: tuple[Placed, ...]
     n: int
     m: int
+    _kept: dict[tuple[int, int], tuple[float, Any]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     def columns(self, body: str) -> slice:
         """Return where (x, y, phi) of a body sit in q."""
@@ -156,11 +157,20 @@ class System:
 
     def _given(self, p: Placed, values: dict[int | None, Any], t: Any, order: int) -> Any:
         """Return the values of a constraint's laws up to `order`, and of its profile as far as the formulas go."""
-        f = p.constraint.inputs(t, self.unit, order)
+        f = self._laws_at(p, t, order) if p.constraint.laws else ()
         if not p.constraint.parameters:
             return f
         s = values[p.starts[2]].value
         return (*f, p.constraint.profile_values(s, self.unit, min(order + 2, PROFILE_ORDER)))
+
+    def _laws_at(self, p: Placed, t: Any, order: int) -> Any:
+        """Return the values of a constraint's laws; Newton asks for those of one time again and again."""
+        if not isinstance(t, float):
+            return p.constraint.inputs(t, self.unit, order)
+        kept = self._kept.get((p.row, order))
+        if kept is None or kept[0] != t:
+            kept = self._kept[p.row, order] = (t, p.constraint.inputs(t, self.unit, order))
+        return kept[1]
 
     def _rows(
         self, values: dict[int | None, Any], t: Any, order: int, formula: Callable[[Constraint], Any]

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any, Literal
 
 from refkin.errors import Fault
@@ -27,6 +28,10 @@ class Driver(Constraint):
 
     @property
     def laws(self) -> tuple[Law, ...]:
+        return self._laws
+
+    @cached_property
+    def _laws(self) -> tuple[Law, ...]:
         if self.law is not None:
             return (self.law,)
         return () if self.rate_law is None else (Integral(rate=self.rate_law, initial=self.initial),)
