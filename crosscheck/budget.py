@@ -115,9 +115,9 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         lanes=lanes,
         count=len(motion.t),
         inverse=_abs_inverse(system, q, t),
-        second=np.abs(_slope(lambda z: _times(system.phi_q(z, t), qd) - system.nu(z, t), q)),
-        third=np.abs(_slope(lambda z: _times(system.phi_q(z, t), qdd) - system.gamma(z, qd, t), q)),
-        coriolis=np.abs(_slope(lambda z: system.gamma(q, z, t), qd)),
+        second=np.abs(_slope(lambda z: _times(system.phi_q(z, t), qd[:, None]) - system.nu(z, t), q)),
+        third=np.abs(_slope(lambda z: _times(system.phi_q(z, t), qdd[:, None]) - system.gamma(z, qd[:, None], t), q)),
+        coriolis=np.abs(_slope(lambda z: system.gamma(q[:, None], z, t), qd)),
         e=tuple(e + _table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma))),
         size=(e_phi, moving, bending),
         rounding=_handed_over(system, q, qd, qdd),
@@ -148,8 +148,8 @@ def _abs_inverse(system: System, q: Any, t: Any) -> Any:
 
 
 def _times(matrix: Any, vector: Any) -> Any:
-    """Return the product lane by lane of (m, n, T) and (n, T)."""
-    return np.einsum("mnt,nt->mt", matrix, vector)
+    """Return the product lane by lane of (m, n, T) and (n, T), or with more axes than one for the lanes."""
+    return np.einsum("mn...,n...->m...", matrix, vector)
 
 
 def _solve_error(size: Any) -> Any:
@@ -158,13 +158,12 @@ def _solve_error(size: Any) -> Any:
 
 
 def _slope(function: Any, x: Any) -> Any:
-    """Return the derivative (m, n, T) of a function of (n, T) by complex steps, exact to round-off."""
-    columns = []
-    for k in range(len(x)):
-        moved = x.astype(complex)
-        moved[k] += 1j * STEP
-        columns.append(np.imag(function(moved)) / STEP)
-    return np.stack(columns, axis=1)
+    """Return the derivative (m, n, T) of a function of (n, T) by complex steps, exact to round-off.
+
+    All n steps are taken at once, along an axis in the middle: the function takes (n, n, T) and gives (m, n, T).
+    """
+    moved = x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
+    return np.imag(function(moved)) / STEP
 
 
 def _clock(system: System, t: Any) -> Any:

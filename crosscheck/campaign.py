@@ -5,29 +5,39 @@ from __future__ import annotations
 import json
 import platform
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
 from itertools import count
 from pathlib import Path
 from typing import Any
 
+from crosscheck import known_gaps
 from crosscheck.check import key_of
-from crosscheck.drawing import describe, draw, shrink
-from crosscheck.engines import EngineError, load
-from crosscheck.journal import Journal
-from crosscheck.known_gaps import Gap, new_disagreements, read
-from crosscheck.strategies import Drawn
-from crosscheck.workers import Task, Workers
-from refkin.scene_files import to_dict, to_toml
+from crosscheck.disagreements import SHRINKING_SECONDS, write_disagreements
+from crosscheck.drawing import describe, draw
+from crosscheck.engines import load
+from crosscheck.journal import Journal, replace_file
+from crosscheck.known_gaps import Gap, Tally
+from crosscheck.processes import Failure, Job, call_each
+from crosscheck.workers import SECONDS_PER_SCENE, Workers
+from refkin.scene_files import to_dict
 
-PASS, DISAGREEMENT, USAGE, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN = range(6)
-BATCH = 10
-MOST_SHRUNK = 5
+BATCH = 5
+"""Scenes handed to a worker at once: enough that it seldom waits, few enough that a night ends when it is over."""
+ALWAYS = "closed_form"
+"""The engine that is always among the sources, and by itself makes no night."""
+
+Progress = Callable[[int, str], None]
 
 
 @dataclass(frozen=True, kw_only=True)
 class Plan:
-    """What a night is asked to do; one of `minutes` and `scenes` ends it."""
+    """What a night is asked to do; `minutes` and `scenes` end it, whichever comes first.
+
+    `engines` and `required` are names, or what else `crosscheck.engines.load` takes; `scene_seconds` is after how long
+    on one scene a worker is ended, `shrinking_seconds` how long the simplifying of disagreements may take in all.
+    """
 
     seed: int
     out: Path
@@ -36,11 +46,33 @@ class Plan:
     minutes: float | None = None
     scenes: int | None = None
     workers: int = 2
+    scene_seconds: float = SECONDS_PER_SCENE
+    shrinking_seconds: float = SHRINKING_SECONDS
 
 
 @dataclass
 class Outcome:
-    """How a night ended."""
+    """How a night ended.
+
+    Attributes
+    ----------
+    versions : dict
+        Name of each engine that is there -> version.
+    missing : dict
+        What was asked for and cannot be loaded -> why.
+    checked : int
+        Scenes with a record, those of an earlier part of a resumed run included.
+    failed : list of str
+        What went wrong with the run itself.
+    new, known : list of dict, int
+        Disagreements that no known gap accounts for; how many others there are.
+    possibly_closed : list of Gap
+        Known gaps that did not show, although many scenes were of the kind in which they do.
+    shrinking_seconds : float
+        How long the simplifying of disagreements took.
+    required : list of str
+        What the night could not do without: the required engines, or all if not one was there.
+    """
 
     versions: dict[str, str]
     missing: dict[str, str]
@@ -48,43 +80,53 @@ class Outcome:
     failed: list[str] = field(default_factory=list)
     new: list[dict[str, Any]] = field(default_factory=list)
     known: int = 0
-
-    def exit_code(self, required: tuple[str, ...]) -> int:
-        """Return 0 pass, 1 new disagreement, 3 engine missing, 4 infrastructure, 5 nothing ran; the worst first."""
-        if any(name in self.missing for name in required):
-            return ENGINE_MISSING
-        if self.new:
-            return DISAGREEMENT
-        if self.failed:
-            return INFRASTRUCTURE
-        return PASS if self.checked else NOTHING_RAN
-
-
-def run(plan: Plan, progress: Callable[[int], None] = lambda checked: None) -> Outcome:
-    """Carry out a plan; records go to `records.jsonl` in its folder, what is already there is not done again."""
-    versions, missing = find_engines(plan.engines)
-    outcome = Outcome(versions, missing)
-    if any(name in missing for name in plan.required):
-        return outcome
-    gaps = read()
-    journal = Journal(plan.out / "records.jsonl")
-    _write_plan(plan, outcome)
-    where: dict[str, tuple[int, Drawn]] = {}
-    try:
-        with Workers(plan.workers) as workers:
-            for record in _records(plan, tuple(versions), workers, journal, where):
-                journal.append(record)
-                outcome.checked = len(journal.keys)
-                progress(outcome.checked)
-            _judge(journal, gaps, outcome)
-            _write_disagreements(plan, outcome, where, workers, tuple(versions))
-    finally:
-        journal.close()
-    return outcome
+    possibly_closed: list[Gap] = field(default_factory=list)
+    shrinking_seconds: float = 0.0
+    required: list[str] = field(default_factory=list)
 
 
 class OtherRun(Exception):
-    """The folder holds a run with another seed or other engines; its records would be mixed with this one's."""
+    """The folder holds a run with another seed, other engines or other scenes, whose records would mix with these."""
+
+
+class SameName(Exception):
+    """Two engines have the same name, so that their answers could not be told apart."""
+
+
+def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome:
+    """Carry out a plan; records go to `records.jsonl` in its folder, what is already there is not done again.
+
+    If a required engine is missing, or all that were asked for are, nothing is run. `progress` is called about once a
+    second or more often, with the number of scenes checked and what is being done.
+
+    Raises
+    ------
+    OtherRun, Occupied
+        If the folder belongs to another run.
+    SameName, InvalidGap
+        If two engines have the same name; if the table of known gaps makes no sense.
+    """
+    gaps = known_gaps.read()
+    found, missing = find_engines(plan.engines)
+    outcome = Outcome({name: told for name, (_, told) in found.items()}, missing)
+    names = {spec: name for name, (spec, _) in found.items()}
+    alone = missing and set(found) <= {ALWAYS}
+    outcome.required = list(missing) if alone else [names.get(spec, spec) for spec in plan.required]
+    if any(name in missing for name in outcome.required):
+        return outcome
+    with Journal(plan.out / "records.jsonl") as journal:
+        numbers = _numbers(journal)
+        _agree_with_what_is_there(plan, outcome, numbers)
+        outcome.checked = len(journal.keys)
+        with Workers(plan.workers, {name: spec for spec, name in names.items()}, plan.scene_seconds) as workers:
+            for record in _records(plan, workers, numbers, lambda: progress(outcome.checked, "checking")):
+                journal.append(record)
+                outcome.checked = len(journal.keys)
+            _judge(journal, gaps, outcome)
+            simplifying = lambda: progress(outcome.checked, "simplifying disagreements")  # noqa: E731
+            outcome.shrinking_seconds = write_disagreements(plan, outcome.new, workers, simplifying)
+            outcome.failed += workers.unexplained
+    return outcome
 
 
 def seed_of(out: Path, asked: int | None) -> int:
@@ -97,124 +139,124 @@ def seed_of(out: Path, asked: int | None) -> int:
     return int(time.strftime("%Y%m%d", time.gmtime())) if asked is None else asked
 
 
-def _made(out: Path) -> dict[str, Any] | None:
-    """Return what is written about the run that a folder holds."""
-    path = out / "run.json"
-    return json.loads(path.read_text(encoding="utf-8")) if path.exists() else None
+def find_engines(specs: tuple[str, ...]) -> tuple[dict[str, tuple[str, str]], dict[str, str]]:
+    """Return the engines that can be loaded, as name -> (what loads it, version), and for the others why not.
+
+    Each is loaded in a process of its own: one that crashes is missing, no more.
+
+    Raises
+    ------
+    SameName
+        If two have the same name.
+    """
+    found: dict[str, tuple[str, str]] = {}
+    missing = {}
+    for spec, told in zip(specs, call_each(_name_and_version, specs), strict=True):
+        if isinstance(told, Failure):
+            missing[spec] = told.text.removeprefix("EngineError: ")
+        elif told[0] in found:
+            raise SameName(f"engines {found[told[0]][0]!r} and {spec!r} are both called {told[0]!r}")
+        else:
+            found[told[0]] = (spec, told[1])
+    return found, missing
 
 
-def find_engines(names: tuple[str, ...]) -> tuple[dict[str, str], dict[str, str]]:
-    """Return the versions of the engines that can be loaded, and for the others why not."""
-    versions, missing = {}, {}
-    for name in names:
-        try:
-            versions[name] = load(name).version()
-        except EngineError as error:
-            missing[name] = str(error)
-    return versions, missing
+def _name_and_version(spec: str) -> tuple[str, str]:
+    engine = load(spec)
+    return engine.name, engine.version()
+
+
+def _numbers(journal: Journal) -> dict[int, str]:
+    """Return the numbers of the scenes that have a record, each with its key."""
+    try:
+        return {int(record["about"]["shard"]): record["key"] for record in journal}
+    except (KeyError, TypeError) as error:
+        raise OtherRun(f"{journal.path} holds records of another kind: choose another folder") from error
 
 
 def _records(
-    plan: Plan, engines: tuple[str, ...], workers: Workers, journal: Journal, where: dict[str, tuple[int, Drawn]]
+    plan: Plan, workers: Workers, numbers: dict[int, str], tick: Callable[[], None]
 ) -> Iterator[dict[str, Any]]:
     """Yield records as they come in, while there is time or scenes are left."""
-    end = time.monotonic() + 60.0 * plan.minutes if plan.minutes is not None else None
-    batches = _batches(plan, journal, where)
+    end = time.monotonic() + 60.0 * plan.minutes if plan.minutes is not None else float("inf")
+    batches = _batches(plan, numbers)
     going = True
     while going or workers.pending:
         while going and workers.hungry:
-            batch = next(batches, None)
-            going = batch is not None and (end is None or time.monotonic() < end)
-            if going and batch:
-                workers.submit(Task(batch, engines))
-        if workers.pending:
-            yield from workers.results()
+            batch = next(batches, None) if time.monotonic() < end else None
+            going = batch is not None
+            if batch:
+                workers.submit(batch)
+        if time.monotonic() >= end:
+            workers.drop_waiting()
+        yield from workers.results()
+        tick()
 
 
-def _batches(plan: Plan, journal: Journal, where: dict[str, tuple[int, Drawn]]) -> Iterator[tuple[dict[str, Any], ...]]:
-    """Yield batches of scenes that have no record yet, shard after shard."""
-    drawn_before: set[str] = set()
-    batch: list[dict[str, Any]] = []
-    for shard in count():
-        for drawn in draw(plan.seed, shard):
-            if plan.scenes is not None and len(drawn_before) >= plan.scenes:
-                break
-            key = key_of(drawn.scene)
-            if key in drawn_before:
-                continue
-            drawn_before.add(key)
-            where[key] = (shard, drawn)
-            if key not in journal.keys:
-                batch.append({"scene": to_dict(drawn.scene), "about": {**describe(drawn), "shard": shard}})
-            if len(batch) == BATCH:
-                yield tuple(batch)
-                batch = []
-        if plan.scenes is not None and len(drawn_before) >= plan.scenes:
+def _batches(plan: Plan, numbers: dict[int, str]) -> Iterator[list[Job]]:
+    """Yield batches of scenes that have no record yet; scenes that were drawn before count once."""
+    seen: set[str] = set()
+    batch: list[Job] = []
+    for number in count():
+        if plan.scenes is not None and len(seen) >= plan.scenes:
             break
+        if number in numbers:
+            seen.add(numbers[number])
+            continue
+        drawn = draw(plan.seed, number)
+        key = key_of(drawn.scene)
+        if key not in seen:
+            seen.add(key)
+            batch.append({"scene": to_dict(drawn.scene), "about": {**describe(drawn), "shard": number}})
+        if len(batch) == BATCH:
+            yield batch
+            batch = []
     if batch:
-        yield tuple(batch)
+        yield batch
 
 
 def _judge(journal: Journal, gaps: tuple[Gap, ...], outcome: Outcome) -> None:
     """Sort the disagreements of all records, those of an earlier part of a resumed run included."""
+    tally = Tally(gaps)
     for record in journal:
-        fresh = new_disagreements(record, gaps)
+        fresh = tally.add(record)
         outcome.known += len(record["disagreements"]) - len(fresh)
-        outcome.new += [{**d, "key": record["key"]} for d in fresh]
+        outcome.new += [{**told, "key": record["key"], "shard": record["about"]["shard"]} for told in fresh]
         if "failure" in record:
             outcome.failed.append(f"{record['key']}: {record['failure']}")
+    outcome.possibly_closed = tally.possibly_closed()
 
 
-def _write_disagreements(
-    plan: Plan, outcome: Outcome, where: Mapping[str, tuple[int, Drawn]], workers: Workers, engines: tuple[str, ...]
-) -> None:
-    """Write each disagreement's scene as TOML; the first of each kind is shrunk to a minimal one."""
-    folder = plan.out / "disagreements"
-    seen: set[tuple[str, ...]] = set()
-    for disagreement in outcome.new:
-        key = disagreement["key"]
-        if key not in where:
-            continue
-        shard, drawn = where[key]
-        signature = tuple(disagreement[k] for k in ("engine", "route", "quantity", "kind"))
-        if signature not in seen and len(seen) < MOST_SHRUNK:
-            seen.add(signature)
-            drawn = shrink(plan.seed, shard, drawn, _still(signature, workers, engines))
-            disagreement["shrunk"] = True
-        folder.mkdir(parents=True, exist_ok=True)
-        name = f"{key}-{'-'.join(signature[:3])}.toml"
-        (folder / name).write_text(_commented(disagreement, to_toml(drawn.scene)), encoding="utf-8")
-        disagreement["file"] = f"disagreements/{name}"
+def _made(out: Path) -> dict[str, Any] | None:
+    """Return what is written about the run that a folder holds."""
+    path = out / "run.json"
+    if not path.exists():
+        return None
+    try:
+        made = json.loads(path.read_text(encoding="utf-8"))
+        return {"seed": int(made["seed"]), "versions": dict(made["versions"])}
+    except (ValueError, KeyError, TypeError) as error:
+        raise OtherRun(f"{path} does not say what run it belongs to: choose another folder") from error
 
 
-def _still(signature: tuple[str, ...], workers: Workers, engines: tuple[str, ...]) -> Callable[[Drawn], bool]:
-    """Return the property to shrink by: the scene shows a disagreement of the same engine, route, quantity and kind."""
-
-    def still_fails(drawn: Drawn) -> bool:
-        job = {"scene": to_dict(drawn.scene), "about": describe(drawn)}
-        record = workers.check_alone(job, tuple(e for e in engines if e == signature[0]))
-        same = (tuple(d[k] for k in ("engine", "route", "quantity", "kind")) for d in record["disagreements"])
-        return signature in same
-
-    return still_fails
-
-
-def _commented(disagreement: Mapping[str, Any], text: str) -> str:
-    told = "\n".join(f"# {key}: {value}" for key, value in disagreement.items())
-    return f"{told}\n# Show it again: crosscheck replay THIS_FILE\n\n{text}"
-
-
-def _write_plan(plan: Plan, outcome: Outcome) -> None:
-    """Write what the report says about how it was made, unless the folder holds a run with other engines."""
+def _agree_with_what_is_there(plan: Plan, outcome: Outcome, numbers: dict[int, str]) -> None:
+    """Write how the run is made, unless the folder holds one with other engines or other scenes."""
     before = _made(plan.out)
     if before is not None and before["versions"] != outcome.versions:
-        raise OtherRun(f"{plan.out} holds a run with {before['versions']}, not {outcome.versions}: choose another folder")
+        raise OtherRun(
+            f"{plan.out} holds a run with {before['versions']}, not {outcome.versions}: choose another folder"
+        )
+    for number in sorted(numbers)[-1:]:
+        if key_of(draw(plan.seed, number).scene) != numbers[number]:
+            raise OtherRun(f"{plan.out} holds a run whose scenes are not drawn any more: choose another folder")
     made = {
-        **{k: str(v) if isinstance(v, Path) else v for k, v in asdict(plan).items() if k != "out"},
+        **{k: v for k, v in asdict(plan).items() if k != "out"},
+        "required": outcome.required,
         "versions": outcome.versions,
         "missing": outcome.missing,
+        "hypothesis": version("hypothesis"),
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
         "date": time.strftime("%Y-%m-%d %H:%M", time.gmtime()),
     }
-    (plan.out / "run.json").write_text(json.dumps(made, indent=1), encoding="utf-8")
+    replace_file(plan.out / "run.json", json.dumps(made, indent=1) + "\n")

@@ -3,32 +3,57 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import sys
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import cyclopts
 import numpy as np
 from cyclopts import Parameter
 from rich.console import Console
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
 from crosscheck.answers import to_json
-from crosscheck.campaign import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, USAGE, Plan, OtherRun, find_engines, run, seed_of
+from crosscheck.campaign import ALWAYS, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.engines import available
 from crosscheck.engines import load as load_engine
-from crosscheck.report import build
-from crosscheck.tables import agreement_table, capability_table, disagreement_lines, rows_table
-from crosscheck.workers import Workers
+from crosscheck.freedoms import mobility_lines
+from crosscheck.journal import Occupied
+from crosscheck.known_gaps import InvalidGap, read
+from crosscheck.progress import shown_progress
+from crosscheck.report import build, verdict
+from crosscheck.tables import agreement_table, capability_table, lines_with_gap, outcome_lines, rows_table
+from crosscheck.workers import SECONDS_PER_SCENE, Workers
 from refkin.analysis import solve as solve_scene
 from refkin.errors import InvalidScene
 from refkin.motion import Motion, Status
 from refkin.scene_files import load, schema, to_dict
+
+PASS, DISAGREEMENT, USAGE, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN = range(6)
+INTERRUPTED = 130
+CODES = {
+    verdict.PASS: PASS,
+    verdict.NEW_DISAGREEMENTS: DISAGREEMENT,
+    verdict.ENGINE_MISSING: ENGINE_MISSING,
+    verdict.INFRASTRUCTURE: INFRASTRUCTURE,
+    verdict.NOTHING_RAN: NOTHING_RAN,
+}
+"""A night ends as its report says; the worst comes first there."""
+ENGINES = "exudyn,pinocchio,mujoco"
+
+
+def _whole(_: Any, tokens: Sequence[Any]) -> int:
+    """Return a whole number; cyclopts by itself takes 2.5 for 2."""
+    try:
+        return int(tokens[0].value)
+    except ValueError as error:
+        raise ValueError(f"expected a whole number, got {tokens[0].value!r}") from error
+
+
+Whole = Annotated[int, Parameter(converter=_whole)]
 
 
 class UsageError(Exception):
@@ -36,6 +61,7 @@ class UsageError(Exception):
 
 
 app = cyclopts.App(
+    suppress_keyboard_interrupt=False,  # `main` says what is kept
     name="crosscheck",
     help="How many digits can you trust from exudyn, Pinocchio and MuJoCo, and what does each digit cost?",
     version_flags=["--version"],
@@ -67,84 +93,87 @@ def solve(scene: Path, *, as_json: Annotated[bool, Parameter(name="--json", nega
 @app.command(name="engines")
 def print_engines() -> int:
     """Print what each engine can do: joint x engine x level, and why not where it refuses."""
-    names = sorted(available())
-    versions, missing = find_engines(tuple(names))
+    found, missing = find_engines(tuple(sorted(available())))
     console = _console(160)
-    console.print(capability_table(load_engine(name) for name in versions))
-    for name, version in versions.items():
+    console.print(capability_table(load_engine(spec) for spec, _ in found.values()))
+    for name, (_, version) in found.items():
         console.print(f"{name} {version}")
     for reason in missing.values():
-        console.print(reason)
-    return 0
+        console.print(reason, markup=False)
+    return PASS
 
 
 @app.command
 def nightly(
     *,
     minutes: float | None = None,
-    scenes: int | None = None,
-    seed: int | None = None,
-    engines: str = "exudyn,pinocchio,mujoco",
+    scenes: Whole | None = None,
+    seed: Whole | None = None,
+    engines: str = ENGINES,
     require_engines: str = "",
     out: Path = Path("reports/latest"),
-    workers: int | None = None,
+    workers: Whole | None = None,
+    scene_seconds: float = SECONDS_PER_SCENE,
 ) -> int:
     """Draw scenes, check them on all engines, write a report.
 
-    Exit codes: 0 pass, 1 new disagreement, 2 usage, 3 engine missing, 4 infrastructure, 5 nothing ran.
+    Exit codes: 0 pass, 1 new disagreement, 2 usage, 3 engine missing, 4 infrastructure, 5 nothing ran, 130 interrupted.
+    A run that was killed or interrupted is continued by the same command.
 
     Parameters
     ----------
     minutes
         How long to draw new scenes (3 if neither this nor `scenes` is given).
     scenes
-        How many scenes to check.
+        How many scenes to check, those of an earlier part of the run included.
     seed
-        The night's seed; the day's date as a number by default. A folder that holds a run is resumed with its seed.
+        The night's seed; the day's date as a number by default. A folder that holds a run is continued with its seed.
     engines
-        Names, separated by commas; the closed form is always among the sources.
+        Names, separated by commas, or `file.py:Class` for one that is not registered; the closed form is always among
+        the sources.
     require_engines
-        Engines without which the night fails with exit code 3.
+        Engines without which the night fails with exit code 3 before anything runs.
     out
-        The folder of the run: records.jsonl, report.json, index.html.
+        The folder of the run: records.jsonl, report.json, index.html, disagreements/*.toml.
     workers
         Worker processes; one per processor by default.
+    scene_seconds
+        After this long on one scene a worker is ended, and the engine that it was at is told.
     """
-    plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers)
-    with _progress(plan) as progress:
-        outcome = run(plan, progress)
-    page = build(plan.out, outcome)
-    console = Console(stderr=True)
-    for line in disagreement_lines(outcome.new[:20]):
-        console.print(f"new: {line}", markup=False)
-    for line in outcome.failed[:20]:
-        console.print(f"not checked: {line}", markup=False)
-    for name, reason in outcome.missing.items():
-        console.print(f"missing: {name}: {reason}", markup=False)
-    code = outcome.exit_code(plan.required)
-    console.print(f"{outcome.checked} scenes checked, {len(outcome.new)} new and {outcome.known} known disagreements")
-    console.print(f"report: {page}", markup=False)
-    return code
+    plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers, scene_seconds)
+    with shown_progress(plan.scenes, plan.minutes) as progress:
+        try:
+            outcome = run(plan, progress)
+        except KeyboardInterrupt:
+            told = f"interrupted; what was checked is kept in {plan.out}, and the same command goes on from there"
+            raise KeyboardInterrupt(told) from None
+    page = build(plan.out, outcome, required=outcome.required)
+    console = Console(stderr=True, soft_wrap=True)
+    for line in (*outcome_lines(outcome), f"report: {page}"):
+        console.print(line, markup=False, highlight=False)
+    return CODES[json.loads((plan.out / "report.json").read_text(encoding="utf-8"))["verdict"]]
 
 
 @app.command
-def replay(scene: Path, *, engines: str = "exudyn,pinocchio,mujoco") -> int:
+def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECONDS_PER_SCENE) -> int:
     """Show one scene on all engines.
 
-    Exit codes: 0 all agree, 1 some disagree, 2 the scene is invalid, 3 an engine is missing.
+    Exit codes: 0 all agree, 1 some disagree, 2 usage or invalid scene, 3 engine missing, 4 infrastructure.
 
     Parameters
     ----------
     scene
         A scene file, for instance one that a night wrote to its folder `disagreements`.
     engines
-        Names, separated by commas; the closed form is always among the sources.
+        Names, separated by commas, or `file.py:Class`; the closed form is always among the sources.
+    scene_seconds
+        After this long an engine is ended, and said to hang.
     """
-    read = load(scene)
-    names = _names(engines)
-    versions, missing = find_engines(names)
-    with Workers(1) as pool:
-        record = pool.check_alone({"scene": to_dict(read), "about": {}}, tuple(versions))
+    job = {"scene": to_dict(load(scene)), "about": {}}
+    _positive("scene-seconds", scene_seconds)
+    found, missing = find_engines(_names(engines))
+    with Workers(1, {name: spec for name, (spec, _) in found.items()}, scene_seconds) as pool:
+        record = pool.check_one(job)
     console = _console(160)
     if "failure" in record:
         console.print(record["failure"], markup=False)
@@ -153,7 +182,8 @@ def replay(scene: Path, *, engines: str = "exudyn,pinocchio,mujoco") -> int:
     console.print(f"refkin: {told['verdict']} {told['message']}  smallest sigma {told['sigma_min']:.3g}", markup=False)
     console.print(agreement_table(record))
     console.print(rows_table(record))
-    for line in [*record["refusals"], *missing.values(), *disagreement_lines(record["disagreements"])]:
+    disagreements = [line for told in record["disagreements"] for line in lines_with_gap(told, record, read())]
+    for line in [*record["refusals"], *missing.values(), *pool.unexplained, *disagreements]:
         console.print(line, markup=False)
     if missing:
         return ENGINE_MISSING
@@ -175,10 +205,13 @@ def _plan(
     require_engines: str,
     out: Path,
     workers: int | None,
+    scene_seconds: float,
 ) -> Plan:
-    for key, value in (("minutes", minutes), ("scenes", scenes), ("workers", workers)):
-        if value is not None and not value > 0:
-            raise UsageError(f"--{key}: expected a number above 0, got {value}")
+    numbers = {"minutes": minutes, "scenes": scenes, "workers": workers, "scene-seconds": scene_seconds}
+    for key, value in numbers.items():
+        _positive(key, value)
+    if out.exists() and not out.is_dir():
+        raise UsageError(f"--out: expected a folder, got the file {out}")
     if minutes is None and scenes is None:
         minutes = 3.0
     required = _names(require_engines, always=())
@@ -190,35 +223,23 @@ def _plan(
         minutes=minutes,
         scenes=scenes,
         workers=workers or os.cpu_count() or 1,
+        scene_seconds=scene_seconds,
     )
 
 
-def _names(text: str, always: tuple[str, ...] = ("closed_form",)) -> tuple[str, ...]:
+def _positive(key: str, value: float | None) -> None:
+    if value is not None and not 0 < value < math.inf:
+        raise UsageError(f"--{key}: expected a number above 0, got {value}")
+
+
+def _names(text: str, always: tuple[str, ...] = (ALWAYS,)) -> tuple[str, ...]:
     """Return the names in a list separated by commas; an engine nobody has heard of is a usage error."""
     names = [name.strip() for name in text.split(",") if name.strip()]
     known = available()
     for name in names:
-        if name not in known:
-            raise UsageError(f"no engine is called {name!r}; there are: {', '.join(sorted(known))}")
+        if name not in known and ":" not in name:
+            raise UsageError(f"no engine is called {name!r}; there are: {', '.join(sorted(known))}, or file.py:Class")
     return tuple(dict.fromkeys((*always, *names)))
-
-
-@contextmanager
-def _progress(plan: Plan) -> Iterator[Callable[[int], None]]:
-    """Show a bar on a terminal, nothing elsewhere."""
-    console = Console(stderr=True)
-    start = time.monotonic()
-    total = plan.scenes if plan.scenes is not None else 60.0 * (plan.minutes or 0.0)
-    with Progress(
-        TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), console=console, disable=not console.is_terminal
-    ) as bar:
-        task = bar.add_task("checking", total=total)
-
-        def show(checked: int) -> None:
-            done = checked if plan.scenes is not None else time.monotonic() - start
-            bar.update(task, completed=min(done, total), description=f"{checked} scenes")
-
-        yield show
 
 
 def _console(width: int) -> Console:
@@ -241,15 +262,39 @@ def _worst(values: object) -> str:
     return f"{finite.max():.3g}" if finite.size else "none"
 
 
-def main() -> None:
-    """Run the command line; an invalid scene or usage ends with exit code 2 and no traceback."""
+@app.command
+def mobility(scene: Path) -> int:
+    """Count the freedoms of a scene's joints, take the rank of their equations at its first pose, name redundant rows.
+
+    Exit codes: 0 done, 1 no pose was found to take the rank at, 2 the scene is invalid.
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML, or JSON if it ends in .json).
+    """
+    lines, posed = mobility_lines(load(scene))
+    print("\n".join(lines))
+    return 0 if posed else 1
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
+    """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
     try:
-        code = app(exit_on_error=False, print_error=True)
-    except (InvalidScene, UsageError, OtherRun) as error:
-        print(error, file=sys.stderr)
-        code = USAGE
+        code = app(sys.argv[1:] if arguments is None else arguments, exit_on_error=False, print_error=True)
+    except (InvalidScene, UsageError, OtherRun, Occupied, SameName) as error:
+        code = _told(error, USAGE)
     except cyclopts.CycloptsError:
         code = USAGE
     except BrokenPipeError:
         code = PASS
+    except (OSError, InvalidGap) as error:
+        code = _told(error, INFRASTRUCTURE)
+    except KeyboardInterrupt as error:
+        code = _told(error, INTERRUPTED)
     sys.exit(code)
+
+
+def _told(error: BaseException, code: int) -> int:
+    print(str(error) or "interrupted", file=sys.stderr)
+    return code

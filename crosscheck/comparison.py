@@ -112,16 +112,16 @@ def reference(scene: Scene) -> Reference:
     return Reference(whole, system, motion, (q, qd, qdd), motion.sigma_min)
 
 
-def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Comparison:
+def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any = slice(None)) -> Comparison:
     """Compare a motion with the reference's, body by body in the motion's own order.
 
-    Angles are compared modulo full turns.
+    Angles are compared modulo full turns. `at` are the places among the reference's times of those that the motion has.
     """
     budget = ref.budget(terms)
     rows = np.concatenate([np.r_[ref.system.columns(body)] for body in motion.bodies])
     names = [f"{body}.{c}" for body in motion.bodies for c in ("x", "y", "phi")]
     answered = np.array([s is Status.OK for s in motion.status])
-    lanes = budget.judged & answered
+    lanes = budget.judged[at] & answered
     found = {}
     for k, quantity in enumerate(QUANTITIES):
         level = motion.levels[k]
@@ -129,15 +129,15 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = ()) -> Compa
             continue
         unit = ref.system.unit
         theirs = np.array(level)
-        ours = ref.levels[k][rows]
+        ours = ref.levels[k][rows][:, at]
         for c in (0, 1):
             shift = 0.0 if k else unit.origin[c]
             theirs[c::3] = (theirs[c::3] - shift) / unit.size
         error = np.abs(_difference(theirs, ours, k))
-        found[quantity] = _judge(error, getattr(budget, quantity)[rows], ours, lanes, k, names, ref.motion.t)
-    reference_ok = np.array([s is Status.OK for s in ref.motion.status])
+        found[quantity] = _judge(error, getattr(budget, quantity)[rows][:, at], ours, lanes, k, names, motion.t)
+    reference_ok = np.array([s is Status.OK for s in ref.motion.status])[at]
     missing = int(np.sum(reference_ok & ~answered))
-    return Comparison(found, missing, int(lanes.sum()), _other_assembly(ref, motion, found, lanes))
+    return Comparison(found, missing, int(lanes.sum()), _other_assembly(ref, motion, found, lanes, at))
 
 
 def _difference(theirs: Any, ours: Any, level: int) -> Any:
@@ -168,7 +168,9 @@ def _judge(
     return replace(out, worst=f"{names[row]} at t = {t[lanes][lane]:.17g}")
 
 
-def _other_assembly(ref: Reference, motion: Motion, found: Mapping[str, QuantityComparison], lanes: Any) -> bool:
+def _other_assembly(
+    ref: Reference, motion: Motion, found: Mapping[str, QuantityComparison], lanes: Any, at: Any
+) -> bool:
     """Whether a wrong position is another solution of the constraints: the same linkage, put together another way.
 
     It is if its own residual, carried by |J^-1|, accounts for less than a tenth of its error: to first order the two
@@ -179,8 +181,8 @@ def _other_assembly(ref: Reference, motion: Motion, found: Mapping[str, Quantity
     wrong = lanes & (found["position"].ratio > 1.0) & np.isfinite(found["position"].error)
     starts = [3 * motion.bodies.index(b.name) for b in ref.scene.mechanism.bodies]
     order = np.concatenate([np.arange(start, start + 3) for start in starts])
-    q, t = ref.system.to_unit(motion.q[order][:, wrong]), ref.motion.t[wrong]
-    stacked = np.moveaxis(ref.system.phi_q(ref.levels[0][:, wrong], t), -1, 0)
+    q, t = ref.system.to_unit(motion.q[order][:, wrong]), motion.t[wrong]
+    stacked = np.moveaxis(ref.system.phi_q(ref.levels[0][:, at][:, wrong], t), -1, 0)
     residual = np.moveaxis(np.abs(ref.system.phi(q, t)), -1, 0)[..., None]
     carried = np.abs(np.linalg.pinv(stacked)) @ residual
     return bool(np.any(np.max(carried, axis=(1, 2)) < 0.1 * found["position"].error[wrong]))

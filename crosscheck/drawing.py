@@ -1,98 +1,122 @@
-"""Drawing scenes for a night: Hypothesis under a seed derived from the night's seed and the shard.
+"""Drawing scenes for a night: Hypothesis under a seed derived from the night's seed and the scene's number.
 
-The parent draws and shrinks; workers solve. A shard can be drawn again, bit for bit, from (seed, shard): that is how a run is
-resumed, and how a failure re-enters Hypothesis as a property to shrink.
+The parent draws and shrinks; workers solve. Every scene has a seed of its own, so any one of a night can be drawn
+again, bit for bit, from (seed, number): that is how a run is resumed, and how a failure re-enters Hypothesis as a
+property to shrink. Were a hundred drawn in one run of Hypothesis, most would be mutations of their neighbours, with a
+third as many different linkages.
 """
 
 from __future__ import annotations
 
+import hashlib
+import re
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from typing import Any
+from unittest import mock
 
-from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings
+from hypothesis import strategies as st
+from hypothesis.internal.cache import LRUCache
+from hypothesis.internal.conjecture import providers
+from hypothesis.internal.constants_ast import Constants
 
 from crosscheck.strategies import Drawn, drawn_scenes
+from refkin.model import Scene
+from refkin.scene_files import to_toml
 
-SHARD = 100
-"""Scenes per shard."""
-
-
-class _Found(Exception):
-    """The property's failure: the scene still shows the disagreement."""
+SAMPLES = 72
+"""Times per scene."""
+FEWER_SAMPLES = (2, 3, 5, 9, 18, 36)
+"""Numbers of times with which a failing scene is tried before it is shrunk."""
+TICKETS = st.integers(0, 2**64 - 1)
+"""Drawn before a scene. Hypothesis runs the simplest example first and makes the second differ from it in its first
+choice: without a ticket no scene but the simplest would be of the first kind."""
 
 
 def profile(phases: tuple[Phase, ...]) -> settings:
     """Return settings that draw anew whatever the environment.
 
     Under `CI` Hypothesis loads a profile that derandomizes, and every profile derived from it inherits that: the same
-    examples every night. So all that matters is set here.
+    examples every night. So all that matters is set here. Two examples are run: the simplest and the one drawn.
     """
     return settings(
         settings.get_profile("default"),
-        max_examples=SHARD,
+        max_examples=2,
         phases=phases,
         derandomize=False,
         database=None,
         deadline=None,
         print_blob=False,
+        report_multiple_bugs=False,
+        verbosity=Verbosity.quiet,
+        backend="hypothesis",
         suppress_health_check=list(HealthCheck),
     )
 
 
-def shard_seed(night: int, shard: int) -> int:
-    """Return the seed of a shard; shards of one night and of different nights differ."""
-    return night * 100_003 + shard
+def seed_of_scene(night: int, number: int) -> int:
+    """Return the seed of one scene; it has nothing in common with that of its neighbours or of other nights."""
+    return int.from_bytes(hashlib.sha256(f"{night} {number}".encode()).digest()[:8], "big")
 
 
-def draw(night: int, shard: int) -> list[Drawn]:
-    """Return the scenes of a shard."""
-    scenes: list[Drawn] = []
-
-    @seed(shard_seed(night, shard))
-    @profile((Phase.generate,))
-    @given(drawn_scenes())
-    def collect(drawn: Drawn) -> None:
-        scenes.append(drawn)
-
-    collect()
-    return scenes
+def draw(night: int, number: int, samples: int = SAMPLES) -> Drawn:
+    """Return the scene of that number, 0, 1, 2 ..., in a night; the same linkage and motion for any `samples`."""
+    found: list[Drawn] = []
+    _run(night, number, samples, (Phase.generate,), found.append)
+    return found[-1]
 
 
-def shrink(
-    night: int, shard: int, failing: Drawn, still_fails: Callable[[Drawn], bool], seconds: float = 60.0
-) -> Drawn:
-    """Return the simplest scene found that still fails, starting from one that was drawn in this shard.
+def shrink(night: int, number: int, still_fails: Callable[[Drawn], bool], seconds: float) -> tuple[Drawn | None, int]:
+    """Return the simplest scene found that fails as the one drawn under this number did, and how many were tried.
+
+    The motion is first sampled at fewer times, as few as show the failure, then Hypothesis simplifies what it drew.
 
     Parameters
     ----------
     still_fails : callable
-        Whether a scene shows the same disagreement; asked only from the failing scene on.
+        Whether a scene shows the same disagreement.
     seconds : float
         After this long the simplest so far is returned.
-    """
-    best = failing
-    end = time.monotonic() + seconds
-    met = False
 
-    @seed(shard_seed(night, shard))
-    @profile((Phase.generate, Phase.shrink))
-    @given(drawn_scenes())
+    Returns
+    -------
+    Drawn or None
+        None if not even the scene as it was drawn fails again.
+    """
+    end = time.monotonic() + seconds
+    best, samples = draw(night, number), SAMPLES
+    fails = {best.scene: still_fails(best)}  # asked once per scene, so that Hypothesis never sees it waver
+    if not fails[best.scene]:
+        return None, 1
+
     def property_to_shrink(drawn: Drawn) -> None:
-        nonlocal best, met
-        met = met or drawn == failing
-        if met and time.monotonic() < end and (drawn == failing or still_fails(drawn)):
-            best = drawn
+        nonlocal best
+        if drawn.scene not in fails:
+            if time.monotonic() > end:
+                raise _OutOfTime
+            fails[drawn.scene] = still_fails(drawn)
+        if fails[drawn.scene]:
+            best = min(drawn, best, key=lambda found: effort(found.scene))
             raise _Found
 
     try:
-        property_to_shrink()
-    except _Found:
+        for fewer in FEWER_SAMPLES:
+            with suppress(_Found):
+                property_to_shrink(draw(night, number, fewer))
+            if len(best.scene.times) == fewer:
+                samples = fewer
+                break
+        _run(night, number, samples, (Phase.generate, Phase.shrink), property_to_shrink)
+    except (_Found, _OutOfTime):
         pass
-    except Exception as error:  # Hypothesis calls a property flaky when the time for shrinking is over
-        if type(error).__name__ not in ("Flaky", "FlakyFailure", "FlakyReplay"):
-            raise
-    return best
+    return best, len(fails)
+
+
+def effort(scene: Scene) -> int:
+    """Return how much there is to read in a scene, which shrinking makes less: the digits of all its numbers."""
+    return sum(len(digits) for digits in re.findall(r"\d+", to_toml(scene)))
 
 
 def describe(drawn: Drawn) -> dict[str, Any]:
@@ -104,3 +128,44 @@ def describe(drawn: Drawn) -> dict[str, Any]:
         "hardness": drawn.hardness.value,
         "distance": drawn.distance,
     }
+
+
+_permitted_constants: LRUCache[Any, Any] = LRUCache(1024)
+
+
+class _Found(Exception):
+    """The property's failure: the scene still shows the disagreement."""
+
+
+class _OutOfTime(BaseException):
+    """Ends a run of Hypothesis at once: no Exception, which it would take for one more failure."""
+
+
+def _run(night: int, number: int, samples: int, phases: tuple[Phase, ...], do: Callable[[Drawn], None]) -> None:
+    """Run Hypothesis on one scene of a night and, with `Phase.shrink`, on simpler ones."""
+
+    @seed(seed_of_scene(night, number))
+    @profile(phases)
+    @given(TICKETS, drawn_scenes(samples=samples))
+    def scene_property(ticket: int, drawn: Drawn) -> None:
+        do(drawn)
+
+    with _own_choices_only():
+        scene_property()
+
+
+@contextmanager
+def _own_choices_only() -> Iterator[None]:
+    """Keep Hypothesis from mixing into its choices the numbers that stand in the source of imported local modules.
+
+    With them, what is drawn would depend on which modules happen to be loaded and on where the package is installed.
+    Hypothesis offers no setting for it; where it has no such function (before 6.131) it does not do it.
+    """
+    if not hasattr(providers, "_get_local_constants"):
+        yield
+        return
+    with (
+        mock.patch.object(providers, "_get_local_constants", Constants),
+        mock.patch.object(providers, "CONSTANTS_CACHE", _permitted_constants),
+    ):
+        yield

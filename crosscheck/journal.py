@@ -1,4 +1,4 @@
-"""The records of a run on disk: JSON lines, appended as they come, so that a killed run is resumed with nothing lost."""
+"""The records of a run on disk: JSON lines, appended as they come, so that a killed run loses nothing."""
 
 from __future__ import annotations
 
@@ -6,48 +6,115 @@ import json
 import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from types import TracebackType
 from typing import Any
 
+try:
+    import fcntl
+except ImportError:  # Windows, where the lock is not taken
+    fcntl = None  # type: ignore[assignment]
+
 Record = dict[str, Any]
+BLOCK = 1 << 16
+"""Bytes read at once while the end of the last whole line is looked for."""
+
+
+class Occupied(Exception):
+    """Another run is writing to the same file."""
 
 
 class Journal:
     """An append-only file of records; the first record of a key counts, later ones are not written.
 
-    A line that a kill cut short is removed when the file is opened again; its scene is then checked anew.
+    A line that a kill cut short is removed when the file is opened again; its scene is then checked anew. A whole line
+    that is no record stays where it is, for the report to complain of, and counts as none.
+
+    Raises
+    ------
+    Occupied
+        If another process has the file open as a journal.
     """
 
     def __init__(self, path: Path) -> None:
         self.path = path
         self.keys: set[str] = set()
         path.parent.mkdir(parents=True, exist_ok=True)
-        if path.exists():
+        self._file = path.open("ab")
+        try:
+            self._lock()
             self._cut_torn_line()
             self.keys = {record["key"] for record in self}
-        self._file = path.open("a", encoding="utf-8")
+        except BaseException:
+            self._file.close()
+            raise
 
     def append(self, record: Mapping[str, Any]) -> bool:
-        """Write a record and flush it; return whether it was new."""
+        """Write a record and hand it to the system; return whether it was new.
+
+        Raises
+        ------
+        ValueError
+            If the record holds a number that is not finite: JSON has none.
+        """
         if record["key"] in self.keys:
             return False
-        self._file.write(json.dumps(record) + "\n")
+        self._file.write(json.dumps(record, allow_nan=False).encode() + b"\n")
         self._file.flush()
         self.keys.add(record["key"])
         return True
 
     def __iter__(self) -> Iterator[Record]:
-        with self.path.open(encoding="utf-8") as lines:
+        seen: set[str] = set()
+        with self.path.open("rb") as lines:
             for line in lines:
-                yield json.loads(line)
+                try:
+                    record = json.loads(line)
+                except ValueError:
+                    continue
+                if isinstance(record, dict) and isinstance(record.get("key"), str) and record["key"] not in seen:
+                    seen.add(record["key"])
+                    yield record
+
+    def __enter__(self) -> Journal:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
 
     def close(self) -> None:
         """Bring what was written to the disk."""
         os.fsync(self._file.fileno())
         self._file.close()
 
+    def _lock(self) -> None:
+        """Take the file for this process; the system gives it back however the process ends."""
+        if fcntl is None:
+            return
+        try:
+            fcntl.flock(self._file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError as error:
+            raise Occupied(f"another run is writing to {self.path}") from error
+
     def _cut_torn_line(self) -> None:
-        whole = self.path.read_bytes()
-        end = whole.rfind(b"\n") + 1
-        if end != len(whole):
-            with self.path.open("r+b") as file:
-                file.truncate(end)
+        with self.path.open("rb") as file:
+            end = file.seek(0, os.SEEK_END)
+            whole = end
+            while whole:
+                start = max(0, whole - BLOCK)
+                file.seek(start)
+                newline = file.read(whole - start).rfind(b"\n")
+                if newline >= 0:
+                    whole = start + newline + 1
+                    break
+                whole = start
+        if whole != end:
+            self._file.truncate(whole)
+
+
+def replace_file(path: Path, text: str) -> None:
+    """Write a file so that whoever reads it, also after a kill, finds the old or the new one, never a part."""
+    part = path.with_name(path.name + ".part")
+    part.write_text(text, encoding="utf-8")
+    os.replace(part, path)

@@ -7,6 +7,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+LONGEST = 200
+"""How much of a value is quoted in a message [characters]: a table may have a million numbers."""
+
 
 class RefkinError(Exception):
     """Base of every error that refkin raises on purpose."""
@@ -31,7 +34,9 @@ class Fault:
     expected: str
 
     def __str__(self) -> str:
-        got = "" if self.value is None else f", got {self.value!r}"
+        text = repr(self.value)
+        short = text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
+        got = "" if self.value is None else f", got {short}"
         return f"{self.path}: expected {self.expected}{got}"
 
 

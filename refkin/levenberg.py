@@ -1,12 +1,13 @@
-"""Levenberg and Marquardt's method: the least-squares form of phi(q) = 0, for starts from which Newton does not converge.
+"""Levenberg and Marquardt's method: the least-squares form of phi(q) = 0, for starts where Newton fails.
 
 It minimises |phi|^2 / 2, as solvers of spreadsheets do with closure errors (METU 3.9): each correction solves
 
     (phi_q^T phi_q + mu D) dq = -phi_q^T phi,
 
 D the largest diagonal of phi_q^T phi_q so far, so that units do not matter; mu is lowered after a correction that made
-|phi| smaller, raised after one that did not. So |phi| never grows. At a root it ends as Newton's method does, quadratically.
-A minimum with phi != 0 is no root: there the method *stalls*, and says so. (J. J. More, Numerical Analysis Dundee, 1977.)
+|phi| smaller, raised after one that did not. So |phi| never grows. At a root it ends as Newton's method does,
+quadratically. A minimum with phi != 0 is no root: there the method *stalls*, and says so. (J. J. More, Numerical
+Analysis Dundee, 1977.)
 """
 
 from __future__ import annotations
@@ -23,7 +24,7 @@ from refkin.newton import NewtonStatus
 LOWER, RAISE = 0.2, 4.0
 """Factors of mu after a success and after a failure."""
 FLAT = 1e-10
-"""Cosine between phi and the range of phi_q below which a minimum is taken for reached: the root of round-off, and more."""
+"""Cosine between phi and the range of phi_q below which a minimum is reached: the root of round-off, and more."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +83,9 @@ def levenberg_marquardt(
                 diagonal = np.maximum(diagonal, np.linalg.norm(slope, axis=0))
                 gradient = slope.T @ residual
             correction = _correction(slope, residual, np.sqrt(mu) * np.where(diagonal > 0, diagonal, 1.0))
-            if _is_flat(gradient, diagonal, residual) or np.max(np.abs(correction)) <= EPS * max(1.0, np.max(np.abs(q))):
+            if _is_flat(gradient, diagonal, residual) or np.max(np.abs(correction)) <= EPS * max(
+                1.0, np.max(np.abs(q))
+            ):
                 return LeastSquares(NewtonStatus.SINGULAR, q, _largest(residual), k, True)
             tried = np.asarray(phi(q + correction), float) if np.isfinite(q + correction).all() else residual * np.inf
             if np.linalg.norm(tried) < np.linalg.norm(residual):

@@ -173,9 +173,10 @@ def scene_faults(
     names = tuple(b.name for b in bodies)
     if not times:
         yield Fault("times", [], "at least one time")
-    if not all(math.isfinite(t) for t in times):
+    finite = all(math.isfinite(t) for t in times)
+    if not finite:
         yield Fault("times", list(times), "finite times")
-    if any(b <= a for a, b in pairwise(times)):
+    elif any(b <= a for a, b in pairwise(times)):
         yield Fault("times", list(times), "strictly increasing times")
     if bodies_wanted is not None and not bodies_wanted:
         yield Fault("bodies_wanted", [], "at least one body, or no such key for all of them")
@@ -192,7 +193,7 @@ def scene_faults(
     for kind, constraints in (("joint", joints), ("driver", drivers)):
         for k, constraint in enumerate(constraints):
             for key, law in zip(constraint.law_keys, constraint.laws, strict=True):
-                if times and not list(law.faults("")):
+                if times and finite and not list(law.faults("")):
                     low, high = law.domain()
                     if not (low <= times[0] and times[-1] <= high):
                         expected = f"a table from {times[0]} to {times[-1]}"

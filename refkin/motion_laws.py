@@ -11,6 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Protocol
 
 import numpy as np
@@ -142,6 +143,22 @@ class Table:
             yield Fault(f"{path}.argument", list(self.argument), "strictly increasing arguments")
         if self.periodic and self.value and self.value[0] != self.value[-1]:
             yield Fault(f"{path}.value", list(self.value), "a last value equal to the first, as the table is periodic")
+        elif self._in_order() and not self._interpolates():
+            yield Fault(f"{path}.argument", list(self.argument), "arguments between which a spline is finite")
+
+    def _in_order(self) -> bool:
+        several = 2 <= len(self.argument) == len(self.value)
+        return (
+            several and all(a < b < np.inf for a, b in pairwise(self.argument)) and bool(np.isfinite(self.value).all())
+        )
+
+    def _interpolates(self) -> bool:
+        """Whether the spline has coefficients: arguments may be too close for float64, or too far apart."""
+        with np.errstate(all="ignore"):
+            try:
+                return bool(np.isfinite(self._spline.c).all())
+            except (np.linalg.LinAlgError, ValueError):  # a singular system; coefficients that overflow
+                return False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -1,7 +1,7 @@
 """Newton's method on callables: phi(q) = 0 by phi_q dq = -phi, with its whole history and never without an end.
 
-It knows nothing of mechanisms: `phi` maps (n,) to (m,), m >= n, `phi_q` to (m, n); scalars are accepted too. More rows than
-unknowns are solved by least squares (redundant rows change nothing where they are consistent).
+It knows nothing of mechanisms: `phi` maps (n,) to (m,), m >= n, `phi_q` to (m, n); scalars are accepted too. More
+rows than unknowns are solved by least squares (redundant rows change nothing where they are consistent).
 
 The stopping tests are those of the source documents, and `RoundOff`, which goes on until arithmetic allows no more.
 """
@@ -80,7 +80,7 @@ class ScaledNorms:
 
 @dataclass
 class RoundOff:
-    """Stop when the correction is below the spacing of the numbers, or no longer shrinks with the residual at round-off.
+    """Stop when the correction is below the spacing of the numbers, or stalls with the residual at round-off.
 
     Near a multiple root the correction halves down to sqrt(u) and then only jitters: hence the second rule, which lets
     a factor 1/2 pass.

@@ -6,9 +6,12 @@ The keys of a joint are the fields of its dataclass, so a new joint needs no lin
 from __future__ import annotations
 
 import json
+import math
+import sys
 import tomllib
 from collections.abc import Iterator
 from dataclasses import MISSING, fields
+from datetime import date, time
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
@@ -21,6 +24,8 @@ from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene, mechan
 
 SCHEMA = 1
 MOST_TIMES = 10_000_000
+DEEPEST = 20
+"""How many tables and lists may stand in each other; a scene needs seven."""
 
 if TYPE_CHECKING:
     AnyJoint = Constraint
@@ -53,12 +58,18 @@ class TimeGrid(_Strict):
         for key, value in grid.items():
             if value is None:
                 yield Fault(f"times.{key}", None, f"`{key}` (or `values`)")
+        for key in ("start", "stop"):
+            if grid[key] is not None and not math.isfinite(grid[key]):  # type: ignore[arg-type]
+                yield Fault(f"times.{key}", grid[key], "a finite number")
+                return
         if self.count is not None and self.count < 1:
             yield Fault("times.count", self.count, "a count of at least 1")
         if self.count is not None and self.count > MOST_TIMES:
             yield Fault("times.count", self.count, f"a count of at most {MOST_TIMES}")
         if None not in grid.values() and self.count > 1 and not self.stop > self.start:  # type: ignore[operator]
             yield Fault("times.stop", self.stop, f"a stop above start = {self.start}")
+        elif None not in grid.values() and not math.isfinite(self.stop - self.start):  # type: ignore[operator]
+            yield Fault("times.stop", self.stop, f"a stop at a finite distance from start = {self.start}")
 
     def times(self) -> tuple[float, ...]:
         """Return the times."""
@@ -99,7 +110,11 @@ def load(path: str | Path) -> Scene:
         raise InvalidScene([Fault("file", str(path), f"a readable file ({error.strerror})")], str(path)) from error
     except UnicodeDecodeError as error:
         raise InvalidScene([Fault("file", str(path), "UTF-8 text")], str(path)) from error
-    except (tomllib.TOMLDecodeError, json.JSONDecodeError) as error:
+    except RecursionError as error:
+        raise InvalidScene(
+            [Fault("file", str(path), f"at most {DEEPEST} levels of tables and lists")], str(path)
+        ) from error
+    except ValueError as error:  # of the format; or of a number with more digits than Python reads
         raise InvalidScene([Fault("file", str(error), "TOML (or JSON in a .json file)")], str(path)) from error
     return parse(data, str(path))
 
@@ -107,6 +122,8 @@ def load(path: str | Path) -> Scene:
 def parse(data: Any, source: str = "scene") -> Scene:
     """Return the scene that a parsed scene file describes; raises InvalidScene as `load` does."""
     found: list[Fault] = []
+    data = _readable(data, "", found)
+    told = {fault.path for fault in found}
     try:
         file = _read(data)
     except ValidationError as error:
@@ -115,7 +132,7 @@ def parse(data: Any, source: str = "scene") -> Scene:
     else:
         found += _meaning(file)
     if found:
-        raise InvalidScene(found, source)
+        raise InvalidScene([f for k, f in enumerate(found) if k < len(told) or f.path not in told], source)
     return Scene(
         mechanism=Mechanism(file.body, file.joint, file.driver),
         times=file.times.times(),
@@ -129,7 +146,27 @@ def parse(data: Any, source: str = "scene") -> Scene:
 
 def _read(data: Any) -> SceneFile:
     # Through JSON, because there a list may stand for a tuple although the reading is strict.
-    return SceneFile.model_validate_json(json.dumps(data, default=str))
+    return SceneFile.model_validate_json(json.dumps(data))
+
+
+def _readable(data: Any, path: str, found: list[Fault], depth: int = 0) -> Any:
+    """Return data with only what JSON can say, and note what a scene file cannot hold: dates, and endless nesting.
+
+    An integer beyond every float becomes infinite, and is found like any other number that is not finite.
+    """
+    if depth > DEEPEST:
+        found.append(Fault(path, None, f"at most {DEEPEST} levels of tables and lists"))
+        return None
+    if isinstance(data, dict):
+        return {k: _readable(v, f"{path}.{k}" if path else k, found, depth + 1) for k, v in data.items()}
+    if isinstance(data, list):
+        return [_readable(v, f"{path}[{k}]", found, depth + 1) for k, v in enumerate(data)]
+    if isinstance(data, (date, time)):
+        found.append(Fault(path, str(data), "no date or time"))
+        return str(data)
+    if isinstance(data, int) and abs(data) > sys.float_info.max:
+        return math.copysign(math.inf, data > 0 or -1)
+    return data
 
 
 def _meaning(file: SceneFile) -> list[Fault]:

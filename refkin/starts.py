@@ -10,9 +10,9 @@ import numpy as np
 
 from refkin.contacts import touched
 from refkin.joints import Cam
+from refkin.levenberg import levenberg_marquardt
 from refkin.model import Scene
 from refkin.motion import Status
-from refkin.levenberg import levenberg_marquardt
 from refkin.newton import NewtonResult, newton
 from refkin.proof.assembly import Assemblies, assemblies
 from refkin.proof.inputs import A_FEW_ROUNDINGS

@@ -69,7 +69,9 @@ class Sweep:
         smallest = 4 * EPS * max(abs(target), abs(self.t[-1]), target - self.t[-1])
         while self.steps < MOST_STEPS:
             self.steps += 1
-            last = self.t[-1] + self.step >= target  # as rounded: else a step may land on the target and not be the last
+            last = (
+                self.t[-1] + self.step >= target
+            )  # as rounded: else a step may land on the target and not be the last
             t = target if last else self.t[-1] + self.step
             result = self._corrected(t)
             if self._on_branch(result, t):
@@ -142,7 +144,8 @@ class Sweep:
 class _WhileContracting(RoundOff):
     """Goes on to round-off, but gives a step up at once that will not be taken.
 
-    Near a singular pose what is left at round-off may shrink slowly, by any factor: that takes iterations, no smaller step.
+    Near a singular pose what is left at round-off may shrink slowly, by any factor: that takes iterations, no smaller
+    step.
     """
 
     tiny: float = TINY

@@ -102,7 +102,10 @@ def _none(ends: Sequence[End]) -> Assemblies:
 def _placed(system: System, t: float, placement: Placement) -> Assemblies:
     """Return what closed form has placed."""
     poses = [(*_pose(system, t, branch), branch.sides) for branch in placement.branches]
-    closed = [pose for pose in poses if closes(system, pose[0], t)]
+    # A pin is off by no more than 2 radii and 2 radii times its arms, about 1: that much a decided ball may leave open,
+    # which is more than round-off where redundant rows were held against spread numbers.
+    allowed = [8 * radius if b.decided else 0.0 for b, (_, radius, _) in zip(placement.branches, poses, strict=True)]
+    closed = [p for p, limit in zip(poses, allowed, strict=True) if closes(system, p[0], t, limit)]
     decided = all(branch.decided for branch in placement.branches)
     message = "" if decided else "a dyad is at the limit of its reach: its assemblies coincide, or just miss"
     if placement.truncated:

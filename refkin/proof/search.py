@@ -41,7 +41,7 @@ MOST_INTERVALS = 2000
 NARROWEST = 1e-14
 """Width below which the ends of an interval are no longer different floats."""
 PROBE = 0.2
-"""Width of the first intervals that are started from, a few of them: most assemblies are found, or a continuum [rad]."""
+"""Width of the first intervals that are started from, a few of them: most assemblies, or a continuum, show [rad]."""
 MOST_STARTS = 64
 MOST_POSES = 32
 MOST_LOOSE = 3
@@ -289,10 +289,10 @@ def radical_inverse(k: int, base: int) -> float:
     return value
 
 
-def closes(system: System, q: Array, t: float) -> bool:
-    """Whether the residual of a pose is round-off."""
+def closes(system: System, q: Array, t: float, allowed: float = 0.0) -> bool:
+    """Whether the residual of a pose is round-off, or no more than is allowed."""
     residual = float(np.max(np.abs(system.phi(q, t))))
-    return residual <= 32 * EPS * max(1.0, float(np.max(np.abs(q))))
+    return residual <= max(allowed, 32 * EPS * max(1.0, float(np.max(np.abs(q)))))
 
 
 def coordinates(system: System, branch: Branch) -> Array:

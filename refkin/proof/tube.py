@@ -1,8 +1,8 @@
 """Proofs that hold over an interval of time: one branch, and no other, in a tube that goes along with a pose.
 
-Along a straight line c(s) = q + v s, t + s, |s| <= h, the operator of `certificate`, y -> y - R phi(c(s) + y, t + s), is
-the same for all s. By the mean value form phi(c(s), t + s) lies within |s| (phi_q v - nu) of phi(q, t), both over the
-whole line. So with, in the norm |y| = max_k |y_k| / w_k,
+Along a straight line c(s) = q + v s, t + s, |s| <= h, the operator of `certificate`, y -> y - R phi(c(s) + y, t + s),
+is the same for all s. By the mean value form phi(c(s), t + s) lies within |s| (phi_q v - nu) of phi(q, t), both over
+the whole line. So with, in the norm |y| = max_k |y_k| / w_k,
 
     eta >= |R phi(q, t)| + h |R (phi_q(c) v - nu(c, t + s))|     Z >= |I - R phi_q(x)|, x within 2 w of the line,
 
@@ -73,8 +73,8 @@ def certified_interval(system: System, q: Any, t: float, qd: Any) -> CertifiedIn
     for factors in (0.5 ** np.arange(LONGEST), None):
         if factors is None:  # between the one that is proved and its double, which is not
             factors = best.delta / first * (2 - np.arange(1, 16) / 16)
-        lanes = [np.repeat(x[:, None], len(factors), axis=1) for x in (q, qd)]
-        tubes = _Tubes(system, *lanes, np.full(len(factors), t), first * factors)
+        along, moving = (np.repeat(x[:, None], len(factors), axis=1) for x in (q, qd))
+        tubes = _Tubes(system, along, moving, np.full(len(factors), t), first * factors)
         proved = np.flatnonzero(tubes.proved & (first * factors > best.delta))
         if proved.size:
             best = CertifiedInterval(float(first * factors[proved[0]]), 2 * tubes.w[:, proved[0]])
@@ -137,7 +137,8 @@ def _stacked(ends: list[Piece], k: int) -> Any:
 
 def _halved(system: System, ends: list[Piece]) -> tuple[list[Piece], list[int]]:
     """Return the pieces cut at a pose found in their middles; and those where none was found, by number."""
-    found, lost = [], []
+    found: list[Any] = []
+    lost: list[int] = []
     for end in ends:
         sweep, middle = Sweep(system, [end[0]], [end[2]]), (end[0] + end[1]) / 2
         if end[0] < middle < end[1] and sweep.to(middle) is Arrival.REACHED:
@@ -190,7 +191,9 @@ def _times(slope: Any, v: Any) -> Any:
     rates = box(v)
     out = np.empty(len(slope), object)
     for k, row in enumerate(slope):
-        out[k] = sum((x * a for a, x in zip(row, rates, strict=True) if not (isinstance(a, int) and a == 0)), Bounded(0.0))
+        out[k] = sum(
+            (x * a for a, x in zip(row, rates, strict=True) if not (isinstance(a, int) and a == 0)), Bounded(0.0)
+        )
     return out
 
 

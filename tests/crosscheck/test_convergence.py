@@ -50,7 +50,7 @@ def test_the_chord_method_converges_linearly():
 
 
 def fold():
-    """The 1-2-2-3 linkage with its crank at pi: ground and crank in one line, as long as coupler and rocker together."""
+    """The 1-2-2-3 linkage with its crank at pi: ground and crank in one line, as long as the other two together."""
     linkage = FourBar(ground=2.0, crank=1.0, coupler=1.25, rocker=1.75)
     return system_at(linkage, np.pi)
 

@@ -1,0 +1,231 @@
+"""Processes that check scenes one after the other, and how they begin and end.
+
+Each has a pipe of its own and hands in each record as soon as it has it. So a process that ends, be it in the middle of
+a write, costs the one scene it was at and cannot spoil what another hands in.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import time
+import traceback
+import types
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Any
+
+Job = Mapping[str, Any]
+"""A scene as the data of its file under `scene`, and what the generator knows of it under `about`."""
+Record = dict[str, Any]
+
+SECONDS_TO_START = 60.0
+"""How long a process may take to start and to load its engines."""
+LOADED = "loaded"
+"""What comes before the first record of a task: the engines are loaded, the first scene begins."""
+FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "exit code 255")
+"""Ends that come from outside: a person, a batch system, the kernel short of memory. (255 stands for a process of which
+nobody was left to tell how it ended.)"""
+
+
+@dataclass(frozen=True)
+class Failure:
+    """How a process failed at something: `kind` is crash, hang or error and which, `text` what is known of it."""
+
+    kind: str
+    text: str
+
+    @property
+    def from_outside(self) -> bool:
+        """Whether somebody ended the process, rather than what it was doing."""
+        return any(name in self.kind for name in FROM_OUTSIDE)
+
+
+class SceneProcess:
+    """A process that checks scenes, as its parent sees it.
+
+    Attributes
+    ----------
+    pipe : Connection
+        Where records come in; it ends when the process does.
+    deadline : float
+        Until when, by `time.monotonic`, the next record has time.
+    """
+
+    def __init__(self) -> None:
+        self.pipe, theirs = _context().Pipe()
+        self.process = _context().Process(target=serve, args=(theirs,), daemon=True)
+        self.deadline = 0.0
+        with _by_itself():
+            self.process.start()
+        theirs.close()
+
+    def give(self, jobs: Sequence[Job], engines: Sequence[str], seconds: float) -> bool:
+        """Hand over scenes, with `seconds` for each; return whether there still was a process to take them."""
+        try:
+            self.pipe.send((tuple(jobs), tuple(engines), seconds))
+        except OSError:
+            return False
+        self.deadline = time.monotonic() + SECONDS_TO_START
+        return True
+
+    def take(self, seconds: float) -> Record | Failure | str | None:
+        """Return what came in: a record, what was raised, LOADED, None at the end; the next has `seconds` from now."""
+        try:
+            answer: Record | Failure | str = self.pipe.recv()
+        except (EOFError, OSError):
+            return None
+        self.deadline = time.monotonic() + seconds
+        return answer
+
+    def end(self) -> Failure:
+        """End the process, unless it has ended by itself; return how it had."""
+        self.pipe.close()
+        self.process.join(0.2)  # a pipe is closed before an exit code is known
+        code = self.process.exitcode
+        if code is None:
+            self.process.kill()
+            self.process.join(5.0)
+        return _crash(code)
+
+
+def serve(pipe: Any) -> None:
+    """Check what comes through a pipe until its other end is closed; this is what a process does."""
+    with suppress(EOFError, OSError):  # the parent is gone: there is nobody left to tell
+        while True:
+            jobs, specs, seconds = pipe.recv()
+            with _ended_by_the_system(2 * SECONDS_TO_START):
+                engines = _told_if_raised(_loaded, specs)
+            pipe.send(LOADED)
+            for job in jobs:
+                with _ended_by_the_system(seconds + SECONDS_TO_START):
+                    answer = engines if isinstance(engines, Failure) else _told_if_raised(_checked, job, engines)
+                pipe.send(answer)
+
+
+@lru_cache
+def _loaded(specs: tuple[str, ...]) -> list[Any]:
+    from crosscheck.engines import load
+
+    return [load(spec) for spec in specs]
+
+
+def _checked(job: Job, engines: Sequence[Any]) -> Record:
+    from crosscheck.check import check
+    from refkin.scene_files import parse
+
+    return check(parse(job["scene"]), engines, job["about"])
+
+
+def _told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Return what a function returns, or a Failure that tells what it raised and where.
+
+    This is the border of a process: whatever an engine raises is told under its name, and nothing is lost beyond.
+    """
+    try:
+        return function(*arguments)
+    except Exception as error:
+        where = traceback.extract_tb(error.__traceback__)[-1]
+        name, file = type(error).__name__, os.path.basename(where.filename)
+        return Failure(f"error ({name})", f"{name}: {error} ({where.name}, {file}:{where.lineno})")
+
+
+def call_each(function: Callable[[str], Any], arguments: Sequence[str], seconds: float = SECONDS_TO_START) -> list[Any]:
+    """Return what an importable function returns for each argument, or a Failure, each in a process of its own."""
+    started = []
+    for argument in arguments:
+        ours, theirs = _context().Pipe(duplex=False)
+        process = _context().Process(target=_call, args=(function, argument, theirs), daemon=True)
+        with _by_itself():
+            process.start()
+        theirs.close()
+        started.append((ours, process))
+    end = time.monotonic() + seconds
+    return [_returned(ours, process, end, seconds) for ours, process in started]
+
+
+def _returned(pipe: Any, process: Any, end: float, seconds: float) -> Any:
+    with pipe:
+        if not pipe.poll(max(0.0, end - time.monotonic())):
+            process.kill()
+            process.join(5.0)
+            return Failure("hang", f"no answer within {seconds:g} s")
+        try:
+            return pipe.recv()
+        except (EOFError, OSError):
+            process.join(5.0)
+            return _crash(process.exitcode)
+
+
+def _call(function: Callable[[str], Any], argument: str, pipe: Any) -> None:
+    with _ended_by_the_system(2 * SECONDS_TO_START):
+        pipe.send(_told_if_raised(function, argument))
+
+
+def _crash(code: int | None) -> Failure:
+    """Return the end of a process as data: the signal it got, or its exit code."""
+    name = f"exit code {code}"
+    if code is not None and code < 0:
+        with suppress(ValueError):
+            name = signal.Signals(-code).name
+    return Failure(f"crash ({name})", f"its process ended: {name}")
+
+
+@contextmanager
+def _ended_by_the_system(seconds: float) -> Iterator[None]:
+    """Have the system end this process should it hang where no Python runs, with no parent left to end it."""
+    if not hasattr(signal, "setitimer"):
+        yield
+        return
+    signal.signal(signal.SIGALRM, signal.SIG_DFL)
+    signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+
+
+@lru_cache
+def _context() -> Any:
+    """Return how processes are made: forked from a small server that has imported what they need, if there is one."""
+    if "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(["crosscheck.check"])
+    return context
+
+
+@contextmanager
+def _by_itself() -> Iterator[None]:
+    """Start a process with one thread for NumPy, that does not run our own program anew nor end at a Ctrl-C for it."""
+    environment = dict(os.environ)
+    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+    main = sys.modules["__main__"]
+    sys.modules["__main__"] = types.ModuleType("__main__")  # multiprocessing would have the child import ours
+    try:
+        with _interrupts_held_back():
+            yield
+    finally:
+        sys.modules["__main__"] = main
+        os.environ.clear()
+        os.environ.update(environment)
+
+
+@contextmanager
+def _interrupts_held_back() -> Iterator[None]:
+    """Hold SIGINT back: a process started meanwhile inherits that, here it is delivered afterwards."""
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    from multiprocessing import resource_tracker
+
+    resource_tracker.ensure_running()  # it lets SIGINT through again when it starts, so it has to be there before
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)

@@ -1,0 +1,379 @@
+"""A night: kills lose and double-count nothing, bounds are kept, disagreements come with scenes that show them."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import refkin
+from crosscheck import campaign
+from crosscheck.campaign import BATCH, OtherRun, Plan, SameName, find_engines, run, seed_of
+from crosscheck.disagreements import write_disagreements
+from crosscheck.drawing import draw, effort
+
+from .fake_engines import EXIT, alive, crosscheck, engine_file, key_of_drawn, records_of, start
+
+NIGHT = 21
+SLOW = "Path({folder!r}, str(os.getpid())).touch(); time.sleep(0.1)"
+
+
+def plan(out: Path, *specs: str, **more: Any) -> Plan:
+    told = {"seed": NIGHT, "out": out, "engines": ("closed_form", *specs), "workers": 2, "scenes": 12}
+    return Plan(**{**told, **more})
+
+
+@pytest.fixture(scope="module")
+def slow(tmp_path_factory):
+    """An engine that takes its time and notes the processes it runs in: what loads it, and the folder of the notes."""
+    folder = tmp_path_factory.mktemp("slow")
+    pids = folder / "pids"
+    pids.mkdir()
+    return engine_file(folder, before=SLOW.format(folder=str(pids))), pids
+
+
+@pytest.fixture(scope="module")
+def undisturbed(slow, tmp_path_factory):
+    out = tmp_path_factory.mktemp("undisturbed")
+    run(plan(out, slow[0]))
+    return records_of(out)
+
+
+def arguments(spec: str, out: Path, scenes: int = 12) -> list[Any]:
+    night = ["nightly", "--scenes", scenes, "--seed", NIGHT, "--workers", 2]
+    return [*night, "--engines", spec, "--out", out]
+
+
+def wait_for_records(out: Path, count: int) -> None:
+    end = time.monotonic() + 60.0
+    path = out / "records.jsonl"
+    while not path.exists() or path.read_bytes().count(b"\n") < count:
+        assert time.monotonic() < end
+        time.sleep(0.01)
+
+
+def pids_in(folder: Path) -> list[int]:
+    return [int(path.name) for path in folder.iterdir()]
+
+
+def forgotten(folder: Path) -> None:
+    for path in folder.iterdir():
+        path.unlink()
+
+
+def test_records_are_the_same_whatever_the_number_of_workers(slow, undisturbed, tmp_path):
+    run(plan(tmp_path, slow[0], workers=1))
+
+    assert records_of(tmp_path) == undisturbed
+
+
+def test_a_night_checks_as_many_different_scenes_as_it_is_asked_to(undisturbed):
+    assert len(undisturbed) == 12
+
+
+def test_a_killed_run_is_resumed_with_nothing_lost_or_counted_twice(slow, undisturbed, tmp_path):
+    spec, pids = slow
+    forgotten(pids)
+    with start(*arguments(spec, tmp_path)) as first:
+        wait_for_records(tmp_path, 4)
+        first.send_signal(signal.SIGKILL)
+    done = len(records_of(tmp_path))
+    second = crosscheck(*arguments(spec, tmp_path))
+
+    assert 4 <= done < 12
+    assert (second.returncode, records_of(tmp_path)) == (0, undisturbed)
+
+
+def test_no_worker_outlives_a_killed_run_by_more_than_its_scenes(slow, tmp_path):
+    spec, pids = slow
+    forgotten(pids)
+    with start(*arguments(spec, tmp_path)) as first:
+        wait_for_records(tmp_path, 3)
+        first.send_signal(signal.SIGKILL)
+    end = time.monotonic() + 10.0
+    while alive(pids_in(pids)) and time.monotonic() < end:
+        time.sleep(0.05)
+
+    assert (len(pids_in(pids)), alive(pids_in(pids))) == (2, [])
+
+
+def test_a_worker_killed_by_its_pid_in_the_middle_changes_nothing(slow, undisturbed, tmp_path):
+    spec, pids = slow
+    forgotten(pids)
+    with start(*arguments(spec, tmp_path)) as night:
+        for count in (2, 5, 8):
+            wait_for_records(tmp_path, count)
+            os.kill(alive(pids_in(pids))[0], signal.SIGKILL)
+        night.communicate(timeout=60)
+
+    assert len(pids_in(pids)) > 2  # the killed ones were replaced
+    assert (night.returncode, records_of(tmp_path)) == (0, undisturbed)
+
+
+def test_an_interrupted_run_says_so_in_one_line_keeps_its_records_and_leaves_no_worker(slow, undisturbed, tmp_path):
+    spec, pids = slow
+    forgotten(pids)
+    with start(*arguments(spec, tmp_path)) as night:
+        wait_for_records(tmp_path, 3)
+        os.killpg(night.pid, signal.SIGINT)  # as a terminal does: to all of the group
+        _, told = night.communicate(timeout=30)
+    kept = records_of(tmp_path)
+    resumed = crosscheck(*arguments(spec, tmp_path))
+
+    assert night.returncode == 130
+    line = f"interrupted; what was checked is kept in {tmp_path}, and the same command goes on from there\n"
+    assert (told, alive(pids_in(pids))) == (line, [])
+    assert 3 <= len(kept) < 12
+    assert (resumed.returncode, records_of(tmp_path)) == (0, undisturbed)
+
+
+def test_a_resumed_run_does_only_what_is_left(tmp_path):
+    calls = tmp_path / "calls"
+    spec = engine_file(tmp_path, before=f"Path({str(calls)!r}).open('a').write(key + ' ')")
+    run(plan(tmp_path / "out", spec, scenes=4))
+    before = calls.read_text().split()
+    outcome = run(plan(tmp_path / "out", spec, scenes=6))
+    after = calls.read_text().split()[len(before) :]
+
+    assert {key_of_drawn(NIGHT, number, 72) for number in range(4)} <= set(before)
+    assert not set(before) & set(after)
+    assert outcome.checked == len(records_of(tmp_path / "out")) == 6
+
+
+def test_a_run_that_is_complete_passes_again_without_doing_anything(tmp_path):
+    run(plan(tmp_path, scenes=2))
+    outcome = run(plan(tmp_path, scenes=2))
+
+    assert (outcome.checked, outcome.failed) == (2, [])
+
+
+def test_a_scene_that_is_drawn_twice_is_checked_and_counted_once(tmp_path, monkeypatch):
+    monkeypatch.setattr(campaign, "draw", lambda night, number: draw(night, number // 3))
+    run(plan(tmp_path, scenes=3))
+
+    assert [r["about"]["shard"] for r in records_of(tmp_path).values()] == [0, 3, 6]
+
+
+def test_a_folder_with_another_seed_is_refused(tmp_path):
+    run(plan(tmp_path, scenes=1))
+
+    with pytest.raises(OtherRun, match=f"holds a run with seed {NIGHT}, not 1: choose another folder"):
+        seed_of(tmp_path, 1)
+
+
+def test_a_folder_that_holds_a_run_gives_its_seed(tmp_path):
+    run(plan(tmp_path, scenes=1))
+
+    assert seed_of(tmp_path, None) == NIGHT
+
+
+def test_a_folder_with_other_engines_is_refused_and_left_as_it_is(tmp_path):
+    run(plan(tmp_path / "out", scenes=1))
+    before = (tmp_path / "out" / "run.json").read_text()
+    spec = engine_file(tmp_path)
+
+    with pytest.raises(OtherRun, match=r"holds a run with \{'closed_form': .*\}, not \{.*'fake': '1'\}: choose"):
+        run(plan(tmp_path / "out", spec, scenes=2))
+
+    assert (tmp_path / "out" / "run.json").read_text() == before
+
+
+def test_a_folder_whose_scenes_are_not_drawn_any_more_is_refused(tmp_path, monkeypatch):
+    run(plan(tmp_path, scenes=2))
+    monkeypatch.setattr(campaign, "draw", lambda night, number: draw(night + 1, number))
+
+    with pytest.raises(OtherRun, match="whose scenes are not drawn any more: choose another folder"):
+        run(plan(tmp_path, scenes=3))
+
+
+@pytest.mark.parametrize("text", ['{"seed": 1', "[]", '{"seed": "x", "versions": {}}', "{}"])
+def test_a_folder_whose_run_cannot_be_told_is_refused(tmp_path, text):
+    (tmp_path / "run.json").write_text(text)
+
+    with pytest.raises(OtherRun, match=r"run.json does not say what run it belongs to: choose another folder"):
+        seed_of(tmp_path, None)
+
+
+def test_a_folder_with_records_of_another_kind_is_refused(tmp_path):
+    (tmp_path / "records.jsonl").write_text('{"key": "a"}\n')
+
+    with pytest.raises(OtherRun, match="holds records of another kind: choose another folder"):
+        run(plan(tmp_path, scenes=1))
+
+
+def test_a_night_by_minutes_ends_when_they_are_over_and_what_was_begun_is_done(slow, tmp_path):
+    start_of_run = time.monotonic()
+    outcome = run(plan(tmp_path, slow[0], scenes=None, minutes=0.05))
+    took = time.monotonic() - start_of_run
+
+    # Beyond the three seconds: one batch per worker, of scenes that take the engine 0.2 s and the rest as much.
+    assert 3.0 < took < 3.0 + BATCH * 1.5
+    assert outcome.checked >= BATCH
+
+
+def test_scenes_end_a_night_that_has_minutes_left(tmp_path):
+    began = time.monotonic()
+    outcome = run(plan(tmp_path, scenes=2, minutes=5))
+
+    assert (outcome.checked, time.monotonic() - began < 30) == (2, True)
+
+
+def test_an_engine_that_crashes_when_it_is_loaded_is_missing_and_ends_nothing_else(tmp_path):
+    spec = engine_file(tmp_path)
+    path = Path(spec.removesuffix(":Fake"))
+    path.write_text(f"import os; {EXIT}")
+    found, missing = find_engines(("closed_form", spec))
+
+    assert (list(found), missing) == (["closed_form"], {spec: "its process ended: exit code 7"})
+
+
+def test_two_engines_of_one_name_are_refused(tmp_path):
+    specs = [engine_file(tmp_path), engine_file(tmp_path, name="other")]
+    Path(specs[1].removesuffix(":Fake")).write_text(Path(specs[0].removesuffix(":Fake")).read_text())
+
+    with pytest.raises(SameName, match=r"engines '.*fake.py:Fake' and '.*other.py:Fake' are both called 'fake'"):
+        find_engines(tuple(specs))
+
+
+LONG_COUPLER = """
+        points = {}
+        for joint in scene.mechanism.joints:
+            for body, point in joint.points():
+                points.setdefault(body, []).append(point)
+        def length(body):
+            own = points.get(body, [(0, 0)])
+            return max(np.hypot(a[0] - b[0], a[1] - b[1]) for a in own for b in own)
+        if length("coupler") > 2 * length("crank") > 0:
+            motion = replace(motion, q=motion.q * (1 + 1e-6))
+"""
+
+
+@pytest.fixture(scope="module")
+def disagreeing(tmp_path_factory):
+    """A night with an engine that is wrong where the coupler is more than twice as long as the crank."""
+    folder = tmp_path_factory.mktemp("disagreeing")
+    spec = engine_file(folder, after=LONG_COUPLER.strip())
+    outcome = run(plan(folder / "out", spec, scenes=40, shrinking_seconds=20.0))
+    return spec, folder / "out", outcome
+
+
+def length(scene: refkin.Scene, body: str) -> float:
+    points = [p for joint in scene.mechanism.joints for b, p in joint.points() if b == body]
+    return max(((a[0] - b[0]) ** 2 + (a[1] - b[1]) ** 2) ** 0.5 for a in points for b in points)
+
+
+def test_every_disagreement_of_a_wrong_engine_is_found_new_and_told_with_its_scene(disagreeing):
+    _, out, outcome = disagreeing
+    wrong = {key for key, record in records_of(out).items() if record["disagreements"]}
+
+    assert len(wrong) >= 3
+    assert {d["key"] for d in outcome.new} == wrong
+    assert {(d["engine"], d["quantity"], d["kind"]) for d in outcome.new} == {
+        ("fake", "position", "beyond the allowed error")
+    }
+    assert all((out / d["file"]).is_file() and (out / f"disagreements/{d['key']}.toml").is_file() for d in outcome.new)
+
+
+def test_of_many_disagreements_of_a_kind_only_the_first_is_simplified(disagreeing):
+    _, _, outcome = disagreeing
+
+    assert [bool(d.get("shrunk")) for d in outcome.new] == [True] + [False] * (len(outcome.new) - 1)
+
+
+def test_a_disagreement_becomes_a_minimal_scene_that_still_has_its_cause(disagreeing):
+    _, out, outcome = disagreeing
+    told = outcome.new[0]
+    scene, minimal = refkin.load(out / f"disagreements/{told['key']}.toml"), refkin.load(out / told["file"])
+
+    assert length(minimal, "coupler") > 2 * length(minimal, "crank")
+    # By the digits of all numbers in the file; two times are enough, and lengths become round.
+    assert effort(minimal) < min(200, effort(scene) / 3)
+    assert len(minimal.times) == 2
+
+
+def test_the_time_for_simplifying_is_bounded_and_told(disagreeing):
+    assert 0.0 < disagreeing[2].shrinking_seconds < 25.0
+
+
+def test_a_minimal_scene_shows_the_disagreement_again_when_it_is_replayed(disagreeing):
+    spec, out, outcome = disagreeing
+    told = crosscheck("replay", out / outcome.new[0]["file"], "--engines", spec)
+
+    assert (told.returncode, "fake (made up), position: beyond the allowed error" in told.stdout) == (1, True)
+
+
+def test_a_scene_as_it_was_drawn_is_the_scene_of_the_record(disagreeing):
+    _, out, outcome = disagreeing
+    last = outcome.new[-1]
+
+    assert refkin.load(out / last["file"]) == draw(NIGHT, last["shard"]).scene
+
+
+def test_a_resumed_run_simplifies_nothing_again(disagreeing):
+    spec, out, outcome = disagreeing
+    before = {path: path.stat().st_mtime_ns for path in (out / "disagreements").iterdir()}
+    again = run(plan(out, spec, scenes=40))
+
+    assert {path: path.stat().st_mtime_ns for path in (out / "disagreements").iterdir()} == before
+    assert [d["file"] for d in again.new] == [d["file"] for d in outcome.new]
+
+
+def test_scenes_of_a_run_that_was_killed_before_it_told_its_disagreements_are_written_on_resumption(
+    disagreeing, tmp_path
+):
+    spec, out, outcome = disagreeing
+    for name in ("records.jsonl", "run.json"):
+        (tmp_path / name).write_bytes((out / name).read_bytes())
+    again = run(plan(tmp_path, spec, scenes=1, shrinking_seconds=0.0))
+
+    assert [d["key"] for d in again.new] == [d["key"] for d in outcome.new]
+    assert all((tmp_path / d["file"]).is_file() for d in again.new)
+
+
+def test_simplifying_does_not_go_on_when_its_time_is_over(disagreeing, tmp_path):
+    spec, out, _ = disagreeing
+    for name in ("records.jsonl", "run.json"):
+        (tmp_path / name).write_bytes((out / name).read_bytes())
+    outcome = run(plan(tmp_path, spec, scenes=40, shrinking_seconds=1.0))
+
+    assert outcome.shrinking_seconds < 4.0
+
+
+class Checking:
+    """Workers whose only scene has a disagreement of a kind that is a known gap, or is none."""
+
+    def __init__(self, **reference: Any) -> None:
+        self.engines = {"exudyn": "exudyn"}
+        self.reference = reference
+
+    def check_one(self, job: Any, engines: Any) -> dict[str, Any]:
+        told = {"engine": "exudyn", "route": "shipped", "quantity": "position", "kind": "other assembly"}
+        return {"reference": self.reference, "answers": [], "disagreements": [{**told, "ratio": 2.0, "worst": ""}]}
+
+
+@pytest.mark.parametrize(("sigma_per_step", "shrunk"), [(0.1, False), (10.0, True)])
+def test_a_new_disagreement_is_not_simplified_into_a_known_one(tmp_path, sigma_per_step, shrunk):
+    told = {"engine": "exudyn", "route": "shipped", "quantity": "position", "kind": "other assembly", "key": "a"}
+    new = [{**told, "shard": 0, "ratio": 2.0, "worst": ""}]
+    whole = replace(plan(tmp_path), shrinking_seconds=0.0)
+    write_disagreements(whole, new, Checking(sigma_per_step=sigma_per_step))  # type: ignore[arg-type]
+
+    assert (new[0].get("shrunk", False), "note" in new[0]) == (shrunk, not shrunk)
+
+
+def test_the_report_and_the_run_agree_on_what_is_new(disagreeing, tmp_path):
+    spec, out, outcome = disagreeing
+    told = crosscheck(*arguments(spec, out, 40))
+    report = json.loads((out / "report.json").read_text())
+
+    assert (told.returncode, report["verdict"], report["new_disagreements"]) == (
+        1,
+        "new disagreements",
+        len(outcome.new),
+    )

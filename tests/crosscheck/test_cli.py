@@ -1,0 +1,323 @@
+"""The command line as a person runs it: how it ends, and what it says; each exit code is produced for real."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from crosscheck import progress
+from crosscheck.cli import main
+from crosscheck.progress import shown_progress
+
+from .fake_engines import RAISE, SEGFAULT, SHIFT, crosscheck, engine_file, key_of_drawn, records_of
+
+ROOT = Path(__file__).parent.parent.parent
+GOOD = ROOT / "examples" / "crank-rocker.toml"
+FRAMES = ROOT / "crosscheck" / "frames.py"
+NIGHT = 31
+ENGINES = "exudyn,pinocchio,mujoco"
+
+
+@dataclass
+class Told:
+    """How a command ended, and what it said."""
+
+    returncode: int
+    stdout: str
+    stderr: str
+
+
+@pytest.fixture
+def command(capsys):
+    """The command line in this process: quicker than one of its own, which `crosscheck` starts."""
+
+    def run(*arguments: Any) -> Told:
+        with pytest.raises(SystemExit) as ended:
+            main([str(argument) for argument in arguments])
+        return Told(ended.value.code, *capsys.readouterr())  # type: ignore[arg-type]
+
+    return run
+
+
+@pytest.fixture
+def nightly(command):
+    """A night with a few scenes."""
+
+    def run(out: Path, *more: Any, scenes: int | None = 3) -> Told:
+        return command(*night(out, *more, scenes=scenes))
+
+    return run
+
+
+def night(out: Path, *more: Any, scenes: int | None = 3) -> list[Any]:
+    few = [] if scenes is None else ["--scenes", scenes]
+    return ["nightly", "--seed", NIGHT, "--workers", 2, "--out", out, *few, *more]
+
+
+def verdict(out: Path) -> str:
+    return str(json.loads((out / "report.json").read_text(encoding="utf-8"))["verdict"])
+
+
+def without(folder: Path, *packages: str) -> str:
+    """Return a folder for PYTHONPATH in which packages cannot be imported."""
+    for package in packages:
+        (folder / f"{package}.py").write_text(f"raise ImportError('no {package} here')")
+    return str(folder)
+
+
+def test_a_night_on_which_all_engines_agree_ends_with_0(tmp_path):
+    told = crosscheck(*night(tmp_path, "--engines", ENGINES, "--require-engines", ENGINES))
+
+    assert (told.returncode, verdict(tmp_path), told.stdout) == (0, "pass", "")
+    assert {a["engine"] for r in records_of(tmp_path).values() for a in r["answers"]} == {
+        "closed_form",
+        *ENGINES.split(","),
+    }
+
+
+def test_a_new_disagreement_ends_with_1(tmp_path, nightly):
+    spec = engine_file(tmp_path, after=SHIFT)
+    told = nightly(tmp_path / "out", "--engines", spec, scenes=2)
+
+    assert (told.returncode, verdict(tmp_path / "out")) == (1, "new disagreements")
+    assert "new: fake (made up), position: beyond the allowed error, " in told.stderr
+
+
+@pytest.mark.parametrize(
+    ("arguments", "line"),
+    [
+        (("--engines", "exodyn"), "no engine is called 'exodyn'; there are: closed_form, exudyn, mujoco, pinocchio"),
+        (("--require-engines", "mojoco"), "no engine is called 'mojoco'; there are: closed_form, exudyn"),
+        (("--minutes", "0"), "--minutes: expected a number above 0, got 0.0"),
+        (("--minutes", "-3"), "--minutes: expected a number above 0, got -3.0"),
+        (("--minutes", "nan"), "--minutes: expected a number above 0, got nan"),
+        (("--minutes", "inf"), "--minutes: expected a number above 0, got inf"),
+        (("--scenes", "0"), "--scenes: expected a number above 0, got 0"),
+        (("--workers", "-1"), "--workers: expected a number above 0, got -1"),
+        (("--scene-seconds", "0"), "--scene-seconds: expected a number above 0, got 0.0"),
+        (("--out", str(GOOD)), f"--out: expected a folder, got the file {GOOD}"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_a_night_that_makes_no_sense_ends_with_2_and_one_line(tmp_path, arguments, line, command):
+    out = () if "--out" in arguments else ("--out", tmp_path / "out")
+    told = command("nightly", *out, *arguments)
+
+    assert (told.returncode, told.stdout, told.stderr.count("\n")) == (2, "", 1)
+    assert told.stderr.startswith(line)
+    assert not (tmp_path / "out").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "key"),
+    [
+        (("nightly", "--scenes", "2.5"), "scenes"),
+        (("nightly", "--minutes", "long"), "minutes"),
+        (("nightly", "--seed", "first"), "seed"),
+        (("nightly", "--colour", "red"), "colour"),
+        (("nightly", "--engines"), "engines"),
+        (("nigthly",), "nigthly"),
+        (("replay",), "scene"),
+    ],
+    ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
+)
+def test_a_command_line_that_cannot_be_read_ends_with_2_and_names_the_key(arguments, key, command):
+    told = command(*arguments)
+
+    assert (told.returncode, key in (told.stderr + told.stdout).lower()) == (2, True)
+    assert "Traceback" not in told.stderr
+
+
+def test_the_folder_of_another_night_ends_with_2(tmp_path, command, nightly):
+    nightly(tmp_path, "--engines", "closed_form", scenes=1)
+    told = command("nightly", "--out", tmp_path, "--seed", NIGHT + 1, "--engines", "closed_form", "--scenes", 1)
+
+    line = f"--out {tmp_path} holds a run with seed {NIGHT}, not {NIGHT + 1}: choose another folder\n"
+    assert (told.returncode, told.stderr) == (2, line)
+
+
+def test_a_required_engine_that_is_not_installed_ends_with_3_before_anything_runs(tmp_path):
+    path = without(tmp_path, "exudyn")
+    told = crosscheck(*night(tmp_path / "out", "--require-engines", "exudyn"), env={"PYTHONPATH": path})
+
+    assert (told.returncode, verdict(tmp_path / "out")) == (3, "engine missing")
+    assert not (tmp_path / "out" / "records.jsonl").exists()
+    assert "missing: exudyn: engine 'exudyn' cannot be imported: no exudyn here" in told.stderr
+
+
+def test_a_required_engine_need_not_be_among_the_engines_to_be_run(tmp_path, nightly):
+    told = nightly(tmp_path, "--engines", "mujoco", "--require-engines", "exudyn", scenes=1)
+
+    assert told.returncode == 0
+    assert {a["engine"] for r in records_of(tmp_path).values() for a in r["answers"]} >= {"mujoco", "exudyn"}
+
+
+def test_an_engine_that_is_missing_and_not_required_is_told_and_the_others_run(tmp_path):
+    path = without(tmp_path, "exudyn")
+    told = crosscheck(*night(tmp_path / "out", "--engines", "exudyn,mujoco", scenes=1), env={"PYTHONPATH": path})
+
+    assert told.returncode == 0
+    assert "missing: exudyn: " in told.stderr
+    assert {a["engine"] for r in records_of(tmp_path / "out").values() for a in r["answers"]} == {
+        "closed_form",
+        "mujoco",
+    }
+
+
+def test_a_night_of_which_every_engine_is_missing_ends_with_3(tmp_path):
+    path = without(tmp_path, "exudyn", "mujoco")
+    told = crosscheck(*night(tmp_path / "out", "--engines", "exudyn,mujoco"), env={"PYTHONPATH": path})
+
+    assert (told.returncode, verdict(tmp_path / "out")) == (3, "engine missing")
+
+
+@pytest.mark.parametrize(
+    ("spec", "reason"),
+    [
+        ("nowhere.py:Engine", "there is no file nowhere.py"),
+        (f"{FRAMES}:Engine", f"there is no 'Engine' in {FRAMES}"),
+        (
+            "no_such_module:Engine",
+            "engine 'no_such_module:Engine' cannot be imported: No module named 'no_such_module'",
+        ),
+        (
+            f"{FRAMES}:Linear",
+            "lacks: name, api, version, routes, capabilities, terms, solve",
+        ),
+    ],
+    ids=["no file", "no class", "no module", "no engine"],
+)
+def test_an_engine_of_ones_own_that_cannot_be_loaded_is_missing_with_its_reason(tmp_path, spec, reason, nightly):
+    told = nightly(tmp_path, "--engines", spec, "--require-engines", spec)
+
+    assert (told.returncode, reason in told.stderr, "Traceback" in told.stderr) == (3, True, False)
+
+
+def test_a_crash_that_does_not_happen_again_ends_with_4(tmp_path, nightly):
+    once = f"Path({str(tmp_path / 'done')!r})"
+    before = f'({once}.exists() or ({once}.touch(), {SEGFAULT})) if key == "{key_of_drawn(NIGHT, 1, 72)}" else None'
+    spec = engine_file(tmp_path, before=before)
+    told = nightly(tmp_path / "out", "--engines", spec)
+
+    assert (told.returncode, verdict(tmp_path / "out")) == (4, "infrastructure")
+    assert f"failed: {key_of_drawn(NIGHT, 1, 72)}: crash (SIGSEGV), but not when it was done again" in told.stderr
+
+
+def test_a_spoilt_record_ends_with_4_and_its_scene_is_checked_anew(tmp_path, nightly):
+    nightly(tmp_path, "--engines", "closed_form", scenes=2)
+    records = tmp_path / "records.jsonl"
+    first, second = records.read_text(encoding="utf-8").splitlines(keepends=True)
+    records.write_text(first[:100] + "\n" + second, encoding="utf-8")
+    told = nightly(tmp_path, "--engines", "closed_form", scenes=2)
+
+    assert (told.returncode, verdict(tmp_path)) == (4, "infrastructure")
+    assert json.loads(records.read_text(encoding="utf-8").splitlines()[-1])["key"] == json.loads(first)["key"]
+
+
+def test_a_folder_that_cannot_be_made_ends_with_4_and_one_line(nightly):
+    told = nightly(Path("/proc/nobody/can/write/here"), "--engines", "closed_form")
+
+    assert (told.returncode, told.stderr.count("\n"), "/proc/nobody" in told.stderr) == (4, 1, True)
+
+
+def test_a_night_without_time_for_a_scene_ends_with_5(tmp_path, nightly):
+    told = nightly(tmp_path, "--engines", "closed_form", "--minutes", "0.00001", scenes=None)
+
+    assert (told.returncode, verdict(tmp_path)) == (5, "nothing ran")
+
+
+def test_a_disagreement_is_worse_than_a_failure_of_the_run(tmp_path, nightly):
+    nightly(tmp_path / "out", "--engines", "closed_form", scenes=1)
+    (tmp_path / "out" / "run.json").unlink()
+    records = tmp_path / "out" / "records.jsonl"
+    records.write_text("rubbish\n", encoding="utf-8")
+    told = nightly(tmp_path / "out", "--engines", engine_file(tmp_path, after=SHIFT), scenes=1)
+
+    assert told.returncode == 1
+
+
+def test_a_log_shows_no_bar(tmp_path, nightly):
+    told = nightly(tmp_path, "--engines", "closed_form", scenes=2)
+
+    assert told.stderr.splitlines() == [
+        "2 scenes checked, 0 new and 0 known disagreements",
+        f"report: {tmp_path / 'index.html'}",
+    ]
+
+
+def test_a_log_gets_a_line_every_ten_seconds(monkeypatch, capsys):
+    now = iter([0.0, 3.0, 11.0, 12.0, 20.9, 21.5])
+    monkeypatch.setattr(progress, "time", type("Clock", (), {"monotonic": lambda: next(now)}))
+    with shown_progress(10, None) as show:
+        for checked in range(5):
+            show(checked, "checking")
+
+    assert capsys.readouterr().err.splitlines() == [
+        "11 s, checking: 1 scenes checked",
+        "22 s, checking: 4 scenes checked",
+    ]
+
+
+def test_a_scene_on_which_all_agree_is_replayed_with_0(command):
+    told = command("replay", GOOD)
+
+    assert (told.returncode, told.stderr) == (0, "")
+    assert all(name in told.stdout for name in ("exudyn", "pinocchio", "mujoco", "closed_form"))
+
+
+def test_a_scene_on_which_an_engine_errs_is_replayed_with_1(tmp_path, command):
+    told = command("replay", GOOD, "--engines", engine_file(tmp_path, after=SHIFT))
+
+    assert (told.returncode, "fake (made up), position: beyond the allowed error" in told.stdout) == (1, True)
+
+
+def test_an_engine_that_raises_is_replayed_with_1_and_what_it_said(tmp_path, command):
+    told = command("replay", GOOD, "--engines", engine_file(tmp_path, before=RAISE))
+
+    assert (told.returncode, "error (ZeroDivisionError); ZeroDivisionError: by the test" in told.stdout) == (1, True)
+
+
+def test_an_engine_that_hangs_is_replayed_with_1(tmp_path, command):
+    spec = engine_file(tmp_path, before="time.sleep(60)")
+    told = command("replay", GOOD, "--engines", spec, "--scene-seconds", 1)
+
+    assert (told.returncode, "fake (any), status: hang; no answer within 1 s" in told.stdout) == (1, True)
+
+
+def test_a_known_gap_is_replayed_as_one(tmp_path, command):
+    told = command("replay", ROOT / "tests" / "corpus" / "exudyn-shipped-changes-assembly.toml")
+
+    assert (told.returncode, "[known since 2026-11-21: " in told.stdout) == (1, True)
+
+
+def test_an_engine_of_ones_own_needs_no_package(command):
+    own = ROOT / "examples" / "own_engine.py"
+    told = command("replay", GOOD, "--engines", f"{own}:TwoCircles")
+
+    assert (told.returncode, "two circles" in told.stdout) == (0, True)
+
+
+def test_replaying_with_a_missing_engine_ends_with_3(tmp_path):
+    told = crosscheck("replay", GOOD, "--engines", "exudyn", env={"PYTHONPATH": without(tmp_path, "exudyn")})
+
+    assert (told.returncode, "engine 'exudyn' cannot be imported: no exudyn here" in told.stdout) == (3, True)
+
+
+@pytest.mark.parametrize("text", ["schema = 1\n", "schema = ", None], ids=["incomplete", "not TOML", "no file"])
+def test_replaying_what_is_no_scene_ends_with_2(tmp_path, text, command):
+    path = tmp_path / "scene.toml"
+    if text is not None:
+        path.write_text(text, encoding="utf-8")
+    told = command("replay", path)
+
+    assert (told.returncode, str(path) in told.stderr, "Traceback" in told.stderr) == (2, True, False)
+
+
+def test_what_engines_can_do_is_printed(command):
+    told = command("engines")
+
+    assert (told.returncode, "What engines can do" in told.stdout, "mujoco 4" in told.stdout) == (0, True, True)

@@ -1,0 +1,132 @@
+"""Drawing: new scenes for every night and number, the same ones for the same, whatever the environment."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import time
+from collections import Counter
+
+import pytest
+
+from crosscheck.check import key_of
+from crosscheck.drawing import _OutOfTime, draw, effort, seed_of_scene, shrink
+from crosscheck.strategies.linkages import longest
+
+DRAW = """
+import sys
+from hypothesis import settings
+{before}
+from crosscheck.check import key_of
+from crosscheck.drawing import draw
+print(*(key_of(draw(5, number).scene) for number in range(8)))
+"""
+CIRCUMSTANCES = {
+    "by itself": "",
+    "beside other modules with numbers in them": "import crosscheck.cli, crosscheck.report, refkin.proof.krawczyk",
+    "after other draws": "from crosscheck.drawing import draw; draw(9, 1)",
+    "under a profile that derandomizes": (
+        "settings.register_profile('mine', derandomize=True, max_examples=1, database=None, phases=())\n"
+        "settings.load_profile('mine')"
+    ),
+}
+
+
+def drawn_elsewhere(before: str, **env: str) -> list[str]:
+    told = subprocess.run(
+        [sys.executable, "-c", DRAW.format(before=before)],
+        capture_output=True,
+        text=True,
+        check=True,
+        env={**os.environ, **env},
+        timeout=60,
+    )
+    return told.stdout.split()
+
+
+@pytest.mark.parametrize("ci", [{}, {"CI": "true"}, {"CI": "1", "HYPOTHESIS_PROFILE": "ci"}], ids=["", "CI", "CI=1"])
+@pytest.mark.parametrize("before", CIRCUMSTANCES.values(), ids=CIRCUMSTANCES)
+def test_what_is_drawn_depends_on_night_and_number_alone(before, ci):
+    assert drawn_elsewhere(before, **ci) == [key_of(draw(5, number).scene) for number in range(8)]
+
+
+def test_nights_and_numbers_have_no_scene_in_common():
+    keys = [key_of(draw(night, number).scene) for night in (0, 1, 20261121) for number in range(40)]
+
+    assert len(set(keys)) == len(keys)
+
+
+def test_seeds_of_neighbouring_nights_and_numbers_differ():
+    seeds = {seed_of_scene(night, number) for night in range(-5, 200) for number in range(200)}
+
+    assert len(seeds) == 205 * 200
+
+
+def test_no_kind_of_scene_is_left_out():
+    counts = Counter((d.kind, d.hardness) for d in (draw(3, number) for number in range(270)))
+
+    # 30 of each are expected, with a standard deviation of 5.2.
+    assert len(counts) == 9
+    assert min(counts.values()) >= 15
+
+
+def test_scenes_are_no_variations_of_one_another():
+    drawn = [draw(3, number) for number in range(60)]
+
+    assert len({d.linkage for d in drawn}) == len({d.law for d in drawn}) == 60
+
+
+def test_a_scene_at_fewer_times_is_the_same_motion():
+    whole, few = draw(3, 7), draw(3, 7, samples=4)
+
+    assert (few.linkage, few.law, few.variant, len(few.scene.times)) == (whole.linkage, whole.law, whole.variant, 4)
+    assert (few.scene.times[0], few.scene.times[-1]) == (whole.scene.times[0], whole.scene.times[-1])
+
+
+def test_a_failing_scene_becomes_a_simple_one_that_still_fails():
+    def large(drawn):
+        return longest(drawn.linkage) > 3.0
+
+    number = next(k for k in range(100) if large(draw(3, k)))
+    found, _ = shrink(3, number, large, 20.0)
+
+    assert large(found)
+    assert len(found.scene.times) == 2
+    # The simplest scene of all has 84 digits; a drawn one 1000 to 3000.
+    assert effort(found.scene) < 150 < effort(draw(3, number).scene)
+
+
+def test_a_scene_that_does_not_fail_again_is_not_shrunk():
+    assert shrink(3, 0, lambda drawn: False, 20.0) == (None, 1)
+
+
+def test_a_failure_that_comes_and_goes_is_shrunk_all_the_same():
+    asked = iter(range(10**6))
+    found, tried = shrink(3, 0, lambda drawn: next(asked) % 3 == 0, 5.0)
+
+    assert effort(found.scene) <= effort(draw(3, 0).scene)
+    assert tried > 1
+
+
+def test_shrinking_without_time_leaves_the_scene_as_it_was_drawn():
+    found, tried = shrink(3, 0, lambda drawn: True, 0.0)
+
+    assert (found.scene, tried) == (draw(3, 0).scene, 1)
+
+
+def test_shrinking_ends_when_its_time_is_over_with_the_simplest_so_far():
+    asked = []
+
+    def slow(drawn):
+        asked.append(drawn)
+        time.sleep(0.4)
+        return True
+
+    found, tried = shrink(3, 0, slow, 0.6)
+
+    assert (found.scene, tried) == (asked[1].scene, 2)
+
+
+def test_only_the_end_of_the_time_ends_a_run_of_hypothesis_at_once():
+    assert not issubclass(_OutOfTime, Exception)

@@ -1,0 +1,162 @@
+"""The table of known gaps: every row still shows on its scene, covers only what it says, and no row is malformed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import refkin
+from crosscheck.check import check
+from crosscheck.known_gaps import ENOUGH, PREDICATES, Gap, InvalidGap, Tally, new_disagreements, read, stale
+
+ROOT = Path(__file__).parent.parent.parent
+GAPS = read()
+ROW = """
+[[gap]]
+engine = "exudyn"
+route = "shipped"
+predicate = "anywhere"
+reason = "planted"
+class = "our misuse"
+date = 2026-11-21
+reproduction = "examples/crank-rocker.toml"
+"""
+
+
+def record_of(path: str, engine: str) -> dict[str, Any]:
+    return check(refkin.load(ROOT / path), [engine])
+
+
+@pytest.mark.parametrize("gap", GAPS, ids=lambda gap: gap.reproduction)
+def test_the_reproduction_of_every_row_still_shows_its_gap(gap):
+    assert stale([gap], record_of) == []
+
+
+@pytest.mark.parametrize("gap", GAPS, ids=lambda gap: gap.reproduction)
+def test_the_best_route_is_free_of_what_a_row_about_another_route_says(gap):
+    record = record_of(gap.reproduction, gap.engine)
+
+    assert new_disagreements(record, GAPS) == []
+
+
+def test_a_row_whose_reproduction_shows_nothing_is_stale():
+    (gap,) = read(ROW)
+
+    assert stale([gap], record_of) == [gap]
+
+
+def test_every_scene_of_the_corpus_belongs_to_a_row_or_to_a_test():
+    told = " ".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py"))
+    told += " ".join(gap.reproduction for gap in GAPS)
+
+    assert [path.name for path in (ROOT / "tests" / "corpus").glob("*.toml") if path.name not in told] == []
+
+
+FAULTS = {
+    "engine": (ROW.replace('engine = "exudyn"\n', ""), r"gap\[0\].engine is missing"),
+    "reproduction": (ROW.replace('reproduction = "examples', 'x = "'), r"gap\[0\].reproduction is missing"),
+    "unknown key": (ROW + "colour = 1\n", r"gap\[0\].colour: no such key; there are: engine, predicate, "),
+    "predicate": (ROW.replace("anywhere", "nowhere"), r"gap\[0\].predicate: 'nowhere'; there are: step_beyond_newton"),
+    "class": (ROW.replace("our misuse", "bad"), r"gap\[0\].class: 'bad'; there are: contract violated, documented"),
+    "date": (ROW.replace("2026-11-21", '"today"'), r"gap\[0\].date: 'today'; expected a date"),
+    "time": (ROW.replace("2026-11-21", "2026-11-21T10:00:00"), r"gap\[0\].date: .*; expected a date"),
+    "no text": (ROW.replace('"planted"', '""'), r"gap\[0\].reason: ''; expected some text"),
+    "a number": (ROW.replace('"shipped"', "3"), r"gap\[0\].route: 3; expected some text"),
+    "second row": (ROW + ROW.replace("anywhere", "nowhere"), r"gap\[1\].predicate"),
+    "another table": (ROW.replace("[[gap]]", "[[gaps]]"), r"gaps: no such key; there is: gap"),
+    "not TOML": (ROW + "[[", r"known_gaps.toml: .*\(at end of document\)"),
+}
+
+
+@pytest.mark.parametrize(("text", "told"), FAULTS.values(), ids=FAULTS)
+def test_a_row_that_makes_no_sense_gets_one_clear_error(text, told):
+    with pytest.raises(InvalidGap, match=told) as error:
+        read(text)
+
+    assert "\n" not in str(error.value)
+
+
+def record(*kinds: str, sigma_per_step: float | None = 0.1, route: str = "shipped") -> dict[str, Any]:
+    """Return a record in which exudyn answered by a route and has disagreements of some kinds."""
+    told = {"engine": "exudyn", "route": route, "quantity": "position", "ratio": 9.0, "worst": ""}
+    return {
+        "reference": {"sigma_per_step": sigma_per_step},
+        "answers": [{"engine": "exudyn", "route": {"name": route}}],
+        "disagreements": [{**told, "kind": kind} for kind in kinds],
+    }
+
+
+JUMP = "other assembly"
+
+
+@pytest.mark.parametrize(
+    ("met", "new"),
+    [
+        (record(JUMP), []),
+        (record(JUMP, sigma_per_step=2.0), [JUMP]),
+        (record(JUMP, sigma_per_step=None), [JUMP]),
+        (record(JUMP, route="static"), [JUMP]),
+        (record("beyond the allowed error"), ["beyond the allowed error"]),
+        (record(JUMP, "crash (SIGSEGV)"), ["crash (SIGSEGV)"]),
+    ],
+    ids=["covered", "step within Newton's reach", "one time", "best route", "another kind", "one of two"],
+)
+def test_a_row_covers_what_it_says_and_no_more(met, new):
+    assert [d["kind"] for d in new_disagreements(met, GAPS)] == new
+
+
+def test_a_row_covers_nothing_of_another_engine():
+    met = record(JUMP)
+    met["disagreements"][0]["engine"] = "mujoco"
+
+    assert len(new_disagreements(met, GAPS)) == 1
+
+
+def test_a_scene_of_which_nothing_is_known_is_covered_by_no_row():
+    met = record(JUMP)
+    del met["reference"]
+
+    assert len(new_disagreements(met, read(ROW))) == 1
+
+
+@pytest.mark.parametrize(
+    ("records", "closed"),
+    [
+        ([record()] * ENOUGH, True),
+        ([record()] * (ENOUGH - 1), False),
+        ([record()] * ENOUGH + [record(JUMP)], False),
+        ([record(sigma_per_step=5.0)] * (2 * ENOUGH), False),
+        ([record(route="static")] * (2 * ENOUGH), False),
+    ],
+    ids=["many scenes of its kind", "too few", "it showed once", "scenes of another kind", "its route did not run"],
+)
+def test_a_row_is_possibly_closed_when_it_did_not_show_in_many_scenes_of_its_kind(records, closed):
+    tally = Tally(GAPS[:1])
+    for met in records:
+        tally.add(met)
+
+    assert bool(tally.possibly_closed()) is closed
+
+
+def test_every_predicate_is_told_what_it_holds_for():
+    assert all(predicate.__doc__ for predicate in PREDICATES.values())
+
+
+def test_a_record_says_how_small_sigma_is_against_the_steps_beside_it():
+    scene = refkin.load(ROOT / "examples" / "crank-rocker.toml")
+    motion, size = refkin.solve(scene), scene.mechanism.size()
+    ratios = []
+    for k in range(len(scene.times) - 1):
+        change = [abs(row[k + 1] - row[k]) / (1.0 if j % 3 == 2 else size) for j, row in enumerate(motion.q)]
+        ratios.append(min(motion.sigma_min[k], motion.sigma_min[k + 1]) / max(change))
+
+    assert check(scene, [])["reference"]["sigma_per_step"] == pytest.approx(min(ratios), rel=1e-12)
+
+
+def test_a_gap_is_told_by_its_row():
+    (gap,) = read(ROW)
+
+    assert isinstance(gap, Gap)
+    assert (gap.engine, gap.match, gap.kind_of_gap) == ("exudyn", {"route": "shipped"}, "our misuse")

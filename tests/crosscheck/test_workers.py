@@ -1,0 +1,289 @@
+"""Workers: an engine that crashes, hangs or raises on one scene is named, and costs nothing else; nor does a kill."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from contextlib import suppress
+from multiprocessing import forkserver
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from crosscheck.processes import Failure, call_each
+from crosscheck.workers import MOST_KILLS, Trial, Workers
+
+from .fake_engines import EXIT, HANG, RAISE, SEGFAULT, SHIFT, alive, engine_file, jobs, key_of_drawn, settled
+
+NIGHT = 11
+COUNT = 6
+
+
+def checked(workers: Workers, count: int = COUNT, batch: int = 3) -> dict[str, dict[str, Any]]:
+    """Return the records of the first scenes by key, none twice."""
+    records = []
+    todo = jobs(NIGHT, count)
+    for k in range(0, count, batch):
+        workers.submit(todo[k : k + batch])
+    while workers.pending:
+        records += list(workers.results())
+    by_key = {record["key"]: settled(record) for record in records}
+    assert len(by_key) == len(records)
+    return by_key
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory):
+    """What an engine that does nothing wrong gives, beside the closed form."""
+    spec = engine_file(tmp_path_factory.mktemp("undisturbed"))
+    with Workers(2, {"closed_form": "closed_form", "fake": spec}) as workers:
+        return checked(workers)
+
+
+def run_with(tmp_path: Path, before: str, seconds: float = 30.0, after: str = "pass") -> tuple[dict[str, Any], Workers]:
+    spec = engine_file(tmp_path, before=before, after=after)
+    with Workers(2, {"closed_form": "closed_form", "fake": spec}, seconds) as workers:
+        return checked(workers), workers
+
+
+def on_scene(number: int, what: str) -> str:
+    return f'{what} if key == "{key_of_drawn(NIGHT, number)}" else None'
+
+
+FAULTS = {
+    "crash (SIGSEGV)": SEGFAULT,
+    "crash (SIGABRT)": "os.abort()",
+    "crash (exit code 7)": EXIT,
+    "hang": HANG,
+    "error (ZeroDivisionError)": RAISE,
+}
+
+
+def as_expression(what: str) -> str:
+    return f"exec({what.split('  #')[0]!r})"
+
+
+@pytest.fixture(scope="module", params=FAULTS)
+def faulty(request, tmp_path_factory):
+    """A run in which one engine does one of the faults on the scene number 1: its kind, and the records."""
+    folder = tmp_path_factory.mktemp("faulty")
+    before = on_scene(1, as_expression(FAULTS[request.param]))
+    records, workers = run_with(folder, before, seconds=2.0 if request.param == "hang" else 30.0)
+    return request.param, records, workers
+
+
+def test_every_scene_has_a_record_although_a_process_failed_on_one(faulty, undisturbed):
+    assert faulty[1].keys() == undisturbed.keys()
+
+
+def test_only_the_scene_on_which_a_process_failed_is_affected(faulty, undisturbed):
+    _, records, _ = faulty
+
+    assert [key for key in records if records[key] != undisturbed[key]] == [key_of_drawn(NIGHT, 1)]
+
+
+def test_the_engine_that_failed_is_named_with_how(faulty):
+    kind, records, _ = faulty
+    told = records[key_of_drawn(NIGHT, 1)]["disagreements"]
+
+    assert [(d["engine"], d["route"], d["quantity"], d["kind"]) for d in told] == [("fake", "any", "status", kind)]
+
+
+def test_what_the_other_engines_answered_is_kept(faulty, undisturbed):
+    _, records, _ = faulty
+    ours, theirs = (group[key_of_drawn(NIGHT, 1)] for group in (records, undisturbed))
+
+    assert (ours["answers"], ours["reference"]) == (
+        [a for a in theirs["answers"] if a["engine"] != "fake"],
+        theirs["reference"],
+    )
+
+
+def test_a_failure_that_is_told_as_a_disagreement_is_not_told_twice(faulty):
+    assert faulty[2].unexplained == []
+
+
+def test_what_an_engine_raised_is_told_with_the_place_it_came_from(tmp_path):
+    records, _ = run_with(tmp_path, on_scene(1, as_expression("time.sleep('x')")))
+    worst = records[key_of_drawn(NIGHT, 1)]["disagreements"][0]["worst"]
+
+    assert worst.startswith("TypeError: 'str' object cannot be interpreted as an integer (<module>, ")
+
+
+def test_a_crash_that_does_not_happen_again_is_told_and_loses_nothing(tmp_path, undisturbed):
+    once = f"Path({str(tmp_path / 'done')!r})"
+    before = on_scene(1, f"({once}.exists() or ({once}.touch(), {SEGFAULT}))")
+
+    records, workers = run_with(tmp_path, before)
+
+    assert (records, workers.unexplained) == (
+        undisturbed,
+        [f"{key_of_drawn(NIGHT, 1)}: crash (SIGSEGV), but not when it was done again"],
+    )
+
+
+def test_a_disagreement_of_an_engine_stays_when_another_crashes_on_the_scene(tmp_path):
+    crashing = engine_file(tmp_path, name="crashing", before=on_scene(0, SEGFAULT))
+    wrong = engine_file(tmp_path, name="wrong", after=SHIFT)
+    with Workers(1, {"crashing": crashing, "wrong": wrong}) as workers:
+        told = checked(workers, 1)[key_of_drawn(NIGHT, 0)]["disagreements"]
+
+    assert {(d["engine"], d["quantity"]) for d in told} == {("crashing", "status"), ("wrong", "position")}
+
+
+def test_a_batch_in_which_one_scene_hangs_is_done_once_but_for_that_scene(tmp_path):
+    tally = f"Path({str(tmp_path)!r}, 'calls').open('a').write(key + '\\n')"
+    run_with(tmp_path, f"{tally}; {on_scene(1, as_expression(HANG))}", seconds=2.0)
+    calls = (tmp_path / "calls").read_text().split()
+
+    # Twice per scene that is done: once more with its bodies in another order. The hanging one never gets that far.
+    assert sorted(calls.count(key) for key in set(calls)) == [1] * (COUNT - 1) + [1] * (COUNT - 1) + [2]
+
+
+def test_workers_killed_one_after_the_other_change_nothing(tmp_path, undisturbed):
+    spec = engine_file(tmp_path, before="time.sleep(0.15)")
+    records = []
+    with Workers(2, {"closed_form": "closed_form", "fake": spec}) as workers:
+        todo = jobs(NIGHT, COUNT)
+        workers.submit(todo[:3])
+        workers.submit(todo[3:])
+        kills, last = 0, time.monotonic()
+        while workers.pending:
+            records += list(workers.results())
+            if kills < 4 and time.monotonic() - last > 0.3 and workers.busy:
+                os.kill(next(iter(workers.busy)).process.pid, signal.SIGKILL)
+                kills, last = kills + 1, time.monotonic()
+            time.sleep(0.02)
+
+    assert kills == 4
+    assert {r["key"]: settled(r) for r in records} == undisturbed
+    assert (len(records), workers.unexplained) == (COUNT, [])
+
+
+def test_the_server_that_forks_workers_may_be_killed_with_them(tmp_path, undisturbed):
+    spec = engine_file(tmp_path, before="time.sleep(0.1)")
+    records = []
+    with Workers(2, {"closed_form": "closed_form", "fake": spec}) as workers:
+        workers.submit(jobs(NIGHT, COUNT))
+        while not records:
+            records += list(workers.results())
+        os.kill(forkserver._forkserver._forkserver_pid, signal.SIGKILL)
+        for process in workers.busy:
+            os.kill(process.process.pid, signal.SIGKILL)
+        while workers.pending:
+            records += list(workers.results())
+
+    assert {r["key"]: settled(r) for r in records} == undisturbed
+    assert (len(records), workers.unexplained) == (COUNT, [])
+
+
+def test_an_idle_worker_that_was_killed_is_replaced(tmp_path, undisturbed):
+    spec = engine_file(tmp_path)
+    with Workers(1, {"closed_form": "closed_form", "fake": spec}) as workers:
+        first = workers.check_one(jobs(NIGHT, 1)[0])
+        workers.idle[0].process.kill()
+        workers.idle[0].process.join()
+        again = workers.check_one(jobs(NIGHT, 1)[0])
+
+    assert settled(first) == settled(again) == undisturbed[first["key"]]
+
+
+def test_a_scene_that_is_killed_again_and_again_is_given_up_and_named(tmp_path):
+    tally = f"Path({str(tmp_path)!r}, 'calls').open('a').write('.')"
+    records, _ = run_with(tmp_path, on_scene(1, f"({tally}, os.kill(os.getpid(), signal.SIGKILL))"))
+    told = records[key_of_drawn(NIGHT, 1)]["disagreements"]
+
+    assert [(d["engine"], d["kind"]) for d in told] == [("fake", "crash (SIGKILL)")]
+    assert len((tmp_path / "calls").read_text()) == 2 * (MOST_KILLS + 1)
+
+
+def test_no_worker_is_left_when_the_work_is_done(tmp_path):
+    with Workers(2, {"closed_form": "closed_form"}) as workers:
+        checked(workers)
+        pids = [process.process.pid for process in workers.idle]
+
+    assert (len(pids), alive(pids)) == (2, [])
+
+
+def test_no_worker_is_left_when_the_work_is_broken_off(tmp_path):
+    spec = engine_file(tmp_path, before=HANG)
+    with suppress(KeyboardInterrupt), Workers(2, {"fake": spec}) as workers:
+        workers.submit(jobs(NIGHT, 1))
+        workers.submit(jobs(NIGHT, 1))
+        list(workers.results())
+        pids = [process.process.pid for process in workers.busy]
+        raise KeyboardInterrupt
+
+    assert (len(pids), alive(pids)) == (2, [])
+
+
+def test_scenes_that_nobody_has_begun_with_can_be_dropped():
+    with Workers(1, {"closed_form": "closed_form"}) as workers:
+        for job in jobs(NIGHT, 4):
+            workers.submit([job])
+        first = list(workers.results())
+        workers.drop_waiting()
+        while workers.pending:
+            first += list(workers.results())
+
+    assert len(first) == 1
+
+
+def test_a_scene_whose_reference_fails_is_a_failure_of_the_run_and_no_disagreement():
+    (job,) = jobs(NIGHT, 1)
+    trial = Trial(job, ("fake",), Failure("hang", "once"), {"": Failure("hang", "no answer within 2 s")})
+    record = trial.record()
+
+    assert (record["failure"], record["disagreements"], record["key"]) == (
+        "the reference itself: hang; no answer within 2 s",
+        [],
+        key_of_drawn(NIGHT, 0),
+    )
+
+
+SCRIPT = """
+import json, sys
+print("begun")
+from crosscheck.workers import Workers
+with Workers(1, {"closed_form": "closed_form"}) as workers:
+    print(workers.check_one(json.loads(sys.argv[1]))["key"])
+"""
+
+
+def test_workers_do_not_run_the_program_that_starts_them_again(tmp_path):
+    script = tmp_path / "program.py"
+    script.write_text(SCRIPT)
+    line = [sys.executable, script, json.dumps(jobs(NIGHT, 1)[0])]
+    told = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True)
+
+    assert told.stdout.split() == ["begun", key_of_drawn(NIGHT, 0)]
+
+
+def test_starting_workers_leaves_the_environment_as_it_was(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "3")
+    before = dict(os.environ)
+    with Workers(1, {"closed_form": "closed_form"}) as workers:
+        workers.check_one(jobs(NIGHT, 1)[0])
+
+    assert dict(os.environ) == before
+
+
+def name_of(argument: str) -> str:
+    """Return, crash or hang: what a process is started for in the next test."""
+    if argument == "crash":
+        os._exit(3)
+    while argument == "hang":
+        time.sleep(1)
+    return argument.upper()
+
+
+def test_calls_in_processes_of_their_own_fail_alone(monkeypatch):
+    monkeypatch.syspath_prepend(str(Path(__file__).parent.parent.parent))
+    found = call_each(name_of, ["crash", "well", "hang"], seconds=3.0)
+
+    assert [getattr(f, "kind", f) for f in found] == ["crash (exit code 3)", "WELL", "hang"]
