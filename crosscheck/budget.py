@@ -2,9 +2,9 @@
 
 First-order propagation through the equations of the reference, at its solution and in its scaled coordinates:
 
-    dq   = |J^-1| e_phi                          + 2 u max(bodies, |q|)
-    dqd  = |J^-1| (|d(J qd - nu)/dq| dq + e_nu)   + 2 u bodies max |qd|
-    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + 2 u bodies (max |qdd| + max |qd|^2)
+    dq   = |J^-1| e_phi                          + 6 u max(bodies, |q|)
+    dqd  = |J^-1| (|d(J qd - nu)/dq| dq + e_nu)   + 6 u bodies max |qd|
+    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + 6 u bodies (max |qdd| + max |qd|^2)
 
 with J = phi_q. The e are running-error bounds of the formulas themselves (`running_error`), with coordinates that
 are rounded to u |q|: no float64 code is told more. `SAFETY` covers that an engine evaluates the same closure by
@@ -207,7 +207,8 @@ def _handed_over(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, A
     position = np.maximum(arms, np.where(is_angle, largest_angle, metres / system.unit.size))
     rate = arms * np.max(np.abs(qd), axis=0)
     bend = arms * (np.max(np.abs(qdd), axis=0) + np.max(np.abs(qd), axis=0) ** 2)
-    return 2 * U * position, 2 * U * rate, 2 * U * bend
+    roundings = 6 * U  # cosine or sine, product and sum for each arm, on both sides of a comparison
+    return roundings * position, roundings * rate, roundings * bend
 
 
 def _residual_error(system: System, q: Any, rate: Any, t: Any, shape: tuple[int, ...], qd: Any = None) -> Any:

@@ -150,12 +150,12 @@ def _run(night: int, number: int, samples: int, phases: tuple[Phase, ...], do: C
     def scene_property(ticket: int, drawn: Drawn) -> None:
         do(drawn)
 
-    with _own_choices_only():
+    with own_choices_only():
         scene_property()
 
 
 @contextmanager
-def _own_choices_only() -> Iterator[None]:
+def own_choices_only() -> Iterator[None]:
     """Keep Hypothesis from mixing into its choices the numbers that stand in the source of imported local modules.
 
     With them, what is drawn would depend on which modules happen to be loaded and on where the package is installed.

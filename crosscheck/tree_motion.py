@@ -9,11 +9,22 @@ from crosscheck.tree_system import TreeEngine, TreeSystem
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, PointMotion, Producer, engine_motion
 
-CHAIN = Term(
-    name="chain of frames",
-    level="position",
-    reason="a loop is closed by a chain of up to four frames where the reference composes one: twice the roundings",
-    relative=1.0,
+CHAIN = (
+    Term(
+        name="chain of frames",
+        level="position",
+        reason="a loop is closed by a chain of up to four frames where the reference composes one: twice the roundings",
+        relative=1.0,
+    ),
+    *(
+        Term(
+            name="rates down a chain",
+            level=level,
+            reason="rates are composed down the same chain: two roundings for each of four frames, at both ends",
+            relative=16.0 * 2.0**-53,
+        )
+        for level in ("velocity", "acceleration")
+    ),
 )
 
 

@@ -30,8 +30,10 @@ FIRST = 0.1
 """Largest first move, for which there is no prediction yet [sizes, rad]."""
 TINY = 1e-6
 """Corrections below it are round-off of a good prediction, or too small to leave a regular branch [sizes, rad]."""
-NOISE = 256 * EPS
-"""What rounding leaves of phi, times what sigma_min may have shrunk in a step: over sigma_min it is noise in a pose."""
+SHORT = 1 / 8
+"""Steps shorter than this part of what was asked are short: they were halved."""
+APART = 64
+"""Corrections below sigma_min / APART lead to no other root: near a singular pose roots are sigma_min apart or so."""
 FURTHEST = 1.0
 """Largest move of an angle in one step: predictions do not know what lies within a radian [rad]."""
 REACH = 0.25
@@ -58,20 +60,22 @@ class Sweep:
     q: list[Any]
     sign: float = field(init=False)
     steps: int = 0
+    asked: float = np.inf
+    blocked: bool = False
     step: float = np.inf
-    tiny: float = TINY
 
     def __post_init__(self) -> None:
         self.sign = orientation(self.system, self.q[0], self.t[0])
 
     def to(self, target: float) -> Arrival:
         """Go on to a time, in as many steps as it takes; on REACHED and AT_SINGULAR_POSE `q[-1]` is the pose there."""
+        if self.blocked:
+            return Arrival.STOPPED
+        self.asked = target - self.t[-1]
         smallest = 4 * EPS * max(abs(target), abs(self.t[-1]), target - self.t[-1])
         while self.steps < MOST_STEPS:
             self.steps += 1
-            last = (
-                self.t[-1] + self.step >= target
-            )  # as rounded: else a step may land on the target and not be the last
+            last = self.t[-1] + self.step >= target  # as rounded: a step may land on the target
             t = target if last else self.t[-1] + self.step
             result = self._corrected(t)
             if self._on_branch(result, t):
@@ -83,7 +87,6 @@ class Sweep:
             if last and (arrival := self._at_singular_pose(t)) is not None:
                 return arrival
             self.step = (t - self.t[-1]) / 2
-            self.tiny = max(TINY, NOISE / max(EPS, _sigma_min(self.system, self.q[-1], self.t[-1])))
             if self.step < smallest:
                 break
         return Arrival.STOPPED
@@ -102,14 +105,20 @@ class Sweep:
         return poses[0]
 
     def _corrected(self, t: float) -> NewtonResult:
-        s, stop = self.system, _WhileContracting(tiny=self.tiny)
+        s, stop = self.system, _WhileContracting()
         return newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), self._predicted(t), stop=stop)
 
     def _on_branch(self, result: NewtonResult, t: float) -> bool:
-        if not (result.converged and contracts(np.max(np.abs(result.corrections), axis=1), self.tiny)):
+        sizes = np.max(np.abs(result.corrections), axis=1)
+        if not (result.converged and contracts(sizes)):
             return False
+        if t - self.t[-1] < SHORT * self.asked:
+            # Something is near. No step may end where rounding could decide which of two roots is the next.
+            sigma = _sigma_min(self.system, result.q, t)
+            if sigma <= SINGULAR or (not contracts(sizes, 0.0) and sizes[0] > sigma / APART):
+                return False
         move, off = (np.max(np.abs(result.q - q)) for q in (self.q[-1], result.iterates[0]))
-        near = off <= max(NEAR * move, self.tiny) if len(self.q) > 1 else move <= FIRST
+        near = off <= max(NEAR * move, TINY) if len(self.q) > 1 else move <= FIRST
         turn = np.max(np.abs(result.q - self.q[-1])[self.system.angles], initial=0.0)
         return bool(near and turn <= FURTHEST and self._same_side(result.q, t))
 
@@ -137,6 +146,7 @@ class Sweep:
         if isolated and not self._same_side(result.q, t):
             return None
         self._accept(result.q, t)
+        self.blocked = True  # rounding could decide on which of two branches a step from here goes on
         return Arrival.REACHED if isolated else Arrival.AT_SINGULAR_POSE
 
 
@@ -148,12 +158,11 @@ class _WhileContracting(RoundOff):
     step.
     """
 
-    tiny: float = TINY
     sizes: list[float] = field(default_factory=list)
 
     def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
         self.sizes.append(float(np.max(np.abs(correction))))
-        return super().__call__(residual, correction, q) or not contracts(self.sizes, self.tiny)
+        return super().__call__(residual, correction, q) or not contracts(self.sizes)
 
 
 def contracts(sizes: Sequence[float], tiny: float = TINY) -> bool:

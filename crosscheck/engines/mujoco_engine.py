@@ -122,7 +122,7 @@ class Mujoco:
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of MuJoCo's drift terms; Newton runs to round-off, and no constraint is soft."""
-        return (CHAIN, *SPATIAL)
+        return (*CHAIN, *SPATIAL)
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
         """Return the motion of the wanted bodies, found in a joint tree from the bodies' estimates.

@@ -96,7 +96,7 @@ class Pinocchio:
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of Pinocchio's drift terms; Newton goes on to round-off, nothing stops above it."""
-        return (CHAIN, *SPATIAL)
+        return (*CHAIN, *SPATIAL)
 
     def constraints(self, scene: Scene) -> PinocchioConstraints:
         """Return Pinocchio's rows for the joints of a scene that it does not refuse.

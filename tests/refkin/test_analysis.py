@@ -157,3 +157,15 @@ def test_a_step_that_lands_on_the_next_time_by_rounding_is_the_last():
     motion = refkin.solve(refkin.InvertedSliderCrank(ground=2.0, crank=1.0, offset=0.5).scene(law=law, times=times))
 
     assert set(motion.status) == {Status.OK}
+
+
+@pytest.mark.parametrize("samples", [5, 8, 14, 30, 100])
+def test_a_parallelogram_that_steps_over_its_flat_pose_is_not_followed_beyond_it(samples):
+    """There it may go on as a parallelogram or as an antiparallelogram: neither is the branch that was asked for."""
+    linkage = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
+    law = Polynomial(coefficients=(1.0, 1.0))
+    motion = refkin.solve(linkage.scene(law=law, times=tuple(np.linspace(0.0, 4.0, samples))))
+    before = motion.t < np.pi - 1.0
+
+    assert {s for s, early in zip(motion.status, before, strict=True) if early} == {Status.OK}
+    assert {s for s, early in zip(motion.status, before, strict=True) if not early} == {Status.BRANCH_LOST}
