@@ -16,6 +16,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
+from crosscheck import document_commands
 from crosscheck.answers import to_json
 from crosscheck.campaign import ALWAYS, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.engines import available
@@ -298,3 +299,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _told(error: BaseException, code: int) -> int:
     print(str(error) or "interrupted", file=sys.stderr)
     return code
+
+
+app.command(document_commands.ledger)
+app.command(document_commands.mutants)

@@ -17,6 +17,7 @@ from markupsafe import Markup
 from crosscheck import known_gaps
 from crosscheck.known_gaps import Gap
 from crosscheck.report import wording
+from crosscheck.report.documents import documents
 from crosscheck.report.figures import digits_figure, newton_figure
 from crosscheck.report.histories import newton_histories
 from crosscheck.report.summary import SOLVED, Ended, Summary
@@ -68,7 +69,7 @@ def build(
     """
     folder.mkdir(parents=True, exist_ok=True)
     summary = Summary(folder, known_gaps.read() if gaps is None else gaps, outcome)
-    report = plain({**summary.described(required), "newton_histories": newton_histories()})
+    report = plain({**summary.described(required), "newton_histories": newton_histories(), "documents": documents()})
     _replace(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     page = folder / "index.html"
     _replace(page, render(report))

@@ -1,0 +1,43 @@
+"""The commands about the source documents: `crosscheck ledger` and `crosscheck mutants`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from cyclopts import Parameter
+
+Json = Annotated[bool, Parameter(name="--json", negative="")]
+
+
+def ledger(*rows: str, as_json: Json = False) -> int:
+    """Recompute every printed number of the source documents, and print what of it is right.
+
+    Exit codes: 0 every row passes or is open, 1 a row fails, 2 there is no row of that name.
+
+    Parameters
+    ----------
+    rows
+        Names of rows, such as A3; all by default.
+    as_json
+        Print one JSON object instead of tables.
+    """
+    from crosscheck.ledger.show import run  # here, because no other command needs it
+
+    return run(rows, as_json)
+
+
+def mutants(*words: str, as_json: Json = False) -> int:
+    """Put errors into the production code, one by one, and show which check goes red for each.
+
+    Exit codes: 0 every mutant is killed, 1 one survives or a check is red without any, 2 one does not fit the code.
+
+    Parameters
+    ----------
+    words
+        Only mutants with one of these in their label, or with this row or target.
+    as_json
+        Print one JSON object instead of a table.
+    """
+    from crosscheck.mutants_shown import run  # here, because no other command needs it
+
+    return run(words, as_json)

@@ -1,0 +1,118 @@
+"""Production code with one formula changed: the code object of a function is replaced where it lives, and put back.
+
+Nothing is copied and no name is rebound: whoever holds the function, under whatever name, runs the changed text. The
+text is that of the source, with one passage replaced that must occur exactly once; so a mutant that no longer fits its
+target is an error, and not a mutant that survives.
+"""
+
+from __future__ import annotations
+import __future__
+
+import ast
+import importlib
+import inspect
+import sys
+import textwrap
+import types
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import cached_property
+from typing import Any
+
+
+class DoesNotFit(Exception):
+    """A replacement whose target or passage does not exist as it says."""
+
+
+@contextmanager
+def mutated(target: str, old: str, new: str) -> Iterator[None]:
+    """Run the block with a passage of a function's text replaced.
+
+    Parameters
+    ----------
+    target : str
+        module:function or module:Class.method; a property is its getter.
+    old, new : str
+        The passage, which occurs exactly once in the function, and what stands there instead.
+
+    Raises
+    ------
+    DoesNotFit
+        If there is no such function or passage, or the changed text is the same program.
+    """
+    function = resolve(target)
+    changed = changed_function(function, old, new, target)
+    before = function.__code__, function.__defaults__, function.__kwdefaults__
+    forget_caches()
+    try:
+        _put(function, (changed.__code__, changed.__defaults__, changed.__kwdefaults__))
+        yield
+    finally:
+        _put(function, before)
+        forget_caches()
+
+
+def _put(function: types.FunctionType, parts: tuple[Any, Any, Any]) -> None:
+    function.__code__, function.__defaults__, function.__kwdefaults__ = parts
+
+
+def resolve(target: str) -> types.FunctionType:
+    """Return the function that a target names."""
+    module, _, path = target.partition(":")
+    try:
+        found: Any = importlib.import_module(module)
+        for name in path.split("."):
+            found = inspect.getattr_static(found, name)
+    except (ImportError, AttributeError):
+        raise DoesNotFit(f"target: expected module:function, which exists, got {target!r}") from None
+    if isinstance(found, property):
+        found = found.fget
+    if isinstance(found, cached_property):
+        found = found.func
+    found = inspect.unwrap(found.__func__ if isinstance(found, staticmethod | classmethod) else found)
+    if not isinstance(found, types.FunctionType):
+        raise DoesNotFit(f"target: expected a function, got {target!r}")
+    return found
+
+
+def changed_function(function: types.FunctionType, old: str, new: str, target: str = "") -> types.FunctionType:
+    """Return a function of the changed text, in the function's own module; it is not put anywhere."""
+    text = textwrap.dedent(inspect.getsource(function))
+    if text.count(old) != 1:
+        raise DoesNotFit(f"{target}: expected {old!r} once, found it {text.count(old)} times")
+    changed = _compiled(function, text.replace(old, new))
+    if changed.__code__.co_freevars != function.__code__.co_freevars:
+        raise DoesNotFit(f"{target}: the changed text has other free variables")
+    if ast.dump(ast.parse(text)) == ast.dump(ast.parse(text.replace(old, new))):
+        raise DoesNotFit(f"{target}: the changed text is the same program")
+    return changed
+
+
+def _compiled(function: types.FunctionType, text: str) -> types.FunctionType:
+    tree = ast.parse(text)
+    definition = tree.body[0]
+    if not isinstance(definition, ast.FunctionDef):
+        raise DoesNotFit(f"{function.__qualname__}: expected a plain function")
+    definition.decorator_list = []
+    # A method that calls super() finds its class in a cell: that of the enclosing function here.
+    outer = ast.parse("def outer(__class__):\n    return None").body[0]
+    assert isinstance(outer, ast.FunctionDef)
+    outer.body = [definition, ast.Return(ast.Name(definition.name, ast.Load()))]
+    module = ast.fix_missing_locations(ast.Module([outer], []))
+    flags = __future__.annotations.compiler_flag
+    code = compile(module, inspect.getsourcefile(function) or "<changed>", "exec", flags=flags, dont_inherit=True)
+    names: dict[str, Any] = dict(function.__globals__)
+    exec(code, names)
+    changed = names["outer"](None)
+    assert isinstance(changed, types.FunctionType)
+    return changed
+
+
+def forget_caches() -> None:
+    """Empty the caches of this project's functions: what other formulas gave must not be found again."""
+    for name, module in list(sys.modules.items()):
+        if name.partition(".")[0] in ("refkin", "crosscheck") and not name.startswith("crosscheck.ledger"):
+            for value in list(vars(module).values()):
+                clear = getattr(value, "cache_clear", None)
+                if callable(clear) and hasattr(value, "__wrapped__"):
+                    clear()

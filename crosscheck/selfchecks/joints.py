@@ -1,0 +1,181 @@
+"""Checks of every joint and driver: its residual against its meaning, its other formulas against its residual."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+from flint import arb, ctx
+
+from crosscheck.selfchecks.cases import LAW, TIMES, UNITS, constraints, name_of, state, system_of
+from crosscheck.selfchecks.claims import U, check, demand, demand_near
+from crosscheck.selfchecks.geometry import dimensions, expected_residual
+from refkin.differences import Scheme, jacobian
+from refkin.errors import Fault
+from refkin.joints import DRIVER_TYPES, JOINT_TYPES, AngleDriver, Constraint
+from refkin.proof.exact import exact_system
+from refkin.system import System
+
+ROUNDING = 256 * U
+"""What about a hundred roundings of numbers of the size of the largest term may leave, with a reserve of two."""
+STEP = 1e-100
+
+
+def cases() -> Iterator[tuple[Constraint, System, slice, float]]:
+    """Yield each constraint with its system in each unit, its rows, and a time."""
+    for constraint in constraints():
+        for unit, t in zip(UNITS, TIMES, strict=True):
+            yield constraint, *system_of(constraint, unit), t
+
+
+def size(*values: Any) -> float:
+    """Return the largest number, by which rounding errors grow; at least 1."""
+    return max(1.0, *(float(np.max(np.abs(v), initial=0.0)) for v in values))
+
+
+def _phi(system: System, t: float, q: Any) -> Any:
+    return system.phi(q, t)
+
+
+@check
+def residual_is_the_geometry() -> None:
+    """The residual of every joint and driver is what it means, in metres and in other units."""
+    for c, system, rows, t in cases():
+        q, _, _ = state(system)
+        physical = system.to_physical(q)
+        pose = {
+            b.name: (complex(*physical[3 * k : 3 * k + 2]), float(physical[3 * k + 2]))
+            for k, b in enumerate(system.mechanism.bodies)
+        }
+        pose["ground"] = (0j, 0.0)
+        s = float(q[-1]) if c.parameters else 0.0
+        scale = system.unit.size
+        expected = [x / scale**p for x, p in zip(expected_residual(c, pose, t, s), dimensions(c), strict=True)]
+        allowed = ROUNDING * size(expected, physical / scale) ** 2
+        demand_near(system.phi(q, t)[rows], expected, allowed, name_of(c))
+
+
+@check
+def jacobian_is_the_derivative() -> None:
+    """The Jacobian of every joint and driver is the complex-step derivative of its residual."""
+    for c, system, rows, t in cases():
+        q, _, _ = state(system)
+        slope = system.phi_q(q, t)[rows]
+        exact = jacobian(partial(_phi, system, t), q, Scheme.COMPLEX_STEP)[rows]
+        demand_near(slope, exact, ROUNDING * size(slope), name_of(c))
+
+
+@check
+def nu_is_minus_the_time_derivative() -> None:
+    """The velocity side of every joint and driver is minus the derivative of its residual by time."""
+    for c, system, rows, t in cases():
+        q, _, _ = state(system)
+        moved = system.phi(q.astype(complex), t + STEP * 1j)[rows]
+        nu = system.nu(q, t)
+        demand(nu.shape == (system.m,), f"{name_of(c)}: nu has shape {nu.shape} for {system.m} rows")
+        demand_near(nu[rows], -np.imag(moved) / STEP, ROUNDING * size(nu), name_of(c))
+
+
+@check
+def gamma_has_every_term() -> None:
+    """phi_q qdd - gamma of every joint and driver is the derivative of phi_q qd - nu along a motion."""
+    for c, system, rows, t in cases():
+        q, qd, qdd = state(system)
+        e = STEP * 1j
+        moved = system.phi_q(q + e * qd, t + e) @ (qd + e * qdd) - system.nu(q + e * qd, t + e)
+        left, gamma = system.phi_q(q, t) @ qdd, system.gamma(q, qd, t)
+        demand_near((left - gamma)[rows], np.imag(moved)[rows] / STEP, ROUNDING * size(left, gamma), name_of(c))
+
+
+@check
+def rows_of_lanes_are_the_lanes() -> None:
+    """A batch of configurations gives lane by lane what one configuration gives."""
+    for c, system, rows, _ in cases():
+        states = [state(system, seed) for seed in range(3)]
+        q, qd = (np.stack([each[k] for each in states], axis=-1) for k in (0, 1))
+        t = np.linspace(0.1, 0.9, 3)
+        whole = (system.phi(q, t), system.phi_q(q, t), system.nu(q, t), system.gamma(q, qd, t))
+        for k in range(3):
+            at = q[:, k], t[k]
+            lane = (system.phi(*at), system.phi_q(*at), system.nu(*at), system.gamma(q[:, k], qd[:, k], t[k]))
+            for a, b in zip(whole, lane, strict=True):
+                demand_near(a[rows][..., k], b[rows], ROUNDING * size(b), name_of(c))
+
+
+@check
+def balls_hold_what_floats_give() -> None:
+    """On balls, with the scene's numbers exact, the same formulas give what floats give, to round-off."""
+    for c, system, rows, t in cases():
+        q, qd, _ = state(system)
+        exact = exact_system(system, 113)
+        with ctx.workprec(113):
+            at, rate, when = objects(q), objects(qd), arb(t)
+            balls = (exact.phi(at, when), exact.phi_q(at, when), exact.nu(at, when), exact.gamma(at, rate, when))
+            found = [np.array([float(arb(x)) for x in np.ravel(b[rows])]) for b in balls]
+        floats = (system.phi(q, t), system.phi_q(q, t), system.nu(q, t), system.gamma(q, qd, t))
+        for a, b in zip(found, floats, strict=True):
+            demand_near(a, np.ravel(b[rows]), 4 * ROUNDING * size(b), name_of(c))
+
+
+def objects(values: Any) -> Any:
+    """Return numbers as exact balls in an array."""
+    out = np.empty(len(values), object)
+    out[:] = [arb(float(v)) for v in values]
+    return out
+
+
+class Recorder:
+    """A law that writes down which of its derivatives are asked for."""
+
+    def __init__(self) -> None:
+        self.orders: set[int] = set()
+
+    def __call__(self, t: Any, order: int = 0) -> Any:
+        self.orders.add(order)
+        return LAW(t, order)
+
+    def domain(self) -> tuple[float, float]:
+        return LAW.domain()
+
+    def integral(self, t: Any) -> Any:
+        return LAW.integral(t)
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        return iter(())
+
+
+@check
+def laws_are_asked_no_further_than_needed() -> None:
+    """Both phi and phi_q ask a law for its value alone, nu for the first derivative, gamma for the second."""
+    law = Recorder()
+    system, _ = system_of(AngleDriver(name="c", body="b", law=law), UNITS[0])  # type: ignore[arg-type]
+    q, qd, _ = state(system)
+    calls: tuple[tuple[Callable[[], Any], int], ...] = (
+        (lambda: system.phi(q, 0.3), 0),
+        (lambda: system.phi_q(q, 0.3), 0),
+        (lambda: system.nu(q, 0.3), 1),
+        (lambda: system.gamma(q, qd, 0.3), 2),
+    )
+    for call, highest in calls:
+        law.orders.clear()
+        call()
+        demand(
+            max(law.orders, default=0) == highest,
+            f"orders {law.orders} were asked for, {highest} is the highest needed",
+        )
+
+
+@check
+def every_type_is_among_the_cases() -> None:
+    """No joint or driver type is left out of these checks."""
+    demand({type(c) for c in constraints()} == {*JOINT_TYPES, *DRIVER_TYPES}, "a type has no case")
+
+
+@check
+def profiles_reach_the_third_derivative() -> None:
+    """A moving contact on a curve takes third derivatives of its profile: the cases' laws have them."""
+    for c in constraints():
+        law = getattr(getattr(c, "profile", None), "law", None)
+        demand(law is None or abs(law(0.3, 3)) > 0.01, f"{name_of(c)}: its third derivative vanishes")

@@ -1,0 +1,226 @@
+"""Checks of linkages: poses that close, classes, ranges, transmission angles; found by other means each time."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from crosscheck.selfchecks.claims import U, check, demand, demand_near, demand_raises
+from refkin.linkages import (
+    ANYWHERE,
+    Branch,
+    DoesNotAssemble,
+    FourBar,
+    GrashofClass,
+    InvertedSliderCrank,
+    Linkage,
+    SliderCrank,
+)
+from refkin.linkages.closures import corner, leg, link_to_line, two_links
+from refkin.motion_laws import Polynomial
+from refkin.system import System, compile_system
+
+PLACED: dict[str, Any] = {"origin": (0.3, -0.2), "angle": 0.4}
+LINKAGES: tuple[Linkage, ...] = (
+    FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0, **PLACED),
+    FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45),
+    SliderCrank(crank=1.0, rod=3.0, offset=0.4, **PLACED),
+    SliderCrank(crank=2.0, rod=1.3, offset=-0.3),
+    InvertedSliderCrank(ground=3.0, crank=1.2, offset=0.25, **PLACED),
+)
+ODD: tuple[Linkage, ...] = (
+    FourBar(ground=10.0, crank=1.0, coupler=2.0, rocker=3.0),
+    FourBar(ground=1.0, crank=1.0, coupler=5.0, rocker=1.0),
+    SliderCrank(crank=1.0, rod=1.0, offset=3.0),
+    SliderCrank(crank=1.0, rod=1.0, offset=-3.0),
+    SliderCrank(crank=2.0, rod=0.5, offset=1.0),
+    SliderCrank(crank=2.0, rod=0.5, offset=-1.0),
+    SliderCrank(crank=1.0, rod=1.0, offset=1.5),
+    SliderCrank(crank=1.0, rod=1.0, offset=-1.5),
+    SliderCrank(crank=2.0, rod=1.3, offset=0.0),
+    InvertedSliderCrank(ground=1.0, crank=0.9, offset=0.5),
+)
+"""Linkages that assemble nowhere, or whose inputs are limited on one side or on both."""
+CLASSES = (
+    (FourBar(4.0, 1.0, 3.5, 3.0), GrashofClass.CRANK_ROCKER),
+    (FourBar(1.0, 4.0, 3.5, 3.0), GrashofClass.DOUBLE_CRANK),
+    (FourBar(4.0, 3.5, 1.0, 3.0), GrashofClass.DOUBLE_ROCKER),
+    (FourBar(4.0, 3.0, 3.5, 1.0), GrashofClass.ROCKER_CRANK),
+    (FourBar(0.9, 0.3, 0.6, 0.45), GrashofClass.TRIPLE_ROCKER),
+    (FourBar(3.0, 1.0, 2.0, 2.0), GrashofClass.CHANGE_POINT),
+)
+ROUNDING = 64 * U
+
+
+def inputs(linkage: Linkage) -> Iterator[tuple[str, str, float]]:
+    """Yield every kind of input, at values well inside its range."""
+    for driven, relative_to in linkage.INPUTS:
+        low, high = linkage.input_range(driven, relative_to)[0]
+        if math.isinf(low):
+            low, high = 0.1, 0.1 + math.tau
+        for share in (0.15, 0.4, 0.8):
+            yield driven, relative_to, low + share * (high - low)
+
+
+def posed(linkage: Linkage, value: float, branch: str, driven: str, relative_to: str) -> tuple[System, Any]:
+    """Return the linkage's equations with the input held, and its pose by closed form, in their coordinates."""
+    pose = linkage.assemble(value, branch, driven=driven, relative_to=relative_to)
+    coordinate = value if driven != "slider" else pose["slider"][0]
+    mechanism = linkage.mechanism(linkage.driver(Polynomial(coefficients=(coordinate,)), driven, relative_to))
+    return compile_system(mechanism), np.concatenate([pose[body.name] for body in mechanism.bodies])
+
+
+@check
+def dyads_close() -> None:
+    """Two links, and a link and a line, close on the side that is asked for; two equal ones close a gap of nothing."""
+    for gap, a, b in ((1.2 - 0.7j, 1.0, 0.9), (-0.2 + 1.1j, 2.0, 1.3), (0j, 1.5, 1.5), (3.0 + 0j, 1.0, 2.0)):
+        for sign in (1, -1):
+            alpha, beta = two_links(gap, a, b, sign)
+            first, second = cmath.rect(a, alpha), cmath.rect(b, beta)
+            demand_near(first + second, gap, 8 * ROUNDING, f"{gap} by {a} and {b}")
+            side = (gap.conjugate() * first).imag * sign
+            demand(side > 0 or abs(gap) in (0.0, a + b), f"{gap} by {a} and {b}: on side {side}")
+    for start, length, height in ((0.3, 1.0, -0.4), (-0.2, 0.7, 0.3)):
+        for sign in (1, -1):
+            link = cmath.rect(length, link_to_line(start, length, height, sign))
+            demand_near(start + link.imag, height, ROUNDING, f"line at {height}")
+            demand(link.real * sign > 0, f"line at {height}: the link points to {link.real}")
+    demand_near(corner(3.0, 4.0, 5.0), math.pi / 2, ROUNDING, "the corner of 3, 4, 5")
+    demand_near(corner(2.0, 2.0, 2.0), math.pi / 3, ROUNDING, "the corner of an equilateral triangle")
+    demand_near(corner(2.0, 0.0, 2.0), math.pi / 2, 0.0, "the corner at a side of no length")
+    demand_near(leg(5.0, 3.0), 4.0, 0.0, "the leg of 3, 4, 5")
+
+
+@check
+def assembled_poses_satisfy_the_joints() -> None:
+    """The pose in closed form satisfies all joints and the driver, on both branches and at every kind of input."""
+    for linkage in LINKAGES:
+        for driven, relative_to, value in inputs(linkage):
+            angles = []
+            for branch in Branch:
+                system, q = posed(linkage, value, branch, driven, relative_to)
+                residual = system.phi(q, 0.0)
+                demand_near(residual, 0.0 * residual, ROUNDING * linkage.reach, f"{linkage} {driven} {value} {branch}")
+                angles.append(float(np.sign(np.linalg.det(system.phi_q(q, 0.0)))))
+            demand(angles[0] == -angles[1] != 0, f"{linkage}: both branches at {driven} = {value} are one")
+
+
+@check
+def open_and_crossed_are_what_they_say() -> None:
+    """Open is the four-bar with its rocker ahead of the coupler, the slider-crank whose rod points along its guide."""
+    for linkage in LINKAGES:
+        for value in (0.3, -0.5, 0.15):
+            first, second = (linkage.assemble(value + linkage.angle, branch) for branch in Branch)
+            for pose, sign in ((first, 1.0), (second, -1.0)):
+                demand(_side(linkage, pose) * sign > 0, f"{linkage} at {value}: sign {sign}")
+
+
+def _side(linkage: Linkage, pose: Any) -> float:
+    """Return a number whose sign tells the branches apart."""
+    if isinstance(linkage, FourBar):
+        return math.sin(pose["rocker"][2] - pose["coupler"][2])
+    if isinstance(linkage, SliderCrank):
+        return math.cos(pose["connecting_rod"][2] - linkage.angle)
+    pin = np.array(pose["crank"][:2]) * 2 - np.array(linkage.origin)
+    lever = pose["lever"]
+    return float((pin - np.array(lever[:2])) @ np.array([math.cos(lever[2]), math.sin(lever[2])]))
+
+
+@check
+def ranges_end_where_the_linkage_does() -> None:
+    """Inside its range an input assembles, outside it does not; an input that turns fully assembles all around."""
+    for linkage in (*LINKAGES, *ODD, *(linkage for linkage, _ in CLASSES)):
+        for driven, relative_to in linkage.INPUTS:
+            intervals = linkage.input_range(driven, relative_to)
+            if not intervals:
+                around = np.linspace(-4.0, 4.0, 81)
+                margins = [linkage.closure_margin(x, driven, relative_to) for x in around]
+                demand(max(margins) < 0.0, f"{linkage} {driven}: it assembles, but has no range")
+            if intervals == ANYWHERE:
+                margins = [linkage.closure_margin(x, driven, relative_to) for x in np.linspace(0.0, math.tau, 49)]
+                demand(min(margins) > -ROUNDING * linkage.reach, f"{linkage} {driven}: open by {min(margins)}")
+                continue
+            for low, high in intervals:
+                for end, inward in ((low, 1.0), (high, -1.0)):
+                    _demand_end(linkage, driven, relative_to, end, 1e-3 * inward)
+
+
+def _demand_end(linkage: Linkage, driven: str, relative_to: str, end: float, inward: float) -> None:
+    told = f"{linkage} {driven} at {end}"
+    demand(linkage.closure_margin(end + inward, driven, relative_to) > 0, f"{told}: does not assemble inside")
+    outside = linkage.closure_margin(end - inward, driven, relative_to)
+    demand(outside < 0, f"{told}: assembles outside")
+    demand(abs(linkage.closure_margin(end, driven, relative_to)) < 1e-12 * linkage.reach, f"{told}: not at its end")
+    demand_raises(
+        DoesNotAssemble,
+        lambda: linkage.assemble(end - inward, driven=driven, relative_to=relative_to),
+        f"{told}, outside",
+    )
+
+
+@check
+def classes_are_those_of_grashof() -> None:
+    """The class follows from the shortest link where s + l < p + q, and is change point at equality."""
+    for linkage, expected in CLASSES:
+        demand(linkage.grashof is expected, f"{linkage} is {linkage.grashof}, not {expected}")
+        shortest, *middle, longest = sorted(getattr(linkage, key) for key in linkage.LENGTHS)
+        demand_near(linkage.slack, sum(middle) - shortest - longest, ROUNDING * linkage.reach, f"slack of {linkage}")
+    for slider, slack in (
+        (SliderCrank(1.0, 3.0, 0.4), 1.6),
+        (SliderCrank(3.0, 1.0, -0.4), 1.6),
+        (SliderCrank(1.0, 1.2, 0.5), -0.3),
+    ):
+        demand_near(slider.slack, slack, ROUNDING, f"slack of {slider}")
+    nearly = FourBar(3.0, 1.0, 2.0, math.nextafter(2.0, 1.0))
+    demand(nearly.grashof is GrashofClass.TRIPLE_ROCKER, f"one bit below the change point: {nearly.grashof}")
+    turning = CLASSES[-1][0].input_range()
+    demand(turning == ANYWHERE, f"at the change point the crank turns in {turning}")
+
+
+@check
+def transmission_angles_are_the_determinants() -> None:
+    """The angle is the one between the links, and its sine times the lengths the determinant of the loop."""
+    four = LINKAGES[0]
+    assert isinstance(four, FourBar)
+    for value in (0.3, 1.9, -2.0):
+        pose = four.assemble(value)
+        apart = pose["rocker"][2] - pose["coupler"][2]
+        demand_near(four.transmission_angle(value), math.acos(math.cos(apart)), 1e-13, f"{four} at {value}")
+    for slider in LINKAGES[2:4]:
+        assert isinstance(slider, SliderCrank)
+        for value in (0.3, 0.15, -0.5):
+            rod = slider.assemble(value + slider.angle)["connecting_rod"][2] - slider.angle
+            mu = slider.transmission_angle(value + slider.angle)
+            demand_near(
+                [math.sin(mu), math.cos(mu)], [abs(math.cos(rod)), math.sin(rod)], 1e-13, f"{slider} at {value}"
+            )
+    lever = LINKAGES[4]
+    assert isinstance(lever, InvertedSliderCrank)
+    for value in (0.3, 1.9, -2.0):
+        system, q = posed(lever, value, "open", "crank", "ground")
+        pose = lever.assemble(value)
+        pin = np.array(pose["crank"][:2]) * 2 - np.array(lever.origin) - np.array(pose["lever"][:2])
+        sine = abs(float(np.linalg.det(system.phi_q(q, 0.0)))) / float(np.hypot(*pin))
+        demand_near(math.sin(lever.transmission_angle(value)), sine, 1e-13, f"{lever} at {value}")
+
+
+@check
+def dead_centres_are_the_ends_of_strokes() -> None:
+    """At a dead centre crank and rod lie in one line, and the slider is where its range ends."""
+    for linkage in LINKAGES[2:4]:
+        assert isinstance(linkage, SliderCrank)
+        ends = sorted(end for stroke in linkage.input_range("slider") for end in stroke)
+        found = linkage.dead_centres()
+        demand_near([s for _, s in found], ends, ROUNDING * linkage.reach, f"{linkage}: slides")
+        for crank, slide in found:
+            pin = np.array([math.cos(crank - linkage.angle), math.sin(crank - linkage.angle)]) * linkage.crank
+            wrist = np.array([slide, linkage.offset])
+            across = pin[0] * wrist[1] - pin[1] * wrist[0]
+            demand(abs(across) < ROUNDING * linkage.reach**2, f"{linkage}: not in one line at {crank}")
+            demand_near(
+                np.linalg.norm(wrist - pin), linkage.rod, ROUNDING * linkage.reach, f"{linkage}: rod at {crank}"
+            )

@@ -1,0 +1,206 @@
+"""Checks of Newton's method: its histories, its four stopping tests on both signs, its cap, every way to end."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from itertools import count
+from typing import Any
+
+import numpy as np
+
+from crosscheck.selfchecks.claims import CheckFailed, check, demand, demand_near
+from crosscheck.source_systems import me581
+from refkin.newton import (
+    BothLargest,
+    CorrectionNorm,
+    NewtonStatus,
+    ResidualOrCorrection,
+    RoundOff,
+    ScaledNorms,
+    StoppingTest,
+    newton,
+    solve_linear,
+)
+
+QUADRATIC = me581.quadratic()
+SMALL, LARGE = np.array([3e-4, -4e-4, 0.0]), np.array([-30.0, 40.0, 0.0])
+"""Of norm 5e-4 and 50, each with components of both signs."""
+
+
+def counted(limit: int, f: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a function that gives up after so many calls: an iteration that has no end shows itself."""
+    calls = iter(range(limit))
+
+    def f_counted(x: Any) -> Any:
+        if next(calls, None) is None:
+            raise CheckFailed(f"the function was called more than {limit} times")
+        return f(x)
+
+    return f_counted
+
+
+def _never(residual: Any, correction: Any, q: Any) -> bool:
+    return False
+
+
+@check
+def the_history_is_what_happened() -> None:
+    """Iterates, residuals at each of them, and corrections between them: of x^2 - 4x + 1 from 5."""
+    result = newton(*QUADRATIC, 5.0, stop=CorrectionNorm(1e-3))
+    demand(result.status is NewtonStatus.CONVERGED, f"status {result.status}")
+    demand(result.iterations == 4, f"{result.iterations} iterations, not 4")
+    demand_near(result.iterates[:, 0], [5.0, 4.0, 3.75, 3.7321428571428571, 3.7320508100147275], 1e-15, "iterates")
+    demand_near(result.residuals[:, 0], [QUADRATIC.phi([x])[0] for x in result.iterates[:, 0]], 0.0, "residuals")
+    demand_near(result.corrections[:, 0], np.diff(result.iterates[:, 0]), 1e-15, "corrections")
+    demand(result.q[0] == result.iterates[-1, 0], "q is not the last iterate")
+    demand(result.residual == abs(result.residuals[-1, 0]), "residual is not that of the last iterate")
+
+
+@check
+def it_ends_at_round_off() -> None:
+    """By default it ends at the last bit of a simple root, and halves the error of a double one while it can."""
+    demand_near(newton(*QUADRATIC, 5.0).q, [2 + np.sqrt(3.0)], 4.5e-16, "simple root")
+    double = newton(lambda x: (x - 1) ** 2, lambda x: 2 * (x - 1), 3.0, max_iterations=100)
+    demand(double.converged, f"double root: {double.status}")
+    # (x - 1)^2 is evaluated without cancellation: nothing stops the halving but the spacing of the numbers at 1.
+    demand_near(double.q, [1.0], 1e-15, "double root")
+    demand(double.iterations > 45, "a double root in fewer steps than halving takes")
+
+
+@check
+def each_way_to_end_has_its_status() -> None:
+    """No root, a vanishing slope, leaving the domain, NaN: none of them is called converged."""
+    for phi, slope, start, status in (
+        (lambda x: x * x + 4, lambda x: 2 * x, 5.0, NewtonStatus.ITERATION_LIMIT),
+        (*QUADRATIC, 2.0, NewtonStatus.SINGULAR),
+        (np.log, lambda x: 1 / x, 9.0, NewtonStatus.NOT_FINITE),
+        (lambda x: x - np.nan, lambda x: 1 + 0 * x, 1.0, NewtonStatus.NOT_FINITE),
+        (lambda x: x * x, lambda x: 2 * x, 0.0, NewtonStatus.CONVERGED),
+    ):
+        result = newton(phi, slope, start)
+        demand(result.status is status, f"from {start}: {result.status}, not {status}")
+        demand(result.converged is (status is NewtonStatus.CONVERGED), f"from {start}: converged {result.converged}")
+    hollow = newton(lambda x: np.where(np.abs(x) < 0.5, np.nan, x), lambda x: 1 + 0 * x, 0.6, stop=CorrectionNorm(1.0))
+    demand(hollow.status is NewtonStatus.NOT_FINITE, f"where there is no residual: {hollow.status}")
+
+
+@check
+def the_cap_is_kept() -> None:
+    """It makes exactly as many corrections as the cap allows, and the counter counts each of them."""
+    for cap in (1, 7):
+        phi, slope = counted(cap + 20, lambda x: x * x + 4), counted(cap + 20, lambda x: 2 * x)
+        result = newton(phi, slope, 5.0, max_iterations=cap, stop=_never)
+        demand(result.status is NewtonStatus.ITERATION_LIMIT, f"status {result.status}")
+        demand(result.iterations == cap, f"{result.iterations} iterations under a cap of {cap}")
+        demand(len(result.iterates) == len(result.residuals) == cap + 1, "the history has another length")
+
+
+@check
+def the_default_cap_is_kept() -> None:
+    """Without a cap of the caller's there is one."""
+    result = newton(counted(200, lambda x: x * x + 4), counted(200, lambda x: 2 * x), 5.0)
+    demand(result.status is NewtonStatus.ITERATION_LIMIT, f"status {result.status}")
+
+
+@check
+def stopping_tests_see_both_signs_and_both_limits() -> None:
+    """Each stopping test looks at the size of what it tests, whatever the sign, and stops below its limit only."""
+    either, both = ResidualOrCorrection, BothLargest
+    big: tuple[tuple[StoppingTest, Any, Any, bool], ...] = (
+        (CorrectionNorm(5.01e-4), LARGE, SMALL, True),
+        (CorrectionNorm(4.99e-4), SMALL, SMALL, False),
+        (CorrectionNorm(1.0), SMALL, LARGE, False),
+        (either(5.01e-4, 1e-9), SMALL, LARGE, True),
+        (either(4.99e-4, 1e-9), SMALL, LARGE, False),
+        (either(1e-9, 5.01e-4), LARGE, SMALL, True),
+        (either(1e-9, 4.99e-4), LARGE, SMALL, False),
+        (both(4.01e-4, 4.01e-4), SMALL, SMALL, True),
+        (both(3.99e-4, 1.0), SMALL, SMALL, False),
+        (both(1.0, 3.99e-4), SMALL, SMALL, False),
+        (both(1.0, 1.0), LARGE, SMALL, False),
+        (both(1.0, 1.0), SMALL, LARGE, False),
+        (ScaledNorms(1.67e-4), SMALL, LARGE, True),
+        (ScaledNorms(1.66e-4), SMALL, LARGE, False),
+        (ScaledNorms(1.67e-4), LARGE, SMALL, True),
+        (ScaledNorms(1.66e-4), LARGE, SMALL, False),
+    )
+    for test, residual, correction, stops in big:
+        for sign in (1, -1):
+            found = test(sign * residual, sign * correction, np.ones(3))
+            demand(found is stops, f"{test} of {sign * residual} and {sign * correction} is {found}")
+    for limit in (-1e-3, 1e-3):  # one component alone, below the limit by its sign but not by its size
+        for test in (CorrectionNorm(1e-8), either(), both(), ScaledNorms()):
+            demand(not test(np.array([limit]), np.array([limit]), np.ones(1)), f"{test} stops at {limit}")
+
+
+@check
+def stopping_tests_end_runs_where_their_numbers_say() -> None:
+    """Residuals 6, 1, 0.0625, 0.00032 and corrections 1, 0.25, 0.018, 0.000092 end each test at its own step."""
+    for test, iterations in (
+        (CorrectionNorm(1e-2), 4),
+        (ResidualOrCorrection(0.1, 1e-12), 3),
+        (ResidualOrCorrection(1e-12, 0.3), 2),
+        (BothLargest(0.1, 0.3), 3),
+        (BothLargest(10.0, 1e-3), 4),
+        (ScaledNorms(0.3), 2),
+    ):
+        found = newton(*QUADRATIC, 5.0, stop=test).iterations
+        demand(found == iterations, f"{test} stops after {found}, not {iterations}")
+    demand(newton(*QUADRATIC, 2.5, stop=ResidualOrCorrection(1e-9, 1e-9)).iterations > 5, "stopped at a negative F")
+
+
+@check
+def the_jacobian_is_renewed_as_asked() -> None:
+    """Full Newton evaluates it in each step, the chord method once, and every second step means that."""
+    for every, slopes in ((1, 6), (2, 3), (0, 1)):
+        calls = count()
+
+        def phi_q(x: Any, calls: Iterator[int] = calls) -> Any:
+            next(calls)
+            return QUADRATIC.phi_q(x)
+
+        newton(QUADRATIC.phi, phi_q, 5.0, jacobian_every=every, max_iterations=6, stop=_never)
+        asked = next(calls)
+        demand(asked == slopes, f"every {every}: {asked} Jacobians, not {slopes}")
+
+
+@check
+def damping_brings_far_starts_home() -> None:
+    """From 3 to the root of arctan: full steps diverge, steps that are halved until the residual shrinks do not."""
+    full, damped = (newton(np.arctan, lambda x: 1 / (1 + x * x), 3.0, damped=d) for d in (False, True))
+    demand(not full.converged, "full steps converge")
+    demand(damped.converged and abs(damped.q[0]) < 1e-15, f"damped: {damped.status} at {damped.q}")
+    sizes = np.abs(damped.residuals[:, 0])
+    demand((np.diff(sizes) <= 0).all(), f"the residual grows: {sizes}")
+
+
+@check
+def redundant_rows_change_nothing() -> None:
+    """A consistent third equation for two unknowns leaves the root where it is."""
+
+    def phi(v: Any) -> Any:
+        return np.array([v[0] ** 2 + v[1] ** 2 - 2, v[0] - v[1], v[0] ** 2 + v[1] ** 2 - 2])
+
+    def slope(v: Any) -> Any:
+        return np.array([[2 * v[0], 2 * v[1]], [1, -1], [2 * v[0], 2 * v[1]]])
+
+    result = newton(phi, slope, [2.0, 0.5])
+    demand(result.converged, f"status {result.status}")
+    demand_near(result.q, [1.0, 1.0], 1e-15, "root")
+    demand_near(solve_linear(np.diag([2.0, 4.0]), np.array([2.0, 2.0])), [1.0, 0.5], 0.0, "square system")
+
+
+@check
+def complex_iterates_stay_complex() -> None:
+    """From a complex estimate it finds a complex root: x^2 + 4 has 2i."""
+    result = newton(lambda x: x * x + 4, lambda x: 2 * x, 1.0 + 1.0j)
+    demand(result.converged, f"status {result.status}")
+    demand_near(result.q, [2j], 1e-15, "root")
+
+
+@check
+def one_test_serves_many_runs() -> None:
+    """A stopping test with a memory does not carry it from one run to the next."""
+    stop = RoundOff()
+    first, second = (newton(*QUADRATIC, 5.0, stop=stop).iterations for _ in range(2))
+    demand(first == second, f"{first} iterations, then {second}")

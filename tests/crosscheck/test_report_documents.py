@@ -1,0 +1,61 @@
+"""The ledger on the page of a night: every row, every erratum, and what fails."""
+
+from __future__ import annotations
+
+import json
+import re
+
+import pytest
+
+from crosscheck.ledger import all_rows, read
+from crosscheck.report import build, documents
+
+
+@pytest.fixture(scope="module")
+def page(tmp_path_factory):
+    return build(tmp_path_factory.mktemp("night")).read_text(encoding="utf-8")
+
+
+@pytest.fixture(scope="module")
+def section(page):
+    return re.search(r'<section id="documents".*?</section>', page, re.DOTALL).group()
+
+
+def test_every_row_stands_on_the_page(section):
+    shown = re.findall(r'<tr><th scope="row">([A-D]\d+)</th>', section.partition("What is wrong in them")[0])
+
+    assert shown == [row.id for row in read().row]
+
+
+def test_every_erratum_stands_on_the_page(section):
+    shown = re.findall(r'<tr><th scope="row">([A-D]\d+)</th>', section.partition("What is wrong in them")[2])
+
+    assert shown == [row.id for row in read().row for _ in row.errata]
+
+
+def test_rows_that_need_spatial_bodies_are_open_on_the_page(section):
+    assert section.count('<span class="gap">open</span>') == 3
+
+
+def test_the_section_is_reached_from_the_contents(page):
+    assert '<a href="#documents">' in page
+
+
+def test_the_tables_are_folded_away(section):
+    assert section.count("<details>") == section.count("<table>") == 2
+
+
+def test_the_page_shows_no_number_of_the_ledger_that_the_report_does_not_hold(tmp_path):
+    build(tmp_path)
+    held = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))["documents"]
+
+    assert held == json.loads(json.dumps(documents.documents()))
+
+
+def test_a_row_that_fails_is_red_on_the_page(tmp_path, monkeypatch):
+    wrong = [{**row, "status": "fail", "failures": ["x[2]: <off>"]} if row["id"] == "A3" else row for row in all_rows()]
+    monkeypatch.setattr(documents, "all_rows", lambda: wrong)
+    page = build(tmp_path).read_text(encoding="utf-8")
+
+    assert "Row A3 fails: x[2]: &lt;off&gt;" in page
+    assert page.count("✕ fails") == 1

@@ -1,0 +1,209 @@
+"""Newton, differences and observed orders on the square systems of the documents, which know nothing of mechanisms."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from flint import arb
+
+from crosscheck import loops
+from crosscheck.convergence import Kind, linear_rate, newton_order, slope
+from crosscheck.selfchecks.evidence import square_systems
+from crosscheck.source_systems import me451, me581, metu, printed, shabana
+from crosscheck.source_systems.twelve_coordinates import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
+from refkin.analysis import acceleration, position, velocity
+from refkin.differences import Scheme, jacobian
+from refkin.linkages import FourBar
+from refkin.motion_laws import Polynomial
+from refkin.newton import NewtonStatus, newton
+from refkin.system import compile_system
+
+NOTES = me581.FourBarLengths(90.0, 30.0, 60.0, 45.0, 0.0)
+SLOTTED, CLOSED = metu.slotted_that_closes(0.25, 0.9, 0.6, *(math.radians(a) for a in (50.0, 70.0, 20.0)), 0.5)
+OFF = np.array([0.05, -0.05, 0.05, 0.05])
+SYSTEMS = square_systems()
+
+REGULAR = {
+    "A3": (me451.square_and_sine(1.841471), [2.0]),
+    "A4": (me451.exponential_and_logarithm(), [1.0, 0.0]),
+    "A6": (me451.problem_356(0.4, 0.6, 0.25), [0.2, 0.2, math.pi / 4]),
+    "B2": (metu.slotted(SLOTTED), CLOSED + 2 * OFF),
+    "C4": (me581.four_bar(NOTES, math.radians(65.0)), [0.0, math.pi / 2]),
+    "D10": (shabana.four_bar(0.35, 0.2, 0.35, 0.25, 1.1), [1.1, 0.4, 4.0]),
+}
+
+
+@pytest.mark.parametrize("name", REGULAR)
+def test_newton_converges_with_order_two(name):
+    system, start = REGULAR[name]
+    result = newton(*system, start)
+    errors = np.max(np.abs(result.iterates - result.q), axis=1)
+    observed = newton_order(errors, basin=2.0, floor=1e-13)
+
+    assert result.converged
+    assert observed.is_near(2.0, 0.35)
+
+
+@pytest.mark.parametrize(("name", "system", "at"), SYSTEMS, ids=[name for name, _, _ in SYSTEMS])
+@pytest.mark.parametrize(("scheme", "order"), [(Scheme.FORWARD, 1.0), (Scheme.CENTRAL, 2.0)])
+def test_difference_jacobians_err_with_the_order_of_their_scheme(name, system, at, scheme, order):
+    """But for a quadratic, whose central quotient is exact but for round-off."""
+    q = np.asarray(at, float)
+    exact = np.asarray(system.phi_q(q), float)
+    h = 10.0 ** np.arange(-4.0, -2.0, 0.25)
+    errors = np.array([np.max(np.abs(jacobian(system.phi, q, scheme, k) - exact)) for k in h])
+    size = np.max(np.abs(exact))
+    if name in ("A10", "C1") and scheme is Scheme.CENTRAL:
+        assert np.max(errors) < 1e-10 * size
+        return
+    # What a quotient loses in round-off is 1e-16 times the values over h: at h = 1e-4 that is 1e-12 of them.
+    observed = slope(h, errors, floor=1e-10 * size if order == 2.0 else 1e-8 * size)
+
+    assert observed.kind is Kind.ORDER
+    assert observed.is_near(order, 0.1)
+
+
+@pytest.mark.parametrize("name", REGULAR)
+def test_newton_on_a_difference_jacobian_ends_at_the_same_root(name):
+    system, start = REGULAR[name]
+    exact = newton(*system, start)
+    approximate = newton(system.phi, lambda q: jacobian(system.phi, q, Scheme.FORWARD), start)
+
+    assert approximate.converged
+    assert np.max(np.abs(approximate.q - exact.q)) < 1e-13 * max(1.0, np.max(np.abs(exact.q)))
+
+
+@pytest.mark.parametrize("t", [0.0, 1.0, 2.0, 4.0])
+def test_reduced_and_absolute_form_of_problem_356_agree(t):
+    """Position, velocity and acceleration of (x2, y2, phi3)."""
+    reach, rows = 0.4 + 0.1 * t, [3, 4, 8]
+    reduced = me451.problem_356(reach, 0.6, 0.25)
+    start = np.array([0.2, 0.2, math.pi / 4])
+    for part in np.linspace(0.0, t, 9):
+        start = newton(*me451.problem_356(0.4 + 0.1 * part, 0.6, 0.25), start).q
+    qd = np.linalg.solve(reduced.phi_q(start), me451.problem_356_nu(reach, 0.1))
+    qdd = np.linalg.solve(reduced.phi_q(start), me451.problem_356_gamma(0.25, start, qd, 0.1))
+
+    x, y, angle = start
+    along = math.atan2(y, x)
+    system = compile_system(me451.problem_356_mechanism())
+    q = position(system, np.array([0.0, 0.0, along, x, y, along, 0.6, 0.0, angle]) + 0.01, t).q
+    rates = velocity(system, q, t)
+
+    assert q[rows] == pytest.approx(start, abs=1e-14)
+    assert rates[rows] == pytest.approx(qd, abs=1e-13)
+    assert acceleration(system, q, rates, t)[rows] == pytest.approx(qdd, abs=1e-13)
+
+
+def test_the_right_sides_of_problem_356_are_its_time_derivatives():
+    """phi_q qdd - gamma is the second derivative of phi along a motion, nu minus the first by time alone."""
+    q, qd, qdd, t, e = *np.random.default_rng(1).normal(size=(3, 3)), 0.7, 1e-100j
+    reach = 0.4 + 0.1 * t
+
+    def rate(step):
+        at = me451.problem_356(reach + 0.1 * step, 0.6, 0.25)
+        moved = q + step * qd
+        return at.phi_q(moved) @ (qd + step * qdd) - me451.problem_356_nu(reach + 0.1 * step, 0.1)
+
+    second = np.imag(rate(e)) / 1e-100
+    gamma = me451.problem_356_gamma(0.25, q, qd, 0.1)
+    phi_t = np.imag(me451.problem_356(reach + 0.1 * e, 0.6, 0.25).phi(q.astype(complex))) / 1e-100
+
+    assert me451.problem_356(reach, 0.6, 0.25).phi_q(q) @ qdd - gamma == pytest.approx(second, abs=1e-14)
+    assert me451.problem_356_nu(reach, 0.1) == pytest.approx(-phi_t, abs=1e-15)
+
+
+def test_at_the_fold_newton_halves_the_error_and_the_fold_equations_square_it():
+    fold = np.array([0.85, 0.0, -math.pi / 2])
+    slow = newton(*me451.problem_356(0.85, 0.6, 0.25), fold + np.array([-0.05, 0.05, 0.1]), max_iterations=60)
+    quick = newton(*me451.problem_356_fold(0.6, 0.25), [0.8, 0.05, -1.3, 0.8, 0.0, 1.0, 1.0])
+    halved = np.max(np.abs(slow.iterates - fold), axis=1)
+    squared = np.max(np.abs(quick.iterates - quick.q), axis=1)
+
+    assert quick.q[:4] == pytest.approx([*fold, 0.85], abs=1e-14)
+    assert linear_rate(halved, floor=1e-6).is_near(0.5, 0.02)
+    assert newton_order(squared, basin=0.5).is_near(2.0, 0.25)
+
+
+def test_the_printed_equation_has_no_root_near_and_newton_says_so():
+    assert newton(*me451.exponential_and_logarithm(1), [1.0, 0.0]).status is NewtonStatus.NOT_FINITE
+
+
+def test_the_root_that_is_not_differentiable_is_never_called_found():
+    statuses = {newton(*me451.root_minus_sine(), x).status for x in (0.01, 0.5, 1.0, 2.0, 3.0)}
+
+    assert statuses == {NewtonStatus.NOT_FINITE}
+
+
+def test_the_coupled_loops_close_in_real_and_in_complex_form_as_the_document_writes_them():
+    m = SLOTTED
+    vectors = loops.slotted(m.a1, m.a2, m.a4, m.a5, m.b1, m.c1, m.theta12)
+    plain = newton(*metu.slotted(m), CLOSED + OFF).q
+
+    for form in (False, True):
+        assert loops.close(vectors, CLOSED + OFF, complex_form=form).q == pytest.approx(plain, abs=1e-14)
+    assert plain == pytest.approx(CLOSED, abs=1e-15)
+
+
+def test_with_the_printed_jacobian_the_error_doubles():
+    """In each step, from the second on."""
+    result = newton(*printed.metu_with_printed_jacobian(SLOTTED), CLOSED + OFF, max_iterations=6)
+    errors = np.max(np.abs(result.iterates - CLOSED), axis=1)
+
+    assert not result.converged
+    assert errors[2:6] / errors[1:5] == pytest.approx(2.0, abs=0.05)
+
+
+def test_with_the_printed_right_side_it_does_not_arrive():
+    result = newton(*printed.metu_with_printed_residual(SLOTTED), CLOSED + OFF, max_iterations=60)
+
+    assert not np.max(np.abs(result.q - CLOSED)) < 0.1
+
+
+@pytest.mark.parametrize("coordinate", [5, SLIDER_DRIVEN])
+def test_twelve_coordinates_give_the_rates_of_the_closed_form(coordinate):
+    l2, l3, theta2 = 0.2, 0.35, 1.0
+    theta3 = math.asin(-l2 / l3 * math.sin(theta2))
+    q = pose(l2, l3, theta2, theta3).astype(float)
+    slide_rate = shabana.slider_crank_velocity(l2, l3, theta2, theta3, 150.0)[1]
+    given = 150.0 if coordinate == 5 else slide_rate
+    slope_ = twelve_coordinates(l2, l3, float(q[coordinate]), coordinate).phi_q(q)
+    qd = np.linalg.solve(slope_, np.r_[np.zeros(11), given])
+    second = shabana.slider_crank_acceleration(l2, l3, theta2, theta3, (150.0, qd[8]), 0.0)
+    qdd = np.linalg.solve(slope_, right_side(l2, l3, q, qd, 0.0 if coordinate == 5 else second[1]).astype(float))
+
+    assert [qd[5], qd[8], qd[9]] == pytest.approx([150.0, -52.818431944720, -34.133165133143], rel=1e-12)
+    assert [qdd[8], qdd[9]] == pytest.approx([10809.0591207778, -1468.39606892724], rel=1e-12)
+
+
+def test_the_loop_of_the_notes_is_the_linkage():
+    linkage = FourBar(ground=90.0, crank=30.0, coupler=60.0, rocker=45.0)
+    q = newton(*me581.four_bar(NOTES, 1.1), [0.2, 2.0]).q
+    found = linkage.assemble(1.1)
+
+    assert q == pytest.approx([found["coupler"][2], found["rocker"][2]], abs=1e-14)
+
+
+def test_the_same_text_runs_on_floats_complex_numbers_and_balls():
+    for name, system, at in SYSTEMS:
+        q = np.asarray(at, float)
+        balls = np.array([arb(x) for x in q], object)
+        floats, numbers = np.asarray(system.phi(q), float), system.phi(q.astype(complex))
+        enclosed = np.array([float(arb(x).mid()) for x in system.phi(balls)])
+
+        assert np.array_equal(np.real(numbers), floats) or np.max(np.abs(np.real(numbers) - floats)) < 1e-13, name
+        assert np.max(np.abs(enclosed - floats)) < 1e-13 * max(1.0, np.max(np.abs(floats))), name
+
+
+def test_a_rate_that_is_given_is_that_of_the_loop():
+    """Problem of the Coriolis example: rates of rod and block from those of the crank."""
+    law = Polynomial(coefficients=(1.0, 2.0, -0.75))
+    q = newton(*shabana.coriolis_example(0.5, 0.2, 1.0), [2.7, 0.4]).q
+    qd = shabana.coriolis_velocity(0.2, 1.0, q, 2.0)
+    qdd = np.linalg.solve(*shabana.coriolis_right_side(0.2, 1.0, q, qd, 2.0, -1.5))
+    vectors = loops.inverted_slider_crank(0.5, 0.2, 0.0, law)
+
+    assert vectors.velocity(q, 0.0) == pytest.approx(qd, rel=1e-13)
+    assert vectors.acceleration(q, qd, 0.0) == pytest.approx(qdd, rel=1e-13)
