@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 import time
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -84,11 +85,22 @@ def _shrink(plan: Plan, told: dict[str, Any], workers: Workers, seconds: float, 
         if simplest is None:
             told["note"] = "it did not show again when its scene was checked by itself"
             return
+        shorter = _at_its_time(simplest, again[simplest.scene])
+        if still_fails(shorter):
+            simplest = shorter
         digits = effort(draw(plan.seed, told["shard"]).scene), effort(simplest.scene)
         took = time.monotonic() - start
         note = f"simplified from {digits[0]} to {digits[1]} digits: {tried} scenes in {took:.0f} s"
         _write(path, [{**(again[simplest.scene] or {}), "found in": f"{told['key']}.toml", "note": note}], simplest)
     told["file"], told["shrunk"] = f"{FOLDER}/{path.name}", True
+
+
+def _at_its_time(drawn: Drawn, told: Mapping[str, Any] | None) -> Drawn:
+    """Return the scene at its first time and at the one of its worst sample alone, if the disagreement names one."""
+    times = drawn.scene.times
+    named = re.search(r"at t = (\S+)$", told["worst"] if told else "")
+    kept = [t for t in times if t == times[0] or (named and t == float(named[1]))]
+    return replace(drawn, scene=replace(drawn.scene, times=tuple(kept))) if named else drawn
 
 
 def _again(kind: Signature, drawn: Drawn, workers: Workers) -> Mapping[str, Any] | None:
