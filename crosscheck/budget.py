@@ -32,6 +32,7 @@ from refkin.system import System
 
 SAFETY = 8.0
 STEP = 1e-100
+LEVELS = ("position", "velocity", "acceleration")
 
 
 @dataclass(frozen=True)
@@ -54,7 +55,7 @@ class Propagation:
 
     `second`, `third` and `coriolis` are |d(J qd - nu)/dq|, |d(J qdd - gamma)/dq| and |d gamma/d qd|; `e` are the errors
     of the residuals of the three levels (m, T) before an engine adds its own, `size` what stands in their equations,
-    and `rounding` what handing a result over costs (n, T).
+    `rates` the largest rate, acceleration and square of a rate (T,), and `rounding` what handing a result over costs.
     """
 
     system: System
@@ -68,13 +69,14 @@ class Propagation:
     coriolis: Any
     e: tuple[Any, Any, Any]
     size: tuple[Any, Any, Any]
+    rates: tuple[Any, Any, Any]
     rounding: tuple[Any, Any, Any]
 
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors where an engine adds these terms."""
         e_phi, e_nu, e_gamma = (
-            e + sum((term.absolute + term.relative * size for term in terms if term.level == level), np.zeros_like(e))
-            for level, e, size in zip(("position", "velocity", "acceleration"), self.e, self.size, strict=True)
+            sum((t.absolute + t.relative * size + t.of_rates * rates for t in terms if t.level == level), e)
+            for level, e, size, rates in zip(LEVELS, self.e, self.size, self.rates, strict=True)
         )
         dq = _times(self.inverse, e_phi) + self.rounding[0]
         dqd = _times(self.inverse, _times(self.second, dq) + e_nu) + self.rounding[1]
@@ -108,6 +110,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     e_nu = SAFETY * _residual_error(system, q, qd, clock, t.shape) + _solve_error(moving)
     bending = _times(jacobian, np.abs(qdd)) + np.abs(system.gamma(q, qd, t))
     e_gamma = SAFETY * _residual_error(system, q, qdd, clock, t.shape, qd) + _solve_error(bending)
+    rate = np.max(np.abs(qd), axis=0)
     return Propagation(
         system=system,
         q=q,
@@ -120,6 +123,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         coriolis=np.abs(_slope(lambda z: system.gamma(q[:, None], z, t), qd)),
         e=tuple(e + _table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma))),
         size=(e_phi, moving, bending),
+        rates=(np.zeros_like(rate), rate, np.max(np.abs(qdd), axis=0) + rate**2),
         rounding=_handed_over(system, q, qd, qdd),
     )
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from math import hypot, sqrt
+
 from crosscheck.engines import Term
 from crosscheck.joint_tree import Array
 from crosscheck.loop_closing import body_levels, march, point_levels
 from crosscheck.tree_system import TreeEngine, TreeSystem
-from refkin.model import Effect, Scene
+from refkin.joints import GROUND, Distance
+from refkin.model import Effect, Mechanism, Scene
 from refkin.motion import Motion, PointMotion, Producer, engine_motion
 
 CHAIN = (
@@ -26,6 +29,35 @@ CHAIN = (
         for level in ("velocity", "acceleration")
     ),
 )
+
+
+def link_terms(mechanism: Mechanism) -> tuple[Term, ...]:
+    """Return what massless links in the place of distance joints cost: rates that no other formulation knows.
+
+    A link of length L between points at |u_i| and |u_j| on their bodies turns at up to w = (v_i + v_j) / L, with
+    v <= (sqrt(2) + |u|) max|qd|, however small its row d . v of the reference is. It stands in two columns, its own
+    and that of the body that hangs on it, with an arm of L and 3/2 for every body below it. Each product costs two
+    roundings for every frame of the chain, and the solve of n equations n more; all lengths in sizes. Likewise its
+    angular acceleration, with a <= (sqrt(2) + 2 |u|) max(|qdd| + |qd|^2), and w^2.
+    """
+    unit, chain = mechanism.unit(), len(mechanism.bodies)
+    velocity = acceleration = 0.0
+    for joint in mechanism.joints:
+        if isinstance(joint, Distance):
+            length = joint.length / unit.size
+            ends = ((joint.body_i, joint.point_i), (joint.body_j, joint.point_j))
+            arms = [hypot(*u) / unit.size for body, u in ends if body != GROUND]
+            turning = sum(sqrt(2.0) + arm for arm in arms) / length
+            bending = sum(sqrt(2.0) + 2.0 * arm for arm in arms) / length
+            roundings = 2.0 * 3.0 * (chain + 1) * (length + 1.5 * chain) * 2.0**-53
+            velocity += roundings * turning
+            acceleration += roundings * (bending + turning**2)
+    why = "a massless link turns fast where its distance joint hardly moves, and every body below turns back"
+    return tuple(
+        Term(name="massless links", level=level, reason=why, of_rates=size)
+        for level, size in (("velocity", velocity), ("acceleration", acceleration))
+        if size
+    )
 
 
 def tree_motion(engine: TreeEngine, scene: Scene, producer: Producer) -> Motion:

@@ -82,7 +82,9 @@ class Term:
 
     `level` is position (added to e_phi), velocity (e_nu) or acceleration (e_gamma); or, for an engine's own rows, one
     of `Level` (unscaled). `relative` multiplies the size of what stands in the equations there (for own rows: the
-    largest coordinate, rate, or omega times rate of any body), `absolute` is added as it is.
+    largest coordinate, rate, or omega times rate of any body), `absolute` is added as it is. `of_rates` multiplies the
+    largest rate of any coordinate (velocity), or the largest acceleration and square of a rate (acceleration), which
+    need not stand in the equations of the reference at all.
     """
 
     name: str
@@ -90,6 +92,7 @@ class Term:
     reason: str
     absolute: float = 0.0
     relative: float = 0.0
+    of_rates: float = 0.0
 
 
 class EngineError(Exception):

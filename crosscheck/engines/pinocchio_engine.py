@@ -27,7 +27,7 @@ from crosscheck.engines import (
 from crosscheck.engines.pinocchio_model import Frame, Rows, absolute_model, tree_model
 from crosscheck.frames import RowMap
 from crosscheck.joint_tree import JointTree, joint_tree
-from crosscheck.tree_motion import CHAIN, tree_motion
+from crosscheck.tree_motion import CHAIN, link_terms, tree_motion
 from refkin.joints import Pair
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Seeding
@@ -95,8 +95,8 @@ class Pinocchio:
         return CAPABILITIES
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
-        """Return the rounding of Pinocchio's drift terms; Newton goes on to round-off, nothing stops above it."""
-        return (*CHAIN, *SPATIAL)
+        """Return the rounding of chains, drift terms and massless links; Newton goes on to round-off."""
+        return (*CHAIN, *SPATIAL, *link_terms(scene.mechanism))
 
     def constraints(self, scene: Scene) -> PinocchioConstraints:
         """Return Pinocchio's rows for the joints of a scene that it does not refuse.

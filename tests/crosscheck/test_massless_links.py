@@ -1,0 +1,40 @@
+"""What a massless link in the place of a distance joint costs is allowed for, and nothing more."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import refkin
+from crosscheck.check import check
+from crosscheck.engines import pinocchio_engine
+from crosscheck.engines.pinocchio_engine import PinocchioTree
+from crosscheck.tree_motion import link_terms
+
+NEAR_LIMIT = Path(__file__).parents[1] / "corpus" / "massless-link-near-limit.toml"
+"""A slider-crank whose crank is a distance, 1e-3 rad before the rod's limit: the link turns there 64 times as fast as the rod."""
+
+
+def disagreements():
+    record = check(refkin.load(NEAR_LIMIT), engines=["pinocchio"])
+    return {(d["quantity"], d["kind"]) for d in record["disagreements"]}
+
+
+def test_a_link_that_turns_fast_may_round_its_rates():
+    assert disagreements() == set()
+
+
+def test_without_its_terms_it_would_be_blamed(monkeypatch):
+    monkeypatch.setattr(pinocchio_engine, "link_terms", lambda mechanism: ())
+
+    assert ("velocity", "beyond the allowed error") in disagreements()
+
+
+def test_an_error_of_1e_9_of_a_rate_is_found_all_the_same(monkeypatch):
+    drift = PinocchioTree.closure_drift
+    monkeypatch.setattr(PinocchioTree, "closure_drift", lambda self, q, qd: (1.0 + 1e-9) * drift(self, q, qd))
+
+    assert ("acceleration", "beyond the allowed error") in disagreements()
+
+
+def test_a_mechanism_without_distance_joints_has_no_such_terms():
+    assert link_terms(refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene().mechanism) == ()
