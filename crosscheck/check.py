@@ -25,8 +25,8 @@ from refkin.scene_files import to_dict
 Record = dict[str, Any]
 CONFIGURATIONS = 2
 """Configurations per scene at which an engine's own rows are compared."""
-TURNED_ROUND = 3
-"""Every how manieth time is solved once more with the bodies in another order."""
+TURNED_ROUND = 4
+"""One time in this many is solved once more with the bodies in another order."""
 NOTHING = QuantityComparison(np.zeros(0), np.zeros(0), np.zeros(0), "")
 REGULAR = 1e-4
 """Smallest singular value above which an engine has no excuse for giving no answer."""
@@ -142,7 +142,7 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
 def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, terms: Sequence[Term]) -> Comparison:
     """Return the comparison of the engine's answer to the same scene with its bodies, joints and drivers reversed.
 
-    It is asked for every third time: what depends on the order of bodies does so at any time, and the march between
+    It is asked for every fourth time: what depends on the order of bodies does so at any time, and the march between
     them is another one.
     """
     asked = np.arange(0, len(scene.times), TURNED_ROUND)
