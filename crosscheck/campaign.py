@@ -14,17 +14,16 @@ from typing import Any
 
 from crosscheck import known_gaps
 from crosscheck.check import key_of
+from crosscheck.cluster import ClusterWorkers
 from crosscheck.disagreements import SHRINKING_SECONDS, write_disagreements
 from crosscheck.drawing import describe, draw
 from crosscheck.engines import load
 from crosscheck.journal import Journal, replace_file
 from crosscheck.known_gaps import Gap, Tally
 from crosscheck.processes import Failure, Job, call_each
-from crosscheck.workers import SECONDS_PER_SCENE, Workers
+from crosscheck.workers import SECONDS_PER_SCENE, Pool, Workers
 from refkin.scene_files import to_dict
 
-BATCH = 5
-"""Scenes handed to a worker at once: enough that it seldom waits, few enough that a night ends when it is over."""
 ALWAYS = "closed_form"
 """The engine that is always among the sources, and by itself makes no night."""
 
@@ -35,8 +34,9 @@ Progress = Callable[[int, str], None]
 class Plan:
     """What a night is asked to do; `minutes` and `scenes` end it, whichever comes first.
 
-    `engines` and `required` are names, or what else `crosscheck.engines.load` takes; `scene_seconds` is after how long
-    on one scene a worker is ended, `shrinking_seconds` how long the simplifying of disagreements may take in all.
+    `engines` and `required` are names, or what else `crosscheck.engines.load` takes; `cluster` is where the workers are
+    if they are not processes of this run (see `crosscheck.cluster`); `scene_seconds` is after how long on one scene a
+    worker is ended, `shrinking_seconds` how long the simplifying of disagreements may take in all.
     """
 
     seed: int
@@ -46,6 +46,7 @@ class Plan:
     minutes: float | None = None
     scenes: int | None = None
     workers: int = 2
+    cluster: str | None = None
     scene_seconds: float = SECONDS_PER_SCENE
     shrinking_seconds: float = SHRINKING_SECONDS
 
@@ -103,8 +104,8 @@ def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome
     ------
     OtherRun, Occupied
         If the folder belongs to another run.
-    SameName, InvalidGap
-        If two engines have the same name; if the table of known gaps makes no sense.
+    SameName, InvalidGap, NoCluster
+        If two engines have the same name; if the table of known gaps makes no sense; if the cluster is not there.
     """
     gaps = known_gaps.read()
     found, missing = find_engines(plan.engines)
@@ -118,7 +119,7 @@ def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome
         numbers = _numbers(journal)
         _agree_with_what_is_there(plan, outcome, numbers)
         outcome.checked = len(journal.keys)
-        with Workers(plan.workers, {name: spec for spec, name in names.items()}, plan.scene_seconds) as workers:
+        with _pool(plan, {name: spec for spec, name in names.items()}, outcome.versions) as workers:
             for record in _records(plan, workers, numbers, lambda: progress(outcome.checked, "checking")):
                 journal.append(record)
                 outcome.checked = len(journal.keys)
@@ -127,6 +128,12 @@ def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome
             outcome.shrinking_seconds = write_disagreements(plan, outcome.new, workers, simplifying)
             outcome.failed += workers.unexplained
     return outcome
+
+
+def _pool(plan: Plan, engines: dict[str, str], versions: dict[str, str]) -> Pool:
+    if plan.cluster is None:
+        return Workers(plan.workers, engines, plan.scene_seconds)
+    return ClusterWorkers(plan.cluster, plan.workers, engines, versions, plan.scene_seconds)
 
 
 def seed_of(out: Path, asked: int | None) -> int:
@@ -151,7 +158,7 @@ def find_engines(specs: tuple[str, ...]) -> tuple[dict[str, tuple[str, str]], di
     """
     found: dict[str, tuple[str, str]] = {}
     missing = {}
-    for spec, told in zip(specs, call_each(_name_and_version, specs), strict=True):
+    for spec, told in zip(specs, call_each(name_and_version, specs), strict=True):
         if isinstance(told, Failure):
             missing[spec] = told.text.removeprefix("EngineError: ")
         elif told[0] in found:
@@ -161,7 +168,8 @@ def find_engines(specs: tuple[str, ...]) -> tuple[dict[str, tuple[str, str]], di
     return found, missing
 
 
-def _name_and_version(spec: str) -> tuple[str, str]:
+def name_and_version(spec: str) -> tuple[str, str]:
+    """Return what an engine calls itself, and its version."""
     engine = load(spec)
     return engine.name, engine.version()
 
@@ -174,12 +182,10 @@ def _numbers(journal: Journal) -> dict[int, str]:
         raise OtherRun(f"{journal.path} holds records of another kind: choose another folder") from error
 
 
-def _records(
-    plan: Plan, workers: Workers, numbers: dict[int, str], tick: Callable[[], None]
-) -> Iterator[dict[str, Any]]:
+def _records(plan: Plan, workers: Pool, numbers: dict[int, str], tick: Callable[[], None]) -> Iterator[dict[str, Any]]:
     """Yield records as they come in, while there is time or scenes are left."""
     end = time.monotonic() + 60.0 * plan.minutes if plan.minutes is not None else float("inf")
-    batches = _batches(plan, numbers)
+    batches = _batches(plan, numbers, workers.batch(plan.scenes))
     going = True
     while going or workers.pending:
         while going and workers.hungry:
@@ -193,7 +199,7 @@ def _records(
         tick()
 
 
-def _batches(plan: Plan, numbers: dict[int, str]) -> Iterator[list[Job]]:
+def _batches(plan: Plan, numbers: dict[int, str], size: int) -> Iterator[list[Job]]:
     """Yield batches of scenes that have no record yet; scenes that were drawn before count once."""
     seen: set[str] = set()
     batch: list[Job] = []
@@ -208,7 +214,7 @@ def _batches(plan: Plan, numbers: dict[int, str]) -> Iterator[list[Job]]:
         if key not in seen:
             seen.add(key)
             batch.append({"scene": to_dict(drawn.scene), "about": {**describe(drawn), "shard": number}})
-        if len(batch) == BATCH:
+        if len(batch) == size:
             yield batch
             batch = []
     if batch:

@@ -19,6 +19,7 @@ from rich.table import Table
 from crosscheck import document_commands
 from crosscheck.answers import to_json
 from crosscheck.campaign import ALWAYS, OtherRun, Plan, SameName, find_engines, run, seed_of
+from crosscheck.cluster import LOCAL, NoCluster
 from crosscheck.engines import available
 from crosscheck.engines import load as load_engine
 from crosscheck.freedoms import mobility_lines
@@ -114,6 +115,7 @@ def nightly(
     require_engines: str = "",
     out: Path = Path("reports/latest"),
     workers: Whole | None = None,
+    cluster: str | None = None,
     scene_seconds: float = SECONDS_PER_SCENE,
 ) -> int:
     """Draw scenes, check them on all engines, write a report.
@@ -138,10 +140,12 @@ def nightly(
         The folder of the run: records.jsonl, report.json, index.html, disagreements/*.toml.
     workers
         Worker processes; one per processor by default.
+    cluster
+        Check the scenes on a Dask cluster: `local` for one of `workers` processes, or a scheduler, `tcp://host:8786`.
     scene_seconds
         After this long on one scene a worker is ended, and the engine that it was at is told.
     """
-    plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers, scene_seconds)
+    plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers, cluster, scene_seconds)
     with shown_progress(plan.scenes, plan.minutes) as progress:
         try:
             outcome = run(plan, progress)
@@ -206,6 +210,7 @@ def _plan(
     require_engines: str,
     out: Path,
     workers: int | None,
+    cluster: str | None,
     scene_seconds: float,
 ) -> Plan:
     numbers = {"minutes": minutes, "scenes": scenes, "workers": workers, "scene-seconds": scene_seconds}
@@ -213,6 +218,10 @@ def _plan(
         _positive(key, value)
     if out.exists() and not out.is_dir():
         raise UsageError(f"--out: expected a folder, got the file {out}")
+    if cluster is not None and cluster != LOCAL and "://" not in cluster:
+        raise UsageError(
+            f"--cluster: expected {LOCAL!r} or a scheduler's address like tcp://host:8786, got {cluster!r}"
+        )
     if minutes is None and scenes is None:
         minutes = 3.0
     required = _names(require_engines, always=())
@@ -224,6 +233,7 @@ def _plan(
         minutes=minutes,
         scenes=scenes,
         workers=workers or os.cpu_count() or 1,
+        cluster=cluster,
         scene_seconds=scene_seconds,
     )
 
@@ -289,7 +299,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = USAGE
     except BrokenPipeError:
         code = PASS
-    except (OSError, InvalidGap) as error:
+    except (OSError, InvalidGap, NoCluster) as error:
         code = _told(error, INFRASTRUCTURE)
     except KeyboardInterrupt as error:
         code = _told(error, INTERRUPTED)

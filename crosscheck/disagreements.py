@@ -13,7 +13,7 @@ from crosscheck.drawing import describe, draw, effort, shrink
 from crosscheck.journal import replace_file
 from crosscheck.known_gaps import new_disagreements, read
 from crosscheck.strategies import Drawn
-from crosscheck.workers import Workers
+from crosscheck.workers import Pool
 from refkin.model import Scene
 from refkin.scene_files import to_dict, to_toml
 
@@ -36,7 +36,7 @@ def signature(told: Mapping[str, Any]) -> Signature:
 
 
 def write_disagreements(
-    plan: Plan, new: Sequence[dict[str, Any]], workers: Workers, tick: Callable[[], None] = lambda: None
+    plan: Plan, new: Sequence[dict[str, Any]], workers: Pool, tick: Callable[[], None] = lambda: None
 ) -> float:
     """Write the scenes of disagreements, note in each its `file`, and return how long shrinking took [s].
 
@@ -69,7 +69,7 @@ def write_disagreements(
     return time.monotonic() - start
 
 
-def _shrink(plan: Plan, told: dict[str, Any], workers: Workers, seconds: float, tick: Callable[[], None]) -> None:
+def _shrink(plan: Plan, told: dict[str, Any], workers: Pool, seconds: float, tick: Callable[[], None]) -> None:
     """Write the minimal scene of a disagreement, if it shows once more and nobody has yet."""
     path = plan.out / FOLDER / f"{told['key']}-minimal-{_slug(told)}.toml"
     if not path.exists():
@@ -103,7 +103,7 @@ def _at_its_time(drawn: Drawn, told: Mapping[str, Any] | None) -> Drawn:
     return replace(drawn, scene=replace(drawn.scene, times=tuple(kept))) if named else drawn
 
 
-def _again(kind: Signature, drawn: Drawn, workers: Workers) -> Mapping[str, Any] | None:
+def _again(kind: Signature, drawn: Drawn, workers: Pool) -> Mapping[str, Any] | None:
     """Return the disagreement of a kind that a scene shows, unless a known gap accounts for it."""
     job = {"scene": to_dict(drawn.scene), "about": describe(drawn)}
     record = workers.check_one(job, [name for name in workers.engines if name == kind[0]])

@@ -12,7 +12,7 @@ from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from multiprocessing import connection
-from typing import Any
+from typing import Any, Protocol, Self
 
 from crosscheck.processes import Failure, Job, Record, SceneProcess
 
@@ -20,6 +20,8 @@ SECONDS_PER_SCENE = 30.0
 """After this long on one scene a process is ended: some hundred times what a scene takes."""
 LONGEST_WAIT = 1.0
 """After this long without news `results` returns, so that whoever waits can do something else [s]."""
+BATCH = 5
+"""Scenes handed to a process at once: enough that it seldom waits, few enough that a night ends when it is over."""
 MOST_KILLS = 5
 """When a scene's process has been killed this often, something about the scene has it killed."""
 
@@ -81,6 +83,25 @@ class Trial:
         return record
 
 
+class Pool(Protocol):
+    """Whatever checks scenes: processes of this machine (`Workers`), or a cluster (`crosscheck.cluster`)."""
+
+    engines: dict[str, str]
+    unexplained: list[str]
+
+    @property
+    def hungry(self) -> bool: ...
+    @property
+    def pending(self) -> bool: ...
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *_: object) -> None: ...
+    def batch(self, scenes: int | None) -> int: ...
+    def submit(self, jobs: Iterable[Job], engines: Iterable[str] | None = None) -> None: ...
+    def drop_waiting(self) -> None: ...
+    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Record: ...
+    def results(self) -> Iterator[Record]: ...
+
+
 class Workers:
     """Some worker processes; use it as a context manager.
 
@@ -114,6 +135,10 @@ class Workers:
             process.process.kill()
         for process in (*self.idle, *self.busy):
             process.end()
+
+    def batch(self, scenes: int | None) -> int:
+        """Return how many scenes to hand over at once if so many are to be checked in all."""
+        return BATCH
 
     @property
     def hungry(self) -> bool:

@@ -11,7 +11,7 @@ from crosscheck.engines.pinocchio_engine import PinocchioTree
 from crosscheck.tree_motion import link_terms
 
 NEAR_LIMIT = Path(__file__).parents[1] / "corpus" / "massless-link-near-limit.toml"
-"""A slider-crank whose crank is a distance, 1e-3 rad before the rod's limit: the link turns there 64 times as fast as the rod."""
+"""A slider-crank whose crank is a distance, 1e-3 rad before the rod's limit: there the link turns 64 times as fast."""
 
 
 def disagreements():

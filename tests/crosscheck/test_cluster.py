@@ -1,0 +1,145 @@
+"""A cluster's workers give the records that processes of this machine give, also when one of them is killed."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import signal
+import sys
+import time
+from typing import Any
+
+import pytest
+
+from crosscheck import cluster
+from crosscheck.cluster import BATCH, ClusterWorkers, NoCluster
+from crosscheck.workers import Pool, Workers
+
+from .fake_engines import SEGFAULT, crosscheck, engine_file, jobs, key_of_drawn, settled
+
+NIGHT = 11
+COUNT = 12
+SPECS = {"closed_form": "closed_form"}
+
+
+def local(engines=SPECS, versions=None) -> ClusterWorkers:
+    told = cluster.versions_here(tuple(engines.values())) if versions is None else versions
+    return ClusterWorkers("local", 2, engines, told)
+
+
+def digests(records: list[dict[str, Any]]) -> list[str]:
+    """Return what stands in records, but for how long things took, as hashes in the order of their keys."""
+    whole = {record["key"]: json.dumps(settled(record), sort_keys=True) for record in records}
+    return [hashlib.sha256(whole[key].encode()).hexdigest() for key in sorted(whole)]
+
+
+def checked(pool: Pool, killed: bool = False) -> list[dict[str, Any]]:
+    """Return the records of the first scenes, in batches of two; with one of the workers killed in the middle."""
+    todo = jobs(NIGHT, COUNT)
+    for k in range(0, COUNT, 2):
+        pool.submit(todo[k : k + 2])
+    records: list[dict[str, Any]] = []
+    while pool.pending:
+        records += list(pool.results())
+        if killed and records:
+            assert isinstance(pool, ClusterWorkers)
+            os.kill(next(iter(pool.client.run(os.getpid).values())), signal.SIGKILL)
+            killed = False
+    return records
+
+
+@pytest.fixture(scope="module")
+def embedded():
+    with Workers(2, SPECS) as pool:
+        return digests(checked(pool))
+
+
+@pytest.fixture(scope="module")
+def two_workers():
+    with local() as pool:
+        yield pool
+
+
+def test_two_workers_give_the_records_of_the_embedded_pool(two_workers, embedded):
+    assert digests(checked(two_workers)) == embedded
+
+
+def test_so_they_do_when_one_of_them_is_killed_in_the_middle(embedded):
+    with local() as pool:
+        assert digests(checked(pool, killed=True)) == embedded
+
+
+def test_an_engine_that_crashes_is_told_and_costs_neither_its_worker_nor_the_batch(tmp_path):
+    crash = f"exec({SEGFAULT!r}) if key == {key_of_drawn(NIGHT, 1)!r} else None"
+    with local({**SPECS, "fake": engine_file(tmp_path, before=crash)}) as pool:
+        before = set(pool.client.run(os.getpid).values())
+        records = checked(pool)
+        kinds = [told["kind"] for record in records for told in record["disagreements"]]
+
+        assert (len(records), kinds) == (COUNT, ["crash (SIGSEGV)"])
+        assert set(pool.client.run(os.getpid).values()) == before
+
+
+def test_batches_that_no_worker_has_begun_with_can_be_dropped(two_workers):
+    todo = jobs(NIGHT, 1)
+    for _ in range(40):
+        two_workers.submit(todo)
+    two_workers.drop_waiting()
+    records = []
+    while two_workers.pending:
+        records += list(two_workers.results())
+
+    assert len(records) < 40
+
+
+@pytest.mark.parametrize(("scenes", "size"), [(None, BATCH), (40, 10), (1, 1), (10**6, BATCH)])
+def test_every_worker_gets_a_batch(two_workers, scenes, size):
+    assert two_workers.batch(scenes) == size
+
+
+def test_a_worker_with_another_version_of_an_engine_is_refused():
+    with pytest.raises(NoCluster, match=r"has \{'closed_form': .*\}, this machine \{'closed_form': '0'\}"):
+        local(versions={"closed_form": "0"})
+
+
+def test_a_worker_that_may_have_no_children_is_refused(monkeypatch):
+    import multiprocessing
+
+    monkeypatch.setattr(multiprocessing.current_process(), "_config", {"daemon": True})
+
+    assert "DASK_DISTRIBUTED__WORKER__DAEMON=False" in cluster.versions_here(())
+
+
+def test_a_scheduler_that_does_not_answer_is_no_cluster(monkeypatch):
+    monkeypatch.setattr(cluster, "SECONDS_TO_CONNECT", 1.0)
+    start = time.monotonic()
+
+    with pytest.raises(NoCluster, match=r"--cluster tcp://127\.0\.0\.1:1: "):
+        ClusterWorkers("tcp://127.0.0.1:1", 2, SPECS, {})
+    assert time.monotonic() - start < 10.0
+
+
+def test_without_the_package_distributed_it_is_named(monkeypatch):
+    monkeypatch.setitem(sys.modules, "distributed", None)
+
+    with pytest.raises(NoCluster, match=r"pip install 'refkin\[cluster\]'"):
+        local()
+
+
+def test_a_night_on_a_cluster_is_the_night_on_this_machine(tmp_path):
+    common = ("nightly", "--scenes", 6, "--seed", 3, "--engines", "mujoco", "--workers", 2, "--out")
+    told = [crosscheck(*common, tmp_path / "pool"), crosscheck(*common, tmp_path / "dask", "--cluster", "local")]
+    lines = [(tmp_path / name / "records.jsonl").read_text().splitlines() for name in ("pool", "dask")]
+
+    assert [process.returncode for process in told] == [0, 0]
+    assert digests([json.loads(line) for line in lines[0]]) == digests([json.loads(line) for line in lines[1]])
+
+
+def test_an_address_that_is_none_is_a_usage_error(tmp_path):
+    told = crosscheck("nightly", "--scenes", 1, "--cluster", "somewhere", "--out", tmp_path)
+
+    assert told.returncode == 2
+    assert told.stderr == (
+        "--cluster: expected 'local' or a scheduler's address like tcp://host:8786, got 'somewhere'\n"
+    )
