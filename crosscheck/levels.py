@@ -156,14 +156,16 @@ def _size(level: Level, at: Configuration) -> float:
 
 def _ours(system: System, at: Configuration) -> dict[Any, Any]:
     """Return our values at a configuration, with the running errors of each."""
-    q, qd = running(np.append(at.q, at.contacts)), running(np.append(at.qd, 0.0 * at.contacts))
+    coordinates = np.append(at.q, at.contacts)
+    q, qd = running(coordinates), running(np.append(at.qd, 0.0 * at.contacts))
+    rounded = running(coordinates, U * np.abs(coordinates))  # as a point's place in the ground frame is, once composed
     slope = system.phi_q(q, at.t)
     rate = np.empty(system.m, object)
     nu = system.nu(q, at.t)
     for m in range(system.m):
         rate[m] = sum((qd[k] * slope[m, k] for k in range(system.n)), Running(0.0)) - nu[m]
     of_bodies = slope[:, : system.of_bodies]
-    values = {"x": system.phi(q, at.t), "x_q": of_bodies, "x'": rate, "gamma": system.gamma(q, qd, at.t)}
+    values = {"x": system.phi(rounded, at.t), "x_q": of_bodies, "x'": rate, "gamma": system.gamma(q, qd, at.t)}
     found: dict[Any, Any] = {key: (_values(v), errors(v, ())) for key, v in values.items()}
     largest = {Level.RESIDUAL: "x", Level.JACOBIAN: "x_q", Level.CONSTRAINT_VELOCITY: "x'", Level.DRIFT: "gamma"}
     found["scale"] = {level: float(np.max(np.abs(found[key][0]))) for level, key in largest.items()}

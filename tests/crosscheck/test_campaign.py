@@ -13,9 +13,10 @@ import pytest
 
 import refkin
 from crosscheck import campaign
-from crosscheck.campaign import BATCH, OtherRun, Plan, SameName, find_engines, run, seed_of
+from crosscheck.campaign import OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.disagreements import write_disagreements
 from crosscheck.drawing import draw, effort
+from crosscheck.workers import BATCH
 
 from .fake_engines import EXIT, alive, crosscheck, engine_file, key_of_drawn, records_of, start
 
