@@ -24,6 +24,9 @@ CAP = 60
 """Corrections that Newton may take; at a fold, where the error halves, it needs about 26 to reach round-off."""
 CONTRACTION = 0.25
 """A correction larger than this part of the one before says that the prediction was too far off."""
+STALLED = 0.9
+"""A correction larger than this part of the one before, at a residual of round-off, is noise: the error of a regular
+pose shrinks faster, so does that of a fold (1/2), and of four roots in one (3/4). Noise may go on to shrink for ever."""
 TRUST = 0.25
 """The largest correction (rad, or sizes) of a predicted pose; what lies further off may be another branch."""
 HALVINGS, HALVINGS_AFTER_FAILURE = 40, 6
@@ -133,7 +136,7 @@ def _fold(system: TreeSystem, last: Pose, t: float) -> Pose | None:
 def close(system: TreeSystem, q: Array, t: float, *, near: bool = False) -> Pose | None:
     """Return the pose to which full Newton converges from q, or None if it does not.
 
-    Converged means that the residual is at round-off and the correction no longer decreases. `near` says that q is a
+    Converged means that the residual is at round-off and the correction has stalled. `near` says that q is a
     prediction: then each correction must contract and the first not be large.
     """
     previous = math.inf
@@ -145,7 +148,7 @@ def close(system: TreeSystem, q: Array, t: float, *, near: bool = False) -> Pose
             return None
         size, gap = _largest(correction), _largest(residual)
         if gap <= round_off(q, system.tree.depth):
-            if size >= previous or size <= EPS * (1.0 + _largest(q)):
+            if size > STALLED * previous or size <= EPS * (1.0 + _largest(q)):
                 far = near and _largest(q - guess) > TRUST
                 return None if far else _pose(system, t, q, jacobian, gap)
         elif near and (size > CONTRACTION * previous or size > TRUST):

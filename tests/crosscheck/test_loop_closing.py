@@ -199,6 +199,16 @@ def test_a_small_residual_is_not_enough() -> None:
     assert pose.q[0] == pytest.approx(1e-18**0.25, rel=1e-6)
 
 
+def test_noise_that_shrinks_ever_so_little_is_the_end_of_newton() -> None:
+    """Corrections change their sign and lose a thousandth each time; 60 of them would be no nearer to the root."""
+    noise = [1e-9, *(2e-15 * (-0.999) ** k for k in range(100))]
+    toy = straight(phi=lambda q, t: [noise[toy.calls - 1]], phi_q=lambda q, t: [[1.0]])
+    pose = close(toy, np.array([0.5]), 0.0, near=True)  # type: ignore[arg-type]
+
+    assert pose is not None
+    assert toy.calls == 3
+
+
 def test_a_matrix_without_inverse_solves_to_nothing() -> None:
     assert solve(np.zeros((2, 2)), np.ones(2)) is None
 
