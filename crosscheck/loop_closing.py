@@ -26,7 +26,7 @@ CONTRACTION = 0.25
 """A correction larger than this part of the one before says that the prediction was too far off."""
 STALLED = 0.9
 """A correction larger than this part of the one before, at a residual of round-off, is noise: the error of a regular
-pose shrinks faster, so does that of a fold (1/2), and of four roots in one (3/4). Noise may go on to shrink for ever."""
+pose shrinks faster, so does that of a fold (1/2), and of four roots in one (3/4). Noise may shrink for ever."""
 TRUST = 0.25
 """The largest correction (rad, or sizes) of a predicted pose; what lies further off may be another branch."""
 HALVINGS, HALVINGS_AFTER_FAILURE = 40, 6
