@@ -148,7 +148,8 @@ def _shipped_stop(scene: Scene) -> Term:
     """Return what SolveStatic leaves of the residual in metres and rad, all rows together, in the scaled residual.
 
     It stops at the larger of an absolute norm and a part of the norm it started with. A start is the last pose, where
-    only the drivers' rows are not zero, and at the first time the estimate.
+    only the drivers' rows are not zero, and at the first time the estimate. The row of a distance driver is exudyn's
+    |d| - f times f.
     """
     newton = quiet_settings().staticSolver.newton
     model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints)
@@ -157,15 +158,17 @@ def _shipped_stop(scene: Scene) -> Term:
         norms = [float(np.linalg.norm(model.residual(start, scene.times[0])))]
     finally:
         model.close()
+    size = scene.mechanism.size()
     laws = [law for driver in scene.mechanism.drivers for law in driver.laws]
     values = np.array([[float(law(t)) for t in scene.times] for law in laws])
     norms += np.linalg.norm(np.diff(values), axis=0).tolist() if laws else []
     stop = max(newton.absoluteTolerance, newton.relativeTolerance * max(norms))
+    lengths = [abs(float(d.laws[0](t))) for d in scene.mechanism.drivers if d.type == "distance" for t in scene.times]
     return Term(
         name="stopping rule",
         level="position",
         reason=f"SolveStatic stops at a residual of {stop:.1e} m or rad by its default tolerances",
-        absolute=stop * max(1.0, 1.0 / scene.mechanism.size()),
+        absolute=stop * max(1.0, 1.0 / size) * max([1.0, *(length / size for length in lengths)]),
     )
 
 

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from mpmath import mp, mpf
 
+import refkin
 from crosscheck.budget import derive
+from crosscheck.check import check
 from crosscheck.engines import Engine, EngineError, Level, exudyn_parts, exudyn_readings, load, refusals, table_key
 from crosscheck.engines.exudyn_engine import CAPABILITIES, SHIPPED, STATIC, Exudyn
 from crosscheck.engines.exudyn_model import ExudynModel
@@ -609,3 +612,11 @@ def test_a_planted_fault_is_caught(
     fault(monkeypatch)
 
     assert not ratios(case, scene, Exudyn().solve(scene))[level] < 1.0
+
+
+def test_the_row_of_a_distance_driver_stops_as_early_as_its_length_allows() -> None:
+    """Our row is exudyn's times the driven length, here 1.9 sizes: so is what its stopping rule leaves."""
+    scene = refkin.load(Path(__file__).parents[1] / "corpus" / "exudyn-shipped-distance-driver.toml")
+    record = check(scene, ["exudyn"])
+
+    assert [told for told in record["disagreements"] if told["route"] == SHIPPED.name] == []
