@@ -127,10 +127,11 @@ class _Answer:
         solvable = smallest > self.system.n * EPS * sigma[:, 0]
         self._rates(lanes[solvable])
         proved = Evidence.CERTIFICATE in self.scene.evidence
-        ok = np.where(proved, False, smallest > SINGULAR)
+        closed = self.residual[lanes] <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))
+        # Redundant rows that contradict each other leave a residual at a regular pose: proof decides there.
+        ok = np.where(proved, False, closed & (smallest > SINGULAR))
         for group in (lanes[~ok & solvable], lanes[~ok & ~solvable]):
             ok[np.isin(lanes, group)] = self._prove(group)
-        closed = self.residual[lanes] <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))
         for k, isolated, closes in zip(lanes, ok, closed, strict=True):
             if self.status[k] is Status.OK:
                 open_ = Status.SINGULAR if closes else Status.NOT_CONVERGED

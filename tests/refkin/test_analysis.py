@@ -169,3 +169,13 @@ def test_a_parallelogram_that_steps_over_its_flat_pose_is_not_followed_beyond_it
 
     assert {s for s, early in zip(motion.status, before, strict=True) if early} == {Status.OK}
     assert {s for s, early in zip(motion.status, before, strict=True) if not early} == {Status.BRANCH_LOST}
+
+
+def test_redundant_rows_that_contradict_each_other_are_not_ok_without_evidence_either():
+    """A second pin of the crank, 1e-6 beside the first: a regular pose of the mean of both is no answer."""
+    scene = replace(ROCKER.scene(samples=3), evidence=frozenset())
+    pin = scene.mechanism.joints[0]
+    beside = replace(pin, name="again", point_i=(1e-6, 0.0))
+    mechanism = replace(scene.mechanism, joints=(*scene.mechanism.joints, beside))
+
+    assert refkin.solve(replace(scene, mechanism=mechanism)).verdict is Status.UNASSEMBLABLE
