@@ -41,9 +41,20 @@ def test_the_reference_needs_nothing_fast(path):
         assert not [name for name in imported(path) if name.startswith("refkin.fast")]
 
 
+@pytest.mark.parametrize("path", sources("crosscheck"), ids=lambda p: str(p.relative_to(ROOT)))
+def test_of_crosscheck_only_what_shows_the_fast_path_needs_it(path):
+    """At the top of a module: a command may import it when it is called."""
+    top = [node for node in ast.parse(path.read_text(encoding="utf-8")).body]
+    names = [node.module or "" for node in top if isinstance(node, ast.ImportFrom)]
+
+    assert path.name == "lanes.py" or not [name for name in names if name.startswith("refkin.fast")]
+
+
 def adapters():
     shared = [ROOT / "crosscheck" / f"{name}.py" for name in NUMBERS_ONLY]
-    return [*sources("crosscheck/engines"), *sources("crosscheck/assur"), *shared]
+    # refkin's own fast path is no peer: it is compared as a second producer of the same formulas.
+    peers = [path for path in sources("crosscheck/engines") if path.name != "lanes.py"]
+    return [*peers, *sources("crosscheck/assur"), *shared]
 
 
 @pytest.mark.parametrize("path", adapters(), ids=lambda p: str(p.relative_to(ROOT)))

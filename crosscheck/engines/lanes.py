@@ -1,0 +1,103 @@
+"""refkin's own fast path as a producer of its own: the compiled elimination tape, held against the reference.
+
+Independence does not apply, and this module may import `refkin.fast`: the tape is traced from the joints' own formulas,
+so it says nothing about them. What it does by itself, and what is checked here, is elimination, scheduling, its own
+sines, the march, and the choice of a branch. A night that did not check it against the reference would not know
+whether the path that a million mechanisms take is the path that was verified.
+
+A scene that the tape leaves to the reference gets no answer here: the reference would agree with itself.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+from importlib.metadata import version
+
+import numpy as np
+
+from crosscheck.engines import API, NATIVE, Capabilities, ConstraintModel, EngineError, Level, Term, refusals, refused
+from refkin.fast import attempt
+from refkin.joints import GROUND
+from refkin.model import Scene
+from refkin.motion import Motion, Producer, Route, Seeding
+
+NO_ROWS = refused("its rows are the reference's own formulas")
+JOINTS = (
+    *("revolute", "revolute with a law", "fixed", "prismatic", "point_on_line", "distance", "gear", "rack_and_pinion"),
+    *("cam", "angle", "x", "y", "distance driver"),
+)
+"""Keys of the joints and drivers in the capability table."""
+U = 2.0**-53
+SINES = 4.0
+"""The error of a sine or cosine by the tangent of half its angle, in units of U."""
+ROUTE = Route(
+    name="tape",
+    residual_by="refkin",
+    jacobian_by="refkin",
+    newton_by="refkin.fast",
+    linear_solve_by="refkin.fast",
+    drift_by="refkin",
+    seeding=Seeding.INITIAL_GUESS,
+)
+
+
+class Lanes:
+    """The compiled elimination tape, one scene at a time."""
+
+    name = "refkin-lanes"
+    api = API
+
+    def version(self) -> str:
+        """Return the version of this project: the tape is its own."""
+        return version("refkin")
+
+    def routes(self) -> Sequence[Route]:
+        """Return the one route there is."""
+        return (ROUTE,)
+
+    def capabilities(self) -> Capabilities:
+        """Return: every planar joint and driver at level solve; no rows."""
+        levels = {level: NATIVE if level is Level.SOLVE else NO_ROWS for level in Level}
+        return {joint: levels for joint in JOINTS}
+
+    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
+        """Return what carrying positions from body to body leaves of closing a loop, whichever row closes it."""
+        motion = attempt(replace(scene, effects=frozenset(), evidence=frozenset(), bodies_wanted=None))
+        if motion is None:
+            return ()
+        angle = max(1.0, float(np.max(np.abs(motion.q[2::3]))))
+        points = [point for c in scene.mechanism.constraints for body, point in c.points() if body != GROUND]
+        arms = sum(math.hypot(*point) for point in points) / scene.mechanism.size()
+        return (
+            Term(
+                name="tree",
+                level="position",
+                reason="poses are sums of arms along a tree, each arm turned by an angle that is rounded and by a sine "
+                "from the tangent of half that angle; Newton stops at what this leaves, and the answer adds it again",
+                absolute=2.0 * arms * (math.sqrt(2.0) * SINES + angle) * U,
+            ),
+        )
+
+    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
+        """Return the motion of a scene, as the tape has it.
+
+        Raises
+        ------
+        EngineError
+            If a joint is unknown, or the tape leaves the scene to the reference.
+        """
+        if route is not None and route != ROUTE:
+            raise EngineError(f"{self.name} has no route {route.name!r}; there is: {ROUTE.name!r}")
+        found = refusals(self, scene, Level.SOLVE)
+        if found:
+            raise EngineError("\n".join(found))
+        motion = attempt(replace(scene, evidence=frozenset()))
+        if motion is None:
+            raise EngineError(f"{self.name} leaves {scene.name!r} to the reference: a pose or the branch is in doubt")
+        return replace(motion, producer=Producer(name=self.name, version=self.version(), route=ROUTE))
+
+    def constraints(self, scene: Scene) -> ConstraintModel:
+        """Refuse: the rows are the reference's."""
+        raise EngineError(f"{self.name}: {NO_ROWS.reason}")

@@ -1,0 +1,146 @@
+"""From coordinates of every lane to a `Motion`, judged by the formulas a person reads.
+
+Nothing here trusts the tape. Residual, singular values and certificates come from `System` and `refkin.proof`, with
+their own sines; what was computed on the tape is only the pose and the rates that they are asked about.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from refkin.differences import EPS
+from refkin.model import Effect, Evidence, Scene
+from refkin.motion import CertifiedRadius, ContactMotion, Motion, PointMotion, Producer, Route, Seeding, Status, nowhere
+from refkin.points import point_motion
+from refkin.proof.isolate import FLOAT64, isolate
+from refkin.sweep import SINGULAR
+from refkin.system import System
+
+ROUTE = Route(
+    name="lanes",
+    residual_by="refkin",
+    jacobian_by="refkin",
+    newton_by="refkin.fast",
+    linear_solve_by="refkin.fast",
+    drift_by="refkin",
+    seeding=Seeding.INITIAL_GUESS,
+)
+CLEAR = 1e-3
+"""Above this pivot a block is far from singular, and no singular values are asked for.
+
+A pivot is within a factor of a few of the block's smallest singular value, SINGULAR is 1.2e-7, and the rest of phi_q is
+triangular with ones in its diagonal.
+"""
+producer_version = version("refkin")
+
+
+def motion(scene: Scene, system: System, t: Any, levels: list[Any], pivot: Any, message: str = "") -> Motion | None:
+    """Return the motion if every lane is beyond doubt, else None.
+
+    Parameters
+    ----------
+    t : (T,) array
+        Times [s].
+    levels : list of (n, T) array
+        Coordinates and rates as far as they are called for, in the system's scaled coordinates.
+    pivot : (T,) array
+        The smallest pivot of each lane.
+    """
+    q = levels[0]
+    residual = np.max(np.abs(system.phi(q, t)), axis=0)
+    # As `refkin.solve` has it; NaN is not below anything.
+    closed = residual <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))
+    if not closed.all() or not all(np.isfinite(level).all() for level in levels):
+        return None
+    evidence = _evidence(scene, system, levels, t, pivot)
+    if evidence is None:
+        return None
+    return replace(_written(scene, system, levels, t, residual, *evidence), message=message)
+
+
+def _evidence(
+    scene: Scene, system: System, levels: list[Any], t: Any, pivot: Any
+) -> tuple[Any, Any, CertifiedRadius] | None:
+    """Return smallest singular value, condition and certified radii; None if some pose is not isolated by them."""
+    count = len(t)
+    sigma_min, condition = nowhere(count), nowhere(count)
+    radius = CertifiedRadius(position=nowhere(count), velocity=nowhere(count), acceleration=nowhere(count))
+    proved = Evidence.CERTIFICATE in scene.evidence
+    asked = Evidence.CONDITION in scene.evidence
+    near = np.arange(count) if asked else np.flatnonzero(~(pivot > CLEAR))
+    if near.size and (asked or not proved):
+        slope = np.moveaxis(system.phi_q(levels[0][:, near], t[near]), -1, 0)
+        sigma = np.linalg.svd(slope, compute_uv=False)
+        smallest = sigma[:, system.n - 1]
+        if not proved and not (smallest > SINGULAR).all():
+            return None
+        if asked:
+            with np.errstate(divide="ignore"):
+                sigma_min, condition = smallest, sigma[:, 0] / smallest
+    if proved and not (pivot > CLEAR).all():
+        return None  # there the reference also proves that the branch was never changed
+    if proved:
+        found = isolate(system, levels[0], t, *levels[1:])
+        if not found.ok.all() or (found.bits > FLOAT64).any() or (found.contradiction > 1.0).any():
+            return None  # what only balls can enclose is answered from there
+        radius = CertifiedRadius(position=found.position, velocity=found.velocity, acceleration=found.acceleration)
+    return sigma_min, condition, radius
+
+
+def _written(
+    scene: Scene,
+    system: System,
+    levels: list[Any],
+    t: Any,
+    residual: Any,
+    sigma_min: Any,
+    condition: Any,
+    radius: CertifiedRadius,
+) -> Motion:
+    """Return the answer in metres, for the bodies and effects that the scene calls for."""
+    called = (True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects)
+    physical = [system.to_physical(level, order) for order, level in enumerate(levels)]
+    whole = scene.bodies_wanted is None and system.n == system.of_bodies
+    rows = np.s_[:] if whole else np.concatenate([np.r_[system.columns(b)] for b in scene.wanted])
+    q, qd, qdd = (physical[k][rows] if wanted else None for k, wanted in enumerate(called))
+    assert q is not None
+    return Motion(
+        t=t,
+        bodies=scene.wanted,
+        q=q,
+        qd=qd,
+        qdd=qdd,
+        status=(Status.OK,) * len(t),
+        residual=residual,
+        sigma_min=sigma_min,
+        condition=condition,
+        certified_radius=radius,
+        points=_of_points(scene, system, physical, called),
+        contacts=_of_contacts(system, physical, called),
+        producer=Producer(name="refkin.fast", version=producer_version, route=ROUTE),
+    )
+
+
+def _of_points(
+    scene: Scene, system: System, levels: list[Any], called: tuple[bool, bool, bool]
+) -> dict[str, PointMotion]:
+    found = {}
+    for point in scene.points:
+        moved = point_motion(point.position, *(level[system.columns(point.body)] for level in levels))
+        v, a = moved.v if called[1] else None, moved.a if called[2] else None
+        found[point.name] = PointMotion(r=moved.r, v=v, a=a)
+    return found
+
+
+def _of_contacts(system: System, levels: list[Any], called: tuple[bool, bool, bool]) -> dict[str, ContactMotion]:
+    found = {}
+    for joint in system.mechanism.joints:
+        if joint.parameters:
+            row = system.parameter(joint.name).start
+            sd, sdd = (levels[k][row] if called[k] else None for k in (1, 2))
+            found[joint.name] = ContactMotion(s=levels[0][row], sd=sd, sdd=sdd)
+    return found

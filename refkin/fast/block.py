@@ -1,0 +1,274 @@
+"""A block of mechanisms on their way through the times of a scene, all together: the machinery of `many`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from refkin.contacts import touched
+from refkin.differences import EPS
+from refkin.errors import Fault, InvalidScene
+from refkin.fast.compiled import Compiled
+from refkin.fast.family import Family, lane_of, of_lanes
+from refkin.fast.lanes.run import Workspace
+from refkin.fast.march import ENOUGH, FARTHEST, FURTHEST, PART, SMALL, SMALLEST_PIVOT, SMOOTH, March, Pose
+from refkin.fast.quintic import weights
+from refkin.fast.sweep import NEAR
+from refkin.motion import Status
+from refkin.sweep import CONTRACTION
+from refkin.system import compile_system
+
+CODES = (Status.OK, Status.NOT_CONVERGED, Status.BRANCH_LOST)
+"""The statuses that a lane can have, by code."""
+OK, NEVER_FOUND, LOST = range(3)
+MOST_NEWTON = 3
+"""So many Newton steps are made by all lanes; those that need more are marched on their own."""
+START_NEWTON = 12
+MOST_BETWEEN = 64
+"""So many steps at most are made by all lanes between two times."""
+PRICE_OF_A_STEP, PRICE_OF_A_LANE, PRICE_ALONE = 300.0, 0.2, 15.0
+"""What a step of all lanes costs, what each lane adds to it, and what a step of one lane alone costs, about [us]."""
+MOST_STEPS_ALONE = 2000
+"""So many steps a lane may be marched on its own, all times together: about 20 ms."""
+
+
+class Block:
+    """Some lanes of a family and where they are.
+
+    Attributes
+    ----------
+    codes : (L,) array of uint8
+        Codes of `CODES`: OK for the lanes that are on the branch they started on.
+    residual : (L,) array
+        Largest component of the scaled residual at the present time.
+    """
+
+    def __init__(self, group: Family, made: Compiled, lanes: slice) -> None:
+        self.group, self.made, self.lanes = group, made, lanes
+        self.count = lanes.stop - lanes.start
+        self.system = of_lanes(group.system, lanes)
+        self.space = Workspace(made.marching, self.count, lane_geometry=True)
+        self.space.give_geometry([p.g for p in self.system.placed], self._profile)
+        out = made.marching.outputs
+        self.core_rows = [[rows[c] for c in made.core] for rows in out.levels]
+        # Levels of the core at the last time but one, then at the last.
+        self.history = np.zeros((6, len(made.core), self.count))
+        self.codes = np.full(self.count, OK, np.uint8)
+        self.signs = np.ones((len(out.determinants), self.count))
+        self.residual = np.full(self.count, np.nan)
+        self.times: list[float] = []
+        self.helpers: dict[int, March] = {}
+
+    @property
+    def alive(self) -> Any:
+        """Which lanes are on their branch."""
+        return self.codes == OK
+
+    def _profile(self, constraint: int, order: int, s: Any) -> Any:
+        return self.system.placed[constraint].constraint.profile_values(s, self.system.unit, order)[order]
+
+    def _give_laws(self, t: float) -> None:
+        placed = enumerate(self.system.placed)
+        self.space.give_laws({k: p.constraint.inputs(t, self.system.unit, 2) for k, p in placed if p.constraint.laws})
+
+    def start(self, t: float) -> None:
+        """Find the solution next to each lane's estimate, by the rule of `sweep`."""
+        self._give_laws(t)
+        estimate = self._estimates(t)
+        for c, row in zip(self.made.core, self.space.core(), strict=True):
+            row[:] = estimate[c]
+        corrections, late = self._iterate(START_NEWTON)
+        self.space.run("answer")
+        bodies = self.system.of_bodies
+        off = np.max(np.abs(self.space.level(0)[:bodies] - estimate[:bodies]), axis=0)
+        if corrections:
+            first, second = corrections[0], corrections[min(1, len(corrections) - 1)]
+            near = (off <= SMALL) | (NEAR * off * second <= first**2)
+            self.codes[late | ~near] = NEVER_FOUND
+        for sign, row in zip(self.signs, self.made.marching.outputs.determinants, strict=True):
+            sign[:] = np.sign(self.space.row(row))
+        self.codes[self.alive & ~self._regular()] = NEVER_FOUND
+        self._check(t, NEVER_FOUND)
+        self._remember(t)
+
+    def _estimates(self, t: float) -> Any:
+        """Return the estimates in scaled coordinates, (n, L)."""
+        given = [self.group.estimates[b.name] for b in self.group.scene.mechanism.bodies]
+        missing = [b.name for b, x in zip(self.group.scene.mechanism.bodies, given, strict=True) if x is None]
+        if missing:
+            raise InvalidScene([Fault(f"estimates.{missing[0]}", None, "an estimate of its first pose")])
+        q = np.zeros((self.system.n, self.count))
+        q[: self.system.of_bodies] = np.concatenate([x[:, self.lanes] for x in given])
+        q = self.system.to_unit(q)
+        if self.system.n > self.system.of_bodies:
+            for lane in range(self.count):
+                scene = self.group.lane(self.lanes.start + lane)
+                alone = compile_system(scene.mechanism, unit=self.group.unit_of(self.lanes.start + lane))
+                q[:, lane] = touched(alone, q[:, lane], t)
+        return q
+
+    def go_to(self, t: float) -> None:
+        """Take all lanes to time t, in as many steps as the laws of most of them ask for; the others march alone."""
+        start = self.times[-1]
+        asked = np.ones(self.count)
+        for a, b in zip(self._values(start), self._values(t), strict=True):
+            asked = np.maximum(asked, np.ceil(np.abs(np.subtract(b, a)) / FURTHEST))  # NaN stays, and marches alone
+        count = self._steps(asked[self.alive])
+        hasty = ~(asked <= count)
+        for k in range(1, count):
+            self._step(start + (t - start) * k / count, hasty)
+        self._step(t, hasty)
+
+    def _steps(self, asked: Any) -> int:
+        """Return how many steps all lanes make, so that they, and those alone that ask for more, cost the least."""
+        together = PRICE_OF_A_STEP + PRICE_OF_A_LANE * self.count
+        alone = np.minimum(np.nan_to_num(asked, nan=1.0), MOST_STEPS_ALONE) * PRICE_ALONE
+        counts: set[int] = {1, *np.unique(asked[asked <= MOST_BETWEEN]).astype(int).tolist()}
+        return min(counts, key=lambda count: count * together + float(np.sum(alone, where=~(asked <= count))))
+
+    def _values(self, t: float) -> list[Any]:
+        """Return the laws' values."""
+        return [law[0] for p in self.system.placed for law in p.constraint.inputs(t, self.system.unit, 0)]
+
+    def _step(self, t: float, hasty: Any) -> None:
+        """Take all lanes to time t."""
+        before, last = [None, *self.times][-2:]
+        assert last is not None
+        h = t - last
+        taylor = [0.0, 0.0, 0.0, 1.0, h, h * h / 2], [0.0, 0.0, 0.0, 0.0, 1.0, h]
+        value, rate = taylor if before is None else weights(before, last, t)
+        guess, rates = (_combined(factors, self.history) for factors in (value, rate))
+        self._give_laws(t)
+        for row, values in zip(self.space.core(), guess, strict=True):
+            row[:] = values
+        doubtful = (hasty & self.alive) | self._newton()
+        self._march_alone(doubtful, t)
+        self.space.run("answer")
+        strayed = self.alive & ~doubtful & ~(self._regular() & self._continues(guess, rates, h))
+        if strayed.any():
+            self._march_alone(strayed, t)
+            self.space.run("answer")
+        self.codes[self.alive & ~self._regular()] = LOST
+        self._check(t, LOST)
+        self._remember(t)
+
+    def _newton(self) -> Any:
+        """Make the Newton steps that each lane asks for; return which lanes did not converge, or not at once."""
+        corrections, late = self._iterate(MOST_NEWTON)
+        if len(corrections) < 2:
+            return late
+        first, second = corrections[:2]
+        return late | (self.alive & (first >= SMALL) & ~(second <= CONTRACTION * first))
+
+    def _iterate(self, most: int) -> tuple[list[Any], Any]:
+        """Return the corrections of up to `most` Newton steps, and which lanes that are alive did not converge.
+
+        A lane that has converged takes no part in further steps, so that its bits do not depend on other lanes; its
+        further corrections are 0.
+        """
+        step, core = self.space.row(self.made.marching.outputs.step), self.space.core()
+        corrections: list[Any] = []
+        late = self.alive
+        while core and late.any() and len(corrections) < most:
+            kept = [row.copy() for row in core] if corrections else []
+            self.space.run("newton")
+            for row, values in zip(core, kept, strict=bool(kept)):
+                np.copyto(row, values, where=~late)
+            corrections.append(np.where(late, step, 0.0) if kept else step.copy())
+            late = late & ~(step <= ENOUGH)
+        return corrections, late if core else np.zeros(self.count, bool)
+
+    def _continues(self, guess: Any, rates: Any, h: float) -> Any:
+        """Return which lanes, and their rates, are where the prediction has them, by the rules of `march`."""
+        if not len(guess):
+            return np.ones(self.count, bool)
+        q, v = (np.array([self.space.row(k) for k in rows]) for rows in self.core_rows[:2])
+        off, move, bent = (_largest(a - b) for a, b in ((q, guess), (q, self.history[3]), (v, rates)))
+        near = off <= np.minimum(FARTHEST, np.maximum(PART * move, SMALL))
+        return near & (bent * h <= np.maximum(SMOOTH * off, SMALL))
+
+    def _regular(self) -> Any:
+        """Return in which lanes no determinant has changed its sign, or is nearly 0."""
+        ok = np.ones(self.count, bool)
+        out = self.made.marching.outputs
+        for sign, determinant, pivot in zip(self.signs, out.determinants, out.pivots, strict=True):
+            ok &= (self.space.row(determinant) * sign > 0) & (self.space.row(pivot) > SMALLEST_PIVOT)
+        return ok
+
+    def _march_alone(self, lanes: Any, t: float) -> None:
+        """Take some lanes to t one by one, in steps as short as it takes; those that cannot go there are lost."""
+        for lane in np.flatnonzero(lanes).tolist():
+            if lane not in self.helpers:
+                self.helpers[lane] = self._helper(lane)
+            march = self.helpers[lane]
+            levels = self.history[:, :, lane].tolist()
+            poses = [Pose(at, tuple(map(tuple, levels[3 * k : 3 * k + 3])), march.laws(at)) for k, at in self._known()]
+            found = march.to(t, poses[-1], poses[0] if len(poses) > 1 else None)
+            if found is None:
+                self.codes[lane] = LOST
+                continue
+            for row, x in zip(self.space.core(), found[-1].levels[0], strict=True):
+                row[lane] = x
+
+    def _known(self) -> list[tuple[int, float]]:
+        """Return where in the history the last two times are, or the only one, and those times."""
+        return list(enumerate(self.times, start=2 - len(self.times)))
+
+    def _helper(self, lane: int) -> March:
+        """Return what marches one lane alone."""
+        k = self.lanes.start + lane
+        constraints, unit = self.group.of_lane(k), self.group.unit_of(k)
+        single = self.made.march
+        numbers = [float(lane_of(self.group.system.placed[c].g[m], k)) for c, m in single.geometry]
+
+        def laws(t: float) -> list[float]:
+            given = {c: constraints[c].inputs(t, unit, 2) for c, _, _ in single.laws}
+            return [float(given[c][law][order]) for c, law, order in single.laws]
+
+        def profile(constraint: int, order: int, s: float) -> float:
+            return float(constraints[constraint].profile_values(s, unit, order)[order])
+
+        march = March(single, single.prepare(numbers), laws, profile, MOST_STEPS_ALONE)
+        march.signs = tuple(self.signs[:, lane].tolist())
+        return march
+
+    def _check(self, t: float, code: int) -> None:
+        """Give a code to the lanes that the formulas a person reads do not accept."""
+        q = self.space.level(0)
+        phi = self.system.phi(q, t)
+        self.residual = np.maximum.reduce(np.abs(phi, out=phi))
+        open_ = np.flatnonzero(self.alive & ~(self.residual <= 32 * EPS))
+        if open_.size:  # as `refkin.solve` has it: 32 units of the largest coordinate, or of the size
+            scale = np.max(np.abs(q[:, open_]), axis=0)
+            self.codes[open_[~(self.residual[open_] <= 32 * EPS * scale)]] = code
+
+    def _remember(self, t: float) -> None:
+        """Note the levels of the core; lanes that are lost are carried on at rest."""
+        self.times = [*self.times[-1:], t]
+        self.history[:3] = self.history[3:]
+        for order, rows in enumerate(self.core_rows):
+            for k, row in enumerate(rows):
+                self.history[3 + order, k] = self.space.row(row)
+        if not self.alive.all():
+            self.history[:, :, ~self.alive] = 0.0
+
+    def levels(self, order: int) -> Any:
+        """Return coordinates or rates in metres and rad, (n, L); NaN where there are none."""
+        level = self.system.to_physical(self.space.level(order), order)
+        if not self.alive.all():
+            level[:, ~self.alive] = np.nan
+        return level
+
+
+def _largest(differences: Any) -> Any:
+    """Return the largest size in each lane."""
+    return np.maximum.reduce(np.abs(differences))
+
+
+def _combined(factors: list[float], rows: Any) -> Any:
+    """Return the sum of factor times row, always in the same order, as BLAS would not."""
+    total = factors[0] * rows[0]
+    for factor, row in zip(factors[1:], rows[1:], strict=True):
+        total += factor * row
+    return total

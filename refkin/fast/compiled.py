@@ -1,0 +1,153 @@
+"""What is made once of a topology, and kept: its tapes, and the workspaces they run on.
+
+Two mechanisms have the same topology if their constraints are of the same kinds between the same bodies in the same
+order, and the same numbers of their geometry are 0, 1 or -1. Lengths, angles, laws and profiles are inputs.
+"""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from threading import RLock
+from typing import Any
+
+from refkin.fast.lanes.eliminate import Eliminated, eliminate
+from refkin.fast.lanes.groups import NotReducible
+from refkin.fast.lanes.run import Workspace
+from refkin.fast.lanes.schedule import schedule
+from refkin.fast.lanes.single import Single, compile_single
+from refkin.fast.lanes.symbols import Graph
+from refkin.fast.lanes.tape import Tape
+from refkin.fast.lanes.trace import known_of, trace
+from refkin.model import Effect
+from refkin.system import System
+
+MOST_KEPT = 64
+"""How many topologies are kept; the one that was used longest ago goes first."""
+MOST_IDLE, MOST_IDLE_BYTES = 2, 2**20
+"""How many workspaces of one topology wait to be used again, and how large; larger ones are cheap to make anew."""
+
+
+@dataclass
+class Compiled:
+    """A topology's solution by expressions, and what is made of it on demand.
+
+    Attributes
+    ----------
+    levels : int
+        1 for positions alone, 2 with velocities, 3 with accelerations: what `lanes` answers.
+    depends : dict
+        Per coordinate, those that its own equations hold.
+    """
+
+    solved: Eliminated
+    graph: Graph
+    levels: int
+    depends: dict[int, set[int]]
+    _idle: list[Workspace] = field(default_factory=list, repr=False)
+
+    @property
+    def n(self) -> int:
+        """The number of coordinates."""
+        return len(self.solved.levels[0])
+
+    @property
+    def core(self) -> tuple[int, ...]:
+        """The coordinates in which Newton iterates."""
+        return self.solved.core
+
+    @cached_property
+    def lanes(self) -> Tape:
+        """The tape of all coordinates and called-for levels, for rows."""
+        return schedule(self.solved, self.graph, [range(self.n)] * self.levels)
+
+    @cached_property
+    def marching(self) -> Tape:
+        """The same with the rates of the core in any case, by which the next pose is predicted."""
+        every = [range(self.n)] * self.levels
+        return schedule(self.solved, self.graph, every + [self.core] * (3 - self.levels))
+
+    @cached_property
+    def march(self) -> Single:
+        """All levels of the core coordinates, one lane at a time: what predicts the next pose."""
+        tape = schedule(self.solved, self.graph, [self.core] * 3, half_angles=False)
+        return compile_single(tape, self.core)
+
+    @cached_property
+    def place(self) -> Single:
+        """All coordinates, one lane at a time."""
+        tape = schedule(self.solved, self.graph, [range(self.n)], half_angles=False)
+        return compile_single(tape, range(self.n))
+
+    @contextmanager
+    def workspace(self, lanes: int) -> Iterator[Workspace]:
+        """Lend a workspace of `lanes` for so many lanes of one mechanism; nobody else has it meanwhile."""
+        try:
+            space = self._idle.pop()  # atomic, as append is: threads never share a workspace
+        except IndexError:
+            space = None
+        if space is None or space.lanes != lanes:
+            space = Workspace(self.lanes, lanes)
+        yield space
+        space.rest()
+        if len(self._idle) < MOST_IDLE and space.nbytes <= MOST_IDLE_BYTES:
+            self._idle.append(space)
+
+
+_kept: OrderedDict[Any, Compiled | None] = OrderedDict()
+_lock = RLock()
+
+
+def compiled(system: System, rows: Sequence[int], geometry: Sequence[Sequence[Any]]) -> Compiled | None:
+    """Return what is made of a system's topology; None if its equations have no solution by their structure alone.
+
+    Parameters
+    ----------
+    rows : sequence of int
+        The n rows that are solved: all, or independent ones where there are more.
+    geometry : sequence
+        Per constraint its scaled numbers, or rows of them: only which are 0, 1 or -1 matters.
+    """
+    known = known_of(geometry)
+    kinds = tuple(
+        (type(p.constraint), getattr(p.constraint, "contact", None), len(p.constraint.laws), p.starts)
+        for p in system.placed
+    )
+    key = (kinds, known, tuple(rows), system.effects)
+    with _lock:
+        if key not in _kept:
+            _kept[key] = _compile(system, rows, known)
+        if len(_kept) > MOST_KEPT:
+            _kept.popitem(last=False)
+        _kept.move_to_end(key)
+        return _kept[key]
+
+
+def forget() -> None:
+    """Drop everything that was compiled, so that the next use compiles again."""
+    with _lock:
+        _kept.clear()
+
+
+def _compile(system: System, rows: Sequence[int], known: Any) -> Compiled | None:
+    traced = trace(system, known, rows)
+    try:
+        solved = eliminate(traced)
+    except NotReducible:
+        return None
+    by_row = [set(row) for row in traced.phi_q]
+    depends = {c: by_row[r] for c, r in solved.stated_by.items()}
+    for block in solved.blocks:
+        together = set().union(*(by_row[solved.matched[c]] for c in block))
+        depends.update((c, together) for c in block)
+    return Compiled(solved, traced.graph, levels_of(system), depends)
+
+
+def levels_of(system: System) -> int:
+    """Return how many levels a system's effects call for; accelerations come with velocities."""
+    if Effect.ACCELERATION in system.effects:
+        return 3
+    return 2 if Effect.VELOCITY in system.effects else 1

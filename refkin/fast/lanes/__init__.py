@@ -1,0 +1,15 @@
+"""The compiled elimination tape, in four steps.
+
+============= ========= =============================================================================================
+tracing       symbols   expressions, each once, folded
+              trace     the joints' formulas run on symbols
+elimination   tree      coordinates that a row states outright
+              groups    the rest by Assur groups
+              blocks    how a group is solved
+              eliminate all of it together: expressions of the solution
+scheduling    schedule  from expressions to instructions and registers
+              tape      the result, and its text for a person
+running       run       on rows, by NumPy
+              single    one lane at a time, in Python
+============= ========= =============================================================================================
+"""

@@ -1,0 +1,189 @@
+"""Elimination: from the traced equations to expressions of their solutions.
+
+1. Coordinates that some row states outright. A row +-x_c + (other coordinates) = 0 with a constant +-1 gives x_c, on
+   all three levels. The rows so used form a spanning tree of the mechanism: pins carry positions from body to body,
+   drivers and guides give angles. Nothing is divided, so nothing is lost, whatever the pose.
+2. What is left is the core: loop equations in the angles that nothing states. Newton iterates in these alone; because
+   the other coordinates were linear, its iterates are those of Newton on all n equations.
+3. The core falls into blocks, by matching and strongly connected components: the Assur groups, each solved once those
+   upstream of it are. A four-bar's is 2 x 2.
+
+Murota, Matrices and Matroids for Systems Analysis (2000), section 2.2; Duff and Reid, ACM TOMS 4 (1978).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from refkin.fast.lanes.blocks import Factored, factored
+from refkin.fast.lanes.groups import blocks_of
+from refkin.fast.lanes.symbols import Symbol, rewritten
+from refkin.fast.lanes.trace import Traced
+from refkin.fast.lanes.tree import Row, spanning_tree
+
+
+@dataclass(frozen=True)
+class Eliminated:
+    """The solution of the equations as expressions in q[c], c in the core.
+
+    Attributes
+    ----------
+    core : tuple of int
+        The coordinates in which Newton iterates.
+    blocks : tuple of tuple of int
+        The core by groups, each downstream of none that comes later.
+    corrections : list of Symbol
+        What Newton subtracts from each core coordinate.
+    levels : tuple of lists of Symbol
+        Coordinates, velocities, accelerations, n each.
+    determinants, pivots : list of Symbol
+        Per block, its determinant, and a measure of how far from singular it is (`blocks.Factored`).
+    stated_by : dict
+        Per coordinate outside the core, the row that states it.
+    matched : dict
+        Per core coordinate, the row that is matched with it.
+    """
+
+    core: tuple[int, ...]
+    blocks: tuple[tuple[int, ...], ...]
+    corrections: list[Symbol]
+    levels: tuple[list[Symbol], list[Symbol], list[Symbol]]
+    determinants: list[Symbol]
+    pivots: list[Symbol]
+    stated_by: dict[int, int]
+    matched: dict[int, int]
+
+
+def eliminate(traced: Traced) -> Eliminated:
+    """Return the solution of traced equations.
+
+    Raises
+    ------
+    NotReducible
+        If some core equations cannot be matched with coordinates.
+    """
+    return _Elimination(traced).result()
+
+
+class _Elimination:
+    """The steps of the module, in order, with what they share."""
+
+    def __init__(self, traced: Traced) -> None:
+        self.graph, self.n = traced.graph, len(traced.phi)
+        self.stated = spanning_tree(traced.phi_q)
+        rows = {pivot.row for pivot in self.stated}
+        given = {pivot.coordinate for pivot in self.stated}
+        self.core = [c for c in range(self.n) if c not in given]
+        self.open_rows = [r for r in range(self.n) if r not in rows]
+        self.known: dict[Symbol, Symbol] = {}
+        self.traced = traced
+        self.q = self._coordinates()
+        self.slope = [{c: rewritten(x, self.known) for c, x in row.items()} for row in traced.phi_q]
+        self.total = self._total_derivatives()
+        self.matrix = [self._reduced(r) for r in self.open_rows]
+        self.matched, groups = blocks_of(self.matrix, self.core)
+        self.groups = [self._factored(group) for group in groups]
+
+    def result(self) -> Eliminated:
+        """Return the corrections of Newton and the three levels."""
+        phi = [rewritten(self.traced.phi[r], self.known) for r in self.open_rows]
+        corrections = self._solved(phi)
+        qd = self._level([rewritten(x, self.known) for x in self.traced.nu])
+        for c, rate in enumerate(qd):
+            self.known[self.graph.input("qd", c)] = rate
+        qdd = self._level([rewritten(x, self.known) for x in self.traced.gamma])
+        return Eliminated(
+            core=tuple(self.core),
+            blocks=tuple(tuple(columns) for columns, _, _ in self.groups),
+            corrections=[corrections[c] for c in self.core],
+            levels=(self.q, qd, qdd),
+            determinants=[f.determinant for _, _, f in self.groups],
+            pivots=[f.pivot for _, _, f in self.groups],
+            stated_by={p.coordinate: p.row for p in self.stated},
+            matched={c: self.open_rows[i] for c, i in self.matched.items()},
+        )
+
+    def _coordinates(self) -> list[Symbol]:
+        """Return all coordinates in terms of the core, and note them in `known`."""
+        zero = self.graph.constant(0.0)
+        q = {c: self.graph.input("q", c) for c in range(self.n)}
+        for c in self.core:
+            self.known[q[c]] = q[c]
+        for pivot in self.stated:
+            # The row is sign x_c + rest; with 0 for x_c only the rest is left. That trial is not for others to see.
+            trial = {**self.known, q[pivot.coordinate]: zero}
+            rest = rewritten(self.traced.phi[pivot.row], trial)
+            self.known[q[pivot.coordinate]] = rest if pivot.sign < 0 else -rest
+        return [self.known[q[c]] for c in range(self.n)]
+
+    def _total_derivatives(self) -> dict[int, Row]:
+        """Return each coordinate's derivatives by the core coordinates, the spanning tree taken into account."""
+        one = self.graph.constant(1.0)
+        total: dict[int, Row] = {c: {c: one} for c in self.core}
+        for pivot in self.stated:
+            others = {c: x for c, x in self.slope[pivot.row].items() if c != pivot.coordinate}
+            total[pivot.coordinate] = _chained(others, total, -pivot.sign)
+        return total
+
+    def _reduced(self, row: int) -> Row:
+        """Return a row of the core's matrix."""
+        return _chained(self.slope[row], self.total, 1)
+
+    def _factored(self, group: Sequence[int]) -> tuple[list[int], list[int], Factored]:
+        columns = sorted(group)
+        rows = sorted(self.matched[c] for c in columns)
+        zero = self.graph.constant(0.0)
+        return columns, rows, factored([[self.matrix[i].get(c, zero) for c in columns] for i in rows])
+
+    def _solved(self, right: Sequence[Symbol]) -> Row:
+        """Return the solution of the core's matrix for a right side in the order of `open_rows`."""
+        found: Row = {}
+        for columns, rows, block in self.groups:
+            sides = []
+            for i in rows:
+                side = right[i]
+                for c, entry in self.matrix[i].items():
+                    if c in found:
+                        side = side - entry * found[c]
+                sides.append(side)
+            found.update(zip(columns, block.solve(sides), strict=True))
+        return found
+
+    def _level(self, right: Sequence[Symbol]) -> list[Symbol]:
+        """Return x with phi_q x = right, for all n coordinates.
+
+        First with the core at rest, which gives the right sides of the core; then, with the core's rates known, by the
+        rows themselves, which costs less than the total derivatives would.
+        """
+        still = self._along_tree({}, right)
+        sides = []
+        for r in self.open_rows:
+            side = right[r]
+            for c, entry in self.slope[r].items():
+                if c in still:
+                    side = side - entry * still[c]
+            sides.append(side)
+        rates = self._along_tree(self._solved(sides), right)
+        return [rates[c] for c in range(self.n)]
+
+    def _along_tree(self, core: Row, right: Sequence[Symbol]) -> Row:
+        """Return the rates that the spanning tree's rows state for given rates of the core; those not given are 0."""
+        rates = dict(core)
+        for pivot in self.stated:
+            side = right[pivot.row]
+            for c, entry in self.slope[pivot.row].items():
+                if c != pivot.coordinate and c in rates:
+                    side = side - entry * rates[c]
+            rates[pivot.coordinate] = side if pivot.sign > 0 else -side
+        return rates
+
+
+def _chained(entries: Mapping[int, Symbol], total: Mapping[int, Row], sign: int) -> Row:
+    """Return sign * sum over c of entries[c] * total[c], without zeros."""
+    out: Row = {}
+    for c, entry in entries.items():
+        for k, derivative in total[c].items():
+            product = entry * derivative
+            out[k] = out[k] + product if k in out else product
+    return {k: x if sign > 0 else -x for k, x in out.items() if not x.zero}

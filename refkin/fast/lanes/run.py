@@ -1,0 +1,168 @@
+"""Running: a tape as NumPy functions over rows, one row for each register, one column for each lane.
+
+A `Workspace` owns its rows. Binding an instruction to them gives a function and its arguments, so that a run is one
+loop over calls. Lanes do not mix: a lane that divides by 0 or leaves the numbers' range becomes NaN or infinite, and
+no other does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from refkin.fast.lanes.tape import SEGMENTS, Instruction, Register, Tape
+from refkin.proof.preconditioned import inverses
+
+Profile = Callable[[int, int, Any], Any]
+"""(constraint, order, parameter) -> the scaled derivative of the constraint's profile at the parameter."""
+Call = tuple[Callable[..., Any], tuple[Any, ...]]
+
+MOST_LANES, MOST_BYTES = 10_240, 2**26
+"""Lanes in a block, and the memory of its registers: with fewer lanes calls cost more than the work in them."""
+PADDING = 8
+"""Numbers between rows, so that rows do not start at the same place of a cache."""
+
+UFUNCS: Mapping[str, Callable[..., Any]] = {
+    "add": np.add,
+    "sub": np.subtract,
+    "mul": np.multiply,
+    "div": np.divide,
+    "neg": np.negative,
+    "abs": np.absolute,
+    "greater": np.greater,
+    "cos": np.cos,
+    "sin": np.sin,
+    "tan": np.tan,
+    "copy": np.positive,
+}
+
+
+def block_lanes(tape: Tape) -> int:
+    """Return how many lanes a block has at most."""
+    return max(256, min(MOST_LANES, MOST_BYTES // (8 * tape.sizes["w"])))
+
+
+class Workspace:
+    """The registers of a tape for a number of lanes, and its segments bound to them.
+
+    Attributes
+    ----------
+    w : (registers, lanes) array
+        The `w` bank; inputs are written to it and outputs read from it, see `Tape.inputs` and `Tape.outputs`.
+    """
+
+    def __init__(self, tape: Tape, lanes: int, *, lane_geometry: bool = False) -> None:
+        """Allocate registers; with `lane_geometry` each lane is a mechanism of its own, else all are the same one."""
+        self.tape, self.lanes = tape, lanes
+        self.w = np.zeros((tape.sizes["w"], lanes + PADDING))[:, :lanes]
+        self.u = np.zeros((tape.sizes["u"], lanes + PADDING if lane_geometry else 1))[
+            :, : lanes if lane_geometry else 1
+        ]
+        self._masks = np.zeros((tape.sizes["m"], lanes), bool)
+        self._objects: list[Any] = [None] * tape.sizes["x"]
+        self._profile: Profile | None = None
+        for register, number in tape.constants.items():
+            self.u[register.number] = number
+        self._rows = {"w": list(self.w), "u": list(self.u), "m": list(self._masks)}
+        self._calls = {name: [self._bound(i) for i in tape.segments[name]] for name in SEGMENTS}
+
+    @property
+    def nbytes(self) -> int:
+        """The memory of the registers."""
+        return sum(bank.base.nbytes if bank.base is not None else bank.nbytes for bank in (self.w, self.u, self._masks))
+
+    def give_geometry(self, geometry: Sequence[Sequence[Any]], profile: Profile | None = None) -> None:
+        """Write the geometry, per constraint its numbers or rows, and run what depends on it alone."""
+        self._profile = profile
+        for leaf, register in self.tape.inputs.items():
+            if leaf.kind == "g":
+                constraint, number = leaf.place
+                self.u[register.number] = geometry[constraint][number]
+        self.run("mechanism")
+
+    def give_laws(self, laws: Mapping[int, Sequence[Sequence[Any]]]) -> None:
+        """Write the laws' values, per constraint by law and order, and run what depends on geometry and laws."""
+        for leaf, register in self.tape.inputs.items():
+            if leaf.kind == "f":
+                constraint, law, order = leaf.place
+                self.w[register.number] = laws[constraint][law][order]
+        self.run("time")
+
+    def rest(self) -> None:
+        """Let go of the mechanism that was run last."""
+        self._profile = None
+
+    def core(self) -> list[Any]:
+        """Return the rows of the core coordinates: written before `run("newton")`, which overwrites them."""
+        return [self._rows["w"][k] for k in self.tape.outputs.core]
+
+    def level(self, order: int) -> Any:
+        """Return the rows of one level after `run("answer")`: a view, valid until the next run."""
+        rows = self.tape.outputs.levels[order]
+        return self.w[rows.start : rows.stop]
+
+    def row(self, number: int) -> Any:
+        """Return one row of the `w` bank."""
+        return self._rows["w"][number]
+
+    def run(self, segment: str) -> None:
+        """Run one segment on all lanes; divisions by 0 and the like are not reported but show in their lanes."""
+        with np.errstate(all="ignore"):
+            for function, args in self._calls[segment]:
+                function(*args)
+
+    def _bound(self, instruction: Instruction) -> Call:
+        op, out = instruction.op, instruction.out
+        if op in UFUNCS:
+            return UFUNCS[op], (*map(self._row, instruction.args), self._row(out))
+        if op in ("max", "min"):
+            return _extreme, (np.maximum if op == "max" else np.minimum, *map(self._row, (*instruction.args, out)))
+        if op == "select":
+            return _select, (*map(self._row, instruction.args), self._row(out))
+        if op == "profile":
+            return self._run_profile, (instruction.value, self._row(instruction.args[0]), self._row(out))
+        if op == "inverse":
+            return self._run_inverse, (out.number, instruction.value, tuple(map(self._row, instruction.args)))
+        if op == "apply":
+            inverse, *right = instruction.args
+            return self._run_apply, (out.number, inverse.number, tuple(map(self._row, right)))
+        if op == "entry":
+            return self._run_entry, (instruction.args[0].number, instruction.value, self._row(out))
+        raise AssertionError(op)
+
+    def _row(self, register: Register) -> Any:
+        return self._rows[register.bank][register.number]
+
+    def _run_profile(self, which: tuple[int, int], s: Any, out: Any) -> None:
+        assert self._profile is not None
+        out[...] = self._profile(*which, s)
+
+    def _run_inverse(self, to: int, size: int, entries: Sequence[Any]) -> None:
+        """Leave (sign of the determinant, 1 / row-sum norm of the inverse, inverse) for every lane."""
+        stacked = np.empty((self.lanes, size * size))
+        for k, entry in enumerate(entries):
+            stacked[:, k] = entry
+        matrices = stacked.reshape(-1, size, size)
+        matrices[~np.isfinite(stacked).all(axis=1)] = 0.0
+        inverse = inverses(matrices)
+        norm = np.max(np.sum(np.abs(inverse), axis=2), axis=1)
+        self._objects[to] = (np.linalg.slogdet(matrices)[0], 1.0 / norm, inverse)
+
+    def _run_apply(self, to: int, inverse: int, right: Sequence[Any]) -> None:
+        columns = np.stack([np.broadcast_to(x, (self.lanes,)) for x in right], axis=1)
+        self._objects[to] = np.matmul(self._objects[inverse][2], columns[..., None])[..., 0].T
+
+    def _run_entry(self, source: int, which: int, out: Any) -> None:
+        out[...] = self._objects[source][which]
+
+
+def _extreme(function: Any, a: Any, b: Any, out: Any) -> None:
+    function(a, b, out=out)
+
+
+def _select(mask: Any, x: Any, y: Any, out: Any) -> None:
+    """`out` is none of the arguments."""
+    np.copyto(out, y)
+    np.copyto(out, x, where=mask)

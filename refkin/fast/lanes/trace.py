@@ -1,0 +1,108 @@
+"""Tracing: the formulas of a mechanism run on symbols, which leaves the expressions of its equations.
+
+No formula is stated here. A `System` is given symbols for its geometry, its laws' values and its coordinates, and its
+own methods are called. Numbers of the geometry that are exactly 0, 1 or -1 are part of the structure and fold away (an
+axis along a coordinate, a point at its body's origin); all others are inputs, so one compiled structure serves every
+mechanism with the same joints and the same such numbers.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any, cast
+
+import numpy as np
+
+from refkin.fast.lanes.symbols import Graph, Symbol
+from refkin.system import EVERYTHING, System
+
+Known = tuple[tuple[float | None, ...], ...]
+"""Per constraint, the numbers of its geometry that are structure: 0, 1 or -1; None stands for an input."""
+
+
+@dataclass(frozen=True)
+class Traced:
+    """The n equations phi = 0, phi_q qd = nu, phi_q qdd = gamma as symbols in q[c] and qd[c].
+
+    Attributes
+    ----------
+    phi, nu, gamma : list of Symbol
+    phi_q : list of dict
+        Per row, the entries that are not zero, by coordinate.
+    """
+
+    graph: Graph
+    phi: list[Symbol]
+    phi_q: list[dict[int, Symbol]]
+    nu: list[Symbol]
+    gamma: list[Symbol]
+
+
+def trace(system: System, known: Known, rows: Sequence[int]) -> Traced:
+    """Return the traced equations of a system, on all levels: scheduling leaves out what nobody calls for.
+
+    Parameters
+    ----------
+    known : tuple
+        As `known_of` returns it.
+    rows : sequence of int
+        The n rows to trace: all, or independent ones where there are more.
+    """
+    graph = Graph()
+    placed = [
+        replace(p, constraint=cast(Any, _Symbolic(p.constraint, graph, k)), g=cast(Any, _geometry(graph, k, numbers)))
+        for k, (p, numbers) in enumerate(zip(system.placed, known, strict=True))
+    ]
+    symbolic = replace(system, placed=tuple(placed), effects=EVERYTHING)
+    q, qd = (_coordinates(graph, kind, system.n) for kind in ("q", "qd"))
+    slope = symbolic.phi_q(q, 0.0)[list(rows)]
+    lifted = [[graph.lift(x) for x in row] for row in slope]
+    return Traced(
+        graph,
+        phi=_lifted(graph, symbolic.phi(q, 0.0), rows),
+        phi_q=[{c: x for c, x in enumerate(row) if not x.zero} for row in lifted],
+        nu=_lifted(graph, symbolic.nu(q, 0.0), rows),
+        gamma=_lifted(graph, symbolic.gamma(q, qd, 0.0), rows),
+    )
+
+
+def known_of(geometry: Sequence[Sequence[Any]]) -> Known:
+    """Return which numbers of a geometry are 0, 1 or -1, in every lane where they are rows."""
+    return tuple(tuple(_known(x) for x in numbers) for numbers in geometry)
+
+
+def _known(x: Any) -> float | None:
+    return next((n for n in (0.0, 1.0, -1.0) if (x == n if isinstance(x, float) else np.all(x == n))), None)
+
+
+class _Symbolic:
+    """A constraint whose laws and profile are inputs; its formulas are the constraint's own."""
+
+    def __init__(self, constraint: Any, graph: Graph, k: int) -> None:
+        self.constraint, self.graph, self.k = constraint, graph, k
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.constraint, name)
+
+    def inputs(self, t: Any, unit: Any, order: int) -> tuple[tuple[Symbol, ...], ...]:
+        laws = range(len(self.constraint.laws))
+        return tuple(tuple(self.graph.input("f", self.k, law, m) for m in range(order + 1)) for law in laws)
+
+    def profile_values(self, s: Symbol, unit: Any, order: int) -> tuple[Symbol, ...]:
+        return tuple(self.graph.node("profile", s, value=(self.k, m)) for m in range(order + 1))
+
+
+def _geometry(graph: Graph, k: int, known: Sequence[float | None]) -> tuple[Symbol, ...]:
+    return tuple(graph.input("g", k, m) if x is None else graph.constant(x) for m, x in enumerate(known))
+
+
+def _coordinates(graph: Graph, kind: str, n: int) -> Any:
+    out = np.empty(n, object)
+    for c in range(n):
+        out[c] = graph.input(kind, c)
+    return out
+
+
+def _lifted(graph: Graph, values: Any, rows: Sequence[int]) -> list[Symbol]:
+    return [graph.lift(values[row]) for row in rows]

@@ -1,0 +1,168 @@
+"""From pose to pose along one branch, one lane at a time: what predicts all other lanes, and helps those that fail.
+
+The rules are those of `refkin.sweep`, and stricter. The prediction is the quintic through the last two poses. A step is
+taken only if Newton contracts at once, no block's determinant has changed its sign, no block is nearly singular, and
+the rates continue the prediction as the coordinates do: where two branches cross, the wrong one has a kink. Otherwise
+the step is shortened. How far off a prediction is says how long the next step may be: it grows with the sixth power.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from operator import sub
+from typing import Any, NamedTuple
+
+from refkin.differences import EPS
+from refkin.fast.lanes.single import Answer, Single
+from refkin.fast.quintic import at, coefficients, slope
+from refkin.sweep import contracts
+
+FAR = 3e-3
+"""How far off a prediction may be [sizes, rad] for steps to grow: the quintic between the poses then errs by 6e-6."""
+FARTHEST = 0.2
+"""A prediction further off than this is not corrected but made again, from nearer."""
+PART = 1 / 4
+"""Nor one that is further off than this part of the move from the last pose (as in `refkin.sweep`)."""
+FURTHEST = 1.0
+"""Largest change of a law's value in one step: predictions do not know what lies within a radian [sizes, rad]."""
+ENOUGH = 1e-8
+"""Newton is done after a correction e of this size: what is left is about e^2 times the condition, as of round-off."""
+SMALLEST_PIVOT = 1e-5
+"""A block with a smaller pivot is near a pose where branches meet; `refkin.solve` goes there.
+
+The branches are then about as far apart, which must be far more than `SMALL`, below which nothing is said of Newton.
+"""
+SMALL = 1e-6
+"""A first correction below this need not contract: it is round-off of a good prediction (as in `refkin.sweep`)."""
+SMOOTH = 7.0
+"""How many times more than the coordinates the rates, times the step, may be off the prediction.
+
+The quintic's own errors have at most the ratio 6, to leading order, and 4.5 after equal steps. Beyond a crossing, with
+the other branch s away, Newton contracts to it (ratio 1/8) only if the prediction was off it by at most s / 8, and so
+off the right one by 7 s / 8, and its rate by 4.5 times that over the step. The rates of the branches differ by about s
+over the step; so those of the other are off by about 2.9 s, far more than `SMOOTH` s / 8.
+"""
+MOST_NEWTON = 8
+LONGER, SHORTER = 3.0, 0.25
+"""The largest and smallest factors by which a step changes."""
+MOST_STEPS = 20_000
+
+
+class Pose(NamedTuple):
+    """A pose that was reached: time, levels of the core, the laws' values, and how far off its prediction was."""
+
+    t: float
+    levels: tuple[tuple[float, ...], ...]
+    laws: Sequence[float]
+    off: float = 0.0
+
+
+class March:
+    """Steps along a branch.
+
+    Parameters
+    ----------
+    laws : callable
+        t -> the laws' values in the order of `single.laws`.
+    most_steps : int
+        After so many steps, all calls of `to` together, no more are made.
+    """
+
+    def __init__(
+        self,
+        single: Single,
+        u: Sequence[float],
+        laws: Callable[[float], Sequence[float]],
+        profile: Any,
+        most_steps: int = MOST_STEPS,
+    ) -> None:
+        self.single, self.u, self.laws, self.profile = single, u, laws, profile
+        self.signs: tuple[float, ...] = ()
+        self.values = [k for k, (_, _, order) in enumerate(single.laws) if order == 0]
+        self.most_steps = most_steps
+        self.steps = 0
+
+    def start(self, t: float, core: Sequence[float], f: Sequence[float] | None = None) -> Pose | None:
+        """Return the pose at core coordinates that solve the equations; it sets the signs of the branch."""
+        f = self.laws(t) if f is None else f
+        found = self._newton(f, core)
+        if found is None or not _converged(found.steps):
+            return None
+        self.signs = tuple(math.copysign(1.0, d) for d in found.determinants)
+        return Pose(t, found.levels, f) if self._regular(found) else None
+
+    def step(self, t: float, last: Pose, before: Pose | None, f: Sequence[float] | None = None) -> Pose | None:
+        """Return the pose at t if it is on the branch for certain, from the last pose and the one before it."""
+        self.steps += 1
+        f = self.laws(t) if f is None else f
+        if any(abs(f[k] - last.laws[k]) > FURTHEST for k in self.values):
+            return None
+        guess, rates = predicted(t, last, before)
+        found = self._newton(f, guess)
+        if found is None or not (_converged(found.steps) and contracts(found.steps) and self._regular(found)):
+            return None
+        q, v, _ = found.levels
+        off, move, bent = _largest(q, guess), _largest(q, last.levels[0]), _largest(v, rates) * (t - last.t)
+        near = off <= min(FARTHEST, max(PART * move, SMALL)) and bent <= max(SMOOTH * off, SMALL)
+        return Pose(t, found.levels, f, off) if near else None
+
+    def _regular(self, found: Answer) -> bool:
+        """Whether no determinant has changed its sign, or is nearly 0."""
+        same = all(d * s > 0 for d, s in zip(found.determinants, self.signs, strict=True))
+        return same and all(p > SMALLEST_PIVOT for p in found.pivots)
+
+    def to(self, t: float, last: Pose, before: Pose | None = None, h: float = math.inf) -> list[Pose] | None:
+        """Return the poses of as many steps as it takes to t; None if the branch cannot be followed there.
+
+        `h` is the largest step.
+        """
+        found: list[Pose] = []
+        most = h = min(h, t - last.t)
+        smallest = 4 * EPS * max(abs(t), abs(last.t), abs(h))
+        while self.steps < self.most_steps:
+            ends = last.t + h >= t
+            pose = self.step(t if ends else last.t + h, last, before)
+            if pose is None:
+                h = min(h, t - last.t) / 4
+                if h < smallest:
+                    return None
+                continue
+            found.append(pose)
+            if ends:
+                return found
+            last, before = pose, last
+            h = min(most, h * factor(pose.off))
+        return None
+
+    def _newton(self, f: Sequence[float], core: Sequence[float]) -> Answer | None:
+        try:
+            return self.single.advance(self.u, f, core, self.profile, MOST_NEWTON, ENOUGH)
+        except (ArithmeticError, ValueError):  # a pivot of 0, an overflow, the sine of infinity
+            return None
+
+
+def predicted(t: float, last: Pose, before: Pose | None) -> tuple[list[float], list[float]]:
+    """Return the core coordinates that two poses lead to, or one by its rates, and their rates."""
+    if before is None:
+        h = t - last.t
+        first = [q + h * (v + 0.5 * h * a) for q, v, a in zip(*last.levels, strict=True)]
+        return first, [v + h * a for _, v, a in zip(*last.levels, strict=True)]
+    h = last.t - before.t
+    s = (t - before.t) / h
+    polynomials = coefficients(before.levels, last.levels, h)
+    return [at(c, s) for c in polynomials], [slope(c, s) / h for c in polynomials]
+
+
+def factor(off: float) -> float:
+    """Return by how much the next step is to be longer than one whose prediction was off by so much."""
+    return min(LONGER, max(SHORTER, 0.9 * (FAR / off) ** (1 / 6) if off > 0.0 else LONGER))
+
+
+def _converged(steps: Sequence[float]) -> bool:
+    return not steps or steps[-1] <= ENOUGH
+
+
+def _largest(a: Sequence[float], b: Sequence[float]) -> float:
+    """Return the largest difference."""
+    return max(map(abs, map(sub, a, b)), default=0.0)

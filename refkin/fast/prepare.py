@@ -1,0 +1,126 @@
+"""What a scene asks for and no more: its mechanism as far as the wanted bodies depend on it, compiled."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from refkin.errors import RefkinError
+from refkin.fast.compiled import Compiled, compiled
+from refkin.fast.lanes.tape import Tape
+from refkin.joints import GROUND
+from refkin.model import Effect, Evidence, Mechanism, Scene
+from refkin.motion import Status
+from refkin.proof.preconditioned import independent_rows
+from refkin.starts import Start, find_start
+from refkin.system import System, compile_system
+
+
+@dataclass(frozen=True)
+class Prepared:
+    """A scene, reduced to what is wanted, with its system and what is compiled of it.
+
+    `start` is the first pose where it had to be found for that: to choose independent rows.
+    """
+
+    scene: Scene
+    system: System
+    made: Compiled
+    start: Start | None = None
+
+
+def prepared(scene: Scene) -> Prepared | None:
+    """Return a scene ready to be run; None if its equations have no unique solution by their structure alone."""
+    effects = scene.effects | ({Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set())
+    system = compile_system(scene.mechanism, effects, scene.mechanism.unit())
+    if system.m != system.n:
+        return _with_independent_rows(scene, system)
+    made = _compiled(system)
+    if made is None:
+        return None
+    mechanism = upstream(scene, system, made)
+    if mechanism is scene.mechanism:
+        return Prepared(scene, system, made)
+    reduced = compile_system(mechanism, effects, system.unit)
+    made = _compiled(reduced)
+    assert made is not None  # the part is solved by the same blocks as the whole
+    return Prepared(replace(scene, mechanism=mechanism, bodies_wanted=scene.wanted), reduced, made)
+
+
+def tape(scene: Scene) -> Tape:
+    """Return the tape that `sweep` runs for a scene: `print` it, or ask for its `counts()`.
+
+    Raises
+    ------
+    RefkinError
+        If there is none, as the equations have no unique solution by their structure alone.
+    """
+    found = prepared(scene)
+    if found is None:
+        raise RefkinError(f"{scene.name}: the equations have no unique solution by their structure; there is no tape")
+    return found.made.lanes
+
+
+def legend(scene: Scene) -> str:
+    """Return what the numbers in a tape's text stand for: q[..] by body, g[..] and f[..] by joint or driver."""
+    found = prepared(scene)
+    lines = []
+    if found is not None:
+        for k, body in enumerate(found.scene.mechanism.bodies):
+            lines.append(f"# q[{3 * k}], q[{3 * k + 1}], q[{3 * k + 2}] = x, y, phi of {body.name}")
+        for k, p in enumerate(found.system.placed):
+            kind = p.constraint.type
+            lines.append(f"# g[{k}, ..], f[{k}, law, order] = geometry and laws of {p.constraint.name} ({kind})")
+            if p.constraint.parameters:
+                lines.append(f"# q[{p.starts[2]}] = contact parameter of {p.constraint.name}")
+    return "\n".join([*lines, ""])
+
+
+def _compiled(system: System) -> Compiled | None:
+    return compiled(system, range(system.n), [p.g for p in system.placed])
+
+
+def _with_independent_rows(scene: Scene, system: System) -> Prepared | None:
+    start = find_start(system, scene)
+    if start.status is not Status.OK:
+        return None
+    rows: Any = independent_rows(system, start.q[:, None], np.array(scene.times[:1]))
+    made = compiled(system, rows.tolist(), [p.g for p in system.placed])
+    return None if made is None else Prepared(scene, system, made, start)
+
+
+def upstream(scene: Scene, system: System, made: Compiled) -> Mechanism:
+    """Return the mechanism without the bodies that nothing wanted depends on.
+
+    A condition number is that of the whole mechanism, so a scene that asks for it keeps all bodies.
+    """
+    mechanism = scene.mechanism
+    if scene.bodies_wanted is None or Evidence.CONDITION in scene.evidence:
+        return mechanism
+    kept = bodies_needed(system, made, [*scene.wanted, *(p.body for p in scene.points)])
+    if len(kept) == len(mechanism.bodies):
+        return mechanism
+    known = {*kept, GROUND}
+    return replace(
+        mechanism,
+        bodies=tuple(b for b in mechanism.bodies if b.name in kept),
+        joints=tuple(c for c in mechanism.joints if known.issuperset(c.bodies)),
+        drivers=tuple(c for c in mechanism.drivers if known.issuperset(c.bodies)),
+    )
+
+
+def bodies_needed(system: System, made: Compiled, wanted: list[str]) -> set[str]:
+    """Return the wanted bodies and all that their equations, and those of the bodies so found, hold."""
+    names = [b.name for b in system.mechanism.bodies]
+    owner = {c: names[c // 3] for c in range(system.of_bodies)}
+    found: set[int] = set()
+    waiting = {c for body in wanted for c in range(*system.columns(body).indices(system.n))}
+    while waiting:
+        found |= waiting
+        reached = set().union(*(made.depends[c] for c in waiting))
+        of_bodies = {owner[c] for c in reached if c in owner}
+        reached |= {c for body in of_bodies for c in range(*system.columns(body).indices(system.n))}
+        waiting = reached - found
+    return {owner[c] for c in found if c in owner}

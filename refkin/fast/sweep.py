@@ -1,0 +1,262 @@
+"""One mechanism, many times: few poses one after another, all others at once.
+
+1. March (`march`): few poses, each predicted from the last two and corrected by Newton, by the branch-safe rules of the
+   reference. Steps grow until the prediction is off by about 3e-3.
+2. Guess: for every time the quintic between the poses around it, which is right to about 1e-5.
+3. Newton, twice or more, on all times at once; then the answer: coordinates, velocities, accelerations.
+4. Check, lane by lane: Newton contracted, no determinant changed its sign, the pose lies on the quintic between the
+   marched poses (continuity), and the formulas a person reads are satisfied to round-off (`answer`).
+5. Where a lane fails, the poses around it are marched again in a quarter of the step, and so on. If that does not help,
+   or anything at all is in doubt, the scene is solved by `refkin.solve`, and the motion's producer says so.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from refkin.analysis import solve
+from refkin.fast.answer import motion
+from refkin.fast.lanes.run import Workspace, block_lanes
+from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, March, Pose, factor
+from refkin.fast.prepare import Prepared, prepared
+from refkin.fast.quintic import coefficients
+from refkin.model import Scene
+from refkin.motion import Motion, Status
+from refkin.starts import find_start
+from refkin.sweep import CONTRACTION, contracts
+
+NEWTON_STEPS = 2, 4
+"""How many Newton steps every lane makes, and how many at most: two go from 1e-5 to the square of its square."""
+CONTINUOUS = 1e-2
+"""How far a lane may lie from the quintic between the marched poses [sizes, rad]: a guess so far off converges."""
+QUARTERINGS = 4
+"""How often the step between marched poses is quartered for the lanes between them."""
+NEAR = 8.0
+"""How many times further than the estimate every other solution must be for the estimate to decide the branch."""
+
+
+def sweep(scene: Scene) -> Motion:
+    """Return position and what else the scene calls for, on the branch of its estimates, as `refkin.solve` does.
+
+    The answer is that of `refkin.solve` to a few units in the last place, times the condition number; residual, and
+    condition and certificates if the scene asks for them, are those of the reference's own formulas. Where a time is in
+    doubt for whatever reason the whole answer is that of `refkin.solve` itself; `motion.producer` tells which it is.
+
+    Beside the answer the registers take memory: 5 MB for a four-bar, 64 MB at most for any mechanism.
+    """
+    return attempt(scene) or solve(scene)
+
+
+def attempt(scene: Scene) -> Motion | None:
+    """Return what `sweep` does without ever asking the reference: None where a time is in doubt."""
+    found = prepared(scene)
+    return None if found is None else _Task(found).motion()
+
+
+class _Task:
+    """What is done for a scene."""
+
+    def __init__(self, found: Prepared) -> None:
+        self.scene, self.system, self.made, self.first = found.scene, found.system, found.made, found.start
+        self.t = np.array(self.scene.times)
+        self.geometry = [p.g for p in self.system.placed]
+        order = 2  # the march predicts by rates, whatever is called for
+        placed = enumerate(self.system.placed)
+        self.laws = {k: p.constraint.inputs(self.t, self.system.unit, order) for k, p in placed if p.constraint.laws}
+        single = self.made.march
+        u = single.prepare([self.geometry[c][k] for c, k in single.geometry])
+        self.march = March(single, u, self._laws_at, self._profile)
+        self.message = ""
+
+    def motion(self) -> Motion | None:
+        start = self._start()
+        if start is None:
+            return None
+        poses = self._marched(start) if self.made.core else [start]
+        if poses is None:
+            return None
+        found = self._lanes(poses)
+        return None if found is None else motion(self.scene, self.system, self.t, *found, self.message)
+
+    def _profile(self, constraint: int, order: int, s: Any) -> Any:
+        return self.system.placed[constraint].constraint.profile_values(s, self.system.unit, order)[order]
+
+    def _laws_at(self, t: float) -> list[float]:
+        given = {k: self.system.placed[k].constraint.inputs(t, self.system.unit, 2) for k in self.laws}
+        return [float(given[c][law][order]) for c, law, order in self.made.march.laws]
+
+    def _laws_of(self, k: int) -> list[float]:
+        """Return the laws' values at one of the scene's times."""
+        return [self.laws[c][law][order].item(k) for c, law, order in self.made.march.laws]
+
+    def _start(self) -> Pose | None:
+        """Return the first pose: the solution next to the estimate, if that is beyond doubt, else as the reference."""
+        t, f = self.scene.times[0], self._laws_of(0)
+        q = self._near_estimate(f) if self.first is None else None
+        if q is None:
+            start = find_start(self.system, self.scene) if self.first is None else self.first
+            if start.status is not Status.OK:
+                return None
+            q, self.message = start.q, start.message
+        return self.march.start(t, [float(q[c]) for c in self.made.core], f)
+
+    def _near_estimate(self, f: Sequence[float]) -> Any:
+        """Return the solution that Newton finds from the estimate if it is much nearer than any other.
+
+        Near a fold Newton's error goes from e to e^2 / s, with s the distance of the two solutions. So its first two
+        corrections tell how far the other solution is; the estimate must be `NEAR` times nearer in every coordinate.
+        """
+        bodies = self.scene.mechanism.bodies
+        if self.system.n != self.system.of_bodies or any(b.estimate is None for b in bodies):
+            return None
+        estimate = self.system.to_unit([x for b in bodies for x in b.estimate])  # type: ignore[union-attr]
+        place = self.made.place
+        u = place.prepare([self.geometry[c][k] for c, k in place.geometry])
+        values = [self.laws[c][law][order].item(0) for c, law, order in place.laws]
+        try:
+            found = place.advance(u, values, [float(estimate[c]) for c in self.made.core], self._profile, 12, ENOUGH)
+        except (ArithmeticError, ValueError):
+            return None
+        q, steps = np.array(found.levels[0]), found.steps
+        off = np.max(np.abs(q - estimate))
+        if steps and not (steps[-1] <= ENOUGH and contracts(steps)):
+            return None
+        second = steps[1] if len(steps) > 1 else 0.0
+        return q if off <= SMALL or NEAR * off * second <= steps[0] ** 2 else None
+
+    def _marched(self, start: Pose) -> list[Pose] | None:
+        """Return poses from the first time to the last, at times of the scene and, where steps are short, between."""
+        poses, k, last = [start], 0, len(self.t) - 1
+        stride = max(1.0, last / 16)
+        while k < last:
+            ahead = min(last, k + max(1, int(stride)))
+            before = poses[-2] if len(poses) > 1 else None
+            pose = self.march.step(self.scene.times[ahead], poses[-1], before, self._laws_of(ahead))
+            if pose is not None:
+                poses.append(pose)
+                if before is not None:
+                    stride *= factor(pose.off)
+                k = ahead
+            elif ahead > k + 1:
+                stride = max(1.0, (ahead - k) / 4)
+            else:
+                between = self.march.to(self.scene.times[ahead], poses[-1], before)
+                if between is None:
+                    return None
+                poses += between
+                k = ahead
+        return poses
+
+    def _lanes(self, poses: list[Pose]) -> tuple[list[Any], Any] | None:
+        """Return the levels at all times, and the smallest pivot of each; None if a lane is in doubt."""
+        count = len(self.t)
+        levels = [np.empty((self.system.n, count)) for _ in range(self.made.levels)]
+        pivot = np.full(count, np.inf)
+        guesses = Guesses(poses)
+        pivots = self.made.lanes.outputs.pivots
+        lanes = block_lanes(self.made.lanes)
+        for start in range(0, count, lanes):
+            block = slice(start, min(start + lanes, count))
+            with self.made.workspace(block.stop - block.start) as space:
+                space.give_geometry(self.geometry, self._profile)
+                space.give_laws({k: [[x[block] for x in law] for law in laws] for k, laws in self.laws.items()})
+                if not self._solved(space, self.t[block], guesses):
+                    return None
+                for order, level in enumerate(levels):
+                    level[:, block] = space.level(order)
+                if pivots:
+                    pivot[block] = np.minimum.reduce(space.w[pivots.start : pivots.stop])
+        return (levels, pivot) if (pivot > SMALLEST_PIVOT).all() else None
+
+    def _solved(self, space: Workspace, t: Any, guesses: Guesses) -> bool:
+        """Solve a block of lanes; return whether each is on the branch."""
+        core = space.core()
+        for _ in range(QUARTERINGS + 1):
+            guess = guesses.at(t)
+            for row, values in zip(core, guess, strict=True):
+                row[:] = values
+            ok = newton(space) if core else np.ones(len(t), bool)
+            space.run("answer")
+            ok &= self._on_branch(space, guess)
+            if ok.all():
+                return True
+            if not guesses.quarter(t[~ok], self.march):
+                return False
+        return False
+
+    def _on_branch(self, space: Workspace, guess: Any) -> Any:
+        """Return which lanes lie on the quintics that they were guessed by, with the determinants' signs of the branch.
+
+        The residual sees neither: both branches satisfy the equations.
+        """
+        ok = np.ones(space.lanes, bool)
+        for row, values in zip(space.core(), guess, strict=True):
+            ok &= np.abs(row - values) <= CONTINUOUS
+        for k, sign in zip(self.made.lanes.outputs.determinants, self.march.signs, strict=True):
+            ok &= space.row(k) * sign > 0
+        return ok
+
+
+def newton(space: Workspace) -> Any:
+    """Make the Newton steps of a workspace's lanes; return which lanes converged, and contracted at once."""
+    step = space.row(space.tape.outputs.step)
+    space.run("newton")
+    first = step.copy()
+    fewest, most = NEWTON_STEPS
+    space.run("newton")
+    ok = (step <= CONTRACTION * first) | (first < SMALL)
+    for _ in range(fewest, most):
+        if (step <= ENOUGH).all():
+            break
+        space.run("newton")
+    return ok & (step <= ENOUGH)
+
+
+class Guesses:
+    """The quintics between consecutive marched poses."""
+
+    def __init__(self, poses: list[Pose]) -> None:
+        self.poses = poses
+        self._fit()
+
+    def _fit(self) -> None:
+        self.t = np.array([p.t for p in self.poses])
+        self.width = np.diff(self.t)
+        levels = [np.array([p.levels[order] for p in self.poses]).T for order in range(3)]
+        first: Any = [level[:, :-1] for level in levels]
+        last: Any = [level[:, 1:] for level in levels]
+        self.polynomials: Any = np.array(coefficients(first, last, self.width))  # (core, 6, intervals)
+
+    def at(self, t: Any) -> Any:
+        """Return the core coordinates at times (B,), (core, B)."""
+        if len(self.poses) == 1:
+            return np.repeat(np.array(self.poses[0].levels[0])[:, None], len(t), axis=1)
+        k = self._interval(t)
+        s = (t - self.t[k]) / self.width[k]
+        c = np.take(self.polynomials, k, axis=2)
+        value = c[:, 5]
+        for power in (4, 3, 2, 1, 0):
+            value *= s
+            value += c[:, power]
+        return value
+
+    def quarter(self, t: Any, march: March) -> bool:
+        """March again, in a quarter of the step, between the poses around times; False if that leads elsewhere."""
+        if len(self.poses) == 1:
+            return False
+        for k in np.unique(self._interval(t))[::-1].tolist():
+            last = self.poses[k + 1]
+            between = march.to(last.t, self.poses[k], h=(last.t - self.poses[k].t) / 4)
+            if between is None:
+                return False
+            if any(abs(x - y) > SMALL for x, y in zip(between[-1].levels[0], last.levels[0], strict=True)):
+                return False
+            self.poses[k + 1 : k + 2] = between
+        self._fit()
+        return True
+
+    def _interval(self, t: Any) -> Any:
+        return np.searchsorted(self.t[1:-1], t, side="right")

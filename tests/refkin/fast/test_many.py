@@ -1,0 +1,403 @@
+"""Many mechanisms of one topology: right in every lane, and no lane disturbs another."""
+
+from __future__ import annotations
+
+import importlib
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin import Effect, Polynomial, RefkinError, Revolute, Sinusoid, Status
+from refkin.errors import InvalidScene, UnknownName
+from refkin.fast import solve_many
+from refkin.fast.family import family
+from refkin.fast.lanes.symbols import Leaf
+
+from .families import closed_form, errors, estimates, geometry, grashof, scene
+from .linkworks import chain
+from .scenes import ROCKER, SCENES, bare, system_of
+
+block = importlib.import_module("refkin.fast.block")
+U = 2.0**-53
+
+
+def solved(lengths, sign=1, samples=72, **options):
+    return solve_many(scene(samples), geometry(lengths), estimates(lengths, sign), **options)
+
+
+def slack_of(lengths):
+    """(p + q) - (s + l) in units of the longest link."""
+    s, p, q, longest = np.sort(lengths, axis=0)
+    return (p + q - s - longest) / longest
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+def test_a_thousand_four_bars_agree_with_the_closed_form(sign):
+    """Errors grow as the inverse of the distance of the branches, about the root of the slack."""
+    lengths = grashof(1000, margin=0.02)
+    many = solved(lengths, sign)
+
+    assert many.ok.all()
+    assert np.all(np.max(errors(many, lengths, sign), axis=1) < 64 * U / np.sqrt(slack_of(lengths)))
+
+
+def test_a_thousand_four_bars_without_any_margin_are_right_or_not_ok():
+    lengths = grashof(1000, margin=0.0, seed=4)
+    many = solved(lengths)
+    worst = np.max(errors(many, lengths), axis=1, where=many.ok, initial=0.0)
+
+    assert np.mean(many.ok) > 0.99
+    assert np.all(worst < 1e3 * U / slack_of(lengths))
+
+
+def test_rates_agree_with_the_reference():
+    lengths = grashof(20, margin=0.02)
+    many = solved(lengths, samples=9)
+    for lane in range(20):
+        motion = refkin.solve(many.scene(lane))
+        for ours, theirs in zip((many.q, many.qd, many.qdd), motion.levels, strict=True):
+            assert np.max(np.abs(ours[:, lane] - theirs)) < 1e-12 * max(1.0, np.max(np.abs(theirs)))
+
+
+def test_a_scene_of_one_lane_is_the_mechanism_of_that_lane():
+    lengths = grashof(5, margin=0.02)
+    many = solved(lengths, samples=3)
+    own = refkin.FourBar(*lengths[:, 3]).mechanism(ROCKER.driver(Polynomial(coefficients=(0.0, 1.0))))
+
+    assert many.scene(3).mechanism.joints == own.joints
+    assert many.scene(3).mechanism.drivers == own.drivers
+
+
+def test_every_lane_is_scaled_by_its_own_size():
+    lengths = grashof(40, margin=0.02) * 10.0 ** np.linspace(-9, 9, 40)
+    group = family(scene(), system_of(scene()), geometry(lengths))
+    for lane in range(40):
+        assert group.unit_of(lane) == group.lane(lane).mechanism.unit()
+
+
+def test_lanes_of_every_size_are_answered():
+    lengths = grashof(100, margin=0.02) * 10.0 ** np.linspace(-9, 9, 100)
+    exact = np.round(closed_form(lengths, np.zeros((1, 1)))[1], 3)
+    assert exact.shape == (100, 1)
+    first = {body: np.array(rows) for body, rows in estimates_unrounded(lengths).items()}
+    many = solve_many(scene(), geometry(lengths), first)
+
+    assert many.ok.all()
+    _, _, coupler, _ = closed_form(lengths, np.array(many.t)[None, :])
+    assert np.max(np.abs(np.exp(1j * many.q[5]) - np.exp(1j * coupler))) < 1e-12
+
+
+def estimates_unrounded(lengths):
+    ground, crank, _, _ = lengths
+    a, b, coupler, rocker = (x[:, 0] for x in closed_form(lengths, np.zeros((1, 1))))
+    zero = 0.0 * crank
+    return {
+        "crank": (crank / 2, zero, zero),
+        "coupler": (((a + b) / 2).real, ((a + b) / 2).imag, coupler),
+        "rocker": (((ground + b) / 2).real, ((ground + b) / 2).imag, rocker),
+    }
+
+
+BAD = {
+    "does not assemble": (np.s_[:, 3::10], 0.01),
+    "no length": (np.s_[2, 3::10], np.nan),
+    "too long a link": (np.s_[2, 3::10], 1e300),
+    "zero": (np.s_[1:3, 3::10], 0.0),
+}
+
+
+@pytest.mark.parametrize("fault", BAD)
+def test_bad_lanes_change_no_bit_of_the_others(fault):
+    lengths = grashof(200, margin=0.02)
+    good = solved(lengths, samples=40)
+    where, value = BAD[fault]
+    spoilt = lengths.copy()
+    spoilt[where] = value
+    if fault == "does not assemble":
+        spoilt[0, 3::10] = 1.0
+    many = solve_many(scene(40), geometry(spoilt), estimates(lengths))
+    others = np.arange(200) % 10 != 3
+
+    assert many.ok[others].all()
+    assert not many.ok[~others].any()
+    assert np.isnan(many.q[:, ~others]).all()
+    for a, b in ((many.q, good.q), (many.qd, good.qd), (many.qdd, good.qdd)):
+        assert np.array_equal(a[:, others], b[:, others])
+
+
+def test_a_lane_that_cannot_go_on_is_lost_from_there_on():
+    """Triple rockers among the cranks: each goes to its limit, and no further."""
+    lengths = grashof(50, margin=0.02)
+    lengths[:, 7] = 0.9, 0.3, 0.6, 0.45
+    many = solved(lengths, samples=181)
+    limit = refkin.FourBar(*lengths[:, 7]).input_range()[0][1]
+    within = many.t < limit
+
+    assert np.array_equal(many.ok[7], within)
+    assert many.status(7)[-1] is Status.BRANCH_LOST
+    assert many.ok[np.arange(50) != 7].all()
+
+
+def test_an_estimate_between_two_assemblies_decides_nothing():
+    lengths = grashof(10, margin=0.02)
+    first = estimates(lengths)
+    other = estimates(lengths, sign=-1)
+    first["coupler"][:, 4] = (first["coupler"][:, 4] + other["coupler"][:, 4]) / 2
+    first["rocker"][:, 4] = (first["rocker"][:, 4] + other["rocker"][:, 4]) / 2
+    many = solve_many(scene(5), geometry(lengths), first)
+
+    assert many.status(4) == (Status.NOT_CONVERGED,) * 5
+    assert many.ok[np.arange(10) != 4].all()
+
+
+def test_bad_lanes_do_not_slow_the_others():
+    """One lane in ten that never assembles, against none: within half as much again, the best of five."""
+    lengths = grashof(2000, margin=0.02)
+    spoilt = lengths.copy()
+    spoilt[1:3, ::10] = 0.01
+    best = {}
+    for _ in range(5):
+        for name, some in (("good", lengths), ("spoilt", spoilt)):
+            start = time.process_time()
+            solve_many(scene(20), geometry(some), estimates(lengths), reducer=lambda part: None)
+            best[name] = min(best.get(name, np.inf), time.process_time() - start)
+
+    assert best["spoilt"] < 1.5 * best["good"]
+
+
+def test_a_reducer_sees_what_is_stored_otherwise():
+    lengths = grashof(300, margin=0.02)
+    stored = solved(lengths, samples=10)
+
+    def copied(part):
+        return part.lanes, part.k, part.t, part.q.copy(), part.qdd.copy(), part.codes.copy(), part.residual.copy()
+
+    many = solved(lengths, samples=10, reducer=copied)
+
+    assert many.q is None
+    assert many.residual is None
+    assert len(many.reduced) == 10
+    for lanes, k, t, q, qdd, codes, residual in many.reduced:
+        assert t == stored.t[k]
+        assert np.array_equal(q, stored.q[:, lanes, k])
+        assert np.array_equal(qdd, stored.qdd[:, lanes, k])
+        assert np.array_equal(codes, stored.codes[lanes, k])
+        assert np.array_equal(residual, stored.residual[lanes, k])
+
+
+def test_blocks_are_as_one(monkeypatch):
+    lengths = grashof(700, margin=0.02)
+    whole = solved(lengths, samples=8)
+    monkeypatch.setattr(importlib.import_module("refkin.fast.lanes.run"), "MOST_LANES", 256)
+    seen = []
+    parts = solved(lengths, samples=8)
+    solved(lengths, samples=8, reducer=lambda part: seen.append(part.lanes))
+
+    assert len({(s.start, s.stop) for s in seen}) == 3
+    assert np.array_equal(whole.q, parts.q)
+
+
+def test_memory_is_that_of_a_block_whatever_the_number_of_times():
+    import tracemalloc
+
+    lengths = grashof(500, margin=0.02)
+    solved(lengths, samples=2)  # compiles
+    peaks = []
+    for samples in (20, 200):
+        tracemalloc.start()
+        solved(lengths, samples=samples, reducer=lambda part: None)
+        peaks.append(tracemalloc.get_traced_memory()[1])
+        tracemalloc.stop()
+
+    assert peaks[1] < 1.1 * peaks[0] + 500 * 200
+    assert peaks[0] < 500 * 4096
+
+
+def test_driver_laws_may_be_rows():
+    """Speeds from slow to several radians between two times, and phases."""
+    lengths = grashof(60, margin=0.1)
+    speed, phase = np.linspace(0.1, 5.0, 60), np.linspace(0.0, 0.05, 60)
+    law = {"driver": {"law": Polynomial(coefficients=(phase, speed))}}
+    first = estimates(lengths)
+    first["crank"][2] += phase
+    many = solve_many(scene(9), {**geometry(lengths), **law}, first)
+    _, _, coupler, _ = closed_form(lengths, phase[:, None] + speed[:, None] * many.t)
+
+    assert many.ok.all()
+    assert np.max(np.abs(np.exp(1j * many.q[5]) - np.exp(1j * coupler))) < 1e-12
+
+
+def test_one_hasty_lane_makes_the_others_take_no_smaller_steps(monkeypatch):
+    lengths = grashof(400, margin=0.1)
+    speed = np.ones(400)
+    speed[5] = 40.0
+    steps = []
+    step = block.Block._step
+    monkeypatch.setattr(block.Block, "_step", lambda self, t, hasty: steps.append(t) or step(self, t, hasty))
+    law = {"driver": {"law": Polynomial(coefficients=(0.0, speed))}}
+    many = solve_many(scene(21), {**geometry(lengths), **law}, estimates(lengths))
+    _, _, coupler, _ = closed_form(lengths, speed[:, None] * many.t)
+
+    assert len(steps) == 20
+    assert many.ok.all()
+    assert np.max(np.abs(np.exp(1j * many.q[5]) - np.exp(1j * coupler))) < 1e-12
+
+
+@pytest.mark.parametrize("effects", [(), (Effect.VELOCITY,), (Effect.ACCELERATION,)])
+def test_only_what_is_called_for_is_reported(effects):
+    lengths = grashof(10, margin=0.02)
+    some = scene(6, effects=frozenset(effects), bodies_wanted=("rocker",))
+    many = solve_many(some, geometry(lengths), estimates(lengths))
+    whole = solved(lengths, samples=6)
+
+    assert many.bodies == ("rocker",)
+    assert many.q.shape == (3, 10, 6)
+    assert np.max(np.abs(many.q - whole.q[6:])) < 1e-15
+    assert (many.qd is not None) == (Effect.VELOCITY in effects)
+    assert (many.qdd is not None) == (Effect.ACCELERATION in effects)
+
+
+def test_groups_that_nobody_wants_are_not_computed():
+    whole = chain(3, evidence=frozenset())
+    lengths = {"foot3": {"point_i": (np.linspace(4.5, 4.52, 5), 0.0)}}
+    many = solve_many(replace(whole, bodies_wanted=("rocker1",)), lengths)
+
+    assert many.ok.all()
+    assert len(many.family.scene.mechanism.bodies) == 3
+
+
+@pytest.mark.parametrize("name", [name for name in SCENES if name != "crank by its rate"])
+def test_every_joint_goes_through_lanes(name):
+    """Three lanes: the scene as it is, and one of its points moved a little to either side."""
+    some = replace(SCENES[name], times=SCENES[name].times[:12])
+    joint = some.mechanism.joints[-1]
+    joint = joint if hasattr(joint, "point_j") else some.mechanism.joints[0]
+    x, y = joint.point_j
+    moved = {joint.name: {"point_j": (x + np.array([0.0, 1e-3, -1e-3]), y)}}
+    many = solve_many(some, moved)
+
+    assert many.ok.all()
+    for lane in range(3):
+        motion = refkin.solve(replace(many.scene(lane), evidence=frozenset()))
+        assert np.max(np.abs(many.q[:, lane] - motion.q)) < 2e-13 * max(1.0, np.max(np.abs(motion.q)))
+        assert np.max(np.abs(many.qdd[:, lane] - motion.qdd)) < 1e-11 * max(1.0, np.max(np.abs(motion.qdd)))
+
+
+def test_axes_and_radii_may_be_rows():
+    gears = SCENES["gear train"]
+    train = solve_many(gears, {"g1": {"radius_j": np.array([0.75, 0.8])}})
+    slider = SCENES["slider-crank"]
+    axis = {
+        "guide": {"axis_i": (np.array([1.0, 3.0]), np.array([0.0, 0.3])), "angle": np.array([0.0, np.atan2(0.3, 3.0)])}
+    }
+    slide = solve_many(slider, axis)
+    for many in (train, slide):
+        for lane in range(2):
+            motion = refkin.solve(replace(many.scene(lane), evidence=frozenset()))
+            assert np.max(np.abs(many.q[:, lane] - motion.q)) < 1e-13
+
+
+def test_laws_of_time_other_than_polynomials():
+    wave = Sinusoid(amplitude=0.5, angular_frequency=3.0)
+    some = bare(ROCKER.scene(law=wave, times=tuple(np.linspace(0.0, 2.0, 30).tolist())))
+    lengths = np.array([[4.0, 4.1], [1.0, 1.05], [3.5, 3.4], [3.0, 3.1]])
+    many = solve_many(some, geometry(lengths), estimates(lengths))
+    _, _, coupler, _ = closed_form(lengths, wave(many.t)[None, :])
+
+    assert many.ok.all()
+    assert np.max(np.abs(np.exp(1j * many.q[5]) - np.exp(1j * coupler))) < 1e-13
+
+
+WRONG = {
+    "a joint": ({"Z": {"point_j": (1.0, 0.0)}}, None, UnknownName, "'Z'"),
+    "a key": ({"A": {"length": 1.0}}, None, UnknownName, "length"),
+    "a name": ({"A": {"name": "B"}}, None, UnknownName, "name"),
+    "a body": ({}, {"link": (0.0, 0.0, 0.0)}, UnknownName, "link"),
+    "rows of two lengths": (
+        {"A": {"point_j": (np.ones(3), 0.0)}, "B": {"point_j": (np.ones(4), 0.0)}},
+        None,
+        InvalidScene,
+        r"\[3, 4\]",
+    ),
+    "a table": ({"A": {"point_j": (np.ones((3, 2)), 0.0)}}, None, InvalidScene, r"\(3, 2\)"),
+    "an estimate of two": ({}, {"crank": (0.0, 1.0)}, InvalidScene, "estimates.crank"),
+}
+
+
+@pytest.mark.parametrize("what", WRONG)
+def test_what_does_not_fit_the_scene_is_refused(what):
+    given, first, error, message = WRONG[what]
+
+    with pytest.raises(error, match=message):
+        solve_many(scene(3), given, first)
+
+
+def test_a_scene_without_estimates_is_refused():
+    some = scene(3)
+    bodies = tuple(replace(b, estimate=None) for b in some.mechanism.bodies)
+    some = replace(some, mechanism=replace(some.mechanism, bodies=bodies))
+
+    with pytest.raises(InvalidScene, match="an estimate of its first pose"):
+        solve_many(some, {"A": {"point_j": (-1.75 * np.ones(2), 0.0)}})
+
+
+def test_redundant_rows_are_refused():
+    some = scene(3)
+    again = Revolute(name="again", body_i="ground", point_i=(0.0, 0.0), body_j="crank", point_j=(-0.5, 0.0))
+    mechanism = replace(some.mechanism, joints=(*some.mechanism.joints, again))
+
+    with pytest.raises(RefkinError, match="11 rows for 9 coordinates"):
+        solve_many(replace(some, mechanism=mechanism), {})
+
+
+# Planted faults.
+
+
+def test_lanes_that_jump_to_the_other_branch_are_noticed(monkeypatch):
+    """Newton that leaves every seventh lane on the mirrored branch at one step."""
+    lengths = grashof(70, margin=0.02)
+    newton = block.Block._newton
+    calls = []
+
+    def jumping(self):
+        doubtful = newton(self)
+        calls.append(1)
+        if len(calls) == 5:
+            crank = self.space.row(self.made.marching.inputs[Leaf("f", (4, 0, 0))].number)
+            _, _, coupler, rocker = closed_form(lengths, crank[:, None], sign=-1)
+            for row, angle in zip(self.space.core(), (coupler, rocker), strict=True):
+                row[::7] = angle[::7, 0]
+        return doubtful
+
+    monkeypatch.setattr(block.Block, "_newton", jumping)
+    many = solved(lengths, samples=12)
+
+    assert np.max(errors(many, lengths)[many.ok]) < 1e-12
+
+
+def test_without_the_checks_of_the_branch_the_jump_is_answered(monkeypatch):
+    everything = lambda self, *_: np.ones(self.count, bool)  # noqa: E731
+    monkeypatch.setattr(block.Block, "_regular", everything)
+    monkeypatch.setattr(block.Block, "_continues", everything)
+
+    with pytest.raises(AssertionError):
+        test_lanes_that_jump_to_the_other_branch_are_noticed(monkeypatch)
+
+
+def test_a_residual_above_round_off_is_not_ok(monkeypatch):
+    lengths = grashof(10, margin=0.02)
+    answer = block.Workspace.run
+
+    def off(self, segment):
+        answer(self, segment)
+        if segment == "answer":
+            self.w[0, 3] += 1e-9
+
+    monkeypatch.setattr(block.Workspace, "run", off)
+    many = solved(lengths, samples=4)
+
+    assert not many.ok[3].any()
+    assert many.ok[np.arange(10) != 3].all()

@@ -1,0 +1,137 @@
+"""The quintic and the march: predictions have the error they are said to have, and steps keep to the branch."""
+
+from __future__ import annotations
+
+import importlib
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from refkin import FourBar
+from refkin.fast.march import FAR, Pose, factor, predicted
+from refkin.fast.prepare import prepared
+from refkin.fast.quintic import at, coefficients, slope, weights
+
+from .scenes import ROCKER, bare
+
+sweep = importlib.import_module("refkin.fast.sweep")
+COEFFICIENTS = st.lists(st.floats(-2.0, 2.0), min_size=6, max_size=6)
+
+
+def levels(polynomial, t):
+    p = np.polynomial.Polynomial(polynomial)
+    return [[float(p.deriv(k)(t) if k else p(t))] for k in range(3)]
+
+
+@given(COEFFICIENTS, st.floats(0.125, 2.0), st.floats(-1.0, 3.0))
+def test_a_quintic_is_reproduced(polynomial, h, s):
+    p = np.polynomial.Polynomial(polynomial)
+    (found,) = coefficients(levels(polynomial, 0.5), levels(polynomial, 0.5 + h), h)
+    size = 1e-11 * max(1.0, abs(s)) ** 5
+
+    assert at(found, s) == pytest.approx(p(0.5 + s * h), abs=size)
+    assert slope(found, s) / h == pytest.approx(p.deriv()(0.5 + s * h), abs=size / h**2)
+
+
+@given(COEFFICIENTS, st.floats(0.125, 2.0), st.floats(1.0, 3.0))
+def test_weights_are_those_of_the_same_polynomial(polynomial, h, s):
+    before, last = (levels(polynomial, t) for t in (0.5, 0.5 + h))
+    value, rate = weights(0.5, 0.5 + h, 0.5 + s * h)
+    data = [x[0] for x in (*before, *last)]
+    (found,) = coefficients(before, last, h)
+
+    assert np.dot(value, data) == pytest.approx(at(found, s), abs=1e-9)
+    assert np.dot(rate, data) == pytest.approx(slope(found, s) / h, abs=1e-8 / h)
+
+
+def test_a_prediction_errs_512_times_as_much_as_the_quintic_between():
+    """sin t has the sixth derivative -sin t; steps of 0.1 around pi/2, where that hardly changes."""
+    h, t = 0.1, math.pi / 2
+
+    def pose(t):
+        return Pose(t, ((math.sin(t),), (math.cos(t),), (-math.sin(t),)), ())
+
+    (ahead,), (rate,) = predicted(t + h, pose(t), pose(t - h))
+    (between,) = coefficients(pose(t - h).levels, pose(t).levels, h)
+    off, inside = ahead - math.sin(t + h), at(between, 0.5) - math.sin(t - h / 2)
+
+    assert abs(off / inside) == pytest.approx(512, rel=0.05)
+    assert (rate - math.cos(t + h)) * h / off == pytest.approx(4.5, rel=0.05)
+
+
+def test_a_step_that_predicts_well_grows_and_another_shrinks():
+    assert factor(FAR / 64) == pytest.approx(0.9 * 2)
+    assert factor(64 * FAR) == pytest.approx(0.9 / 2)
+    assert factor(0.0) == 3.0
+
+
+def task(linkage=ROCKER, samples=400, **options):
+    return sweep._Task(prepared(bare(linkage.scene(samples=samples, **options))))
+
+
+def test_a_march_takes_few_steps():
+    """One turn of a smooth four-bar."""
+    work = task()
+    poses = work._marched(work._start())
+
+    assert len(poses) < 16
+    assert work.march.steps < 20
+
+
+def test_marched_poses_are_on_the_branch_of_the_closed_form():
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + 1e-6)
+    work = task(linkage)
+    for pose in work._marched(work._start()):
+        coupler, rocker = pose.levels[0]
+        own = linkage.assemble(2.0 * pose.t, "open")
+        assert abs(np.angle(np.exp(1j * (coupler - own["coupler"][2])))) < 1e-11
+        assert abs(np.angle(np.exp(1j * (rocker - own["rocker"][2])))) < 1e-11
+
+
+def test_no_step_turns_a_driven_link_by_more_than_a_radian():
+    work = task(turns=5, samples=3)
+    poses = work._marched(work._start())
+
+    assert np.max(np.diff([2.0 * p.t for p in poses])) <= 1.0
+
+
+def test_a_step_to_the_other_branch_is_refused():
+    """Predicted onto the mirrored branch, Newton contracts there: the sign of the determinant tells."""
+    work = task()
+    start = work._start()
+    other = ROCKER.assemble(0.0, "crossed")
+    mirrored = Pose(start.t, ((other["coupler"][2], other["rocker"][2]), *start.levels[1:]), start.laws)
+
+    assert work.march.step(1e-6, start, None) is not None
+    assert work.march.step(1e-6, mirrored, None) is None
+
+
+def test_a_bend_is_refused():
+    """A pose where it was predicted, with rates that were not: as on the other branch beyond a crossing."""
+    work = task()
+    start = work._start()
+    bent = Pose(start.t, (start.levels[0], tuple(v + 0.5 for v in start.levels[1]), start.levels[2]), start.laws)
+    h = 1e-3
+
+    assert work.march.step(h, start, None) is not None
+    assert work.march.step(h, bent, None) is None
+
+
+def test_numbers_that_leave_their_range_refuse_a_step():
+    work = task()
+    start = work._start()
+    lost = Pose(start.t, ((math.inf, 0.0), *start.levels[1:]), start.laws)
+
+    assert work.march.step(0.1, lost, None) is None
+
+
+def test_a_march_ends_after_so_many_steps():
+    work = task()
+    start = work._start()
+    work.march.most_steps = 3
+
+    assert work.march.to(100.0, start) is None
+    assert work.march.steps == 3

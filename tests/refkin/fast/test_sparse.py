@@ -1,0 +1,148 @@
+"""Large mechanisms: sparse assembly is the reference's assembly, and its answers are the reference's answers."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin import Body, Effect, Status
+from refkin.differences import Scheme, error_bound
+from refkin.errors import InvalidScene
+from refkin.fast import SparseSystem, solve_large
+from refkin.fast import sparse as module
+from refkin.system import compile_system
+
+from .linkworks import chain
+from .scenes import SCENES, bare, system_of
+
+
+def drawn(system, seed=0):
+    draw = np.random.default_rng(seed)
+    return draw.uniform(-1.0, 1.0, (2, system.n))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_assembly_by_groups_is_that_of_the_reference(name):
+    """Bit for bit, at unassembled poses: the same formulas on the same numbers."""
+    system = system_of(SCENES[name])
+    large = SparseSystem(system)
+    q, qd = drawn(system)
+
+    assert np.array_equal(large.phi(q, 0.3), system.phi(q, 0.3))
+    assert np.array_equal(large.phi_q(q, 0.3).toarray(), system.phi_q(q, 0.3))
+    assert np.array_equal(large.nu(q, 0.3), system.nu(q, 0.3))
+    assert np.array_equal(large.gamma(q, qd, 0.3), system.gamma(q, qd, 0.3))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_batch_is_its_columns(name):
+    system = system_of(SCENES[name])
+    large = SparseSystem(system)
+    q, qd = drawn(system)
+    both = np.stack([q, qd], axis=1)
+
+    assert np.max(np.abs(large.phi(both, 0.3) - np.stack([large.phi(x, 0.3) for x in (q, qd)], axis=1))) < 1e-15
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_coloured_complex_step_confirms_every_entry(name):
+    system = system_of(SCENES[name])
+    large = SparseSystem(system)
+    q, _ = drawn(system)
+    checked, slope = large.colouring.jacobian(lambda x: large.phi(x, 0.3), q), large.phi_q(q, 0.3)
+
+    assert abs(checked - slope).max() <= error_bound(Scheme.COMPLEX_STEP, 0.0, 0.0, 0.0, 0.0, abs(slope).max())
+
+
+@pytest.mark.parametrize("together", [False, True])
+@pytest.mark.parametrize("windows", [1, 4, 20])
+def test_position_velocity_and_acceleration_are_those_of_the_reference(windows, together):
+    scene = bare(chain(windows, together=together, times=(0.0,)))
+    found, motion = solve_large(scene), refkin.solve(scene)
+
+    assert found.status is Status.OK
+    for ours, theirs in zip((found.q, found.qd, found.qdd), motion.levels, strict=True):
+        assert np.max(np.abs(ours - theirs[:, 0])) <= 1e-15 * found.inverse_norm * max(1.0, np.max(np.abs(theirs)))
+
+
+def test_a_thousand_coordinates_and_more():
+    """300 loops, 1803 coordinates, against the pattern's own dense solution."""
+    scene = bare(chain(300, times=(0.0,)))
+    found, system = solve_large(scene), system_of(scene)
+    q, qd, qdd = (system.to_unit(x, k) for k, x in enumerate((found.q, found.qd, found.qdd)))
+    slope = system.phi_q(q, 0.0)
+
+    assert found.status is Status.OK
+    assert np.max(np.abs(system.phi(q, 0.0))) < 1e-13
+    assert np.max(np.abs(slope @ qd - system.nu(q, 0.0))) < 1e-13
+    assert np.max(np.abs(slope @ qdd - system.gamma(q, qd, 0.0))) < 1e-13
+
+
+def test_only_what_is_called_for_is_computed():
+    for effects in ((), (Effect.VELOCITY,)):
+        found = solve_large(bare(chain(2, times=(0.0,)), effects=frozenset(effects)))
+
+        assert (found.qd is None) == (not effects)
+        assert found.qdd is None
+
+
+def test_the_pattern_never_changes():
+    system = system_of(SCENES["chain"])
+    large = SparseSystem(system)
+    first, second = (large.phi_q(q, 0.0) for q in drawn(system))
+
+    assert np.array_equal(first.indices, second.indices)
+    assert np.array_equal(first.indptr, second.indptr)
+
+
+def moved(scene, name, q):
+    bodies = tuple(Body(name=b.name, estimate=q) if b.name == name else b for b in scene.mechanism.bodies)
+    return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+
+
+def test_a_far_estimate_is_not_converged_rather_than_elsewhere():
+    """A rocker upside down: Newton goes somewhere, and does not contract at once."""
+    scene = bare(chain(3, times=(0.0,)))
+    found = solve_large(moved(scene, "rocker2", (3.0, -0.5, -1.7)))
+
+    assert found.status is Status.NOT_CONVERGED
+    assert found.q is None
+    assert found.residual > 0.0 or len(found.steps) > 1
+
+
+def test_a_singular_pose_is_not_ok():
+    """A slider-crank driven by its slider, stretched."""
+    linkage = refkin.SliderCrank(crank=1.0, rod=3.0)
+    scene = linkage.scene(law=refkin.Polynomial(coefficients=(4.0,)), times=(0.0,), driven="slider")
+
+    assert solve_large(bare(scene)).status is not Status.OK
+
+
+def test_more_rows_than_coordinates_are_refused():
+    scene = chain(1)
+    again = replace(scene.mechanism.joints[0], name="again")
+    system = compile_system(replace(scene.mechanism, joints=(*scene.mechanism.joints, again)))
+
+    with pytest.raises(ValueError, match="11 and 9"):
+        SparseSystem(system)
+
+
+def test_a_body_without_estimate_is_refused_by_name():
+    with pytest.raises(InvalidScene, match="coupler0"):
+        solve_large(moved(chain(1), "coupler0", None))
+
+
+def test_a_wrong_entry_is_seen(monkeypatch):
+    """A constant of the Jacobian that is never written."""
+    lay_out = SparseSystem._lay_out
+
+    def wrong(self):
+        lay_out(self)
+        self._constants[0] = 0.0
+
+    monkeypatch.setattr(module.SparseSystem, "_lay_out", wrong)
+    with pytest.raises(AssertionError):
+        test_the_coloured_complex_step_confirms_every_entry("four-bar")

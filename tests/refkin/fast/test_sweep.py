@@ -1,0 +1,397 @@
+"""A sweep answers what the reference answers, to the digits that its proofs and budgets allow, or leaves it to it."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import refkin
+from crosscheck.comparison import compare, reference
+from crosscheck.engines.lanes import Lanes
+from crosscheck.strategies import Hardness, drawn_scenes
+from refkin import Effect, Evidence, FourBar, InvertedSliderCrank, Point, Polynomial, Revolute, Sinusoid, Status, Table
+from refkin.fast import sweep
+from refkin.fast.lanes import run
+
+from .linkworks import chain
+from .scenes import ROCKER, SCENES, bare, system_of
+
+module = importlib.import_module("refkin.fast.sweep")
+answer = importlib.import_module("refkin.fast.answer")
+FAST = "refkin.fast"
+U = 2.0**-53
+
+
+def proved(scene):
+    return replace(scene, evidence=frozenset({Evidence.CERTIFICATE}))
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_joint_goes_through_the_tape(name):
+    assert sweep(SCENES[name]).producer.name == FAST
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_the_proved_error_of_every_pose_is_a_few_round_offs_times_the_condition(name):
+    """Radii are proved by the formulas a person reads, about poses and rates that the tape made."""
+    motion, system = sweep(proved(SCENES[name])), system_of(SCENES[name])
+    q = system.to_unit(refkin.solve(bare(SCENES[name])).q) if system.n == system.of_bodies else None
+    allowed = 64 * U * np.max(np.abs(motion.q), initial=1.0)
+    if q is not None:
+        inverse = np.linalg.inv(np.moveaxis(system.phi_q(q, motion.t), -1, 0))
+        allowed = allowed * np.max(np.sum(np.abs(inverse), axis=2), axis=1)
+
+    assert motion.producer.name == FAST
+    assert motion.verdict is Status.OK
+    assert np.all(motion.certified_radius.position <= allowed)
+    assert np.isfinite(motion.certified_radius.velocity).all()
+    assert np.isfinite(motion.certified_radius.acceleration).all()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_a_sweep_is_within_the_budget_of_the_reference(name):
+    found = compare(reference(SCENES[name]), sweep(SCENES[name]))
+
+    assert found.judged == len(SCENES[name].times)
+    assert {name: np.nanmax(q.ratio) for name, q in found.quantities.items() if not q.agrees} == {}
+
+
+@settings(max_examples=100, deadline=None)
+@given(drawn_scenes(hardness=[Hardness.REGULAR]))
+def test_regular_scenes_are_answered_within_the_budget(drawn):
+    motion = sweep(bare(drawn.scene))
+    found = compare(reference(drawn.scene), motion, Lanes().terms(drawn.scene))
+
+    assert motion.producer.name == FAST
+    assert motion.verdict is Status.OK
+    assert {name: q.worst for name, q in found.quantities.items() if not q.agrees} == {}
+
+
+def off_closed_form(drawn, motion):
+    """How far answered poses are from the closed form [sizes, rad], (n, T)."""
+    bodies = drawn.scene.mechanism.bodies
+    pose = np.array([[x for b in bodies for x in drawn.pose(t)[b.name]] for t in drawn.scene.times]).T
+    off = (motion.q - pose) / drawn.scene.mechanism.size()
+    off[2::3] = np.angle(np.exp(1j * (motion.q[2::3] - pose[2::3])))
+    return np.abs(off[:, [s is Status.OK for s in motion.status]])
+
+
+@settings(max_examples=20, deadline=None)
+@given(drawn_scenes(hardness=[Hardness.LIMIT, Hardness.CHANGE_POINT]))
+def test_hard_scenes_are_never_answered_wrong(drawn):
+    """Near limit positions and change points: on the branch of the reference within its budget, or left to it."""
+    motion = sweep(drawn.scene)
+    found = compare(reference(drawn.scene), motion)
+
+    assert found.missing == 0
+    assert found.agrees
+    assert not found.other_assembly
+
+
+@settings(max_examples=80, deadline=None)
+@pytest.mark.parametrize("evidence", [(), (Evidence.CERTIFICATE,)])
+@given(drawn_scenes(hardness=[Hardness.LIMIT, Hardness.CHANGE_POINT]))
+def test_hard_scenes_stay_on_the_branch_of_the_closed_form(evidence, drawn):
+    motion = sweep(replace(drawn.scene, evidence=frozenset(evidence)))
+
+    # Where the branches are 1e-5 apart, the closed form is itself no better than the root of round-off.
+    assert np.max(off_closed_form(drawn, motion), initial=0.0) < 1e-7
+
+
+LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
+
+
+def driven(linkage, law, times, driven="crank", relative_to="ground", branch="open"):
+    """A scene whose law may lead where the linkage cannot follow."""
+    start = Polynomial(coefficients=(float(law(times[0])),))
+    scene = linkage.scene(law=start, times=times[:1], driven=driven, relative_to=relative_to, branch=branch)
+    mechanism = replace(scene.mechanism, drivers=(linkage.driver(law, driven, relative_to),))
+    return bare(replace(scene, mechanism=mechanism), times=tuple(times))
+
+
+@pytest.mark.parametrize("samples", [13, 31, 200])
+def test_beyond_a_limit_nothing_is_answered(samples):
+    """The law leaves the range of the crank and comes back: what is not there gets no pose, and no branch is taken."""
+    limit = LIMITED.input_range()[0][1]
+    scene = driven(
+        LIMITED, Sinusoid(amplitude=limit + 0.05, angular_frequency=1.0), np.linspace(0.0, 3.0, samples).tolist()
+    )
+    motion, ref = sweep(scene), refkin.solve(scene)
+
+    assert motion.status == ref.status
+    assert motion.verdict is not Status.OK
+    assert np.array_equal(motion.q, ref.q, equal_nan=True)
+
+
+@pytest.mark.parametrize("samples", [9, 37, 101, 1001])
+def test_a_crossing_of_branches_is_not_passed(samples):
+    """At an exact change point the branches cross: on one of them the sign of the determinant never changes."""
+    law = Sinusoid(amplitude=-math.pi, angular_frequency=2.9573709059898547, offset=-0.49622333722343726)
+    linkage = InvertedSliderCrank(ground=3.0, crank=4.0, offset=1.0)
+    scene = driven(linkage, law, np.linspace(0.0, 1.0, samples).tolist(), "lever", "crank", "crossed")
+
+    assert module.attempt(scene) is None
+
+
+@pytest.mark.parametrize("slack", [1e-3, 1e-6, 1e-8])
+def test_near_a_change_point_the_branch_is_kept(slack):
+    """The branches come within the root of the slack of each other; the closed form knows them apart."""
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + slack)
+    motion = sweep(bare(linkage.scene(turns=1, samples=361)))
+    expected = [linkage.assemble(phi, "open")["rocker"][2] for phi in motion["crank"].phi]
+    off = np.abs(np.angle(np.exp(1j * (motion["rocker"].phi - expected))))
+
+    assert motion.verdict is Status.OK
+    assert np.max(off) < 1e-15 / slack**0.5 + 1e-13
+
+
+@pytest.mark.parametrize("times", [(0.0,), (0.0, 1.0), (0.0, 0.1, 0.11, 2.0), tuple(np.linspace(0, 40, 33).tolist())])
+def test_few_and_uneven_times_are_answered_as_well(times):
+    """The last of them are more than a turn of the crank apart."""
+    scene = bare(ROCKER.scene(law=Polynomial(coefficients=(0.3, 2.0, 0.1)), times=times))
+    motion = sweep(scene)
+
+    assert motion.producer.name == FAST
+    assert np.max(np.abs(motion.q - refkin.solve(scene).q)) < 1e-13
+
+
+def test_more_times_than_a_block_has_lanes(monkeypatch):
+    monkeypatch.setattr(run, "MOST_LANES", 256)
+    scene = bare(ROCKER.scene(samples=1001))
+    blocks = sweep(scene)
+    monkeypatch.undo()
+
+    assert np.array_equal(blocks.q, sweep(scene).q)
+    assert np.array_equal(blocks.qdd, sweep(scene).qdd)
+
+
+def test_a_table_as_law_and_an_open_profile():
+    law = Table(argument=(0.0, 1.0, 2.0, 3.0, 5.0), value=(0.2, 1.0, 1.2, 2.5, 3.0))
+    scene = bare(ROCKER.scene(law=law, times=tuple(np.linspace(0.0, 5.0, 101).tolist())))
+    motion = sweep(scene)
+
+    assert motion.producer.name == FAST
+    assert compare(reference(scene), motion).agrees
+
+
+def test_an_estimate_in_another_turn_is_followed_as_by_the_reference():
+    scene = bare(ROCKER.scene(samples=20))
+    bodies = tuple(
+        replace(b, estimate=(*b.estimate[:2], b.estimate[2] + 4 * math.pi * (b.name == "rocker")))
+        for b in scene.mechanism.bodies
+    )
+    scene = replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+
+    assert np.max(np.abs(sweep(scene).q - refkin.solve(scene).q)) < 1e-14
+
+
+def test_without_estimates_an_assembly_is_searched_and_told():
+    scene = bare(ROCKER.scene(samples=20))
+    bodies = tuple(replace(b, estimate=None) for b in scene.mechanism.bodies)
+    scene = replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+    motion, ref = sweep(scene), refkin.solve(scene)
+
+    assert motion.producer.name == FAST
+    assert motion.message == ref.message
+    assert np.max(np.abs(motion.q - ref.q)) < 1e-14
+
+
+@pytest.mark.parametrize("off", [0.3, 0.8, 1.5])
+def test_a_rough_estimate_leads_to_the_same_assembly(off):
+    scene = bare(ROCKER.scene(samples=20))
+    for direction in range(8):
+        move = off * np.cos(direction + np.arange(9.0)).reshape(3, 3)
+        bodies = tuple(
+            replace(b, estimate=tuple(x + d for x, d in zip(b.estimate, dx.tolist(), strict=True)))
+            for b, dx in zip(scene.mechanism.bodies, move, strict=True)
+        )
+        rough = replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+        motion, ref = sweep(rough), refkin.solve(rough)
+
+        assert motion.status == ref.status
+        assert np.nanmax(np.abs(motion.q - ref.q)) < 1e-13
+
+
+def test_redundant_rows_are_left_out_and_held_to_account():
+    """A crank with two pins on the same pivot: two rows more than coordinates, which agree, or do not."""
+    scene = bare(ROCKER.scene(samples=30))
+    again = Revolute(name="again", body_i="ground", point_i=(0.0, 0.0), body_j="crank", point_j=(-0.5, 0.0))
+    apart = replace(again, point_i=(1e-6, 0.0))
+    doubled, broken = (
+        replace(scene, mechanism=replace(scene.mechanism, joints=(*scene.mechanism.joints, joint)))
+        for joint in (again, apart)
+    )
+
+    assert sweep(doubled).producer.name == FAST
+    assert np.max(np.abs(sweep(doubled).q - sweep(scene).q)) < 1e-14
+    assert sweep(broken).verdict is not Status.OK
+
+
+def test_effects_bodies_and_points_are_reported_as_by_the_reference():
+    point = Point(name="P", body="coupler", position=(0.3, 0.2))
+    for effects in ((), (Effect.VELOCITY,), (Effect.ACCELERATION,), tuple(Effect)):
+        scene = bare(ROCKER.scene(samples=15), effects=frozenset(effects), bodies_wanted=("rocker",), points=(point,))
+        motion, ref = sweep(scene), refkin.solve(scene)
+
+        assert motion.bodies == ("rocker",)
+        for ours, theirs in (
+            *zip(motion.levels, ref.levels, strict=True),
+            *((getattr(motion.points["P"], k), getattr(ref.points["P"], k)) for k in "rva"),
+        ):
+            assert (ours is None) == (theirs is None)
+            assert ours is None or np.max(np.abs(ours - theirs)) < 1e-13
+
+
+def test_contacts_are_reported_as_by_the_reference():
+    scene = SCENES["roller over lobes"]
+    ours, theirs = sweep(scene).contacts["contact"], refkin.solve(scene).contacts["contact"]
+
+    for key in ("s", "sd", "sdd"):
+        assert np.max(np.abs(getattr(ours, key) - getattr(theirs, key))) < 1e-13
+
+
+def test_without_what_nobody_wants_the_rest_is_the_same():
+    scene = bare(chain(4), bodies_wanted=("rocker2",))
+
+    assert sweep(scene).producer.name == FAST
+    assert np.max(np.abs(sweep(scene).q - refkin.solve(scene).q)) < 1e-14
+
+
+def test_evidence_is_that_of_the_reference():
+    scene = ROCKER.scene(samples=40)
+    motion, ref = sweep(scene), refkin.solve(scene)
+
+    assert motion.producer.name == FAST
+    for name in ("sigma_min", "condition"):
+        assert np.allclose(getattr(motion, name), getattr(ref, name), rtol=1e-12)
+    radius = motion.certified_radius.position + ref.certified_radius.position
+    system = system_of(scene)
+    assert np.all(np.max(np.abs(system.to_unit(motion.q) - system.to_unit(ref.q)), axis=0) <= radius)
+
+
+def test_a_linkage_in_another_unit_gives_the_same_bits():
+    here = bare(ROCKER.scene(samples=37))
+    there = bare(FourBar(*(x * 2.0**30 for x in (4.0, 1.0, 3.5, 3.0))).scene(samples=37))
+
+    assert np.array_equal(sweep(here).q[2::3], sweep(there).q[2::3])
+    assert np.array_equal(sweep(here).qdd[0::3] * 2.0**30, sweep(there).qdd[0::3])
+
+
+# Planted faults. Each replaces code that a sweep runs.
+
+
+def mirrored(space):
+    """Newton that leaves some lanes on the other branch: B of the four-bar mirrored at the line from A to B0."""
+    ok = module_newton(space)
+    crank = space.row(2)
+    for lane in range(0, space.lanes, 7):
+        other = ROCKER.assemble(float(crank[lane]), "crossed")
+        for row, body in zip(space.core(), ("coupler", "rocker"), strict=True):
+            row[lane] = other[body][2]
+    return ok
+
+
+module_newton = module.newton
+
+
+def test_lanes_on_the_other_branch_are_noticed_though_their_residual_is_round_off(monkeypatch):
+    scene = bare(ROCKER.scene(samples=200))
+    monkeypatch.setattr(module, "newton", mirrored)
+
+    assert module.attempt(scene) is None
+
+
+def test_without_the_checks_of_the_branch_they_would_be_answered(monkeypatch):
+    """Continuity and signs skipped: the residual alone sees nothing, so the comparison with the reference must."""
+    scene = bare(ROCKER.scene(samples=200))
+    monkeypatch.setattr(module, "newton", mirrored)
+    monkeypatch.setattr(module._Task, "_on_branch", lambda task, space, guess: np.ones(space.lanes, bool))
+    motion = module.attempt(scene)
+
+    assert motion is not None
+    assert motion.verdict is Status.OK
+    assert not compare(reference(scene), motion).agrees
+
+
+def test_a_wrong_instruction_is_noticed(monkeypatch):
+    """Every subtraction of the answer that makes a coordinate of the coupler is off by 1e-9."""
+    scene = bare(ROCKER.scene(samples=50))
+    subtract = run.UFUNCS["sub"]
+
+    def wrong(a, b, out):
+        subtract(a, b, out)
+        out += 1e-9
+
+    forget()
+    monkeypatch.setitem(run.UFUNCS, "sub", wrong)
+    try:
+        assert module.attempt(scene) is None
+    finally:
+        forget()
+
+
+def test_with_the_verification_skipped_a_wrong_instruction_is_answered(monkeypatch):
+    """Then the comparison with the reference goes red."""
+    scene = bare(ROCKER.scene(samples=50))
+    copy = run.UFUNCS["copy"]
+
+    def wrong(a, out):
+        copy(a, out)
+        out += 1e-9  # the crank's angle and its rates, which the tape copies from the law
+
+    forget()
+    monkeypatch.setitem(run.UFUNCS, "copy", wrong)
+    monkeypatch.setattr(answer, "EPS", 1.0)
+    try:
+        motion = module.attempt(scene)
+    finally:
+        forget()
+
+    assert motion is not None
+    assert not compare(reference(scene), motion).agrees
+
+
+def forget():
+    importlib.import_module("refkin.fast.compiled").forget()
+
+
+@pytest.mark.parametrize("stage", ["_start", "_marched", "_lanes"])
+def test_whatever_fails_the_reference_answers(monkeypatch, stage):
+    scene = bare(ROCKER.scene(samples=20))
+    monkeypatch.setattr(module._Task, stage, lambda *_: None)
+    motion = sweep(scene)
+
+    assert motion.producer.name == "refkin"
+    assert np.array_equal(motion.q, refkin.solve(scene).q)
+
+
+def test_a_far_guess_is_made_again_from_nearer(monkeypatch):
+    """Marched in steps that are much too long for the quintic: the poses between are marched, too."""
+    march = importlib.import_module("refkin.fast.march")
+    scene = bare(ROCKER.scene(samples=300))
+    monkeypatch.setattr(march, "FAR", 1e3)
+    monkeypatch.setattr(module, "CONTINUOUS", 1e-5)
+    quartered = []
+    quarter = module.Guesses.quarter
+    monkeypatch.setattr(module.Guesses, "quarter", lambda *args: quartered.append(1) or quarter(*args))
+    motion = module.attempt(scene)
+
+    assert quartered
+    assert motion is not None
+    assert compare(reference(scene), motion).agrees
+
+
+@pytest.mark.parametrize("turns", [10.0, 1e4, 1e6])
+def test_after_many_turns_the_answer_is_still_that_of_the_reference(turns):
+    """The angle keeps its turns, and its spacing is what the answer may be off by."""
+    law = Polynomial(coefficients=(turns * math.tau, 1.0))
+    scene = bare(ROCKER.scene(law=law, times=tuple(np.linspace(0.0, 3.0, 40).tolist())))
+    motion, ref = sweep(scene), refkin.solve(scene)
+
+    assert motion.producer.name == FAST
+    assert np.max(np.abs(motion.q - ref.q)) <= 8 * np.spacing(turns * math.tau)
