@@ -81,7 +81,7 @@ class Mechanism:
         for constraint in self.constraints:
             for body, point in constraint.points():
                 points.setdefault(body, []).append(point)
-        largest = max((math.dist(a, b) for on in points.values() for a in on for b in on), default=0.0)
+        largest = max(map(_diameter, points.values()), default=0.0)
         largest = max([largest, *(c.reach() for c in self.constraints)])
         if largest == 0.0:
             return 1.0
@@ -92,6 +92,30 @@ class Mechanism:
         """Return the unit every solve runs in: the size, and the first joint point on the ground as origin."""
         on_ground = (point for c in self.constraints for body, point in c.points() if body == GROUND)
         return Unit(self.size(), next(on_ground, (0.0, 0.0)))
+
+
+MANY = 32
+"""Points on one body of which only the corners of their convex hull are compared."""
+
+
+def _diameter(points: Sequence[Pair]) -> float:
+    """Return the largest distance of two points."""
+    if len(points) > MANY:
+        points = [*_hull(sorted(points)), *_hull(sorted(points, reverse=True))]
+    return max((math.dist(a, b) for k, a in enumerate(points) for b in points[:k]), default=0.0)
+
+
+def _hull(points: Sequence[Pair]) -> list[Pair]:
+    """Return the corners of a convex hull to the left of the way along sorted points, ends included (Andrew)."""
+    corners: list[Pair] = []
+    for x, y in points:
+        while len(corners) > 1:
+            (ax, ay), (bx, by) = corners[-2:]
+            if (bx - ax) * (y - by) < (by - ay) * (x - bx):
+                break
+            corners.pop()
+        corners.append((x, y))
+    return corners
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,7 +163,7 @@ def mechanism_faults(
     yield from name_faults("body", [b.name for b in bodies], taken=(GROUND,))
     yield from name_faults("joint", [c.name for c in joints])
     yield from name_faults("driver", [c.name for c in drivers], taken=[c.name for c in joints])
-    known = (GROUND, *(b.name for b in bodies))
+    known = dict.fromkeys((GROUND, *(b.name for b in bodies)))
     for kind, group in (("body", bodies), ("joint", joints), ("driver", drivers)):
         for k, item in enumerate(group):
             yield from finite_faults(f"{kind}[{k}]", item)
@@ -151,7 +175,7 @@ def mechanism_faults(
         yield Fault("driver", None, f"{missing} more constraint{'s' * (missing > 1)}: add drivers")
 
 
-def _constraint_faults(path: str, constraint: Constraint, known: tuple[str, ...]) -> Iterator[Fault]:
+def _constraint_faults(path: str, constraint: Constraint, known: dict[str, None]) -> Iterator[Fault]:
     for key in ("body", "body_i", "body_j", "relative_to"):
         body = getattr(constraint, key, None)
         if body is not None and body not in known:
@@ -202,11 +226,13 @@ def scene_faults(
 
 def name_faults(kind: str, names: Sequence[str], taken: Sequence[str] = ()) -> Iterator[Fault]:
     """Yield empty names and names that are taken."""
+    used = set(taken)
     for k, name in enumerate(names):
         if not name:
             yield Fault(f"{kind}[{k}].name", name, "a name that is not empty")
-        elif name in taken or name in names[:k]:
+        elif name in used:
             yield Fault(f"{kind}[{k}].name", name, "a name not used before")
+        used.add(name)
 
 
 def finite_faults(path: str, item: Any) -> Iterator[Fault]:

@@ -1,0 +1,28 @@
+"""The size of a mechanism with many points on one body is that of the pair furthest apart, and is found soon."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from refkin.model import _diameter
+
+COUNT = 200
+DRAW = np.random.default_rng(2)
+CLOUDS = {
+    "scattered": DRAW.normal(size=(COUNT, 2)),
+    "on a line": np.stack([DRAW.uniform(size=COUNT), np.full(COUNT, 0.5)], axis=1),
+    "upright": np.stack([np.full(COUNT, 0.5), DRAW.uniform(size=COUNT)], axis=1),
+    "few places": DRAW.integers(0, 3, size=(COUNT, 2)).astype(float),
+    "on a circle": np.stack([np.cos(np.arange(COUNT)), np.sin(np.arange(COUNT))], axis=1),
+    "one place": np.ones((COUNT, 2)),
+}
+
+
+@pytest.mark.parametrize("cloud", CLOUDS)
+def test_the_largest_distance_is_that_of_all_pairs(cloud):
+    points = [tuple(p) for p in CLOUDS[cloud].tolist()]
+
+    assert _diameter(points) == pytest.approx(max(math.dist(a, b) for a in points for b in points), rel=1e-15)
