@@ -16,7 +16,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from crosscheck import document_commands
+from crosscheck import document_commands, tape_command
 from crosscheck.answers import to_json
 from crosscheck.campaign import ALWAYS, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.cluster import LOCAL, NoCluster
@@ -313,3 +313,4 @@ def _told(error: BaseException, code: int) -> int:
 
 app.command(document_commands.ledger)
 app.command(document_commands.mutants)
+app.command(tape_command.tape)

@@ -1,0 +1,95 @@
+"""The tape as a producer of its own: within the reference's budget, or no answer; never the reference's own."""
+
+from __future__ import annotations
+
+import tomllib
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crosscheck.check import check
+from crosscheck.comparison import compare, reference
+from crosscheck.engines import EngineError, Level, Support, table_key
+from crosscheck.engines import lanes as module
+from crosscheck.engines.lanes import SINES, Lanes
+from refkin import FourBar, Sinusoid, Status
+
+from .scenes import ROCKER, SCENES, bare
+
+PROJECT = Path(__file__).parents[3] / "pyproject.toml"
+LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
+
+
+def test_it_is_registered():
+    points = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]["entry-points"]["crosscheck.engines"]
+
+    assert points[Lanes.name] == "crosscheck.engines.lanes:Lanes"
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_every_joint_is_in_its_table_and_within_the_budget(name):
+    engine, scene = Lanes(), SCENES[name]
+    table = engine.capabilities()
+    motion = engine.solve(scene)
+
+    assert all(table[table_key(c)][Level.SOLVE].support is Support.NATIVE for c in scene.mechanism.constraints)
+    assert motion.producer.name == Lanes.name
+    assert compare(reference(scene), motion, engine.terms(scene)).agrees
+
+
+def test_a_night_compares_it_like_any_other():
+    record = check(ROCKER.scene(samples=20), [Lanes()])
+
+    assert [(a["engine"], a["judged"]) for a in record["answers"]] == [(Lanes.name, 20)]
+    assert record["disagreements"] == []
+
+
+def test_a_wrong_answer_is_a_disagreement(monkeypatch):
+    def wrong(scene):
+        found = attempt(scene)
+        return replace(found, q=found.q + 1e-12)
+
+    attempt = module.attempt
+    monkeypatch.setattr(module, "attempt", wrong)
+    record = check(ROCKER.scene(samples=20), [Lanes()])
+
+    assert {d["engine"] for d in record["disagreements"]} == {Lanes.name}
+
+
+def test_what_is_left_to_the_reference_gets_no_answer():
+    limit = LIMITED.input_range()[0][1]
+    law = Sinusoid(amplitude=limit + 0.05, angular_frequency=1.0)
+    scene = bare(LIMITED.scene(samples=2, turns=0.01))
+    driver = replace(scene.mechanism.drivers[0], law=law)
+    scene = replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)), times=(0.0, 1.0, 1.57))
+
+    with pytest.raises(EngineError, match="to the reference"):
+        Lanes().solve(scene)
+
+
+def test_an_unknown_route_is_refused():
+    route = replace(module.ROUTE, name="other")
+    with pytest.raises(EngineError, match="no route 'other'"):
+        Lanes().solve(ROCKER.scene(samples=2), route)
+
+
+def test_a_term_of_nothing_is_given_where_there_is_no_answer(monkeypatch):
+    monkeypatch.setattr(module, "attempt", lambda scene: None)
+
+    assert Lanes().terms(ROCKER.scene(samples=2)) == ()
+
+
+def test_sines_of_half_angles_are_as_good_as_the_term_says():
+    """Against extended precision, over 60 radians: r = 2 / (1 + t^2), cos = r - 1, sin = t r with t = tan(x / 2)."""
+    x = np.random.default_rng(0).uniform(-30.0, 30.0, 400_000)
+    t = np.tan(0.5 * x)
+    r = 2.0 / (1.0 + t * t)
+    off = [r - 1.0 - np.cos(np.longdouble(x)), t * r - np.sin(np.longdouble(x))]
+
+    assert max(float(np.max(np.abs(d))) for d in off) <= SINES * 2.0**-53
+
+
+def test_the_motion_is_ok_at_every_time():
+    assert Lanes().solve(ROCKER.scene(samples=20)).verdict is Status.OK

@@ -1,0 +1,63 @@
+"""`crosscheck tape`: the operations of a scene, for a person."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+from crosscheck.cli import main
+from refkin.fast import tape
+from refkin.scene_files import load
+
+EXAMPLES = Path(__file__).parents[3] / "examples"
+SCENE = EXAMPLES / "slider-crank.toml"
+
+
+def told(capsys, *arguments):
+    with pytest.raises(SystemExit) as ended:
+        main(["tape", *map(str, arguments)])
+    out, err = capsys.readouterr()
+    return ended.value.code, out, err
+
+
+def test_every_operation_is_printed_and_counted(capsys):
+    code, out, _ = told(capsys, SCENE)
+    counts = tape(load(SCENE)).counts()
+
+    assert code == 0
+    for segment, count in counts.items():
+        assert re.search(rf"^{segment} +{count}\b", out, re.MULTILINE)
+    assert re.search(rf"^all +{sum(counts.values())}$", out, re.MULTILINE)
+    assert "x, y, phi of slider" in out
+
+
+def test_counts_alone_are_five_lines(capsys):
+    code, out, _ = told(capsys, SCENE, "--counts")
+
+    assert (code, len(out.splitlines())) == (0, 5)
+
+
+def test_a_scene_without_a_tape_says_why(capsys, tmp_path):
+    text = (EXAMPLES / "crank-rocker.toml").read_text(encoding="utf-8")
+    driver = re.search(r"\[\[driver\]\].*?(?=\n\[\[|\Z)", text, re.DOTALL).group()
+    joint = re.search(r"\[\[joint\]\].*?(?=\n\[\[|\Z)", text, re.DOTALL).group()
+    crank = re.search(r'^body = "(\w+)"', driver, re.MULTILINE).group(1)
+    law = 'law = { kind = "polynomial", coefficients = [0.0] }'
+    drivers = "\n".join(f'[[driver]]\nname = "m{k}"\ntype = "x"\nbody = "{crank}"\n{law}' for k in range(3))
+    path = tmp_path / "scene.toml"
+    path.write_text(text.replace(driver, drivers).replace(joint, ""), encoding="utf-8")
+    code, out, _ = told(capsys, path)
+
+    assert code == 1
+    assert "no tape" in out
+
+
+def test_a_file_that_is_no_scene_is_a_usage_error(capsys, tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text("schema = 1\n", encoding="utf-8")
+    code, _, err = told(capsys, path)
+
+    assert code == 2
+    assert "Traceback" not in err
