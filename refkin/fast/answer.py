@@ -1,7 +1,7 @@
 """From coordinates of every lane to a `Motion`, judged by the formulas a person reads.
 
-Nothing here trusts the tape. Residual, singular values and certificates come from `System` and `refkin.proof`, with
-their own sines; what was computed on the tape is only the pose and the rates that they are asked about.
+Nothing here trusts the tape. Residual and singular values come from `System`, certificates from a tape of their own, or
+from `refkin.proof`, all with the library's sines; the pose and the rates are what they are asked about.
 """
 
 from __future__ import annotations
@@ -13,9 +13,12 @@ from typing import Any
 import numpy as np
 
 from refkin.differences import EPS
+from refkin.fast.certify import radii
+from refkin.fast.compiled import Compiled
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import CertifiedRadius, ContactMotion, Motion, PointMotion, Producer, Route, Seeding, Status, nowhere
 from refkin.points import point_motion
+from refkin.proof.inputs import half_ulp
 from refkin.proof.isolate import FLOAT64, isolate
 from refkin.sweep import SINGULAR
 from refkin.system import System
@@ -38,7 +41,9 @@ triangular with ones in its diagonal.
 producer_version = version("refkin")
 
 
-def motion(scene: Scene, system: System, t: Any, levels: list[Any], pivot: Any, message: str = "") -> Motion | None:
+def motion(
+    scene: Scene, system: System, made: Compiled, t: Any, levels: list[Any], pivot: Any, message: str = ""
+) -> Motion | None:
     """Return the motion if every lane is beyond doubt, else None.
 
     Parameters
@@ -56,14 +61,14 @@ def motion(scene: Scene, system: System, t: Any, levels: list[Any], pivot: Any, 
     closed = residual <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))
     if not closed.all() or not all(np.isfinite(level).all() for level in levels):
         return None
-    evidence = _evidence(scene, system, levels, t, pivot)
+    evidence = _evidence(scene, system, made, levels, t, pivot)
     if evidence is None:
         return None
     return replace(_written(scene, system, levels, t, residual, *evidence), message=message)
 
 
 def _evidence(
-    scene: Scene, system: System, levels: list[Any], t: Any, pivot: Any
+    scene: Scene, system: System, made: Compiled, levels: list[Any], t: Any, pivot: Any
 ) -> tuple[Any, Any, CertifiedRadius] | None:
     """Return smallest singular value, condition and certified radii; None if some pose is not isolated by them."""
     count = len(t)
@@ -84,11 +89,26 @@ def _evidence(
     if proved and not (pivot > CLEAR).all():
         return None  # there the reference also proves that the branch was never changed
     if proved:
-        found = isolate(system, levels[0], t, *levels[1:])
-        if not found.ok.all() or (found.bits > FLOAT64).any() or (found.contradiction > 1.0).any():
-            return None  # what only balls can enclose is answered from there
-        radius = CertifiedRadius(position=found.position, velocity=found.velocity, acceleration=found.acceleration)
+        certified = _certified(system, made, levels, t)
+        return None if certified is None else (sigma_min, condition, certified)
     return sigma_min, condition, radius
+
+
+def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> CertifiedRadius | None:
+    """Return certified radii: by the tape of the proof, else by the dense one; None if float64 proves too little."""
+    absent = nowhere(len(t))
+    found = radii(system, made, levels, t)
+    if found is not None:
+        rates = [absent if x is None else x for x in (found.velocity, found.acceleration)]
+        position = found.position
+    else:
+        dense = isolate(system, levels[0], t, *levels[1:])
+        if not dense.ok.all() or (dense.bits > FLOAT64).any() or (dense.contradiction > 1.0).any():
+            return None  # what only balls can enclose is answered from there
+        position, rates = dense.position, [dense.velocity, dense.acceleration]
+    if any(system.unit.origin):  # moving a pose back to where the scene has it rounds once more
+        position = position + np.max(half_ulp(system, levels[0]), axis=0)
+    return CertifiedRadius(position=position, velocity=rates[0], acceleration=rates[1])
 
 
 def _written(

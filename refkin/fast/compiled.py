@@ -9,25 +9,26 @@ from __future__ import annotations
 from collections import OrderedDict
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from threading import RLock
 from typing import Any
 
 from refkin.fast.lanes.eliminate import Eliminated, eliminate
 from refkin.fast.lanes.groups import NotReducible
+from refkin.fast.lanes.prove import Proof, proof_of
 from refkin.fast.lanes.run import Workspace
 from refkin.fast.lanes.schedule import schedule
 from refkin.fast.lanes.single import Single, compile_single
 from refkin.fast.lanes.symbols import Graph
 from refkin.fast.lanes.tape import Tape
-from refkin.fast.lanes.trace import known_of, trace
+from refkin.fast.lanes.trace import Known, known_of, trace
 from refkin.model import Effect
 from refkin.system import System
 
 MOST_KEPT = 64
 """How many topologies are kept; the one that was used longest ago goes first."""
-MOST_IDLE, MOST_IDLE_BYTES = 2, 2**20
+MOST_IDLE, MOST_IDLE_BYTES = 2, 2**21
 """How many workspaces of one topology wait to be used again, and how large; larger ones are cheap to make anew."""
 
 
@@ -41,13 +42,16 @@ class Compiled:
         1 for positions alone, 2 with velocities, 3 with accelerations: what `lanes` answers.
     depends : dict
         Per coordinate, those that its own equations hold.
+    system, known : System, tuple
+        A system of this topology, and which numbers of its geometry are structure.
     """
 
     solved: Eliminated
     graph: Graph
     levels: int
     depends: dict[int, set[int]]
-    _idle: list[Workspace] = field(default_factory=list, repr=False)
+    system: System
+    known: Known
 
     @property
     def n(self) -> int:
@@ -82,15 +86,41 @@ class Compiled:
         tape = schedule(self.solved, self.graph, [range(self.n)], half_angles=False)
         return compile_single(tape, range(self.n))
 
+    @cached_property
+    def proof(self) -> Proof | None:
+        """The certificate of answers on all called-for levels; None if a tape cannot give it."""
+        system = self.system
+        plain = system.m == system.n == system.of_bodies
+        return proof_of(system, self.known, self.levels) if plain else None
+
+    @cached_property
+    def solving(self) -> Workspaces:
+        """Workspaces of `lanes`."""
+        return Workspaces(self.lanes)
+
+    @cached_property
+    def proving(self) -> Workspaces:
+        """Workspaces of `proof`."""
+        assert self.proof is not None
+        return Workspaces(self.proof.tape)
+
+
+class Workspaces:
+    """The workspaces of a tape for one mechanism at a time, a few of which are kept."""
+
+    def __init__(self, tape: Tape) -> None:
+        self.tape = tape
+        self._idle: list[Workspace] = []
+
     @contextmanager
     def workspace(self, lanes: int) -> Iterator[Workspace]:
-        """Lend a workspace of `lanes` for so many lanes of one mechanism; nobody else has it meanwhile."""
+        """Lend a workspace for so many lanes; nobody else has it meanwhile."""
         try:
             space = self._idle.pop()  # atomic, as append is: threads never share a workspace
         except IndexError:
             space = None
         if space is None or space.lanes != lanes:
-            space = Workspace(self.lanes, lanes)
+            space = Workspace(self.tape, lanes)
         yield space
         space.rest()
         if len(self._idle) < MOST_IDLE and space.nbytes <= MOST_IDLE_BYTES:
@@ -132,7 +162,7 @@ def forget() -> None:
         _kept.clear()
 
 
-def _compile(system: System, rows: Sequence[int], known: Any) -> Compiled | None:
+def _compile(system: System, rows: Sequence[int], known: Known) -> Compiled | None:
     traced = trace(system, known, rows)
     try:
         solved = eliminate(traced)
@@ -143,7 +173,7 @@ def _compile(system: System, rows: Sequence[int], known: Any) -> Compiled | None
     for block in solved.blocks:
         together = set().union(*(by_row[solved.matched[c]] for c in block))
         depends.update((c, together) for c in block)
-    return Compiled(solved, traced.graph, levels_of(system), depends)
+    return Compiled(solved, traced.graph, levels_of(system), depends, system, known)
 
 
 def levels_of(system: System) -> int:

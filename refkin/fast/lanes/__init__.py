@@ -1,4 +1,4 @@
-"""The compiled elimination tape, in four steps.
+"""The compiled elimination tape, in four steps; and a certificate, which is one more tape.
 
 ============= ========= =============================================================================================
 tracing       symbols   expressions, each once, folded
@@ -11,5 +11,7 @@ scheduling    schedule  from expressions to instructions and registers
               tape      the result, and its text for a person
 running       run       on rows, by NumPy
               single    one lane at a time, in Python
+proving       errors    bounds of the errors of expressions, as expressions
+              prove     that exactly one solution is near given numbers, and how near
 ============= ========= =============================================================================================
 """

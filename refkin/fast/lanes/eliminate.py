@@ -63,11 +63,27 @@ def eliminate(traced: Traced) -> Eliminated:
     NotReducible
         If some core equations cannot be matched with coordinates.
     """
-    return _Elimination(traced).result()
+    return Elimination(traced).result()
 
 
-class _Elimination:
-    """The steps of the module, in order, with what they share."""
+class Elimination:
+    """The steps of the module, in order, with what they share.
+
+    Attributes
+    ----------
+    core, open_rows : list of int
+        The coordinates that no row states, and the rows that state none.
+    known : dict
+        What stands for each traced coordinate.
+    q : list of Symbol
+        All coordinates in terms of the core.
+    slope : list of dict
+        phi_q in terms of the core.
+    matrix : list of dict
+        Derivatives of the open rows by the core coordinates, the spanning tree taken into account.
+    groups : list
+        Per block its coordinates, its open rows (as numbers into `open_rows`), and the block, factored.
+    """
 
     def __init__(self, traced: Traced) -> None:
         self.graph, self.n = traced.graph, len(traced.phi)
@@ -156,7 +172,7 @@ class _Elimination:
         First with the core at rest, which gives the right sides of the core; then, with the core's rates known, by the
         rows themselves, which costs less than the total derivatives would.
         """
-        still = self._along_tree({}, right)
+        still = self.along_tree({}, right)
         sides = []
         for r in self.open_rows:
             side = right[r]
@@ -164,10 +180,10 @@ class _Elimination:
                 if c in still:
                     side = side - entry * still[c]
             sides.append(side)
-        rates = self._along_tree(self._solved(sides), right)
+        rates = self.along_tree(self._solved(sides), right)
         return [rates[c] for c in range(self.n)]
 
-    def _along_tree(self, core: Row, right: Sequence[Symbol]) -> Row:
+    def along_tree(self, core: Row, right: Sequence[Symbol]) -> Row:
         """Return the rates that the spanning tree's rows state for given rates of the core; those not given are 0."""
         rates = dict(core)
         for pivot in self.stated:

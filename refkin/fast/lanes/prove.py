@@ -1,0 +1,183 @@
+"""The certificate as one more tape: exactly one solution is near these numbers, and it is no further than this.
+
+It is that of `proof.certificate`, block by block, on the equations that elimination leaves. For a block let z be its
+given core coordinates, F its open rows with the spanning tree seen through, M = dF/dz, R about the inverse of M, and
+
+    eta >= |R F(z)|     gamma >= sum of all |I - R M(x)|, |x - z| <= b,   b = 9/8 max eta.
+
+With gamma <= 1/16 the map x - R F(x) takes the box of radius b into itself, since max eta + gamma b <= b; so there is a
+root in it, and only one, since gamma < 1. Blocks upstream are known within their own b, and F, M are bounded for all
+values there; so this holds for the exact ones. What the tree states has then the bound that running errors give it.
+
+Velocity solves an affine equation with the same M at the root: w - w* = R (M w - nu) + (I - R M) (w - w*), so with
+h >= |R (M w - nu)| it is |w - w*| <= max h / (1 - gamma) <= 9/8 max h. Acceleration likewise.
+
+Nothing is taken from the tape that solved: sines are the library's, coordinates and rates are as they were given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+from refkin.fast.lanes.eliminate import Eliminated, Elimination
+from refkin.fast.lanes.errors import Errors, NoBound
+from refkin.fast.lanes.groups import NotReducible
+from refkin.fast.lanes.schedule import schedule
+from refkin.fast.lanes.symbols import Graph, Symbol, rewritten
+from refkin.fast.lanes.tape import Tape
+from refkin.fast.lanes.trace import Known, Traced, trace
+from refkin.proof.bounded import TINY
+from refkin.system import System
+
+ORDERS = 3
+"""In the inputs of a law, its values and derivatives come first, then, from this place on, their errors."""
+WIDER = 9 / 8
+LARGEST_GAMMA = 1 / 16
+
+
+@dataclass(frozen=True)
+class Proof:
+    """A tape whose first level has gamma, then the largest radius of each given level.
+
+    Inputs are, per constraint, geometry and then its errors; per law, `ORDERS` values and then their errors; and as the
+    laws of one more constraint the given levels.
+    """
+
+    tape: Tape
+    zeros: Known
+
+
+def proof_of(system: System, known: Known, levels: int) -> Proof | None:
+    """Return the certificate of a system with as many rows as coordinates; None if there is none by this means."""
+    zeros = tuple(tuple(0.0 if x == 0.0 else None for x in numbers) for numbers in known)
+    traced = trace(system, zeros, range(system.n))
+    try:
+        outputs = _Prover(system, traced, levels).outputs()
+    except (NoBound, NotReducible):
+        return None
+    solution = Eliminated((), (), [], (outputs, [], []), [], [], {}, {})
+    return Proof(schedule(solution, traced.graph, [range(len(outputs))], half_angles=False), zeros)
+
+
+class _Prover:
+    """Bounds of the errors of all symbols, filled in block by block and level by level."""
+
+    def __init__(self, system: System, traced: Traced, levels: int) -> None:
+        self.system, self.traced, self.levels, self.graph = system, traced, levels, traced.graph
+        self.parts = Elimination(traced)
+        self.moved = {self.graph.input("q", c): self._given(0, c) for c in self.parts.core}
+        self.errors = Errors(self.graph, self._of_inputs())
+        self.gammas: list[Symbol] = []
+        self.numbers: set[Symbol] = set()
+        self.inverses = [self._inverse(k) for k in range(len(self.parts.groups))]
+
+    def outputs(self) -> list[Symbol]:
+        """Return gamma, and the radius of each level."""
+        core, n = self.parts.core, self.system.n
+        radii = [self._level(0, [self._here(x) for x in self.traced.phi], [self._here(x) for x in self.parts.q])]
+        right = self.traced.nu
+        known = dict(self.parts.known)
+        for order in range(1, self.levels):
+            sides = [rewritten(x, known) for x in right]
+            rates = self.parts.along_tree({c: self._given(order, c) for c in core}, sides)
+            radii.append(self._level(order, self._equations(sides, rates), [self._at(rates[c]) for c in range(n)]))
+            known |= {self.graph.input("qd", c): rates[c] for c in range(n)}
+            right = self.traced.gamma
+        return [_largest(self.graph, self.gammas), *radii]
+
+    def _equations(self, sides: Sequence[Symbol], rates: dict[int, Symbol]) -> list[Symbol]:
+        """Return phi_q rates - right side, row by row."""
+        rows = []
+        for slope, side in zip(self.parts.slope, sides, strict=True):
+            row = -side
+            for c, entry in slope.items():
+                row = row + entry * rates[c]
+            rows.append(self._at(row))
+        return rows
+
+    def _level(self, order: int, rows: Sequence[Symbol], values: Sequence[Symbol]) -> Symbol:
+        """Enclose the core coordinates, or their rates, by the open rows; return the largest radius of all n."""
+        for k, (columns, open_rows, _) in enumerate(self.parts.groups):
+            own = [self._given(order, c) for c in columns]
+            zero = self.graph.constant(0.0)
+            centred = Errors(self.graph, {**self._leaves(), **dict.fromkeys(own, zero)})
+            residual = [rows[self.parts.open_rows[i]] for i in open_rows]
+            carried = [centred.largest(_dot(row, residual)) for row in self.inverses[k]]
+            radius = _largest(self.graph, carried) * WIDER + TINY
+            self.errors.done.update(dict.fromkeys(own, radius))
+            if order == 0:
+                self.gammas.append(self._gamma(k))
+        off = []
+        for c, value in enumerate(values):
+            given = self._given(order, c)
+            if c not in self.parts.core:
+                self.errors.done[given] = self.graph.constant(0.0)
+            off.append(self.errors.done[given] if c in self.parts.core else self.errors.largest(value - given))
+        return _largest(self.graph, off)
+
+    def _gamma(self, k: int) -> Symbol:
+        """Return the sum of the bounds of |I - R M| over the box."""
+        columns, open_rows, _ = self.parts.groups[k]
+        zero, total = self.graph.constant(0.0), self.graph.constant(0.0)
+        matrix = [[self._at(self.parts.matrix[i].get(c, zero)) for c in columns] for i in open_rows]
+        for i, row in enumerate(self.inverses[k]):
+            for j in range(len(columns)):
+                entry = _dot(row, [others[j] for others in matrix]) - float(i == j)
+                total = total + self.errors.largest(entry)
+        return total
+
+    def _inverse(self, k: int) -> list[list[Symbol]]:
+        """Return R of a block, row by row: numbers that are meant as they stand."""
+        columns, _, block = self.parts.groups[k]
+        size = range(len(columns))
+        found = [block.solve([self.graph.constant(float(i == j)) for i in size]) for j in size]
+        rows = [[self._at(found[j][i]) for j in size] for i in size]
+        for x in (x for row in rows for x in row):
+            plain = x.args[0] if x.op == "neg" else x  # a product with -x is folded to one with x
+            if plain.op not in ("const", "div", "entry"):
+                raise NoBound("an entry of R may stand in the equations, too, which divide by nothing")
+            self.errors.done[x] = self.errors.done[plain] = self.graph.constant(0.0)
+            self.numbers.add(plain)
+        return rows
+
+    def _here(self, symbol: Symbol) -> Symbol:
+        return self._at(rewritten(symbol, self.parts.known))
+
+    def _at(self, symbol: Symbol) -> Symbol:
+        """Return an expression at the given core coordinates."""
+        return rewritten(symbol, self.moved)
+
+    def _given(self, order: int, c: int) -> Symbol:
+        return self.graph.input("f", len(self.system.placed), order, c)
+
+    def _of_inputs(self) -> dict[Symbol, Symbol]:
+        """Return the errors of geometry and laws, inputs themselves."""
+        found = {}
+        for k, p in enumerate(self.system.placed):
+            for m in range(len(p.g)):
+                found[self.graph.input("g", k, m)] = self.graph.input("g", k, len(p.g) + m)
+            for law in range(len(p.constraint.laws)):
+                for m in range(ORDERS):
+                    found[self.graph.input("f", k, law, m)] = self.graph.input("f", k, law, ORDERS + m)
+        return found
+
+    def _leaves(self) -> dict[Symbol, Symbol]:
+        """Return what is known of inputs and inverses, without what follows from it."""
+        return {s: e for s, e in self.errors.done.items() if s.op == "input" or s in self.numbers}
+
+
+def _dot(a: Iterable[Symbol], b: Iterable[Symbol]) -> Symbol:
+    products = [x * y for x, y in zip(a, b, strict=True)]
+    total = products[0]
+    for product in products[1:]:
+        total = total + product
+    return total
+
+
+def _largest(graph: Graph, symbols: Iterable[Symbol]) -> Symbol:
+    largest = graph.constant(0.0)
+    for symbol in symbols:
+        if not symbol.zero:
+            largest = symbol if largest.zero else graph.node("max", largest, symbol)
+    return largest

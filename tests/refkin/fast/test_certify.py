@@ -1,0 +1,225 @@
+"""What the tape of a certificate proves is true: held against 113-bit enclosures, on every joint it takes."""
+
+from __future__ import annotations
+
+import importlib
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+
+import refkin
+from crosscheck.strategies import Hardness, drawn_scenes
+from refkin import Evidence, FourBar, Integral, Polynomial, Sinusoid, SliderCrank, Status, Table
+from refkin.fast import attempt
+from refkin.fast.certify import radii
+from refkin.fast.compiled import forget
+from refkin.fast.lanes import errors, prove
+from refkin.fast.prepare import prepared
+from refkin.proof.krawczyk import krawczyk
+
+from .linkworks import chain
+from .scenes import ROCKER, SCENES, bare
+
+answer = importlib.import_module("refkin.fast.answer")
+CERTIFIED = [name for name, scene in SCENES.items() if not any(j.parameters for j in scene.mechanism.joints)]
+LEVELS = ("position", "velocity", "acceleration")
+U = 2.0**-53
+
+
+def answered(scene):
+    """(system, what is compiled, scaled levels, times) of the scene's answer."""
+    motion, found = attempt(scene), prepared(scene)
+    return found.system, found.made, [found.system.to_unit(x, k) for k, x in enumerate(motion.levels)], motion.t
+
+
+def distances(system, levels, t):
+    """How far a pose and its rates are from the root, by balls that are far narrower."""
+    root = krawczyk(system, levels[0], t, 113)
+    rate = root.velocity()
+    exact = (None, rate, root.acceleration(rate))
+    return [np.max(root.distance(x) if e is None else root.distance(x, e)) for x, e in zip(levels, exact, strict=True)]
+
+
+@pytest.mark.parametrize("name", CERTIFIED)
+def test_no_radius_is_less_than_the_error(name):
+    system, made, levels, t = answered(SCENES[name])
+    found = radii(system, made, levels, t)
+
+    for lane in range(0, len(t), max(1, len(t) // 5)):
+        off = distances(system, [x[:, lane] for x in levels], t[lane])
+        for level, error in zip(LEVELS, off, strict=True):
+            assert getattr(found, level)[lane] >= error
+
+
+@pytest.mark.parametrize("name", CERTIFIED)
+@pytest.mark.parametrize("level", range(3))
+def test_numbers_that_are_off_have_a_radius_that_says_so(name, level):
+    """Every coordinate of every level in its turn is moved by 1e-9."""
+    system, made, levels, t = answered(SCENES[name])
+    t, levels = t[:1], [x[:, :1] for x in levels]
+    for c in range(system.n):
+        moved = [x.copy() for x in levels]
+        moved[level][c] += 1e-9
+        found = radii(system, made, moved, t)
+
+        assert found is None or getattr(found, LEVELS[level])[0] >= 0.999e-9
+
+
+@pytest.mark.parametrize("name", CERTIFIED)
+def test_radii_are_round_off_times_the_condition(name):
+    """Errors of a few round-offs for each of the few operations on each of the bodies' arms, carried by the inverse."""
+    system, made, levels, t = answered(SCENES[name])
+    slope = np.moveaxis(system.phi_q(levels[0], t), -1, 0)
+    carried = np.max(np.sum(np.abs(np.linalg.inv(slope)), axis=2), axis=1)
+    size = np.max(np.abs(levels[0]), axis=0, initial=1.0)
+
+    assert np.all(radii(system, made, levels, t).position <= 64 * system.n * U * carried * size)
+
+
+@settings(max_examples=40, deadline=None)
+@given(drawn_scenes(hardness=[Hardness.REGULAR]))
+def test_drawn_mechanisms_are_certified_on_the_tape_and_the_reference_is_within_both_radii(drawn):
+    scene = replace(drawn.scene, evidence=frozenset({Evidence.CERTIFICATE}))
+    system, made, levels, t = answered(scene)
+    ref = refkin.solve(scene)
+    found = radii(system, made, levels, t)
+
+    assert found is not None
+    for k, level in enumerate(LEVELS):
+        off = np.max(np.abs(levels[k] - system.to_unit(ref.levels[k], k)), axis=0)
+        handed = 4 * U * np.max(np.abs(ref.levels[k])) / system.unit.size * (k == 0) + 4 * U * np.max(np.abs(levels[k]))
+        assert np.all(off <= getattr(found, level) + getattr(ref.certified_radius, level) + handed)
+
+
+LAWS = {
+    "polynomial": Polynomial(coefficients=(0.3, 1.0, -0.2, 0.05)),
+    "sinusoid": Sinusoid(amplitude=0.4, angular_frequency=3.0, offset=0.2, phase=0.1),
+    "integral of a polynomial": Integral(rate=Polynomial(coefficients=(1.0, 0.3, 0.1)), initial=0.3),
+    "integral of a sinusoid": Integral(rate=Sinusoid(amplitude=0.4, angular_frequency=3.0), initial=0.3),
+    "table": Table(argument=(0.0, 0.5, 1.0, 2.0), value=(0.1, 0.5, 0.7, 1.9)),
+    "constant": Polynomial(coefficients=(0.3,)),
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_every_law_is_enclosed(law):
+    times = tuple(np.linspace(0.1, 1.9, 7).tolist())
+    system, made, levels, t = answered(bare(ROCKER.scene(law=LAWS[law], times=times)))
+    found = radii(system, made, levels, t)
+
+    for lane in range(len(t)):
+        off = distances(system, [x[:, lane] for x in levels], t[lane])
+        assert all(getattr(found, level)[lane] >= error for level, error in zip(LEVELS, off, strict=True))
+
+
+@pytest.mark.parametrize("levels", [1, 2, 3])
+def test_only_the_levels_that_are_called_for_are_proved(levels):
+    effects = (refkin.Effect.VELOCITY, refkin.Effect.ACCELERATION)[: levels - 1]
+    scene = ROCKER.scene(samples=9)
+    motion = attempt(replace(scene, effects=frozenset(effects), evidence=frozenset({Evidence.CERTIFICATE})))
+    given = [np.isfinite(getattr(motion.certified_radius, level)).all() for level in LEVELS]
+
+    assert given == [k < levels for k in range(3)]
+
+
+def test_a_near_singular_pose_has_no_certificate_here():
+    """A slider driven to a millionth before its stretched position: the inverse moves by more than itself."""
+    linkage = SliderCrank(crank=1.0, rod=3.0)
+    law = Polynomial(coefficients=(4.0 - 1e-15,))
+    scene = linkage.scene(law=law, times=(0.0,), driven="slider")
+    found = prepared(replace(scene, evidence=frozenset()))
+    q = np.zeros((found.system.n, 1))
+    q[:, 0] = found.system.to_unit(np.array([0.5, 0.0, 0.0, 2.5, 0.0, 0.0, 4.0, 0.0, 0.0]))
+
+    assert radii(found.system, found.made, [q, 0 * q, 0 * q], np.array([0.0])) is None
+
+
+def test_two_assemblies_are_two_roots():
+    """The mirrored pose has a certificate of its own: which branch it is, other checks say."""
+    system, made, levels, t = answered(bare(ROCKER.scene(samples=5, branch="crossed")))
+
+    assert np.all(radii(system, made, levels, t).position < 1e-13)
+
+
+def test_a_chain_is_proved_block_by_block():
+    scene = replace(chain(4), evidence=frozenset({Evidence.CERTIFICATE}))
+    motion = attempt(scene)
+
+    assert motion.verdict is Status.OK
+    assert np.all(motion.certified_radius.acceleration < 1e-10)
+
+
+def test_what_has_no_proof_here_is_proved_densely(monkeypatch):
+    calls = []
+    isolate = answer.isolate
+    monkeypatch.setattr(answer, "isolate", lambda *args: calls.append(1) or isolate(*args))
+    attempt(replace(SCENES["roller over lobes"], evidence=frozenset({Evidence.CERTIFICATE})))
+    dense = len(calls)
+    attempt(replace(SCENES["four-bar"], evidence=frozenset({Evidence.CERTIFICATE})))
+
+    assert (dense, len(calls)) == (1, 1)
+
+
+def test_a_scene_far_from_its_origin_counts_the_way_back():
+    here = ROCKER.scene(samples=5)
+    joints = tuple(
+        replace(j, point_i=(j.point_i[0] + 1e6, j.point_i[1])) if j.body_i == "ground" else j
+        for j in here.mechanism.joints
+    )
+    bodies = tuple(replace(b, estimate=(b.estimate[0] + 1e6, *b.estimate[1:])) for b in here.mechanism.bodies)
+    there = replace(here, mechanism=replace(here.mechanism, joints=joints, bodies=bodies))
+    motion = attempt(replace(there, evidence=frozenset({Evidence.CERTIFICATE})))
+
+    assert np.all(motion.certified_radius.position >= 0.25 * np.spacing(1e6) / there.mechanism.size())
+
+
+# Planted faults.
+
+
+@pytest.mark.parametrize("of", ["mul", "add", "sin"])
+def test_operations_that_are_off_by_1e_9_show_in_the_radius(monkeypatch, of):
+    run = importlib.import_module("refkin.fast.lanes.run")
+    scene = bare(ROCKER.scene(samples=9))
+    system, made, levels, t = answered(scene)
+    function = run.UFUNCS[of]
+
+    def wrong(*args):
+        function(*args)
+        args[-1][...] *= 1.0 + 1e-9
+
+    monkeypatch.setitem(run.UFUNCS, of, wrong)
+    made.__dict__.pop("proving", None)
+    found = radii(system, made, levels, t)
+    made.__dict__.pop("proving", None)
+
+    assert found is None or np.max(found.position) > 1e-10
+
+
+def test_an_error_that_is_left_out_is_seen(monkeypatch):
+    """Bounds that know of no error of products: then a radius is below the error somewhere."""
+    bound = errors.Errors._bound
+
+    def wrong(self, symbol):
+        return self.graph.constant(0.0) if symbol.op in ("mul", "add", "sub", "sin", "cos") else bound(self, symbol)
+
+    forget()
+    monkeypatch.setattr(errors.Errors, "_bound", wrong)
+    try:
+        with pytest.raises(AssertionError):
+            test_no_radius_is_less_than_the_error("four-bar")
+    finally:
+        forget()
+
+
+def test_an_inverse_that_is_wrong_proves_nothing(monkeypatch):
+    """R mirrored: gamma is not small, and there is no certificate."""
+    inverse = prove._Prover._inverse
+    forget()
+    monkeypatch.setattr(prove._Prover, "_inverse", lambda self, k: inverse(self, k)[::-1])
+    try:
+        system, made, levels, t = answered(bare(FourBar(4.0, 1.0, 3.5, 3.0).scene(samples=9)))
+        assert radii(system, made, levels, t) is None
+    finally:
+        forget()
