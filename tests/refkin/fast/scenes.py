@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import cmath
 from dataclasses import replace
 
 import numpy as np
 
 import refkin
-from refkin import FourBar, InvertedSliderCrank, SliderCrank
+from refkin import Body, Fixed, FourBar, InvertedSliderCrank, Sinusoid, SliderCrank, YDriver
 
 from .. import contact_cases  # noqa: TID252 (a folder of tests is no package that has a name)
 from .linkworks import chain, platform
@@ -29,11 +30,32 @@ def by_name():
     found["coupler driven"] = ROCKER.scene(samples=50, start=0.6, turns=0.05, driven="coupler")
     found["slider-crank"] = SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(samples=101)
     found["inverted slider-crank"] = InvertedSliderCrank(ground=2.0, crank=1.0, offset=0.3).scene(samples=101)
+    found["crank by its height"] = lifted()
+    found["flag on the coupler"] = flagged()
     found["platform"] = platform()
     found["chain"] = chain(3)
     found["chain at once"] = chain(2, together=True)
     found["long chain at once"] = chain(5, together=True)
     return {name: bare(scene) for name, scene in found.items()}
+
+
+def lifted():
+    """The four-bar with the height of its crank's tip given."""
+    scene = ROCKER.scene(start=0.3, turns=0.05, samples=20)
+    law = Sinusoid(amplitude=1.0, angular_frequency=0.2, phase=0.3)
+    driver = YDriver(name="lift", body="crank", point=(0.5, 0.0), law=law)
+    return replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)))
+
+
+def flagged():
+    """The four-bar with a flag welded to its coupler."""
+    scene = ROCKER.scene(samples=50)
+    x, y, phi = next(b.estimate for b in scene.mechanism.bodies if b.name == "coupler")
+    z = complex(x, y) + cmath.rect(1.0, phi) * (0.3 + 0.2j) - cmath.rect(1.0, phi + 0.4) * 0.1
+    flag = Body(name="flag", estimate=(z.real, z.imag, phi + 0.4))
+    weld = Fixed(name="weld", body_i="coupler", point_i=(0.3, 0.2), body_j="flag", point_j=(0.1, 0.0), angle=0.4)
+    m = scene.mechanism
+    return replace(scene, mechanism=replace(m, bodies=(*m.bodies, flag), joints=(*m.joints, weld)))
 
 
 SCENES = by_name()

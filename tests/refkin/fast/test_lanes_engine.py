@@ -39,6 +39,11 @@ def test_every_joint_is_in_its_table_and_within_the_budget(name):
     assert compare(reference(scene), motion, engine.terms(scene)).agrees
 
 
+def test_no_joint_or_driver_is_without_a_scene():
+    """What all tests over `SCENES` say, they say of every type that the table lists."""
+    assert {table_key(c) for scene in SCENES.values() for c in scene.mechanism.constraints} == set(module.JOINTS)
+
+
 def test_a_night_compares_it_like_any_other():
     record = check(ROCKER.scene(samples=20), [Lanes()])
 
