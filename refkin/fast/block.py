@@ -9,13 +9,16 @@ import numpy as np
 from refkin.contacts import touched
 from refkin.differences import EPS
 from refkin.errors import Fault, InvalidScene
+from refkin.fast.certify import FamilyProof
 from refkin.fast.compiled import Compiled
 from refkin.fast.family import Family, lane_of, of_lanes
 from refkin.fast.lanes.run import Workspace
 from refkin.fast.march import ENOUGH, FARTHEST, FURTHEST, PART, SMALL, SMALLEST_PIVOT, SMOOTH, March, Pose
 from refkin.fast.quintic import weights
 from refkin.fast.sweep import NEAR
+from refkin.model import Evidence
 from refkin.motion import Status
+from refkin.proof.inputs import half_ulp
 from refkin.sweep import CONTRACTION
 from refkin.system import compile_system
 
@@ -57,6 +60,8 @@ class Block:
         self.codes = np.full(self.count, OK, np.uint8)
         self.signs = np.ones((len(out.determinants), self.count))
         self.residual = np.full(self.count, np.nan)
+        proves = Evidence.CERTIFICATE in group.scene.evidence
+        self.proof = FamilyProof(self.system, made, self.count) if proves else None
         self.times: list[float] = []
         self.helpers: dict[int, March] = {}
 
@@ -252,6 +257,20 @@ class Block:
                 self.history[3 + order, k] = self.space.row(row)
         if not self.alive.all():
             self.history[:, :, ~self.alive] = 0.0
+
+    def radii(self, t: float) -> Any:
+        """Return the certified radii (levels, L) of the present poses, NaN where nothing is proved; None if not asked.
+
+        They are those of scaled coordinates; the way back to metres rounds once more where the ground has an origin.
+        """
+        if self.proof is None:
+            return None
+        levels = [self.space.level(order) for order in range(self.made.levels)]
+        found = self.proof.radii(levels, t).copy()
+        if any(np.any(x) for x in self.system.unit.origin):
+            found[0] += np.max(half_ulp(self.system, levels[0]), axis=0)
+        found[:, ~self.alive] = np.nan
+        return found
 
     def levels(self, order: int) -> Any:
         """Return coordinates or rates in metres and rad, (n, L); NaN where there are none."""

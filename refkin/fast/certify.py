@@ -6,7 +6,7 @@ and what laws lose when they are evaluated, comes as errors beside them.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from refkin.fast.compiled import Compiled
 from refkin.fast.lanes.prove import LARGEST_GAMMA, ORDERS
-from refkin.fast.lanes.run import block_lanes
+from refkin.fast.lanes.run import Workspace, block_lanes
 from refkin.motion_laws import Table
 from refkin.proof.bounded import TINY, UP, Bounded, Times, U, bounded_system
 from refkin.system import System
@@ -37,60 +37,94 @@ def radii(system: System, made: Compiled, levels: Sequence[Any], t: Any) -> Radi
     levels : sequence of (n, T) array
         Coordinates, rates, accelerations in the system's coordinates, as many as the system's effects call for.
     """
-    proof = made.proof
-    if proof is None or len(levels) != made.levels:
-        return None
-    geometry = _geometry(system)
-    if not all(_holds(zeros, g) for zeros, g in zip(proof.zeros, geometry, strict=True)):
+    if made.proof is None or len(levels) != made.levels:
         return None
     laws = {k: _law(system, k, t) for k, p in enumerate(system.placed) if p.constraint.laws}
-    found = np.empty((1 + len(levels), len(t)))
-    lanes = block_lanes(proof.tape)
+    found = np.empty((len(levels), len(t)))
+    lanes = block_lanes(made.proof.tape)
     for start in range(0, len(t), lanes):
         at = slice(start, min(start + lanes, len(t)))
         with made.proving.workspace(at.stop - at.start) as space:
-            space.give_geometry(geometry)
-            given = {k: [[x[..., at] for x in orders] for orders in law] for k, law in laws.items()}
-            space.give_laws({**given, len(system.placed): [level[:, at] for level in levels]})
-            space.run("newton")
-            space.run("answer")
-            found[:, at] = space.level(0)
-    gamma, bounds = found[0], found[1:] * UP + TINY
-    if not ((gamma * UP <= LARGEST_GAMMA).all() and np.isfinite(bounds).all()):
-        return None
-    return Radii(*bounds, *[None] * (3 - len(levels)))
+            if not give_geometry(space, system, made):
+                return None
+            given = {k: [[x[at] for x in orders] for orders in law] for k, law in laws.items()}
+            found[:, at] = proved(space, {**given, len(system.placed): [level[:, at] for level in levels]})
+    return Radii(*found, *[None] * (3 - len(levels))) if np.isfinite(found).all() else None
 
 
-def _geometry(system: System) -> list[tuple[float, ...]]:
-    """Return per constraint its numbers, then the errors of each."""
-    found = []
-    for p, exact in zip(system.placed, bounded_system(system).placed, strict=True):
-        numbers: Any = exact.g
-        found.append((*p.g, *(UP * (abs(x.mid - g) + x.rounding) for g, x in zip(p.g, numbers, strict=True))))
-    return found
+class FamilyProof:
+    """Certificates of a block of mechanisms, one time after another.
+
+    Attributes
+    ----------
+    possible : bool
+        Whether there are any; where not, all radii are NaN.
+    """
+
+    def __init__(self, system: System, made: Compiled, lanes: int) -> None:
+        self.system, self.made = system, made
+        self.nothing = np.full((made.levels, lanes), np.nan)
+        self.possible = made.proof is not None and not any(_has_spline(p.constraint) for p in system.placed)
+        if self.possible:
+            self.space = Workspace(made.proof.tape, lanes, lane_geometry=True)  # type: ignore[union-attr]
+            self.possible = give_geometry(self.space, system, made)
+
+    def radii(self, levels: Sequence[Any], t: float) -> Any:
+        """Return the radii (levels, L) of poses and rates (n, L) at a time, NaN where nothing is proved."""
+        if not self.possible:
+            return self.nothing
+        laws = {k: _law(self.system, k, t) for k, p in enumerate(self.system.placed) if p.constraint.laws}
+        return proved(self.space, {**laws, len(self.system.placed): levels})
 
 
-def _holds(zeros: Sequence[float | None], numbers: Sequence[float]) -> bool:
-    """Whether the zeros that are part of the structure are zeros of the scene as it is written, too."""
-    return all(zero is None or not off for zero, off in zip(zeros, numbers[len(zeros) :], strict=True))
+def give_geometry(space: Workspace, system: System, made: Compiled) -> bool:
+    """Write the geometry and its errors; False if a zero of the structure is none of the scene as it is written."""
+    geometry = []
+    for p, zeros in zip(system.placed, made.proof.zeros, strict=True):  # type: ignore[union-attr]
+        exact: Any = _numbers(p.constraint).constants(system.unit)
+        off = [UP * (np.abs(x.mid - g) + x.rounding) for g, x in zip(p.g, map(_read, exact), strict=True)]
+        if any(zero is not None and np.any(x) for zero, x in zip(zeros, off, strict=True)):
+            return False
+        geometry.append((*p.g, *off))
+    space.give_geometry(geometry)
+    return True
+
+
+def proved(space: Workspace, laws: Mapping[int, Any]) -> Any:
+    """Return the radii of the given levels, (levels, lanes), NaN where nothing is proved."""
+    space.give_laws(laws)
+    space.run("newton")
+    space.run("answer")
+    gamma, bounds = space.level(0)[0], space.level(0)[1:] * UP + TINY
+    bounds[:, ~((gamma * UP <= LARGEST_GAMMA) & np.isfinite(bounds).all(axis=0))] = np.nan
+    return bounds
+
+
+def _read(x: Any) -> Bounded:
+    """Return a number of a geometry; those that are none are zeros, scaled, or the origin itself: exact."""
+    return x if isinstance(x, Bounded) else _Number.exactly(x)
 
 
 def _law(system: System, k: int, t: Any) -> list[list[Any]]:
     """Return the values of a constraint's laws, by law: `ORDERS` of them, then their errors, (T,) each."""
     constraint, order = system.placed[k].constraint, ORDERS - 1
-    try:
-        numbers = _numbers(constraint).inputs(_Number.exactly(t), system.unit, order)
-        found = [[(x.mid, x.rounding) for x in law] for law in numbers]
-    except _OnlyExact:
+    if _has_spline(constraint):
         exact: Any = bounded_system(system).placed[k].constraint
         times = Times(t, order).values(exact.exact, system.unit)
         found = [[(high, np.abs(low) + rest) for high, low, rest in law] for law in times]
-    rows = [[tuple(np.broadcast_to(x, np.shape(t)) for x in pair) for pair in law] for law in found]
-    return [[*(mid for mid, _ in law), *(UP * off for _, off in law)] for law in rows]
+    else:
+        numbers = _numbers(constraint).inputs(_Number.exactly(t), system.unit, order)
+        found = [[(x.mid, x.rounding) for x in map(_read, law)] for law in numbers]
+    if np.ndim(t):
+        found = [
+            [(np.broadcast_to(x, np.shape(t)), np.broadcast_to(off, np.shape(t))) for x, off in law] for law in found
+        ]
+    return [[*(mid for mid, _ in law), *(UP * off for _, off in law)] for law in found]
 
 
-class _OnlyExact(Exception):
-    """A law that does not run on numbers with errors: a spline, whose coefficients come from elsewhere."""
+def _has_spline(constraint: Any) -> bool:
+    """Whether a law is a spline, whose coefficients come from a solver: it runs on no number with an error."""
+    return any(isinstance(getattr(law, "rate", law), Table) for law in constraint.laws)
 
 
 class _Number(Bounded):
@@ -103,10 +137,15 @@ class _Number(Bounded):
         mid = self.mid / x.mid
         least = np.abs(x.mid) - x.rounding
         off = (self.rounding + np.abs(mid) * x.rounding) / np.where(least > 0.0, least, np.nan)
-        return _Number(mid, UP * off + U * np.abs(mid) + TINY)
+        return _Number(mid, UP * off + U * np.abs(mid) + TINY * (self.mid != 0.0))  # 0 is divided exactly
 
     def __rtruediv__(self, other: Any) -> _Number:
         return self.exactly(other) / self
+
+    def sqrt(self) -> _Number:
+        """Return the root, off by at most off / root and a rounding."""
+        mid = np.sqrt(self.mid)
+        return _Number(mid, UP * self.rounding / mid + U * mid)
 
     def __pow__(self, exponent: int) -> Any:
         found: Any = 1.0
@@ -118,10 +157,12 @@ class _Number(Bounded):
 def _numbers(item: Any) -> Any:
     """Return a dataclass, tuple or number with every number in it, at any depth, as one with errors: exact ones.
 
-    Zeros stay as they are: exact anyway, and a formula may ask whether a number is zero.
+    Zeros stay as they are: exact anyway, and a formula may ask whether a number is zero. So do splines (`_law`).
     """
     if isinstance(item, Table):
-        raise _OnlyExact
+        return item
+    if isinstance(item, np.ndarray):
+        return _Number.exactly(np.asarray(item))
     if isinstance(item, bool) or item == 0:
         return item
     if isinstance(item, int | float):

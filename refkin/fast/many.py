@@ -21,7 +21,7 @@ from refkin.fast.compiled import Compiled, compiled
 from refkin.fast.family import Estimates, Family, Geometry, family
 from refkin.fast.lanes.run import block_lanes
 from refkin.fast.prepare import upstream
-from refkin.model import Effect, Scene
+from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Status
 from refkin.system import compile_system
 
@@ -40,6 +40,9 @@ class Slice:
         The rows of the wanted bodies, as in a `Motion`; NaN in lanes that are not ok.
     codes, residual : (L,) array
         Codes of `CODES`, and the largest component of the scaled residual.
+    radii : (levels, L) array or None
+        Certified radii of position, velocity and acceleration, as far as the scene calls for them, if it asks for
+        certificates; NaN where nothing is proved.
     """
 
     lanes: slice
@@ -50,6 +53,7 @@ class Slice:
     qdd: Any
     codes: Any
     residual: Any
+    radii: Any = None
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,8 @@ class Many:
         Coordinates and rates as in a `Motion`; None if not called for, or given to a reducer instead.
     residual : (M, T) array or None
         Largest component of the scaled residual; None if given to a reducer.
+    radii : (levels, M, T) array or None
+        Certified radii as in `Slice`; None if not asked for, or given to a reducer.
     reduced : list
         What the reducer returned, in the order of its calls.
     """
@@ -79,6 +85,7 @@ class Many:
     qd: Any
     qdd: Any
     residual: Any
+    radii: Any
     reduced: list[Any]
 
     @property
@@ -107,7 +114,8 @@ def solve_many(
     A lane goes on the branch of its own estimate. It is ok as long as Newton contracts, no determinant changes its sign
     and the residual, by the formulas of the joints, is at round-off. A lane that fails is not ok from there on, and the
     others do not wait for it: it is neither searched for nor proved unassemblable. `refkin.solve(many.scene(lane))`
-    does that, and also has condition numbers and certificates, which are not computed here.
+    does that, and also has condition numbers, which are not computed here. Certificates are, if the scene asks for
+    them: a pose that is ok and has none is at round-off and on its branch, but not proved.
 
     Parameters
     ----------
@@ -180,6 +188,8 @@ class _Result:
         kept = self.orders if reducer is None else []
         self.stored = {order: np.empty((len(self.rows), times, lanes)) for order in kept}
         self.residual = np.empty((times, lanes)) if reducer is None else None
+        proves = Evidence.CERTIFICATE in group.scene.evidence
+        self.radii = np.empty((made.levels, times, lanes)) if proves and reducer is None else None
 
     def run(self, lanes: slice) -> None:
         """Take a block of lanes through all times."""
@@ -200,14 +210,19 @@ class _Result:
         self.codes[lanes, k] = block.codes
         if self.reducer is not None:
             q, qd, qdd = levels
-            self.reduced.append(self.reducer(Slice(lanes, k, t, q, qd, qdd, block.codes.copy(), block.residual)))
+            codes, residual = block.codes.copy(), block.residual
+            self.reduced.append(self.reducer(Slice(lanes, k, t, q, qd, qdd, codes, residual, block.radii(t))))
             return
         for order, rows in self.stored.items():
             rows[:, k, lanes] = levels[order]
         self.residual[k, lanes] = block.residual  # type: ignore[index]
+        if self.radii is not None:
+            self.radii[:, k, lanes] = block.radii(t)
 
     def many(self) -> Many:
         """Return what was found."""
         q, qd, qdd = (np.swapaxes(self.stored[k], 1, 2) if k in self.stored else None for k in range(3))
         residual = None if self.residual is None else self.residual.T
-        return Many(self.group, self.t, self.group.scene.wanted, self.codes, q, qd, qdd, residual, self.reduced)
+        radii = None if self.radii is None else np.swapaxes(self.radii, 1, 2)
+        wanted = self.group.scene.wanted
+        return Many(self.group, self.t, wanted, self.codes, q, qd, qdd, residual, radii, self.reduced)

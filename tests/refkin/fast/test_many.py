@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import Effect, Polynomial, RefkinError, Revolute, Sinusoid, Status
+from refkin import Effect, Evidence, Polynomial, RefkinError, Revolute, Sinusoid, Status, Table
 from refkin.errors import InvalidScene, UnknownName
-from refkin.fast import solve_many
+from refkin.fast import solve_many, sweep
 from refkin.fast.family import family
 from refkin.fast.lanes.symbols import Leaf
+from refkin.proof.krawczyk import krawczyk
+from refkin.system import compile_system
 
 from .families import closed_form, errors, estimates, geometry, grashof, scene
 from .linkworks import chain
@@ -401,3 +403,71 @@ def test_a_residual_above_round_off_is_not_ok(monkeypatch):
 
     assert not many.ok[3].any()
     assert many.ok[np.arange(10) != 3].all()
+
+
+# Certificates.
+
+
+def proving(samples=20, **changes):
+    return replace(scene(samples, **changes), evidence=frozenset({Evidence.CERTIFICATE}))
+
+
+def test_radii_of_many_are_no_less_than_the_errors():
+    """Against balls, in some lanes: mechanisms of every size, each scaled by its own."""
+    lengths = grashof(60, margin=0.02) * 2.0 ** np.arange(-30, 30)
+    many = solve_many(proving(5), geometry(lengths), estimates_unrounded(lengths))
+
+    assert np.isfinite(many.radii).all()
+    for lane in range(0, 60, 7):
+        own = many.scene(lane)
+        system = compile_system(own.mechanism, unit=own.mechanism.unit())
+        for k, t in enumerate(many.t.tolist()):
+            levels = [system.to_unit(x[:, lane, k], order) for order, x in enumerate((many.q, many.qd, many.qdd))]
+            root = krawczyk(system, levels[0], t, 113)
+            rate = root.velocity()
+            off = (root.distance(levels[0]), root.distance(levels[1], rate))
+            off = (*off, root.distance(levels[2], root.acceleration(rate)))
+            assert all(np.max(o) <= r for o, r in zip(off, many.radii[:, lane, k], strict=True))
+
+
+def test_radii_of_many_are_those_of_a_sweep():
+    lengths = grashof(8, margin=0.05)
+    many = solve_many(proving(), geometry(lengths), estimates(lengths))
+    for lane in range(8):
+        radius = sweep(many.scene(lane)).certified_radius
+        for ours, theirs in zip(
+            many.radii[:, lane], (radius.position, radius.velocity, radius.acceleration), strict=True
+        ):
+            assert np.all((0.25 * theirs < ours) & (ours < 4 * theirs))
+
+
+def test_bad_lanes_have_no_radius_and_spoil_no_other():
+    lengths = grashof(50, margin=0.02)
+    good = solve_many(proving(), geometry(lengths), estimates(lengths)).radii
+    spoilt = lengths.copy()
+    spoilt[1:3, 3::10] = 0.01
+    many = solve_many(proving(), geometry(spoilt), estimates(lengths))
+    bad = np.arange(50) % 10 == 3
+
+    assert np.isnan(many.radii[:, bad]).all()
+    assert np.array_equal(many.radii[:, ~bad], good[:, ~bad])
+
+
+def test_radii_are_given_to_a_reducer_and_only_if_asked_for():
+    lengths = grashof(20, margin=0.02)
+    stored = solve_many(proving(6), geometry(lengths), estimates(lengths))
+    many = solve_many(proving(6), geometry(lengths), estimates(lengths), reducer=lambda part: part.radii.copy())
+
+    assert many.radii is None
+    assert np.array_equal(np.stack(many.reduced, axis=2), stored.radii)
+    assert solved(lengths, samples=6).radii is None
+
+
+def test_where_there_is_no_proof_for_many_there_is_no_radius():
+    """A table as law: its spline has no errors beside it."""
+    law = Table(argument=(0.0, 1.0, 2.0, 4.0), value=(0.0, 1.0, 2.2, 4.1))
+    some = replace(bare(ROCKER.scene(law=law, times=(0.0, 0.5, 1.0))), evidence=frozenset({Evidence.CERTIFICATE}))
+    many = solve_many(some, {"B0": {"point_i": (np.array([4.0, 4.01]), 0.0)}})
+
+    assert many.ok.all()
+    assert np.isnan(many.radii).all()

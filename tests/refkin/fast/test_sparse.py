@@ -81,6 +81,20 @@ def test_a_thousand_coordinates_and_more():
     assert np.max(np.abs(slope @ qdd - system.gamma(q, qd, 0.0))) < 1e-13
 
 
+def test_ten_thousand_loops_are_solved_on_all_levels():
+    """60,003 coordinates; held against the rows of the reference, and the grouped rows' own products."""
+    scene = bare(chain(10_000, times=(0.0,)))
+    found, system = solve_large(scene), system_of(scene)
+    q, qd, qdd = (system.to_unit(x, k) for k, x in enumerate((found.q, found.qd, found.qdd)))
+    slope = SparseSystem(system).phi_q(q, 0.0)
+
+    assert found.status is Status.OK
+    # Places grow with the chain, 15,000 units long: an ulp there is what the rows are off by.
+    assert np.max(np.abs(system.phi(q, 0.0))) <= 8 * np.spacing(np.max(np.abs(q)))
+    for rates, right in ((qd, system.nu(q, 0.0)), (qdd, system.gamma(q, qd, 0.0))):
+        assert np.max(np.abs(slope @ rates - right)) <= 1e-13 * np.max(np.abs(rates))
+
+
 def test_only_what_is_called_for_is_computed():
     for effects in ((), (Effect.VELOCITY,)):
         found = solve_large(bare(chain(2, times=(0.0,)), effects=frozenset(effects)))
