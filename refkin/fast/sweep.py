@@ -227,10 +227,10 @@ class Guesses:
     def _fit(self) -> None:
         self.t = np.array([p.t for p in self.poses])
         self.width = np.diff(self.t)
-        levels = [np.array([p.levels[order] for p in self.poses]).T for order in range(3)]
-        first: Any = [level[:, :-1] for level in levels]
-        last: Any = [level[:, 1:] for level in levels]
-        self.polynomials: Any = np.array(coefficients(first, last, self.width))  # (core, 6, intervals)
+        levels = np.array([p.levels for p in self.poses]).transpose(1, 2, 0)  # (order, core, poses)
+        first, last = levels[:, None, :, :-1], levels[:, None, :, 1:]
+        (found,) = coefficients(first, last, self.width)  # type: ignore[arg-type]
+        self.polynomials: Any = np.array(found)  # (6, core, intervals)
 
     def at(self, t: Any) -> Any:
         """Return the core coordinates at times (B,), (core, B)."""
@@ -239,10 +239,10 @@ class Guesses:
         k = self._interval(t)
         s = (t - self.t[k]) / self.width[k]
         c = np.take(self.polynomials, k, axis=2)
-        value = c[:, 5]
+        value = c[5]
         for power in (4, 3, 2, 1, 0):
             value *= s
-            value += c[:, power]
+            value += c[power]
         return value
 
     def quarter(self, t: Any, march: March) -> bool:

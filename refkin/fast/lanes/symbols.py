@@ -76,7 +76,7 @@ class Symbol:
         return self.graph.neg(self)
 
     def __abs__(self) -> Symbol:
-        return self.graph.node("abs", self)
+        return self.graph.size(self)
 
     def cos(self) -> Symbol:
         """Return the cosine."""
@@ -195,6 +195,14 @@ class Graph:
             return self.node("sub", a.args[1], a.args[0])
         return self.node("neg", a)
 
+    def size(self, a: Symbol) -> Symbol:
+        """Return |a|."""
+        if a.op == "const":
+            return self.constant(abs(a.value))
+        if a.op in ("abs", "neg"):
+            return a if a.op == "abs" else self.size(a.args[0])
+        return self.node("abs", a)
+
     def again(self, symbol: Symbol, args: tuple[Symbol, ...]) -> Symbol:
         """Return a symbol's operation on other arguments, folded."""
         fold: Callable[..., Symbol] | None = _FOLDED.get(symbol.op)
@@ -207,6 +215,7 @@ _FOLDED: Mapping[str, Callable[..., Symbol]] = {
     "mul": Graph.mul,
     "div": Graph.div,
     "neg": Graph.neg,
+    "abs": Graph.size,
 }
 
 
