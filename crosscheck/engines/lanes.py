@@ -5,7 +5,8 @@ so it says nothing about them. What it does by itself, and what is checked here,
 sines, the march, and the choice of a branch. A night that did not check it against the reference would not know
 whether the path that a million mechanisms take is the path that was verified.
 
-A scene that the tape leaves to the reference gets no answer here: the reference would agree with itself.
+A scene that the tape leaves to the reference is refused here: the reference would agree with itself. It does so near
+change points and limits, also between the times that are asked for.
 """
 
 from __future__ import annotations
@@ -95,7 +96,8 @@ class Lanes:
             raise EngineError("\n".join(found))
         motion = attempt(replace(scene, evidence=frozenset()))
         if motion is None:
-            raise EngineError(f"{self.name} leaves {scene.name!r} to the reference: a pose or the branch is in doubt")
+            doubt = "a pose or the branch is in doubt, and left to the reference"
+            raise EngineError(f"{self.name} refuses {scene.name!r}: {doubt}")
         return replace(motion, producer=Producer(name=self.name, version=self.version(), route=ROUTE))
 
     def constraints(self, scene: Scene) -> ConstraintModel:

@@ -98,3 +98,11 @@ def test_sines_of_half_angles_are_as_good_as_the_term_says():
 
 def test_the_motion_is_ok_at_every_time():
     assert Lanes().solve(ROCKER.scene(samples=20)).verdict is Status.OK
+
+
+def test_near_a_change_point_a_night_has_a_refusal_and_no_disagreement():
+    linkage = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
+    record = check(linkage.scene(turns=1, samples=8, start=0.3), [Lanes()])
+
+    assert any(text.startswith("refkin-lanes refuses") for text in record["refusals"])
+    assert [d for d in record["disagreements"] if d["engine"] == Lanes.name] == []
