@@ -23,7 +23,7 @@ from refkin.points import point_motion
 from refkin.proof.assembly import assemblies
 from refkin.proof.isolate import isolate
 from refkin.starts import find_start, unassemblable
-from refkin.sweep import SINGULAR, Arrival, Sweep
+from refkin.sweep import MOST_STEPS, SINGULAR, Arrival, Sweep
 from refkin.system import System, compile_system
 
 ROUTE = Route(
@@ -77,9 +77,12 @@ def _positions(system: System, scene: Scene) -> tuple[Any, list[Status], str]:
         return q, _proved(system, scene, [start.status, *later])[0], start.message
     q[:, 0] = start.q
     sweep = Sweep(system, [scene.times[0]], [start.q])
-    done, why = 1, ""
+    done, why, rest = 1, "", Status.BRANCH_LOST
     while done < count and not why:
         arrival = sweep.to(scene.times[done])
+        if arrival is Arrival.OUT_OF_STEPS:
+            why, rest = f"gave up at t = {sweep.t[-1]:.17g} after {MOST_STEPS} steps", Status.NOT_CONVERGED
+            break
         if arrival is Arrival.STOPPED:
             cam = end_of_profile(system, sweep.q[-1])
             end = f"the contact of {cam} leaves its profile" if cam else "the branch ends at a singular pose"
@@ -89,7 +92,7 @@ def _positions(system: System, scene: Scene) -> tuple[Any, list[Status], str]:
         done += 1
         if arrival is Arrival.AT_SINGULAR_POSE:
             why = f"the pose at t = {sweep.t[-1]:g} is singular: how the branch goes on is not decided"
-    status, gap = _proved(system, scene, [Status.OK] * done + [Status.BRANCH_LOST] * (count - done))
+    status, gap = _proved(system, scene, [Status.OK] * done + [rest] * (count - done))
     return q, status, "; ".join(filter(None, (start.message, why, gap)))
 
 

@@ -16,6 +16,7 @@ from refkin.motion import Status
 from refkin.newton import NewtonResult, newton
 from refkin.proof.assembly import Assemblies, assemblies
 from refkin.proof.inputs import A_FEW_ROUNDINGS
+from refkin.proof.isolate import isolate
 from refkin.proof.search import PRIMES, closes, radical_inverse
 from refkin.sweep import contracts
 from refkin.system import System
@@ -72,7 +73,7 @@ def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[
     Where Newton and least squares end at a pose that is no root (a singular phi_q, a minimum), new estimates are taken:
     the angles turned by a fixed sequence.
     """
-    if first.converged and closes(system, first.q, t):
+    if first.converged and _is_root(system, first.q, t):
         return first.q, "Newton", first.residual
     smallest = np.nanmin(np.append(np.max(np.abs(first.residuals), axis=1), np.inf))
     for k in range(NEW_ESTIMATES + 1):
@@ -82,10 +83,15 @@ def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[
         least = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start)
         ended = _newton(system, t, least.q, max_iterations=60)
         for result, how in ((damped, "damped Newton"), (ended, "least squares")):
-            if result.converged and closes(system, result.q, t):
+            if result.converged and _is_root(system, result.q, t):
                 return result.q, how + new, result.residual
         smallest = np.nanmin([smallest, damped.residual, least.residual])
     return None, "", float(smallest)
+
+
+def _is_root(system: System, q: Any, t: float) -> bool:
+    """Whether Newton ended at a root: by its residual, or, where a row is divided by a small number, by proof."""
+    return closes(system, q, t) or bool(isolate(system, q[:, None], [t]).ok[0])
 
 
 def _estimate(system: System, scene: Scene) -> Any:

@@ -41,6 +41,7 @@ REACH = 0.25
 SINGULAR = 8 * np.sqrt(EPS)
 """Smallest singular value of the scaled phi_q at or below which a pose is not isolated by first-order terms."""
 MOST_STEPS = 20_000
+"""Steps from one asked time to the next: a wheel that turns 3000 times between them needs so many."""
 
 
 class Arrival(Enum):
@@ -49,6 +50,7 @@ class Arrival(Enum):
     REACHED = auto()
     AT_SINGULAR_POSE = auto()
     STOPPED = auto()
+    OUT_OF_STEPS = auto()
 
 
 @dataclass
@@ -59,7 +61,6 @@ class Sweep:
     t: list[float]
     q: list[Any]
     sign: float = field(init=False)
-    steps: int = 0
     asked: float = np.inf
     blocked: bool = False
     step: float = np.inf
@@ -73,8 +74,7 @@ class Sweep:
             return Arrival.STOPPED
         self.asked = target - self.t[-1]
         smallest = 4 * EPS * max(abs(target), abs(self.t[-1]), target - self.t[-1])
-        while self.steps < MOST_STEPS:
-            self.steps += 1
+        for _ in range(MOST_STEPS):
             last = self.t[-1] + self.step >= target  # as rounded: a step may land on the target
             t = target if last else self.t[-1] + self.step
             result = self._corrected(t)
@@ -88,8 +88,8 @@ class Sweep:
                 return arrival
             self.step = (t - self.t[-1]) / 2
             if self.step < smallest:
-                break
-        return Arrival.STOPPED
+                return Arrival.STOPPED
+        return Arrival.OUT_OF_STEPS
 
     def _accept(self, q: Any, t: float) -> None:
         self.t.append(t)

@@ -185,3 +185,34 @@ def test_a_wheel_that_a_rack_has_turned_far_is_found_where_it_is():
 
     assert motion.verdict == "ok"
     assert motion["wheel"].phi[0] == pytest.approx(10.0, rel=1e-15)
+
+
+@pytest.mark.parametrize("rho", [1e-3, 1e-6])
+def test_a_small_roller_is_found_though_its_rows_are_divided_by_its_radius(rho):
+    """Half a degree of the profile is many radii long, and a rounding of the pose a large residual."""
+    given = scene("roller over lobes")
+    joints = tuple(replace(j, roller_radius=rho) if isinstance(j, Cam) else j for j in given.mechanism.joints)
+    motion = refkin.solve(replace(given, mechanism=replace(given.mechanism, joints=joints)))
+
+    assert motion.verdict == "ok"
+
+
+def test_a_sweep_that_runs_out_of_steps_says_so_and_claims_no_singular_pose(monkeypatch):
+    monkeypatch.setattr("refkin.sweep.MOST_STEPS", 200)
+    m = scene("gear train").mechanism
+    fast = turning("first", Polynomial(coefficients=(0.0, 100.0)))
+    motion = refkin.solve(replace(scene("gear train"), mechanism=replace(m, drivers=(fast,)), times=(0.0, 0.25, 5.0)))
+
+    assert [s.value for s in motion.status] == ["ok", "ok", "not_converged"]
+    assert "gave up" in motion.message
+
+
+def test_steps_are_counted_anew_from_each_asked_time(monkeypatch):
+    monkeypatch.setattr("refkin.sweep.MOST_STEPS", 200)
+    m = scene("gear train").mechanism
+    fast = turning("first", Polynomial(coefficients=(0.0, 100.0)))
+    times = tuple(0.25 * k for k in range(9))
+
+    assert (
+        refkin.solve(replace(scene("gear train"), mechanism=replace(m, drivers=(fast,)), times=times)).verdict == "ok"
+    )
