@@ -25,7 +25,7 @@ SLOW = "Path({folder!r}, str(os.getpid())).touch(); time.sleep(0.1)"
 
 
 def plan(out: Path, *specs: str, **more: Any) -> Plan:
-    told = {"seed": NIGHT, "out": out, "engines": ("closed_form", *specs), "workers": 2, "scenes": 12}
+    told = {"seed": NIGHT, "out": out, "engines": ("closed_form", "vector_loop", *specs), "workers": 2, "scenes": 12}
     return Plan(**{**told, **more})
 
 
