@@ -29,7 +29,7 @@ ALWAYS = "closed_form"
 SAMPLED = "vector_loop"
 """A source that costs as much as the engines: it is asked for all chains, of which few others know the joints, and for
 one in `SAMPLED_EVERY` of the other scenes."""
-SAMPLED_EVERY = 20
+SAMPLED_EVERY = 40
 
 Progress = Callable[[int, str], None]
 

@@ -8,7 +8,7 @@ from functools import cache
 import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
 
-from crosscheck.campaign import SAMPLED, _by_engines, is_sampled
+from crosscheck.campaign import SAMPLED, SAMPLED_EVERY, _by_engines, is_sampled
 from crosscheck.check import check
 from crosscheck.drawing import CHAINS_EVERY, draw, is_chain
 from crosscheck.strategies import Chain, cams, chains, geared_linkages, racks, six_bars
@@ -106,7 +106,7 @@ def test_the_costly_source_is_asked_for_every_chain_and_few_others():
         for job in jobs
     }
 
-    assert asked == {k for k in range(140) if is_chain(k) or k % 20 == 0}
+    assert asked == {k for k in range(140) if is_chain(k) or k % SAMPLED_EVERY == 0}
     assert sum(is_chain(k) for k in range(140)) == 20
     assert all(is_sampled(k) for k in asked)
 
