@@ -131,8 +131,10 @@ class _Answer:
         self._rates(lanes[solvable])
         proved = Evidence.CERTIFICATE in self.scene.evidence
         closed = self.residual[lanes] <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))
-        # Redundant rows that contradict each other leave a residual at a regular pose: proof decides there.
-        ok = np.where(proved, False, closed & (smallest > SINGULAR))
+        # Redundant rows that contradict each other leave a residual at a regular pose, or none but in the rates: proof
+        # decides there.
+        redundant = self.system.m > self.system.n and bool(self.system.effects)
+        ok = np.where(proved or redundant, False, closed & (smallest > SINGULAR))
         for group in (lanes[~ok & solvable], lanes[~ok & ~solvable]):
             ok[np.isin(lanes, group)] = self._prove(group)
         for k, isolated, closes in zip(lanes, ok, closed, strict=True):
