@@ -18,6 +18,7 @@ import numpy as np
 from crosscheck.comparison import QUANTITIES, Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.engines import Engine, EngineError, Level, Term, load, refusals
 from crosscheck.levels import Configuration, LevelComparison, compare_levels, configurations
+from crosscheck.samples import agreement, attainable, worst_samples
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Route, Status
 from refkin.scene_files import to_dict
@@ -53,10 +54,12 @@ def check(scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any
     record: Record = {
         "key": key_of(scene),
         "scene": scene.name,
+        "scene_file": to_dict(scene),
         "about": dict(about or {}),
         "reference": _reference_record(ref, time.perf_counter() - start),
         "answers": [],
         "levels": [],
+        "agreement": [],
         "refusals": [],
         "disagreements": [],
     }
@@ -64,13 +67,17 @@ def check(scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any
         told = {"engine": "refkin", "route": "newton", "quantity": "status", "ratio": None, "worst": ref.motion.message}
         record["disagreements"].append({**told, "kind": str(ref.motion.verdict)})
     at = _configurations(ref, record["key"])
+    answered: dict[tuple[str, str], Comparison] = {}
     for engine in (load(e) if isinstance(e, str) else e for e in engines):
         reasons = refusals(engine, scene, Level.SOLVE)
         record["refusals"] += reasons
         for route in () if reasons else engine.routes():
-            _check_route(engine, route, scene, ref, record)
+            found = _check_route(engine, route, scene, ref, record)
+            if found is not None:
+                answered[engine.name, route.name] = found
         if hasattr(engine, "constraints"):
             _check_levels(engine, scene, at, record)
+    record["agreement"] = agreement(ref, answered)
     return record
 
 
@@ -85,6 +92,7 @@ def _reference_record(ref: Reference, seconds: float) -> dict[str, Any]:
         "sigma_per_step": _sigma_per_step(ref),
         "residual": _largest(motion.residual),
         "certified_radius": {q: _largest(getattr(radius, q)) for q in QUANTITIES},
+        "attainable_by_sigma": {q: by_decade(ref.sigma_min, digits) for q, digits in attainable(ref).items()},
         "seconds": seconds,
     }
 
@@ -106,7 +114,8 @@ def _configurations(ref: Reference, key: str) -> list[Configuration]:
     return configurations(ref.scene.mechanism, near, ref.motion.t[lanes], key, CONFIGURATIONS)
 
 
-def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, record: Record) -> None:
+def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, record: Record) -> Comparison | None:
+    """Add the answer by one route and what disagrees in it to the record; return None if there is no answer."""
     told = {"engine": engine.name, "route": route.name}
     regular = _smallest(ref.sigma_min) > REGULAR
     try:
@@ -118,7 +127,7 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
         record["refusals"].append(str(error))
         if regular and not _is_refusal(error, scene):
             record["disagreements"].append({**told, **_no_answer("no answer", str(error))})
-        return
+        return None
     found = compare(ref, motion, terms)
     record["answers"].append(_answer_record(engine, motion, found, ref, seconds))
     turned_round = _turned_round(engine, route, scene, ref, terms) if route == engine.routes()[0] else None
@@ -137,6 +146,7 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
     elif turned_round is not None and turned_round.missing and regular:
         at = _no_answer("depends on the order of bodies", f"{turned_round.missing} times without answer")
         record["disagreements"].append({**told, **at})
+    return found
 
 
 def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, terms: Sequence[Term]) -> Comparison:
@@ -173,6 +183,7 @@ def _answer_record(engine: Engine, motion: Motion, found: Comparison, ref: Refer
                 "ratio": _largest_ratio(q.ratio),
                 "worst": q.worst,
                 "digits_by_sigma": by_decade(ref.sigma_min, q.digits),
+                "samples": worst_samples(ref.sigma_min, q),
             }
             for name, q in found.quantities.items()
         },

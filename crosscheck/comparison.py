@@ -59,12 +59,16 @@ class QuantityComparison:
         or to the largest component at that time (velocity, acceleration).
     worst : str
         The sample of the largest ratio: coordinate and time.
+    difference : (n, T) array or None
+        The answer minus the reference, signed, in the reference's scaled coordinates of bodies and their order; NaN for
+        bodies that the answer has not.
     """
 
     error: Any
     ratio: Any
     digits: Any
     worst: str
+    difference: Any = None
 
     @property
     def agrees(self) -> bool:
@@ -133,11 +137,21 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
         for c in (0, 1):
             shift = 0.0 if k else unit.origin[c]
             theirs[c::3] = (theirs[c::3] - shift) / unit.size
-        error = np.abs(_difference(theirs, ours, k))
-        found[quantity] = _judge(error, getattr(budget, quantity)[rows][:, at], ours, lanes, k, names, motion.t)
+        difference = _difference(theirs, ours, k)
+        allowed = getattr(budget, quantity)[rows][:, at]
+        judged = _judge(np.abs(difference), allowed, ours, lanes, k, names, motion.t)
+        signed = np.full((ref.system.of_bodies, len(lanes)), np.nan)
+        signed[np.ix_(rows, lanes)] = difference[:, lanes]
+        found[quantity] = replace(judged, difference=signed)
     reference_ok = np.array([s is Status.OK for s in ref.motion.status])[at]
     missing = int(np.sum(reference_ok & ~answered))
     return Comparison(found, missing, int(lanes.sum()), _other_assembly(ref, motion, found, lanes, at))
+
+
+def scales(ours: Any, level: int) -> Any:
+    """Return what an error is relative to, per time: 1 (the size) for position, else the largest component (or 1)."""
+    largest = np.max(np.abs(ours), axis=0)
+    return np.where((level == 0) | (largest == 0.0), 1.0, largest)
 
 
 def _difference(theirs: Any, ours: Any, level: int) -> Any:
@@ -159,8 +173,7 @@ def _judge(
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.where(np.isfinite(error), error, np.inf)  # a NaN that calls itself an answer is as wrong as can be
         ratio = np.where(error == 0.0, 0.0, error / allowed)
-        largest = np.max(np.abs(ours), axis=0)
-        scale = np.where((level == 0) | (largest == 0.0), 1.0, largest)
+        scale = scales(ours, level)
         relative = np.where(np.max(error, axis=0) == 0.0, 0.0, np.max(error, axis=0) / scale)
         digits = np.minimum(MOST_DIGITS, -np.log10(relative))
     out.error[lanes], out.ratio[lanes], out.digits[lanes] = np.max(error, axis=0), np.max(ratio, axis=0), digits

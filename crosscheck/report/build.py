@@ -2,24 +2,31 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
 import json
 import math
 import os
 import sys
 from collections.abc import Mapping, Sequence
+from functools import cache
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from jinja2 import Environment, StrictUndefined
+from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from crosscheck import known_gaps
 from crosscheck.known_gaps import Gap
-from crosscheck.report import wording
+from crosscheck.report import front, wording
 from crosscheck.report.documents import documents
-from crosscheck.report.figures import digits_figure, newton_figure
+from crosscheck.report.figures import digits_figure, looks_of, newton_figure
+from crosscheck.report.figures_more import agreement_matrices, slopes_figure, trends_figure
 from crosscheck.report.histories import newton_histories
+from crosscheck.report.posed import first_pose, pose_picture, spoken
+from crosscheck.report.prices import GOALS, cheapest_tables, effects_figure, price_figure
+from crosscheck.report.slopes import slopes
 from crosscheck.report.summary import SOLVED, Ended, Summary
 from crosscheck.report.svg import bar, power_of_ten
 
@@ -69,7 +76,8 @@ def build(
     """
     folder.mkdir(parents=True, exist_ok=True)
     summary = Summary(folder, known_gaps.read() if gaps is None else gaps, outcome)
-    report = plain({**summary.described(required), "newton_histories": newton_histories(), "documents": documents()})
+    computed = {"newton_histories": newton_histories(), "slopes": slopes(), "documents": documents(), "trends": None}
+    report = plain({**summary.described(required), **computed})
     _replace(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     page = folder / "index.html"
     _replace(page, render(report))
@@ -91,26 +99,88 @@ def plain(value: Any) -> Any:
 
 def render(report: Mapping[str, Any]) -> str:
     """Return the page for a report; whatever comes from records is escaped."""
-    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
-    environment.filters.update(
-        {
-            name: getattr(wording, name)
-            for name in ("digits", "count", "number", "ratio", "sample", "seeding", "whose", "words", "known")
-        }
+    css, js = (files("crosscheck.report").joinpath("page", f"page.{kind}").read_text("utf-8") for kind in ("css", "js"))
+    return (
+        _environment()
+        .get_template("page.html.j2")
+        .render(
+            report=report,
+            css=Markup(css),  # our own files: nothing of a record is in them
+            js=Markup(js),
+            css_hash=digest(css),
+            js_hash=digest(js),
+            headline=wording.headline(report["verdict"], report["new_disagreements"]),
+            answer=front.answer(report),
+            first=front.first_table(report),
+            folds=front.folds(report),
+            hard=front.hard_matrix(report),
+            glance=glance(report),
+            coverage=coverage(report),
+            certified=any(report["reference"]["largest_certified_radius"].values()),
+            cheapest=cheapest_tables(report["price"] or []),
+            goals=GOALS,
+            matrices=agreement_matrices(report["agreement"]),
+            changed=any(series["changes"] for series in (report["trends"] or {"series": ()})["series"]),
+            **_figures(report),
+            **_posed(report),
+        )
     )
-    source = files("crosscheck.report")
-    template = environment.from_string(source.joinpath("page.html.j2").read_text(encoding="utf-8"))
-    css = source.joinpath("page.css").read_text(encoding="utf-8")
-    return template.render(
-        report=report,
-        css=Markup(css),  # our own file: nothing of a record is in it
-        headline=wording.headline(report["verdict"], report["new_disagreements"]),
-        glance=glance(report),
-        digits_figure=digits_figure(report),
-        newton_figure=newton_figure(report),
-        coverage=coverage(report),
-        certified=any(report["reference"]["largest_certified_radius"].values()),
+
+
+@cache
+def _environment() -> Environment:
+    environment = Environment(
+        loader=PackageLoader("crosscheck.report", "page"),
+        autoescape=True,
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
     )
+    shown = ("digits", "count", "number", "ratio", "sample", "seeding", "whose", "words", "known")
+    environment.filters.update({name: getattr(wording, name) for name in shown})
+    return environment
+
+
+def _figures(report: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "digits_figure": digits_figure(report),
+        "median_figure": digits_figure(report, "digits_median"),
+        "newton_figure": newton_figure(report),
+        "slopes_figure": slopes_figure(report["slopes"]),
+        "price_figure": price_figure(report["price"] or [], looks_of(report)),
+        "effects_figure": effects_figure(report["effects"] or []),
+        "trends_figure": trends_figure((report["trends"] or {"series": ()})["series"]),
+    }
+
+
+def _posed(report: Mapping[str, Any]) -> dict[str, Any]:
+    """Return the picture that is shown first, and what the script needs for the others."""
+    looks, poses = looks_of(report), report["poses"]
+    which = first_pose(report, looks)
+    names = list(looks)
+    marks = [{**m, "look": names.index((m["engine"], m["route"])), "told": spoken(m)} for m in poses["marks"]]
+    kept = ("look", "told", "scene", "pose", "ghost", "arrows")
+    data = {**poses, "first": which, "marks": [{key: m[key] for key in kept} for m in marks]}
+    mark = None if which is None else marks[which]
+    scene = None if mark is None else poses["scenes"][mark["scene"]]
+    return {
+        "poses": data_block(data),
+        "looks": data_block([look.colour for look in looks.values()]),
+        "pose": None if which is None else pose_picture(report, which, looks),
+        "poses_told": mark["told"] if mark else "",
+        "pose_scene": f"{scene['name']} (record {scene['key']})" if scene else "",
+    }
+
+
+def data_block(value: Any) -> Markup:
+    """Return data as the text of a script element that is none: no character in it can end it."""
+    text = json.dumps(value, separators=(",", ":"), allow_nan=False)
+    return Markup(text.replace("&", "\\u0026").replace("<", "\\u003c").replace(">", "\\u003e"))
+
+
+def digest(text: str) -> str:
+    """Return what a content policy names an inline style or script by."""
+    return "sha256-" + base64.b64encode(hashlib.sha256(text.encode()).digest()).decode()
 
 
 def glance(report: Mapping[str, Any]) -> list[dict[str, Any]]:

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from crosscheck.report.digits import Digits
-from crosscheck.report.records import Answer, Histogram, RouteData
+from crosscheck.report.records import Answer, Histogram, RouteData, Sample
 
 
 @dataclass(frozen=True)
@@ -51,6 +51,15 @@ def finite(ratio: float | None) -> float | None:
     return min(ratio, sys.float_info.max)
 
 
+@dataclass(frozen=True)
+class Picture:
+    """The worst sample of a decade, and the scene it is of."""
+
+    sample: Sample
+    place: Place
+    scene_file: Mapping[str, Any]
+
+
 @dataclass
 class Cell:
     """One quantity by one route of one engine.
@@ -72,6 +81,14 @@ class Cell:
     known_gaps: int = 0
     worst: WorstSample | None = None
     least: tuple[float, Place] | None = None
+    pictures: dict[int, Picture] = field(default_factory=dict)
+
+    def depict(self, samples: Mapping[int, Sample], place: Place, scene_file: Mapping[str, Any] | None) -> None:
+        """Keep the sample with the fewest digits of each decade."""
+        for decade, sample in samples.items() if scene_file else ():
+            kept = self.pictures.get(decade)
+            if scene_file and (kept is None or sample.digits < kept.sample.digits):
+                self.pictures[decade] = Picture(sample, place, scene_file)
 
     def add(self, histograms: Mapping[int, Histogram] | Mapping[None, Histogram], place: Place) -> None:
         """Count one scene's digits."""

@@ -10,10 +10,10 @@ from typing import Any, NamedTuple
 from markupsafe import Markup
 
 from crosscheck.report.summary import SOLVED
-from crosscheck.report.svg import Plot, Style, power_of_ten, style, swatch
+from crosscheck.report.svg import Mark, Plot, Style, band_swatch, power_of_ten, style, swatch
 
 Report = Mapping[str, Any]
-LINES = {"digits_median": "median", "digits_worst": "worst"}
+LINES = {"digits_worst": "worst", "digits_median": "median"}
 HIGHEST_DIGITS = 17.5
 NO_ANSWER = Style("currentColor", "none", "cross")
 
@@ -37,25 +37,116 @@ class Bin(NamedTuple):
     told: Mapping[str, Any]
 
 
-def digits_figure(report: Report) -> Figure:
-    """Return digits against sigma_min: per quantity, a line per engine and route, median above worst."""
-    looks = {name: style(k) for k, name in enumerate((e, r) for e, routes in report["engines"].items() for r in routes)}
+def looks_of(report: Report) -> dict[tuple[str, str], Style]:
+    """Return what each engine and route looks like in every figure of the page."""
+    return {name: style(k) for k, name in enumerate((e, r) for e, routes in report["engines"].items() for r in routes)}
+
+
+def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
+    """Return digits against sigma_min: a panel per quantity, a line per engine and route, the attainable band.
+
+    `line` is what is drawn: "digits_worst", whose marks have a picture each, or "digits_median".
+    """
+    looks = looks_of(report)
     bins, blanks = _bins(report), _blanks(report)
-    lowest = min((b.told[line] for b in bins for line in LINES), default=0.0)
+    lowest = min((b.told[line] for b in bins), default=0.0)
     floor = 4.0 if lowest >= 4 else min(0.0, math.floor(lowest))
     span = _decades([b.decade for b in bins] + [decade for _, decade in blanks])
-    panels = [
-        _digits_panel(quantity, line, [b for b in bins if b.quantity == quantity], blanks, span, floor, looks)
-        for line in LINES
-        for quantity in SOLVED
-        if bins
-    ]
+    pictures = {
+        (m["engine"], m["route"], m["quantity"], m["decade"]): k for k, m in enumerate(report["poses"]["marks"])
+    }
+    panels = []
+    for quantity in SOLVED if bins else ():
+        plot = _digits_axes(quantity, line, span, floor)
+        _attainable_band(plot, report["attainable"].get(quantity, {}), floor)
+        for k, (name, look) in enumerate(looks.items()):
+            # Engines agree to the digit in most bins: each stands a little beside the others, inside its decade.
+            aside = 0.5 + 0.6 * ((k + 0.5) / len(looks) - 0.5)
+            of_line = [b for b in bins if b.quantity == quantity and b.name == name]
+            marks = [
+                Mark(b.decade + aside, b.told[line], _spoken(b, line), pictures.get((*name, quantity, b.decade)))
+                for b in of_line
+            ]
+            plot.marks(marks, look)
+            if line == "digits_worst":
+                _no_answers(plot, [decade + aside for who, decade in blanks if who == name], look, floor)
+        if not any(b.quantity == quantity for b in bins):
+            plot.text(plot.px(sum(span) / 2), plot.py((floor + HIGHEST_DIGITS) / 2), "no answer", size="13")
+        panels.append(plot.markup())
+    head = (
+        "engine · route",
+        "quantity",
+        "sigma min",
+        "samples",
+        "median",
+        "1st percentile",
+        "worst",
+        "attainable, median",
+    )
+    return Figure(tuple(panels), _digits_legend(report, looks, blanks, line), head, tuple(_digits_rows(report, bins)))
+
+
+def _digits_legend(report: Report, looks: Mapping[Any, Style], blanks: Sequence[Any], line: str) -> tuple[Any, ...]:
     legend = [(swatch(look), " · ".join(name)) for name, look in looks.items()]
-    legend += [(swatch(NO_ANSWER, line=False), "at the foot: some configurations without an answer")] if blanks else []
-    head = ("engine · route", "quantity", "sigma min", "samples", "median", "1st percentile", "worst")
+    if any(report["attainable"].values()):
+        legend.append((band_swatch(), "attainable (bound), 1 % to median"))
+    if blanks and line == "digits_worst":
+        legend.append((swatch(NO_ANSWER, line=False), "at the foot: no answer"))
+    return tuple(legend)
+
+
+def _digits_rows(report: Report, bins: Sequence[Bin]) -> list[tuple[Any, ...]]:
     keys = ("samples", "digits_median", "digits_p01", "digits_worst")
-    rows = [(" · ".join(b.name), b.quantity, _range(b.decade), *(b.told[key] for key in keys)) for b in bins]
-    return Figure(tuple(panels), tuple(legend), head, tuple(rows))
+    rows = []
+    for b in bins:
+        attainable = report["attainable"].get(b.quantity, {}).get(str(b.decade), {}).get("digits_median")
+        rows.append((" · ".join(b.name), b.quantity, _range(b.decade), *(b.told[key] for key in keys), attainable))
+    return rows
+
+
+def _spoken(b: Bin, line: str) -> str:
+    """Return what a mark says to whoever cannot see it."""
+    where = f"{' · '.join(b.name)}: {b.quantity}, sigma min {_range(b.decade)}"
+    return f"{where}: {LINES[line]} {b.told[line]:.1f} digits of {b.told['samples']} samples"
+
+
+def _digits_axes(quantity: str, line: str, span: tuple[int, int], floor: float) -> Plot:
+    title = f"{quantity.capitalize()}: {LINES[line]} digits"
+    plot = Plot(
+        f"{line.replace('_', '-')}-{quantity}",
+        title,
+        f"{title} per decade of sigma min, by engine and route",
+        span,
+        (floor, HIGHEST_DIGITS),
+        width=300,
+        height=226,
+        left=30,
+        role="group",
+    )
+    every = -(-(span[1] - span[0]) // 5)
+    x_ticks = [(float(d), power_of_ten(d)) for d in range(span[1], span[0] - 1, -every)]
+    y_ticks = [(float(v), str(v)) for v in range(4 * math.ceil(floor / 4), 17, 4)]
+    plot.axes(x_ticks, y_ticks, "← nearer to singular · sigma min")
+    return plot
+
+
+def _attainable_band(plot: Plot, told: Mapping[str, Any], floor: float) -> None:
+    """Shade, decade by decade, from the attainable digits of one sample in a hundred to those of the median one.
+
+    The very worst is that of a rate that passes through zero, where no relative error says anything.
+    """
+    edges = sorted((int(d), max(v["digits_p01"], floor), v["digits_median"]) for d, v in told.items() if v["samples"])
+    x = [edge for decade, _, _ in edges for edge in (decade, decade + 1)]
+    low, high = ([v for edge in edges for v in (edge[k], edge[k])] for k in (1, 2))
+    shown = [k for k, v in enumerate(x) if plot.x[0] <= v <= plot.x[1]]
+    if shown:
+        plot.band([x[k] for k in shown], [low[k] for k in shown], [high[k] for k in shown])
+
+
+def _no_answers(plot: Plot, places: Sequence[float], look: Style, floor: float) -> None:
+    foot = floor + 0.04 * (HIGHEST_DIGITS - floor)
+    for x in places:
+        plot.series([(x, foot)], Style(look.colour, "none", "cross"))
 
 
 def _bins(report: Report) -> list[Bin]:
@@ -83,35 +174,6 @@ def _decades(found: Sequence[int]) -> tuple[int, int]:
     """Return the decades to show: those that were met, at least four."""
     high = max(found, default=0) + 1
     return min(min(found, default=0), high - 4), high
-
-
-def _digits_panel(
-    quantity: str,
-    line: str,
-    bins: Sequence[Bin],
-    blanks: Sequence[tuple[tuple[str, str], int]],
-    span: tuple[int, int],
-    floor: float,
-    looks: Mapping[tuple[str, str], Style],
-) -> Markup:
-    title = f"{quantity.capitalize()}: {LINES[line]} digits"
-    description = f"{title} per decade of sigma min, by engine and route"
-    plot = Plot(f"digits-{quantity}-{LINES[line]}", title, description, span, (floor, HIGHEST_DIGITS))
-    every = 2 if span[1] - span[0] > 8 else 1
-    x_ticks = [(float(d), power_of_ten(d)) for d in range(span[1], span[0] - 1, -every)]
-    y_ticks = [(float(v), str(v)) for v in range(4 * math.ceil(floor / 4), 17, 4)]
-    plot.axes(x_ticks, y_ticks, "sigma min · nearer to singular on the left")
-    for k, (name, look) in enumerate(looks.items()):
-        # Engines agree to the digit in most bins: each stands a little beside the others, inside its decade.
-        aside = 0.5 + 0.5 * ((k + 0.5) / len(looks) - 0.5)
-        plot.series([(b.decade + aside, b.told[line]) for b in bins if b.name == name], look)
-        unanswered = [decade for who, decade in blanks if who == name and line == "digits_worst"]
-        for decade in unanswered:
-            foot = floor + 0.04 * (HIGHEST_DIGITS - floor)
-            plot.series([(decade + aside, foot)], Style(look.colour, "none", "cross"))
-    if not bins:
-        plot.text(plot.px(sum(span) / 2), plot.py((floor + HIGHEST_DIGITS) / 2), "no answer", size="13")
-    return plot.markup()
 
 
 def _range(decade: int) -> str:

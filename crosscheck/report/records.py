@@ -19,12 +19,21 @@ class _Data(BaseModel):
     model_config = ConfigDict(frozen=True)
 
 
+class Sample(_Data):
+    """The sample with the fewest digits of a decade: number of its time, digits, signed error per coordinate."""
+
+    k: NonNegativeInt
+    digits: float
+    off: list[float | None]
+
+
 class Quantity(_Data):
-    """One quantity of an answer; digits by the decade of sigma_min at which they were met."""
+    """One quantity of an answer; digits, and the worst sample, by the decade of sigma_min at which they were met."""
 
     ratio: float | None
     worst: str = ""
     digits_by_sigma: dict[int, Histogram]
+    samples: dict[int, Sample] = {}
 
 
 class RouteData(_Data):
@@ -72,6 +81,7 @@ class ReferenceRow(_Data):
     sigma_min: float
     residual: float | None
     certified_radius: dict[str, float | None] = {}
+    attainable_by_sigma: dict[str, dict[int, Histogram]] = {}
     seconds: float
 
 
@@ -91,15 +101,21 @@ class Disagreement(_Data):
         return self.engine, self.route, self.quantity, self.kind
 
 
+Pair = tuple[str, str, str, str, float | None, float | None, float | None]
+"""Engine and route, another engine and route, and to how many digits they agree on each quantity."""
+
+
 class Checked(_Data):
     """One scene's record; `reference` is None only with a `failure`."""
 
     key: str
     scene: str
+    scene_file: dict[str, Any] | None = None
     about: dict[str, Any]
     reference: ReferenceRow | None = None
     answers: list[Answer]
     levels: list[LevelRow]
+    agreement: list[Pair] = []
     refusals: list[str]
     disagreements: list[Disagreement]
     failure: str | None = None

@@ -14,6 +14,9 @@ from crosscheck.known_gaps import Gap
 from crosscheck.report.cells import Cell, Place, RouteTotals
 from crosscheck.report.coverage import Coverage, Refusals, decade
 from crosscheck.report.disagreements import Disagreements
+from crosscheck.report.measured import measured
+from crosscheck.report.peers import Peers, Silent
+from crosscheck.report.poses import poses
 from crosscheck.report.records import Checked, Disagreement, Unreadable, read_records
 from crosscheck.report.reference import ReferenceTotals
 from crosscheck.report.verdict import verdict
@@ -49,6 +52,8 @@ class Summary:
     def __init__(self, folder: Path, gaps: Sequence[Gap], outcome: Ended | None) -> None:
         self.gaps, self.outcome = gaps, outcome
         self.run, self.failures = read_run(folder)
+        self.measured, faults = measured(folder)
+        self.failures += faults
         self.keys: set[str] = set()
         self.repeated = self.configurations = self.without_result = self.reference_failures = 0
         self.cells: dict[tuple[str, str, str], Cell] = {}
@@ -56,6 +61,7 @@ class Summary:
         self.versions: dict[str, Counter[str]] = {}
         self.reference = ReferenceTotals()
         self.coverage, self.refusals = Coverage(), Refusals()
+        self.peers, self.silent = Peers(), Silent()
         self.disagreements = Disagreements(folder, gaps, outcome.new if outcome else ())
         for line, text, record in read_records(folder / "records.jsonl"):
             self._add(line, text, record)
@@ -80,6 +86,7 @@ class Summary:
         if record.reference is not None:
             self.reference.add(record.reference, place)
             self._add_answers(record, place, decade(record.reference.sigma_min))
+        self.peers.add(record)
         self.refusals.add(record.refusals)
         blamed: dict[tuple[str, str, str], bool] = {}
         for told, is_new in self.disagreements.add(place, text, record):
@@ -87,6 +94,7 @@ class Summary:
             blamed[who] = blamed.get(who, False) or is_new
             if told.engine != REFERENCE and told.quantity != "status":
                 self._cell(*who).meet(told.ratio, place, told.worst)
+            self.silent.add(place, told)
         self._blame(blamed)
 
     def _add_answers(self, record: Checked, place: Place, sigma_decade: int | None) -> None:
@@ -99,6 +107,7 @@ class Summary:
                 cell.add(found.digits_by_sigma, place)
                 cell.judged += answer.judged
                 cell.meet(found.ratio, place, found.worst)
+                cell.depict(found.samples, place, record.scene_file)
         for row in record.levels:
             cell = self._cell(row.engine, ROWS, _quantity(row.level))
             cell.add({None: row.digits}, place)
@@ -157,8 +166,15 @@ class Summary:
             "failures_total": len(self.failures),
             "notes": self._notes(versions, engines, answering),
             "reference": {**self.reference.described(), "failures": self.reference_failures},
+            "attainable": self.peers.attainable_described(),
+            "agreement": self.peers.agreement_described(),
+            "poses": poses({name: cell.pictures for name, cell in self.cells.items()}),
             "engines": {engine: self._engine(engine) for engine in engines},
-            "routes": [{"engine": e, "route": r, **t.described()} for (e, r), t in sorted(self.routes.items())],
+            "routes": [
+                {"engine": e, "route": r, **t.described(), "silent": self.silent.of(e, r)}
+                for (e, r), t in sorted(self.routes.items())
+            ],
+            **self.measured,
             "disagreements": self.disagreements.described(),
             "known_gaps": [_gap_row(g, n) for g, n in zip(self.gaps, self.disagreements.covered, strict=True)],
             "coverage": self.coverage.described(),

@@ -35,6 +35,16 @@ def style(k: int) -> Style:
     return Style(COLOURS[k % n], DASHES[(k + shift) % n], MARKERS[(k + shift) % n])
 
 
+@dataclass(frozen=True)
+class Mark:
+    """A point of a series that says what it is; `pose` is the number of the picture that belongs to it."""
+
+    x: float
+    y: float
+    label: str
+    pose: int | None = None
+
+
 def power_of_ten(exponent: int) -> str:
     """Return 10^exponent in typography."""
     return "10" + str(exponent).translate(SUPERSCRIPTS)
@@ -50,6 +60,8 @@ class Plot:
         Unique on the page.
     x, y : (low, high)
         The ranges; y grows upwards.
+    role : str
+        "img" for a picture, "group" for one whose marks are read one by one.
     """
 
     ident: str
@@ -63,11 +75,12 @@ class Plot:
     right: int = 12
     top: int = 30
     bottom: int = 46
+    role: str = "img"
     root: ET.Element = field(init=False)
 
     def __post_init__(self) -> None:
         size = {"viewBox": f"0 0 {self.width} {self.height}", "width": str(self.width), "height": str(self.height)}
-        named = {"role": "img", "aria-labelledby": f"{self.ident}-title {self.ident}-desc"}
+        named = {"role": self.role, "aria-labelledby": f"{self.ident}-title {self.ident}-desc"}
         font = {"font-size": "11", "font-family": "system-ui, sans-serif", "fill": "currentColor"}
         self.root = ET.Element("svg", {**size, **named, **font})
         ET.SubElement(self.root, "title", {"id": f"{self.ident}-title"}).text = self.title
@@ -104,6 +117,28 @@ class Plot:
             self.line(placed, stroke=look.colour, stroke_dasharray=look.dash, stroke_width="1.5")
         for x, y in placed:
             marker(self.root, x, y, look)
+
+    def marks(self, points: Sequence[Mark], look: Style) -> None:
+        """Draw a line with marks that can be pointed at, focused and read aloud through them."""
+        placed = [(self.px(m.x), self.py(m.y)) for m in points]
+        if len(placed) > 1:
+            self.line(placed, stroke=look.colour, stroke_dasharray=look.dash, stroke_width="1.5")
+        for m, (x, y) in zip(points, placed, strict=True):
+            first = not any("data-mark" in element.attrib for element in self.root)
+            told = {"role": "img", "aria-label": m.label, "tabindex": "0" if first else "-1", "data-mark": ""}
+            told |= {"data-pose": str(m.pose)} if m.pose is not None else {}
+            group = ET.SubElement(self.root, "g", told)
+            ET.SubElement(group, "title").text = m.label
+            around = {"cx": f"{x:.1f}", "cy": f"{y:.1f}", "r": "8", "fill": "transparent"}
+            ET.SubElement(group, "circle", around)
+            marker(group, x, y, look)
+
+    def band(self, x: Sequence[float], low: Sequence[float], high: Sequence[float]) -> None:
+        """Shade what lies between two lines."""
+        there = [(self.px(a), self.py(b)) for a, b in zip(x, high, strict=True)]
+        back = [(self.px(a), self.py(b)) for a, b in zip(x, low, strict=True)][::-1]
+        points = " ".join(f"{a:.1f},{b:.1f}" for a, b in there + back)
+        ET.SubElement(self.root, "polygon", {"points": points, "fill": "currentColor", "fill-opacity": "0.1"})
 
     def line(self, placed: Sequence[tuple[float, float]], **attributes: str) -> None:
         """Draw a polyline through pixels."""
@@ -150,6 +185,13 @@ def swatch(look: Style, line: bool = True) -> Markup:
         dash = {"stroke-dasharray": look.dash, "stroke-width": "1.5"}
         ET.SubElement(root, "polyline", {"points": "1,6 33,6", "fill": "none", "stroke": look.colour, **dash})
     marker(root, 17, 6, look)
+    return Markup(ET.tostring(root, encoding="unicode"))
+
+
+def band_swatch() -> Markup:
+    """Return the sample of a shaded band for a legend."""
+    root = ET.Element("svg", {"viewBox": "0 0 34 12", "width": "34", "height": "12", "aria-hidden": "true"})
+    ET.SubElement(root, "rect", {"width": "34", "height": "12", "fill": "currentColor", "fill-opacity": "0.14"})
     return Markup(ET.tostring(root, encoding="unicode"))
 
 

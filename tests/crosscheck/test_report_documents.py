@@ -37,8 +37,11 @@ def test_rows_that_need_spatial_bodies_are_open_on_the_page(section):
     assert section.count('<span class="gap">open</span>') == 3
 
 
-def test_the_section_is_reached_from_the_contents(page):
-    assert '<a href="#documents">' in page
+def test_the_section_is_folded_and_says_without_being_opened_what_is_in_it(section):
+    summary = re.search(r"<summary>.*?</summary>", section, re.DOTALL).group()
+
+    assert '<h2 id="documents-title">Source documents</h2>' in summary
+    assert "57 rows" in summary
 
 
 def test_the_tables_are_folded_away(section):

@@ -1,0 +1,134 @@
+"""What the first screen says: one row per engine and route, and one line per folded section."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from crosscheck.report.measured import VERDICTS
+from crosscheck.report.prices import cheapest, main_class
+from crosscheck.report.summary import SOLVED
+from crosscheck.report.wording import count, number
+
+Report = Mapping[str, Any]
+GOAL = 9
+"""Digits of acceleration whose price stands in the first table."""
+
+
+def first_table(report: Report) -> list[dict[str, Any]]:
+    """Return a row per engine and route: digits, price, what was wrong without a word."""
+    prices = report["price"] or []
+    nine = cheapest(prices, "acceleration", GOAL, main_class(prices))
+    of_routes = {(row["engine"], row["route"]): row for row in report["routes"]}
+    rows = []
+    for engine, routes in report["engines"].items():
+        for route, quantities in routes.items():
+            made = of_routes.get((engine, route), {})
+            silent, seriousness = _silent(report, engine, route, made)
+            paid = nine[engine, route]["microseconds"] if (engine, route) in nine else None
+            rows.append(
+                {
+                    "engine": engine,
+                    "route": route,
+                    "cells": [_cell(quantities[quantity]) for quantity in SOLVED],
+                    "price": paid if prices else made.get("microseconds_median"),
+                    "silent": silent,
+                    "silent_class": seriousness,
+                    "scenes": made.get("scenes", 0),
+                    "newton_by": quantities["position"]["newton_by"],
+                }
+            )
+    return rows
+
+
+def _cell(told: Mapping[str, Any]) -> dict[str, Any]:
+    beyond = told["worst_over_allowed"] is not None and told["worst_over_allowed"] > 1.0
+    seriousness = ("gap" if told["known_gaps"] and not told["failures"] else "bad") if beyond else ""
+    return {
+        "median": told["digits_median"],
+        "worst": told["digits_worst"],
+        "samples": told["samples"],
+        "class": seriousness,
+    }
+
+
+def _silent(report: Report, engine: str, route: str, made: Mapping[str, Any]) -> tuple[str, str]:
+    """Return where a route was wrong and said nothing, and whether a known gap accounts for all of it."""
+    kinds = {kind: n for kind, n in made.get("silent", {}).items() if kind != "any"}
+    parts = [f"{kind}: {count(n)} scene{'s' * (n > 1)}" for kind, n in kinds.items()]
+    wrong = [
+        row["case"]
+        for row in report["hard_cases"] or ()
+        if (row["engine"], row["route"], row["verdict"]) == (engine, route, "wrong")
+    ]
+    if wrong:
+        parts.append(f"hard cases: {', '.join(wrong[:3])}{f' and {len(wrong) - 3} more' if len(wrong) > 3 else ''}")
+    new = any(not d["known"] for d in report["disagreements"] if (d["engine"], d["route"]) == (engine, route))
+    return "; ".join(parts), "bad" if new or not kinds else "gap"
+
+
+def answer(report: Report) -> str:
+    """Return the sentence that names the cheapest way to nine digits of acceleration; empty without a price list."""
+    prices = report["price"] or []
+    found = cheapest(prices, "acceleration", GOAL, main_class(prices))
+    if not found:
+        return "No route reaches nine digits of acceleration." if prices else ""
+    (engine, route), row = min(found.items(), key=lambda item: float(item[1]["microseconds"]))
+    where = f"{main_class(prices)} scenes"
+    return (
+        f"Nine digits of acceleration cost least with {engine} · {route}: {number(row['microseconds'])} µs ({where})."
+    )
+
+
+def hard_matrix(report: Report) -> dict[str, Any]:
+    """Return case x engine and route -> verdict; where a case has several for one route, the worst."""
+    rows = report["hard_cases"] or []
+    names = list(dict.fromkeys((r["engine"], r["route"]) for r in rows))
+    verdicts: dict[tuple[str, tuple[str, str]], str] = {}
+    for r in rows:
+        place = (r["case"], (r["engine"], r["route"]))
+        verdicts[place] = max(verdicts.get(place, VERDICTS[0]), r["verdict"], key=VERDICTS.index)
+    cases = dict.fromkeys(r["case"] for r in rows)
+    lines = [(case, [verdicts.get((case, name)) for name in names]) for case in cases]
+    return {"names": [" · ".join(name) for name in names], "lines": lines}
+
+
+def folds(report: Report) -> dict[str, str]:
+    """Return what each folded section says without being opened."""
+    gaps, refusals, trends = report["known_gaps"], report["refusals"], report["trends"]
+    nights = len(trends["nights"]) if trends else 0
+    changed = sum(len(series["changes"]) for series in trends["series"]) if trends else 0
+    return {
+        "price": _rows_told(report["price"], "settings priced"),
+        "effects": _rows_told(report["effects"], "effects priced"),
+        "hard_cases": _hard_told(report["hard_cases"]),
+        "disagreements": f"{count(report['new_disagreements'])} new, {count(report['known_disagreements'])} known",
+        "digits": "every engine, every decade",
+        "agreement": f"{len(report['agreement'])} pairs" if report["agreement"] else "not in the records of this run",
+        "newton": _slopes_told(report),
+        "glance": "percentiles, error / allowed, who solved what, own rows",
+        "gaps": f"{len(gaps)} in the table, {sum(g['disagreements'] > 0 for g in gaps)} met",
+        "trends": f"{nights} nights, {changed} changes of level" if trends else "no history was kept with this run",
+        "coverage": f"{count(report['scenes'])} scenes, by kind, class, branch and distance",
+        "refusals": f"{len(refusals)} kinds" if refusals else "none",
+        "documents": report["documents"]["closing"],
+        "method": "what is true, what is allowed, how it was timed, how to draw it again",
+    }
+
+
+def _rows_told(rows: Any, what: str) -> str:
+    return "not measured in this run" if not rows else f"{len(rows)} {what}"
+
+
+def _hard_told(rows: Any) -> str:
+    if not rows:
+        return "not measured in this run"
+    counts = [(verdict, sum(r["verdict"] == verdict for r in rows)) for verdict in VERDICTS]
+    return ", ".join(f"{n} {verdict}" for verdict, n in counts if n)
+
+
+def _slopes_told(report: Report) -> str:
+    told = [f"{line['fitted']:.2f}" for line in report["slopes"] if line["fitted"] is not None]
+    orders = [h["last_order"] for h in report["newton_histories"] if h["last_order"] is not None]
+    newton = f"Newton's last order {max(orders):.2f}; " if orders else ""
+    return f"{newton}fitted slopes {', '.join(told)}"

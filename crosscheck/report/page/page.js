@@ -1,0 +1,118 @@
+(() => {
+  "use strict";
+  const find = (id) => document.getElementById(id);
+  const still = matchMedia("(prefers-reduced-motion: reduce)");
+  const read = (id) => JSON.parse(find(id).textContent);
+
+  // The theme: what the system says, until the reader chooses.
+  const theme = find("theme");
+  const dark = () => (document.documentElement.dataset.theme || (matchMedia("(prefers-color-scheme: dark)").matches ? "dark" : "light")) === "dark";
+  const named = () => { theme.textContent = dark() ? "Light" : "Dark"; theme.setAttribute("aria-label", `Switch to the ${dark() ? "light" : "dark"} theme`); };
+  theme.hidden = false;
+  named();
+  theme.addEventListener("click", () => { document.documentElement.dataset.theme = dark() ? "light" : "dark"; named(); });
+
+  // A link into a folded section opens it.
+  const unfold = () => { for (let at = location.hash.length > 1 && find(location.hash.slice(1)); at; at = at.parentElement) { if (at.tagName === "SECTION") { const fold = at.querySelector("details"); if (fold) fold.open = true; } if (at.tagName === "DETAILS") at.open = true; } };
+  addEventListener("hashchange", unfold);
+  unfold();
+
+  for (const button of document.querySelectorAll("button[data-copy]")) {
+    button.hidden = false;
+    button.addEventListener("click", async () => {
+      const text = find(button.dataset.copy);
+      try {
+        await navigator.clipboard.writeText(text.textContent);
+        button.textContent = "Copied";
+      } catch {
+        getSelection().selectAllChildren(text);
+        button.textContent = "Selected: copy it";
+      }
+    });
+  }
+
+  // Marks: one tab stop per figure, arrows go on within it.
+  for (const drawing of document.querySelectorAll("svg")) {
+    const marks = [...drawing.querySelectorAll("[data-mark]")];
+    marks.forEach((mark, k) => {
+      mark.setAttribute("tabindex", k ? "-1" : "0");
+      mark.addEventListener("keydown", (event) => {
+        const step = { ArrowRight: 1, ArrowDown: 1, ArrowLeft: -1, ArrowUp: -1 }[event.key];
+        const next = step && marks[k + step];
+        if (!next) return;
+        event.preventDefault();
+        mark.setAttribute("tabindex", "-1");
+        next.setAttribute("tabindex", "0");
+        next.focus();
+      });
+    });
+  }
+
+  const picture = find("pose-picture");
+  if (!picture) return;
+  const poses = read("poses");
+  const looks = read("looks");
+  const told = find("pose-told");
+  const play = find("pose-play");
+  const layer = (name) => find(`pose-${name}`);
+  const add = (parent, tag, attributes) => {
+    const made = document.createElementNS(picture.namespaceURI, tag);
+    for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
+    return parent.appendChild(made);
+  };
+  const placed = ([x, y, degrees]) => `translate(${x} ${y}) rotate(${degrees})`;
+  const build = (parent, parts, places) => {
+    parent.replaceChildren();
+    parts.slice(0, places.length).forEach((part, k) => {
+      const group = add(parent, "g", { transform: placed(places[k]) });
+      add(group, "path", { d: part.path, "fill-opacity": "0.08", "stroke-linejoin": "round", "stroke-linecap": "round" });
+      for (const [cx, cy] of part.pins) add(group, "circle", { cx, cy, r: 2.6 });
+    });
+  };
+  let shown = poses.marks[poses.first];
+  let timer = 0;
+  const stop = () => { clearInterval(timer); timer = 0; play.textContent = "Play the cycle"; play.setAttribute("aria-pressed", "false"); };
+  const show = (number) => {
+    shown = poses.marks[number];
+    const scene = poses.scenes[shown.scene];
+    const colour = looks[shown.look];
+    layer("ground").replaceChildren();
+    for (const [x, y] of scene.ground) add(layer("ground"), "path", { d: `M${x - 7} ${y + 9}L${x} ${y}L${x + 7} ${y + 9}z` });
+    build(layer("truth"), scene.parts, shown.pose);
+    layer("ghost").setAttribute("stroke", colour);
+    build(layer("ghost"), scene.parts, shown.ghost);
+    layer("arrows").replaceChildren();
+    for (const [x, y, a, b, c, d] of shown.arrows) {
+      add(layer("arrows"), "path", { d: `M${x} ${y}L${a} ${b}`, stroke: "currentColor" });
+      add(layer("arrows"), "path", { d: `M${x} ${y}L${c} ${d}`, stroke: colour, "stroke-dasharray": "4 3" });
+    }
+    find("pose-name").textContent = shown.told;
+    told.textContent = shown.told;
+    find("pose-scene").textContent = `${scene.name} (record ${scene.key})`;
+    layer("ghost").removeAttribute("opacity");
+    layer("arrows").removeAttribute("opacity");
+  };
+  const point = (mark) => {
+    for (const before of document.querySelectorAll("[data-shown]")) before.removeAttribute("data-shown");
+    mark.setAttribute("data-shown", "");
+    stop();
+    show(Number(mark.dataset.pose));
+  };
+  for (const mark of document.querySelectorAll("[data-pose]")) {
+    for (const kind of ["focus", "mouseenter", "click"]) mark.addEventListener(kind, () => point(mark));
+  }
+  find("pose-controls").hidden = false;
+  play.addEventListener("click", () => {
+    if (timer) { stop(); show(poses.marks.indexOf(shown)); return; }
+    const scene = poses.scenes[shown.scene];
+    let frame = 0;
+    layer("ghost").setAttribute("opacity", "0.55");
+    layer("arrows").setAttribute("opacity", "0");
+    play.textContent = "Stop";
+    play.setAttribute("aria-pressed", "true");
+    timer = setInterval(() => {
+      frame = (frame + 1) % scene.frames.length;
+      [...layer("truth").children].forEach((part, k) => part.setAttribute("transform", placed(scene.frames[frame][k])));
+    }, still.matches ? 700 : 90);
+  });
+})();

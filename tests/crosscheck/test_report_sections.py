@@ -1,0 +1,241 @@
+"""The sections of the page that show what other commands measured, pictures of poses, and who was wrong in silence."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crosscheck.check import check
+from crosscheck.report import build
+from crosscheck.report.front import answer as sentence
+from crosscheck.report.front import first_table, hard_matrix
+from crosscheck.report.prices import cheapest
+from crosscheck.report.slopes import slopes
+from refkin import FourBar
+
+from .report_records import disagreement, good_answer, record, write
+
+PRICES = [
+    {"engine": "mujoco", "route": "newton", "knob": "k = 2", "digits": 7.0, "microseconds": 10.0},
+    {"engine": "mujoco", "route": "newton", "knob": "k = 4", "digits": 14.0, "microseconds": 31.0},
+    {"engine": "mujoco", "route": "newton", "knob": "k = 3", "digits": 9.5, "microseconds": 24.0},
+    {"engine": "exudyn", "route": "static", "knob": "1e-9", "digits": 8.9, "microseconds": 5.0},
+]
+PRICES = [
+    {**row, "quantity": "acceleration", "digits_attainable": 15.0, "spread": 0.05, "scene_class": "regular"}
+    for row in PRICES
+]
+EFFECTS = [
+    {"engine": "refkin", "effect": "position", "microseconds": 20.0, "inert": True, "largest_change": 0.0},
+    {"engine": "mujoco", "effect": "gravity", "microseconds": 3.0, "inert": False, "largest_change": 1e-3},
+]
+HARD = [
+    {"engine": "mujoco", "route": "newton", "case": "dead centre", "verdict": "correct", "class": "", "quote": ""},
+    {
+        "engine": "mujoco",
+        "route": "newton",
+        "case": "dead centre",
+        "verdict": "wrong",
+        "class": "defect",
+        "quote": "ok",
+    },
+    {"engine": "mujoco", "route": "newton", "case": "change point", "verdict": "refused", "class": "", "quote": "no"},
+]
+
+
+def reported(folder: Path, **files: Any) -> tuple[Any, str]:
+    """Build a page for a run of one good scene with files beside its records."""
+    write(folder, record("a", good_answer("mujoco")))
+    for name, rows in files.items():
+        (folder / f"{name}.json").write_text(json.dumps(rows), encoding="utf-8")
+    page = build(folder, gaps=()).read_text(encoding="utf-8")
+    return json.loads((folder / "report.json").read_text(encoding="utf-8")), page
+
+
+def test_what_was_not_measured_says_so_in_its_section(tmp_path: Path) -> None:
+    report, page = reported(tmp_path)
+
+    assert [report[name] for name in ("price", "effects", "hard_cases")] == [None] * 3
+    assert page.count('<p class="none">Not measured in this run.</p>') == 3
+
+
+def test_rows_that_were_measured_stand_in_the_report_as_they_came(tmp_path: Path) -> None:
+    report, _ = reported(tmp_path, price=PRICES, effects=EFFECTS, hard_cases=HARD)
+
+    assert report["price"] == PRICES
+    assert report["effects"] == EFFECTS
+    assert [{**row, "note": ""} for row in HARD] == report["hard_cases"]
+
+
+@pytest.mark.parametrize(
+    ("file", "rows", "told"),
+    [
+        ("price", [{**PRICES[0], "microseconds": -1}], "0.microseconds"),
+        ("price", {"engine": "mujoco"}, "array"),
+        ("hard_cases", [{**HARD[0], "verdict": "fine"}], "0.verdict"),
+        ("effects", [{"engine": "mujoco"}], "0.effect"),
+    ],
+)
+def test_file_that_cannot_be_read_fails_the_night_and_says_where(
+    tmp_path: Path, file: str, rows: Any, told: str
+) -> None:
+    report, _ = reported(tmp_path, **{file: rows})
+
+    assert report["verdict"] == "infrastructure"
+    assert f"{file}.json cannot be read" in report["failures"][0]
+    assert told in report["failures"][0]
+
+
+def test_cheapest_way_is_the_least_time_among_settings_with_the_digits() -> None:
+    found = cheapest(PRICES, "acceleration", 9, "regular")
+
+    assert {who: row["microseconds"] for who, row in found.items()} == {("mujoco", "newton"): 24.0}
+
+
+def test_first_table_has_the_price_of_nine_digits_of_acceleration(tmp_path: Path) -> None:
+    report, page = reported(tmp_path, price=PRICES)
+
+    assert [row["price"] for row in first_table(report)] == [24.0]
+    assert sentence(report) == "Nine digits of acceleration cost least with mujoco · newton: 24 µs (regular scenes)."
+    assert sentence(report) in page
+
+
+def test_route_that_never_has_nine_digits_has_no_price(tmp_path: Path) -> None:
+    report, page = reported(tmp_path, price=PRICES[:1])
+
+    assert [row["price"] for row in first_table(report)] == [None]
+    assert "never reached" in page
+    assert "No route reaches nine digits of acceleration." in page
+
+
+def test_every_priced_setting_is_a_mark_and_a_row(tmp_path: Path) -> None:
+    _, page = reported(tmp_path, price=PRICES)
+
+    for row in PRICES:
+        mark = f"{row['engine']} · {row['route']}, {row['knob']}: {row['digits']:.1f} digits of acceleration for"
+        assert page.count(f'aria-label="{mark}') == 1
+    section = page[page.index('<section id="price"') : page.index('<section id="effects"')]
+    assert section.count('<tr><th scope="row">') == len(PRICES) + 2  # and a line per route in the table of goals
+
+
+def test_effect_that_changes_what_was_called_for_is_named(tmp_path: Path) -> None:
+    _, page = reported(tmp_path, effects=EFFECTS)
+
+    assert "mujoco: gravity changes what was called for, by up to 0.0010." in page
+    assert "refkin: position changes" not in page
+
+
+def test_case_with_two_verdicts_shows_the_worse_one(tmp_path: Path) -> None:
+    report, _ = reported(tmp_path, hard_cases=HARD)
+
+    assert hard_matrix(report)["lines"] == [("dead centre", ["wrong"]), ("change point", ["refused"])]
+
+
+def test_hard_case_that_is_wrong_in_silence_stands_in_the_first_table(tmp_path: Path) -> None:
+    report, _ = reported(tmp_path, hard_cases=HARD)
+    (row,) = first_table(report)
+
+    assert (row["silent"], row["silent_class"]) == ("hard cases: dead centre", "bad")
+
+
+def test_scene_that_is_wrong_in_three_quantities_counts_once_as_silent(tmp_path: Path) -> None:
+    told = [disagreement(quantity=q) for q in ("position", "velocity", "acceleration")]
+    write(tmp_path, record("a", good_answer("mujoco"), disagreements=told), record("b", good_answer("mujoco")))
+    build(tmp_path, gaps=())
+    (route,) = json.loads((tmp_path / "report.json").read_text())["routes"]
+
+    assert route["silent"] == {"any": 1, "beyond the allowed error": 1}
+
+
+def test_engine_that_gave_no_answer_was_not_silent(tmp_path: Path) -> None:
+    told = [disagreement(quantity="status", kind="no answer", ratio=None)]
+    write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=told))
+    build(tmp_path, gaps=())
+    (route,) = json.loads((tmp_path / "report.json").read_text())["routes"]
+
+    assert route["silent"] == {}
+
+
+@pytest.fixture(scope="module")
+def posed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any]:
+    """A run of one real scene: its report and its record, with the rocker's angle off by 1e-9 at time 7."""
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    scene = linkage.scene(speed=1.0, turns=1, samples=73, branch="open")
+    made = check(scene, ["closed_form"])
+    for sample in made["answers"][0]["quantities"]["position"]["samples"].values():
+        sample.update(k=7, digits=9.0, off=[0.0] * 8 + [1e-9])
+    folder = write(tmp_path_factory.mktemp("posed"), made)
+    build(folder, gaps=())
+    return json.loads((folder / "report.json").read_text()), made
+
+
+def position_marks(report: Any) -> list[Any]:
+    return [m for m in report["poses"]["marks"] if m["quantity"] == "position"]
+
+
+def test_ghost_differs_from_the_pose_by_the_error_times_the_stated_factor(posed: Any) -> None:
+    report, _ = posed
+    for mark in position_marks(report):
+        turned = mark["pose"][2][2] - mark["ghost"][2][2]  # degrees, clockwise in pixels
+
+        assert mark["factor"] * math.degrees(1e-9) == pytest.approx(turned, abs=0.11)
+        assert mark["pose"][:2] == mark["ghost"][:2]
+
+
+def test_pose_of_a_mark_is_the_one_at_its_time(posed: Any) -> None:
+    report, _ = posed
+    for mark in position_marks(report):
+        crank = mark["pose"][0][2]
+
+        assert mark["time"] == pytest.approx(2 * np.pi * 7 / 72)
+        assert -math.degrees(mark["time"]) == pytest.approx(crank, abs=0.06)
+
+
+def test_bars_of_a_picture_keep_together_in_every_frame(posed: Any) -> None:
+    """Joint points of two bodies that a joint holds together are drawn at one place, to the tenths of the picture."""
+    (scene,) = posed[0]["poses"]["scenes"]
+
+    def place(part: Any, where: Any, pin: int) -> Any:
+        x, y, degrees = where
+        c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+        a, b = part["pins"][pin]
+        return x + c * a - s * b, y + s * a + c * b
+
+    for frame in scene["frames"]:
+        crank, coupler, rocker = zip(scene["parts"], frame, strict=True)
+        assert place(*crank, 1) == pytest.approx(place(*coupler, 0), abs=0.5)
+        assert place(*coupler, 1) == pytest.approx(place(*rocker, 1), abs=0.5) or place(*coupler, 1) == pytest.approx(
+            place(*rocker, 0), abs=0.5
+        )
+
+
+def test_records_without_poses_make_a_page_without_pictures(tmp_path: Path) -> None:
+    report, page = reported(tmp_path)
+
+    assert report["poses"]["marks"] == []
+    assert "The records of this run hold no poses." in page
+
+
+def test_record_whose_scene_cannot_be_read_makes_no_picture(posed: Any, tmp_path: Path) -> None:
+    broken = {**posed[1], "scene_file": {"schema": 1}}
+    build(write(tmp_path, broken), gaps=())
+
+    assert json.loads((tmp_path / "report.json").read_text())["poses"]["marks"] == []
+
+
+def test_fitted_slopes_are_those_on_paper() -> None:
+    fitted = {line["name"]: (line["expected"], line["fitted"]) for line in slopes()}
+
+    assert set(fitted) == {
+        "forward difference",
+        "central difference",
+        "complex step difference",
+        "smallest singular value",
+    }
+    for expected, value in fitted.values():
+        assert (value is None) if expected is None else value == pytest.approx(expected, abs=0.05)
