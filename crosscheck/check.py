@@ -18,7 +18,7 @@ import numpy as np
 from crosscheck.comparison import QUANTITIES, Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.engines import Engine, EngineError, Level, Term, load, refusals
 from crosscheck.levels import Configuration, LevelComparison, compare_levels, configurations
-from crosscheck.samples import agreement, attainable, worst_samples
+from crosscheck.samples import attainable, common_sample, off_at, worst_samples
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Route, Status
 from refkin.scene_files import to_dict
@@ -59,7 +59,6 @@ def check(scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any
         "reference": _reference_record(ref, time.perf_counter() - start),
         "answers": [],
         "levels": [],
-        "agreement": [],
         "refusals": [],
         "disagreements": [],
     }
@@ -67,17 +66,13 @@ def check(scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any
         told = {"engine": "refkin", "route": "newton", "quantity": "status", "ratio": None, "worst": ref.motion.message}
         record["disagreements"].append({**told, "kind": str(ref.motion.verdict)})
     at = _configurations(ref, record["key"])
-    answered: dict[tuple[str, str], Comparison] = {}
     for engine in (load(e) if isinstance(e, str) else e for e in engines):
         reasons = refusals(engine, scene, Level.SOLVE)
         record["refusals"] += reasons
         for route in () if reasons else engine.routes():
-            found = _check_route(engine, route, scene, ref, record)
-            if found is not None:
-                answered[engine.name, route.name] = found
+            _check_route(engine, route, scene, ref, record)
         if hasattr(engine, "constraints"):
             _check_levels(engine, scene, at, record)
-    record["agreement"] = agreement(ref, answered)
     return record
 
 
@@ -92,6 +87,7 @@ def _reference_record(ref: Reference, seconds: float) -> dict[str, Any]:
         "sigma_per_step": _sigma_per_step(ref),
         "residual": _largest(motion.residual),
         "certified_radius": {q: _largest(getattr(radius, q)) for q in QUANTITIES},
+        "common": common_sample(ref),
         "attainable_by_sigma": {q: by_decade(ref.sigma_min, digits) for q, digits in attainable(ref).items()},
         "seconds": seconds,
     }
@@ -114,8 +110,7 @@ def _configurations(ref: Reference, key: str) -> list[Configuration]:
     return configurations(ref.scene.mechanism, near, ref.motion.t[lanes], key, CONFIGURATIONS)
 
 
-def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, record: Record) -> Comparison | None:
-    """Add the answer by one route and what disagrees in it to the record; return None if there is no answer."""
+def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, record: Record) -> None:
     told = {"engine": engine.name, "route": route.name}
     regular = _smallest(ref.sigma_min) > REGULAR
     try:
@@ -127,7 +122,7 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
         record["refusals"].append(str(error))
         if regular and not _is_refusal(error, scene):
             record["disagreements"].append({**told, **_no_answer("no answer", str(error))})
-        return None
+        return
     found = compare(ref, motion, terms)
     record["answers"].append(_answer_record(engine, motion, found, ref, seconds))
     turned_round = _turned_round(engine, route, scene, ref, terms) if route == engine.routes()[0] else None
@@ -146,7 +141,6 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
     elif turned_round is not None and turned_round.missing and regular:
         at = _no_answer("depends on the order of bodies", f"{turned_round.missing} times without answer")
         record["disagreements"].append({**told, **at})
-    return found
 
 
 def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, terms: Sequence[Term]) -> Comparison:
@@ -173,7 +167,7 @@ def _no_answer(kind: str, worst: str) -> dict[str, Any]:
 
 
 def _answer_record(engine: Engine, motion: Motion, found: Comparison, ref: Reference, seconds: float) -> dict[str, Any]:
-    route = motion.producer.route
+    route, common = motion.producer.route, common_sample(ref)
     return {
         "engine": engine.name,
         "version": motion.producer.version,
@@ -184,6 +178,7 @@ def _answer_record(engine: Engine, motion: Motion, found: Comparison, ref: Refer
                 "worst": q.worst,
                 "digits_by_sigma": by_decade(ref.sigma_min, q.digits),
                 "samples": worst_samples(ref.sigma_min, q),
+                "common": off_at(q, common),
             }
             for name, q in found.quantities.items()
         },

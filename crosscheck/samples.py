@@ -1,22 +1,18 @@
-"""What a record keeps for pictures: the worst samples, the digits that rounding leaves, who agrees with whom.
+"""What a record keeps for pictures: the worst samples, the digits that rounding leaves, one sample for all engines.
 
-All of it falls out of comparisons that are made anyway; numbers are kept to two figures.
+All of it falls out of comparisons that are made anyway; errors are kept to a few figures. Every answer is kept by
+itself, so that a scene whose engines are asked one by one has the same record.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from itertools import combinations
 from typing import Any
 
 import numpy as np
 
 from crosscheck.budget import SAFETY
-from crosscheck.comparison import MOST_DIGITS, QUANTITIES, Comparison, QuantityComparison, Reference, scales
-from crosscheck.frames import wrap
-
-Answered = Mapping[tuple[str, str], Comparison]
-"""Engine and route -> its answer against the reference."""
+from crosscheck.comparison import MOST_DIGITS, QUANTITIES, QuantityComparison, Reference, scales
 
 
 def worst_samples(sigma: Any, found: QuantityComparison) -> dict[str, dict[str, Any]]:
@@ -62,34 +58,25 @@ def attainable(ref: Reference) -> dict[str, Any]:
     return found
 
 
-def agreement(ref: Reference, answered: Answered) -> list[list[Any]]:
-    """Return for each two answers the median over times of the digits to which they agree.
+def common_sample(ref: Reference) -> dict[str, Any] | None:
+    """Return the one time per scene at which answers are compared with each other, and what their errors relate to.
 
     Returns
     -------
-    list of [engine, route, engine, route, digits of position, of velocity, of acceleration]
-        None where the two have no time in common.
+    dict or None
+        {k, scale}: the middle one of the times at which a budget is derived, the scale of each quantity there; None if
+        there is no such time.
     """
-    rows = []
-    for (a, first), (b, second) in combinations(answered.items(), 2):
-        digits = [_median_digits(ref, quantity, first, second) for quantity in QUANTITIES]
-        rows.append([*a, *b, *digits])
-    return rows
+    lanes = np.flatnonzero(ref.budget().judged)
+    if not lanes.size:
+        return None
+    k = int(lanes[lanes.size // 2])
+    size = {q: float(scales(ref.levels[level], level)[k]) for level, q in enumerate(QUANTITIES)}
+    return {"k": k, "scale": size}
 
 
-def _median_digits(ref: Reference, quantity: str, first: Comparison, second: Comparison) -> float | None:
-    one, other = (found.quantities.get(quantity) for found in (first, second))
-    if one is None or other is None or one.difference is None or other.difference is None:
-        return None
-    level = QUANTITIES.index(quantity)
-    apart = one.difference - other.difference
-    if level == 0:
-        apart[2::3] = wrap(apart[2::3])
-    both = np.isfinite(apart)
-    lanes = both.any(axis=0)
-    if not lanes.any():
-        return None
-    error = np.max(np.where(both, np.abs(apart), 0.0), axis=0)[lanes]
-    with np.errstate(divide="ignore"):
-        digits = np.minimum(MOST_DIGITS, -np.log10(error / scales(ref.levels[level], level)[lanes]))
-    return float(np.floor(np.median(digits) * 10) / 10)
+def off_at(found: QuantityComparison, common: Mapping[str, Any] | None) -> list[float | None]:
+    """Return the signed error per scaled coordinate at the common time, to three figures; None where there is none."""
+    if common is None or found.difference is None:
+        return []
+    return [float(f"{x:.3g}") if np.isfinite(x) else None for x in found.difference[:, common["k"]]]

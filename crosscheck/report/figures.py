@@ -52,9 +52,8 @@ def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
     lowest = min((b.told[line] for b in bins), default=0.0)
     floor = 4.0 if lowest >= 4 else min(0.0, math.floor(lowest))
     span = _decades([b.decade for b in bins] + [decade for _, decade in blanks])
-    pictures = {
-        (m["engine"], m["route"], m["quantity"], m["decade"]): k for k, m in enumerate(report["poses"]["marks"])
-    }
+    marks = report["poses"]["marks"] if line == "digits_worst" else ()
+    pictures = {(m["engine"], m["route"], m["quantity"], m["decade"]): k for k, m in enumerate(marks)}
     panels = []
     for quantity in SOLVED if bins else ():
         plot = _digits_axes(quantity, line, span, floor)
@@ -63,11 +62,11 @@ def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
             # Engines agree to the digit in most bins: each stands a little beside the others, inside its decade.
             aside = 0.5 + 0.6 * ((k + 0.5) / len(looks) - 0.5)
             of_line = [b for b in bins if b.quantity == quantity and b.name == name]
-            marks = [
+            shown = [
                 Mark(b.decade + aside, b.told[line], _spoken(b, line), pictures.get((*name, quantity, b.decade)))
                 for b in of_line
             ]
-            plot.marks(marks, look)
+            plot.marks(shown, look)
             if line == "digits_worst":
                 _no_answers(plot, [decade + aside for who, decade in blanks if who == name], look, floor)
         if not any(b.quantity == quantity for b in bins):

@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import math
 from collections import Counter
+from collections.abc import Mapping
+from itertools import combinations
 from typing import Any
 
+from crosscheck.comparison import MOST_DIGITS
 from crosscheck.report.cells import Place
 from crosscheck.report.digits import Digits, describe
-from crosscheck.report.records import Checked, Disagreement
+from crosscheck.report.records import Answer, Checked, Disagreement
 
 QUANTITIES = ("position", "velocity", "acceleration")
 Who = tuple[str, str]
@@ -22,12 +26,14 @@ class Peers:
 
     def add(self, record: Checked) -> None:
         """Count one scene."""
-        for a, one, b, other, *digits in record.agreement:
-            first, second = sorted([(a, one), (b, other)])
-            counts = self.pairs.setdefault((first, second), [Counter() for _ in QUANTITIES])
-            for of_quantity, value in zip(counts, digits, strict=True):
-                if value is not None:
-                    of_quantity[round(10 * value)] += 1
+        scale = record.reference.common.scale if record.reference and record.reference.common else {}
+        for one, other in combinations(sorted(record.answers, key=lambda a: (a.engine, a.route.name)), 2):
+            names = ((one.engine, one.route.name), (other.engine, other.route.name))
+            counts = self.pairs.setdefault(names, [Counter() for _ in QUANTITIES])
+            for quantity, of_quantity in zip(QUANTITIES, counts, strict=True):
+                digits = _agreeing(one, other, quantity, scale)
+                if digits is not None:
+                    of_quantity[math.floor(10 * digits)] += 1
         for quantity, histograms in (record.reference.attainable_by_sigma if record.reference else {}).items():
             for decade, histogram in histograms.items():
                 self.attainable.setdefault(quantity, Digits()).add(decade, histogram)
@@ -48,7 +54,22 @@ class Peers:
                 },
             }
             for (first, second), counts in sorted(self.pairs.items())
+            if any(counts)
         ]
+
+
+def _agreeing(one: Answer, other: Answer, quantity: str, scale: Mapping[str, float]) -> float | None:
+    """Return the digits to which two answers agree at the common sample; None if one of them has nothing there."""
+    if quantity not in scale or quantity not in one.quantities or quantity not in other.quantities:
+        return None
+    both = zip(one.quantities[quantity].common, other.quantities[quantity].common, strict=False)
+    apart = [a - b for a, b in both if a is not None and b is not None]
+    if not apart:
+        return None
+    if quantity == "position":  # angles are the same modulo full turns
+        apart[2::3] = [math.remainder(x, math.tau) for x in apart[2::3]]
+    largest = max(map(abs, apart)) / scale[quantity]
+    return MOST_DIGITS if largest == 0.0 else min(MOST_DIGITS, -math.log10(largest))
 
 
 class Silent:

@@ -50,7 +50,7 @@ def pose_picture(report: Mapping[str, Any], which: int, looks: Mapping[tuple[str
 
 def _parts(parent: ET.Element, parts: Sequence[Mapping[str, Any]], places: Sequence[Sequence[float]]) -> None:
     for part, (x, y, degrees) in zip(parts, places, strict=False):  # no ghost: no places
-        group = ET.SubElement(parent, "g", {"transform": f"translate({x} {y}) rotate({degrees})"})
+        group = ET.SubElement(parent, "g", {"transform": f"translate({x:g} {y:g}) rotate({degrees:g})"})
         path = {"d": part["path"], "fill-opacity": "0.08", "stroke-linejoin": "round", "stroke-linecap": "round"}
         ET.SubElement(group, "path", path)
         for cx, cy in part["pins"]:

@@ -34,6 +34,7 @@ class Quantity(_Data):
     worst: str = ""
     digits_by_sigma: dict[int, Histogram]
     samples: dict[int, Sample] = {}
+    common: list[float | None] = []
 
 
 class RouteData(_Data):
@@ -72,6 +73,13 @@ class LevelRow(_Data):
     worst: str = ""
 
 
+class Common(_Data):
+    """The one time of a scene at which answers are compared with each other, and what their errors relate to."""
+
+    k: NonNegativeInt
+    scale: dict[str, float]
+
+
 class ReferenceRow(_Data):
     """What the reference says of a scene."""
 
@@ -81,6 +89,7 @@ class ReferenceRow(_Data):
     sigma_min: float
     residual: float | None
     certified_radius: dict[str, float | None] = {}
+    common: Common | None = None
     attainable_by_sigma: dict[str, dict[int, Histogram]] = {}
     seconds: float
 
@@ -101,10 +110,6 @@ class Disagreement(_Data):
         return self.engine, self.route, self.quantity, self.kind
 
 
-Pair = tuple[str, str, str, str, float | None, float | None, float | None]
-"""Engine and route, another engine and route, and to how many digits they agree on each quantity."""
-
-
 class Checked(_Data):
     """One scene's record; `reference` is None only with a `failure`."""
 
@@ -115,7 +120,6 @@ class Checked(_Data):
     reference: ReferenceRow | None = None
     answers: list[Answer]
     levels: list[LevelRow]
-    agreement: list[Pair] = []
     refusals: list[str]
     disagreements: list[Disagreement]
     failure: str | None = None

@@ -161,6 +161,22 @@ def test_engine_that_gave_no_answer_was_not_silent(tmp_path: Path) -> None:
     assert route["silent"] == {}
 
 
+def test_two_that_are_wrong_alike_agree_and_the_odd_one_stands_out(tmp_path: Path) -> None:
+    def off(engine: str, by: float) -> Any:
+        told = good_answer(engine)
+        told["quantities"]["position"]["common"] = [0.0, 0.0, by]
+        return told
+
+    made = record("a", off("mujoco", 3e-7), off("exudyn", 3e-7 + 2 * math.pi), off("pinocchio", 0.0))
+    made["reference"]["common"] = {"k": 0, "scale": {"position": 1.0}}
+    build(write(tmp_path, made), gaps=())
+    rows = json.loads((tmp_path / "report.json").read_text())["agreement"]
+    digits = {tuple(row["engines"]): row["position"]["digits_median"] for row in rows}
+
+    assert digits.pop(("exudyn", "mujoco")) > 15
+    assert digits == {("exudyn", "pinocchio"): 6.5, ("mujoco", "pinocchio"): 6.5}
+
+
 @pytest.fixture(scope="module")
 def posed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any]:
     """A run of one real scene: its report and its record, with the rocker's angle off by 1e-9 at time 7."""
