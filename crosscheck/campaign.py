@@ -18,6 +18,7 @@ from crosscheck.cluster import ClusterWorkers
 from crosscheck.disagreements import SHRINKING_SECONDS, write_disagreements
 from crosscheck.drawing import describe, draw, is_chain
 from crosscheck.engines import load
+from crosscheck.golden import compare_night
 from crosscheck.journal import Journal, replace_file
 from crosscheck.known_gaps import Gap, Tally
 from crosscheck.processes import Failure, Job, call_each
@@ -40,7 +41,8 @@ class Plan:
 
     `engines` and `required` are names, or what else `crosscheck.engines.load` takes; `cluster` is where the workers are
     if they are not processes of this run (see `crosscheck.cluster`); `scene_seconds` is after how long on one scene a
-    worker is ended, `shrinking_seconds` how long the simplifying of disagreements may take in all.
+    worker is ended, `shrinking_seconds` how long the simplifying of disagreements may take in all; `baseline` is the
+    file of the golden set, which is not looked at if None.
     """
 
     seed: int
@@ -53,6 +55,7 @@ class Plan:
     cluster: str | None = None
     scene_seconds: float = SECONDS_PER_SCENE
     shrinking_seconds: float = SHRINKING_SECONDS
+    baseline: Path | None = None
 
 
 @dataclass
@@ -130,6 +133,9 @@ def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome
             _judge(journal, gaps, outcome)
             simplifying = lambda: progress(outcome.checked, "simplifying disagreements")  # noqa: E731
             outcome.shrinking_seconds = write_disagreements(plan, outcome.new, workers, simplifying)
+            if plan.baseline is not None:
+                progress(outcome.checked, "comparing the golden set")
+                outcome.new += compare_night(plan.baseline, plan.out, workers)
             outcome.failed += workers.unexplained
     return outcome
 
@@ -258,7 +264,7 @@ def _made(out: Path) -> dict[str, Any] | None:
         return None
     try:
         made = json.loads(path.read_text(encoding="utf-8"))
-        return {"seed": int(made["seed"]), "versions": dict(made["versions"])}
+        return {"seed": int(made["seed"]), "versions": dict(made["versions"]), "date": made.get("date")}
     except (ValueError, KeyError, TypeError) as error:
         raise OtherRun(f"{path} does not say what run it belongs to: choose another folder") from error
 
@@ -274,13 +280,13 @@ def _agree_with_what_is_there(plan: Plan, outcome: Outcome, numbers: dict[int, s
         if key_of(draw(plan.seed, number).scene) != numbers[number]:
             raise OtherRun(f"{plan.out} holds a run whose scenes are not drawn any more: choose another folder")
     made = {
-        **{k: v for k, v in asdict(plan).items() if k != "out"},
+        **{k: v for k, v in asdict(plan).items() if k not in ("out", "baseline")},
         "required": outcome.required,
         "versions": outcome.versions,
         "missing": outcome.missing,
         "hypothesis": version("hypothesis"),
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",
-        "date": time.strftime("%Y-%m-%d %H:%M", time.gmtime()),
+        "date": (before or {}).get("date") or time.strftime("%Y-%m-%d %H:%M", time.gmtime()),
     }
     replace_file(plan.out / "run.json", json.dumps(made, indent=1) + "\n")

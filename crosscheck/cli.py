@@ -16,13 +16,14 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from crosscheck import document_commands, tape_command
+from crosscheck import document_commands, golden, night_commands, tape_command
 from crosscheck.answers import to_json
 from crosscheck.campaign import ALWAYS, SAMPLED, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.cluster import LOCAL, NoCluster
 from crosscheck.engines import available
 from crosscheck.engines import load as load_engine
 from crosscheck.freedoms import mobility_lines
+from crosscheck.history import HistoryError, warnings
 from crosscheck.journal import Occupied
 from crosscheck.known_gaps import InvalidGap, read
 from crosscheck.progress import shown_progress
@@ -117,6 +118,8 @@ def nightly(
     workers: Whole | None = None,
     cluster: str | None = None,
     scene_seconds: float = SECONDS_PER_SCENE,
+    history: Path | None = None,
+    baseline: Path | None = None,
 ) -> int:
     """Draw scenes, check them on all engines, write a report.
 
@@ -144,19 +147,28 @@ def nightly(
         Check the scenes on a Dask cluster: `local` for one of `workers` processes, or a scheduler, `tcp://host:8786`.
     scene_seconds
         After this long on one scene a worker is ended, and the engine that it was at is told.
+    history
+        The file that nights are kept in; `history.sqlite` beside the folder by default.
+    baseline
+        The accepted digits of the golden set; that of this checkout by default, if there is one.
     """
-    plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers, cluster, scene_seconds)
+    if baseline is not None:
+        golden.read(baseline)
+    accepted = baseline or (golden.DEFAULT if golden.DEFAULT.is_file() else None)
+    plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers, cluster, scene_seconds, accepted)
     with shown_progress(plan.scenes, plan.minutes) as progress:
         try:
             outcome = run(plan, progress)
         except KeyboardInterrupt:
             told = f"interrupted; what was checked is kept in {plan.out}, and the same command goes on from there"
             raise KeyboardInterrupt(told) from None
-    page = build(plan.out, outcome, required=outcome.required)
+    page = build(plan.out, outcome, required=outcome.required, history=history or plan.out.parent / "history.sqlite")
+    report = json.loads((plan.out / "report.json").read_text(encoding="utf-8"))
+    warned = [f"warning: {line}" for line in warnings(report["trends"])] if report["trends"] else []
     console = Console(stderr=True, soft_wrap=True)
-    for line in (*outcome_lines(outcome), f"report: {page}"):
+    for line in (*outcome_lines(outcome), *warned, f"report: {page}"):
         console.print(line, markup=False, highlight=False)
-    return CODES[json.loads((plan.out / "report.json").read_text(encoding="utf-8"))["verdict"]]
+    return CODES[report["verdict"]]
 
 
 @app.command
@@ -212,6 +224,7 @@ def _plan(
     workers: int | None,
     cluster: str | None,
     scene_seconds: float,
+    baseline: Path | None,
 ) -> Plan:
     numbers = {"minutes": minutes, "scenes": scenes, "workers": workers, "scene-seconds": scene_seconds}
     for key, value in numbers.items():
@@ -235,6 +248,7 @@ def _plan(
         workers=workers or os.cpu_count() or 1,
         cluster=cluster,
         scene_seconds=scene_seconds,
+        baseline=baseline,
     )
 
 
@@ -293,13 +307,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
     try:
         code = app(sys.argv[1:] if arguments is None else arguments, exit_on_error=False, print_error=True)
-    except (InvalidScene, UsageError, OtherRun, Occupied, SameName) as error:
+    except (InvalidScene, UsageError, OtherRun, Occupied, SameName, golden.NoBaseline) as error:
         code = _told(error, USAGE)
     except cyclopts.CycloptsError:
         code = USAGE
     except BrokenPipeError:
         code = PASS
-    except (OSError, InvalidGap, NoCluster) as error:
+    except (OSError, InvalidGap, NoCluster, HistoryError) as error:
         code = _told(error, INFRASTRUCTURE)
     except KeyboardInterrupt as error:
         code = _told(error, INTERRUPTED)
@@ -314,3 +328,5 @@ def _told(error: BaseException, code: int) -> int:
 app.command(document_commands.ledger)
 app.command(document_commands.mutants)
 app.command(tape_command.tape)
+app.command(night_commands.history)
+app.command(night_commands.baseline)

@@ -18,6 +18,8 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from crosscheck import known_gaps
+from crosscheck.history import HistoryError, append
+from crosscheck.history import trends as trends_in
 from crosscheck.known_gaps import Gap
 from crosscheck.report import front, wording
 from crosscheck.report.documents import documents
@@ -55,6 +57,7 @@ def build(
     *,
     required: Sequence[str] | None = None,
     gaps: Sequence[Gap] | None = None,
+    history: Path | None = None,
 ) -> Path:
     """Write `report.json` and `index.html` for the run in a folder, and return the path of the page.
 
@@ -68,6 +71,8 @@ def build(
         Engines without which the night fails; what run.json says by default.
     gaps : sequence of Gap, optional
         The table of known gaps by default.
+    history : Path, optional
+        The file that nights are kept in: this one is added to it, and its trends stand on the page.
 
     Returns
     -------
@@ -76,12 +81,28 @@ def build(
     """
     folder.mkdir(parents=True, exist_ok=True)
     summary = Summary(folder, known_gaps.read() if gaps is None else gaps, outcome)
-    computed = {"newton_histories": newton_histories(), "slopes": slopes(), "documents": documents(), "trends": None}
-    report = plain({**summary.described(required), **computed})
+    computed = {"newton_histories": newton_histories(), "slopes": slopes(), "documents": documents()}
+    described, trends = _remembered(summary, required, history)
+    report = plain({**described, **computed, "trends": trends})
     _replace(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     page = folder / "index.html"
     _replace(page, render(report))
     return page
+
+
+def _remembered(
+    summary: Summary, required: Sequence[str] | None, path: Path | None
+) -> tuple[dict[str, Any], dict[str, Any] | None]:
+    """Return the report, and the trends of the history that it was added to; a history that fails fails the night."""
+    described = summary.described(required)
+    if path is None:
+        return described, None
+    try:
+        append(path, plain(described))
+        return described, trends_in(path) if path.is_file() else None
+    except (HistoryError, OSError) as error:
+        summary.failures.append(f"the history cannot be kept: {error}")
+        return summary.described(required), None
 
 
 def plain(value: Any) -> Any:

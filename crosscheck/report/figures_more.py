@@ -12,6 +12,8 @@ from crosscheck.report.wording import number
 
 LOWEST = -17
 """Decade on which an exact zero stands."""
+MOST_TRENDS = 24
+"""Series that have a panel, those that changed first; the table has all."""
 ALARM = Style("#D55E00", "none", "diamond")
 
 
@@ -73,7 +75,8 @@ def agreement_matrices(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]
 
 def trends_figure(series: Sequence[Mapping[str, Any]]) -> Figure:
     """Return a small panel per series over nights; where its level changed, a mark says by how much."""
-    panels = [_trend_panel(f"trend-{k}", one) for k, one in enumerate(series) if len(one["values"]) > 1]
+    shown = [one for one in series if len(one["values"]) > 1][:MOST_TRENDS]
+    panels = [_trend_panel(f"trend-{k}", one) for k, one in enumerate(shown)]
     legend = (
         (swatch(Style("#0072B2", "none", "circle")), "time / that of refkin, per night"),
         (swatch(ALARM, line=False), "the level changed (a warning)"),

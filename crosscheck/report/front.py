@@ -108,12 +108,25 @@ def folds(report: Report) -> dict[str, str]:
         "newton": _slopes_told(report),
         "glance": "percentiles, error / allowed, who solved what, own rows",
         "gaps": f"{len(gaps)} in the table, {sum(g['disagreements'] > 0 for g in gaps)} met",
-        "trends": f"{nights} nights, {changed} changes of level" if trends else "no history was kept with this run",
+        "trends": f"{_golden_told(report['golden'])}; {_nights_told(nights, changed)}",
         "coverage": f"{count(report['scenes'])} scenes, by kind, class, branch and distance",
         "refusals": f"{len(refusals)} kinds" if refusals else "none",
         "documents": report["documents"]["closing"],
         "method": "what is true, what is allowed, how it was timed, how to draw it again",
     }
+
+
+def _golden_told(golden: Any) -> str:
+    if not golden:
+        return "the golden set was not compared in this run"
+    worse = len(golden["found"])
+    return f"golden set of {golden['cases']} scenes: {f'{worse} numbers worse' if worse else 'nothing worse'}"
+
+
+def _nights_told(nights: int, changed: int) -> str:
+    if not nights:
+        return "no history was kept with this run"
+    return f"{nights} night{'s' * (nights != 1)}, {changed} change{'s' * (changed != 1)} of level"
 
 
 def _rows_told(rows: Any, what: str) -> str:

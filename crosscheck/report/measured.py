@@ -79,3 +79,24 @@ def measured(folder: Path) -> tuple[dict[str, Rows | None], list[str]]:
 def _rows(text: bytes, kind: type[_Row]) -> Rows:
     rows: Sequence[_Row] = TypeAdapter(list[kind]).validate_json(text)  # type: ignore[valid-type]
     return [row.model_dump() for row in rows]
+
+
+class Golden(_Row):
+    """How the golden set of a night compares with the accepted baseline."""
+
+    cases: int
+    versions: dict[str, str]
+    engines: list[str]
+    without: list[str]
+    found: list[dict[str, Any]]
+
+
+def read_golden(folder: Path) -> tuple[dict[str, Any] | None, list[str]]:
+    """Return what `golden.json` holds (None: the set was not compared), and what is wrong with it."""
+    path = folder / "golden.json"
+    if not path.exists():
+        return None, []
+    try:
+        return Golden.model_validate_json(path.read_bytes()).model_dump(), []
+    except ValidationError as error:
+        return None, [f"golden.json cannot be read: {error.errors(include_url=False)[0]['msg']}"]

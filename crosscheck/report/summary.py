@@ -14,7 +14,7 @@ from crosscheck.known_gaps import Gap
 from crosscheck.report.cells import Cell, Place, RouteTotals
 from crosscheck.report.coverage import Coverage, Refusals, decade
 from crosscheck.report.disagreements import Disagreements
-from crosscheck.report.measured import measured
+from crosscheck.report.measured import measured, read_golden
 from crosscheck.report.peers import Peers, Silent
 from crosscheck.report.poses import poses
 from crosscheck.report.records import Checked, Disagreement, Unreadable, read_records
@@ -53,7 +53,8 @@ class Summary:
         self.gaps, self.outcome = gaps, outcome
         self.run, self.failures = read_run(folder)
         self.measured, faults = measured(folder)
-        self.failures += faults
+        self.golden, more_faults = read_golden(folder)
+        self.failures += [*faults, *more_faults]
         self.keys: set[str] = set()
         self.repeated = self.configurations = self.without_result = self.reference_failures = 0
         self.cells: dict[tuple[str, str, str], Cell] = {}
@@ -62,7 +63,8 @@ class Summary:
         self.reference = ReferenceTotals()
         self.coverage, self.refusals = Coverage(), Refusals()
         self.peers, self.silent = Peers(), Silent()
-        self.disagreements = Disagreements(folder, gaps, outcome.new if outcome else ())
+        called_new = [*(self.golden["found"] if self.golden else ()), *(outcome.new if outcome else ())]
+        self.disagreements = Disagreements(folder, gaps, called_new)
         for line, text, record in read_records(folder / "records.jsonl"):
             self._add(line, text, record)
         for told in self.disagreements.finish():
@@ -174,6 +176,7 @@ class Summary:
                 {"engine": e, "route": r, **t.described(), "silent": self.silent.of(e, r)}
                 for (e, r), t in sorted(self.routes.items())
             ],
+            "golden": self.golden,
             **self.measured,
             "disagreements": self.disagreements.described(),
             "known_gaps": [_gap_row(g, n) for g, n in zip(self.gaps, self.disagreements.covered, strict=True)],

@@ -1,0 +1,150 @@
+"""The commands about nights that are over: `crosscheck history` and `crosscheck baseline`."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+from rich.console import Console
+from rich.table import Table
+
+from crosscheck import golden
+from crosscheck.campaign import find_engines
+from crosscheck.history import SOLVED, nights, trends, warnings
+from crosscheck.workers import Workers
+
+PASS, WORSE, USAGE, ENGINE_MISSING = 0, 1, 2, 3
+BLOCKS = "▁▂▃▄▅▆▇█"
+MOST_NIGHTS = 90
+"""Nights that a line of blocks shows."""
+
+Json = Annotated[bool, Parameter(name="--json", negative="")]
+
+
+def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, as_json: Json = False) -> int:
+    """Show the nights that were kept: how they ended, their worst digits, times relative to refkin and their changes.
+
+    Exit codes: 0 shown, 2 there is no such file, 4 it cannot be read.
+
+    Parameters
+    ----------
+    history
+        The file that nights are kept in.
+    last
+        How many nights the tables show; changes are looked for in all.
+    as_json
+        Print one JSON object instead of tables.
+    """
+    if not history.is_file():
+        print(f"there is no history {history}: crosscheck nightly makes one", file=sys.stderr)
+        return USAGE
+    if last < 1:
+        print(f"--last: expected a number above 0, got {last}", file=sys.stderr)
+        return USAGE
+    kept, told = nights(history), trends(history)
+    if as_json:
+        print(json.dumps({"schema": 1, "nights": kept, "series": told["series"], "warnings": warnings(told)}))
+        return PASS
+    console = Console(width=None if sys.stdout.isatty() else 140)
+    console.print(_night_table(kept[-last:]))
+    console.print(_digit_table(kept[-last:]))
+    console.print(_cost_table(told["series"]))
+    for line in warnings(told):
+        console.print(f"warning: {line}", markup=False)
+    return PASS
+
+
+def baseline(
+    *,
+    accept: Annotated[bool, Parameter(negative="")] = False,
+    engines: str = "closed_form,exudyn,pinocchio,mujoco",
+    file: Path = golden.DEFAULT,
+) -> int:
+    """Compare the golden set with the accepted baseline, or accept what is measured now as the new one.
+
+    Exit codes: 0 nothing is worse, 1 something is, 2 there is no baseline, 3 an engine is missing.
+
+    Parameters
+    ----------
+    accept
+        Write the baseline anew; what is worse than before is told all the same.
+    engines
+        Names, separated by commas.
+    file
+        The baseline.
+    """
+    found, missing = find_engines(tuple(name.strip() for name in engines.split(",") if name.strip()))
+    if missing:
+        print("\n".join(f"{name}: {why}" for name, why in missing.items()), file=sys.stderr)
+        return ENGINE_MISSING
+    try:
+        before = golden.read(file)["cases"]
+    except golden.NoBaseline as error:
+        if not accept:
+            print(error, file=sys.stderr)
+            return USAGE
+        before = {}
+    with Workers(1, {name: spec for name, (spec, _) in found.items()}) as workers:
+        scenes = golden.golden_scenes() if accept else golden.scenes_of(before)
+        now = golden.measure(scenes, workers, list(found))
+    worse = golden.differences({k: v for k, v in before.items() if k in now}, now, found)
+    for told in worse:
+        who = f"{told['engine']} ({told['route']}), {told['quantity']}"
+        print(f"{told['case']}: {who}: {told['kind']}; {told['worst']}")
+    if accept:
+        golden.write(file, now, {name: version for name, (_, version) in found.items()})
+        print(f"accepted: {len(now)} cases in {file}")
+        return PASS
+    print(f"{len(now)} cases, {len(worse)} of their numbers are worse than the baseline")
+    return WORSE if worse else PASS
+
+
+def _night_table(kept: Sequence[Mapping[str, Any]]) -> Table:
+    table = Table("night (UTC)", "seed", "verdict", title="Nights")
+    for name in ("scenes", "new", "known"):
+        table.add_column(name, justify="right")
+    for night in kept:
+        verdict = f"[{'green' if night['verdict'] == 'pass' else 'red'}]{night['verdict']}[/]"
+        table.add_row(night["date"], night["seed"], verdict, *(str(night[k]) for k in ("scenes", "new", "known")))
+    return table
+
+
+def _digit_table(kept: Sequence[Mapping[str, Any]]) -> Table:
+    """Return the digits of the latest night, and the fewest and most worst digits of the nights shown."""
+    table = Table("engine", "route", title="Digits: median / worst of the last night (range of the worst)")
+    for quantity in SOLVED:
+        table.add_column(quantity, justify="right")
+    by_route: dict[tuple[str, str], dict[str, list[Mapping[str, Any]]]] = {}
+    for night in kept:
+        for row in night["accuracy"]:
+            by_route.setdefault((row["engine"], row["route"]), {}).setdefault(row["quantity"], []).append(row)
+    for (engine, route), quantities in sorted(by_route.items()):
+        table.add_row(engine, route, *(_digits(quantities.get(q, [])) for q in SOLVED))
+    return table
+
+
+def _digits(rows: Sequence[Mapping[str, Any]]) -> str:
+    worst = [row["digits_worst"] for row in rows if row["digits_worst"] is not None]
+    if not worst or rows[-1]["digits_worst"] is None:
+        return "no answer"
+    return f"{rows[-1]['digits_median']:.1f} / {rows[-1]['digits_worst']:.1f} ({min(worst):.1f} to {max(worst):.1f})"
+
+
+def _cost_table(series: Sequence[Mapping[str, Any]]) -> Table:
+    table = Table("series", "nights", "last", "course", "change of level", title="Time relative to refkin")
+    for one in series:
+        changes = "; ".join(f"{one['nights'][int(k)]}: × {factor:.2f}" for k, factor in one["changes"].items())
+        course = _blocks(one["values"][-MOST_NIGHTS:])
+        table.add_row(one["name"], str(len(one["values"])), f"{one['values'][-1]:.3g}", course, changes or "none")
+    return table
+
+
+def _blocks(values: Sequence[float]) -> str:
+    """Return a line of blocks, the lowest for the least value."""
+    low, high = min(values), max(values)
+    room = (high - low) or 1.0
+    return "".join(BLOCKS[round((value - low) / room * (len(BLOCKS) - 1))] for value in values)

@@ -1,0 +1,231 @@
+"""The golden set: the same again is no difference, and every planted loss is one, by case."""
+
+from __future__ import annotations
+
+import copy
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crosscheck import golden
+from crosscheck.campaign import Plan, run
+from crosscheck.cli import main
+from crosscheck.golden import NoBaseline, differences
+from crosscheck.report import build
+from crosscheck.workers import Workers
+from refkin.motion import Status
+from refkin.scene_files import to_dict
+
+FEW = ("crank-rocker open", "slider-crank", "near a limit position")
+HARD = "near a limit position"
+ENGINES = {"closed_form": "closed_form"}
+
+
+@pytest.fixture(scope="module")
+def cases() -> dict[str, Any]:
+    scenes = {name: scene for name, scene in golden.golden_scenes().items() if name in FEW}
+    with Workers(1, ENGINES) as workers:
+        return golden.measure(scenes, workers, list(ENGINES))
+
+
+@pytest.fixture
+def again(cases: Any) -> Any:
+    return copy.deepcopy(cases)
+
+
+@pytest.fixture
+def file(tmp_path: Path, cases: Any) -> Path:
+    golden.write(tmp_path / "baseline.json", cases, {"closed_form": "0.1.0"})
+    return tmp_path / "baseline.json"
+
+
+def told(found: Any) -> list[tuple[str, ...]]:
+    return [(d["case"], d["engine"], d["quantity"], d["kind"].removeprefix("golden set: ")) for d in found]
+
+
+ROUTE = "closed_form · float"
+
+
+def test_the_same_again_is_no_difference(cases: Any, again: Any) -> None:
+    assert differences(cases, again, ENGINES) == []
+
+
+def test_a_baseline_comes_back_from_its_file_as_it_was(cases: Any, file: Path) -> None:
+    assert json.loads(json.dumps(cases)) == golden.read(file)["cases"]
+
+
+@pytest.mark.parametrize("which", [0, 1], ids=["median", "worst"])
+@pytest.mark.parametrize(("lost", "red"), [(0.6, True), (0.4, False)])
+def test_a_route_that_loses_more_than_half_a_digit_is_named(
+    cases: Any, again: Any, which: int, lost: float, red: bool
+) -> None:
+    before = again["slider-crank"]["routes"][ROUTE]["velocity"][which]
+    again["slider-crank"]["routes"][ROUTE]["velocity"][which] = min(before, golden.EXACT) - lost
+
+    expected = [("slider-crank", "closed_form", "velocity", "digits lost")] if red else []
+    assert told(differences(cases, again, ENGINES)) == expected
+
+
+def test_from_exact_to_as_good_as_exact_nothing_is_lost(cases: Any, again: Any) -> None:
+    cases = copy.deepcopy(cases)
+    cases["slider-crank"]["routes"][ROUTE]["position"] = [17.0, 17.0]
+    again["slider-crank"]["routes"][ROUTE]["position"] = [15.6, 15.2]
+
+    assert differences(cases, again, ENGINES) == []
+
+
+def test_a_route_that_does_not_answer_any_more_is_named(cases: Any, again: Any) -> None:
+    del again["slider-crank"]["routes"][ROUTE]
+    again["crank-rocker open"]["routes"][ROUTE]["missing"] = 1
+
+    gone = [(case, "closed_form", "status", "digits lost") for case in FEW[:2]]
+    assert told(differences(cases, again, ENGINES)) == gone
+
+
+def test_an_engine_that_was_not_asked_is_not_missed(cases: Any, again: Any) -> None:
+    del again["slider-crank"]["routes"][ROUTE]
+
+    assert differences(cases, again, ()) == []
+
+
+@pytest.mark.parametrize("quantity", ["position", "velocity", "acceleration"])
+@pytest.mark.parametrize(("radii", "red"), [(0.5, False), (5.0, True)])
+def test_a_reference_outside_both_proofs_is_named(
+    cases: Any, again: Any, quantity: str, radii: float, red: bool
+) -> None:
+    answer = again["crank-rocker open"]["reference"]
+    size = 4.0  # the power of two nearest the longest link: what radii are in units of
+    answer[quantity][2][3] += radii * size * 2 * answer["certified_radius"][quantity][2]
+
+    expected = [("crank-rocker open", "refkin", quantity, "the reference has left its proof")] if red else []
+    assert told(differences(cases, again, ENGINES)) == expected
+
+
+def test_a_status_that_changed_is_named(cases: Any, again: Any) -> None:
+    again["slider-crank"]["reference"]["status"][3] = "singular"
+
+    expected = [("slider-crank", "refkin", "status", "the reference has left its proof")]
+    assert told(differences(cases, again, ENGINES)) == expected
+
+
+@pytest.mark.parametrize("text", ["", "[]", '{"schema": 2, "cases": {"a": {}}}', '{"schema": 1, "cases": {"a": {}}}'])
+def test_a_file_that_is_no_baseline_is_refused_with_its_name(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "b.json"
+    path.write_text(text)
+
+    with pytest.raises(NoBaseline, match=r"b\.json"):
+        golden.read(path)
+
+
+def night(out: Path, file: Path | None) -> tuple[Any, Any, str]:
+    plan = Plan(seed=1, out=out, engines=("closed_form",), scenes=1, workers=1, baseline=file)
+    outcome = run(plan)
+    page = build(out, outcome, gaps=()).read_text(encoding="utf-8")
+    return outcome, json.loads((out / "report.json").read_text(encoding="utf-8")), page
+
+
+def test_a_night_without_losses_passes_and_says_that_the_set_was_compared(tmp_path: Path, file: Path) -> None:
+    _, report, page = night(tmp_path / "out", file)
+
+    assert (report["verdict"], report["golden"]["cases"], report["golden"]["found"]) == ("pass", 3, [])
+    assert "golden set of 3 scenes: nothing worse" in page
+
+
+def test_a_planted_loss_fails_the_night_with_its_scene_and_still_does_when_the_page_is_made_again(
+    tmp_path: Path, file: Path
+) -> None:
+    held = golden.read(file)
+    for quantity in ("velocity", "acceleration"):
+        held["cases"][HARD]["routes"][ROUTE][quantity] = [15.0, 15.0]
+    file.write_text(json.dumps(held))
+    outcome, report, page = night(tmp_path / "out", file)
+    lost = {d["quantity"] for d in report["disagreements"] if d["kind"] == "golden set: digits lost"}
+
+    assert report["verdict"] == "new disagreements"
+    assert lost == {d["quantity"] for d in outcome.new} == {"velocity", "acceleration"}
+    assert "crosscheck replay disagreements/golden-near-a-limit-position.toml" in page
+    build(tmp_path / "out", gaps=())
+    assert json.loads((tmp_path / "out" / "report.json").read_text())["verdict"] == "new disagreements"
+
+
+def test_a_night_that_does_not_compare_the_set_says_so(tmp_path: Path) -> None:
+    _, report, page = night(tmp_path / "out", None)
+
+    assert report["golden"] is None
+    assert "the golden set was not compared in this run" in page
+
+
+@pytest.fixture(scope="module")
+def accepted() -> Any:
+    return golden.read(golden.DEFAULT)
+
+
+def test_the_accepted_baseline_holds_the_golden_scenes_and_every_engine(accepted: Any) -> None:
+    held = {name: case["scene"] for name, case in accepted["cases"].items()}
+    engines = {who.partition(" · ")[0] for case in accepted["cases"].values() for who in case["routes"]}
+
+    assert held == {name: json.loads(json.dumps(to_dict(s))) for name, s in golden.golden_scenes().items()}
+    assert engines == set(accepted["versions"]) == {"closed_form", "exudyn", "pinocchio", "mujoco"}
+
+
+def test_the_accepted_reference_is_proved_at_every_time(accepted: Any) -> None:
+    for case in accepted["cases"].values():
+        assert set(case["reference"]["status"]) == {Status.OK.value}
+        assert np.all(np.isfinite(np.array(case["reference"]["certified_radius"]["acceleration"], float)))
+
+
+def test_the_reference_is_still_within_the_accepted_proof(accepted: Any) -> None:
+    scenes = golden.scenes_of(accepted["cases"])
+    with Workers(1, {}) as workers:
+        now = golden.measure(scenes, workers, [])
+
+    assert differences(accepted["cases"], now, ()) == []
+
+
+def command(*words: Any) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main([str(word) for word in words])
+    return int(ended.value.code or 0)
+
+
+def test_nothing_is_accepted_without_being_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    code = command("baseline", "--engines", "closed_form", "--file", tmp_path / "b.json")
+
+    assert code == 2
+    assert "crosscheck baseline --accept makes one" in capsys.readouterr().err
+    assert not (tmp_path / "b.json").exists()
+
+
+def test_a_loss_ends_the_command_with_1_and_leaves_the_baseline(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    held = golden.read(file)
+    held["cases"][HARD]["routes"][ROUTE]["velocity"] = [15.0, 15.0]
+    file.write_text(json.dumps(held))
+    before = file.read_bytes()
+
+    assert command("baseline", "--engines", "closed_form", "--file", file) == 1
+    assert f"{HARD}: closed_form (float), velocity: golden set: digits lost" in capsys.readouterr().out
+    assert file.read_bytes() == before
+
+
+def test_accepting_tells_what_is_worse_and_then_nothing_is(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    held = golden.read(file)
+    held["cases"][HARD]["routes"][ROUTE]["velocity"] = [15.0, 15.0]
+    file.write_text(json.dumps(held))
+
+    assert command("baseline", "--accept", "--engines", "closed_form", "--file", file) == 0
+    assert "digits lost" in capsys.readouterr().out
+    assert command("baseline", "--engines", "closed_form", "--file", file) == 0
+
+
+def test_an_engine_that_is_missing_ends_the_command_with_3(file: Path, tmp_path: Path) -> None:
+    assert command("baseline", "--engines", f"{tmp_path / 'gone.py'}:Gone", "--file", file) == 3
+
+
+def test_a_baseline_that_was_asked_for_and_is_not_there_ends_the_night_with_2(tmp_path: Path) -> None:
+    told = ("--engines", "closed_form", "--scenes", 1, "--out", tmp_path / "out", "--baseline", tmp_path / "b.json")
+
+    assert command("nightly", *told) == 2
+    assert not (tmp_path / "out").exists()

@@ -1,0 +1,232 @@
+"""Nights in SQLite, changes of level against planted shifts and noise, and what the terminal shows of both."""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crosscheck.change_points import change_points
+from crosscheck.cli import main
+from crosscheck.history import HistoryError, append, nights, trends, warnings
+from crosscheck.report import build
+
+from .report_records import good_answer, record, write
+
+NIGHTS, SHIFT = 90, 60
+NOISE = 0.08
+"""What times in turns repeat to on a shared machine."""
+
+
+def course(seed: int, factor: float = 1.0) -> list[float]:
+    """Ratios of 90 nights with 8 % noise, 3 % outliers, and a change of level at night 60."""
+    draw = np.random.default_rng(seed)
+    ratios = np.exp(NOISE * draw.standard_normal(NIGHTS))
+    outliers = draw.random(NIGHTS) < 0.03
+    ratios[outliers] *= draw.uniform(1.5, 4.0, outliers.sum())
+    ratios[SHIFT:] *= factor
+    return [float(r) for r in ratios]
+
+
+@pytest.mark.parametrize("factor", [1.25, 0.8])
+def test_a_planted_shift_is_found_where_it_was_planted_and_as_large(factor: float) -> None:
+    for seed in range(30):
+        found = change_points(course(seed, factor))
+        place, told = min(found.items(), key=lambda item: abs(item[0] - SHIFT))
+
+        assert abs(place - SHIFT) <= 5
+        assert told == pytest.approx(factor, rel=0.1)
+
+
+def test_noise_alone_raises_hardly_an_alarm() -> None:
+    alarms = sum(bool(change_points(course(seed))) for seed in range(100))
+
+    assert alarms <= 5
+
+
+def test_without_noise_a_constant_has_no_change_and_a_step_has_its_own() -> None:
+    assert change_points([1.0] * 20) == {}
+    assert change_points([1.0] * 10 + [2.0] * 10) == pytest.approx({10: 2.0})
+
+
+def test_one_bad_night_is_no_change() -> None:
+    ratios = [1.0, 1.01, 0.99, 1.0, 1.02] * 4
+    ratios[9] = 50.0
+
+    assert change_points(ratios) == {}
+
+
+def test_a_change_below_a_twentieth_is_not_told() -> None:
+    assert change_points([1.0] * 20 + [1.04] * 20) == {}
+
+
+def test_of_few_nights_nothing_is_said() -> None:
+    assert change_points([1.0, 1.0, 1.0, 9.0, 9.0, 9.0, 9.0]) == {}
+
+
+def night(folder: Path, day: int, seconds: float = 0.0004, **more: Any) -> Any:
+    """A report of one night: its date, and how long mujoco took for four configurations."""
+    write(folder, record("a", good_answer("mujoco", seconds=seconds)))
+    build(folder, gaps=())
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    return {**report, "date": f"2026-10-{day:02d} 02:17", **more}
+
+
+def test_nights_come_back_in_order_with_their_digits(tmp_path: Path) -> None:
+    for day in (3, 1, 2):
+        append(tmp_path / "h.sqlite", night(tmp_path / "run", day))
+    found = nights(tmp_path / "h.sqlite")
+
+    assert [n["date"][:10] for n in found] == ["2026-10-01", "2026-10-02", "2026-10-03"]
+    assert [(a["quantity"], a["digits_worst"]) for a in found[0]["accuracy"]] == [
+        ("position", 14.0),
+        ("velocity", 14.0),
+        ("acceleration", 14.0),
+    ]
+
+
+def test_the_same_night_once_more_replaces_itself(tmp_path: Path) -> None:
+    report = night(tmp_path / "run", 1)
+    append(tmp_path / "h.sqlite", report)
+    append(tmp_path / "h.sqlite", {**report, "verdict": "infrastructure"})
+
+    assert [n["verdict"] for n in nights(tmp_path / "h.sqlite")] == ["infrastructure"]
+    assert [len(s["values"]) for s in trends(tmp_path / "h.sqlite")["series"]] == [1]
+
+
+@pytest.mark.parametrize("lacking", [{"scenes": 0}, {"date": None}])
+def test_a_night_in_which_nothing_ran_leaves_no_trace(tmp_path: Path, lacking: Any) -> None:
+    assert not append(tmp_path / "h.sqlite", night(tmp_path / "run", 1, **lacking))
+    assert not (tmp_path / "h.sqlite").exists()
+
+
+def test_what_is_watched_is_the_ratio_to_the_reference(tmp_path: Path) -> None:
+    report = night(tmp_path / "run", 1)
+    append(tmp_path / "h.sqlite", report)
+    (series,) = trends(tmp_path / "h.sqlite")["series"]
+
+    # good_answer: 400 us for 4 configurations; the reference: 2000 us for 4
+    assert series["name"] == "mujoco · newton"
+    assert series["values"] == pytest.approx([0.2], rel=0.02)
+
+
+def test_a_price_is_watched_against_that_of_the_reference_for_the_same(tmp_path: Path) -> None:
+    row = {"knob": "k", "quantity": "position", "scene_class": "regular", "digits": 15.0}
+    prices = [
+        {**row, "engine": "refkin", "route": "newton", "microseconds": 20.0},
+        {**row, "engine": "mujoco", "route": "newton", "microseconds": 50.0},
+        {**row, "engine": "mujoco", "route": "newton", "microseconds": 60.0, "quantity": "velocity"},
+    ]
+    append(tmp_path / "h.sqlite", night(tmp_path / "run", 1, price=prices))
+    found = {s["name"]: s["values"] for s in trends(tmp_path / "h.sqlite")["series"]}
+
+    assert found["mujoco · newton, k: position, regular"] == [2.5]
+    assert "mujoco · newton, k: velocity, regular" not in found
+
+
+def a_slower_engine(path: Path, folder: Path) -> None:
+    report = night(folder, 1)
+    for day in range(1, 25):
+        slower = 1.5 if day > 19 else 1.0
+        routes = [{**row, "microseconds_median": slower * row["microseconds_median"]} for row in report["routes"]]
+        append(path, {**report, "date": f"2026-10-{day:02d} 02:17", "routes": routes})
+
+
+def test_an_engine_that_got_slower_is_warned_of_with_the_night_it_did(tmp_path: Path) -> None:
+    a_slower_engine(tmp_path / "h.sqlite", tmp_path / "run")
+
+    told = "time of mujoco · newton, relative to refkin: up by 1.50 times since 2026-10-20 02:17"
+    assert warnings(trends(tmp_path / "h.sqlite")) == [told]
+
+
+def test_a_slower_engine_does_not_fail_the_night_and_stands_on_its_page(tmp_path: Path) -> None:
+    a_slower_engine(tmp_path / "h.sqlite", tmp_path / "run")
+    write(tmp_path / "run", record("a", good_answer("mujoco", seconds=0.0006)))
+    page = build(tmp_path / "run", gaps=(), history=tmp_path / "h.sqlite").read_text(encoding="utf-8")
+    report = json.loads((tmp_path / "run" / "report.json").read_text(encoding="utf-8"))
+
+    assert report["verdict"] == "pass"
+    assert len(report["trends"]["nights"]) == 25
+    assert "changed on 2026-10-20 02:17 by a factor" in page
+
+
+def test_a_file_that_is_no_history_fails_the_night_and_keeps_its_report(tmp_path: Path) -> None:
+    (tmp_path / "h.sqlite").write_text("not a database at all, but long enough to be looked at" * 20)
+    write(tmp_path / "run", record("a", good_answer("mujoco")))
+    build(tmp_path / "run", gaps=(), history=tmp_path / "h.sqlite")
+    report = json.loads((tmp_path / "run" / "report.json").read_text(encoding="utf-8"))
+
+    assert report["verdict"] == "infrastructure"
+    assert "the history cannot be kept" in report["failures"][0]
+
+
+def test_a_night_that_cannot_be_written_leaves_the_others_as_they_were(tmp_path: Path) -> None:
+    path = tmp_path / "h.sqlite"
+    append(path, night(tmp_path / "run", 1))
+    broken = night(tmp_path / "run", 2)
+    broken["routes"] = [{"engine": "mujoco"}]
+
+    with pytest.raises(KeyError):
+        append(path, broken)
+    assert len(nights(path)) == 1
+
+
+def test_a_history_that_is_not_there_is_not_made_by_looking(tmp_path: Path) -> None:
+    with pytest.raises(HistoryError, match="there is no history"):
+        nights(tmp_path / "h.sqlite")
+    assert not (tmp_path / "h.sqlite").exists()
+
+
+def test_two_nights_can_be_added_at_once(tmp_path: Path) -> None:
+    """A writer waits for the other's transaction instead of failing."""
+    path = tmp_path / "h.sqlite"
+    append(path, night(tmp_path / "run", 1))
+    with sqlite3.connect(path) as other:
+        other.execute("SELECT * FROM night").fetchall()
+        append(path, night(tmp_path / "run", 2))
+
+    assert len(nights(path)) == 2
+
+
+def command(*words: Any) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main([str(word) for word in words])
+    return int(ended.value.code or 0)
+
+
+def test_the_terminal_shows_nights_digits_and_the_change(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    a_slower_engine(tmp_path / "h.sqlite", tmp_path / "run")
+    code = command("history", "--history", tmp_path / "h.sqlite")
+    shown = capsys.readouterr().out
+
+    assert code == 0
+    assert "2026-10-24 02:17" in shown
+    assert "15.0 / 14.0" in shown
+    assert "2026-10-20 02:17: × 1.50" in shown
+    assert "warning: time of mujoco" in shown
+
+
+def test_the_terminal_gives_one_json_object_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    a_slower_engine(tmp_path / "h.sqlite", tmp_path / "run")
+    command("history", "--history", tmp_path / "h.sqlite", "--json")
+    told = json.loads(capsys.readouterr().out)
+
+    assert (len(told["nights"]), len(told["warnings"])) == (24, 1)
+
+
+@pytest.mark.parametrize(("text", "code"), [(None, 2), ("no database, and long enough to tell" * 40, 4)])
+def test_a_history_that_cannot_be_shown_is_told_in_one_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None, code: int
+) -> None:
+    path = tmp_path / "h.sqlite"
+    if text:
+        path.write_text(text)
+
+    assert command("history", "--history", path) == code
+    told = capsys.readouterr().err
+    assert str(path) in told
+    assert told.count("\n") == 1
