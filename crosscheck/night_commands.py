@@ -22,6 +22,9 @@ BLOCKS = "▁▂▃▄▅▆▇█"
 MOST_NIGHTS = 90
 """Nights that a line of blocks shows."""
 
+PRICED = ": "
+"""What the name of a series of the price list has in it, and that of a route has not."""
+
 Json = Annotated[bool, Parameter(name="--json", negative="")]
 
 
@@ -53,6 +56,9 @@ def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, a
     console.print(_night_table(kept[-last:]))
     console.print(_digit_table(kept[-last:]))
     console.print(_cost_table(told["series"]))
+    quiet = sum(not one["changes"] and PRICED in one["name"] for one in told["series"])
+    if quiet:
+        console.print(f"{quiet} series of the price list without a change: --json has them")
     for line in warnings(told):
         console.print(f"warning: {line}", markup=False)
     return PASS
@@ -137,6 +143,8 @@ def _digits(rows: Sequence[Mapping[str, Any]]) -> str:
 def _cost_table(series: Sequence[Mapping[str, Any]]) -> Table:
     table = Table("series", "nights", "last", "course", "change of level", title="Time relative to refkin")
     for one in series:
+        if not one["changes"] and PRICED in one["name"]:
+            continue
         changes = "; ".join(f"{one['nights'][int(k)]}: × {factor:.2f}" for k, factor in one["changes"].items())
         course = _blocks(one["values"][-MOST_NIGHTS:])
         table.add_row(one["name"], str(len(one["values"])), f"{one['values'][-1]:.3g}", course, changes or "none")

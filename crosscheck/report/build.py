@@ -32,6 +32,8 @@ from crosscheck.report.slopes import slopes
 from crosscheck.report.summary import SOLVED, Ended, Summary
 from crosscheck.report.svg import bar, power_of_ten
 
+MOST_TRENDS = 24
+"""Series whose course is kept in a report, those that changed first; the history has all."""
 GROUPS = {
     "position": "Position",
     "velocity": "Velocity",
@@ -99,7 +101,12 @@ def _remembered(
         return described, None
     try:
         append(path, plain(described))
-        return described, trends_in(path) if path.is_file() else None
+        if not path.is_file():
+            return described, None
+        found = trends_in(path)
+        series = [one for one in found["series"] if one["nights"][-1] == found["nights"][-1]]
+        shown = series[:MOST_TRENDS]
+        return described, {**found, "series": shown, "not_shown": len(series) - len(shown)}
     except (HistoryError, OSError) as error:
         summary.failures.append(f"the history cannot be kept: {error}")
         return summary.described(required), None

@@ -12,8 +12,6 @@ from crosscheck.report.wording import number
 
 LOWEST = -17
 """Decade on which an exact zero stands."""
-MOST_TRENDS = 24
-"""Series that have a panel, those that changed first; the table has all."""
 ALARM = Style("#D55E00", "none", "diamond")
 
 
@@ -75,7 +73,7 @@ def agreement_matrices(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]
 
 def trends_figure(series: Sequence[Mapping[str, Any]]) -> Figure:
     """Return a small panel per series over nights; where its level changed, a mark says by how much."""
-    shown = [one for one in series if len(one["values"]) > 1][:MOST_TRENDS]
+    shown = [one for one in series if len(one["values"]) > 1]
     panels = [_trend_panel(f"trend-{k}", one) for k, one in enumerate(shown)]
     legend = (
         (swatch(Style("#0072B2", "none", "circle")), "time / that of refkin, per night"),
@@ -94,7 +92,9 @@ def _trend_panel(ident: str, one: Mapping[str, Any]) -> Any:
     top = max(values) * 1.15 or 1.0
     span = (0.0, float(max(len(values) - 1, 1)))
     told = f"{one['name']}: time relative to refkin over {len(values)} nights"
-    plot = Plot(ident, one["name"], told, span, (0.0, top), width=300, height=140, left=40, bottom=30, role="group")
+    plot = Plot(
+        ident, one["name"], told, span, (0.0, top), width=300, height=140, left=40, right=34, bottom=30, role="group"
+    )
     plot.axes([(0.0, one["nights"][0][:10]), (span[1], one["nights"][-1][:10])], [(0.0, "0"), (top, f"{top:.2g}")], "")
     look = Style("#0072B2", "none", "circle")
     plot.series([(float(k), v) for k, v in enumerate(values)], look)

@@ -19,6 +19,7 @@ def first_table(report: Report) -> list[dict[str, Any]]:
     """Return a row per engine and route: digits, price, what was wrong without a word."""
     prices = report["price"] or []
     nine = cheapest(prices, "acceleration", GOAL, main_class(prices))
+    priced = {(row["engine"], row["route"]) for row in prices}
     of_routes = {(row["engine"], row["route"]): row for row in report["routes"]}
     rows = []
     for engine, routes in report["engines"].items():
@@ -32,6 +33,7 @@ def first_table(report: Report) -> list[dict[str, Any]]:
                     "route": route,
                     "cells": [_cell(quantities[quantity]) for quantity in SOLVED],
                     "price": paid if prices else made.get("microseconds_median"),
+                    "priced": (engine, route) in priced or not prices,
                     "silent": silent,
                     "silent_class": seriousness,
                     "scenes": made.get("scenes", 0),
@@ -73,11 +75,16 @@ def answer(report: Report) -> str:
     found = cheapest(prices, "acceleration", GOAL, main_class(prices))
     if not found:
         return "No route reaches nine digits of acceleration." if prices else ""
-    (engine, route), row = min(found.items(), key=lambda item: float(item[1]["microseconds"]))
-    where = f"{main_class(prices)} scenes"
-    return (
-        f"Nine digits of acceleration cost least with {engine} · {route}: {number(row['microseconds'])} µs ({where})."
-    )
+    ordered = sorted(found.items(), key=lambda item: float(item[1]["microseconds"]))
+    told = _paid(*ordered[0])
+    others = [item for item in ordered if item[0][0] in report["engines"]]
+    if others and others[0] != ordered[0]:
+        told += f"; of the engines compared here, with {_paid(*others[0])}"
+    return f"Nine digits of acceleration cost least with {told} ({main_class(prices)} scenes)."
+
+
+def _paid(who: tuple[str, str], row: Mapping[str, Any]) -> str:
+    return f"{who[0]} · {who[1]}: {number(row['microseconds'])} µs"
 
 
 def hard_matrix(report: Report) -> dict[str, Any]:

@@ -24,7 +24,7 @@ from refkin.scene_files import parse
 
 WIDTH, HEIGHT, MARGIN = 300, 190, 26
 MOST_FRAMES = 36
-MOST_SCENES = 90
+MOST_SCENES = 70
 """Scenes with a picture; marks of further ones have none. It bounds the page at some hundred kilobytes."""
 VISIBLE = 0.12
 """How far a magnified error is to move something, as a part of the picture's width."""

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 from crosscheck.check import check
+from crosscheck.history import append
 from crosscheck.report import build
 from crosscheck.report.front import answer as sentence
 from crosscheck.report.front import first_table, hard_matrix
@@ -111,6 +112,41 @@ def test_route_that_never_has_nine_digits_has_no_price(tmp_path: Path) -> None:
     assert [row["price"] for row in first_table(report)] == [None]
     assert "never reached" in page
     assert "No route reaches nine digits of acceleration." in page
+
+
+def test_route_that_was_not_priced_says_so(tmp_path: Path) -> None:
+    _, page = reported(tmp_path, price=PRICES[3:])
+
+    assert "not priced" in page
+    assert "never reached" not in page
+
+
+def test_cheapest_of_all_is_told_beside_the_cheapest_of_the_engines(tmp_path: Path) -> None:
+    own = {**PRICES[1], "engine": "refkin", "route": "lanes", "microseconds": 0.5}
+    report, _ = reported(tmp_path, price=[*PRICES, own])
+
+    told = "refkin · lanes: 0.50 µs; of the engines compared here, with mujoco · newton: 24 µs (regular scenes)."
+    assert sentence(report) == f"Nine digits of acceleration cost least with {told}"
+
+
+def test_page_with_a_long_price_list_and_a_long_history_is_below_a_megabyte(tmp_path: Path) -> None:
+    knobs = [{**row, "knob": f"{row['knob']}, {k}"} for row in PRICES[:3] for k in range(40)]
+    own = {**PRICES[0], "engine": "refkin", "route": "newton"}
+    history = tmp_path / "h.sqlite"
+    write(tmp_path / "run", record("a", good_answer("mujoco")))
+    (tmp_path / "run" / "price.json").write_text(json.dumps([own, *knobs]))
+    for day in range(30):
+        run = json.loads((tmp_path / "run" / "run.json").read_text())
+        (tmp_path / "run" / "run.json").write_text(json.dumps({**run, "date": f"2026-10-{day + 1:02d} 02:17"}))
+        report = json.loads((tmp_path / "run" / "report.json").read_text()) if day else {}
+        if 0 < day < 29:
+            append(history, {**report, "date": f"2026-10-{day + 1:02d} 02:17"})
+        else:
+            page = build(tmp_path / "run", gaps=(), history=history)
+    told = json.loads((tmp_path / "run" / "report.json").read_text())["trends"]
+
+    assert (len(told["nights"]), len(told["series"]), told["not_shown"]) == (30, 24, 98)
+    assert page.stat().st_size < 1e6
 
 
 def test_every_priced_setting_is_a_mark_and_a_row(tmp_path: Path) -> None:
