@@ -18,7 +18,7 @@ import numpy as np
 from crosscheck.comparison import QUANTITIES, Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.engines import Engine, EngineError, Level, Term, load, refusals
 from crosscheck.levels import Configuration, LevelComparison, compare_levels, configurations
-from crosscheck.samples import attainable, common_sample, off_at, worst_samples
+from crosscheck.samples import attainable, common_sample, cycle, off_at, worst_samples
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Route, Status
 from refkin.scene_files import to_dict
@@ -179,6 +179,7 @@ def _answer_record(engine: Engine, motion: Motion, found: Comparison, ref: Refer
                 "digits_by_sigma": by_decade(ref.sigma_min, q.digits),
                 "samples": worst_samples(ref.sigma_min, q),
                 "common": off_at(q, common),
+                **({"cycle": cycle(q)} if name == "position" else {}),
             }
             for name, q in found.quantities.items()
         },

@@ -14,6 +14,9 @@ import numpy as np
 from crosscheck.budget import SAFETY
 from crosscheck.comparison import MOST_DIGITS, QUANTITIES, QuantityComparison, Reference, scales
 
+MOST_FRAMES = 24
+"""Frames of a moving picture."""
+
 
 def worst_samples(sigma: Any, found: QuantityComparison) -> dict[str, dict[str, Any]]:
     """Return, for each decade of sigma_min, the sample with the fewest digits: which time, and how far off.
@@ -80,3 +83,30 @@ def off_at(found: QuantityComparison, common: Mapping[str, Any] | None) -> list[
     if common is None or found.difference is None:
         return []
     return [float(f"{x:.3g}") if np.isfinite(x) else None for x in found.difference[:, common["k"]]]
+
+
+def cycle(found: QuantityComparison) -> dict[str, Any] | None:
+    """Return the signed errors at up to `MOST_FRAMES` times of a scene, to two figures of the largest: to be drawn.
+
+    Returns
+    -------
+    dict or None
+        {unit, off}: off holds, per time, one whole number of units per scaled coordinate of the reference; None at a
+        time without answer. None if there is nothing to draw.
+    """
+    if found.difference is None:
+        return None
+    off = found.difference[:, :: frame_step(found.difference.shape[1])]
+    whole = np.all(np.isfinite(off), axis=0)
+    if not whole.any():
+        return None
+    unit = float(f"{np.max(np.abs(off[:, whole])) / 99:.3g}") or 1.0
+    return {
+        "unit": unit,
+        "off": [[round(x / unit) for x in row] if ok else None for row, ok in zip(off.T, whole, strict=True)],
+    }
+
+
+def frame_step(times: int) -> int:
+    """Return every how manieth time is a frame of a moving picture."""
+    return max(1, -(-times // MOST_FRAMES))

@@ -26,7 +26,7 @@ from crosscheck.report.documents import documents
 from crosscheck.report.figures import digits_figure, looks_of, newton_figure
 from crosscheck.report.figures_more import agreement_matrices, slopes_figure, trends_figure
 from crosscheck.report.histories import newton_histories
-from crosscheck.report.posed import first_pose, pose_picture, spoken
+from crosscheck.report.posed import first_pose, pose_picture, spoken, spoken_moving
 from crosscheck.report.prices import GOALS, cheapest_tables, effects_figure, price_figure
 from crosscheck.report.slopes import slopes
 from crosscheck.report.summary import SOLVED, Ended, Summary
@@ -186,8 +186,11 @@ def _posed(report: Mapping[str, Any]) -> dict[str, Any]:
     looks, poses = looks_of(report), report["poses"]
     which = first_pose(report, looks)
     names = list(looks)
-    marks = [{**m, "look": names.index((m["engine"], m["route"])), "told": spoken(m)} for m in poses["marks"]]
-    kept = ("look", "told", "scene", "pose", "ghost", "arrows")
+    marks = [
+        {**m, "look": names.index((m["engine"], m["route"])), "told": spoken(m), "moving": spoken_moving(m)}
+        for m in poses["marks"]
+    ]
+    kept = ("look", "told", "moving", "scene", "pose", "ghost", "arrows", "cycle")
     data = {**poses, "first": which, "marks": [{key: m[key] for key in kept} for m in marks]}
     mark = None if which is None else marks[which]
     scene = None if mark is None else poses["scenes"][mark["scene"]]

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from crosscheck.report.digits import Digits
-from crosscheck.report.records import Answer, Histogram, RouteData, Sample
+from crosscheck.report.records import Answer, Cycle, Histogram, Quantity, RouteData, Sample
 
 
 @dataclass(frozen=True)
@@ -53,9 +53,10 @@ def finite(ratio: float | None) -> float | None:
 
 @dataclass(frozen=True)
 class Picture:
-    """The worst sample of a decade, and the scene it is of."""
+    """The worst sample of a decade, the errors around it, and the scene it is of."""
 
     sample: Sample
+    cycle: Cycle | None
     place: Place
     scene_file: Mapping[str, Any]
 
@@ -83,12 +84,12 @@ class Cell:
     least: tuple[float, Place] | None = None
     pictures: dict[int, Picture] = field(default_factory=dict)
 
-    def depict(self, samples: Mapping[int, Sample], place: Place, scene_file: Mapping[str, Any] | None) -> None:
+    def depict(self, found: Quantity, place: Place, scene_file: Mapping[str, Any] | None) -> None:
         """Keep the sample with the fewest digits of each decade."""
-        for decade, sample in samples.items() if scene_file else ():
+        for decade, sample in found.samples.items() if scene_file else ():
             kept = self.pictures.get(decade)
             if scene_file and (kept is None or sample.digits < kept.sample.digits):
-                self.pictures[decade] = Picture(sample, place, scene_file)
+                self.pictures[decade] = Picture(sample, found.cycle, place, scene_file)
 
     def add(self, histograms: Mapping[int, Histogram] | Mapping[None, Histogram], place: Place) -> None:
         """Count one scene's digits."""

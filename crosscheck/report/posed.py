@@ -64,3 +64,12 @@ def spoken(mark: Mapping[str, Any]) -> str:
         f"{mark['engine']} · {mark['route']}, {mark['quantity']}: {mark['digits']:.1f} digits"
         f" at t = {mark['time']:.4g} s; error drawn {factor}"
     )
+
+
+def spoken_moving(mark: Mapping[str, Any]) -> str:
+    """Return what a moving picture shows, in words."""
+    who = f"{mark['engine']} · {mark['route']}"
+    if mark["cycle"] is None:
+        return f"{who}: the reference over the cycle"
+    factor = mark["cycle"]["factor"]
+    return f"{who} over the cycle; error drawn {'to scale' if factor == 1.0 else f'× {number(factor, 1)}'}"

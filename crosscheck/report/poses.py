@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.report.cells import Picture
+from crosscheck.samples import frame_step
 from refkin.analysis import solve
 from refkin.errors import InvalidScene
 from refkin.joints import GROUND, Distance
@@ -23,8 +24,7 @@ from refkin.motion import Motion
 from refkin.scene_files import parse
 
 WIDTH, HEIGHT, MARGIN = 300, 190, 26
-MOST_FRAMES = 36
-MOST_SCENES = 70
+MOST_SCENES = 60
 """Scenes with a picture; marks of further ones have none. It bounds the page at some hundred kilobytes."""
 VISIBLE = 0.12
 """How far a magnified error is to move something, as a part of the picture's width."""
@@ -97,6 +97,9 @@ class Drawing:
         self.shown = np.flatnonzero(np.all(np.isfinite(motion.q), axis=0))
         self.points = _points(scene.mechanism)
         self.links = [tuple(c.points()) for c in scene.mechanism.joints if isinstance(c, Distance)]
+        step = frame_step(motion.t.size)
+        self.frames = [k for k in range(0, motion.t.size, step) if k in self.shown]
+        self.step = step
         if self.shown.size:
             self.view = self._view()
 
@@ -114,8 +117,7 @@ class Drawing:
 
     def described(self, name: str, key: str) -> dict[str, Any]:
         """Return parts and frames."""
-        every = max(1, -(-self.shown.size // MOST_FRAMES))
-        frames = [self._frame(self.motion.q[:, k]) for k in self.shown[::every]]
+        frames = [self._frame(self.motion.q[:, k]) for k in self.frames]
         return {"name": name, "key": key, "ground": self._ground(), "parts": self._parts(), "frames": frames}
 
     def _ground(self) -> list[list[float]]:
@@ -160,14 +162,36 @@ class Drawing:
         q = self.motion.q[:, k]
         told = {"time": float(self.motion.t[k]), "pose": self._frame(q)}
         if level == 0:
-            moved = self._moved(q, off)
-            factor = _factor(VISIBLE * WIDTH / max(moved, 1e-300), BEND / max(np.max(np.abs(off[2::3])), 1e-300))
-            return {**told, "factor": factor, "ghost": self._frame(q + factor * off), "arrows": []}
+            factor = self._visible(q, off)
+            ghost = self._frame(q + factor * off)
+            return {**told, "factor": factor, "ghost": ghost, "arrows": [], "cycle": self._cycle(picture, size)}
         rate = (self.motion.qd, self.motion.qdd)[level - 1]
         if rate is None or not np.all(np.isfinite(rate[:, k])):
             return None
         factor, arrows = self._arrows(q, rate[:, k], off)
-        return {**told, "factor": factor, "ghost": [], "arrows": arrows}
+        return {**told, "factor": factor, "ghost": [], "arrows": arrows, "cycle": None}
+
+    def _visible(self, q: Any, off: Any) -> float:
+        """Return the factor by which an error of a pose can be seen and is still a small one."""
+        bent = max(np.max(np.abs(off[2::3])), 1e-300)
+        return _factor(VISIBLE * WIDTH / max(self._moved(q, off), 1e-300), BEND / bent)
+
+    def _cycle(self, picture: Picture, size: float) -> dict[str, Any] | None:
+        """Return the engine's answer in every frame, one factor for all: the smallest of those that suit a frame."""
+        found = picture.cycle
+        if found is None or len(found.off) != -(-self.motion.t.size // self.step):
+            return None
+        scale = np.tile([size, size, 1.0], len(self.names)) * found.unit
+        errors = {k: found.off[k // self.step] for k in self.frames}
+        if any(whole is not None and len(whole) != scale.size for whole in errors.values()):
+            return None
+        off = {k: None if whole is None else scale * np.array(whole) for k, whole in errors.items()}
+        wrong = {k: error for k, error in off.items() if error is not None and error.any()}
+        factor = min((self._visible(self.motion.q[:, k], error) for k, error in wrong.items()), default=1.0)
+        frames = [
+            None if error is None else self._frame(self.motion.q[:, k] + factor * error) for k, error in off.items()
+        ]
+        return {"factor": factor, "frames": frames}
 
     def _moved(self, q: Any, off: Any) -> float:
         """Return how far an error moves the joint points at most, to first order, in pixels."""

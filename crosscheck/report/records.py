@@ -27,6 +27,13 @@ class Sample(_Data):
     off: list[float | None]
 
 
+class Cycle(_Data):
+    """Errors over the times of a scene, per frame and coordinate in whole units; None where there is no answer."""
+
+    unit: float
+    off: list[list[int] | None]
+
+
 class Quantity(_Data):
     """One quantity of an answer; digits, and the worst sample, by the decade of sigma_min at which they were met."""
 
@@ -35,6 +42,7 @@ class Quantity(_Data):
     digits_by_sigma: dict[int, Histogram]
     samples: dict[int, Sample] = {}
     common: list[float | None] = []
+    cycle: Cycle | None = None
 
 
 class RouteData(_Data):

@@ -109,7 +109,7 @@ class Summary:
                 cell.add(found.digits_by_sigma, place)
                 cell.judged += answer.judged
                 cell.meet(found.ratio, place, found.worst)
-                cell.depict(found.samples, place, record.scene_file)
+                cell.depict(found, place, record.scene_file)
         for row in record.levels:
             cell = self._cell(row.engine, ROWS, _quantity(row.level))
             cell.add({None: row.digits}, place)

@@ -266,6 +266,19 @@ def test_mechanism_moves_only_on_request_and_stops_on_request(opened: Any, motio
     assert crank.get_attribute("transform") == still
 
 
+def test_played_the_engine_s_answer_moves_beside_the_reference_with_its_error_at_a_stated_factor(opened: Any) -> None:
+    at = opened()
+    at.page.locator("[data-pose]").first.focus()
+    still = at.page.locator("#pose-ghost > g").nth(1).get_attribute("transform")
+    at.page.locator("#pose-play").click()
+    moved = "t => document.querySelector('#pose-ghost > g:nth-child(2)').getAttribute('transform') !== t"
+    at.page.wait_for_function(moved, arg=still)
+
+    assert "over the cycle; error drawn ×" in at.text("#pose-told")
+    at.page.locator("#pose-play").click()
+    assert at.page.locator("#pose-ghost > g").nth(1).get_attribute("transform") == still
+
+
 def test_link_into_a_folded_section_unfolds_it(opened: Any, folder: Path) -> None:
     page = opened().page
     page.goto(f"{(folder / 'index.html').as_uri()}#glance")

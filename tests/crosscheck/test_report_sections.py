@@ -221,6 +221,8 @@ def posed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any]:
     made = check(scene, ["closed_form"])
     for sample in made["answers"][0]["quantities"]["position"]["samples"].values():
         sample.update(k=7, digits=9.0, off=[0.0] * 8 + [1e-9])
+    frames = [[0] * 8 + [50], None, *[[0] * 8 + [99]] * 17]  # of 73 times, every fourth
+    made["answers"][0]["quantities"]["position"]["cycle"] = {"unit": 1e-11, "off": frames}
     folder = write(tmp_path_factory.mktemp("posed"), made)
     build(folder, gaps=())
     return json.loads((folder / "report.json").read_text()), made
@@ -237,6 +239,21 @@ def test_ghost_differs_from_the_pose_by_the_error_times_the_stated_factor(posed:
 
         assert mark["factor"] * math.degrees(1e-9) == pytest.approx(turned, abs=0.11)
         assert mark["pose"][:2] == mark["ghost"][:2]
+
+
+def test_over_the_cycle_every_frame_has_its_own_error_times_one_factor(posed: Any) -> None:
+    report, _ = posed
+    (scene,) = report["poses"]["scenes"]
+    for mark in position_marks(report):
+        cycle = mark["cycle"]
+        turned = [
+            None if ghost is None else math.remainder(truth[2][2] - ghost[2][2], 360)
+            for truth, ghost in zip(scene["frames"], cycle["frames"], strict=True)
+        ]
+        full = math.degrees(cycle["factor"] * 99e-11)
+
+        assert turned[:3] == [pytest.approx(full * 50 / 99, abs=0.11), None, pytest.approx(full, abs=0.11)]
+        assert full > 1.0
 
 
 def test_pose_of_a_mark_is_the_one_at_its_time(posed: Any) -> None:

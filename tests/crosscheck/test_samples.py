@@ -9,7 +9,7 @@ import pytest
 
 from crosscheck.check import check
 from crosscheck.comparison import compare, reference
-from crosscheck.samples import attainable, common_sample, off_at, worst_samples
+from crosscheck.samples import attainable, common_sample, cycle, off_at, worst_samples
 from refkin import FourBar, Polynomial, solve
 
 OFF = 3e-7
@@ -60,6 +60,15 @@ def test_common_sample_is_the_same_time_for_every_answer(scene, ref):
 
     assert off_at(right, common) == [0.0] * 9
     assert pytest.approx(off_at(wrong, common), rel=0.01) == [0.0] * 8 + [OFF]
+
+
+def test_errors_over_the_cycle_come_back_to_two_figures(scene, ref):
+    found = compare(ref, shifted(scene, slice(None, 3))).quantities["position"]
+    kept = cycle(found)
+
+    assert len(kept["off"]) == 12
+    angles = [kept["unit"] * row[8] for row in kept["off"]]
+    assert angles == pytest.approx([OFF] * 3 + [0.0] * 9, abs=OFF / 99)
 
 
 def test_attainable_digits_are_fewer_near_a_fold():

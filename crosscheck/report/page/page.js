@@ -90,7 +90,6 @@
     told.textContent = shown.told;
     find("pose-scene").textContent = `${scene.name} (record ${scene.key})`;
     layer("ghost").removeAttribute("opacity");
-    layer("arrows").removeAttribute("opacity");
   };
   const point = (mark) => {
     for (const before of document.querySelectorAll("[data-shown]")) before.removeAttribute("data-shown");
@@ -105,14 +104,19 @@
   play.addEventListener("click", () => {
     if (timer) { stop(); show(poses.marks.indexOf(shown)); return; }
     const scene = poses.scenes[shown.scene];
+    const ghosts = shown.cycle ? shown.cycle.frames : [];
     let frame = 0;
-    layer("ghost").setAttribute("opacity", "0.55");
-    layer("arrows").setAttribute("opacity", "0");
+    build(layer("ghost"), scene.parts, ghosts.find(Boolean) || []);
+    layer("arrows").replaceChildren();
+    told.textContent = shown.moving;
     play.textContent = "Stop";
     play.setAttribute("aria-pressed", "true");
+    const move = (parent, places) => [...parent.children].forEach((part, k) => part.setAttribute("transform", placed(places[k])));
     timer = setInterval(() => {
       frame = (frame + 1) % scene.frames.length;
-      [...layer("truth").children].forEach((part, k) => part.setAttribute("transform", placed(scene.frames[frame][k])));
-    }, still.matches ? 700 : 90);
+      move(layer("truth"), scene.frames[frame]);
+      layer("ghost").setAttribute("opacity", ghosts[frame] ? "1" : "0");
+      if (ghosts[frame]) move(layer("ghost"), ghosts[frame]);
+    }, still.matches ? 700 : 110);
   });
 })();
