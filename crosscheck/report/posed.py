@@ -36,6 +36,7 @@ def pose_picture(report: Mapping[str, Any], which: int, looks: Mapping[tuple[str
     ground = ET.SubElement(root, "g", {"id": "pose-ground", "stroke": "currentColor", "fill": "none"})
     for x, y in scene["ground"]:
         ET.SubElement(ground, "path", {"d": f"M{x - 7} {y + 9}L{x} {y}L{x + 7} {y + 9}z"})
+    _guide(ground, scene["guide"])
     truth = {"id": "pose-truth", "stroke": "currentColor", "fill": "currentColor", "stroke-width": "2.2"}
     _parts(ET.SubElement(root, "g", truth), scene["parts"], mark["pose"])
     colour = looks[mark["engine"], mark["route"]].colour
@@ -53,8 +54,14 @@ def _parts(parent: ET.Element, parts: Sequence[Mapping[str, Any]], places: Seque
         group = ET.SubElement(parent, "g", {"transform": f"translate({x:g} {y:g}) rotate({degrees:g})"})
         path = {"d": part["path"], "fill-opacity": "0.08", "stroke-linejoin": "round", "stroke-linecap": "round"}
         ET.SubElement(group, "path", path)
+        _guide(group, part["guide"])
         for cx, cy in part["pins"]:
             ET.SubElement(group, "circle", {"cx": str(cx), "cy": str(cy), "r": "2.6"})
+
+
+def _guide(parent: ET.Element, path: str) -> None:
+    if path:
+        ET.SubElement(parent, "path", {"d": path, "stroke-width": "1", "stroke-opacity": "0.45"})
 
 
 def spoken(mark: Mapping[str, Any]) -> str:

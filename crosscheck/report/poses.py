@@ -18,7 +18,7 @@ from crosscheck.report.cells import Picture
 from crosscheck.samples import frame_step
 from refkin.analysis import solve
 from refkin.errors import InvalidScene
-from refkin.joints import GROUND, Distance
+from refkin.joints import GROUND, Distance, PointOnLine, Prismatic
 from refkin.model import Effect, Mechanism, Scene
 from refkin.motion import Motion
 from refkin.scene_files import parse
@@ -118,10 +118,25 @@ class Drawing:
     def described(self, name: str, key: str) -> dict[str, Any]:
         """Return parts and frames."""
         frames = [self._frame(self.motion.q[:, k]) for k in self.frames]
-        return {"name": name, "key": key, "ground": self._ground(), "parts": self._parts(), "frames": frames}
+        told = {"name": name, "key": key, "ground": self._ground(), "guide": self._guide(None)}
+        return {**told, "parts": self._parts(), "frames": frames}
 
     def _ground(self) -> list[list[float]]:
         return [_short(*self.view.pixels(x, y)) for x, y in self.points.get(GROUND, ())]
+
+    def _guide(self, body: str | None) -> str:
+        """Return the lines along which something slides on a body (None: the ground), two sizes to each side."""
+        lines = []
+        for joint in self.scene.mechanism.joints:
+            if not isinstance(joint, Prismatic | PointOnLine) or joint.body_i != (body or GROUND):
+                continue
+            along = 2.0 * self.scene.mechanism.size() / math.hypot(*joint.axis_i)
+            (px, py), (ax, ay) = joint.point_i, joint.axis_i
+            ends = [(px + way * ax, py + way * ay) for way in (-along, along)]
+            s = self.view.scale
+            placed = [(x * s, -y * s) if body else self.view.pixels(x, y) for x, y in ends]
+            lines.append("M" + "L".join(f"{x:.1f} {y:.1f}" for x, y in placed))
+        return "".join(lines)
 
     def _parts(self) -> list[dict[str, Any]]:
         """Return a path per body, through its joint points, and one per massless link."""
@@ -129,11 +144,11 @@ class Drawing:
         parts = []
         for body in self.scene.mechanism.bodies:
             pins = [(x * s, -y * s) for x, y in self.points.get(body.name, ())]
-            parts.append({"path": _path(pins), "pins": [_short(*pin) for pin in pins], "name": body.name})
+            parts.append({"path": _path(pins), "pins": [_short(*pin) for pin in pins], "guide": self._guide(body.name)})
         lengths = [c.length * s for c in self.scene.mechanism.joints if isinstance(c, Distance)]
         for length in lengths:
             pins = [(0.0, 0.0), (length, 0.0)]
-            parts.append({"path": _path(pins), "pins": [_short(*pin) for pin in pins], "name": "link"})
+            parts.append({"path": _path(pins), "pins": [_short(*pin) for pin in pins], "guide": ""})
         return parts
 
     def _frame(self, q: Any) -> list[list[float]]:

@@ -61,11 +61,13 @@
     return parent.appendChild(made);
   };
   const placed = ([x, y, degrees]) => `translate(${x} ${y}) rotate(${degrees})`;
+  const guide = (parent, path) => { if (path) add(parent, "path", { d: path, "stroke-width": 1, "stroke-opacity": 0.45 }); };
   const build = (parent, parts, places) => {
     parent.replaceChildren();
     parts.slice(0, places.length).forEach((part, k) => {
       const group = add(parent, "g", { transform: placed(places[k]) });
       add(group, "path", { d: part.path, "fill-opacity": "0.08", "stroke-linejoin": "round", "stroke-linecap": "round" });
+      guide(group, part.guide);
       for (const [cx, cy] of part.pins) add(group, "circle", { cx, cy, r: 2.6 });
     });
   };
@@ -78,6 +80,7 @@
     const colour = looks[shown.look];
     layer("ground").replaceChildren();
     for (const [x, y] of scene.ground) add(layer("ground"), "path", { d: `M${x - 7} ${y + 9}L${x} ${y}L${x + 7} ${y + 9}z` });
+    guide(layer("ground"), scene.guide);
     build(layer("truth"), scene.parts, shown.pose);
     layer("ghost").setAttribute("stroke", colour);
     build(layer("ghost"), scene.parts, shown.ghost);
