@@ -266,8 +266,8 @@ def _factor(*largest: float) -> float:
     limit = min(largest)
     if not limit > 1.0 or limit > 1e30:
         return 1.0
-    power = 10.0 ** math.floor(math.log10(limit))
-    return max(1.0, *(step * power for step in (1, 2, 5) if step * power <= limit))
+    power = 10.0 ** math.floor(math.log10(limit))  # may be rounded up to just above the limit
+    return max([1.0, *(step * power for step in (0.5, 1, 2, 5) if step * power <= limit)])
 
 
 def _path(pins: list[tuple[float, float]]) -> str:

@@ -9,12 +9,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
 
 from crosscheck.check import check
 from crosscheck.history import append
 from crosscheck.report import build
 from crosscheck.report.front import answer as sentence
 from crosscheck.report.front import first_table, hard_matrix
+from crosscheck.report.poses import _factor as magnified
 from crosscheck.report.prices import cheapest
 from crosscheck.report.slopes import slopes
 from refkin import FourBar
@@ -281,6 +284,17 @@ def test_bars_of_a_picture_keep_together_in_every_frame(posed: Any) -> None:
         assert place(*coupler, 1) == pytest.approx(place(*rocker, 1), abs=0.5) or place(*coupler, 1) == pytest.approx(
             place(*rocker, 0), abs=0.5
         )
+
+
+@given(st.floats(1.0, 1e29))
+@example(1000.0)
+@example(math.nextafter(1e15, 0))
+@example(math.nextafter(1.0, 2))
+def test_factor_of_an_error_is_round_and_makes_it_as_visible_as_it_may_be(limit: float) -> None:
+    found = magnified(limit)
+
+    assert limit / 2.51 < found <= limit
+    assert f"{found:.9e}"[0] in "125"
 
 
 def test_records_without_poses_make_a_page_without_pictures(tmp_path: Path) -> None:
