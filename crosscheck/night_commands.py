@@ -67,7 +67,7 @@ def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, a
 def baseline(
     *,
     accept: Annotated[bool, Parameter(negative="")] = False,
-    engines: str = "closed_form,exudyn,pinocchio,mujoco",
+    engines: str = "closed_form,vector_loop,exudyn,pinocchio,mujoco",
     file: Path = golden.DEFAULT,
 ) -> int:
     """Compare the golden set with the accepted baseline, or accept what is measured now as the new one.

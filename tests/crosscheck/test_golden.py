@@ -168,7 +168,7 @@ def test_the_accepted_baseline_holds_the_golden_scenes_and_every_engine(accepted
     engines = {who.partition(" · ")[0] for case in accepted["cases"].values() for who in case["routes"]}
 
     assert held == {name: json.loads(json.dumps(to_dict(s))) for name, s in golden.golden_scenes().items()}
-    assert engines == set(accepted["versions"]) == {"closed_form", "exudyn", "pinocchio", "mujoco"}
+    assert engines == set(accepted["versions"]) == {"closed_form", "vector_loop", "exudyn", "pinocchio", "mujoco"}
 
 
 def test_the_accepted_reference_is_proved_at_every_time(accepted: Any) -> None:
