@@ -148,6 +148,64 @@ def call_each(function: Callable[[str], Any], arguments: Sequence[str], seconds:
     return [_returned(ours, process, end, seconds) for ours, process in started]
 
 
+def call_in_turn(
+    function: Callable[[str], Any], arguments: Sequence[str], seconds: float = SECONDS_TO_START
+) -> Iterator[Any]:
+    """Yield what an importable function returns for each argument, or a Failure; one process does as many as it can.
+
+    A process that ends, or that takes longer than `seconds`, is replaced for the arguments that are left.
+    """
+    worker = None
+    try:
+        for argument in arguments:
+            worker = worker or _Caller(function)
+            answer = worker.call(argument, seconds)
+            if isinstance(answer, Failure) and not answer.kind.startswith("error"):
+                worker.end()
+                worker = None
+            yield answer
+    finally:
+        if worker is not None:
+            worker.end()
+
+
+class _Caller:
+    """A process that calls a function for one argument after the other."""
+
+    def __init__(self, function: Callable[[str], Any]) -> None:
+        self.pipe, theirs = _context().Pipe()
+        self.process = _context().Process(target=_call_each_that_comes, args=(function, theirs), daemon=True)
+        with _by_itself():
+            self.process.start()
+        theirs.close()
+        self.allowed = SECONDS_TO_START  # the first call waits for the process to start, too
+
+    def call(self, argument: str, seconds: float) -> Any:
+        allowed, self.allowed = self.allowed + seconds, 0.0
+        try:
+            self.pipe.send((argument, allowed))
+            if not self.pipe.poll(allowed):
+                return Failure("hang", f"no answer within {seconds:g} s")
+            return self.pipe.recv()
+        except (EOFError, OSError):
+            self.process.join(5.0)
+            return _crash(self.process.exitcode)
+
+    def end(self) -> None:
+        self.pipe.close()
+        if self.process.exitcode is None:
+            self.process.kill()
+        self.process.join(5.0)
+
+
+def _call_each_that_comes(function: Callable[[str], Any], pipe: Any) -> None:
+    with suppress(EOFError, OSError):
+        while True:
+            argument, seconds = pipe.recv()
+            with _ended_by_the_system(seconds + SECONDS_TO_START):
+                pipe.send(_told_if_raised(function, argument))
+
+
 def _returned(pipe: Any, process: Any, end: float, seconds: float) -> Any:
     with pipe:
         if not pipe.poll(max(0.0, end - time.monotonic())):
