@@ -16,7 +16,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from crosscheck import document_commands, tape_command
+from crosscheck import document_commands, hard_commands, tape_command
 from crosscheck.answers import to_json
 from crosscheck.campaign import ALWAYS, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.cluster import LOCAL, NoCluster
@@ -293,7 +293,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
     try:
         code = app(sys.argv[1:] if arguments is None else arguments, exit_on_error=False, print_error=True)
-    except (InvalidScene, UsageError, OtherRun, Occupied, SameName) as error:
+    except (InvalidScene, UsageError, OtherRun, Occupied, SameName, hard_commands.UnknownName) as error:
         code = _told(error, USAGE)
     except cyclopts.CycloptsError:
         code = USAGE
@@ -314,3 +314,4 @@ def _told(error: BaseException, code: int) -> int:
 app.command(document_commands.ledger)
 app.command(document_commands.mutants)
 app.command(tape_command.tape)
+app.command(hard_commands.hard)

@@ -16,6 +16,7 @@ from typing import Any
 from crosscheck.known_gaps import CLASSES, InvalidGap
 
 KEYS = ("engine", "route", "cases", "verdict", "class", "quote", "source", "reason", "scene", "script", "date")
+OPTIONAL = ("scene", "script")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -35,7 +36,7 @@ class Finding:
     reason : str
         What happens.
     scene, script : str
-        A minimal scene, and a script in the engine's own API, from the root of the project.
+        A minimal scene, and a script in the engine's own API, from the root of the project; one of them may be "".
     """
 
     engine: str
@@ -46,9 +47,9 @@ class Finding:
     quote: str
     source: str
     reason: str
-    scene: str
-    script: str
     date: datetime.date
+    scene: str = ""
+    script: str = ""
 
 
 def read(text: str | None = None) -> tuple[Finding, ...]:
@@ -89,7 +90,7 @@ def closed(known: Sequence[Finding], rows: Sequence[Mapping[str, Any]]) -> list[
 
 def _finding(k: int, row: Mapping[str, Any]) -> Finding:
     for key in KEYS:
-        if key not in row:
+        if key not in row and key not in OPTIONAL:
             raise InvalidGap(f"finding[{k}].{key} is missing")
     for key, value in row.items():
         expected = {"cases": list, "date": datetime.date}.get(key, str)
@@ -97,7 +98,9 @@ def _finding(k: int, row: Mapping[str, Any]) -> Finding:
             raise InvalidGap(f"finding[{k}].{key}: no such key; there are: {', '.join(KEYS)}")
         if type(value) is not expected or not value:
             raise InvalidGap(f"finding[{k}].{key}: {value!r}; expected {expected.__name__}")
+    if not row.keys() & set(OPTIONAL):
+        raise InvalidGap(f"finding[{k}]: neither scene nor script: nothing shows it")
     if row["class"] not in CLASSES:
         raise InvalidGap(f"finding[{k}].class: {row['class']!r}; there are: {', '.join(CLASSES)}")
-    named = {key: row[key] for key in KEYS if key not in ("class", "cases")}
+    named = {key: row[key] for key in KEYS if key not in ("class", "cases") and key in row}
     return Finding(**named, kind=row["class"], cases=tuple(row["cases"]))
