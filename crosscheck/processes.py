@@ -178,15 +178,17 @@ class _Caller:
         with _by_itself():
             self.process.start()
         theirs.close()
-        self.allowed = SECONDS_TO_START  # the first call waits for the process to start, too
+        self.pipe.poll(SECONDS_TO_START)  # until it is there: `LOADED`, which the first call takes
 
     def call(self, argument: str, seconds: float) -> Any:
-        allowed, self.allowed = self.allowed + seconds, 0.0
         try:
-            self.pipe.send((argument, allowed))
-            if not self.pipe.poll(allowed):
-                return Failure("hang", f"no answer within {seconds:g} s")
-            return self.pipe.recv()
+            self.pipe.send((argument, seconds))
+            answer: Any = LOADED
+            while answer == LOADED:
+                if not self.pipe.poll(seconds):
+                    return Failure("hang", f"no answer within {seconds:g} s")
+                answer = self.pipe.recv()
+            return answer
         except (EOFError, OSError):
             self.process.join(5.0)
             return _crash(self.process.exitcode)
@@ -200,6 +202,7 @@ class _Caller:
 
 def _call_each_that_comes(function: Callable[[str], Any], pipe: Any) -> None:
     with suppress(EOFError, OSError):
+        pipe.send(LOADED)
         while True:
             argument, seconds = pipe.recv()
             with _ended_by_the_system(seconds + SECONDS_TO_START):

@@ -9,7 +9,7 @@ the radius is that of the fold.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -20,15 +20,16 @@ from crosscheck.engines import Term
 from crosscheck.frames import wrap
 from crosscheck.hard_cases.attainable import attainable, residual_error
 from crosscheck.hard_cases.cases import HardCase
+from refkin.analysis import solve
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.proof.assembly import assemblies
 from refkin.proof.krawczyk import Judgement, Verdict, judge, krawczyk
 from refkin.system import System, compile_system
 
-GRANTED = 10.0
+GRANTED = 20.0
 """Times a stopping rule or a compliance is granted, as a part of the residual: at the regular poses in which these
-scenes begin, |phi_q^-1| is below 10. What a singular pose makes of a tolerance beyond that is what is looked for."""
+scenes begin, |phi_q^-1| is below 20. What a singular pose makes of a tolerance beyond that is what is looked for."""
 TOO_WIDE = 0.1
 """An attainable error above this says nothing [rad, sizes]: a linkage that folds up is idle there."""
 
@@ -139,6 +140,29 @@ def samples(
             found.append(Sample(t, None, ok, note))
         else:
             found.append(_sample(system, true, q[:, k], t, ok, granted))
+    return tuple(found)
+
+
+def scene_samples(scene: Scene, motion: Motion, terms: Sequence[Term]) -> tuple[Sample, ...]:
+    """Return where a motion lies for a scene that is no hard case: the reference says which branch is meant.
+
+    Where it has no pose of its own every assembly will do; where it proves that there is none, none will.
+    """
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    return samples(system, scene_truths(system, scene), scene, motion, terms)
+
+
+def scene_truths(system: System, scene: Scene) -> tuple[Truth, ...]:
+    """Return what is proved of every time of a scene."""
+    own = solve(replace(scene, bodies_wanted=None, effects=frozenset()))
+    q = system.to_unit(own.q)
+    found = []
+    for k, t in enumerate(scene.times):
+        if np.isfinite(q[:, k]).all():
+            found.append(Truth((_root(system, q[:, k], t),)))
+        else:
+            there = assemblies(system, t, trying=False)
+            found.append(Truth(tuple(_root(system, x, t) for x in there.poses), there.gap))
     return tuple(found)
 
 
