@@ -7,6 +7,7 @@ import math
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -24,10 +25,17 @@ from crosscheck.engines import available
 from crosscheck.engines import load as load_engine
 from crosscheck.freedoms import mobility_lines
 from crosscheck.journal import Occupied
-from crosscheck.known_gaps import InvalidGap, read
+from crosscheck.known_gaps import InvalidGap, read, table
 from crosscheck.progress import shown_progress
 from crosscheck.report import build, verdict
-from crosscheck.tables import agreement_table, capability_table, lines_with_gap, outcome_lines, rows_table
+from crosscheck.tables import (
+    agreement_table,
+    arbiter_table,
+    capability_table,
+    lines_with_gap,
+    outcome_lines,
+    rows_table,
+)
 from crosscheck.workers import SECONDS_PER_SCENE, Workers
 from refkin.analysis import solve as solve_scene
 from refkin.errors import InvalidScene
@@ -117,6 +125,7 @@ def nightly(
     workers: Whole | None = None,
     cluster: str | None = None,
     scene_seconds: float = SECONDS_PER_SCENE,
+    known_gaps: str = "",
 ) -> int:
     """Draw scenes, check them on all engines, write a report.
 
@@ -144,15 +153,19 @@ def nightly(
         Check the scenes on a Dask cluster: `local` for one of `workers` processes, or a scheduler, `tcp://host:8786`.
     scene_seconds
         After this long on one scene a worker is ended, and the engine that it was at is told.
+    known_gaps
+        A table to hold the run against instead of our own: a file, or `none`. Then every row of our own is told, and
+        after how many scenes it was found again.
     """
     plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers, cluster, scene_seconds)
+    plan = replace(plan, known_gaps=known_gaps)
     with shown_progress(plan.scenes, plan.minutes) as progress:
         try:
             outcome = run(plan, progress)
         except KeyboardInterrupt:
             told = f"interrupted; what was checked is kept in {plan.out}, and the same command goes on from there"
             raise KeyboardInterrupt(told) from None
-    page = build(plan.out, outcome, required=outcome.required)
+    page = build(plan.out, outcome, required=outcome.required, gaps=table(known_gaps))
     console = Console(stderr=True, soft_wrap=True)
     for line in (*outcome_lines(outcome), f"report: {page}"):
         console.print(line, markup=False, highlight=False)
@@ -174,7 +187,7 @@ def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECOND
     scene_seconds
         After this long an engine is ended, and said to hang.
     """
-    job = {"scene": to_dict(load(scene)), "about": {}}
+    job = {"scene": to_dict(load(scene)), "about": {}, "arbiter": True}
     _positive("scene-seconds", scene_seconds)
     found, missing = find_engines(_names(engines))
     with Workers(1, {name: spec for name, (spec, _) in found.items()}, scene_seconds) as pool:
@@ -186,6 +199,7 @@ def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECOND
     told = record["reference"]
     console.print(f"refkin: {told['verdict']} {told['message']}  smallest sigma {told['sigma_min']:.3g}", markup=False)
     console.print(agreement_table(record))
+    console.print(arbiter_table(record))
     console.print(rows_table(record))
     disagreements = [line for told in record["disagreements"] for line in lines_with_gap(told, record, read())]
     for line in [*record["refusals"], *missing.values(), *pool.unexplained, *disagreements]:

@@ -20,7 +20,7 @@ from functools import lru_cache
 from typing import Any
 
 Job = Mapping[str, Any]
-"""A scene as the data of its file under `scene`, and what the generator knows of it under `about`."""
+"""A scene as the data of its file under `scene`, what the generator knows of it under `about`; perhaps `arbiter`."""
 Record = dict[str, Any]
 
 SECONDS_TO_START = 60.0
@@ -118,7 +118,7 @@ def _checked(job: Job, engines: Sequence[Any]) -> Record:
     from crosscheck.check import check
     from refkin.scene_files import parse
 
-    return check(parse(job["scene"]), engines, job["about"])
+    return check(parse(job["scene"]), engines, job["about"], arbiter=job.get("arbiter", False))
 
 
 def _told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:

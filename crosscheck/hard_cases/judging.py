@@ -131,15 +131,16 @@ def samples(
     q = np.full((system.n, len(scene.times)), np.nan)
     q[rows] = motion.q
     q = system.to_unit(q)
+    rows.sort()
     granted = GRANTED * sum(term.absolute for term in terms if term.level == "position")
     found = []
     for k, (t, true) in enumerate(zip(scene.times, truth, strict=True)):
         ok = motion.status[k] is Status.OK
-        if not np.isfinite(q[:, k]).all():
+        if not np.isfinite(q[rows, k]).all():
             note = "called ok without a number" if ok else motion.status[k].value
             found.append(Sample(t, None, ok, note))
         else:
-            found.append(_sample(system, true, q[:, k], t, ok, granted))
+            found.append(_sample(system, true, q[:, k], rows, t, ok, granted))
     return tuple(found)
 
 
@@ -166,13 +167,14 @@ def scene_truths(system: System, scene: Scene) -> tuple[Truth, ...]:
     return tuple(found)
 
 
-def _sample(system: System, true: Truth, q: Any, t: float, ok: bool, granted: float) -> Sample:
+def _sample(system: System, true: Truth, q: Any, rows: Any, t: float, ok: bool, granted: float) -> Sample:
     if not true.roots:
         gap = f"there is no assembly: {true.gap:.3g} sizes are missing" if true.gap else "no truth is known"
         verdict = Verdict.OUTSIDE if true.gap else Verdict.UNDECIDABLE
         return Sample(t, Judgement(verdict, np.inf if true.gap else np.nan), ok, gap)
-    best = min((_judged(system, *root, q, granted) for root in true.roots), key=lambda j: j.radii)
-    other = best.verdict is Verdict.OUTSIDE and _on_other_assembly(system, true.roots[0][0], q, t)
+    best = min((_judged(system, *root, q, rows, granted) for root in true.roots), key=lambda j: j.radii)
+    whole = len(rows) == system.n
+    other = whole and best.verdict is Verdict.OUTSIDE and _on_other_assembly(system, true.roots[0][0], q, t)
     return Sample(t, best, ok, "on the other assembly" if other else "")
 
 
@@ -185,10 +187,11 @@ def _on_other_assembly(system: System, balls: tuple[Any, ...], q: Any, t: float)
     return bool(np.max(found.distance(q)) < 0.1 * away)
 
 
-def _judged(system: System, balls: tuple[Any, ...], allowed: Any, q: Any, granted: float) -> Judgement:
+def _judged(system: System, balls: tuple[Any, ...], allowed: Any, q: Any, rows: Any, granted: float) -> Judgement:
+    """Hold the coordinates of the bodies that are answered for against a root, full turns apart or not."""
     middle = np.array([float(x) for x in balls])
-    if not np.max(allowed) < TOO_WIDE:
-        return Judgement(Verdict.UNDECIDABLE, float(np.max(np.abs(_away(system, q, middle)) / TOO_WIDE)))
+    if not np.max(allowed[rows]) < TOO_WIDE:
+        return Judgement(Verdict.UNDECIDABLE, float(np.max(np.abs(_away(system, q, middle)[rows]) / TOO_WIDE)))
     turns = np.where(system.angles, np.round((q - middle) / (2 * np.pi)), 0.0)
-    moved = [x + 2 * arb.pi() * int(n) if n else x for x, n in zip(balls, turns, strict=True)]
-    return judge(tuple(moved), q, allowed + granted)
+    moved = tuple(balls[k] + 2 * arb.pi() * int(turns[k]) if turns[k] else balls[k] for k in rows)
+    return judge(moved, q[rows], allowed[rows] + granted)
