@@ -17,7 +17,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from crosscheck import document_commands, hard_commands, tape_command
+from crosscheck import document_commands, hard_commands, hunt_command, tape_command
 from crosscheck.answers import to_json
 from crosscheck.campaign import ALWAYS, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.cluster import LOCAL, NoCluster
@@ -329,3 +329,4 @@ app.command(document_commands.ledger)
 app.command(document_commands.mutants)
 app.command(tape_command.tape)
 app.command(hard_commands.hard)
+app.command(hunt_command.hunt_worst, name="hunt")
