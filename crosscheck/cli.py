@@ -28,6 +28,7 @@ from crosscheck.journal import Occupied
 from crosscheck.known_gaps import InvalidGap, read, table
 from crosscheck.progress import shown_progress
 from crosscheck.report import build, verdict
+from crosscheck.report.build import HARD_CASES
 from crosscheck.tables import (
     agreement_table,
     arbiter_table,
@@ -126,6 +127,7 @@ def nightly(
     cluster: str | None = None,
     scene_seconds: float = SECONDS_PER_SCENE,
     known_gaps: str = "",
+    hard_seconds: float | None = None,
 ) -> int:
     """Draw scenes, check them on all engines, write a report.
 
@@ -156,6 +158,8 @@ def nightly(
     known_gaps
         A table to hold the run against instead of our own: a file, or `none`. Then every row of our own is told, and
         after how many scenes it was found again.
+    hard_seconds
+        How long the hard scenes may take, for the report's table of them; 30 if `minutes` is given, otherwise 0.
     """
     plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers, cluster, scene_seconds)
     plan = replace(plan, known_gaps=known_gaps)
@@ -165,6 +169,8 @@ def nightly(
         except KeyboardInterrupt:
             told = f"interrupted; what was checked is kept in {plan.out}, and the same command goes on from there"
             raise KeyboardInterrupt(told) from None
+    hard_seconds = (30.0 if minutes else 0.0) if hard_seconds is None else hard_seconds
+    hard_commands.write_rows(plan.out / HARD_CASES, outcome.versions, {ALWAYS}, hard_seconds)
     page = build(plan.out, outcome, required=outcome.required, gaps=table(known_gaps))
     console = Console(stderr=True, soft_wrap=True)
     for line in (*outcome_lines(outcome), f"report: {page}"):

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Collection, Iterable, Sequence
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
@@ -15,13 +17,14 @@ from crosscheck.engines import EngineError, available
 from crosscheck.hard_cases import HardCase, Outcome, hard_case_rows, hard_cases
 from crosscheck.hard_cases.classing import OURS
 from crosscheck.hard_cases.table import SECONDS, unexplained
+from crosscheck.journal import replace_file
 
 ENGINES = (OURS, "exudyn", "pinocchio", "mujoco")
 PASS, UNEXPLAINED, ENGINE_MISSING = 0, 1, 3
 
 
 class UnknownName(Exception):
-    """An engine or a case that nobody knows."""
+    """An engine or a case that nobody knows, or a number that makes no sense."""
 
 
 def hard(
@@ -51,6 +54,9 @@ def hard(
         Print one JSON array of rows instead of a table.
     """
     cases = _cases(case)
+    for key, value in (("within", within), ("case-seconds", case_seconds)):
+        if value is not None and not 0 < value < math.inf:
+            raise UnknownName(f"--{key}: expected a number above 0, got {value}")
     for name in engine:
         if name not in (OURS, *available()) and ":" not in name:
             known = ", ".join((OURS, *sorted(available())))
@@ -65,6 +71,13 @@ def hard(
     else:
         _print(rows)
     return UNEXPLAINED if unexplained(rows) else PASS
+
+
+def write_rows(path: Path, engines: Iterable[str], left_out: Collection[str], seconds: float) -> None:
+    """Write the rows of the hard cases that registered engines, and the reference, get done in some time."""
+    if seconds > 0:
+        asked = [OURS, *(name for name in engines if name in available() and name not in left_out)]
+        replace_file(path, json.dumps(hard_case_rows(asked, seconds), indent=1, allow_nan=False) + "\n")
 
 
 def _cases(kinds: Sequence[str]) -> list[HardCase]:
