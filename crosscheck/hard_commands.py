@@ -16,7 +16,7 @@ from rich.table import Table
 from crosscheck.engines import EngineError, available
 from crosscheck.hard_cases import HardCase, Outcome, hard_case_rows, hard_cases
 from crosscheck.hard_cases.classing import OURS
-from crosscheck.hard_cases.table import SECONDS, unexplained
+from crosscheck.hard_cases.table import BAD, SECONDS, unexplained
 from crosscheck.journal import replace_file
 
 ENGINES = (OURS, "exudyn", "pinocchio", "mujoco")
@@ -106,8 +106,17 @@ def _print(rows: Sequence[dict[str, Any]]) -> None:
         counts = [sum((r["engine"], r["route"], r["verdict"]) == (*name, verdict) for r in rows) for name in names]
         table.add_row(f"all: {verdict}", "", *map(str, counts))
     console.print(table)
+    _print_wrong(console, rows)
+
+
+def _print_wrong(console: Console, rows: Sequence[dict[str, Any]]) -> None:
+    """Print what is wrong with its explanation, the rows that share one together."""
+    by_reason: dict[tuple[str, ...], list[dict[str, Any]]] = {}
     for row in rows:
-        if row["verdict"] in (Outcome.WRONG, Outcome.CRASH, Outcome.HANG):
-            explained = f"[{row['class']}: {row['quote']}]" if row["class"] else "[no finding explains this]"
-            place = f"{row['engine']} ({row['route']}), {row['case']}, {row['distance']:.3g}"
-            console.print(f"{place}: {row['verdict']}: {row['note']} {explained}", markup=False, highlight=False)
+        if row["verdict"] in BAD:
+            reason = f"{row['class']}: {row['quote']}" if row["class"] else "no finding explains this"
+            by_reason.setdefault((row["engine"], row["route"], row["verdict"], reason), []).append(row)
+    for (engine, route, verdict, reason), found in by_reason.items():
+        console.print(f"\n{engine} ({route}), {verdict}: {reason}", markup=False, highlight=False)
+        for row in found:
+            console.print(f"  {row['case']}, {row['distance']:.3g}: {row['note']}", markup=False, highlight=False)

@@ -26,6 +26,8 @@ from refkin.scene_files import to_dict
 
 STRATA = ((1.0, 3.0), (3.0, 6.0), (6.0, 9.0), (9.0, 12.0), (12.0, 15.0))
 """Decades of the distance to a limit position, or of the slack: 10^-k to 10^-k'."""
+FINEST_SLACK = 12.0
+"""Lengths whose sums are exact have no slack below this many decades; nearer than that only limits are approached."""
 SAMPLES = 12
 """Times per scene: a hunt wants scenes, not times."""
 A_TURN = 40
@@ -106,7 +108,7 @@ def hunt(
                 progress(bag)
 
             with suppress(_OutOfTime):
-                _turn(check, stratum, night * 1000 + turn)
+                turn_of(check, stratum, night * 1000 + turn)
             turn += 1
     return bag
 
@@ -115,9 +117,10 @@ class _OutOfTime(Exception):
     """Ends a turn."""
 
 
-def _turn(check: Callable[[Drawn], None], stratum: tuple[float, float], number: int) -> None:
-    """Run Hypothesis once: half of the scenes at random, half near the worst of them."""
-    hard = drawn_scenes(hardness=(Hardness.LIMIT, Hardness.CHANGE_POINT), decades=stratum, samples=SAMPLES)
+def turn_of(check: Callable[[Drawn], None], stratum: tuple[float, float], number: int) -> None:
+    """Run Hypothesis once on scenes of a stratum: half of them at random, half near the worst of those."""
+    hardness = (Hardness.LIMIT,) if stratum[1] > FINEST_SLACK else (Hardness.LIMIT, Hardness.CHANGE_POINT)
+    hard = drawn_scenes(hardness=hardness, decades=stratum, samples=SAMPLES)
     made = settings(
         settings.get_profile("default"),
         max_examples=A_TURN,
@@ -126,6 +129,7 @@ def _turn(check: Callable[[Drawn], None], stratum: tuple[float, float], number: 
         database=None,
         deadline=None,
         print_blob=False,
+        report_multiple_bugs=False,
         verbosity=Verbosity.quiet,
         suppress_health_check=list(HealthCheck),
     )

@@ -79,7 +79,11 @@ def classed(found: Sequence[Sample], said: str = "") -> tuple[str, str]:
         return Outcome.WRONG.value, f"{worst}; it warned: {said}" if said else worst
     lost = [s for s in found if s.judgement is None or (not s.called_ok and s.judgement.verdict is Verdict.OUTSIDE)]
     if lost:
-        return Outcome.REFUSED.value, f"no answer at {len(lost)} of {len(found)} times, first t = {lost[0].t:g}"
+        rightly = "rightly, there is no assembly: " if all(s.none for s in lost) else ""
+        return (
+            Outcome.REFUSED.value,
+            f"{rightly}no answer at {len(lost)} of {len(found)} times, first t = {lost[0].t:g}",
+        )
     doubted = [s for s in found if not s.called_ok]
     open_ = sum(s.judgement is not None and s.judgement.verdict is Verdict.UNDECIDABLE for s in found)
     note = f"undecidable at {open_} of {len(found)} times" if open_ else ""

@@ -55,12 +55,13 @@ class Truth:
 
 @dataclass(frozen=True)
 class Sample:
-    """An answer at one time: where it lies, whether it was called ok, what was proved there."""
+    """An answer at one time: where it lies, whether it was called ok, what was proved there; `none`: no assembly."""
 
     t: float
     judgement: Judgement | None
     called_ok: bool
     note: str = ""
+    none: bool = False
 
 
 def truths(case: HardCase) -> tuple[System, tuple[Truth, ...]]:
@@ -138,7 +139,7 @@ def samples(
         ok = motion.status[k] is Status.OK
         if not np.isfinite(q[rows, k]).all():
             note = "called ok without a number" if ok else motion.status[k].value
-            found.append(Sample(t, None, ok, note))
+            found.append(Sample(t, None, ok, note, none=true.gap is not None))
         else:
             found.append(_sample(system, true, q[:, k], rows, t, ok, granted))
     return tuple(found)

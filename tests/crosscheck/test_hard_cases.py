@@ -191,7 +191,8 @@ def test_an_answer_where_there_is_no_assembly_is_wrong_and_no_answer_is_right():
     answered = replace(motion, q=np.zeros_like(motion.q), status=(Status.OK,))
 
     assert classed(samples(system, truth, case.scene, answered, ()))[0] == Outcome.WRONG
-    assert classed(samples(system, truth, case.scene, motion, ()))[0] == Outcome.REFUSED
+    outcome, note = classed(samples(system, truth, case.scene, motion, ()))
+    assert (outcome, note.startswith("rightly, there is no assembly")) == (Outcome.REFUSED, True)
 
 
 def test_the_reference_is_nowhere_wrong():

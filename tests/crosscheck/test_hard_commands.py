@@ -13,7 +13,7 @@ from crosscheck.cli import main
 from crosscheck.hard_cases import hard_case_rows
 from crosscheck.hard_cases.table import KEYS
 from crosscheck.hard_commands import write_rows
-from crosscheck.hunting import CERTIFICATE, Bag, Catch, hunt, ratios
+from crosscheck.hunting import CERTIFICATE, STRATA, Bag, Catch, hunt, ratios, turn_of
 from crosscheck.report.build import HARD_CASES
 from crosscheck.report.build import hard_case_rows as rows_in
 
@@ -92,6 +92,26 @@ def test_a_hunt_finds_a_planted_error_and_in_which_scene():
     assert bag.failures == []
     assert bag.above()
     assert all(math.isfinite(catch.ratio) for catch in bag.catches.values())
+
+
+@pytest.mark.parametrize("stratum", STRATA)
+def test_every_stratum_has_scenes_in_its_decades(stratum):
+    distances = []
+
+    def look(drawn):
+        distances.append(drawn.distance)
+        if len(distances) >= 8:
+            raise Enough
+
+    with pytest.raises(Enough):
+        turn_of(look, stratum, 1)
+
+    # A limit is approached by 10^-k rad or lengths; what the margin is there depends on the linkage.
+    assert min(distances) < 10.0 ** (1.5 - stratum[0])
+
+
+class Enough(Exception):
+    pass
 
 
 def test_the_worst_comes_first():
