@@ -159,7 +159,8 @@ def nightly(
         A table to hold the run against instead of our own: a file, or `none`. Then every row of our own is told, and
         after how many scenes it was found again.
     hard_seconds
-        How long the hard scenes may take, for the report's table of them; 30 if `minutes` is given, otherwise 0.
+        How long the hard scenes may take, for the report's table of them; by default a quarter of a night's minutes, a
+        minute at most, and 0 for a night that is given `scenes` alone.
     """
     plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers, cluster, scene_seconds)
     plan = replace(plan, known_gaps=known_gaps)
@@ -169,7 +170,7 @@ def nightly(
         except KeyboardInterrupt:
             told = f"interrupted; what was checked is kept in {plan.out}, and the same command goes on from there"
             raise KeyboardInterrupt(told) from None
-    hard_seconds = (30.0 if minutes else 0.0) if hard_seconds is None else hard_seconds
+    hard_seconds = min(60.0, 15.0 * (plan.minutes or 0.0)) if hard_seconds is None else hard_seconds
     hard_commands.write_rows(plan.out / HARD_CASES, outcome.versions, {ALWAYS}, hard_seconds)
     page = build(plan.out, outcome, required=outcome.required, gaps=table(known_gaps))
     console = Console(stderr=True, soft_wrap=True)
