@@ -71,7 +71,7 @@ def stepped(tree: JointTree, scene: Scene) -> March:
         raise EngineError(
             f"mujoco refuses this scene on the route {STEPPED.name!r}: no equality constraint holds a point on a line"
         )
-    simulation = _Simulation(plan)
+    simulation = Simulation(plan)
     levels = np.full((tree.width, len(scene.times)), np.nan)
     residual = np.full(len(scene.times), np.nan)
     status = [Status.NOT_CONVERGED] * len(scene.times)
@@ -84,7 +84,7 @@ def stepped(tree: JointTree, scene: Scene) -> March:
     return March((levels,), tuple(status), residual)
 
 
-class _Simulation:
+class Simulation:
     """A model with MuJoCo's defaults, and its state."""
 
     def __init__(self, plan: Plan) -> None:

@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from crosscheck.hard_cases.trees import dyads
 from refkin.joints import GROUND, AngleDriver, Revolute
 from refkin.linkages import FourBar, InvertedSliderCrank, Pose, SliderCrank, rough
 from refkin.linkages.base import Linkage
@@ -27,6 +28,8 @@ STEPS = (0.1, 0.5, 1.0, 2.0)
 """Crank angle between two times [rad]."""
 APPROACH = 0.5
 """How far from the hard pose a scene begins [rad, m]."""
+TREES = ((6, 4), (20, 1), (32, 1))
+"""Dyads of a branching tree and the seed it is drawn with: from 30 dyads on it has more than 60 freedoms."""
 PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
 NEAR = 1e-2
 """Margin for which estimates are rounded [m]: they are good to two or three digits."""
@@ -162,6 +165,15 @@ def branching() -> Iterator[HardCase]:
         yield HardCase("branching loops", float(loops), scene, poses.__getitem__, exact=True)
 
 
+def branching_tree() -> Iterator[HardCase]:
+    """Yield a crank with dyads hung on any bodies before them, so that loops run through all of a branching tree."""
+    for count, seed in TREES:
+        times = [0.3 + 0.02 * k for k in range(3)]
+        joints, poses = dyads(count, seed, times)
+        scene = _law_scene(joints, UP, times, poses[times[0]], "branching tree")
+        yield HardCase("branching tree", float(count), scene, poses.__getitem__, exact=True)
+
+
 def large_offset() -> Iterator[HardCase]:
     """Yield a crank-rocker far from the origin."""
     for ratio in OFFSETS:
@@ -188,7 +200,7 @@ KINDS: Mapping[str, Callable[[], Iterator[HardCase]]] = {
     kind.__name__: kind
     for kind in (
         toggle, dead_centre, near_change_point, parallelogram, parallelogram_passed, kite, isosceles, slot,
-        unassemblable, singular, redundant, branching, large_offset, far_start, coarse_steps,
+        unassemblable, singular, redundant, branching, branching_tree, large_offset, far_start, coarse_steps,
     )
 }  # fmt: skip
 
