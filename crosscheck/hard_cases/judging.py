@@ -29,7 +29,8 @@ from refkin.system import System, compile_system
 
 GRANTED = 20.0
 """Times a stopping rule or a compliance is granted, as a part of the residual: at the regular poses in which these
-scenes begin, |phi_q^-1| is below 20 (but where many loops hang on each other). What a singular pose makes of a tolerance beyond that is what is looked for."""
+scenes begin, |phi_q^-1| is below 20 (but where many loops hang on each other). What a singular pose makes of a
+tolerance beyond that is what is looked for."""
 TOO_WIDE = 0.1
 """An attainable error above this says nothing [rad, sizes]: a linkage that folds up is idle there."""
 
