@@ -7,6 +7,7 @@ import math
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +17,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from crosscheck import document_commands, tape_command
+from crosscheck import document_commands, hard_commands, hunt_command, tape_command
 from crosscheck.answers import to_json
 from crosscheck.campaign import ALWAYS, SAMPLED, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.cluster import LOCAL, NoCluster
@@ -24,10 +25,18 @@ from crosscheck.engines import available
 from crosscheck.engines import load as load_engine
 from crosscheck.freedoms import mobility_lines
 from crosscheck.journal import Occupied
-from crosscheck.known_gaps import InvalidGap, read
+from crosscheck.known_gaps import InvalidGap, read, table
 from crosscheck.progress import shown_progress
 from crosscheck.report import build, verdict
-from crosscheck.tables import agreement_table, capability_table, lines_with_gap, outcome_lines, rows_table
+from crosscheck.report.build import HARD_CASES
+from crosscheck.tables import (
+    agreement_table,
+    arbiter_table,
+    capability_table,
+    lines_with_gap,
+    outcome_lines,
+    rows_table,
+)
 from crosscheck.workers import SECONDS_PER_SCENE, Workers
 from refkin.analysis import solve as solve_scene
 from refkin.errors import InvalidScene
@@ -117,6 +126,8 @@ def nightly(
     workers: Whole | None = None,
     cluster: str | None = None,
     scene_seconds: float = SECONDS_PER_SCENE,
+    known_gaps: str = "",
+    hard_seconds: float | None = None,
 ) -> int:
     """Draw scenes, check them on all engines, write a report.
 
@@ -144,15 +155,24 @@ def nightly(
         Check the scenes on a Dask cluster: `local` for one of `workers` processes, or a scheduler, `tcp://host:8786`.
     scene_seconds
         After this long on one scene a worker is ended, and the engine that it was at is told.
+    known_gaps
+        A table to hold the run against instead of our own: a file, or `none`. Then every row of our own is told, and
+        after how many scenes it was found again.
+    hard_seconds
+        How long the hard scenes may take, for the report's table of them; by default a quarter of a night's minutes, a
+        minute at most, and 0 for a night that is given `scenes` alone.
     """
     plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers, cluster, scene_seconds)
+    plan = replace(plan, known_gaps=known_gaps)
     with shown_progress(plan.scenes, plan.minutes) as progress:
         try:
             outcome = run(plan, progress)
         except KeyboardInterrupt:
             told = f"interrupted; what was checked is kept in {plan.out}, and the same command goes on from there"
             raise KeyboardInterrupt(told) from None
-    page = build(plan.out, outcome, required=outcome.required)
+    hard_seconds = min(60.0, 15.0 * (plan.minutes or 0.0)) if hard_seconds is None else hard_seconds
+    hard_commands.write_rows(plan.out / HARD_CASES, outcome.versions, {ALWAYS}, hard_seconds)
+    page = build(plan.out, outcome, required=outcome.required, gaps=table(known_gaps))
     console = Console(stderr=True, soft_wrap=True)
     for line in (*outcome_lines(outcome), f"report: {page}"):
         console.print(line, markup=False, highlight=False)
@@ -174,7 +194,7 @@ def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECOND
     scene_seconds
         After this long an engine is ended, and said to hang.
     """
-    job = {"scene": to_dict(load(scene)), "about": {}}
+    job = {"scene": to_dict(load(scene)), "about": {}, "arbiter": True}
     _positive("scene-seconds", scene_seconds)
     found, missing = find_engines(_names(engines))
     with Workers(1, {name: spec for name, (spec, _) in found.items()}, scene_seconds) as pool:
@@ -186,6 +206,7 @@ def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECOND
     told = record["reference"]
     console.print(f"refkin: {told['verdict']} {told['message']}  smallest sigma {told['sigma_min']:.3g}", markup=False)
     console.print(agreement_table(record))
+    console.print(arbiter_table(record))
     console.print(rows_table(record))
     disagreements = [line for told in record["disagreements"] for line in lines_with_gap(told, record, read())]
     for line in [*record["refusals"], *missing.values(), *pool.unexplained, *disagreements]:
@@ -293,7 +314,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
     try:
         code = app(sys.argv[1:] if arguments is None else arguments, exit_on_error=False, print_error=True)
-    except (InvalidScene, UsageError, OtherRun, Occupied, SameName) as error:
+    except (InvalidScene, UsageError, OtherRun, Occupied, SameName, hard_commands.UnknownName) as error:
         code = _told(error, USAGE)
     except cyclopts.CycloptsError:
         code = USAGE
@@ -314,3 +335,5 @@ def _told(error: BaseException, code: int) -> int:
 app.command(document_commands.ledger)
 app.command(document_commands.mutants)
 app.command(tape_command.tape)
+app.command(hard_commands.hard)
+app.command(hunt_command.hunt_worst, name="hunt")

@@ -20,7 +20,7 @@ from functools import lru_cache
 from typing import Any
 
 Job = Mapping[str, Any]
-"""A scene as the data of its file under `scene`, and what the generator knows of it under `about`."""
+"""A scene as the data of its file under `scene`, what the generator knows of it under `about`; perhaps `arbiter`."""
 Record = dict[str, Any]
 
 SECONDS_TO_START = 60.0
@@ -118,7 +118,7 @@ def _checked(job: Job, engines: Sequence[Any]) -> Record:
     from crosscheck.check import check
     from refkin.scene_files import parse
 
-    return check(parse(job["scene"]), engines, job["about"])
+    return check(parse(job["scene"]), engines, job["about"], arbiter=job.get("arbiter", False))
 
 
 def _told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -146,6 +146,67 @@ def call_each(function: Callable[[str], Any], arguments: Sequence[str], seconds:
         started.append((ours, process))
     end = time.monotonic() + seconds
     return [_returned(ours, process, end, seconds) for ours, process in started]
+
+
+def call_in_turn(
+    function: Callable[[str], Any], arguments: Sequence[str], seconds: float = SECONDS_TO_START
+) -> Iterator[Any]:
+    """Yield what an importable function returns for each argument, or a Failure; one process does as many as it can.
+
+    A process that ends, or that takes longer than `seconds`, is replaced for the arguments that are left.
+    """
+    worker = None
+    try:
+        for argument in arguments:
+            worker = worker or _Caller(function)
+            answer = worker.call(argument, seconds)
+            if isinstance(answer, Failure) and not answer.kind.startswith("error"):
+                worker.end()
+                worker = None
+            yield answer
+    finally:
+        if worker is not None:
+            worker.end()
+
+
+class _Caller:
+    """A process that calls a function for one argument after the other."""
+
+    def __init__(self, function: Callable[[str], Any]) -> None:
+        self.pipe, theirs = _context().Pipe()
+        self.process = _context().Process(target=_call_each_that_comes, args=(function, theirs), daemon=True)
+        with _by_itself():
+            self.process.start()
+        theirs.close()
+        self.pipe.poll(SECONDS_TO_START)  # until it is there: `LOADED`, which the first call takes
+
+    def call(self, argument: str, seconds: float) -> Any:
+        try:
+            self.pipe.send((argument, seconds))
+            answer: Any = LOADED
+            while answer == LOADED:
+                if not self.pipe.poll(seconds):
+                    return Failure("hang", f"no answer within {seconds:g} s")
+                answer = self.pipe.recv()
+            return answer
+        except (EOFError, OSError):
+            self.process.join(5.0)
+            return _crash(self.process.exitcode)
+
+    def end(self) -> None:
+        self.pipe.close()
+        if self.process.exitcode is None:
+            self.process.kill()
+        self.process.join(5.0)
+
+
+def _call_each_that_comes(function: Callable[[str], Any], pipe: Any) -> None:
+    with suppress(EOFError, OSError):
+        pipe.send(LOADED)
+        while True:
+            argument, seconds = pipe.recv()
+            with _ended_by_the_system(seconds + SECONDS_TO_START):
+                pipe.send(_told_if_raised(function, argument))
 
 
 def _returned(pipe: Any, process: Any, end: float, seconds: float) -> Any:

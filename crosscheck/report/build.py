@@ -32,6 +32,8 @@ GROUPS = {
     "residual": "The engine's own residual, phi",
     "constraint_velocity": "The engine's own constraint velocity, phi_q qd − nu",
 }
+HARD_CASES = "hard_cases.json"
+"""The file in a run's folder that holds the rows of `crosscheck.hard_cases.hard_case_rows`."""
 COVERAGE_NAMES = {
     "kind": "Linkage",
     "grashof": "Grashof class",
@@ -69,11 +71,19 @@ def build(
     """
     folder.mkdir(parents=True, exist_ok=True)
     summary = Summary(folder, known_gaps.read() if gaps is None else gaps, outcome)
-    report = plain({**summary.described(required), "newton_histories": newton_histories(), "documents": documents()})
+    more = {"newton_histories": newton_histories(), "documents": documents(), "hard_cases": hard_case_rows(folder)}
+    report = plain({**summary.described(required), **more})
     _replace(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     page = folder / "index.html"
     _replace(page, render(report))
     return page
+
+
+def hard_case_rows(folder: Path) -> list[dict[str, Any]]:
+    """Return the rows of the hard cases that a run wrote to its folder; none if it had no time for them."""
+    path = folder / HARD_CASES
+    rows: list[dict[str, Any]] = json.loads(path.read_text(encoding="utf-8")) if path.exists() else []
+    return rows
 
 
 def plain(value: Any) -> Any:
