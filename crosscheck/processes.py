@@ -85,12 +85,7 @@ class SceneProcess:
     def end(self) -> Failure:
         """End the process, unless it has ended by itself; return how it had."""
         self.pipe.close()
-        self.process.join(0.2)  # a pipe is closed before an exit code is known
-        code = self.process.exitcode
-        if code is None:
-            self.process.kill()
-            self.process.join(5.0)
-        return _crash(code)
+        return stop(self.process)
 
 
 def serve(pipe: Any) -> None:
@@ -98,12 +93,12 @@ def serve(pipe: Any) -> None:
     with suppress(EOFError, OSError):  # the parent is gone: there is nobody left to tell
         while True:
             jobs, specs, seconds = pipe.recv()
-            with _ended_by_the_system(2 * SECONDS_TO_START):
-                engines = _told_if_raised(_loaded, specs)
+            with ended_by_the_system(2 * SECONDS_TO_START):
+                engines = told_if_raised(_loaded, specs)
             pipe.send(LOADED)
             for job in jobs:
-                with _ended_by_the_system(seconds + SECONDS_TO_START):
-                    answer = engines if isinstance(engines, Failure) else _told_if_raised(_checked, job, engines)
+                with ended_by_the_system(seconds + SECONDS_TO_START):
+                    answer = engines if isinstance(engines, Failure) else told_if_raised(_checked, job, engines)
                 pipe.send(answer)
 
 
@@ -121,7 +116,7 @@ def _checked(job: Job, engines: Sequence[Any]) -> Record:
     return check(parse(job["scene"]), engines, job["about"])
 
 
-def _told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
+def told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return what a function returns, or a Failure that tells what it raised and where.
 
     This is the border of a process: whatever an engine raises is told under its name, and nothing is lost beyond.
@@ -136,16 +131,32 @@ def _told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
 
 def call_each(function: Callable[[str], Any], arguments: Sequence[str], seconds: float = SECONDS_TO_START) -> list[Any]:
     """Return what an importable function returns for each argument, or a Failure, each in a process of its own."""
-    started = []
-    for argument in arguments:
-        ours, theirs = _context().Pipe(duplex=False)
-        process = _context().Process(target=_call, args=(function, argument, theirs), daemon=True)
-        with _by_itself():
-            process.start()
-        theirs.close()
-        started.append((ours, process))
+    begun = [start(_call, function, argument) for argument in arguments]
     end = time.monotonic() + seconds
-    return [_returned(ours, process, end, seconds) for ours, process in started]
+    return [_returned(ours, process, end, seconds) for ours, process in begun]
+
+
+def start(function: Callable[..., None], *arguments: Any) -> tuple[Any, Any]:
+    """Start an importable function in a process of its own; return a pipe to read from, and the process.
+
+    The function takes the other end of the pipe, to which it writes, as its last argument.
+    """
+    ours, theirs = _context().Pipe(duplex=False)
+    process = _context().Process(target=function, args=(*arguments, theirs), daemon=True)
+    with _by_itself():
+        process.start()
+    theirs.close()
+    return ours, process
+
+
+def stop(process: Any) -> Failure:
+    """Return how a process ended; one that still runs is ended."""
+    process.join(0.2)  # a pipe is closed before an exit code is known
+    code = process.exitcode
+    if code is None:
+        process.kill()
+        process.join(5.0)
+    return _crash(code)
 
 
 def _returned(pipe: Any, process: Any, end: float, seconds: float) -> Any:
@@ -162,8 +173,8 @@ def _returned(pipe: Any, process: Any, end: float, seconds: float) -> Any:
 
 
 def _call(function: Callable[[str], Any], argument: str, pipe: Any) -> None:
-    with _ended_by_the_system(2 * SECONDS_TO_START):
-        pipe.send(_told_if_raised(function, argument))
+    with ended_by_the_system(2 * SECONDS_TO_START):
+        pipe.send(told_if_raised(function, argument))
 
 
 def _crash(code: int | None) -> Failure:
@@ -176,7 +187,7 @@ def _crash(code: int | None) -> Failure:
 
 
 @contextmanager
-def _ended_by_the_system(seconds: float) -> Iterator[None]:
+def ended_by_the_system(seconds: float) -> Iterator[None]:
     """Have the system end this process should it hang where no Python runs, with no parent left to end it."""
     if not hasattr(signal, "setitimer"):
         yield
