@@ -75,6 +75,14 @@ class StaticNewton:
                 break
         raise EngineError("its Newton did not converge")
 
+    def once(self, t: float, start: Array, tolerance: float) -> Array:
+        """Return the pose by one call of exudyn's Newton, stopped at this norm of the residual."""
+        self.model.set_state(start, t)
+        if not self._newton(tolerance):
+            raise EngineError(f"its Newton did not reach {tolerance:g}")
+        q: Array = self.model.data.GetODE2Coordinates(CURRENT)
+        return q
+
     def _corrected_once_more(self, tolerance: float) -> Array:
         """Return the pose without what the tolerance left: exudyn accepts no first residual without a correction."""
         q: Array = self.model.data.GetODE2Coordinates(CURRENT)
