@@ -25,6 +25,7 @@ from crosscheck.engines import load as load_engine
 from crosscheck.freedoms import mobility_lines
 from crosscheck.journal import Occupied
 from crosscheck.known_gaps import InvalidGap, read
+from crosscheck.price import command as price_command
 from crosscheck.progress import shown_progress
 from crosscheck.report import build, verdict
 from crosscheck.tables import agreement_table, capability_table, lines_with_gap, outcome_lines, rows_table
@@ -314,3 +315,4 @@ def _told(error: BaseException, code: int) -> int:
 app.command(document_commands.ledger)
 app.command(document_commands.mutants)
 app.command(tape_command.tape)
+app.command(price_command.price)
