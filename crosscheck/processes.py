@@ -25,6 +25,8 @@ Record = dict[str, Any]
 
 SECONDS_TO_START = 60.0
 """How long a process may take to start and to load its engines."""
+SERVER_DIES_WITHIN = (0.05, 0.2, 1.0)
+"""How long to wait before a server that does not answer is asked again, or replaced [s]."""
 LOADED = "loaded"
 """What comes before the first record of a task: the engines are loaded, the first scene begins."""
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "exit code 255")
@@ -60,8 +62,7 @@ class SceneProcess:
         self.pipe, theirs = _context().Pipe()
         self.process = _context().Process(target=serve, args=(theirs,), daemon=True)
         self.deadline = 0.0
-        with _by_itself():
-            self.process.start()
+        _begin(self.process)
         theirs.close()
 
     def give(self, jobs: Sequence[Job], engines: Sequence[str], seconds: float) -> bool:
@@ -143,10 +144,23 @@ def start(function: Callable[..., None], *arguments: Any) -> tuple[Any, Any]:
     """
     ours, theirs = _context().Pipe(duplex=False)
     process = _context().Process(target=function, args=(*arguments, theirs), daemon=True)
-    with _by_itself():
-        process.start()
+    _begin(process)
     theirs.close()
     return ours, process
+
+
+def _begin(process: Any) -> None:
+    """Start a process; a server that was killed this moment still counts as alive, but takes no more requests."""
+    for seconds in SERVER_DIES_WITHIN:
+        try:
+            with _by_itself():
+                process.start()
+        except (ConnectionError, EOFError):
+            time.sleep(seconds)
+        else:
+            return
+    with _by_itself():
+        process.start()
 
 
 def stop(process: Any) -> Failure:

@@ -23,7 +23,8 @@ def looks(rows: Iterable[Mapping[str, Any]]) -> dict[Series, Style]:
     found = {}
     for k, engine in enumerate(engines):
         for j, name in enumerate(name for name in series if name[0] == engine):
-            found[name] = Style(COLOURS[k % len(COLOURS)], DASHES[j % len(DASHES)], MARKERS[j % len(MARKERS)])
+            dash = DASHES[(j + j // len(MARKERS)) % len(DASHES)]  # after seven the combinations shift
+            found[name] = Style(COLOURS[k % len(COLOURS)], dash, MARKERS[j % len(MARKERS)])
     return found
 
 

@@ -84,7 +84,7 @@ def test_a_quantity_that_nobody_was_measured_at_says_so():
 
 
 def test_no_two_routes_look_alike():
-    many = [row(route=f"route {k}", engine=e).to_json() for e in ("refkin", "exudyn", "mujoco") for k in range(7)]
+    many = [row(route=f"route {k}", engine=e).to_json() for e in ("refkin", "exudyn", "mujoco") for k in range(12)]
 
     assert len(set(looks(many).values())) == len(many) == len(legend(many))
 
