@@ -6,7 +6,7 @@
 `truth`                   digits against the certified truth, and the digits that are attainable
 `measuring`               answers and timings, in a process of its own
 `rows`                    the price list as data, and the cheapest way to so many digits
-`classes`                 the fixed scenes of the nightly's price list
+`classes`                 the fixed scenes of the nightly's price list, and `price_list`
 `iterations`              digits after each Newton iteration
 `figures`, `page`, `show` diagrams, one page, the terminal
 ========================= ==============================================================================================

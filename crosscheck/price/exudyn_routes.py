@@ -19,7 +19,7 @@ import numpy as np
 from crosscheck.engines import EngineError, Level, refusals
 from crosscheck.engines.exudyn_engine import Exudyn
 from crosscheck.engines.exudyn_model import CURRENT, ExudynModel, quiet_settings
-from crosscheck.engines.exudyn_solve import ShippedSolve, StaticNewton, solved
+from crosscheck.engines.exudyn_solve import ShippedSolve, StaticNewton, bear_redundant_rows, solved
 from crosscheck.price.route import NOBODY, PricedRoute, Refused
 from refkin.joints import SI, DistanceDriver, Unit
 from refkin.model import Scene
@@ -93,6 +93,7 @@ def _static_routes(scene: Scene) -> Iterator[PricedRoute]:
         step = ShippedSolve(at.model, 1.0)
         step.settings.staticSolver.newton.absoluteTolerance = tolerance
         step.settings.staticSolver.newton.relativeTolerance = 0.0
+        bear_redundant_rows(step.settings, at.model)
         yield _route("SolveStatic", f"absoluteTolerance {tolerance:g}", at, step, SCALED)
     for tolerance in TOLERANCES:
         at = Static(scene, scene.mechanism.unit())
@@ -173,7 +174,9 @@ class Integration:
         data.SetODE2Coordinates_t(self.qd, initial)
         model.mbs.SetPostStepUserFunction(partial(_keep, levels, steps, itertools.count()))
         with suppress(exu.SolverError, exu.InternalError):  # the times that were not reached have no answer
-            model.mbs.SolveDynamic(_settings(times, steps, radius), solverType=kind)
+            settings = _settings(times, steps, radius)
+            bear_redundant_rows(settings, model)
+            model.mbs.SolveDynamic(settings, solverType=kind)
         return levels
 
     def read(self, levels: list[Any]) -> list[Any]:

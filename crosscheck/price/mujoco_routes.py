@@ -36,12 +36,23 @@ RELAXATIONS = (1, 2, 3, 4, 6, 8)
 
 @dataclass(frozen=True)
 class Setting:
-    """How MuJoCo steps: `steps` between two times; `timeconst` in steps, or None for the defaults of solref, solimp."""
+    """How MuJoCo steps.
+
+    Attributes
+    ----------
+    steps : int
+        Steps between two times of the scene.
+    timeconst : float or None
+        The time constant of solref in steps; None for the defaults of solref and solimp.
+    impedance : float
+        solimp, the same at any distance.
+    """
 
     integrator: str
     steps: int
     timeconst: float | None = 2.0
     solver: str = "NEWTON"
+    impedance: float = STIFF
 
 
 STEPPING = {
@@ -53,6 +64,13 @@ STEPPING = {
     "mj_step, Euler, CG": [Setting("EULER", 10, solver="CG")],
     "mj_step, Euler, PGS": [Setting("EULER", 10, solver="PGS")],
 }
+SPRINGS = {
+    "mj_step, Euler, solref swept": {
+        f"solref {x:g}h": Setting("EULER", 10, timeconst=x) for x in (32.0, 16.0, 8.0, 4.0, 2.0)
+    },
+    "mj_step, RK4, solimp swept": {f"solimp {d:g}": Setting("RK4", 10, impedance=d) for d in (0.9, 0.99, 0.999, STIFF)},
+}
+"""What keeps the loop closed, at ten steps between two times."""
 
 
 def routes(scene: Scene) -> Iterator[PricedRoute | Refused]:
@@ -84,17 +102,10 @@ def _stepping_routes(scene: Scene) -> Iterator[PricedRoute]:
     stepper = Stepper(scene)
     for name, settings in STEPPING.items():
         for setting in settings:
-            clock = stepper.clockwork(setting.steps)
-            solref = "solref, solimp default" if setting.timeconst is None else "solref 2h, solimp 0.9999"
-            yield PricedRoute(
-                engine="mujoco",
-                name=name,
-                knob=f"h = {clock.step(0):.3g} s",
-                newton_by=NOBODY,
-                solve=partial(stepper.solve, setting, clock),
-                read=stepper.tree.read,
-                note=f"{solref}; solver {setting.solver}",
-            )
+            yield _stepping(stepper, name, setting)
+    for name, springs in SPRINGS.items():
+        for knob, setting in springs.items():
+            yield _stepping(stepper, name, setting, knob)
     for count in RELAXATIONS:
         yield PricedRoute(
             engine="mujoco",
@@ -106,6 +117,22 @@ def _stepping_routes(scene: Scene) -> Iterator[PricedRoute]:
             highest=0,
             note="discrete, timestep 1, solref 0.001 1, solimp 0.9999, tolerance 0, refsafe off",
         )
+
+
+def _stepping(stepper: Stepper, name: str, setting: Setting, knob: str = "") -> PricedRoute:
+    """Return stepping at one setting; the knob is the step unless it is something else."""
+    clock = stepper.clockwork(setting.steps)
+    step = f"h = {clock.step(0):.3g} s"
+    spring = "default" if setting.timeconst is None else f"{setting.timeconst:g}h, solimp {setting.impedance:g}"
+    return PricedRoute(
+        engine="mujoco",
+        name=name,
+        knob=knob or step,
+        newton_by=NOBODY,
+        solve=partial(stepper.solve, setting, clock),
+        read=stepper.tree.read,
+        note=f"{step}; solref {spring}; solver {setting.solver}",
+    )
 
 
 class Stepper:
@@ -153,7 +180,7 @@ class Stepper:
     def solve(self, setting: Setting, clock: Clockwork, order: int) -> list[Array]:
         """Return tree coordinates and rates up to an order at the scene's times."""
         stiff = setting.timeconst is not None
-        solref, solimp = ((0.0, 1.0), (STIFF, STIFF)) if stiff else SHIPPED
+        solref, solimp = ((0.0, 1.0), (setting.impedance,) * 2) if stiff else SHIPPED
         self._set(setting.integrator, setting.solver, solref, solimp)
         held, model, data = self._reset(clock, FLYWHEEL), self.model, self.data
         levels = [np.empty((len(self.q), len(self.scene.times))) for _ in range(order + 1)]

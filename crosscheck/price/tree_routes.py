@@ -15,7 +15,7 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.joint_tree import Array, JointTree
-from crosscheck.loop_closing import March, body_levels, close
+from crosscheck.loop_closing import March, body_levels, close, solve
 from crosscheck.price.route import PricedRoute
 from crosscheck.tree_system import TreeEngine, TreeSystem
 from refkin.joints import AngleDriver, Driver
@@ -83,28 +83,33 @@ def newton_sweep(tree: Tree, order: int, *, limit: float = 0.0, most: int = CAP)
     levels = [np.full((len(q), len(times)), np.nan) for _ in range(order + 1)]
     with np.errstate(all="ignore"):  # an iterate that runs away has no digits, which is what the row will say
         for k, t in enumerate(times):
-            try:
-                q = levels[0][:, k] = _newton(system, q, t, limit, most)
-                if order:
-                    _rates(system, levels, k, t)
-            except np.linalg.LinAlgError:
+            found = _newton(system, q, t, limit, most)
+            if found is None:
                 continue
+            q = levels[0][:, k] = found
+            if order:
+                _rates(system, levels, k, t)
     return levels
 
 
 def _rates(system: TreeSystem, levels: list[Array], k: int, t: float) -> None:
     q = levels[0][:, k].copy()
-    jacobian: Any = system.position(q, t)[1]
-    levels[1][:, k] = np.linalg.solve(jacobian, system.nu(t))
+    jacobian = system.position(q, t)[1]
+    qd = solve(jacobian, system.nu(t))
+    if qd is None:
+        return
+    levels[1][:, k] = qd
     if len(levels) > 2:
-        gamma = system.gamma(q, levels[1][:, k].copy(), t)
-        levels[2][:, k] = np.linalg.solve(jacobian, gamma)
+        qdd = solve(jacobian, system.gamma(q, qd, t))
+        levels[2][:, k] = np.nan if qdd is None else qdd
 
 
-def _newton(system: TreeSystem, q: Array, t: float, limit: float, most: int) -> Array:
+def _newton(system: TreeSystem, q: Array, t: float, limit: float, most: int) -> Array | None:
     for _ in range(most):
-        rows: Any = system.position(q, t)
-        correction = np.linalg.solve(rows[1], rows[0])
+        residual, jacobian = system.position(q, t)
+        correction = solve(jacobian, residual)
+        if correction is None:
+            return None
         q = q - correction
         if np.abs(correction).max() < limit:
             break

@@ -13,9 +13,12 @@ import pytest
 
 from crosscheck.price.refkin_routes import routes as refkin_routes
 from crosscheck.price.route import PRODUCERS, QUANTITIES, PricedRoute, Refused, routes_of
+from crosscheck.price.rows import YARDSTICK
 from crosscheck.price.truth import Truth
+from refkin.joints import AngleDriver, Revolute
 from refkin.linkages import FourBar, SliderCrank
-from refkin.motion_laws import Sinusoid
+from refkin.model import Body, Mechanism, Scene
+from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.scene_files import load
 
 EXAMPLES = Path(__file__).parent.parent.parent / "examples"
@@ -55,6 +58,7 @@ SWEEPS = [
     ("mujoco", "mj_step, quasi-static relaxation"),
     ("pinocchio", "Newton on its rows"),
 ]
+SPRINGS = [("mujoco", "mj_step, Euler, solref swept"), ("mujoco", "mj_step, RK4, solimp swept")]
 
 
 @pytest.mark.parametrize(("producer", "name"), SWEEPS)
@@ -63,6 +67,13 @@ def test_a_looser_setting_has_no_more_digits_but_by_rounding(producer, name):
 
     assert all(b > min(a, 14.0) - 0.3 for a, b in itertools.pairwise(found))
     assert found[0] < 6.0
+
+
+@pytest.mark.parametrize(("producer", "name"), SPRINGS)
+def test_a_softer_loop_has_fewer_digits(producer, name):
+    found = sweep(producer, name)
+
+    assert all(b > a for a, b in itertools.pairwise(found))
 
 
 @pytest.mark.parametrize(("producer", "name"), SWEEPS)
@@ -154,6 +165,38 @@ def test_a_slider_crank_has_its_positions(producer):
     assert max(d for d in found if d is not None) > 14.0
 
 
+@cache
+def parallelogram():
+    """A parallelogram with a third crank that changes nothing: two rows are redundant."""
+    cranks = {"a": 0.0, "b": 2.0, "c": 1.0}
+    bodies = [Body(name=name, estimate=(x, 0.0, 1.0)) for name, x in cranks.items()]
+    bodies.append(Body(name="coupler", estimate=(0.54, 0.84, 0.0)))
+    joints = []
+    for name, x in cranks.items():
+        joints.append(Revolute(name=f"{name}0", body_i="ground", point_i=(x, 0.0), body_j=name, point_j=(0.0, 0.0)))
+        joints.append(Revolute(name=name, body_i=name, point_i=(1.0, 0.0), body_j="coupler", point_j=(x, 0.0)))
+    motor = AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(1.0, 0.5)))
+    return Scene(mechanism=Mechanism(tuple(bodies), tuple(joints), (motor,)), times=(0.0, 0.1, 0.2, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("producer", "name"),
+    [
+        ("refkin", "Newton, analytic Jacobian"),
+        ("scipy", "least_squares"),
+        ("exudyn", "SolveStatic"),
+        ("exudyn", "MainSolverStatic.Newton"),
+        ("mujoco", "Newton on its rows"),
+        ("pinocchio", "Newton on its rows"),
+    ],
+)
+def test_redundant_rows_cost_no_digits(producer, name):
+    truth = Truth(parallelogram())
+    route = [r for r in routes_of(producer, parallelogram()) if r.name == name][-1]
+
+    assert min(truth.digits(level, k)[0] for k, level in enumerate(route.read(route.solve(2)))) > 13.0
+
+
 @pytest.mark.parametrize("producer", ["mujoco", "pinocchio"])
 def test_a_loop_that_the_engines_forces_do_not_close_is_refused_for_stepping_by_name(producer):
     found = routes_of(producer, load(EXAMPLES / "inverted-slider-crank.toml"))
@@ -214,6 +257,4 @@ def test_every_setting_has_a_name_of_its_own():
 
 
 def test_the_yardstick_of_ratios_is_a_route_of_the_reference():
-    from crosscheck.price.rows import YARDSTICK
-
     assert YARDSTICK in [route.key for route in refkin_routes(SCENE) if isinstance(route, PricedRoute)]

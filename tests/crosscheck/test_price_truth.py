@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -84,8 +85,6 @@ def test_a_body_that_is_not_wanted_costs_no_digits():
     motion = Truth(scene).ref.motion
     off = np.array(motion.q)
     off[0] += 1e-3
-    from dataclasses import replace
-
     assert Truth(scene).digits(off, 0)[0] < 5.0
     assert Truth(replace(scene, bodies_wanted=("rocker",))).digits(off, 0)[0] > 14.0
 
