@@ -30,6 +30,9 @@ def price(scene: Path, *, as_json: Json = False, page: Path | None = None) -> in
     from crosscheck.price.truth import NoTruth
     from refkin.scene_files import load
 
+    if page is not None and not page.parent.is_dir():
+        print(f"--page: expected a file in a folder that exists, got {page}", file=sys.stderr)
+        return 2
     try:
         run(load(scene), as_json, page)
     except NoTruth as error:

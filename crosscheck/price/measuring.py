@@ -23,6 +23,8 @@ from refkin.scene_files import parse, to_dict
 
 WITHIN = 40.0
 """How long a price list may take [s], beside what a process takes to start and the truth to be proved."""
+LEAST = 1.0
+"""What a process gets at least where another has ended late [s]."""
 PATIENCE = 20.0
 """After this long at one route its process is ended [s]: some hundred times what the slowest takes."""
 MOST_TIMES, MOST_TIMED = 361, 73
@@ -48,6 +50,7 @@ class _Found:
     attainable: dict[str, float] = field(default_factory=dict)
     known: int = 0
     at: Key | None = None
+    newton_by: str = ""
     done: bool = False
 
 
@@ -92,11 +95,11 @@ def price(
         If no pose of the scene is certified.
     """
     priced = replace(scene, times=scene.times[:MOST_TIMES], points=())
-    found, end = _Found(), time.monotonic() + within + SECONDS_TO_START
+    found, end = _Found(), time.monotonic() + within
     while not found.done:
-        left = end - SECONDS_TO_START - time.monotonic()
+        left = max(end - time.monotonic(), LEAST)
         settled = ({*found.answered}, {*found.failed})
-        pipe, process = start(measure, to_dict(priced), tuple(producers), *settled, max(left, 1.0))
+        pipe, process = start(measure, to_dict(priced), tuple(producers), *settled, left)
         with pipe:
             failure = _listen(pipe, found, patience)
         ended = stop(process)
@@ -128,7 +131,7 @@ def _blame(found: _Found, why: str) -> None:
     if found.at is None:
         raise RuntimeError(f"the process that measures prices ended before it began: {why}")
     found.failed[found.at] = why
-    found.answered.setdefault(found.at, {"digits": {}, "newton_by": "", "note": ""})
+    found.answered.setdefault(found.at, {"digits": {}, "newton_by": found.newton_by, "note": ""})
     found.at = None
     found.timed = {at: timing for at, timing in found.timed.items() if at[0] not in found.failed}
 
@@ -138,8 +141,8 @@ def _set_truth(found: _Found, attainable: dict[str, float], known: int) -> None:
     found.refused.clear()
 
 
-def _set_at(found: _Found, key: Key) -> None:
-    found.at = key
+def _set_at(found: _Found, key: Key, newton_by: str = "") -> None:
+    found.at, found.newton_by = key, newton_by
 
 
 def _set_answer(found: _Found, key: Key, answer: dict[str, Any]) -> None:
@@ -220,7 +223,7 @@ def _again(producers: Sequence[str], scene: Scene, pipe: Any) -> Iterator[Priced
 
 def _answer(route: PricedRoute, truth: Truth, order: int, pipe: Any) -> bool:
     """Have a route answer, judge it, say what came of it; return whether it is to be timed."""
-    pipe.send(("at", route.key))
+    pipe.send(("at", route.key, route.newton_by))
     told: dict[str, Any] = {"digits": {}, "newton_by": route.newton_by, "note": route.note, "highest": route.highest}
     found = told_if_raised(route.solve, min(order, route.highest))
     levels = found if isinstance(found, Failure) else told_if_raised(route.read, found)
