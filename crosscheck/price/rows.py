@@ -11,6 +11,8 @@ STEPS = (3, 6, 9, 12, 14)
 """The digits whose cheapest way is told."""
 LOOSER = 1.0
 """A setting that should be more accurate and has this many digits fewer is told of."""
+OURS = ("refkin", "scipy")
+"""Producers that are no engine: they solve the reference's equations."""
 YARDSTICK = ("refkin", "Newton, analytic Jacobian", "to round-off")
 """The row whose price is the unit of what is tracked over nights."""
 

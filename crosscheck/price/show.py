@@ -13,7 +13,7 @@ from rich.table import Table
 from crosscheck.price.measuring import WITHIN, PriceList, price
 from crosscheck.price.page import page
 from crosscheck.price.route import PRODUCERS
-from crosscheck.price.rows import STEPS, cheapest
+from crosscheck.price.rows import OURS, STEPS, cheapest
 from refkin.model import Scene
 
 SCHEMA = 1
@@ -28,6 +28,7 @@ def to_json(found: PriceList) -> dict[str, Any]:
         "scene": found.scene,
         "rows": [row.to_json() for row in found.rows],
         "cheapest": cheapest(found.rows),
+        "cheapest_engine": cheapest(row for row in found.rows if row.engine not in OURS),
         "times": {"asked": found.asked, "priced": found.times, "certified": found.known},
         "refused": [{"engine": r.engine, "route": r.name, "reason": r.reason} for r in found.refused],
     }
@@ -56,6 +57,7 @@ def _print(found: PriceList, told: Mapping[str, Any]) -> None:
     if not console.is_terminal:
         console = Console(width=WIDTH)
     console.print(cheapest_table(told["cheapest"], f"{found.scene}: the cheapest way to so many digits"))
+    console.print(cheapest_table(told["cheapest_engine"], "The same among the engines alone"))
     console.print(routes_table(told["rows"], "Every route at its best: most digits, and what they cost"))
     for line in lines(told):
         console.print(line, markup=False, highlight=False)

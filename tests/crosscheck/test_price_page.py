@@ -126,6 +126,13 @@ def test_the_terminal_names_the_cheapest_way_or_says_that_there_is_none():
     assert "nobody" in text
 
 
+def test_what_is_no_engine_is_not_the_cheapest_engine():
+    found = told(rows=[*ROWS, row(engine="refkin", digits=15.0, microseconds=1.0)])
+
+    assert found["cheapest"]["position"]["9"]["engine"] == "refkin"
+    assert found["cheapest_engine"]["position"]["9"]["engine"] == "exudyn"
+
+
 def test_the_terminal_tells_crashes_and_what_was_left_out():
     found = lines(told(times=361, asked=1000, known=360))
 
