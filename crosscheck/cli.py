@@ -26,6 +26,7 @@ from crosscheck.engines import load as load_engine
 from crosscheck.freedoms import mobility_lines
 from crosscheck.journal import Occupied
 from crosscheck.known_gaps import InvalidGap, read, table
+from crosscheck.price import command as price_command
 from crosscheck.progress import shown_progress
 from crosscheck.report import build, verdict
 from crosscheck.report.build import HARD_CASES
@@ -337,3 +338,4 @@ app.command(document_commands.mutants)
 app.command(tape_command.tape)
 app.command(hard_commands.hard)
 app.command(hunt_command.hunt_worst, name="hunt")
+app.command(price_command.price)

@@ -127,17 +127,29 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
         level = motion.levels[k]
         if level is None:
             continue
-        unit = ref.system.unit
-        theirs = np.array(level)
-        ours = ref.levels[k][rows][:, at]
-        for c in (0, 1):
-            shift = 0.0 if k else unit.origin[c]
-            theirs[c::3] = (theirs[c::3] - shift) / unit.size
-        error = np.abs(_difference(theirs, ours, k))
+        error, ours = scaled_error(ref, motion.bodies, level, k, at)
         found[quantity] = _judge(error, getattr(budget, quantity)[rows][:, at], ours, lanes, k, names, motion.t)
     reference_ok = np.array([s is Status.OK for s in ref.motion.status])[at]
     missing = int(np.sum(reference_ok & ~answered))
     return Comparison(found, missing, int(lanes.sum()), _other_assembly(ref, motion, found, lanes, at))
+
+
+def scaled_error(ref: Reference, bodies: Sequence[str], level: Any, order: int, at: Any = slice(None)) -> Any:
+    """Return how far a level of an answer is off, and the reference's own numbers, both scaled, (n, T) each.
+
+    Parameters
+    ----------
+    level : (3 bodies, T) array
+        Position (order 0), velocity (1) or acceleration (2) of the bodies [m, rad], in their order.
+    at : index
+        The places among the reference's times of those that the level has.
+    """
+    rows = np.concatenate([np.r_[ref.system.columns(body)] for body in bodies])
+    unit, theirs = ref.system.unit, np.array(level)
+    for c in (0, 1):
+        theirs[c::3] = (theirs[c::3] - (0.0 if order else unit.origin[c])) / unit.size
+    ours = ref.levels[order][rows][:, at]
+    return np.abs(_difference(theirs, ours, order)), ours
 
 
 def _difference(theirs: Any, ours: Any, level: int) -> Any:

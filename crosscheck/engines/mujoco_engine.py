@@ -154,30 +154,30 @@ class TreeRows:
 
     def __init__(self, tree: JointTree) -> None:
         self.tree = tree
-        self._rows = MujocoRows(Plan(tree, tree.closures))
-        self.closure_rows = len(self._rows.plan.sources)
+        self.rows = MujocoRows(Plan(tree, tree.closures))
+        self.closure_rows = len(self.rows.plan.sources)
 
     def closure(self, q: Array) -> tuple[Array, Array]:
         """Return the residual of the closures and its Jacobian."""
-        self._rows.pose(q)
-        return self._rows.residual(), self._rows.jacobian()
+        self.rows.pose(q)
+        return self.rows.residual(), self.rows.jacobian()
 
     def closure_drift(self, q: Array, qd: Array) -> Array:
         """Return gamma of the closures."""
-        self._rows.pose(q)
-        self._rows.move(qd)
-        return self._rows.drift()
+        self.rows.pose(q)
+        self.rows.move(qd)
+        return self.rows.drift()
 
     def point(self, q: Array, body: str, u: Pair) -> tuple[Array, Array]:
         """Return a point of a body, and its Jacobian."""
-        self._rows.place(q)
-        return self._rows.point(body, u)
+        self.rows.place(q)
+        return self.rows.point(body, u)
 
     def point_drift(self, q: Array, qd: Array, body: str, u: Pair) -> Array:
         """Return the acceleration of a point at qdd = 0."""
-        self._rows.place(q)
-        self._rows.move(qd)
-        return self._rows.point_drift(body, u)
+        self.rows.place(q)
+        self.rows.move(qd)
+        return self.rows.point_drift(body, u)
 
 
 class AbsoluteRows:

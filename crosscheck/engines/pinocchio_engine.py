@@ -8,6 +8,7 @@ Jacobian, drift term and the motion of points are Pinocchio's. Every scene gets 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import pinocchio as pin
 
@@ -178,8 +179,8 @@ class PinocchioTree:
 
     def __init__(self, tree: JointTree) -> None:
         self.tree = tree
-        self._planar = tree_model(tree)
-        self._rows = Rows(self._planar, tree.closures, tree.scaled)
+        self.planar = tree_model(tree)
+        self._rows = Rows(self.planar, tree.closures, tree.scaled)
         self._frames: dict[tuple[str, Pair], Frame] = {}
         self.closure_rows = self._rows.count
 
@@ -193,16 +194,20 @@ class PinocchioTree:
 
     def point(self, q: Array, body: str, u: Pair) -> tuple[Array, Array]:
         """Return a point of a body and its Jacobian."""
-        self._planar.place(q)
+        self.planar.place(q)
         frame = self._frame(body, u)
-        return self._planar.point(frame), self._planar.point_jacobian(frame)
+        return self.planar.point(frame), self.planar.point_jacobian(frame)
 
     def point_drift(self, q: Array, qd: Array, body: str, u: Pair) -> Array:
         """Return the acceleration of a point at qdd = 0."""
-        self._planar.move(q, qd)
-        return self._planar.point_acceleration(self._frame(body, u))
+        self.planar.move(q, qd)
+        return self.planar.point_acceleration(self._frame(body, u))
+
+    def contacts(self) -> tuple[list[Any], list[Any]]:
+        """Return Pinocchio's constraints of the closures, and their data."""
+        return self._rows.contacts()
 
     def _frame(self, body: str, u: Pair) -> Frame:
         if (body, u) not in self._frames:
-            self._frames[body, u] = self._planar.frames[body].at(u)
+            self._frames[body, u] = self.planar.frames[body].at(u)
         return self._frames[body, u]
