@@ -230,8 +230,8 @@ def _call_each_that_comes(function: Callable[[str], Any], pipe: Any) -> None:
         pipe.send(LOADED)
         while True:
             argument, seconds = pipe.recv()
-            with _ended_by_the_system(seconds + SECONDS_TO_START):
-                pipe.send(_told_if_raised(function, argument))
+            with ended_by_the_system(seconds + SECONDS_TO_START):
+                pipe.send(told_if_raised(function, argument))
 
 
 def _returned(pipe: Any, process: Any, end: float, seconds: float) -> Any:
