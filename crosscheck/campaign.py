@@ -41,8 +41,8 @@ class Plan:
 
     `engines` and `required` are names, or what else `crosscheck.engines.load` takes; `cluster` is where the workers are
     if they are not processes of this run (see `crosscheck.cluster`); `scene_seconds` is after how long on one scene a
-    worker is ended, `shrinking_seconds` how long the simplifying of disagreements may take in all; `baseline` is the
-    file of the golden set, which is not looked at if None.
+    worker is ended, `shrinking_seconds` how long the simplifying of disagreements may take in all; `known_gaps` chooses
+    the table of `crosscheck.known_gaps.table`; `baseline` is the file of the golden set, not looked at if None.
     """
 
     seed: int
@@ -56,6 +56,7 @@ class Plan:
     scene_seconds: float = SECONDS_PER_SCENE
     shrinking_seconds: float = SHRINKING_SECONDS
     baseline: Path | None = None
+    known_gaps: str = ""
 
 
 @dataclass
@@ -80,6 +81,8 @@ class Outcome:
         How long the simplifying of disagreements took.
     required : list of str
         What the night could not do without: the required engines, or all if not one was there.
+    found_again : list of (Gap, int or None)
+        Where another table than our own was chosen: every row of our own, and after how many scenes it showed.
     """
 
     versions: dict[str, str]
@@ -91,6 +94,7 @@ class Outcome:
     possibly_closed: list[Gap] = field(default_factory=list)
     shrinking_seconds: float = 0.0
     required: list[str] = field(default_factory=list)
+    found_again: list[tuple[Gap, int | None]] = field(default_factory=list)
 
 
 class OtherRun(Exception):
@@ -114,7 +118,7 @@ def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome
     SameName, InvalidGap, NoCluster
         If two engines have the same name; if the table of known gaps makes no sense; if the cluster is not there.
     """
-    gaps = known_gaps.read()
+    gaps = known_gaps.table(plan.known_gaps)
     found, missing = find_engines(plan.engines)
     outcome = Outcome({name: told for name, (_, told) in found.items()}, missing)
     names = {spec: name for name, (spec, _) in found.items()}
@@ -131,6 +135,9 @@ def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome
                 journal.append(record)
                 outcome.checked = len(journal.keys)
             _judge(journal, gaps, outcome)
+            if plan.known_gaps:
+                own = known_gaps.read()
+                outcome.found_again = list(zip(own, known_gaps.found_again(own, journal), strict=True))
             simplifying = lambda: progress(outcome.checked, "simplifying disagreements")  # noqa: E731
             outcome.shrinking_seconds = write_disagreements(plan, outcome.new, workers, simplifying)
             if plan.baseline is not None:

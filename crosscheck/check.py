@@ -17,10 +17,12 @@ import numpy as np
 
 from crosscheck.comparison import QUANTITIES, Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.engines import Engine, EngineError, Level, Term, load, refusals
+from crosscheck.hard_cases.judging import scene_samples
 from crosscheck.levels import Configuration, LevelComparison, compare_levels, configurations
 from crosscheck.samples import attainable, common_sample, cycle, off_at, worst_samples
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Route, Status
+from refkin.proof.krawczyk import Verdict
 from refkin.scene_files import to_dict
 
 Record = dict[str, Any]
@@ -39,7 +41,9 @@ def key_of(scene: Scene) -> str:
     return hashlib.sha256(json.dumps(data, sort_keys=True).encode()).hexdigest()[:16]
 
 
-def check(scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any] | None = None) -> Record:
+def check(
+    scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any] | None = None, *, arbiter: bool = False
+) -> Record:
     """Return everything that is found out about one scene.
 
     Parameters
@@ -48,6 +52,8 @@ def check(scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any
         Names are looked up among the registered engines.
     about : mapping
         What the generator knows of the scene (kind, Grashof class, branch, distance to a singular pose).
+    arbiter : bool
+        Whether every position is also held against its enclosure at 113 bits: some milliseconds for each time.
     """
     start = time.perf_counter()
     ref = reference(scene)
@@ -70,7 +76,9 @@ def check(scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any
         reasons = refusals(engine, scene, Level.SOLVE)
         record["refusals"] += reasons
         for route in () if reasons else engine.routes():
-            _check_route(engine, route, scene, ref, record)
+            motion = _check_route(engine, route, scene, ref, record)
+            if motion is not None:
+                record["answers"][-1]["certificate"] = _places(engine, scene, motion) if arbiter else None
         if hasattr(engine, "constraints"):
             _check_levels(engine, scene, at, record)
     return record
@@ -110,7 +118,18 @@ def _configurations(ref: Reference, key: str) -> list[Configuration]:
     return configurations(ref.scene.mechanism, near, ref.motion.t[lanes], key, CONFIGURATIONS)
 
 
-def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, record: Record) -> None:
+def _places(engine: Engine, scene: Scene, motion: Motion) -> dict[str, Any] | None:
+    """Return at how many times a motion lies inside and outside of what is attainable, and how far; None for cams."""
+    if any(joint.parameters for joint in scene.mechanism.joints):
+        return None
+    found = scene_samples(scene, motion, engine.terms(scene, motion.producer.route))
+    judged = [sample.judgement for sample in found if sample.judgement is not None]
+    counts = {place.value: sum(j.verdict is place for j in judged) for place in Verdict}
+    return {**counts, "no answer": len(found) - len(judged), "radii": _largest([j.radii for j in judged])}
+
+
+def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, record: Record) -> Motion | None:
+    """Compare one route's answer, and return it; None if there is none."""
     told = {"engine": engine.name, "route": route.name}
     regular = _smallest(ref.sigma_min) > REGULAR
     try:
@@ -122,7 +141,7 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
         record["refusals"].append(str(error))
         if regular and not _is_refusal(error, scene):
             record["disagreements"].append({**told, **_no_answer("no answer", str(error))})
-        return
+        return None
     found = compare(ref, motion, terms)
     record["answers"].append(_answer_record(engine, motion, found, ref, seconds))
     turned_round = _turned_round(engine, route, scene, ref, terms) if route == engine.routes()[0] else None
@@ -141,6 +160,7 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
     elif turned_round is not None and turned_round.missing and regular:
         at = _no_answer("depends on the order of bodies", f"{turned_round.missing} times without answer")
         record["disagreements"].append({**told, **at})
+    return motion
 
 
 def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, terms: Sequence[Term]) -> Comparison:

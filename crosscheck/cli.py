@@ -7,6 +7,7 @@ import math
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -16,7 +17,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from crosscheck import document_commands, golden, night_commands, tape_command
+from crosscheck import document_commands, golden, hard_commands, hunt_command, night_commands, tape_command
 from crosscheck.answers import to_json
 from crosscheck.campaign import ALWAYS, SAMPLED, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.cluster import LOCAL, NoCluster
@@ -25,10 +26,19 @@ from crosscheck.engines import load as load_engine
 from crosscheck.freedoms import mobility_lines
 from crosscheck.history import HistoryError, warnings
 from crosscheck.journal import Occupied
-from crosscheck.known_gaps import InvalidGap, read
+from crosscheck.known_gaps import InvalidGap, read, table
+from crosscheck.price import command as price_command
 from crosscheck.progress import shown_progress
 from crosscheck.report import build, verdict
-from crosscheck.tables import agreement_table, capability_table, lines_with_gap, outcome_lines, rows_table
+from crosscheck.report.build import HARD_CASES
+from crosscheck.tables import (
+    agreement_table,
+    arbiter_table,
+    capability_table,
+    lines_with_gap,
+    outcome_lines,
+    rows_table,
+)
 from crosscheck.workers import SECONDS_PER_SCENE, Workers
 from refkin.analysis import solve as solve_scene
 from refkin.errors import InvalidScene
@@ -120,6 +130,8 @@ def nightly(
     scene_seconds: float = SECONDS_PER_SCENE,
     history: Path | None = None,
     baseline: Path | None = None,
+    known_gaps: str = "",
+    hard_seconds: float | None = None,
 ) -> int:
     """Draw scenes, check them on all engines, write a report.
 
@@ -147,6 +159,12 @@ def nightly(
         Check the scenes on a Dask cluster: `local` for one of `workers` processes, or a scheduler, `tcp://host:8786`.
     scene_seconds
         After this long on one scene a worker is ended, and the engine that it was at is told.
+    known_gaps
+        A table to hold the run against instead of our own: a file, or `none`. Then every row of our own is told, and
+        after how many scenes it was found again.
+    hard_seconds
+        How long the hard scenes may take, for the report's table of them; by default a quarter of a night's minutes, a
+        minute at most, and 0 for a night that is given `scenes` alone.
     history
         The file that nights are kept in; `history.sqlite` beside the folder by default.
     baseline
@@ -156,13 +174,17 @@ def nightly(
         golden.read(baseline)
     accepted = baseline or (golden.DEFAULT if golden.DEFAULT.is_file() else None)
     plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers, cluster, scene_seconds, accepted)
+    plan = replace(plan, known_gaps=known_gaps)
     with shown_progress(plan.scenes, plan.minutes) as progress:
         try:
             outcome = run(plan, progress)
         except KeyboardInterrupt:
             told = f"interrupted; what was checked is kept in {plan.out}, and the same command goes on from there"
             raise KeyboardInterrupt(told) from None
-    page = build(plan.out, outcome, required=outcome.required, history=history or plan.out.parent / "history.sqlite")
+    hard_seconds = min(60.0, 15.0 * (plan.minutes or 0.0)) if hard_seconds is None else hard_seconds
+    hard_commands.write_rows(plan.out / HARD_CASES, outcome.versions, {ALWAYS}, hard_seconds)
+    kept = history or plan.out.parent / "history.sqlite"
+    page = build(plan.out, outcome, required=outcome.required, gaps=table(known_gaps), history=kept)
     report = json.loads((plan.out / "report.json").read_text(encoding="utf-8"))
     warned = [f"warning: {line}" for line in warnings(report["trends"])] if report["trends"] else []
     console = Console(stderr=True, soft_wrap=True)
@@ -186,7 +208,7 @@ def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECOND
     scene_seconds
         After this long an engine is ended, and said to hang.
     """
-    job = {"scene": to_dict(load(scene)), "about": {}}
+    job = {"scene": to_dict(load(scene)), "about": {}, "arbiter": True}
     _positive("scene-seconds", scene_seconds)
     found, missing = find_engines(_names(engines))
     with Workers(1, {name: spec for name, (spec, _) in found.items()}, scene_seconds) as pool:
@@ -198,6 +220,7 @@ def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECOND
     told = record["reference"]
     console.print(f"refkin: {told['verdict']} {told['message']}  smallest sigma {told['sigma_min']:.3g}", markup=False)
     console.print(agreement_table(record))
+    console.print(arbiter_table(record))
     console.print(rows_table(record))
     disagreements = [line for told in record["disagreements"] for line in lines_with_gap(told, record, read())]
     for line in [*record["refusals"], *missing.values(), *pool.unexplained, *disagreements]:
@@ -307,7 +330,15 @@ def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
     try:
         code = app(sys.argv[1:] if arguments is None else arguments, exit_on_error=False, print_error=True)
-    except (InvalidScene, UsageError, OtherRun, Occupied, SameName, golden.NoBaseline) as error:
+    except (
+        InvalidScene,
+        UsageError,
+        OtherRun,
+        Occupied,
+        SameName,
+        golden.NoBaseline,
+        hard_commands.UnknownName,
+    ) as error:
         code = _told(error, USAGE)
     except cyclopts.CycloptsError:
         code = USAGE
@@ -330,3 +361,6 @@ app.command(document_commands.mutants)
 app.command(tape_command.tape)
 app.command(night_commands.history)
 app.command(night_commands.baseline)
+app.command(hard_commands.hard)
+app.command(hunt_command.hunt_worst, name="hunt")
+app.command(price_command.price)

@@ -131,13 +131,7 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
         level = motion.levels[k]
         if level is None:
             continue
-        unit = ref.system.unit
-        theirs = np.array(level)
-        ours = ref.levels[k][rows][:, at]
-        for c in (0, 1):
-            shift = 0.0 if k else unit.origin[c]
-            theirs[c::3] = (theirs[c::3] - shift) / unit.size
-        difference = _difference(theirs, ours, k)
+        difference, ours = scaled_difference(ref, motion.bodies, level, k, at)
         allowed = getattr(budget, quantity)[rows][:, at]
         judged = _judge(np.abs(difference), allowed, ours, lanes, k, names, motion.t)
         signed = np.full((ref.system.of_bodies, len(lanes)), np.nan)
@@ -152,6 +146,24 @@ def scales(ours: Any, level: int) -> Any:
     """Return what an error is relative to, per time: 1 (the size) for position, else the largest component (or 1)."""
     largest = np.max(np.abs(ours), axis=0)
     return np.where((level == 0) | (largest == 0.0), 1.0, largest)
+
+
+def scaled_difference(ref: Reference, bodies: Sequence[str], level: Any, order: int, at: Any = slice(None)) -> Any:
+    """Return an answer minus the reference at one level, and the reference's own numbers, both scaled, (n, T) each.
+
+    Parameters
+    ----------
+    level : (3 bodies, T) array
+        Position (order 0), velocity (1) or acceleration (2) of the bodies [m, rad], in their order.
+    at : index
+        The places among the reference's times of those that the level has.
+    """
+    rows = np.concatenate([np.r_[ref.system.columns(body)] for body in bodies])
+    unit, theirs = ref.system.unit, np.array(level)
+    for c in (0, 1):
+        theirs[c::3] = (theirs[c::3] - (0.0 if order else unit.origin[c])) / unit.size
+    ours = ref.levels[order][rows][:, at]
+    return _difference(theirs, ours, order), ours
 
 
 def _difference(theirs: Any, ours: Any, level: int) -> Any:

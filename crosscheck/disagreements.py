@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from crosscheck.drawing import AnyDrawn, describe, draw, effort, shrink
 from crosscheck.journal import replace_file
-from crosscheck.known_gaps import new_disagreements, read
+from crosscheck.known_gaps import Gap, new_disagreements, table
 from crosscheck.workers import Pool
 from refkin.model import Scene
 from refkin.scene_files import to_dict, to_toml
@@ -74,10 +74,11 @@ def _shrink(plan: Plan, told: dict[str, Any], workers: Pool, seconds: float, tic
     if not path.exists():
         start = time.monotonic()
         again: dict[Scene, Mapping[str, Any] | None] = {}
+        gaps = table(plan.known_gaps)
 
         def still_fails(drawn: AnyDrawn) -> bool:
             tick()
-            again[drawn.scene] = _again(signature(told), drawn, workers)
+            again[drawn.scene] = _again(signature(told), drawn, workers, gaps)
             return again[drawn.scene] is not None
 
         simplest, tried = shrink(plan.seed, told["shard"], still_fails, seconds)
@@ -102,11 +103,11 @@ def _at_its_time(drawn: AnyDrawn, told: Mapping[str, Any] | None) -> AnyDrawn:
     return replace(drawn, scene=replace(drawn.scene, times=tuple(kept))) if named else drawn
 
 
-def _again(kind: Signature, drawn: AnyDrawn, workers: Pool) -> Mapping[str, Any] | None:
+def _again(kind: Signature, drawn: AnyDrawn, workers: Pool, gaps: Sequence[Gap]) -> Mapping[str, Any] | None:
     """Return the disagreement of a kind that a scene shows, unless a known gap accounts for it."""
     job = {"scene": to_dict(drawn.scene), "about": describe(drawn)}
     record = workers.check_one(job, [name for name in workers.engines if name == kind[0]])
-    return next((told for told in new_disagreements(record, read()) if signature(told) == kind), None)
+    return next((told for told in new_disagreements(record, gaps) if signature(told) == kind), None)
 
 
 def _write(path: Path, of_scene: Sequence[Mapping[str, Any]], drawn: AnyDrawn) -> None:

@@ -9,9 +9,10 @@ from __future__ import annotations
 
 import datetime
 import tomllib
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
+from pathlib import Path
 from typing import Any
 
 Predicate = Callable[[Mapping[str, Any]], bool]
@@ -96,6 +97,32 @@ class Tally:
         """Return the rows that covered nothing although many scenes were of their kind."""
         counted = zip(self.gaps, self.chances, self.covered, strict=True)
         return [gap for gap, chances, covered in counted if chances >= ENOUGH and not covered]
+
+
+def table(choice: str = "") -> tuple[Gap, ...]:
+    """Return the table that a run is held against: our own, that of a file, or for "none" one without rows.
+
+    Raises
+    ------
+    InvalidGap, OSError
+        If the file makes no sense, or cannot be read.
+    """
+    if choice == "none":
+        return ()
+    return read(Path(choice).read_text(encoding="utf-8") if choice else None)
+
+
+def found_again(gaps: Sequence[Gap], records: Iterable[Mapping[str, Any]]) -> list[int | None]:
+    """Return for each row how many records it took until one showed it; None if none did.
+
+    For a run against an empty table: it should find every row of our own that the installed engines still have.
+    """
+    first: list[int | None] = [None] * len(gaps)
+    for number, record in enumerate(records, start=1):
+        for k, gap in enumerate(gaps):
+            if first[k] is None and any(gap.covers(record, told) for told in record["disagreements"]):
+                first[k] = number
+    return first
 
 
 def read(text: str | None = None) -> tuple[Gap, ...]:

@@ -20,11 +20,13 @@ from functools import lru_cache
 from typing import Any
 
 Job = Mapping[str, Any]
-"""A scene as the data of its file under `scene`, and what the generator knows of it under `about`."""
+"""A scene as the data of its file under `scene`, what the generator knows of it under `about`; perhaps `arbiter`."""
 Record = dict[str, Any]
 
 SECONDS_TO_START = 60.0
 """How long a process may take to start and to load its engines."""
+SERVER_DIES_WITHIN = (0.05, 0.2, 1.0)
+"""How long to wait before a server that does not answer is asked again, or replaced [s]."""
 LOADED = "loaded"
 """What comes before the first record of a task: the engines are loaded, the first scene begins."""
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "exit code 255")
@@ -60,8 +62,7 @@ class SceneProcess:
         self.pipe, theirs = _context().Pipe()
         self.process = _context().Process(target=serve, args=(theirs,), daemon=True)
         self.deadline = 0.0
-        with _by_itself():
-            self.process.start()
+        _begin(self.process)
         theirs.close()
 
     def give(self, jobs: Sequence[Job], engines: Sequence[str], seconds: float) -> bool:
@@ -85,12 +86,7 @@ class SceneProcess:
     def end(self) -> Failure:
         """End the process, unless it has ended by itself; return how it had."""
         self.pipe.close()
-        self.process.join(0.2)  # a pipe is closed before an exit code is known
-        code = self.process.exitcode
-        if code is None:
-            self.process.kill()
-            self.process.join(5.0)
-        return _crash(code)
+        return stop(self.process)
 
 
 def serve(pipe: Any) -> None:
@@ -98,12 +94,12 @@ def serve(pipe: Any) -> None:
     with suppress(EOFError, OSError):  # the parent is gone: there is nobody left to tell
         while True:
             jobs, specs, seconds = pipe.recv()
-            with _ended_by_the_system(2 * SECONDS_TO_START):
-                engines = _told_if_raised(_loaded, specs)
+            with ended_by_the_system(2 * SECONDS_TO_START):
+                engines = told_if_raised(_loaded, specs)
             pipe.send(LOADED)
             for job in jobs:
-                with _ended_by_the_system(seconds + SECONDS_TO_START):
-                    answer = engines if isinstance(engines, Failure) else _told_if_raised(_checked, job, engines)
+                with ended_by_the_system(seconds + SECONDS_TO_START):
+                    answer = engines if isinstance(engines, Failure) else told_if_raised(_checked, job, engines)
                 pipe.send(answer)
 
 
@@ -118,10 +114,10 @@ def _checked(job: Job, engines: Sequence[Any]) -> Record:
     from crosscheck.check import check
     from refkin.scene_files import parse
 
-    return check(parse(job["scene"]), engines, job["about"])
+    return check(parse(job["scene"]), engines, job["about"], arbiter=job.get("arbiter", False))
 
 
-def _told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
+def told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return what a function returns, or a Failure that tells what it raised and where.
 
     This is the border of a process: whatever an engine raises is told under its name, and nothing is lost beyond.
@@ -136,16 +132,106 @@ def _told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
 
 def call_each(function: Callable[[str], Any], arguments: Sequence[str], seconds: float = SECONDS_TO_START) -> list[Any]:
     """Return what an importable function returns for each argument, or a Failure, each in a process of its own."""
-    started = []
-    for argument in arguments:
-        ours, theirs = _context().Pipe(duplex=False)
-        process = _context().Process(target=_call, args=(function, argument, theirs), daemon=True)
-        with _by_itself():
-            process.start()
-        theirs.close()
-        started.append((ours, process))
+    begun = [start(_call, function, argument) for argument in arguments]
     end = time.monotonic() + seconds
-    return [_returned(ours, process, end, seconds) for ours, process in started]
+    return [_returned(ours, process, end, seconds) for ours, process in begun]
+
+
+def start(function: Callable[..., None], *arguments: Any) -> tuple[Any, Any]:
+    """Start an importable function in a process of its own; return a pipe to read from, and the process.
+
+    The function takes the other end of the pipe, to which it writes, as its last argument.
+    """
+    ours, theirs = _context().Pipe(duplex=False)
+    process = _context().Process(target=function, args=(*arguments, theirs), daemon=True)
+    _begin(process)
+    theirs.close()
+    return ours, process
+
+
+def _begin(process: Any) -> None:
+    """Start a process; a server that was killed this moment still counts as alive, but takes no more requests."""
+    for seconds in SERVER_DIES_WITHIN:
+        try:
+            with _by_itself():
+                process.start()
+        except (ConnectionError, EOFError):
+            time.sleep(seconds)
+        else:
+            return
+    with _by_itself():
+        process.start()
+
+
+def stop(process: Any) -> Failure:
+    """Return how a process ended; one that still runs is ended."""
+    process.join(0.2)  # a pipe is closed before an exit code is known
+    code = process.exitcode
+    if code is None:
+        process.kill()
+        process.join(5.0)
+    return _crash(code)
+
+
+def call_in_turn(
+    function: Callable[[str], Any], arguments: Sequence[str], seconds: float = SECONDS_TO_START
+) -> Iterator[Any]:
+    """Yield what an importable function returns for each argument, or a Failure; one process does as many as it can.
+
+    A process that ends, or that takes longer than `seconds`, is replaced for the arguments that are left.
+    """
+    worker = None
+    try:
+        for argument in arguments:
+            worker = worker or _Caller(function)
+            answer = worker.call(argument, seconds)
+            if isinstance(answer, Failure) and not answer.kind.startswith("error"):
+                worker.end()
+                worker = None
+            yield answer
+    finally:
+        if worker is not None:
+            worker.end()
+
+
+class _Caller:
+    """A process that calls a function for one argument after the other."""
+
+    def __init__(self, function: Callable[[str], Any]) -> None:
+        self.pipe, theirs = _context().Pipe()
+        self.process = _context().Process(target=_call_each_that_comes, args=(function, theirs), daemon=True)
+        with _by_itself():
+            self.process.start()
+        theirs.close()
+        self.pipe.poll(SECONDS_TO_START)  # until it is there: `LOADED`, which the first call takes
+
+    def call(self, argument: str, seconds: float) -> Any:
+        try:
+            self.pipe.send((argument, seconds))
+            answer: Any = LOADED
+            while answer == LOADED:
+                if not self.pipe.poll(seconds):
+                    return Failure("hang", f"no answer within {seconds:g} s")
+                answer = self.pipe.recv()
+            return answer
+        except (EOFError, OSError):
+            self.process.join(5.0)
+            return _crash(self.process.exitcode)
+
+    def end(self) -> None:
+        self.pipe.close()
+        if self.process.exitcode is None:
+            self.process.kill()
+        self.process.join(5.0)
+
+
+def _call_each_that_comes(function: Callable[[str], Any], pipe: Any) -> None:
+    with suppress(EOFError, OSError):
+        pipe.send(LOADED)
+        while True:
+            argument, seconds = pipe.recv()
+            with ended_by_the_system(seconds + SECONDS_TO_START):
+                pipe.send(told_if_raised(function, argument))
 
 
 def _returned(pipe: Any, process: Any, end: float, seconds: float) -> Any:
@@ -162,8 +248,8 @@ def _returned(pipe: Any, process: Any, end: float, seconds: float) -> Any:
 
 
 def _call(function: Callable[[str], Any], argument: str, pipe: Any) -> None:
-    with _ended_by_the_system(2 * SECONDS_TO_START):
-        pipe.send(_told_if_raised(function, argument))
+    with ended_by_the_system(2 * SECONDS_TO_START):
+        pipe.send(told_if_raised(function, argument))
 
 
 def _crash(code: int | None) -> Failure:
@@ -176,7 +262,7 @@ def _crash(code: int | None) -> Failure:
 
 
 @contextmanager
-def _ended_by_the_system(seconds: float) -> Iterator[None]:
+def ended_by_the_system(seconds: float) -> Iterator[None]:
     """Have the system end this process should it hang where no Python runs, with no parent left to end it."""
     if not hasattr(signal, "setitimer"):
         yield

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 MOST_LINES = 20
 """Disagreements, and failures, that are told on a terminal; the report has all."""
 QUANTITIES = ("position", "velocity", "acceleration")
+PLACES = ("inside", "outside", "undecidable", "no answer")
 
 
 def capability_table(engines: Iterable[Engine]) -> Table:
@@ -61,6 +62,19 @@ def rows_table(record: Mapping[str, Any]) -> Table:
     return table
 
 
+def arbiter_table(record: Mapping[str, Any]) -> Table:
+    """Return where each answer lies by the certificate: at how many times, and the farthest, in attainable radii."""
+    table = Table("engine", "route", title="Positions by the certificate (113 bits), within what float64 can attain")
+    for place in (*PLACES, "worst, radii"):
+        table.add_column(place, justify="right")
+    for answer in record["answers"]:
+        told = answer["certificate"]
+        cells = [str(told[place]) for place in PLACES] if told else ["-"] * len(PLACES)
+        worst = "-" if told is None or told["radii"] is None else f"{told['radii']:.2g}"
+        table.add_row(answer["engine"], answer["route"]["name"], *cells, worst)
+    return table
+
+
 def disagreement_lines(disagreements: Sequence[Mapping[str, Any]]) -> list[str]:
     """Return one line per disagreement."""
     lines = []
@@ -85,6 +99,9 @@ def outcome_lines(outcome: Outcome) -> list[str]:
     for gap in outcome.possibly_closed:
         told = f"the gap of {gap.engine} known since {gap.date} ({gap.predicate}) showed in no scene of its kind"
         lines.append(f"possibly closed: {told}")
+    for gap, scenes in outcome.found_again:
+        when = f"found again by scene {scenes}" if scenes else "not found again"
+        lines.append(f"known gap {when}: {gap.engine}, {gap.reproduction}")
     if outcome.new:
         lines.append(f"simplifying disagreements took {outcome.shrinking_seconds:.0f} s")
     counted = f"{len(outcome.new)} new and {outcome.known} known disagreements"

@@ -6,7 +6,7 @@ from math import hypot, sqrt
 
 from crosscheck.engines import Term
 from crosscheck.joint_tree import Array
-from crosscheck.loop_closing import body_levels, march, point_levels
+from crosscheck.loop_closing import March, body_levels, march, point_levels
 from crosscheck.tree_system import TreeEngine, TreeSystem
 from refkin.joints import GROUND, Distance
 from refkin.model import Effect, Mechanism, Scene
@@ -69,7 +69,13 @@ def tree_motion(engine: TreeEngine, scene: Scene, producer: Producer) -> Motion:
         If a body of the scene has no estimate.
     """
     order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
-    found = march(TreeSystem(engine, scene.mechanism.drivers), scene.times, order)
+    return marched_motion(
+        engine, scene, march(TreeSystem(engine, scene.mechanism.drivers), scene.times, order), producer
+    )
+
+
+def marched_motion(engine: TreeEngine, scene: Scene, found: March, producer: Producer) -> Motion:
+    """Return what a scene wants of tree coordinates that were found in whatever way, at the levels they have."""
     points = {p.name: _reported(scene, point_levels(engine, found, p.body, p.position)) for p in scene.points}
     return engine_motion(
         scene.times,
@@ -84,5 +90,5 @@ def tree_motion(engine: TreeEngine, scene: Scene, producer: Producer) -> Motion:
 
 def _reported(scene: Scene, levels: list[Array]) -> tuple[Array, Array | None, Array | None]:
     """Return position, velocity and acceleration; None for what was computed on the way but not called for."""
-    velocity = levels[1] if Effect.VELOCITY in scene.effects else None
-    return levels[0], velocity, levels[2] if Effect.ACCELERATION in scene.effects else None
+    velocity = levels[1] if Effect.VELOCITY in scene.effects and len(levels) > 1 else None
+    return levels[0], velocity, levels[2] if Effect.ACCELERATION in scene.effects and len(levels) > 2 else None

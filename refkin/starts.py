@@ -46,7 +46,7 @@ def find_start(system: System, scene: Scene) -> Start:
     t, bodies = scene.times[0], scene.mechanism.bodies
     missing = [b.name for b in bodies if b.estimate is None]
     with np.errstate(all="ignore"):  # estimates may lie anywhere
-        estimate = _estimate(system, scene)
+        estimate = estimated(system, scene)
         first = _newton(system, t, estimate)
         if not missing and first.converged and contracts(np.max(np.abs(first.corrections), axis=1)):
             return Start(Status.OK, first.q)
@@ -94,7 +94,7 @@ def _is_root(system: System, q: Any, t: float) -> bool:
     return closes(system, q, t) or bool(isolate(system, q[:, None], [t]).ok[0])
 
 
-def _estimate(system: System, scene: Scene) -> Any:
+def estimated(system: System, scene: Scene) -> Any:
     """Return the estimates in the system's coordinates, zero where a body has none; contacts are looked for there."""
     q = np.zeros(system.n)
     for body in scene.mechanism.bodies:

@@ -143,11 +143,23 @@ class Sweep:
         if _sigma_min(s, result.q, t) > SINGULAR:
             return None
         isolated = bool(isolate(s, result.q[:, None], [t]).ok[0])
-        if isolated and not self._same_side(result.q, t):
+        if isolated and not (self._same_side(result.q, t) and self._meant(result.q, t)):
             return None
         self._accept(result.q, t)
         self.blocked = True  # rounding could decide on which of two branches a step from here goes on
         return Arrival.REACHED if isolated else Arrival.AT_SINGULAR_POSE
+
+    def _meant(self, q: Any, t: float) -> bool:
+        """Whether the smooth continuation does not lead to another pose, beyond a bifurcation: there det changes sign.
+
+        It is asked only where it is told apart from q: where Newton moves the prediction by less than from it to q.
+        """
+        s, predicted = self.system, self._predicted(t)
+        other = newton(lambda x: s.phi(x, t), lambda x: s.phi_q(x, t), predicted, max_iterations=60)
+        if not other.converged:
+            return True
+        moved, apart = (float(np.max(np.abs(other.q - x))) for x in (predicted, q))
+        return apart <= moved or self._same_side(other.q, t)
 
 
 @dataclass

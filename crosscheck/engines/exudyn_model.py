@@ -30,6 +30,8 @@ class ExudynModel:
         Joints and drivers that exudyn can express.
     unit : Unit
         Length of one unit, and the ground point that becomes the origin.
+    mass : float
+        Mass and inertia of each body: none for kinematics, some for exudyn's time integration.
 
     Attributes
     ----------
@@ -43,13 +45,15 @@ class ExudynModel:
 
     owns_driver = True
 
-    def __init__(self, bodies: Sequence[Body], constraints: Sequence[Constraint], unit: Unit = SI) -> None:
+    def __init__(
+        self, bodies: Sequence[Body], constraints: Sequence[Constraint], unit: Unit = SI, mass: float = 0.0
+    ) -> None:
         exu.config.printToConsole = False  # for the whole process: exudyn knows no smaller scope
         exu.config.suppressWarnings = True
         self.clock = Clock()
         self.container = exu.SystemContainer()
         self.mbs = self.container.AddSystem()
-        builder = Builder(self.mbs, bodies, constraints, unit, self.clock)
+        builder = Builder(self.mbs, bodies, constraints, unit, self.clock, mass)
         self.mbs.Assemble()
         self.data = self.mbs.systemData
         for k, body in enumerate(bodies):

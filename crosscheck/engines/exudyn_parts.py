@@ -55,7 +55,14 @@ class Clock:
     """What the laws say at the present time: all that exudyn's user functions see.
 
     They must not reach back to the exudyn system: it would own the function that owns it, and never be freed.
+
+    Attributes
+    ----------
+    follows : bool
+        Whether the time is the one that exudyn asks for, as in its time integration, not the one that was set.
     """
+
+    follows = False
 
     def __init__(self) -> None:
         self.laws: list[tuple[Law, float, float]] = []
@@ -79,6 +86,12 @@ class Clock:
         for k, (law, shift, size) in enumerate(self.laws):
             known = [(float(law(t, i)) - (0.0 if i else shift)) / size for i in range(order + 1)]
             self.values[k] = (*known, *(math.nan,) * (2 - order))
+
+    def at(self, law: int, order: int, t: float) -> float:
+        """Return what a law says when exudyn asks for it at its own time t."""
+        if self.follows:
+            self.set(t, 1)
+        return self.values[law][order]
 
 
 @dataclass(frozen=True)
@@ -115,7 +128,13 @@ class Builder:
     """
 
     def __init__(
-        self, mbs: Any, bodies: Sequence[Body], constraints: Sequence[Constraint], unit: Unit, clock: Clock
+        self,
+        mbs: Any,
+        bodies: Sequence[Body],
+        constraints: Sequence[Constraint],
+        unit: Unit,
+        clock: Clock,
+        mass: float = 0.0,
     ) -> None:
         self.mbs, self.unit, self.clock = mbs, unit, clock
         self.blocks: list[Block] = []
@@ -123,7 +142,7 @@ class Builder:
         self.nodes: dict[str, Any] = {}
         for body in bodies:
             self.nodes[body.name] = mbs.AddNode(item.NodeRigidBody2D())
-            rigid = item.ObjectRigidBody2D(nodeNumber=self.nodes[body.name], mass=0.0, inertia=0.0)
+            rigid = item.ObjectRigidBody2D(nodeNumber=self.nodes[body.name], mass=mass, inertia=mass)
             self.bodies[body.name] = mbs.AddObject(rigid)
         self.read = Readings(mbs, self.bodies, unit)
         still = mbs.AddNode(item.NodePointGround())
@@ -158,13 +177,13 @@ class Builder:
 
     def driven(self, markers: list[Any], law: int) -> Any:
         """Add a CoordinateConstraint: the second marker's coordinate minus the first's follows a law."""
-        values = self.clock.values
+        at = self.clock.at
         return self.mbs.AddObject(
             item.CoordinateConstraint(
                 markerNumbers=markers,
-                offsetUserFunction=lambda mbs, t, number, offset: values[law][0],
+                offsetUserFunction=lambda mbs, t, number, offset: at(law, 0, t),
                 # Without this one exudyn silently takes the rate of the driver as zero.
-                offsetUserFunction_t=lambda mbs, t, number, offset: values[law][1],
+                offsetUserFunction_t=lambda mbs, t, number, offset: at(law, 1, t),
             )
         )
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import exudyn as exu
 import numpy as np
@@ -59,9 +60,7 @@ class StaticNewton:
         self.model = model
         self.settings = quiet_settings()
         self.settings.staticSolver.newton.relativeTolerance = 0.0
-        if len(model.live) > model.n:  # redundant rows: exudyn's default solver stops at their singular matrix
-            self.settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
-            self.settings.linearSolver.ignoreSingularJacobian = True
+        bear_redundant_rows(self.settings, model)
         model.solver.InitializeSolver(model.mbs, self.settings)
 
     def __call__(self, t: float, start: Array) -> Array:
@@ -74,6 +73,14 @@ class StaticNewton:
             if not _largest(model.solver.GetSystemResidual()[model.n :]) < STALLED * extent:
                 break
         raise EngineError("its Newton did not converge")
+
+    def once(self, t: float, start: Array, tolerance: float) -> Array:
+        """Return the pose by one call of exudyn's Newton, stopped at this norm of the residual."""
+        self.model.set_state(start, t)
+        if not self._newton(tolerance):
+            raise EngineError(f"its Newton did not reach {tolerance:g}")
+        q: Array = self.model.data.GetODE2Coordinates(CURRENT)
+        return q
 
     def _corrected_once_more(self, tolerance: float) -> Array:
         """Return the pose without what the tolerance left: exudyn accepts no first residual without a correction."""
@@ -90,6 +97,13 @@ class StaticNewton:
             return bool(self.model.solver.Newton(self.model.mbs, self.settings))
         except (exu.SolverError, exu.InternalError) as error:
             raise EngineError(f"its Newton stopped: {_first_line(error)}") from error
+
+
+def bear_redundant_rows(settings: Any, model: ExudynModel) -> None:
+    """Choose a linear solver that bears the rows of a model: exudyn's default stops at the matrix of redundant ones."""
+    if len(model.live) > model.n:
+        settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
+        settings.linearSolver.ignoreSingularJacobian = True
 
 
 class ShippedSolve:

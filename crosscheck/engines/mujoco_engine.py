@@ -1,7 +1,7 @@
 """MuJoCo as an engine: its own residual, Jacobian and drift term, in absolute coordinates and in a joint tree.
 
 MuJoCo closes loops by soft forces, never exactly. Its constraint rows are exact all the same, so that the adapter runs
-Newton on them; MuJoCo's dynamics and solver are not used.
+Newton on them; MuJoCo's dynamics and solver are used on the route of its shipped defaults alone (`mujoco_shipped`).
 """
 
 from __future__ import annotations
@@ -26,9 +26,10 @@ from crosscheck.engines import (
 )
 from crosscheck.engines.mujoco_model import Plan, mujoco
 from crosscheck.engines.mujoco_rows import MujocoRows
+from crosscheck.engines.mujoco_shipped import STEPPED, soft, stepped
 from crosscheck.frames import RowMap
 from crosscheck.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
-from crosscheck.tree_motion import CHAIN, tree_motion
+from crosscheck.tree_motion import CHAIN, marched_motion, tree_motion
 from refkin.joints import GROUND, Constraint, DistanceDriver, Pair
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route, Seeding
@@ -100,8 +101,12 @@ class Mujoco:
         return str(mujoco.__version__)
 
     def routes(self) -> Sequence[Route]:
-        """Return the one route: Newton on MuJoCo's rows, in a joint tree."""
+        """Return the one route of every night: Newton on MuJoCo's rows, in a joint tree."""
         return (NEWTON,)
+
+    def discovery(self) -> Sequence[Route]:
+        """Return the route with MuJoCo's own settings, which hard cases are sent through."""
+        return (STEPPED,)
 
     def capabilities(self) -> Capabilities:
         """Return what MuJoCo can express."""
@@ -121,7 +126,9 @@ class Mujoco:
         return AbsoluteRows(scene.mechanism, known)
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
-        """Return the rounding of MuJoCo's drift terms; Newton runs to round-off, and no constraint is soft."""
+        """Return the rounding of MuJoCo's drift terms, and what soft constraints leave; Newton runs to round-off."""
+        if route == STEPPED:
+            return (*CHAIN, *SPATIAL, soft(joint_tree(scene.mechanism).width))
         return (*CHAIN, *SPATIAL)
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
@@ -133,10 +140,13 @@ class Mujoco:
             If the scene has a joint that is refused or a body without estimate, or the route is unknown.
         """
         _refuse(refusals(self, scene, Level.SOLVE))
-        if route not in (None, NEWTON):
-            raise EngineError(f"mujoco knows no route {route.name!r}, only {NEWTON.name!r}")
-        producer = Producer(name=self.name, version=self.version(), route=NEWTON)
-        return tree_motion(TreeRows(joint_tree(scene.mechanism)), scene, producer)
+        if route not in (None, NEWTON, STEPPED):
+            raise EngineError(f"mujoco knows no route {route.name!r}, only {NEWTON.name!r} and {STEPPED.name!r}")
+        tree = TreeRows(joint_tree(scene.mechanism))
+        producer = Producer(name=self.name, version=self.version(), route=route or NEWTON)
+        if route == STEPPED:
+            return marched_motion(tree, scene, stepped(tree.tree, scene), producer)
+        return tree_motion(tree, scene, producer)
 
 
 class TreeRows:
@@ -144,30 +154,30 @@ class TreeRows:
 
     def __init__(self, tree: JointTree) -> None:
         self.tree = tree
-        self._rows = MujocoRows(Plan(tree, tree.closures))
-        self.closure_rows = len(self._rows.plan.sources)
+        self.rows = MujocoRows(Plan(tree, tree.closures))
+        self.closure_rows = len(self.rows.plan.sources)
 
     def closure(self, q: Array) -> tuple[Array, Array]:
         """Return the residual of the closures and its Jacobian."""
-        self._rows.pose(q)
-        return self._rows.residual(), self._rows.jacobian()
+        self.rows.pose(q)
+        return self.rows.residual(), self.rows.jacobian()
 
     def closure_drift(self, q: Array, qd: Array) -> Array:
         """Return gamma of the closures."""
-        self._rows.pose(q)
-        self._rows.move(qd)
-        return self._rows.drift()
+        self.rows.pose(q)
+        self.rows.move(qd)
+        return self.rows.drift()
 
     def point(self, q: Array, body: str, u: Pair) -> tuple[Array, Array]:
         """Return a point of a body, and its Jacobian."""
-        self._rows.place(q)
-        return self._rows.point(body, u)
+        self.rows.place(q)
+        return self.rows.point(body, u)
 
     def point_drift(self, q: Array, qd: Array, body: str, u: Pair) -> Array:
         """Return the acceleration of a point at qdd = 0."""
-        self._rows.place(q)
-        self._rows.move(qd)
-        return self._rows.point_drift(body, u)
+        self.rows.place(q)
+        self.rows.move(qd)
+        return self.rows.point_drift(body, u)
 
 
 class AbsoluteRows:

@@ -8,6 +8,7 @@ Jacobian, drift term and the motion of points are Pinocchio's. Every scene gets 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import pinocchio as pin
 
@@ -25,9 +26,10 @@ from crosscheck.engines import (
     table_key,
 )
 from crosscheck.engines.pinocchio_model import Frame, Rows, absolute_model, tree_model
+from crosscheck.engines.pinocchio_shipped import CLOSED_CHAIN, STOP, closed_chain
 from crosscheck.frames import RowMap
 from crosscheck.joint_tree import JointTree, joint_tree
-from crosscheck.tree_motion import CHAIN, link_terms, tree_motion
+from crosscheck.tree_motion import CHAIN, link_terms, marched_motion, tree_motion
 from refkin.joints import Pair
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Seeding
@@ -87,16 +89,21 @@ class Pinocchio:
         return str(pin.__version__)
 
     def routes(self) -> Sequence[Route]:
-        """Return the one route there is."""
+        """Return the one route of every night."""
         return (TREE,)
+
+    def discovery(self) -> Sequence[Route]:
+        """Return the route with Pinocchio's own settings, which hard cases are sent through."""
+        return (CLOSED_CHAIN,)
 
     def capabilities(self) -> Capabilities:
         """Return what Pinocchio can express."""
         return CAPABILITIES
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
-        """Return the rounding of chains, drift terms and massless links; Newton goes on to round-off."""
-        return (*CHAIN, *SPATIAL, *link_terms(scene.mechanism))
+        """Return the rounding of chains, drift terms and massless links, and what stops Pinocchio's own loop."""
+        own = (STOP,) if route == CLOSED_CHAIN else ()
+        return (*CHAIN, *SPATIAL, *link_terms(scene.mechanism), *own)
 
     def constraints(self, scene: Scene) -> PinocchioConstraints:
         """Return Pinocchio's rows for the joints of a scene that it does not refuse.
@@ -122,9 +129,13 @@ class Pinocchio:
         reasons = refusals(self, scene, Level.SOLVE)
         if reasons:
             raise EngineError("; ".join(reasons))
-        if route not in (None, TREE):
-            raise EngineError(f"pinocchio has no route {route.name!r}; there is: {TREE.name!r}")
+        if route not in (None, TREE, CLOSED_CHAIN):
+            known = f"{TREE.name!r}, {CLOSED_CHAIN.name!r}"
+            raise EngineError(f"pinocchio has no route {route.name!r}; there are: {known}")
         tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True))
+        if route == CLOSED_CHAIN:
+            producer = Producer(name=self.name, version=self.version(), route=CLOSED_CHAIN)
+            return marched_motion(tree, scene, closed_chain(tree.tree, scene), producer)
         return tree_motion(tree, scene, Producer(name=self.name, version=self.version(), route=TREE))
 
 
@@ -168,8 +179,8 @@ class PinocchioTree:
 
     def __init__(self, tree: JointTree) -> None:
         self.tree = tree
-        self._planar = tree_model(tree)
-        self._rows = Rows(self._planar, tree.closures, tree.scaled)
+        self.planar = tree_model(tree)
+        self._rows = Rows(self.planar, tree.closures, tree.scaled)
         self._frames: dict[tuple[str, Pair], Frame] = {}
         self.closure_rows = self._rows.count
 
@@ -183,16 +194,20 @@ class PinocchioTree:
 
     def point(self, q: Array, body: str, u: Pair) -> tuple[Array, Array]:
         """Return a point of a body and its Jacobian."""
-        self._planar.place(q)
+        self.planar.place(q)
         frame = self._frame(body, u)
-        return self._planar.point(frame), self._planar.point_jacobian(frame)
+        return self.planar.point(frame), self.planar.point_jacobian(frame)
 
     def point_drift(self, q: Array, qd: Array, body: str, u: Pair) -> Array:
         """Return the acceleration of a point at qdd = 0."""
-        self._planar.move(q, qd)
-        return self._planar.point_acceleration(self._frame(body, u))
+        self.planar.move(q, qd)
+        return self.planar.point_acceleration(self._frame(body, u))
+
+    def contacts(self) -> tuple[list[Any], list[Any]]:
+        """Return Pinocchio's constraints of the closures, and their data."""
+        return self._rows.contacts()
 
     def _frame(self, body: str, u: Pair) -> Frame:
         if (body, u) not in self._frames:
-            self._frames[body, u] = self._planar.frames[body].at(u)
+            self._frames[body, u] = self.planar.frames[body].at(u)
         return self._frames[body, u]

@@ -151,6 +151,8 @@ class Row(Protocol):
     """Rows of one of Pinocchio's constraints, read after `place` or `move` of the model."""
 
     count: int
+    constraint: Any
+    data: Any
 
     def residual(self, q: Array) -> Array:
         """Return the residual (count,) where the model was placed."""
@@ -277,6 +279,10 @@ class Rows:
         self.planar = planar
         self._rows = [row for joint in joints for row in joint_rows(planar, joint, scaled)]
         self.count = sum(row.count for row in self._rows)
+
+    def contacts(self) -> tuple[list[Any], list[Any]]:
+        """Return Pinocchio's own constraints, and their data."""
+        return [row.constraint for row in self._rows], [row.data for row in self._rows]
 
     def residual(self, q: Array) -> Array:
         """Return the residual (count,)."""

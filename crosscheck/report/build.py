@@ -43,6 +43,8 @@ GROUPS = {
     "residual": "The engine's own residual, phi",
     "constraint_velocity": "The engine's own constraint velocity, phi_q qd − nu",
 }
+HARD_CASES = "hard_cases.json"
+"""The file in a run's folder that holds the rows of `crosscheck.hard_cases.hard_case_rows`."""
 COVERAGE_NAMES = {
     "kind": "Linkage",
     "grashof": "Grashof class",

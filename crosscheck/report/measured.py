@@ -52,8 +52,8 @@ class HardCaseRow(_Row):
     case: str
     verdict: Literal["correct", "warned", "refused", "wrong", "crash", "hang"]
     # `class` is a word of Python's; what a file says under it is kept as it is.
-    quote: str = ""
-    note: str = ""
+    quote: str | None = ""
+    note: str | None = ""
 
 
 KINDS: dict[str, type[_Row]] = {"price": PriceRow, "effects": EffectRow, "hard_cases": HardCaseRow}

@@ -38,12 +38,12 @@ def attainable(system: System, q: Any, t: Any, rows: Any = None) -> Any:
         return product(pose.size, input_effect(system, q, t, HALF_ULP)[rows]) + half_ulp(system, q)
 
 
-def half_ulp(system: System, q: Any) -> Any:
+def half_ulp(system: System, q: Any, order: int = 0) -> Any:
     """Return half an ulp of coordinates (n, B) as they are in metres and radians, in the system's coordinates.
 
-    It is also the most that `System.to_physical` adds to the error of an answer.
+    Of rates with order 1 or 2. It is also the most that `System.to_physical` adds to the error of an answer.
     """
-    spacing = np.spacing(np.abs(system.to_physical(q))) / 2
+    spacing = np.spacing(np.abs(system.to_physical(q, order))) / 2
     # Rates know no origin: lengths are divided by the size, angles stay.
     return spacing / system.to_physical(np.ones_like(spacing), order=1)
 

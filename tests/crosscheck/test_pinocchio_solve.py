@@ -136,7 +136,7 @@ def test_the_route_says_who_did_what() -> None:
 
 
 def test_another_route_is_refused_by_name() -> None:
-    with pytest.raises(EngineError, match="pinocchio has no route 'guess'; there is: 'joint tree'"):
+    with pytest.raises(EngineError, match="pinocchio has no route 'guess'; there are: 'joint tree'"):
         Pinocchio().solve(four_bar().scene, replace(TREE, name="guess"))
 
 

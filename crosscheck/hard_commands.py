@@ -1,0 +1,122 @@
+"""`crosscheck hard`: what the engines do where it is hard."""
+
+from __future__ import annotations
+
+import json
+import math
+import sys
+from collections.abc import Collection, Iterable, Sequence
+from pathlib import Path
+from typing import Annotated, Any
+
+from cyclopts import Parameter
+from rich.console import Console
+from rich.table import Table
+
+from crosscheck.engines import EngineError, available
+from crosscheck.hard_cases import HardCase, Outcome, hard_case_rows, hard_cases
+from crosscheck.hard_cases.classing import OURS
+from crosscheck.hard_cases.table import BAD, SECONDS, unexplained
+from crosscheck.journal import replace_file
+
+ENGINES = (OURS, "exudyn", "pinocchio", "mujoco")
+PASS, UNEXPLAINED, ENGINE_MISSING = 0, 1, 3
+
+
+class UnknownName(Exception):
+    """An engine or a case that nobody knows, or a number that makes no sense."""
+
+
+def hard(
+    *,
+    engine: Annotated[tuple[str, ...], Parameter(negative="")] = ENGINES,
+    case: Annotated[tuple[str, ...], Parameter(negative="")] = (),
+    within: float | None = None,
+    case_seconds: float = SECONDS,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> int:
+    """Send the hard scenes through every route of the engines, those of their shipped defaults included.
+
+    Verdicts: correct; warned (right, but called doubtful); refused; wrong (and called right); crash; hang.
+    Exit codes: 0 whatever is wrong is explained by a finding, 1 something is not, 2 usage, 3 engine missing.
+
+    Parameters
+    ----------
+    engine
+        Which, "refkin" included; may be given several times, also as `file.py:Class`.
+    case
+        Kinds of hard scenes, all by default.
+    within
+        Seconds after which no further scene is begun.
+    case_seconds
+        After this long on one scene a route is said to hang.
+    as_json
+        Print one JSON array of rows instead of a table.
+    """
+    cases = _cases(case)
+    for key, value in (("within", within), ("case-seconds", case_seconds)):
+        if value is not None and not 0 < value < math.inf:
+            raise UnknownName(f"--{key}: expected a number above 0, got {value}")
+    for name in engine:
+        if name not in (OURS, *available()) and ":" not in name:
+            known = ", ".join((OURS, *sorted(available())))
+            raise UnknownName(f"--engine: no engine is called {name!r}; there are: {known}, or file.py:Class")
+    try:
+        rows = hard_case_rows(engine, within, cases=cases, seconds=case_seconds)
+    except EngineError as error:
+        print(error, file=sys.stderr)
+        return ENGINE_MISSING
+    if as_json:
+        print(json.dumps(rows, indent=1, allow_nan=False))
+    else:
+        _print(rows)
+    return UNEXPLAINED if unexplained(rows) else PASS
+
+
+def write_rows(path: Path, engines: Iterable[str], left_out: Collection[str], seconds: float) -> None:
+    """Write the rows of the hard cases that registered engines, and the reference, get done in some time."""
+    if seconds > 0:
+        asked = [OURS, *(name for name in engines if name in available() and name not in left_out)]
+        replace_file(path, json.dumps(hard_case_rows(asked, seconds), indent=1, allow_nan=False) + "\n")
+
+
+def _cases(kinds: Sequence[str]) -> list[HardCase]:
+    every = hard_cases()
+    known = list(dict.fromkeys(case.case for case in every))
+    for kind in kinds:
+        if kind not in known:
+            raise UnknownName(f"--case: no hard scene is called {kind!r}; there are: {', '.join(known)}")
+    return [case for case in every if not kinds or case.case in kinds]
+
+
+def _print(rows: Sequence[dict[str, Any]]) -> None:
+    """Print case x route with the verdicts, how many of each, and what is wrong with its explanation."""
+    console = Console(width=None if sys.stdout.isatty() else 200)
+    names = list(dict.fromkeys((row["engine"], row["route"]) for row in rows))
+    table = Table("case", "distance", *(f"{engine}\n{route}" for engine, route in names), title="Hard cases")
+    by_case: dict[tuple[str, float | None], dict[tuple[str, str], str]] = {}
+    for row in rows:
+        verdicts = by_case.setdefault((row["case"], row["distance"]), {})
+        verdicts[row["engine"], row["route"]] = row["verdict"]
+    for (case, distance), verdicts in by_case.items():
+        told = "" if distance is None else f"{distance:.3g}"
+        table.add_row(case, told, *(verdicts.get(name, "") for name in names))
+    table.add_section()
+    for verdict in Outcome:
+        counts = [sum((r["engine"], r["route"], r["verdict"]) == (*name, verdict) for r in rows) for name in names]
+        table.add_row(f"all: {verdict}", "", *map(str, counts))
+    console.print(table)
+    _print_wrong(console, rows)
+
+
+def _print_wrong(console: Console, rows: Sequence[dict[str, Any]]) -> None:
+    """Print what is wrong with its explanation, the rows that share one together."""
+    by_reason: dict[tuple[str, ...], list[dict[str, Any]]] = {}
+    for row in rows:
+        if row["verdict"] in BAD:
+            reason = f"{row['class']}: {row['quote']}" if row["class"] else "no finding explains this"
+            by_reason.setdefault((row["engine"], row["route"], row["verdict"], reason), []).append(row)
+    for (engine, route, verdict, reason), found in by_reason.items():
+        console.print(f"\n{engine} ({route}), {verdict}: {reason}", markup=False, highlight=False)
+        for row in found:
+            console.print(f"  {row['case']}, {row['distance']:.3g}: {row['note']}", markup=False, highlight=False)

@@ -1,0 +1,66 @@
+"""Pinocchio: the closed-chain example's loop converges for a linkage that cannot be put together.
+
+Ground 4, crank 1, coupler 2 - gap, rocker 1 at crank angle 0: the pins to be joined are 3 m apart, the two links reach
+3 m - gap.
+"""
+
+import math
+import sys
+
+import numpy as np
+import pinocchio as pin
+
+RHO, MU, EPS, N = 1e-10, 1e-4, 1e-10, 100  # of the example
+
+
+def at(x, y=0.0, angle=0.0):
+    c, s = math.cos(angle), math.sin(angle)
+    return pin.SE3(np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]), np.array([x, y, 0.0]))
+
+
+def four_bar(ground, crank, coupler, rocker):
+    """Crank and coupler in one chain, the rocker in another; what is left is to join their ends."""
+    model = pin.Model()
+    a = model.addJoint(0, pin.JointModelRZ(), at(0.0), "crank")
+    b = model.addJoint(a, pin.JointModelRZ(), at(crank), "coupler")
+    c = model.addJoint(0, pin.JointModelRZ(), at(ground), "rocker")
+    loop = pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, b, at(coupler), c, at(rocker))
+    return model, loop
+
+
+def close(model, loop, q, angle):
+    """Return (converged, q) by the loop of the example simulation-closed-kinematic-chains.py, the crank held in 6D."""
+    data = model.createData()
+    held = pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, model, 1, pin.SE3.Identity(), 0, at(0.0, 0.0, angle))
+    models = [loop, held]
+    datas = [m.createData() for m in models]
+    y = np.ones(9)
+    data.M = np.eye(model.nv) * RHO
+    kkt = pin.ConstraintCholeskyDecomposition(model, data, models, datas)
+    for _ in range(N):
+        pin.computeJointJacobians(model, data, q)
+        for m, d in zip(models, datas, strict=True):
+            m.calc(model, data, d)
+        kkt.compute(model, data, models, datas, MU)
+        value = np.concatenate([datas[0].c1Mc2.translation, pin.log6(datas[1].c1Mc2).vector])
+        jacobian = pin.getConstraintsJacobian(model, data, models, datas)
+        primal, dual = np.max(np.abs(value)), np.max(np.abs(jacobian.T @ (value + y)))
+        if primal < EPS and dual < EPS:
+            return True, q
+        dz = kkt.solve(np.concatenate([-value - y * MU, np.zeros(model.nv)]))
+        q, y = pin.integrate(model, q, -dz[9:]), dz[:9]
+    return False, q
+
+
+def main():
+    accepted = []
+    for gap in (1e-12, 1e-11, 1e-10, 1e-9):
+        model, loop = four_bar(4.0, 1.0, 2.0 - gap, 1.0)
+        converged, _ = close(model, loop, np.array([0.0, 0.0, math.pi]), 0.0)
+        print(f"{gap:g} m are missing: expected no convergence, came {'convergence' if converged else 'none'}")
+        accepted += [gap] if converged else []
+    return 0 if accepted else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

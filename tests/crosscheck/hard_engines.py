@@ -1,0 +1,110 @@
+"""Engines with planted faults, to be loaded as `hard_engines.py:Name`: they answer with the reference, and then err."""
+
+from __future__ import annotations
+
+import os
+import signal
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+import refkin
+from crosscheck.engines import API, NATIVE, EngineError, Level, Term
+from refkin.motion import Motion, Producer, Route, Seeding, Status
+
+ROUTE = Route(
+    name="planted",
+    residual_by="refkin",
+    jacobian_by="refkin",
+    newton_by="refkin",
+    linear_solve_by="refkin",
+    drift_by="refkin",
+    seeding=Seeding.NONE,
+)
+
+
+class Right:
+    """Answers as the reference does."""
+
+    name = "right"
+    api = API
+
+    def version(self) -> str:
+        return "0"
+
+    def routes(self) -> Sequence[Route]:
+        return (ROUTE,)
+
+    def capabilities(self):
+        return {key: dict.fromkeys(Level, NATIVE) for key in ("revolute", "angle")}
+
+    def terms(self, scene, route=None) -> Sequence[Term]:
+        return ()
+
+    def solve(self, scene, route=None) -> Motion:
+        motion = refkin.solve(scene)
+        return replace(motion, producer=Producer(name=self.name, version="0", route=ROUTE))
+
+
+class Wrong(Right):
+    """Is off by 1e-9 at the last time, and says nothing."""
+
+    name = "wrong"
+
+    def solve(self, scene, route=None) -> Motion:
+        motion = super().solve(scene)
+        q = motion.q.copy()
+        q[-1, -1] += 1e-9
+        return replace(motion, q=q)
+
+
+class Warns(Right):
+    """Is right, and calls the last pose singular."""
+
+    name = "warns"
+
+    def solve(self, scene, route=None) -> Motion:
+        motion = super().solve(scene)
+        return replace(motion, status=(*motion.status[:-1], Status.SINGULAR))
+
+
+class Empty(Right):
+    """Calls NaN ok."""
+
+    name = "empty"
+
+    def solve(self, scene, route=None) -> Motion:
+        motion = super().solve(scene)
+        return replace(motion, q=np.full_like(motion.q, np.nan))
+
+
+class Refuses(Right):
+    name = "refuses"
+
+    def solve(self, scene, route=None) -> Motion:
+        raise EngineError("refuses refuses every scene")
+
+
+class Raises(Right):
+    name = "raises"
+
+    def solve(self, scene, route=None) -> Motion:
+        raise ZeroDivisionError("planted")
+
+
+class Crashes(Right):
+    name = "crashes"
+
+    def solve(self, scene, route=None) -> Motion:
+        os.kill(os.getpid(), signal.SIGSEGV)
+        return super().solve(scene)
+
+
+class Hangs(Right):
+    name = "hangs"
+
+    def solve(self, scene, route=None) -> Motion:
+        time.sleep(600.0)
+        return super().solve(scene)

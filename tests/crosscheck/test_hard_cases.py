@@ -1,0 +1,235 @@
+"""Hard cases: the scenes come as near as they say, the arbiter is fair, and planted faults are called what they are."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import refkin
+from crosscheck.hard_cases import Outcome, hard_case_rows, hard_cases
+from crosscheck.hard_cases.attainable import attainable, fold, residual_error
+from crosscheck.hard_cases.cases import DISTANCES, GAPS, KINDS
+from crosscheck.hard_cases.classing import classed, job, outcome_of
+from crosscheck.hard_cases.judging import GRANTED, samples, truths
+from crosscheck.hard_cases.table import KEYS
+from refkin.motion import Status
+from refkin.proof.krawczyk import Verdict, krawczyk
+
+ENGINES = Path(__file__).parent / "hard_engines.py"
+CASES = {case.key: case for case in hard_cases()}
+EASY = CASES["large offset, 1e-02"]
+TOGGLES = [case for case in CASES.values() if case.case == "toggle"]
+
+
+def planted(name: str, seconds: float = 20.0, cases=(EASY,)):
+    return hard_case_rows([f"{ENGINES}:{name}"], cases=cases, findings=(), seconds=seconds)
+
+
+@pytest.mark.parametrize(
+    ("engine", "verdict", "told"),
+    [
+        ("Right", "correct", ""),
+        ("Wrong", "wrong", "radii outside at t = "),
+        ("Warns", "warned", "called not ok at 1 of 6 times"),
+        ("Empty", "wrong", "called ok without a number"),
+        ("Refuses", "refused", "refuses every scene"),
+        ("Raises", "crash", "error (ZeroDivisionError)"),
+        ("Crashes", "crash", "SIGSEGV"),
+    ],
+)
+def test_a_planted_fault_gets_its_verdict(engine, verdict, told):
+    (row,) = planted(engine)
+
+    assert (row["verdict"], told in row["note"]) == (verdict, True)
+
+
+def test_a_planted_hang_is_called_one_and_the_next_case_is_tried():
+    cases = [EASY, CASES["large offset, 1e-04"]]
+
+    rows = planted("Hangs", seconds=1.0, cases=cases)
+
+    assert [row["verdict"] for row in rows] == ["hang", "hang"]
+
+
+def test_a_row_has_the_keys_of_the_report_and_no_others():
+    (row,) = planted("Right")
+
+    assert tuple(row) == KEYS
+
+
+def test_without_time_no_scene_is_begun():
+    assert hard_case_rows([f"{ENGINES}:Right"], within=0.0) == []
+
+
+def test_scenes_are_the_same_ones_every_time():
+    assert [case.scene for case in hard_cases()] == [case.scene for case in CASES.values()]
+
+
+def test_a_branching_tree_is_assembled_at_all_its_times():
+    case = CASES["branching tree, 2e+01"]
+    system, truth = truths(case)
+    poses = [np.concatenate([case.poses(t)[b.name] for b in case.scene.mechanism.bodies]) for t in case.scene.times]
+
+    residuals = [np.max(np.abs(system.phi(system.to_unit(q), t))) for q, t in zip(poses, case.scene.times, strict=True)]
+    assert max(residuals) < 1e-14
+    assert all(len(true.roots) == 1 for true in truth)
+
+
+def test_every_kind_has_its_scenes_and_no_two_have_one_name():
+    assert len(CASES) == sum(len(list(kind())) for kind in KINDS.values()) > 50
+
+
+@pytest.mark.parametrize("case", TOGGLES, ids=lambda case: case.key)
+def test_sigma_goes_with_the_root_of_the_distance_to_a_toggle(case):
+    sigma = refkin.solve(case.scene).sigma_min[-1]
+
+    # At 1e-15 the limit itself is known to 2e-16 only, a fifth of the distance.
+    assert sigma == pytest.approx(0.33 * np.sqrt(case.distance), rel=0.15)
+
+
+@pytest.mark.parametrize("gap", GAPS)
+def test_a_gap_is_proved_and_is_the_one_that_was_made(gap):
+    case = CASES[f"unassemblable by a gap, {gap:.0e}"]
+    system, (truth,) = truths(case)
+
+    assert not truth.roots
+    assert truth.gap == pytest.approx(gap / system.unit.size, rel=1e-3)
+
+
+@pytest.mark.parametrize("case", TOGGLES, ids=lambda case: case.key)
+def test_two_attainable_radii_off_is_wrong_and_half_of_one_is_not(case):
+    system, truth = truths(case)
+    motion = refkin.solve(case.scene)
+    for factor, verdict in ((0.5, Outcome.CORRECT), (2.0, Outcome.WRONG)):
+        q = motion.q.copy()
+        balls, allowed = truth[-1].roots[0]
+        q[:, -1] = system.to_physical(np.array([float(x) for x in balls]))
+        q[2, -1] += factor * allowed[2]
+        found = samples(system, truth, case.scene, replace(motion, q=q), ())
+        assert classed(found)[0] == verdict
+
+
+@pytest.mark.parametrize("kind", ["toggle", "dead centre"])
+def test_what_newton_leaves_in_float64_is_attainable_down_to_the_fold(kind):
+    worst = 0.0
+    for case in (c for c in CASES.values() if c.case == kind):
+        system, truth = truths(case)
+        found = samples(system, truth, case.scene, refkin.solve(case.scene), ())
+        worst = max(worst, *(s.judgement.radii for s in found))
+
+    assert 1e-3 < worst < 1.0
+
+
+def test_a_residual_hides_its_root_at_a_fold_and_itself_away_from_one():
+    assert fold(0.0, 2.0, 1e-16) == pytest.approx(1e-8)
+    assert fold(1.0, 1.0, 1e-16) == pytest.approx(1e-16)
+    assert np.isinf(fold(0.0, 0.0, 1e-16))
+
+
+@pytest.mark.parametrize("f", [1e-16, 0.1, 0.49])
+def test_what_a_residual_hides_beside_a_fold_has_that_residual(f):
+    x = fold(1.0, 1.0, f)
+
+    assert x - x * x / 2 == pytest.approx(f, rel=1e-12)
+
+
+def test_what_is_attainable_covers_every_pose_with_a_residual_of_round_off():
+    case = CASES["toggle, 1e-09"]
+    system, truth = truths(case)
+    t, (balls, allowed) = case.scene.times[-1], truth[-1].roots[0]
+    q = np.array([float(x) for x in balls])
+    e = residual_error(system, q, t)
+    draw = np.random.default_rng(1)
+    inside = 0
+    for _ in range(400):
+        # a Newton step for a residual that is moved by up to e: the pose that a code with that rounding may find
+        moved = q.copy()
+        shift = draw.uniform(-1.0, 1.0, system.m) * e
+        for _ in range(30):
+            moved = moved - np.linalg.solve(system.phi_q(moved, t), system.phi(moved, t) - shift)
+        inside += bool(np.all(np.abs(moved - q) <= allowed))
+
+    assert inside == 400
+
+
+def test_the_poses_in_which_scenes_begin_are_regular_enough_for_what_is_granted():
+    norms = []
+    for case in CASES.values():
+        if len(case.scene.times) > 1 and not case.case.startswith("branching"):
+            system, truth = truths(replace(case, scene=replace(case.scene, times=case.scene.times[:1])))
+            q = np.array([float(x) for x in truth[0].roots[0][0]])
+            norms.append(np.linalg.norm(np.linalg.pinv(system.phi_q(q, case.scene.times[0])), 2))
+
+    assert max(norms) < GRANTED
+
+
+@pytest.mark.parametrize("distance", DISTANCES)
+def test_the_truth_beside_a_fold_is_on_the_branch_of_the_first_time(distance):
+    case = CASES[f"toggle, {distance:.0e}"]
+    system, truth = truths(case)
+    sides = []
+    for t, true in zip(case.scene.times, truth, strict=True):
+        balls, _ = true.roots[0]
+        sides.append(np.sign(np.linalg.det(system.phi_q(np.array([float(x) for x in balls]), t))))
+
+    assert len(set(sides)) == 1
+
+
+def test_another_assembly_is_told_as_one():
+    case = CASES["coarse steps, 1e+00"]
+    system, truth = truths(case)
+    motion = refkin.solve(case.scene)
+    linkage = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.99, rocker=1.02)
+    other = linkage.assemble(case.scene.times[-1], "crossed")
+    q = motion.q.copy()
+    q[:, -1] = np.concatenate([other[body] for body in motion.bodies])
+
+    found = samples(system, truth, case.scene, replace(motion, q=q), ())
+
+    assert (found[-1].judgement.verdict, found[-1].note) == (Verdict.OUTSIDE, "on the other assembly")
+
+
+def test_full_turns_are_no_error():
+    system, truth = truths(EASY)
+    motion = refkin.solve(EASY.scene)
+    q = motion.q.copy()
+    q[2::3] += 2 * np.pi
+
+    assert classed(samples(system, truth, EASY.scene, replace(motion, q=q), ()))[0] == Outcome.CORRECT
+
+
+def test_an_answer_where_there_is_no_assembly_is_wrong_and_no_answer_is_right():
+    case = CASES["unassemblable by a gap, 1e-09"]
+    system, truth = truths(case)
+    motion = refkin.solve(case.scene)
+    answered = replace(motion, q=np.zeros_like(motion.q), status=(Status.OK,))
+
+    assert classed(samples(system, truth, case.scene, answered, ()))[0] == Outcome.WRONG
+    outcome, note = classed(samples(system, truth, case.scene, motion, ()))
+    assert (outcome, note.startswith("rightly, there is no assembly")) == (Outcome.REFUSED, True)
+
+
+def test_the_reference_is_nowhere_wrong():
+    outcomes = {key: outcome_of(job("refkin", "newton", key))[0] for key in CASES if "branching" not in key}
+
+    assert {key for key, outcome in outcomes.items() if outcome == Outcome.WRONG} == set()
+
+
+def test_the_enclosure_is_the_certificate_of_113_bits():
+    system, truth = truths(EASY)
+    balls, _ = truth[0].roots[0]
+    found = krawczyk(system, np.array([float(x) for x in balls]), EASY.scene.times[0])
+
+    assert found is not None
+    assert found.bits == 113
+    assert all(x.overlaps(y) for x, y in zip(balls, found.q, strict=True))
+
+
+def test_what_is_attainable_is_near_round_off_at_a_regular_pose():
+    system, truth = truths(EASY)
+    q = np.array([float(x) for x in truth[0].roots[0][0]])
+
+    assert 1e-15 < np.max(attainable(system, q, EASY.scene.times[0])[system.angles]) < 1e-12

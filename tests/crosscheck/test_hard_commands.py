@@ -1,0 +1,135 @@
+"""`crosscheck hard` and `crosscheck hunt` on the command line, and the rows of hard cases in a night's report."""
+
+from __future__ import annotations
+
+import json
+import math
+from pathlib import Path
+
+import pytest
+
+import refkin
+from crosscheck.cli import main
+from crosscheck.hard_cases import hard_case_rows
+from crosscheck.hard_cases.table import KEYS
+from crosscheck.hard_commands import write_rows
+from crosscheck.hunting import CERTIFICATE, STRATA, Bag, Catch, hunt, ratios, turn_of
+from crosscheck.report.build import HARD_CASES
+from crosscheck.report.measured import measured
+
+ENGINES = Path(__file__).parent / "hard_engines.py"
+SCENE = refkin.load(Path(__file__).parent.parent.parent / "examples" / "crank-rocker.toml")
+
+
+def run(*arguments: str) -> int:
+    with pytest.raises(SystemExit) as ended:
+        main(list(arguments))
+    return int(ended.value.code or 0)
+
+
+def test_rows_are_printed_as_json(capsys):
+    code = run("hard", "--engine", f"{ENGINES}:Right", "--case", "large offset", "--json")
+    rows = json.loads(capsys.readouterr().out)
+
+    assert code == 0
+    assert [tuple(row) for row in rows] == [KEYS] * 4
+    assert {row["verdict"] for row in rows} == {"correct"}
+
+
+def test_a_wrong_answer_that_no_finding_explains_fails(capsys):
+    assert run("hard", "--engine", f"{ENGINES}:Wrong", "--case", "large offset") == 1
+    assert "no finding explains this" in capsys.readouterr().out
+
+
+def test_the_table_counts_each_verdict(capsys):
+    assert run("hard", "--engine", f"{ENGINES}:Refuses", "--case", "far start") == 0
+    assert "all: refused" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("hard", "--case", "nothing"), "no hard scene is called 'nothing'; there are: toggle"),
+        (("hard", "--engine", "nobody"), "no engine is called 'nobody'; there are: refkin"),
+        (("hunt", "--engine", "nobody"), "no engine is called 'nobody'"),
+        (("hunt", "--minutes", "0"), "--minutes: expected a number above 0"),
+    ],
+)
+def test_a_name_that_nobody_knows_is_one_clear_error(arguments, told, capsys):
+    assert run(*arguments) == 2
+    assert told in capsys.readouterr().err
+
+
+def test_an_engine_that_cannot_be_loaded_is_missing(capsys):
+    assert run("hard", "--engine", "nowhere.py:Engine") == 3
+    assert "there is no file nowhere.py" in capsys.readouterr().err
+
+
+def rows_in(folder):
+    rows, faults = measured(folder)
+    assert faults == []
+    return rows["hard_cases"]
+
+
+def test_the_rows_of_a_night_stand_in_its_folder(tmp_path):
+    write_rows(tmp_path / HARD_CASES, ["closed_form"], {"closed_form"}, 2.0)
+
+    assert rows_in(tmp_path)
+    assert {row["engine"] for row in rows_in(tmp_path)} == {"refkin"}
+
+
+def test_a_night_without_time_for_hard_cases_has_no_rows(tmp_path):
+    write_rows(tmp_path / HARD_CASES, ["exudyn"], (), 0.0)
+
+    assert rows_in(tmp_path) is None
+
+
+def test_rows_in_the_time_there_is_are_of_every_kind_first():
+    rows = hard_case_rows(["refkin"], within=3.0)
+    counts = {case: sum(row["case"] == case for row in rows) for case in {row["case"] for row in rows}}
+
+    assert max(counts.values()) - min(counts.values()) <= 6
+
+
+def test_a_hunt_finds_a_planted_error_and_in_which_scene():
+    bag = hunt({"wrong": f"{ENGINES}:Wrong"}, 6.0, 1, scene_seconds=20.0, strata=((1.0, 3.0),))
+
+    assert bag.scenes > 3
+    assert bag.failures == []
+    assert bag.above()
+    assert all(math.isfinite(catch.ratio) for catch in bag.catches.values())
+
+
+@pytest.mark.parametrize("stratum", STRATA)
+def test_every_stratum_has_scenes_in_its_decades(stratum):
+    distances = []
+
+    def look(drawn):
+        distances.append(drawn.distance)
+        if len(distances) >= 8:
+            raise Enough
+
+    with pytest.raises(Enough):
+        turn_of(look, stratum, 1)
+
+    # A limit is approached by 10^-k rad or lengths; what the margin is there depends on the linkage.
+    assert min(distances) < 10.0 ** (1.5 - stratum[0])
+
+
+class Enough(Exception):
+    pass
+
+
+def test_the_worst_comes_first():
+    catches = {("e", "r", q): Catch(ratio, SCENE, (1.0, 3.0), 1) for q, ratio in (("a", 2.0), ("b", 9.0), ("c", 0.5))}
+
+    assert [name[2] for name, _ in Bag(catches, 3, []).above()] == ["b", "a"]
+
+
+def test_only_best_routes_are_hunted():
+    told = {"quantities": {"position": {"ratio": 3.0}, "velocity": {"ratio": None}}, "certificate": {"radii": 2.0}}
+    answers = [{"engine": "e", "route": {"name": name}, **told} for name in ("best", "shipped")]
+
+    found = dict(ratios({"answers": answers}, {"e": "best"}))
+
+    assert found == {("e", "best", "position"): 3.0, ("e", "best", CERTIFICATE): 2.0}

@@ -1,0 +1,185 @@
+"""Findings are strict: each still shows, by rows, scene and script, and what is wrong without one fails."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import refkin
+from crosscheck.engines import load
+from crosscheck.engines.mujoco_model import Plan, mujoco
+from crosscheck.engines.mujoco_shipped import Simulation
+from crosscheck.hard_cases import Outcome, hard_cases
+from crosscheck.hard_cases.classing import OURS, all_routes, classed, job, outcome_of
+from crosscheck.hard_cases.findings import closed, finding_of, read
+from crosscheck.hard_cases.judging import scene_samples
+from crosscheck.hard_cases.table import BAD, unexplained
+from crosscheck.joint_tree import joint_tree
+from crosscheck.known_gaps import InvalidGap
+from refkin.motion import Status
+
+ROOT = Path(__file__).parent.parent.parent
+FINDINGS = read()
+ROUTES = {name: tuple(route.name for route in all_routes(load(name))) for name in ("exudyn", "pinocchio", "mujoco")}
+IN_TABLE = [f for f in FINDINGS if f.route in ROUTES[f.engine]]
+SLOW = ("mujoco", "mj_step")
+FIRST = {case.case: case.key for case in reversed(hard_cases())}
+ROW = """
+[[finding]]
+engine = "exudyn"
+route = "shipped"
+cases = ["toggle"]
+verdict = "wrong"
+class = "our misuse"
+quote = "a"
+source = "b"
+reason = "c"
+script = "d"
+date = 2026-11-21
+"""
+
+
+@pytest.mark.parametrize(
+    ("finding", "case"), [(f, case) for f in IN_TABLE for case in f.cases], ids=lambda x: getattr(x, "route", x)
+)
+def test_every_finding_still_shows_in_each_kind_of_its_scenes(finding, case):
+    keys = [c.key for c in hard_cases() if c.case == case]
+    shown = (outcome_of(job(finding.engine, finding.route, key))[0] == finding.verdict for key in keys)
+
+    assert any(shown)
+
+
+@pytest.mark.parametrize(("engine", "route"), [(e, r) for e, routes in ROUTES.items() for r in routes])
+def test_what_is_wrong_is_explained_by_a_finding(engine, route):
+    keys = set(FIRST.values()) if (engine, route) == SLOW else {c.key for c in hard_cases()}
+    case_of = {c.key: c.case for c in hard_cases()}
+    new = []
+    for key in sorted(k for k in keys if not k.startswith("branching") or k in FIRST.values()):
+        outcome, note = outcome_of(job(engine, route, key))
+        if outcome in BAD and finding_of(FINDINGS, engine, route, case_of[key], outcome) is None:
+            new.append((key, outcome, note))
+
+    assert new == []
+
+
+PASSED = "tests/corpus/parallelogram-passed.toml"
+"""Past a bifurcation the reference leaves open which assembly is meant."""
+WITH_SCENE = [f for f in IN_TABLE if f.scene not in ("", PASSED)]
+
+
+@pytest.mark.parametrize("finding", WITH_SCENE, ids=lambda f: f"{f.engine} {f.scene}")
+def test_the_minimal_scene_of_a_finding_shows_it(finding):
+    scene = refkin.load(ROOT / finding.scene)
+    engine = load(finding.engine)
+    route = next(r for r in all_routes(engine) if r.name == finding.route)
+
+    assert classed(scene_samples(scene, engine.solve(scene, route), engine.terms(scene, route)))[0] == finding.verdict
+
+
+def test_the_march_of_the_route_static_leaves_a_parallelogram_without_a_word():
+    engine = load("exudyn")
+    motion = engine.solve(refkin.load(ROOT / PASSED), engine.routes()[0])
+
+    assert set(motion.status) == {Status.OK}
+    assert abs(motion["coupler"].phi[-1]) > 0.01
+
+
+@pytest.mark.parametrize("script", sorted({f.script for f in FINDINGS if f.script}))
+def test_the_script_of_a_finding_shows_it_in_the_engines_own_api(script, tmp_path):
+    done = subprocess.run(
+        [sys.executable, ROOT / script], capture_output=True, text=True, cwd=tmp_path, timeout=60, check=False
+    )
+
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "came" in done.stdout
+
+
+def test_the_default_solver_of_mujoco_errs_on_a_branching_tree_of_more_than_60_freedoms():
+    case = next(c for c in hard_cases() if c.key == "branching tree, 3e+01")
+    tree = joint_tree(case.scene.mechanism)
+    simulation = Simulation(Plan(tree, (*tree.closures, *case.scene.mechanism.drivers)))
+    model, (default, dense) = simulation.model, (simulation.model.opt.jacobian, mujoco.mjtJacobian.mjJAC_DENSE)
+    q = tree.start() + np.random.default_rng(2).uniform(-0.05, 0.05, tree.width)
+
+    found = {}
+    for jacobian in (default, dense):
+        model.opt.jacobian = jacobian
+        data = mujoco.MjData(model)
+        data.qpos[simulation.columns] = q
+        mujoco.mj_forward(model, data)
+        found[jacobian] = np.array(data.qacc)
+
+    assert (default, model.nv) == (mujoco.mjtJacobian.mjJAC_AUTO, 65)
+    assert np.max(np.abs(found[default] - found[dense])) > 1e-3 * np.max(np.abs(found[dense]))
+
+
+def test_scripts_need_nothing_of_this_project():
+    for path in (ROOT / "reports" / "findings").glob("*.py"):
+        text = path.read_text(encoding="utf-8")
+        assert not any(word in text for word in ("refkin", "crosscheck"))
+        assert any(f.script.endswith(path.name) for f in FINDINGS)
+
+
+def test_the_quotations_of_exudyn_stand_in_its_settings():
+    import exudyn as exu
+
+    told = " ".join(
+        str(getattr(type(exu.SimulationSettings().staticSolver.newton), key).__doc__)
+        for key in ("relativeTolerance", "absoluteTolerance")
+    )
+    quotes = {f.quote for f in FINDINGS if "NewtonSettings" in f.source}
+
+    assert quotes
+    assert {quote for quote in quotes if quote not in told} == set()
+
+
+def test_the_quotations_of_mujoco_stand_in_its_documentation():
+    text = (Path(mujoco.__file__).parent / "doc" / "modeling.rst").read_text(encoding="utf-8")
+    quotes = {f.quote for f in FINDINGS if "doc/modeling.rst" in f.source}
+
+    assert quotes
+    assert {quote for quote in quotes if quote not in " ".join(text.split())} == set()
+
+
+def row(verdict: str, kind: str | None = None) -> dict[str, object]:
+    return {"engine": "exudyn", "route": "shipped", "case": "toggle", "verdict": verdict, "class": kind}
+
+
+def test_a_finding_that_shows_no_more_is_closed():
+    (finding,) = read(ROW)
+
+    assert closed([finding], [row("correct")]) == [(finding, "toggle")]
+    assert closed([finding], [row("correct"), row("wrong")]) == []
+    assert closed([finding], []) == []
+
+
+def test_what_is_wrong_and_has_no_class_is_unexplained():
+    rows = [row("wrong"), row("wrong", "our misuse"), row("refused"), row("crash"), row("hang")]
+
+    assert unexplained(rows) == [rows[0], rows[3], rows[4]]
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        (ROW.replace('quote = "a"\n', ""), r"finding\[0\].quote is missing"),
+        (ROW.replace("our misuse", "bad"), r"finding\[0\].class: 'bad'; there are"),
+        (ROW.replace('["toggle"]', '"toggle"'), r"finding\[0\].cases: 'toggle'; expected list"),
+        (ROW.replace('script = "d"', ""), r"finding\[0\]: neither scene nor script"),
+        (ROW + "colour = 1\n", r"finding\[0\].colour: no such key"),
+        (ROW + "[[", "findings.toml: "),
+    ],
+)
+def test_a_finding_that_makes_no_sense_gets_one_clear_error(text, told):
+    with pytest.raises(InvalidGap, match=told):
+        read(text)
+
+
+def test_only_kinds_that_exist_are_named():
+    assert {case for f in FINDINGS for case in f.cases} - {case.case for case in hard_cases()} == set()
+    assert {f.verdict for f in FINDINGS} <= set(Outcome)
+    assert OURS not in {f.engine for f in FINDINGS}

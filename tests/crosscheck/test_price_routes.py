@@ -1,0 +1,260 @@
+"""The real routes: looser settings have fewer digits, time integration has its order, what cannot be taken says so."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crosscheck.price.refkin_routes import routes as refkin_routes
+from crosscheck.price.route import PRODUCERS, QUANTITIES, PricedRoute, Refused, routes_of
+from crosscheck.price.rows import YARDSTICK
+from crosscheck.price.truth import Truth
+from refkin.joints import AngleDriver, Revolute
+from refkin.linkages import FourBar, SliderCrank
+from refkin.model import Body, Mechanism, Scene
+from refkin.motion_laws import Polynomial, Sinusoid
+from refkin.scene_files import load
+
+EXAMPLES = Path(__file__).parent.parent.parent / "examples"
+LINKAGE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+SCENE = LINKAGE.scene(speed=2.0, turns=0.5, samples=19)
+SLIDER = SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(speed=2.0, turns=0.2, samples=5)
+
+
+@cache
+def digits(producer):
+    """Return (route, knob, quantity) -> digits on the scene, in the order of the settings."""
+    truth, found = Truth(SCENE), {}
+    for route in routes_of(producer, SCENE):
+        assert isinstance(route, PricedRoute)
+        for order, level in enumerate(route.read(route.solve(route.highest))):
+            found[route.name, route.knob, QUANTITIES[order]] = truth.digits(level, order)[0]
+    return found
+
+
+def sweep(producer, name, quantity="position"):
+    """Return the digits of one route, from its first setting to its last."""
+    found = [d for (route, _, q), d in digits(producer).items() if (route, q) == (name, quantity)]
+    assert len(found) > 1
+    return found
+
+
+SWEEPS = [
+    ("refkin", "Newton, analytic Jacobian"),
+    ("refkin", "Newton, stopped"),
+    ("refkin", "chord"),
+    ("scipy", "root, analytic Jacobian"),
+    ("scipy", "root, its own differences"),
+    ("scipy", "least_squares"),
+    ("exudyn", "SolveStatic"),
+    ("exudyn", "MainSolverStatic.Newton"),
+    ("mujoco", "Newton on its rows"),
+    ("mujoco", "mj_step, quasi-static relaxation"),
+    ("pinocchio", "Newton on its rows"),
+]
+SPRINGS = [("mujoco", "mj_step, Euler, solref swept"), ("mujoco", "mj_step, RK4, solimp swept")]
+
+
+@pytest.mark.parametrize(("producer", "name"), SWEEPS)
+def test_a_looser_setting_has_no_more_digits_but_by_rounding(producer, name):
+    found = sweep(producer, name)
+
+    assert all(b > min(a, 14.0) - 0.3 for a, b in itertools.pairwise(found))
+    assert found[0] < 6.0
+
+
+@pytest.mark.parametrize(("producer", "name"), SPRINGS)
+def test_a_softer_loop_has_fewer_digits(producer, name):
+    found = sweep(producer, name)
+
+    assert all(b > a for a, b in itertools.pairwise(found))
+
+
+@pytest.mark.parametrize(("producer", "name"), SWEEPS)
+def test_the_tightest_setting_has_what_double_precision_allows(producer, name):
+    assert sweep(producer, name)[-1] > 12.5
+
+
+ORDERS = [
+    ("exudyn", "SolveDynamic, trapezoidal, index 2", "position", 2),
+    ("exudyn", "SolveDynamic, trapezoidal, index 2", "velocity", 2),
+    ("exudyn", "SolveDynamic, generalized-alpha, index 3", "velocity", 2),
+    ("mujoco", "mj_step, Euler", "position", 2),
+    ("pinocchio", "constraintDynamics, Euler", "position", 1),
+    ("pinocchio", "constraintDynamics, Euler", "velocity", 1),
+    ("pinocchio", "constraintDynamics, RK4", "position", 4),
+    ("pinocchio", "constraintDynamics, RK4", "acceleration", 4),
+]
+
+
+@pytest.mark.parametrize(("producer", "name", "quantity", "order"), ORDERS)
+def test_a_time_integration_gains_digits_by_its_order(producer, name, quantity, order):
+    # Steps of a third to a tenth of a time step: digits gained are order * log10(10 / 3). With a loop that is held by
+    # a spring of stiffness 1/h^2 MuJoCo's position follows the square of the step.
+    found = sweep(producer, name, quantity)
+    gained = found[2] - found[1]
+
+    assert gained == pytest.approx(order * math.log10(10 / 3), rel=0.25)
+
+
+def test_index_3_keeps_positions_whatever_the_step():
+    assert min(sweep("exudyn", "SolveDynamic, generalized-alpha, index 3")) > 9.0
+
+
+def test_without_baumgarte_positions_drift_further():
+    plain, held = (sweep("pinocchio", f"constraintDynamics, Euler{b}") for b in ("", ", Baumgarte"))
+
+    assert all(b > a + 0.5 for a, b in zip(plain, held, strict=True))
+
+
+@pytest.mark.parametrize(("scheme", "low", "high"), [("forward", 6.0, 9.0), ("central", 8.5, 12.0)])
+def test_a_jacobian_by_differences_costs_velocity_its_digits_but_not_position(scheme, low, high):
+    name = f"Newton, {scheme} Jacobian"
+
+    assert sweep("refkin", name)[-1] > 14.0
+    assert low < sweep("refkin", name, "velocity")[-1] < high
+
+
+def test_a_jacobian_by_complex_steps_costs_no_digits():
+    assert sweep("refkin", "Newton, complex-step Jacobian", "velocity")[-1] > 14.0
+
+
+def test_what_is_relaxed_has_no_velocity():
+    assert not [key for key in digits("mujoco") if "relaxation" in key[0] and key[2] != "position"]
+
+
+@pytest.mark.parametrize("producer", ["exudyn", "mujoco", "pinocchio"])
+def test_a_driver_that_speeds_up_is_followed(producer):
+    law = Sinusoid(amplitude=0.8, angular_frequency=2.0, offset=0.5)
+    scene = LINKAGE.scene(law=law, times=np.linspace(0.0, 1.0, 11).tolist())
+    truth = Truth(scene)
+    stepped = ("SolveDynamic", "mj_step, Euler", "constraintDynamics, RK4")
+    found = [
+        truth.digits(route.read(route.solve(0))[0], 0)[0]
+        for route in routes_of(producer, scene)
+        if route.name.startswith(stepped) and route.knob == "h = 0.01 s"
+    ]
+
+    assert min(found) > 3.0
+
+
+def test_a_step_of_mujoco_leaves_its_rows_as_they_were():
+    (newton,) = (r for r in routes_of("mujoco", SCENE) if (r.name, r.knob) == ("Newton on its rows", "|dq| < 1e-08"))
+    before = newton.solve(2)
+    for route in routes_of("mujoco", SCENE):
+        if "mj_step" in route.name and route.highest == 2:
+            route.solve(2)
+            break
+
+    assert all(np.array_equal(a, b) for a, b in zip(before, newton.solve(2), strict=True))
+
+
+@pytest.mark.parametrize("producer", sorted(PRODUCERS))
+def test_a_slider_crank_has_its_positions(producer):
+    truth = Truth(SLIDER)
+    found = [
+        truth.digits(r.read(r.solve(0))[0], 0)[0] for r in routes_of(producer, SLIDER) if isinstance(r, PricedRoute)
+    ]
+
+    assert max(d for d in found if d is not None) > 14.0
+
+
+@cache
+def parallelogram():
+    """A parallelogram with a third crank that changes nothing: two rows are redundant."""
+    cranks = {"a": 0.0, "b": 2.0, "c": 1.0}
+    bodies = [Body(name=name, estimate=(x, 0.0, 1.0)) for name, x in cranks.items()]
+    bodies.append(Body(name="coupler", estimate=(0.54, 0.84, 0.0)))
+    joints = []
+    for name, x in cranks.items():
+        joints.append(Revolute(name=f"{name}0", body_i="ground", point_i=(x, 0.0), body_j=name, point_j=(0.0, 0.0)))
+        joints.append(Revolute(name=name, body_i=name, point_i=(1.0, 0.0), body_j="coupler", point_j=(x, 0.0)))
+    motor = AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(1.0, 0.5)))
+    return Scene(mechanism=Mechanism(tuple(bodies), tuple(joints), (motor,)), times=(0.0, 0.1, 0.2, 0.3))
+
+
+@pytest.mark.parametrize(
+    ("producer", "name"),
+    [
+        ("refkin", "Newton, analytic Jacobian"),
+        ("scipy", "least_squares"),
+        ("exudyn", "SolveStatic"),
+        ("exudyn", "MainSolverStatic.Newton"),
+        ("mujoco", "Newton on its rows"),
+        ("pinocchio", "Newton on its rows"),
+    ],
+)
+def test_redundant_rows_cost_no_digits(producer, name):
+    truth = Truth(parallelogram())
+    route = [r for r in routes_of(producer, parallelogram()) if r.name == name][-1]
+
+    assert min(truth.digits(level, k)[0] for k, level in enumerate(route.read(route.solve(2)))) > 13.0
+
+
+@pytest.mark.parametrize("producer", ["mujoco", "pinocchio"])
+def test_a_loop_that_the_engines_forces_do_not_close_is_refused_for_stepping_by_name(producer):
+    found = routes_of(producer, load(EXAMPLES / "inverted-slider-crank.toml"))
+    refused = [r for r in found if isinstance(r, Refused)]
+
+    assert [r.name for r in refused] == [{"mujoco": "mj_step", "pinocchio": "constraintDynamics"}[producer]]
+    assert "joint 'A' closes a loop" in refused[0].reason
+
+
+def test_a_driver_that_holds_no_coordinate_of_the_tree_is_refused_for_stepping_by_name():
+    driven = LINKAGE.scene(
+        driven="coupler", law=Sinusoid(amplitude=0.1, angular_frequency=1.0, offset=0.9), times=[0.0, 0.1]
+    )
+    refused = [r.reason for r in routes_of("mujoco", driven) if isinstance(r, Refused)]
+
+    assert refused == ["driver 'driver' does not hold one coordinate of the tree, as stepping needs it"]
+
+
+def test_without_damping_mujocos_implicitfast_is_as_right_as_its_euler():
+    by_step = [
+        {k[1]: d for k, d in digits("mujoco").items() if k[0] == f"mj_step, {name}" and k[2] == "acceleration"}
+        for name in ("Euler", "implicitfast")
+    ]
+
+    assert len(by_step[1]) == 2
+    assert all(d == pytest.approx(by_step[0][step], abs=0.1) and d > 0.5 for step, d in by_step[1].items())
+
+
+def test_times_that_are_not_even_are_refused_by_exudyns_integration():
+    uneven = replace(SCENE, times=(0.0, 0.1, 0.3))
+    refused = {r.name: r.reason for r in routes_of("exudyn", uneven) if isinstance(r, Refused)}
+
+    assert set(refused) == {"SolveDynamic, trapezoidal, index 2", "SolveDynamic, generalized-alpha, index 3"}
+    assert all("even" in reason for reason in refused.values())
+
+
+@pytest.mark.parametrize("producer", sorted(PRODUCERS))
+def test_bodies_without_an_estimate_are_named(producer):
+    bodies = tuple(replace(body, estimate=None) for body in SCENE.mechanism.bodies)
+    lost = replace(SCENE, mechanism=replace(SCENE.mechanism, bodies=bodies))
+    reasons = [r.reason for r in routes_of(producer, lost) if isinstance(r, Refused)]
+
+    assert any("estimate" in reason and "crank" in reason for reason in reasons)
+
+
+def test_a_producer_whose_package_is_missing_is_one_refusal(monkeypatch):
+    monkeypatch.setitem(PRODUCERS, "absent", "no_such_package.routes")
+    (refused,) = routes_of("absent", SCENE)
+
+    assert "no_such_package" in refused.reason
+
+
+def test_every_setting_has_a_name_of_its_own():
+    for producer in PRODUCERS:
+        keys = [route.key for route in routes_of(producer, SCENE)]
+
+        assert len(keys) == len(set(keys))
+
+
+def test_the_yardstick_of_ratios_is_a_route_of_the_reference():
+    assert YARDSTICK in [route.key for route in refkin_routes(SCENE) if isinstance(route, PricedRoute)]
