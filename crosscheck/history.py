@@ -88,7 +88,7 @@ def _costs(night: int | None, report: Mapping[str, Any]) -> Iterator[tuple[Any, 
     own: dict[tuple[str, str], float] = {}
     for row in prices:
         what = (row["quantity"], row["scene_class"])
-        if row["engine"] == REFERENCE:
+        if row["engine"] == REFERENCE and row["microseconds"]:
             own[what] = min(own.get(what, row["microseconds"]), row["microseconds"])
     for row in prices:
         what = (row["quantity"], row["scene_class"])

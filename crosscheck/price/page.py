@@ -17,7 +17,7 @@ def page(told: Mapping[str, Any]) -> str:
     """Return the page of a price list (`show.to_json`); whatever comes from a scene is escaped."""
     environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
     template = environment.from_string(files("crosscheck.price").joinpath("page.html.j2").read_text(encoding="utf-8"))
-    css = files("crosscheck.report").joinpath("page.css").read_text(encoding="utf-8")
+    css = files("crosscheck.report").joinpath("page/page.css").read_text(encoding="utf-8")
     rows = told["rows"]
     quantities = list(dict.fromkeys(row["quantity"] for row in rows))
     return template.render(

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, NonNegativeFloat, TypeAdapter, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, NonNegativeFloat, TypeAdapter, ValidationError
 
 Rows = list[dict[str, Any]]
 VERDICTS = ("correct", "warned", "refused", "wrong", "crash", "hang")
@@ -29,9 +29,9 @@ class PriceRow(_Row):
     quantity: Literal["position", "velocity", "acceleration"]
     digits: float | None
     digits_attainable: float | None = None
-    microseconds: NonNegativeFloat
+    microseconds: NonNegativeFloat | None
     spread: NonNegativeFloat | None = None
-    scene_class: str
+    scene_class: str = Field(validation_alias=AliasChoices("scene_class", "class"))
 
 
 class EffectRow(_Row):

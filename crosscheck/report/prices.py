@@ -33,6 +33,8 @@ def cheapest(rows: Sequence[Row], quantity: str, goal: float, scene_class: str |
         if (row["quantity"], row["scene_class"]) != (quantity, scene_class) or (row["digits"] or 0.0) < goal:
             continue
         who = (row["engine"], row["route"])
+        if row["microseconds"] is None:
+            continue
         if who not in found or row["microseconds"] < found[who]["microseconds"]:
             found[who] = row
     return found
@@ -61,7 +63,7 @@ def price_figure(rows: Sequence[Row], looks: Mapping[tuple[str, str], Style]) ->
     known = dict(looks)
     for name in names:
         known.setdefault(name, style(len(known)))
-    times = [math.log10(r["microseconds"]) for r in rows if r["microseconds"] > 0]
+    times = [math.log10(r["microseconds"]) for r in rows if r["microseconds"]]
     span = (
         math.floor(min(times, default=0.0)),
         max(math.floor(min(times, default=0.0)) + 1, math.ceil(max(times, default=1.0))),
@@ -99,7 +101,7 @@ def _price_panel(
         level = plot.py(min(max(best), HIGHEST_DIGITS))
         plot.line([(plot.px(span[0]), level), (plot.px(span[1]), level)], stroke="currentColor", stroke_dasharray="1 3")
     for name in names:
-        of_line = [r for r in rows if (r["engine"], r["route"]) == name and r["microseconds"] > 0]
+        of_line = [r for r in rows if (r["engine"], r["route"]) == name and r["microseconds"]]
         marks = [
             Mark(math.log10(r["microseconds"]), min(max(r["digits"], 0.0), HIGHEST_DIGITS), _spoken(r))
             for r in sorted(of_line, key=lambda r: r["microseconds"])

@@ -117,6 +117,15 @@ def test_route_that_never_has_nine_digits_has_no_price(tmp_path: Path) -> None:
     assert "No route reaches nine digits of acceleration." in page
 
 
+def test_rows_of_the_price_list_are_read_as_it_gives_them(tmp_path: Path) -> None:
+    told = {key: value for key, value in PRICES[2].items() if key != "scene_class"}
+    untimed = {**told, "class": "regular", "microseconds": None, "spread": None, "digits": 15.0}
+    report, _ = reported(tmp_path, price=[{**told, "class": "regular", "newton_by": "adapter", "note": ""}, untimed])
+
+    assert [row["scene_class"] for row in report["price"]] == ["regular", "regular"]
+    assert [row["price"] for row in first_table(report)] == [24.0]
+
+
 def test_route_that_was_not_priced_says_so(tmp_path: Path) -> None:
     _, page = reported(tmp_path, price=PRICES[3:])
 
