@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
@@ -32,6 +32,8 @@ class Isolation:
     contradiction : (B,) array
         Where rows are redundant, the largest |phi| of a row that was not needed, in units of what a few roundings of
         the mechanism's numbers explain: at most 1 is consistent. 0 without redundant rows.
+    enclosures : dict
+        By lane: the roots that balls enclosed, where float64 proved none. They know better than the answers.
     """
 
     ok: Any
@@ -41,6 +43,7 @@ class Isolation:
     acceleration: Any
     unique: Any
     contradiction: Any
+    enclosures: dict[int, Enclosure] = field(default_factory=dict)
 
 
 def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, bits: int = 113) -> Isolation:
@@ -76,7 +79,7 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
 
 
 def _by_balls(found: Isolation, lane: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:
-    found.ok[lane], found.bits[lane] = True, enclosure.bits
+    found.ok[lane], found.bits[lane], found.enclosures[int(lane)] = True, enclosure.bits, enclosure
     found.position[lane] = position = np.max(enclosure.distance(q))
     wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
     found.unique[lane] = np.min(enclosure.radii) if wider is None else 2 * position
