@@ -20,11 +20,13 @@ from crosscheck import document_commands, tape_command
 from crosscheck.answers import to_json
 from crosscheck.campaign import ALWAYS, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.cluster import LOCAL, NoCluster
+from crosscheck.diagnosis import print_diagnosis
 from crosscheck.engines import available
 from crosscheck.engines import load as load_engine
 from crosscheck.freedoms import mobility_lines
 from crosscheck.journal import Occupied
 from crosscheck.known_gaps import InvalidGap, read
+from crosscheck.paths import print_path
 from crosscheck.progress import shown_progress
 from crosscheck.report import build, verdict
 from crosscheck.tables import agreement_table, capability_table, lines_with_gap, outcome_lines, rows_table
@@ -289,6 +291,13 @@ def mobility(scene: Path) -> int:
     return 0 if posed else 1
 
 
+app.command(print_diagnosis, name="diagnose")
+app.command(print_path, name="follow")
+app.command(document_commands.ledger)
+app.command(document_commands.mutants)
+app.command(tape_command.tape)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
     try:
@@ -309,8 +318,3 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _told(error: BaseException, code: int) -> int:
     print(str(error) or "interrupted", file=sys.stderr)
     return code
-
-
-app.command(document_commands.ledger)
-app.command(document_commands.mutants)
-app.command(tape_command.tape)
