@@ -25,6 +25,7 @@ from refkin.proof.branch import first_gap, step_over_crossing
 from refkin.proof.inputs import handed_over
 from refkin.proof.isolate import isolate
 from refkin.proof.krawczyk import Enclosure
+from refkin.proof.recentred import recentred
 from refkin.proof.singularity import diagnose_scaled
 from refkin.starts import find_start, unassemblable
 from refkin.sweep import SINGULAR, Arrival, Sweep
@@ -84,14 +85,18 @@ def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list
     if start.q is None:
         later = [Status.NOT_CONVERGED] * (count - 1)
         return np.full((system.n, count), np.nan), [start.status, *later], start.message
-    sweep = Sweep(system, [scene.times[0]], [start.q], proving=Evidence.CERTIFICATE in scene.evidence)
+    frames = recentred(system)
+    sweep = Sweep(
+        frames.inner, [scene.times[0]], [frames.inward(start.q)], proving=Evidence.CERTIFICATE in scene.evidence
+    )
     q, done, why = _swept(sweep, scene.times)
     gap = _first_gap(sweep, scene, certified) if certified or sweep.doubtful else None
+    q = np.stack([frames.outward(pose) for pose in q.T], axis=-1) if frames.shifts.any() else q
     if gap is not None:
         done = sum(t <= sweep.t[gap] for t in scene.times)
         why = f"after t = {sweep.t[gap]:.17g} it is not proved on which branch the motion goes on"
         ends_at = sweep.t[gap + 1]
-        if ends_at in scene.times and not isolate(system, sweep.q[gap + 1][:, None], [ends_at]).ok[0]:
+        if ends_at in scene.times and not isolate(frames.inner, sweep.q[gap + 1][:, None], [ends_at]).ok[0]:
             done, why = done + 1, _undecided(ends_at)  # no step to such a pose can be proved, nor is it ever called ok
         q[:, done:] = np.nan
     status = [Status.OK] * done + [Status.BRANCH_LOST] * (count - done)
@@ -100,7 +105,7 @@ def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list
 
 def _first_gap(sweep: Sweep, scene: Scene, certified: bool) -> int | None:
     """Return the first step of a sweep that needs a proof and has none; None if all have one."""
-    full, t, q = compile_system(scene.mechanism, unit=sweep.system.unit), np.array(sweep.t), np.array(sweep.q).T
+    full, t, q = compile_system(sweep.system.mechanism, unit=sweep.system.unit), np.array(sweep.t), np.array(sweep.q).T
     steps = list(range(len(t) - 1)) if certified else sweep.doubtful
     crossed = step_over_crossing(full, t, q, sweep.doubtful)
     if crossed is not None:  # steps that lead to none of the times before it need no proof

@@ -6,13 +6,17 @@ from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from flint import ctx
 
 from refkin.proof.certificate import certify
 from refkin.proof.inputs import contradiction
 from refkin.proof.krawczyk import Enclosure, krawczyk
+from refkin.proof.recentred import Recentred, recentred
 from refkin.system import System
 
 FLOAT64 = 53
+BLURRED = 64.0
+"""Distance of a frame from the joints, in sizes, beyond which float64 proves too little: errors grow as its square."""
 
 
 @dataclass(frozen=True)
@@ -70,12 +74,31 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
         unique=proof.unique,
         contradiction=contradiction(system, proof.rows, proof.root, t),
     )
-    for lane in np.flatnonzero(~found.ok & np.isfinite(q).all(axis=0) & np.isfinite(t)):
-        enclosure = krawczyk(system, q[:, lane], t[lane], bits)
+    frames = recentred(system)
+    open_ = ~found.ok if frames.furthest <= BLURRED else np.ones_like(found.ok)
+    for lane in np.flatnonzero(open_ & np.isfinite(q).all(axis=0) & np.isfinite(t)):
+        enclosure = _in_moved_frames(frames, q[:, lane], t[lane], bits)
+        if enclosure is None and not found.ok[lane]:
+            enclosure = krawczyk(system, q[:, lane], t[lane], bits)
         if enclosure is not None:
             rates = [None if x is None else np.asarray(x, float)[:, lane] for x in (qd, qdd)]
             _by_balls(found, lane, enclosure, q[:, lane], *rates)
     return found
+
+
+def _in_moved_frames(frames: Recentred, q: Any, t: float, bits: int) -> Enclosure | None:
+    """Return the root, proved in frames near the joints where some are far away; None if none are, or it is not proved.
+
+    The box of that proof is narrow where that in the given frames is long: turning a body far away shifts it as well.
+    """
+    found = krawczyk(frames.inner, frames.inward(q), t, bits) if frames.shifts.any() else None
+    if found is None:
+        return None
+    with ctx.workprec(bits):
+        root = frames.outward_balls(found.q)
+    # All that is closer in the given coordinates is in the box: shifts turn with the angles.
+    radii = found.radii / (1.0 + np.sum(np.abs(frames.shifts)))
+    return Enclosure(frames.system, t, bits, root, radii, found.rows)
 
 
 def _by_balls(found: Isolation, lane: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:

@@ -1,7 +1,9 @@
 """A mechanism with every body's frame moved to a joint of the body.
 
 Where a frame lies far from its joints (1e8 sizes, say), turning the body is almost the same as shifting it, and phi_q
-is nearly singular without any reason in the mechanism. With frames on joints what is singular is so on its own account.
+is nearly singular without any reason in the mechanism. With frames near joints what is singular is so on its own
+account. Nothing is rounded by the move: frames go to a place near the joint whose coordinates are whole sizes, so that
+the differences of points from it need no digits that the points do not have.
 """
 
 from __future__ import annotations
@@ -27,6 +29,11 @@ class Recentred:
     inner: System
     shifts: Any
 
+    @property
+    def furthest(self) -> float:
+        """How far a frame was moved at most, in sizes."""
+        return float(np.max(np.abs(self.shifts), initial=0.0))
+
     def inward(self, q: Any) -> Any:
         """Return coordinates (n,) of the system as those of `inner`."""
         return self._moved(q, 1.0)
@@ -34,6 +41,14 @@ class Recentred:
     def outward(self, q: Any) -> Any:
         """Return coordinates (n,) of `inner` as those of the system."""
         return self._moved(q, -1.0)
+
+    def outward_balls(self, q: Any) -> tuple[Any, ...]:
+        """Return balls (n,) that enclose the coordinates of `inner` as those of the system."""
+        out = list(q)
+        for k, (u, v) in enumerate(self.shifts.tolist()):
+            c, s = q[3 * k + 2].cos(), q[3 * k + 2].sin()
+            out[3 * k], out[3 * k + 1] = q[3 * k] - (c * u - s * v), q[3 * k + 1] - (s * u + c * v)
+        return tuple(out)
 
     def inward_rate(self, q: Any, rate: Any) -> Any:
         """Return the change (n,) of the coordinates of `inner`, at its q, that goes with one of the system's."""
@@ -61,13 +76,15 @@ class Recentred:
 
 
 def recentred(system: System) -> Recentred:
-    """Return a system, compiled in its mechanism's own unit, with frames that are far from their joints moved there."""
+    """Return a system, compiled in its mechanism's own unit, and in it frames far from their joints moved to one."""
     mechanism, size = system.mechanism, system.unit.size
     shifts = np.zeros((len(mechanism.bodies), 2))
     for k, body in enumerate(mechanism.bodies):
         points = [u for c in mechanism.constraints for b, u in c.points() if b == body.name]
         if points and min(np.hypot(*u) for u in points) > FAR * size:
-            shifts[k] = points[0]
+            shifts[k] = [size * round(x / size) if abs(x) > FAR * size else 0.0 for x in points[0]]
+    if not shifts.any():
+        return Recentred(system, system, shifts)
     by_name = {body.name: shift for body, shift in zip(mechanism.bodies, shifts, strict=True)}
     joints = tuple(_moved(c, by_name) for c in mechanism.joints)
     drivers = tuple(_moved(c, by_name) for c in mechanism.drivers)

@@ -228,7 +228,7 @@ class _Examination:
         found = cone(held, self.vanishing)
         rows, bodies = self._rows(held.left_null(self.system.n - self.mobility)), self._bodies(free)
         told = {"rows": rows, "bodies": bodies}
-        more = f"the joints allow {self.mobility} motions to first order"
+        more = f"the joints allow {_counted(self.mobility)} to first order"
         if found.forms == 0:
             if advances(self.system, self.q, self.t, free[:, 0]):
                 return self._of(Kind.IDLE, f"no driver holds {_and(bodies)}", bodies=bodies)
@@ -276,6 +276,10 @@ class _Examination:
         size = np.max(np.abs(free), axis=1)[: self.system.of_bodies].reshape(-1, 3).max(axis=1)
         names = [body.name for body in self.system.mechanism.bodies]
         return tuple(name for name, x in zip(names, size, strict=True) if x > INVOLVED * size.max() and name != GROUND)
+
+
+def _counted(motions: int) -> str:
+    return f"{motions} motion{'' if motions == 1 else 's'}"
 
 
 def _and(names: Any) -> str:
