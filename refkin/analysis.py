@@ -148,20 +148,15 @@ class _Answer:
 
     def judge(self, lanes: Any) -> None:
         """Fill rates and evidence of the poses that were reached, and give each its status."""
-        q, t = self.q[:, lanes], self.t[lanes]
-        self.residual[lanes] = np.max(np.abs(self.system.phi(q, t)), axis=0)
-        sigma = np.linalg.svd(np.moveaxis(self.system.phi_q(q, t), -1, 0), compute_uv=False)
-        smallest = self.sigma_min[lanes] = sigma[:, self.system.n - 1]
-        with np.errstate(divide="ignore"):
-            self.condition[lanes] = sigma[:, 0] / smallest
-        solvable = smallest > self.system.n * EPS * sigma[:, 0]
+        self._look(lanes)
+        solvable = self.condition[lanes] < 1.0 / (self.system.n * EPS)
         self._rates(lanes[solvable])
         proved = Evidence.CERTIFICATE in self.scene.evidence
-        closed = self.residual[lanes] <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))
         # Redundant rows that contradict each other leave a residual at a regular pose: proof decides there.
-        ok = np.where(proved, False, closed & (smallest > SINGULAR))
+        ok = np.where(proved, False, self._closed(lanes) & (self.sigma_min[lanes] > SINGULAR))
         for group in (lanes[~ok & solvable], lanes[~ok & ~solvable]):
             ok[np.isin(lanes, group)] = self._prove(group)
+        closed = self._closed(lanes)
         for k, isolated, closes in zip(lanes, ok, closed, strict=True):
             if self.status[k] is Status.OK:
                 open_ = Status.SINGULAR if closes else Status.NOT_CONVERGED
@@ -175,6 +170,20 @@ class _Answer:
             rates[:, failed] = np.nan
         for radii in (self.radius.position, self.radius.velocity, self.radius.acceleration):
             radii[failed] = np.nan
+
+    def _look(self, lanes: Any) -> None:
+        """Fill residual, sigma_min and condition."""
+        q, t = self.q[:, lanes], self.t[lanes]
+        self.residual[lanes] = np.max(np.abs(self.system.phi(q, t)), axis=0)
+        sigma = np.linalg.svd(np.moveaxis(self.system.phi_q(q, t), -1, 0), compute_uv=False)
+        self.sigma_min[lanes] = sigma[:, self.system.n - 1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self.condition[lanes] = sigma[:, 0] / self.sigma_min[lanes]
+
+    def _closed(self, lanes: Any) -> Any:
+        """Return whether the residual of each pose is round-off."""
+        size = np.maximum(1.0, np.max(np.abs(self.q[:, lanes]), axis=0))
+        return self.residual[lanes] <= 32 * EPS * size
 
     def _rates(self, lanes: Any) -> None:
         """Fill velocity and acceleration, as far as the scene calls for them."""
@@ -193,10 +202,12 @@ class _Answer:
         found = isolate(self.system, self.q[:, lanes], self.t[lanes], *rates)
         for name in ("position", "velocity", "acceleration"):
             getattr(self.radius, name)[lanes] = getattr(found, name)
-        for k, size in zip(lanes, found.contradiction, strict=True):
-            if size > 1.0:
-                self.status[k] = Status.UNASSEMBLABLE
-                self.messages.append(f"redundant rows contradict each other: {size:.3g} times what rounding explains")
+        contradicted = lanes[found.contradiction > 1.0]
+        for k in contradicted:
+            self.status[k] = Status.UNASSEMBLABLE
+        if contradicted.size:
+            size = np.max(found.contradiction)
+            self.messages.append(f"redundant rows contradict each other: {size:.3g} times what rounding explains")
         for lane, enclosure in found.enclosures.items():
             self._take(lanes[lane], enclosure)
         self.radius.position[lanes] += np.max(handed_over(self.system, self.q[:, lanes]), axis=0)
@@ -206,7 +217,7 @@ class _Answer:
         """Replace an answer by the numbers nearest to its enclosed root, and the rates by those there."""
         self.q[:, k] = root.nearest()
         self.radius.position[k] = np.max(root.distance(self.q[:, k]))
-        self.residual[k] = np.max(np.abs(self.system.phi(self.q[:, k], self.t[k])))
+        self._look(np.array([k]))
         if not self.system.effects:
             return
         velocity = root.velocity()

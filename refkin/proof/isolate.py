@@ -15,8 +15,10 @@ from refkin.proof.recentred import Recentred, recentred
 from refkin.system import System
 
 FLOAT64 = 53
-BLURRED = 64.0
-"""Distance of a frame from the joints, in sizes, beyond which float64 proves too little: errors grow as its square."""
+BLURRED, BLURRED_RATE = 2.0**-36, 2.0**-26
+"""Bounds of errors beyond which balls take over from float64: of a position, and of a rate in units of its size."""
+FAR = 64.0
+"""Distance of a frame from the joints, in sizes, beyond which they do likewise: errors grow as its square."""
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Isolation:
         Where rows are redundant, the largest |phi| of a row that was not needed, in units of what a few roundings of
         the mechanism's numbers explain: at most 1 is consistent. 0 without redundant rows.
     enclosures : dict
-        By lane: the roots that balls enclosed, where float64 proved none. They know better than the answers.
+        By lane: the roots that balls enclosed, where float64 proved none, or little. They know better than the answers.
     """
 
     ok: Any
@@ -53,7 +55,8 @@ class Isolation:
 def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, bits: int = 113) -> Isolation:
     """Prove what can be proved of the poses q (n, B) at the times t (B,) and of their rates.
 
-    Poses are certified in float64, all at once; each that fails is tried by Krawczyk's test with `bits` bits.
+    Poses are certified in float64, all at once; each for which that fails, or leaves a bound above `BLURRED`, is tried
+    by Krawczyk's test with `bits` bits.
 
     Parameters
     ----------
@@ -75,10 +78,13 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
         contradiction=contradiction(system, proof.rows, proof.root, t),
     )
     frames = recentred(system)
-    open_ = ~found.ok if frames.furthest <= BLURRED else np.ones_like(found.ok)
-    for lane in np.flatnonzero(open_ & np.isfinite(q).all(axis=0) & np.isfinite(t)):
+    sharp = (found.position <= BLURRED) & (frames.furthest <= FAR)
+    for bound, rate in ((found.velocity, qd), (found.acceleration, qdd)):
+        if rate is not None:
+            sharp &= bound <= BLURRED_RATE * np.maximum(1.0, np.max(np.abs(rate), axis=0))
+    for lane in np.flatnonzero(~sharp & np.isfinite(q).all(axis=0) & np.isfinite(t)):
         enclosure = _in_moved_frames(frames, q[:, lane], t[lane], bits)
-        if enclosure is None and not found.ok[lane]:
+        if enclosure is None:
             enclosure = krawczyk(system, q[:, lane], t[lane], bits)
         if enclosure is not None:
             rates = [None if x is None else np.asarray(x, float)[:, lane] for x in (qd, qdd)]
@@ -102,10 +108,11 @@ def _in_moved_frames(frames: Recentred, q: Any, t: float, bits: int) -> Enclosur
 
 
 def _by_balls(found: Isolation, lane: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:
-    found.ok[lane], found.bits[lane], found.enclosures[int(lane)] = True, enclosure.bits, enclosure
     found.position[lane] = position = np.max(enclosure.distance(q))
-    wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
-    found.unique[lane] = np.min(enclosure.radii) if wider is None else 2 * position
+    if not found.ok[lane]:
+        wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
+        found.unique[lane] = np.min(enclosure.radii) if wider is None else 2 * position
+    found.ok[lane], found.bits[lane], found.enclosures[int(lane)] = True, enclosure.bits, enclosure
     found.contradiction[lane] = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])[0]
     if qd is not None:
         velocity = enclosure.velocity()
