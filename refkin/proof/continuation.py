@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 
 from refkin.errors import UnknownName
-from refkin.model import Scene
+from refkin.joints import AngleDriver
+from refkin.model import Mechanism, Scene
 from refkin.motion import Array, BodyMotion
 from refkin.motion_laws import Polynomial
 from refkin.proof.branch_points import Crossing
@@ -28,6 +29,9 @@ from refkin.proof.tracing import End as PathEnd
 from refkin.proof.tracing import Trace, Tracer
 from refkin.starts import find_start
 from refkin.system import System, compile_system
+
+_ITSELF = Polynomial(coefficients=(0.0, 1.0))
+"""The law of a driver whose value is t."""
 
 
 @dataclass(frozen=True)
@@ -208,10 +212,8 @@ def driven_by(scene: Scene, driver: str) -> Scene:
     if driver not in (d.name for d in m.drivers):
         raise UnknownName("driver", driver, tuple(d.name for d in m.drivers))
     values = {d.name: float(d.laws[0](t)) for d in m.drivers}
-    laws = {name: (0.0, 1.0) if name == driver else (value,) for name, value in values.items()}
-    drivers = tuple(
-        replace(d, law=Polynomial(coefficients=laws[d.name]), rate_law=None, initial=0.0) for d in m.drivers
-    )
+    laws = {name: _ITSELF if name == driver else Polynomial(coefficients=(x,)) for name, x in values.items()}
+    drivers = tuple(replace(d, law=laws[d.name], rate_law=None, initial=0.0) for d in m.drivers)
     return replace(scene, mechanism=replace(m, drivers=drivers), times=(values[driver],))
 
 
@@ -238,7 +240,8 @@ class _Walk:
         times = np.linspace(*limits, 9) if np.isfinite(limits).all() else [t]
         self.curve = Curve.through(self.frames.inner, inner, times)
         unit = self.curve.scale[-1]
-        tracer = Tracer(self.curve, (limits[0] / unit, limits[1] / unit), max_step, most_points)
+        endless = bool(np.isinf(limits).all()) and _is_driven_angle(self.frames.system.mechanism)
+        tracer = Tracer(self.curve, (limits[0] / unit, limits[1] / unit), max_step, most_points, endless)
         vector = None if along is None else self.inward(along, inner)
 
         def chooser(number: int, found: Crossing, incoming: Any) -> Any:
@@ -300,6 +303,14 @@ class _Walk:
             else:
                 found.append(np.full_like(x, np.nan) if incoming[k] is None else incoming[k])
         return found
+
+
+def _is_driven_angle(mechanism: Mechanism) -> bool:
+    """Whether t is the angle of a driver, and all other drivers are at rest."""
+    moving = [d for d in mechanism.drivers if not (isinstance(d.law, Polynomial) and not any(d.law.coefficients[1:]))]
+    return (
+        len(moving) == 1 and isinstance(moving[0], AngleDriver) and moving[0].law == _ITSELF and not moving[0].rate_law
+    )
 
 
 def _evidence(system: System, q: Any, t: Any) -> tuple[Any, Any]:

@@ -53,10 +53,15 @@ Chooser = Callable[[int, Crossing, Any], Any]
 
 
 class Tracer:
-    """Traces a curve from a point x between two values of t, `limits`, which are in the unit of the points."""
+    """Traces a curve from a point x between two values of t, `limits`, which are in the unit of the points.
 
-    def __init__(self, curve: Curve, limits: tuple[float, float], max_step: float, most_points: int) -> None:
-        self.curve, self.limits = curve, limits
+    With `t_turns` t is an angle: the curve closes after a whole turn of it too.
+    """
+
+    def __init__(
+        self, curve: Curve, limits: tuple[float, float], max_step: float, most_points: int, t_turns: bool = False
+    ) -> None:
+        self.curve, self.limits, self.t_turns = curve, limits, t_turns
         self.max_step, self.most_points = max_step, most_points
         self.trace = Trace()
         self.blocks: Blocks | None = None
@@ -203,8 +208,8 @@ class Tracer:
     def _turns(self, x: Any) -> Any:
         """Return the whole turns of angles by which x differs from the first point."""
         system = self.curve.system
-        period = 2 * math.pi
-        angles = np.append(system.angles, False)
+        period = 2 * math.pi / np.append(np.ones(system.n), self.curve.scale[-1])
+        angles = np.append(system.angles, self.t_turns)
         return np.where(angles, period * np.round((x - self.trace.points[0]) / period), 0.0)
 
     def _closing(self, x: Any, tangent: Any, h: float) -> float | None:

@@ -80,6 +80,16 @@ def test_a_crank_pulled_by_its_slider_goes_through_both_dead_centres_around(dire
     )
 
 
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_crank_without_limits_comes_back_after_a_turn(direction):
+    path = refkin.follow(driven(ROCKER), direction=direction)
+
+    assert path.end is End.CLOSED
+    assert path.t[-1] - path.t[0] == pytest.approx(direction * 2 * np.pi, abs=1e-12)
+    assert path["rocker"].phi[-1] == path["rocker"].phi[0]
+    assert path.events == ()
+
+
 def test_every_pose_closes_and_all_but_turning_points_are_proved_to_be_alone():
     path = refkin.follow(driven(LIMITED))
     not_proved = np.flatnonzero(np.isnan(path.radius))
