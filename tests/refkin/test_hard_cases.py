@@ -94,7 +94,7 @@ def test_without_certificates_no_ok_pose_is_wrong_either():
 
 
 def test_with_every_step_proved_no_ok_pose_is_wrong_and_regular_turns_are_ok():
-    found, coarse = [], [case for case in CASES if len(case.scene.times) > 1]
+    found, coarse = [], [case for case in CASES if len(case.scene.times) > 1][::2]
     for case in coarse:
         motion = refkin.solve(replace(case.scene, effects=frozenset()), certified=True)
         found += wrong(case, motion, lambda m, k: m.certified_radius.position[k])

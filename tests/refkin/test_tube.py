@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flint import arb, ctx
 
 import refkin
 from refkin import FourBar, Polynomial, SliderCrank, Status, compile_system
@@ -81,3 +82,18 @@ def test_from_a_far_start_an_assembly_is_found_and_told(x):
     assert motion.verdict is Status.OK
     assert off < 1e-9 * max(1.0, abs(motion["rocker"].phi[0]))
     assert "assembly" in motion.message
+
+
+def test_the_radius_counts_the_rounding_of_coordinates_far_from_the_origin():
+    """The middle of the crank in metres, in 300 bits; to add an origin of 1e6 m to it rounds by up to 6e-11 m."""
+    linkage = replace(ROCKER, origin=(1e6 + 0.1, 0.0))
+    motion = refkin.solve(
+        linkage.scene(law=Polynomial(coefficients=(0.3, 1.0)), times=tuple(np.linspace(0.0, 6.0, 25)))
+    )
+    with ctx.workprec(300):
+        truth = [arb(linkage.origin[0]) + (arb(0.3) + arb(t)).cos() / 2 for t in motion.t]
+        off = np.array([float(abs(arb(float(x)) - y).upper()) for x, y in zip(motion["crank"].x, truth, strict=True)])
+    size = linkage.scene().mechanism.unit().size
+
+    assert np.max(off) > 1e-11
+    assert np.all(off <= motion.certified_radius.position * size)
