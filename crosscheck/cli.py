@@ -18,7 +18,7 @@ from rich.table import Table
 
 from crosscheck import document_commands, tape_command
 from crosscheck.answers import to_json
-from crosscheck.campaign import ALWAYS, OtherRun, Plan, SameName, find_engines, run, seed_of
+from crosscheck.campaign import ALWAYS, SAMPLED, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.cluster import LOCAL, NoCluster
 from crosscheck.diagnosis import print_diagnosis
 from crosscheck.engines import available
@@ -245,7 +245,7 @@ def _positive(key: str, value: float | None) -> None:
         raise UsageError(f"--{key}: expected a number above 0, got {value}")
 
 
-def _names(text: str, always: tuple[str, ...] = (ALWAYS,)) -> tuple[str, ...]:
+def _names(text: str, always: tuple[str, ...] = (ALWAYS, SAMPLED)) -> tuple[str, ...]:
     """Return the names in a list separated by commas; an engine nobody has heard of is a usage error."""
     names = [name.strip() for name in text.split(",") if name.strip()]
     known = available()

@@ -9,10 +9,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from crosscheck.drawing import describe, draw, effort, shrink
+from crosscheck.drawing import AnyDrawn, describe, draw, effort, shrink
 from crosscheck.journal import replace_file
 from crosscheck.known_gaps import new_disagreements, read
-from crosscheck.strategies import Drawn
 from crosscheck.workers import Pool
 from refkin.model import Scene
 from refkin.scene_files import to_dict, to_toml
@@ -76,7 +75,7 @@ def _shrink(plan: Plan, told: dict[str, Any], workers: Pool, seconds: float, tic
         start = time.monotonic()
         again: dict[Scene, Mapping[str, Any] | None] = {}
 
-        def still_fails(drawn: Drawn) -> bool:
+        def still_fails(drawn: AnyDrawn) -> bool:
             tick()
             again[drawn.scene] = _again(signature(told), drawn, workers)
             return again[drawn.scene] is not None
@@ -95,7 +94,7 @@ def _shrink(plan: Plan, told: dict[str, Any], workers: Pool, seconds: float, tic
     told["file"], told["shrunk"] = f"{FOLDER}/{path.name}", True
 
 
-def _at_its_time(drawn: Drawn, told: Mapping[str, Any] | None) -> Drawn:
+def _at_its_time(drawn: AnyDrawn, told: Mapping[str, Any] | None) -> AnyDrawn:
     """Return the scene at its first time and at the one of its worst sample alone, if the disagreement names one."""
     times = drawn.scene.times
     named = re.search(r"at t = (\S+)$", told["worst"] if told else "")
@@ -103,14 +102,14 @@ def _at_its_time(drawn: Drawn, told: Mapping[str, Any] | None) -> Drawn:
     return replace(drawn, scene=replace(drawn.scene, times=tuple(kept))) if named else drawn
 
 
-def _again(kind: Signature, drawn: Drawn, workers: Pool) -> Mapping[str, Any] | None:
+def _again(kind: Signature, drawn: AnyDrawn, workers: Pool) -> Mapping[str, Any] | None:
     """Return the disagreement of a kind that a scene shows, unless a known gap accounts for it."""
     job = {"scene": to_dict(drawn.scene), "about": describe(drawn)}
     record = workers.check_one(job, [name for name in workers.engines if name == kind[0]])
     return next((told for told in new_disagreements(record, read()) if signature(told) == kind), None)
 
 
-def _write(path: Path, of_scene: Sequence[Mapping[str, Any]], drawn: Drawn) -> None:
+def _write(path: Path, of_scene: Sequence[Mapping[str, Any]], drawn: AnyDrawn) -> None:
     """Write a scene with what disagrees on it as comments."""
     lines = [f"{key}: {value}" for told in of_scene for key, value in told.items() if key not in ("file", "shrunk")]
     told = "".join(f"# {line}\n" for text in lines for line in text.splitlines())

@@ -22,7 +22,7 @@ from hypothesis.internal.cache import LRUCache
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
 
-from crosscheck.strategies import Drawn, drawn_scenes
+from crosscheck.strategies import Chain, Drawn, chains, drawn_scenes
 from refkin.model import Scene
 from refkin.scene_files import to_toml
 
@@ -30,6 +30,8 @@ SAMPLES = 72
 """Times per scene."""
 FEWER_SAMPLES = (2, 3, 5, 9, 18, 36)
 """Numbers of times with which a failing scene is tried before it is shrunk."""
+CHAINS_EVERY = 7
+"""Every how manieth scene is no linkage but a geared five-bar, a rack, a cam or a six-bar (`strategies.chains`)."""
 TICKETS = st.integers(0, 2**64 - 1)
 """Drawn before a scene. Hypothesis runs the simplest example first and makes the second differ from it in its first
 choice: without a ticket no scene but the simplest would be of the first kind."""
@@ -61,14 +63,24 @@ def seed_of_scene(night: int, number: int) -> int:
     return int.from_bytes(hashlib.sha256(f"{night} {number}".encode()).digest()[:8], "big")
 
 
-def draw(night: int, number: int, samples: int = SAMPLES) -> Drawn:
+AnyDrawn = Drawn | Chain
+
+
+def is_chain(number: int) -> bool:
+    """Whether the scene of that number is one of `strategies.chains`."""
+    return number % CHAINS_EVERY == CHAINS_EVERY - 1
+
+
+def draw(night: int, number: int, samples: int = SAMPLES) -> AnyDrawn:
     """Return the scene of that number, 0, 1, 2 ..., in a night; the same linkage and motion for any `samples`."""
-    found: list[Drawn] = []
+    found: list[AnyDrawn] = []
     _run(night, number, samples, (Phase.generate,), found.append)
     return found[-1]
 
 
-def shrink(night: int, number: int, still_fails: Callable[[Drawn], bool], seconds: float) -> tuple[Drawn | None, int]:
+def shrink(
+    night: int, number: int, still_fails: Callable[[AnyDrawn], bool], seconds: float
+) -> tuple[AnyDrawn | None, int]:
     """Return the simplest scene found that fails as the one drawn under this number did, and how many were tried.
 
     The motion is first sampled at fewer times, as few as show the failure, then Hypothesis simplifies what it drew.
@@ -82,7 +94,7 @@ def shrink(night: int, number: int, still_fails: Callable[[Drawn], bool], second
 
     Returns
     -------
-    Drawn or None
+    Drawn, Chain or None
         None if not even the scene as it was drawn fails again.
     """
     end = time.monotonic() + seconds
@@ -91,7 +103,7 @@ def shrink(night: int, number: int, still_fails: Callable[[Drawn], bool], second
     if not fails[best.scene]:
         return None, 1
 
-    def property_to_shrink(drawn: Drawn) -> None:
+    def property_to_shrink(drawn: AnyDrawn) -> None:
         nonlocal best
         if drawn.scene not in fails:
             if time.monotonic() > end:
@@ -119,7 +131,7 @@ def effort(scene: Scene) -> int:
     return sum(len(digits) for digits in re.findall(r"\d+", to_toml(scene)))
 
 
-def describe(drawn: Drawn) -> dict[str, Any]:
+def describe(drawn: AnyDrawn) -> dict[str, Any]:
     """Return what the generator knows of a scene, as plain data."""
     return {
         "kind": drawn.kind,
@@ -141,13 +153,13 @@ class _OutOfTime(BaseException):
     """Ends a run of Hypothesis at once: no Exception, which it would take for one more failure."""
 
 
-def _run(night: int, number: int, samples: int, phases: tuple[Phase, ...], do: Callable[[Drawn], None]) -> None:
+def _run(night: int, number: int, samples: int, phases: tuple[Phase, ...], do: Callable[[AnyDrawn], None]) -> None:
     """Run Hypothesis on one scene of a night and, with `Phase.shrink`, on simpler ones."""
 
     @seed(seed_of_scene(night, number))
     @profile(phases)
-    @given(TICKETS, drawn_scenes(samples=samples))
-    def scene_property(ticket: int, drawn: Drawn) -> None:
+    @given(TICKETS, chains(samples=samples) if is_chain(number) else drawn_scenes(samples=samples))
+    def scene_property(ticket: int, drawn: AnyDrawn) -> None:
         do(drawn)
 
     with own_choices_only():

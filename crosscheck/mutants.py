@@ -36,6 +36,7 @@ RED = (
     AttributeError,
     EngineError,
     LookupError,
+    NameError,
     OSError,
     RefkinError,
     RuntimeError,

@@ -28,7 +28,7 @@ from refkin.proof.krawczyk import Enclosure
 from refkin.proof.recentred import recentred
 from refkin.proof.singularity import diagnose_scaled
 from refkin.starts import find_start, unassemblable
-from refkin.sweep import SINGULAR, Arrival, Sweep
+from refkin.sweep import MOST_STEPS, SINGULAR, Arrival, Sweep
 from refkin.system import System, compile_system
 
 MOST_SEARCHES = 4
@@ -89,7 +89,7 @@ def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list
     sweep = Sweep(
         frames.inner, [scene.times[0]], [frames.inward(start.q)], proving=Evidence.CERTIFICATE in scene.evidence
     )
-    q, done, why = _swept(sweep, scene.times)
+    q, done, why, rest = _swept(sweep, scene.times)
     gap = _first_gap(sweep, scene, certified) if certified or sweep.doubtful else None
     q = np.stack([frames.outward(pose) for pose in q.T], axis=-1) if frames.shifts.any() else q
     if gap is not None:
@@ -98,8 +98,8 @@ def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list
         ends_at = sweep.t[gap + 1]
         if ends_at in scene.times and not isolate(frames.inner, sweep.q[gap + 1][:, None], [ends_at]).ok[0]:
             done, why = done + 1, _undecided(ends_at)  # no step to such a pose can be proved, nor is it ever called ok
-        q[:, done:] = np.nan
-    status = [Status.OK] * done + [Status.BRANCH_LOST] * (count - done)
+        q[:, done:], rest = np.nan, Status.BRANCH_LOST
+    status = [Status.OK] * done + [rest] * (count - done)
     return q, status, "; ".join(filter(None, (start.message, why)))
 
 
@@ -115,20 +115,26 @@ def _first_gap(sweep: Sweep, scene: Scene, certified: bool) -> int | None:
     return crossed if gap is None else gap
 
 
-def _swept(sweep: Sweep, times: tuple[float, ...]) -> tuple[Any, int, str]:
-    """Take a sweep to the times; return the poses (NaN elsewhere), how many were reached, and why no more."""
+def _swept(sweep: Sweep, times: tuple[float, ...]) -> tuple[Any, int, str, Status]:
+    """Take a sweep to the times.
+
+    Return the poses (NaN elsewhere), how many were reached, why no more, and the status of the rest.
+    """
     q = np.full((len(sweep.q[0]), len(times)), np.nan)
     q[:, 0] = sweep.q[0]
     for done in range(1, len(times)):
         arrival = sweep.to(times[done])
+        if arrival is Arrival.OUT_OF_STEPS:
+            why = f"gave up at t = {sweep.t[-1]:.17g} after {MOST_STEPS} steps"
+            return q, done, why, Status.NOT_CONVERGED
         if arrival is Arrival.STOPPED:
             cam = end_of_profile(sweep.system, sweep.q[-1])
             end = f"the contact of {cam} leaves its profile" if cam else "the branch ends at a singular pose"
-            return q, done, f"{end} after t = {sweep.t[-1]:.17g}"
+            return q, done, f"{end} after t = {sweep.t[-1]:.17g}", Status.BRANCH_LOST
         q[:, done] = sweep.q[-1]
         if arrival is Arrival.AT_SINGULAR_POSE:
-            return q, done + 1, _undecided(sweep.t[-1])
-    return q, len(times), ""
+            return q, done + 1, _undecided(sweep.t[-1]), Status.BRANCH_LOST
+    return q, len(times), "", Status.OK
 
 
 def _undecided(t: float) -> str:
@@ -152,8 +158,10 @@ class _Answer:
         solvable = self.condition[lanes] < 1.0 / (self.system.n * EPS)
         self._rates(lanes[solvable])
         proved = Evidence.CERTIFICATE in self.scene.evidence
-        # Redundant rows that contradict each other leave a residual at a regular pose: proof decides there.
-        ok = np.where(proved, False, self._closed(lanes) & (self.sigma_min[lanes] > SINGULAR))
+        # Redundant rows that contradict each other leave a residual at a regular pose, or none but in the rates: proof
+        # decides there.
+        redundant = self.system.m > self.system.n and bool(self.system.effects)
+        ok = np.where(proved or redundant, False, self._closed(lanes) & (self.sigma_min[lanes] > SINGULAR))
         for group in (lanes[~ok & solvable], lanes[~ok & ~solvable]):
             ok[np.isin(lanes, group)] = self._prove(group)
         closed = self._closed(lanes)

@@ -11,6 +11,9 @@ from refkin.system import System
 
 SCAN = 721
 """How many points of a profile are looked at: those of a closed one are half a degree apart."""
+SCANS = 3
+"""How often, each time between the neighbours of the best point: a roller may be smaller than half a degree is long,
+and a second root, on the other side of the profile, is as near as that."""
 AT_END = 1e-6
 """Distance [rad] from the end of a profile that a sweep, which halves its steps, certainly comes below."""
 
@@ -30,11 +33,14 @@ def touched(system: System, q: Any, t: float) -> Any:
         if cam.contact_estimate is not None:
             q[at] = cam.contact_estimate
             continue
-        scanned = np.linspace(*cam.span, SCAN)
-        poses = np.repeat(q[:, None], SCAN, axis=1)
-        poses[at] = scanned
-        rows = system.phi(poses, t)[p.row : p.row + cam.rows]
-        q[at] = scanned[np.argmin(np.sum(rows**2, axis=0))]
+        low, high = span = cam.span
+        for _ in range(SCANS):
+            scanned = np.linspace(low, high, SCAN)
+            poses = np.repeat(q[:, None], SCAN, axis=1)
+            poses[at] = scanned
+            rows = system.phi(poses, t)[p.row : p.row + cam.rows]
+            q[at] = scanned[np.argmin(np.sum(rows**2, axis=0))]
+            low, high = np.clip(q[at] + np.array([-1, 1]) * (scanned[1] - scanned[0]), *span)
     return q
 
 

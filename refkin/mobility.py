@@ -209,7 +209,9 @@ def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = TOLER
     """Return the mobility at a pose in the coordinates of a system."""
     if np.shape(q) != (system.n,):
         raise InvalidScene([Fault("q", np.shape(q), f"{system.n} coordinates")], "mobility")
-    phi_q, names = system.phi_q(q, t), system.row_names
+    # Small wheels turn each other as well as large ones do.
+    sizes = [p.constraint.row_size(p.g) for p in system.placed for _ in range(p.constraint.rows)]
+    phi_q, names = system.phi_q(q, t) / np.array(sizes)[:, None], system.row_names
     kinematic = sum(joint.rows for joint in system.mechanism.joints)
     of_joints, of_all = (rank_of(phi_q[:m], names[:m], tolerance) for m in (kinematic, system.m))
     return Mobility(of_joints, of_all)

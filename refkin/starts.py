@@ -16,6 +16,7 @@ from refkin.motion import Status
 from refkin.newton import NewtonResult, newton
 from refkin.proof.assembly import Assemblies, assemblies
 from refkin.proof.inputs import A_FEW_ROUNDINGS
+from refkin.proof.isolate import isolate
 from refkin.proof.search import PRIMES, closes, radical_inverse
 from refkin.sweep import contracts
 from refkin.system import System
@@ -77,7 +78,7 @@ def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[
     Where Newton and least squares end at a pose that is no root (a singular phi_q, a minimum), new estimates are taken:
     the angles turned by a fixed sequence.
     """
-    if first.converged and closes(system, first.q, t):
+    if first.converged and _is_root(system, first.q, t):
         return first.q, "Newton", first.residual
     smallest = np.nanmin(np.append(np.max(np.abs(first.residuals), axis=1), np.inf))
     for k in range(NEW_ESTIMATES + 1):
@@ -85,14 +86,19 @@ def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[
         start, new = estimate + math.tau * turned, " from a new estimate" if k else ""
         damped = _newton(system, t, start, damped=True, max_iterations=30)
         least = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start)
-        if damped.converged and closes(system, damped.q, t):
+        if damped.converged and _is_root(system, damped.q, t):
             return damped.q, f"damped Newton{new}", damped.residual
         if least.converged:
             q = polished(least, _newton(system, t, least.q, max_iterations=60))
-            if closes(system, q, t):
+            if _is_root(system, q, t):
                 return q, f"least squares{new}", least.residual
         smallest = np.nanmin([smallest, damped.residual, least.residual])
     return None, "", float(smallest)
+
+
+def _is_root(system: System, q: Any, t: float) -> bool:
+    """Whether Newton ended at a root: by its residual, or, where a row is divided by a small number, by proof."""
+    return closes(system, q, t) or bool(isolate(system, q[:, None], [t]).ok[0])
 
 
 def _estimate(system: System, scene: Scene) -> Any:

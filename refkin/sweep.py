@@ -45,7 +45,7 @@ REACH = 0.25
 SINGULAR = 8 * np.sqrt(EPS)
 """Smallest singular value of the scaled phi_q at or below which a pose is not isolated by first-order terms."""
 MOST_STEPS = 20_000
-"""Steps tried in a whole sweep."""
+"""Steps from one asked time to the next: a wheel that turns 3000 times between them needs so many."""
 MOST_DOUBTFUL = 1000
 """Steps tried with fewer conditions on the way to one time; passing a pivot at 1e-12 takes about 300."""
 
@@ -56,6 +56,7 @@ class Arrival(Enum):
     REACHED = auto()
     AT_SINGULAR_POSE = auto()
     STOPPED = auto()
+    OUT_OF_STEPS = auto()
 
 
 @dataclass
@@ -75,7 +76,6 @@ class Sweep:
     q: list[Any]
     proving: bool = False
     doubtful: list[int] = field(default_factory=list)
-    steps: int = 0
     asked: float = np.inf
     blocked: bool = False
     step: float = np.inf
@@ -94,18 +94,18 @@ class Sweep:
     def _doubtfully(self, target: float) -> Arrival:
         """Go on with fewer conditions; what leads nowhere is taken back."""
         sure, self.relaxed, self.step = len(self.t), True, np.inf
-        arrival = self._walk(target, self.steps + MOST_DOUBTFUL)
+        arrival = self._walk(target, MOST_DOUBTFUL)
         self.relaxed, self.tiny = False, TINY
-        if arrival is Arrival.STOPPED:
-            del self.t[sure:], self.q[sure:]
-            self.doubtful = [k for k in self.doubtful if k < sure - 1]
-        return arrival
+        if arrival not in (Arrival.STOPPED, Arrival.OUT_OF_STEPS):
+            return arrival
+        del self.t[sure:], self.q[sure:]
+        self.doubtful = [k for k in self.doubtful if k < sure - 1]
+        return Arrival.STOPPED
 
     def _walk(self, target: float, most_steps: int) -> Arrival:
         self.asked = target - self.t[-1]
         smallest = 4 * EPS * max(abs(target), abs(self.t[-1]), target - self.t[-1])
-        while self.steps < most_steps:
-            self.steps += 1
+        for _ in range(most_steps):
             last = self.t[-1] + self.step >= target  # as rounded: a step may land on the target
             t = target if last else self.t[-1] + self.step
             result = self._corrected(t)
@@ -121,8 +121,8 @@ class Sweep:
             if self.relaxed:
                 self.tiny = max(TINY, NOISE / max(EPS, _sigma_min(self.system, self.q[-1], self.t[-1])))
             if self.step < smallest:
-                break
-        return Arrival.STOPPED
+                return Arrival.STOPPED
+        return Arrival.OUT_OF_STEPS
 
     def _accept(self, q: Any, t: float) -> None:
         if self.relaxed:

@@ -2,21 +2,28 @@
 
 `four_bars`, `slider_cranks`, `inverted_slider_cranks` yield linkages (`refkin.linkages`); `scenes` yields scenes to
 solve; `drawn_scenes` yields them with what reports are binned by: kind, Grashof class, branch, distance to a singular
-pose.
+pose. `chains` yields scenes beyond linkages in the same way: `geared_linkages`, `racks`, `cams`, `six_bars`.
 """
 
+from crosscheck.strategies.chains import Chain, cams, chains, geared_linkages, racks, six_bars
 from crosscheck.strategies.laws import motion_laws
 from crosscheck.strategies.linkages import four_bars, inverted_slider_cranks, slider_cranks
 from crosscheck.strategies.scenes import Drawn, drawn_scenes, scenes
 from crosscheck.strategies.spans import Hardness
 
 __all__ = [
+    "Chain",
     "Drawn",
     "Hardness",
+    "cams",
+    "chains",
     "drawn_scenes",
     "four_bars",
+    "geared_linkages",
     "inverted_slider_cranks",
     "motion_laws",
+    "racks",
     "scenes",
+    "six_bars",
     "slider_cranks",
 ]

@@ -109,6 +109,10 @@ class Constraint:
         """Return a length [m] that the constraint itself brings, such as that of a massless link."""
         return 0.0
 
+    def row_size(self, g: tuple[Scalar, ...]) -> Scalar:
+        """Return what the geometry `g` multiplies all of the rows by: only a gear's radii do."""
+        return 1.0
+
     def constants(self, unit: Unit) -> tuple[float, ...]:
         """Return the scaled geometry, flat, in the order in which the formulas unpack it."""
         return tuple(c for body, point in self.points() for c in unit.point(body, point))

@@ -41,6 +41,9 @@ class Gear(Constraint):
     def constants(self, unit: Unit) -> tuple[float, ...]:
         return self.radius_i / unit.size, self.radius_j / unit.size, self.phi0_i, self.phi0_j
 
+    def row_size(self, g: tuple[Scalar, ...]) -> Scalar:
+        return max(abs(g[0]), abs(g[1]))
+
     def faults(self, path: str) -> Iterator[Fault]:
         for key in ("radius_i", "radius_j"):
             if getattr(self, key) == 0.0:

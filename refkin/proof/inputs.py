@@ -81,3 +81,32 @@ def contradiction(system: System, rows: Any, root: Nearly, t: Any) -> Any:
         inputs = input_effect(system, pose.q, t, A_FEW_ROUNDINGS)
         moved = product(np.abs(slope.mid), product(pose.size, inputs[rows]))
         return np.max(np.abs(phi.mid) / (UP * (phi.rounding + phi.spread + inputs[others] + moved)), axis=0)
+
+
+def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: bool) -> Any:
+    """Return the largest part of velocity, and acceleration, that left-out rows contradict, as `contradiction` does.
+
+    A pose that all rows share says nothing of the next one: rows that contradict each other there do so here in
+    phi_q qd = nu, or in phi_q qdd = gamma. Rates are those of the rows (n,) that were solved. What explains a left-out
+    row: its own spread over what the pose may be off by, and, through the rates, that of the solved rows.
+    """
+    others, lanes = np.setdiff1d(np.arange(system.m), rows), np.shape(q)[1]
+    found = np.zeros(lanes)
+    if not others.size:
+        return found
+    with np.errstate(all="ignore"):
+        pose, times = Preconditioned(system, rows, q, t, 0), Times(t, 3 if acceleration else 2)
+        rough = bounded_system(system, error=A_FEW_ROUNDINGS)
+        off = product(pose.size, input_effect(system, q, t, A_FEW_ROUNDINGS)[rows]) + half_ulp(system, q)
+        slope = read(rough.phi_q(box(q, off), times), lanes)
+        at, rate, radii = box(q, off), np.zeros_like(q), np.zeros_like(q)
+        for order in range(2 if acceleration else 1):
+            right = read(rough.gamma(at, box(rate, radii), times) if order else rough.nu(at, times), lanes)
+            rate = product(pose.inverse, right.mid[rows])
+            size = product(np.abs(slope.mid), np.abs(rate)) + np.abs(right.mid)
+            spread = product(slope.spread + slope.rounding, np.abs(rate)) + right.spread + right.rounding
+            spread += system.n * pose.dot * size  # of the inverse and of the products here
+            radii = product(pose.size, spread[rows])
+            told = np.abs(product(slope.mid, rate) - right.mid) / (UP * (spread + product(np.abs(slope.mid), radii)))
+            found = np.fmax(found, np.max(told[others], axis=0))
+    return found

@@ -9,7 +9,7 @@ import numpy as np
 from flint import ctx
 
 from refkin.proof.certificate import certify
-from refkin.proof.inputs import contradiction
+from refkin.proof.inputs import contradiction, rate_contradiction
 from refkin.proof.krawczyk import Enclosure, krawczyk
 from refkin.proof.recentred import Recentred, recentred
 from refkin.system import System
@@ -36,8 +36,9 @@ class Isolation:
     unique : (B,) array
         No other solution has all its coordinates closer to q than this.
     contradiction : (B,) array
-        Where rows are redundant, the largest |phi| of a row that was not needed, in units of what a few roundings of
-        the mechanism's numbers explain: at most 1 is consistent. 0 without redundant rows.
+        Where rows are redundant, the largest |phi| of a row that was not needed, or what it misses of the rates that
+        were given, in units of what a few roundings of the mechanism's numbers explain: at most 1 is consistent. 0
+        without redundant rows.
     enclosures : dict
         By lane: the roots that balls enclosed, where float64 proved none, or little. They know better than the answers.
     """
@@ -89,6 +90,9 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
         if enclosure is not None:
             rates = [None if x is None else np.asarray(x, float)[:, lane] for x in (qd, qdd)]
             _by_balls(found, lane, enclosure, q[:, lane], *rates)
+    if qd is not None:
+        rates_apart = rate_contradiction(system, proof.rows, q, t, qdd is not None)
+        np.fmax(found.contradiction, rates_apart, out=found.contradiction)
     return found
 
 

@@ -75,6 +75,7 @@ def test_a_night_on_which_all_engines_agree_ends_with_0(tmp_path):
     assert (told.returncode, verdict(tmp_path), told.stdout) == (0, "pass", "")
     assert {a["engine"] for r in records_of(tmp_path).values() for a in r["answers"]} == {
         "closed_form",
+        "vector_loop",
         *ENGINES.split(","),
     }
 
@@ -164,6 +165,7 @@ def test_an_engine_that_is_missing_and_not_required_is_told_and_the_others_run(t
     assert "missing: exudyn: " in told.stderr
     assert {a["engine"] for r in records_of(tmp_path / "out").values() for a in r["answers"]} == {
         "closed_form",
+        "vector_loop",
         "mujoco",
     }
 

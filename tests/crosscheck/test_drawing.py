@@ -12,6 +12,7 @@ import pytest
 
 from crosscheck.check import key_of
 from crosscheck.drawing import _OutOfTime, draw, effort, seed_of_scene, shrink
+from crosscheck.strategies import Chain, Drawn
 from crosscheck.strategies.linkages import longest
 
 DRAW = """
@@ -64,17 +65,23 @@ def test_seeds_of_neighbouring_nights_and_numbers_differ():
 
 
 def test_no_kind_of_scene_is_left_out():
-    counts = Counter((d.kind, d.hardness) for d in (draw(3, number) for number in range(270)))
+    drawn = [draw(3, number) for number in range(315)]
+    counts = Counter((d.kind, d.hardness) for d in drawn if isinstance(d, Drawn))
+    chains = Counter(d.kind for d in drawn if isinstance(d, Chain))
 
-    # 30 of each are expected, with a standard deviation of 5.2.
+    # 30 of each are expected, with a standard deviation of 5.2; of the kinds of chains 11, with one of 3.
     assert len(counts) == 9
     assert min(counts.values()) >= 15
+    assert (len(chains), chains.total()) == (4, 45)
+    assert min(chains.values()) >= 4
 
 
 def test_scenes_are_no_variations_of_one_another():
-    drawn = [draw(3, number) for number in range(60)]
+    drawn = [draw(3, number) for number in range(70)]
+    linkages = [d for d in drawn if isinstance(d, Drawn)]
 
-    assert len({d.linkage for d in drawn}) == len({d.law for d in drawn}) == 60
+    assert len({d.linkage for d in linkages}) == len({d.law for d in linkages}) == 60
+    assert len({d.scene.mechanism for d in drawn}) == 70
 
 
 def test_a_scene_at_fewer_times_is_the_same_motion():
@@ -86,7 +93,7 @@ def test_a_scene_at_fewer_times_is_the_same_motion():
 
 def test_a_failing_scene_becomes_a_simple_one_that_still_fails():
     def large(drawn):
-        return longest(drawn.linkage) > 3.0
+        return isinstance(drawn, Drawn) and longest(drawn.linkage) > 3.0
 
     number = next(k for k in range(100) if large(draw(3, k)))
     found, _ = shrink(3, number, large, 20.0)
@@ -135,3 +142,14 @@ def test_shrinking_ends_when_its_time_is_over_with_the_simplest_so_far():
 
 def test_only_the_end_of_the_time_ends_a_run_of_hypothesis_at_once():
     assert not issubclass(_OutOfTime, Exception)
+
+
+def test_a_failing_chain_becomes_a_simple_one_of_its_kind():
+    def is_cam(drawn):
+        return drawn.kind == "disc cam" and len(drawn.scene.times) > 1
+
+    number = next(k for k in range(6, 200, 7) if is_cam(draw(3, k)))
+    found, _ = shrink(3, number, is_cam, 20.0)
+
+    assert is_cam(found)
+    assert effort(found.scene) < effort(draw(3, number).scene)

@@ -16,8 +16,10 @@ from refkin import (
     Distance,
     Gear,
     Mechanism,
+    Polar,
     Polynomial,
     Scene,
+    Sinusoid,
     XDriver,
     compile_system,
 )
@@ -28,7 +30,7 @@ from refkin.proof.placing import place
 from refkin.proof.rows import read_rows
 from refkin.proof.search import coordinates
 
-from .contact_cases import CASES, LOBES, TIMES, over_profile, pin, scene, turning
+from .contact_cases import CASES, LOBES, TIMES, cam, guide, over_profile, pin, scene, turning
 
 
 def without_estimates(name):
@@ -185,3 +187,51 @@ def test_a_wheel_that_a_rack_has_turned_far_is_found_where_it_is():
 
     assert motion.verdict == "ok"
     assert motion["wheel"].phi[0] == pytest.approx(10.0, rel=1e-15)
+
+
+@pytest.mark.parametrize("rho", [1e-2, 1e-4, 1e-6])
+@pytest.mark.parametrize("side", [1, -1])
+def test_a_small_roller_stays_on_the_side_of_the_profile_where_it_is_estimated(rho, side):
+    """The equations know both: a roller outside, and one inside, two radii away."""
+    s, law = 1.43577, Sinusoid(offset=1.2, amplitude=0.3, angular_frequency=1.0)
+    tangent = (law(s, 1) + 1j * law(s)) * np.exp(1j * s)
+    centre = law(s) * np.exp(1j * s) - side * 1j * rho * tangent / abs(tangent)
+    held = guide("follower", (centre.real, 0.0))
+    joints, _ = cam(Polar(law=law), "roller", held, roller_radius=rho)
+    bodies = Body(name="cam", estimate=(0.0, 0.0, 0.0)), Body(name="follower", estimate=(centre.real, centre.imag, 0.0))
+    still = turning("cam", Polynomial(coefficients=(0.0,)))
+    motion = refkin.solve(Scene(mechanism=Mechanism(bodies, joints, (still,)), times=(0.0,)))
+
+    assert motion.verdict == "ok"
+    assert motion["follower"].y[0] == pytest.approx(centre.imag, abs=1e-13)
+
+
+@pytest.mark.parametrize("rho", [1e-3, 1e-6])
+def test_a_small_roller_is_found_though_its_rows_are_divided_by_its_radius(rho):
+    """Half a degree of the profile is many radii long, and a rounding of the pose a large residual."""
+    given = scene("roller over lobes")
+    joints = tuple(replace(j, roller_radius=rho) if isinstance(j, Cam) else j for j in given.mechanism.joints)
+    motion = refkin.solve(replace(given, mechanism=replace(given.mechanism, joints=joints)))
+
+    assert motion.verdict == "ok"
+
+
+def test_a_sweep_that_runs_out_of_steps_says_so_and_claims_no_singular_pose(monkeypatch):
+    monkeypatch.setattr("refkin.sweep.MOST_STEPS", 200)
+    m = scene("gear train").mechanism
+    fast = turning("first", Polynomial(coefficients=(0.0, 100.0)))
+    motion = refkin.solve(replace(scene("gear train"), mechanism=replace(m, drivers=(fast,)), times=(0.0, 0.25, 5.0)))
+
+    assert [s.value for s in motion.status] == ["ok", "ok", "not_converged"]
+    assert "gave up" in motion.message
+
+
+def test_steps_are_counted_anew_from_each_asked_time(monkeypatch):
+    monkeypatch.setattr("refkin.sweep.MOST_STEPS", 200)
+    m = scene("gear train").mechanism
+    fast = turning("first", Polynomial(coefficients=(0.0, 100.0)))
+    times = tuple(0.25 * k for k in range(9))
+
+    assert (
+        refkin.solve(replace(scene("gear train"), mechanism=replace(m, drivers=(fast,)), times=times)).verdict == "ok"
+    )

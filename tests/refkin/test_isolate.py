@@ -7,7 +7,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from refkin.joints import GROUND, AngleDriver, Revolute, XDriver
+from refkin.analysis import acceleration, velocity
+from refkin.joints import GROUND, AngleDriver, Gear, Prismatic, Revolute, XDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
 from refkin.proof.certificate import certify
@@ -106,7 +107,7 @@ def three_cranks(longer: float) -> tuple[System, Any]:
         pivot, pin = (k / 3, 0.1 * k), (k / 3 - 0.2, 0.1 * k + 0.3)
         joints.append(Revolute(name=f"A{k}", body_i=GROUND, point_i=pivot, body_j=name, point_j=(0.0, 0.0)))
         joints.append(Revolute(name=f"B{k}", body_i=name, point_i=(length, 0.0), body_j="coupler", point_j=pin))
-    motor = AngleDriver(name="motor", body="first", law=Polynomial(coefficients=(1.0,)))
+    motor = AngleDriver(name="motor", body="first", law=Polynomial(coefficients=(1.0, 0.7, -0.3)))
     mechanism = Mechanism(tuple(Body(name=n) for n in (*names, "coupler")), tuple(joints), (motor,))
     system = compile_system(mechanism, unit=mechanism.unit())
     pins = [(k / 3, 0.1 * k, 1.0) for k in range(3)]
@@ -125,3 +126,49 @@ def test_redundant_rows_that_contradict_each_other_are_seen(longer: float) -> No
     system, q = three_cranks(longer)
     found = isolate(system, q, [0.0])
     assert found.contradiction[0] > 1
+
+
+def wheels(count: int) -> tuple[System, Any]:
+    """Return as many equal wheels, each meshing with the next and the last with the first, driven at 1 rad/s."""
+    names = [f"wheel {k}" for k in range(count)]
+    axles = [
+        Revolute(name=f"axle {k}", body_i=GROUND, point_i=(0.75 * k, 0.0), body_j=name, point_j=(0.0, 0.0))
+        for k, name in enumerate(names)
+    ]
+    meshes = [
+        Gear(name=f"mesh {k}", body_i=name, radius_i=0.3, body_j=names[(k + 1) % count], radius_j=0.3)
+        for k, name in enumerate(names)
+    ]
+    motor = AngleDriver(name="motor", body=names[0], law=Polynomial(coefficients=(0.0, 1.0)))
+    mechanism = Mechanism(tuple(Body(name=n) for n in names), (*axles, *meshes), (motor,))
+    system = compile_system(mechanism, unit=mechanism.unit())
+    return system, system.to_unit(np.array([(0.75 * k, 0.0, 0.0) for k in range(count)]).reshape(-1, 1))
+
+
+@pytest.mark.parametrize(("count", "explained"), [(3, False), (4, True)])
+def test_rows_that_share_a_pose_but_no_velocity_contradict_each_other(count: int, explained: bool) -> None:
+    """Three wheels in a ring lock each other, four do not; either way all rows hold at the first pose."""
+    system, q = wheels(count)
+    found = isolate(system, q, [0.0], velocity(system, q, np.zeros(1)))
+    assert isolate(system, q, [0.0]).contradiction[0] <= 1
+    assert bool(found.contradiction[0] <= 1) is explained
+
+
+def test_rows_that_share_pose_and_velocity_but_no_acceleration_contradict_each_other() -> None:
+    """A slider that follows t^2 and is kept at rest: at t = 0 only the accelerations differ."""
+    guide = Prismatic(name="g", body_i=GROUND, point_i=(0.0, 0.0), axis_i=(1.0, 0.0), body_j="s", point_j=(0.0, 0.0))
+    still = XDriver(name="still", body="s", law=Polynomial(coefficients=(0.0,)))
+    moved = XDriver(name="moved", body="s", law=Polynomial(coefficients=(0.0, 0.0, 1.0)))
+    mechanism = Mechanism((Body(name="s"),), (guide,), (still, moved))
+    system, q = compile_system(mechanism, unit=mechanism.unit()), np.zeros((3, 1))
+    qd = velocity(system, q, np.zeros(1))
+    assert isolate(system, q, [0.0], qd).contradiction[0] <= 1
+    assert isolate(system, q, [0.0], qd, acceleration(system, q, qd, np.zeros(1))).contradiction[0] > 1
+
+
+def test_rounding_of_lengths_explains_what_redundant_rows_miss_of_the_rates() -> None:
+    """The lengths and pins of three cranks are rounded, their driver moves: no contradiction at any level."""
+    system, q = three_cranks(0.0)
+    qd = velocity(system, q, np.zeros(1))
+    found = isolate(system, q, [0.0], qd, acceleration(system, q, qd, np.zeros(1)))
+    assert found.contradiction[0] < 1

@@ -219,3 +219,18 @@ def test_a_pose_of_another_mechanism_is_refused():
     mechanism, q = parallelogram(third_crank=False)
     with pytest.raises(InvalidScene, match="q: expected 9 coordinates"):
         mobility(mechanism, q[:6])
+
+
+@pytest.mark.parametrize("radius", [1e-9, 1.0, 1e9])
+def test_the_size_of_wheels_does_not_change_what_a_gear_takes_away(radius):
+    axles = tuple(
+        refkin.Revolute(name=b, body_i="ground", point_i=at, body_j=b, point_j=(0.0, 0.0))
+        for b, at in (("a", (0.0, 0.0)), ("b", (3.0, 0.0)))
+    )
+    mesh = refkin.Gear(name="mesh", body_i="a", radius_i=radius, body_j="b", radius_j=3 * radius)
+    motor = refkin.AngleDriver(name="motor", body="a", law=Polynomial(coefficients=(0.0,)))
+    found = mobility(
+        Mechanism((Body(name="a"), Body(name="b")), (*axles, mesh), (motor,)), np.array([0.0, 0, 0, 3, 0, 0])
+    )
+
+    assert (found.mobility, found.joints.dependent) == (1, ())

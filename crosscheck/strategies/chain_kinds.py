@@ -1,0 +1,219 @@
+"""Geared five-bars, racks, disc cams and six-bars, drawn so that they assemble over a full turn of their crank."""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from hypothesis import strategies as st
+from hypothesis.strategies import DrawFn
+
+from crosscheck.strategies.linkages import ANGLES, COORDINATES
+from crosscheck.strategies.plans import Frames, Place, Plan
+from refkin.joints import GROUND, Cam, Constraint, Disc, Gear, RackAndPinion
+from refkin.linkages.closures import two_links
+
+PARTS = st.floats(0.125, 0.875)
+SIGNS = st.sampled_from((1, -1))
+FLAT = 1j
+"""Normal of a flat follower in its own frame."""
+
+
+def _five_bar(draw: DrawFn, size: float, side: int) -> Plan:
+    """Draw two cranks that a gear turns together, and two couplers that meet whatever the cranks do.
+
+    The crank pins are d - a - b to d + a + b apart; c + e is above that, |c - e| below.
+    """
+    a, b = size, size * draw(st.floats(0.5, 2.0), label="second crank")
+    d = (a + b) * draw(st.floats(1.25, 2.5), label="ground")
+    near, far = d - a - b, d + a + b
+    c = far / 2 * draw(st.floats(1.125, 1.75), label="coupler")
+    e = c + draw(SIGNS, label="longer coupler") * near * draw(PARTS, label="difference")
+    e = e if c + e > 1.0625 * far else 2 * c - e
+    ratio = draw(st.sampled_from((1.0, -1.0, 2.0, -2.0, 0.5)) | st.floats(0.25, 3.0), label="ratio")
+    phi0 = draw(ANGLES, label="angle of mesh")
+
+    def poses(theta: float) -> dict[str, Place]:
+        second = phi0 - ratio * (theta - 0.25)
+        left, right = a * cmath.exp(1j * theta), d + b * cmath.exp(1j * second)
+        alpha, beta = two_links(right - left, c, e, side)
+        return {"crank": (0j, theta), "second": (d + 0j, second), "left": (left, alpha), "right": (right, beta)}
+
+    def joints(f: Frames) -> list[Constraint]:
+        crank, second = (f.apart(GROUND, body) for body in ("crank", "second"))
+        mesh: dict[str, Any] = {"body_i": "crank", "body_j": "second", "phi0_i": 0.25 + crank, "phi0_j": phi0 + second}
+        return [
+            f.pin("A0", GROUND, 0j, "crank"),
+            f.pin("B0", GROUND, d + 0j, "second"),
+            Gear(name="mesh", **mesh, radius_i=ratio * size, radius_j=size),
+            f.pin("A", "crank", a + 0j, "left"),
+            f.pin("B", "second", b + 0j, "right"),
+            f.pin("P", "left", c + 0j, "right", -e + 0j),
+        ]
+
+    return Plan("crank", joints, poses, min(c + e - far, near - abs(c - e)), max(c, e, d))
+
+
+def _rack(draw: DrawFn, size: float, side: int) -> Plan:
+    """Draw a slider-crank whose slider is a rack, which turns a pinion on the ground."""
+    offset = size * draw(st.floats(-0.5, 0.5), label="offset")
+    rod = (size + abs(offset)) * draw(st.floats(1.25, 3.0), label="rod")
+    radius = size * draw(st.floats(0.25, 1.5), label="radius") * draw(SIGNS, label="side of the rack")
+    s0, phi0 = size * draw(COORDINATES, label="s0"), draw(ANGLES, label="phi0")
+    along = cmath.exp(1j * draw(ANGLES, label="angle of the teeth"))
+    centre = complex(0.0, offset) + size * complex(*draw(st.tuples(COORDINATES, COORDINATES), label="pinion"))
+
+    def poses(theta: float) -> dict[str, Place]:
+        pin = size * cmath.exp(1j * theta)
+        rise = offset - pin.imag
+        slider = complex(pin.real + side * math.sqrt(rod * rod - rise * rise), offset)
+        travel = ((centre - slider) / along).real
+        angles = cmath.phase(slider - pin), phi0 + (travel - s0) / radius
+        return {"crank": (0j, theta), "rod": (pin, angles[0]), "rack": (slider, 0.0), "pinion": (centre, angles[1])}
+
+    def joints(f: Frames) -> list[Constraint]:
+        teeth = f.ends("rack", 0j, "pinion", 0j)
+        turned = f.apart("rack", "pinion")
+        return [
+            f.pin("A0", GROUND, 0j, "crank"),
+            f.pin("A", "crank", size + 0j, "rod"),
+            f.pin("B", "rod", rod + 0j, "rack"),
+            f.guide("guide", complex(0.0, offset), 1.0 + 0j, "rack"),
+            f.pin("C0", GROUND, centre, "pinion"),
+            RackAndPinion(
+                name="teeth", **teeth, axis_i=f.direction("rack", along), radius=radius, s0=s0, phi0=phi0 + turned
+            ),
+        ]
+
+    return Plan("crank", joints, poses, rod - size - abs(offset), rod + size)
+
+
+def _cam(draw: DrawFn, size: float, side: int) -> Plan:
+    """Draw a disc on a pivot beside its centre; a flat follower, a roller or a knife edge; on a guide or a lever."""
+    radius = size * draw(st.floats(1.25, 4.0), label="radius")
+    form = draw(st.sampled_from(("roller", "point", "flat")), label="follower")
+    rho = radius * draw(st.floats(0.0625, 1.0), label="roller") if form == "roller" else 0.0
+    if draw(st.booleans(), label="on a guide"):
+        return _lifted(draw, size, radius, rho, form, side)
+    return _levered(draw, size, radius, rho, form, side)
+
+
+def _touch(f: Frames, size: float, radius: float, rho: float, form: str, at: complex) -> Cam:
+    more: dict[str, Any] = {"roller_radius": rho} if form == "roller" else {}
+    if form == "flat":
+        more = {"normal_j": f.direction("follower", FLAT)}
+    ends = f.ends("cam", size + 0j, "follower", at)
+    return Cam(name="touch", **ends, profile=Disc(radius=radius), follower=form, **more)  # type: ignore[arg-type]
+
+
+def _lifted(draw: DrawFn, size: float, radius: float, rho: float, form: str, side: int) -> Plan:
+    """The guide runs along y at an offset; a face on it is level, so that it may only be above."""
+    length = radius + rho
+    offset = (length - size) * draw(st.floats(-0.75, 0.75), label="offset")
+
+    def poses(theta: float) -> dict[str, Place]:
+        centre = size * cmath.exp(1j * theta)
+        if form == "flat":
+            return {"cam": (0j, theta), "follower": (complex(offset, centre.imag + radius), 0.0)}
+        across = offset - centre.real
+        y = centre.imag + side * math.sqrt(length * length - across * across)
+        return {"cam": (0j, theta), "follower": (complex(offset, y), 0.0)}
+
+    def joints(f: Frames) -> list[Constraint]:
+        guide = f.guide("guide", complex(offset, 0.0), 1j, "follower")
+        return [f.pin("A0", GROUND, 0j, "cam"), guide, _touch(f, size, radius, rho, form, 0j)]
+
+    margin = length - size - abs(offset)
+    return Plan("cam", joints, poses, radius - size if form == "flat" else margin, length + size)
+
+
+def _levered(draw: DrawFn, size: float, radius: float, rho: float, form: str, side: int) -> Plan:
+    """The lever's pivot is outside of all the cam sweeps; cam centre, pivot and follower make a triangle."""
+    length = radius + rho
+    pivot = (length + size) * draw(st.floats(1.75, 3.5), label="pivot")
+    arm = pivot + (length - size) * draw(st.floats(-0.75, 0.75), label="arm")
+    height = radius * draw(st.floats(-0.5, 0.5), label="height of the face")
+
+    def poses(theta: float) -> dict[str, Place]:
+        away = size * cmath.exp(1j * theta) - pivot
+        d = abs(away)
+        if form == "flat":  # the face's normal: n . (pivot - centre) + height = radius
+            phi = cmath.phase(-away) - math.pi / 2 + side * math.acos((radius - height) / d)
+        else:
+            phi = cmath.phase(away) + side * math.acos((arm * arm + d * d - length * length) / (2 * arm * d))
+        return {"cam": (0j, theta), "follower": (pivot + 0j, phi)}
+
+    def joints(f: Frames) -> list[Constraint]:
+        touch = _touch(f, size, radius, rho, form, complex(arm, height) if form == "flat" else arm + 0j)
+        return [f.pin("A0", GROUND, 0j, "cam"), f.pin("P0", GROUND, pivot + 0j, "follower"), touch]
+
+    margin = pivot - size - abs(radius - height) if form == "flat" else length - size - abs(pivot - arm)
+    return Plan("cam", joints, poses, margin, pivot + arm)
+
+
+def _six_bar(draw: DrawFn, size: float, side: int) -> Plan:
+    """Draw a crank-rocker, and on its rocker two more links, or a link and a slider."""
+    ground, coupler, rocker, first = _draw_crank_rocker(draw, size)
+    tip = rocker * complex(*draw(st.tuples(st.floats(0.5, 1.5), COORDINATES), label="tip of the rocker"))
+    reach, other = abs(tip), draw(SIGNS, label="second dyad")
+    sliding = draw(st.booleans(), label="slider")
+    base = ground + reach * draw(st.floats(1.5, 3.0), label="second pivot") * cmath.exp(1j * draw(ANGLES))
+    apart = abs(base - ground)
+    link = (apart + reach) * draw(st.floats(0.625, 1.25), label="link")
+    last = link + draw(SIGNS, label="longer") * (apart - reach) * draw(PARTS, label="difference")
+    last = last if link + last > 1.0625 * (apart + reach) else 2 * link - last
+    level = draw(st.floats(-1.0, 1.0), label="level") * size
+    rod = (reach + abs(level)) * draw(st.floats(1.25, 3.0), label="connecting rod")
+
+    def poses(theta: float) -> dict[str, Place]:
+        pin = size * cmath.exp(1j * theta)
+        alpha, beta = two_links(ground - pin, coupler, rocker, side)
+        places: dict[str, Place] = {
+            "crank": (0j, theta),
+            "coupler": (pin, alpha),
+            "rocker": (ground + 0j, beta + math.pi),
+        }
+        at = ground + tip * cmath.exp(1j * (beta + math.pi))
+        if sliding:
+            rise = level - at.imag
+            slider = complex(at.real + other * math.sqrt(rod * rod - rise * rise), level)
+            return {**places, "rod": (at, cmath.phase(slider - at)), "slider": (slider, 0.0)}
+        gamma, delta = two_links(base - at, link, last, other)
+        return {**places, "link": (at, gamma), "last": (base, delta + math.pi)}
+
+    def joints(f: Frames) -> list[Constraint]:
+        four = [
+            f.pin("A0", GROUND, 0j, "crank"),
+            f.pin("B0", GROUND, ground + 0j, "rocker"),
+            f.pin("A", "crank", size + 0j, "coupler"),
+            f.pin("B", "coupler", coupler + 0j, "rocker", rocker + 0j),
+        ]
+        if sliding:
+            guide = f.guide("guide", complex(0.0, level), 1.0 + 0j, "slider")
+            return [*four, f.pin("C", "rocker", tip, "rod"), f.pin("D", "rod", rod + 0j, "slider"), guide]
+        end = f.pin("D", "link", link + 0j, "last", last + 0j)
+        return [*four, f.pin("C", "rocker", tip, "link"), end, f.pin("E0", GROUND, base, "last")]
+
+    second = rod - reach - abs(level) if sliding else min(link + last - apart - reach, apart - reach - abs(link - last))
+    return Plan("crank", joints, poses, min(first, second), max(coupler, rocker, ground, apart + reach))
+
+
+def _draw_crank_rocker(draw: DrawFn, size: float) -> tuple[float, float, float, float]:
+    """Draw ground, coupler and rocker around a crank that turns fully, and the margin that its closure keeps."""
+    ground = size * draw(st.floats(2.0, 5.0), label="ground")
+    near, far = ground - size, ground + size
+    coupler = far / 2 * draw(st.floats(1.125, 1.75), label="coupler")
+    rocker = coupler + draw(SIGNS, label="longer") * near * draw(PARTS, label="difference")
+    rocker = rocker if coupler + rocker > 1.0625 * far else 2 * coupler - rocker
+    return ground, coupler, rocker, min(coupler + rocker - far, near - abs(coupler - rocker))
+
+
+KINDS: Mapping[str, Callable[[DrawFn, float, int], Plan]] = {
+    "geared five-bar": _five_bar,
+    "rack and pinion": _rack,
+    "disc cam": _cam,
+    "six-bar": _six_bar,
+}
+"""Each draws a mechanism by the length of its crank [m], on one side of its closures."""

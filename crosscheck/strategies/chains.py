@@ -1,0 +1,113 @@
+"""Scenes beyond the three linkages: geared five-bars, racks, disc cams, six-bars; each assembles by construction.
+
+Lengths are drawn so that every closure keeps a margin over a full turn of the input: these scenes are regular, and
+leave the near-singular ones to the linkages.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.strategies import DrawFn, SearchStrategy
+
+from crosscheck.strategies.chain_kinds import KINDS, SIGNS
+from crosscheck.strategies.driving import moved
+from crosscheck.strategies.laws import draw_law
+from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS
+from crosscheck.strategies.plans import Frames
+from crosscheck.strategies.spans import Hardness
+from refkin.joints import GROUND, AngleDriver, Driver
+from refkin.linkages import Branch, law_keys, rough
+from refkin.model import Body, Mechanism, Scene
+from refkin.motion_laws import Law
+
+
+@dataclass(frozen=True)
+class Chain:
+    """A drawn scene of several loops or contacts, and what reports are binned by, as `scenes.Drawn` has it.
+
+    Attributes
+    ----------
+    distance : float
+        The smallest margin of its closures over a full turn, in longest lengths.
+    """
+
+    scene: Scene
+    kind: str
+    branch: Branch
+    distance: float
+    hardness: Hardness = Hardness.REGULAR
+    grashof: None = None
+
+
+def chains(*, kinds: Collection[str] | None = None, samples: int = 72, **sizes: float) -> SearchStrategy[Chain]:
+    """Return scenes of `KINDS` that assemble at all times; `min_size`, `max_size` bound the crank [m].
+
+    Examples from this strategy shrink towards a geared five-bar of about one metre at the origin.
+    """
+    wanted = tuple(kind for kind in KINDS if kinds is None or kind in kinds)
+    if not wanted or samples < 1:
+        raise ValueError(f"expected kinds, samples >= 1; got {kinds!r}, {samples!r}")
+    return _chains(wanted, samples, **sizes)
+
+
+def geared_linkages(**bounds: Any) -> SearchStrategy[Chain]:
+    """Return geared five-bars; bounds are those of `chains`."""
+    return chains(kinds=["geared five-bar"], **bounds)
+
+
+def racks(**bounds: Any) -> SearchStrategy[Chain]:
+    """Return slider-cranks whose slider is a rack that turns a pinion; bounds are those of `chains`."""
+    return chains(kinds=["rack and pinion"], **bounds)
+
+
+def cams(**bounds: Any) -> SearchStrategy[Chain]:
+    """Return disc cams with followers of every form; bounds are those of `chains`."""
+    return chains(kinds=["disc cam"], **bounds)
+
+
+def six_bars(**bounds: Any) -> SearchStrategy[Chain]:
+    """Return crank-rockers whose rocker moves a second dyad; bounds are those of `chains`."""
+    return chains(kinds=["six-bar"], **bounds)
+
+
+@st.composite
+def _chains(draw: DrawFn, kinds: tuple[str, ...], samples: int, min_size: float = 1e-2, max_size: float = 1e2) -> Chain:
+    kind = draw(st.sampled_from(kinds), label="kind")
+    size = math.pow(10.0, draw(st.floats(math.log10(min_size), math.log10(max_size)), label="decade of the size"))
+    branch = draw(st.sampled_from(Branch), label="branch")
+    plan = KINDS[kind](draw, size, 1 if branch is Branch.OPEN else -1)
+    first = draw(ANGLES, label="first angle")
+    last = first + draw(SIGNS, label="sense") * draw(st.just(math.tau) | st.floats(0.75, 12.5), label="turned")
+    duration = 10.0 ** draw(st.floats(-1.0, 1.0), label="decade of the duration")
+    law = draw_law(draw, first, last, duration, False)
+    times = tuple(np.linspace(0.0, duration, samples).tolist())
+    start = plan.poses(float(law(0.0)))
+    frames = _draw_frames(draw, tuple(start), size)
+    driver = _driver(frames, plan.driven, law)
+    pose = {body: frames.on_ground(place, body) for body, place in start.items()}
+    bodies = tuple(Body(name=name, estimate=q) for name, q in rough(pose, plan.longest, plan.margin).items())
+    mechanism = Mechanism(bodies, tuple(plan.joints(frames)), (driver,))
+    scene = Scene(mechanism=mechanism, times=times, name=f"{kind} {branch}, {driver.type} driver")
+    return Chain(scene, kind, branch, plan.margin / plan.longest)
+
+
+def _driver(frames: Frames, body: str, law: Law) -> Driver:
+    """Return the driver of a body's angle in its plane."""
+    return AngleDriver(name="driver", body=body, **law_keys(moved(law, frames.apart(GROUND, body))))
+
+
+def _draw_frames(draw: DrawFn, bodies: tuple[str, ...], size: float) -> Frames:
+    x, y = draw(ORIGINS, label="origin")
+    own: dict[str, tuple[complex, float]] = {body: (0j, 0.0) for body in bodies}
+    if draw(st.booleans(), label="other frames"):
+        frame = st.tuples(COORDINATES, COORDINATES, ANGLES)
+        for body in bodies:
+            u, v, angle = draw(frame, label=f"frame of {body}")
+            own[body] = (size * complex(u, v), angle)
+    return Frames(10.0 * size * complex(x, y), draw(ANGLES, label="angle"), own)

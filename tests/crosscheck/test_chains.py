@@ -1,0 +1,118 @@
+"""Chains: they assemble, every kind and form is drawn, and each is checked by a method that shares nothing."""
+
+from __future__ import annotations
+
+from collections import Counter
+from functools import cache
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, seed, settings
+
+from crosscheck.campaign import SAMPLED, SAMPLED_EVERY, _by_engines, is_sampled
+from crosscheck.check import check
+from crosscheck.drawing import CHAINS_EVERY, draw, is_chain
+from crosscheck.strategies import Chain, cams, chains, geared_linkages, racks, six_bars
+from refkin.motion import Status
+
+KINDS = {"geared five-bar": geared_linkages, "rack and pinion": racks, "disc cam": cams, "six-bar": six_bars}
+
+
+def sample(strategy, count):
+    found = []
+
+    @seed(20261121)
+    @settings(
+        max_examples=count,
+        database=None,
+        derandomize=False,
+        deadline=None,
+        phases=(Phase.generate,),
+        suppress_health_check=list(HealthCheck),
+    )
+    @given(strategy)
+    def collect(drawn):
+        found.append(drawn)
+
+    collect()
+    return found
+
+
+@cache
+def drawn(kind) -> tuple[Chain, ...]:
+    return tuple(sample(KINDS[kind](samples=24), 10))
+
+
+@cache
+def checked(kind):
+    return [check(d.scene, ["vector_loop"]) for d in drawn(kind)]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_every_chain_assembles_at_every_time_on_one_branch(kind):
+    assert {record["reference"]["verdict"] for record in checked(kind)} == {Status.OK.value}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_vector_loops_answer_every_chain_and_agree(kind):
+    assert [record["disagreements"] for record in checked(kind)] == [[]] * len(drawn(kind))
+    assert {len(record["answers"]) for record in checked(kind)} == {1}
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_closures_keep_the_margin_that_is_reported(kind):
+    assert min(d.distance for d in drawn(kind)) > 1e-3
+
+
+def test_every_form_of_follower_and_mounting_is_drawn():
+    forms = Counter(
+        (joint.follower, "guide" in [other.name for other in d.scene.mechanism.joints])
+        for d in (draw(3, number, 2) for number in range(CHAINS_EVERY - 1, 100 * CHAINS_EVERY, CHAINS_EVERY))
+        for joint in d.scene.mechanism.joints
+        if joint.type == "cam"
+    )
+
+    assert len(forms) == 6
+
+
+@pytest.mark.parametrize(("kind", "engine"), [("geared five-bar", "exudyn"), ("six-bar", "exudyn")])
+def test_an_engine_that_knows_the_joints_agrees(kind, engine):
+    pytest.importorskip(engine)
+    records = [check(d.scene, [engine]) for d in sample(KINDS[kind](), 6)]
+
+    assert [record["disagreements"] for record in records] == [[]] * 6
+    assert all(record["answers"] for record in records)
+
+
+@pytest.mark.parametrize(("kind", "joint"), [("rack and pinion", "rack_and_pinion"), ("disc cam", "cam")])
+def test_an_engine_that_does_not_know_a_joint_refuses_it_by_name_and_does_not_fail(kind, joint):
+    record = check(drawn(kind)[0].scene, ["closed_form"])
+
+    assert (record["answers"], record["disagreements"]) == ([], [])
+    assert any(text.startswith(f"closed_form refuses {joint} ") for text in record["refusals"])
+
+
+@pytest.mark.parametrize(("kinds", "samples"), [(["six-bar"], 0), (["gears"], 5)])
+def test_impossible_bounds_are_an_error(kinds, samples):
+    with pytest.raises(ValueError, match="expected kinds, samples >= 1"):
+        chains(kinds=kinds, samples=samples)
+
+
+def test_the_costly_source_is_asked_for_every_chain_and_few_others():
+    batch = [{"scene": {}, "about": {"shard": number}} for number in range(140)]
+    asked = {
+        job["about"]["shard"]
+        for names, jobs in _by_engines(batch, ("closed_form", SAMPLED))
+        if SAMPLED in names
+        for job in jobs
+    }
+
+    assert asked == {k for k in range(140) if is_chain(k) or k % SAMPLED_EVERY == 0}
+    assert sum(is_chain(k) for k in range(140)) == 20
+    assert all(is_sampled(k) for k in asked)
+
+
+def test_no_scene_is_lost_where_engines_differ():
+    batch = [{"scene": {}, "about": {"shard": number}} for number in range(3, 8)]
+    found = [(names, [job["about"]["shard"] for job in jobs]) for names, jobs in _by_engines(batch, ("a", SAMPLED))]
+
+    assert found == [(("a", SAMPLED), [6]), (("a",), [3, 4, 5, 7])]
