@@ -21,12 +21,14 @@ from crosscheck import document_commands, golden, hard_commands, hunt_command, n
 from crosscheck.answers import to_json
 from crosscheck.campaign import ALWAYS, SAMPLED, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.cluster import LOCAL, NoCluster
+from crosscheck.diagnosis import print_diagnosis
 from crosscheck.engines import available
 from crosscheck.engines import load as load_engine
 from crosscheck.freedoms import mobility_lines
 from crosscheck.history import HistoryError, warnings
 from crosscheck.journal import Occupied
 from crosscheck.known_gaps import InvalidGap, read, table
+from crosscheck.paths import print_path
 from crosscheck.price import command as price_command
 from crosscheck.progress import shown_progress
 from crosscheck.report import build, verdict
@@ -326,6 +328,18 @@ def mobility(scene: Path) -> int:
     return 0 if posed else 1
 
 
+app.command(print_diagnosis, name="diagnose")
+app.command(print_path, name="follow")
+app.command(document_commands.ledger)
+app.command(document_commands.mutants)
+app.command(tape_command.tape)
+app.command(hard_commands.hard)
+app.command(hunt_command.hunt_worst, name="hunt")
+app.command(price_command.price)
+app.command(night_commands.history)
+app.command(night_commands.baseline)
+
+
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
     try:
@@ -354,13 +368,3 @@ def main(arguments: Sequence[str] | None = None) -> None:
 def _told(error: BaseException, code: int) -> int:
     print(str(error) or "interrupted", file=sys.stderr)
     return code
-
-
-app.command(document_commands.ledger)
-app.command(document_commands.mutants)
-app.command(tape_command.tape)
-app.command(night_commands.history)
-app.command(night_commands.baseline)
-app.command(hard_commands.hard)
-app.command(hunt_command.hunt_worst, name="hunt")
-app.command(price_command.price)

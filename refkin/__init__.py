@@ -16,6 +16,7 @@ In this order:
 `analysis`                position, velocity, acceleration: a Scene becomes a Motion
 `linkages`                four-bar and slider-cranks by their lengths
 `scene_files`             scenes as TOML
+`proof`                   how sure we are: certificates, assemblies, singularities (`diagnose`), paths (`follow`)
 ========================= ==============================================================================================
 
 Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockwise in rad):
@@ -55,6 +56,8 @@ from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene
 from refkin.motion import Motion, Seeding, Status
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
 from refkin.newton import NewtonResult, NewtonStatus, newton
+from refkin.proof.continuation import follow
+from refkin.proof.singularity import diagnose
 from refkin.scene_files import load
 from refkin.system import System, compile_system
 
@@ -98,6 +101,8 @@ __all__ = [
     "YDriver",
     "acceleration",
     "compile_system",
+    "diagnose",
+    "follow",
     "load",
     "newton",
     "position",

@@ -21,10 +21,18 @@ from refkin.motion import CertifiedRadius, ContactMotion, Motion, PointMotion, P
 from refkin.newton import NewtonResult, newton
 from refkin.points import point_motion
 from refkin.proof.assembly import assemblies
+from refkin.proof.branch import first_gap, step_over_crossing
+from refkin.proof.inputs import handed_over
 from refkin.proof.isolate import isolate
+from refkin.proof.krawczyk import Enclosure
+from refkin.proof.recentred import recentred
+from refkin.proof.singularity import diagnose_scaled
 from refkin.starts import find_start, unassemblable
 from refkin.sweep import MOST_STEPS, SINGULAR, Arrival, Sweep
 from refkin.system import System, compile_system
+
+MOST_SEARCHES = 4
+"""How many searches for a proof that poses do not exist, for mechanisms without a closed form: up to a second each."""
 
 ROUTE = Route(
     name="newton",
@@ -52,99 +60,138 @@ def acceleration(system: System, q: Any, qd: Any, t: Any) -> Any:
     return _solve(system.phi_q(q, t), system.gamma(q, qd, t))
 
 
-def solve(scene: Scene) -> Motion:
+def solve(scene: Scene, *, certified: bool = False) -> Motion:
     """Return position and what else the scene calls for, with evidence, on the branch of its estimates.
 
-    Numbers that fail are statuses in the result, never exceptions.
+    Numbers that fail are statuses in the result, never exceptions. With `certified` it is also proved that between the
+    times the branch was never changed (`proof.branch`); where that is not proved, the branch is lost.
     """
     implied = {Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set()
     system = compile_system(scene.mechanism, scene.effects | implied, scene.mechanism.unit())
-    q, status, message = _positions(system, scene)
-    answer = _Answer(system, scene, q, status)
+    q, status, message = _positions(system, scene, certified)
+    answer = _Answer(system, scene, q, status, message)
     reached = np.flatnonzero(np.isfinite(q[0]))
     if reached.size:
         answer.judge(reached)
-    return answer.motion(message)
+    answer.prove_gaps()
+    answer.explain()
+    return answer.motion()
 
 
-def _positions(system: System, scene: Scene) -> tuple[Any, list[Status], str]:
+def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list[Status], str]:
     """Return the poses that were reached (NaN elsewhere), a first status per time, and a message."""
     count = len(scene.times)
-    q = np.full((system.n, count), np.nan)
     start = find_start(system, scene)
     if start.q is None:
         later = [Status.NOT_CONVERGED] * (count - 1)
-        return q, _proved(system, scene, [start.status, *later])[0], start.message
-    q[:, 0] = start.q
-    sweep = Sweep(system, [scene.times[0]], [start.q])
-    done, why, rest = 1, "", Status.BRANCH_LOST
-    while done < count and not why:
-        arrival = sweep.to(scene.times[done])
+        return np.full((system.n, count), np.nan), [start.status, *later], start.message
+    frames = recentred(system)
+    sweep = Sweep(
+        frames.inner, [scene.times[0]], [frames.inward(start.q)], proving=Evidence.CERTIFICATE in scene.evidence
+    )
+    q, done, why, rest = _swept(sweep, scene.times)
+    gap = _first_gap(sweep, scene, certified) if certified or sweep.doubtful else None
+    q = np.stack([frames.outward(pose) for pose in q.T], axis=-1) if frames.shifts.any() else q
+    if gap is not None:
+        done = sum(t <= sweep.t[gap] for t in scene.times)
+        why = f"after t = {sweep.t[gap]:.17g} it is not proved on which branch the motion goes on"
+        ends_at = sweep.t[gap + 1]
+        if ends_at in scene.times and not isolate(frames.inner, sweep.q[gap + 1][:, None], [ends_at]).ok[0]:
+            done, why = done + 1, _undecided(ends_at)  # no step to such a pose can be proved, nor is it ever called ok
+        q[:, done:], rest = np.nan, Status.BRANCH_LOST
+    status = [Status.OK] * done + [rest] * (count - done)
+    return q, status, "; ".join(filter(None, (start.message, why)))
+
+
+def _first_gap(sweep: Sweep, scene: Scene, certified: bool) -> int | None:
+    """Return the first step of a sweep that needs a proof and has none; None if all have one."""
+    full, t, q = compile_system(sweep.system.mechanism, unit=sweep.system.unit), np.array(sweep.t), np.array(sweep.q).T
+    steps = list(range(len(t) - 1)) if certified else sweep.doubtful
+    crossed = step_over_crossing(full, t, q, sweep.doubtful)
+    if crossed is not None:  # steps that lead to none of the times before it need no proof
+        last = max(time for time in scene.times if time <= t[crossed])
+        steps = [k for k in steps if t[k] < last]
+    gap = first_gap(full, t, q, steps)
+    return crossed if gap is None else gap
+
+
+def _swept(sweep: Sweep, times: tuple[float, ...]) -> tuple[Any, int, str, Status]:
+    """Take a sweep to the times.
+
+    Return the poses (NaN elsewhere), how many were reached, why no more, and the status of the rest.
+    """
+    q = np.full((len(sweep.q[0]), len(times)), np.nan)
+    q[:, 0] = sweep.q[0]
+    for done in range(1, len(times)):
+        arrival = sweep.to(times[done])
         if arrival is Arrival.OUT_OF_STEPS:
-            why, rest = f"gave up at t = {sweep.t[-1]:.17g} after {MOST_STEPS} steps", Status.NOT_CONVERGED
-            break
+            why = f"gave up at t = {sweep.t[-1]:.17g} after {MOST_STEPS} steps"
+            return q, done, why, Status.NOT_CONVERGED
         if arrival is Arrival.STOPPED:
-            cam = end_of_profile(system, sweep.q[-1])
+            cam = end_of_profile(sweep.system, sweep.q[-1])
             end = f"the contact of {cam} leaves its profile" if cam else "the branch ends at a singular pose"
-            why = f"{end} after t = {sweep.t[-1]:.17g}"
-            break
+            return q, done, f"{end} after t = {sweep.t[-1]:.17g}", Status.BRANCH_LOST
         q[:, done] = sweep.q[-1]
-        done += 1
         if arrival is Arrival.AT_SINGULAR_POSE:
-            why = f"the pose at t = {sweep.t[-1]:g} is singular: how the branch goes on is not decided"
-    status, gap = _proved(system, scene, [Status.OK] * done + [rest] * (count - done))
-    return q, status, "; ".join(filter(None, (start.message, why, gap)))
+            return q, done + 1, _undecided(sweep.t[-1]), Status.BRANCH_LOST
+    return q, len(times), "", Status.OK
 
 
-def _proved(system: System, scene: Scene, status: list[Status]) -> tuple[list[Status], str]:
-    """Return the statuses with UNASSEMBLABLE where that is proved of a pose that was not reached, and the first gap."""
-    told = ""
-    for k, t in enumerate(scene.times):
-        if status[k] in (Status.BRANCH_LOST, Status.NOT_CONVERGED):
-            found = assemblies(system, t, trying=False)
-            if found.unassemblable:
-                status[k] = Status.UNASSEMBLABLE
-                told = told or f"at t = {t:g} {unassemblable(system, found)}"
-    return status, told
+def _undecided(t: float) -> str:
+    return f"the pose at t = {t:g} is singular: how the branch goes on is not decided"
 
 
 class _Answer:
     """The arrays of a motion while they are filled, in the system's coordinates."""
 
-    def __init__(self, system: System, scene: Scene, q: Any, status: list[Status]) -> None:
+    def __init__(self, system: System, scene: Scene, q: Any, status: list[Status], message: str) -> None:
         self.system, self.scene, self.t, self.q, self.status = system, scene, np.array(scene.times), q, status
         count = len(status)
-        self.note = ""
+        self.messages = [message]
         self.qd, self.qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
         self.residual, self.sigma_min, self.condition = (nowhere(count) for _ in range(3))
         self.radius = CertifiedRadius(position=nowhere(count), velocity=nowhere(count), acceleration=nowhere(count))
 
     def judge(self, lanes: Any) -> None:
         """Fill rates and evidence of the poses that were reached, and give each its status."""
-        q, t = self.q[:, lanes], self.t[lanes]
-        self.residual[lanes] = np.max(np.abs(self.system.phi(q, t)), axis=0)
-        sigma = np.linalg.svd(np.moveaxis(self.system.phi_q(q, t), -1, 0), compute_uv=False)
-        smallest = self.sigma_min[lanes] = sigma[:, self.system.n - 1]
-        with np.errstate(divide="ignore"):
-            self.condition[lanes] = sigma[:, 0] / smallest
-        solvable = smallest > self.system.n * EPS * sigma[:, 0]
+        self._look(lanes)
+        solvable = self.condition[lanes] < 1.0 / (self.system.n * EPS)
         self._rates(lanes[solvable])
         proved = Evidence.CERTIFICATE in self.scene.evidence
-        closed = self.residual[lanes] <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))
         # Redundant rows that contradict each other leave a residual at a regular pose, or none but in the rates: proof
         # decides there.
         redundant = self.system.m > self.system.n and bool(self.system.effects)
-        ok = np.where(proved or redundant, False, closed & (smallest > SINGULAR))
+        ok = np.where(proved or redundant, False, self._closed(lanes) & (self.sigma_min[lanes] > SINGULAR))
         for group in (lanes[~ok & solvable], lanes[~ok & ~solvable]):
             ok[np.isin(lanes, group)] = self._prove(group)
+        closed = self._closed(lanes)
         for k, isolated, closes in zip(lanes, ok, closed, strict=True):
             if self.status[k] is Status.OK:
                 open_ = Status.SINGULAR if closes else Status.NOT_CONVERGED
                 self.status[k] = Status.OK if isolated else open_
-            if self.status[k] is not Status.OK:
-                self.qd[:, k] = self.qdd[:, k] = np.nan
-                for radii in (self.radius.position, self.radius.velocity, self.radius.acceleration):
-                    radii[k] = np.nan
+        for k in lanes[1:]:  # no pose counts as one of the branch after one that is not
+            if self.status[k] is Status.OK and self.status[k - 1] is not Status.OK:
+                self.status[k] = Status.BRANCH_LOST
+                self.q[:, k] = self.residual[k] = self.sigma_min[k] = self.condition[k] = np.nan
+        failed = [k for k in lanes if self.status[k] is not Status.OK]
+        for rates in (self.qd, self.qdd):
+            rates[:, failed] = np.nan
+        for radii in (self.radius.position, self.radius.velocity, self.radius.acceleration):
+            radii[failed] = np.nan
+
+    def _look(self, lanes: Any) -> None:
+        """Fill residual, sigma_min and condition."""
+        q, t = self.q[:, lanes], self.t[lanes]
+        self.residual[lanes] = np.max(np.abs(self.system.phi(q, t)), axis=0)
+        sigma = np.linalg.svd(np.moveaxis(self.system.phi_q(q, t), -1, 0), compute_uv=False)
+        self.sigma_min[lanes] = sigma[:, self.system.n - 1]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            self.condition[lanes] = sigma[:, 0] / self.sigma_min[lanes]
+
+    def _closed(self, lanes: Any) -> Any:
+        """Return whether the residual of each pose is round-off."""
+        size = np.maximum(1.0, np.max(np.abs(self.q[:, lanes]), axis=0))
+        return self.residual[lanes] <= 32 * EPS * size
 
     def _rates(self, lanes: Any) -> None:
         """Fill velocity and acceleration, as far as the scene calls for them."""
@@ -163,13 +210,51 @@ class _Answer:
         found = isolate(self.system, self.q[:, lanes], self.t[lanes], *rates)
         for name in ("position", "velocity", "acceleration"):
             getattr(self.radius, name)[lanes] = getattr(found, name)
-        for k, size in zip(lanes, found.contradiction, strict=True):
-            if size > 1.0:
-                self.status[k] = Status.UNASSEMBLABLE
-                self.note = f"redundant rows contradict each other: {size:.3g} times what rounding explains"
+        contradicted = lanes[found.contradiction > 1.0]
+        for k in contradicted:
+            self.status[k] = Status.UNASSEMBLABLE
+        if contradicted.size:
+            size = np.max(found.contradiction)
+            self.messages.append(f"redundant rows contradict each other: {size:.3g} times what rounding explains")
+        for lane, enclosure in found.enclosures.items():
+            self._take(lanes[lane], enclosure)
+        self.radius.position[lanes] += np.max(handed_over(self.system, self.q[:, lanes]), axis=0)
         return found.ok
 
-    def motion(self, message: str) -> Motion:
+    def _take(self, k: int, root: Enclosure) -> None:
+        """Replace an answer by the numbers nearest to its enclosed root, and the rates by those there."""
+        self.q[:, k] = root.nearest()
+        self.radius.position[k] = np.max(root.distance(self.q[:, k]))
+        self._look(np.array([k]))
+        if not self.system.effects:
+            return
+        velocity = root.velocity()
+        levels = [(self.qd, self.radius.velocity, velocity)]
+        if Effect.ACCELERATION in self.system.effects:
+            levels.append((self.qdd, self.radius.acceleration, root.acceleration(velocity)))
+        for rates, radii, balls in levels:
+            rates[:, k] = [float(x) for x in balls]
+            radii[k] = np.max(root.distance(rates[:, k], balls))
+
+    def explain(self) -> None:
+        """Say of the first singular pose what it is."""
+        if Status.SINGULAR in self.status:
+            k = self.status.index(Status.SINGULAR)
+            self.messages.append(diagnose_scaled(self.system, self.q[:, k], float(self.t[k])).message)
+
+    def prove_gaps(self) -> None:
+        """Give the status UNASSEMBLABLE to poses that were not reached where that is proved; tell the first gap."""
+        told, searches = "", 0
+        for k, t in enumerate(self.scene.times):
+            if self.status[k] in (Status.BRANCH_LOST, Status.NOT_CONVERGED) and searches < MOST_SEARCHES:
+                found = assemblies(self.system, t, trying=False)
+                searches += found.searched
+                if found.unassemblable:
+                    self.status[k] = Status.UNASSEMBLABLE
+                    told = told or f"at t = {t:g} {unassemblable(self.system, found)}"
+        self.messages.append(told)
+
+    def motion(self) -> Motion:
         """Return the answer in metres, for the bodies and effects that the scene calls for."""
         scene, wants = self.scene, self.scene.effects
         self.q[:, [k for k, s in enumerate(self.status) if s in (Status.NOT_CONVERGED, Status.UNASSEMBLABLE)]] = np.nan
@@ -192,7 +277,7 @@ class _Answer:
             points=self._points(levels, called),
             contacts=self._contacts(levels, called),
             producer=Producer(name="refkin", version=version("refkin"), route=ROUTE),
-            message="; ".join(filter(None, (message, self.note))),
+            message="; ".join(dict.fromkeys(filter(None, self.messages))),
         )
 
     def _contacts(self, levels: list[Any], called: tuple[bool, bool, bool]) -> dict[str, ContactMotion]:

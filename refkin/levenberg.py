@@ -1,13 +1,12 @@
-"""Levenberg and Marquardt's method: the least-squares form of phi(q) = 0, for starts where Newton fails.
+"""Levenberg and Marquardt's method: the least-squares form of phi(q) = 0, for starts from which Newton goes astray.
 
 It minimises |phi|^2 / 2, as solvers of spreadsheets do with closure errors (METU 3.9): each correction solves
 
     (phi_q^T phi_q + mu D) dq = -phi_q^T phi,
 
 D the largest diagonal of phi_q^T phi_q so far, so that units do not matter; mu is lowered after a correction that made
-|phi| smaller, raised after one that did not. So |phi| never grows. At a root it ends as Newton's method does,
-quadratically. A minimum with phi != 0 is no root: there the method *stalls*, and says so. (J. J. More, Numerical
-Analysis Dundee, 1977.)
+|phi| smaller, raised after one that did not. So |phi| never grows, and near a root the method becomes Newton's. A
+minimum with phi != 0 is no root: there it *stalls*, and says so. (J. J. More, Numerical Analysis Dundee, 1977.)
 """
 
 from __future__ import annotations
@@ -19,12 +18,12 @@ from typing import Any
 import numpy as np
 
 from refkin.differences import EPS
-from refkin.newton import NewtonStatus
+from refkin.newton import NewtonResult, NewtonStatus
 
 LOWER, RAISE = 0.2, 4.0
 """Factors of mu after a success and after a failure."""
 FLAT = 1e-10
-"""Cosine between phi and the range of phi_q below which a minimum is reached: the root of round-off, and more."""
+"""Cosine between phi and the range of phi_q below which a minimum is taken for reached."""
 
 
 @dataclass(frozen=True)
@@ -83,9 +82,10 @@ def levenberg_marquardt(
                 diagonal = np.maximum(diagonal, np.linalg.norm(slope, axis=0))
                 gradient = slope.T @ residual
             correction = _correction(slope, residual, np.sqrt(mu) * np.where(diagonal > 0, diagonal, 1.0))
-            if _is_flat(gradient, diagonal, residual) or np.max(np.abs(correction)) <= EPS * max(
-                1.0, np.max(np.abs(q))
-            ):
+            if correction is None:
+                return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual), k, False)
+            too_small = np.max(np.abs(correction)) <= EPS * max(1.0, np.max(np.abs(q)))
+            if too_small or _is_flat(gradient, diagonal, residual):
                 return LeastSquares(NewtonStatus.SINGULAR, q, _largest(residual), k, True)
             tried = np.asarray(phi(q + correction), float) if np.isfinite(q + correction).all() else residual * np.inf
             if np.linalg.norm(tried) < np.linalg.norm(residual):
@@ -96,10 +96,19 @@ def levenberg_marquardt(
     return LeastSquares(status, q, _largest(residual), max_iterations, False)
 
 
+def polished(found: LeastSquares, by_newton: NewtonResult) -> Any:
+    """Return where Newton's method ends from a root that was found, unless it leaves it: then the root as found."""
+    near = by_newton.converged and np.max(np.abs(by_newton.q - found.q)) <= 1e-3 * max(1.0, np.max(np.abs(found.q)))
+    return by_newton.q if near else found.q
+
+
 def _correction(slope: Any, residual: Any, weight: Any) -> Any:
-    """Return the minimiser of |slope dq + residual|^2 + |weight dq|^2."""
+    """Return the minimiser of |slope dq + residual|^2 + |weight dq|^2; None where numbers are too large for one."""
     stacked = np.vstack([slope, np.diag(weight)])
-    return np.linalg.lstsq(stacked, -np.concatenate([residual, np.zeros(len(weight))]), rcond=None)[0]
+    try:
+        return np.linalg.lstsq(stacked, -np.concatenate([residual, np.zeros(len(weight))]), rcond=None)[0]
+    except np.linalg.LinAlgError:
+        return None
 
 
 def _is_flat(gradient: Any, diagonal: Any, residual: Any) -> bool:

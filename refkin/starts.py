@@ -10,7 +10,7 @@ import numpy as np
 
 from refkin.contacts import touched
 from refkin.joints import Cam
-from refkin.levenberg import levenberg_marquardt
+from refkin.levenberg import levenberg_marquardt, polished
 from refkin.model import Scene
 from refkin.motion import Status
 from refkin.newton import NewtonResult, newton
@@ -21,6 +21,8 @@ from refkin.proof.search import PRIMES, closes, radical_inverse
 from refkin.sweep import contracts
 from refkin.system import System
 
+USELESS = 1e12
+"""Estimates further out [sizes, rad] say nothing: at most four digits of an angle are left there."""
 NEW_ESTIMATES = 6
 """How many estimates are made up where the given one leads nowhere."""
 COUNTED = 1e-6
@@ -44,11 +46,14 @@ def find_start(system: System, scene: Scene) -> Start:
     Newton and least squares are tried, from the estimate and from a few new ones.
     """
     t, bodies = scene.times[0], scene.mechanism.bodies
-    missing = [b.name for b in bodies if b.estimate is None]
     with np.errstate(all="ignore"):  # estimates may lie anywhere
         estimate = estimated(system, scene)
+        useless = np.abs(estimate) > USELESS
+        missing = [b.name for b in bodies if b.estimate is None or useless[system.columns(b.name)].any()]
+        estimate = np.where(useless, 0.0, estimate)
         first = _newton(system, t, estimate)
-        if not missing and first.converged and contracts(np.max(np.abs(first.corrections), axis=1)):
+        contracted = first.converged and contracts(np.max(np.abs(first.corrections), axis=1))
+        if not missing and contracted and _is_root(system, first.q, t):
             return Start(Status.OK, first.q)
         found = assemblies(system, t)
         if found.poses:
@@ -81,10 +86,12 @@ def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[
         start, new = estimate + math.tau * turned, " from a new estimate" if k else ""
         damped = _newton(system, t, start, damped=True, max_iterations=30)
         least = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start)
-        ended = _newton(system, t, least.q, max_iterations=60)
-        for result, how in ((damped, "damped Newton"), (ended, "least squares")):
-            if result.converged and _is_root(system, result.q, t):
-                return result.q, how + new, result.residual
+        if damped.converged and _is_root(system, damped.q, t):
+            return damped.q, f"damped Newton{new}", damped.residual
+        if least.converged:
+            q = polished(least, _newton(system, t, least.q, max_iterations=60))
+            if _is_root(system, q, t):
+                return q, f"least squares{new}", least.residual
         smallest = np.nanmin([smallest, damped.residual, least.residual])
     return None, "", float(smallest)
 

@@ -2,9 +2,10 @@
 
 From the last poses the next is predicted by a polynomial in t, then Newton corrects it. The step is taken only if
 the correction is small against the move, Newton contracted at once (its second correction is a small part of the first:
-no other root is near) and the sign of det phi_q is what it was; otherwise it is halved. Where no step is small enough
-the sweep stops, and says whether it stopped at a singular pose. That the branch was never changed is proved afterwards
-(`proof.tube`).
+no other root is near) and the determinants of the blocks of phi_q have the signs they had; otherwise it is halved.
+Where no step is small enough the sweep stops, and says whether it stopped at a singular pose. These conditions are
+tests, no proofs. A sweep that is *proving* goes on from there with fewer of them, and notes such steps as doubtful:
+they count only once it is proved that they did not change the branch (`proof.branch`).
 """
 
 from __future__ import annotations
@@ -16,6 +17,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.blocks import Blocks, blocks
 from refkin.differences import EPS
 from refkin.newton import NewtonResult, RoundOff, newton
 from refkin.proof.isolate import isolate
@@ -30,6 +32,8 @@ FIRST = 0.1
 """Largest first move, for which there is no prediction yet [sizes, rad]."""
 TINY = 1e-6
 """Corrections below it are round-off of a good prediction, or too small to leave a regular branch [sizes, rad]."""
+NOISE = 256 * EPS
+"""What rounding leaves of phi, times what sigma_min may have shrunk in a step: over sigma_min it is noise in a pose."""
 SHORT = 1 / 8
 """Steps shorter than this part of what was asked are short: they were halved."""
 APART = 64
@@ -42,6 +46,8 @@ SINGULAR = 8 * np.sqrt(EPS)
 """Smallest singular value of the scaled phi_q at or below which a pose is not isolated by first-order terms."""
 MOST_STEPS = 20_000
 """Steps from one asked time to the next: a wheel that turns 3000 times between them needs so many."""
+MOST_DOUBTFUL = 1000
+"""Steps tried with fewer conditions on the way to one time; passing a pivot at 1e-12 takes about 300."""
 
 
 class Arrival(Enum):
@@ -55,26 +61,51 @@ class Arrival(Enum):
 
 @dataclass
 class Sweep:
-    """The poses accepted so far; times need not be those that were asked."""
+    """The poses accepted so far; times need not be those that were asked.
+
+    Attributes
+    ----------
+    proving : bool
+        Whether doubtful steps are taken where no others are left.
+    doubtful : list of int
+        The numbers of the poses from which a doubtful step was taken: what rounding hides may have decided there.
+    """
 
     system: System
     t: list[float]
     q: list[Any]
-    sign: float = field(init=False)
+    proving: bool = False
+    doubtful: list[int] = field(default_factory=list)
     asked: float = np.inf
     blocked: bool = False
     step: float = np.inf
-
-    def __post_init__(self) -> None:
-        self.sign = orientation(self.system, self.q[0], self.t[0])
+    relaxed: bool = False
+    tiny: float = TINY
+    _blocks: Blocks | None = field(default=None, init=False)
+    _signs: list[float] = field(default_factory=list, init=False)
 
     def to(self, target: float) -> Arrival:
         """Go on to a time, in as many steps as it takes; on REACHED and AT_SINGULAR_POSE `q[-1]` is the pose there."""
-        if self.blocked:
-            return Arrival.STOPPED
+        arrival = Arrival.STOPPED if self.blocked else self._walk(target, MOST_STEPS)
+        if arrival is Arrival.STOPPED and self.proving:
+            return self._doubtfully(target)
+        return arrival
+
+    def _doubtfully(self, target: float) -> Arrival:
+        """Go on with fewer conditions; what leads nowhere is taken back."""
+        sure, self.relaxed, self.step = len(self.t), True, np.inf
+        arrival = self._walk(target, MOST_DOUBTFUL)
+        self.relaxed, self.tiny = False, TINY
+        if arrival not in (Arrival.STOPPED, Arrival.OUT_OF_STEPS):
+            return arrival
+        del self.t[sure:], self.q[sure:]
+        self.doubtful = [k for k in self.doubtful if k < sure - 1]
+        return Arrival.STOPPED
+
+    def _walk(self, target: float, most_steps: int) -> Arrival:
         self.asked = target - self.t[-1]
         smallest = 4 * EPS * max(abs(target), abs(self.t[-1]), target - self.t[-1])
-        for _ in range(MOST_STEPS):
+        for _ in range(most_steps):
             last = self.t[-1] + self.step >= target  # as rounded: a step may land on the target
             t = target if last else self.t[-1] + self.step
             result = self._corrected(t)
@@ -87,11 +118,15 @@ class Sweep:
             if last and (arrival := self._at_singular_pose(t)) is not None:
                 return arrival
             self.step = (t - self.t[-1]) / 2
+            if self.relaxed:
+                self.tiny = max(TINY, NOISE / max(EPS, _sigma_min(self.system, self.q[-1], self.t[-1])))
             if self.step < smallest:
                 return Arrival.STOPPED
         return Arrival.OUT_OF_STEPS
 
     def _accept(self, q: Any, t: float) -> None:
+        if self.relaxed:
+            self.doubtful.append(len(self.t) - 1)
         self.t.append(t)
         self.q.append(q)
 
@@ -105,31 +140,33 @@ class Sweep:
         return poses[0]
 
     def _corrected(self, t: float) -> NewtonResult:
-        s, stop = self.system, _WhileContracting()
+        s, stop = self.system, _WhileContracting(tiny=self.tiny)
         return newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), self._predicted(t), stop=stop)
 
     def _on_branch(self, result: NewtonResult, t: float) -> bool:
         sizes = np.max(np.abs(result.corrections), axis=1)
-        if not (result.converged and contracts(sizes)):
+        if not (result.converged and contracts(sizes, self.tiny)):
             return False
-        if t - self.t[-1] < SHORT * self.asked:
+        if not self.relaxed and t - self.t[-1] < SHORT * self.asked:
             # Something is near. No step may end where rounding could decide which of two roots is the next.
             sigma = _sigma_min(self.system, result.q, t)
             if sigma <= SINGULAR or (not contracts(sizes, 0.0) and sizes[0] > sigma / APART):
                 return False
         move, off = (np.max(np.abs(result.q - q)) for q in (self.q[-1], result.iterates[0]))
-        near = off <= max(NEAR * move, TINY) if len(self.q) > 1 else move <= FIRST
+        near = off <= max(NEAR * move, self.tiny) if len(self.q) > 1 else move <= FIRST
         turn = np.max(np.abs(result.q - self.q[-1])[self.system.angles], initial=0.0)
         return bool(near and turn <= FURTHEST and self._same_side(result.q, t))
 
     def _same_side(self, q: Any, t: float) -> bool:
-        """Whether det phi_q has the sign of the last pose; with redundant rows, that of independent ones there."""
+        """Whether the determinants of the blocks of phi_q have the signs of the last pose."""
         s, last = self.system, (self.q[-1], self.t[-1])
-        if s.m == s.n:
-            return orientation(s, q, t) == self.sign
-        rows = independent_rows(s, last[0][:, None], np.array(last[1:]))
-        signs = [np.linalg.slogdet(s.phi_q(*pose)[rows])[0] for pose in (last, (q, t))]
-        return bool(signs[0] == signs[1])
+        if s.m == s.n and self._blocks is None:
+            self._blocks = blocks(s, *last, np.arange(s.n))
+            self._signs = self._blocks.signs(s.phi_q(*last))
+        if self._blocks is not None:
+            return bool(self._blocks.signs(s.phi_q(q, t)) == self._signs)
+        found = blocks(s, *last, independent_rows(s, last[0][:, None], np.array(last[1:])))
+        return bool(found.signs(s.phi_q(*last)) == found.signs(s.phi_q(q, t)))
 
     def _at_singular_pose(self, t: float) -> Arrival | None:
         """Accept a pose with a tiny sigma_min, to which Newton comes slowly from the last pose; None if there is none.
@@ -170,11 +207,12 @@ class _WhileContracting(RoundOff):
     step.
     """
 
+    tiny: float = TINY
     sizes: list[float] = field(default_factory=list)
 
     def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
         self.sizes.append(float(np.max(np.abs(correction))))
-        return super().__call__(residual, correction, q) or not contracts(self.sizes)
+        return super().__call__(residual, correction, q) or not contracts(self.sizes, self.tiny)
 
 
 def contracts(sizes: Sequence[float], tiny: float = TINY) -> bool:
@@ -183,13 +221,6 @@ def contracts(sizes: Sequence[float], tiny: float = TINY) -> bool:
     A first correction below `tiny` is not looked at.
     """
     return len(sizes) < 2 or bool(sizes[1] <= CONTRACTION * sizes[0] or sizes[0] < tiny)
-
-
-def orientation(system: System, q: Any, t: float) -> float:
-    """Return the sign of det phi_q, which cannot change on a branch; 0 for systems with redundant rows."""
-    if system.m != system.n:
-        return 0.0
-    return float(np.linalg.slogdet(system.phi_q(q, t))[0])
 
 
 def _sigma_min(system: System, q: Any, t: float) -> float:

@@ -48,6 +48,17 @@ def half_ulp(system: System, q: Any, order: int = 0) -> Any:
     return spacing / system.to_physical(np.ones_like(spacing), order=1)
 
 
+def handed_over(system: System, q: Any) -> Any:
+    """Return what `System.to_physical` adds to the error of coordinates (n, B), in the system's coordinates.
+
+    Half an ulp where an origin is added; the size is a power of two, and angles stay.
+    """
+    origin = np.array([*system.unit.origin, 0.0])
+    moved = np.zeros(system.n, bool)
+    moved[: system.of_bodies] = np.tile(origin != 0.0, system.of_bodies // 3)
+    return np.where(moved[:, None], half_ulp(system, q), 0.0)
+
+
 def input_effect(system: System, q: Any, t: Any, error: InputError) -> Any:
     """Return how far an error of every geometric number, time and law value moves phi, (m, B)."""
     return read(bounded_system(system, error=error).phi(box(q), Times(t, 1)), np.shape(q)[1]).spread

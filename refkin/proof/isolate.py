@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
+from flint import ctx
 
 from refkin.proof.certificate import certify
 from refkin.proof.inputs import contradiction, rate_contradiction
 from refkin.proof.krawczyk import Enclosure, krawczyk
+from refkin.proof.recentred import Recentred, recentred
 from refkin.system import System
 
 FLOAT64 = 53
+BLURRED, BLURRED_RATE = 2.0**-36, 2.0**-26
+"""Bounds of errors beyond which balls take over from float64: of a position, and of a rate in units of its size."""
+FAR = 64.0
+"""Distance of a frame from the joints, in sizes, beyond which they do likewise: errors grow as its square."""
 
 
 @dataclass(frozen=True)
@@ -33,6 +39,8 @@ class Isolation:
         Where rows are redundant, the largest |phi| of a row that was not needed, or what it misses of the rates that
         were given, in units of what a few roundings of the mechanism's numbers explain: at most 1 is consistent. 0
         without redundant rows.
+    enclosures : dict
+        By lane: the roots that balls enclosed, where float64 proved none, or little. They know better than the answers.
     """
 
     ok: Any
@@ -42,12 +50,14 @@ class Isolation:
     acceleration: Any
     unique: Any
     contradiction: Any
+    enclosures: dict[int, Enclosure] = field(default_factory=dict)
 
 
 def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, bits: int = 113) -> Isolation:
     """Prove what can be proved of the poses q (n, B) at the times t (B,) and of their rates.
 
-    Poses are certified in float64, all at once; each that fails is tried by Krawczyk's test with `bits` bits.
+    Poses are certified in float64, all at once; each for which that fails, or leaves a bound above `BLURRED`, is tried
+    by Krawczyk's test with `bits` bits.
 
     Parameters
     ----------
@@ -68,8 +78,15 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
         unique=proof.unique,
         contradiction=contradiction(system, proof.rows, proof.root, t),
     )
-    for lane in np.flatnonzero(~found.ok & np.isfinite(q).all(axis=0) & np.isfinite(t)):
-        enclosure = krawczyk(system, q[:, lane], t[lane], bits)
+    frames = recentred(system)
+    sharp = (found.position <= BLURRED) & (frames.furthest <= FAR)
+    for bound, rate in ((found.velocity, qd), (found.acceleration, qdd)):
+        if rate is not None:
+            sharp &= bound <= BLURRED_RATE * np.maximum(1.0, np.max(np.abs(rate), axis=0))
+    for lane in np.flatnonzero(~sharp & np.isfinite(q).all(axis=0) & np.isfinite(t)):
+        enclosure = _in_moved_frames(frames, q[:, lane], t[lane], bits)
+        if enclosure is None:
+            enclosure = krawczyk(system, q[:, lane], t[lane], bits)
         if enclosure is not None:
             rates = [None if x is None else np.asarray(x, float)[:, lane] for x in (qd, qdd)]
             _by_balls(found, lane, enclosure, q[:, lane], *rates)
@@ -79,11 +96,27 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
     return found
 
 
+def _in_moved_frames(frames: Recentred, q: Any, t: float, bits: int) -> Enclosure | None:
+    """Return the root, proved in frames near the joints where some are far away; None if none are, or it is not proved.
+
+    The box of that proof is narrow where that in the given frames is long: turning a body far away shifts it as well.
+    """
+    found = krawczyk(frames.inner, frames.inward(q), t, bits) if frames.shifts.any() else None
+    if found is None:
+        return None
+    with ctx.workprec(bits):
+        root = frames.outward_balls(found.q)
+    # All that is closer in the given coordinates is in the box: shifts turn with the angles.
+    radii = found.radii / (1.0 + np.sum(np.abs(frames.shifts)))
+    return Enclosure(frames.system, t, bits, root, radii, found.rows)
+
+
 def _by_balls(found: Isolation, lane: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:
-    found.ok[lane], found.bits[lane] = True, enclosure.bits
     found.position[lane] = position = np.max(enclosure.distance(q))
-    wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
-    found.unique[lane] = np.min(enclosure.radii) if wider is None else 2 * position
+    if not found.ok[lane]:
+        wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
+        found.unique[lane] = np.min(enclosure.radii) if wider is None else 2 * position
+    found.ok[lane], found.bits[lane], found.enclosures[int(lane)] = True, enclosure.bits, enclosure
     found.contradiction[lane] = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])[0]
     if qd is not None:
         velocity = enclosure.velocity()

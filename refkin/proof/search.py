@@ -23,7 +23,7 @@ from flint import arb
 from refkin.contacts import touched
 from refkin.differences import EPS
 from refkin.joints import GROUND, Cam, Gear, Polar, RackAndPinion
-from refkin.levenberg import levenberg_marquardt
+from refkin.levenberg import levenberg_marquardt, polished
 from refkin.motion import Array
 from refkin.newton import newton
 from refkin.proof.clusters import Plan, headings, plan
@@ -196,12 +196,13 @@ class _Search:
         """Return the assembly that Newton finds from a start, or else Levenberg and Marquardt."""
         s, t = self.system, self.t
         result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start, max_iterations=30)
-        if not (result.converged and closes(s, result.q, t)):
-            least = levenberg_marquardt(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start)
-            result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), least.q, max_iterations=30)
-            if not (least.converged and result.converged and closes(s, result.q, t)):
-                return None
-        return self._without_turns(result.q)
+        if result.converged and closes(s, result.q, t):
+            return self._without_turns(result.q)
+        least = levenberg_marquardt(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start)
+        if not least.converged:
+            return None
+        q = polished(least, newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), least.q, max_iterations=30))
+        return self._without_turns(q) if closes(s, q, t) else None
 
     def _without_turns(self, q: Array) -> Array:
         """Return the pose with each angle turned back into (-pi, pi], unless a driver, gear or profile counts it."""

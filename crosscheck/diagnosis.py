@@ -1,0 +1,91 @@
+"""`crosscheck diagnose`: what the poses of a scene are where they are hard, in words."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+
+from crosscheck.answers import SCHEMA, numbers
+from refkin.analysis import solve
+from refkin.model import Scene
+from refkin.motion import Motion, Status
+from refkin.proof.singularity import Diagnosis, Kind, diagnose
+from refkin.scene_files import load
+
+
+def hardest(motion: Motion) -> int | None:
+    """Return the number of the first singular pose, or else of that with the smallest sigma; None without a pose."""
+    if Status.SINGULAR in motion.status:
+        return motion.status.index(Status.SINGULAR)
+    reached = np.isfinite(motion.q[0])
+    return int(np.argmin(np.where(reached, motion.sigma_min, np.inf))) if reached.any() else None
+
+
+def lines(motion: Motion, t: float, found: Diagnosis) -> list[str]:
+    """Return a diagnosis as lines to print."""
+    told = [
+        f"verdict: {motion.verdict.value}",
+        f"t = {t:.17g}",
+        found.message,
+        f"smallest singular value of the balanced Jacobian: {found.sigma:.3g}",
+    ]
+    if found.rows:
+        told.append(f"rows: {', '.join(found.rows)}")
+    if found.bodies:
+        told.append(f"bodies: {', '.join(found.bodies)}")
+    return told + [f"tangent: {np.array2string(tangent, precision=6)}" for tangent in found.tangents]
+
+
+def to_json(scene: Scene, motion: Motion, k: int | None, found: Diagnosis | None) -> dict[str, Any]:
+    """Return a diagnosis as plain data; null where there is no pose."""
+    told: dict[str, Any] = {"schema": SCHEMA, "scene": scene.name, "verdict": motion.verdict.value}
+    if k is None or found is None:
+        return {**told, "message": motion.message, "t": None, "kind": None}
+    names = [body.name for body in scene.mechanism.bodies]
+    return {
+        **told,
+        "message": found.message,
+        "t": float(motion.t[k]),
+        "kind": found.kind.value,
+        "sigma": found.sigma,
+        "rows": list(found.rows),
+        "bodies": list(found.bodies),
+        "other_driver": found.other_driver or None,
+        "tangents": [
+            {name: numbers(v[3 * k : 3 * k + 3]) for k, name in enumerate(names)}
+            for v in map(np.asarray, found.tangents)
+        ],
+    }
+
+
+def print_diagnosis(scene: Path, *, as_json: Annotated[bool, Parameter(name="--json", negative="")] = False) -> int:
+    """Say what the hardest pose of a scene is: regular, or by which kind of singularity it is not.
+
+    Exit codes: 0 it is regular, or a structure, or has redundant rows that agree; 1 it is singular, or there is no
+    pose; 2 the scene is invalid.
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML, or JSON if it ends in .json).
+    as_json
+        Print one JSON object instead of lines.
+    """
+    read = replace(load(scene), bodies_wanted=None)
+    motion = solve(read)
+    k = hardest(motion)
+    if k is None:
+        none = f"{motion.verdict.value}: {motion.message}"
+        print(json.dumps(to_json(read, motion, None, None)) if as_json else none)
+        return 1
+    contacts = [contact.s[k] for contact in motion.contacts.values()]
+    found = diagnose(read, np.append(motion.q[:, k], contacts), float(motion.t[k]))
+    told = json.dumps(to_json(read, motion, k, found)) if as_json else "\n".join(lines(motion, motion.t[k], found))
+    print(told)
+    ended = motion.status[k] is Status.OK and found.kind in (Kind.REGULAR, Kind.STRUCTURE, Kind.REDUNDANT)
+    return 0 if ended else 1

@@ -1,0 +1,136 @@
+"""`crosscheck follow`: the poses of a scene one after another, through limits of its driver and up to change points."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path as File
+from typing import Annotated, Any
+
+import numpy as np
+from cyclopts import Parameter
+
+from crosscheck.answers import SCHEMA, numbers
+from refkin.errors import UnknownName
+from refkin.model import Scene
+from refkin.proof.continuation import Bifurcation, Path, Tangent, TurningPoint, driven_by, follow, straight_on
+from refkin.proof.tracing import End
+from refkin.scene_files import load
+
+TIME = "time"
+"""What the path's t is if it is not the value of a driver."""
+
+
+def parameter_of(scene: Scene, driver: str | None) -> str:
+    """Return the driver whose value is the parameter: that which was asked for, or the only one; else the time."""
+    drivers = scene.mechanism.drivers
+    return driver or (drivers[0].name if len(drivers) == 1 else TIME)
+
+
+def to_json(scene: Scene, parameter: str, path: Path) -> dict[str, Any]:
+    """Return a path as plain data; numbers that do not exist are null."""
+    return {
+        "schema": SCHEMA,
+        "scene": scene.name,
+        "parameter": parameter,
+        "end": path.end.name.lower(),
+        "message": path.message,
+        "t": numbers(path.t),
+        "bodies": {body: {"q": [numbers(row) for row in path[body].q.T]} for body in path.bodies},
+        "tangents": [_tangent(path, tangent) for tangent in path.tangents],
+        "residual": numbers(path.residual),
+        "certified_radius": numbers(path.radius),
+        "events": [_event(path, event) for event in path.events],
+    }
+
+
+def _tangent(path: Path, tangent: Tangent) -> dict[str, Any]:
+    rows = tangent.q[: 3 * len(path.bodies)].reshape(-1, 3)
+    return {
+        "t": numbers([tangent.t])[0],
+        "bodies": {body: numbers(row) for body, row in zip(path.bodies, rows, strict=True)},
+    }
+
+
+def _event(path: Path, event: TurningPoint | Bifurcation) -> dict[str, Any]:
+    at = {"index": event.index, "t": event.t}
+    if isinstance(event, TurningPoint):
+        return {"kind": "turning point", **at, "is_maximum": event.is_maximum}
+    return {"kind": "bifurcation", **at, "tangents": [_tangent(path, tangent) for tangent in event.tangents]}
+
+
+def lines(parameter: str, path: Path) -> list[str]:
+    """Return what happens along a path as lines to print."""
+    if not path.t.size:
+        return [path.message]
+    proved = np.isfinite(path.radius)
+    worst = f", worst radius {np.max(path.radius[proved]):.3g}" if proved.any() else ""
+    told = [
+        f"{path.t.size} poses, {parameter} from {path.t[0]:.17g}",
+        f"{proved.sum()} of them proved to be alone{worst}; worst scaled residual {np.max(path.residual):.3g}",
+    ]
+    for event in path.events:
+        if isinstance(event, TurningPoint):
+            how = "largest" if event.is_maximum else "smallest"
+            told.append(f"pose {event.index}: {parameter} turns at its {how} value {event.t:.17g}")
+        else:
+            told.append(f"pose {event.index}: {len(event.tangents)} branches cross at {parameter} = {event.t:.17g}")
+            told += [f"    tangent: {_direction(path, parameter, tangent)}" for tangent in event.tangents]
+    return [*told, f"pose {path.t.size - 1}: {path.message}, at {parameter} = {path.t[-1]:.17g}"]
+
+
+def _direction(path: Path, parameter: str, tangent: Tangent) -> str:
+    """Return the rates of the bodies' angles by the parameter, or, where it stands still, how they move."""
+    angles = tangent.q[2 : 3 * len(path.bodies) : 3]
+    still = abs(tangent.t) <= 1e-9 * np.max(np.abs(tangent.q))
+    rates = angles if still else angles / tangent.t
+    per = "with the parameter at rest" if still else f"rad per unit of {parameter}"
+    return ", ".join(f"{body} {rate:.6g}" for body, rate in zip(path.bodies, rates, strict=True)) + f" {per}"
+
+
+def print_path(
+    scene: File,
+    *,
+    driver: str | None = None,
+    backwards: bool = False,
+    until: tuple[float, float] | None = None,
+    through: Annotated[bool, Parameter(negative="")] = False,
+    most_points: int = 2000,
+    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+) -> int:
+    """Follow the poses of a scene from its first one: past limits of its driver, on to the other branch, and back.
+
+    Exit codes: 0 the path ended where it was to end, or closed, or at a bifurcation; 1 it ended for want of a pose, of
+    a small enough step or of points; 2 the scene is invalid, or has no such driver.
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML, or JSON if it ends in .json).
+    driver
+        The driver whose value is the path's parameter; by default the only one, or else the time.
+    backwards
+        Set out with a falling parameter.
+    until
+        Two values of the parameter, at which the path ends.
+    through
+        Go straight on where branches cross, instead of ending there.
+    most_points
+        Number of poses after which the path ends.
+    as_json
+        Print one JSON object instead of lines.
+    """
+    read = load(scene)
+    parameter = parameter_of(read, driver)
+    try:
+        driven = read if parameter == TIME else driven_by(read, parameter)
+    except UnknownName as error:
+        print(error, file=sys.stderr)
+        return 2
+    choose = straight_on if through else None
+    path = follow(driven, direction=-1 if backwards else 1, until=until, choose=choose, most_points=most_points)
+    if as_json:
+        print(json.dumps(to_json(read, parameter, path)))
+    else:
+        print("\n".join(lines(parameter, path)))
+    return 0 if path.end in (End.RANGE, End.CLOSED, End.BIFURCATION) else 1

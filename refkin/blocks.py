@@ -1,0 +1,110 @@
+"""The blocks of phi_q, groups of equations that are solved together such as a dyad's, and their determinants' signs.
+
+With its rows and columns in a suitable order phi_q is block triangular, and its determinant the product of those of the
+blocks on the diagonal. None of these can change its sign on a branch without phi_q being singular in between. Of the
+product that is only seen where an odd number of blocks changes: two linkages of the same lengths on one crank reach
+their change points together, and go over to their other branches together.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from refkin.system import System
+
+
+@dataclass(frozen=True)
+class Blocks:
+    """Where the entries of the diagonal blocks are in phi_q (`entries`) and in their stack (`places`), both flat."""
+
+    entries: Any
+    places: Any
+    empty: Any
+
+    def signs(self, phi_q: Any) -> list[float]:
+        """Return the sign of the determinant of each block."""
+        stack = self.empty.copy()
+        stack.reshape(-1)[self.places] = phi_q.reshape(-1)[self.entries]
+        signs: list[float] = np.linalg.slogdet(stack)[0].tolist()
+        return signs
+
+
+def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
+    """Return the blocks of n rows of phi_q.
+
+    The entries that are not always zero are those that are not at the pose (n,) or at one with its bodies elsewhere.
+    """
+    elsewhere = np.array(q, float)
+    elsewhere[: system.of_bodies] += np.sqrt(np.arange(2, system.of_bodies + 2))  # no two of them in a simple ratio
+    pattern = (system.phi_q(q, t) != 0) | (system.phi_q(elsewhere, t) != 0)
+    return _stacked([(rows[r], c) for r, c in diagonal_blocks(pattern[rows])], system.n)
+
+
+def diagonal_blocks(pattern: Any) -> list[tuple[Any, Any]]:
+    """Return the rows and the columns of each irreducible diagonal block of a square pattern (n, n) of bool.
+
+    Rows are matched to columns; then those belong to one block that depend on each other in both directions (A. L.
+    Dulmage and N. S. Mendelsohn, 1958). One block of everything if there is no such matching.
+    """
+    n = len(pattern)
+    row_of = _matching([np.flatnonzero(row).tolist() for row in pattern])
+    if row_of is None:
+        return [(np.arange(n), np.arange(n))]
+    reached = pattern[row_of] | np.eye(n, dtype=bool)  # of columns, by way of the rows matched to them
+    for _ in range(max(1, int(np.ceil(np.log2(n))))):
+        reached = (reached.astype(np.float32) @ reached.astype(np.float32)) > 0
+    both = reached & reached.T
+    firsts = np.flatnonzero(np.argmax(both, axis=1) == np.arange(n))
+    return [(row_of[both[k]], np.flatnonzero(both[k])) for k in firsts]
+
+
+def _matching(columns: list[list[int]]) -> Any:
+    """Return a row with an entry there for each column, none twice, by augmenting paths; None if there is none."""
+    row_of: dict[int, int] = {}
+    column_of: dict[int, int] = {}
+    for start in range(len(columns)):
+        reached_from: dict[int, int] = {}
+        free = _free_column(columns, row_of, start, reached_from)
+        if free is None:
+            return None
+        end: int | None = free
+        while end is not None:
+            row = reached_from[end]
+            row_of[end] = row
+            column_of[row], end = end, column_of.get(row)
+    return np.array([row_of[c] for c in range(len(columns))], int)
+
+
+def _free_column(
+    columns: list[list[int]], row_of: dict[int, int], start: int, reached_from: dict[int, int]
+) -> int | None:
+    queue = [start]
+    for row in queue:
+        for column in columns[row]:
+            if column in reached_from:
+                continue
+            reached_from[column] = row
+            if column not in row_of:
+                return column
+            queue.append(row_of[column])
+    return None
+
+
+def _stacked(found: list[tuple[Any, Any]], n: int) -> Blocks:
+    """Return blocks as one stack of matrices of the largest size; smaller ones are continued by ones."""
+    size = max((len(r) for r, _ in found), default=0)
+    entries = [
+        (row * n + column, (k * size + i) * size + j)
+        for k, (rows, columns) in enumerate(found)
+        for i, row in enumerate(rows)
+        for j, column in enumerate(columns)
+    ]
+    empty = np.zeros((len(found), size, size))
+    for k, (rows, _) in enumerate(found):
+        beyond = np.arange(len(rows), size)
+        empty[k, beyond, beyond] = 1.0
+    here, there = np.array(entries, int).reshape(-1, 2).T
+    return Blocks(here, there, empty)

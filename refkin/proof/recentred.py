@@ -1,0 +1,103 @@
+"""A mechanism with every body's frame moved to a joint of the body.
+
+Where a frame lies far from its joints (1e8 sizes, say), turning the body is almost the same as shifting it, and phi_q
+is nearly singular without any reason in the mechanism. With frames near joints what is singular is so on its own
+account. Nothing is rounded by the move: frames go to a place near the joint whose coordinates are whole sizes, so that
+the differences of points from it need no digits that the points do not have.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from refkin.joints import GROUND, Constraint
+from refkin.model import Mechanism
+from refkin.system import System, compile_system
+
+FAR = 4.0
+"""Distance of a frame from a joint of its body, in sizes, up to which it stays where it is."""
+
+
+@dataclass(frozen=True)
+class Recentred:
+    """A system in its own unit, `inner` with its frames moved, and by how much: (bodies, 2), scaled, in each frame."""
+
+    system: System
+    inner: System
+    shifts: Any
+
+    @property
+    def furthest(self) -> float:
+        """How far a frame was moved at most, in sizes."""
+        return float(np.max(np.abs(self.shifts), initial=0.0))
+
+    def inward(self, q: Any) -> Any:
+        """Return coordinates (n,) of the system as those of `inner`."""
+        return self._moved(q, 1.0)
+
+    def outward(self, q: Any) -> Any:
+        """Return coordinates (n,) of `inner` as those of the system."""
+        return self._moved(q, -1.0)
+
+    def outward_balls(self, q: Any) -> tuple[Any, ...]:
+        """Return balls (n,) that enclose the coordinates of `inner` as those of the system."""
+        out = list(q)
+        for k, (u, v) in enumerate(self.shifts.tolist()):
+            c, s = q[3 * k + 2].cos(), q[3 * k + 2].sin()
+            out[3 * k], out[3 * k + 1] = q[3 * k] - (c * u - s * v), q[3 * k + 1] - (s * u + c * v)
+        return tuple(out)
+
+    def inward_rate(self, q: Any, rate: Any) -> Any:
+        """Return the change (n,) of the coordinates of `inner`, at its q, that goes with one of the system's."""
+        return self._swept(q, rate, 1.0)
+
+    def outward_rate(self, q: Any, rate: Any) -> Any:
+        """Return the change (n,) of the system's coordinates that goes with one of those of `inner`, at its q."""
+        return self._swept(q, rate, -1.0)
+
+    def _swept(self, q: Any, rate: Any, sign: float) -> Any:
+        rate = np.array(rate, float)
+        for k, (u, v) in enumerate(self.shifts):
+            c, s, turn = np.cos(q[3 * k + 2]), np.sin(q[3 * k + 2]), sign * rate[3 * k + 2]
+            rate[3 * k] -= (s * u + c * v) * turn
+            rate[3 * k + 1] += (c * u - s * v) * turn
+        return rate
+
+    def _moved(self, q: Any, sign: float) -> Any:
+        q = np.array(q, float)
+        for k, (u, v) in enumerate(self.shifts):
+            c, s = np.cos(q[3 * k + 2]), np.sin(q[3 * k + 2])
+            q[3 * k] += sign * (c * u - s * v)
+            q[3 * k + 1] += sign * (s * u + c * v)
+        return q
+
+
+def recentred(system: System) -> Recentred:
+    """Return a system, compiled in its mechanism's own unit, and in it frames far from their joints moved to one."""
+    mechanism, size = system.mechanism, system.unit.size
+    shifts = np.zeros((len(mechanism.bodies), 2))
+    for k, body in enumerate(mechanism.bodies):
+        points = [u for c in mechanism.constraints for b, u in c.points() if b == body.name]
+        if points and min(np.hypot(*u) for u in points) > FAR * size:
+            shifts[k] = [size * round(x / size) if abs(x) > FAR * size else 0.0 for x in points[0]]
+    if not shifts.any():
+        return Recentred(system, system, shifts)
+    by_name = {body.name: shift for body, shift in zip(mechanism.bodies, shifts, strict=True)}
+    joints = tuple(_moved(c, by_name) for c in mechanism.joints)
+    drivers = tuple(_moved(c, by_name) for c in mechanism.drivers)
+    inner = compile_system(Mechanism(mechanism.bodies, joints, drivers), unit=system.unit)
+    return Recentred(system, inner, shifts / size)
+
+
+def _moved(constraint: Any, shifts: dict[str, Any]) -> Any:
+    """Return a constraint with its points given in the moved frames."""
+    c: Constraint = constraint
+    moved = {}
+    for key, body in (("point_i", "body_i"), ("point_j", "body_j"), ("point", "body")):
+        on = getattr(c, body, GROUND)
+        if hasattr(c, key) and on != GROUND:
+            moved[key] = tuple(float(u - s) for u, s in zip(getattr(c, key), shifts[on], strict=True))
+    return replace(c, **moved) if moved else c  # type: ignore[arg-type]

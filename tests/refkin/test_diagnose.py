@@ -1,0 +1,327 @@
+"""What a pose is where phi_q loses rank: one mechanism for each kind, with the rows and bodies that it is due to."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin import (
+    Body,
+    DistanceDriver,
+    FourBar,
+    InvertedSliderCrank,
+    Mechanism,
+    Polynomial,
+    Revolute,
+    Scene,
+    SliderCrank,
+    Status,
+    YDriver,
+    compile_system,
+)
+from refkin.proof.recentred import recentred
+from refkin.proof.singularity import Kind
+from tests.refkin.test_sweep import three_cranks
+
+GROUND = "ground"
+LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
+CHANGE_POINT = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5)
+PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
+KITE = FourBar(ground=3.0, crank=1.0, coupler=1.0, rocker=3.0)
+
+
+def at(linkage, angle, **more):
+    return linkage.scene(law=Polynomial(coefficients=(angle, 1.0)), times=(0.0,), **more)
+
+
+def dead_centre():
+    """Crank 1/4 and rod 1/2, stretched at 3/4: numbers without rounding."""
+    return at(SliderCrank(0.25, 0.5), 0.75, driven="slider")
+
+
+def pin(name, body_i, point_i, body_j, point_j):
+    return Revolute(name=name, body_i=body_i, point_i=point_i, body_j=body_j, point_j=point_j)
+
+
+def with_wheel(scene):
+    """A wheel that nothing drives, pinned to the ground."""
+    m = scene.mechanism
+    wheel = Body(name="wheel", estimate=(9.0, 0.0, 0.3))
+    joints = (*m.joints, pin("axle", GROUND, (9.0, 0.0), "wheel", (0.0, 0.0)))
+    return replace(scene, mechanism=replace(m, bodies=(*m.bodies, wheel), joints=joints))
+
+
+def links(base, long):
+    """Two links on the ground, pinned to each other, with no driver: a triangle, or one laid flat."""
+    bodies = (Body(name="left", estimate=(0.0, 0.0, 0.3)), Body(name="right", estimate=(base, 0.0, 2.8)))
+    joints = (
+        pin("O", GROUND, (0.0, 0.0), "left", (0.0, 0.0)),
+        pin("P", GROUND, (base, 0.0), "right", (0.0, 0.0)),
+        pin("Q", "left", (long, 0.0), "right", (long, 0.0)),
+    )
+    return Scene(name="triangle", mechanism=Mechanism(bodies=bodies, joints=joints, drivers=()), times=(0.0,))
+
+
+def reaching(length):
+    """A link that turns about the origin, driven by the distance of its tip from a point it can touch."""
+    bodies = (Body(name="link", estimate=(0.0, 0.0, 0.0)),)
+    driver = DistanceDriver(
+        name="rope",
+        body_i=GROUND,
+        point_i=(1.0, 0.0),
+        body_j="link",
+        point_j=(1.0, 0.0),
+        law=Polynomial(coefficients=(length,)),
+    )
+    joints = (pin("O", GROUND, (0.0, 0.0), "link", (0.0, 0.0)),)
+    return Scene(name="rope", mechanism=Mechanism(bodies=bodies, joints=joints, drivers=(driver,)), times=(0.0,))
+
+
+def beside(one, other):
+    """Two mechanisms in one scene."""
+    names = {b.name: f"{b.name} 2" for b in other.mechanism.bodies}
+    m = other.mechanism
+
+    def renamed(c):
+        ends = {k: names.get(getattr(c, k), getattr(c, k)) for k in ("body", "body_i", "body_j") if hasattr(c, k)}
+        return replace(c, name=f"{c.name} 2", **ends)
+
+    both = replace(
+        one.mechanism,
+        bodies=(*one.mechanism.bodies, *(replace(b, name=names[b.name]) for b in m.bodies)),
+        joints=(*one.mechanism.joints, *map(renamed, m.joints)),
+        drivers=(*one.mechanism.drivers, *map(renamed, m.drivers)),
+    )
+    return replace(one, mechanism=both)
+
+
+def held_by_height():
+    """A slider-crank driven by the height of its slider, which its guide holds already."""
+    scene = at(SliderCrank(0.25, 0.5), 0.4)
+    driver = YDriver(name="height", body="slider", law=Polynomial(coefficients=(0.0,)))
+    return replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)))
+
+
+def limit():
+    scene = at(LIMITED, 0.0)
+    event = refkin.follow(scene).events[0]
+    return scene, event.q, event.t
+
+
+ONE = {
+    Kind.REGULAR: lambda: (at(LIMITED, 0.5),),
+    Kind.REDUNDANT: lambda: (three_cranks(0.0),),
+    Kind.STRUCTURE: lambda: (links(2.0, 1.5),),
+    Kind.FORMULATION: lambda: (reaching(0.0), (0.0, 0.0, 0.0), 0.0),
+    Kind.TURNING_POINT: limit,
+    Kind.ACTUATOR: lambda: (beside(dead_centre(), dead_centre()),),
+    Kind.IDLE: lambda: (with_wheel(three_cranks(0.0)),),
+    Kind.BIFURCATION: lambda: (at(CHANGE_POINT, math.pi),),
+}
+
+
+@pytest.mark.parametrize("kind", ONE)
+def test_a_pose_of_each_kind_is_called_what_it_is(kind):
+    found = refkin.diagnose(*ONE[kind]())
+
+    assert found.kind is kind
+    assert found.message.startswith(f"{kind.value}: ")
+
+
+@pytest.mark.parametrize(("linkage", "angle"), [(CHANGE_POINT, math.pi), (PARALLELOGRAM, 0.0), (KITE, math.pi)])
+def test_change_points_have_two_tangents_that_satisfy_the_equations_to_first_order(linkage, angle):
+    scene = at(linkage, angle)
+    found = refkin.diagnose(scene)
+    system = compile_system(scene.mechanism)
+    q = refkin.solve(scene).q[:, 0]
+
+    assert found.kind is Kind.BIFURCATION
+    assert len(found.tangents) == 2
+    for tangent in found.tangents:
+        moved = system.phi_q(q, 0.0)[:-1] @ tangent
+        assert np.max(np.abs(moved)) < 1e-6 * np.max(np.abs(tangent))
+    crank_to_rocker = sorted(tangent[8] / tangent[2] for tangent in found.tangents)
+    path = refkin.follow(at(linkage, angle - 0.5), until=(-0.5, 0.7))
+    assert crank_to_rocker == pytest.approx(sorted(v.rate[8] for v in path.events[0].tangents), abs=1e-6)
+
+
+def test_a_dead_centre_names_rows_bodies_and_a_driver_that_would_hold():
+    found = refkin.diagnose(dead_centre())
+
+    assert found.kind is Kind.TURNING_POINT
+    assert found.rows == ("A0", "A", "B", "driver")
+    assert found.bodies == ("crank", "connecting_rod")
+    assert found.other_driver == "the angle of crank"
+
+
+def test_with_the_other_driver_the_same_pose_is_regular():
+    assert refkin.diagnose(at(SliderCrank(0.25, 0.5), 0.0)).kind is Kind.REGULAR
+
+
+def test_an_idle_wheel_is_named_alone():
+    assert refkin.diagnose(with_wheel(three_cranks(0.0))).bodies == ("wheel",)
+
+
+def test_a_driver_that_repeats_what_a_joint_holds_leaves_an_idle_motion():
+    found = refkin.diagnose(held_by_height())
+
+    assert found.kind is Kind.IDLE
+    assert "height" in found.rows
+    assert found.bodies == ("crank", "connecting_rod", "slider")
+
+
+def test_redundant_rows_are_those_of_the_parallel_cranks():
+    found = refkin.diagnose(three_cranks(0.0))
+
+    assert set(found.rows) == {f"{crank} {end}" for crank in ("first", "middle", "last") for end in (0, 1)}
+    assert found.message.endswith("and agree")
+
+
+def test_a_flat_triangle_is_a_structure_that_can_move_to_first_order_only():
+    scene = links(2.0, 1.0)
+    bodies = tuple(
+        replace(b, estimate=(*b.estimate[:2], phi))
+        for b, phi in zip(scene.mechanism.bodies, (0.0, math.pi), strict=True)
+    )
+    found = refkin.diagnose(replace(scene, mechanism=replace(scene.mechanism, bodies=bodies)))
+
+    assert found.kind is Kind.STRUCTURE
+    assert "shaky" in found.message
+    assert found.bodies == ("left", "right")
+
+
+def test_a_pin_on_the_pivot_of_its_slot_is_a_bifurcation_of_the_lever():
+    found = refkin.diagnose(at(InvertedSliderCrank(ground=1.0, crank=1.0), 0.0))
+
+    assert found.kind is Kind.BIFURCATION
+    assert found.bodies == ("lever",)
+
+
+@pytest.mark.parametrize("factor", [2.0**-30, 1e-9, 1e9])
+def test_units_change_no_diagnosis(factor):
+    scenes = [at(SliderCrank(0.25 * x, 0.5 * x), 0.75 * x, driven="slider") for x in (1.0, factor)]
+    here, there = map(refkin.diagnose, scenes)
+
+    assert there == replace(here, sigma=there.sigma, message=there.message)
+
+
+@pytest.mark.parametrize("ratio", [1e-6, 1e-4, 1e4, 1e6])
+def test_lengths_of_very_different_size_are_no_singularity(ratio):
+    found = refkin.diagnose(at(FourBar(ground=1.0, crank=ratio, coupler=1.0, rocker=max(1.0, ratio)), 1.0))
+
+    assert found.kind is Kind.REGULAR
+    assert "nearly" not in found.message
+
+
+def moved_frame(scene, body, shift):
+    """The scene with a body's frame moved by (u, v) in it."""
+    (u, v), m = shift, scene.mechanism
+
+    def joint(c):
+        ends = [s for s in "ij" if getattr(c, f"body_{s}") == body]
+        points = {
+            f"point_{s}": tuple(float(a - b) for a, b in zip(getattr(c, f"point_{s}"), shift, strict=True))
+            for s in ends
+        }
+        return replace(c, **points)
+
+    def estimate(b):
+        if b.name != body:
+            return b
+        x, y, phi = b.estimate
+        c, s = math.cos(phi), math.sin(phi)
+        return replace(b, estimate=(x + c * u - s * v, y + s * u + c * v, phi))
+
+    bodies, joints = tuple(map(estimate, m.bodies)), tuple(map(joint, m.joints))
+    return replace(scene, mechanism=replace(m, bodies=bodies, joints=joints))
+
+
+@pytest.mark.parametrize("far", [1e4, 2.0**26])
+def test_a_body_frame_far_away_is_no_singularity(far):
+    found = refkin.diagnose(moved_frame(at(LIMITED, 0.5), "coupler", (far, -far)))
+
+    assert found.kind is Kind.REGULAR
+    assert "nearly" not in found.message
+
+
+def test_a_pose_proved_by_balls_is_handed_over_as_the_nearest_numbers():
+    """Its angles are right to round-off, though Newton's are off by 1e-8. No length is rounded here."""
+    far = 2.0**26
+    exact = FourBar(ground=0.875, crank=0.25, coupler=0.625, rocker=0.5)
+    here = refkin.solve(at(exact, 0.5))
+    there = refkin.solve(moved_frame(at(exact, 0.5), "coupler", (far, -far)))
+    away = far * math.hypot(1.0, 1.0)
+
+    assert there.verdict is Status.OK
+    assert there["rocker"].phi[0] == pytest.approx(here["rocker"].phi[0], abs=8e-16)
+    assert there["coupler"].phi[0] == pytest.approx(here["coupler"].phi[0], abs=8e-16)
+    assert there.certified_radius.position[0] <= 2.0**-52 * away
+
+
+@pytest.mark.parametrize("far", [2.0**6, 2.0**13, 2.0**20, 2.0**26])
+def test_the_radius_of_a_pose_in_a_far_frame_holds_the_truth(far):
+    exact = FourBar(ground=0.875, crank=0.25, coupler=0.625, rocker=0.5)
+    truth = refkin.solve(at(exact, 0.5))
+    found = refkin.solve(moved_frame(at(exact, 0.5), "coupler", (far, -far)))
+    off = abs(found["rocker"].phi[0] - truth["rocker"].phi[0])
+
+    assert found.verdict is Status.OK
+    assert off <= found.certified_radius.position[0] + truth.certified_radius.position[0]
+
+
+@pytest.mark.parametrize("far", [2.0**10, 2.0**20, 2.0**26])
+def test_a_motion_in_a_far_frame_is_followed_with_the_same_rates(far):
+    exact = FourBar(ground=0.875, crank=0.25, coupler=0.625, rocker=0.5)
+    scene = exact.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=tuple(np.linspace(0.0, 0.8, 9)))
+    here, there = refkin.solve(scene), refkin.solve(moved_frame(scene, "coupler", (far, -far)))
+
+    assert there.verdict is Status.OK
+    assert np.max(np.abs(there["rocker"].qd[2] - here["rocker"].qd[2])) < 1e-14
+    assert np.max(np.abs(there["coupler"].qdd[2] - here["coupler"].qdd[2])) < 1e-13
+
+
+def test_changes_of_coordinates_and_of_moved_frames_go_together():
+    """Against complex steps, both ways."""
+    scene = moved_frame(at(LIMITED, 0.5), "coupler", (8.0, -16.0))
+    frames = recentred(compile_system(scene.mechanism, unit=scene.mechanism.unit()))
+    q, rate = np.linspace(-1.0, 2.0, 9), np.linspace(1.0, -3.0, 9) ** 3
+    h = 1e-6
+    inner = (frames.inward(q + h * rate) - frames.inward(q - h * rate)) / (2 * h)
+
+    assert np.any(frames.shifts)
+    assert np.max(np.abs(frames.outward(frames.inward(q)) - q)) < 1e-14
+    assert np.max(np.abs(frames.inward_rate(frames.inward(q), rate) - inner)) < 1e-7
+    assert np.max(np.abs(frames.outward_rate(frames.inward(q), inner) - rate)) < 1e-7
+
+
+@pytest.mark.parametrize("distance", [1e-4, 1e-7, 1e-10])
+def test_near_a_singularity_a_regular_pose_says_which_one(distance):
+    found = refkin.diagnose(at(CHANGE_POINT, math.pi - distance))
+
+    assert found.kind is Kind.REGULAR
+    assert "nearly singular" in found.message
+    assert "bifurcation" in found.message
+
+
+def test_solve_says_what_its_first_singular_pose_is():
+    motion = refkin.solve(CHANGE_POINT.scene(turns=1, samples=13))
+
+    assert Status.SINGULAR in motion.status
+    assert "bifurcation: the joints allow 2 motions to first order" in motion.message
+
+
+def test_a_pose_that_does_not_close_is_refused():
+    with pytest.raises(ValueError, match="no pose"):
+        refkin.diagnose(at(LIMITED, 0.5), np.zeros(9), 0.0)
+
+
+def test_redundant_rows_that_contradict_each_other_are_refused_and_have_no_diagnosis():
+    scene = three_cranks(0.0, 1e-3)
+
+    assert refkin.solve(scene).verdict is Status.UNASSEMBLABLE
+    with pytest.raises(ValueError, match="no first pose"):
+        refkin.diagnose(scene)

@@ -1,0 +1,251 @@
+"""Paths of poses: through limits of the driver in both directions, through change points, and back to their start."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin import FourBar, Polynomial, SliderCrank, compile_system
+from refkin.proof.continuation import Bifurcation, TurningPoint, driven_by, straight_on
+from refkin.proof.tracing import End
+
+LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
+ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+CHANGE_POINT = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5)
+PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
+KITE = FourBar(ground=3.0, crank=1.0, coupler=1.0, rocker=3.0)
+PULLED = SliderCrank(crank=0.25, rod=0.5)
+
+
+def driven(linkage, angle=0.5, **more):
+    """A scene whose time is the angle of the crank."""
+    return linkage.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(angle,), **more)
+
+
+def off(angle, expected):
+    return np.abs(np.angle(np.exp(1j * (angle - expected))))
+
+
+def sides(linkage, path):
+    """By which of its two closed forms each pose of a four-bar is explained: the distance to each, (2, K)."""
+    crank, rocker = path["crank"].phi, path["rocker"].phi
+    return np.array(
+        [
+            [off(b, linkage.assemble(float(a), branch)["rocker"][2]) for a, b in zip(crank, rocker, strict=True)]
+            for branch in ("open", "crossed")
+        ]
+    )
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_crank_with_limits_passes_both_and_comes_back_on_the_other_branch(direction):
+    path = refkin.follow(driven(LIMITED), direction=direction)
+    limit = LIMITED.input_range()[0][1]
+    first, second = (event.index for event in path.events)
+    by_open, by_crossed = sides(LIMITED, replace_within(path, 0.999 * limit))
+    inside = np.flatnonzero(np.abs(path.t) < 0.999 * limit)
+
+    assert path.end is End.CLOSED
+    assert [event.t for event in path.events] == pytest.approx([direction * limit, -direction * limit], abs=1e-14)
+    assert [event.is_maximum for event in path.events] == [direction > 0, direction < 0]
+    between = (inside > first) & (inside < second)
+    assert np.max(np.where(between, by_crossed, by_open)) < 1e-11
+    assert np.min(np.where(between, by_open, by_crossed)) > 1e-3
+
+
+def replace_within(path, limit):
+    """The poses of a path at parameters within a limit: at the limit itself no closed form says which side it is."""
+    return replace(path, q=path.q[:, np.abs(path.t) < limit])
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_crank_pulled_by_its_slider_goes_through_both_dead_centres_around(direction):
+    """Its stroke is from 1/4 to 3/4; the crank goes on turning one way, as no solve at given times could."""
+    scene = PULLED.scene(driven="slider", law=Polynomial(coefficients=(0.0, 1.0)), times=(0.6,))
+    path = refkin.follow(scene, direction=direction)
+    turn = np.diff(path["crank"].phi)
+
+    assert path.end is End.CLOSED
+    assert sorted(event.t for event in path.events) == pytest.approx([0.25, 0.75], abs=1e-15)
+    assert np.all(turn > 0) or np.all(turn < 0)
+    assert abs(path["crank"].phi[-1] - path["crank"].phi[0]) == pytest.approx(2 * np.pi, abs=1e-12)
+    assert (
+        np.max(
+            np.abs(0.25 * np.cos(path["crank"].phi) + np.sqrt(0.25 - (0.25 * np.sin(path["crank"].phi)) ** 2) - path.t)
+        )
+        < 1e-14
+    )
+
+
+@pytest.mark.parametrize("direction", [1, -1])
+def test_a_crank_without_limits_comes_back_after_a_turn(direction):
+    path = refkin.follow(driven(ROCKER), direction=direction)
+
+    assert path.end is End.CLOSED
+    assert path.t[-1] - path.t[0] == pytest.approx(direction * 2 * np.pi, abs=1e-12)
+    assert path["rocker"].phi[-1] == path["rocker"].phi[0]
+    assert path.events == ()
+
+
+def test_every_pose_closes_and_all_but_turning_points_are_proved_to_be_alone():
+    path = refkin.follow(driven(LIMITED))
+    not_proved = np.flatnonzero(np.isnan(path.radius))
+
+    assert np.max(path.residual) < 4e-16
+    assert set(not_proved) <= {event.index for event in path.events}
+    assert np.nanmax(path.radius) < 1e-9
+
+
+def test_the_radius_holds_the_closed_form():
+    path = refkin.follow(driven(ROCKER), until=(0.0, 6.0))
+    by_open, _ = sides(ROCKER, path)
+
+    assert np.max(by_open - path.radius * (1 + 1e-9)) < 1e-14
+
+
+def test_tangents_are_the_directions_of_the_path():
+    """Against rates of a solve: dq/dt of every pose where t does not turn."""
+    scene = driven(LIMITED)
+    path = refkin.follow(scene, until=(0.0, 1.5))
+    system = compile_system(scene.mechanism)
+
+    for k, t in enumerate(path.t):
+        assert path.tangents[k].t > 0
+        assert np.max(np.abs(path.tangents[k].rate - refkin.velocity(system, path.q[:, k], t))) < 1e-11
+
+
+def test_at_a_turning_point_the_tangent_does_not_move_the_driver():
+    path = refkin.follow(driven(LIMITED))
+    tangents = [path.tangents[event.index] for event in path.events]
+
+    assert all(abs(v.t) < 1e-7 * np.max(np.abs(v.q)) for v in tangents)
+
+
+@pytest.mark.parametrize("linkage", [CHANGE_POINT, PARALLELOGRAM, KITE], ids=["change point", "parallelogram", "kite"])
+def test_a_change_point_is_found_with_the_tangents_of_both_branches(linkage):
+    """The rates of both against closed forms near by: fourth-order differences on each side, continued across."""
+    path = refkin.follow(driven(linkage))
+    (found,) = path.events
+    h = 1e-2 * np.array([-2, -1, 1, 2])
+    rates = []
+    for before, after in (("open", "crossed"), ("crossed", "open")):  # a branch goes on as the other closed form
+        at = [linkage.assemble(np.pi + x, before if x < 0 else after)["rocker"][2] for x in h]
+        a, b, c, d = np.unwrap(at)
+        rates.append((a - 8 * b + 8 * c - d) / 0.12)
+
+    assert isinstance(found, Bifurcation)
+    assert path.end is End.BIFURCATION
+    assert found.t == pytest.approx(np.pi, abs=1e-14)
+    assert sorted(v.rate[8] for v in found.tangents) == pytest.approx(sorted(rates), abs=1e-6)
+
+
+@pytest.mark.parametrize("sign", [1, -1])
+@pytest.mark.parametrize("which", [0, 1])
+def test_from_a_change_point_each_branch_can_be_followed_in_both_directions(which, sign):
+    """On the parallelogram's the rocker is parallel to the crank; on the other it is not."""
+    scene = driven(PARALLELOGRAM)
+    (change,) = refkin.follow(scene).events
+    chosen = change.tangents[which] if sign > 0 else -change.tangents[which]
+    path = refkin.follow(scene, change, along=chosen, until=(np.pi - 1, np.pi + 1))
+    parallel = abs(chosen.rate[8] - 1.0) < 1e-6
+    away = off(path["rocker"].phi, path["crank"].phi)
+
+    assert path.end is End.RANGE
+    assert path.t[-1] == np.pi + np.sign(chosen.t)
+    assert (np.max(away) < 1e-12) == parallel
+    assert np.all((np.diff(path.t) > 0) == (chosen.t > 0))
+
+
+def test_straight_on_through_change_points_a_parallelogram_stays_one():
+    path = refkin.follow(driven(PARALLELOGRAM), until=(0.5, 13.0), choose=straight_on)
+
+    assert [event.t for event in path.events] == pytest.approx(np.pi * np.arange(1, 5), abs=1e-13)
+    assert np.max(off(path["rocker"].phi, path["crank"].phi)) < 1e-12
+
+
+@pytest.mark.parametrize("slack", [1e-4, 1e-8, 1e-12, -1e-12, -1e-8, -1e-4])
+def test_near_a_change_point_the_path_stays_on_its_curve(slack):
+    """Positive: the curves pass by each other, and t goes on. Negative: they turn back before they meet."""
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + slack)
+    path = refkin.follow(driven(linkage), until=(0.0, 6.0), most_points=500)
+
+    if slack > 0:
+        assert path.end is End.RANGE
+        assert path.t[-1] == 6.0
+        assert np.max(sides(linkage, path)[0]) < 1e-8
+    else:
+        assert isinstance(path.events[0], TurningPoint)
+        assert path.t[-1] == 0.0
+        assert path["rocker"].phi[-1] == pytest.approx(linkage.assemble(0.0, "crossed")["rocker"][2], abs=1e-9)
+
+
+def test_two_linkages_that_pass_a_near_change_point_together_stay_on_their_curves():
+    """The determinant changes its sign twice, those of the blocks once each."""
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + 1e-5)
+    m = driven(linkage).mechanism
+    bodies = [replace(b, name=f"{b.name} 2") for b in m.bodies[1:]]
+    again = {b.name: f"{b.name} 2" for b in m.bodies[1:]}
+    joints = [
+        replace(j, name=f"{j.name} 2", body_i=again.get(j.body_i, j.body_i), body_j=again.get(j.body_j, j.body_j))
+        for j in m.joints
+        if {j.body_i, j.body_j} & set(again)
+    ]
+    twice = replace(m, bodies=(*m.bodies, *bodies), joints=(*m.joints, *joints))
+    path = refkin.follow(replace(driven(linkage), mechanism=twice), until=(0.0, 6.0), max_step=0.5)
+
+    assert path.end is End.RANGE
+    assert np.max(sides(linkage, path)[0]) < 1e-8
+
+
+def test_time_may_be_the_parameter():
+    scene = ROCKER.scene(law=Polynomial(coefficients=(0.3, 2.0)), times=(0.0, 1.0))
+    path = refkin.follow(scene)
+
+    assert path.t[-1] == 1.0
+    assert path["crank"].phi[-1] == pytest.approx(2.3, abs=1e-15)
+
+
+def test_a_driver_is_the_parameter_at_the_values_that_all_drivers_have_at_first():
+    scene = driven_by(ROCKER.scene(law=Polynomial(coefficients=(0.3, 2.0, 5.0)), times=(0.1,)), "driver")
+
+    assert scene.times == (pytest.approx(0.55),)
+    assert scene.mechanism.drivers[0].law == Polynomial(coefficients=(0.0, 1.0))
+
+
+def test_an_unknown_driver_is_refused_by_name():
+    with pytest.raises(refkin.RefkinError, match="there are: driver"):
+        driven_by(ROCKER.scene(), "motor")
+
+
+def test_a_system_alone_is_refused():
+    with pytest.raises(ValueError, match="give"):
+        refkin.follow(compile_system(ROCKER.scene().mechanism))
+
+
+def test_without_a_first_pose_there_is_no_path():
+    scene = LIMITED.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(0.5,))
+    driver = replace(scene.mechanism.drivers[0], law=Polynomial(coefficients=(2.5,)))
+    path = refkin.follow(replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,))))
+
+    assert path.end is End.NO_START
+    assert path.t.size == 0
+    assert "cannot meet" in path.message
+
+
+@pytest.mark.parametrize("factor", [2.0**-30, 2.0**30])
+def test_a_path_in_another_unit_is_the_same(factor):
+    linkage = FourBar(ground=0.9 * factor, crank=0.3 * factor, coupler=0.6 * factor, rocker=0.45 * factor)
+    here, there = (refkin.follow(driven(x)) for x in (LIMITED, linkage))
+
+    assert np.max(np.abs(here.t - there.t)) < 1e-12
+
+
+def test_a_path_of_a_linkage_far_from_its_origin_is_the_same():
+    there = replace(LIMITED, origin=(1e8, -1e8))
+    here, path = (refkin.follow(driven(x)) for x in (LIMITED, there))
+
+    assert path.end is End.CLOSED
+    assert [e.t for e in path.events] == pytest.approx([e.t for e in here.events], abs=1e-7)

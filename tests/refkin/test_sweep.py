@@ -1,0 +1,271 @@
+"""What a sweep takes for a step on its branch, each condition on its own; and what is proved of the steps it takes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import refkin
+import refkin.proof.branch
+from refkin import (
+    AngleDriver,
+    Body,
+    Evidence,
+    FourBar,
+    InvertedSliderCrank,
+    Mechanism,
+    Polynomial,
+    Revolute,
+    Scene,
+    Status,
+    compile_system,
+)
+from refkin.blocks import diagonal_blocks
+from refkin.newton import NewtonResult, NewtonStatus
+from refkin.proof.branch import first_gap
+from refkin.sweep import Arrival, Sweep
+
+ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
+UNPROVED = frozenset({Evidence.CONDITION})
+
+
+def twice(scene):
+    """The scene of a four-bar with its coupler and rocker a second time, on the same crank."""
+
+    def name(body):
+        return f"{body} 2" if body in ("coupler", "rocker") else body
+
+    m = scene.mechanism
+    bodies = [replace(b, name=name(b.name)) for b in m.bodies if b.name != "crank"]
+    joints = [
+        replace(j, name=f"{j.name} 2", body_i=name(j.body_i), body_j=name(j.body_j))
+        for j in m.joints
+        if {j.body_i, j.body_j} & {"coupler", "rocker"}
+    ]
+    return replace(scene, mechanism=replace(m, bodies=(*m.bodies, *bodies), joints=(*m.joints, *joints)))
+
+
+def swept_to(t):
+    """A sweep of the rocker mechanism at two poses, and the pose at t."""
+    poses = {s: refkin.solve(ROCKER.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=(s,))) for s in (0.0, 0.1, t)}
+    m = ROCKER.scene().mechanism
+    m = replace(m, drivers=(replace(m.drivers[0], law=Polynomial(coefficients=(0.5, 1.0))),))
+    system = compile_system(m, unit=m.unit())
+    q = {s: system.to_unit(motion.q[:, 0]) for s, motion in poses.items()}
+    return Sweep(system, [0.0, 0.1], [q[0.0], q[0.1]], asked=t - 0.1), q[t]
+
+
+def newton_result(q, first, sizes):
+    """What Newton's method would return that came from `first` to q by corrections of these sizes."""
+    corrections = np.array([np.full(len(q), size) for size in sizes])
+    nothing = np.zeros_like(corrections)
+    iterates = np.array([first, *[q] * len(sizes)])
+    return NewtonResult(NewtonStatus.CONVERGED, q, iterates, nothing, corrections)
+
+
+def mirrored(sweep, q, t):
+    """The pose of the other branch at the same crank angle."""
+    other = refkin.solve(ROCKER.scene(law=Polynomial(coefficients=(0.5 + t,)), times=(0.0,), branch="crossed"))
+    return sweep.system.to_unit(other.q[:, 0])
+
+
+def test_a_step_that_meets_every_condition_is_taken():
+    sweep, q = swept_to(0.2)
+
+    assert sweep._on_branch(newton_result(q, q + 1e-3, [1e-3, 1e-5]), 0.2)
+
+
+def test_a_step_whose_second_correction_is_not_small_is_not_taken():
+    sweep, q = swept_to(0.2)
+
+    assert not sweep._on_branch(newton_result(q, q + 1e-3, [1e-3, 2e-4]), 0.2)
+
+
+def test_a_step_far_from_its_prediction_is_not_taken():
+    sweep, q = swept_to(0.2)
+
+    assert not sweep._on_branch(newton_result(q, q + 0.05, [0.05, 1e-4]), 0.2)
+
+
+def test_a_first_step_that_moves_far_is_not_taken():
+    sweep, q = swept_to(0.9)
+    alone = Sweep(sweep.system, sweep.t[1:], sweep.q[1:], asked=0.8)
+
+    assert not alone._on_branch(newton_result(q, q + 1e-3, [1e-3, 1e-5]), 0.9)
+
+
+def test_a_step_to_the_other_side_is_not_taken(monkeypatch):
+    monkeypatch.setattr("refkin.sweep.FURTHEST", np.inf)
+    sweep, _ = swept_to(0.2)
+    q = mirrored(sweep, None, 0.2)
+
+    assert not sweep._on_branch(newton_result(q, q + 1e-3, [1e-3, 1e-5]), 0.2)
+
+
+def test_a_step_that_turns_a_body_by_a_whole_turn_is_not_taken():
+    sweep, q = swept_to(0.2)
+    turned = q + np.where(np.arange(len(q)) == 5, 2 * np.pi, 0.0)
+
+    assert not sweep._on_branch(newton_result(turned, turned + 1e-3, [1e-3, 1e-5]), 0.2)
+
+
+def test_from_a_singular_pose_no_step_is_taken():
+    scene = PARALLELOGRAM.scene(law=Polynomial(coefficients=(np.pi / 2, 1.0)), times=(0.0,))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    sweep = Sweep(system, [0.0], [system.to_unit(refkin.solve(scene).q[:, 0])])
+
+    assert sweep.to(np.pi / 2) is Arrival.AT_SINGULAR_POSE
+    steps = len(sweep.t)
+    assert sweep.to(2.0) is Arrival.STOPPED
+    assert len(sweep.t) == steps
+
+
+@pytest.mark.parametrize(("first", "taken"), [(5e-7, False), (1e-8, True)])
+def test_near_a_singular_pose_small_corrections_are_excused_only_where_no_other_root_is_so_near(first, taken):
+    """Before a flat pose, at 1e-5 from it, sigma is about as small, and the other root as near."""
+    law = Polynomial(coefficients=(np.pi / 2, 1.0))
+    scene = PARALLELOGRAM.scene(law=law, times=tuple(np.pi / 2 - np.array([3e-5, 2e-5, 1e-5])))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = system.to_unit(refkin.solve(scene).q)
+    sweep = Sweep(system, list(scene.times[:2]), [q[:, 0], q[:, 1]], asked=1.0)
+
+    assert sweep._on_branch(newton_result(q[:, 2], q[:, 2] + first, [first, first / 2]), scene.times[2]) is taken
+
+
+def test_a_step_from_which_newton_did_not_converge_is_not_taken():
+    sweep, q = swept_to(0.2)
+    result = replace(newton_result(q, q + 1e-3, [1e-3, 1e-5]), status=NewtonStatus.ITERATION_LIMIT)
+
+    assert not sweep._on_branch(result, 0.2)
+
+
+@pytest.mark.parametrize("evidence", [UNPROVED, frozenset(Evidence)], ids=["tests alone", "proved"])
+@pytest.mark.parametrize("slack", [1e-3, -1e-5, 1e-7, -1e-9, 1e-11])
+def test_two_linkages_that_pass_a_near_change_point_together_stay_on_their_branches(slack, evidence):
+    """Both signs change at once, and so that of det phi_q does not: a coarse step was carried over, with verdict ok."""
+    linkage = FourBar(ground=3.0, crank=1.25, coupler=2.5, rocker=1.25 - slack + 2 * 0.375)
+    times = tuple(np.linspace(0.0, 7.0, 8))
+    scene = linkage.scene(law=Polynomial(coefficients=(5.6, 1.0)), times=times, branch="crossed")
+    motion = refkin.solve(replace(twice(scene), evidence=evidence, effects=frozenset()))
+    expected = np.array([linkage.assemble(phi, "crossed")["rocker"][2] for phi in motion["crank"].phi])
+    off = np.abs(np.angle(np.exp(1j * (motion["rocker 2"].phi - expected))))
+    ok = np.array([s is Status.OK for s in motion.status])
+
+    assert ok[0]
+    assert np.max(off[ok]) < 1e-8
+
+
+@pytest.mark.parametrize("samples", [5, 8, 14, 30, 100])
+def test_without_proofs_a_flat_parallelogram_ends_the_branch(samples):
+    times = tuple(np.linspace(0.0, 4.0, samples))
+    scene = PARALLELOGRAM.scene(law=Polynomial(coefficients=(1.0, 1.0)), times=times)
+    motion = refkin.solve(replace(scene, evidence=frozenset()))
+
+    assert all((s is Status.OK) == (t < np.pi - 1.0) for s, t in zip(motion.status, times, strict=True))
+
+
+def test_a_doubtful_step_that_is_not_proved_ends_the_branch(monkeypatch):
+    """A pin that passes its slot's pivot at 1e-9: rounding hides there whether Newton contracts."""
+    scene = InvertedSliderCrank(ground=1.0 + 1e-9, crank=1.0).scene(turns=1, samples=9)
+    before = refkin.solve(scene)
+    asked = []
+    monkeypatch.setattr("refkin.analysis.first_gap", lambda *a: asked.append(a[-1]) or asked[-1][0])
+    after = refkin.solve(scene)
+
+    assert before.verdict is Status.OK
+    assert asked[0]
+    assert after.verdict is Status.BRANCH_LOST
+
+
+@pytest.mark.parametrize("distance", [1e-3, 1e-6, 1e-9, 1e-12])
+def test_a_pin_that_passes_the_pivot_of_its_slot_is_followed(distance):
+    """The slot turns by half a turn within about a distance: by its law, atan2 of the pin from the pivot."""
+    ground = 1.0 + distance
+    motion = refkin.solve(InvertedSliderCrank(ground=ground, crank=1.0).scene(turns=1, samples=37))
+    phi = motion["crank"].phi
+    # 1 + d - cos is 2 sin^2 + d, without cancellation.
+    away = 2 * np.sin(phi / 2) ** 2 + (ground - 1.0)
+    slot = next(b for b in motion.bodies if b != "crank" and np.ptp(motion[b].phi) > 0.1)
+    expected = np.arctan2(-np.sin(phi), away)
+    off = np.abs(np.sin(motion[slot].phi - expected))
+
+    assert motion.verdict is Status.OK
+    assert np.max(off / (1e-15 + 1e-15 / np.hypot(np.sin(phi), away))) < 8
+
+
+def test_a_certified_motion_is_that_of_the_plain_solve():
+    scene = ROCKER.scene(turns=2, samples=9)
+    plain, certified = refkin.solve(scene), refkin.solve(scene, certified=True)
+
+    assert certified.verdict is Status.OK
+    assert np.array_equal(plain.q, certified.q)
+
+
+def test_a_jump_to_the_other_branch_is_no_motion():
+    """Both poses are certified, and Newton finds either: only the tube between them is missing."""
+    law, t = Polynomial(coefficients=(0.5, 1.0)), (0.0, 0.1, 0.2)
+    scene = ROCKER.scene(law=law, times=t)
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    here, there = (
+        system.to_unit(refkin.solve(ROCKER.scene(law=law, times=t, branch=b)).q) for b in ("open", "crossed")
+    )
+
+    assert first_gap(system, t, here) is None
+    assert first_gap(system, t, np.column_stack([here[:, :2], there[:, 2:]])) == 1
+
+
+def test_a_singular_pose_is_reported_where_the_motion_is_certified_up_to_it():
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5)
+    motion = refkin.solve(linkage.scene(turns=1, samples=13), certified=True)
+
+    assert list(motion.status[:7]) == [*[Status.OK] * 6, Status.SINGULAR]
+    assert set(motion.status[7:]) == {Status.BRANCH_LOST}
+
+
+def test_dyads_are_blocks_of_their_own():
+    m = twice(ROCKER.scene()).mechanism
+    system = compile_system(m, unit=m.unit())
+    generic = np.sqrt(np.arange(2, system.n + 2))
+    found = diagonal_blocks(system.phi_q(generic, 0.0) != 0)
+
+    assert sorted(len(rows) for rows, _ in found) == [1, 1, 1, 6, 6]
+
+
+def test_a_pattern_without_a_matching_is_one_block():
+    pattern = np.array([[True, False], [True, False]])
+
+    assert [len(rows) for rows, _ in diagonal_blocks(pattern)] == [2]
+
+
+def three_cranks(offset, error=0.0, angle=0.3):
+    """A parallelogram with a third crank, its ground points on a line at an angle, far from the origin."""
+    along = np.array([np.cos(angle), np.sin(angle)])
+    ground = {k: tuple((offset * np.array([1.0, 0.3]) + k * along).tolist()) for k in (0.0, 1.5, 3.0)}
+    names = {0.0: "first", 1.5: "middle", 3.0: "last"}
+    bodies = [Body(name=names[k], estimate=(*ground[k], 0.7)) for k in ground]
+    pin = (ground[0.0][0] + np.cos(0.7), ground[0.0][1] + np.sin(0.7))
+    bodies.append(Body(name="coupler", estimate=(*pin, angle)))
+    joints = []
+    for k, name in names.items():
+        base = (ground[k][0] + (error if k == 1.5 else 0.0), ground[k][1])
+        joints.append(Revolute(name=f"{name} 0", body_i="ground", point_i=base, body_j=name, point_j=(0.0, 0.0)))
+        joints.append(
+            Revolute(name=f"{name} 1", body_i=name, point_i=(1.0, 0.0), body_j="coupler", point_j=(float(k), 0.0))
+        )
+    motor = AngleDriver(name="motor", body="first", law=Polynomial(coefficients=(0.7, 1.0)))
+    mechanism = Mechanism(bodies=tuple(bodies), joints=tuple(joints), drivers=(motor,))
+    return Scene(name="three cranks", mechanism=mechanism, times=(0.0, 0.1, 0.2, 0.3))
+
+
+@pytest.mark.parametrize("angle", [0.0, 0.3, 2.9])
+@pytest.mark.parametrize("offset", [0.0, 1e3, 1e6, 1e8])
+def test_redundant_rows_agree_up_to_the_rounding_of_ground_points_far_away(offset, angle):
+    assert refkin.solve(three_cranks(offset, angle=angle)).verdict is Status.OK
+
+
+@pytest.mark.parametrize(("offset", "error"), [(0.0, 1e-12), (1e3, 1e-9), (1e6, 1e-6), (1e8, 1e-4)])
+def test_redundant_rows_that_rounding_does_not_explain_are_refused(offset, error):
+    assert refkin.solve(three_cranks(offset, error)).verdict is Status.UNASSEMBLABLE

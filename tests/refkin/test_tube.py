@@ -1,0 +1,99 @@
+"""Intervals of time on which one motion is proved to be the only one near a pose; starts from anywhere."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from flint import arb, ctx
+
+import refkin
+from refkin import FourBar, Polynomial, SliderCrank, Status, compile_system
+from refkin.proof.tube import certified_interval
+
+ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
+
+
+def interval(scene):
+    """The certified interval around the scene's first time, and its system and pose."""
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = system.to_unit(refkin.solve(scene).q[:, 0])
+    t = scene.times[0]
+    return certified_interval(system, q, t, refkin.velocity(system, q, t)), system, q
+
+
+def at_limit(d):
+    return LIMITED.scene(law=Polynomial(coefficients=(LIMITED.input_range()[0][1] - d, 1.0)), times=(0.0,))
+
+
+@pytest.mark.parametrize("d", [0.5, 1e-2, 1e-4, 1e-6, 1e-8])
+def test_the_interval_before_a_limit_does_not_reach_it_and_is_a_good_part_of_the_way(d):
+    found, _, _ = interval(at_limit(d))
+
+    assert found.delta < d
+    assert found.delta > d / 100
+
+
+@pytest.mark.parametrize("angle", [0.3, 1.7, 3.0, 5.5])
+def test_the_motion_stays_in_the_tube_all_over_the_interval(angle):
+    scene = ROCKER.scene(law=Polynomial(coefficients=(angle, 1.0)), times=(0.0,))
+    found, system, q = interval(scene)
+    rate = refkin.velocity(system, q, 0.0)
+    for s in np.linspace(-1.0, 1.0, 9) * found.delta:
+        there = ROCKER.scene(law=Polynomial(coefficients=(angle + s, 1.0)), times=(0.0,))
+        away = system.to_unit(refkin.solve(there).q[:, 0]) - q - s * rate
+        assert np.all(np.abs(away) <= found.radii + 1e-15)
+
+
+def test_at_a_singular_pose_no_interval_is_certified():
+    scene = SliderCrank(0.25, 0.5).scene(driven="slider", law=Polynomial(coefficients=(0.75, -0.1)), times=(0.0,))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = system.to_unit(refkin.solve(scene).q[:, 0])
+
+    assert certified_interval(system, q, 0.0, np.zeros_like(q)).delta == 0.0
+
+
+def test_a_law_that_moves_fast_has_a_short_interval():
+    """The same motion at a thousand times the speed: an interval a thousand times shorter."""
+    slow, _, _ = interval(ROCKER.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=(0.0,)))
+    fast, _, _ = interval(ROCKER.scene(law=Polynomial(coefficients=(0.5, 1000.0)), times=(0.0,)))
+
+    assert fast.delta == pytest.approx(slow.delta / 1000, rel=0.1)
+
+
+def started(x):
+    """A scene whose estimates are all somewhere else."""
+    scene = ROCKER.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=(0.0,))
+    bodies = tuple(replace(b, estimate=x) for b in scene.mechanism.bodies)
+    return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+
+
+@pytest.mark.parametrize(
+    "x", [(0.0, 0.0, 0.0), (1e3, -1e3, 50.0), (1e9, 1e9, 1e6), (1e200, 0.0, 0.0), (0.0, 0.0, 1e300)]
+)
+def test_from_a_far_start_an_assembly_is_found_and_told(x):
+    motion = refkin.solve(started(x))
+    expected = [ROCKER.assemble(0.5, branch)["rocker"][2] for branch in ("open", "crossed")]
+    off = min(abs(math.remainder(motion["rocker"].phi[0] - phi, math.tau)) for phi in expected)
+
+    assert motion.verdict is Status.OK
+    assert off < 1e-9 * max(1.0, abs(motion["rocker"].phi[0]))
+    assert "assembly" in motion.message
+
+
+def test_the_radius_counts_the_rounding_of_coordinates_far_from_the_origin():
+    """The middle of the crank in metres, in 300 bits; to add an origin of 1e6 m to it rounds by up to 6e-11 m."""
+    linkage = replace(ROCKER, origin=(1e6 + 0.1, 0.0))
+    motion = refkin.solve(
+        linkage.scene(law=Polynomial(coefficients=(0.3, 1.0)), times=tuple(np.linspace(0.0, 6.0, 25)))
+    )
+    with ctx.workprec(300):
+        truth = [arb(linkage.origin[0]) + (arb(0.3) + arb(t)).cos() / 2 for t in motion.t]
+        off = np.array([float(abs(arb(float(x)) - y).upper()) for x, y in zip(motion["crank"].x, truth, strict=True)])
+    size = linkage.scene().mechanism.unit().size
+
+    assert np.max(off) > 1e-11
+    assert np.all(off <= motion.certified_radius.position * size)
