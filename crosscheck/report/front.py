@@ -58,13 +58,14 @@ def _silent(report: Report, engine: str, route: str, made: Mapping[str, Any]) ->
     """Return where a route was wrong and said nothing, and whether a known gap accounts for all of it."""
     kinds = {kind: n for kind, n in made.get("silent", {}).items() if kind != "any"}
     parts = [f"{kind}: {count(n)} scene{'s' * (n > 1)}" for kind, n in kinds.items()]
-    wrong = [
+    cases = (
         row["case"]
         for row in report["hard_cases"] or ()
         if (row["engine"], row["route"], row["verdict"]) == (engine, route, "wrong")
-    ]
+    )
+    wrong = list(dict.fromkeys(cases))
     if wrong:
-        parts.append(f"hard cases: {', '.join(wrong[:3])}{f' and {len(wrong) - 3} more' if len(wrong) > 3 else ''}")
+        parts.append(f"hard cases: {', '.join(wrong[:2])}{f' and {len(wrong) - 2} more' if len(wrong) > 2 else ''}")
     new = any(not d["known"] for d in report["disagreements"] if (d["engine"], d["route"]) == (engine, route))
     return "; ".join(parts), "bad" if new or not kinds else "gap"
 
