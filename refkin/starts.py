@@ -53,7 +53,7 @@ def find_start(system: System, scene: Scene) -> Start:
         estimate = np.where(useless, 0.0, estimate)
         first = _newton(system, t, estimate)
         contracted = first.converged and contracts(np.max(np.abs(first.corrections), axis=1))
-        if not missing and contracted and _is_root(system, first.q, t):
+        if not missing and contracted and closes(system, first.q, t):
             return Start(Status.OK, first.q)
         found = assemblies(system, t)
         if found.poses:
