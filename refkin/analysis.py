@@ -185,7 +185,7 @@ class _Answer:
         scene, wants = self.scene, self.scene.effects
         self.q[:, [k for k, s in enumerate(self.status) if s in (Status.NOT_CONVERGED, Status.UNASSEMBLABLE)]] = np.nan
         computed = (True, bool(self.system.effects), Effect.ACCELERATION in self.system.effects)
-        levels = [
+        levels: list[Any] = [
             self.system.to_physical(level, order) if computed[order] else None
             for order, level in enumerate((self.q, self.qd, self.qdd))
         ]
