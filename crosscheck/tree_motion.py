@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
+import numpy as np
+
 from crosscheck.engines import Term
 from crosscheck.joint_tree import Array
 from crosscheck.loop_closing import body_levels, march, point_levels
 from crosscheck.tree_system import TreeEngine, TreeSystem
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, PointMotion, Producer, engine_motion
+
+Accelerations = Callable[[Array, Array, float], Array]
 
 CHAIN = (
     Term(
@@ -28,8 +34,15 @@ CHAIN = (
 )
 
 
-def tree_motion(engine: TreeEngine, scene: Scene, producer: Producer) -> Motion:
+def tree_motion(
+    engine: TreeEngine, scene: Scene, producer: Producer, accelerations: Accelerations | None = None
+) -> Motion:
     """Return the motion of the bodies and points that a scene wants, at the levels it calls for.
+
+    Parameters
+    ----------
+    accelerations : callable, optional
+        What gives qdd (n,) from q, qd and t, instead of the constraints' own equations.
 
     Raises
     ------
@@ -38,6 +51,10 @@ def tree_motion(engine: TreeEngine, scene: Scene, producer: Producer) -> Motion:
     """
     order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
     found = march(TreeSystem(engine, scene.mechanism.drivers), scene.times, order)
+    if accelerations is not None and order == 2:
+        q, qd, qdd = found.levels
+        for k in np.flatnonzero(np.isfinite(qdd).all(axis=0)):
+            qdd[:, k] = accelerations(q[:, k], qd[:, k], scene.times[k])
     points = {p.name: _reported(scene, point_levels(engine, found, p.body, p.position)) for p in scene.points}
     return engine_motion(
         scene.times,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import exudyn as exu
@@ -30,6 +30,8 @@ class ExudynModel:
         Joints and drivers that exudyn can express.
     unit : Unit
         Length of one unit, and the ground point that becomes the origin.
+    more : callable, optional
+        Adds to the system what is no constraint, before it is assembled.
 
     Attributes
     ----------
@@ -43,13 +45,21 @@ class ExudynModel:
 
     owns_driver = True
 
-    def __init__(self, bodies: Sequence[Body], constraints: Sequence[Constraint], unit: Unit = SI) -> None:
+    def __init__(
+        self,
+        bodies: Sequence[Body],
+        constraints: Sequence[Constraint],
+        unit: Unit = SI,
+        more: Callable[[Builder], None] | None = None,
+    ) -> None:
         exu.config.printToConsole = False  # for the whole process: exudyn knows no smaller scope
         exu.config.suppressWarnings = True
         self.clock = Clock()
         self.container = exu.SystemContainer()
         self.mbs = self.container.AddSystem()
         builder = Builder(self.mbs, bodies, constraints, unit, self.clock)
+        if more is not None:
+            more(builder)
         self.mbs.Assemble()
         self.data = self.mbs.systemData
         for k, body in enumerate(bodies):
