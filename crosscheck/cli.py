@@ -232,6 +232,33 @@ def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECOND
     return DISAGREEMENT if record["disagreements"] else PASS
 
 
+@app.command
+def effects(
+    scene: Path, *, engines: str = ENGINES, as_json: Annotated[bool, Parameter(name="--json", negative="")] = False
+) -> int:
+    """Show what every effect costs on a scene, and whether one that is not called for changes anything.
+
+    Exit codes: 0 done, 1 an effect changes another number of the reference, 2 usage or invalid scene, 3 engine missing.
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML, or JSON if it ends in .json); its first times are measured.
+    engines
+        Names, separated by commas, or `file.py:Class`.
+    as_json
+        Print one JSON object instead of a table.
+    """
+    from crosscheck.effects.show import run as show  # here, because no other command needs it
+
+    read_scene = load(scene)
+    found, missing = find_engines(_names(engines, always=()))
+    inert = show(read_scene, [spec for spec, _ in found.values()], list(missing.values()), as_json)
+    if missing:
+        return ENGINE_MISSING
+    return PASS if inert else DISAGREEMENT
+
+
 @app.command(name="schema")
 def print_schema() -> int:
     """Print the JSON schema of scene files, for editors."""

@@ -11,7 +11,7 @@ import gc
 import math
 import time
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 ROUNDS = 7
 """How often each work gets its turn."""
@@ -29,10 +29,13 @@ class Timing:
         The least of all rounds [s]: what disturbs a measurement only ever adds to it.
     spread : float
         How far the median round lies above the least, as a part of it.
+    turns : tuple of float
+        One call in each round [s]: works that were timed together had their turns side by side.
     """
 
     seconds: float
     spread: float
+    turns: tuple[float, ...] = field(default=(), repr=False)
 
 
 def timed_in_turns(
@@ -90,4 +93,4 @@ def _turn(work: Callable[[], object], count: int) -> float:
 
 def _timing(seconds: list[float]) -> Timing:
     least, middle = min(seconds), sorted(seconds)[len(seconds) // 2]
-    return Timing(seconds=least, spread=middle / least - 1.0)
+    return Timing(seconds=least, spread=middle / least - 1.0, turns=tuple(seconds))

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import hypot, sqrt
+
+import numpy as np
 
 from crosscheck.engines import Term
 from crosscheck.joint_tree import Array
@@ -11,6 +14,8 @@ from crosscheck.tree_system import TreeEngine, TreeSystem
 from refkin.joints import GROUND, Distance
 from refkin.model import Effect, Mechanism, Scene
 from refkin.motion import Motion, PointMotion, Producer, engine_motion
+
+Accelerations = Callable[[Array, Array, float], Array]
 
 CHAIN = (
     Term(
@@ -60,8 +65,15 @@ def link_terms(mechanism: Mechanism) -> tuple[Term, ...]:
     )
 
 
-def tree_motion(engine: TreeEngine, scene: Scene, producer: Producer) -> Motion:
+def tree_motion(
+    engine: TreeEngine, scene: Scene, producer: Producer, accelerations: Accelerations | None = None
+) -> Motion:
     """Return the motion of the bodies and points that a scene wants, at the levels it calls for.
+
+    Parameters
+    ----------
+    accelerations : callable, optional
+        What gives qdd (n,) from q, qd and t, instead of the constraints' own equations.
 
     Raises
     ------
@@ -69,9 +81,12 @@ def tree_motion(engine: TreeEngine, scene: Scene, producer: Producer) -> Motion:
         If a body of the scene has no estimate.
     """
     order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
-    return marched_motion(
-        engine, scene, march(TreeSystem(engine, scene.mechanism.drivers), scene.times, order), producer
-    )
+    found = march(TreeSystem(engine, scene.mechanism.drivers), scene.times, order)
+    if accelerations is not None and order == 2:
+        q, qd, qdd = found.levels
+        for k in np.flatnonzero(np.isfinite(qdd).all(axis=0)):
+            qdd[:, k] = accelerations(q[:, k], qd[:, k], scene.times[k])
+    return marched_motion(engine, scene, found, producer)
 
 
 def marched_motion(engine: TreeEngine, scene: Scene, found: March, producer: Producer) -> Motion:

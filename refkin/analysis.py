@@ -9,6 +9,7 @@ acceleration phi_q qdd = gamma      linear
 
 from __future__ import annotations
 
+from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
@@ -50,14 +51,14 @@ def position(system: System, q0: Any, t: float, **options: Any) -> NewtonResult:
     return newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), q0, **options)
 
 
-def velocity(system: System, q: Any, t: Any) -> Any:
-    """Return qd with phi_q qd = nu, in the shape of q: (n,) or (n, B)."""
-    return _solve(system.phi_q(q, t), system.nu(q, t))
+def velocity(system: System, q: Any, t: Any, phi_q: Any = None) -> Any:
+    """Return qd with phi_q qd = nu, in the shape of q: (n,) or (n, B); `phi_q` at q, t is evaluated unless given."""
+    return _solve(system.phi_q(q, t) if phi_q is None else phi_q, system.nu(q, t))
 
 
-def acceleration(system: System, q: Any, qd: Any, t: Any) -> Any:
-    """Return qdd with phi_q qdd = gamma, in the shape of q: (n,) or (n, B)."""
-    return _solve(system.phi_q(q, t), system.gamma(q, qd, t))
+def acceleration(system: System, q: Any, qd: Any, t: Any, phi_q: Any = None) -> Any:
+    """Return qdd with phi_q qdd = gamma, in the shape of q: (n,) or (n, B); `phi_q` as in `velocity`."""
+    return _solve(system.phi_q(q, t) if phi_q is None else phi_q, system.gamma(q, qd, t))
 
 
 def solve(scene: Scene, *, certified: bool = False) -> Motion:
@@ -154,14 +155,13 @@ class _Answer:
 
     def judge(self, lanes: Any) -> None:
         """Fill rates and evidence of the poses that were reached, and give each its status."""
-        self._look(lanes)
-        solvable = self.condition[lanes] < 1.0 / (self.system.n * EPS)
+        solvable, regular = self._look(lanes)
         self._rates(lanes[solvable])
         proved = Evidence.CERTIFICATE in self.scene.evidence
         # Redundant rows that contradict each other leave a residual at a regular pose, or none but in the rates: proof
         # decides there.
         redundant = self.system.m > self.system.n and bool(self.system.effects)
-        ok = np.where(proved or redundant, False, self._closed(lanes) & (self.sigma_min[lanes] > SINGULAR))
+        ok = np.where(proved or redundant, False, self._closed(lanes) & regular)
         for group in (lanes[~ok & solvable], lanes[~ok & ~solvable]):
             ok[np.isin(lanes, group)] = self._prove(group)
         closed = self._closed(lanes)
@@ -179,28 +179,41 @@ class _Answer:
         for radii in (self.radius.position, self.radius.velocity, self.radius.acceleration):
             radii[failed] = np.nan
 
-    def _look(self, lanes: Any) -> None:
-        """Fill residual, sigma_min and condition."""
-        q, t = self.q[:, lanes], self.t[lanes]
-        self.residual[lanes] = np.max(np.abs(self.system.phi(q, t)), axis=0)
-        sigma = np.linalg.svd(np.moveaxis(self.system.phi_q(q, t), -1, 0), compute_uv=False)
-        self.sigma_min[lanes] = sigma[:, self.system.n - 1]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            self.condition[lanes] = sigma[:, 0] / self.sigma_min[lanes]
-
     def _closed(self, lanes: Any) -> Any:
         """Return whether the residual of each pose is round-off."""
         size = np.maximum(1.0, np.max(np.abs(self.q[:, lanes]), axis=0))
         return self.residual[lanes] <= 32 * EPS * size
+
+    def _look(self, lanes: Any) -> tuple[Any, Any]:
+        """Fill the residual; return where phi_q can be solved with, and where its sigma_min is above SINGULAR.
+
+        Singular values are computed where the scene calls for them, and where a bound that costs less leaves doubt.
+        """
+        q, t, n = self.q[:, lanes], self.t[lanes], self.system.n
+        self.residual[lanes] = np.max(np.abs(self.system.phi(q, t)), axis=0)
+        jacobian = np.moveaxis(self.system.phi_q(q, t), -1, 0)
+        solvable = np.zeros(len(lanes), bool)
+        if Evidence.CONDITION not in self.scene.evidence:
+            limit = np.maximum(SINGULAR, n * EPS * np.linalg.norm(jacobian, axis=(1, 2)))
+            solvable = _at_least(jacobian) > 2 * limit  # 2: the bound is rounded
+        regular, asked = solvable.copy(), ~solvable
+        if asked.any():
+            sigma = np.linalg.svd(jacobian[asked], compute_uv=False)
+            smallest = self.sigma_min[lanes[asked]] = sigma[:, n - 1]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                self.condition[lanes[asked]] = sigma[:, 0] / smallest
+            solvable[asked], regular[asked] = smallest > n * EPS * sigma[:, 0], smallest > SINGULAR
+        return solvable, regular
 
     def _rates(self, lanes: Any) -> None:
         """Fill velocity and acceleration, as far as the scene calls for them."""
         if not self.system.effects or not lanes.size:
             return
         q, t = self.q[:, lanes], self.t[lanes]
-        self.qd[:, lanes] = velocity(self.system, q, t)
+        phi_q = self.system.phi_q(q, t)
+        self.qd[:, lanes] = velocity(self.system, q, t, phi_q)
         if Effect.ACCELERATION in self.system.effects:
-            self.qdd[:, lanes] = acceleration(self.system, q, self.qd[:, lanes], t)
+            self.qdd[:, lanes] = acceleration(self.system, q, self.qd[:, lanes], t, phi_q)
 
     def _prove(self, lanes: Any) -> Any:
         """Return which poses are isolated, by proof, and note the proved radii."""
@@ -258,7 +271,11 @@ class _Answer:
         """Return the answer in metres, for the bodies and effects that the scene calls for."""
         scene, wants = self.scene, self.scene.effects
         self.q[:, [k for k, s in enumerate(self.status) if s in (Status.NOT_CONVERGED, Status.UNASSEMBLABLE)]] = np.nan
-        levels = [self.system.to_physical(level, order) for order, level in enumerate((self.q, self.qd, self.qdd))]
+        computed = (True, bool(self.system.effects), Effect.ACCELERATION in self.system.effects)
+        levels: list[Any] = [
+            self.system.to_physical(level, order) if computed[order] else None
+            for order, level in enumerate((self.q, self.qd, self.qdd))
+        ]
         called = (True, Effect.VELOCITY in wants, Effect.ACCELERATION in wants)
         rows = np.concatenate([np.r_[self.system.columns(b)] for b in scene.wanted])
         condition = Evidence.CONDITION in scene.evidence
@@ -293,11 +310,22 @@ class _Answer:
         found = {}
         for point in self.scene.points:
             at = self.system.columns(point.body)
-            motion = point_motion(point.position, *(level[at] for level in levels))
-            found[point.name] = PointMotion(
-                r=motion.r, v=motion.v if called[1] else None, a=motion.a if called[2] else None
-            )
+            motion = point_motion(point.position, *(None if level is None else level[at] for level in levels))
+            found[point.name] = replace(motion, v=motion.v if called[1] else None)
         return found
+
+
+def _at_least(matrices: Any) -> Any:
+    """Return a lower bound of the smallest singular value of each matrix (B, m, n), m >= n; 0 if none is known.
+
+    It is 1 / |M^-1| in Frobenius's norm, at most sqrt(n) below that value; of redundant rows the factor R has the
+    singular values.
+    """
+    square = matrices if matrices.shape[1] == matrices.shape[2] else np.linalg.qr(matrices, mode="r")
+    try:
+        return 1.0 / np.linalg.norm(np.linalg.inv(square), axis=(1, 2))
+    except np.linalg.LinAlgError:  # one of them is singular to the last bit
+        return np.zeros(len(matrices))
 
 
 def _solve(matrix: Any, right: Any) -> Any:

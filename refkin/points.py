@@ -32,17 +32,20 @@ from refkin.vec import BodyValues, Vec
 
 @dataclass(frozen=True, kw_only=True)
 class PointParts:
-    """A point's position [m] and the parts of its velocity [m/s] and acceleration [m/s^2], each (2,) or (2, T)."""
+    """A point's position [m] and the parts of its velocity [m/s] and acceleration [m/s^2], each (2,) or (2, T).
+
+    Parts that were not called for are None.
+    """
 
     r: Any
-    v_origin: Any
-    v_turning: Any
-    v_relative: Any
-    a_origin: Any
-    a_normal: Any
-    a_tangential: Any
-    a_coriolis: Any
-    a_relative: Any
+    v_origin: Any = None
+    v_turning: Any = None
+    v_relative: Any = None
+    a_origin: Any = None
+    a_normal: Any = None
+    a_tangential: Any = None
+    a_coriolis: Any = None
+    a_relative: Any = None
 
     @property
     def v(self) -> Any:
@@ -55,30 +58,33 @@ class PointParts:
         return self.a_origin + self.a_tangential + self.a_normal + self.a_coriolis + self.a_relative
 
 
-def point_parts(u: Any, q: Any, qd: Any, qdd: Any, ud: Any = (0.0, 0.0), udd: Any = (0.0, 0.0)) -> PointParts:
-    """Return the motion of a point that moves in a body, by parts.
+def point_parts(
+    u: Any, q: Any, qd: Any = None, qdd: Any = None, ud: Any = (0.0, 0.0), udd: Any = (0.0, 0.0)
+) -> PointParts:
+    """Return the motion of a point that moves in a body, by parts; those of rates that are None are not computed.
 
     Parameters
     ----------
     u, ud, udd : pair of float or of (T,) array
         Place [m], velocity and acceleration of the point in the body's own frame; at rest there by default.
     q, qd, qdd : (3,) or (3, T) array
-        The body's coordinates (x [m], y [m], phi [rad]) and their rates.
+        The body's coordinates (x [m], y [m], phi [rad]) and their rates; qdd only with qd.
     """
-    body, omega, alpha = BodyValues(*q), qd[2], qdd[2]
-    arm, relative, relative_rate = (body.turned(Vec(*local)) for local in (u, ud, udd))
+    body = BodyValues(*q)
+    arm = body.turned(Vec(*u))
+    rows = {"r": body.r + arm}
+    if qd is not None:
+        omega, relative = qd[2], body.turned(Vec(*ud))
+        rows["v_origin"] = Vec(qd[0], qd[1])
+        rows["v_turning"] = arm.perp() * omega
+        rows["v_relative"] = relative
+        if qdd is not None:
+            rows["a_origin"] = Vec(qdd[0], qdd[1])
+            rows["a_normal"] = arm * -(omega * omega)
+            rows["a_tangential"] = arm.perp() * qdd[2]
+            rows["a_coriolis"] = relative.perp() * (2 * omega)
+            rows["a_relative"] = body.turned(Vec(*udd))
     zero = 0.0 * (q[0] + arm.x)
-    rows = {
-        "r": body.r + arm,
-        "v_origin": Vec(qd[0], qd[1]),
-        "v_turning": arm.perp() * omega,
-        "v_relative": relative,
-        "a_origin": Vec(qdd[0], qdd[1]),
-        "a_normal": arm * -(omega * omega),
-        "a_tangential": arm.perp() * alpha,
-        "a_coriolis": relative.perp() * (2 * omega),
-        "a_relative": relative_rate,
-    }
     return PointParts(**{name: np.array([row.x + zero, row.y + zero]) for name, row in rows.items()})
 
 
@@ -90,10 +96,9 @@ def point_motion(position: Pair, q: Any, qd: Any = None, qdd: Any = None) -> Poi
     position : pair of float
         The point in the body's own frame [m].
     q, qd, qdd : (3, T) array
-        The body's coordinates (x, y, phi) and their rates; rates that are None are not reported.
+        The body's coordinates (x, y, phi) and their rates; qdd only with qd. What is None has no part in it.
     """
-    still = np.zeros_like(q)
-    parts = point_parts(position, q, still if qd is None else qd, still if qdd is None else qdd)
+    parts = point_parts(position, q, qd, qdd)
     return PointMotion(r=parts.r, v=None if qd is None else parts.v, a=None if qdd is None else parts.a)
 
 

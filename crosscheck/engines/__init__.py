@@ -99,6 +99,24 @@ class EngineError(Exception):
     """An engine that was asked for what it refuses, or that failed in a way that is no status."""
 
 
+PHYSICAL = ("gravity", "contact", "friction", "joint limits", "passive forces", "actuation", "sensors", "inertia")
+"""What a kinematic scene never calls for: every adapter has it switched off or at its least."""
+
+
+@runtime_checkable
+class Simulating(Protocol):
+    """What an engine offers if it can be made to simulate more than kinematics, for the ledger of effects."""
+
+    def physical_effects(self) -> Mapping[str, str]:
+        """Return each of `PHYSICAL` that the engine has, with what is done to switch it on."""
+
+    def with_effect(self, effect: str) -> Engine:
+        """Return the engine with an effect switched on behind the back of the scene."""
+
+    def dynamic_routes(self) -> Sequence[Route]:
+        """Return the routes through the engine's dynamics, which answer no scene but may feel an effect."""
+
+
 class ConstraintModel(Protocol):
     """An engine's own constraint rows, in the engine's own order and sign; `rows` maps ours onto them.
 

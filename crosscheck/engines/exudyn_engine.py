@@ -9,7 +9,7 @@ exudyn does no velocity or acceleration analysis and exposes no linear solver, s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import exudyn as exu
 import numpy as np
@@ -28,6 +28,7 @@ from crosscheck.engines import (
     refusals,
     table_key,
 )
+from crosscheck.engines.exudyn_effects import EFFECTS
 from crosscheck.engines.exudyn_model import ExudynModel, quiet_settings
 from crosscheck.engines.exudyn_solve import Marcher, Poses, ShippedSolve, StaticNewton
 from refkin.joints import SI, Unit
@@ -79,10 +80,31 @@ CAPABILITIES: Capabilities = {
 
 
 class Exudyn:
-    """exudyn 1.13, two-dimensional rigid bodies and joints."""
+    """exudyn 1.13, two-dimensional rigid bodies and joints.
+
+    Parameters
+    ----------
+    effect : str, optional
+        One of `exudyn_effects.EFFECTS`, switched on in every model that solves: for the ledger of effects.
+    """
 
     name = "exudyn"
     api = API
+
+    def __init__(self, effect: str | None = None) -> None:
+        self.effect = effect
+
+    def physical_effects(self) -> Mapping[str, str]:
+        """Return what exudyn can simulate beside kinematics, and how it is switched on."""
+        return {name: effect.told for name, effect in EFFECTS.items()}
+
+    def with_effect(self, effect: str) -> Exudyn:
+        """Return exudyn with an effect switched on."""
+        return Exudyn(effect)
+
+    def dynamic_routes(self) -> Sequence[Route]:
+        """Return none: its static solver feels forces as it is."""
+        return ()
 
     def version(self) -> str:
         """Return exudyn's version."""
@@ -128,7 +150,8 @@ class Exudyn:
             raise EngineError(f"exudyn has no route {route.name!r}; there are: {known}")
         self._refuse(scene)
         unit = scene.mechanism.unit() if route == STATIC else SI
-        model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit)
+        more = None if self.effect is None else EFFECTS[self.effect].add
+        model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit, more=more)
         try:
             poses = _march(model, scene, route, unit)
         finally:

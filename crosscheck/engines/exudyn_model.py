@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import exudyn as exu
@@ -32,6 +32,8 @@ class ExudynModel:
         Length of one unit, and the ground point that becomes the origin.
     mass : float
         Mass and inertia of each body: none for kinematics, some for exudyn's time integration.
+    more : callable, optional
+        Adds to the system what is no constraint, before it is assembled.
 
     Attributes
     ----------
@@ -46,7 +48,12 @@ class ExudynModel:
     owns_driver = True
 
     def __init__(
-        self, bodies: Sequence[Body], constraints: Sequence[Constraint], unit: Unit = SI, mass: float = 0.0
+        self,
+        bodies: Sequence[Body],
+        constraints: Sequence[Constraint],
+        unit: Unit = SI,
+        mass: float = 0.0,
+        more: Callable[[Builder], None] | None = None,
     ) -> None:
         exu.config.printToConsole = False  # for the whole process: exudyn knows no smaller scope
         exu.config.suppressWarnings = True
@@ -54,6 +61,8 @@ class ExudynModel:
         self.container = exu.SystemContainer()
         self.mbs = self.container.AddSystem()
         builder = Builder(self.mbs, bodies, constraints, unit, self.clock, mass)
+        if more is not None:
+            more(builder)
         self.mbs.Assemble()
         self.data = self.mbs.systemData
         for k, body in enumerate(bodies):

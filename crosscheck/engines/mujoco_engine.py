@@ -1,12 +1,14 @@
 """MuJoCo as an engine: its own residual, Jacobian and drift term, in absolute coordinates and in a joint tree.
 
 MuJoCo closes loops by soft forces, never exactly. Its constraint rows are exact all the same, so that the adapter runs
-Newton on them; MuJoCo's dynamics and solver are used on the route of its shipped defaults alone (`mujoco_shipped`).
+Newton on them. MuJoCo's dynamics and solver are used on the route of its shipped defaults (`mujoco_shipped`), and by
+the route through mj_forward, which answers no scene: it is for the ledger of effects, to show what is felt there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -24,13 +26,14 @@ from crosscheck.engines import (
     refusals,
     table_key,
 )
+from crosscheck.engines.mujoco_effects import EFFECTS, affected
 from crosscheck.engines.mujoco_model import Plan, mujoco
 from crosscheck.engines.mujoco_rows import MujocoRows
 from crosscheck.engines.mujoco_shipped import STEPPED, soft, stepped
 from crosscheck.frames import RowMap
 from crosscheck.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
-from crosscheck.tree_motion import CHAIN, marched_motion, tree_motion
-from refkin.joints import GROUND, Constraint, DistanceDriver, Pair
+from crosscheck.tree_motion import CHAIN, Accelerations, marched_motion, tree_motion
+from refkin.joints import GROUND, AngleDriver, Constraint, DistanceDriver, Fixed, Gear, Pair, Revolute
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route, Seeding
 
@@ -90,11 +93,37 @@ CAPABILITIES: Capabilities = {
 }
 
 
+FORWARD = replace(NEWTON, name="forward dynamics", linear_solve_by="acceleration: mujoco", drift_by="mujoco (soft)")
+HELD = (Revolute, Fixed, Gear, AngleDriver)
+"""What MuJoCo's dynamics hold as they are: the rows of the others are read beside the model, or idle within it."""
+
+
 class Mujoco:
-    """MuJoCo, through its Python package; every scene gets a model of its own."""
+    """MuJoCo, through its Python package; every scene gets a model of its own.
+
+    Parameters
+    ----------
+    effect : str, optional
+        One of `mujoco_effects.EFFECTS`, switched on in every model that solves: for the ledger of effects.
+    """
 
     name = "mujoco"
     api = API
+
+    def __init__(self, effect: str | None = None) -> None:
+        self.effect = effect
+
+    def physical_effects(self) -> Mapping[str, str]:
+        """Return what MuJoCo can simulate beside kinematics, and how it is switched on."""
+        return {name: effect.told for name, effect in EFFECTS.items()}
+
+    def with_effect(self, effect: str) -> Mujoco:
+        """Return MuJoCo with an effect switched on."""
+        return Mujoco(effect)
+
+    def dynamic_routes(self) -> Sequence[Route]:
+        """Return the route whose accelerations are those of mj_forward."""
+        return (FORWARD,)
 
     def version(self) -> str:
         """Return the version of the package."""
@@ -140,21 +169,31 @@ class Mujoco:
             If the scene has a joint that is refused or a body without estimate, or the route is unknown.
         """
         _refuse(refusals(self, scene, Level.SOLVE))
-        if route not in (None, NEWTON, STEPPED):
+        if route not in (None, NEWTON, STEPPED, FORWARD):
             raise EngineError(f"mujoco knows no route {route.name!r}, only {NEWTON.name!r} and {STEPPED.name!r}")
-        tree = TreeRows(joint_tree(scene.mechanism))
+        tree = joint_tree(scene.mechanism)
+        rows = TreeRows(tree, self.effect)
         producer = Producer(name=self.name, version=self.version(), route=route or NEWTON)
         if route == STEPPED:
-            return marched_motion(tree, scene, stepped(tree.tree, scene), producer)
-        return tree_motion(tree, scene, producer)
+            return marched_motion(rows, scene, stepped(tree, scene), producer)
+        accelerations = self._forward(tree, scene) if route == FORWARD else None
+        return tree_motion(rows, scene, producer, accelerations)
+
+    def _forward(self, tree: JointTree, scene: Scene) -> Accelerations:
+        """Return the accelerations by MuJoCo's dynamics, where its model is that of the scene."""
+        constraints = (*tree.closures, *scene.mechanism.drivers)
+        strange = [c.name for c in constraints if not isinstance(c, HELD)]
+        if strange:
+            raise EngineError(f"mujoco refuses {FORWARD.name} with {', '.join(strange)}: its model does not hold them")
+        return MujocoRows(affected(Plan(tree, constraints), self.effect)).forward
 
 
 class TreeRows:
     """MuJoCo's model of a joint tree: the `TreeEngine` that `loop_closing` works on."""
 
-    def __init__(self, tree: JointTree) -> None:
+    def __init__(self, tree: JointTree, effect: str | None = None) -> None:
         self.tree = tree
-        self.rows = MujocoRows(Plan(tree, tree.closures))
+        self.rows = MujocoRows(affected(Plan(tree, tree.closures), effect))
         self.closure_rows = len(self.rows.plan.sources)
 
     def closure(self, q: Array) -> tuple[Array, Array]:

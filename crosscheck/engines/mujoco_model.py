@@ -61,8 +61,8 @@ from refkin.joints import (
 os.environ.setdefault("MUJOCO_GL", "disable")  # before the import: nothing is drawn, and there may be no display
 import mujoco as mujoco  # re-exported, so that whoever imports it gets it this way
 
-OFF = "CONTACT GRAVITY SPRING DAMPER ACTUATION LIMIT FRICTIONLOSS WARMSTART ISLAND AUTORESET"
-"""What is not kinematics (`mjtDisableBit`)."""
+OFF = "CONTACT GRAVITY SPRING DAMPER ACTUATION SENSOR LIMIT FRICTIONLOSS WARMSTART ISLAND AUTORESET"
+"""What is not kinematics (`mjtDisableBit`); sensors are on in a model that reads a guide by them."""
 MASSES: dict[bool, dict[str, Any]] = {
     True: {"explicitinertial": True, "mass": 1.0, "inertia": [1.0, 1.0, 1.0]},
     False: {"explicitinertial": True, "mass": 0.0, "inertia": [0.0, 0.0, 0.0]},
@@ -107,6 +107,8 @@ class Plan:
         log = mujoco.MjLogConfig.get()
         log.logto_file = log.logto_console = False
         log.set()
+        if self.guides:
+            switch_on(self.spec, "SENSOR")
         try:
             model = self.spec.compile()
         except ValueError as error:
@@ -256,8 +258,19 @@ def _kinematic_spec() -> Any:
     spec.compiler.degree = False
     spec.compiler.inertiafromgeom = mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_FALSE
     spec.option.jacobian = mujoco.mjtJacobian.mjJAC_DENSE
-    spec.option.disableflags = sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{effect}")) for effect in OFF.split())
+    spec.option.gravity = [0.0, 0.0, 0.0]
+    spec.option.disableflags = sum(_bit(effect) for effect in OFF.split())
     return spec
+
+
+def switch_on(spec: Any, *effects: str) -> None:
+    """Take the bits of some effects (`mjtDisableBit`) from those that are disabled."""
+    for effect in effects:
+        spec.option.disableflags &= ~_bit(effect)
+
+
+def _bit(effect: str) -> int:
+    return int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{effect}"))
 
 
 def _turn(item: Any, angle: float) -> None:

@@ -85,7 +85,7 @@ class MujocoRows:
         guides = np.empty(0)
         if self.plan.guides:
             mujoco.mj_sensorPos(self.model, self.data)
-            guides = self.data.sensordata[1::6]
+            guides = self.data.sensordata[1 : 6 * len(self.plan.guides) : 6]
         return self._picked(rows, guides, self._constants)
 
     def jacobian(self) -> Array:
@@ -115,6 +115,26 @@ class MujocoRows:
         for row in self.plan.spatial:
             rows[row] = self._length_drift(row)
         return self._picked(rows, guides, 0.0 * self._constants)
+
+    def forward(self, q: Array, qd: Array, t: float) -> Array:
+        """Return the accelerations (n,) that MuJoCo's dynamics give: all stages of mj_forward, with soft constraints.
+
+        The second derivative of a driver's law is written to MuJoCo's reference acceleration, which holds no law.
+        """
+        m, d = self.model, self.data
+        self.drive(t)
+        d.qpos[self._columns], d.qvel[self._columns] = q, qd
+        mujoco.mj_fwdPosition(m, d)
+        mujoco.mj_sensorPos(m, d)
+        mujoco.mj_fwdVelocity(m, d)
+        mujoco.mj_sensorVel(m, d)
+        mujoco.mj_fwdActuation(m, d)
+        mujoco.mj_fwdAcceleration(m, d)
+        for driven in self.plan.driven:
+            d.efc_aref[: d.ne][d.efc_id[: d.ne] == driven.equality] += driven.value(t, 2)
+        mujoco.mj_fwdConstraint(m, d)
+        mujoco.mj_sensorAcc(m, d)
+        return np.array(d.qacc[self._columns])
 
     def length(self, source: int) -> float:
         """Return the length of the spatial tendon that holds a row."""
@@ -165,7 +185,7 @@ class MujocoRows:
 
     def _guide_velocity(self) -> Array:
         mujoco.mj_sensorVel(self.model, self.data)
-        return np.array(self.data.sensordata[4::6])
+        return np.array(self.data.sensordata[4 : 6 * len(self.plan.guides) : 6])
 
     def _guide_drift(self, rows: Array) -> Array:
         """Return the drift term of n . d by the product rule, which MuJoCo does not have.

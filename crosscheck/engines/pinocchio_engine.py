@@ -7,7 +7,8 @@ Jacobian, drift term and the motion of points are Pinocchio's. Every scene gets 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
 
 import pinocchio as pin
@@ -25,6 +26,7 @@ from crosscheck.engines import (
     refused,
     table_key,
 )
+from crosscheck.engines.pinocchio_effects import EFFECTS, ForwardDynamics, affected
 from crosscheck.engines.pinocchio_model import Frame, Rows, absolute_model, tree_model
 from crosscheck.engines.pinocchio_shipped import CLOSED_CHAIN, STOP, closed_chain
 from crosscheck.frames import RowMap
@@ -78,11 +80,35 @@ SPATIAL = (
 )
 
 
+FORWARD = replace(TREE, name="forward dynamics", linear_solve_by="acceleration: pinocchio")
+
+
 class Pinocchio:
-    """The engine of the package `pin`."""
+    """The engine of the package `pin`.
+
+    Parameters
+    ----------
+    effect : str, optional
+        One of `pinocchio_effects.EFFECTS`, switched on in every model that solves: for the ledger of effects.
+    """
 
     name = "pinocchio"
     api = API
+
+    def __init__(self, effect: str | None = None) -> None:
+        self.effect = effect
+
+    def physical_effects(self) -> Mapping[str, str]:
+        """Return what Pinocchio can simulate beside kinematics, and how it is switched on."""
+        return {name: effect.told for name, effect in EFFECTS.items()}
+
+    def with_effect(self, effect: str) -> Pinocchio:
+        """Return Pinocchio with an effect switched on."""
+        return Pinocchio(effect)
+
+    def dynamic_routes(self) -> Sequence[Route]:
+        """Return the route whose accelerations are those of forwardDynamics."""
+        return (FORWARD,)
 
     def version(self) -> str:
         """Return the version of the package."""
@@ -129,14 +155,15 @@ class Pinocchio:
         reasons = refusals(self, scene, Level.SOLVE)
         if reasons:
             raise EngineError("; ".join(reasons))
-        if route not in (None, TREE, CLOSED_CHAIN):
+        if route not in (None, TREE, CLOSED_CHAIN, FORWARD):
             known = f"{TREE.name!r}, {CLOSED_CHAIN.name!r}"
             raise EngineError(f"pinocchio has no route {route.name!r}; there are: {known}")
-        tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True))
+        tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)
+        producer = Producer(name=self.name, version=self.version(), route=route or TREE)
         if route == CLOSED_CHAIN:
-            producer = Producer(name=self.name, version=self.version(), route=CLOSED_CHAIN)
             return marched_motion(tree, scene, closed_chain(tree.tree, scene), producer)
-        return tree_motion(tree, scene, Producer(name=self.name, version=self.version(), route=TREE))
+        forward = ForwardDynamics(tree, scene, self.effect) if route == FORWARD else None
+        return tree_motion(tree, scene, producer, forward)
 
 
 class PinocchioConstraints:
@@ -177,16 +204,16 @@ class PinocchioConstraints:
 class PinocchioTree:
     """Pinocchio's model of a joint tree: a `TreeEngine`."""
 
-    def __init__(self, tree: JointTree) -> None:
+    def __init__(self, tree: JointTree, effect: str | None = None) -> None:
         self.tree = tree
-        self.planar = tree_model(tree)
+        self.planar = affected(tree_model(tree), effect)
         self._rows = Rows(self.planar, tree.closures, tree.scaled)
         self._frames: dict[tuple[str, Pair], Frame] = {}
         self.closure_rows = self._rows.count
 
     def closure(self, q: Array) -> tuple[Array, Array]:
         """Return the residual of the closures and its Jacobian."""
-        return self._rows.residual(q), self._rows.jacobian(q)
+        return self._rows.both(q)
 
     def closure_drift(self, q: Array, qd: Array) -> Array:
         """Return gamma of the closures."""

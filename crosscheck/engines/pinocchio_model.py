@@ -54,6 +54,7 @@ class PlanarModel:
     angle: Callable[[str, Array], float]
 
     def __post_init__(self) -> None:
+        self.model.gravity.setZero()  # no call of kinematics takes it; whoever makes another finds none
         self.data = self.model.createData()
         self._rest = np.zeros(self.model.nv)
 
@@ -292,6 +293,13 @@ class Rows:
     def jacobian(self, q: Array) -> Array:
         """Return the Jacobian (count, nv)."""
         self.planar.place(q)
+        return self._jacobian()
+
+    def both(self, q: Array) -> tuple[Array, Array]:
+        """Return residual and Jacobian, with everything placed once."""
+        return self.residual(q), self._jacobian()
+
+    def _jacobian(self) -> Array:
         return self._stacked((row.jacobian() for row in self._rows), self.planar.model.nv)
 
     def velocity(self, q: Array, qd: Array) -> Array:

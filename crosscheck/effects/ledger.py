@@ -1,0 +1,68 @@
+"""The ledger of a scene: the reference and the engines one after the other, each in a process of its own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+from crosscheck.effects.measuring import REFKIN, measured, task, unmeasured
+from crosscheck.effects.rows import EffectRow
+from crosscheck.engines import PHYSICAL
+from crosscheck.processes import Failure, call_each
+from refkin.model import Scene
+from refkin.scene_files import to_dict
+
+WITHIN = 30.0
+"""How long a ledger measures [s]."""
+START = 15.0
+"""How long a process may take on top: to start, to load an engine, to solve everything once [s]."""
+CALLED_FOR = ("velocity", "acceleration")
+
+
+def effects_ledger(scene: Scene, engines: Sequence[str] = (), within: float = WITHIN) -> list[EffectRow]:
+    """Return what every effect costs and whether it is inert, for refkin and some engines.
+
+    Parameters
+    ----------
+    scene : Scene
+        What it calls for is of no account: everything is switched on and off in turn.
+    engines : sequence of str
+        What `crosscheck.engines.load` takes. One after the other, so that none disturbs the timings of another.
+    within : float
+        How long to measure in all [s]; solving everything once comes on top.
+
+    Returns
+    -------
+    list of EffectRow
+        refkin's first. An effect with which an engine's process ends, or hangs, has a row that says so.
+    """
+    data, share = to_dict(scene), within / (1 + len(engines))
+    found: list[EffectRow] = []
+    for spec in (REFKIN, *engines):
+        answer = _asked(data, spec, share, share + START)
+        found += _one_by_one(data, spec, answer, share + START) if isinstance(answer, Failure) else answer
+    return found
+
+
+def _asked(data: Any, spec: str, share: float, patience: float, effect: str = "") -> list[EffectRow] | Failure:
+    answer = call_each(measured, [task(data, spec, share, effect)], patience)[0]
+    return answer if isinstance(answer, Failure) else [EffectRow(**row) for row in answer]
+
+
+def _one_by_one(data: Any, spec: str, first: Failure, within: float) -> list[EffectRow]:
+    """Return the rows of an engine whose process failed: each effect in a process of its own, as long as time allows.
+
+    Timings of an engine with such an effect are not what matters: each gets one round.
+    """
+    found: list[EffectRow] = []
+    end = time.monotonic() + within
+    for effect in (*CALLED_FOR, *PHYSICAL):
+        left = end - time.monotonic()
+        answer = _asked(data, spec, 0.0, left, effect) if left > 0 else first
+        if isinstance(answer, Failure):
+            note = f"{answer.kind}: {answer.text}"
+            found.append(unmeasured(spec, "any", effect, effect in CALLED_FOR, note))
+        else:
+            found += answer
+    return found

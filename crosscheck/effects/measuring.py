@@ -1,0 +1,147 @@
+"""The rows of one engine, measured; this is what a process of the ledger does."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+from crosscheck.comparison import Reference, reference
+from crosscheck.effects.benches import engine_benches, reference_bench
+from crosscheck.effects.changes import change
+from crosscheck.effects.rows import Ablation, Bench, EffectRow
+from crosscheck.engines import EngineError, Term, load
+from crosscheck.timing import Timing, timed_in_turns
+from refkin.model import Scene
+from refkin.motion import Motion
+from refkin.scene_files import parse
+
+REFKIN = "refkin"
+MOST_TIMES = 37
+"""Configurations of a scene that are measured, the first ones: a march depends on the times before it."""
+
+ROUNDS = 25
+"""An effect is a small difference of two large times: more rounds than elsewhere, as far as there is time."""
+
+
+def task(scene: Mapping[str, Any], spec: str, within: float, effect: str = "") -> str:
+    """Return what `measured` takes, as text: a scene's data, an engine, how long to measure, an effect or all."""
+    return json.dumps({"scene": scene, "spec": spec, "within": within, "effect": effect})
+
+
+def measured(text: str) -> list[dict[str, Any]]:
+    """Return the rows of one engine, or of one effect alone, as plain data."""
+    asked = json.loads(text)
+    scene = parse(asked["scene"])
+    scene = replace(scene, times=scene.times[:MOST_TIMES])
+    benches = list(_benches(asked["spec"], scene))
+    if asked["effect"]:
+        benches = [_alone(bench, asked["effect"]) for bench in benches]
+    ref = reference(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
+    share = asked["within"] / len(benches)
+    return [asdict(row) for bench in benches for row in rows(bench, ref, share, _terms(asked, bench, scene))]
+
+
+def _benches(spec: str, scene: Scene) -> Iterator[Bench]:
+    if spec == REFKIN:
+        yield reference_bench(scene)
+    else:
+        yield from engine_benches(load(spec), scene)
+
+
+def _alone(bench: Bench, effect: str) -> Bench:
+    ablations = tuple(a for a in bench.ablations if a.effect == effect)
+    names = {name for a in ablations for name in (a.off, a.on)}
+    return replace(bench, ablations=ablations, works={name: bench.works[name] for name in names})
+
+
+def _terms(asked: Mapping[str, Any], bench: Bench, scene: Scene) -> Sequence[Term]:
+    """Return what the engine adds to the allowed error by a route; a route through dynamics is given no more."""
+    if asked["spec"] == REFKIN:
+        return ()
+    engine = load(asked["spec"])
+    route = next((r for r in engine.routes() if r.name == bench.route), None)
+    try:
+        return engine.terms(scene, route)
+    except EngineError:
+        return ()
+
+
+def rows(bench: Bench, ref: Reference, within: float, terms: Sequence[Term] = ()) -> list[EffectRow]:
+    """Return a row for each effect of a bench.
+
+    Parameters
+    ----------
+    ref : Reference
+        The reference's answer to the scene, which allowed errors are derived at.
+    within : float
+        How long to measure [s].
+    """
+    answers: dict[str, Motion | str] = {name: _answer(work) for name, work in bench.works.items()}
+    works = {name: work for name, work in bench.works.items() if not isinstance(answers[name], str)}
+    timings = timed_in_turns(works, rounds=ROUNDS, within=within) if works else {}
+    return [_row(bench, a, answers, timings, ref, terms) for a in bench.ablations]
+
+
+def _answer(work: Any) -> Motion | str:
+    try:
+        answer: Motion = work()
+    except EngineError as error:
+        return str(error)
+    return answer
+
+
+def _row(
+    bench: Bench,
+    a: Ablation,
+    answers: Mapping[str, Motion | str],
+    timings: Mapping[str, Timing],
+    ref: Reference,
+    terms: Sequence[Term],
+) -> EffectRow:
+    off, on = answers[a.off], answers[a.on]
+    if isinstance(off, str):
+        return unmeasured(bench.engine, bench.route, a.effect, a.called_for, f"no answer without it: {off}")
+    if isinstance(on, str):
+        return unmeasured(bench.engine, bench.route, a.effect, a.called_for, f"{a.note}: {on}")
+    found = change(ref, off, on, terms, exact=bench.exact)
+    before, after, per = timings[a.off], timings[a.on], 1e6 / len(off.t)
+    return EffectRow(
+        engine=bench.engine,
+        route=bench.route,
+        effect=a.effect,
+        microseconds=(after.seconds - before.seconds) * per,
+        without=before.seconds * per,
+        spread=_spread(before.turns, after.turns, per),
+        inert=found.inert,
+        largest_change=found.largest,
+        worst=found.worst,
+        called_for=a.called_for,
+        note=a.note,
+    )
+
+
+def _spread(before: Sequence[float], after: Sequence[float], per: float) -> float | None:
+    """Return by how much the difference of the least times differs between even and odd rounds."""
+    if len(before) < 2:
+        return None
+    even, odd = (min(after[k::2]) - min(before[k::2]) for k in (0, 1))
+    return abs(even - odd) * per
+
+
+def unmeasured(engine: str, route: str, effect: str, called_for: bool, note: str) -> EffectRow:
+    """Return the row of an effect with which there is no answer: it is not inert."""
+    return EffectRow(
+        engine=engine,
+        route=route,
+        effect=effect,
+        microseconds=None,
+        without=None,
+        spread=None,
+        inert=False,
+        largest_change=None,
+        worst="",
+        called_for=called_for,
+        note=note,
+    )
