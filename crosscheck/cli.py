@@ -17,7 +17,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from crosscheck import document_commands, hard_commands, hunt_command, tape_command
+from crosscheck import bench_command, document_commands, hard_commands, hunt_command, tape_command
 from crosscheck.answers import to_json
 from crosscheck.campaign import ALWAYS, SAMPLED, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.cluster import LOCAL, NoCluster
@@ -321,6 +321,7 @@ app.command(tape_command.tape)
 app.command(hard_commands.hard)
 app.command(hunt_command.hunt_worst, name="hunt")
 app.command(price_command.price)
+app.command(bench_command.bench)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
