@@ -16,6 +16,9 @@ from crosscheck.bench.works import Chain, FourBars, Work
 from crosscheck.timing import Timing, timed_in_turns
 
 ROUNDS = 7
+TURN = 0.05
+"""What a turn lasts at least [s]: within it a work is repeated, from caches as warm as a program has them that uses it.
+"""
 SECONDS = 45.0
 """No round of a work is begun after this long."""
 PACKAGES = ("refkin", "numpy", "scipy", "exudyn", "pin", "mujoco")
@@ -59,7 +62,7 @@ def measured(work: Work, routes: dict[str, Builder] | None = None, rounds: int =
                 found.append(builder(work, kernels))
             except Absent as error:
                 absent.append({"work": work.name, "route": name, "reason": str(error)})
-        timings = timed_in_turns({r.name: r.run for r in found}, rounds=rounds, within=SECONDS)
+        timings = timed_in_turns({r.name: r.run for r in found}, rounds=rounds, at_least=TURN, within=SECONDS)
         rows = [row(work, route, timings[route.name]) for route in found]
     return {"rows": rows, "absent": absent, "versions": versions(), "machine": machine()}
 
