@@ -7,6 +7,8 @@
 `routes`        one way to do a work: what is timed, what it answers, who drives its loop
 `own_routes`    this project's routes; `numpy_routes`, `c_routes`, `exudyn_routes`, `pinocchio_routes`, `mujoco_routes`
 `measure`       all routes of a work in turns, in a process whose numerical libraries have one thread
+`first_use`     what the first use of the fast path costs
+`aims`          what is to be reached, and whether a run reached it
 `run`, `show`   the command `crosscheck bench`: the processes, the JSON, the tables
 =============== ===================================================================================
 

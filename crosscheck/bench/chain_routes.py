@@ -24,13 +24,18 @@ from refkin.system import compile_system
 
 ITERATIONS = 5
 """From an estimate that is right to six decimals two would do."""
-LARGEST = {"refkin-lanes": 100, "refkin-reference": 100, "c-same-tape": 100, "c-dense": 100, "exudyn": 1000}
-"""The longest chain that a route is asked for; what is longer takes it minutes."""
+LARGEST = {
+    "refkin-lanes": (100, "its tape is laid out for many lanes, not for many bodies: that would take minutes"),
+    "refkin-reference": (100, "a dense solve in Python takes seconds there"),
+    "c-same-tape": (100, "to lay the tape out and to compile it would take minutes"),
+    "c-dense": (1000, "its dense matrix would take 29 GB"),
+}
+"""The longest chain that a route is asked for, and why not for longer ones."""
 NOT_MADE = {
     "c-closed-form": "a closed form has no Newton iteration",
-    "pinocchio": "no route for chains of loops: Pinocchio closes no loops itself",
-    "mujoco": "no route for chains of loops: mujoco.batch gives no constraint rows",
-    "scipy-root": "no route for chains: its finite trust region is no single Newton iteration",
+    "pinocchio": "not made for chains: Pinocchio closes no loops, and its dense rows would be solved by NumPy",
+    "mujoco": "not made for chains: mujoco.batch binds no constraint rows, and one configuration is no batch",
+    "scipy-root": "not made for chains: it makes no single Newton iterations",
 }
 
 
@@ -195,11 +200,12 @@ def _finished(
 
 
 def _limited(name: str, builder: Callable[[Chain, Kernels], Route]) -> Callable[[Chain, Kernels], Route]:
-    """Return a builder that refuses chains on which its route would take minutes."""
+    """Return a builder that refuses chains that are too long for its route."""
+    largest, reason = LARGEST[name]
 
     def build(work: Chain, kernels: Kernels) -> Route:
-        if work.windows > LARGEST[name]:
-            raise Absent(f"not for more than {LARGEST[name]} loops: it would take minutes")
+        if work.windows > largest:
+            raise Absent(f"not for more than {largest} loops: {reason}")
         return builder(work, kernels)
 
     return build
@@ -218,6 +224,6 @@ BUILDERS: dict[str, Callable[[Any, Kernels], Route]] = {
     "refkin-reference": _limited("refkin-reference", reference),
     "c-same-tape": _limited("c-same-tape", same_tape),
     "c-dense": _limited("c-dense", dense_c),
-    "exudyn": _limited("exudyn", exudyn),
+    "exudyn": exudyn,
     **{name: _refused(reason) for name, reason in NOT_MADE.items()},
 }

@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from typing import Any
 
 from crosscheck.bench import c_routes, chain_routes, numpy_routes, own_routes
+from crosscheck.bench.aims import reached
 from crosscheck.bench.c_kernels import Kernels, NoKernel, compiler_version
 from crosscheck.bench.routes import Absent, Route
 from crosscheck.bench.works import Chain, FourBars, Work
@@ -160,4 +161,8 @@ def merged(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
     last = parts[-1]
     rows = [r for part in parts for r in part["rows"]]
     absent = [a for part in parts for a in part["absent"]]
-    return {"rows": rows, "absent": absent, "versions": last["versions"], "machine": last["machine"]}
+    first = [part["first_use"] for part in parts if "first_use" in part]
+    whole = {"rows": rows, "absent": absent, "versions": last["versions"], "machine": last["machine"]}
+    if first:
+        whole["first_use"] = first[0]
+    return {**whole, "aims": reached(whole)}

@@ -10,9 +10,10 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
+from crosscheck.bench.aims import ENGINES
+
 RIVALS = ("c-same-tape", "c-dense")
 """The rivals that every claim names first: the same algorithm in C, then what a person would write in C."""
-ENGINES = ("exudyn", "exudyn-position", "pinocchio", "mujoco")
 OURS = ("refkin-lanes", "refkin-sparse")
 UNRANKED = "not ranked"
 
@@ -27,6 +28,8 @@ def print_results(results: dict[str, Any], console: Console) -> None:
         console.print()
     for absent in results["absent"]:
         console.print(f"absent: {absent['route']} ({absent['work']}): {absent['reason']}", markup=False)
+    for line in aim_lines(results.get("aims", [])):
+        console.print(line, markup=False, highlight=False)
     told = [f"{name} {value}" for name, value in results["versions"].items()]
     machine = results["machine"]
     told += [f"{machine['processor']}, {machine['system']}, threads: {machine['threads']} of {machine['cores']}"]
@@ -52,6 +55,17 @@ def table(name: str, rows: list[dict[str, Any]]) -> Table:
     return shown
 
 
+def aim_lines(aims: Iterable[dict[str, Any]]) -> list[str]:
+    """Return what the run says of each aim."""
+    found = []
+    for aim in aims:
+        word, bound = ("at most", aim["at_most"]) if "at_most" in aim else ("at least", aim["at_least"])
+        measured = "not measured" if aim["measured"] is None else f"{aim['measured']:.3g}"
+        verdict = "reached" if aim["reached"] else "MISSED"
+        found.append(f"{verdict}: {aim['aim']}: {measured} ({word} {bound:g})")
+    return found
+
+
 def notes(rows: Iterable[dict[str, Any]]) -> list[str]:
     """Return what each route does, and of how much of the work, where that is a part of it."""
     found = []
@@ -74,7 +88,7 @@ def claims(rows: Iterable[dict[str, Any]]) -> list[str]:
         words = [f"{ratio(times[ours] / times[rival])} times {_what(rival)}" for rival in RIVALS if rival in times]
         if engines:
             first = min(engines, key=lambda name: engines[name])
-            words.append(f"1 / {engines[first] / times[ours]:.3g} of the fastest engine route, {first}")
+            words.append(f"{ratio(times[ours] / engines[first])} times {first}, the fastest engine route")
         if words:
             found.append(f"{ours} takes {', '.join(words)}.")
     return found

@@ -298,11 +298,11 @@ def test_a_compiler_that_is_asked_for_and_is_not_there_is_named(monkeypatch):
         c_routes.dense(tiny(), kernels)
 
 
-@pytest.mark.skipif(not COMPILER, reason="there is no compiler to refuse anything")
 def test_what_the_compiler_refuses_is_absent_with_its_reason(monkeypatch):
     monkeypatch.setattr(c_kernels, "text_of", lambda name: "this is no C\n")
 
-    with Kernels() as kernels, pytest.raises(Absent, match=r"the C compiler refused dense\.c: .*error"):
+    reason = r"the C compiler refused dense\.c: .*error" if COMPILER else "no C compiler"
+    with Kernels() as kernels, pytest.raises(Absent, match=reason):
         c_routes.dense(tiny(), kernels)
 
 
@@ -332,7 +332,7 @@ def test_claims_name_the_same_algorithm_in_c_first_then_dense_c():
 
     claim = (
         "refkin-lanes takes 2 times the same operations compiled as C, 0.25 times dense Newton in C, "
-        "1 / 30 of the fastest engine route, mujoco."
+        "0.0333 times mujoco, the fastest engine route."
     )
     assert claim in told
 
@@ -350,7 +350,7 @@ def test_the_command_prints_one_json_object(capsys):
     out = json.loads(capsys.readouterr().out)
 
     assert end.value.code == 0
-    assert set(out) == {"rows", "absent", "versions", "machine"}
+    assert set(out) == {"rows", "absent", "versions", "machine", "aims"}
 
 
 def test_a_work_nobody_has_heard_of_is_a_usage_error(capsys):
