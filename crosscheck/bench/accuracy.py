@@ -1,8 +1,9 @@
 """How far the answers of a route are from the truth, and how far they may be.
 
-The truth is the closed form in long double. The error of a position is told in sizes and radians, that of a rate as a
-part of the largest rate at that configuration. What is allowed is derived as everywhere (`crosscheck.budget`), at the
-truth and component by component.
+The truth is the closed form in long double; where that is no longer than a double the truth errs as a row does, which
+the budgets cover: they count roundings on both sides. The error of a position is told in sizes and radians, that of a
+rate as a part of the largest rate at that configuration. What is allowed is derived as everywhere
+(`crosscheck.budget`), at the truth and component by component.
 
 Of four-bars every configuration's error is taken; budgets, which cost a hundred times more, are derived for a sample
 spread over all and for the configurations with the largest errors. Of a chain all coordinates are judged: its budget is

@@ -13,7 +13,7 @@ from crosscheck.bench.routes import LEVELS, Route, of_four_bars, whole
 from crosscheck.bench.works import SPEED, Chain, FourBars
 from crosscheck.engines.exudyn_model import CURRENT, ExudynModel, quiet_settings
 
-CONFIGURATIONS = 1000
+CONFIGURATIONS = 3600
 """About so many configurations of a work are done."""
 TOLERANCES = (5e-15, 1e-12)
 """The norm of the residual, in units of the longest length, at which its Newton stops; the second if need be."""

@@ -16,8 +16,8 @@ from crosscheck.bench.routes import Absent, Route
 from crosscheck.bench.works import Chain, FourBars, Work
 from crosscheck.timing import Timing, timed_in_turns
 
-ROUNDS = 7
-TURN = 0.05
+ROUNDS = 20
+TURN = 0.03
 """What a turn lasts at least [s]: within it a work is repeated, from caches as warm as a program has them that uses it.
 """
 SECONDS = 45.0

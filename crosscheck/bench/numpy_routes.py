@@ -15,7 +15,7 @@ from crosscheck.bench.works import SPEED, FourBars
 
 AT_ONCE = 10_000
 """Configurations that are computed at once: their rows stay in the cache."""
-SCIPY_CONFIGURATIONS = 400
+SCIPY_CONFIGURATIONS = 720
 
 
 def closed_form(work: FourBars) -> Route:

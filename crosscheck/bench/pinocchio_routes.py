@@ -16,7 +16,7 @@ from crosscheck.bench.accuracy import Piece
 from crosscheck.bench.routes import Route, of_four_bars, whole
 from crosscheck.bench.works import SPEED, FourBars
 
-CONFIGURATIONS = 1000
+CONFIGURATIONS = 3600
 """About so many configurations of a work are done."""
 AXES = pin.LOCAL_WORLD_ALIGNED
 ENOUGH, MOST_NEWTON = 1e-8, 12
