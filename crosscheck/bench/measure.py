@@ -20,7 +20,7 @@ ROUNDS = 20
 TURN = 0.03
 """What a turn lasts at least [s]: within it a work is repeated, from caches as warm as a program has them that uses it.
 """
-SECONDS = 45.0
+SECONDS = 30.0
 """No round of a work is begun after this long."""
 PACKAGES = ("refkin", "numpy", "scipy", "exudyn", "pin", "mujoco")
 Builder = Callable[[Any, Kernels], Route]
