@@ -14,12 +14,11 @@ import pytest
 from rich.console import Console
 
 import refkin
-from crosscheck.bench import c_kernels, c_routes, measure, numpy_routes, works
+from crosscheck.bench import c_kernels, c_routes, measure, numpy_routes, run, works
 from crosscheck.bench.accuracy import Piece, judged, system_of
 from crosscheck.bench.c_kernels import Kernels, text_of
 from crosscheck.bench.closed_form import four_bar
 from crosscheck.bench.routes import Absent
-from crosscheck.bench.run import measured_apart
 from crosscheck.bench.show import print_results
 from crosscheck.cli import main
 from crosscheck.timing import Timing
@@ -337,20 +336,24 @@ def test_claims_name_the_same_algorithm_in_c_first_then_dense_c():
     assert claim in told
 
 
-def test_a_work_is_measured_in_a_process_with_one_thread():
-    found = measured_apart("chain-10")
-
-    assert found["machine"]["threads"] == "1"
-    assert {entry["work"] for entry in (*found["rows"], *found["absent"])} == {"chain-10"}
-
-
-def test_the_command_prints_one_json_object(capsys):
+def test_the_command_prints_one_json_object_measured_on_one_thread(capsys):
     with pytest.raises(SystemExit) as end:
         main(["bench", "--only", "chain-10", "--json"])
     out = json.loads(capsys.readouterr().out)
 
     assert end.value.code == 0
     assert set(out) == {"rows", "absent", "versions", "machine", "aims"}
+    assert {entry["work"] for entry in (*out["rows"], *out["absent"])} == {"chain-10"}
+    assert out["machine"]["threads"] == "1"
+
+
+def test_a_process_that_fails_ends_with_one_error_and_the_exit_code_of_infrastructure(capsys, monkeypatch):
+    monkeypatch.setattr(run.sys, "executable", shutil.which("false") or "false")
+    with pytest.raises(SystemExit) as end:
+        main(["bench", "--only", "chain-10", "--json"])
+
+    assert end.value.code == 4
+    assert "chain-10: its process ended with code 1" in capsys.readouterr().err
 
 
 def test_a_work_nobody_has_heard_of_is_a_usage_error(capsys):
