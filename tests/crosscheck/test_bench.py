@@ -8,6 +8,7 @@ import json
 import shutil
 import sys
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -315,9 +316,13 @@ def test_without_the_fast_paths_their_routes_are_absent(monkeypatch):
                     builder(work, kernels)
 
 
-def test_an_engine_that_is_not_installed_is_absent():
-    with pytest.raises(Absent, match="no_such_engine is not installed"):
-        measure.engine_module("no_such_engine")
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_engine_that_is_not_installed_is_absent(monkeypatch, engine):
+    monkeypatch.setitem(sys.modules, engine, None)
+    monkeypatch.delitem(sys.modules, f"crosscheck.bench.{engine}_routes", raising=False)
+
+    with Kernels() as kernels, pytest.raises(Absent, match=f"{engine} is not installed"):
+        measure.builders(tiny())[engine](tiny(), kernels)
 
 
 def test_claims_name_the_same_algorithm_in_c_first_then_dense_c():
@@ -347,13 +352,16 @@ def test_the_command_prints_one_json_object_measured_on_one_thread(capsys):
     assert out["machine"]["threads"] == "1"
 
 
-def test_a_process_that_fails_ends_with_one_error_and_the_exit_code_of_infrastructure(capsys, monkeypatch):
-    monkeypatch.setattr(run.sys, "executable", shutil.which("false") or "false")
+def test_a_process_that_fails_ends_with_one_error_and_the_exit_code_of_infrastructure(capsys, monkeypatch, tmp_path):
+    program = tmp_path / "fails"
+    program.write_text("#!/bin/sh\necho out of order >&2\nexit 3\n", encoding="utf-8")
+    program.chmod(0o755)
+    monkeypatch.setattr(run.sys, "executable", str(program))
     with pytest.raises(SystemExit) as end:
         main(["bench", "--only", "chain-10", "--json"])
 
     assert end.value.code == 4
-    assert "chain-10: its process ended with code 1" in capsys.readouterr().err
+    assert "chain-10: its process ended with code 3\nout of order" in capsys.readouterr().err
 
 
 def test_a_work_nobody_has_heard_of_is_a_usage_error(capsys):
@@ -362,3 +370,22 @@ def test_a_work_nobody_has_heard_of_is_a_usage_error(capsys):
 
     assert end.value.code == 2
     assert "no work is called 'sweep-12'; there are: sweep-1000, many-10000x360" in capsys.readouterr().err
+
+
+RESULTS = sorted((Path(__file__).parents[2] / "reports").glob("bench-*.json"))
+
+
+def test_there_are_committed_results():
+    assert RESULTS
+
+
+@pytest.mark.parametrize("path", RESULTS, ids=lambda p: p.stem)
+def test_committed_results_say_what_they_were_measured_on_and_cover_all_works(path):
+    found = json.loads(path.read_text(encoding="utf-8"))
+
+    assert {row["work"] for row in found["rows"]} == set(works.names())
+    assert all({key: type(row[key]) for key in KEYS} == KEYS for row in found["rows"])
+    assert all(row["ranked"] for row in found["rows"])
+    assert found["machine"]["threads"] == "1"
+    assert found["machine"]["processor"]
+    assert set(found["versions"]) == {"python", *measure.PACKAGES, "compiler"}
