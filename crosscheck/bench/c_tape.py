@@ -35,40 +35,63 @@ def emitted(tape: Any) -> str:
     NotInC
         If an operation is more than arithmetic.
     """
-    out, sizes = tape.outputs, tape.sizes
-    levels = [row for rows in out.levels for row in rows]
-    core = [out.levels[0][c] for c in tape.core]
-    marched = bool(out.levels[2])
+    sizes, levels = tape.sizes, _levels(tape)
     head = HEAD.format(
-        u=sizes["u"], w=sizes["w"], m=sizes["m"], core=len(core), levels=len(levels), marched=int(marched)
+        u=sizes["u"],
+        w=sizes["w"],
+        m=sizes["m"],
+        core=len(tape.core),
+        levels=len(levels),
+        marched=int(bool(tape.outputs.levels[2])),
     )
+    return head + "\n".join([*_inputs(tape), *_segments(tape), *_outputs(tape)]) + "\n"
+
+
+def _inputs(tape: Any) -> list[str]:
+    """Return the functions that write constants, geometry, laws and the core coordinates."""
     constants = [f"    {_name(r)} = {value!r};" for r, value in tape.constants.items()]
     given = [f"    u[{r.number}] = g[{k}];" for k, (r, _) in enumerate(geometry_of(tape))]
     laws = [f"    w[{r.number}] = f{leaf.place[2]};" for leaf, r in tape.inputs.items() if leaf.kind == "f"]
-    predicting = ("q", "v", "a") if marched else ()
-    leaving = [
-        f"    {name}[{k}] = w[{rows[c]}];"
-        for name, rows in zip(predicting, out.levels, strict=False)
-        for k, c in enumerate(tape.core)
-    ]
-    sign = " * ".join(f"copysign(1.0, w[{k}])" for k in out.determinants) or "1.0"
-    state = "const double *u, double *w, int *m"
-    functions = [
+    core = [f"    w[{row}] = q[{k}];" for k, row in enumerate(_core(tape, 0))]
+    return [
         _function("inputs", "double *u, const double *g", [*constants, *given]),
         _function("laws", "double *w, double f0, double f1, double f2", [*laws, "    (void)f0; (void)f1; (void)f2;"]),
-        _function("mechanism", "double *u", _statements(tape.segments["mechanism"])),
-        _function("times", state, ["    (void)u; (void)w; (void)m;", *_statements(tape.segments["time"])]),
-        _function("newton", state, ["    (void)m;", *_statements(tape.segments["newton"])]),
-        _function("answer", state, ["    (void)m;", *_statements(tape.segments["answer"])]),
-        _function("core_in", "double *w, const double *q", [f"    w[{row}] = q[{k}];" for k, row in enumerate(core)]),
-        _function("core_out", "const double *w, double *q, double *v, double *a", leaving),
-        _function(
-            "levels_out", "const double *w, double *to", [f"    to[{k}] = w[{row}];" for k, row in enumerate(levels)]
-        ),
+        _function("core_in", "double *w, const double *q", core),
+    ]
+
+
+def _segments(tape: Any) -> list[str]:
+    """Return a function for each segment."""
+    found = [_function("mechanism", "double *u", _statements(tape.segments["mechanism"]))]
+    for name, segment in (("times", "time"), ("newton", "newton"), ("answer", "answer")):
+        lines = ["    (void)u; (void)w; (void)m;", *_statements(tape.segments[segment])]
+        found.append(_function(name, "const double *u, double *w, int *m", lines))
+    return found
+
+
+def _outputs(tape: Any) -> list[str]:
+    """Return the functions that read what was found; without rates nothing is marched, and the core is not read."""
+    out = tape.outputs
+    orders = enumerate("qva" if out.levels[2] else "")
+    core = [f"    {name}[{k}] = w[{row}];" for order, name in orders for k, row in enumerate(_core(tape, order))]
+    levels = [f"    to[{k}] = w[{row}];" for k, row in enumerate(_levels(tape))]
+    sign = " * ".join(f"copysign(1.0, w[{k}])" for k in out.determinants) or "1.0"
+    return [
+        _function("core_out", "const double *w, double *q, double *v, double *a", core),
+        _function("levels_out", "const double *w, double *to", levels),
         f"static inline double step_of(const double *w) {{ return w[{out.step}]; }}",
         f"static inline double sign_of(const double *w) {{ return {sign}; }}",
     ]
-    return head + "\n".join(functions) + "\n"
+
+
+def _core(tape: Any, order: int) -> list[int]:
+    """Return the registers of the core coordinates, or of their rates."""
+    return [tape.outputs.levels[order][c] for c in tape.core]
+
+
+def _levels(tape: Any) -> list[int]:
+    """Return the registers of all coordinates and rates."""
+    return [row for rows in tape.outputs.levels for row in rows]
 
 
 def geometry_of(tape: Any) -> list[tuple[Any, tuple[int, int]]]:
