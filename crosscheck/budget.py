@@ -124,7 +124,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         e=tuple(e + _table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma))),
         size=(e_phi, moving, bending),
         rates=(np.zeros_like(rate), rate, np.max(np.abs(qdd), axis=0) + rate**2),
-        rounding=_handed_over(system, q, qd, qdd),
+        rounding=handed_over(system, q, qd, qdd),
     )
 
 
@@ -197,7 +197,7 @@ def _table_error(system: System, t: Any, order: int) -> Any:
     return out
 
 
-def _handed_over(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, Any]:
+def handed_over(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, Any]:
     """Return the rounding of coordinates and rates that are composed of others, in metres and back.
 
     A pose at the end of a chain is a sum of arms of one size, one per body, and of the angles of other bodies, each

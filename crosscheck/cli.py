@@ -17,7 +17,15 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from crosscheck import document_commands, golden, hard_commands, hunt_command, night_commands, tape_command
+from crosscheck import (
+    bench_command,
+    document_commands,
+    golden,
+    hard_commands,
+    hunt_command,
+    night_commands,
+    tape_command,
+)
 from crosscheck.answers import to_json
 from crosscheck.campaign import ALWAYS, SAMPLED, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.cluster import LOCAL, NoCluster
@@ -365,6 +373,7 @@ app.command(hunt_command.hunt_worst, name="hunt")
 app.command(price_command.price)
 app.command(night_commands.history)
 app.command(night_commands.baseline)
+app.command(bench_command.bench)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

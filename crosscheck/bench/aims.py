@@ -1,0 +1,112 @@
+"""What this project aims at, and whether a run reached it: ratios of rows of one run, and what a first use costs.
+
+A row that is not ranked counts for nothing, on either side.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+ENGINES = ("exudyn", "exudyn-position", "pinocchio", "mujoco")
+SWEEP, MANY, ANY, LARGE = "sweep-1000", "many-10000x360", "many-10000x360-any", "chain-10000"
+LANES, SPARSE = "refkin-lanes", "refkin-sparse"
+BODIES = 2 * 10_000 + 1
+
+
+class Times:
+    """The times of the ranked rows of a run [ns], by work and route, and the seconds of a first use."""
+
+    def __init__(self, results: Mapping[str, Any]) -> None:
+        rows = [row for row in results["rows"] if row["ranked"]]
+        self._of = {(row["work"], row["route"]): float(row["nanoseconds_per_configuration"]) for row in rows}
+        self.first_use: Mapping[str, float] = results.get("first_use", {})
+
+    def __call__(self, work: str, route: str) -> float:
+        """Return a time; KeyError if there is no such row, or it is not ranked."""
+        return self._of[work, route]
+
+    def engine(self, work: str) -> float:
+        """Return the time of the fastest engine route."""
+        found = [self._of[work, route] for route in ENGINES if (work, route) in self._of]
+        if not found:
+            raise KeyError(work)
+        return min(found)
+
+
+@dataclass(frozen=True)
+class Aim:
+    """A number that is to be at most, or at least, so much; `works` are those whose rows it needs."""
+
+    name: str
+    works: tuple[str, ...]
+    value: Callable[[Times], float]
+    at_most: float = math.inf
+    at_least: float = -math.inf
+
+
+AIMS = (
+    Aim("one four-bar: lanes / dense C", (SWEEP,), lambda t: t(SWEEP, LANES) / t(SWEEP, "c-dense"), at_most=0.7),
+    Aim(
+        "one four-bar: fastest engine route / lanes",
+        (SWEEP,),
+        lambda t: t.engine(SWEEP) / t(SWEEP, LANES),
+        at_least=10.0,
+    ),
+    Aim(
+        "one four-bar: certificates / the lanes' solve",
+        (SWEEP,),
+        lambda t: t(SWEEP, "refkin-lanes-certificate") / t(SWEEP, LANES),
+        at_most=5.0,
+    ),
+    Aim("10,000 four-bars, 2 % margin: lanes [ns]", (MANY,), lambda t: t(MANY, LANES), at_most=250.0),
+    Aim(
+        "10,000 four-bars, 2 % margin: dense C / lanes",
+        (MANY,),
+        lambda t: t(MANY, "c-dense") / t(MANY, LANES),
+        at_least=4.0,
+    ),
+    Aim("10,000 four-bars, no margin: lanes [ns]", (ANY,), lambda t: t(ANY, LANES), at_most=550.0),
+    Aim(
+        "chains: growth exponent of a Newton iteration, 100 to 10,000 loops",
+        ("chain-100", LARGE),
+        lambda t: math.log10(t(LARGE, SPARSE) / t("chain-100", SPARSE)) / 2.0,
+        at_most=1.1,
+    ),
+    Aim(
+        "chain of 10,000 loops: a Newton iteration [us per body]",
+        (LARGE,),
+        lambda t: t(LARGE, SPARSE) / BODIES / 1e3,
+        at_most=3.0,
+    ),
+    Aim("first use: the tape of a four-bar [s]", (SWEEP,), lambda t: t.first_use["tape_seconds"], at_most=0.03),
+    Aim(
+        "first use: import of refkin beyond NumPy's and SciPy's [s]",
+        (SWEEP,),
+        lambda t: t.first_use["import_seconds"],
+        at_most=0.3,
+    ),
+)
+
+
+def reached(results: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return what a run says of each aim: name, bound, measured number, whether it was reached.
+
+    An aim is left out where the run did not ask for its works; it is missed where a row is absent or not ranked.
+    """
+    times = Times(results)
+    works = {row["work"] for row in (*results["rows"], *results["absent"])}
+    found = []
+    for aim in AIMS:
+        if not works.issuperset(aim.works):
+            continue
+        try:
+            value: float | None = aim.value(times)
+        except KeyError:
+            value = None
+        bound = {"at_most": aim.at_most} if math.isfinite(aim.at_most) else {"at_least": aim.at_least}
+        good = value is not None and aim.at_least <= value <= aim.at_most
+        found.append({"aim": aim.name, **bound, "measured": value, "reached": good})
+    return found

@@ -1,0 +1,125 @@
+"""The lanes' tape as C: the same list of operations, a scalar at a time, for a compiler to do its best with."""
+
+from __future__ import annotations
+
+from typing import Any
+
+FUNCTIONS = {"abs": "fabs({0})", "max": "fmax2({0}, {1})", "min": "fmin2({0}, {1})", "select": "({0} ? {1} : {2})"}
+PLAIN = ("add", "sub", "mul", "div", "neg", "greater", "cos", "sin", "tan", "copy")
+HEAD = """#include <math.h>
+#define NU {u}
+#define NW {w}
+#define NM {m}
+#define CORE {core}
+#define LEVELS {levels}
+#define MARCHED {marched}
+static inline double fmax2(double a, double b) {{ return a > b ? a : b; }}
+static inline double fmin2(double a, double b) {{ return a < b ? a : b; }}
+"""
+
+
+class NotInC(Exception):
+    """A tape with operations that call back into NumPy: large blocks, profiles."""
+
+
+def emitted(tape: Any) -> str:
+    """Return `tape.h` for `tape.c`.
+
+    Parameters
+    ----------
+    tape : refkin.fast.lanes.tape.Tape
+        Its geometry's inputs become g[0], g[1], ... in the order of `geometry_of`; its one law is that of the driver.
+
+    Raises
+    ------
+    NotInC
+        If an operation is more than arithmetic.
+    """
+    sizes, levels = tape.sizes, _levels(tape)
+    head = HEAD.format(
+        u=sizes["u"],
+        w=sizes["w"],
+        m=sizes["m"],
+        core=len(tape.core),
+        levels=len(levels),
+        marched=int(bool(tape.outputs.levels[2])),
+    )
+    return head + "\n".join([*_inputs(tape), *_segments(tape), *_outputs(tape)]) + "\n"
+
+
+def _inputs(tape: Any) -> list[str]:
+    """Return the functions that write constants, geometry, laws and the core coordinates."""
+    constants = [f"    {_name(r)} = {value!r};" for r, value in tape.constants.items()]
+    given = [f"    u[{r.number}] = g[{k}];" for k, (r, _) in enumerate(geometry_of(tape))]
+    laws = [f"    w[{r.number}] = f{leaf.place[2]};" for leaf, r in tape.inputs.items() if leaf.kind == "f"]
+    core = [f"    w[{row}] = q[{k}];" for k, row in enumerate(_core(tape, 0))]
+    return [
+        _function("inputs", "double *u, const double *g", [*constants, *given]),
+        _function("laws", "double *w, double f0, double f1, double f2", [*laws, "    (void)f0; (void)f1; (void)f2;"]),
+        _function("core_in", "double *w, const double *q", core),
+    ]
+
+
+def _segments(tape: Any) -> list[str]:
+    """Return a function for each segment."""
+    found = [_function("mechanism", "double *u", _statements(tape.segments["mechanism"]))]
+    for name, segment in (("times", "time"), ("newton", "newton"), ("answer", "answer")):
+        lines = ["    (void)u; (void)w; (void)m;", *_statements(tape.segments[segment])]
+        found.append(_function(name, "const double *u, double *w, int *m", lines))
+    return found
+
+
+def _outputs(tape: Any) -> list[str]:
+    """Return the functions that read what was found; without rates nothing is marched, and the core is not read."""
+    out = tape.outputs
+    orders = enumerate("qva" if out.levels[2] else "")
+    core = [f"    {name}[{k}] = w[{row}];" for order, name in orders for k, row in enumerate(_core(tape, order))]
+    levels = [f"    to[{k}] = w[{row}];" for k, row in enumerate(_levels(tape))]
+    sign = " * ".join(f"copysign(1.0, w[{k}])" for k in out.determinants) or "1.0"
+    return [
+        _function("core_out", "const double *w, double *q, double *v, double *a", core),
+        _function("levels_out", "const double *w, double *to", levels),
+        f"static inline double step_of(const double *w) {{ return w[{out.step}]; }}",
+        f"static inline double sign_of(const double *w) {{ return {sign}; }}",
+    ]
+
+
+def _core(tape: Any, order: int) -> list[int]:
+    """Return the registers of the core coordinates, or of their rates."""
+    return [tape.outputs.levels[order][c] for c in tape.core]
+
+
+def _levels(tape: Any) -> list[int]:
+    """Return the registers of all coordinates and rates."""
+    return [row for rows in tape.outputs.levels for row in rows]
+
+
+def geometry_of(tape: Any) -> list[tuple[Any, tuple[int, int]]]:
+    """Return the registers of the geometry with (constraint, number) of what they hold."""
+    return [(register, leaf.place) for leaf, register in tape.inputs.items() if leaf.kind == "g"]
+
+
+def _function(name: str, arguments: str, lines: list[str]) -> str:
+    body = "\n".join(lines)
+    return f"static inline void {name}({arguments})\n{{\n{body}\n}}\n"
+
+
+def _statements(instructions: Any) -> list[str]:
+    return [f"    {_name(i.out)} = {_expression(i)};" for i in instructions]
+
+
+def _expression(instruction: Any) -> str:
+    from refkin.fast.lanes.tape import FORMATS  # here: the fast paths may be absent
+
+    op, args = instruction.op, [_name(a) for a in instruction.args]
+    if op in FUNCTIONS:
+        return FUNCTIONS[op].format(*args)
+    if op in PLAIN:
+        return FORMATS[op].format(*args)
+    raise NotInC(f"the tape holds {op!r}, which is no arithmetic")
+
+
+def _name(register: Any) -> str:
+    if register.bank == "x":
+        raise NotInC("the tape solves a block of three or more at once")
+    return f"{register.bank}[{register.number}]"

@@ -1,0 +1,82 @@
+"""The benchmark's aims: judged on ranked rows of one run, missed where a row is absent."""
+
+from __future__ import annotations
+
+import pytest
+
+from crosscheck.bench.aims import AIMS, reached
+from crosscheck.bench.first_use import first_use
+from crosscheck.bench.works import names, sweep
+
+LANES, DENSE = "one four-bar: lanes / dense C", "c-dense"
+
+
+def row(work, route, time, ranked=True):
+    return {"work": work, "route": route, "nanoseconds_per_configuration": time, "ranked": ranked}
+
+
+def results(*rows, absent=(), **more):
+    return {"rows": list(rows), "absent": list(absent), **more}
+
+
+def of(results_, name):
+    return next(a for a in reached(results_) if a["aim"] == name)
+
+
+@pytest.mark.parametrize(("time", "good"), [(699.0, True), (701.0, False)])
+def test_an_aim_is_reached_up_to_its_bound(time, good):
+    found = of(results(row("sweep-1000", "refkin-lanes", time), row("sweep-1000", DENSE, 1000.0)), LANES)
+
+    assert found["reached"] is good
+    assert found["measured"] == pytest.approx(time / 1000.0)
+    assert found["at_most"] == 0.7
+
+
+def test_a_row_that_is_not_ranked_counts_for_nothing():
+    wrong = results(row("sweep-1000", "refkin-lanes", 1.0, ranked=False), row("sweep-1000", DENSE, 1000.0))
+
+    assert of(wrong, LANES) == {"aim": LANES, "at_most": 0.7, "measured": None, "reached": False}
+
+
+def test_an_aim_whose_rival_is_absent_is_not_reached():
+    alone = results(row("sweep-1000", "refkin-lanes", 1.0), absent=[{"work": "sweep-1000", "route": DENSE}])
+
+    assert not of(alone, LANES)["reached"]
+
+
+def test_aims_of_works_that_were_not_run_are_left_out():
+    found = reached(results(row("many-10000x360", "refkin-lanes", 1.0)))
+
+    assert {aim["aim"].split(":")[0] for aim in found} == {"10,000 four-bars, 2 % margin"}
+
+
+def test_the_fastest_engine_route_is_the_rival_whatever_it_computes():
+    found = of(
+        results(
+            row("sweep-1000", "refkin-lanes", 1.0),
+            row("sweep-1000", "exudyn-position", 9.0),
+            row("sweep-1000", "mujoco", 20.0),
+        ),
+        "one four-bar: fastest engine route / lanes",
+    )
+
+    assert found["measured"] == 9.0
+    assert not found["reached"]
+
+
+def test_the_growth_exponent_is_that_of_two_decades():
+    grown = results(row("chain-100", "refkin-sparse", 2.0), row("chain-10000", "refkin-sparse", 200.0))
+    name = "chains: growth exponent of a Newton iteration, 100 to 10,000 loops"
+
+    assert of(grown, name)["measured"] == pytest.approx(1.0)
+
+
+def test_every_aim_names_works_that_exist():
+    assert {work for aim in AIMS for work in aim.works} <= set(names())
+
+
+def test_what_a_first_use_costs_is_measured():
+    found = first_use(sweep(24))
+
+    assert 0.0 < found["import_seconds"] < 5.0
+    assert 0.0 < found.get("tape_seconds", 0.01) < 5.0

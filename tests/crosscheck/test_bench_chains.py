@@ -1,0 +1,90 @@
+"""The benchmark's chains: their budgets are taken from below, wrong coordinates are noticed, long ones are refused."""
+
+from __future__ import annotations
+
+import importlib.util
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import refkin
+from crosscheck.bench import chain_routes, works
+from crosscheck.bench.c_kernels import Kernels
+from crosscheck.bench.routes import Absent
+from crosscheck.budget import derive
+
+FAST = importlib.util.find_spec("refkin.fast") is not None
+WORK = works.Chain("chain-10", 3)
+
+
+def sparse():
+    """The sparse system of the chain; None where there are no fast paths, which is then asserted."""
+    if not FAST:
+        with pytest.raises(Absent):
+            chain_routes.sparse_system(WORK)
+        return None
+    return chain_routes.sparse_system(WORK)
+
+
+def test_what_is_allowed_is_less_than_the_budget_of_a_comparison_and_not_much_less():
+    system = sparse()
+    if system is None:
+        return
+    from crosscheck.bench.chain_accuracy import allowed
+
+    motion = refkin.solve(WORK.scene)
+    levels = [system.system.to_unit(level, order) for order, level in enumerate(motion.levels)]
+    whole = derive(system.system, motion, *levels).position[:, 0]
+    part = allowed(system, levels[0][:, 0], 0.0) / whole
+
+    assert np.all(part <= 1.0)
+    assert np.all(part > 0.2)
+
+
+def test_the_truth_is_ranked_and_one_wrong_coordinate_is_not():
+    system = sparse()
+    if system is None:
+        return
+    from crosscheck.bench.chain_accuracy import judged
+
+    q = np.asarray(WORK.truth()[0], float)
+    assert judged(WORK, system, q).ranked
+    for coordinate in range(len(q)):
+        wrong = q.copy()
+        wrong[coordinate] += 1e-11
+        assert not judged(WORK, system, wrong).ranked
+
+
+def test_nan_is_not_ranked():
+    system = sparse()
+    if system is None:
+        return
+    from crosscheck.bench.chain_accuracy import judged
+
+    assert not judged(WORK, system, np.full(system.system.n, np.nan)).ranked
+
+
+@pytest.mark.parametrize("name", chain_routes.LARGEST)
+def test_a_chain_that_is_too_long_for_a_route_is_refused_with_the_reason(name):
+    largest, reason = chain_routes.LARGEST[name]
+    long = works.Chain("chain-10000", largest + 1)
+
+    with Kernels() as kernels, pytest.raises(Absent, match=f"more than {largest} loops: {reason}"):
+        chain_routes.BUILDERS[name](long, kernels)
+
+
+def test_operations_that_are_no_arithmetic_are_not_put_into_c():
+    if not FAST:
+        return
+    from crosscheck.bench.c_routes import tape_of
+    from crosscheck.bench.c_tape import NotInC, emitted
+    from refkin.fast.lanes.tape import Instruction, Register
+
+    tape, _ = tape_of(WORK.scene)
+    with_profile = Instruction("profile", Register("w", 0), (Register("w", 1),), (0, 0))
+    with pytest.raises(NotInC, match="profile"):
+        emitted(replace(tape, segments={**tape.segments, "answer": (with_profile,)}))
+    with_block = Instruction("inverse", Register("x", 0), (Register("w", 1),), 1)
+    with pytest.raises(NotInC, match="block"):
+        emitted(replace(tape, segments={**tape.segments, "answer": (with_block,)}))
