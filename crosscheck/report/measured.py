@@ -39,7 +39,7 @@ class EffectRow(_Row):
 
     engine: str
     effect: str
-    microseconds: float
+    microseconds: float | None
     inert: bool | None
     largest_change: float | None = None
 

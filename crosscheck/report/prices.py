@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import fields
 from typing import Any
-from xml.etree import ElementTree as ET
 
 from markupsafe import Markup
 
+from crosscheck.effects.figures import effects_figure as bars_of_effects
+from crosscheck.effects.rows import EffectRow
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
 from crosscheck.report.summary import SOLVED
-from crosscheck.report.svg import COLOURS, Mark, Plot, Style, power_of_ten, style, swatch
+from crosscheck.report.svg import Mark, Plot, Style, power_of_ten, style, swatch
 from crosscheck.report.wording import number
 
 Row = Mapping[str, Any]
@@ -117,54 +119,16 @@ def _spoken(row: Row) -> str:
 
 
 def effects_figure(rows: Sequence[Row]) -> Figure:
-    """Return one stacked bar per engine, a part per effect; the same effect has the same colour everywhere."""
-    engines = list(dict.fromkeys(r["engine"] for r in rows))
-    effects = list(dict.fromkeys(r["effect"] for r in rows))
-    looks = {effect: _fill(k) for k, effect in enumerate(effects)}
-    panels = (_bars(engines, rows, looks),) if rows else ()
-    legend = tuple((_patch(look), effect) for effect, look in looks.items())
-    head = ("engine", "effect", "µs", "changes what was called for", "largest change")
+    """Return one stacked bar per engine and route, a part per effect; and all rows as a table."""
+    panels = (bars_of_effects([_of_ledger(row) for row in rows], "effects-bars"),) if rows else ()
+    head = ("engine", "route", "effect", "µs", "changes what was called for", "largest change")
     told = {True: "no", False: "yes", None: "not known"}
-    lines = tuple((r["engine"], r["effect"], r["microseconds"], told[r["inert"]], r["largest_change"]) for r in rows)
-    return Figure(panels, legend, head, lines)
+    keys = ("engine", "route", "effect", "microseconds", "inert", "largest_change")
+    lines = tuple(tuple(told[r[k]] if k == "inert" else r.get(k, "") for k in keys) for r in rows)
+    return Figure(panels, (), head, lines)
 
 
-def _fill(k: int) -> dict[str, str]:
-    """Return colour and opacity of the k-th effect: after the palette it starts again, paler."""
-    colours = [c for c in COLOURS if c != "currentColor"]
-    return {"fill": colours[k % len(colours)], "fill-opacity": ("1", "0.55", "0.3")[k // len(colours) % 3]}
-
-
-def _bars(engines: Sequence[str], rows: Sequence[Row], looks: Mapping[str, Mapping[str, str]]) -> Markup:
-    longest = max(sum(max(0.0, r["microseconds"]) for r in rows if r["engine"] == e) for e in engines) or 1.0
-    width, left, step = 640, 120, 30
-    size = {
-        "viewBox": f"0 0 {width} {step * len(engines) + 8}",
-        "width": str(width),
-        "height": str(step * len(engines) + 8),
-    }
-    named = {"role": "group", "aria-labelledby": "effects-bars", "font-size": "12", "fill": "currentColor"}
-    root = ET.Element("svg", {**size, **named, "font-family": "system-ui, sans-serif"})
-    ET.SubElement(root, "title", {"id": "effects-bars"}).text = "Microseconds per effect, stacked, by engine"
-    for k, engine in enumerate(engines):
-        y, x = step * k + 4, float(left)
-        name = ET.SubElement(root, "text", {"x": str(left - 8), "y": str(y + 15), "text-anchor": "end"})
-        name.text = engine
-        for row in (r for r in rows if r["engine"] == engine and r["microseconds"] > 0):
-            long = (width - left - 70) * row["microseconds"] / longest
-            label = f"{engine}, {row['effect']}: {number(row['microseconds'])} µs"
-            told = {"role": "img", "aria-label": label, "tabindex": "-1", "data-mark": ""}
-            group = ET.SubElement(root, "g", told)
-            ET.SubElement(group, "title").text = label
-            at = {"x": f"{x:.1f}", "y": str(y), "width": f"{max(long - 1, 0.5):.1f}", "height": "20"}
-            ET.SubElement(group, "rect", {**at, **looks[row["effect"]]})
-            x += long
-        total = ET.SubElement(root, "text", {"x": f"{x + 6:.1f}", "y": str(y + 15)})
-        total.text = f"{number(sum(r['microseconds'] for r in rows if r['engine'] == engine))} µs"
-    return Markup(ET.tostring(root, encoding="unicode"))
-
-
-def _patch(look: Mapping[str, str]) -> Markup:
-    root = ET.Element("svg", {"viewBox": "0 0 14 12", "width": "14", "height": "12", "aria-hidden": "true"})
-    ET.SubElement(root, "rect", {"width": "14", "height": "12", **look})
-    return Markup(ET.tostring(root, encoding="unicode"))
+def _of_ledger(row: Row) -> EffectRow:
+    """Return a row as the ledger has it; what a file leaves out is not known."""
+    unknown = {"route": "", "without": 0.0, "spread": None, "worst": "", "called_for": True, "note": ""}
+    return EffectRow(**{name: row.get(name, unknown.get(name)) for name in (f.name for f in fields(EffectRow))})

@@ -68,6 +68,17 @@ def redundant_rows_contradict_at_each_level() -> None:
 
 
 @check
+def a_row_that_is_left_out_is_held_against_the_pose() -> None:
+    """Where the other rows close, a wheel shifted by 1e-9 rad contradicts them, and one that is not does not."""
+    for phi0, contradicts in ((0.0, False), (1e-9, True)):
+        mechanism = ring(4, phi0=phi0)
+        system = compile_system(mechanism, unit=mechanism.unit())
+        pose = system.to_unit(turned(ring(4)).q[:, :1])
+        apart = isolate(system, pose, TIMES[:1]).contradiction[0]
+        demand(bool(apart > 1.0) is contradicts, f"shifted by {phi0:g}: {apart:.3g} times what rounding explains")
+
+
+@check
 def rounding_is_no_contradiction() -> None:
     """A joint that is there twice changes no answer, and contradicts nothing."""
     scene = FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.3, -0.7)), times=TIMES)

@@ -10,9 +10,9 @@ import pytest
 
 import refkin
 from crosscheck.cli import main
+from crosscheck.commands.hard import write_rows
 from crosscheck.hard_cases import hard_case_rows
 from crosscheck.hard_cases.table import KEYS
-from crosscheck.hard_commands import write_rows
 from crosscheck.hunting import CERTIFICATE, STRATA, Bag, Catch, hunt, ratios, turn_of
 from crosscheck.report.build import HARD_CASES
 from crosscheck.report.measured import measured

@@ -62,9 +62,10 @@ def test_the_hard_scenes_leave_fewer_digits_than_the_regular_one(name, quantity)
 
 
 def test_far_from_the_origin_positions_in_metres_lose_the_digits_that_the_offset_takes():
-    expected = -math.log10(np.spacing(AWAY) / 2 / 4.0)  # in sizes of 4 m
+    """Half an ulp of the answer, and of the two ground points, whose distance is known to that: through the linkage."""
+    of_the_answer = -math.log10(np.spacing(AWAY) / 2 / 4.0)  # in sizes of 4 m
 
-    assert attainable("far from the origin")["position"] == pytest.approx(expected, abs=0.5)
+    assert of_the_answer - 1.0 < attainable("far from the origin")["position"] < of_the_answer
 
 
 def test_a_truth_far_from_the_origin_is_not_called_better_than_its_rounding_to_metres():

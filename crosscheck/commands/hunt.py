@@ -12,8 +12,8 @@ from rich.console import Console
 from rich.table import Table
 
 from crosscheck.campaign import ALWAYS, find_engines
+from crosscheck.commands.hard import UnknownName
 from crosscheck.engines import available
-from crosscheck.hard_commands import UnknownName
 from crosscheck.hunting import Bag, hunt
 from crosscheck.journal import replace_file
 from crosscheck.workers import SECONDS_PER_SCENE
