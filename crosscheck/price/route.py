@@ -18,6 +18,13 @@ PRODUCERS = {
     "pinocchio": "crosscheck.price.pinocchio_routes",
 }
 """Producer -> the module whose `routes(scene)` yields its routes; imported where they are measured, not before."""
+PRICED_AS = {
+    ("exudyn", "static"): "MainSolverStatic.Newton",
+    ("exudyn", "shipped"): "SolveStatic, as shipped",
+    ("mujoco", "newton"): "Newton on its rows",
+    ("pinocchio", "joint tree"): "Newton on its rows",
+}
+"""Engine and route of a night -> the route of the price list that does the same, its knobs turned."""
 NOBODY = "nobody: steps in time"
 """Who ran Newton where the motion is integrated."""
 

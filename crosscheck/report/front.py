@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from crosscheck.price.route import PRICED_AS
 from crosscheck.report.measured import VERDICTS
 from crosscheck.report.prices import cheapest, main_class
 from crosscheck.report.summary import SOLVED
@@ -26,14 +27,15 @@ def first_table(report: Report) -> list[dict[str, Any]]:
         for route, quantities in routes.items():
             made = of_routes.get((engine, route), {})
             silent, seriousness = _silent(report, engine, route, made)
-            paid = nine[engine, route]["microseconds"] if (engine, route) in nine else None
+            same = (engine, PRICED_AS.get((engine, route), route))
+            paid = nine[same]["microseconds"] if same in nine else None
             rows.append(
                 {
                     "engine": engine,
                     "route": route,
                     "cells": [_cell(quantities[quantity]) for quantity in SOLVED],
                     "price": paid if prices else made.get("microseconds_median"),
-                    "priced": (engine, route) in priced or not prices,
+                    "priced": same in priced or not prices,
                     "silent": silent,
                     "silent_class": seriousness,
                     "scenes": made.get("scenes", 0),

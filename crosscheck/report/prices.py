@@ -18,6 +18,8 @@ from crosscheck.report.wording import number
 
 Row = Mapping[str, Any]
 GOALS = (3, 6, 9, 12, 14)
+SHIPPED = "shipped"
+"""The name of the routes that use no setting."""
 PREFERRED = "regular"
 """The class of scenes that the first table speaks of, if there is one of that name."""
 
@@ -42,29 +44,58 @@ def cheapest(rows: Sequence[Row], quantity: str, goal: float, scene_class: str |
     return found
 
 
+def frontier(rows: Sequence[Row]) -> list[Row]:
+    """Return the settings that no other of the same engine beats, for the same quantity and class of scenes.
+
+    Beaten is what has no more digits than another and takes no less time; what gave no number is not beaten by anyone.
+    """
+    groups: dict[tuple[str, ...], list[Row]] = {}
+    for row in rows:
+        groups.setdefault((row["engine"], row["scene_class"], row["quantity"]), []).append(row)
+    kept = []
+    for group in groups.values():
+        most = -math.inf
+        for row in sorted(group, key=_time_and_digits):
+            if row["digits"] is None or row["microseconds"] is None:
+                kept.append(row)
+            elif row["digits"] > most:
+                most = row["digits"]
+                kept.append(row)
+    return kept
+
+
+def _time_and_digits(row: Row) -> tuple[float, float]:
+    return (math.inf if row["microseconds"] is None else row["microseconds"], -(row["digits"] or 0.0))
+
+
 def cheapest_tables(rows: Sequence[Row]) -> list[dict[str, Any]]:
-    """Return a table per class of scenes and quantity: engine and route x goal -> the cheapest row, None if none."""
+    """Return a table per class of scenes and quantity: engine x goal -> its cheapest setting, None if there is none."""
     tables = []
     for scene_class in dict.fromkeys(row["scene_class"] for row in rows):
         for quantity in SOLVED:
-            of_table = [r for r in rows if (r["quantity"], r["scene_class"]) == (quantity, scene_class)]
-            names = dict.fromkeys((r["engine"], r["route"]) for r in of_table)
-            best = {goal: cheapest(rows, quantity, goal, scene_class) for goal in GOALS}
-            least = {
-                goal: min((r["microseconds"] for r in found.values()), default=None) for goal, found in best.items()
-            }
-            lines = [(" · ".join(name), [(best[g].get(name), least[g]) for g in GOALS]) for name in names]
+            best = {goal: _cheapest_of_engines(rows, quantity, goal, scene_class) for goal in GOALS}
+            engines = dict.fromkeys(
+                r["engine"] for r in rows if (r["quantity"], r["scene_class"]) == (quantity, scene_class)
+            )
+            least = {g: min((r["microseconds"] for r in found.values()), default=None) for g, found in best.items()}
+            lines = [(engine, [(best[g].get(engine), least[g]) for g in GOALS]) for engine in engines]
             if lines:
                 tables.append({"scene_class": scene_class, "quantity": quantity, "lines": lines})
     return tables
 
 
+def _cheapest_of_engines(rows: Sequence[Row], quantity: str, goal: float, scene_class: str) -> dict[str, Row]:
+    found: dict[str, Row] = {}
+    for (engine, _), row in cheapest(rows, quantity, goal, scene_class).items():
+        if engine not in found or row["microseconds"] < found[engine]["microseconds"]:
+            found[engine] = row
+    return found
+
+
 def price_figure(rows: Sequence[Row], looks: Mapping[tuple[str, str], Style]) -> Figure:
-    """Return digits against microseconds: a panel per class of scenes and quantity, a line per engine and route."""
-    names = list(dict.fromkeys((r["engine"], r["route"]) for r in rows))
-    known = dict(looks)
-    for name in names:
-        known.setdefault(name, style(len(known)))
+    """Return digits against microseconds: a panel per class of scenes and quantity, the frontier of each engine."""
+    rows = frontier(rows)
+    of_engines = _looks(list(dict.fromkeys(r["engine"] for r in rows)), looks)
     times = [math.log10(r["microseconds"]) for r in rows if r["microseconds"]]
     span = (
         math.floor(min(times, default=0.0)),
@@ -75,8 +106,8 @@ def price_figure(rows: Sequence[Row], looks: Mapping[tuple[str, str], Style]) ->
         for quantity in SOLVED:
             shown = [r for r in rows if (r["quantity"], r["scene_class"]) == (quantity, scene_class)]
             if shown:
-                panels.append(_price_panel(f"price-{len(panels)}", scene_class, quantity, shown, names, known, span))
-    legend = tuple((swatch(known[name]), " · ".join(name)) for name in names)
+                panels.append(_price_panel(f"price-{len(panels)}", scene_class, quantity, shown, of_engines, span))
+    legend = tuple((swatch(look), engine) for engine, look in of_engines.items())
     head = ("engine · route", "knob", "scenes", "quantity", "digits", "attainable", "µs", "spread")
     keys = ("knob", "scene_class", "quantity", "digits", "digits_attainable", "microseconds", "spread")
     return Figure(
@@ -84,13 +115,21 @@ def price_figure(rows: Sequence[Row], looks: Mapping[tuple[str, str], Style]) ->
     )
 
 
+def _looks(engines: Sequence[str], looks: Mapping[tuple[str, str], Style]) -> dict[str, Style]:
+    """Return what each engine looks like: as its best route in the other figures, if it has one there."""
+    found: dict[str, Style] = {}
+    for engine in engines:
+        known = [look for (name, route), look in looks.items() if name == engine and route != SHIPPED]
+        found[engine] = known[0] if known else style(len(looks) + len(found))
+    return found
+
+
 def _price_panel(
     ident: str,
     scene_class: str,
     quantity: str,
     rows: Sequence[Row],
-    names: Sequence[tuple[str, str]],
-    looks: Mapping[tuple[str, str], Style],
+    looks: Mapping[str, Style],
     span: tuple[int, int],
 ) -> Markup:
     title = f"{quantity.capitalize()}, {scene_class} scenes"
@@ -102,14 +141,14 @@ def _price_panel(
     if best:
         level = plot.py(min(max(best), HIGHEST_DIGITS))
         plot.line([(plot.px(span[0]), level), (plot.px(span[1]), level)], stroke="currentColor", stroke_dasharray="1 3")
-    for name in names:
-        of_line = [r for r in rows if (r["engine"], r["route"]) == name and r["microseconds"]]
+    for engine, look in looks.items():
+        of_line = [r for r in rows if r["engine"] == engine and r["microseconds"]]
         marks = [
             Mark(math.log10(r["microseconds"]), min(max(r["digits"], 0.0), HIGHEST_DIGITS), _spoken(r))
             for r in sorted(of_line, key=lambda r: r["microseconds"])
             if r["digits"] is not None
         ]
-        plot.marks(marks, looks[name])
+        plot.marks(marks, look)
     return plot.markup()
 
 
