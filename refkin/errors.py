@@ -15,6 +15,11 @@ class RefkinError(Exception):
     """Base of every error that refkin raises on purpose."""
 
 
+def printable(text: str) -> str:
+    """Return text with its control characters written out: a name in a scene file may hold what steers a terminal."""
+    return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
+
+
 @dataclass(frozen=True)
 class Fault:
     """One thing that is wrong with a scene.
@@ -37,7 +42,7 @@ class Fault:
         text = repr(self.value)
         short = text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
         got = "" if self.value is None else f", got {short}"
-        return f"{self.path}: expected {self.expected}{got}"
+        return printable(f"{self.path}: expected {self.expected}{got}")
 
 
 class InvalidScene(RefkinError):
@@ -62,4 +67,4 @@ class UnknownName(RefkinError):
 
     def __init__(self, kind: str, name: str, known: tuple[str, ...]) -> None:
         self.kind, self.name, self.known = kind, name, known
-        super().__init__(f"no {kind} is called {name!r}; there are: {', '.join(known) or 'none'}")
+        super().__init__(f"no {kind} is called {name!r}; there are: {printable(', '.join(known)) or 'none'}")

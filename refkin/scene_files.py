@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic_core import PydanticCustomError
 
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, Constraint, Driver
@@ -93,6 +94,14 @@ class SceneFile(_Strict):
     driver: tuple[AnyDriver, ...] = ()
     point: tuple[Point, ...] = ()
 
+    @field_validator("schema_", mode="before")
+    @classmethod
+    def _whole(cls, value: Any) -> Any:
+        """Refuse true and 1.0, which equal 1."""
+        if isinstance(value, bool | float):
+            raise PydanticCustomError("schema", "Input should be {known}", {"known": SCHEMA})
+        return value
+
 
 def load(path: str | Path) -> Scene:
     """Read a scene file; `.json` is read as JSON, everything else as TOML.
@@ -105,7 +114,7 @@ def load(path: str | Path) -> Scene:
     path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
-        data = json.loads(text) if path.suffix == ".json" else tomllib.loads(text)
+        data = json.loads(text, object_pairs_hook=_once) if path.suffix == ".json" else tomllib.loads(text)
     except OSError as error:
         raise InvalidScene([Fault("file", str(path), f"a readable file ({error.strerror})")], str(path)) from error
     except UnicodeDecodeError as error:
@@ -117,6 +126,15 @@ def load(path: str | Path) -> Scene:
     except ValueError as error:  # of the format; or of a number with more digits than Python reads
         raise InvalidScene([Fault("file", str(error), "TOML (or JSON in a .json file)")], str(path)) from error
     return parse(data, str(path))
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return a JSON object; a key that stands twice in it is an error, as it is in TOML."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        keys = [key for key, _ in pairs]
+        raise ValueError(f"the key {next(k for k in keys if keys.count(k) > 1)!r} twice in one object")
+    return found
 
 
 def parse(data: Any, source: str = "scene") -> Scene:

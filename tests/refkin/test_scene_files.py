@@ -89,6 +89,8 @@ def put(*path_and_value):
 BROKEN = {
     "no schema": (put("schema", ...), "schema: "),
     "another schema": (put("schema", 2), "schema: expected 1, got 2"),
+    "schema as a truth value": (put("schema", True), "schema: expected 1, got True"),
+    "schema as a float": (put("schema", 1.0), "schema: expected 1, got 1.0"),
     "spatial": (put("dimension", "spatial"), "dimension: expected 'planar', got 'spatial'"),
     "unknown key": (put("bodys", 1), "bodys: expected no such key"),
     "unknown effect": (put("effects", ["velocty"]), "effects[0]: "),
@@ -193,6 +195,23 @@ def test_text_that_is_no_scene_file_is_refused_in_one_line(tmp_path, name, text)
         load(path)
 
     assert len(found.value.faults) == 1
+
+
+def test_a_key_twice_in_a_json_file_is_refused_as_in_toml(tmp_path):
+    path = tmp_path / "a.json"
+    path.write_text(json.dumps(GOOD)[:-1] + ', "name": "another"}', encoding="utf-8")
+    with pytest.raises(InvalidScene, match=r"a\.json: file: expected .* got \"the key 'name' twice in one object\""):
+        load(path)
+
+
+def test_a_message_holds_no_control_character_of_a_file():
+    data = copy.deepcopy(GOOD)
+    data["body"][0]["name"] = "cr\x1b[31mank\n"
+    data["bo\x1b[2Jdy"] = 1
+    told = messages(data)
+
+    assert all(line.isprintable() for line in told)
+    assert any("a body of the scene: ground, cr\\x1b[31mank\\n, coupler" in line for line in told)
 
 
 def test_a_file_that_is_not_there_and_one_that_is_not_text_are_named(tmp_path):
