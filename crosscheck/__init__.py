@@ -33,8 +33,8 @@ def compare(
 
     record = check(scene, engines)
     if show:
-        console = Console(width=140)
+        console = Console(width=140, markup=False)
         console.print(agreement_table(record))
         for line in disagreement_lines(record["disagreements"]):
-            console.print(line, markup=False)
+            console.print(line)
     return record

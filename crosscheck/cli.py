@@ -91,7 +91,7 @@ def print_schema() -> int:
 
 
 def _print_motion(motion: Motion) -> None:
-    table = Table(r"t \[s]", "status", *(f"{body}.{c}" for body in motion.bodies for c in ("x", "y", "phi")))
+    table = Table("t [s]", "status", *(f"{body}.{c}" for body in motion.bodies for c in ("x", "y", "phi")))
     for k, (t, status) in enumerate(zip(motion.t, motion.status, strict=True)):
         table.add_row(f"{t:.6g}", status.value, *(f"{value:.15g}" for value in motion.q[:, k]))
     out = console(40 + 24 * len(motion.q))

@@ -52,4 +52,4 @@ def names(text: str, always: tuple[str, ...] = (ALWAYS, SAMPLED)) -> tuple[str, 
 
 def console(width: int) -> Console:
     """Return standard output as a console, of this width where it is no terminal."""
-    return Console(width=None if sys.stdout.isatty() else width)
+    return Console(width=None if sys.stdout.isatty() else width, markup=False)

@@ -53,6 +53,17 @@ def nightly(command):
     return run
 
 
+@pytest.mark.parametrize("asked", ["solve", "replay", "mobility", "tape"])
+def test_names_that_look_like_markup_of_a_terminal_are_shown_as_they_are(asked, command, tmp_path):
+    scene = tmp_path / "scene.toml"
+    text = GOOD.read_text(encoding="utf-8").replace("count = 73", "count = 2")
+    scene.write_text(text.replace('"crank"', '"[/b]"').replace('"crank-rocker"', '"[/i]"'), encoding="utf-8")
+    told = command(asked, scene)
+
+    assert told.returncode == 0, told.stderr
+    assert asked in ("mobility", "tape") or "[/" in told.stdout
+
+
 def night(out: Path, *more: Any, scenes: int | None = 3) -> list[Any]:
     few = [] if scenes is None else ["--scenes", scenes]
     return ["nightly", "--seed", NIGHT, "--workers", 2, "--out", out, *few, *more]
