@@ -20,6 +20,7 @@ from crosscheck.engines import Engine, EngineError, Level, Term, load, refusals
 from crosscheck.hard_cases.judging import scene_samples
 from crosscheck.levels import Configuration, LevelComparison, compare_levels, configurations
 from crosscheck.samples import attainable, common_sample, cycle, off_at, worst_samples
+from refkin.linkages.base import rough
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Route, Status
 from refkin.proof.krawczyk import Verdict
@@ -72,6 +73,7 @@ def check(
         told = {"engine": "refkin", "route": "newton", "quantity": "status", "ratio": None, "worst": ref.motion.message}
         record["disagreements"].append({**told, "kind": str(ref.motion.verdict)})
     at = _configurations(ref, record["key"])
+    scene = estimated(scene, ref)
     for engine in (load(e) if isinstance(e, str) else e for e in engines):
         reasons = refusals(engine, scene, Level.SOLVE)
         record["refusals"] += reasons
@@ -82,6 +84,21 @@ def check(
         if hasattr(engine, "constraints"):
             _check_levels(engine, scene, at, record)
     return record
+
+
+def estimated(scene: Scene, ref: Reference) -> Scene:
+    """Return the scene with an estimate for each body that has none: the reference's first pose, rounded.
+
+    Such a scene leaves open which assembly is meant; engines that chose for themselves would be compared on different
+    ones. Rounding leaves two decimals of the size, more where assemblies are near: they are about sigma_min apart.
+    """
+    m, first = scene.mechanism, ref.levels[0][:, 0]
+    if all(body.estimate for body in m.bodies) or not np.isfinite(first).all():
+        return scene
+    q, size, sigma = ref.system.to_physical(first), ref.system.unit.size, ref.sigma_min[0]
+    at = rough({b.name: tuple(q[ref.system.columns(b.name)].tolist()) for b in m.bodies}, size, size * sigma**2)
+    bodies = tuple(body if body.estimate else replace(body, estimate=at[body.name]) for body in m.bodies)
+    return replace(scene, mechanism=replace(m, bodies=bodies))
 
 
 def _reference_record(ref: Reference, seconds: float) -> dict[str, Any]:
