@@ -140,7 +140,7 @@ class Ways:
         raise EngineError(f"vector_loop refuses {what} {c.name!r}: no vector of given or sliding length stands for it")
 
     def _link(self, c: Constraint, length: Variable, gap: complex) -> Vector:
-        return Vector(1.0, length, self._unknown(f"direction of {c.name}", cmath.phase(gap)))
+        return Vector(1.0, length, self._unknown(f"direction of {c.name}", math.atan2(gap.imag, gap.real)))
 
     def _slide(self, name: str, body: str, axis: Pair, gap: complex) -> Vector:
         """Return a vector of unknown length along an axis of a body."""

@@ -13,7 +13,7 @@ from hypothesis.strategies import DrawFn
 from crosscheck.strategies.linkages import ANGLES, COORDINATES
 from crosscheck.strategies.plans import Frames, Place, Plan
 from refkin.joints import GROUND, Cam, Constraint, Disc, Gear, RackAndPinion
-from refkin.linkages.closures import two_links
+from refkin.linkages.closures import direction_of, two_links
 
 PARTS = st.floats(0.125, 0.875)
 SIGNS = st.sampled_from((1, -1))
@@ -70,7 +70,7 @@ def _rack(draw: DrawFn, size: float, side: int) -> Plan:
         rise = offset - pin.imag
         slider = complex(pin.real + side * math.sqrt(rod * rod - rise * rise), offset)
         travel = ((centre - slider) / along).real
-        angles = cmath.phase(slider - pin), phi0 + (travel - s0) / radius
+        angles = direction_of(slider - pin), phi0 + (travel - s0) / radius
         return {"crank": (0j, theta), "rod": (pin, angles[0]), "rack": (slider, 0.0), "pinion": (centre, angles[1])}
 
     def joints(f: Frames) -> list[Constraint]:
@@ -140,9 +140,9 @@ def _levered(draw: DrawFn, size: float, radius: float, rho: float, form: str, si
         away = size * cmath.exp(1j * theta) - pivot
         d = abs(away)
         if form == "flat":  # the face's normal: n . (pivot - centre) + height = radius
-            phi = cmath.phase(-away) - math.pi / 2 + side * math.acos((radius - height) / d)
+            phi = direction_of(-away) - math.pi / 2 + side * math.acos((radius - height) / d)
         else:
-            phi = cmath.phase(away) + side * math.acos((arm * arm + d * d - length * length) / (2 * arm * d))
+            phi = direction_of(away) + side * math.acos((arm * arm + d * d - length * length) / (2 * arm * d))
         return {"cam": (0j, theta), "follower": (pivot + 0j, phi)}
 
     def joints(f: Frames) -> list[Constraint]:
@@ -179,7 +179,7 @@ def _six_bar(draw: DrawFn, size: float, side: int) -> Plan:
         if sliding:
             rise = level - at.imag
             slider = complex(at.real + other * math.sqrt(rod * rod - rise * rise), level)
-            return {**places, "rod": (at, cmath.phase(slider - at)), "slider": (slider, 0.0)}
+            return {**places, "rod": (at, direction_of(slider - at)), "slider": (slider, 0.0)}
         gamma, delta = two_links(base - at, link, last, other)
         return {**places, "link": (at, gamma), "last": (base, delta + math.pi)}
 

@@ -7,7 +7,6 @@ they are exact, and so is the decision whether an angle is limited at all.
 
 from __future__ import annotations
 
-import cmath
 import math
 from fractions import Fraction
 
@@ -43,13 +42,18 @@ def leg(hypotenuse: Number, other: Number) -> float:
     return math.sqrt(max(0.0, float((hypotenuse - other) * (hypotenuse + other))))
 
 
+def direction_of(z: complex) -> float:
+    """Return the angle of a vector to the x axis [rad]; unlike `cmath.phase`, also where that underflows."""
+    return math.atan2(z.imag, z.real)
+
+
 def two_links(gap: complex, a: float, b: float, sign: int) -> tuple[float, float]:
     """Return alpha, beta with a e^(i alpha) + b e^(i beta) = gap; the joint lies left of the gap if sign is 1.
 
     Both corners come from the same three differences, so that they belong to one triangle: near a flat pose, where the
     angles are uncertain by the root of round-off, the loop still closes to round-off.
     """
-    d, direction = abs(gap), cmath.phase(gap)
+    d, direction = abs(gap), direction_of(gap)
     if d == 0.0:
         return direction + sign * math.pi / 2, direction - sign * math.pi / 2
     over, over_a, over_b = (math.sqrt(max(0.0, x)) for x in (a + b - d, (d - a) + b, (d - b) + a))

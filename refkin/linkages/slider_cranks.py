@@ -13,6 +13,7 @@ from refkin.linkages.closures import (
     Interval,
     between_circles,
     between_lines,
+    direction_of,
     leg,
     link_to_line,
     shifted,
@@ -82,7 +83,7 @@ class SliderCrank(Linkage):
             wrist = complex(end, self.offset)
             stretched = abs(wrist) > max(self.crank, self.rod)
             away = not stretched and self.crank < self.rod  # folded, and the crank points away from the wrist pin
-            found.append((cmath.phase(-wrist if away else wrist) + self.angle, end))
+            found.append((direction_of(-wrist if away else wrist) + self.angle, end))
         return tuple(found)
 
     def solve_loop(self, value: float, sign: int, driven: str, relative_to: str) -> tuple[float, float]:
@@ -92,7 +93,7 @@ class SliderCrank(Linkage):
         if relative_to != GROUND:
             wrist = self.crank + cmath.rect(self.rod, value)  # in the frame of the crank
             position = sign * leg(abs(wrist), abs(self.offset))
-            crank = cmath.phase(complex(position, self.offset)) - cmath.phase(wrist)
+            crank = direction_of(complex(position, self.offset)) - direction_of(wrist)
             return crank, crank + value
         held = value - self.angle
         if driven == "crank":

@@ -261,6 +261,19 @@ def test_slider_reverses_at_dead_centres():
     assert [min(slides), max(slides)] == pytest.approx(stroke, abs=3 * (math.tau / 3600) ** 2)
 
 
+@pytest.mark.parametrize("value", [5e-324, -1e-310])
+def test_inputs_that_are_almost_nothing_assemble(value):
+    """`cmath.phase` takes the underflow of an angle for an error; `atan2` does not."""
+    kinds = (
+        FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0),
+        SliderCrank(crank=1.0, rod=3.0, offset=1e-320),
+        InvertedSliderCrank(ground=3.0, crank=1.0, offset=1e-320),
+    )
+    for linkage in kinds:
+        assert linkage.assemble(value)["crank"][2] == pytest.approx(value, abs=1e-300)
+        assert linkage.scene(start=value, samples=3).times
+
+
 def test_gap_of_an_unassemblable_linkage_is_stated():
     """Coupler 2 and rocker 3 cannot span the 9 m from the crank pin to the rocker pivot."""
     with pytest.raises(DoesNotAssemble) as caught:
