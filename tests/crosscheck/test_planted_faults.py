@@ -17,10 +17,11 @@ from crosscheck.engines import exudyn_engine, exudyn_model, exudyn_parts, exudyn
 from crosscheck.engines import pinocchio_engine as pin_engine
 from crosscheck.frames import Linear
 from crosscheck.tree_system import TreeSystem
-from refkin import FourBar, InvertedSliderCrank, Sinusoid, SliderCrank
+from refkin import FourBar, InvertedSliderCrank, Sinusoid, SliderCrank, Table
 from refkin.joints import AngleDriver, Distance, PointOnLine, Revolute, planar
 from refkin.model import Mechanism, Scene
 from refkin.motion import Status
+from refkin.motion_laws import Integral
 from refkin.proof.assembly import assemblies
 from refkin.starts import Start
 from refkin.vec import Vec
@@ -387,3 +388,26 @@ def test_an_engine_that_gives_no_answer_to_a_regular_scene_is_caught(monkeypatch
     assert {(d["engine"], d["quantity"], d["kind"]) for d in found} == {
         (engine, "status", "no answer") for engine in BY_TREE
     }
+
+
+TABLE = Table(argument=(0.0, 0.4, 0.7, 1.2, 1.6), value=(0.0, 0.5, 0.3, 0.9, 0.4))
+
+
+def law_of_straight_pieces(right: Any, self: Any, t: Any, order: int = 0) -> Any:
+    return (
+        np.interp(t, self.argument, self.value)
+        if order == 0 and isinstance(t, float | np.ndarray)
+        else right(self, t, order)
+    )
+
+
+@pytest.mark.parametrize("law", [TABLE, Integral(rate=TABLE)], ids=["value", "rate"])
+def test_a_law_that_all_read_wrongly_is_told_by_the_proof(law, monkeypatch):
+    """The engines take the values of a law from the same place as the reference: only exact laws can object."""
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    scene = linkage.scene(law=law, times=[0.2, 0.5, 1.0, 1.3])
+    assert disagreements(scene) == []
+
+    around(Table, "__call__", law_of_straight_pieces)(monkeypatch)
+
+    assert disagreements(scene)
