@@ -53,14 +53,14 @@ def run(scene: Scene, as_json: bool, to_page: Path | None, within: float = WITHI
 
 
 def _print(found: PriceList, told: Mapping[str, Any]) -> None:
-    console = Console()
+    console = Console(markup=False)
     if not console.is_terminal:
-        console = Console(width=WIDTH)
+        console = Console(width=WIDTH, markup=False)
     console.print(cheapest_table(told["cheapest"], f"{found.scene}: the cheapest way to so many digits"))
     console.print(cheapest_table(told["cheapest_engine"], "The same among the engines alone"))
     console.print(routes_table(told["rows"], "Every route at its best: most digits, and what they cost"))
     for line in lines(told):
-        console.print(line, markup=False, highlight=False)
+        console.print(line, highlight=False)
 
 
 def lines(told: Mapping[str, Any]) -> list[str]:
