@@ -33,7 +33,7 @@ Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockw
 """
 
 from refkin.analysis import acceleration, position, solve, velocity
-from refkin.errors import Fault, InvalidScene, RefkinError
+from refkin.errors import Fault, InvalidRequest, InvalidScene, RefkinError
 from refkin.joints import (
     AngleDriver,
     Cam,
@@ -75,6 +75,7 @@ __all__ = [
     "FourBar",
     "Gear",
     "Integral",
+    "InvalidRequest",
     "InvalidScene",
     "InvertedSliderCrank",
     "Mechanism",

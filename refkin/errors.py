@@ -54,6 +54,14 @@ class InvalidScene(RefkinError):
         super().__init__("\n".join(f"{source}: {fault}" for fault in self.faults))
 
 
+class InvalidRequest(RefkinError, ValueError):
+    """An argument that makes no sense; says which, what was expected and what came."""
+
+    def __init__(self, argument: str, expected: str, got: str) -> None:
+        self.argument, self.expected, self.got = argument, expected, got
+        super().__init__(f"{argument}: expected {expected}, got {got}")
+
+
 class NotCalledFor(RefkinError):
     """An effect was asked of a system that was compiled without it."""
 

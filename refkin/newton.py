@@ -16,6 +16,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from refkin.differences import EPS
+from refkin.errors import LONGEST, InvalidRequest
 
 
 class NewtonStatus(StrEnum):
@@ -165,9 +166,14 @@ def newton(
     -------
     NewtonResult
         Never raises for numbers that fail: the status says how it ended.
+
+    Raises
+    ------
+    InvalidRequest
+        If q0 is no row of numbers, or phi_q no matrix of as many rows as phi and as many columns as q0.
     """
     stop = RoundOff() if stop is None else stop
-    q = np.atleast_1d(np.array(q0, complex if np.iscomplexobj(q0) else float))
+    q = _row(q0)
     iterates, corrections = [q], []
     if not np.isfinite(q).all():
         nowhere = np.full((1, q.size), np.nan)
@@ -178,7 +184,7 @@ def newton(
         slope = None
         for k in range(max_iterations):
             if slope is None or (jacobian_every and k % jacobian_every == 0):
-                slope = np.reshape(phi_q(q), (residuals[-1].size, q.size))
+                slope = _matrix(phi_q(q), residuals[-1].size, q.size)
             if not (np.isfinite(residuals[-1]).all() and np.isfinite(slope).all()):
                 status = NewtonStatus.NOT_FINITE
                 break
@@ -209,6 +215,23 @@ def solve_linear(matrix: Any, right: Any) -> Any:
     if matrix.shape[0] == matrix.shape[1]:
         return np.linalg.solve(matrix, right)
     return np.linalg.lstsq(matrix, right, rcond=None)[0]
+
+
+def _row(q0: Any) -> Any:
+    try:
+        q = np.atleast_1d(np.array(q0, complex if np.iscomplexobj(q0) else float))
+    except (TypeError, ValueError):
+        raise InvalidRequest("q0", "numbers", repr(q0)[:LONGEST]) from None
+    if q.ndim != 1 or not q.size:
+        raise InvalidRequest("q0", "a number or a row of numbers", f"shape {q.shape}")
+    return q
+
+
+def _matrix(value: Any, rows: int, columns: int) -> Any:
+    slope = np.asarray(value)
+    if slope.size != rows * columns or slope.dtype == object:
+        raise InvalidRequest("phi_q", f"a matrix of shape {(rows, columns)}", f"shape {slope.shape} of {slope.dtype}")
+    return slope.reshape(rows, columns)
 
 
 def _vector(value: Any) -> Any:

@@ -273,4 +273,4 @@ def _given(law: Law, times: Sequence[float] | None) -> Sequence[float]:
 
 
 def _is_finite(value: object) -> bool:
-    return isinstance(value, Real) and math.isfinite(value)
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)

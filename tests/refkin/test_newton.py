@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pytest
 
+import refkin
 from refkin.newton import BothLargest, CorrectionNorm, NewtonStatus, ResidualOrCorrection, RoundOff, ScaledNorms, newton
 
 
@@ -128,3 +131,22 @@ def test_round_off_keeps_no_memory_between_solves():
     second = newton(parabola, parabola_slope, 5.0, stop=stop)
 
     assert first.iterations == second.iterations
+
+
+@pytest.mark.parametrize(
+    ("q0", "phi_q", "told"),
+    [
+        ("here", lambda q: [[1.0]], "q0: expected numbers, got 'here'"),
+        ([[1.0, 2.0]], lambda q: np.eye(2), r"q0: expected a number or a row of numbers, got shape (1, 2)"),
+        ([], lambda q: np.eye(2), "q0: expected a number or a row of numbers, got shape (0,)"),
+        (
+            [1.0, 2.0],
+            lambda q: np.ones((2, 3)),
+            "phi_q: expected a matrix of shape (2, 2), got shape (2, 3) of float64",
+        ),
+        ([1.0, 2.0], lambda q: None, "phi_q: expected a matrix of shape (2, 2), got shape () of object"),
+    ],
+)
+def test_arguments_that_make_no_sense_are_named(q0, phi_q, told):
+    with pytest.raises(refkin.errors.InvalidRequest, match=re.escape(told)):
+        newton(lambda q: q - 1.0, phi_q, q0)
