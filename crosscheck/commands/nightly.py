@@ -154,8 +154,15 @@ def _plan(
         required=required,
         minutes=minutes,
         scenes=scenes,
-        workers=workers or os.cpu_count() or 1,
+        workers=workers or _processors(),
         cluster=cluster,
         scene_seconds=scene_seconds,
         baseline=baseline,
     )
+
+
+def _processors() -> int:
+    """Return how many processors this process may use, where the system tells, else how many there are."""
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
