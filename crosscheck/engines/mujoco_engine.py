@@ -47,15 +47,24 @@ NEWTON = Route(
     seeding=Seeding.INITIAL_GUESS,
 )
 
-SPATIAL = tuple(
+SPATIAL = (
     Term(
-        name="spatial vectors",
-        level=level.value,
-        reason="lever arms are differences of positions in the ground frame, and omega x v enters with both signs: "
-        "8 roundings, two bodies",
-        relative=16.0 * 2.0**-53,
-    )
-    for level in (Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
+        name="frames by quaternions",
+        level=Level.RESIDUAL.value,
+        reason="a guide's frame is turned by a quaternion: also entries of its matrix that are 0 or 1 are off by three "
+        "roundings, two products of two components each, and multiply the whole of d, twice the largest coordinate",
+        relative=6.0 * 2.0**-53,
+    ),
+    *(
+        Term(
+            name="spatial vectors",
+            level=level.value,
+            reason="lever arms are differences of positions in the ground frame, and omega x v enters with both signs: "
+            "8 roundings, two bodies",
+            relative=16.0 * 2.0**-53,
+        )
+        for level in (Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
+    ),
 )
 
 

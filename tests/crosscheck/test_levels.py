@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from crosscheck.engines import Level, load
+from crosscheck.engines import Level, load, mujoco_engine
 from crosscheck.levels import Configuration, compare_levels
-from refkin import AngleDriver, Body, Mechanism, Polynomial, Revolute, Scene, compile_system
+from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene, YDriver, compile_system
 
 GROUND_POINT = (116.83380688588964, 245.63337161426253)
 LEVER_POINT = (-7.402744570506538e-06, 3e-6)
@@ -25,14 +25,19 @@ def lever() -> Scene:
 
 def residual_ratio(name: str, fault: float = 0.0) -> float:
     """Return the worst error / allowed of an engine's residual at poses that all but close the joint."""
-    scene, engine = lever(), load(name)
+    return worst_residual(name, lever(), GROUND_POINT, fault)
+
+
+def worst_residual(name: str, scene: Scene, place: tuple[float, float], fault: float = 0.0) -> float:
+    """Return the worst error / allowed of an engine's residual with the only body near a place, at any angle."""
+    engine = load(name)
     model = engine.constraints(scene)
     numbers = np.random.default_rng(1)
     system = compile_system(scene.mechanism)
     at = []
     for _ in range(50):
         off = numbers.uniform(-1e-3, 1e-3, 2)
-        q = np.array([*(np.array(GROUND_POINT) + off), numbers.uniform(-3.0, 3.0)])
+        q = np.array([*(np.array(place) + off), numbers.uniform(-3.0, 3.0)])
         at.append(Configuration(system, q, np.ones(3), 0.0, np.zeros(0)))
     exact, model.residual = model.residual, lambda q, t: exact(q + np.array([fault, 0.0, 0.0]), t)
     return compare_levels(engine, model, scene.mechanism, at, engine.terms(scene))[Level.RESIDUAL].ratio
@@ -46,3 +51,23 @@ def test_an_engine_may_round_the_places_of_points_before_it_subtracts_them(engin
 @pytest.mark.parametrize("engine", ["exudyn", "pinocchio", "mujoco"])
 def test_a_point_off_by_1e_11_is_found_all_the_same(engine):
     assert residual_ratio(engine, fault=1e-11) > 1.0
+
+
+def lift() -> Scene:
+    """A body that slides up."""
+    origin = (0.0, 0.0)
+    guide = Prismatic(name="guide", body_i="ground", point_i=origin, axis_i=(0.0, 1.0), body_j="lift", point_j=origin)
+    driver = YDriver(name="driver", body="lift", law=Polynomial(coefficients=(5.4, 1.0)))
+    mechanism = Mechanism((Body(name="lift", estimate=(0.0, 5.4, 0.0)),), (guide,), (driver,))
+    return Scene(name="lift", mechanism=mechanism, times=(0.0, 1.0))
+
+
+@pytest.mark.parametrize("engine", ["exudyn", "pinocchio", "mujoco"])
+def test_a_frame_turned_by_a_right_angle_may_be_rounded(engine):
+    assert worst_residual(engine, lift(), (0.0, 5.4)) < 1.0
+
+
+def test_without_its_term_the_frame_of_mujoco_would_be_blamed(monkeypatch):
+    monkeypatch.setattr(mujoco_engine, "SPATIAL", ())
+
+    assert worst_residual("mujoco", lift(), (0.0, 5.4)) > 1.0
