@@ -134,8 +134,10 @@ class System:
         """Return this system's coordinates (order 0) or their rates (order 1, 2) in m and rad."""
         out = np.array(q, copy=True)
         for k, shift in enumerate(self.unit.origin):
-            at = slice(k, self.of_bodies, 3)
-            out[at] = out[at] * self.unit.size + (0.0 if order else shift)
+            axis = out[k : self.of_bodies : 3]
+            axis *= self.unit.size
+            if not order:
+                axis += shift
         return out
 
     def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:

@@ -6,7 +6,6 @@ from `refkin.proof`, all with the library's sines; the pose and the rates are wh
 
 from __future__ import annotations
 
-from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
@@ -56,15 +55,23 @@ def motion(
         The smallest pivot of each lane.
     """
     q = levels[0]
-    residual = np.max(np.abs(system.phi(q, t)), axis=0)
-    # As `refkin.solve` has it; NaN is not below anything.
-    closed = residual <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))
-    if not closed.all() or not all(np.isfinite(level).all() for level in levels):
+    residual = np.maximum.reduce(np.abs(system.phi(q, t)))
+    if not _closed(residual, q) or not all(np.isfinite(level).all() for level in levels):
         return None
     evidence = _evidence(scene, system, made, levels, t, pivot)
     if evidence is None:
         return None
-    return replace(_written(scene, system, levels, t, residual, *evidence), message=message)
+    return _written(scene, system, levels, t, residual, *evidence, message)
+
+
+def _closed(residual: Any, q: Any) -> bool:
+    """Say whether all residuals are below 32 units of the size, or of their largest coordinate, as in `refkin.solve`.
+
+    NaN is not below anything.
+    """
+    if (residual <= 32 * EPS).all():
+        return True
+    return bool((residual <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))).all())
 
 
 def _evidence(
@@ -120,6 +127,7 @@ def _written(
     sigma_min: Any,
     condition: Any,
     radius: CertifiedRadius,
+    message: str,
 ) -> Motion:
     """Return the answer in metres, for the bodies and effects that the scene calls for."""
     called = (True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects)
@@ -141,6 +149,7 @@ def _written(
         certified_radius=radius,
         points=_of_points(scene, system, physical, called),
         contacts=_of_contacts(system, physical, called),
+        message=message,
         producer=Producer(name="refkin.fast", version=producer_version, route=ROUTE),
     )
 

@@ -57,7 +57,7 @@ class Block:
         self.core_rows = [[rows[c] for c in made.core] for rows in out.levels]
         # Levels of the core at the last time but one, then at the last.
         self.history = np.zeros((6, len(made.core), self.count))
-        self.codes = np.full(self.count, OK, np.uint8)
+        self.codes = np.where(group.faulty[lanes], NEVER_FOUND, OK).astype(np.uint8)
         self.signs = np.ones((len(out.determinants), self.count))
         self.residual = np.full(self.count, np.nan)
         proves = Evidence.CERTIFICATE in group.scene.evidence

@@ -7,29 +7,16 @@ numbers, so a family is a `System` whose geometry and unit are rows, and all its
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, fields, is_dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 
-from refkin.errors import Fault, InvalidScene, UnknownName
+from refkin.errors import Fault, InvalidScene
+from refkin.fast.given import Estimates, Geometry, constraints_of, estimates_of, rows_in
 from refkin.joints import GROUND, Constraint, Driver, Unit
 from refkin.model import Body, Mechanism, Scene
 from refkin.system import System
-
-Geometry = Mapping[str, Mapping[str, Any]]
-"""Joint or driver -> key -> value, as in a scene file, with rows (M,) where that has numbers; pairs may be (2, M)."""
-Estimates = Mapping[str, Any]
-"""Body -> (x, y, phi) with numbers or rows, or (3, M)."""
-
-
-class Row(np.ndarray[Any, Any]):
-    """A row that brings its own root, as balls do: axes of rows are scaled to length 1 by the joints' own text."""
-
-    def sqrt(self) -> Any:
-        """Return the root of every number."""
-        return np.sqrt(self)
 
 
 @dataclass(frozen=True)
@@ -48,6 +35,8 @@ class Family:
         M, the number of mechanisms.
     estimates : dict
         Body -> (3, M) in metres and rad, or None.
+    faulty : (M,) array of bool
+        The mechanisms that no scene may have, such as one with a length below 0: `lane` says why.
     """
 
     scene: Scene
@@ -55,6 +44,7 @@ class Family:
     system: System
     size: int
     estimates: dict[str, Any]
+    faulty: Any
 
     def lane(self, k: int) -> Scene:
         """Return the scene of one mechanism, for `refkin.solve` and everything else that takes a scene."""
@@ -89,27 +79,45 @@ def family(scene: Scene, system: System, geometry: Geometry, estimates: Estimate
     Raises
     ------
     UnknownName, InvalidScene
-        For a joint, key or body that does not exist, or rows of different lengths.
+        For a joint, key or body that does not exist, a value that does not fit, rows of different lengths, or what no
+        mechanism of the family may have.
     """
-    m = scene.mechanism
-    known = tuple(c.name for c in m.constraints)
-    for name in geometry:
-        if name not in known:
-            raise UnknownName("joint or driver", name, known)
-    constraints = tuple(_with_rows(c, geometry.get(c.name, {})) for c in m.constraints)
-    given = _estimates(m, estimates or {})
-    lengths = {len(x) for c in constraints for x in _rows(c)} | {x.shape[1] for x in given.values() if x is not None}
+    constraints = constraints_of(scene.mechanism, geometry)
+    given = estimates_of(scene.mechanism, {} if estimates is None else estimates)
+    lengths = {len(x) for c in constraints for x in rows_in(c)} | {x.shape[1] for x in given.values() if x is not None}
     lengths -= {1}
     if len(lengths) > 1:
         raise InvalidScene([Fault("geometry", sorted(lengths), "rows of one length, one number per mechanism")])
     size = lengths.pop() if lengths else 1
+    if size == 0:
+        raise InvalidScene([Fault("geometry", 0, "at least one mechanism")])
     unit = _unit(constraints, size)
     placed = tuple(
         replace(p, constraint=c, g=tuple(_plain_row(x, size) for x in c.constants(unit)))
         for p, c in zip(system.placed, constraints, strict=True)
     )
     full = {name: None if x is None else np.broadcast_to(x, (3, size)) for name, x in given.items()}
-    return Family(scene, constraints, replace(system, unit=unit, placed=placed), size, full)
+    faulty = _faulty(constraints, size)
+    found = Family(scene, constraints, replace(system, unit=unit, placed=placed), size, full, faulty)
+    estimated = np.all([np.isfinite(x).all(axis=0) for x in full.values() if x is not None], axis=0)
+    sound = np.flatnonzero(~faulty & estimated)
+    if sound.size:
+        found.lane(sound[0])  # a scene like any other: what is wrong with all of them is wrong with it
+    return found
+
+
+def _faulty(constraints: tuple[Constraint, ...], size: int) -> Any:
+    """Return which mechanisms have rows with numbers that no scene may have, by the joints' own `faults`."""
+    found = np.zeros(size, bool)
+    for constraint in constraints:
+        rows = list(rows_in(constraint))
+        for row in rows:
+            found |= ~np.isfinite(row)
+        # Faults of a driver, and of whatever a joint does not add any to, are not about numbers.
+        if rows and not isinstance(constraint, Driver) and type(constraint).faults is not Constraint.faults:
+            for k in np.flatnonzero(~found).tolist():
+                found[k] = any(True for _ in lane_of(constraint, k).faults(""))
+    return found
 
 
 def lane_of(value: Any, k: int) -> Any:
@@ -120,7 +128,7 @@ def lane_of(value: Any, k: int) -> Any:
         return tuple(lane_of(part, k) for part in value)
     if is_dataclass(value) and not isinstance(value, type):
         own = {f.name: lane_of(getattr(value, f.name), k) for f in fields(value) if f.init}
-        return replace(value, **own) if any(True for _ in _rows(value)) else value
+        return replace(value, **own) if any(True for _ in rows_in(value)) else value
     return value
 
 
@@ -136,47 +144,8 @@ def _cut(value: Any, lanes: Any) -> Any:
         return value[lanes] if value.ndim and len(value) > 1 else value
     if isinstance(value, tuple):
         return tuple(_cut(part, lanes) for part in value)
-    if is_dataclass(value) and not isinstance(value, type) and any(True for _ in _rows(value)):
+    if is_dataclass(value) and not isinstance(value, type) and any(True for _ in rows_in(value)):
         return replace(value, **{f.name: _cut(getattr(value, f.name), lanes) for f in fields(value) if f.init})
-    return value
-
-
-def _rows(value: Any) -> Any:
-    """Yield all rows in a value."""
-    if isinstance(value, np.ndarray):
-        yield value
-    elif isinstance(value, tuple):
-        for part in value:
-            yield from _rows(part)
-    elif is_dataclass(value):
-        for key in fields(value):
-            yield from _rows(getattr(value, key.name))
-
-
-def _with_rows(constraint: Constraint, given: Mapping[str, Any]) -> Constraint:
-    keys = {f.name for f in fields(constraint)} - {"name", "type", "body", "body_i", "body_j", "relative_to"}
-    changed = {}
-    for key, value in given.items():
-        if key not in keys:
-            raise UnknownName(f"key of {constraint.name!r}", key, tuple(sorted(keys)))
-        own = getattr(constraint, key)
-        if isinstance(own, tuple) and not isinstance(value, tuple):
-            value = tuple(value)
-        changed[key] = _as_rows(value)
-    return replace(constraint, **changed) if changed else constraint
-
-
-def _as_rows(value: Any) -> Any:
-    """Return a value with its arrays, and those of its parts, as rows; single numbers stay numbers."""
-    if isinstance(value, np.ndarray | list):
-        row = np.asarray(value, float)
-        if row.ndim > 1:
-            raise InvalidScene([Fault("geometry", row.shape, "rows of shape (M,)")])
-        return row.view(Row) if row.ndim else float(row)
-    if isinstance(value, tuple):
-        return tuple(_as_rows(part) for part in value)
-    if is_dataclass(value) and not isinstance(value, type):
-        return replace(value, **{f.name: _as_rows(getattr(value, f.name)) for f in fields(value) if f.init})
     return value
 
 
@@ -207,29 +176,9 @@ def _unit(constraints: tuple[Constraint, ...], size: int) -> Unit:
 
 def _reach(constraint: Constraint, size: int) -> Any:
     """Return the lengths that a constraint itself brings."""
-    if not any(True for _ in _rows(constraint)):
+    if not any(True for _ in rows_in(constraint)):
         return constraint.reach()
     try:
         return constraint.reach()
     except ValueError:  # the largest of two rows: lane by lane
         return np.array([cast(Constraint, lane_of(constraint, k)).reach() for k in range(size)])
-
-
-def _estimates(mechanism: Mechanism, given: Estimates) -> dict[str, Any]:
-    """Return per body (3, M) or (3, 1): what is given, else the scene's own estimate, else None."""
-    names = tuple(b.name for b in mechanism.bodies)
-    for name in given:
-        if name not in names:
-            raise UnknownName("body", name, names)
-    found: dict[str, Any] = {}
-    for body in mechanism.bodies:
-        value = given.get(body.name, body.estimate)
-        if value is None:
-            found[body.name] = None
-            continue
-        rows = np.broadcast_arrays(*(np.atleast_1d(np.asarray(x, float)) for x in value))
-        if len(rows) != 3 or rows[0].ndim != 1:
-            shape = np.shape(value)
-            raise InvalidScene([Fault(f"estimates.{body.name}", shape, "x, y, phi: numbers or rows (M,)")])
-        found[body.name] = np.array(rows)
-    return found

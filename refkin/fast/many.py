@@ -18,7 +18,8 @@ import numpy as np
 from refkin.errors import RefkinError
 from refkin.fast.block import CODES, NEVER_FOUND, OK, Block
 from refkin.fast.compiled import Compiled, compiled
-from refkin.fast.family import Estimates, Family, Geometry, family
+from refkin.fast.family import Family, family
+from refkin.fast.given import Estimates, Geometry
 from refkin.fast.lanes.run import block_lanes
 from refkin.fast.prepare import upstream
 from refkin.model import Effect, Evidence, Scene
@@ -115,7 +116,8 @@ def solve_many(
     and the residual, by the formulas of the joints, is at round-off. A lane that fails is not ok from there on, and the
     others do not wait for it: it is neither searched for nor proved unassemblable. `refkin.solve(many.scene(lane))`
     does that, and also has condition numbers, which are not computed here. Certificates are, if the scene asks for
-    them: a pose that is ok and has none is at round-off and on its branch, but not proved.
+    them: a pose that is ok and has none is at round-off and on its branch, but not proved. A lane with numbers that no
+    scene may have is never ok; `many.scene(lane)` says what is wrong with it.
 
     Parameters
     ----------
@@ -135,7 +137,7 @@ def solve_many(
     Raises
     ------
     InvalidScene, UnknownName
-        If geometry or estimates do not fit the scene.
+        If geometry or estimates do not fit the scene, or what they make of it is wrong in every mechanism.
     RefkinError
         If the equations have redundant rows, or none for some coordinate.
     """
@@ -167,7 +169,7 @@ def _prepared(scene: Scene, geometry: Geometry, estimates: Estimates | None) -> 
     return _prepared(
         replace(scene, mechanism=mechanism, bodies_wanted=scene.wanted),
         {name: rows for name, rows in geometry.items() if name in kept},
-        {name: rows for name, rows in (estimates or {}).items() if name in names},
+        None if estimates is None else {name: rows for name, rows in estimates.items() if name in names},
     )
 
 

@@ -50,12 +50,16 @@ MOST_STEPS = 20_000
 
 
 class Pose(NamedTuple):
-    """A pose that was reached: time, levels of the core, the laws' values, and how far off its prediction was."""
+    """A pose that was reached: time, levels of the core, the laws' values, and how far off its prediction was.
+
+    `path` are the quintics that lead to it from the pose before, one for each core coordinate (`coefficients`).
+    """
 
     t: float
     levels: tuple[tuple[float, ...], ...]
     laws: Sequence[float]
     off: float = 0.0
+    path: Sequence[tuple[float, ...]] = ()
 
 
 class March:
@@ -105,7 +109,7 @@ class March:
         q, v, _ = found.levels
         off, move, bent = _largest(q, guess), _largest(q, last.levels[0]), _largest(v, rates) * (t - last.t)
         near = off <= min(FARTHEST, max(PART * move, SMALL)) and bent <= max(SMOOTH * off, SMALL)
-        return Pose(t, found.levels, f, off) if near else None
+        return Pose(t, found.levels, f, off, coefficients(last.levels, found.levels, t - last.t)) if near else None
 
     def _regular(self, found: Answer) -> bool:
         """Whether no determinant has changed its sign, or is nearly 0."""
@@ -150,8 +154,8 @@ def predicted(t: float, last: Pose, before: Pose | None) -> tuple[list[float], l
         return first, [v + h * a for _, v, a in zip(*last.levels, strict=True)]
     h = last.t - before.t
     s = (t - before.t) / h
-    polynomials = coefficients(before.levels, last.levels, h)
-    return [at(c, s) for c in polynomials], [slope(c, s) / h for c in polynomials]
+    path = last.path or coefficients(before.levels, last.levels, h)
+    return [at(c, s) for c in path], [slope(c, s) / h for c in path]
 
 
 def factor(off: float) -> float:

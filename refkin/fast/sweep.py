@@ -22,7 +22,6 @@ from refkin.fast.answer import motion
 from refkin.fast.lanes.run import Workspace, block_lanes
 from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, March, Pose, factor
 from refkin.fast.prepare import Prepared, prepared
-from refkin.fast.quintic import coefficients
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.starts import find_start
@@ -63,7 +62,7 @@ class _Task:
 
     def __init__(self, found: Prepared) -> None:
         self.scene, self.system, self.made, self.first = found.scene, found.system, found.made, found.start
-        self.t = np.array(self.scene.times)
+        self.t = np.fromiter(self.scene.times, float, len(self.scene.times))
         self.geometry = [p.g for p in self.system.placed]
         order = 2  # the march predicts by rates, whatever is called for
         placed = enumerate(self.system.placed)
@@ -227,10 +226,7 @@ class Guesses:
     def _fit(self) -> None:
         self.t = np.array([p.t for p in self.poses])
         self.width = np.diff(self.t)
-        levels = np.array([p.levels for p in self.poses]).transpose(1, 2, 0)  # (order, core, poses)
-        first, last = levels[:, None, :, :-1], levels[:, None, :, 1:]
-        (found,) = coefficients(first, last, self.width)  # type: ignore[arg-type]
-        self.polynomials: Any = np.array(found)  # (6, core, intervals)
+        self.polynomials: Any = np.array([p.path for p in self.poses[1:]]).T  # (6, core, intervals)
 
     def at(self, t: Any) -> Any:
         """Return the core coordinates at times (B,), (core, B)."""
@@ -261,4 +257,4 @@ class Guesses:
         return True
 
     def _interval(self, t: Any) -> Any:
-        return np.searchsorted(self.t[1:-1], t, side="right")
+        return self.t[1:-1].searchsorted(t, side="right")

@@ -101,9 +101,10 @@ class Constraint:
 
     def points(self) -> Iterator[tuple[str, Pair]]:
         """Yield (body, point in its frame) for each joint point."""
-        for side in "ij":
-            if hasattr(self, f"point_{side}"):
-                yield getattr(self, f"body_{side}"), getattr(self, f"point_{side}")
+        for body, point in (("body_i", "point_i"), ("body_j", "point_j")):
+            at = getattr(self, point, None)
+            if at is not None:
+                yield getattr(self, body), at
 
     def reach(self) -> float:
         """Return a length [m] that the constraint itself brings, such as that of a massless link."""

@@ -48,7 +48,7 @@ class Revolute(Constraint):
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
         _, _, d = arms(g, i, j)
-        apart = d - offset(f, 0)
+        apart = d - offset(f, 0) if f else d
         return apart.x, apart.y
 
     @staticmethod

@@ -21,8 +21,8 @@ Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
 MOST_LANES, MOST_BYTES = 10_240, 2**26
 """Lanes in a block, and the memory of its registers: with fewer lanes calls cost more than the work in them."""
-PADDING = 8
-"""Numbers between rows, so that rows do not start at the same place of a cache."""
+LINE = 8
+"""Numbers in a line of the cache: rows start at one, with a line between them so that they do not share a place."""
 
 UFUNCS: Mapping[str, Callable[..., Any]] = {
     "add": np.add,
@@ -56,16 +56,18 @@ class Workspace:
     def __init__(self, tape: Tape, lanes: int, *, lane_geometry: bool = False) -> None:
         """Allocate registers; with `lane_geometry` each lane is a mechanism of its own, else all are the same one."""
         self.tape, self.lanes = tape, lanes
-        self.w = np.zeros((tape.sizes["w"], lanes + PADDING))[:, :lanes]
-        self.u = np.zeros((tape.sizes["u"], lanes + PADDING if lane_geometry else 1))[
-            :, : lanes if lane_geometry else 1
-        ]
+        self.w = _in_lines(tape.sizes["w"], lanes)
+        # One number for all lanes has no dimension: NumPy takes half as long with it as with an array of one number.
+        self.u = _in_lines(tape.sizes["u"], lanes) if lane_geometry else np.zeros(tape.sizes["u"])
         self._masks = np.zeros((tape.sizes["m"], lanes), bool)
         self._objects: list[Any] = [None] * tape.sizes["x"]
         self._profile: Profile | None = None
         for register, number in tape.constants.items():
             self.u[register.number] = number
-        self._rows = {"w": list(self.w), "u": list(self.u), "m": list(self._masks)}
+        self._rows = {
+            bank: [rows[k, ...] for k in range(len(rows))]
+            for bank, rows in (("w", self.w), ("u", self.u), ("m", self._masks))
+        }
         self._calls = {name: [self._bound(i) for i in tape.segments[name]] for name in SEGMENTS}
 
     @property
@@ -156,6 +158,14 @@ class Workspace:
 
     def _run_entry(self, source: int, which: int, out: Any) -> None:
         out[...] = self._objects[source][which]
+
+
+def _in_lines(count: int, lanes: int) -> Any:
+    """Return (count, lanes) of zeros, each row from the start of a line of the cache on."""
+    stride = LINE * (-(-lanes // LINE) + 1)
+    memory = np.zeros(count * stride + LINE)
+    first = -(memory.ctypes.data // memory.itemsize) % LINE
+    return memory[first : first + count * stride].reshape(count, stride)[:, :lanes]
 
 
 def _extreme(function: Any, a: Any, b: Any, out: Any) -> None:

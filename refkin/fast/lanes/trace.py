@@ -19,6 +19,8 @@ from refkin.system import EVERYTHING, System
 
 Known = tuple[tuple[float | None, ...], ...]
 """Per constraint, the numbers of its geometry that are structure: 0, 1 or -1; None stands for an input."""
+STRUCTURE = {0.0: 0.0, 1.0: 1.0, -1.0: -1.0}
+"""The numbers that are structure; -0.0 is found as 0.0."""
 
 
 @dataclass(frozen=True)
@@ -73,7 +75,9 @@ def known_of(geometry: Sequence[Sequence[Any]]) -> Known:
 
 
 def _known(x: Any) -> float | None:
-    return next((n for n in (0.0, 1.0, -1.0) if (x == n if isinstance(x, float) else np.all(x == n))), None)
+    if isinstance(x, float):
+        return STRUCTURE.get(x)
+    return next((n for n in STRUCTURE if np.all(x == n)), None)
 
 
 class _Symbolic:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import math
 import time
 from dataclasses import replace
 
@@ -10,7 +11,7 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import Effect, Evidence, Polynomial, RefkinError, Revolute, Sinusoid, Status, Table
+from refkin import Distance, Effect, Evidence, Mechanism, Polynomial, RefkinError, Revolute, Sinusoid, Status, Table
 from refkin.errors import InvalidScene, UnknownName
 from refkin.fast import solve_many, sweep
 from refkin.fast.family import family
@@ -326,6 +327,36 @@ WRONG = {
     ),
     "a table": ({"A": {"point_j": (np.ones((3, 2)), 0.0)}}, None, InvalidScene, r"\(3, 2\)"),
     "an estimate of two": ({}, {"crank": (0.0, 1.0)}, InvalidScene, "estimates.crank"),
+    "an estimate of one": ({}, {"crank": 1.0}, InvalidScene, "estimates.crank"),
+    "an estimate of words": ({}, {"crank": "abc"}, InvalidScene, "estimates.crank"),
+    "an estimate of two lengths": ({}, {"crank": (np.ones(3), np.ones(2), 0.0)}, InvalidScene, "estimates.crank"),
+    "no mechanism": ({"A": {"point_j": (np.ones(0), 0.0)}}, None, InvalidScene, "at least one mechanism"),
+    "no mapping": (None, None, InvalidScene, "geometry"),
+    "no keys": ({"A": (1.0, 2.0)}, None, InvalidScene, "geometry.A"),
+    "a point of three": ({"A": {"point_j": (-1.75, 0.0, 0.0)}}, None, InvalidScene, "geometry.A.point_j"),
+    "points one by one": ({"A": {"point_j": np.ones((5, 2))}}, None, InvalidScene, "geometry.A.point_j"),
+    "a point of one": ({"A": {"point_j": (-1.75,)}}, None, InvalidScene, "geometry.A.point_j"),
+    "a number for a point": ({"A": {"point_j": -1.75}}, None, InvalidScene, "geometry.A.point_j"),
+    "nothing for a point": ({"A": {"point_j": None}}, None, InvalidScene, "geometry.A.point_j"),
+    "letters for a point": ({"A": {"point_j": "ab"}}, None, InvalidScene, "geometry.A.point_j"),
+    "words in a row": ({"A": {"point_j": (["a", "b"], 0.0)}}, None, InvalidScene, "geometry.A.point_j"),
+    "complex numbers": ({"A": {"point_j": (np.ones(2) * 1j, 0.0)}}, None, InvalidScene, "geometry.A.point_j"),
+    "a number for all that is none": ({"A": {"point_j": (math.nan, 0.0)}}, None, InvalidScene, "a finite number"),
+    "a number for a law": ({"driver": {"law": 2.0}}, None, InvalidScene, "geometry.driver.law"),
+    "a law without numbers": ({"driver": {"law": Polynomial(coefficients=())}}, None, InvalidScene, "coefficients"),
+    "a second law": ({"driver": {"rate_law": Polynomial(coefficients=(1.0,))}}, None, InvalidScene, "rate_law"),
+    "a law that ends": (
+        {"driver": {"law": Table(argument=(0.0, 0.1, 0.2), value=(0.0, 0.1, 0.2))}},
+        None,
+        InvalidScene,
+        "a table from",
+    ),
+    "a law with rows that cannot be": (
+        {"driver": {"law": Table(argument=(0.0, 4.0, 8.0), value=(0.0, 1.0, np.ones(3)))}},
+        None,
+        InvalidScene,
+        "geometry.driver.law",
+    ),
 }
 
 
@@ -335,6 +366,41 @@ def test_what_does_not_fit_the_scene_is_refused(what):
 
     with pytest.raises(error, match=message):
         solve_many(scene(3), given, first)
+
+
+FORBIDDEN = {
+    "a length below 0": ("closed by a distance", "link", "length", -1.0),
+    "a radius of 0": ("gear train", "g1", "radius_j", 0.0),
+    "a radius that is no number": ("gear train", "g1", "radius_j", math.nan),
+}
+
+
+def with_a_distance():
+    """The four-bar with a distance joint in place of its coupler."""
+    some = scene(9)
+    m = some.mechanism
+    link = Distance(name="link", body_i="crank", point_i=(0.5, 0.0), body_j="rocker", point_j=(1.5, 0.0), length=3.5)
+    bodies = tuple(b for b in m.bodies if b.name != "coupler")
+    joints = tuple(j for j in m.joints if j.name in ("A0", "B0"))
+    return replace(some, mechanism=Mechanism(bodies, (*joints, link), m.drivers))
+
+
+@pytest.mark.parametrize("fault", FORBIDDEN)
+def test_a_mechanism_that_no_scene_may_have_is_not_ok_and_changes_no_other(fault):
+    name, joint, key, value = FORBIDDEN[fault]
+    some = with_a_distance() if name == "closed by a distance" else SCENES[name]
+    own = getattr(next(c for c in some.mechanism.constraints if c.name == joint), key)
+    factors = np.array([1.0, 1.0, 1.01, 1.02])
+    good = solve_many(some, {joint: {key: own * factors}})
+    many = solve_many(some, {joint: {key: own * np.where(np.arange(4) == 1, value, factors)}})
+    others = [0, 2, 3]
+
+    assert good.ok.all()
+    assert many.ok[others].all()
+    assert not many.ok[1].any()
+    assert np.array_equal(many.q[:, others], good.q[:, others])
+    with pytest.raises(InvalidScene):
+        many.scene(1)
 
 
 def test_a_scene_without_estimates_is_refused():
