@@ -1,7 +1,7 @@
 """What Pinocchio's models hold beside kinematics, switched on one by one, and the accelerations of its dynamics.
 
-Pinocchio keeps geometry in a model of its own, which no call of the adapter takes, and has no sensors: there is no
-contact and no sensor to switch on.
+Limits of position, effort and dry friction, and damping, are numbers that a model keeps for whoever reads them: no
+algorithm that is called here does. Switching them on shows just that.
 """
 
 from __future__ import annotations
@@ -91,4 +91,9 @@ EFFECTS = {
     "passive forces": Effect("damping 1 in every joint", _passive),
     "actuation": Effect("an effort of 10 in every joint, where a route takes efforts", _actuation),
     "inertia": Effect("seven times the mass, off the joints", lambda planar: with_mass(planar, 7.0, (0.3, 0.1))),
+}
+
+MISSING = {
+    "contact": "Pinocchio keeps geometry in a model of its own, which no call of the adapter takes",
+    "sensors": "Pinocchio has no sensors",
 }
