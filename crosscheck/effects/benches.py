@@ -36,12 +36,7 @@ LEVELS = (
 )
 
 
-REPORTED = ("points", "other bodies")
-"""What a scene may call for beside the levels, of an engine too."""
-OWN = {
-    "condition": "singular values are the reference's evidence: the engine gives none",
-    "certificate": "proofs are the reference's evidence: the engine gives none",
-}
+OWN = dict.fromkeys(("condition", "certificate"), "evidence is the reference's own, the engine gives none")
 """What no engine has a part in, and why."""
 
 

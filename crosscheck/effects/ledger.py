@@ -38,7 +38,8 @@ def effects_ledger(scene: Scene, engines: Sequence[str] = (), within: float = WI
     Returns
     -------
     list of EffectRow
-        refkin's first. An effect with which an engine's process ends, or hangs, has a row that says so.
+        refkin's first; of each route all of `EFFECTS`. An effect with which an engine's process ends, or hangs, has a
+        row that says so, and so has what an engine has not. `dataclasses.asdict` makes a row plain data.
     """
     data, share = to_dict(scene), within / (1 + len(engines))
     found: list[EffectRow] = []
@@ -64,11 +65,13 @@ def _one_by_one(data: Any, spec: str, first: Failure, within: float) -> list[Eff
     for k, effect in enumerate(EFFECTS):
         left = (end - time.monotonic()) / (len(EFFECTS) - k)
         answers[effect] = _asked(data, spec, 0.0, left, effect) if left > 0 else first
-    inert = None if all(isinstance(answer, Failure) for answer in answers.values()) else False
+    answered = [row for answer in answers.values() if not isinstance(answer, Failure) for row in answer]
+    name = answered[0].engine if answered else spec
+    inert = False if any(row.inert is not None for row in answered) else None
     found: list[EffectRow] = []
     for effect, answer in answers.items():
         if isinstance(answer, Failure):
-            found.append(unmeasured(spec, ANY, effect, f"{answer.kind}: {answer.text}", inert))
+            found.append(unmeasured(name, ANY, effect, f"{answer.kind}: {answer.text}", inert))
         else:
             found += answer
     return found

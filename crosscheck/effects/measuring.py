@@ -23,7 +23,7 @@ MOST_TIMES = 37
 
 ROUNDS = 25
 """An effect is a small difference of two large times: more rounds than elsewhere, as far as there is time."""
-GROUPS = 5
+GROUPS = 3
 """Into how many parts the rounds are divided, to see how far a difference repeats."""
 
 
@@ -141,7 +141,7 @@ def noise(before: Sequence[float], after: Sequence[float], per: float = 1.0) -> 
     Returns
     -------
     float or None
-        The range of that difference over groups of rounds (every fifth one, of few rounds every second). It is at least
+        The range of that difference over groups of rounds (every third one, of few every second). It is at least
         as much as the effect seems to save: who does more cannot take less time, so that this is noise, too.
     """
     count = len(before)
