@@ -4,6 +4,11 @@ Residual, Jacobian and drift term are an engine's own (`tree_system`); Newton is
 engine; linear systems are solved by NumPy. The march starts at the scene's estimates, predicts each pose from the
 velocity before it, and takes shorter steps where Newton does not contract at once or a singular pose may lie
 between, so that it does not jump to another branch in silence.
+
+So the march takes a velocity, and with it the first derivative of each law, of a scene too that calls for positions
+alone, and the least singular value that tells a regular pose; drift terms only where accelerations are called for.
+The difference of a law's values would predict as well where times are close, but it does not see a law that leaves and
+comes back between two times: then a pose may be reached past one that does not exist.
 """
 
 from __future__ import annotations

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from typing import Any
 
 from crosscheck.effects.rows import Ablation, Bench, Work
-from crosscheck.engines import Engine, Simulating
+from crosscheck.engines import PHYSICAL, Engine, Simulating
 from refkin.analysis import solve
 from refkin.model import Effect, Evidence, Point, Scene
 from refkin.motion import Route
@@ -36,40 +36,64 @@ LEVELS = (
 )
 
 
+OWN = dict.fromkeys(("condition", "certificate"), "evidence is the reference's own, the engine gives none")
+"""What no engine has a part in, and why."""
+
+
+def _wanted(scene: Scene) -> tuple[dict[str, Scene], list[Ablation], dict[str, str]]:
+    """Return what points and other bodies are seen by: scenes, ablations, and why there is no ablation."""
+    whole, body = bare(scene, EVERY_LEVEL), scene.mechanism.bodies[0].name
+    points = scene.points or (Point(name="a point", body=body, position=(0.0, 0.0)),)
+    told = f"{len(points)} of them, position to acceleration"
+    scenes = {"points": replace(whole, points=points)}
+    ablations = [Ablation("points", off=ACCELERATION, on="points", called_for=True, note=told)]
+    if len(scene.mechanism.bodies) == 1:
+        return scenes, ablations, {"other bodies": f"{body} is the only body"}
+    scenes["one body"] = replace(whole, bodies_wanted=(body,))
+    beside = f"those beside {body}"
+    ablations.append(Ablation("other bodies", off="one body", on=ACCELERATION, called_for=True, note=beside))
+    return scenes, ablations, {}
+
+
 def reference_bench(scene: Scene) -> Bench:
     """Return what refkin may be asked for beyond positions, each against an answer without it."""
-    levels = _levels(scene)
-    whole, body = levels[ACCELERATION], scene.mechanism.bodies[0].name
-    points = scene.points or (Point(name="a point", body=body, position=(0.0, 0.0)),)
-    asked = {
-        "points": (replace(whole, points=points), f"{len(points)} of them, position to acceleration"),
-        "condition": (replace(whole, evidence=frozenset({Evidence.CONDITION})), "singular values of phi_q"),
-        "certificate": (replace(whole, evidence=frozenset({Evidence.CERTIFICATE})), "a proof of every pose and rate"),
+    whole = bare(scene, EVERY_LEVEL)
+    evidence = {
+        "condition": (Evidence.CONDITION, "singular values of phi_q"),
+        "certificate": (Evidence.CERTIFICATE, "a proof of every pose and rate"),
     }
-    scenes = {**levels, **{name: wanted for name, (wanted, _) in asked.items()}}
-    ablations = [
-        *LEVELS,
-        *(Ablation(k, off=ACCELERATION, on=k, called_for=True, note=note) for k, (_, note) in asked.items()),
-    ]
-    if len(scene.mechanism.bodies) > 1:
-        scenes["one body"] = replace(whole, bodies_wanted=(body,))
-        note = f"those beside {body}"
-        ablations.append(Ablation("other bodies", off="one body", on=ACCELERATION, called_for=True, note=note))
-    works: dict[str, Work] = {name: partial(solve, wanted) for name, wanted in scenes.items()}
-    return Bench("refkin", "newton", True, works, tuple(ablations))
+    wanted, reported, absent = _wanted(scene)
+    scenes = {**_levels(scene), **wanted}
+    scenes |= {name: replace(whole, evidence=frozenset({kind})) for name, (kind, _) in evidence.items()}
+    proved = [Ablation(k, off=ACCELERATION, on=k, called_for=True, note=note) for k, (_, note) in evidence.items()]
+    works: dict[str, Work] = {name: partial(solve, asked) for name, asked in scenes.items()}
+    absent |= dict.fromkeys(PHYSICAL, "refkin has none: no formula of it holds a mass or a force")
+    return Bench("refkin", "newton", True, works, (*LEVELS, *reported, *proved), absent)
 
 
 def engine_benches(engine: Engine, scene: Scene) -> Iterator[Bench]:
     """Yield a bench for each route of an engine, through its dynamics as well where it has such a route."""
-    simulated = engine.physical_effects() if isinstance(engine, Simulating) else {}
-    dynamic = engine.dynamic_routes() if isinstance(engine, Simulating) else ()
+    simulating = engine if isinstance(engine, Simulating) else None
+    simulated = simulating.physical_effects() if simulating else {}
+    dynamic = simulating.dynamic_routes() if simulating else ()
+    wanted, reported, absent = _wanted(scene)
+    absent = {**absent, **OWN, **_not_simulated(simulating, simulated)}
     for route in (*engine.routes(), *dynamic):
-        works: dict[str, Work] = {name: partial(engine.solve, asked, route) for name, asked in _levels(scene).items()}
-        ablations = list(LEVELS)
+        scenes = {**_levels(scene), **wanted}
+        works: dict[str, Work] = {name: partial(engine.solve, asked, route) for name, asked in scenes.items()}
+        ablations = [*LEVELS, *reported]
         for effect, told in simulated.items():
             works[effect] = _with(engine, effect, scene, route)
             ablations.append(Ablation(effect, off=ACCELERATION, on=effect, called_for=False, note=told))
-        yield Bench(engine.name, route.name, False, works, tuple(ablations))
+        yield Bench(engine.name, route.name, False, works, tuple(ablations), absent)
+
+
+def _not_simulated(engine: Simulating | None, simulated: Mapping[str, str]) -> dict[str, str]:
+    """Return each physical effect that is not switched on, and why."""
+    if engine is None:
+        return dict.fromkeys(PHYSICAL, "the engine offers no simulation to switch on")
+    reasons = engine.missing_effects()
+    return {effect: reasons.get(effect, "the engine names none") for effect in PHYSICAL if effect not in simulated}
 
 
 def _with(engine: Any, effect: str, scene: Scene, route: Route) -> Work:

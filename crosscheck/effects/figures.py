@@ -31,7 +31,7 @@ def parts(rows: Sequence[EffectRow]) -> dict[tuple[str, str], list[Part]]:
         of_route = found.setdefault((row.engine, row.route), [])
         if not of_route:
             of_route.append((POSITION, row.without, True))
-        if row.microseconds > (row.spread or 0.0):
+        if not row.within_noise:
             of_route.append((row.effect, row.microseconds, row.called_for))
     return found
 

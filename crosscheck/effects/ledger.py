@@ -17,7 +17,10 @@ WITHIN = 30.0
 """How long a ledger measures [s]."""
 START = 15.0
 """How long a process may take on top: to start, to load an engine, to solve everything once [s]."""
-CALLED_FOR = ("velocity", "acceleration")
+EFFECTS = ("velocity", "acceleration", "points", "other bodies", "condition", "certificate", *PHYSICAL)
+"""Each has a row for every route, be it one that says why it has no price."""
+ANY = "any"
+"""The route in a row about a process that failed."""
 
 
 def effects_ledger(scene: Scene, engines: Sequence[str] = (), within: float = WITHIN) -> list[EffectRow]:
@@ -35,7 +38,8 @@ def effects_ledger(scene: Scene, engines: Sequence[str] = (), within: float = WI
     Returns
     -------
     list of EffectRow
-        refkin's first. An effect with which an engine's process ends, or hangs, has a row that says so.
+        refkin's first; of each route all of `EFFECTS`. An effect with which an engine's process ends, or hangs, has a
+        row that says so, and so has what an engine has not. `dataclasses.asdict` makes a row plain data.
     """
     data, share = to_dict(scene), within / (1 + len(engines))
     found: list[EffectRow] = []
@@ -53,16 +57,21 @@ def _asked(data: Any, spec: str, share: float, patience: float, effect: str = ""
 def _one_by_one(data: Any, spec: str, first: Failure, within: float) -> list[EffectRow]:
     """Return the rows of an engine whose process failed: each effect in a process of its own, as long as time allows.
 
-    Timings of an engine with such an effect are not what matters: each gets one round.
+    Timings of an engine with such an effect are not what matters: each gets one round, and no more than its share of
+    the time that is left. An effect that fails where another one answers is felt.
     """
-    found: list[EffectRow] = []
+    answers: dict[str, list[EffectRow] | Failure] = {}
     end = time.monotonic() + within
-    for effect in (*CALLED_FOR, *PHYSICAL):
-        left = end - time.monotonic()
-        answer = _asked(data, spec, 0.0, left, effect) if left > 0 else first
+    for k, effect in enumerate(EFFECTS):
+        left = (end - time.monotonic()) / (len(EFFECTS) - k)
+        answers[effect] = _asked(data, spec, 0.0, left, effect) if left > 0 else first
+    answered = [row for answer in answers.values() if not isinstance(answer, Failure) for row in answer]
+    name = answered[0].engine if answered else spec
+    inert = False if any(row.inert is not None for row in answered) else None
+    found: list[EffectRow] = []
+    for effect, answer in answers.items():
         if isinstance(answer, Failure):
-            note = f"{answer.kind}: {answer.text}"
-            found.append(unmeasured(spec, "any", effect, effect in CALLED_FOR, note))
+            found.append(unmeasured(name, ANY, effect, f"{answer.kind}: {answer.text}", inert))
         else:
             found += answer
     return found

@@ -11,7 +11,7 @@ from crosscheck.comparison import Reference, reference
 from crosscheck.effects.benches import engine_benches, reference_bench
 from crosscheck.effects.changes import change
 from crosscheck.effects.rows import Ablation, Bench, EffectRow
-from crosscheck.engines import EngineError, Term, load
+from crosscheck.engines import PHYSICAL, EngineError, Term, load
 from crosscheck.timing import Timing, timed_in_turns
 from refkin.model import Scene
 from refkin.motion import Motion
@@ -23,6 +23,8 @@ MOST_TIMES = 37
 
 ROUNDS = 25
 """An effect is a small difference of two large times: more rounds than elsewhere, as far as there is time."""
+GROUPS = 3
+"""Into how many parts the rounds are divided, to see how far a difference repeats."""
 
 
 def task(scene: Mapping[str, Any], spec: str, within: float, effect: str = "") -> str:
@@ -53,7 +55,8 @@ def _benches(spec: str, scene: Scene) -> Iterator[Bench]:
 def _alone(bench: Bench, effect: str) -> Bench:
     ablations = tuple(a for a in bench.ablations if a.effect == effect)
     names = {name for a in ablations for name in (a.off, a.on)}
-    return replace(bench, ablations=ablations, works={name: bench.works[name] for name in names})
+    absent = {name: why for name, why in bench.absent.items() if name == effect}
+    return replace(bench, ablations=ablations, works={name: bench.works[name] for name in names}, absent=absent)
 
 
 def _terms(asked: Mapping[str, Any], bench: Bench, scene: Scene) -> Sequence[Term]:
@@ -81,7 +84,8 @@ def rows(bench: Bench, ref: Reference, within: float, terms: Sequence[Term] = ()
     answers: dict[str, Motion | str] = {name: _answer(work) for name, work in bench.works.items()}
     works = {name: work for name, work in bench.works.items() if not isinstance(answers[name], str)}
     timings = timed_in_turns(works, rounds=ROUNDS, within=within) if works else {}
-    return [_row(bench, a, answers, timings, ref, terms) for a in bench.ablations]
+    there = [_row(bench, a, answers, timings, ref, terms) for a in bench.ablations]
+    return there + [unmeasured(bench.engine, bench.route, effect, why) for effect, why in bench.absent.items()]
 
 
 def _answer(work: Any) -> Motion | str:
@@ -102,9 +106,11 @@ def _row(
 ) -> EffectRow:
     off, on = answers[a.off], answers[a.on]
     if isinstance(off, str):
-        return unmeasured(bench.engine, bench.route, a.effect, a.called_for, f"no answer without it: {off}")
+        return unmeasured(bench.engine, bench.route, a.effect, f"no answer without it: {off}")
     if isinstance(on, str):
-        return unmeasured(bench.engine, bench.route, a.effect, a.called_for, f"{a.note}: {on}")
+        return unmeasured(bench.engine, bench.route, a.effect, f"{a.note}: {on}", inert=False)
+    if a.on == "points" and not on.points:
+        return unmeasured(bench.engine, bench.route, a.effect, "the adapter reports no motion of points")
     found = change(ref, off, on, terms, exact=bench.exact)
     before, after, per = timings[a.off], timings[a.on], 1e6 / len(off.t)
     return EffectRow(
@@ -113,7 +119,7 @@ def _row(
         effect=a.effect,
         microseconds=(after.seconds - before.seconds) * per,
         without=before.seconds * per,
-        spread=_spread(before.turns, after.turns, per),
+        spread=noise(before.turns, after.turns, per),
         inert=found.inert,
         largest_change=found.largest,
         worst=found.worst,
@@ -122,16 +128,32 @@ def _row(
     )
 
 
-def _spread(before: Sequence[float], after: Sequence[float], per: float) -> float | None:
-    """Return by how much the difference of the least times differs between even and odd rounds."""
-    if len(before) < 2:
+def noise(before: Sequence[float], after: Sequence[float], per: float = 1.0) -> float | None:
+    """Return how far off the difference of two least times may be; None for a single round.
+
+    Parameters
+    ----------
+    before, after : sequence of float
+        One call in each round [s], without the effect and with it.
+    per : float
+        What the result is multiplied by.
+
+    Returns
+    -------
+    float or None
+        The range of that difference over groups of rounds (every third one, of few every second). It is at least
+        as much as the effect seems to save: who does more cannot take less time, so that this is noise, too.
+    """
+    count = len(before)
+    if count < 2:
         return None
-    even, odd = (min(after[k::2]) - min(before[k::2]) for k in (0, 1))
-    return abs(even - odd) * per
+    groups = GROUPS if count >= 2 * GROUPS else 2
+    found = [min(after[k::groups]) - min(before[k::groups]) for k in range(groups)]
+    return max(max(found) - min(found), min(before) - min(after)) * per
 
 
-def unmeasured(engine: str, route: str, effect: str, called_for: bool, note: str) -> EffectRow:
-    """Return the row of an effect with which there is no answer: it is not inert."""
+def unmeasured(engine: str, route: str, effect: str, note: str, inert: bool | None = None) -> EffectRow:
+    """Return the row of an effect without a price: not known to be inert, or known not to be."""
     return EffectRow(
         engine=engine,
         route=route,
@@ -139,9 +161,9 @@ def unmeasured(engine: str, route: str, effect: str, called_for: bool, note: str
         microseconds=None,
         without=None,
         spread=None,
-        inert=False,
+        inert=inert,
         largest_change=None,
         worst="",
-        called_for=called_for,
+        called_for=effect not in PHYSICAL,
         note=note,
     )

@@ -17,14 +17,15 @@ class EffectRow:
     Attributes
     ----------
     microseconds : float or None
-        What it adds per configuration; None if it could not be measured.
+        What it adds per configuration, negative by noise alone; None if it could not be measured.
     without : float or None
         What a configuration costs without it [microseconds].
     spread : float or None
-        How far apart that number is taken from every other round and from the rest [microseconds]: less than this is
-        noise; None if there was one round alone.
-    inert : bool
-        Whether nothing else changes: no bit in refkin, nothing beyond the allowed error in an engine, no status.
+        How far apart that number is taken from different rounds [microseconds]: what is no larger is noise. It is never
+        less than what an effect seems to save. None if there was one round alone.
+    inert : bool or None
+        Whether nothing else changes: no bit in refkin, nothing beyond the allowed error in an engine, no status. None
+        if that is not known: the engine has no such effect, or no answer without it either.
     largest_change : float or None
         The largest relative change of what both answers have; None if there are no two answers.
     worst : str
@@ -41,11 +42,16 @@ class EffectRow:
     microseconds: float | None
     without: float | None
     spread: float | None
-    inert: bool
+    inert: bool | None
     largest_change: float | None
     worst: str
     called_for: bool
     note: str
+
+    @property
+    def within_noise(self) -> bool:
+        """Whether the price is no larger than what the measurement leaves open."""
+        return self.microseconds is not None and self.microseconds <= (self.spread or 0.0)
 
 
 @dataclass(frozen=True)
@@ -61,10 +67,11 @@ class Ablation:
 
 @dataclass(frozen=True)
 class Bench:
-    """What is measured of one route: its works by name, and the effects as pairs of them."""
+    """What is measured of one route: its works by name, the effects as pairs of them, and why others are absent."""
 
     engine: str
     route: str
     exact: bool
     works: Mapping[str, Work]
     ablations: tuple[Ablation, ...]
+    absent: Mapping[str, str] = field(default_factory=dict)

@@ -27,9 +27,10 @@ def run(scene: Scene, engines: Sequence[str], missing: Sequence[str], as_json: b
     else:
         console = Console(width=None if sys.stdout.isatty() else 180)
         console.print(ledger_table(scene.name, rows))
-        for line in (*felt_lines(rows), *missing):
+        for line in (*felt_lines(rows), *absent_lines(rows), *missing):
             console.print(line, markup=False, highlight=False)
-    return all(row.inert for row in rows if row.engine == REFKIN)
+    ours = [row.inert for row in rows if row.engine == REFKIN]
+    return True in ours and False not in ours
 
 
 def to_json(scene: str, rows: Sequence[EffectRow], missing: Sequence[str] = ()) -> dict[str, object]:
@@ -48,12 +49,13 @@ def ledger_table(scene: str, rows: Sequence[EffectRow]) -> Table:
     table.add_column("largest change", justify="right")
     table.add_column("note")
     last = ""
-    for row in rows:
+    for row in (row for row in rows if row.inert is not None):
         name = f"{row.engine}, {row.route}"
         if name != last and last:
             table.add_section()
         inert = "yes" if row.inert else "[bold red]no[/]"
-        numbers = (_number(value) for value in (row.microseconds, row.spread, row.without))
+        price = "within noise" if row.within_noise else _number(row.microseconds)
+        numbers = (price, _number(row.spread), _number(row.without))
         change = "-" if row.largest_change is None else f"{row.largest_change:.2g}"
         shown = "" if name == last else escape(name)
         table.add_row(shown, escape(row.effect), *numbers, inert, change, escape(row.note))
@@ -65,10 +67,24 @@ def felt_lines(rows: Sequence[EffectRow]) -> list[str]:
     """Return a line for each effect that is not inert: which, where it is felt, and how much."""
     lines = []
     for row in rows:
-        if not row.inert:
+        if row.inert is False:
             what = row.note if row.largest_change is None else f"changes {row.worst} by {row.largest_change:.2g}"
             lines.append(f"not inert: {row.effect} in {row.engine}, {row.route}: {what}")
-    return lines or ["every effect is inert where it is not called for"]
+    return lines or ["every effect that was measured is inert where it is not called for"]
+
+
+def absent_lines(rows: Sequence[EffectRow]) -> list[str]:
+    """Return a line for each reason why effects have no price: in which engine, by which routes, and which they are."""
+    reasons: dict[tuple[str, str], tuple[list[str], list[str]]] = {}
+    for row in rows:
+        if row.inert is None:
+            routes, effects = reasons.setdefault((row.engine, row.note), ([], []))
+            routes += [row.route] if row.route not in routes else []
+            effects += [row.effect] if row.effect not in effects else []
+    return [
+        f"no price in {engine} ({', '.join(routes)}): {', '.join(effects)}: {why}"
+        for (engine, why), (routes, effects) in reasons.items()
+    ]
 
 
 def _number(value: float | None) -> str:

@@ -110,6 +110,9 @@ class Simulating(Protocol):
     def physical_effects(self) -> Mapping[str, str]:
         """Return each of `PHYSICAL` that the engine has, with what is done to switch it on."""
 
+    def missing_effects(self) -> Mapping[str, str]:
+        """Return each of `PHYSICAL` that the engine does not have, with the reason."""
+
     def with_effect(self, effect: str) -> Engine:
         """Return the engine with an effect switched on behind the back of the scene."""
 

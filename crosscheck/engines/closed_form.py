@@ -5,6 +5,9 @@ Of the scene's estimates it takes the assembly of each dyad (the sign of the dya
 of each angle at the first time, and nothing else; the sign is kept over all times, on either side of a gap too. A
 dyad without an estimate gets the positive orientation, and the message says so.
 
+Every number is a jet of value and two derivatives, so velocities and accelerations are computed of every scene, and
+cost no more where they are called for.
+
 Beyond class II (three bodies that close only together) a scene is refused by name, and so is a redundant one.
 """
 

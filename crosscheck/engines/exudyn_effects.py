@@ -62,9 +62,10 @@ def _friction(b: Builder) -> None:
 
 
 def _limits(b: Builder) -> None:
+    """Add stops that are hit from the start: exudyn finds out after a step only, and Newton alone makes none."""
     stops = {"limitStopsLower": -1e-3, "limitStopsUpper": 1e-3, "limitStopsStiffness": 10.0}
     for name, _ in _bodies(b):
-        state = b.mbs.AddNode(item.NodeGenericData(initialCoordinates=[0.0] * 3, numberOfDataCoordinates=3))
+        state = b.mbs.AddNode(item.NodeGenericData(initialCoordinates=[0.0, 0.0, 1.0], numberOfDataCoordinates=3))
         ends = {"markerNumbers": [b.still, b.angle(name)], "nodeNumber": state}
         b.mbs.AddObject(item.CoordinateSpringDamperExt(useLimitStops=True, **ends, **stops))
 

@@ -4,6 +4,8 @@ Two routes. `static` is exudyn at its best: lengths in units of the mechanism's 
 march over the times that predicts each pose from exudyn's own velocities and halves the step where it goes astray.
 `shipped` is what a user gets who changes no setting: metres, default tolerances, each solve started at the last answer.
 
+The march of `static` takes a velocity of each pose, whether the scene calls for it or not; `shipped` takes none.
+
 exudyn does no velocity or acceleration analysis and exposes no linear solver, so those two systems are solved here.
 """
 
@@ -97,6 +99,10 @@ class Exudyn:
     def physical_effects(self) -> Mapping[str, str]:
         """Return what exudyn can simulate beside kinematics, and how it is switched on."""
         return {name: effect.told for name, effect in EFFECTS.items()}
+
+    def missing_effects(self) -> Mapping[str, str]:
+        """Return nothing: exudyn has them all."""
+        return {}
 
     def with_effect(self, effect: str) -> Exudyn:
         """Return exudyn with an effect switched on."""

@@ -126,6 +126,10 @@ class Mujoco:
         """Return what MuJoCo can simulate beside kinematics, and how it is switched on."""
         return {name: effect.told for name, effect in EFFECTS.items()}
 
+    def missing_effects(self) -> Mapping[str, str]:
+        """Return nothing: MuJoCo has them all."""
+        return {}
+
     def with_effect(self, effect: str) -> Mujoco:
         """Return MuJoCo with an effect switched on."""
         return Mujoco(effect)

@@ -1,7 +1,7 @@
 """What Pinocchio's models hold beside kinematics, switched on one by one, and the accelerations of its dynamics.
 
-Pinocchio keeps geometry in a model of its own, which no call of the adapter takes, and has no sensors: there is no
-contact and no sensor to switch on.
+Limits of position, effort and dry friction, and damping, are numbers that a model keeps for whoever reads them: no
+algorithm that is called here does. Switching them on shows just that.
 """
 
 from __future__ import annotations
@@ -17,6 +17,7 @@ from crosscheck.joint_tree import Array
 from crosscheck.tree_system import TreeEngine, TreeSystem
 from refkin.model import Scene
 
+UNREAD = "which no algorithm called here reads"
 EFFORT = 10.0
 """What each joint is pushed with where actuation is on."""
 
@@ -86,9 +87,14 @@ def _actuation(planar: PlanarModel) -> None:
 
 EFFECTS = {
     "gravity": Effect("9.81 across the plane's x axis", _gravity),
-    "friction": Effect("dry friction limits of 1 in every joint", _friction),
-    "joint limits": Effect("every joint limited to 1e-3 about zero", _limits),
-    "passive forces": Effect("damping 1 in every joint", _passive),
+    "friction": Effect(f"dry friction limits of 1 in every joint, {UNREAD}", _friction),
+    "joint limits": Effect(f"every joint limited to 1e-3 about zero, {UNREAD}", _limits),
+    "passive forces": Effect(f"damping 1 in every joint, {UNREAD}", _passive),
     "actuation": Effect("an effort of 10 in every joint, where a route takes efforts", _actuation),
     "inertia": Effect("seven times the mass, off the joints", lambda planar: with_mass(planar, 7.0, (0.3, 0.1))),
+}
+
+MISSING = {
+    "contact": "Pinocchio keeps geometry in a model of its own, which no call of the adapter takes",
+    "sensors": "Pinocchio has no sensors",
 }

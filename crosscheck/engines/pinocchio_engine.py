@@ -26,7 +26,7 @@ from crosscheck.engines import (
     refused,
     table_key,
 )
-from crosscheck.engines.pinocchio_effects import EFFECTS, ForwardDynamics, affected
+from crosscheck.engines.pinocchio_effects import EFFECTS, MISSING, ForwardDynamics, affected
 from crosscheck.engines.pinocchio_model import Frame, Rows, absolute_model, tree_model
 from crosscheck.engines.pinocchio_shipped import CLOSED_CHAIN, STOP, closed_chain
 from crosscheck.frames import RowMap
@@ -101,6 +101,10 @@ class Pinocchio:
     def physical_effects(self) -> Mapping[str, str]:
         """Return what Pinocchio can simulate beside kinematics, and how it is switched on."""
         return {name: effect.told for name, effect in EFFECTS.items()}
+
+    def missing_effects(self) -> Mapping[str, str]:
+        """Return what Pinocchio's models do not hold."""
+        return MISSING
 
     def with_effect(self, effect: str) -> Pinocchio:
         """Return Pinocchio with an effect switched on."""

@@ -1,8 +1,9 @@
 """Loops over time: from one pose to the next, on one branch, with rates by the differentiated loop equations.
 
-Each pose is predicted from position, velocity and acceleration of the last, and corrected by Newton. A step is taken if
-Newton contracted at once and no singular Jacobian can lie on the way (`connected`); else it is halved. So a whole cycle
-stays in the assembly in which it started, and ends where that assembly ends.
+Each pose is predicted from position, velocity and acceleration of the last, and corrected by Newton; so rates are taken
+of every pose, whether a scene calls for them or not. A step is taken if Newton contracted at once and no singular
+Jacobian can lie on the way (`connected`); else it is halved. So a whole cycle stays in the assembly in which it
+started, and ends where that assembly ends.
 """
 
 from __future__ import annotations

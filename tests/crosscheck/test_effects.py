@@ -1,0 +1,325 @@
+"""The ledger of effects: every effect has a row, whoever feels one is named, whoever fails is a row, noise is noise."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crosscheck.cli import main
+from crosscheck.comparison import reference
+from crosscheck.effects import effects_ledger, ledger
+from crosscheck.effects.benches import engine_benches, reference_bench
+from crosscheck.effects.measuring import noise, rows
+from crosscheck.effects.rows import EffectRow
+from crosscheck.effects.show import absent_lines, felt_lines, ledger_table, to_json
+from crosscheck.engines import PHYSICAL, load
+from refkin.linkages import FourBar
+from refkin.model import Point
+from refkin.motion_laws import Sinusoid
+
+from .fake_engines import EXIT, HANG, RAISE, engine_file
+
+EXAMPLE = Path(__file__).parent.parent.parent / "examples" / "crank-rocker.toml"
+KEYS = {"engine", "effect", "microseconds", "inert", "largest_change"}
+CALLED_FOR = {"velocity", "acceleration", "points", "other bodies", "condition", "certificate"}
+SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(speed=2.0, turns=0.1, samples=5)
+FELT = """
+    def physical_effects(self):
+        return {"gravity": "a planted one", "contact": "one that is isolated"}
+
+    def missing_effects(self):
+        return {"sensors": "it has none"}
+
+    def with_effect(self, effect):
+        other = type(self)()
+        other.effect = effect
+        return other
+
+    def dynamic_routes(self):
+        return ()
+"""
+
+
+def simulating(folder, planted, name="feeling"):
+    """Return an engine with two effects; `planted` is what is done to its answer under `effect`."""
+    spec = engine_file(folder, name=name, after=f"effect = getattr(self, 'effect', None)\n        {planted}")
+    path = Path(spec.rsplit(":", 1)[0])
+    text = path.read_text(encoding="utf-8")
+    path.write_text(text + FELT, encoding="utf-8")
+    return spec
+
+
+def only(found, effect, engine=None):
+    (row,) = (r for r in found if r.effect == effect and engine in (None, r.engine))
+    return row
+
+
+def rows_of(spec, scene=SCENE):
+    """Return the rows of an engine in this process, with one round each."""
+    ref = reference(scene)
+    return [row for bench in engine_benches(load(spec), scene) for row in rows(bench, ref, 0.0)]
+
+
+@pytest.fixture(scope="module")
+def command(tmp_path_factory):
+    """What the command prints for refkin and the three engines."""
+    path = tmp_path_factory.mktemp("scene") / "scene.toml"
+    path.write_text(EXAMPLE.read_text(encoding="utf-8").replace("count = 73", "count = 3"), encoding="utf-8")
+    with pytest.MonkeyPatch.context() as patch, pytest.MonkeyPatch.context() as out:
+        printed = []
+        patch.setattr("builtins.print", lambda text: printed.append(text))
+        out.setattr("crosscheck.effects.show.effects_ledger", partial(effects_ledger, within=1.5))
+        with pytest.raises(SystemExit) as ended:
+            main(["effects", str(path), "--json"])
+    return ended.value.code, json.loads("".join(printed))
+
+
+def test_the_command_prints_one_object_with_the_promised_keys(command):
+    code, told = command
+
+    assert code == 0
+    assert (told["schema"], told["scene"]) == (1, "crank-rocker")
+    assert all(set(row) >= KEYS for row in told["rows"])
+    assert {row["engine"] for row in told["rows"]} == {"refkin", "exudyn", "mujoco", "pinocchio"}
+
+
+def test_every_effect_has_one_row_by_every_route(command):
+    _, told = command
+    by_route = Counter((row["engine"], row["route"]) for row in told["rows"])
+    effects = {(row["engine"], row["route"], row["effect"]) for row in told["rows"]}
+
+    assert len(effects) == len(told["rows"])
+    assert {effect for _, _, effect in effects} == CALLED_FOR | set(PHYSICAL)
+    assert set(by_route.values()) == {len(CALLED_FOR) + len(PHYSICAL)}
+
+
+def test_a_row_without_a_price_says_why(command):
+    _, told = command
+
+    assert all(row["note"] for row in told["rows"] if row["microseconds"] is None)
+
+
+def test_nothing_that_refkin_computes_in_addition_changes_a_bit_of_the_rest(command):
+    _, told = command
+    ours = [row for row in told["rows"] if row["engine"] == "refkin" and row["effect"] in CALLED_FOR]
+
+    assert [(row["inert"], row["largest_change"]) for row in ours] == [(True, 0.0)] * len(CALLED_FOR)
+
+
+def test_no_effect_is_felt_on_a_route_that_answers_scenes(command):
+    _, told = command
+
+    assert not [row for row in told["rows"] if row["inert"] is False and row["route"] != "forward dynamics"]
+
+
+def test_ablation_sees_the_effects_where_soft_dynamics_feel_them(command):
+    _, told = command
+    felt = {row["effect"] for row in told["rows"] if row["engine"] == "mujoco" and row["inert"] is False}
+
+    assert felt == set(PHYSICAL) - {"sensors"}
+
+
+def test_gravity_left_on_where_it_is_felt_is_not_inert_and_is_named(tmp_path):
+    spec = simulating(tmp_path, "motion = replace(motion, q=motion.q + 1e-6 * (effect == 'gravity'))")
+    found = rows_of(spec)
+
+    assert (only(found, "gravity").inert, only(found, "contact").inert) == (False, True)
+    assert only(found, "gravity").largest_change == pytest.approx(1e-6, rel=1e-6)
+    (line,) = felt_lines(found)
+    assert line.startswith("not inert: gravity in feeling, made up: changes position of ")
+
+
+def test_gravity_that_is_felt_in_accelerations_alone_is_not_inert(tmp_path):
+    spec = simulating(
+        tmp_path,
+        "if effect == 'gravity': motion = replace(motion, qdd=motion.qdd + 9.81)",
+    )
+
+    assert only(rows_of(spec), "gravity").worst.startswith("acceleration of ")
+
+
+def test_an_effect_that_costs_an_answer_is_not_inert(tmp_path):
+    spec = simulating(tmp_path, "motion = replace(motion, status=(Status.SINGULAR,) * 5) if effect else motion")
+
+    assert only(rows_of(spec), "gravity").worst.startswith("ok becomes singular at t = ")
+
+
+def test_a_refusal_with_an_effect_alone_is_not_inert(tmp_path):
+    spec = simulating(tmp_path, "if effect == 'gravity': raise EngineError('it falls')")
+    row = only(rows_of(spec), "gravity")
+
+    assert (row.inert, row.microseconds, row.note) == (False, None, "a planted one: it falls")
+
+
+def test_of_a_scene_that_is_refused_nothing_is_known(tmp_path):
+    found = rows_of(engine_file(tmp_path, before='raise EngineError("no such joint")'))
+
+    assert {row.inert for row in found} == {None}
+    assert only(found, "velocity").note == "no answer without it: no such joint"
+
+
+def test_an_effect_that_an_engine_has_not_is_told_with_its_reason(tmp_path):
+    found = rows_of(simulating(tmp_path, "pass"))
+
+    assert "no price in feeling (made up): sensors: it has none" in absent_lines(found)
+
+
+def test_an_engine_that_simulates_nothing_is_told_to_have_none(tmp_path):
+    found = rows_of(engine_file(tmp_path))
+
+    assert {row.note for row in found if row.effect in PHYSICAL} == {"the engine offers no simulation to switch on"}
+
+
+def bitwise(effect, nudge):
+    """Return refkin's rows where the answer with one effect is nudged."""
+    bench = reference_bench(SCENE)
+    plain = bench.works[effect]
+    return rows(replace(bench, works={**bench.works, effect: lambda: nudge(plain())}), reference(SCENE), 0.0)
+
+
+def test_one_bit_that_an_uncalled_effect_changes_in_refkin_is_named():
+    found = bitwise("certificate", lambda motion: replace(motion, q=np.nextafter(motion.q, np.inf)))
+
+    assert [row.effect for row in found if row.inert is False] == ["certificate"]
+    assert only(found, "certificate").worst.startswith("position of ")
+
+
+def test_the_same_bit_is_within_the_allowed_error_of_an_engine(tmp_path):
+    spec = simulating(tmp_path, "motion = replace(motion, q=np.nextafter(motion.q, np.inf) if effect else motion.q)")
+
+    assert only(rows_of(spec), "gravity").inert is True
+
+
+def test_a_bit_of_the_residual_counts_in_refkin_too():
+    found = bitwise("condition", lambda motion: replace(motion, residual=np.nextafter(motion.residual, np.inf)))
+
+    assert [row.effect for row in found if row.inert is False] == ["condition"]
+
+
+@pytest.mark.parametrize(
+    ("fault", "told"), [(EXIT, "crash (exit code 7)"), (RAISE, "ZeroDivisionError: by the test"), (HANG, "hang")]
+)
+def test_an_engine_that_fails_with_one_effect_is_a_row_and_the_others_are_measured(fault, told, tmp_path, monkeypatch):
+    monkeypatch.setattr(ledger, "START", 8.0)
+    spec = simulating(tmp_path, f"if effect == 'gravity': {fault.split('  #')[0]}")
+    found = effects_ledger(SCENE, [spec], within=0.5)
+
+    assert told in only(found, "gravity", "feeling").note
+    assert only(found, "gravity", "feeling").inert is False
+    assert only(found, "contact", "feeling").inert is True
+    assert only(found, "velocity", "refkin").microseconds is not None
+
+
+def test_an_engine_that_always_ends_its_process_is_known_for_nothing(tmp_path):
+    found = effects_ledger(SCENE, [engine_file(tmp_path, before=EXIT)], within=0.5)
+    theirs = [row for row in found if row.engine == "fake"]
+
+    assert {row.effect for row in theirs} == CALLED_FOR | set(PHYSICAL)
+    assert {row.inert for row in theirs} == {None}
+    assert only(theirs, "velocity").note == "crash (exit code 7): its process ended: exit code 7"
+
+
+def priced(microseconds, spread, effect="gravity"):
+    return EffectRow(
+        engine="made up",
+        route="newton",
+        effect=effect,
+        microseconds=microseconds,
+        without=10.0,
+        spread=spread,
+        inert=True,
+        largest_change=0.0,
+        worst="",
+        called_for=False,
+        note="",
+    )
+
+
+def test_what_an_effect_seems_to_save_is_noise():
+    assert noise([5.0, 5.0, 5.0, 5.0], [4.0, 4.0, 4.0, 4.0]) == 1.0
+
+
+def test_noise_is_how_far_the_difference_of_least_times_differs_between_rounds():
+    assert noise([1.0, 1.0], [2.0, 2.5]) == 0.5
+
+
+def test_the_noise_of_one_round_is_not_known():
+    assert noise([1.0], [2.0]) is None
+
+
+@pytest.mark.parametrize(("microseconds", "spread", "within"), [(3.0, 1.0, False), (0.5, 1.0, True), (-0.5, 1.0, True)])
+def test_a_price_no_larger_than_its_noise_is_shown_as_such(microseconds, spread, within):
+    row = priced(microseconds, spread)
+    (shown,) = ledger_table("a scene", [row]).columns[2].cells
+
+    assert row.within_noise is within
+    assert shown == ("within noise" if within else f"{microseconds:.1f}")
+
+
+def test_no_price_of_the_command_is_a_saving_beyond_noise(command):
+    _, told = command
+    priced_rows = [row for row in told["rows"] if row["microseconds"] is not None and row["spread"] is not None]
+
+    assert priced_rows
+    assert all(row["microseconds"] >= -row["spread"] for row in priced_rows)
+
+
+def test_a_ledger_is_plain_data_that_json_takes():
+    assert json.loads(json.dumps(to_json("s", [priced(1.0, None)])))["rows"][0]["spread"] is None
+
+
+def test_points_of_the_scene_are_what_is_priced():
+    scene = replace(SCENE, points=tuple(Point(name=f"P{k}", body="crank", position=(0.1 * k, 0.0)) for k in range(2)))
+
+    assert only(rows(reference_bench(scene), reference(scene), 0.0), "points").note.startswith("2 of them")
+
+
+def usage(capsys, *arguments):
+    with pytest.raises(SystemExit) as ended:
+        main(["effects", *map(str, arguments)])
+    told = capsys.readouterr()
+    return ended.value.code, told.out, told.err
+
+
+def test_an_unknown_engine_is_told_in_one_line(capsys):
+    code, out, err = usage(capsys, EXAMPLE, "--engines", "nobody")
+
+    assert (code, out) == (2, "")
+    assert err.startswith("no engine is called 'nobody'; there are: closed_form, ")
+
+
+@pytest.mark.parametrize("text", ["schema = ", 'schema = 1\nname = "no bodies"\n'])
+def test_a_broken_scene_is_told_once_and_nothing_is_measured(text, tmp_path, capsys):
+    path = tmp_path / "broken.toml"
+    path.write_text(text, encoding="utf-8")
+    code, out, err = usage(capsys, path)
+
+    assert (code, out) == (2, "")
+    assert "broken.toml" in err
+    assert "Traceback" not in err
+
+
+@pytest.mark.parametrize("spec", ["exudyn", "mujoco", "pinocchio", "vector_loop"])
+@pytest.mark.parametrize(("effects", "highest"), [((), 1), (("velocity",), 1), (("acceleration",), 2)])
+def test_no_engine_evaluates_a_law_beyond_the_rate_that_its_march_predicts_by(spec, effects, highest, monkeypatch):
+    """The march of vector loops predicts by accelerations as well."""
+    orders, plain = set(), Sinusoid.__call__
+
+    def counting(law, t, order=0):
+        orders.add(order)
+        return plain(law, t, order)
+
+    law = Sinusoid(offset=0.5, amplitude=0.3, angular_frequency=1.0, phase=0.0)
+    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(
+        law=law, times=[0.0, 0.1, 0.2], effects=effects, evidence=()
+    )
+    monkeypatch.setattr(Sinusoid, "__call__", counting)
+    load(spec).solve(scene)
+
+    assert orders == set(range(3 if spec == "vector_loop" else highest + 1))
