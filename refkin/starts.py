@@ -42,8 +42,9 @@ def find_start(system: System, scene: Scene) -> Start:
     """Return the assembly at the first time that the scene's estimates lead to.
 
     An estimate from which Newton contracts at once is near one assembly and far from others, unless that is so nearly
-    singular that rounding decides where Newton goes. From any other estimate it may go anywhere: then all assemblies are enumerated and the nearest is taken; if none is found so, damped
-    Newton and least squares are tried, from the estimate and from a few new ones.
+    singular that rounding decides where Newton goes. From any other estimate it may go anywhere: then all assemblies
+    are enumerated and the nearest is taken; if none is found so, damped Newton and least squares are tried, from the
+    estimate and from a few new ones.
     """
     t, bodies = scene.times[0], scene.mechanism.bodies
     with np.errstate(all="ignore"):  # estimates may lie anywhere
@@ -97,9 +98,9 @@ def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[
 
 
 def _leads_to_one(system: System, result: NewtonResult, t: float) -> bool:
-    """Whether rounding did not decide to which root Newton went: near a singular pose they are sigma_min apart or so."""
+    """Whether it was not rounding that decided on the root: near a singular pose roots are sigma_min apart or so."""
     sigma = sigma_min(system, result.q, t)
-    return sigma > SINGULAR or bool(np.max(np.abs(result.corrections[0])) <= sigma / APART)
+    return sigma > SINGULAR or bool(np.max(np.abs(result.corrections[:1]), initial=0.0) <= sigma / APART)
 
 
 def _is_root(system: System, q: Any, t: float) -> bool:

@@ -42,3 +42,17 @@ def test_an_estimate_nearer_to_a_parallelogram_than_to_its_twin_starts_the_paral
 
     assert motion.verdict in (Status.OK, Status.SINGULAR)
     assert motion.verdict is Status.SINGULAR or abs(motion["coupler"].phi[0]) <= beyond / 4
+
+
+def test_an_estimate_that_is_a_singular_pose_to_the_bit_is_a_start():
+    """Newton has nothing to correct there."""
+    linkage = refkin.FourBar(ground=3.0, crank=3.0, coupler=1.0, rocker=1.0)
+    scene = linkage.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=[0.0], branch="open", effects=())
+    driver = replace(scene.mechanism.drivers[0], law=Polynomial(coefficients=(0.0, 1.0)))
+    estimates = {"crank": (1.5, 0.0, 0.0), "coupler": (3.5, 0.0, 0.0), "rocker": (3.5, 0.0, 0.0)}
+    bodies = tuple(replace(body, estimate=estimates[body.name]) for body in scene.mechanism.bodies)
+    mechanism = replace(scene.mechanism, bodies=bodies, drivers=(driver,))
+    motion = refkin.solve(replace(scene, mechanism=mechanism))
+
+    assert motion.verdict is Status.SINGULAR
+    assert np.isfinite(motion.q).all()
