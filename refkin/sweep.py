@@ -23,6 +23,7 @@ from refkin.newton import NewtonResult, RoundOff, newton
 from refkin.proof.isolate import isolate
 from refkin.proof.preconditioned import independent_rows
 from refkin.system import System
+from refkin.turnings import turnings
 
 CONTRACTION = 1 / 8
 """Largest ratio of Newton's second correction to its first: a quarter of what Newton-Kantorovich needs for a root."""
@@ -85,7 +86,17 @@ class Sweep:
     _signs: list[float] = field(default_factory=list, init=False)
 
     def to(self, target: float) -> Arrival:
-        """Go on to a time, in as many steps as it takes; on REACHED and AT_SINGULAR_POSE `q[-1]` is the pose there."""
+        """Go on to a time, in as many steps as it takes; on REACHED and AT_SINGULAR_POSE `q[-1]` is the pose there.
+
+        It goes by way of the poses where laws turn back: a step over them does not see a limit that they pass.
+        """
+        laws = [law for constraint in self.system.mechanism.constraints for law in constraint.laws]
+        for t in sorted({t for law in laws for t in turnings(law, self.t[-1], target)}):
+            if self._to(t) not in (Arrival.REACHED, Arrival.OUT_OF_STEPS):
+                return Arrival.STOPPED
+        return self._to(target)
+
+    def _to(self, target: float) -> Arrival:
         arrival = Arrival.STOPPED if self.blocked else self._walk(target, MOST_STEPS)
         if arrival is Arrival.STOPPED and self.proving:
             return self._doubtfully(target)

@@ -56,3 +56,18 @@ def test_an_estimate_that_is_a_singular_pose_to_the_bit_is_a_start():
 
     assert motion.verdict is Status.SINGULAR
     assert np.isfinite(motion.q).all()
+
+
+@pytest.mark.parametrize("beyond", [1e-2, 1e-6, 1e-10])
+def test_a_limit_that_is_passed_and_come_back_from_within_one_step_is_seen(beyond):
+    """Both ends of the step have the same pose, and the law turns back between them beyond the limit of the crank."""
+    linkage = refkin.FourBar(ground=4.0, crank=2.0, coupler=2.5, rocker=2.0)
+    (_, end), *_ = linkage.input_range()
+    law = refkin.Sinusoid(amplitude=end * (1.0 + beyond), angular_frequency=1.0)
+    scene = linkage.scene(law=Polynomial(coefficients=(end * np.sin(0.5), 1.0)), times=[0.5], branch="open", effects=())
+    driver = replace(scene.mechanism.drivers[0], law=law)
+    scene = replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)), times=(0.5, np.pi - 0.5))
+    first = linkage.scene(law=Polynomial(coefficients=(law(0.5), 1.0)), times=[0.0], branch="open").mechanism.bodies
+    scene = replace(scene, mechanism=replace(scene.mechanism, bodies=first))
+
+    assert refkin.solve(scene).status == (Status.OK, Status.BRANCH_LOST)
