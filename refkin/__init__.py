@@ -11,6 +11,7 @@ In this order:
 `differences`             forward, central, complex-step Jacobians
 `newton`                  Newton's method on callables, with its history
 `contacts`, `starts`      the first pose: where cams are touched, which assembly is meant
+`turnings`                where laws turn back between two times
 `sweep`                   from one pose to the next on one branch
 `motion`, `points`        what is answered
 `analysis`                position, velocity, acceleration: a Scene becomes a Motion

@@ -18,7 +18,7 @@ from refkin.proof.assembly import Assemblies, assemblies
 from refkin.proof.inputs import A_FEW_ROUNDINGS
 from refkin.proof.isolate import isolate
 from refkin.proof.search import PRIMES, closes, radical_inverse
-from refkin.sweep import contracts
+from refkin.sweep import APART, SINGULAR, contracts, sigma_min
 from refkin.system import System
 
 USELESS = 1e12
@@ -41,9 +41,10 @@ class Start:
 def find_start(system: System, scene: Scene) -> Start:
     """Return the assembly at the first time that the scene's estimates lead to.
 
-    An estimate from which Newton contracts at once is near one assembly and far from others. From any other estimate
-    Newton may go anywhere: then all assemblies are enumerated and the nearest is taken; if none is found so, damped
-    Newton and least squares are tried, from the estimate and from a few new ones.
+    An estimate from which Newton contracts at once is near one assembly and far from others, unless that is so nearly
+    singular that rounding decides where Newton goes. From any other estimate it may go anywhere: then all assemblies
+    are enumerated and the nearest is taken; if none is found so, damped Newton and least squares are tried, from the
+    estimate and from a few new ones.
     """
     t, bodies = scene.times[0], scene.mechanism.bodies
     with np.errstate(all="ignore"):  # estimates may lie anywhere
@@ -53,7 +54,7 @@ def find_start(system: System, scene: Scene) -> Start:
         estimate = np.where(useless, 0.0, estimate)
         first = _newton(system, t, estimate)
         contracted = first.converged and contracts(np.max(np.abs(first.corrections), axis=1))
-        if not missing and contracted and closes(system, first.q, t):
+        if not missing and contracted and closes(system, first.q, t) and _leads_to_one(system, first, t):
             return Start(Status.OK, first.q)
         found = assemblies(system, t)
         if found.poses:
@@ -96,6 +97,16 @@ def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[
     return None, "", float(smallest)
 
 
+def _leads_to_one(system: System, result: NewtonResult, t: float) -> bool:
+    """Whether it was not rounding that decided on the root: near a singular pose roots are sigma_min apart or so."""
+    jacobian = system.phi_q(result.q, t)
+    regular = system.m == system.n and np.linalg.slogdet(jacobian)[0] != 0.0
+    if regular and np.linalg.norm(np.linalg.inv(jacobian)) < 1.0 / SINGULAR:  # this norm is at least 1 / sigma_min
+        return True
+    sigma = sigma_min(system, result.q, t)
+    return sigma > SINGULAR or bool(np.max(np.abs(result.corrections[:1]), initial=0.0) <= sigma / APART)
+
+
 def _is_root(system: System, q: Any, t: float) -> bool:
     """Whether Newton ended at a root: by its residual, or, where a row is divided by a small number, by proof."""
     return closes(system, q, t) or bool(isolate(system, q[:, None], [t]).ok[0])
@@ -130,7 +141,7 @@ def _choice(system: System, found: Assemblies, estimate: Any, missing: list[str]
     nearest = int(np.argmin(distances))
     which = f"assembly {nearest + 1} of {len(poses)}{'' if found.complete else ' found'}"
     sides = f", sides {found.branches[nearest]}" if found.branches[nearest] else ""
-    why = f"no estimate for {', '.join(missing)}" if missing else "Newton did not contract from the estimate"
+    why = f"no estimate for {', '.join(missing)}" if missing else "more than one assembly may be near the estimate"
     return poses[nearest], f"{why}: {which}{sides}"
 
 

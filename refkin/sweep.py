@@ -23,6 +23,7 @@ from refkin.newton import NewtonResult, RoundOff, newton
 from refkin.proof.isolate import isolate
 from refkin.proof.preconditioned import independent_rows
 from refkin.system import System
+from refkin.turnings import turnings
 
 CONTRACTION = 1 / 8
 """Largest ratio of Newton's second correction to its first: a quarter of what Newton-Kantorovich needs for a root."""
@@ -85,7 +86,17 @@ class Sweep:
     _signs: list[float] = field(default_factory=list, init=False)
 
     def to(self, target: float) -> Arrival:
-        """Go on to a time, in as many steps as it takes; on REACHED and AT_SINGULAR_POSE `q[-1]` is the pose there."""
+        """Go on to a time, in as many steps as it takes; on REACHED and AT_SINGULAR_POSE `q[-1]` is the pose there.
+
+        It goes by way of the poses where laws turn back: a step over them does not see a limit that they pass.
+        """
+        laws = [law for constraint in self.system.mechanism.constraints for law in constraint.laws]
+        for t in sorted({t for law in laws for t in turnings(law, self.t[-1], target)}):
+            if self._to(t) not in (Arrival.REACHED, Arrival.OUT_OF_STEPS):
+                return Arrival.STOPPED
+        return self._to(target)
+
+    def _to(self, target: float) -> Arrival:
         arrival = Arrival.STOPPED if self.blocked else self._walk(target, MOST_STEPS)
         if arrival is Arrival.STOPPED and self.proving:
             return self._doubtfully(target)
@@ -119,7 +130,7 @@ class Sweep:
                 return arrival
             self.step = (t - self.t[-1]) / 2
             if self.relaxed:
-                self.tiny = max(TINY, NOISE / max(EPS, _sigma_min(self.system, self.q[-1], self.t[-1])))
+                self.tiny = max(TINY, NOISE / max(EPS, sigma_min(self.system, self.q[-1], self.t[-1])))
             if self.step < smallest:
                 return Arrival.STOPPED
         return Arrival.OUT_OF_STEPS
@@ -149,7 +160,7 @@ class Sweep:
             return False
         if not self.relaxed and t - self.t[-1] < SHORT * self.asked:
             # Something is near. No step may end where rounding could decide which of two roots is the next.
-            sigma = _sigma_min(self.system, result.q, t)
+            sigma = sigma_min(self.system, result.q, t)
             if sigma <= SINGULAR or (not contracts(sizes, 0.0) and sizes[0] > sigma / APART):
                 return False
         move, off = (np.max(np.abs(result.q - q)) for q in (self.q[-1], result.iterates[0]))
@@ -177,7 +188,7 @@ class Sweep:
         result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start, max_iterations=60)
         if not result.converged or np.max(np.abs(result.q - start)) > REACH:
             return None
-        if _sigma_min(s, result.q, t) > SINGULAR:
+        if sigma_min(s, result.q, t) > SINGULAR:
             return None
         isolated = bool(isolate(s, result.q[:, None], [t]).ok[0])
         if isolated and not (self._same_side(result.q, t) and self._meant(result.q, t)):
@@ -223,5 +234,6 @@ def contracts(sizes: Sequence[float], tiny: float = TINY) -> bool:
     return len(sizes) < 2 or bool(sizes[1] <= CONTRACTION * sizes[0] or sizes[0] < tiny)
 
 
-def _sigma_min(system: System, q: Any, t: float) -> float:
+def sigma_min(system: System, q: Any, t: float) -> float:
+    """Return the n-th singular value of phi_q, which is 0 where the pose is not isolated to first order."""
     return float(np.linalg.svd(system.phi_q(q, t), compute_uv=False)[system.n - 1])

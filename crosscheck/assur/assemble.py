@@ -60,6 +60,7 @@ class Assembly:
     unsure_turns: Mask = field(init=False)
     turns_of: Callable[[int], np.ndarray] | None = None
     angles_found: list[np.ndarray] = field(default_factory=list)
+    meetings: list[Meeting] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         count = len(self.scene.times)
@@ -194,6 +195,7 @@ class Assembly:
     def _meeting_point(self, g: Cluster, rows: Sequence[Row], what: str) -> Planar:
         one, two = sorted(rows[:2], key=lambda row: isinstance(row.locus, Circle))
         meeting = meet(one.locus, two.locus, self.arithmetic)
+        self.meetings.append(meeting)
         self._note(meeting, what, (one.name, two.name))
         return meeting.point(self._sign(g, meeting, (one, two), what))
 

@@ -35,9 +35,13 @@ Locus = Line | Circle
 
 @dataclass(frozen=True)
 class Slack:
-    """A number that must not be negative if the loci are to meet: `scale` bounds its terms, `name` says what it is."""
+    """A number that must not be negative if the loci are to meet: `scale` bounds its terms, `name` says what it is.
+
+    Where it is 0 both meeting points are one; `rate` is its derivative in time.
+    """
 
     value: Number
+    rate: Number
     scale: Number
     name: str
 
@@ -82,9 +86,9 @@ def line_and_circle(line: Line, circle: Circle, arithmetic: Arithmetic) -> Meeti
     n x (p - c) = s h.
     """
     d = line.level - line.normal.dot(circle.centre)
-    slack = circle.radius.v - abs(d.v)
+    slack = circle.radius - _magnitude(d)
     scale = circle.radius.v + abs(line.level.v) + _reach(circle.centre)
-    slacks = (Slack(slack, scale, "radius - distance of the line"),)
+    slacks = (Slack(slack.v, slack.d, scale, "radius - distance of the line"),)
     absent, singular = _judge(slacks, arithmetic)
     h = _root((circle.radius - d) * (circle.radius + d), singular, arithmetic)
     foot = circle.centre + line.normal.scaled(d)
@@ -103,16 +107,20 @@ def circles(one: Circle, two: Circle, arithmetic: Arithmetic) -> Meeting:
     e = span.over(distance)
     total, difference = a + b, a - b
     scale = total.v + distance.v + _reach(one.centre) + _reach(two.centre)
-    slacks = (
-        Slack(total.v - distance.v, scale, "(a + b) - D"),
-        Slack(distance.v - abs(difference.v), scale, "D - |a - b|"),
-    )
+    outer, inner = total - distance, distance - _magnitude(difference)
+    slacks = (Slack(outer.v, outer.d, scale, "(a + b) - D"), Slack(inner.v, inner.d, scale, "D - |a - b|"))
     absent, singular = _judge(slacks, arithmetic)
     heron = (total - distance) * (total + distance) * (distance + difference) * (distance - difference)
     twice = distance + distance
     x = (distance * distance + difference * total) / twice
     h = _root(heron, singular, arithmetic) / twice
     return Meeting(one.centre + e.scaled(x), e.perp().scaled(h), absent, singular, slacks)
+
+
+def _magnitude(x: Jet) -> Jet:
+    """Return |x| with its rate; the second derivative is not used."""
+    sign = np.where(np.asarray(x.v < 0, bool), -1, 1)
+    return Jet(abs(x.v), 0 if type(x.d) is int else x.d * sign)
 
 
 def _reach(point: Planar) -> Number:

@@ -1,4 +1,4 @@
-"""A scene solved in one arithmetic: poses on the ground as jets, what each row leaves open, which turns are sure."""
+"""A scene solved in one arithmetic: poses on the ground as jets, what rows leave open, until when all this is sure."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ import numpy as np
 from crosscheck.assur.assemble import Assembly
 from crosscheck.assur.jets import Arithmetic, Floats, Jet, Planar
 from crosscheck.assur.linkage import Cluster, Linkage, Pose, read_linkage
+from crosscheck.assur.lost import lost_after
 from refkin.model import Scene
 
 REFINEMENTS = 8
@@ -19,13 +20,14 @@ REFINEMENTS = 8
 
 @dataclass(frozen=True)
 class Solution:
-    """Everything on the ground, what is left open of each row, (rows, T), and the time until which turns are sure."""
+    """Everything on the ground, what is left open of each row, (rows, T), and until when turns and branch are sure."""
 
     assembly: Assembly
     ground: Cluster
     scene: Scene
     closure: Any
     sure_until: float = np.inf
+    lost_after: float = np.inf
 
 
 def solve(scene: Scene, arithmetic: Arithmetic, turns_of: Callable[[int], Any] | None = None) -> Solution:
@@ -45,6 +47,17 @@ def solve(scene: Scene, arithmetic: Arithmetic, turns_of: Callable[[int], Any] |
 
 def float_solution(scene: Scene) -> Solution:
     """Solve in floats, on a finer grid where an angle's turns are unsure, and return it at the scene's own times."""
+
+    def joined(times: tuple[float, ...]) -> Assembly:
+        finer = replace(scene, times=times)
+        assembly = Assembly(read_linkage(finer, Floats()), finer, Floats())
+        assembly.run()
+        return assembly
+
+    return replace(_with_turns(scene), lost_after=lost_after(scene.times, joined))
+
+
+def _with_turns(scene: Scene) -> Solution:
     times = scene.times
     solution = solve(scene, Floats())
     for _ in range(REFINEMENTS):

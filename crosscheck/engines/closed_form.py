@@ -2,7 +2,8 @@
 
 It iterates on nothing and has no constraint rows, so it is the arbiter of the others' formulas; see `crosscheck.assur`.
 Of the scene's estimates it takes the assembly of each dyad (the sign of the dyad's loop Jacobian) and the whole turns
-of each angle at the first time, and nothing else; the sign is kept over all times, on either side of a gap too. A
+of each angle at the first time, and nothing else; the sign is kept over all times. Once a motion has met a pose where
+the sign can change, or that it cannot reach, also between two times, the branch is lost (`crosscheck.assur.lost`). A
 dyad without an estimate gets the positive orientation, and the message says so.
 
 Every number is a jet of value and two derivatives, so velocities and accelerations are computed of every scene, and
@@ -176,7 +177,7 @@ def truth(scene: Scene, bits: int = 113) -> Truth:
     for doubling in range(DOUBLINGS + 1):
         with ctx.workprec(bits << doubling):
             solution = solve(scene, Balls(), lambda k: floats.assembly.angles_found[k])
-            solution = replace(solution, sure_until=floats.sure_until)
+            solution = replace(solution, sure_until=floats.sure_until, lost_after=floats.lost_after)
             motion, radii = _motion(solution, _route("arb"))
         if _sharp(scene, motion, radii):
             break
@@ -293,20 +294,25 @@ _radius = np.frompyfunc(_ball_radius, 2, 1)
 
 
 def _status(solution: Solution, levels: list[Array]) -> tuple[Status, ...]:
-    """Return what is known: first non-assembly, then singular (no number came out), then unsure turns."""
+    """Return what is known: first non-assembly, then singular (no number came out), then lost branch, unsure turns."""
     assembly = solution.assembly
     finite = np.all([np.isfinite(level).all(axis=0) for level in levels], axis=0)
-    unsure = np.array(solution.scene.times) > solution.sure_until
+    unsure, lost = (np.array(solution.scene.times) > end for end in (solution.sure_until, solution.lost_after))
+    if lost.any():
+        assembly.remarks.append(
+            f"two assemblies meet, or there is none, at t = {solution.lost_after:.17g} s: branch lost"
+        )
     if unsure.any():
         assembly.remarks.append(f"the turns of an angle are unsure after t = {solution.sure_until:.17g} s")
     found = np.where(unsure, Status.NOT_CONVERGED, Status.OK)
+    found = np.where(lost, Status.BRANCH_LOST, found)
     found = np.where(assembly.singular | ~finite, Status.SINGULAR, found)
     return tuple(Status(word) for word in np.where(assembly.absent, Status.UNASSEMBLABLE, found))
 
 
 def _blank(levels: list[Array], radii: list[Array], status: tuple[Status, ...]) -> None:
     """Take away what a status says is not known: the rates if singular, all if there is no pose."""
-    absent = np.array([word in (Status.UNASSEMBLABLE, Status.NOT_CONVERGED) for word in status])
+    absent = np.array([word not in (Status.OK, Status.SINGULAR) for word in status])
     known = np.array([word is Status.OK for word in status])
     for order in range(3):
         for array in (levels[order], radii[order]):

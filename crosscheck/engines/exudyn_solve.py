@@ -22,8 +22,16 @@ STALLED = 1e-9
 """A residual below this after a failed Newton has stalled at round-off, not gone astray."""
 ASTRAY, NEAR = 0.25, 0.01
 """A pose may differ from its prediction by this part of the way from the last pose, or by this much [sizes, rad]."""
+APART = 8.0
+"""Two assemblies near each other are about sigma_min apart: a pose moved by less than this part of it is the nearer."""
+SINGULAR = 8.0 * math.sqrt(EPS)
+"""Smallest singular value of the scaled Jacobian up to which rounding decides which assembly a pose is on."""
 SMALLEST_STEP = 2.0**-24
 """Smallest part of the way to the next time that a march goes at once."""
+
+
+class BranchLostError(EngineError):
+    """No step is small enough to tell which of two assemblies continues the motion."""
 
 
 @dataclass
@@ -151,7 +159,11 @@ class Marcher:
 
     A solver that `predicts` is started where exudyn's own velocity points, and a pose is taken only if it lies near
     that and the determinant of exudyn's Jacobian keeps its sign; otherwise the step is halved. So the branch is kept.
-    A time without an answer is marked, and the next one is tried from the last good pose.
+    Where the pose near the prediction is the one whose sign has changed, the sign is no longer the branch's: the motion
+    itself may go through a singular pose, as a parallelogram does where it is flat. From there on a pose is taken only
+    if exudyn's Newton moved the prediction by less than assemblies lie apart; where no step does that, and where a pose
+    that is singular to rounding is left, the branch is lost, for all later times too. Any other time without an answer
+    is marked, and the next one is tried from the last good pose.
     """
 
     def __init__(self, model: ExudynModel, scene: Scene, solver: StaticNewton | ShippedSolve) -> None:
@@ -175,6 +187,9 @@ class Marcher:
         start = self._on_the_turn_meant(start)
         lost = False
         for k, t in enumerate(self.scene.times):
+            if Status.BRANCH_LOST in poses.status:
+                poses.status[k] = Status.BRANCH_LOST
+                continue
             try:
                 if self.last is None or lost or not self.solver.predicts:
                     self.last = self._pose(t, start if self.last is None else self.last.q)
@@ -183,6 +198,8 @@ class Marcher:
             except EngineError as error:
                 poses.reason = poses.reason or str(error)
                 lost = True
+                if isinstance(error, BranchLostError):
+                    poses.status[k] = Status.BRANCH_LOST
             else:
                 self._record(poses, k, self.last)
                 self.sign = self.sign or self.last.sign
@@ -207,14 +224,17 @@ class Marcher:
 
     def _advanced(self, last: Pose, t: float) -> Pose:
         """Return the pose at time t, reached in as many steps as it takes to stay on the branch."""
-        smallest, step = SMALLEST_STEP * (t - last.t), t - last.t
+        smallest, step, crossing = SMALLEST_STEP * (t - last.t), t - last.t, False
         while last.t < t:
             target = t if last.t + step >= t else last.t + step
             try:
-                last = self._pose(target, self._predicted(last, target), last)
-            except EngineError:
+                last = self._pose(target, self._predicted(last, target), last, crossing)
+            except EngineError as error:
+                crossing = crossing or isinstance(error, BranchLostError)
                 step = (target - last.t) / 2
                 if step < smallest:
+                    if crossing:
+                        raise BranchLostError(str(error)) from error
                     raise
             else:
                 step *= 2
@@ -225,7 +245,7 @@ class Marcher:
             return last.q
         return last.q + (t - last.t) * last.rate
 
-    def _pose(self, t: float, start: Array, last: Pose | None = None) -> Pose:
+    def _pose(self, t: float, start: Array, last: Pose | None = None, crossing: bool = False) -> Pose:
         """Return the pose that the solver finds from a start; EngineError says why it is not believed."""
         q = self.solver(t, start)
         residual = _largest(self.model.residual(q, t)[self.model.live] / self.row_scale)
@@ -239,7 +259,15 @@ class Marcher:
         jacobian = self.model.jacobian(q, t)[self.model.live] * self.column_scale / self.row_scale[:, None]
         sign = float(np.linalg.slogdet(jacobian)[0]) if len(jacobian) == self.model.n else 0.0
         if self.solver.predicts and sign * self.sign < 0.0:
-            raise EngineError("the determinant of its Jacobian changed sign: another branch")
+            raise BranchLostError("the determinant of its Jacobian changed sign: another branch")
+        if (
+            last is not None
+            and last.jacobian is not None
+            and _sigma_min(last.jacobian) <= SINGULAR < _sigma_min(jacobian)
+        ):
+            raise BranchLostError("from a singular pose the motion may go on in two ways")
+        if crossing and _largest((q - start) / self.column_scale) > _sigma_min(jacobian) / APART:
+            raise BranchLostError("two assemblies are too near each other to tell which of them continues the motion")
         rate = self._solved(jacobian, -self.model.constraint_velocity(q, self.still, t))
         return Pose(t, q, residual, jacobian, rate, sign)
 
@@ -288,6 +316,10 @@ def solved(jacobian: Array, right: Array) -> Array:
 
 def _largest(x: Array) -> float:
     return float(np.abs(x).max())
+
+
+def _sigma_min(jacobian: Array) -> float:
+    return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
 
 def _first_line(error: Exception) -> str:

@@ -13,6 +13,7 @@ from crosscheck.assur.jets import Floats
 from crosscheck.engines import Engine, EngineError, Level, Support, load
 from crosscheck.engines.closed_form import ClosedForm, truth
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
+from refkin.linkages import FourBar, SliderCrank
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Seeding, Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
@@ -146,16 +147,61 @@ def test_frames_far_from_their_joints_are_answered():
     assert ClosedForm().solve(d.scene(times=(0.0,))).verdict is Status.OK
 
 
-def test_a_motion_that_leaves_its_range_is_answered_within_it():
+def test_a_motion_that_leaves_its_range_is_answered_up_to_there():
+    """Beyond a gap no motion leads to either assembly: the branch is lost."""
     short = {**LENGTHS, "coupler": 1.5}
     times = tuple(np.linspace(0.0, math.tau, 41))
     motion = ClosedForm().solve(linkage(short, times=times))
     distance = abs(4.0 - np.exp(1j * (0.3 + motion.t)))
     closes = (distance < 4.5) & (distance > 1.5)
 
-    assert [w is Status.OK for w in motion.status] == list(closes)
-    assert 0 < closes.sum() < 41
-    assert np.isfinite(motion.q[:, closes]).all()
+    before = np.logical_and.accumulate(closes)
+    expected = np.where(before, Status.OK, np.where(closes, Status.BRANCH_LOST, Status.UNASSEMBLABLE))
+    assert list(motion.status) == expected.tolist()
+    assert 0 < before.sum() < closes.sum() < 41
+    assert np.array_equal(np.isfinite(motion.q), np.tile(before, (len(motion.q), 1)))
+
+
+PASSING = {
+    "parallelogram": FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0),
+    "kite": FourBar(ground=3.0, crank=1.0, coupler=1.0, rocker=3.0),
+    "isosceles slider-crank": SliderCrank(crank=1.0, rod=1.0),
+}
+
+
+@pytest.mark.parametrize("name", PASSING)
+@pytest.mark.parametrize("samples", [4, 9, 50])
+@pytest.mark.parametrize("bits", [None, 113])
+def test_past_a_pose_where_two_assemblies_meet_between_two_times_the_branch_is_lost(name, samples, bits):
+    """The crank passes it at pi, and at pi/2 where rod and crank are as long as each other."""
+    times = tuple(np.linspace(0.4, 5.0, samples))
+    scene = PASSING[name].scene(law=Polynomial(coefficients=(0.0, 1.0)), times=times, branch="open")
+    end = math.pi / 2 if "slider" in name else math.pi
+    motion = ClosedForm(bits).solve(scene)
+
+    assert list(motion.status) == [Status.OK if t < end else Status.BRANCH_LOST for t in times]
+
+
+@pytest.mark.parametrize("slack", [1e-2, 1e-5, 1e-8, 1e-11])
+def test_a_near_change_point_that_is_passed_between_two_times_loses_no_branch(slack):
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + slack)
+    scene = linkage.scene(speed=1.0, turns=2, samples=13, branch="open")
+
+    assert ClosedForm().solve(scene).verdict is Status.OK
+
+
+@pytest.mark.parametrize(
+    ("beyond", "verdict"), [(-1e-9, Status.OK), (1e-9, Status.BRANCH_LOST), (0.05, Status.BRANCH_LOST)]
+)
+def test_a_limit_passed_and_come_back_from_between_two_times_is_seen(beyond, verdict):
+    linkage = FourBar(ground=4.0, crank=2.0, coupler=2.5, rocker=2.0)
+    (_, end), *_ = linkage.input_range()
+    law = Sinusoid(amplitude=end * (1.0 + beyond), angular_frequency=1.0)
+    start = linkage.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(0.0, 1e-3), branch="open")
+    driver = replace(start.mechanism.drivers[0], law=law)
+    scene = replace(start, mechanism=replace(start.mechanism, drivers=(driver,)), times=(0.0, 1.0, 2.0, 3.0))
+
+    assert ClosedForm().solve(scene).verdict is verdict
 
 
 @pytest.mark.parametrize("bits", [None, 113])
@@ -299,7 +345,7 @@ def test_no_geometry_is_shared_with_the_reference():
     trees = [ast.parse(path.read_text()) for path in files]
     modules = {n.module for tree in trees for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
 
-    assert len(files) == 9
+    assert len(files) == 10
     assert {m for m in modules if m.startswith("refkin")} <= {
         "refkin.joints",
         "refkin.model",
