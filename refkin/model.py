@@ -143,6 +143,7 @@ class Scene:
     points: tuple[Point, ...] = ()
 
     def __post_init__(self) -> None:
+        object.__setattr__(self, "times", tuple(self.times))  # a row of numbers will do
         m = self.mechanism
         found = list(scene_faults(m.bodies, m.joints, m.drivers, self.times, self.points, self.bodies_wanted))
         if found:
