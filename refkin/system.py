@@ -132,7 +132,7 @@ class System:
 
     def to_physical(self, q: Any, order: int = 0) -> Any:
         """Return this system's coordinates (order 0) or their rates (order 1, 2) in m and rad."""
-        out = np.array(q, copy=True)
+        out = np.array(q, np.result_type(np.asarray(q), float))
         for k, shift in enumerate(self.unit.origin):
             axis = out[k : self.of_bodies : 3]
             axis *= self.unit.size

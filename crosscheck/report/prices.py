@@ -160,9 +160,9 @@ def _spoken(row: Row) -> str:
 def effects_figure(rows: Sequence[Row]) -> Figure:
     """Return one stacked bar per engine and route, a part per effect; and all rows as a table."""
     panels = (bars_of_effects([_of_ledger(row) for row in rows], "effects-bars"),) if rows else ()
-    head = ("engine", "route", "effect", "µs", "changes what was called for", "largest change")
-    told = {True: "no", False: "yes", None: "not known"}
-    keys = ("engine", "route", "effect", "microseconds", "inert", "largest_change")
+    head = ("engine", "route", "effect", "µs", "changes what was called for", "largest change", "note")
+    told = {True: "no", False: "yes", None: "–"}
+    keys = ("engine", "route", "effect", "microseconds", "inert", "largest_change", "note")
     lines = tuple(tuple(told[r[k]] if k == "inert" else r.get(k, "") for k in keys) for r in rows)
     return Figure(panels, (), head, lines)
 
