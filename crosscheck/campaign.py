@@ -27,9 +27,9 @@ from refkin.scene_files import to_dict
 
 ALWAYS = "closed_form"
 """The engine that is always among the sources, and by itself makes no night."""
-SAMPLED = "vector_loop"
-"""A source that costs as much as the engines: it is asked for all chains, of which few others know the joints, and for
-one in `SAMPLED_EVERY` of the other scenes."""
+SAMPLED = ("vector_loop", "refkin-lanes")
+"""Sources that are asked for all chains, of which few others know the joints, and for one in `SAMPLED_EVERY` of the
+other scenes: vector loops cost as much as the engines; the fast path is no peer, but one more producer of ours."""
 SAMPLED_EVERY = 40
 
 Progress = Callable[[int, str], None]
@@ -122,7 +122,7 @@ def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome
     found, missing = find_engines(plan.engines)
     outcome = Outcome({name: told for name, (_, told) in found.items()}, missing)
     names = {spec: name for name, (spec, _) in found.items()}
-    alone = missing and set(found) <= {ALWAYS, SAMPLED}
+    alone = missing and set(found) <= {ALWAYS, *SAMPLED}
     outcome.required = list(missing) if alone else [names.get(spec, spec) for spec in plan.required]
     if any(name in missing for name in outcome.required):
         return outcome
@@ -218,7 +218,7 @@ def _records(plan: Plan, workers: Pool, numbers: dict[int, str], tick: Callable[
 
 def _by_engines(batch: list[Job], engines: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], list[Job]]]:
     """Yield the scenes of a batch that are checked on the same engines, with those."""
-    fewer = tuple(name for name in engines if name != SAMPLED)
+    fewer = tuple(name for name in engines if name not in SAMPLED)
     for names, wanted in ((engines, True), (fewer, False)):
         jobs = [job for job in batch if is_sampled(job["about"]["shard"]) is wanted]
         if jobs:
@@ -226,7 +226,7 @@ def _by_engines(batch: list[Job], engines: tuple[str, ...]) -> Iterator[tuple[tu
 
 
 def is_sampled(number: int) -> bool:
-    """Whether the scene of that number is checked on the engine that is not asked for all."""
+    """Whether the scene of that number is checked on the sources that are not asked for all."""
     return is_chain(number) or number % SAMPLED_EVERY == 0
 
 

@@ -108,7 +108,7 @@ def nightly(
             told = f"interrupted; what was checked is kept in {plan.out}, and the same command goes on from there"
             raise KeyboardInterrupt(told) from None
     seconds = min(240.0, 60.0 * (plan.minutes or 0.0)) if sections_seconds is None else sections_seconds
-    write_sections(plan.out, outcome.versions, {ALWAYS, SAMPLED}, seconds, _told)
+    write_sections(plan.out, outcome.versions, {ALWAYS, *SAMPLED}, seconds, _told)
     kept = history or plan.out.parent / "history.sqlite"
     page = build(plan.out, outcome, required=outcome.required, gaps=table(known_gaps), history=kept)
     report = json.loads((plan.out / "report.json").read_text(encoding="utf-8"))

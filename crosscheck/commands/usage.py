@@ -40,7 +40,7 @@ def positive(key: str, value: float | None) -> None:
         raise UsageError(f"--{key}: expected a number above 0, got {value}")
 
 
-def names(text: str, always: tuple[str, ...] = (ALWAYS, SAMPLED)) -> tuple[str, ...]:
+def names(text: str, always: tuple[str, ...] = (ALWAYS, *SAMPLED)) -> tuple[str, ...]:
     """Return the names in a list separated by commas; an engine nobody has heard of is a usage error."""
     named = [name.strip() for name in text.split(",") if name.strip()]
     known = available()

@@ -13,7 +13,7 @@ import pytest
 
 import refkin
 from crosscheck import campaign
-from crosscheck.campaign import OtherRun, Plan, SameName, find_engines, run, seed_of
+from crosscheck.campaign import SAMPLED, OtherRun, Plan, SameName, find_engines, run, seed_of
 from crosscheck.disagreements import write_disagreements
 from crosscheck.drawing import draw, effort
 from crosscheck.workers import BATCH
@@ -25,7 +25,7 @@ SLOW = "Path({folder!r}, str(os.getpid())).touch(); time.sleep(0.1)"
 
 
 def plan(out: Path, *specs: str, **more: Any) -> Plan:
-    told = {"seed": NIGHT, "out": out, "engines": ("closed_form", "vector_loop", *specs), "workers": 2, "scenes": 12}
+    told = {"seed": NIGHT, "out": out, "engines": ("closed_form", *SAMPLED, *specs), "workers": 2, "scenes": 12}
     return Plan(**{**told, **more})
 
 
