@@ -9,11 +9,14 @@ from xml.etree import ElementTree as ET
 from markupsafe import Markup
 
 from crosscheck.effects.rows import EffectRow
+from crosscheck.engines import PHYSICAL
 from crosscheck.report.svg import COLOURS, Plot
 
 POSITION = "position"
-OPACITIES = ("1", "0.55")
-"""Of what a scene may call for, and of what it never does: told apart without colours, too."""
+CALLED_FOR = (POSITION, "velocity", "acceleration", "points", "condition", "certificate", "other bodies")
+"""What a scene may call for, in the order of its colours; what it never does has them in the order of `PHYSICAL`."""
+OPACITIES = ("1", "0.55", "0.2")
+"""Of what a scene may call for, of what it never does, and of that again when the colours are used up."""
 BAR, LEFT = 18, 178
 """Height of a bar, and the room for its name [pixels]."""
 Part = tuple[str, float, bool]
@@ -66,7 +69,7 @@ def effects_figure(rows: Sequence[EffectRow], ident: str = "effects") -> Markup:
     for k, ((engine, route), bar) in enumerate(bars.items()):
         y = plot.py(len(bars) - k - 0.5) - BAR / 2
         plot.text(LEFT - 8, y + 13, f"{engine}, {route}", anchor="end")
-        _bar(plot, bar, names, y)
+        _bar(plot, bar, y)
     ticks = [(step * k, f"{step * k:g}") for k in range(round(top / step) + 1)]
     floor = plot.height - plot.bottom
     for x, label in ticks:
@@ -77,33 +80,44 @@ def effects_figure(rows: Sequence[EffectRow], ident: str = "effects") -> Markup:
     return plot.markup()
 
 
-def _bar(plot: Plot, bar: Sequence[Part], names: Sequence[str], y: float) -> None:
+def _bar(plot: Plot, bar: Sequence[Part], y: float) -> None:
     start = 0.0
     for effect, cost, called_for in bar:
         x, width = plot.px(start), plot.px(start + cost) - plot.px(start)
-        box = _box(plot.root, x, y, max(width, 0.5), BAR, _colour(names, effect), called_for)
+        box = _box(plot.root, x, y, max(width, 0.5), BAR, *look(effect), called_for)
         ET.SubElement(box, "title").text = f"{effect}: {cost:.1f} microseconds"
         start += cost
 
 
 def _box(
-    parent: ET.Element, x: float, y: float, width: float, height: float, colour: str, called_for: bool
+    parent: ET.Element,
+    x: float,
+    y: float,
+    width: float,
+    height: float,
+    colour: str,
+    opacity: str,
+    called_for: bool,
 ) -> ET.Element:
     place = {"x": f"{x:.1f}", "y": f"{y:.1f}", "width": f"{width:.1f}", "height": f"{height:.1f}"}
-    look = {"fill": colour, "fill-opacity": OPACITIES[not called_for], "stroke": "currentColor", "stroke-width": "0.5"}
+    drawn = {"fill": colour, "fill-opacity": opacity, "stroke": "currentColor", "stroke-width": "0.5"}
     dash = {} if called_for else {"stroke-dasharray": "2 2"}
-    return ET.SubElement(parent, "rect", {**place, **look, **dash})
+    return ET.SubElement(parent, "rect", {**place, **drawn, **dash})
 
 
 def _legend(plot: Plot, names: Sequence[str], called_for: dict[str, bool], y: float) -> None:
     for k, name in enumerate(names):
         x, row = plot.left - 100 + 128 * (k % 5), y + 20 * (k // 5)
-        _box(plot.root, x, row - 9, 12, 10, _colour(names, name), called_for[name])
+        _box(plot.root, x, row - 9, 12, 10, *look(name), called_for[name])
         plot.text(x + 18, row, name, anchor="start")
 
 
-def _colour(names: Sequence[str], effect: str) -> str:
-    return COLOURS[names.index(effect) % len(COLOURS)]
+def look(effect: str) -> tuple[str, str]:
+    """Return colour and opacity of an effect, the same in every figure; those that nobody knows share one."""
+    if effect in CALLED_FOR:
+        return COLOURS[CALLED_FOR.index(effect)], OPACITIES[0]
+    again, k = divmod(PHYSICAL.index(effect) if effect in PHYSICAL else len(PHYSICAL), len(COLOURS))
+    return COLOURS[k], OPACITIES[1 + again]
 
 
 def _words(bar: Sequence[Part]) -> str:

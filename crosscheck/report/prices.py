@@ -9,7 +9,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from crosscheck.effects.figures import effects_figure as bars_of_effects
+from crosscheck.effects import figures as effects_figures  # the module: it draws with `report.svg`, which imports this
 from crosscheck.effects.rows import EffectRow
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
 from crosscheck.report.summary import SOLVED
@@ -159,7 +159,7 @@ def _spoken(row: Row) -> str:
 
 def effects_figure(rows: Sequence[Row]) -> Figure:
     """Return one stacked bar per engine and route, a part per effect; and all rows as a table."""
-    panels = (bars_of_effects([_of_ledger(row) for row in rows], "effects-bars"),) if rows else ()
+    panels = (effects_figures.effects_figure([_of_ledger(row) for row in rows], "effects-bars"),) if rows else ()
     head = ("engine", "route", "effect", "µs", "changes what was called for", "largest change", "note")
     told = {True: "no", False: "yes", None: "–"}
     keys = ("engine", "route", "effect", "microseconds", "inert", "largest_change", "note")
