@@ -5,11 +5,12 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-import time
 from collections import Counter
+from types import SimpleNamespace
 
 import pytest
 
+from crosscheck import drawing
 from crosscheck.check import key_of
 from crosscheck.drawing import _OutOfTime, draw, effort, seed_of_scene, shrink
 from crosscheck.strategies import Chain, Drawn
@@ -127,12 +128,12 @@ def test_shrinking_without_time_leaves_the_scene_as_it_was_drawn():
     assert (found.scene, tried) == (draw(3, 0).scene, 1)
 
 
-def test_shrinking_ends_when_its_time_is_over_with_the_simplest_so_far():
+def test_shrinking_ends_when_its_time_is_over_with_the_simplest_so_far(monkeypatch):
     asked = []
+    monkeypatch.setattr(drawing, "time", SimpleNamespace(monotonic=lambda: 0.4 * len(asked)))
 
     def slow(drawn):
         asked.append(drawn)
-        time.sleep(0.4)
         return True
 
     found, tried = shrink(3, 0, slow, 0.6)
