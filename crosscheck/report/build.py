@@ -21,13 +21,14 @@ from crosscheck import known_gaps
 from crosscheck.history import HistoryError, append
 from crosscheck.history import trends as trends_in
 from crosscheck.known_gaps import Gap
+from crosscheck.price.iterations import digits_by_iteration
 from crosscheck.report import front, wording
 from crosscheck.report.documents import documents
 from crosscheck.report.figures import digits_figure, looks_of, newton_figure
 from crosscheck.report.figures_more import agreement_matrices, slopes_figure, trends_figure
 from crosscheck.report.histories import newton_histories
 from crosscheck.report.posed import first_pose, pose_picture, spoken, spoken_moving
-from crosscheck.report.prices import GOALS, cheapest_tables, effects_figure, price_figure
+from crosscheck.report.prices import GOALS, cheapest_tables, effects_figure, iterations_of_notes, price_figure
 from crosscheck.report.slopes import slopes
 from crosscheck.report.summary import SOLVED, Ended, Summary
 from crosscheck.report.svg import bar, power_of_ten
@@ -85,7 +86,12 @@ def build(
     """
     folder.mkdir(parents=True, exist_ok=True)
     summary = Summary(folder, known_gaps.read() if gaps is None else gaps, outcome)
-    computed = {"newton_histories": newton_histories(), "slopes": slopes(), "documents": documents()}
+    computed = {
+        "newton_histories": newton_histories(),
+        "slopes": slopes(),
+        "documents": documents(),
+        "iterations": digits_by_iteration(),
+    }
     described, trends = _remembered(summary, required, history)
     report = plain({**described, **computed, "trends": trends})
     _replace(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
@@ -178,6 +184,7 @@ def _figures(report: Mapping[str, Any]) -> dict[str, Any]:
         "newton_figure": newton_figure(report),
         "slopes_figure": slopes_figure(report["slopes"]),
         "price_figure": price_figure(report["price"] or [], looks_of(report)),
+        "iterations_figure": iterations_of_notes(report["iterations"]),
         "effects_figure": effects_figure(report["effects"] or []),
         "trends_figure": trends_figure((report["trends"] or {"series": ()})["series"]),
     }

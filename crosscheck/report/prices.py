@@ -11,6 +11,7 @@ from markupsafe import Markup
 
 from crosscheck.effects import figures as effects_figures  # the module: it draws with `report.svg`, which imports this
 from crosscheck.effects.rows import EffectRow
+from crosscheck.price.figures import iteration_looks, iterations_figure
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
 from crosscheck.report.summary import SOLVED
 from crosscheck.report.svg import Mark, Plot, Style, power_of_ten, style, swatch
@@ -155,6 +156,13 @@ def _price_panel(
 def _spoken(row: Row) -> str:
     told = f"{row['engine']} · {row['route']}, {row['knob']}: {row['digits']:.1f} digits of {row['quantity']}"
     return f"{told} for {number(row['microseconds'])} µs"
+
+
+def iterations_of_notes(rows: Sequence[Row]) -> Figure:
+    """Return the digits after each Newton iteration of a four-bar of the source documents, and of what they print."""
+    legend = tuple((swatch(look), quantity) for look, quantity in zip(iteration_looks(), SOLVED, strict=True))
+    lines = tuple((row["iteration"], row["quantity"], row["digits"]) for row in rows)
+    return Figure((iterations_figure(rows),), legend, ("iterations", "quantity", "digits"), lines)
 
 
 def effects_figure(rows: Sequence[Row]) -> Figure:

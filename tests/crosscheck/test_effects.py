@@ -112,7 +112,7 @@ def test_nothing_that_refkin_computes_in_addition_changes_a_bit_of_the_rest(comm
     assert [(row["inert"], row["largest_change"]) for row in ours] == [(True, 0.0)] * len(CALLED_FOR)
 
 
-def test_no_effect_is_felt_on_a_route_that_answers_scenes(command):
+def test_no_effect_is_felt_by_a_route_that_answers_the_crank_rocker(command):
     _, told = command
 
     assert not [row for row in told["rows"] if row["inert"] is False and row["route"] != "forward dynamics"]

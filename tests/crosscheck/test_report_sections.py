@@ -174,7 +174,7 @@ def test_every_setting_that_its_engine_does_not_beat_is_a_mark_and_a_row(tmp_pat
     for row in PRICES:
         mark = f"{row['engine']} · {row['route']}, {row['knob']}: {row['digits']:.1f} digits of acceleration for"
         assert page.count(f'aria-label="{mark}') == 1
-    section = page[page.index('<section id="price"') : page.index('<section id="effects"')]
+    section = page[page.index('<section id="price"') : page.index("What each Newton iteration buys")]
     assert section.count('<tr><th scope="row">') == len(PRICES) + 2  # and a line per route in the table of goals
 
 
@@ -338,3 +338,9 @@ def test_fitted_slopes_are_those_on_paper() -> None:
     }
     for expected, value in fitted.values():
         assert (value is None) if expected is None else value == pytest.approx(expected, abs=0.05)
+
+
+def test_page_says_how_many_of_the_digits_that_the_notes_print_are_right(tmp_path: Path) -> None:
+    _, page = reported(tmp_path)
+
+    assert "1.7 of velocity and 1.9 of acceleration are right" in page
