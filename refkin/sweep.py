@@ -92,8 +92,8 @@ class Sweep:
         """
         laws = [law for constraint in self.system.mechanism.constraints for law in constraint.laws]
         for t in sorted({t for law in laws for t in turnings(law, self.t[-1], target)}):
-            if self._to(t) not in (Arrival.REACHED, Arrival.OUT_OF_STEPS):
-                return Arrival.STOPPED
+            if (arrival := self._to(t)) is not Arrival.REACHED:
+                return Arrival.OUT_OF_STEPS if arrival is Arrival.OUT_OF_STEPS else Arrival.STOPPED
         return self._to(target)
 
     def _to(self, target: float) -> Arrival:

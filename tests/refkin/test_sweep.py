@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -19,6 +20,7 @@ from refkin import (
     Polynomial,
     Revolute,
     Scene,
+    Sinusoid,
     Status,
     compile_system,
 )
@@ -269,3 +271,13 @@ def test_redundant_rows_agree_up_to_the_rounding_of_ground_points_far_away(offse
 @pytest.mark.parametrize(("offset", "error"), [(0.0, 1e-12), (1e3, 1e-9), (1e6, 1e-6), (1e8, 1e-4)])
 def test_redundant_rows_that_rounding_does_not_explain_are_refused(offset, error):
     assert refkin.solve(three_cranks(offset, error)).verdict is Status.UNASSEMBLABLE
+
+
+@pytest.mark.parametrize("steps", [10, 11, 12, 13])
+def test_a_sweep_that_gives_up_before_a_law_turns_back_does_not_step_over_it(monkeypatch, steps):
+    """So many steps do not lead to t = 0.5, where the law turns, though as many more would lead on from there."""
+    law = Sinusoid(amplitude=0.5, angular_frequency=math.pi)
+    linkage = FourBar(ground=4.0, crank=2.0, coupler=1.5, rocker=2.5)
+    monkeypatch.setattr("refkin.sweep.MOST_STEPS", steps)
+
+    assert refkin.solve(linkage.scene(law=law, times=(0.0, 0.6))).status == (Status.OK, Status.NOT_CONVERGED)
