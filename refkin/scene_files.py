@@ -218,7 +218,8 @@ def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
         if group in kept and rest:
             place, _, tail = rest.partition("]")
             fault = Fault(f"{group}[{kept[group][int(place)]}]{tail}", fault.value, fault.expected)
-        if (rest or group.startswith("times")) and fault.value not in unread:
+        names_unread = isinstance(fault.value, str) and fault.value in unread
+        if (rest or group.startswith("times")) and not names_unread:
             found.append(fault)
     return found
 

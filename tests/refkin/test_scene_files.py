@@ -214,6 +214,16 @@ def test_a_message_holds_no_control_character_of_a_file():
     assert any("a body of the scene: ground, cr\\x1b[31mank\\n, coupler" in line for line in told)
 
 
+def test_times_out_of_order_are_told_beside_a_joint_that_cannot_be_read():
+    data = copy.deepcopy(GOOD)
+    data["times"] = {"values": [1.0, 0.0]}
+    data["joint"][0]["type"] = "revolut"
+    told = messages(data)
+
+    assert any("times" in line and "strictly increasing" in line for line in told)
+    assert any("joint[0]" in line and "revolut" in line for line in told)
+
+
 def test_a_file_that_is_not_there_and_one_that_is_not_text_are_named(tmp_path):
     (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
     for path in (tmp_path / "absent.toml", tmp_path / "binary.toml", tmp_path):
