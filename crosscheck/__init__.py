@@ -24,12 +24,12 @@ def compare(
     Returns
     -------
     dict
-        The record of `crosscheck.check.check`: answers, comparison of the engines' own rows, disagreements.
+        The record of `crosscheck.measure.check.check`: answers, comparison of the engines' own rows, disagreements.
     """
     from rich.console import Console
 
-    from crosscheck.check import check
-    from crosscheck.tables import agreement_table, disagreement_lines
+    from crosscheck.commands.tables import agreement_table, disagreement_lines
+    from crosscheck.measure.check import check
 
     record = check(scene, engines)
     if show:

@@ -11,9 +11,7 @@ import cyclopts
 import numpy as np
 from rich.table import Table
 
-from crosscheck.answers import to_json
-from crosscheck.campaign import OtherRun, SameName, find_engines
-from crosscheck.cluster import NoCluster
+from crosscheck.commands.answers import to_json
 from crosscheck.commands.bench import bench
 from crosscheck.commands.diagnose import print_diagnosis
 from crosscheck.commands.documents import ledger, mutants
@@ -21,24 +19,26 @@ from crosscheck.commands.effects import effects
 from crosscheck.commands.follow import print_path
 from crosscheck.commands.hard import UnknownName, hard
 from crosscheck.commands.hunt import hunt_worst
+from crosscheck.commands.mobility import mobility_lines
 from crosscheck.commands.nightly import nightly
 from crosscheck.commands.nights import baseline, history
 from crosscheck.commands.price import price
 from crosscheck.commands.replay import replay
+from crosscheck.commands.tables import capability_table
 from crosscheck.commands.tape import tape
 from crosscheck.commands.usage import INFRASTRUCTURE, INTERRUPTED, PASS, USAGE, Json, UsageError, console
 from crosscheck.engines import available
 from crosscheck.engines import load as load_engine
-from crosscheck.freedoms import mobility_lines
-from crosscheck.golden import NoBaseline
-from crosscheck.history import HistoryError
-from crosscheck.journal import Occupied
-from crosscheck.known_gaps import InvalidGap
-from crosscheck.tables import capability_table
-from refkin.analysis import solve as solve_scene
+from crosscheck.judge.known_gaps import InvalidGap
+from crosscheck.night.campaign import OtherRun, SameName, find_engines
+from crosscheck.night.golden import NoBaseline
+from crosscheck.night.history import HistoryError
+from crosscheck.workers.cluster import NoCluster
+from crosscheck.workers.journal import Occupied
 from refkin.errors import InvalidScene
 from refkin.motion import Motion, Status
-from refkin.scene_files import load, schema
+from refkin.scenes.files import load, schema
+from refkin.solving.solve import solve as solve_scene
 
 app = cyclopts.App(
     suppress_keyboard_interrupt=False,  # `main` says what is kept

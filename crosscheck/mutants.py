@@ -22,8 +22,8 @@ from typing import Any, ClassVar
 import numpy as np
 from pydantic import TypeAdapter
 
+from crosscheck.documents.ledger import check_row, read
 from crosscheck.engines import EngineError
-from crosscheck.ledger import check_row, read
 from crosscheck.mutation import changed_function, mutated, resolve
 from crosscheck.selfchecks import CHECKS, CheckFailed
 from refkin.errors import RefkinError

@@ -33,7 +33,6 @@ Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockw
 ========= ======================================= ==============================================================
 """
 
-from refkin.analysis import acceleration, position, solve, velocity
 from refkin.errors import Fault, InvalidRequest, InvalidScene, RefkinError
 from refkin.joints import (
     AngleDriver,
@@ -52,14 +51,15 @@ from refkin.joints import (
     XDriver,
     YDriver,
 )
-from refkin.linkages import FourBar, InvertedSliderCrank, SliderCrank
 from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene
 from refkin.motion import Motion, Seeding, Status
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
 from refkin.newton import NewtonResult, NewtonStatus, newton
-from refkin.proof.continuation import follow
-from refkin.proof.singularity import diagnose
-from refkin.scene_files import load
+from refkin.proof.pose.singularity import diagnose
+from refkin.scenes.files import load
+from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
+from refkin.solving.follow import follow
+from refkin.solving.solve import acceleration, position, solve, velocity
 from refkin.system import System, compile_system
 
 __all__ = [

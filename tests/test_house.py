@@ -4,28 +4,18 @@ from __future__ import annotations
 
 import ast
 import importlib
-from pathlib import Path
 
 import pytest
 
-ROOT = Path(__file__).parent.parent
+from tests.houseplan import ROOT, arrows, circles, folded, imported, module_of, sources
+
 ENGINE_PACKAGES = {"exudyn", "pinocchio", "mujoco", "coal"}
 TYPES_AND_LAWS = {"refkin.model", "refkin.motion", "refkin.motion_laws", "refkin.joints", "refkin.errors"}
 """What an adapter may know of refkin: what a scene says, and the type of an answer."""
-NUMBERS_ONLY = ("joint_tree", "loop_closing", "tree_system", "tree_motion", "frames")
-"""Modules of crosscheck that adapters share; they are held to the same rule."""
-
-
-def imported(path):
-    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-        if isinstance(node, ast.Import):
-            yield from (alias.name for alias in node.names)
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            yield node.module
-
-
-def sources(folder):
-    return sorted((ROOT / folder).rglob("*.py"))
+NEWTON = {"refkin.newton", "refkin.differences"}
+"""Vector loops are solved by refkin's Newton, which knows no joint."""
+OURS = ROOT / "crosscheck" / "engines" / "ours"
+"""Producers of our own formulas: refkin itself, its fast path, SciPy's solvers on its equations. They are no peers."""
 
 
 @pytest.mark.parametrize("path", sources("refkin"), ids=lambda p: str(p.relative_to(ROOT)))
@@ -51,17 +41,14 @@ def test_of_crosscheck_only_what_shows_the_fast_path_needs_it(path):
 
 
 def adapters():
-    shared = [ROOT / "crosscheck" / f"{name}.py" for name in NUMBERS_ONLY]
-    # refkin's own fast path is no peer: it is compared as a second producer of the same formulas.
-    peers = [path for path in sources("crosscheck/engines") if path.name != "lanes.py"]
-    return [*peers, *sources("crosscheck/assur"), *shared]
+    return [path for path in sources("crosscheck/engines") if OURS not in path.parents]
 
 
 @pytest.mark.parametrize("path", adapters(), ids=lambda p: str(p.relative_to(ROOT)))
 def test_an_adapter_shares_no_geometry_with_refkin(path):
-    of_refkin = {name for name in imported(path) if name.split(".")[0] == "refkin"}
+    of_refkin = {module_of(name) for name in imported(path) if name.split(".")[0] == "refkin"}
 
-    assert not of_refkin - TYPES_AND_LAWS
+    assert not of_refkin - TYPES_AND_LAWS - (NEWTON if path.parent.name == "vector_loop" else set())
 
 
 @pytest.mark.parametrize("path", adapters(), ids=lambda p: str(p.relative_to(ROOT)))
@@ -80,21 +67,39 @@ def test_an_adapter_calls_no_formula_of_a_joint(path):
     assert not of_a_joint
 
 
-@pytest.mark.parametrize("path", sources("crosscheck/engines"), ids=lambda p: p.name)
+@pytest.mark.parametrize("path", adapters(), ids=lambda p: str(p.relative_to(ROOT)))
 def test_no_engine_imports_another(path):
-    own = path.name.split("_")[0]
-    others = [n for n in imported(path) if n.split(".")[0] in ENGINE_PACKAGES and n.split(".")[0] != own]
-    modules = [n.rsplit(".", 1)[1] for n in imported(path) if n.startswith("crosscheck.engines.")]
+    own = path.parent.name
+    others = {n.split(".")[0] for n in imported(path)} & ENGINE_PACKAGES - {own}
+    folders = {n.split(".")[2] for n in imported(path) if n.startswith("crosscheck.engines.")}
 
-    assert not others
-    assert all(path.name == "__init__.py" or m.split("_")[0] == own for m in modules)
+    assert not others - ({"coal"} if own == "pinocchio" else set())
+    assert not folders & {"exudyn", "mujoco", "pinocchio", "closed_form", "vector_loop", "ours"} - {own}
 
 
 @pytest.mark.parametrize(
-    "package", ["refkin", "crosscheck", "crosscheck.strategies", "refkin.linkages", "refkin.proof"]
+    "package", ["refkin", "crosscheck", "crosscheck.strategies", "refkin.scenes.linkages", "refkin.proof"]
 )
 def test_every_exported_name_exists(package):
     module = importlib.import_module(package)
 
     assert module.__all__
     assert not [name for name in module.__all__ if not hasattr(module, name)]
+
+
+def crosscheck_alone():
+    """Return the import graph of crosscheck, without its face."""
+    inner = {name: others for name, others in arrows().items() if name.startswith("crosscheck.")}
+    return {name: {other for other in others if other in inner} for name, others in inner.items()}
+
+
+@pytest.mark.xfail(reason="not yet")
+def test_no_files_import_each_other_in_a_circle():
+    assert circles(arrows()) == []
+
+
+@pytest.mark.xfail(reason="not yet")
+def test_no_folders_import_each_other_in_a_circle():
+    graph = folded(crosscheck_alone(), lambda name: ".".join(name.split(".")[:2]))
+
+    assert circles(graph) == []

@@ -23,6 +23,6 @@ def bench(
     as_json
         Print one JSON object instead of tables.
     """
-    from crosscheck.bench.run import run  # here, because no other command needs it
+    from crosscheck.measure.bench_run import run  # here, because no other command needs it
 
     return run(only or [], as_json)

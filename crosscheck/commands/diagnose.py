@@ -10,12 +10,12 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from crosscheck.answers import SCHEMA, numbers
-from refkin.analysis import solve
+from crosscheck.commands.answers import SCHEMA, numbers
 from refkin.model import Scene
 from refkin.motion import Motion, Status
-from refkin.proof.singularity import Diagnosis, Kind, diagnose
-from refkin.scene_files import load
+from refkin.proof.pose.singularity import Diagnosis, Kind, diagnose
+from refkin.scenes.files import load
+from refkin.solving.solve import solve
 
 
 def hardest(motion: Motion) -> int | None:

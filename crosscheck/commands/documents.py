@@ -21,7 +21,7 @@ def ledger(*rows: str, as_json: Json = False) -> int:
     as_json
         Print one JSON object instead of tables.
     """
-    from crosscheck.ledger.show import run  # here, because no other command needs it
+    from crosscheck.documents.ledger.show import run  # here, because no other command needs it
 
     return run(rows, as_json)
 

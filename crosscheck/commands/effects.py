@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from crosscheck.campaign import find_engines
 from crosscheck.commands.usage import DISAGREEMENT, ENGINE_MISSING, ENGINES, PASS, Json, names
-from refkin.scene_files import load
+from crosscheck.night.campaign import find_engines
+from refkin.scenes.files import load
 
 
 def effects(scene: Path, *, engines: str = ENGINES, as_json: Json = False) -> int:
@@ -23,7 +23,7 @@ def effects(scene: Path, *, engines: str = ENGINES, as_json: Json = False) -> in
     as_json
         Print one JSON object instead of a table.
     """
-    from crosscheck.effects.show import run as show  # here, because no other command needs it
+    from crosscheck.commands.effects_shown import run as show  # here, because no other command needs it
 
     read_scene = load(scene)
     found, missing = find_engines(names(engines, always=()))

@@ -10,12 +10,12 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from crosscheck.answers import SCHEMA, numbers
+from crosscheck.commands.answers import SCHEMA, numbers
 from refkin.errors import UnknownName
 from refkin.model import Scene
-from refkin.proof.continuation import Bifurcation, Path, Tangent, TurningPoint, driven_by, follow, straight_on
-from refkin.proof.tracing import End
-from refkin.scene_files import load
+from refkin.proof.path.tracing import End
+from refkin.scenes.files import load
+from refkin.solving.follow import Bifurcation, Path, Tangent, TurningPoint, driven_by, follow, straight_on
 
 TIME = "time"
 """What the path's t is if it is not the value of a driver."""

@@ -14,10 +14,11 @@ from rich.console import Console
 from rich.table import Table
 
 from crosscheck.engines import EngineError, available
-from crosscheck.hard_cases import HardCase, Outcome, hard_case_rows, hard_cases
-from crosscheck.hard_cases.classing import OURS
-from crosscheck.hard_cases.table import BAD, SECONDS, unexplained
-from crosscheck.journal import replace_file
+from crosscheck.judge.hard_poses import Outcome
+from crosscheck.measure.hard_classing import OURS
+from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
+from crosscheck.scenes.hard import HardCase, hard_cases
+from crosscheck.workers.journal import replace_file
 
 ENGINES = (OURS, "exudyn", "pinocchio", "mujoco")
 PASS, UNEXPLAINED, ENGINE_MISSING = 0, 1, 3

@@ -11,13 +11,13 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from crosscheck.campaign import ALWAYS, find_engines
 from crosscheck.commands.hard import UnknownName
 from crosscheck.engines import available
-from crosscheck.hunting import Bag, hunt
-from crosscheck.journal import replace_file
-from crosscheck.workers import SECONDS_PER_SCENE
-from refkin.scene_files import to_toml
+from crosscheck.night.campaign import ALWAYS, find_engines
+from crosscheck.night.hunting import Bag, hunt
+from crosscheck.workers.journal import replace_file
+from crosscheck.workers.pool import SECONDS_PER_SCENE
+from refkin.scenes.files import to_toml
 
 PASS, ABOVE, ENGINE_MISSING, INFRASTRUCTURE = 0, 1, 3, 4
 

@@ -10,9 +10,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from crosscheck import golden
-from crosscheck.campaign import ALWAYS, SAMPLED, Plan, run, seed_of
-from crosscheck.cluster import LOCAL
+from crosscheck.commands.tables import outcome_lines
 from crosscheck.commands.usage import (
     DISAGREEMENT,
     ENGINE_MISSING,
@@ -25,13 +23,15 @@ from crosscheck.commands.usage import (
     names,
     positive,
 )
-from crosscheck.history import warnings
-from crosscheck.known_gaps import table
-from crosscheck.progress import shown_progress
+from crosscheck.judge.known_gaps import table
+from crosscheck.night import golden
+from crosscheck.night.campaign import ALWAYS, SAMPLED, Plan, run, seed_of
+from crosscheck.night.history import warnings
+from crosscheck.night.progress import shown_progress
+from crosscheck.night.sections import write_sections
 from crosscheck.report import build, verdict
-from crosscheck.sections import write_sections
-from crosscheck.tables import outcome_lines
-from crosscheck.workers import SECONDS_PER_SCENE
+from crosscheck.workers.cluster import LOCAL
+from crosscheck.workers.pool import SECONDS_PER_SCENE
 
 CODES = {
     verdict.PASS: PASS,

@@ -12,10 +12,10 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from crosscheck import golden
-from crosscheck.campaign import find_engines
-from crosscheck.history import SOLVED, nights, trends, warnings
-from crosscheck.workers import Workers
+from crosscheck.night import golden
+from crosscheck.night.campaign import find_engines
+from crosscheck.night.history import SOLVED, nights, trends, warnings
+from crosscheck.workers.pool import Workers
 
 PASS, WORSE, USAGE, ENGINE_MISSING = 0, 1, 2, 3
 BLOCKS = "▁▂▃▄▅▆▇█"

@@ -26,9 +26,9 @@ def price(scene: Path, *, as_json: Json = False, page: Path | None = None) -> in
     page
         Write a page with the work-precision diagrams to this file, too.
     """
-    from crosscheck.price.show import run  # here, because no other command needs it
-    from crosscheck.price.truth import NoTruth
-    from refkin.scene_files import load
+    from crosscheck.commands.price_shown import run  # here, because no other command needs it
+    from crosscheck.judge.truth import NoTruth
+    from refkin.scenes.files import load
 
     if page is not None and not page.parent.is_dir():
         print(f"--page: expected a file in a folder that exists, got {page}", file=sys.stderr)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from crosscheck.campaign import find_engines
+from crosscheck.commands.tables import agreement_table, arbiter_table, lines_with_gap, rows_table
 from crosscheck.commands.usage import (
     DISAGREEMENT,
     ENGINE_MISSING,
@@ -15,10 +15,10 @@ from crosscheck.commands.usage import (
     names,
     positive,
 )
-from crosscheck.known_gaps import read
-from crosscheck.tables import agreement_table, arbiter_table, lines_with_gap, rows_table
-from crosscheck.workers import SECONDS_PER_SCENE, Workers
-from refkin.scene_files import load, to_dict
+from crosscheck.judge.known_gaps import read
+from crosscheck.night.campaign import find_engines
+from crosscheck.workers.pool import SECONDS_PER_SCENE, Workers
+from refkin.scenes.files import load, to_dict
 
 
 def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECONDS_PER_SCENE) -> int:

@@ -8,7 +8,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from refkin.errors import RefkinError
-from refkin.scene_files import load
+from refkin.scenes.files import load
 
 DONE, NONE = 0, 1
 

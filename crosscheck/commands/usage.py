@@ -10,8 +10,8 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 from rich.console import Console
 
-from crosscheck.campaign import ALWAYS, SAMPLED
 from crosscheck.engines import available
+from crosscheck.night.campaign import ALWAYS, SAMPLED
 
 PASS, DISAGREEMENT, USAGE, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN = range(6)
 INTERRUPTED = 130

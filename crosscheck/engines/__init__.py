@@ -25,7 +25,7 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import NDArray
 
-from crosscheck.frames import RowMap
+from crosscheck.engines.frames import RowMap
 from refkin.joints import Constraint, DistanceDriver, Driver
 from refkin.model import Scene
 from refkin.motion import Motion, Route

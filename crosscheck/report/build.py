@@ -17,19 +17,19 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from crosscheck import known_gaps
-from crosscheck.history import HistoryError, append
-from crosscheck.history import trends as trends_in
-from crosscheck.known_gaps import Gap
-from crosscheck.price.iterations import digits_by_iteration
+from crosscheck.documents.histories import newton_histories
+from crosscheck.documents.iterations import digits_by_iteration
+from crosscheck.documents.slopes import slopes
+from crosscheck.documents.summary import documents
+from crosscheck.judge import known_gaps
+from crosscheck.judge.known_gaps import Gap
+from crosscheck.night.history import HistoryError, append
+from crosscheck.night.history import trends as trends_in
 from crosscheck.report import front, wording
-from crosscheck.report.documents import documents
 from crosscheck.report.figures import digits_figure, looks_of, newton_figure
 from crosscheck.report.figures_more import agreement_matrices, slopes_figure, trends_figure
-from crosscheck.report.histories import newton_histories
 from crosscheck.report.posed import first_pose, pose_picture, spoken, spoken_moving
 from crosscheck.report.prices import GOALS, cheapest_tables, effects_figure, iterations_of_notes, price_figure
-from crosscheck.report.slopes import slopes
 from crosscheck.report.summary import SOLVED, Ended, Summary
 from crosscheck.report.svg import bar, power_of_ten
 
@@ -45,7 +45,7 @@ GROUPS = {
     "constraint_velocity": "The engine's own constraint velocity, phi_q qd − nu",
 }
 HARD_CASES = "hard_cases.json"
-"""The file in a run's folder that holds the rows of `crosscheck.hard_cases.hard_case_rows`."""
+"""The file in a run's folder that holds the rows of `crosscheck.measure.hard_table.hard_case_rows`."""
 COVERAGE_NAMES = {
     "kind": "Linkage",
     "grashof": "Grashof class",
@@ -70,7 +70,7 @@ def build(
     ----------
     folder : Path
         Holds records.jsonl and run.json (both may be missing: then nothing ran), and disagreements/*.toml.
-    outcome : crosscheck.campaign.Outcome, optional
+    outcome : crosscheck.night.campaign.Outcome, optional
         How the run ended. Its new disagreements and failures count in addition to those that the records hold.
     required : sequence of str, optional
         Engines without which the night fails; what run.json says by default.

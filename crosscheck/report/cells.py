@@ -9,8 +9,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
+from crosscheck.judge.records import Answer, Cycle, Histogram, Quantity, RouteData, Sample
 from crosscheck.report.digits import Digits
-from crosscheck.report.records import Answer, Cycle, Histogram, Quantity, RouteData, Sample
 
 
 @dataclass(frozen=True)

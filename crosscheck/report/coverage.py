@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Mapping
 from typing import Any
 
-from crosscheck.report.records import ReferenceRow
+from crosscheck.judge.records import ReferenceRow
 
 MOST_VALUES = 60
 """Distinct values kept per property; what comes after is counted as "others"."""

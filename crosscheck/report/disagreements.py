@@ -10,9 +10,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from crosscheck.known_gaps import Gap
+from crosscheck.judge.known_gaps import Gap
+from crosscheck.judge.records import Answer, Checked, Disagreement, LevelRow
 from crosscheck.report.cells import Place, WorstSample, worse
-from crosscheck.report.records import Answer, Checked, Disagreement, LevelRow
 
 MOST_EXAMPLES = 5
 """Examples kept per kind; a night in which everything fails still fits a page."""

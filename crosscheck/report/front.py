@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from crosscheck.price.route import PRICED_AS
+from crosscheck.engines.price_route import PRICED_AS
 from crosscheck.report.measured import VERDICTS
 from crosscheck.report.prices import cheapest, main_class
 from crosscheck.report.summary import SOLVED

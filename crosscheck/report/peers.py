@@ -8,10 +8,10 @@ from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
 
-from crosscheck.comparison import MOST_DIGITS
+from crosscheck.judge.comparison import MOST_DIGITS
+from crosscheck.judge.records import Answer, Checked, Disagreement
 from crosscheck.report.cells import Place
 from crosscheck.report.digits import Digits, describe
-from crosscheck.report.records import Answer, Checked, Disagreement
 
 QUANTITIES = ("position", "velocity", "acceleration")
 Who = tuple[str, str]

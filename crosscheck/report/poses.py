@@ -14,14 +14,14 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.judge.samples import frame_step
 from crosscheck.report.cells import Picture
-from crosscheck.samples import frame_step
-from refkin.analysis import solve
 from refkin.errors import InvalidScene
 from refkin.joints import GROUND, Distance, PointOnLine, Prismatic
 from refkin.model import Effect, Mechanism, Scene
 from refkin.motion import Motion
-from refkin.scene_files import parse
+from refkin.scenes.files import parse
+from refkin.solving.solve import solve
 
 WIDTH, HEIGHT, MARGIN = 300, 190, 26
 MOST_SCENES = 60

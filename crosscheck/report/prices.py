@@ -9,10 +9,10 @@ from typing import Any
 
 from markupsafe import Markup
 
-from crosscheck.effects import figures as effects_figures  # the module: it draws with `report.svg`, which imports this
-from crosscheck.effects.rows import EffectRow
-from crosscheck.price.figures import iteration_looks, iterations_figure
+from crosscheck.measure.effects_rows import EffectRow
+from crosscheck.report import effects_figures  # the module: it draws with `report.svg`, which imports this
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
+from crosscheck.report.price_figures import iteration_looks, iterations_figure
 from crosscheck.report.summary import SOLVED
 from crosscheck.report.svg import Mark, Plot, Style, power_of_ten, style, swatch
 from crosscheck.report.wording import number

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from typing import Any
 
+from crosscheck.judge.records import ReferenceRow
 from crosscheck.report.cells import Place
-from crosscheck.report.records import ReferenceRow
 
 
 class ReferenceTotals:

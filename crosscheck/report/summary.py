@@ -9,15 +9,15 @@ from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Protocol
 
-from crosscheck.budget import SAFETY
-from crosscheck.known_gaps import Gap
+from crosscheck.judge.budget import SAFETY
+from crosscheck.judge.known_gaps import Gap
+from crosscheck.judge.records import Checked, Disagreement, Unreadable, read_records
 from crosscheck.report.cells import Cell, Place, RouteTotals
 from crosscheck.report.coverage import Coverage, Refusals, decade
 from crosscheck.report.disagreements import Disagreements
 from crosscheck.report.measured import measured, read_golden
 from crosscheck.report.peers import Peers, Silent
 from crosscheck.report.poses import poses
-from crosscheck.report.records import Checked, Disagreement, Unreadable, read_records
 from crosscheck.report.reference import ReferenceTotals
 from crosscheck.report.verdict import verdict
 
@@ -36,7 +36,7 @@ ROWS_MADE = {
 
 
 class Ended(Protocol):
-    """What a run says at its end: `crosscheck.campaign.Outcome`."""
+    """What a run says at its end: `crosscheck.night.campaign.Outcome`."""
 
     versions: dict[str, str]
     missing: dict[str, str]

@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from crosscheck.selfchecks.claims import U, check, demand, demand_near
-from refkin.analysis import solve
 from refkin.joints import GROUND, AngleDriver, Cam, Disc, Gear, Polar, Prismatic, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Polynomial, Sinusoid
+from refkin.solving.solve import solve
 from refkin.system import compile_system
 
 ORIGIN = (0.0, 0.0)

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.convergence import NOTHING, Kind, linear_rate, newton_order, slope
+from crosscheck.documents.convergence import NOTHING, Kind, linear_rate, newton_order, slope
 from crosscheck.selfchecks.claims import check, demand, demand_near
 from refkin.differences import EPS, Scheme, error_bound, jacobian, step
 

@@ -8,11 +8,11 @@ import numpy as np
 
 from crosscheck.selfchecks.claims import check, demand, demand_near
 from crosscheck.selfchecks.linkages import LINKAGES, ROUNDING
-from refkin.analysis import solve
 from refkin.errors import InvalidScene
-from refkin.linkages import Branch, FourBar, SliderCrank
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
+from refkin.scenes.linkages import Branch, FourBar, SliderCrank
+from refkin.solving.solve import solve
 
 
 @check

@@ -8,17 +8,17 @@ from typing import Any
 import numpy as np
 from flint import ctx
 
-from crosscheck.check import check as check_scene
-from crosscheck.comparison import compare, reference
-from crosscheck.ledger.digits import Printed, Written, correct_digits, printed_is
+from crosscheck.documents.ledger.digits import Printed, Written, correct_digits, printed_is
+from crosscheck.documents.systems import SquareSystem, me451, me581, metu, shabana, twelve_coordinates
+from crosscheck.judge.comparison import compare, reference
+from crosscheck.measure.check import check as check_scene
 from crosscheck.selfchecks.claims import U, check, demand, demand_near
-from crosscheck.source_systems import SquareSystem, me451, me581, metu, shabana, twelve_coordinates
 from refkin.differences import Scheme, jacobian
 from refkin.joints import GROUND, AngleDriver, Gear, Prismatic, RackAndPinion, Revolute
-from refkin.linkages import FourBar, SliderCrank
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
-from refkin.proof.krawczyk import refine
+from refkin.proof.pose.krawczyk import refine
+from refkin.scenes.linkages import FourBar, SliderCrank
 from refkin.system import compile_system
 
 LAW = Polynomial(coefficients=(0.4, 1.3, -0.7))

@@ -8,12 +8,12 @@ from dataclasses import replace
 import numpy as np
 
 from crosscheck.selfchecks.claims import check, demand, demand_near
-from refkin.analysis import solve
 from refkin.joints import AngleDriver, Revolute, XDriver, YDriver
-from refkin.linkages import FourBar, SliderCrank
-from refkin.mobility import count, gruebler, kind_of, mobility, rank_of
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import FourBar, SliderCrank
+from refkin.solving.mobility import count, gruebler, kind_of, mobility, rank_of
+from refkin.solving.solve import solve
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 STILL = Polynomial(coefficients=(0.0,))

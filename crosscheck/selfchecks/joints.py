@@ -15,7 +15,7 @@ from crosscheck.selfchecks.geometry import dimensions, expected_residual
 from refkin.differences import Scheme, jacobian
 from refkin.errors import Fault
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, AngleDriver, Constraint
-from refkin.proof.exact import exact_system
+from refkin.proof.numbers.exact import exact_system
 from refkin.system import System
 
 ROUNDING = 256 * U

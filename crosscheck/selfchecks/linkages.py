@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.selfchecks.claims import U, check, demand, demand_near, demand_raises
-from refkin.linkages import (
+from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import (
     ANYWHERE,
     Branch,
     DoesNotAssemble,
@@ -20,8 +21,7 @@ from refkin.linkages import (
     Linkage,
     SliderCrank,
 )
-from refkin.linkages.closures import corner, leg, link_to_line, two_links
-from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages.closures import corner, leg, link_to_line, two_links
 from refkin.system import System, compile_system
 
 PLACED: dict[str, Any] = {"origin": (0.3, -0.2), "angle": 0.4}

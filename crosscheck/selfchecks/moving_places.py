@@ -8,16 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.check import check as check_scene
+from crosscheck.measure.check import check as check_scene
 from crosscheck.selfchecks.claims import U, check, demand, demand_near
 from crosscheck.selfchecks.contacts import PROFILE
-from refkin.analysis import solve
-from refkin.contacts import SCAN, touched
 from refkin.joints import GROUND, AngleDriver, Cam, Disc, Polar, Prismatic, Revolute
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
-from refkin.sweep import Arrival, Sweep, contracts
+from refkin.solving.contacts import SCAN, touched
+from refkin.solving.solve import solve
+from refkin.solving.sweep import Arrival, Sweep, contracts
 from refkin.system import compile_system
 
 ORIGIN = (0.0, 0.0)

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 
 from crosscheck.selfchecks.claims import U, check, demand, demand_near
-from refkin.analysis import solve, velocity
 from refkin.joints import GROUND, AngleDriver, Gear, Revolute
-from refkin.linkages import Branch, FourBar
-from refkin.mobility import mobility, rank_of
 from refkin.model import Body, Evidence, Mechanism, Scene
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Polynomial
-from refkin.proof.isolate import isolate
-from refkin.sweep import Sweep
+from refkin.proof.pose.isolate import isolate
+from refkin.scenes.linkages import Branch, FourBar
+from refkin.solving.mobility import mobility, rank_of
+from refkin.solving.solve import solve, velocity
+from refkin.solving.sweep import Sweep
 from refkin.system import System, compile_system
 
 ORIGIN = (0.0, 0.0)

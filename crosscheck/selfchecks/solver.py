@@ -8,8 +8,8 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.documents.systems import me581
 from crosscheck.selfchecks.claims import CheckFailed, check, demand, demand_near
-from crosscheck.source_systems import me581
 from refkin.newton import (
     BothLargest,
     CorrectionNorm,

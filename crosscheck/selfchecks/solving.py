@@ -8,18 +8,18 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck import loops
+from crosscheck.engines import vector_loop as loops
 from crosscheck.selfchecks.claims import U, check, demand, demand_near, demand_raises
-from refkin.analysis import acceleration, position, solve, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.errors import NotCalledFor
 from refkin.joints import AngleDriver, XDriver, YDriver
-from refkin.linkages import FourBar, InvertedSliderCrank, SliderCrank
 from refkin.model import Body, Effect, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.points import point_motion, point_parts
-from refkin.sweep import Arrival, Sweep
+from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
+from refkin.solving.solve import acceleration, position, solve, velocity
+from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import compile_system
 
 LAW = Polynomial(coefficients=(0.4, 1.3, -0.7, 0.2))

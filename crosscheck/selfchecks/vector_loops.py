@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck import loops
-from crosscheck.loops.marching import connected
-from crosscheck.loops.vectors import Variable, Vector
+from crosscheck.documents.systems import SquareSystem, me581, metu, shabana
+from crosscheck.engines import vector_loop as loops
+from crosscheck.engines.vector_loop.marching import connected
+from crosscheck.engines.vector_loop.vectors import Variable, Vector
 from crosscheck.selfchecks.claims import U, check, demand, demand_near, demand_raises
-from crosscheck.source_systems import SquareSystem, me581, metu, shabana
 from refkin.differences import Scheme, jacobian
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid

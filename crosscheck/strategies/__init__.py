@@ -1,8 +1,8 @@
 """Hypothesis strategies for planar linkages and scenes, feasible by construction.
 
-`four_bars`, `slider_cranks`, `inverted_slider_cranks` yield linkages (`refkin.linkages`); `scenes` yields scenes to
-solve; `drawn_scenes` yields them with what reports are binned by: kind, Grashof class, branch, distance to a singular
-pose. `chains` yields scenes beyond linkages in the same way: `geared_linkages`, `racks`, `cams`, `six_bars`.
+`four_bars`, `slider_cranks`, `inverted_slider_cranks` yield linkages (`refkin.scenes.linkages`); `scenes` yields
+scenes to solve; `drawn_scenes` yields them with what reports are binned by: kind, Grashof class, branch, distance to a
+singular pose. `chains` yields scenes beyond linkages in the same way: `geared_linkages`, `racks`, `cams`, `six_bars`.
 """
 
 from crosscheck.strategies.chains import Chain, cams, chains, geared_linkages, racks, six_bars

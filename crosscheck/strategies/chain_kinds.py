@@ -13,7 +13,7 @@ from hypothesis.strategies import DrawFn
 from crosscheck.strategies.linkages import ANGLES, COORDINATES
 from crosscheck.strategies.plans import Frames, Place, Plan
 from refkin.joints import GROUND, Cam, Constraint, Disc, Gear, RackAndPinion
-from refkin.linkages.closures import direction_of, two_links
+from refkin.scenes.linkages.closures import direction_of, two_links
 
 PARTS = st.floats(0.125, 0.875)
 SIGNS = st.sampled_from((1, -1))

@@ -22,9 +22,9 @@ from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS
 from crosscheck.strategies.plans import Frames
 from crosscheck.strategies.spans import Hardness
 from refkin.joints import GROUND, AngleDriver, Driver
-from refkin.linkages import Branch, law_keys, rough
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Law
+from refkin.scenes.linkages import Branch, law_keys, rough
 
 
 @dataclass(frozen=True)

@@ -9,8 +9,8 @@ from dataclasses import dataclass, replace
 from crosscheck.strategies.linkages import AnyLinkage
 from crosscheck.strategies.variety import Model
 from refkin.joints import GROUND, AngleDriver, DistanceDriver, Driver, Pair, XDriver, YDriver
-from refkin.linkages import SliderCrank, law_keys
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
+from refkin.scenes.linkages import SliderCrank, law_keys
 
 WIDEST = 1.0
 """Largest range of the crank [rad] over which a coordinate of its pin is driven, so that it stays off its extremes."""

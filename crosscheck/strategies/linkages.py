@@ -10,7 +10,7 @@ from typing import Any
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
-from refkin.linkages import FourBar, GrashofClass, InvertedSliderCrank, SliderCrank
+from refkin.scenes.linkages import FourBar, GrashofClass, InvertedSliderCrank, SliderCrank
 
 AnyLinkage = FourBar | SliderCrank | InvertedSliderCrank
 Decades = tuple[float, float]

@@ -24,9 +24,9 @@ from crosscheck.strategies.linkages import (
 from crosscheck.strategies.spans import Hardness, Input, draw_span, limited_inputs, turning_inputs
 from crosscheck.strategies.variety import Variant, draw_variant
 from refkin.joints import GROUND
-from refkin.linkages import Branch, FourBar, GrashofClass, Pose, SliderCrank, rough
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Law
+from refkin.scenes.linkages import Branch, FourBar, GrashofClass, Pose, SliderCrank, rough
 
 KINDS: Mapping[str, Any] = {
     "four-bar": four_bars,

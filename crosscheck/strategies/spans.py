@@ -10,10 +10,10 @@ from hypothesis.strategies import DrawFn
 
 from crosscheck.strategies.linkages import AnyLinkage, Decades, draw_power_of_ten, longest
 from refkin.joints import GROUND
-from refkin.linkages import ANYWHERE, Interval, InvertedSliderCrank, SliderCrank
+from refkin.scenes.linkages import ANYWHERE, Interval, InvertedSliderCrank, SliderCrank
 
 Input = tuple[str, str]
-"""(driven, relative_to), see `refkin.linkages.Linkage.INPUTS`."""
+"""(driven, relative_to), see `refkin.scenes.linkages.Linkage.INPUTS`."""
 
 
 class Hardness(StrEnum):

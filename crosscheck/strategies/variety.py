@@ -12,7 +12,7 @@ from hypothesis.strategies import DrawFn
 
 from crosscheck.strategies.linkages import COORDINATES, AnyLinkage, longest
 from refkin.joints import GROUND, Constraint, Distance, Fixed, Pair, PointOnLine, Prismatic, Revolute
-from refkin.linkages import FourBar, Pose, SliderCrank
+from refkin.scenes.linkages import FourBar, Pose, SliderCrank
 
 Frame = tuple[float, float, float]
 """x, y [m] and angle [rad] of a new body frame in the old one."""

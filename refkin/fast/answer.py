@@ -17,9 +17,9 @@ from refkin.fast.compiled import Compiled
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import CertifiedRadius, ContactMotion, Motion, PointMotion, Producer, Route, Seeding, Status, nowhere
 from refkin.points import point_motion
-from refkin.proof.inputs import half_ulp
-from refkin.proof.isolate import FLOAT64, isolate
-from refkin.sweep import SINGULAR
+from refkin.proof.numbers.inputs import half_ulp
+from refkin.proof.pose.isolate import FLOAT64, isolate
+from refkin.solving.sweep import SINGULAR
 from refkin.system import System
 
 ROUTE = Route(

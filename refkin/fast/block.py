@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from refkin.contacts import touched
 from refkin.differences import EPS
 from refkin.errors import Fault, InvalidScene
 from refkin.fast.certify import FamilyProof
@@ -18,8 +17,9 @@ from refkin.fast.quintic import weights
 from refkin.fast.sweep import NEAR
 from refkin.model import Evidence
 from refkin.motion import Status
-from refkin.proof.inputs import half_ulp
-from refkin.sweep import CONTRACTION
+from refkin.proof.numbers.inputs import half_ulp
+from refkin.solving.contacts import touched
+from refkin.solving.sweep import CONTRACTION
 from refkin.system import compile_system
 
 CODES = (Status.OK, Status.NOT_CONVERGED, Status.BRANCH_LOST)

@@ -16,7 +16,7 @@ from refkin.fast.compiled import Compiled
 from refkin.fast.lanes.prove import LARGEST_GAMMA, ORDERS
 from refkin.fast.lanes.run import Workspace, block_lanes
 from refkin.motion_laws import Table
-from refkin.proof.bounded import TINY, UP, Bounded, Times, U, bounded_system
+from refkin.proof.numbers.bounded import TINY, UP, Bounded, Times, U, bounded_system
 from refkin.system import System
 
 

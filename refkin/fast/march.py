@@ -1,9 +1,10 @@
 """From pose to pose along one branch, one lane at a time: what predicts all other lanes, and helps those that fail.
 
-The rules are those of `refkin.sweep`, and stricter. The prediction is the quintic through the last two poses. A step is
-taken only if Newton contracts at once, no block's determinant has changed its sign, no block is nearly singular, and
-the rates continue the prediction as the coordinates do: where two branches cross, the wrong one has a kink. Otherwise
-the step is shortened. How far off a prediction is says how long the next step may be: it grows with the sixth power.
+The rules are those of `refkin.solving.sweep`, and stricter. The prediction is the quintic through the last two poses.
+A step is taken only if Newton contracts at once, no block's determinant has changed its sign, no block is nearly
+singular, and the rates continue the prediction as the coordinates do: where two branches cross, the wrong one has a
+kink. Otherwise the step is shortened. How far off a prediction is says how long the next step may be: it grows with
+the sixth power.
 """
 
 from __future__ import annotations
@@ -16,14 +17,14 @@ from typing import Any, NamedTuple
 from refkin.differences import EPS
 from refkin.fast.lanes.single import Answer, Single
 from refkin.fast.quintic import at, coefficients, slope
-from refkin.sweep import contracts
+from refkin.solving.sweep import contracts
 
 FAR = 3e-3
 """How far off a prediction may be [sizes, rad] for steps to grow: the quintic between the poses then errs by 6e-6."""
 FARTHEST = 0.2
 """A prediction further off than this is not corrected but made again, from nearer."""
 PART = 1 / 4
-"""Nor one that is further off than this part of the move from the last pose (as in `refkin.sweep`)."""
+"""Nor one that is further off than this part of the move from the last pose (as in `refkin.solving.sweep`)."""
 FURTHEST = 1.0
 """Largest change of a law's value in one step: predictions do not know what lies within a radian [sizes, rad]."""
 ENOUGH = 1e-8
@@ -34,7 +35,7 @@ SMALLEST_PIVOT = 1e-5
 The branches are then about as far apart, which must be far more than `SMALL`, below which nothing is said of Newton.
 """
 SMALL = 1e-6
-"""A first correction below this need not contract: it is round-off of a good prediction (as in `refkin.sweep`)."""
+"""A first correction below this need not contract: it is round-off of a good prediction."""
 SMOOTH = 7.0
 """How many times more than the coordinates the rates, times the step, may be off the prediction.
 

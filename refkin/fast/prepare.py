@@ -13,8 +13,8 @@ from refkin.fast.lanes.tape import Tape
 from refkin.joints import GROUND
 from refkin.model import Effect, Evidence, Mechanism, Scene
 from refkin.motion import Status
-from refkin.proof.preconditioned import independent_rows
-from refkin.starts import Start, find_start
+from refkin.proof.numbers.preconditioned import independent_rows
+from refkin.solving.starts import Start, find_start
 from refkin.system import System, compile_system
 
 

@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
-from refkin.contacts import touched
 from refkin.differences import EPS
 from refkin.errors import Fault, InvalidScene, RefkinError
 from refkin.fast.colouring import Colouring
 from refkin.model import Effect, Scene
 from refkin.motion import Status
-from refkin.sweep import contracts
+from refkin.solving.contacts import touched
+from refkin.solving.sweep import contracts
 from refkin.system import PROFILE_ORDER, Placed, System, compile_system
 from refkin.vec import BodyValues, ParameterValue, Vec, cosine_and_sine
 

@@ -10,9 +10,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from crosscheck.check import key_of
-from crosscheck.drawing import describe, draw
-from refkin.scene_files import to_dict
+from crosscheck.measure.check import key_of
+from crosscheck.scenes.drawing import describe, draw
+from refkin.scenes.files import to_dict
 
 SOURCE = '''
 import ctypes, os, signal, time

@@ -12,7 +12,7 @@ from functools import cache, partial
 import numpy as np
 
 import refkin
-from crosscheck.price.route import PricedRoute, Refused
+from crosscheck.engines.price_route import PricedRoute, Refused
 from refkin.model import Effect
 
 OFF = 1e-6

@@ -5,7 +5,7 @@ from functools import partial
 
 import price_fakes
 
-from crosscheck.price.route import PricedRoute
+from crosscheck.engines.price_route import PricedRoute
 
 
 def routes(scene):

@@ -11,8 +11,8 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.campaign import Outcome
-from crosscheck.known_gaps import Gap
+from crosscheck.judge.known_gaps import Gap
+from crosscheck.night.campaign import Outcome
 
 ROUTES = {"pinocchio": "joint tree", "mujoco": "newton", "exudyn": "static newton"}
 WHO = {

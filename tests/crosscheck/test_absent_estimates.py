@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from crosscheck.check import check
+from crosscheck.measure.check import check
 from refkin.model import Scene
-from refkin.scene_files import load
+from refkin.scenes.files import load
 
 EXAMPLES = sorted((Path(__file__).parent.parent.parent / "examples").glob("*.toml"))
 

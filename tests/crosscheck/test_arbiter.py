@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 import refkin
-from crosscheck import known_gaps
-from crosscheck.check import check
-from crosscheck.known_gaps import InvalidGap
-from crosscheck.tables import PLACES, arbiter_table
+from crosscheck.commands.tables import PLACES, arbiter_table
+from crosscheck.judge import known_gaps
+from crosscheck.judge.known_gaps import InvalidGap
+from crosscheck.measure.check import check
 
 ROOT = Path(__file__).parent.parent.parent
 JUMP = ROOT / "tests" / "corpus" / "exudyn-shipped-changes-assembly.toml"

@@ -15,14 +15,19 @@ import pytest
 from rich.console import Console
 
 import refkin
-from crosscheck.bench import c_kernels, c_routes, measure, numpy_routes, run, works
-from crosscheck.bench.accuracy import Piece, judged, system_of
-from crosscheck.bench.c_kernels import Kernels, text_of
-from crosscheck.bench.closed_form import four_bar
-from crosscheck.bench.routes import Absent
-from crosscheck.bench.show import print_results
 from crosscheck.cli import main
-from crosscheck.timing import Timing
+from crosscheck.commands.bench_shown import print_results
+from crosscheck.engines.batch_route import Absent
+from crosscheck.engines.ours import c_batch as c_routes
+from crosscheck.engines.ours import c_kernels
+from crosscheck.engines.ours import numpy_batch as numpy_routes
+from crosscheck.engines.ours.c_kernels import Kernels, text_of
+from crosscheck.judge.of_batches import Piece, judged, system_of
+from crosscheck.measure import bench as measure
+from crosscheck.measure import bench_run as run
+from crosscheck.scenes import works
+from crosscheck.scenes.four_bar_answers import four_bar
+from crosscheck.workers.timing import Timing
 from refkin.system import compile_system
 
 COMPILER = any(map(shutil.which, c_kernels.COMPILERS))
@@ -319,7 +324,7 @@ def test_without_the_fast_paths_their_routes_are_absent(monkeypatch):
 @pytest.mark.parametrize("engine", ENGINES)
 def test_an_engine_that_is_not_installed_is_absent(monkeypatch, engine):
     monkeypatch.setitem(sys.modules, engine, None)
-    monkeypatch.delitem(sys.modules, f"crosscheck.bench.{engine}_routes", raising=False)
+    monkeypatch.delitem(sys.modules, f"crosscheck.engines.{engine}.batch", raising=False)
 
     with Kernels() as kernels, pytest.raises(Absent, match=f"{engine} is not installed"):
         measure.builders(tiny())[engine](tiny(), kernels)

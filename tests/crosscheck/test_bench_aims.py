@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from crosscheck.bench.aims import AIMS, reached
-from crosscheck.bench.first_use import first_use
-from crosscheck.bench.works import names, sweep
+from crosscheck.measure.bench_aims import AIMS, reached
+from crosscheck.measure.bench_first_use import first_use
+from crosscheck.scenes.works import names, sweep
 
 LANES, DENSE = "one four-bar: lanes / dense C", "c-dense"
 

@@ -9,10 +9,11 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.bench import chain_routes, works
-from crosscheck.bench.c_kernels import Kernels
-from crosscheck.bench.routes import Absent
-from crosscheck.budget import derive
+from crosscheck.engines.batch_route import Absent
+from crosscheck.engines.ours import chain_batch as chain_routes
+from crosscheck.engines.ours.c_kernels import Kernels
+from crosscheck.judge.budget import derive
+from crosscheck.scenes import works
 
 FAST = importlib.util.find_spec("refkin.fast") is not None
 WORK = works.Chain("chain-10", 3)
@@ -31,7 +32,7 @@ def test_what_is_allowed_is_less_than_the_budget_of_a_comparison_and_not_much_le
     system = sparse()
     if system is None:
         return
-    from crosscheck.bench.chain_accuracy import allowed
+    from crosscheck.judge.of_chains import allowed
 
     motion = refkin.solve(WORK.scene)
     levels = [system.system.to_unit(level, order) for order, level in enumerate(motion.levels)]
@@ -46,7 +47,7 @@ def test_the_truth_is_ranked_and_one_wrong_coordinate_is_not():
     system = sparse()
     if system is None:
         return
-    from crosscheck.bench.chain_accuracy import judged
+    from crosscheck.judge.of_chains import judged
 
     q = np.asarray(WORK.truth()[0], float)
     assert judged(WORK, system, q).ranked
@@ -60,7 +61,7 @@ def test_nan_is_not_ranked():
     system = sparse()
     if system is None:
         return
-    from crosscheck.bench.chain_accuracy import judged
+    from crosscheck.judge.of_chains import judged
 
     assert not judged(WORK, system, np.full(system.system.n, np.nan)).ranked
 
@@ -77,8 +78,8 @@ def test_a_chain_that_is_too_long_for_a_route_is_refused_with_the_reason(name):
 def test_operations_that_are_no_arithmetic_are_not_put_into_c():
     if not FAST:
         return
-    from crosscheck.bench.c_routes import tape_of
-    from crosscheck.bench.c_tape import NotInC, emitted
+    from crosscheck.engines.ours.c_batch import tape_of
+    from crosscheck.engines.ours.c_tape import NotInC, emitted
     from refkin.fast.lanes.tape import Instruction, Register
 
     tape, _ = tape_of(WORK.scene)

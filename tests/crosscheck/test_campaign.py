@@ -12,11 +12,11 @@ from typing import Any
 import pytest
 
 import refkin
-from crosscheck import campaign
-from crosscheck.campaign import SAMPLED, OtherRun, Plan, SameName, find_engines, run, seed_of
-from crosscheck.disagreements import write_disagreements
-from crosscheck.drawing import draw, effort
-from crosscheck.workers import BATCH
+from crosscheck.night import campaign
+from crosscheck.night.campaign import SAMPLED, OtherRun, Plan, SameName, find_engines, run, seed_of
+from crosscheck.night.disagreements import write_disagreements
+from crosscheck.scenes.drawing import draw, effort
+from crosscheck.workers.pool import BATCH
 
 from .fake_engines import EXIT, alive, crosscheck, engine_file, key_of_drawn, records_of, start
 

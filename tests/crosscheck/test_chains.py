@@ -8,9 +8,9 @@ from functools import cache
 import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
 
-from crosscheck.campaign import SAMPLED, SAMPLED_EVERY, _by_engines, is_sampled
-from crosscheck.check import check
-from crosscheck.drawing import CHAINS_EVERY, draw, is_chain
+from crosscheck.measure.check import check
+from crosscheck.night.campaign import SAMPLED, SAMPLED_EVERY, _by_engines, is_sampled
+from crosscheck.scenes.drawing import CHAINS_EVERY, draw, is_chain
 from crosscheck.strategies import Chain, cams, chains, geared_linkages, racks, six_bars
 from refkin.motion import Status
 

@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from crosscheck import progress
-from crosscheck.campaign import SAMPLED
 from crosscheck.cli import main
-from crosscheck.progress import shown_progress
+from crosscheck.night import progress
+from crosscheck.night.campaign import SAMPLED
+from crosscheck.night.progress import shown_progress
 
 from .fake_engines import RAISE, SEGFAULT, SHIFT, crosscheck, engine_file, key_of_drawn, records_of
 

@@ -8,7 +8,7 @@ from flint import arb, ctx
 from hypothesis import assume, event, given, settings
 from hypothesis import strategies as st
 
-from crosscheck.engines.closed_form import ClosedForm, truth
+from crosscheck.engines.closed_form.engine import ClosedForm, truth
 from refkin.model import Mechanism
 from refkin.motion import Status
 

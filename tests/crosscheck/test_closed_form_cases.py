@@ -9,14 +9,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crosscheck.assur.jets import Floats
 from crosscheck.engines import Engine, EngineError, Level, Support, load
-from crosscheck.engines.closed_form import ClosedForm, truth
+from crosscheck.engines.closed_form.engine import ClosedForm, truth
+from crosscheck.engines.closed_form.jets import Floats
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
-from refkin.linkages import FourBar, SliderCrank
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Seeding, Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
+from refkin.scenes.linkages import FourBar, SliderCrank
 
 from .closed_form_scenes import Drawing
 from .loop_closures import Carried, U
@@ -340,8 +340,7 @@ def test_only_the_branch_is_taken_from_the_estimate():
 
 def test_no_geometry_is_shared_with_the_reference():
     """It reads the dataclasses of a scene, laws among them, and writes a Motion; it imports no formula."""
-    root = Path(__file__).parents[2] / "crosscheck"
-    files = [*(root / "assur").glob("*.py"), root / "engines" / "closed_form.py"]
+    files = list((Path(__file__).parents[2] / "crosscheck" / "engines" / "closed_form").glob("*.py"))
     trees = [ast.parse(path.read_text()) for path in files]
     modules = {n.module for tree in trees for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import pytest
 
-from crosscheck import cluster
-from crosscheck.cluster import BATCH, ClusterWorkers, NoCluster
-from crosscheck.workers import Pool, Workers
+from crosscheck.workers import cluster
+from crosscheck.workers.cluster import BATCH, ClusterWorkers, NoCluster
+from crosscheck.workers.pool import Pool, Workers
 
 from .fake_engines import SEGFAULT, crosscheck, engine_file, jobs, key_of_drawn, settled
 

@@ -7,10 +7,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crosscheck.check import check
-from crosscheck.comparison import compare, reference
-from crosscheck.engines import Level, exudyn_parts, load, refusals, table_key
-from crosscheck.engines.mujoco_model import Plan
+from crosscheck.engines import Level, load, refusals, table_key
+from crosscheck.engines.exudyn import parts as exudyn_parts
+from crosscheck.engines.mujoco.model import Plan
+from crosscheck.judge.comparison import compare, reference
+from crosscheck.measure.check import check
 from refkin import Gear, Revolute, Table
 from refkin.motion import Status
 

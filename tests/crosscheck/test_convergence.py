@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from crosscheck.convergence import Kind, linear_rate, newton_order, slope
+from crosscheck.documents.convergence import Kind, linear_rate, newton_order, slope
 from refkin import FourBar, Polynomial, compile_system
 from refkin.differences import EPS, Scheme, jacobian
 from refkin.newton import newton

@@ -10,9 +10,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from crosscheck import drawing
-from crosscheck.check import key_of
-from crosscheck.drawing import _OutOfTime, draw, effort, seed_of_scene, shrink
+from crosscheck.measure.check import key_of
+from crosscheck.scenes import drawing
+from crosscheck.scenes.drawing import _OutOfTime, draw, effort, seed_of_scene, shrink
 from crosscheck.strategies import Chain, Drawn
 from crosscheck.strategies.linkages import longest
 
@@ -26,8 +26,8 @@ print(*(key_of(draw(5, number).scene) for number in range(8)))
 """
 CIRCUMSTANCES = {
     "by itself": "",
-    "beside other modules with numbers in them": "import crosscheck.cli, crosscheck.report, refkin.proof.krawczyk",
-    "after other draws": "from crosscheck.drawing import draw; draw(9, 1)",
+    "beside other modules with numbers in them": "import crosscheck.cli, crosscheck.report, refkin.proof.pose.krawczyk",
+    "after other draws": "from crosscheck.scenes.drawing import draw; draw(9, 1)",
     "under a profile that derandomizes": (
         "settings.register_profile('mine', derandomize=True, max_examples=1, database=None, phases=())\n"
         "settings.load_profile('mine')"

@@ -12,16 +12,17 @@ import numpy as np
 import pytest
 
 from crosscheck.cli import main
-from crosscheck.comparison import reference
-from crosscheck.effects import effects_ledger, ledger
-from crosscheck.effects.benches import engine_benches, reference_bench
-from crosscheck.effects.measuring import noise, rows
-from crosscheck.effects.rows import EffectRow
-from crosscheck.effects.show import absent_lines, felt_lines, ledger_table, to_json
+from crosscheck.commands.effects_shown import absent_lines, felt_lines, ledger_table, to_json
 from crosscheck.engines import PHYSICAL, load
-from refkin.linkages import FourBar
+from crosscheck.judge.comparison import reference
+from crosscheck.measure import effects_ledger as ledger
+from crosscheck.measure.effects import noise, rows
+from crosscheck.measure.effects_benches import engine_benches, reference_bench
+from crosscheck.measure.effects_ledger import effects_ledger
+from crosscheck.measure.effects_rows import EffectRow
 from refkin.model import Point
 from refkin.motion_laws import Sinusoid
+from refkin.scenes.linkages import FourBar
 
 from .fake_engines import EXIT, HANG, RAISE, engine_file
 
@@ -74,7 +75,7 @@ def command(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch, pytest.MonkeyPatch.context() as out:
         printed = []
         patch.setattr("builtins.print", lambda text: printed.append(text))
-        out.setattr("crosscheck.effects.show.effects_ledger", partial(effects_ledger, within=1.5))
+        out.setattr("crosscheck.commands.effects_shown.effects_ledger", partial(effects_ledger, within=1.5))
         with pytest.raises(SystemExit) as ended:
             main(["effects", str(path), "--json"])
     return ended.value.code, json.loads("".join(printed))

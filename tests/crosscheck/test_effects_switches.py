@@ -6,18 +6,18 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import PHYSICAL, load
-from crosscheck.engines.exudyn_effects import EFFECTS as EXUDYN
-from crosscheck.engines.exudyn_model import ExudynModel
-from crosscheck.engines.mujoco_effects import EFFECTS as MUJOCO
-from crosscheck.engines.mujoco_effects import affected as affected_plan
-from crosscheck.engines.mujoco_model import Plan, mujoco
-from crosscheck.engines.pinocchio_effects import EFFECTS as PINOCCHIO
-from crosscheck.engines.pinocchio_effects import EFFORT, UNREAD, ForwardDynamics, affected, pin, with_mass
-from crosscheck.engines.pinocchio_engine import PinocchioTree
-from crosscheck.engines.pinocchio_model import tree_model
-from crosscheck.joint_tree import joint_tree
-from refkin.linkages import FourBar
+from crosscheck.engines.exudyn.effects import EFFECTS as EXUDYN
+from crosscheck.engines.exudyn.model import ExudynModel
+from crosscheck.engines.mujoco.effects import EFFECTS as MUJOCO
+from crosscheck.engines.mujoco.effects import affected as affected_plan
+from crosscheck.engines.mujoco.model import Plan, mujoco
+from crosscheck.engines.pinocchio.effects import EFFECTS as PINOCCHIO
+from crosscheck.engines.pinocchio.effects import EFFORT, UNREAD, ForwardDynamics, affected, pin, with_mass
+from crosscheck.engines.pinocchio.engine import PinocchioTree
+from crosscheck.engines.pinocchio.model import tree_model
+from crosscheck.engines.tree.joint_tree import joint_tree
 from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import FourBar
 
 SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(
     law=Polynomial(coefficients=(0.0, 2.0)), times=(0.1, 0.2, 0.3)

@@ -12,12 +12,14 @@ import pytest
 from mpmath import mp, mpf
 
 import refkin
-from crosscheck.budget import derive
-from crosscheck.check import check
-from crosscheck.engines import Engine, EngineError, Level, exudyn_parts, exudyn_readings, load, refusals, table_key
-from crosscheck.engines.exudyn_engine import CAPABILITIES, SHIPPED, STATIC, Exudyn
-from crosscheck.engines.exudyn_model import ExudynModel
-from crosscheck.engines.exudyn_solve import solved
+from crosscheck.engines import Engine, EngineError, Level, load, refusals, table_key
+from crosscheck.engines.exudyn import parts as exudyn_parts
+from crosscheck.engines.exudyn import readings as exudyn_readings
+from crosscheck.engines.exudyn.engine import CAPABILITIES, SHIPPED, STATIC, Exudyn
+from crosscheck.engines.exudyn.model import ExudynModel
+from crosscheck.engines.exudyn.solve import solved
+from crosscheck.judge.budget import derive
+from crosscheck.measure.check import check
 from refkin.joints import (
     AngleDriver,
     Constraint,

@@ -10,9 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck.engines import EngineError, Level, Support, exudyn_model, exudyn_parts, exudyn_readings, table_key
-from crosscheck.engines.exudyn_engine import CAPABILITIES, Exudyn
-from crosscheck.engines.exudyn_model import ExudynModel
+from crosscheck.engines import EngineError, Level, Support, table_key
+from crosscheck.engines.exudyn import model as exudyn_model
+from crosscheck.engines.exudyn import parts as exudyn_parts
+from crosscheck.engines.exudyn import readings as exudyn_readings
+from crosscheck.engines.exudyn.engine import CAPABILITIES, Exudyn
+from crosscheck.engines.exudyn.model import ExudynModel
 from refkin.joints import (
     DRIVER_TYPES,
     JOINT_TYPES,

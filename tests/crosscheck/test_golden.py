@@ -10,14 +10,14 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck import golden
-from crosscheck.campaign import Plan, run
 from crosscheck.cli import main
-from crosscheck.golden import NoBaseline, differences
+from crosscheck.night import golden
+from crosscheck.night.campaign import Plan, run
+from crosscheck.night.golden import NoBaseline, differences
 from crosscheck.report import build
-from crosscheck.workers import Workers
+from crosscheck.workers.pool import Workers
 from refkin.motion import Status
-from refkin.scene_files import to_dict
+from refkin.scenes.files import to_dict
 
 FEW = ("crank-rocker open", "slider-crank", "near a limit position")
 HARD = "near a limit position"

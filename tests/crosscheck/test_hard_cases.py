@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.hard_cases import Outcome, hard_case_rows, hard_cases
-from crosscheck.hard_cases.attainable import attainable, fold, residual_error
-from crosscheck.hard_cases.cases import DISTANCES, GAPS, KINDS
-from crosscheck.hard_cases.classing import classed, job, outcome_of
-from crosscheck.hard_cases.judging import GRANTED, samples, truths
-from crosscheck.hard_cases.table import KEYS
+from crosscheck.judge.attainable import attainable, fold, residual_error
+from crosscheck.judge.hard_poses import GRANTED, Outcome, samples, truths
+from crosscheck.measure.hard_classing import classed, job, outcome_of
+from crosscheck.measure.hard_table import KEYS, hard_case_rows
+from crosscheck.scenes.hard import DISTANCES, GAPS, KINDS, hard_cases
 from refkin.motion import Status
-from refkin.proof.krawczyk import Verdict, krawczyk
+from refkin.proof.pose.krawczyk import Verdict, krawczyk
 
 ENGINES = Path(__file__).parent / "hard_engines.py"
 CASES = {case.key: case for case in hard_cases()}

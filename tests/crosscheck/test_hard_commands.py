@@ -11,9 +11,8 @@ import pytest
 import refkin
 from crosscheck.cli import main
 from crosscheck.commands.hard import write_rows
-from crosscheck.hard_cases import hard_case_rows
-from crosscheck.hard_cases.table import KEYS
-from crosscheck.hunting import CERTIFICATE, STRATA, Bag, Catch, hunt, ratios, turn_of
+from crosscheck.measure.hard_table import KEYS, hard_case_rows
+from crosscheck.night.hunting import CERTIFICATE, STRATA, Bag, Catch, hunt, ratios, turn_of
 from crosscheck.report.build import HARD_CASES
 from crosscheck.report.measured import measured
 

@@ -11,15 +11,15 @@ import pytest
 
 import refkin
 from crosscheck.engines import load
-from crosscheck.engines.mujoco_model import Plan, mujoco
-from crosscheck.engines.mujoco_shipped import Simulation
-from crosscheck.hard_cases import Outcome, hard_cases
-from crosscheck.hard_cases.classing import OURS, all_routes, classed, job, outcome_of
-from crosscheck.hard_cases.findings import closed, finding_of, read
-from crosscheck.hard_cases.judging import scene_samples
-from crosscheck.hard_cases.table import BAD, unexplained
-from crosscheck.joint_tree import joint_tree
-from crosscheck.known_gaps import InvalidGap
+from crosscheck.engines.mujoco.model import Plan, mujoco
+from crosscheck.engines.mujoco.shipped import Simulation
+from crosscheck.engines.tree.joint_tree import joint_tree
+from crosscheck.judge.findings import closed, finding_of, read
+from crosscheck.judge.hard_poses import Outcome, scene_samples
+from crosscheck.judge.known_gaps import InvalidGap
+from crosscheck.measure.hard_classing import OURS, all_routes, classed, job, outcome_of
+from crosscheck.measure.hard_table import BAD, unexplained
+from crosscheck.scenes.hard import hard_cases
 from refkin.motion import Status
 
 ROOT = Path(__file__).parent.parent.parent

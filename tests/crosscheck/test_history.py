@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck.change_points import change_points
 from crosscheck.cli import main
-from crosscheck.history import HistoryError, append, nights, trends, warnings
+from crosscheck.night.change_points import change_points
+from crosscheck.night.history import HistoryError, append, nights, trends, warnings
 from crosscheck.report import build
 
 from .report_records import good_answer, record, write

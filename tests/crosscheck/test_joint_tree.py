@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import EngineError
-from crosscheck.joint_tree import WIDTH, Freedom, JointTree, joint_tree
+from crosscheck.engines.tree.joint_tree import WIDTH, Freedom, JointTree, joint_tree
 from refkin.joints import AngleDriver, Distance, Fixed, PointOnLine, Prismatic, Revolute, XDriver, YDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from crosscheck.journal import BLOCK, Journal, Occupied, replace_file
+from crosscheck.workers.journal import BLOCK, Journal, Occupied, replace_file
 
 HOLD = """
 import pathlib, sys

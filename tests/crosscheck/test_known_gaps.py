@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 import refkin
-from crosscheck.check import check
-from crosscheck.hard_cases import findings
-from crosscheck.known_gaps import ENOUGH, PREDICATES, Gap, InvalidGap, Tally, new_disagreements, read, stale
+from crosscheck.judge import findings
+from crosscheck.judge.known_gaps import ENOUGH, PREDICATES, Gap, InvalidGap, Tally, new_disagreements, read, stale
+from crosscheck.measure.check import check
 
 ROOT = Path(__file__).parent.parent.parent
 GAPS = read()

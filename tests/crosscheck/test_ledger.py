@@ -10,12 +10,12 @@ from flint import arb, ctx
 from pydantic import TypeAdapter, ValidationError
 
 from crosscheck.cli import main
-from crosscheck.ledger import all_rows, check_row, ledger_rows, read
-from crosscheck.ledger.arithmetic import Balls, Binary64, NoRoot
-from crosscheck.ledger.digits import Printed, Written, correct_digits, printed_is
-from crosscheck.ledger.enclosing import Undecided, count_roots, excludes_zero
-from crosscheck.ledger.rows import Erratum, Ledger, Value
-from crosscheck.source_systems import me451, me581
+from crosscheck.documents.ledger import all_rows, check_row, ledger_rows, read
+from crosscheck.documents.ledger.arithmetic import Balls, Binary64, NoRoot
+from crosscheck.documents.ledger.digits import Printed, Written, correct_digits, printed_is
+from crosscheck.documents.ledger.enclosing import Undecided, count_roots, excludes_zero
+from crosscheck.documents.ledger.rows import Erratum, Ledger, Value
+from crosscheck.documents.systems import me451, me581
 
 ROWS = {row.id: row for row in read().row}
 NAMES = [f"{letter}{k}" for letter, count in (("A", 14), ("B", 7), ("C", 12), ("D", 24)) for k in range(1, count + 1)]
@@ -242,7 +242,7 @@ def test_the_command_prints_json(capsys):
 
 def test_the_command_fails_when_a_row_does(capsys, monkeypatch):
     wrong = changed("A9", "f'(-1.2)", truth="-1.92")
-    monkeypatch.setattr("crosscheck.ledger.read", lambda: replace(read(), row=(wrong,)))
+    monkeypatch.setattr("crosscheck.documents.ledger.read", lambda: replace(read(), row=(wrong,)))
     code, told = run(capsys, "ledger")
 
     assert code == 1

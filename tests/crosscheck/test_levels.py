@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from crosscheck.engines import Level, load, mujoco_engine
-from crosscheck.levels import Configuration, compare_levels
+from crosscheck.engines import Level, load
+from crosscheck.engines.mujoco import engine as mujoco_engine
+from crosscheck.judge.levels import Configuration, compare_levels
 from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene, YDriver, compile_system
 
 GROUND_POINT = (116.83380688588964, 245.63337161426253)

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck import loop_closing
 from crosscheck.engines import EngineError
-from crosscheck.loop_closing import EPS, March, close, march, round_off, solve
-from crosscheck.tree_system import TreeSystem
+from crosscheck.engines.tree import loop_closing
+from crosscheck.engines.tree.loop_closing import EPS, March, close, march, round_off, solve
+from crosscheck.engines.tree.tree_system import TreeSystem
 from refkin.joints import Revolute
 from refkin.motion import Status
 

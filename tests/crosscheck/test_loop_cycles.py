@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
-from crosscheck import loops
-from crosscheck.loops import marching
-from crosscheck.loops.marching import connected
+from crosscheck.engines import vector_loop as loops
+from crosscheck.engines.vector_loop import marching
+from crosscheck.engines.vector_loop.marching import connected
 from refkin.differences import EPS, Scheme, jacobian
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial

@@ -12,11 +12,11 @@ from flint import arb, ctx
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-import crosscheck.loops
-from crosscheck import loops
-from crosscheck.convergence import newton_order
-from crosscheck.loops.solving import MinimumStatus
-from crosscheck.loops.vectors import Sums
+import crosscheck.engines.vector_loop
+from crosscheck.documents.convergence import newton_order
+from crosscheck.engines import vector_loop as loops
+from crosscheck.engines.vector_loop.solving import MinimumStatus
+from crosscheck.engines.vector_loop.vectors import Sums
 from refkin.differences import EPS, Scheme, jacobian
 from refkin.motion_laws import Sinusoid
 from refkin.newton import BothLargest, NewtonStatus, ResidualOrCorrection, newton
@@ -41,7 +41,7 @@ UNASSEMBLED = st.lists(st.floats(-3.0, 3.0), min_size=8, max_size=8).map(np.arra
 def test_loops_know_of_refkin_only_types_laws_and_newton():
     """No joint's formula and no pose of a linkage: what agrees with them is another formulation."""
     allowed = {"joints", "model", "motion", "motion_laws", "newton", "differences", "errors"}
-    for path in Path(crosscheck.loops.__file__).parent.glob("*.py"):
+    for path in Path(crosscheck.engines.vector_loop.__file__).parent.glob("*.py"):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.ImportFrom) and node.module and node.module.startswith("refkin"):
                 assert node.module.split(".")[1] in allowed, (path.name, node.module)

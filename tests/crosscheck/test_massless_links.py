@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 
 import refkin
-from crosscheck.check import check
-from crosscheck.engines import pinocchio_engine
-from crosscheck.engines.pinocchio_engine import PinocchioTree
-from crosscheck.tree_motion import link_terms
+from crosscheck.engines.pinocchio import engine as pinocchio_engine
+from crosscheck.engines.pinocchio.engine import PinocchioTree
+from crosscheck.engines.tree.tree_motion import link_terms
+from crosscheck.measure.check import check
 
 NEAR_LIMIT = Path(__file__).parents[1] / "corpus" / "massless-link-near-limit.toml"
 """A slider-crank whose crank is a distance, 1e-3 rad before the rod's limit: there the link turns 64 times as fast."""

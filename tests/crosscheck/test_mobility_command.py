@@ -8,7 +8,7 @@ import refkin
 from crosscheck.cli import mobility
 from refkin.joints import GROUND, Revolute
 from refkin.motion_laws import Polynomial
-from refkin.scene_files import to_toml
+from refkin.scenes.files import to_toml
 
 
 def told(tmp_path, capsys, scene):

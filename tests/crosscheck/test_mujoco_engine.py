@@ -13,11 +13,11 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import EngineError, load
-from crosscheck.engines.mujoco_engine import NEWTON, Mujoco, TreeRows
-from crosscheck.engines.mujoco_model import Plan
-from crosscheck.engines.mujoco_rows import MujocoRows
-from crosscheck.joint_tree import joint_tree
-from crosscheck.tree_system import TreeSystem
+from crosscheck.engines.mujoco.engine import NEWTON, Mujoco, TreeRows
+from crosscheck.engines.mujoco.model import Plan
+from crosscheck.engines.mujoco.rows import MujocoRows
+from crosscheck.engines.tree.joint_tree import joint_tree
+from crosscheck.engines.tree.tree_system import TreeSystem
 from refkin.joints import AngleDriver, Constraint, Prismatic, Revolute
 from refkin.model import Body, Effect, Mechanism, Point, Scene
 from refkin.motion import Motion, Seeding, Status

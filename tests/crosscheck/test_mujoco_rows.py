@@ -11,10 +11,10 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import EngineError, Level, Support, table_key
-from crosscheck.engines.mujoco_engine import Mujoco
-from crosscheck.engines.mujoco_model import Plan
-from crosscheck.engines.mujoco_parts import Driven
-from crosscheck.engines.mujoco_rows import MujocoRows
+from crosscheck.engines.mujoco.engine import Mujoco
+from crosscheck.engines.mujoco.model import Plan
+from crosscheck.engines.mujoco.parts import Driven
+from crosscheck.engines.mujoco.rows import MujocoRows
 from refkin.joints import (
     DRIVER_TYPES,
     JOINT_TYPES,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import table_key
-from crosscheck.engines.mujoco_engine import Mujoco
+from crosscheck.engines.mujoco.engine import Mujoco
 from refkin.joints import (
     AngleDriver,
     Constraint,

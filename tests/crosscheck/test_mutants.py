@@ -10,7 +10,7 @@ import pytest
 
 from crosscheck import mutants as lab
 from crosscheck.cli import main
-from crosscheck.ledger import read
+from crosscheck.documents.ledger import read
 from crosscheck.mutants import Mutant, all_checks, mutants, try_all, unharmed
 from crosscheck.mutation import DoesNotFit, changed_function, mutated, resolve
 from crosscheck.selfchecks import CHECKS

@@ -10,7 +10,7 @@ import pytest
 import refkin
 from crosscheck.cli import main
 from refkin import FourBar, Polynomial, SliderCrank
-from refkin.scene_files import to_toml
+from refkin.scenes.files import to_toml
 
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 CHANGE_POINT = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5)

@@ -11,9 +11,11 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 import pytest
 
-from crosscheck.engines import EngineError, Level, Support, load, pinocchio_engine, pinocchio_model, refusals
-from crosscheck.engines.pinocchio_engine import CAPABILITIES, Pinocchio
-from crosscheck.engines.pinocchio_model import PlanarModel, PointToLine, Rows, TwoPoints
+from crosscheck.engines import EngineError, Level, Support, load, refusals
+from crosscheck.engines.pinocchio import engine as pinocchio_engine
+from crosscheck.engines.pinocchio import model as pinocchio_model
+from crosscheck.engines.pinocchio.engine import CAPABILITIES, Pinocchio
+from crosscheck.engines.pinocchio.model import PlanarModel, PointToLine, Rows, TwoPoints
 from refkin.joints import (
     AngleDriver,
     Constraint,

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck import loop_closing
 from crosscheck.engines import EngineError
-from crosscheck.engines.pinocchio_engine import TREE, Pinocchio
-from crosscheck.engines.pinocchio_model import PlanarModel, Rows
-from crosscheck.joint_tree import JointTree, joint_tree
-from crosscheck.tree_system import TreeSystem
+from crosscheck.engines.pinocchio.engine import TREE, Pinocchio
+from crosscheck.engines.pinocchio.model import PlanarModel, Rows
+from crosscheck.engines.tree import loop_closing
+from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
+from crosscheck.engines.tree.tree_system import TreeSystem
 from refkin.joints import GROUND, Fixed, XDriver
 from refkin.model import Body, Effect, Mechanism, Point, Scene
 from refkin.motion import Seeding, Status

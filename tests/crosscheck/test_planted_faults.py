@@ -9,21 +9,26 @@ from typing import Any
 import numpy as np
 import pytest
 
-import refkin.analysis
-from crosscheck import loop_closing, tree_motion
-from crosscheck.assur import assemble, linkage
-from crosscheck.check import check
-from crosscheck.engines import exudyn_engine, exudyn_model, exudyn_parts, exudyn_readings, mujoco_engine, mujoco_rows
-from crosscheck.engines import pinocchio_engine as pin_engine
-from crosscheck.frames import Linear
-from crosscheck.tree_system import TreeSystem
+import refkin.solving.solve
+from crosscheck.engines.closed_form import assemble, linkage
+from crosscheck.engines.exudyn import engine as exudyn_engine
+from crosscheck.engines.exudyn import model as exudyn_model
+from crosscheck.engines.exudyn import parts as exudyn_parts
+from crosscheck.engines.exudyn import readings as exudyn_readings
+from crosscheck.engines.frames import Linear
+from crosscheck.engines.mujoco import engine as mujoco_engine
+from crosscheck.engines.mujoco import rows as mujoco_rows
+from crosscheck.engines.pinocchio import engine as pin_engine
+from crosscheck.engines.tree import loop_closing, tree_motion
+from crosscheck.engines.tree.tree_system import TreeSystem
+from crosscheck.measure.check import check
 from refkin import FourBar, InvertedSliderCrank, Sinusoid, SliderCrank, Table
 from refkin.joints import AngleDriver, Distance, PointOnLine, Revolute, planar
 from refkin.model import Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Integral
-from refkin.proof.assembly import assemblies
-from refkin.starts import Start
+from refkin.proof.assembly.assembly import assemblies
+from refkin.solving.starts import Start
 from refkin.vec import Vec
 
 PEERS = ("closed_form", "exudyn", "pinocchio", "mujoco")
@@ -208,7 +213,7 @@ OF_REFERENCE = {
         ("position", "velocity"),
     ),
     "a start on the other assembly": Fault(
-        around(refkin.analysis, "find_start", other_assembly), FOUR_BAR, PEERS, "position"
+        around(refkin.solving.solve, "find_start", other_assembly), FOUR_BAR, PEERS, "position"
     ),
     "a length off by 1e-9": Fault(
         around(Revolute, "constants", lambda right, self, unit: right(longer_by_a_billionth(self), unit)),

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 
 from crosscheck.cli import main
-from crosscheck.price.measuring import price
-from crosscheck.price.rows import Row, cheapest, ratios, with_suspicions
-from crosscheck.price.show import lines, to_json
-from crosscheck.price.truth import NoTruth
-from refkin.linkages import FourBar
+from crosscheck.commands.price_shown import lines, to_json
+from crosscheck.judge.truth import NoTruth
+from crosscheck.measure.price import price
+from crosscheck.measure.price_rows import Row, cheapest, ratios, with_suspicions
 from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import FourBar
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent.parent / "examples" / "crank-rocker.toml"

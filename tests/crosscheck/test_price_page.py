@@ -8,13 +8,13 @@ from xml.etree import ElementTree as ET
 import pytest
 from rich.console import Console
 
-from crosscheck.price.figures import iterations_figure, legend, looks, work_precision
-from crosscheck.price.iterations import digits_by_iteration
-from crosscheck.price.measuring import PriceList
-from crosscheck.price.page import page
-from crosscheck.price.route import Refused
-from crosscheck.price.rows import Row
-from crosscheck.price.show import cheapest_table, lines, routes_table, to_json
+from crosscheck.commands.price_page import page
+from crosscheck.commands.price_shown import cheapest_table, lines, routes_table, to_json
+from crosscheck.documents.iterations import digits_by_iteration
+from crosscheck.engines.price_route import Refused
+from crosscheck.measure.price import PriceList
+from crosscheck.measure.price_rows import Row
+from crosscheck.report.price_figures import iterations_figure, legend, looks, work_precision
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -11,15 +11,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crosscheck.price.refkin_routes import routes as refkin_routes
-from crosscheck.price.route import PRODUCERS, QUANTITIES, PricedRoute, Refused, routes_of
-from crosscheck.price.rows import YARDSTICK
-from crosscheck.price.truth import Truth
+from crosscheck.engines.ours.refkin_settings import routes as refkin_routes
+from crosscheck.engines.price_route import PRODUCERS, QUANTITIES, PricedRoute, Refused, routes_of
+from crosscheck.judge.truth import Truth
+from crosscheck.measure.price_rows import YARDSTICK
 from refkin.joints import AngleDriver, Revolute
-from refkin.linkages import FourBar, SliderCrank
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial, Sinusoid
-from refkin.scene_files import load
+from refkin.scenes.files import load
+from refkin.scenes.linkages import FourBar, SliderCrank
 
 EXAMPLES = Path(__file__).parent.parent.parent / "examples"
 LINKAGE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)

@@ -10,13 +10,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crosscheck.price.classes import AWAY, REGULAR, classes, price_list
-from crosscheck.price.iterations import digits_by_iteration
-from crosscheck.price.truth import Truth, attainable_levels
-from refkin.linkages import FourBar
+from crosscheck.documents.iterations import digits_by_iteration
+from crosscheck.judge.truth import Truth, attainable_levels
+from crosscheck.scenes.priced import AWAY, REGULAR, classes, price_list
 from refkin.motion_laws import Polynomial
-from refkin.proof.inputs import half_ulp
-from refkin.proof.krawczyk import refine
+from refkin.proof.numbers.inputs import half_ulp
+from refkin.proof.pose.krawczyk import refine
+from refkin.scenes.linkages import FourBar
 
 LENGTHS = {"ground": 4.1, "crank": 1.3, "coupler": 3.7, "rocker": 3.1}
 QUANTITIES = ("position", "velocity", "acceleration")

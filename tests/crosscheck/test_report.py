@@ -15,12 +15,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crosscheck import check
+from crosscheck.documents.histories import newton_histories
+from crosscheck.measure import check
 from crosscheck.report import build
 from crosscheck.report.digits import quantile
-from crosscheck.report.histories import newton_histories
 from crosscheck.report.summary import Summary
-from refkin.linkages import FourBar
+from refkin.scenes.linkages import FourBar
 
 from .report_records import (
     QUANTITIES,

@@ -15,7 +15,7 @@ from typing import Any
 
 import pytest
 
-from crosscheck.check import check
+from crosscheck.measure.check import check
 from crosscheck.report import build
 from refkin import FourBar, SliderCrank
 

@@ -7,8 +7,9 @@ import re
 
 import pytest
 
-from crosscheck.ledger import all_rows, read
-from crosscheck.report import build, documents
+from crosscheck.documents import summary as documents
+from crosscheck.documents.ledger import all_rows, read
+from crosscheck.report import build
 
 
 @pytest.fixture(scope="module")

@@ -12,14 +12,14 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from crosscheck.check import check
-from crosscheck.history import append
+from crosscheck.documents.slopes import slopes
+from crosscheck.measure.check import check
+from crosscheck.night.history import append
 from crosscheck.report import build
 from crosscheck.report.front import answer as sentence
 from crosscheck.report.front import first_table, hard_matrix
 from crosscheck.report.poses import _factor as magnified
 from crosscheck.report.prices import cheapest
-from crosscheck.report.slopes import slopes
 from refkin import FourBar
 
 from .report_records import disagreement, good_answer, record, write

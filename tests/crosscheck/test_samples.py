@@ -7,9 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crosscheck.check import check
-from crosscheck.comparison import compare, reference
-from crosscheck.samples import attainable, common_sample, cycle, off_at, worst_samples
+from crosscheck.judge.comparison import compare, reference
+from crosscheck.judge.samples import attainable, common_sample, cycle, off_at, worst_samples
+from crosscheck.measure.check import check
 from refkin import FourBar, Polynomial, solve
 
 OFF = 3e-7

@@ -16,10 +16,10 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.convergence import Kind, slope
+from crosscheck.documents.convergence import Kind, slope
 from refkin import FourBar, InvertedSliderCrank, Polynomial, SliderCrank, Status, compile_system
 from refkin.differences import EPS
-from refkin.proof.certificate import certify
+from refkin.proof.pose.certificate import certify
 
 TOLERANCE = 0.02
 DISTANCES = 10.0 ** np.arange(-7.0, -3.5, 0.5)

@@ -8,16 +8,16 @@ import numpy as np
 import pytest
 from flint import arb
 
-from crosscheck import loops
-from crosscheck.convergence import Kind, linear_rate, newton_order, slope
+from crosscheck.documents.convergence import Kind, linear_rate, newton_order, slope
+from crosscheck.documents.systems import me451, me581, metu, printed, shabana
+from crosscheck.documents.systems.twelve_coordinates import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
+from crosscheck.engines import vector_loop as loops
 from crosscheck.selfchecks.evidence import square_systems
-from crosscheck.source_systems import me451, me581, metu, printed, shabana
-from crosscheck.source_systems.twelve_coordinates import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
-from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian
-from refkin.linkages import FourBar
 from refkin.motion_laws import Polynomial
 from refkin.newton import NewtonStatus, newton
+from refkin.scenes.linkages import FourBar
+from refkin.solving.solve import acceleration, position, velocity
 from refkin.system import compile_system
 
 NOTES = me581.FourBarLengths(90.0, 30.0, 60.0, 45.0, 0.0)

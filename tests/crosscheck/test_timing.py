@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from crosscheck import timing
-from crosscheck.timing import timed_in_turns
+from crosscheck.workers import timing
+from crosscheck.workers.timing import timed_in_turns
 
 
 class Clock:

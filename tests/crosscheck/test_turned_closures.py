@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from crosscheck.check import check
-from crosscheck.engines import mujoco_model
+from crosscheck.engines.mujoco import model as mujoco_model
+from crosscheck.measure.check import check
 from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene
 
 TURN, HELD = 0.4, -0.3

@@ -11,12 +11,12 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 import refkin
-from crosscheck import loops
-from crosscheck.check import check, permuted
-from crosscheck.comparison import compare, reference
 from crosscheck.engines import EngineError, Level, Support, load
-from crosscheck.engines.vector_loop import ROUTE, VectorLoop
-from crosscheck.loops.reading import read
+from crosscheck.engines import vector_loop as loops
+from crosscheck.engines.vector_loop.engine import ROUTE, VectorLoop
+from crosscheck.engines.vector_loop.reading import read
+from crosscheck.judge.comparison import compare, reference
+from crosscheck.measure.check import check, permuted
 from crosscheck.strategies import Hardness, drawn_scenes
 from refkin.model import Effect, Point
 from refkin.motion import Seeding, Status

@@ -11,10 +11,10 @@ import pytest
 
 import refkin
 from crosscheck.engines import EngineError
-from crosscheck.engines.vector_loop import VectorLoop
-from crosscheck.loops import families, system
-from crosscheck.loops.vectors import Sums
-from crosscheck.loops.ways import Ways
+from crosscheck.engines.vector_loop import families, system
+from crosscheck.engines.vector_loop.engine import VectorLoop
+from crosscheck.engines.vector_loop.vectors import Sums
+from crosscheck.engines.vector_loop.ways import Ways
 from refkin.joints import GROUND, AngleDriver, Polar, Prismatic
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status

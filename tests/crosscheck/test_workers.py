@@ -15,8 +15,8 @@ from typing import Any
 
 import pytest
 
-from crosscheck.processes import Failure, call_each
-from crosscheck.workers import MOST_KILLS, Trial, Workers
+from crosscheck.workers.pool import MOST_KILLS, Trial, Workers
+from crosscheck.workers.processes import Failure, call_each
 
 from .fake_engines import EXIT, HANG, RAISE, SEGFAULT, SHIFT, alive, engine_file, jobs, key_of_drawn, settled
 

@@ -18,7 +18,7 @@ from refkin.joints import (
 )
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
-from refkin.proof.assembly import assemblies
+from refkin.proof.assembly.assembly import assemblies
 from refkin.system import compile_system
 
 ROUND_OFF = 1e-14

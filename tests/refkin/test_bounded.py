@@ -9,8 +9,8 @@ import pytest
 from flint import arb, ctx
 
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
-from refkin.proof.bounded import Bounded, Extended, Times, bounded_system, box, read
-from refkin.proof.exact import exact, exact_system
+from refkin.proof.numbers.bounded import Bounded, Extended, Times, bounded_system, box, read
+from refkin.proof.numbers.exact import exact, exact_system
 
 from .assembled import FAMILIES
 

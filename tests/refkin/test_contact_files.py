@@ -7,7 +7,7 @@ import copy
 import pytest
 
 from refkin.errors import InvalidScene
-from refkin.scene_files import parse, schema, to_dict
+from refkin.scenes.files import parse, schema, to_dict
 
 from .contact_cases import scene
 

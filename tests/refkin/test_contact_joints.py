@@ -15,7 +15,7 @@ from mpmath import mpf
 
 import refkin
 from refkin import RackAndPinion
-from refkin.scene_files import load, to_toml
+from refkin.scenes.files import load, to_toml
 
 from .contact_cases import CASES, CONTACTS, TIMES, scene
 

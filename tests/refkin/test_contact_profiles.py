@@ -18,8 +18,8 @@ from refkin import (
     Table,
     compile_system,
 )
-from refkin.proof.bounded import Bounded, Extended, Times, _Rounded, bounded_system, box
-from refkin.proof.exact import exact, exact_system
+from refkin.proof.numbers.bounded import Bounded, Extended, Times, _Rounded, bounded_system, box
+from refkin.proof.numbers.exact import exact, exact_system
 
 from .contact_cases import FOLLOWERS, LOBES, TIMES, over_profile, scene, turning
 

@@ -23,12 +23,12 @@ from refkin import (
     XDriver,
     compile_system,
 )
-from refkin.analysis import position
-from refkin.proof.assembly import assemblies
-from refkin.proof.clusters import plan
-from refkin.proof.placing import place
-from refkin.proof.rows import read_rows
-from refkin.proof.search import coordinates
+from refkin.proof.assembly.assembly import assemblies
+from refkin.proof.assembly.clusters import plan
+from refkin.proof.assembly.placing import place
+from refkin.proof.assembly.rows import read_rows
+from refkin.proof.assembly.search import coordinates
+from refkin.solving.solve import position
 
 from .contact_cases import CASES, LOBES, TIMES, cam, guide, over_profile, pin, scene, turning
 
@@ -217,7 +217,7 @@ def test_a_small_roller_is_found_though_its_rows_are_divided_by_its_radius(rho):
 
 
 def test_a_sweep_that_runs_out_of_steps_says_so_and_claims_no_singular_pose(monkeypatch):
-    monkeypatch.setattr("refkin.sweep.MOST_STEPS", 200)
+    monkeypatch.setattr("refkin.solving.sweep.MOST_STEPS", 200)
     m = scene("gear train").mechanism
     fast = turning("first", Polynomial(coefficients=(0.0, 100.0)))
     motion = refkin.solve(replace(scene("gear train"), mechanism=replace(m, drivers=(fast,)), times=(0.0, 0.25, 5.0)))
@@ -227,7 +227,7 @@ def test_a_sweep_that_runs_out_of_steps_says_so_and_claims_no_singular_pose(monk
 
 
 def test_steps_are_counted_anew_from_each_asked_time(monkeypatch):
-    monkeypatch.setattr("refkin.sweep.MOST_STEPS", 200)
+    monkeypatch.setattr("refkin.solving.sweep.MOST_STEPS", 200)
     m = scene("gear train").mechanism
     fast = turning("first", Polynomial(coefficients=(0.0, 100.0)))
     times = tuple(0.25 * k for k in range(9))

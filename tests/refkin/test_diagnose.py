@@ -23,8 +23,8 @@ from refkin import (
     YDriver,
     compile_system,
 )
-from refkin.proof.recentred import recentred
-from refkin.proof.singularity import Kind
+from refkin.proof.numbers.recentred import recentred
+from refkin.proof.pose.singularity import Kind
 from tests.refkin.test_sweep import three_cranks
 
 GROUND = "ground"

@@ -11,7 +11,7 @@ import pytest
 import refkin
 from refkin import Effect, Evidence, FourBar, Point, Polynomial, Sinusoid, Status
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES
-from refkin.proof import isolate as isolating
+from refkin.proof.pose import isolate as isolating
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 STEADY = Polynomial(coefficients=(0.0, 2.0))
@@ -108,14 +108,14 @@ def test_a_certificate_is_one_batch_of_proofs_and_no_singular_values(counted):
 
 def test_a_gamma_in_a_position_only_scene_would_be_seen(monkeypatch, counted):
     """The planted fault: an analysis that computes what nobody called for."""
-    judge = refkin.analysis._Answer.judge
+    judge = refkin.solving.solve._Answer.judge
 
     def computing_more(answer, lanes):
         system = refkin.compile_system(answer.scene.mechanism, unit=answer.system.unit)
         system.gamma(answer.q[:, lanes], np.zeros_like(answer.q[:, lanes]), answer.t[lanes])
         judge(answer, lanes)
 
-    monkeypatch.setattr(refkin.analysis._Answer, "judge", computing_more)
+    monkeypatch.setattr(refkin.solving.solve._Answer, "judge", computing_more)
     refkin.solve(replace(SCENE, effects=frozenset(), evidence=NONE))
 
     assert "gamma" in counted

@@ -9,8 +9,8 @@ import pytest
 
 import refkin
 from refkin import FourBar, Polynomial, SliderCrank, compile_system
-from refkin.proof.continuation import Bifurcation, TurningPoint, driven_by, straight_on
-from refkin.proof.tracing import End
+from refkin.proof.path.tracing import End
+from refkin.solving.follow import Bifurcation, TurningPoint, driven_by, straight_on
 
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)

@@ -32,7 +32,7 @@ from refkin import (
 from refkin.differences import jacobian
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES
 from refkin.joints.touching import Gap
-from refkin.proof.exact import exact_system
+from refkin.proof.numbers.exact import exact_system
 
 BODIES = (Body(name="a"), Body(name="b"))
 BETWEEN = {"name": "c", "body_i": "a", "point_i": (0.3, -0.2), "body_j": "b", "point_j": (-0.4, 0.7)}

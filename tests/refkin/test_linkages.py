@@ -13,9 +13,17 @@ from hypothesis import strategies as st
 
 import refkin
 from crosscheck.strategies import four_bars, inverted_slider_cranks, slider_cranks
-from refkin.analysis import position
-from refkin.linkages import ANYWHERE, Branch, DoesNotAssemble, FourBar, GrashofClass, InvertedSliderCrank, SliderCrank
-from refkin.linkages.base import rough
+from refkin.scenes.linkages import (
+    ANYWHERE,
+    Branch,
+    DoesNotAssemble,
+    FourBar,
+    GrashofClass,
+    InvertedSliderCrank,
+    SliderCrank,
+)
+from refkin.scenes.linkages.base import rough
+from refkin.solving.solve import position
 from refkin.system import compile_system
 
 U = 2.0**-53

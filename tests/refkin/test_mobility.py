@@ -10,9 +10,9 @@ import pytest
 import refkin
 from refkin.errors import InvalidScene
 from refkin.joints import JOINT_TYPES
-from refkin.mobility import COORDINATES, FREEDOMS, count, gruebler, kind_of, mobility, rank_of
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
+from refkin.solving.mobility import COORDINATES, FREEDOMS, count, gruebler, kind_of, mobility, rank_of
 
 SLIDER_CRANK = (
     ("revolute", "ground", "crank"),

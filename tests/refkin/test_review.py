@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from refkin.errors import Fault, InvalidScene
-from refkin.scene_files import load
+from refkin.scenes.files import load
 
 SCENE = """schema = 1
 [times]

@@ -9,7 +9,7 @@ import tomllib
 import pytest
 
 from refkin.errors import InvalidScene
-from refkin.scene_files import load, parse, schema, to_dict, to_toml
+from refkin.scenes.files import load, parse, schema, to_dict, to_toml
 
 TEXT = """
 schema = 1

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import refkin
-import refkin.proof.branch
+import refkin.proof.path.branch
 from refkin import (
     AngleDriver,
     Body,
@@ -24,10 +24,10 @@ from refkin import (
     Status,
     compile_system,
 )
-from refkin.blocks import diagonal_blocks
 from refkin.newton import NewtonResult, NewtonStatus
-from refkin.proof.branch import first_gap
-from refkin.sweep import Arrival, Sweep
+from refkin.proof.path.branch import first_gap
+from refkin.solving.blocks import diagonal_blocks
+from refkin.solving.sweep import Arrival, Sweep
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
@@ -100,7 +100,7 @@ def test_a_first_step_that_moves_far_is_not_taken():
 
 
 def test_a_step_to_the_other_side_is_not_taken(monkeypatch):
-    monkeypatch.setattr("refkin.sweep.FURTHEST", np.inf)
+    monkeypatch.setattr("refkin.solving.sweep.FURTHEST", np.inf)
     sweep, _ = swept_to(0.2)
     q = mirrored(sweep, None, 0.2)
 
@@ -174,7 +174,7 @@ def test_a_doubtful_step_that_is_not_proved_ends_the_branch(monkeypatch):
     scene = InvertedSliderCrank(ground=1.0 + 1e-9, crank=1.0).scene(turns=1, samples=9)
     before = refkin.solve(scene)
     asked = []
-    monkeypatch.setattr("refkin.analysis.first_gap", lambda *a: asked.append(a[-1]) or asked[-1][0])
+    monkeypatch.setattr("refkin.solving.solve.first_gap", lambda *a: asked.append(a[-1]) or asked[-1][0])
     after = refkin.solve(scene)
 
     assert before.verdict is Status.OK
@@ -278,6 +278,6 @@ def test_a_sweep_that_gives_up_before_a_law_turns_back_does_not_step_over_it(mon
     """So many steps do not lead to t = 0.5, where the law turns, though as many more would lead on from there."""
     law = Sinusoid(amplitude=0.5, angular_frequency=math.pi)
     linkage = FourBar(ground=4.0, crank=2.0, coupler=1.5, rocker=2.5)
-    monkeypatch.setattr("refkin.sweep.MOST_STEPS", steps)
+    monkeypatch.setattr("refkin.solving.sweep.MOST_STEPS", steps)
 
     assert refkin.solve(linkage.scene(law=law, times=(0.0, 0.6))).status == (Status.OK, Status.NOT_CONVERGED)

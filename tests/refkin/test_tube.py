@@ -11,7 +11,7 @@ from flint import arb, ctx
 
 import refkin
 from refkin import FourBar, Polynomial, SliderCrank, Status, compile_system
-from refkin.proof.tube import certified_interval
+from refkin.proof.path.tube import certified_interval
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)

@@ -13,7 +13,7 @@ from collections.abc import Mapping
 
 from refkin.errors import RefkinError
 from refkin.fast.lanes.symbols import Graph, Symbol, needed
-from refkin.proof.bounded import U
+from refkin.proof.numbers.bounded import U
 
 
 class NoBound(RefkinError):

@@ -27,7 +27,7 @@ from refkin.fast.lanes.schedule import schedule
 from refkin.fast.lanes.symbols import Graph, Symbol, rewritten
 from refkin.fast.lanes.tape import Tape
 from refkin.fast.lanes.trace import Known, Traced, trace
-from refkin.proof.bounded import TINY
+from refkin.proof.numbers.bounded import TINY
 from refkin.system import System
 
 ORDERS = 3

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from refkin.fast.lanes.tape import SEGMENTS, Instruction, Register, Tape
-from refkin.proof.preconditioned import inverses
+from refkin.proof.numbers.preconditioned import inverses
 
 Profile = Callable[[int, int, Any], Any]
 """(constraint, order, parameter) -> the scaled derivative of the constraint's profile at the parameter."""

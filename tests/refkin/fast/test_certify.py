@@ -17,7 +17,7 @@ from refkin.fast.certify import radii
 from refkin.fast.compiled import forget
 from refkin.fast.lanes import errors, prove
 from refkin.fast.prepare import prepared
-from refkin.proof.krawczyk import krawczyk
+from refkin.proof.pose.krawczyk import krawczyk
 
 from .linkworks import chain
 from .scenes import ROCKER, SCENES, bare

@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crosscheck.check import check
-from crosscheck.comparison import compare, reference
 from crosscheck.engines import EngineError, Level, Support, table_key
-from crosscheck.engines import lanes as module
-from crosscheck.engines.lanes import SINES, Lanes
+from crosscheck.engines.ours import lanes as module
+from crosscheck.engines.ours.lanes import SINES, Lanes
+from crosscheck.judge.comparison import compare, reference
+from crosscheck.measure.check import check
 from refkin import FourBar, Sinusoid, Status
 
 from .scenes import ROCKER, SCENES, bare
@@ -25,7 +25,7 @@ LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 def test_it_is_registered():
     points = tomllib.loads(PROJECT.read_text(encoding="utf-8"))["project"]["entry-points"]["crosscheck.engines"]
 
-    assert points[Lanes.name] == "crosscheck.engines.lanes:Lanes"
+    assert points[Lanes.name] == "crosscheck.engines.ours.lanes:Lanes"
 
 
 @pytest.mark.parametrize("name", SCENES)

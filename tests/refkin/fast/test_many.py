@@ -16,7 +16,7 @@ from refkin.errors import InvalidScene, UnknownName
 from refkin.fast import solve_many, sweep
 from refkin.fast.family import family
 from refkin.fast.lanes.symbols import Leaf
-from refkin.proof.krawczyk import krawczyk
+from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import compile_system
 
 from .families import closed_form, errors, estimates, geometry, grashof, scene

@@ -11,8 +11,8 @@ import pytest
 from hypothesis import given, settings
 
 import refkin
-from crosscheck.comparison import compare, reference
-from crosscheck.engines.lanes import Lanes
+from crosscheck.engines.ours.lanes import Lanes
+from crosscheck.judge.comparison import compare, reference
 from crosscheck.strategies import Hardness, drawn_scenes
 from refkin import Effect, Evidence, FourBar, InvertedSliderCrank, Point, Polynomial, Revolute, Sinusoid, Status, Table
 from refkin.fast import sweep

@@ -9,7 +9,7 @@ import pytest
 
 from crosscheck.cli import main
 from refkin.fast import tape
-from refkin.scene_files import load
+from refkin.scenes.files import load
 
 EXAMPLES = Path(__file__).parents[3] / "examples"
 SCENE = EXAMPLES / "slider-crank.toml"

@@ -1,0 +1,91 @@
+"""The ledger of effects on a terminal, and as one JSON object."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from crosscheck.measure.effects import REFKIN
+from crosscheck.measure.effects_ledger import effects_ledger
+from crosscheck.measure.effects_rows import EffectRow
+from refkin.model import Scene
+
+SCHEMA = 1
+
+
+def run(scene: Scene, engines: Sequence[str], missing: Sequence[str], as_json: bool) -> bool:
+    """Measure the effects on a scene and print them; return whether each leaves refkin's other numbers as they were."""
+    rows = effects_ledger(scene, engines)
+    if as_json:
+        print(json.dumps(to_json(scene.name, rows, missing)))
+    else:
+        console = Console(width=None if sys.stdout.isatty() else 180)
+        console.print(ledger_table(scene.name, rows))
+        for line in (*felt_lines(rows), *absent_lines(rows), *missing):
+            console.print(line, markup=False, highlight=False)
+    ours = [row.inert for row in rows if row.engine == REFKIN]
+    return True in ours and False not in ours
+
+
+def to_json(scene: str, rows: Sequence[EffectRow], missing: Sequence[str] = ()) -> dict[str, object]:
+    """Return the ledger as plain data."""
+    return {"schema": SCHEMA, "scene": scene, "rows": [asdict(row) for row in rows], "missing": list(missing)}
+
+
+def ledger_table(scene: str, rows: Sequence[EffectRow]) -> Table:
+    """Return the rows as a table, route by route; times are per configuration."""
+    table = Table(title=f"{escape(scene)}: what each effect costs per configuration, and whether it is inert")
+    table.add_column("engine, route")
+    table.add_column("effect")
+    for name in ("adds\nmicroseconds", "noise\nmicroseconds", "to\nmicroseconds"):
+        table.add_column(name, justify="right")
+    table.add_column("inert")
+    table.add_column("largest change", justify="right")
+    table.add_column("note")
+    last = ""
+    for row in (row for row in rows if row.inert is not None):
+        name = f"{row.engine}, {row.route}"
+        if name != last and last:
+            table.add_section()
+        inert = "yes" if row.inert else "[bold red]no[/]"
+        price = "within noise" if row.within_noise else _number(row.microseconds)
+        numbers = (price, _number(row.spread), _number(row.without))
+        change = "-" if row.largest_change is None else f"{row.largest_change:.2g}"
+        shown = "" if name == last else escape(name)
+        table.add_row(shown, escape(row.effect), *numbers, inert, change, escape(row.note))
+        last = name
+    return table
+
+
+def felt_lines(rows: Sequence[EffectRow]) -> list[str]:
+    """Return a line for each effect that is not inert: which, where it is felt, and how much."""
+    lines = []
+    for row in rows:
+        if row.inert is False:
+            what = row.note if row.largest_change is None else f"changes {row.worst} by {row.largest_change:.2g}"
+            lines.append(f"not inert: {row.effect} in {row.engine}, {row.route}: {what}")
+    return lines or ["every effect that was measured is inert where it is not called for"]
+
+
+def absent_lines(rows: Sequence[EffectRow]) -> list[str]:
+    """Return a line for each reason why effects have no price: in which engine, by which routes, and which they are."""
+    reasons: dict[tuple[str, str], tuple[list[str], list[str]]] = {}
+    for row in rows:
+        if row.inert is None:
+            routes, effects = reasons.setdefault((row.engine, row.note), ([], []))
+            routes += [row.route] if row.route not in routes else []
+            effects += [row.effect] if row.effect not in effects else []
+    return [
+        f"no price in {engine} ({', '.join(routes)}): {', '.join(effects)}: {why}"
+        for (engine, why), (routes, effects) in reasons.items()
+    ]
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"

@@ -1,0 +1,45 @@
+"""What `crosscheck mobility` prints: how many freedoms a scene's mechanism has, by count and by rank."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from refkin.model import Scene
+from refkin.motion import Status
+from refkin.solving.mobility import Mobility, Rank, count, kind_of, mobility_of
+from refkin.solving.starts import find_start
+from refkin.system import compile_system
+
+
+def mobility_lines(scene: Scene) -> tuple[list[str], bool]:
+    """Return the lines, and whether a pose was found at which the rank could be taken."""
+    mechanism = scene.mechanism
+    counted = count(mechanism)
+    lines = [
+        f"by count: {counted.coordinates} x {counted.bodies} bodies - {counted.equations} equations"
+        f" = {counted.mobility}, {counted.kind}"
+    ]
+    system = compile_system(mechanism, unit=mechanism.unit())
+    start = find_start(system, scene)
+    if start.status is not Status.OK:
+        return [*lines, f"by rank: no pose at t = {scene.times[0]:g}: {start.message}"], False
+    return [*lines, *_of_pose(mobility_of(system, start.q, scene.times[0]), scene.times[0])], True
+
+
+def _of_pose(found: Mobility, t: float) -> Iterator[str]:
+    joints, driven = found.joints, found.driven
+    yield (
+        f"by rank at t = {t:g}: {joints.coordinates} coordinates - rank {joints.rank}"
+        f" = {found.mobility}, {kind_of(found.mobility)}   ({_clear(joints)})"
+    )
+    for row in joints.dependent:
+        yield f"redundant: {row}"
+    yield f"drivers leave {driven.freedoms} of these free   ({_clear(driven)})"
+    named = {row.row for row in joints.dependent}
+    for row in driven.dependent:
+        if row.row not in named:
+            yield f"a driver that holds nothing here: {row}"
+
+
+def _clear(rank: Rank) -> str:
+    return f"smallest singular value counted {rank.kept:.3g}, largest not counted {rank.dropped:.3g}"

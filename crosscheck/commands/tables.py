@@ -1,0 +1,124 @@
+"""What the terminal shows: capability table, agreement of engines on a scene, how a night ended."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from rich.table import Table
+
+from crosscheck.engines import Engine, Level, Support
+from crosscheck.judge.known_gaps import Gap
+from refkin.joints import DRIVER_TYPES, JOINT_TYPES, DistanceDriver
+
+if TYPE_CHECKING:
+    from crosscheck.night.campaign import Outcome
+
+MOST_LINES = 20
+"""Disagreements, and failures, that are told on a terminal; the report has all."""
+QUANTITIES = ("position", "velocity", "acceleration")
+PLACES = ("inside", "outside", "undecidable", "no answer")
+
+
+def capability_table(engines: Iterable[Engine]) -> Table:
+    """Return joint x engine x level: native, derived, or refused with its reason."""
+    table = Table(
+        "engine", "joint or driver", *(level.value for level in Level), "why not", title="What engines can do"
+    )
+    labels = {cls: type_name(cls) for cls in JOINT_TYPES} | {cls: f"{type_name(cls)} (driver)" for cls in DRIVER_TYPES}
+    for engine in engines:
+        known = engine.capabilities()
+        for cls, label in labels.items():
+            levels = _levels(known, cls)
+            cells = [str(levels[level].support) if level in levels else Support.REFUSED.value for level in Level]
+            reasons = {levels[level].reason for level in levels if levels[level].reason}
+            table.add_row(engine.name, label, *cells, "; ".join(sorted(reasons)))
+        table.add_section()
+    return table
+
+
+def agreement_table(record: Mapping[str, Any]) -> Table:
+    """Return engine and route x quantity: worst digits and worst error / allowed, and who did what."""
+    table = Table("engine", "route", "Newton by", "seeding", title=f"{record['scene']}: agreement with refkin")
+    for quantity in QUANTITIES:
+        table.add_column(f"{quantity}\nworst digits", justify="right")
+        table.add_column("error/\nallowed", justify="right")
+    table.add_column("no answer", justify="right")
+    for answer in record["answers"]:
+        route = answer["route"]
+        cells = [answer["engine"], route["name"], route["newton_by"], route["seeding"]]
+        for quantity in QUANTITIES:
+            cells += _cells(answer["quantities"].get(quantity))
+        table.add_row(*cells, f"{answer['missing']} of {answer['times']}")
+    return table
+
+
+def rows_table(record: Mapping[str, Any]) -> Table:
+    """Return the comparison of the engines' own rows at configurations that are not assembled."""
+    table = Table("engine", "own rows", "rows", "worst digits", "error/allowed", title="Translation of the model")
+    for level in record["levels"]:
+        worst = min((float(d) for d in level["digits"]), default=None)
+        table.add_row(level["engine"], level["level"], str(level["rows"]), f"{worst}", f"{level['ratio']:.2g}")
+    return table
+
+
+def arbiter_table(record: Mapping[str, Any]) -> Table:
+    """Return where each answer lies by the certificate: at how many times, and the farthest, in attainable radii."""
+    table = Table("engine", "route", title="Positions by the certificate (113 bits), within what float64 can attain")
+    for place in (*PLACES, "worst, radii"):
+        table.add_column(place, justify="right")
+    for answer in record["answers"]:
+        told = answer["certificate"]
+        cells = [str(told[place]) for place in PLACES] if told else ["-"] * len(PLACES)
+        worst = "-" if told is None or told["radii"] is None else f"{told['radii']:.2g}"
+        table.add_row(answer["engine"], answer["route"]["name"], *cells, worst)
+    return table
+
+
+def disagreement_lines(disagreements: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Return one line per disagreement."""
+    lines = []
+    for d in disagreements:
+        ratio = "" if d["ratio"] is None else f", {d['ratio']:.3g} times the allowed error"
+        lines.append(f"{d['engine']} ({d['route']}), {d['quantity']}: {d['kind']}{ratio}; {d['worst']}")
+    return lines
+
+
+def lines_with_gap(told: Mapping[str, Any], record: Mapping[str, Any], gaps: Sequence[Gap]) -> list[str]:
+    """Return the line of a disagreement with the known gap that accounts for it, if any."""
+    gap = next((gap for gap in gaps if gap.covers(record, told)), None)
+    known = "" if gap is None else f" [known since {gap.date}: {gap.reason}]"
+    return [line + known for line in disagreement_lines([told])]
+
+
+def outcome_lines(outcome: Outcome) -> list[str]:
+    """Return how a night ended, in lines that a log can hold."""
+    lines = [f"new: {disagreement_lines([told])[0]}  ({told['file']})" for told in outcome.new[:MOST_LINES]]
+    lines += [f"failed: {text}" for text in outcome.failed[:MOST_LINES]]
+    lines += [f"missing: {name}: {reason}" for name, reason in outcome.missing.items()]
+    for gap in outcome.possibly_closed:
+        told = f"the gap of {gap.engine} known since {gap.date} ({gap.predicate}) showed in no scene of its kind"
+        lines.append(f"possibly closed: {told}")
+    for gap, scenes in outcome.found_again:
+        when = f"found again by scene {scenes}" if scenes else "not found again"
+        lines.append(f"known gap {when}: {gap.engine}, {gap.reproduction}")
+    if outcome.new:
+        lines.append(f"simplifying disagreements took {outcome.shrinking_seconds:.0f} s")
+    counted = f"{len(outcome.new)} new and {outcome.known} known disagreements"
+    return [*lines, f"{outcome.checked} scenes checked, {counted}"]
+
+
+def type_name(cls: Any) -> str:
+    """Return the type of a joint or driver as it stands in a scene file."""
+    return str(cls.__dataclass_fields__["type"].default)
+
+
+def _levels(known: Any, cls: Any) -> Any:
+    return known.get("distance driver" if cls is DistanceDriver else type_name(cls), {})
+
+
+def _cells(quantity: Mapping[str, Any] | None) -> list[str]:
+    if quantity is None:
+        return ["-", "-"]
+    digits = [float(d) for decade in quantity["digits_by_sigma"].values() for d in decade]
+    return [f"{min(digits):.1f}" if digits else "-", "-" if quantity["ratio"] is None else f"{quantity['ratio']:.2g}"]

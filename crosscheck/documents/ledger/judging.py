@@ -1,0 +1,215 @@
+"""A row recomputed, and held against what it states: each number by each part of the project that computes it."""
+
+from __future__ import annotations
+
+import importlib
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+from flint import arb, ctx
+
+from crosscheck.documents.ledger.arithmetic import Balls, Binary64
+from crosscheck.documents.ledger.digits import Printed, Written, correct_digits, printed_is
+from crosscheck.documents.ledger.rows import Erratum, Row, Value, leaves
+
+JUDGE_BITS = 256
+"""Bits of the balls that enclose the truth, and of every comparison."""
+ROUNDING_BITS = 53
+SAFETY = 2.0
+"""Balls take sines and roots as rounded to half a unit; NumPy's may err by one, and sums come in another order."""
+MOST_BINARY64 = 15
+"""Digits beyond which a stated truth must be enclosed: binary64 holds no more for certain."""
+TRUTH = f"balls of {JUDGE_BITS} bits"
+
+Sources = dict[str, dict[str, Any]]
+"""What each source has computed: path -> number, word, or yes and no."""
+
+
+def computed(row: Row) -> tuple[Sources, dict[str, Any]]:
+    """Return what each source makes of a row, and the radius of each number on balls of 53 bits."""
+    sources: Sources = {}
+    radii: dict[str, Any] = {}
+    if row.computation:
+        compute = _function(row.computation)
+        sources[Binary64.name] = _flat(compute(Binary64(), row.inputs))
+        for bits in (JUDGE_BITS, ROUNDING_BITS):
+            balls = Balls(bits)
+            with balls.at_precision():
+                found = _flat(compute(balls, row.inputs))
+            if bits == JUDGE_BITS:
+                sources[TRUTH] = found
+            else:
+                radii = {path: x.rad() for path, x in found.items() if isinstance(x, arb)}
+    for name in row.also:
+        sources[name.partition(":")[2].partition("_")[0]] = _flat(_function(name)(row.inputs))
+    return sources, radii
+
+
+def check_row(row: Row) -> dict[str, Any]:
+    """Return a row with what was found out about it, as plain data; `status` is pass, fail or open."""
+    with ctx.workprec(JUDGE_BITS):
+        sources, radii = computed(row)
+        told = [found for value in row.values for found in _judged(value, sources, radii)]
+        failures = [f"{t['name']}: {text}" for t in told for text in t.pop("failures")]
+        stated = {path for t in told for path in (t["name"],)}
+        unstated = sorted({path for found in sources.values() for path in found} - stated)
+        failures += [f"{path}: computed, but not stated" for path in unstated]
+        errata = [_erratum(e, told, sources) for e in row.errata]
+        failures += [text for e in errata for text in e.pop("failures")]
+        failures += _uncovered(row.errata, told)
+    if not told and not row.open:
+        failures.append("nothing is checked")
+    status = "fail" if failures else "open" if row.open else "pass"
+    plain = ("id", "document", "item", "computation", "inferred", "open", "note")
+    return {
+        **{key: getattr(row, key) for key in plain},
+        "inputs": {key: _plain(value) for key, value in row.inputs.items()},
+        "computed_by": list(sources),
+        "status": status,
+        "failures": failures,
+        "values": told,
+        "errata": errata,
+    }
+
+
+def _function(name: str) -> Callable[..., dict[str, Any]]:
+    module, _, function = name.partition(":")
+    return getattr(importlib.import_module(f"crosscheck.documents.ledger.{module}"), function)  # type: ignore[no-any-return]
+
+
+def _flat(found: Mapping[str, Any]) -> dict[str, Any]:
+    trees = {name: _plain(tree) for name, tree in found.items()}
+    return {path: leaf for name, tree in trees.items() for path, leaf in leaves(name, tree)}
+
+
+def _plain(tree: Any) -> Any:
+    """Return a tree with lists for arrays and tuples, and Python's own numbers for NumPy's."""
+    if isinstance(tree, np.ndarray):
+        return [_plain(part) for part in tree.tolist()]
+    if isinstance(tree, list | tuple):
+        return [_plain(part) for part in tree]
+    return tree.item() if isinstance(tree, np.generic) else tree
+
+
+def _judged(value: Value, sources: Sources, radii: Mapping[str, Any]) -> list[dict[str, Any]]:
+    """Return what is found out about each leaf of a quantity."""
+    if value.between is not None:
+        paths = [p for found in sources.values() for p in found if p == value.name or p.startswith(value.name + "[")]
+        leaf_truths: dict[str, Any] = dict.fromkeys(paths)
+        leaf_truths = leaf_truths or {value.name: None}
+    else:
+        leaf_truths = dict(leaves(value.name, value.truth))
+    printed = dict(leaves(value.name, value.printed)) if value.printed is not None else {}
+    told = [_leaf(value, path, truth, sources, radii, printed.pop(path, "")) for path, truth in leaf_truths.items()]
+    if any(printed.values()):
+        told[-1]["failures"].append(f"printed, but without a truth: {sorted(k for k, v in printed.items() if v)}")
+    return told
+
+
+def _leaf(
+    value: Value, path: str, truth: Any, sources: Sources, radii: Mapping[str, Any], printed: str
+) -> dict[str, Any]:
+    failures, by = [], {}
+    for source, found in sources.items():
+        if path in found:
+            by[source] = _shown(found[path])
+            failures += [f"{source}: {text}" for text in _compared(value, truth, found[path], source, radii.get(path))]
+    if not by:
+        failures.append("not computed")
+    elif (
+        isinstance(truth, str) and _is_number(truth) and Written.read(truth).digits > MOST_BINARY64 and TRUTH not in by
+    ):
+        failures.append(f"stated to {Written.read(truth).digits} digits, but not enclosed")
+    told = {"name": path, "truth": truth, "between": value.between, "computed": by, "failures": failures}
+    return {
+        **told,
+        **_printed(printed, truth, next((f[path] for s, f in sources.items() if s == TRUTH and path in f), None)),
+    }
+
+
+def _printed(printed: str, truth: Any, enclosed: Any) -> dict[str, Any]:
+    """Return what a printed number is; its digits are counted against the enclosed truth, else the stated one."""
+    if not printed:
+        return {"printed": None}
+    number, against = Written.read(printed), arb(enclosed if enclosed is not None else str(truth))
+    return {
+        "printed": printed,
+        "verdict": printed_is(number, against).value,
+        "digits_printed": number.digits,
+        "digits_correct": correct_digits(number, against),
+    }
+
+
+def _compared(value: Value, truth: Any, found: Any, source: str, radius: Any) -> list[str]:
+    """Return why a computed leaf is not what is stated, if it is not."""
+    if value.between is not None:
+        low, high = (arb(end) for end in value.between)
+        inside = isinstance(found, int | float | arb) and low <= arb(found) <= high
+        return [] if inside else [f"{_shown(found)} is not between {value.between[0]} and {value.between[1]}"]
+    if not (isinstance(truth, str) and _is_number(truth)):
+        same = type(found) is type(truth) and found == truth
+        return [] if same else [f"{_shown(found)} is not {truth!r}"]
+    if isinstance(found, bool | str) or (isinstance(found, float) and not np.isfinite(found)):
+        return [f"{_shown(found)} is not {truth}"]
+    stated = Written.read(truth)
+    allowed = stated.half * (1 + arb(2) ** -50)
+    if source != TRUTH and radius is not None:
+        allowed += SAFETY * radius
+    away = abs(arb(found) - stated.value)
+    return (
+        []
+        if away <= allowed
+        else [f"{_shown(found)} is not {truth}: off by {float(away):.2g}, allowed {float(allowed):.2g}"]
+    )
+
+
+def _erratum(erratum: Erratum, told: list[dict[str, Any]], sources: Sources) -> dict[str, Any]:
+    """Return an erratum as plain data with what its printed numbers are, and what of it does not hold."""
+    failures, by_name = [], {t["name"]: t for t in told}
+    where = ", ".join(erratum.at) or erratum.shown_by or erratum.cause[:40]
+    for path in erratum.at:
+        found = by_name.get(path, {})
+        if found.get("verdict") != erratum.kind:
+            failures.append(
+                f"erratum {path}: stated as {erratum.kind}, but it is {found.get('verdict', 'not printed')}"
+            )
+    if erratum.explained_by:
+        for path, other in zip(erratum.at, erratum.explained_by, strict=True):
+            failures += _explained(by_name.get(path, {}).get("printed") or "", other, sources)
+    if erratum.kind in ("wrong", "truncated") and not erratum.at:
+        failures.append(f"erratum {where}: names no printed number")
+    if erratum.kind in ("formula", "claim") and not any(t["name"].partition("[")[0] == erratum.shown_by for t in told):
+        failures.append(f"erratum {where}: nothing shows it")
+    keys = ("kind", "cause", "explained_by", "shown_by", "counts", "reading")
+    return {"at": list(erratum.at), **{key: _plain(getattr(erratum, key)) for key in keys}, "failures": failures}
+
+
+def _explained(printed: str, path: str, sources: Sources) -> list[str]:
+    found = sources.get(TRUTH, {}).get(path, sources.get(Binary64.name, {}).get(path))
+    if found is None or not printed or printed_is(Written.read(printed), arb(found)) is Printed.WRONG:
+        return [f"erratum: {printed} is not {path}, {'which is not computed' if found is None else _shown(found)}"]
+    return []
+
+
+def _uncovered(errata: tuple[Erratum, ...], told: list[dict[str, Any]]) -> list[str]:
+    """Return the printed numbers that are not right and that no erratum names."""
+    named = {path for erratum in errata for path in erratum.at}
+    off = [t for t in told if t.get("verdict") not in (None, Printed.RIGHT.value) and t["name"] not in named]
+    return [f"{t['name']}: {t['printed']} is printed, which is {t['verdict']}: no erratum says so" for t in off]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        Written.read(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _shown(found: Any) -> str:
+    """Return a computed leaf as text: a float to the last bit, a ball to the digits that it proves, 30 at most."""
+    if isinstance(found, arb):
+        known = found.rad() < arb(2) ** -120 * (1 + abs(found))
+        return str(found.str(30, radius=False) if known else found.str(17))
+    return repr(found) if isinstance(found, float) else str(found)

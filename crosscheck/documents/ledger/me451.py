@@ -1,0 +1,229 @@
+"""The rows A1 to A9: the iterations and position analyses of the ME451 slides."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from crosscheck.documents.convergence import linear_rate
+from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
+from crosscheck.documents.ledger.enclosing import count_roots, excludes_zero
+from crosscheck.documents.systems import SquareSystem, me451
+from crosscheck.documents.systems.square import scalar
+from refkin.newton import CorrectionNorm, newton
+from refkin.solving.solve import position
+from refkin.system import compile_system
+
+Given = Mapping[str, Any]
+Found = dict[str, Any]
+
+
+def a1(n: Arithmetic, given: Given) -> Found:
+    """sqrt(x) - sin(x): no root but 0, where the slope is unbounded; Newton leaves x > 0."""
+    phi, phi_q = me451.root_minus_sine()
+    found: Found = {"slope near 0": phi_q(n.vector([given["near"]]))[0, 0]}
+    low, high = given["no root between"]
+    if isinstance(n, Balls):
+        found["no root between"] = excludes_zero(lambda x: phi([x])[0], float(low), float(high))
+    else:
+        scanned = np.linspace(float(low), float(high), 4001)
+        runs = [newton(phi, phi_q, float(x), max_iterations=30) for x in given["starts"]]
+        found["no root between"] = bool(np.min(phi([scanned])) > 0.0)
+        found["steps until x < 0"] = [int(np.argmax(r.iterates[:, 0] < 0.0)) for r in runs]
+        found["status"] = [r.status.name for r in runs]
+    return found
+
+
+def a2(n: Arithmetic, given: Given) -> Found:
+    """Roots of 3x + sin(xy) - 4, x - e^(cos y)."""
+    system = me451.sine_and_exponential()
+    return {"roots": [n.root(system, n.vector(start)) for start in given["starts"]]}
+
+
+def a3(n: Arithmetic, given: Given) -> Found:
+    """Newton's iterates of x^2 + sin(x) - 1.841471, and its two roots."""
+    system = me451.square_and_sine(n(given["constant"]))
+    history = n.newton(system, n.vector([given["start"]]), 4)
+    near = n.vector([given["truncated"]])
+    root = n.root(system, n.vector(["1"]))[0]
+    x1 = history.iterates[1][0]
+    return {
+        "x": [q[0] for q in history.iterates],
+        "f": [f[0] for f in history.residuals],
+        "f'": [slope[0, 0] for slope in history.slopes],
+        "root": root,
+        "root - 1": root - 1,
+        "second root": n.root(system, n.vector(["-1.7"]))[0],
+        "f(1.0042)": system.phi(near)[0],
+        "f'(1.0042)": system.phi_q(near)[0, 0],
+        "x2 with f'(x1) = 2.7109": x1 - history.residuals[1][0] / n("2.7109"),
+    }
+
+
+def a4(n: Arithmetic, given: Given) -> Found:
+    """The pair x - e^y = 0, ln(1 + x) - cos y = 0; and with x - e^y = 1 as printed."""
+    system, printed = me451.exponential_and_logarithm(), me451.exponential_and_logarithm(1)
+    start = n.vector(given["start"])
+    # On the first equation as printed, x = 1 + e^y, the second is ln(2 + e^y) - cos y: its least value is the gap.
+    lowest = n.root(
+        scalar(
+            lambda y: np.exp(y) / (2 + np.exp(y)) + np.sin(y),
+            lambda y: 2 * np.exp(y) / (2 + np.exp(y)) ** 2 + np.cos(y),
+        ),
+        n.vector(["-0.3"]),
+    )[0]
+    found: Found = {
+        "iterate": n.newton(system, start, 5).iterates,
+        "root": n.root(system, start),
+        "printed: least gap": np.log(2 + np.exp(lowest)) - np.cos(lowest),
+        "printed: gap at y": lowest,
+        "printed: roots": [n.root(printed, n.vector(near)) for near in given["printed roots near"]],
+    }
+    low, high = given["printed: no root for y between"]
+    if isinstance(n, Balls):
+        found["printed: no root for y between"] = excludes_zero(
+            lambda y: np.log(2 + np.exp(y)) - np.cos(y), float(low), float(high)
+        )
+    else:
+        result = newton(*printed, start, max_iterations=40)
+        found["printed: status"] = result.status.name
+        found["printed: x <= -1 at iterate"] = int(np.argmax(result.iterates[:, 0] <= -1.0))
+        scanned = np.linspace(float(low), float(high), 2001)
+        found["printed: no root for y between"] = bool(np.min(np.log(2 + np.exp(scanned)) - np.cos(scanned)) > 0.0)
+    return found
+
+
+def a5(n: Arithmetic, given: Given) -> Found:
+    """The residuals of the iterates 4 and 5 of A4, in millionths."""
+    history = n.newton(me451.exponential_and_logarithm(), n.vector(given["start"]), 5)
+    millionths = [[x * 1000000 for x in residual] for residual in history.residuals]
+    return {"residual of iterate 5": millionths[5], "residual of iterate 4": millionths[4]}
+
+
+def problem_356(n: Arithmetic, given: Given, t: str = "0") -> SquareSystem:
+    """Return Problem 3.5.6 at a time, with the row's numbers."""
+    reach = n(t) * n(given["speed"]) + n(given["reach"])
+    return me451.problem_356(reach, n(given["ground"]), n(given["link"]))
+
+
+def estimate_356(n: Arithmetic) -> Any:
+    """Return the estimate of the slides' code: q = [0.2 ; 0.2 ; pi/4]."""
+    return np.array([n("0.2"), n("0.2"), n.pi / 4])
+
+
+def a6(n: Arithmetic, given: Given) -> Found:
+    """Problem 3.5.6 at t = 0, iterate by iterate."""
+    history = n.newton(problem_356(n, given), estimate_356(n), 6)
+    return {
+        "q": history.iterates[:6],
+        "correction": [np.sqrt(sum(c * c)) for c in history.corrections],
+        "root": n.root(problem_356(n, given), history.iterates[4]),
+    }
+
+
+def refkin_a6(given: Given) -> Found:
+    """The same pose in absolute coordinates, with bodies and joints."""
+    system = compile_system(me451.problem_356_mechanism(float(given["ground"]), float(given["link"])))
+    return {"root": absolute_356(system, 0.0)}
+
+
+def absolute_356(system: Any, t: float) -> Any:
+    """Return (x2, y2, phi3) of Problem 3.5.6 as a mechanism, from the slides' estimate."""
+    start = np.array([0.0, 0.0, 0.8, 0.2, 0.2, 0.8, 0.6, 0.0, 0.8])
+    q = position(system, start, t).q
+    return np.array([q[3], q[4], q[8]])
+
+
+def a7(n: Arithmetic, given: Given) -> Found:
+    """The sweep of the "final form": t = 0 : 0.05 : 4, each pose from the one before."""
+    if isinstance(n, Binary64):
+        return _a7_sweep(given)
+    q, poses = estimate_356(n), []
+    for t in given["times"]:
+        for part in range(1, 9):  # a step of the sweep at a time would do as well
+            system = problem_356(n, given, str(float(t) * part / 8))
+            q = n.root(system, q)
+        poses.append(q)
+    return {"q": poses, "det at the last": n.det(problem_356(n, given, given["times"][-1]).phi_q(poses[-1]))}
+
+
+def _a7_sweep(given: Given) -> Found:
+    n, q = Binary64(), estimate_356(Binary64())
+    times = np.linspace(0.0, 4.0, 81)
+    iterations, poses = [], {}
+    for t in times:
+        result = newton(*problem_356(n, given, repr(float(t))), q, stop=CorrectionNorm(1e-8))
+        q = result.q
+        iterations.append(result.iterations)
+        poses[round(float(t), 2)] = q
+    last = problem_356(n, given, given["times"][-1]).phi_q(q)
+    return {
+        "q": [poses[float(t)] for t in given["times"]],
+        "det at the last": np.linalg.det(last),
+        "iterations at t = 0": iterations[0],
+        "iterations later": [min(iterations[1:]), max(iterations[1:])],
+    }
+
+
+def a8(n: Arithmetic, given: Given) -> Found:
+    """The limits of Problem 3.5.6: folds, where the closed form ends."""
+    ground, link = n(given["ground"]), n(given["link"])
+    at_fold = me451.problem_356_fold(ground, link)
+    times = []
+    for start in (["0.8", "0", "-1.5", "0.8", "0", "1", "1"], ["0.4", "0", "1.5", "0.4", "0", "-1", "1"]):
+        times.append((n.root(at_fold, n.vector(start))[3] - n(given["reach"])) / n(given["speed"]))
+    reach = n(given["speed"]) + n(given["reach"])
+    found: Found = {
+        "t of the folds": times,
+        "x2 at t = 1 in closed form": (ground * ground - link * link + reach * reach) / (2 * ground),
+    }
+    return {**found, **(_a8_runs(n, given) if isinstance(n, Binary64) else {})}
+
+
+def _a8_runs(n: Binary64, given: Given) -> Found:
+    """Newton at the fold, and beyond it: with a cap, for there the slides' while loops never end."""
+    phi, phi_q = problem_356(n, given, given["at fold"])
+    exact = np.array([0.85, 0.0, -np.pi / 2])
+    result = newton(phi, phi_q, exact + np.array([-0.05, 0.05, 0.1]), stop=never, max_iterations=200)
+    errors = np.max(np.abs(result.iterates - exact), axis=1)
+    beyond = newton(*problem_356(n, given, given["beyond"]), exact, stop=never, max_iterations=200)
+    return {
+        "rate at the fold": linear_rate(errors, floor=1e-6).value,
+        "error after 200": errors[-1],
+        "condition there": np.linalg.cond(phi_q(result.q)),
+        "largest residual component there": result.residual,
+        "beyond: status": beyond.status.name,
+    }
+
+
+def never(residual: Any, correction: Any, q: Any) -> bool:
+    """Go on to the cap: the stopping test of a for loop."""
+    return False
+
+
+def a9(n: Arithmetic, given: Given) -> Found:
+    """The even function: its constant, its roots, how many there are."""
+    system = me451.even_function(n(given["constant"]))
+    at = n.vector([given["x"]])
+    found: Found = {
+        "f(-1.2)": system.phi(at)[0],
+        "f'(-1.2)": system.phi_q(at)[0, 0],
+        "inner root": n.root(system, n.vector(["0.85"]))[0],
+        "outer root": n.root(system, n.vector(["1.2"]))[0],
+    }
+    if isinstance(n, Balls):
+        found["roots for |x| < 12"] = 2 * sum(count_roots(system, low, high) for low, high in _a9_pieces(12.0))
+    return found
+
+
+def _a9_pieces(end: float) -> list[tuple[float, float]]:
+    """Return the intervals of 0 < x < end in which cos x > 0; near their ends f is above 100: ln(cos x) < -13 there."""
+    pieces, left, k = [], 0.0, 0
+    while left < end:
+        right = (2 * k + 0.5) * np.pi - 1e-6
+        pieces.append((left, min(right, end)))
+        k += 1
+        left = (2 * k - 0.5) * np.pi + 1e-6
+    return pieces

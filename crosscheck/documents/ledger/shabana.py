@@ -1,0 +1,246 @@
+"""The rows D1 to D9 of the notes on Shabana: mobility, closed forms, the Coriolis example, the two-link arm."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
+from crosscheck.documents.ledger.me451 import Found, Given
+from crosscheck.documents.systems import printed, shabana
+from crosscheck.engines import vector_loop as loops
+from refkin.joints import GROUND, AngleDriver, Fixed, Revolute, XDriver
+from refkin.model import Body, Mechanism
+from refkin.motion_laws import Polynomial
+from refkin.points import point_parts, rod_and_block
+from refkin.scenes.linkages import ANYWHERE, FourBar, SliderCrank
+from refkin.solving.solve import acceleration, velocity
+from refkin.system import compile_system
+
+
+def numbers(n: Arithmetic, given: Given, *keys: str) -> list[Any]:
+    """Return some of the row's numbers."""
+    return [n(given[key]) for key in keys]
+
+
+def radians(n: Arithmetic, given: Given, *keys: str) -> list[Any]:
+    """Return some of the row's angles, which stand there in degrees."""
+    return [n(given[key]) * n.pi / 180 for key in keys]
+
+
+def d3(n: Arithmetic, given: Given) -> Found:
+    """At s + l = p + q the shortest link still turns fully: the law of Grashof is s + l <= p + q."""
+    ground, crank, coupler, rocker = (n(x) for x in given["lengths"])
+    return {"s + l": ground + crank, "p + q": coupler + rocker}
+
+
+def refkin_d3(given: Given) -> Found:
+    """Class and range of a linkage at its change point."""
+    linkage = FourBar(*(float(x) for x in given["lengths"]))
+    farthest = linkage.closure_margin(math.pi)
+    return {
+        "class": linkage.grashof.name,
+        "crank turns fully": linkage.input_range() == ANYWHERE,
+        "margin with the crank at 180 degrees": farthest,
+    }
+
+
+def d4(n: Arithmetic, given: Given) -> Found:
+    """Both assemblies of the offset slider-crank; what asin alone gives; the loop with its signs as first printed."""
+    l2, l3, h = numbers(n, given, "l2", "l3", "h")
+    (theta2,) = radians(n, given, "theta2")
+    sine, x = shabana.slider_crank_position(l2, l3, h, theta2, 1)
+    _, x_minus = shabana.slider_crank_position(l2, l3, h, theta2, -1)
+    theta3 = n.arcsin(sine)
+    phi = shabana.slider_crank(l2, l3, h, theta2).phi
+    along, across = phi(np.array([theta3, x]))
+    return {
+        "+: theta3, x": [theta3, x],
+        "-: theta3, x": [n.pi - theta3, x_minus],
+        "-: gap with theta3 = asin": phi(np.array([theta3, x_minus]))[0],
+        "first version, residual": [along + 2 * x, across + 2 * h],
+    }
+
+
+def refkin_d4(given: Given) -> Found:
+    """Both assemblies of the linkage."""
+    linkage = SliderCrank(*(float(given[key]) for key in ("l2", "l3", "h")))
+    at = math.radians(float(given["theta2"]))
+    poses = [linkage.assemble(at, branch) for branch in ("open", "crossed")]
+    return {
+        f"{sign}: theta3, x": [(pose["connecting_rod"][2] + 1.0) % math.tau - 1.0, pose["slider"][0]]
+        for sign, pose in zip("+-", poses, strict=True)
+    }
+
+
+def d5(n: Arithmetic, given: Given) -> Found:
+    """Velocity and acceleration of the slider-crank in closed form."""
+    l2, l3, h, rate, second = numbers(n, given, "l2", "l3", "h", "theta2'", "theta2''")
+    (theta2,) = radians(n, given, "theta2")
+    theta3 = n.arcsin(shabana.slider_crank_position(l2, l3, h, theta2, 1)[0])
+    velocity_ = shabana.slider_crank_velocity(l2, l3, theta2, theta3, rate)
+    return {
+        "theta3', x'": velocity_,
+        "theta3'', x''": shabana.slider_crank_acceleration(l2, l3, theta2, theta3, (rate, velocity_[0]), second),
+    }
+
+
+def loops_d5(given: Given) -> Found:
+    """The same rates from the differentiated loop."""
+    n = Binary64()
+    at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
+    law = Polynomial(coefficients=(at, rate, second / 2))
+    l2, l3, h = numbers(n, given, "l2", "l3", "h")
+    system = loops.slider_crank(l2, l3, h, law)
+    q = loops.close(system, [0.0, 0.4]).q
+    qd = system.velocity(q, 0.0)
+    return {"theta3', x'": qd, "theta3'', x''": system.acceleration(q, qd, 0.0)}
+
+
+def refkin_d5(given: Given) -> Found:
+    """The same rates in absolute coordinates."""
+    n = Binary64()
+    linkage = SliderCrank(*numbers(n, given, "l2", "l3", "h"))
+    at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
+    mechanism = linkage.mechanism(linkage.driver(Polynomial(coefficients=(at, rate, second / 2))))
+    system, pose = compile_system(mechanism), linkage.assemble(at)
+    q = np.concatenate([pose[body.name] for body in mechanism.bodies])
+    qd = velocity(system, q, 0.0)
+    qdd = acceleration(system, q, qd, 0.0)
+    wanted = [system.columns("connecting_rod").start + 2, system.columns("slider").start]
+    return {"theta3', x'": qd[wanted], "theta3'', x''": qdd[wanted]}
+
+
+def d6(n: Arithmetic, given: Given) -> Found:
+    """The determinant is l3 cos(theta3): at theta3 = 0 it is largest, at 90 degrees it vanishes."""
+    l2, l3 = numbers(n, given, "l2", "l3")
+    slopes = [shabana.slider_crank(l2, l3, n("0"), n("1")).phi_q(n.vector([angle, "1"])) for angle in ("0", "1")]
+    found: Found = {"det at theta3 = 0": n.det(slopes[0]), "det at theta3 = 1 rad": n.det(slopes[1])}
+    found["l3 cos(1 rad)"] = l3 * np.cos(n("1"))
+    if isinstance(n, Binary64):
+        found["rank of the loop in theta2, theta3, x for l2 = l3 at 90 degrees"] = _rank_at_bifurcation()
+    return found
+
+
+def _rank_at_bifurcation() -> int:
+    """Return the rank of d(loop)/d(theta2, theta3, x) where crank and rod lie on each other, upright."""
+    free = loops.slider_crank(1.0, 1.0, 0.0, Polynomial(coefficients=(math.pi / 2, 1.0)))
+    q = np.array([-math.pi / 2, 0.0])
+    by_theta2 = -free.nu(q, 0.0)
+    return int(np.linalg.matrix_rank(np.column_stack([by_theta2, free.jacobian(q, 0.0)]), tol=1e-12))
+
+
+def d7(n: Arithmetic, given: Given) -> Found:
+    """The Coriolis example: rates, accelerations, and both with the terms that are printed."""
+    l1, l2, rate, second = numbers(n, given, "l1", "l2", "theta2'", "theta2''")
+    (theta2,) = radians(n, given, "theta2")
+    q = n.root(shabana.coriolis_example(l1, l2, theta2), n.vector(given["estimate"]))
+    qd = shabana.coriolis_velocity(l2, theta2, q, rate)
+    matrix, right = shabana.coriolis_right_side(l2, theta2, q, qd, rate, second)
+    as_printed = np.array([right[0], right[1] - 2 * second * l2 * np.cos(theta2)])
+    term = qd[0] * qd[1]
+    return {
+        "theta3, x": q,
+        "theta3', x'": qd,
+        "theta3'', x''": n.solve(matrix, right),
+        "theta3'', x'' with -theta2'' in row 2": n.solve(matrix, as_printed),
+        "Coriolis acceleration": printed.coriolis_terms(2, n("1"), term),
+        "with three terms": printed.coriolis_terms(3, n("1"), term),
+        "acceleration of the block": l2 * (second * turned(theta2, 1) - rate * rate * turned(theta2, 0)),
+    }
+
+
+def turned(angle: Any, quarters: int) -> Any:
+    """Return the unit vector at an angle, or that vector turned by a quarter turn."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([-s, c]) if quarters else np.array([c, s])
+
+
+def loops_d7(given: Given) -> Found:
+    """The same rates from the differentiated loop."""
+    n = Binary64()
+    at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
+    law = Polynomial(coefficients=(at, rate, second / 2))
+    l1, l2 = numbers(n, given, "l1", "l2")
+    system = loops.inverted_slider_crank(l1, l2, 0.0, law)
+    q = loops.close(system, n.vector(given["estimate"])).q
+    qd = system.velocity(q, 0.0)
+    return {"theta3, x": q, "theta3', x'": qd, "theta3'', x''": system.acceleration(q, qd, 0.0)}
+
+
+def refkin_d7(given: Given) -> Found:
+    """The rod from the motion of the pin that it guides, and the parts of the block's acceleration in it."""
+    n = Binary64()
+    l1, l2, rate, second = numbers(n, given, "l1", "l2", "theta2'", "theta2''")
+    (theta2,) = radians(n, given, "theta2")
+    theta3, x = loops_d7(given)["theta3, x"]
+    pin = rate * l2 * turned(theta2, 1), l2 * (second * turned(theta2, 1) - rate * rate * turned(theta2, 0))
+    rod = rod_and_block(theta3, x, *pin)
+    w3, v, alpha3, a = rod.omega, rod.slide_rate, rod.alpha, rod.slide_acceleration
+    parts = point_parts((x, 0.0), [l1, 0.0, theta3], [0.0, 0.0, w3], [0.0, 0.0, alpha3], (v, 0.0), (a, 0.0))
+    normal = np.array([-math.sin(theta3), math.cos(theta3)])
+    return {
+        "theta3', x'": [w3, v],
+        "theta3'', x''": [alpha3, a],
+        "Coriolis acceleration": normal @ parts.a_coriolis,
+        "acceleration of the block": parts.a,
+    }
+
+
+def d8(n: Arithmetic, given: Given) -> Found:
+    """The driven two-link arm: velocities, accelerations, C_t with nine entries."""
+    l2, l3, w2, w3 = numbers(n, given, "l2", "l3", "omega2", "omega3")
+    theta2, theta3 = radians(n, given, "theta2", "theta3")
+    velocity_, acceleration_ = shabana.two_link_rates(l2, l3, theta2, theta3, w2, w3)
+    return {"R2', R3'": velocity_, "R2'', R3''": acceleration_, "C_t": [0, 0, 0, 0, 0, 0, 0, -w2, -w3]}
+
+
+def refkin_d8(given: Given) -> Found:
+    """The same arm with bodies and joints, its link 1 a body that is fixed to the ground."""
+    n = Binary64()
+    l2, l3, w2, w3 = numbers(n, given, "l2", "l3", "omega2", "omega3")
+    theta2, theta3 = radians(n, given, "theta2", "theta3")
+    system = compile_system(two_link(l2, l3, (theta2, w2), (theta3, w3)))
+    c2, c3 = (np.array([math.cos(a), math.sin(a)]) for a in (theta2, theta3))
+    q = np.concatenate([[0.0] * 3, l2 / 2 * c2, [theta2], l2 * c2 + l3 / 2 * c3, [theta3]])
+    qd = velocity(system, q, 0.0)
+    rows = [3, 4, 6, 7]
+    return {
+        "R2', R3'": qd[rows],
+        "R2'', R3''": acceleration(system, q, qd, 0.0)[rows],
+        "C_t": -system.nu(q, 0.0),
+        "joint rows": sum(joint.rows for joint in system.mechanism.joints),
+    }
+
+
+def two_link(l2: float, l3: float, first: tuple[float, float], second: tuple[float, float]) -> Mechanism:
+    """Return the two-link arm; each angle is driven by (value at t = 0, rate)."""
+    joints = (
+        Fixed(name="C1", body_i=GROUND, point_i=(0.0, 0.0), body_j="1", point_j=(0.0, 0.0)),
+        Revolute(name="O", body_i="1", point_i=(0.0, 0.0), body_j="2", point_j=(-l2 / 2, 0.0)),
+        Revolute(name="A", body_i="2", point_i=(l2 / 2, 0.0), body_j="3", point_j=(-l3 / 2, 0.0)),
+    )
+    drivers = tuple(
+        AngleDriver(name=f"theta{body}", body=body, rate_law=Polynomial(coefficients=(rate,)), initial=value)
+        for body, (value, rate) in (("2", first), ("3", second))
+    )
+    return Mechanism(tuple(Body(name=name) for name in "123"), joints, drivers)
+
+
+def d9(n: Arithmetic, given: Given) -> Found:
+    """Linear constraints whose Jacobian is singular: one of them twice."""
+    return {} if isinstance(n, Balls) else {"constraints": 3}
+
+
+def refkin_d9(given: Given) -> Found:
+    """Rank and determinant with bodies and drivers."""
+    still = Polynomial(coefficients=(0.0,))
+    drivers = (
+        AngleDriver(name="once", body="b", law=still),
+        AngleDriver(name="again", body="b", law=still),
+        XDriver(name="x", body="b", law=still),
+    )
+    slope = compile_system(Mechanism((Body(name="b"),), (), drivers)).phi_q(np.zeros(3), 0.0)
+    return {"det": float(np.linalg.det(slope)), "rank": int(np.linalg.matrix_rank(slope))}

@@ -1,0 +1,163 @@
+"""The rows D10 to D14: the four-bar of section 3.11 of the notes on Shabana, as it should be and as it is printed."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+
+from crosscheck.documents.ledger.arithmetic import Arithmetic, Binary64
+from crosscheck.documents.ledger.me451 import Found, Given
+from crosscheck.documents.systems import SquareSystem, shabana
+from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import FourBar
+from refkin.solving.solve import acceleration, velocity
+from refkin.system import compile_system
+
+
+def four_bar(n: Arithmetic, given: Given, driven: Any = None) -> SquareSystem:
+    """Return the loop with theta2 held at `driven`, the row's theta2 by default."""
+    degree = n.pi / 180
+    l1, l2, l3, l4 = (n(x) for x in given["l"])
+    return shabana.four_bar(l1, l2, l3, l4, n(given["theta2"]) * degree if driven is None else driven)
+
+
+def estimate(n: Arithmetic, given: Given) -> Any:
+    """Return the notes' estimate: theta2, theta3, theta4 in degrees."""
+    return np.array([n(x) * n.pi / 180 for x in given["estimate"]])
+
+
+def norm(n: Arithmetic, vector: Any) -> Any:
+    """Return the Euclidean norm divided by the number of components, as the notes have it."""
+    return np.sqrt(sum(x * x for x in vector)) / len(vector)
+
+
+def d10(n: Arithmetic, given: Given) -> Found:
+    """Two Newton steps; and the first as it comes out of the matrices that are printed, with four digits."""
+    history = n.newton(four_bar(n, given), estimate(n, given), 2)
+    rows = [[n(x) for x in row] for row in given["printed C_q(q0)"]]
+    right = [-n(x) for x in given["printed C(q0)"]]
+    second = [[n(x) for x in row] for row in given["printed C_q(q1)"]]
+    wrong, after = n.solve(rows, right)[1:], [n(x) for x in given["printed C(q1)"]]
+    return {
+        "q0": history.iterates[0],
+        "C(q0)": history.residuals[0],
+        "C_q(q0)": history.slopes[0][:2],
+        "dq0": history.corrections[0],
+        "q1": history.iterates[1],
+        "C(q1)": history.residuals[1],
+        "C_q(q1)": history.slopes[1][:2],
+        "dq1": history.corrections[1],
+        "|C(q1)| / 3": norm(n, history.residuals[1]),
+        "|dq1| / 3": norm(n, history.corrections[1]),
+        "dq0 from what is printed": wrong,
+        "q1 from what is printed": [n("0.1745") + wrong[0], n("4.2761") + wrong[1]],
+        "dq1 from what is printed": n.solve(second, [-x for x in after])[1:],
+        "|C(q1)| / 3 from what is printed": norm(n, after),
+        "C(q0) from rounded q0": four_bar(n, given, n("1.0996")).phi(n.vector(["1.0996", "0.1745", "4.2761"])),
+    }
+
+
+def rates(n: Arithmetic, given: Given, system: SquareSystem, q: Any) -> tuple[Any, Any, Any]:
+    """Return qd, Q_d, qdd at q for the row's constant speed."""
+    slope = system.phi_q(q)
+    l2, l3, l4 = (n(x) for x in given["l"][1:])
+    qd = n.solve(slope, [n("0"), n("0"), n(given["omega"])])
+    right = shabana.four_bar_right_side(l2, l3, l4, q, qd)
+    return qd, right, n.solve(slope, right)
+
+
+def d11(n: Arithmetic, given: Given) -> Found:
+    """With theta_0 = 63 degrees the crank is at 63 degrees + omega t: another pose, and a third residual of -0.1."""
+    start = estimate(n, given)
+    turned = n(given["omega"]) * n(given["t"])
+    system = four_bar(n, given, start[0] + turned)
+    q = n.root(system, start)
+    qd, _, qdd = rates(n, given, system, q)
+    return {
+        "theta_0 for a third residual of 0": (start[0] - turned) * 180 / n.pi,
+        "C3(q0)": system.phi(start)[2],
+        "q": q,
+        "qd": qd,
+        "qdd": qdd,
+    }
+
+
+def d12(n: Arithmetic, given: Given) -> Found:
+    """The converged pose and its rates, and the rates at the once-iterated pose."""
+    system = four_bar(n, given)
+    q = n.root(system, estimate(n, given))
+    history = n.newton(system, estimate(n, given), 4)
+    qd, right, qdd = rates(n, given, system, q)
+    early = [rates(n, given, system, iterate) for iterate in history.iterates]
+    return {
+        "theta3, theta4": q[1:],
+        "theta3, theta4 in degrees": [x * 180 / n.pi for x in q[1:]],
+        "omega": qd,
+        "Q_d": right,
+        "alpha": qdd,
+        "omega at q1": early[1][0],
+        "Q_d at q1": early[1][1],
+        "alpha at q1": early[1][2],
+        "digits of q2, qd, qdd": _fewest(n, (history.iterates[2], *early[2][::2]), (q, qd, qdd)),
+        "digits of q3, qd, qdd": _fewest(n, (history.iterates[3], *early[3][::2]), (q, qd, qdd)),
+    }
+
+
+def _fewest(n: Arithmetic, found: Any, truth: Any) -> int:
+    """Return the whole number of correct digits that the worst of some vectors has."""
+    worst = max(
+        float(abs(a - b) / abs(b)) for x, y in zip(found, truth, strict=True) for a, b in zip(x[1:], y[1:], strict=True)
+    )
+    return math.floor(-math.log10(worst))
+
+
+def refkin_d12(given: Given) -> Found:
+    """Pose and rates in absolute coordinates; the notes' rocker points the other way."""
+    n = Binary64()
+    l1, l2, l3, l4 = (float(x) for x in given["l"])
+    linkage = FourBar(ground=l1, crank=l2, coupler=l3, rocker=l4)
+    at, omega = math.radians(float(given["theta2"])), float(given["omega"])
+    mechanism = linkage.mechanism(linkage.driver(Polynomial(coefficients=(at, omega))))
+    system, pose = compile_system(mechanism), linkage.assemble(at)
+    q = np.concatenate([pose[body.name] for body in mechanism.bodies])
+    qd = velocity(system, q, 0.0)
+    qdd = acceleration(system, q, qd, 0.0)
+    angles = [2, 5, 8]
+    return {
+        "theta3, theta4": [q[5], q[8] % math.tau + n.pi],
+        "omega": qd[angles],
+        "alpha": qdd[angles],
+    }
+
+
+def d13(n: Arithmetic, given: Given) -> Found:
+    """C_q qdd = +Q_d: with the minus that is printed the accelerations change their sign."""
+    system = four_bar(n, given)
+    q = n.root(system, estimate(n, given))
+    _, right, qdd = rates(n, given, system, q)
+    slope = system.phi_q(q)
+    return {
+        "alpha": qdd[1:],
+        "alpha from C_q qdd = -Q_d": n.solve(slope, -right)[1:],
+        "qd from C_q qd = -C": n.solve(slope, -system.phi(q))[1:],
+        "qd from C_q qd = -C_t": rates(n, given, system, q)[0][1:],
+    }
+
+
+def d14(n: Arithmetic, given: Given) -> Found:
+    """The other assembly, and the class."""
+    system = four_bar(n, given)
+    q = n.root(system, np.array([n(x) * n.pi / 180 for x in given["near"]]))
+    l1, l2, l3, l4 = (n(x) for x in given["l"])
+    return {"theta3, theta4 in degrees": [x * 180 / n.pi for x in q[1:]], "s + l": l2 + l1, "p + q": l3 + l4}
+
+
+def refkin_d14(given: Given) -> Found:
+    """The other assembly of the linkage; the notes' rocker points the other way."""
+    l1, l2, l3, l4 = (float(x) for x in given["l"])
+    linkage = FourBar(ground=l1, crank=l2, coupler=l3, rocker=l4)
+    pose = linkage.assemble(math.radians(float(given["theta2"])), "crossed")
+    angles = [math.degrees(pose["coupler"][2]) % 360.0, (math.degrees(pose["rocker"][2]) + 180.0) % 360.0]
+    return {"theta3, theta4 in degrees": angles, "class": linkage.grashof.name}

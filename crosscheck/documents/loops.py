@@ -1,0 +1,183 @@
+"""Mechanisms as the source documents write their loops, with the symbols of those documents.
+
+Links 2, 3, 4 of a four-bar are crank, coupler and rocker; theta are angles against the fixed x axis [rad]. An input is
+a number or a law of time: with `Polynomial(coefficients=(0.0, 1.0))` time is the input itself. Lengths may be in any
+one unit.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from enum import StrEnum
+
+from crosscheck.engines.vector_loop.system import LoopSystem
+from crosscheck.engines.vector_loop.vectors import Variable, Vector, variable
+from refkin.motion_laws import Law
+
+Input = Law | float
+
+
+class RapierReading(StrEnum):
+    """How the lost figure of the rapier drive may be read; which one the source means is not known.
+
+    R1: C lies between B and D, the guide below A0, s16 is counted from C0. R2: B lies between C and D, the guide above
+    A0, s16 is counted from A0.
+    """
+
+    R1 = "R1"
+    R2 = "R2"
+
+
+def four_bar(
+    ground: float,
+    crank: float,
+    coupler: float,
+    rocker: float,
+    given: Input,
+    *,
+    driven: str = "theta2",
+    ground_angle: float = 0.0,
+) -> LoopSystem:
+    """Return r2 e^(i theta2) + r3 e^(i theta3) - r4 e^(i theta4) - r1 e^(i theta1) = 0 (ME581 notes).
+
+    Parameters
+    ----------
+    given, driven : Law or float, str
+        Which of theta2, theta3, theta4 is the input, and its value; the other two are the unknowns, in this order.
+    ground_angle : float
+        theta1 [rad].
+    """
+    angles = _angles(("theta2", "theta3", "theta4"), given, driven)
+    loop = (
+        Vector(crank, angle=angles["theta2"]),
+        Vector(coupler, angle=angles["theta3"]),
+        Vector(-rocker, angle=angles["theta4"]),
+        Vector(-ground, angle=Variable(ground_angle)),
+    )
+    return LoopSystem(_free(angles), [loop])
+
+
+def slider_crank(
+    crank: float, rod: float, offset: float, given: Input, *, driven: str = "theta2", guide_angle: float = 0.0
+) -> LoopSystem:
+    """Return l2 e^(i theta2) + l3 e^(i theta3) - s - i h = 0, in axes along the guide (notes on Shabana, 3.6).
+
+    Of theta2, theta3, s the one that is `driven` is the input, the others are the unknowns. theta2 and theta3 are
+    angles against the fixed x axis, the guide lies at `guide_angle`, `offset` h to the left of the crank pivot.
+    """
+    angles = _angles(("theta2", "theta3", "s"), given, driven)
+    guide = Variable(guide_angle)
+    loop = (
+        Vector(crank, angle=angles["theta2"]),
+        Vector(rod, angle=angles["theta3"]),
+        Vector(-1.0, angles["s"], guide),
+        Vector(-1j * offset, angle=guide),
+    )
+    return LoopSystem(_free(angles), [loop])
+
+
+def inverted_slider_crank(
+    ground: float, crank: float, offset: float, given: Input, *, driven: str = "theta2"
+) -> LoopSystem:
+    """Return l2 e^(i theta2) - l1 - (s + i h) e^(i theta3) = 0: a crank whose pin slides on a rod that turns.
+
+    Of theta2, theta3, s the one that is `driven` is the input, the others are the unknowns. The rod turns about a pivot
+    at distance `ground` from the crank's, its line passes the pivot at `offset` h to the left. Without offset this is
+    the Coriolis example of the notes on Shabana, with s the place of the block on rod 3.
+    """
+    angles = _angles(("theta2", "theta3", "s"), given, driven)
+    loop = (
+        Vector(crank, angle=angles["theta2"]),
+        Vector(-ground),
+        Vector(-1.0, angles["s"], angles["theta3"]),
+        Vector(-1j * offset, angle=angles["theta3"]),
+    )
+    return LoopSystem(_free(angles), [loop])
+
+
+def slotted(a1: float, a2: float, a4: float, a5: float, b1: float, c1: float, given: Input) -> LoopSystem:
+    """Return the two coupled loops of METU 3.9 in the unknowns theta14, theta15, s4, s6; theta12 is the input.
+
+    b1 - i c1 - a2 e^(i theta12) + a5 e^(i theta15) + s4 e^(i theta14) = 0
+    b1 - i a1 - s6 + a5 e^(i theta15) + a4 e^(i theta14) = 0
+    """
+    theta14, theta15, s4, s6 = (Variable(unknown=name) for name in ("theta14", "theta15", "s4", "s6"))
+    link5 = Vector(a5, angle=theta15)
+    first = (Vector(complex(b1, -c1)), Vector(-a2, angle=variable(given)), link5, Vector(1.0, s4, theta14))
+    second = (Vector(complex(b1, -a1)), Vector(-1.0, s6), link5, Vector(a4, angle=theta14))
+    return LoopSystem(("theta14", "theta15", "s4", "s6"), [first, second])
+
+
+RAPIER_LENGTHS: Mapping[str, float] = {
+    "a1": 340.0,
+    "b1": 520.0,
+    "d1": 623.0,
+    "a2": 250.0,
+    "a3": 1225.0,
+    "a4": 350.0,
+    "a5": 600.0,
+    "b4": 600.0,
+    "a6": 1100.0,
+}
+"""Of the rapier drive in METU 3.9 [mm]."""
+
+
+def rapier(reading: RapierReading | str, given: Input, **lengths: float) -> LoopSystem:
+    """Return the two coupled loops of the six-link rapier drive in the unknowns theta13, theta14, theta15, s16.
+
+    A0 is the origin, C0 = -d1 - i a1, D = C + c e^(i theta14), E = D + a6 on the guide at height g:
+
+    a2 e^(i theta12) + a3 e^(i theta13) - a4 e^(i theta14) - a5 e^(i theta15) - C0 = 0
+    C0 + a5 e^(i theta15) + c e^(i theta14) + a6 - s16 - o - i g = 0
+
+    with c = a4 - b4, g = -b1, o = -d1 in reading R1; c = a4 + b4, g = b1, o = 0 in reading R2. The source gives lengths
+    and a guess alone, so both readings are inferred.
+
+    Parameters
+    ----------
+    reading : RapierReading or str
+    given : Law or float
+        theta12.
+    lengths : float
+        Those that differ from `RAPIER_LENGTHS`.
+
+    Raises
+    ------
+    ValueError
+        If there is no such reading or length.
+    """
+    unknown = sorted(set(lengths) - set(RAPIER_LENGTHS))
+    if unknown:
+        raise ValueError(f"rapier: expected lengths among {', '.join(RAPIER_LENGTHS)}, got {', '.join(unknown)}")
+    long = {**RAPIER_LENGTHS, **lengths}
+    first_reading = RapierReading(reading) is RapierReading.R1
+    names = ("theta13", "theta14", "theta15", "s16")
+    theta13, theta14, theta15, s16 = (Variable(unknown=name) for name in names)
+    c0 = complex(-long["d1"], -long["a1"])
+    to_d = long["a4"] - long["b4"] if first_reading else long["a4"] + long["b4"]
+    counted_from = complex(-long["d1"], -long["b1"]) if first_reading else complex(0.0, long["b1"])
+    first = (
+        Vector(long["a2"], angle=variable(given)),
+        Vector(long["a3"], angle=theta13),
+        Vector(-long["a4"], angle=theta14),
+        Vector(-long["a5"], angle=theta15),
+        Vector(-c0),
+    )
+    second = (
+        Vector(c0 + long["a6"] - counted_from),
+        Vector(long["a5"], angle=theta15),
+        Vector(to_d, angle=theta14),
+        Vector(-1.0, s16),
+    )
+    return LoopSystem(names, [first, second])
+
+
+def _angles(names: tuple[str, ...], given: Input, driven: str) -> dict[str, Variable]:
+    """Return the input and the unknowns by name."""
+    if driven not in names:
+        raise ValueError(f"driven: expected one of {', '.join(names)}, got {driven!r}")
+    return {name: variable(given) if name == driven else Variable(unknown=name) for name in names}
+
+
+def _free(variables: Mapping[str, Variable]) -> tuple[str, ...]:
+    return tuple(v.unknown for v in variables.values() if v.unknown is not None)

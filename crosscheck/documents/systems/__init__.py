@@ -1,0 +1,21 @@
+"""The systems of equations of the source documents, each as plain functions phi and phi_q, with the equation cited.
+
+========= ====================================================================================================
+`me451`   ME451, Kinematics and Dynamics of Machine Systems: Newton-Raphson (slides, October 25, 2010)
+`metu`    METU, Mechanisms, section 3.9: iterative solution of the loop closure equations
+`me581`   ME581: Newton-Raphson for the four-bar, numerical partial derivatives (notes, 2019)
+`shabana` Notes on Shabana, Computational Dynamics, chapter 3
+========= ====================================================================================================
+
+But for the one mechanism that Problem 3.5.6 is held against, they know nothing of bodies and joints:
+`refkin.newton.newton`, `refkin.differences.jacobian` and `crosscheck.documents.convergence` work on them as on any
+square system. The numbers that are passed in decide the arithmetic: floats, complex numbers for a complex step, or
+`flint.arb` balls, of which a NumPy array holds objects. So what a document prints can be recomputed in binary64 and
+enclosed to any precision by one text.
+
+What a document prints wrong is not repeated here: `printed` holds it, apart.
+"""
+
+from crosscheck.documents.systems.square import SquareSystem
+
+__all__ = ["SquareSystem"]

@@ -1,0 +1,147 @@
+"""Notes on Shabana, Computational Dynamics, chapter 3: its loops, closed forms and right sides.
+
+Links 2 and 3 are crank and connecting rod or coupler, 4 is rocker or block; theta are angles against the x axis. The
+system of twelve coordinates of section 3.12 is in `twelve_coordinates`.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from crosscheck.documents.systems.square import Number, SquareSystem
+
+
+def four_bar(l1: Number, l2: Number, l3: Number, l4: Number, driven: Number) -> SquareSystem:
+    """Return the loop of section 3.11 in q = (theta2, theta3, theta4), with `driven` = omega t + theta_0.
+
+    l2 cos theta2 + l3 cos theta3 + l4 cos theta4 - l1 = 0, the same with sines and without l1, theta2 - driven = 0
+    """
+
+    def phi(q: Any) -> Any:
+        c, s = np.cos(q), np.sin(q)
+        return np.array(
+            [
+                l2 * c[0] + l3 * c[1] + l4 * c[2] - l1,
+                l2 * s[0] + l3 * s[1] + l4 * s[2],
+                q[0] - driven,
+            ]
+        )
+
+    def phi_q(q: Any) -> Any:
+        c, s = np.cos(q), np.sin(q)
+        return np.array([[-l2 * s[0], -l3 * s[1], -l4 * s[2]], [l2 * c[0], l3 * c[1], l4 * c[2]], [1, 0, 0]])
+
+    return SquareSystem(phi, phi_q)
+
+
+def four_bar_right_side(l2: Number, l3: Number, l4: Number, q: Any, qd: Any) -> Any:
+    """Return Q_d of the four-bar at constant speed of the crank: C_q qdd = Q_d."""
+    c, s = np.cos(q), np.sin(q)
+    square = qd * qd
+    return np.array(
+        [
+            square[0] * l2 * c[0] + square[1] * l3 * c[1] + square[2] * l4 * c[2],
+            square[0] * l2 * s[0] + square[1] * l3 * s[1] + square[2] * l4 * s[2],
+            0,
+        ]
+    )
+
+
+def slider_crank(l2: Number, l3: Number, h: Number, theta2: Number) -> SquareSystem:
+    """Return the offset slider-crank of section 3.6 in q = (theta3, x).
+
+    l2 cos theta2 + l3 cos theta3 - x = 0, l2 sin theta2 + l3 sin theta3 - h = 0
+    """
+
+    def phi(q: Any) -> Any:
+        return np.array(
+            [
+                l2 * np.cos(theta2) + l3 * np.cos(q[0]) - q[1],
+                l2 * np.sin(theta2) + l3 * np.sin(q[0]) - h,
+            ]
+        )
+
+    def phi_q(q: Any) -> Any:
+        return np.array([[-l3 * np.sin(q[0]), -1], [l3 * np.cos(q[0]), 0]])
+
+    return SquareSystem(phi, phi_q)
+
+
+def slider_crank_position(l2: Number, l3: Number, h: Number, theta2: Number, sign: int) -> tuple[Number, Number]:
+    """Return sin theta3 and x = l2 cos theta2 + sign sqrt(l3^2 - (h - l2 sin theta2)^2); sign is that of cos theta3."""
+    rise = h - l2 * np.sin(theta2)
+    return rise / l3, l2 * np.cos(theta2) + sign * np.sqrt(l3 * l3 - rise * rise)
+
+
+def slider_crank_velocity(l2: Number, l3: Number, theta2: Number, theta3: Number, rate: Number) -> Any:
+    """Return (theta3', x') for a crank that turns at `rate`."""
+    factor = rate * l2 / (l3 * np.cos(theta3))
+    return np.array([-factor * np.cos(theta2), factor * l3 * np.sin(theta3 - theta2)])
+
+
+def slider_crank_acceleration(
+    l2: Number, l3: Number, theta2: Number, theta3: Number, rates: tuple[Number, Number], theta2dd: Number
+) -> Any:
+    """Return (theta3'', x'') from the rates (theta2', theta3') and theta2''."""
+    w2, w3 = rates
+    c1 = -l2 * w2 * w2 * np.cos(theta2) - l2 * theta2dd * np.sin(theta2) - l3 * w3 * w3 * np.cos(theta3)
+    c2 = -l2 * w2 * w2 * np.sin(theta2) + l2 * theta2dd * np.cos(theta2) - l3 * w3 * w3 * np.sin(theta3)
+    below = l3 * np.cos(theta3)
+    return np.array([-c2 / below, (c1 * l3 * np.cos(theta3) + c2 * l3 * np.sin(theta3)) / below])
+
+
+def coriolis_example(l1: Number, l2: Number, theta2: Number) -> SquareSystem:
+    """Return the block on rod 3 in q = (theta3, x): l2 e^(i theta2) - l1 - x e^(i theta3) = 0 (section 3.6)."""
+
+    def phi(q: Any) -> Any:
+        return np.array(
+            [l2 * np.cos(theta2) - l1 - q[1] * np.cos(q[0]), l2 * np.sin(theta2) - q[1] * np.sin(q[0])],
+        )
+
+    def phi_q(q: Any) -> Any:
+        return np.array([[q[1] * np.sin(q[0]), -np.cos(q[0])], [-q[1] * np.cos(q[0]), -np.sin(q[0])]])
+
+    return SquareSystem(phi, phi_q)
+
+
+def coriolis_velocity(l2: Number, theta2: Number, q: Any, rate: Number) -> Any:
+    """Return (theta3', x') = theta2' (l2 cos(theta3 - theta2) / x, l2 sin(theta3 - theta2))."""
+    return rate * np.array([l2 * np.cos(q[0] - theta2) / q[1], l2 * np.sin(q[0] - theta2)])
+
+
+def coriolis_right_side(l2: Number, theta2: Number, q: Any, qd: Any, rate: Number, theta2dd: Number) -> tuple[Any, Any]:
+    """Return matrix and right side of the linear system for (theta3'', x'')."""
+    (theta3, x), (w3, v) = q, qd
+    matrix = np.array([[-x * np.sin(theta3), np.cos(theta3)], [x * np.cos(theta3), np.sin(theta3)]])
+    along, across = w3 * w3 * x, 2 * w3 * v
+    right = np.array(
+        [
+            -theta2dd * l2 * np.sin(theta2) - rate * rate * l2 * np.cos(theta2)
+            + along * np.cos(theta3) + across * np.sin(theta3),
+            theta2dd * l2 * np.cos(theta2) - rate * rate * l2 * np.sin(theta2)
+            + along * np.sin(theta3) - across * np.cos(theta3),
+        ]
+    )  # fmt: skip
+    return matrix, right
+
+
+def two_link_rates(l2: Number, l3: Number, theta2: Number, theta3: Number, w2: Number, w3: Number) -> tuple[Any, Any]:
+    """Return (R2x, R2y, R3x, R3y)' and '' of the driven two-link arm at constant speeds (section 3.10)."""
+    half = l2 / 2, l3 / 2
+    c2, s2, c3, s3 = np.cos(theta2), np.sin(theta2), np.cos(theta3), np.sin(theta3)
+    velocity = [
+        -w2 * half[0] * s2,
+        w2 * half[0] * c2,
+        -w2 * l2 * s2 - w3 * half[1] * s3,
+        w2 * l2 * c2 + w3 * half[1] * c3,
+    ]
+    n2, n3 = w2 * w2, w3 * w3
+    acceleration = [
+        -n2 * half[0] * c2,
+        -n2 * half[0] * s2,
+        -n2 * l2 * c2 - n3 * half[1] * c3,
+        -n2 * l2 * s2 - n3 * half[1] * s3,
+    ]
+    return np.array(velocity), np.array(acceleration)

@@ -1,0 +1,313 @@
+"""Joins clusters until every body is on the ground.
+
+Four deductions suffice for every group of class II:
+
+1. An angle row puts two clusters into one family: their angle against each other is known.
+2. Two clusters of one family that share a node are one cluster.
+3. Two clusters that share two nodes are one cluster: the nodes give the angle.
+4. Two clusters of one family with two rows between them are one cluster; two rows between a cluster and a lone node
+   put the node into the cluster. Each row is a line or a circle, so `groups` says where they meet. A row is a line row,
+   a distance row, or a *link*: a third cluster that shares a node with either side holds the two nodes at a distance.
+
+RRR: the inner pin is a lone node with two links. RRP: slider and guide are of one family, with a line row and a link.
+RPR: the two sliding bodies are of one family, with a line row, and what they are pinned to is their link. A point on a
+line, a massless link, a driven coupler, a four-bar driven by its coupler angle: the same deductions in other places.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from itertools import combinations
+
+import numpy as np
+
+from crosscheck.engines.closed_form.groups import Circle, Line, Locus, Meeting, meet
+from crosscheck.engines.closed_form.jets import Arithmetic, Jet, Mask, Planar, midpoint
+from crosscheck.engines.closed_form.linkage import AngleRow, Cluster, DistanceRow, LineRow, Linkage, Pose
+from crosscheck.engines.closed_form.turns import count_turns
+from refkin.joints import GROUND
+from refkin.model import Scene
+
+DECISIVE = 0.1
+"""Sine of the angle between two gradients above which the estimate's own orientation decides; else the nearer pose."""
+
+
+class NotDyadic(Exception):
+    """A mechanism that these deductions do not place; the message names what is left."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line or circle for the position of one cluster in another, and its gradient's direction in the estimates."""
+
+    locus: Locus
+    gradient: complex | None
+    name: str
+
+
+@dataclass
+class Assembly:
+    """The state of a solve: clusters so far, what failed when, and what was decided without an estimate."""
+
+    linkage: Linkage
+    scene: Scene
+    arithmetic: Arithmetic
+    absent: Mask = field(init=False)
+    singular: Mask = field(init=False)
+    remarks: list[str] = field(default_factory=list)
+    unsure_turns: Mask = field(init=False)
+    turns_of: Callable[[int], np.ndarray] | None = None
+    angles_found: list[np.ndarray] = field(default_factory=list)
+    meetings: list[Meeting] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        count = len(self.scene.times)
+        self.absent, self.singular = np.zeros(count, bool), np.zeros(count, bool)
+        self.unsure_turns = np.zeros(max(count - 1, 0), bool)
+        self.estimates = {b.name: b.estimate for b in self.scene.mechanism.bodies if b.estimate is not None}
+
+    @property
+    def clusters(self) -> list[Cluster]:
+        """The clusters that are left, the ground's first."""
+        return self.linkage.clusters
+
+    def run(self) -> Cluster:
+        """Join everything to the ground and return that cluster.
+
+        Raises
+        ------
+        NotDyadic
+            If a group is left that is not of class II, or an angle is given twice.
+        """
+        for row in self.linkage.angles:
+            self._join_families(row)
+        while len(self.clusters) > 1:
+            if not (self._share_node() or self._share_two_nodes() or self._meet_clusters() or self._meet_nodes()):
+                left = ", ".join(repr(name) for cluster in self.clusters[1:] for name in cluster.bodies)
+                raise NotDyadic(f"no dyad places {left}: a group of higher class, or bodies that are not held")
+        return self.clusters[0]
+
+    # the deductions
+
+    def _join_families(self, row: AngleRow) -> None:
+        i, j = self._cluster_of(row.body_i), self._cluster_of(row.body_j)
+        if i.family == j.family:
+            raise NotDyadic(f"{row.name!r} gives an angle that is already given")
+        cos, sin = row.value.cos_sin()
+        self._move_family(
+            j, i.spin[0] + row.value - j.spin[0], i.spin[1] * Planar(cos, sin) * j.spin[1].conj(), i.family
+        )
+
+    def _share_node(self) -> bool:
+        for g, x in combinations(self.clusters, 2):
+            common = g.nodes.keys() & x.nodes.keys()
+            if g.family == x.family and common:
+                node = min(common)
+                turn = _relative_turn(g, x)
+                self._absorb(g, x, g.nodes[node] - turn * x.nodes[node])
+                return True
+        return False
+
+    def _share_two_nodes(self) -> bool:
+        for g, x in combinations(self.clusters, 2):
+            common = sorted(g.nodes.keys() & x.nodes.keys())
+            if len(common) > 1:
+                n, m = common[0], common[1]
+                in_g, in_x = g.nodes[m] - g.nodes[n], x.nodes[m] - x.nodes[n]
+                swung = in_g * in_x.conj()
+                turn = swung.over(in_x.dot(in_x))
+                angle = self._unwrapped(swung.angle(), g, x)
+                spin = (g.spin[0] + angle - x.spin[0], g.spin[1] * turn * x.spin[1].conj())
+                self._move_family(x, *spin, g.family)
+                self._absorb(g, x, g.nodes[n] - turn * x.nodes[n])
+                return True
+        return False
+
+    def _meet_clusters(self) -> bool:
+        for g, x in combinations(self.clusters, 2):
+            if g.family == x.family:
+                rows = list(self._rows(g, x))
+                if len(rows) > 1:
+                    self._absorb(g, x, self._meeting_point(g, rows, ", ".join(x.bodies)))
+                    return True
+        return False
+
+    def _meet_nodes(self) -> bool:
+        zero = Jet(self.arithmetic.number(0.0))
+        for g in self.clusters:
+            for node, label in enumerate(self.linkage.labels):
+                if node in g.nodes:
+                    continue
+                rows = list(self._rows(g, Cluster({}, {node: Planar(zero, zero)}, g.family, g.spin)))
+                if len(rows) > 1:
+                    g.nodes[node] = self._meeting_point(g, rows, label)
+                    return True
+        return False
+
+    # joining
+
+    def _cluster_of(self, body: str) -> Cluster:
+        return next(cluster for cluster in self.clusters if body in cluster.bodies)
+
+    def _move_family(self, x: Cluster, angle: Jet, turn: Planar, family: int) -> None:
+        """Turn the whole family of x by an angle, and rename it."""
+        moved = x.family
+        for cluster in self.clusters:
+            if cluster.family == moved:
+                cluster.spin = (cluster.spin[0] + angle, turn * cluster.spin[1])
+                cluster.family = family
+
+    def _absorb(self, g: Cluster, x: Cluster, origin: Planar) -> None:
+        """Put x, of g's family, into g with its frame's origin there."""
+        frame = Pose(x.spin[0] - g.spin[0], _relative_turn(g, x), origin)
+        g.bodies.update({name: pose.after(frame) for name, pose in x.bodies.items()})
+        g.nodes = {**{node: frame.point(local) for node, local in x.nodes.items()}, **g.nodes}
+        self.clusters.remove(x)
+
+    # rows between two clusters of one family, as loci of the origin of x in the frame of g
+
+    def _rows(self, g: Cluster, x: Cluster) -> Iterator[Row]:
+        turn = _relative_turn(g, x)
+        for line in self.linkage.lines:
+            locus = _line_locus(line, g, x, turn)
+            if locus is not None:
+                yield Row(locus, self._normal_estimate(line), line.name)
+        for row in self.linkage.distances:
+            for a, b in ((row.node_a, row.node_b), (row.node_b, row.node_a)):
+                if a in g.nodes and b in x.nodes:
+                    yield self._circle_row(g, x, a, b, turn, row)
+        for link in self.clusters:
+            ends = [sorted(link.nodes.keys() & side.nodes.keys()) for side in (g, x)]
+            if link is not g and link is not x and ends[0] and ends[1]:
+                yield self._circle_row(g, x, ends[0][0], ends[1][0], turn, link)
+
+    def _circle_row(self, g: Cluster, x: Cluster, a: int, b: int, turn: Planar, by: DistanceRow | Cluster) -> Row:
+        if isinstance(by, DistanceRow):
+            radius, name = by.value, by.name
+        else:
+            radius, name = (by.nodes[b] - by.nodes[a]).length(), "link " + ", ".join(by.bodies)
+        ends = self._estimate(a), self._estimate(b)
+        gradient = None if ends[0] is None or ends[1] is None else ends[1] - ends[0]
+        return Row(Circle(g.nodes[a] - turn * x.nodes[b], radius), gradient, name)
+
+    def _meeting_point(self, g: Cluster, rows: Sequence[Row], what: str) -> Planar:
+        one, two = sorted(rows[:2], key=lambda row: isinstance(row.locus, Circle))
+        meeting = meet(one.locus, two.locus, self.arithmetic)
+        self.meetings.append(meeting)
+        self._note(meeting, what, (one.name, two.name))
+        return meeting.point(self._sign(g, meeting, (one, two), what))
+
+    def _note(self, meeting: Meeting, what: str, names: tuple[str, str]) -> None:
+        known = self.absent | self.singular
+        absent = np.broadcast_to(meeting.absent, known.shape) & ~known
+        singular = np.broadcast_to(meeting.singular, known.shape) & ~known
+        for mask, word in ((absent, "cannot be assembled"), (singular, "is at a singular pose")):
+            if mask.any():
+                k = int(np.argmax(mask))
+                values = [(s.name, float(midpoint(np.broadcast_to(s.value, known.shape)[k]))) for s in meeting.slacks]
+                gaps = ", ".join(f"{name} = {value:.17g} m" for name, value in values)
+                held = f"{names[0]} (a) and {names[1]} (b)"
+                self.remarks.append(f"{what} between {held} {word} from t = {self.scene.times[k]:.17g} s: {gaps}")
+        self.absent |= absent
+        self.singular |= singular
+
+    # which assembly, by the estimates at the first time
+
+    def _sign(self, g: Cluster, meeting: Meeting, rows: tuple[Row, Row], what: str) -> float:
+        if meeting.chord is None:
+            return 1.0
+        first, second = rows[0].gradient, rows[1].gradient
+        if first is None or second is None:
+            self.remarks.append(f"no estimate tells the assembly of {what}: positive orientation taken")
+            return 1.0
+        cross = (first.conjugate() * second).imag
+        if abs(cross) > DECISIVE * abs(first) * abs(second):
+            return math.copysign(1.0, cross)
+        return self._nearer(g, meeting, rows) or math.copysign(1.0, cross)
+
+    def _nearer(self, g: Cluster, meeting: Meeting, rows: tuple[Row, Row]) -> float:
+        """Return the sign of the assembly nearer the estimate, 0 if it is right between or nowhere."""
+        angle, chord, circle = self._angle_estimate(g), meeting.chord, rows[1].locus
+        if angle is None or chord is None or rows[1].gradient is None or not isinstance(circle, Circle):
+            return 0.0
+        seen = rows[1].gradient * complex(math.cos(angle), -math.sin(angle))
+        middle = _start(meeting.foot - circle.centre)
+        side = ((seen - middle).conjugate() * _start(chord)).real
+        return math.copysign(1.0, side) if side and not math.isnan(side) else 0.0
+
+    def _estimate(self, node: int) -> complex | None:
+        """Return where the estimates see a node, or where it is if it is on the ground already."""
+        for body, (x, y) in self.linkage.places[node]:
+            if body == GROUND:
+                return complex(x, y) - complex(*self.linkage.origin)
+            if body in self.estimates:
+                ex, ey, phi = self.estimates[body]
+                turned = complex(x, y) * complex(math.cos(phi), math.sin(phi))
+                return complex(ex, ey) + turned - complex(*self.linkage.origin)
+        placed = self.clusters[0].nodes.get(node)
+        return None if placed is None else _start(placed)
+
+    def _normal_estimate(self, line: LineRow) -> complex | None:
+        angle = self._body_angle(line.body_i)
+        return None if angle is None else _start(line.normal) * complex(math.cos(angle), math.sin(angle))
+
+    def _body_angle(self, body: str) -> float | None:
+        if body in self.estimates:
+            return self.estimates[body][2]
+        placed = self.clusters[0].bodies.get(body)
+        return None if placed is None else _first(placed.angle)
+
+    def _angle_estimate(self, cluster: Cluster) -> float | None:
+        """Return the angle of a cluster's frame as the estimates see it."""
+        for body, pose in cluster.bodies.items():
+            angle = 0.0 if body == GROUND else self._body_angle(body)
+            if angle is not None:
+                return angle - _first(pose.angle)
+        return None
+
+    # turns
+
+    def _unwrapped(self, angle: Jet, g: Cluster, x: Cluster) -> Jet:
+        """Return the angle of x in g with its turns: nearest the estimate at first, then as its rate carries it."""
+        count = len(self.scene.times)
+        value, rate = (np.broadcast_to(midpoint(part), (count,)) for part in (angle.v, angle.d))
+        if self.turns_of is not None:
+            near = self.turns_of(len(self.angles_found))
+            turns = np.where(np.isfinite(value) & np.isfinite(near), np.round((near - value) / math.tau), 0.0)
+        else:
+            in_g, in_x = self._angle_estimate(g), self._angle_estimate(x)
+            start = None if in_g is None or in_x is None else in_x - in_g
+            turns, unsure = count_turns(np.array(self.scene.times), value, rate, start)
+            self.unsure_turns |= unsure
+        self.angles_found.append(value + math.tau * turns)
+        if not turns.any():
+            return angle
+        whole = self.arithmetic.row(tuple(2.0 * turns)) * self.arithmetic.pi()
+        return Jet(angle.v + whole, angle.d, angle.a)
+
+
+def _relative_turn(g: Cluster, x: Cluster) -> Planar:
+    return g.spin[1].conj() * x.spin[1]
+
+
+def _line_locus(line: LineRow, g: Cluster, x: Cluster, turn: Planar) -> Line | None:
+    """Return the line on which the row holds the origin of x in the frame of g, if it is between these two."""
+    if line.body_i in g.bodies and line.node in x.nodes:
+        pose = g.bodies[line.body_i]
+        normal, arm = pose.turn * line.normal, turn * x.nodes[line.node]
+        return Line(normal, line.value + normal.dot(pose.point(line.anchor) - arm))
+    if line.body_i in x.bodies and line.node in g.nodes:
+        pose = x.bodies[line.body_i]
+        normal, arm = turn * pose.turn * line.normal, turn * pose.point(line.anchor)
+        return Line(normal, normal.dot(g.nodes[line.node] - arm) - line.value)
+    return None
+
+
+def _first(jet: Jet) -> float:
+    return float(np.ravel(midpoint(jet.v))[0])
+
+
+def _start(vector: Planar) -> complex:
+    return complex(_first(vector.x), _first(vector.y))

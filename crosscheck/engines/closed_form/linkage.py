@@ -1,0 +1,195 @@
+"""A scene as a closed form sees it: rigid clusters, the nodes where their points meet, and rows between them.
+
+A revolute joint is no equation here: its two points become one *node*, which both bodies hold. Three rows remain:
+
+============== ============================== =======================================================
+`AngleRow`     phi_j - phi_i = f              fixed, prismatic, angle driver
+`LineRow`      normal_i . (r_j - r_i) = f     prismatic, point_on_line, x and y driver (lines of the ground)
+`DistanceRow`  |r_j - r_i| = |f|              distance, distance driver
+============== ============================== =======================================================
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+from crosscheck.engines.closed_form.jets import Arithmetic, Jet, Planar
+from crosscheck.engines.closed_form.laws import law_jet
+from refkin.joints import (
+    GROUND,
+    AngleDriver,
+    Constraint,
+    Distance,
+    DistanceDriver,
+    Fixed,
+    Pair,
+    PointOnLine,
+    Prismatic,
+    Revolute,
+    XDriver,
+    YDriver,
+)
+from refkin.model import Scene
+
+Place = tuple[str, Pair]
+"""A point of a body: the body's name, the point in its frame."""
+
+
+@dataclass(frozen=True)
+class AngleRow:
+    """phi_j - phi_i = value."""
+
+    name: str
+    body_i: str
+    body_j: str
+    value: Jet
+
+
+@dataclass(frozen=True)
+class LineRow:
+    """normal . (r_node - anchor) = value, with the anchor and the unit normal fixed in body i."""
+
+    name: str
+    body_i: str
+    anchor: Planar
+    normal: Planar
+    node: int
+    value: Jet
+
+
+@dataclass(frozen=True)
+class DistanceRow:
+    """|r_b - r_a| = value."""
+
+    name: str
+    node_a: int
+    node_b: int
+    value: Jet
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A frame in another: its angle, the rotation by that angle, its origin."""
+
+    angle: Jet
+    turn: Planar
+    origin: Planar
+
+    def point(self, local: Planar) -> Planar:
+        """Return a point of the frame in the other."""
+        return self.origin + self.turn * local
+
+    def after(self, outer: Pose) -> Pose:
+        """Return this frame in the frame in which `outer` is given."""
+        return Pose(outer.angle + self.angle, outer.turn * self.turn, outer.point(self.origin))
+
+
+@dataclass(eq=False)
+class Cluster:
+    """Bodies whose poses in one frame are known, with the nodes they hold, in that frame.
+
+    `family` numbers the clusters whose angles against each other are known; `spin` is the angle in the family and the
+    rotation by it.
+    """
+
+    bodies: dict[str, Pose]
+    nodes: dict[int, Planar]
+    family: int
+    spin: tuple[Jet, Planar]
+
+
+@dataclass
+class Linkage:
+    """A scene in clusters and rows; `places` are the points that make up each node, `labels` what to call it."""
+
+    clusters: list[Cluster] = field(default_factory=list)
+    angles: list[AngleRow] = field(default_factory=list)
+    lines: list[LineRow] = field(default_factory=list)
+    distances: list[DistanceRow] = field(default_factory=list)
+    places: list[tuple[Place, ...]] = field(default_factory=list)
+    labels: list[str] = field(default_factory=list)
+    origin: Pair = (0.0, 0.0)
+
+
+def read_linkage(scene: Scene, arithmetic: Arithmetic) -> Linkage:
+    """Return the clusters (one per body, ground first), nodes and rows of a scene; lengths in metres."""
+    linkage = Linkage(origin=_origin(scene))
+    nodes = _nodes(scene, linkage)
+    for name in (GROUND, *(body.name for body in scene.mechanism.bodies)):
+        held = {k: _local(linkage, place, arithmetic) for place, k in nodes.items() if place[0] == name}
+        zero, one = Jet(arithmetic.number(0.0)), Jet(arithmetic.number(1.0))
+        still = Pose(zero, Planar(one, zero), Planar(zero, zero))
+        linkage.clusters.append(Cluster({name: still}, held, len(linkage.clusters), (zero, still.turn)))
+    for constraint in scene.mechanism.constraints:
+        _read_rows(linkage, constraint, nodes, scene, arithmetic)
+    return linkage
+
+
+def _origin(scene: Scene) -> Pair:
+    """Return the first joint point on the ground: floats keep their digits when a mechanism stands far out."""
+    on_ground = (point for c in scene.mechanism.constraints for body, point in c.points() if body == GROUND)
+    return next(on_ground, (0.0, 0.0))
+
+
+def _local(linkage: Linkage, place: Place, arithmetic: Arithmetic) -> Planar:
+    body, (x, y) = place
+    ox, oy = linkage.origin if body == GROUND else (0.0, 0.0)
+    number = arithmetic.number
+    return Planar(Jet(number(x) - number(ox)), Jet(number(y) - number(oy)))
+
+
+def _nodes(scene: Scene, linkage: Linkage) -> dict[Place, int]:
+    """Return the node of every joint point; the points of a revolute or fixed joint share one."""
+    members: dict[Place, list[Place]] = {}
+    names: dict[Place, str] = {}
+    for constraint in scene.mechanism.constraints:
+        places = [(body, (float(point[0]), float(point[1]))) for body, point in constraint.points()]
+        for place in places:
+            members.setdefault(place, [place])
+            names.setdefault(place, constraint.name)
+        if isinstance(constraint, Revolute | Fixed) and members[places[0]] is not members[places[1]]:
+            merged = members[places[0]] + members[places[1]]
+            members.update(dict.fromkeys(merged, merged))
+    found: dict[Place, int] = {}
+    for place, together in members.items():
+        if place not in found:
+            found.update(dict.fromkeys(together, len(linkage.places)))
+            linkage.places.append(tuple(together))
+            linkage.labels.append(f"the point of {names[place]!r}")
+    return found
+
+
+def _read_rows(
+    linkage: Linkage, constraint: Constraint, nodes: dict[Place, int], scene: Scene, arithmetic: Arithmetic
+) -> None:
+    """Append the rows of one joint or driver."""
+    number, name = arithmetic.number, constraint.name
+    value = Jet(number(0.0))
+    if constraint.laws:
+        value = law_jet(constraint.laws[0], scene.times, arithmetic)
+    ends = [nodes[body, (float(point[0]), float(point[1]))] for body, point in constraint.points()]
+    if isinstance(constraint, AngleDriver):
+        linkage.angles.append(AngleRow(name, constraint.relative_to, constraint.body, value))
+    if isinstance(constraint, Fixed | Prismatic):
+        turned = Jet(number(constraint.angle))
+        linkage.angles.append(AngleRow(name, constraint.body_i, constraint.body_j, turned))
+    if isinstance(constraint, Prismatic | PointOnLine):
+        normal = unit_normal(constraint.axis_i, arithmetic)
+        anchor = _local(linkage, (constraint.body_i, constraint.point_i), arithmetic)
+        linkage.lines.append(LineRow(name, constraint.body_i, anchor, normal, ends[1], value))
+    if isinstance(constraint, XDriver | YDriver):
+        along = (1.0, 0.0) if isinstance(constraint, XDriver) else (0.0, 1.0)
+        normal = Planar(*(Jet(number(c)) for c in along))
+        linkage.lines.append(
+            LineRow(name, GROUND, _local(linkage, (GROUND, (0.0, 0.0)), arithmetic), normal, ends[0], value)
+        )
+    if isinstance(constraint, Distance):
+        linkage.distances.append(DistanceRow(name, ends[0], ends[1], Jet(number(constraint.length))))
+    if isinstance(constraint, DistanceDriver):
+        linkage.distances.append(DistanceRow(name, ends[0], ends[1], (value * value).sqrt()))
+
+
+def unit_normal(axis: Pair, arithmetic: Arithmetic) -> Planar:
+    """Return the axis turned by a quarter turn counter-clockwise, of length 1."""
+    x, y = (Jet(arithmetic.number(c)) for c in axis)
+    return Planar(x, y).perp().over(Planar(x, y).length())

@@ -1,0 +1,29 @@
+"""How many whole turns make an angle continuous over times that may be far apart."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from crosscheck.engines.closed_form.jets import Mask
+
+
+def count_turns(t: np.ndarray, value: np.ndarray, rate: np.ndarray, start: float | None) -> tuple[np.ndarray, Mask]:
+    """Return the whole turns (T,) that make an angle continuous, and the intervals (T-1,) in which they are unsure.
+
+    From one time to the next the mean of its two rates carries the angle. An interval is unsure if the angle found
+    is more than an eighth of a turn off that, or if either rate would turn it by more than half a turn. Times without
+    an angle are passed over: behind them the nearest turns are taken, as no motion leads there.
+    """
+    turns, unsure = np.zeros(len(t)), np.zeros(max(len(t) - 1, 0), bool)
+    (found,) = np.nonzero(np.isfinite(value))
+    if not len(found):
+        return turns, unsure
+    v, r = value[found], np.where(np.isfinite(rate[found]), rate[found], 0.0)
+    off = (0.5 * (r[1:] + r[:-1]) * np.diff(t[found]) - np.diff(v)) / math.tau
+    first = 0.0 if start is None or not math.isfinite(start) else np.round((start - v[0]) / math.tau)
+    turns[found] = first + np.concatenate([[0.0], np.cumsum(np.round(off))])
+    swept = np.maximum(np.abs(r[1:]), np.abs(r[:-1])) * np.diff(t[found])
+    unsure[found[:-1]] = ((np.abs(off - np.round(off)) > 0.125) | (swept > math.pi)) & (np.diff(found) == 1)
+    return turns, unsure

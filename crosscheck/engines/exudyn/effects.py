@@ -1,0 +1,96 @@
+"""What exudyn simulates beside kinematics, added to a system one by one, to see who feels it.
+
+exudyn simulates what is added and nothing else. Forces are in the model's own units.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import exudyn as exu
+from exudyn import itemInterface as item
+
+from crosscheck.engines.exudyn.parts import Builder
+from refkin.joints import GROUND
+
+MASS = 7.0
+
+
+@dataclass(frozen=True)
+class Effect:
+    """What is added to a system, in words and as a function."""
+
+    told: str
+    add: Callable[[Builder], None]
+
+
+def _bodies(b: Builder) -> Iterator[tuple[str, Any]]:
+    return ((name, number) for name, number in b.bodies.items() if name != GROUND)
+
+
+def _inertia(b: Builder) -> None:
+    for _, number in _bodies(b):
+        b.mbs.SetObjectParameter(number, "mass", MASS)
+        b.mbs.SetObjectParameter(number, "inertia", MASS)
+
+
+def _gravity(b: Builder) -> None:
+    _inertia(b)
+    for _, number in _bodies(b):
+        weight = b.mbs.AddMarker(item.MarkerBodyMass(bodyNumber=number))
+        b.mbs.AddLoad(item.LoadMassProportional(markerNumber=weight, loadVector=[0.0, -9.81, 0.0]))
+
+
+def _on_angles(b: Builder, kind: Any, **numbers: Any) -> None:
+    """Add a force between the angle of each body and the ground."""
+    for name, _ in _bodies(b):
+        b.mbs.AddObject(kind(markerNumbers=[b.still, b.angle(name)], **numbers))
+
+
+def _contact(b: Builder) -> None:
+    for name, _ in _bodies(b):
+        state = b.mbs.AddNode(item.NodeGenericData(initialCoordinates=[0.0], numberOfDataCoordinates=1))
+        markers = [b.still, b.angle(name)]
+        touch = {"contactStiffness": 1.0, "offset": 10.0}
+        b.mbs.AddObject(item.ObjectContactCoordinate(markerNumbers=markers, nodeNumber=state, **touch))
+
+
+def _friction(b: Builder) -> None:
+    _on_angles(b, item.CoordinateSpringDamperExt, dynamicFrictionForce=1.0, frictionProportionalZone=1e-3)
+
+
+def _limits(b: Builder) -> None:
+    """Add stops that are hit from the start: exudyn finds out after a step only, and Newton alone makes none."""
+    stops = {"limitStopsLower": -1e-3, "limitStopsUpper": 1e-3, "limitStopsStiffness": 10.0}
+    for name, _ in _bodies(b):
+        state = b.mbs.AddNode(item.NodeGenericData(initialCoordinates=[0.0, 0.0, 1.0], numberOfDataCoordinates=3))
+        ends = {"markerNumbers": [b.still, b.angle(name)], "nodeNumber": state}
+        b.mbs.AddObject(item.CoordinateSpringDamperExt(useLimitStops=True, **ends, **stops))
+
+
+def _actuation(b: Builder) -> None:
+    for name, _ in _bodies(b):
+        b.mbs.AddLoad(item.LoadCoordinate(markerNumber=b.angle(name), load=10.0))
+
+
+def _sensors(b: Builder) -> None:
+    for _, number in _bodies(b):
+        what = {"outputVariableType": exu.OutputVariableType.Position, "storeInternal": True, "writeToFile": False}
+        b.mbs.AddSensor(item.SensorBody(bodyNumber=number, **what))
+
+
+EFFECTS = {
+    "gravity": Effect(f"masses of {MASS:g} and 9.81 down the y axis", _gravity),
+    "contact": Effect("the angle of each body pressed against a stop of stiffness 1", _contact),
+    "friction": Effect("a friction torque of 1 on each body", _friction),
+    "joint limits": Effect("stops of stiffness 10 at angles of 1e-3", _limits),
+    "passive forces": Effect(
+        "stiffness 10 and damping 1 on each body's angle",
+        lambda b: _on_angles(b, item.CoordinateSpringDamper, stiffness=10.0, damping=1.0),
+    ),
+    "actuation": Effect("a torque of 10 on each body", _actuation),
+    "sensors": Effect("a sensor of position on each body, stored", _sensors),
+    "inertia": Effect(f"masses and inertias of {MASS:g}", _inertia),
+}

@@ -1,0 +1,235 @@
+"""exudyn as a peer: positions by its own static Newton, rates from its own Jacobian, velocity rows and accelerations.
+
+Two routes. `static` is exudyn at its best: lengths in units of the mechanism's size, a tight absolute tolerance, and a
+march over the times that predicts each pose from exudyn's own velocities and halves the step where it goes astray.
+`shipped` is what a user gets who changes no setting: metres, default tolerances, each solve started at the last answer.
+
+The march of `static` takes a velocity of each pose, whether the scene calls for it or not; `shipped` takes none.
+
+exudyn does no velocity or acceleration analysis and exposes no linear solver, so those two systems are solved here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import exudyn as exu
+import numpy as np
+
+from crosscheck.engines import (
+    API,
+    NATIVE,
+    Capabilities,
+    Capability,
+    ConstraintModel,
+    EngineError,
+    Level,
+    Support,
+    Term,
+    derived,
+    refusals,
+    table_key,
+)
+from crosscheck.engines.exudyn.effects import EFFECTS
+from crosscheck.engines.exudyn.model import ExudynModel, quiet_settings
+from crosscheck.engines.exudyn.solve import Marcher, Poses, ShippedSolve, StaticNewton
+from refkin.joints import SI, Unit
+from refkin.model import Effect, Scene
+from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
+
+STATIC = Route(
+    name="static",
+    residual_by="exudyn",
+    jacobian_by="exudyn",
+    newton_by="exudyn (MainSolverStatic.Newton)",
+    linear_solve_by="position: exudyn; velocity, acceleration: adapter (numpy)",
+    drift_by="exudyn's point accelerations at qdd = 0, combined by the adapter; f'' of drivers by the adapter",
+    seeding=Seeding.INITIAL_GUESS,
+)
+SHIPPED = Route(
+    name="shipped",
+    residual_by=STATIC.residual_by,
+    jacobian_by=STATIC.jacobian_by,
+    newton_by="exudyn (SolveStatic, default settings)",
+    linear_solve_by=STATIC.linear_solve_by,
+    drift_by=STATIC.drift_by,
+    seeding=Seeding.INITIAL_GUESS,
+)
+
+_SOLVED = Capability(Support.NATIVE, "positions; the linear systems of velocity and acceleration are the adapter's")
+_ROWS = {Level.RESIDUAL: NATIVE, Level.JACOBIAN: NATIVE, Level.CONSTRAINT_VELOCITY: NATIVE, Level.SOLVE: _SOLVED}
+_FROM_POINTS = {**_ROWS, Level.DRIFT: derived("exudyn's point accelerations at qdd = 0, combined by the adapter")}
+_FROM_LAW = {**_ROWS, Level.DRIFT: derived("exudyn takes no second derivative of a driver: f'' by the adapter")}
+_CYLINDER = {
+    Level.RESIDUAL: derived("exudyn's |d| - f, f set by the adapter, turned into (d . d - f^2) / 2"),
+    Level.JACOBIAN: derived("exudyn's row of |d|, scaled by the adapter"),
+    Level.CONSTRAINT_VELOCITY: derived("exudyn's distance takes no rate: f' by the adapter"),
+    Level.DRIFT: derived("exudyn's point motion, combined by the adapter; f' and f'' by the adapter"),
+    Level.SOLVE: derived("exudyn's distance is set anew at each time and takes no rate: f' by the adapter"),
+}
+CAPABILITIES: Capabilities = {
+    "revolute": _FROM_POINTS,
+    "fixed": _FROM_POINTS,
+    "prismatic": _FROM_POINTS,
+    "point_on_line": _FROM_POINTS,
+    "distance": _FROM_POINTS,
+    "gear": {**_ROWS, Level.DRIFT: derived("a linear row: the adapter knows that nothing drifts")},
+    "angle": _FROM_LAW,
+    "x": {**_ROWS, Level.DRIFT: derived("exudyn's point acceleration at qdd = 0; f'' by the adapter")},
+    "y": {**_ROWS, Level.DRIFT: derived("exudyn's point acceleration at qdd = 0; f'' by the adapter")},
+    "distance driver": _CYLINDER,
+}
+
+
+class Exudyn:
+    """exudyn 1.13, two-dimensional rigid bodies and joints.
+
+    Parameters
+    ----------
+    effect : str, optional
+        One of `exudyn_effects.EFFECTS`, switched on in every model that solves: for the ledger of effects.
+    """
+
+    name = "exudyn"
+    api = API
+
+    def __init__(self, effect: str | None = None) -> None:
+        self.effect = effect
+
+    def physical_effects(self) -> Mapping[str, str]:
+        """Return what exudyn can simulate beside kinematics, and how it is switched on."""
+        return {name: effect.told for name, effect in EFFECTS.items()}
+
+    def missing_effects(self) -> Mapping[str, str]:
+        """Return nothing: exudyn has them all."""
+        return {}
+
+    def with_effect(self, effect: str) -> Exudyn:
+        """Return exudyn with an effect switched on."""
+        return Exudyn(effect)
+
+    def dynamic_routes(self) -> Sequence[Route]:
+        """Return none: its static solver feels forces as it is."""
+        return ()
+
+    def version(self) -> str:
+        """Return exudyn's version."""
+        return str(exu.__version__)
+
+    def routes(self) -> Sequence[Route]:
+        """Return the routes, best first."""
+        return (STATIC, SHIPPED)
+
+    def capabilities(self) -> Capabilities:
+        """Return what exudyn can express."""
+        return CAPABILITIES
+
+    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
+        """Return what exudyn's stopping rule leaves of the residual: on `static` nothing above round-off.
+
+        Raises
+        ------
+        EngineError
+            As `solve`: the rule of `shipped` depends on the start.
+        """
+        if route in (None, STATIC):
+            return ()
+        self._refuse(scene)
+        return (_shipped_stop(scene),)
+
+    def constraints(self, scene: Scene) -> ConstraintModel:
+        """Return exudyn's rows of the joints and drivers that it does not refuse, in metres."""
+        known = [c for c in scene.mechanism.constraints if table_key(c) in CAPABILITIES]
+        return ExudynModel(scene.mechanism.bodies, known)
+
+    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
+        """Return exudyn's answer.
+
+        Raises
+        ------
+        EngineError
+            If exudyn cannot express a joint, a body has no estimate to start from, or the route is unknown.
+        """
+        route = STATIC if route is None else route
+        if route not in self.routes():
+            known = ", ".join(r.name for r in self.routes())
+            raise EngineError(f"exudyn has no route {route.name!r}; there are: {known}")
+        self._refuse(scene)
+        unit = scene.mechanism.unit() if route == STATIC else SI
+        more = None if self.effect is None else EFFECTS[self.effect].add
+        model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit, more=more)
+        try:
+            poses = _march(model, scene, route, unit)
+        finally:
+            model.close()
+        return _motion(scene, poses, unit, Producer(name=self.name, version=self.version(), route=route))
+
+    def _refuse(self, scene: Scene) -> None:
+        reasons = refusals(self, scene, Level.SOLVE)
+        lost = [body.name for body in scene.mechanism.bodies if body.estimate is None]
+        if lost:
+            reasons.append(f"exudyn needs a start: no estimate for {', '.join(lost)}")
+        if reasons:
+            raise EngineError("; ".join(reasons))
+
+
+def _shipped_stop(scene: Scene) -> Term:
+    """Return what SolveStatic leaves of the residual in metres and rad, all rows together, in the scaled residual.
+
+    It stops at the larger of an absolute norm and a part of the norm it started with. A start is the last pose, where
+    only the drivers' rows are not zero, and at the first time the estimate. The row of a distance driver is exudyn's
+    |d| - f times f.
+    """
+    newton = quiet_settings().staticSolver.newton
+    model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints)
+    start = np.array([body.estimate for body in scene.mechanism.bodies], float).ravel()
+    try:
+        norms = [float(np.linalg.norm(model.residual(start, scene.times[0])))]
+    finally:
+        model.close()
+    size = scene.mechanism.size()
+    laws = [law for driver in scene.mechanism.drivers for law in driver.laws]
+    values = np.array([[float(law(t)) for t in scene.times] for law in laws])
+    norms += np.linalg.norm(np.diff(values), axis=0).tolist() if laws else []
+    stop = max(newton.absoluteTolerance, newton.relativeTolerance * max(norms))
+    lengths = [abs(float(d.laws[0](t))) for d in scene.mechanism.drivers if d.type == "distance" for t in scene.times]
+    return Term(
+        name="stopping rule",
+        level="position",
+        reason=f"SolveStatic stops at a residual of {stop:.1e} m or rad by its default tolerances",
+        absolute=stop * max(1.0, 1.0 / size) * max([1.0, *(length / size for length in lengths)]),
+    )
+
+
+def _march(model: ExudynModel, scene: Scene, route: Route, unit: Unit) -> Poses:
+    start = np.array([body.estimate for body in scene.mechanism.bodies], float)
+    start[:, :2] = (start[:, :2] - unit.origin) / unit.size
+    size = scene.mechanism.size() / unit.size
+    solver = StaticNewton(model) if route == STATIC else ShippedSolve(model, size)
+    return Marcher(model, scene, solver).run(start.ravel())
+
+
+def _motion(scene: Scene, poses: Poses, unit: Unit, producer: Producer) -> Motion:
+    """Return the poses of the wanted bodies in metres, NaN where there is no answer."""
+    names = [body.name for body in scene.mechanism.bodies]
+    wanted = [3 * names.index(name) + k for name in scene.wanted for k in range(3)]
+    scale = np.tile([unit.size, unit.size, 1.0], len(scene.wanted))[:, None]
+    shift = np.tile([*unit.origin, 0.0], len(scene.wanted))[:, None]
+    velocity, acceleration = (effect in scene.effects for effect in (Effect.VELOCITY, Effect.ACCELERATION))
+    failures = [t for t, status in zip(scene.times, poses.status, strict=True) if status is not Status.OK]
+    message = ""
+    if failures:
+        reason = poses.reason or "its Jacobian is singular"
+        first = float(failures[0])
+        message = f"exudyn: {len(failures)} of {len(scene.times)} times not ok, first t = {first!r}: {reason}"
+    return engine_motion(
+        scene.times,
+        scene.wanted,
+        poses.q[wanted] * scale + shift,
+        poses.qd[wanted] * scale if velocity else None,
+        poses.qdd[wanted] * scale if acceleration else None,
+        tuple(poses.status),
+        producer,
+        residual=poses.residual,
+        message=message,
+    )

@@ -1,0 +1,326 @@
+"""Positions by exudyn's own static solver, time by time, and the rates that follow from its rows."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+
+from crosscheck.engines import Array, EngineError
+from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
+from refkin.joints import Prismatic
+from refkin.model import Effect, Scene
+from refkin.motion import Status
+
+EPS = float(np.finfo(float).eps)
+TOLERANCES = (1e-14, 1e-13, 1e-12)
+"""Norms of the residual, in sizes of the mechanism, at which exudyn's Newton may stop: the first that it reaches."""
+STALLED = 1e-9
+"""A residual below this after a failed Newton has stalled at round-off, not gone astray."""
+ASTRAY, NEAR = 0.25, 0.01
+"""A pose may differ from its prediction by this part of the way from the last pose, or by this much [sizes, rad]."""
+APART = 8.0
+"""Two assemblies near each other are about sigma_min apart: a pose moved by less than this part of it is the nearer."""
+SINGULAR = 8.0 * math.sqrt(EPS)
+"""Smallest singular value of the scaled Jacobian up to which rounding decides which assembly a pose is on."""
+SMALLEST_STEP = 2.0**-24
+"""Smallest part of the way to the next time that a march goes at once."""
+
+
+class BranchLostError(EngineError):
+    """No step is small enough to tell which of two assemblies continues the motion."""
+
+
+@dataclass
+class Poses:
+    """What was found: coordinates (n, T) in the model's unit, NaN where there is no answer."""
+
+    q: Array
+    qd: Array
+    qdd: Array
+    residual: Array
+    status: list[Status]
+    reason: str = ""
+    """Why the first time without an answer has none."""
+
+
+class StaticNewton:
+    """A pose at time t from a start by exudyn's static Newton, to the tightest of `TOLERANCES` that round-off allows.
+
+    Attributes
+    ----------
+    predicts : bool
+        Whether it is to be started at a prediction, and kept from jumping; otherwise it starts at the last pose.
+    size : float
+        Size of the mechanism in the model's unit.
+    accepted : float
+        Largest component of the scaled residual with which its answer is believed, for coordinates of order 1.
+    """
+
+    predicts = True
+    size = 1.0
+    accepted = 10.0 * TOLERANCES[-1]
+
+    def __init__(self, model: ExudynModel) -> None:
+        self.model = model
+        self.settings = quiet_settings()
+        self.settings.staticSolver.newton.relativeTolerance = 0.0
+        bear_redundant_rows(self.settings, model)
+        model.solver.InitializeSolver(model.mbs, self.settings)
+
+    def __call__(self, t: float, start: Array) -> Array:
+        model = self.model
+        model.set_state(start, t)
+        extent = max(1.0, _largest(start))
+        for tolerance in TOLERANCES:
+            if self._newton(tolerance * extent):
+                return self._corrected_once_more(tolerance * extent)
+            if not _largest(model.solver.GetSystemResidual()[model.n :]) < STALLED * extent:
+                break
+        raise EngineError("its Newton did not converge")
+
+    def once(self, t: float, start: Array, tolerance: float) -> Array:
+        """Return the pose by one call of exudyn's Newton, stopped at this norm of the residual."""
+        self.model.set_state(start, t)
+        if not self._newton(tolerance):
+            raise EngineError(f"its Newton did not reach {tolerance:g}")
+        q: Array = self.model.data.GetODE2Coordinates(CURRENT)
+        return q
+
+    def _corrected_once_more(self, tolerance: float) -> Array:
+        """Return the pose without what the tolerance left: exudyn accepts no first residual without a correction."""
+        q: Array = self.model.data.GetODE2Coordinates(CURRENT)
+        try:
+            better = self._newton(tolerance)
+        except EngineError:
+            better = False
+        return self.model.data.GetODE2Coordinates(CURRENT) if better else q
+
+    def _newton(self, tolerance: float) -> bool:
+        self.model.solver.newton.absoluteTolerance = tolerance
+        try:
+            return bool(self.model.solver.Newton(self.model.mbs, self.settings))
+        except (exu.SolverError, exu.InternalError) as error:
+            raise EngineError(f"its Newton stopped: {_first_line(error)}") from error
+
+
+def bear_redundant_rows(settings: Any, model: ExudynModel) -> None:
+    """Choose a linear solver that bears the rows of a model: exudyn's default stops at the matrix of redundant ones."""
+    if len(model.live) > model.n:
+        settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
+        settings.linearSolver.ignoreSingularJacobian = True
+
+
+class ShippedSolve:
+    """A pose at time t from a start by mbs.SolveStatic with exudyn's own settings."""
+
+    predicts = False
+    # Its relative tolerance 1e-8 refers to the residual of the start, at most a few sizes away.
+    accepted = 1e-6
+
+    def __init__(self, model: ExudynModel, size: float) -> None:
+        self.model, self.size = model, size
+        self.settings = quiet_settings()
+
+    def __call__(self, t: float, start: Array) -> Array:
+        model = self.model
+        model.set_time(t)
+        model.data.SetODE2Coordinates(start, exu.ConfigurationType.Initial)
+        try:
+            success = model.mbs.SolveStatic(self.settings)
+        except (exu.SolverError, exu.InternalError) as error:
+            raise EngineError(f"SolveStatic: {_first_line(error)}") from error
+        if not success:
+            raise EngineError("SolveStatic reported no success")
+        return model.data.GetODE2Coordinates(CURRENT)
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A pose with exudyn's residual (largest component) and, where they are needed, its Jacobian and the rate.
+
+    Residual and Jacobian are scaled by the mechanism's size. The rate is NaN where the Jacobian is singular. `sign` is
+    that of the Jacobian's determinant, 0 if it is not square.
+    """
+
+    t: float
+    q: Array
+    residual: float
+    jacobian: Array | None = None
+    rate: Array | None = None
+    sign: float = 0.0
+
+
+class Marcher:
+    """Goes from time to time with a solver, each found pose being the start of the next.
+
+    A solver that `predicts` is started where exudyn's own velocity points, and a pose is taken only if it lies near
+    that and the determinant of exudyn's Jacobian keeps its sign; otherwise the step is halved. So the branch is kept.
+    Where the pose near the prediction is the one whose sign has changed, the sign is no longer the branch's: the motion
+    itself may go through a singular pose, as a parallelogram does where it is flat. From there on a pose is taken only
+    if exudyn's Newton moved the prediction by less than assemblies lie apart; where no step does that, and where a pose
+    that is singular to rounding is left, the branch is lost, for all later times too. Any other time without an answer
+    is marked, and the next one is tried from the last good pose.
+    """
+
+    def __init__(self, model: ExudynModel, scene: Scene, solver: StaticNewton | ShippedSolve) -> None:
+        self.model, self.scene, self.solver = model, scene, solver
+        self.acceleration = Effect.ACCELERATION in scene.effects
+        self.velocity = self.acceleration or Effect.VELOCITY in scene.effects
+        self.row_scale = solver.size**model.powers
+        self.column_scale = np.tile([solver.size, solver.size, 1.0], model.n // 3)
+        self.still = np.zeros(model.n)
+        columns = {body.name: 3 * k + 2 for k, body in enumerate(scene.mechanism.bodies)}
+        prismatic = [joint for joint in scene.mechanism.joints if isinstance(joint, Prismatic)]
+        self.slides = [(joint, columns.get(joint.body_i), columns.get(joint.body_j)) for joint in prismatic]
+        self.last: Pose | None = None
+        self.sign = 0.0
+
+    def run(self, start: Array) -> Poses:
+        """Return the poses at all times of the scene, from an estimate of the first."""
+        count = len(self.scene.times)
+        q, qd, qdd = (np.full((self.model.n, count), np.nan) for _ in range(3))
+        poses = Poses(q, qd, qdd, np.full(count, np.nan), [Status.NOT_CONVERGED] * count)
+        start = self._on_the_turn_meant(start)
+        lost = False
+        for k, t in enumerate(self.scene.times):
+            if Status.BRANCH_LOST in poses.status:
+                poses.status[k] = Status.BRANCH_LOST
+                continue
+            try:
+                if self.last is None or lost or not self.solver.predicts:
+                    self.last = self._pose(t, start if self.last is None else self.last.q)
+                else:
+                    self.last = self._advanced(self.last, t)
+            except EngineError as error:
+                poses.reason = poses.reason or str(error)
+                lost = True
+                if isinstance(error, BranchLostError):
+                    poses.status[k] = Status.BRANCH_LOST
+            else:
+                self._record(poses, k, self.last)
+                self.sign = self.sign or self.last.sign
+                lost = False
+        return poses
+
+    def _record(self, poses: Poses, k: int, pose: Pose) -> None:
+        poses.q[:, k], poses.residual[k], poses.status[k] = pose.q, pose.residual, Status.OK
+        for rates, rate in zip((poses.qd, poses.qdd), self._rates(pose), strict=True):
+            if rate is not None:
+                rates[:, k] = rate
+                if not np.all(np.isfinite(rate)):
+                    poses.status[k] = Status.SINGULAR
+
+    def _rates(self, pose: Pose) -> tuple[Array | None, Array | None]:
+        """Return velocity and acceleration as far as the scene calls for them."""
+        if pose.rate is None or pose.jacobian is None or not self.velocity:
+            return None, None
+        if not self.acceleration:
+            return pose.rate, None
+        return pose.rate, self._solved(pose.jacobian, self.model.drift(pose.q, pose.rate, pose.t))
+
+    def _advanced(self, last: Pose, t: float) -> Pose:
+        """Return the pose at time t, reached in as many steps as it takes to stay on the branch."""
+        smallest, step, crossing = SMALLEST_STEP * (t - last.t), t - last.t, False
+        while last.t < t:
+            target = t if last.t + step >= t else last.t + step
+            try:
+                last = self._pose(target, self._predicted(last, target), last, crossing)
+            except EngineError as error:
+                crossing = crossing or isinstance(error, BranchLostError)
+                step = (target - last.t) / 2
+                if step < smallest:
+                    if crossing:
+                        raise BranchLostError(str(error)) from error
+                    raise
+            else:
+                step *= 2
+        return last
+
+    def _predicted(self, last: Pose, t: float) -> Array:
+        if last.rate is None or not np.all(np.isfinite(last.rate)):
+            return last.q
+        return last.q + (t - last.t) * last.rate
+
+    def _pose(self, t: float, start: Array, last: Pose | None = None, crossing: bool = False) -> Pose:
+        """Return the pose that the solver finds from a start; EngineError says why it is not believed."""
+        q = self.solver(t, start)
+        residual = _largest(self.model.residual(q, t)[self.model.live] / self.row_scale)
+        if not residual <= self.solver.accepted * max(1.0, _largest(q / self.column_scale)):
+            raise EngineError(f"it reported success with a residual of {residual:.1e}")
+        self._check_turns(q)
+        if last is not None and _largest(q - start) > max(ASTRAY * _largest(q - last.q), NEAR):
+            raise EngineError("no step is small enough for its Newton to stay near the motion predicted")
+        if not (self.solver.predicts or self.velocity):
+            return Pose(t, q, residual)
+        jacobian = self.model.jacobian(q, t)[self.model.live] * self.column_scale / self.row_scale[:, None]
+        sign = float(np.linalg.slogdet(jacobian)[0]) if len(jacobian) == self.model.n else 0.0
+        if self.solver.predicts and sign * self.sign < 0.0:
+            raise BranchLostError("the determinant of its Jacobian changed sign: another branch")
+        if (
+            last is not None
+            and last.jacobian is not None
+            and _sigma_min(last.jacobian) <= SINGULAR < _sigma_min(jacobian)
+        ):
+            raise BranchLostError("from a singular pose the motion may go on in two ways")
+        if crossing and _largest((q - start) / self.column_scale) > _sigma_min(jacobian) / APART:
+            raise BranchLostError("two assemblies are too near each other to tell which of them continues the motion")
+        rate = self._solved(jacobian, -self.model.constraint_velocity(q, self.still, t))
+        return Pose(t, q, residual, jacobian, rate, sign)
+
+    def _solved(self, jacobian: Array, right: Array) -> Array:
+        """Return the rates that the scaled Jacobian and exudyn's rows give, in the model's unit."""
+        return self.column_scale * solved(jacobian, right[self.model.live] / self.row_scale)
+
+    def _turned(self, q: Array) -> list[tuple[Prismatic, int | None, float]]:
+        """Return for each prismatic joint how far body j is turned from its angle against body i, turns included."""
+        return [
+            (joint, j, (0.0 if j is None else q[j]) - (0.0 if i is None else q[i]) - joint.angle)
+            for joint, i, j in self.slides
+        ]
+
+    def _on_the_turn_meant(self, start: Array) -> Array:
+        """Return the estimate without whole turns of body j in a prismatic joint: exudyn's sine is blind to them."""
+        start = start.copy()
+        for k in range(len(self.slides)):
+            _, column, off = self._turned(start)[k]
+            if column is not None:
+                start[column] -= math.tau * round(off / math.tau)
+        return start
+
+    def _check_turns(self, q: Array) -> None:
+        for joint, _, off in self._turned(q):
+            if abs(off) > 1.0:
+                raise EngineError(f"it holds only the sine of {joint.name!r}, and settled {off:.2f} rad off its angle")
+
+
+def solved(jacobian: Array, right: Array) -> Array:
+    """Return x of jacobian x = right, of redundant rows by least squares; NaN where the matrix is singular.
+
+    Singular also means: x outgrows the right side by so much that the rounding of the matrix alone makes up for it.
+    """
+    rows, n = jacobian.shape
+    if rows == n:
+        try:
+            x: Array = np.asarray(np.linalg.solve(jacobian, right), np.float64)
+        except np.linalg.LinAlgError:
+            return np.full(n, np.nan)
+        rounding = n * EPS * _largest(jacobian) * _largest(x)
+        return x if rounding <= _largest(right) else np.full(n, np.nan)
+    least, _, rank, _ = np.linalg.lstsq(jacobian, right)
+    return np.asarray(least, np.float64) if rank == n else np.full(n, np.nan)
+
+
+def _largest(x: Array) -> float:
+    return float(np.abs(x).max())
+
+
+def _sigma_min(jacobian: Array) -> float:
+    return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().splitlines()[0]

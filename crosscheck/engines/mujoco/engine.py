@@ -1,0 +1,331 @@
+"""MuJoCo as an engine: its own residual, Jacobian and drift term, in absolute coordinates and in a joint tree.
+
+MuJoCo closes loops by soft forces, never exactly. Its constraint rows are exact all the same, so that the adapter runs
+Newton on them. MuJoCo's dynamics and solver are used on the route of its shipped defaults (`mujoco_shipped`), and by
+the route through mj_forward, which answers no scene: it is for the ledger of effects, to show what is felt there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from crosscheck.engines import (
+    API,
+    NATIVE,
+    Capabilities,
+    Capability,
+    ConstraintModel,
+    EngineError,
+    Level,
+    Support,
+    Term,
+    derived,
+    refusals,
+    table_key,
+)
+from crosscheck.engines.frames import RowMap
+from crosscheck.engines.mujoco.effects import EFFECTS, affected
+from crosscheck.engines.mujoco.model import Plan, mujoco
+from crosscheck.engines.mujoco.rows import MujocoRows
+from crosscheck.engines.mujoco.shipped import STEPPED, soft, stepped
+from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
+from crosscheck.engines.tree.tree_motion import CHAIN, Accelerations, marched_motion, tree_motion
+from refkin.joints import GROUND, AngleDriver, Constraint, DistanceDriver, Fixed, Gear, Pair, Revolute
+from refkin.model import Mechanism, Scene
+from refkin.motion import Motion, Producer, Route, Seeding
+
+NEWTON = Route(
+    name="newton",
+    residual_by="mujoco",
+    jacobian_by="mujoco",
+    newton_by="adapter",
+    linear_solve_by="numpy",
+    drift_by="mujoco",
+    seeding=Seeding.INITIAL_GUESS,
+)
+
+SPATIAL = (
+    Term(
+        name="frames by quaternions",
+        level=Level.RESIDUAL.value,
+        reason="a guide's frame is turned by a quaternion: also entries of its matrix that are 0 or 1 are off by three "
+        "roundings, two products of two components each, and multiply the whole of d, twice the largest coordinate",
+        relative=6.0 * 2.0**-53,
+    ),
+    *(
+        Term(
+            name="spatial vectors",
+            level=level.value,
+            reason="lever arms are differences of positions in the ground frame, and omega x v enters with both signs: "
+            "8 roundings, two bodies",
+            relative=16.0 * 2.0**-53,
+        )
+        for level in (Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
+    ),
+)
+
+
+def _levels(**exceptions: Capability) -> dict[Level, Capability]:
+    """Return the capability at each level: native but for the exceptions."""
+    return {level: exceptions.get(level.value, NATIVE) for level in Level}
+
+
+_LINE = _levels(
+    jacobian=derived("no such equality: the velocity sensor in the frame of the guide at unit rates, column by column"),
+    drift=derived(
+        "no such equality: product rule in the adapter, on the numbers of a connect and of the guide's frame"
+    ),
+    solve=derived("a tree joint is MuJoCo's own; for a closing one the adapter forms the drift term"),
+)
+_LAW = _levels(
+    constraint_velocity=Capability(Support.NATIVE, "phi_q qd alone: MuJoCo knows no rate of a law"),
+    drift=derived("f'' is added by the adapter"),
+    solve=derived("the adapter appends the row, on MuJoCo's motion of the body"),
+)
+_SQUARED = derived("MuJoCo's row is |d| - f; the adapter makes it (d . d - f^2) / 2")
+_BIAS = derived("efc_aref lacks Jdot qd of a tendon: taken from the bias force of a tendon with armature")
+
+CAPABILITIES: Capabilities = {
+    "revolute": _levels(),
+    "fixed": _levels(),
+    "prismatic": _LINE,
+    "point_on_line": _LINE,
+    "distance": _levels(drift=_BIAS, solve=_BIAS),
+    "gear": _levels(),
+    "angle": _LAW,
+    "x": _LAW,
+    "y": _LAW,
+    "distance driver": {**dict.fromkeys(Level, _SQUARED), Level.SOLVE: _LAW[Level.SOLVE]},
+}
+
+
+FORWARD = replace(NEWTON, name="forward dynamics", linear_solve_by="acceleration: mujoco", drift_by="mujoco (soft)")
+HELD = (Revolute, Fixed, Gear, AngleDriver)
+"""What MuJoCo's dynamics hold as they are: the rows of the others are read beside the model, or idle within it."""
+
+
+class Mujoco:
+    """MuJoCo, through its Python package; every scene gets a model of its own.
+
+    Parameters
+    ----------
+    effect : str, optional
+        One of `mujoco_effects.EFFECTS`, switched on in every model that solves: for the ledger of effects.
+    """
+
+    name = "mujoco"
+    api = API
+
+    def __init__(self, effect: str | None = None) -> None:
+        self.effect = effect
+
+    def physical_effects(self) -> Mapping[str, str]:
+        """Return what MuJoCo can simulate beside kinematics, and how it is switched on."""
+        return {name: effect.told for name, effect in EFFECTS.items()}
+
+    def missing_effects(self) -> Mapping[str, str]:
+        """Return nothing: MuJoCo has them all."""
+        return {}
+
+    def with_effect(self, effect: str) -> Mujoco:
+        """Return MuJoCo with an effect switched on."""
+        return Mujoco(effect)
+
+    def dynamic_routes(self) -> Sequence[Route]:
+        """Return the route whose accelerations are those of mj_forward."""
+        return (FORWARD,)
+
+    def version(self) -> str:
+        """Return the version of the package."""
+        return str(mujoco.__version__)
+
+    def routes(self) -> Sequence[Route]:
+        """Return the one route of every night: Newton on MuJoCo's rows, in a joint tree."""
+        return (NEWTON,)
+
+    def discovery(self) -> Sequence[Route]:
+        """Return the route with MuJoCo's own settings, which hard cases are sent through."""
+        return (STEPPED,)
+
+    def capabilities(self) -> Capabilities:
+        """Return what MuJoCo can express."""
+        return CAPABILITIES
+
+    def constraints(self, scene: Scene) -> ConstraintModel:
+        """Return MuJoCo's rows, for the joints it does not refuse, in a model with coordinates (x, y, phi) per body.
+
+        Raises
+        ------
+        EngineError
+            If it refuses all of them; the message names each and why.
+        """
+        known = [c for c in scene.mechanism.constraints if table_key(c) in CAPABILITIES]
+        if not known:
+            _refuse(refusals(self, scene, Level.RESIDUAL))
+        return AbsoluteRows(scene.mechanism, known)
+
+    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
+        """Return the rounding of MuJoCo's drift terms, and what soft constraints leave; Newton runs to round-off."""
+        if route == STEPPED:
+            return (*CHAIN, *SPATIAL, soft(joint_tree(scene.mechanism).width))
+        return (*CHAIN, *SPATIAL)
+
+    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
+        """Return the motion of the wanted bodies, found in a joint tree from the bodies' estimates.
+
+        Raises
+        ------
+        EngineError
+            If the scene has a joint that is refused or a body without estimate, or the route is unknown.
+        """
+        _refuse(refusals(self, scene, Level.SOLVE))
+        if route not in (None, NEWTON, STEPPED, FORWARD):
+            raise EngineError(f"mujoco knows no route {route.name!r}, only {NEWTON.name!r} and {STEPPED.name!r}")
+        tree = joint_tree(scene.mechanism)
+        rows = TreeRows(tree, self.effect)
+        producer = Producer(name=self.name, version=self.version(), route=route or NEWTON)
+        if route == STEPPED:
+            return marched_motion(rows, scene, stepped(tree, scene), producer)
+        accelerations = self._forward(tree, scene) if route == FORWARD else None
+        return tree_motion(rows, scene, producer, accelerations)
+
+    def _forward(self, tree: JointTree, scene: Scene) -> Accelerations:
+        """Return the accelerations by MuJoCo's dynamics, where its model is that of the scene."""
+        constraints = (*tree.closures, *scene.mechanism.drivers)
+        strange = [c.name for c in constraints if not isinstance(c, HELD)]
+        if strange:
+            raise EngineError(f"mujoco refuses {FORWARD.name} with {', '.join(strange)}: its model does not hold them")
+        return MujocoRows(affected(Plan(tree, constraints), self.effect)).forward
+
+
+class TreeRows:
+    """MuJoCo's model of a joint tree: the `TreeEngine` that `loop_closing` works on."""
+
+    def __init__(self, tree: JointTree, effect: str | None = None) -> None:
+        self.tree = tree
+        self.rows = MujocoRows(affected(Plan(tree, tree.closures), effect))
+        self.closure_rows = len(self.rows.plan.sources)
+
+    def closure(self, q: Array) -> tuple[Array, Array]:
+        """Return the residual of the closures and its Jacobian."""
+        self.rows.pose(q)
+        return self.rows.residual(), self.rows.jacobian()
+
+    def closure_drift(self, q: Array, qd: Array) -> Array:
+        """Return gamma of the closures."""
+        self.rows.pose(q)
+        self.rows.move(qd)
+        return self.rows.drift()
+
+    def point(self, q: Array, body: str, u: Pair) -> tuple[Array, Array]:
+        """Return a point of a body, and its Jacobian."""
+        self.rows.place(q)
+        return self.rows.point(body, u)
+
+    def point_drift(self, q: Array, qd: Array, body: str, u: Pair) -> Array:
+        """Return the acceleration of a point at qdd = 0."""
+        self.rows.place(q)
+        self.rows.move(qd)
+        return self.rows.point_drift(body, u)
+
+
+class AbsoluteRows:
+    """MuJoCo's rows with every body free on the ground, so that qpos is (x, y, phi) per body: a `ConstraintModel`.
+
+    The model is in units of the mechanism's size, a power of two, so that MuJoCo is given the very numbers it is asked
+    about. The row |d| - f of a distance driver is multiplied by (|d| + f) / 2.
+    """
+
+    owns_driver: bool = False
+    rows: Sequence[RowMap]
+
+    def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
+        bodies = mechanism.bodies
+        tree = _absolute_tree(mechanism)
+        self._rows = MujocoRows(Plan(tree, constraints))
+        sources = self._rows.plan.sources
+        self._drivers = self._rows.plan.driven
+        self._squared = [d for d in self._drivers if isinstance(d.driver, DistanceDriver)]
+        self._metre = np.array([tree.size**s.unit for s in sources])
+        for driven in self._squared:
+            self._metre[driven.source] *= tree.size
+        self._unit = np.tile([1.0 / tree.size, 1.0 / tree.size, 1.0], len(bodies))
+        self.rows = tuple(
+            RowMap(
+                constraint=s.constraint.name,
+                row=s.row,
+                engine_row=k,
+                form=s.form,
+                derived=s.guide is not None or isinstance(s.constraint, DistanceDriver),
+            )
+            for k, s in enumerate(sources)
+        )
+
+    def residual(self, q: Array, t: float) -> Array:
+        """Return MuJoCo's residual, (m,)."""
+        self._pose(q, t)
+        residual = self._rows.residual()
+        for driven in self._squared:
+            residual[driven.source] *= 0.5 * (self._rows.length(driven.source) + driven.value(t, 0))
+        return residual * self._metre
+
+    def jacobian(self, q: Array, t: float) -> Array:
+        """Return MuJoCo's constraint Jacobian, (m, n)."""
+        self._pose(q, t)
+        jacobian = self._rows.jacobian()
+        for driven in self._squared:
+            jacobian[driven.source] *= self._rows.length(driven.source)
+        return jacobian * np.outer(self._metre, self._unit)
+
+    def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
+        """Return the velocity of MuJoCo's rows, (m,), without a driver's rate, which MuJoCo does not know."""
+        self._pose(q, t)
+        self._rows.move(qd * self._unit)
+        velocity = self._rows.velocity()
+        for driven in self._squared:
+            velocity[driven.source] *= self._rows.length(driven.source)
+        return velocity * self._metre
+
+    def drift(self, q: Array, qd: Array, t: float) -> Array:
+        """Return MuJoCo's -Jdot qd and, added here, what the law of each driver brings, (m,)."""
+        self._pose(q, t)
+        self._rows.move(qd * self._unit)
+        drift, velocity = self._rows.drift(), self._rows.velocity()
+        for driven in self._drivers:
+            f, fd, fdd = (driven.value(t, order) for order in range(3))
+            k = driven.source
+            if isinstance(driven.driver, DistanceDriver):  # |d| |d|'' + |d|'^2 = f f'' + f'^2
+                drift[k] = self._rows.length(k) * drift[k] - velocity[k] ** 2 + fd**2 + f * fdd
+            else:
+                drift[k] += fdd
+        return drift * self._metre
+
+    def close(self) -> None:
+        """Let the model go."""
+        del self._rows
+
+    def _pose(self, q: Array, t: float) -> None:
+        self._rows.drive(t)
+        self._rows.pose(q * self._unit)
+
+
+def _absolute_tree(mechanism: Mechanism) -> JointTree:
+    """Return the tree without joints: every body free on the ground."""
+    names = [body.name for body in mechanism.bodies]
+    edges = [Edge(body=body, parent=GROUND, freedom=Freedom.FREE, first=3 * k) for k, body in enumerate(names)]
+    return JointTree(
+        edges=tuple(edges),
+        closures=mechanism.joints,
+        size=mechanism.size(),
+        origin=(0.0, 0.0),
+        estimates={},
+        links={},
+    )
+
+
+def _refuse(reasons: Sequence[str]) -> None:
+    if reasons:
+        raise EngineError("; ".join(reasons))

@@ -1,0 +1,63 @@
+"""What a MuJoCo model is read by: where each constraint row is, and where the law of each driver goes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from crosscheck.engines.frames import Form, Linear
+from refkin.joints import Constraint, Driver
+
+LINEAR = Linear()
+
+
+@dataclass(frozen=True, kw_only=True)
+class Source:
+    """Where MuJoCo holds row `row` of `constraint`: in a row of the equalities, or with a guide, or as a constant.
+
+    Attributes
+    ----------
+    equality, guide : int or None
+        Row among those of all equalities; index of the guide. If both are None the row is `constant`.
+    unit : int
+        The power of the length in the row's unit: 0 for an angle, 1 for a length.
+    form : Form
+        What the row is of ours, both in metres and radians (`crosscheck.engines.frames`).
+    """
+
+    constraint: Constraint
+    row: int
+    equality: int | None = None
+    guide: int | None = None
+    constant: float = 0.0
+    unit: int = 1
+    form: Form = LINEAR
+
+
+@dataclass(frozen=True)
+class Guide:
+    """A line along the x axis of site `line`, the site `point`, and the first row of the `connect` between the two."""
+
+    line: str
+    point: str
+    connect: int
+
+
+@dataclass(frozen=True)
+class Driven:
+    """Where the value of a driver's law goes: `eq_data` of an equality, or coordinate `axis` of a ground site.
+
+    `source` is the index of the driver's row; (law - shift) / size is the law in the model's unit.
+    """
+
+    driver: Driver
+    source: int
+    equality: int
+    site: str = ""
+    axis: int = 0
+    shift: float = 0.0
+    size: float = 1.0
+
+    def value(self, t: float, order: int) -> float:
+        """Return the law's value or derivative in the model's unit."""
+        law = float(self.driver.laws[0](t, order))
+        return (law - (0.0 if order else self.shift)) / self.size

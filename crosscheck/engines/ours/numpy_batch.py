@@ -1,0 +1,125 @@
+"""The closed form on NumPy rows, which is the limit, and SciPy's general root finder, pose after pose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines.batch_route import Route, chunks, of_four_bars, whole
+from crosscheck.judge.of_batches import Piece
+from crosscheck.scenes.four_bar_answers import four_bar
+from crosscheck.scenes.works import SPEED, FourBars
+
+AT_ONCE = 10_000
+"""Configurations that are computed at once: their rows stay in the cache."""
+SCIPY_CONFIGURATIONS = 720
+
+
+def closed_form(work: FourBars) -> Route:
+    """Return the vectorised closed form."""
+    phi = SPEED * work.t[None, :]
+    step = max(1, AT_ONCE // len(work.t))
+
+    def run() -> None:
+        for start in range(0, work.mechanisms, step):
+            four_bar(work.lengths[:, start : start + step, None], phi, SPEED)
+
+    def pieces() -> Iterator[Piece]:
+        for lanes in chunks(work):
+            yield whole(work, lanes, four_bar(work.lengths[:, lanes, None], phi, SPEED))
+
+    what = "two circles meet, differentiated twice; knows what a four-bar is"
+    return of_four_bars("numpy-closed-form", work, run, pieces, driven_by="NumPy: all at once", what=what)
+
+
+def scipy_root(work: FourBars) -> Route:
+    """Return `scipy.optimize.root` with the analytic Jacobian at every pose, from the last one's prediction."""
+    part = work.first(max(1, SCIPY_CONFIGURATIONS // len(work.t)))
+
+    def solved(lane: int) -> Any:
+        out = np.empty((3, 9, len(part.t)))
+        q, before = part.starts[:, lane], None
+        for k, t in enumerate(part.t.tolist()):
+            if before is not None:
+                h = t - part.t[k - 1]
+                q = before[0] + h * (before[1] + 0.5 * h * before[2])
+            before = _pose(part.lengths[:, lane].tolist(), q, t)
+            out[:, :, k] = before
+        return out
+
+    def pieces() -> Iterator[Piece]:
+        for lane in range(part.mechanisms):
+            yield whole(part, np.array([lane]), solved(lane)[:, :, None])
+
+    return of_four_bars(
+        "scipy-root",
+        part,
+        lambda: [solved(lane) for lane in range(part.mechanisms)],
+        pieces,
+        driven_by="Python: pose after pose; MINPACK iterates",
+        what="scipy.optimize.root, hybr, analytic 9x9 Jacobian, xtol 1e-15; rates by numpy.linalg.solve",
+    )
+
+
+def _pose(lengths: list[float], guess: Any, t: float) -> Any:
+    """Return position, velocity and acceleration (3, 9) at a time."""
+    from scipy.optimize import root  # here: importing it costs more than most routes do
+
+    # It stops at its tolerance, or says that it makes no good progress: then it is at round-off, which is judged.
+    q = root(_residual, guess, (lengths, SPEED * t), method="hybr", jac=_jacobian, options={"xtol": 1e-15}).x
+    slope = _jacobian(q, lengths, SPEED * t)
+    right = np.zeros(9)
+    right[8] = SPEED
+    qd = np.linalg.solve(slope, right)
+    return q, qd, np.linalg.solve(slope, _bend(q, qd, lengths))
+
+
+def _arms(q: Any, lengths: list[float]) -> list[tuple[float, float]]:
+    return [(0.5 * x * math.cos(phi), 0.5 * x * math.sin(phi)) for x, phi in zip(lengths[1:], q[2::3], strict=True)]
+
+
+def _residual(q: Any, lengths: list[float], phi: float) -> list[float]:
+    a, b, c = _arms(q, lengths)
+    x = q.tolist()
+    return [
+        x[0] - a[0],
+        x[1] - a[1],
+        x[3] - b[0] - x[0] - a[0],
+        x[4] - b[1] - x[1] - a[1],
+        x[6] + c[0] - x[3] - b[0],
+        x[7] + c[1] - x[4] - b[1],
+        x[6] - c[0] - lengths[0],
+        x[7] - c[1],
+        x[2] - phi,
+    ]
+
+
+def _jacobian(q: Any, lengths: list[float], phi: float) -> Any:
+    a, b, c = _arms(q, lengths)
+    out = _CONSTANT.copy()
+    for row, (x, y) in ((0, a), (6, c)):
+        column = 2 if row == 0 else 8
+        out[row, column], out[row + 1, column] = y, -x
+    for row, column, (x, y) in ((2, 5, b), (2, 2, a), (4, 5, b)):
+        out[row, column], out[row + 1, column] = y, -x
+    out[4, 8], out[5, 8] = -c[1], c[0]
+    return out
+
+
+def _bend(q: Any, qd: Any, lengths: list[float]) -> Any:
+    a, b, c = (np.array(arm) * w * w for arm, w in zip(_arms(q, lengths), qd[2::3], strict=True))
+    return np.concatenate([-a, -b - a, c - b, -c, [0.0]])
+
+
+def _constant() -> Any:
+    out = np.zeros((9, 9))
+    for row, column, sign in ((0, 0, 1), (2, 3, 1), (2, 0, -1), (4, 6, 1), (4, 3, -1), (6, 6, 1)):
+        out[row, column] = out[row + 1, column + 1] = sign
+    out[8, 2] = 1.0
+    return out
+
+
+_CONSTANT = _constant()

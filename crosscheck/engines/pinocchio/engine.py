@@ -1,0 +1,244 @@
+"""Pinocchio as a peer: its own constraint rows in absolute coordinates, and its joint trees with loops to be closed.
+
+Pinocchio has no kinematic loop solver, no prescribed motion and no distance constraint. So Newton, driver rows and
+linear solves are the adapter's (`loop_closing`, `tree_system`), and a distance joint is a massless link; residual,
+Jacobian, drift term and the motion of points are Pinocchio's. Every scene gets its own model: nothing is kept.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import pinocchio as pin
+
+from crosscheck.engines import (
+    API,
+    NATIVE,
+    Array,
+    Capabilities,
+    EngineError,
+    Level,
+    Term,
+    derived,
+    refusals,
+    refused,
+    table_key,
+)
+from crosscheck.engines.frames import RowMap
+from crosscheck.engines.pinocchio.effects import EFFECTS, MISSING, ForwardDynamics, affected
+from crosscheck.engines.pinocchio.model import Frame, Rows, absolute_model, tree_model
+from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, closed_chain
+from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
+from crosscheck.engines.tree.tree_motion import CHAIN, link_terms, marched_motion, tree_motion
+from refkin.joints import Pair
+from refkin.model import Scene
+from refkin.motion import Motion, Producer, Route, Seeding
+
+TREE = Route(
+    name="joint tree",
+    residual_by="pinocchio",
+    jacobian_by="pinocchio",
+    newton_by="adapter",
+    linear_solve_by="numpy",
+    drift_by="pinocchio",
+    seeding=Seeding.INITIAL_GUESS,
+)
+
+NO_DISTANCE = refused("Pinocchio has no distance constraint")
+NO_DRIVER = refused("Pinocchio prescribes no motion; a row of the adapter's own would prove nothing")
+LINK = derived("a massless link with a revolute joint at either end")
+OWN_ROW = derived("a row of the adapter's, on Pinocchio's motion of points or its joint angles")
+
+CAPABILITIES: Capabilities = {
+    **{joint: dict.fromkeys(Level, NATIVE) for joint in ("revolute", "fixed", "prismatic", "point_on_line")},
+    "distance": {**dict.fromkeys(Level, NO_DISTANCE), Level.SOLVE: LINK},
+    **{
+        key: {**dict.fromkeys(Level, NO_DRIVER), Level.SOLVE: OWN_ROW} for key in ("angle", "x", "y", "distance driver")
+    },
+}
+
+
+SPATIAL = (
+    Term(
+        name="angles from rotations",
+        level=Level.RESIDUAL.value,
+        reason="the angle of a prismatic row is read from a rotation matrix, each entry rounded by u or two",
+        absolute=8.0 * 2.0**-53,
+    ),
+    *(
+        Term(
+            name="spatial vectors",
+            level=level.value,
+            reason="lever arms are differences of positions in the ground frame, and omega x v enters with both "
+            "signs: 8 roundings, two bodies",
+            relative=16.0 * 2.0**-53,
+        )
+        for level in (Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
+    ),
+)
+
+
+FORWARD = replace(TREE, name="forward dynamics", linear_solve_by="acceleration: pinocchio")
+
+
+class Pinocchio:
+    """The engine of the package `pin`.
+
+    Parameters
+    ----------
+    effect : str, optional
+        One of `pinocchio_effects.EFFECTS`, switched on in every model that solves: for the ledger of effects.
+    """
+
+    name = "pinocchio"
+    api = API
+
+    def __init__(self, effect: str | None = None) -> None:
+        self.effect = effect
+
+    def physical_effects(self) -> Mapping[str, str]:
+        """Return what Pinocchio can simulate beside kinematics, and how it is switched on."""
+        return {name: effect.told for name, effect in EFFECTS.items()}
+
+    def missing_effects(self) -> Mapping[str, str]:
+        """Return what Pinocchio's models do not hold."""
+        return MISSING
+
+    def with_effect(self, effect: str) -> Pinocchio:
+        """Return Pinocchio with an effect switched on."""
+        return Pinocchio(effect)
+
+    def dynamic_routes(self) -> Sequence[Route]:
+        """Return the route whose accelerations are those of forwardDynamics."""
+        return (FORWARD,)
+
+    def version(self) -> str:
+        """Return the version of the package."""
+        return str(pin.__version__)
+
+    def routes(self) -> Sequence[Route]:
+        """Return the one route of every night."""
+        return (TREE,)
+
+    def discovery(self) -> Sequence[Route]:
+        """Return the route with Pinocchio's own settings, which hard cases are sent through."""
+        return (CLOSED_CHAIN,)
+
+    def capabilities(self) -> Capabilities:
+        """Return what Pinocchio can express."""
+        return CAPABILITIES
+
+    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
+        """Return the rounding of chains, drift terms and massless links, and what stops Pinocchio's own loop."""
+        own = (STOP,) if route == CLOSED_CHAIN else ()
+        return (*CHAIN, *SPATIAL, *link_terms(scene.mechanism), *own)
+
+    def constraints(self, scene: Scene) -> PinocchioConstraints:
+        """Return Pinocchio's rows for the joints of a scene that it does not refuse.
+
+        Raises
+        ------
+        EngineError
+            If it refuses all of them; the message says why, one by one.
+        """
+        found = PinocchioConstraints(scene)
+        if not found.rows:
+            raise EngineError("; ".join(refusals(self, scene, Level.RESIDUAL)))
+        return found
+
+    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
+        """Return the motion that closes Pinocchio's joint tree, started at the bodies' estimates.
+
+        Raises
+        ------
+        EngineError
+            If a joint or the route is refused, or a body has no estimate; the message names it.
+        """
+        reasons = refusals(self, scene, Level.SOLVE)
+        if reasons:
+            raise EngineError("; ".join(reasons))
+        if route not in (None, TREE, CLOSED_CHAIN, FORWARD):
+            known = f"{TREE.name!r}, {CLOSED_CHAIN.name!r}"
+            raise EngineError(f"pinocchio has no route {route.name!r}; there are: {known}")
+        tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)
+        producer = Producer(name=self.name, version=self.version(), route=route or TREE)
+        if route == CLOSED_CHAIN:
+            return marched_motion(tree, scene, closed_chain(tree.tree, scene), producer)
+        forward = ForwardDynamics(tree, scene, self.effect) if route == FORWARD else None
+        return tree_motion(tree, scene, producer, forward)
+
+
+class PinocchioConstraints:
+    """Pinocchio's rows for the joints of a scene, with columns (x, y, phi) per body [m, rad]; none for drivers."""
+
+    owns_driver = False
+
+    def __init__(self, scene: Scene) -> None:
+        bodies = [body.name for body in scene.mechanism.bodies]
+        native = {key for key, levels in CAPABILITIES.items() if levels.get(Level.RESIDUAL) == NATIVE}
+        joints = [joint for joint in scene.mechanism.joints if table_key(joint) in native]
+        self._rows = Rows(absolute_model(bodies), joints, lambda body, u: u)
+        ours = [(joint.name, row) for joint in joints for row in range(joint.rows)]
+        self.rows: Sequence[RowMap] = tuple(
+            RowMap(constraint=name, row=row, engine_row=k) for k, (name, row) in enumerate(ours)
+        )
+
+    def residual(self, q: Array, t: float) -> Array:
+        """Return the residual (m,)."""
+        return self._rows.residual(q)
+
+    def jacobian(self, q: Array, t: float) -> Array:
+        """Return the Jacobian (m, n)."""
+        return self._rows.jacobian(q)
+
+    def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
+        """Return phi_q qd (m,), from Pinocchio's velocities of frames."""
+        return self._rows.velocity(q, qd)
+
+    def drift(self, q: Array, qd: Array, t: float) -> Array:
+        """Return gamma (m,), from Pinocchio's accelerations of frames."""
+        return self._rows.drift(q, qd)
+
+    def close(self) -> None:
+        """Do nothing: Pinocchio frees its memory with the object."""
+
+
+class PinocchioTree:
+    """Pinocchio's model of a joint tree: a `TreeEngine`."""
+
+    def __init__(self, tree: JointTree, effect: str | None = None) -> None:
+        self.tree = tree
+        self.planar = affected(tree_model(tree), effect)
+        self._rows = Rows(self.planar, tree.closures, tree.scaled)
+        self._frames: dict[tuple[str, Pair], Frame] = {}
+        self.closure_rows = self._rows.count
+
+    def closure(self, q: Array) -> tuple[Array, Array]:
+        """Return the residual of the closures and its Jacobian."""
+        return self._rows.both(q)
+
+    def closure_drift(self, q: Array, qd: Array) -> Array:
+        """Return gamma of the closures."""
+        return self._rows.drift(q, qd)
+
+    def point(self, q: Array, body: str, u: Pair) -> tuple[Array, Array]:
+        """Return a point of a body and its Jacobian."""
+        self.planar.place(q)
+        frame = self._frame(body, u)
+        return self.planar.point(frame), self.planar.point_jacobian(frame)
+
+    def point_drift(self, q: Array, qd: Array, body: str, u: Pair) -> Array:
+        """Return the acceleration of a point at qdd = 0."""
+        self.planar.move(q, qd)
+        return self.planar.point_acceleration(self._frame(body, u))
+
+    def contacts(self) -> tuple[list[Any], list[Any]]:
+        """Return Pinocchio's constraints of the closures, and their data."""
+        return self._rows.contacts()
+
+    def _frame(self, body: str, u: Pair) -> Frame:
+        if (body, u) not in self._frames:
+            self._frames[body, u] = self.planar.frames[body].at(u)
+        return self._frames[body, u]

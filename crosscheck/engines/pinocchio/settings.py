@@ -1,0 +1,169 @@
+"""Pinocchio by every route: Newton on its rows, and its constrained dynamics with and without Baumgarte's terms.
+
+Pinocchio integrates nothing in time: Euler and Runge-Kutta are the adapter's, on `constraintDynamics`. The prescribed
+coordinates are overwritten before each step, with an armature beside which no constraint force moves them; stepping
+starts at a closed pose with consistent velocities.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from crosscheck.engines import EngineError, Level, refusals
+from crosscheck.engines.pinocchio.engine import Pinocchio, PinocchioTree
+from crosscheck.engines.price_route import NOBODY, PricedRoute, Refused
+from crosscheck.engines.tree.joint_tree import Array, joint_tree
+from crosscheck.engines.tree.settings import Clockwork, Tree, newton_routes
+from crosscheck.engines.tree.tree_system import TreeSystem
+from refkin.joints import Revolute
+from refkin.model import Scene
+
+FLYWHEEL = 1e12
+"""Armature of a prescribed coordinate, 1 for the others: there are no masses."""
+COMPLIANCE, ACCURACY, ITERATIONS = 1e-10, 1e-14, 20
+"""The proximal settings of the constrained dynamics: its z rows are redundant, with no compliance it gives NaN."""
+BAUMGARTE = 0.25
+"""Baumgarte's rate a (terms 2 a v + a^2 g) times the step: well inside what Euler's rule can bear, a h < 2."""
+STEPPING = {
+    "constraintDynamics, Euler": ("euler", False, (1, 3, 10)),
+    "constraintDynamics, Euler, Baumgarte": ("euler", True, (1, 3, 10)),
+    "constraintDynamics, RK4": ("rk4", False, (1, 3, 10)),
+    "constraintDynamics, RK4, Baumgarte": ("rk4", True, (1, 3, 10)),
+}
+
+Acceleration = Callable[[Array, Array, Array], Array]
+"""Accelerations of the prescribed coordinates, q, qd -> those of all."""
+
+
+def routes(scene: Scene) -> Iterator[PricedRoute | Refused]:
+    """Yield the routes of Pinocchio.
+
+    Raises
+    ------
+    EngineError
+        If Pinocchio refuses a joint of the scene, or a body has no estimate.
+    """
+    reasons = refusals(Pinocchio(), scene, Level.SOLVE)
+    if reasons:
+        raise EngineError("; ".join(reasons))
+    tree = _tree(scene)
+    tree.system.tree.start()  # every route starts there; a missing estimate is a refusal
+    yield from newton_routes(tree, "pinocchio")
+    try:
+        yield from _stepping_routes(tree)
+    except EngineError as error:
+        yield Refused(engine="pinocchio", name="constraintDynamics", reason=str(error))
+
+
+def _tree(scene: Scene) -> Tree:
+    engine = PinocchioTree(joint_tree(scene.mechanism, massless_links=True))
+    return Tree(scene, engine, TreeSystem(engine, scene.mechanism.drivers))
+
+
+def _stepping_routes(tree: Tree) -> Iterator[PricedRoute]:
+    stepper = Stepper(tree)
+    for name, (rule, stabilised, counts) in STEPPING.items():
+        for steps in counts:
+            clock = stepper.clockwork(steps)
+            yield PricedRoute(
+                engine="pinocchio",
+                name=name,
+                knob=f"h = {2.0 * clock.step(0):.3g} s",
+                newton_by=NOBODY,
+                solve=partial(stepper.solve, RULES[rule], stabilised, clock),
+                read=tree.read,
+                note="integrated by the adapter" + f"; a h = {BAUMGARTE}" * stabilised,
+            )
+
+
+class Stepper:
+    """A scene in Pinocchio's constrained dynamics.
+
+    Raises
+    ------
+    EngineError
+        If a loop is closed by another joint than a revolute, or a driver holds no coordinate of the tree.
+    """
+
+    def __init__(self, tree: Tree) -> None:
+        self.tree, self.scene = tree, tree.scene
+        closures = tree.system.tree.closures
+        other = [joint for joint in closures if not isinstance(joint, Revolute)]
+        if other or not closures:
+            which = f"joint {other[0].name!r} closes a loop" if other else "no joint closes a loop"
+            raise EngineError(f"{which}: only revolute joints are priced in its constrained dynamics")
+        held = self.clockwork(1).columns
+        engine: Any = tree.engine
+        self.constraints, self.constraint_data = engine.contacts()
+        self.model, self.data = engine.planar.model, engine.planar.model.createData()
+        armature = np.ones(self.model.nv)
+        armature[held] = FLYWHEEL
+        self.model.armature = armature
+        pin.initConstraintDynamics(self.model, self.data, self.constraints, self.constraint_data)
+        self.settings = pin.ProximalSettings(ACCURACY, COMPLIANCE, ITERATIONS)
+        self.q, self.qd = tree.first()
+
+    def clockwork(self, steps: int) -> Clockwork:
+        """Return the prescribed coordinates at the beginning and the middle of so many steps between two times."""
+        return Clockwork.of(self.tree.system.tree, self.scene.mechanism.drivers, self.scene.times, 2 * steps)
+
+    def solve(self, rule: Any, stabilised: bool, clock: Clockwork, order: int) -> list[Array]:
+        """Return tree coordinates and rates up to an order at the scene's times."""
+        q, qd, held = self.q.copy(), self.qd.copy(), clock.columns
+        levels = [np.empty((len(q), len(self.scene.times))) for _ in range(order + 1)]
+        steps = clock.times.shape[1] // 2
+        values = clock.values.reshape(3, -1, len(held))
+        for k in range(len(self.scene.times)):
+            at = 2 * steps * k
+            q[held], qd[held] = values[:2, at]
+            for level, found in zip(levels, (q, qd), strict=False):
+                level[:, k] = found
+            if order > 1:
+                levels[2][:, k] = self._acceleration(held, values[2, at], q, qd)
+            if k + 1 == len(self.scene.times):
+                break
+            h = 2.0 * clock.step(k)
+            self._stabilise(BAUMGARTE / h if stabilised else 0.0)
+            for _ in range(steps):
+                q[held], qd[held] = values[:2, at]
+                q, qd = rule(partial(self._acceleration, held), values[2, at : at + 3], q, qd, h)
+                at += 2
+        return levels
+
+    def _stabilise(self, rate: float) -> None:
+        for constraint in self.constraints:
+            constraint.m_baumgarte_parameters = pin.BaumgarteCorrectorParameters(rate * rate, 2.0 * rate)
+
+    def _acceleration(self, held: Array, prescribed: Array, q: Array, qd: Array) -> Array:
+        """Return the acceleration (n,) that Pinocchio gives, the prescribed coordinates being driven."""
+        force = np.zeros(self.model.nv)
+        force[held] = FLYWHEEL * prescribed
+        system = (self.model, self.data, q, qd, force, self.constraints, self.constraint_data, self.settings)
+        found: Array = pin.constraintDynamics(*system)
+        return found
+
+
+def _euler(acceleration: Acceleration, prescribed: Array, q: Array, qd: Array, h: float) -> tuple[Array, Array]:
+    """Return the state after a step of Euler's semi-implicit rule."""
+    qd = qd + h * acceleration(prescribed[0], q, qd)
+    return q + h * qd, qd
+
+
+def _rk4(acceleration: Acceleration, prescribed: Array, q: Array, qd: Array, h: float) -> tuple[Array, Array]:
+    """Return the state after a step of the classical Runge-Kutta rule."""
+    a1 = acceleration(prescribed[0], q, qd)
+    v2 = qd + h / 2 * a1
+    a2 = acceleration(prescribed[1], q + h / 2 * qd, v2)
+    v3 = qd + h / 2 * a2
+    a3 = acceleration(prescribed[1], q + h / 2 * v2, v3)
+    v4 = qd + h * a3
+    a4 = acceleration(prescribed[2], q + h * v3, v4)
+    return q + h / 6 * (qd + 2 * v2 + 2 * v3 + v4), qd + h / 6 * (a1 + 2 * a2 + 2 * a3 + a4)
+
+
+RULES = {"euler": _euler, "rk4": _rk4}

@@ -1,0 +1,174 @@
+"""What the routes of engines with joint trees share: Newton on the engine's rows with its stop swept, and stepping.
+
+Newton is the adapter's here and the same for every engine (`tree_system` says whose rows it works on); each pose starts
+at the last one. What is timed ends at the tree's coordinates and rates; where bodies are is read afterwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import EngineError
+from crosscheck.engines.price_route import PricedRoute
+from crosscheck.engines.tree.joint_tree import Array, JointTree
+from crosscheck.engines.tree.loop_closing import March, body_levels, close, solve
+from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
+from refkin.joints import AngleDriver, Driver
+from refkin.model import Scene
+from refkin.motion import Status
+
+LIMITS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
+"""Largest component of the correction at which Newton stops; it squares the error, so the last is at round-off."""
+CAP = 30
+"""Corrections that a pose may take."""
+
+
+@dataclass(frozen=True)
+class Tree:
+    """A scene as an engine's joint tree."""
+
+    scene: Scene
+    engine: TreeEngine
+    system: TreeSystem
+
+    def read(self, levels: Sequence[Array]) -> list[Array]:
+        """Return tree coordinates and rates (n, T) as those of bodies."""
+        times = len(self.scene.times)
+        nothing = np.full(times, np.nan)
+        march = March(tuple(levels), (Status.OK,) * times, nothing)
+        return body_levels(self.engine, march, [body.name for body in self.scene.mechanism.bodies])
+
+    def first(self) -> tuple[Array, Array]:
+        """Return the closed pose at the first time and its velocities, where a time integration starts.
+
+        Raises
+        ------
+        EngineError
+            If there is none.
+        """
+        pose = close(self.system, self.system.tree.start(), self.scene.times[0])
+        if pose is None or not pose.regular:
+            raise EngineError("the tree does not close at the first time, where stepping would start")
+        return pose.q, pose.qd
+
+
+def newton_routes(tree: Tree, name: str) -> Iterator[PricedRoute]:
+    """Yield Newton on the engine's rows, stopped by the size of the correction, and after so many corrections."""
+
+    def route(route_name: str, knob: str, **stop: Any) -> PricedRoute:
+        return PricedRoute(
+            engine=name,
+            name=route_name,
+            knob=knob,
+            newton_by="the adapter",
+            solve=partial(newton_sweep, tree, **stop),
+            read=tree.read,
+        )
+
+    for limit in LIMITS:
+        yield route("Newton on its rows", f"|dq| < {limit:g}", limit=limit)
+    for count in range(1, 6):
+        yield route("Newton on its rows, stopped", f"{count} correction{'s' * (count > 1)}", most=count)
+
+
+def newton_sweep(tree: Tree, order: int, *, limit: float = 0.0, most: int = CAP) -> list[Array]:
+    """Return tree coordinates and rates (n, T) up to an order, NaN where a pose has none."""
+    system, times = tree.system, tree.scene.times
+    q = system.tree.start()
+    levels = [np.full((len(q), len(times)), np.nan) for _ in range(order + 1)]
+    with np.errstate(all="ignore"):  # an iterate that runs away has no digits, which is what the row will say
+        for k, t in enumerate(times):
+            found = _newton(system, q, t, limit, most)
+            if found is None:
+                continue
+            q = levels[0][:, k] = found
+            if order:
+                _rates(system, levels, k, t)
+    return levels
+
+
+def _rates(system: TreeSystem, levels: list[Array], k: int, t: float) -> None:
+    q = levels[0][:, k].copy()
+    jacobian = system.position(q, t)[1]
+    qd = solve(jacobian, system.nu(t))
+    if qd is None:
+        return
+    levels[1][:, k] = qd
+    if len(levels) > 2:
+        qdd = solve(jacobian, system.gamma(q, qd, t))
+        levels[2][:, k] = np.nan if qdd is None else qdd
+
+
+def _newton(system: TreeSystem, q: Array, t: float, limit: float, most: int) -> Array | None:
+    for _ in range(most):
+        residual, jacobian = system.position(q, t)
+        correction = solve(jacobian, residual)
+        if correction is None:
+            return None
+        q = q - correction
+        if np.abs(correction).max() < limit:
+            break
+    return q
+
+
+def prescribed(tree: JointTree, drivers: Sequence[Driver]) -> list[tuple[int, float, Driver]]:
+    """Return (column, offset, driver) for each driver: the tree coordinate that it holds is its law minus the offset.
+
+    Raises
+    ------
+    EngineError
+        If a driver holds something else than one coordinate of the tree: stepping prescribes coordinates alone.
+    """
+    found = []
+    for driver in drivers:
+        row, offset = None, 0.0
+        if isinstance(driver, AngleDriver):
+            i, j = driver.bodies
+            row = tree.angle_rows[j] - tree.angle_rows[i]
+            offset = tree.angle_offsets[j] - tree.angle_offsets[i]
+        if row is None or np.count_nonzero(row) != 1 or row.max() != 1.0:
+            raise EngineError(f"driver {driver.name!r} does not hold one coordinate of the tree, as stepping needs it")
+        found.append((int(np.argmax(row)), offset, driver))
+    return found
+
+
+@dataclass(frozen=True)
+class Clockwork:
+    """The prescribed coordinates at every step between the times of a scene.
+
+    Attributes
+    ----------
+    columns : (d,) array of int
+        Which coordinates are prescribed.
+    times : (T, steps) array
+        Times at the beginning of each step [s]; row k leads to time k + 1 of the scene.
+    values : (3, T, steps, d) array
+        Value, rate and acceleration at those times; the last row belongs to the last time alone.
+    """
+
+    columns: Array
+    times: Array
+    values: Array
+
+    @classmethod
+    def of(cls, tree: JointTree, drivers: Sequence[Driver], times: Sequence[float], steps: int) -> Clockwork:
+        """Return the clockwork of a scene's drivers with so many steps between two times."""
+        held = prescribed(tree, drivers)
+        t = np.asarray(times)
+        length = np.append(np.diff(t), 0.0)
+        at = t[:, None] + length[:, None] * (np.arange(steps) / steps)
+        values = np.empty((3, *at.shape, len(held)))
+        for k, (_, offset, driver) in enumerate(held):
+            for order in range(3):
+                law = np.array([float(driver.laws[0](float(x), order)) for x in at.ravel()])
+                values[order, ..., k] = law.reshape(at.shape) - (offset if order == 0 else 0.0)
+        return cls(np.array([column for column, _, _ in held], int), at, values)
+
+    def step(self, k: int) -> float:
+        """Return the length of the steps from time k to the next [s]."""
+        return float((self.times[k + 1, 0] - self.times[k, 0]) / self.times.shape[1])

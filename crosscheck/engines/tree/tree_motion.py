@@ -1,0 +1,109 @@
+"""The motion of a scene from an engine's joint tree: the same steps for every engine that has no loop solver."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from math import hypot, sqrt
+
+import numpy as np
+
+from crosscheck.engines import Term
+from crosscheck.engines.tree.joint_tree import Array
+from crosscheck.engines.tree.loop_closing import March, body_levels, march, point_levels
+from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
+from refkin.joints import GROUND, Distance
+from refkin.model import Effect, Mechanism, Scene
+from refkin.motion import Motion, PointMotion, Producer, engine_motion
+
+Accelerations = Callable[[Array, Array, float], Array]
+
+CHAIN = (
+    Term(
+        name="chain of frames",
+        level="position",
+        reason="a loop is closed by a chain of up to four frames where the reference composes one: twice the roundings",
+        relative=1.0,
+    ),
+    *(
+        Term(
+            name="rates down a chain",
+            level=level,
+            reason="rates are composed down the same chain: two roundings for each of four frames, at both ends",
+            relative=16.0 * 2.0**-53,
+        )
+        for level in ("velocity", "acceleration")
+    ),
+)
+
+
+def link_terms(mechanism: Mechanism) -> tuple[Term, ...]:
+    """Return what massless links in the place of distance joints cost: rates that no other formulation knows.
+
+    A link of length L between points at |u_i| and |u_j| on their bodies turns at up to w = (v_i + v_j) / L, with
+    v <= (sqrt(2) + |u|) max|qd|, however small its row d . v of the reference is. It stands in two columns, its own
+    and that of the body that hangs on it, with an arm of L and 3/2 for every body below it. Each product costs two
+    roundings for every frame of the chain, and the solve of n equations n more; all lengths in sizes. Likewise its
+    angular acceleration, with a <= (sqrt(2) + 2 |u|) max(|qdd| + |qd|^2), and w^2.
+    """
+    unit, chain = mechanism.unit(), len(mechanism.bodies)
+    velocity = acceleration = 0.0
+    for joint in mechanism.joints:
+        if isinstance(joint, Distance):
+            length = joint.length / unit.size
+            ends = ((joint.body_i, joint.point_i), (joint.body_j, joint.point_j))
+            arms = [hypot(*u) / unit.size for body, u in ends if body != GROUND]
+            turning = sum(sqrt(2.0) + arm for arm in arms) / length
+            bending = sum(sqrt(2.0) + 2.0 * arm for arm in arms) / length
+            roundings = 2.0 * 3.0 * (chain + 1) * (length + 1.5 * chain) * 2.0**-53
+            velocity += roundings * turning
+            acceleration += roundings * (bending + turning**2)
+    why = "a massless link turns fast where its distance joint hardly moves, and every body below turns back"
+    return tuple(
+        Term(name="massless links", level=level, reason=why, of_rates=size)
+        for level, size in (("velocity", velocity), ("acceleration", acceleration))
+        if size
+    )
+
+
+def tree_motion(
+    engine: TreeEngine, scene: Scene, producer: Producer, accelerations: Accelerations | None = None
+) -> Motion:
+    """Return the motion of the bodies and points that a scene wants, at the levels it calls for.
+
+    Parameters
+    ----------
+    accelerations : callable, optional
+        What gives qdd (n,) from q, qd and t, instead of the constraints' own equations.
+
+    Raises
+    ------
+    EngineError
+        If a body of the scene has no estimate.
+    """
+    order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
+    found = march(TreeSystem(engine, scene.mechanism.drivers), scene.times, order)
+    if accelerations is not None and order == 2:
+        q, qd, qdd = found.levels
+        for k in np.flatnonzero(np.isfinite(qdd).all(axis=0)):
+            qdd[:, k] = accelerations(q[:, k], qd[:, k], scene.times[k])
+    return marched_motion(engine, scene, found, producer)
+
+
+def marched_motion(engine: TreeEngine, scene: Scene, found: March, producer: Producer) -> Motion:
+    """Return what a scene wants of tree coordinates that were found in whatever way, at the levels they have."""
+    points = {p.name: _reported(scene, point_levels(engine, found, p.body, p.position)) for p in scene.points}
+    return engine_motion(
+        scene.times,
+        scene.wanted,
+        *_reported(scene, body_levels(engine, found, scene.wanted)),
+        found.status,
+        producer,
+        residual=found.residual,
+        points={name: PointMotion(r=r, v=v, a=a) for name, (r, v, a) in points.items()},
+    )
+
+
+def _reported(scene: Scene, levels: list[Array]) -> tuple[Array, Array | None, Array | None]:
+    """Return position, velocity and acceleration; None for what was computed on the way but not called for."""
+    velocity = levels[1] if Effect.VELOCITY in scene.effects and len(levels) > 1 else None
+    return levels[0], velocity, levels[2] if Effect.ACCELERATION in scene.effects and len(levels) > 2 else None

@@ -1,0 +1,156 @@
+"""The vector-loop method as a peer: a second formulation of the same kinematics, without absolute coordinates.
+
+The scene's joints become vectors, its loops equations in angles and slides (`crosscheck.engines.vector_loop`); Newton
+is refkin's, on these equations; places of bodies follow from the chains of vectors, with two derivatives. It has no
+rows in absolute coordinates. Of the scene's estimates it takes a start for the unknowns, and so the assembly and whole
+turns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import (
+    API,
+    NATIVE,
+    Array,
+    Capabilities,
+    ConstraintModel,
+    EngineError,
+    Level,
+    Term,
+    derived,
+    refusals,
+    refused,
+)
+from crosscheck.engines.vector_loop.marching import March, march
+from crosscheck.engines.vector_loop.reading import Reading, read
+from refkin.model import Effect, Scene
+from refkin.motion import Motion, PointMotion, Producer, Route, Seeding, Status, engine_motion
+
+ROUTE = Route(
+    name="loop closure",
+    residual_by="vector loops",
+    jacobian_by="vector loops",
+    newton_by="refkin.newton",
+    linear_solve_by="numpy",
+    drift_by="vector loops",
+    seeding=Seeding.INITIAL_GUESS,
+)
+
+NO_ROWS = refused("its rows are loops of vectors, not joints in absolute coordinates")
+DISC = derived("a disc alone; a general profile is refused when the scene is read")
+JOINTS = (
+    *("revolute", "revolute with a law", "fixed", "prismatic", "point_on_line", "distance", "gear", "rack_and_pinion"),
+    *("angle", "x", "y", "distance driver"),
+)
+"""Keys of the joints and drivers in the capability table."""
+
+
+class VectorLoop:
+    """Loop-closure equations, solved by Newton."""
+
+    name = "vector_loop"
+    api = API
+
+    def version(self) -> str:
+        """Return the version of this project: the method is its own."""
+        return version("refkin")
+
+    def routes(self) -> Sequence[Route]:
+        """Return the one route there is."""
+        return (ROUTE,)
+
+    def capabilities(self) -> Capabilities:
+        """Return: every planar joint and driver at level solve, of cams the discs; no rows."""
+        rows = dict.fromkeys(Level, NO_ROWS)
+        return {**{key: {**rows, Level.SOLVE: NATIVE} for key in JOINTS}, "cam": {**rows, Level.SOLVE: DISC}}
+
+    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
+        """Return nothing: Newton goes on to round-off, and a chain of vectors is one of frames, which budgets cover."""
+        return ()
+
+    def constraints(self, scene: Scene) -> ConstraintModel:
+        """Refuse: there are no rows."""
+        raise EngineError(f"vector_loop: {NO_ROWS.reason}")
+
+    def solve(self, scene: Scene, route: Route | None = None) -> Motion:
+        """Return the motion of a scene.
+
+        Raises
+        ------
+        EngineError
+            If a joint is refused, or the scene makes no square set of loops with an estimate of each unknown.
+        """
+        if route is not None and route != ROUTE:
+            raise EngineError(f"vector_loop has no route {route.name!r}; there is: {ROUTE.name!r}")
+        found = refusals(self, scene, Level.SOLVE)
+        if found:
+            raise EngineError("\n".join(found))
+        reading = read(scene)
+        moved = march(reading.system, scene.times, reading.q0, reading.distance)
+        places = _places(reading, moved)
+        bodies = [_rows(reading, moved, place, order) for order, place in enumerate(places)]
+        points = {point.name: _point(scene, places, k) for k, point in enumerate(scene.points, start=len(scene.wanted))}
+        producer = Producer(name=self.name, version=self.version(), route=ROUTE)
+        return engine_motion(
+            scene.times,
+            scene.wanted,
+            *_called_for(scene, bodies),
+            moved.status,
+            producer,
+            residual=moved.residual,
+            points=points,
+            message=_message(moved),
+        )
+
+
+def _message(moved: March) -> str:
+    if moved.reached == len(moved.t):
+        return ""
+    if not moved.reached:
+        return f"Newton closed the loops from no estimate at t = {moved.t[0]:.17g}"
+    return f"the branch was not followed beyond t = {moved.t[moved.reached - 1]:.17g}"
+
+
+def _places(reading: Reading, moved: March) -> list[Any]:
+    """Return origins of bodies, then points, as complex numbers [m] with two derivatives; NaN where none is known."""
+    sums, t = reading.places, moved.t
+    levels = [
+        sums.value(moved.q, t) * reading.size + reading.origin,
+        sums.rate(moved.q, moved.qd, t) * reading.size,
+        sums.acceleration(moved.q, moved.qd, moved.qdd, t) * reading.size,
+    ]
+    for order, level in enumerate(levels):
+        level[:, _unknown(moved, order)] = np.nan
+    return levels
+
+
+def _rows(reading: Reading, moved: March, place: Any, order: int) -> Array:
+    """Return x, y [m], phi [rad] of the wanted bodies, or their derivatives, (3 n, T)."""
+    count = len(reading.angles.variables)
+    rows = np.empty((3 * count, len(moved.t)))
+    rows[0::3], rows[1::3] = place[:count].real, place[:count].imag
+    rows[2::3] = reading.angles.at((moved.q, moved.qd, moved.qdd)[order], moved.t, order)
+    rows[:, _unknown(moved, order)] = np.nan
+    return rows
+
+
+def _unknown(moved: March, order: int) -> Any:
+    """Return at which times a level has no answer: a body that only the input moves has none there, either."""
+    with_answer = (Status.OK, Status.SINGULAR) if order == 0 else (Status.OK,)
+    return np.array([status not in with_answer for status in moved.status])
+
+
+def _point(scene: Scene, places: Sequence[Any], k: int) -> PointMotion:
+    r, v, a = _called_for(scene, [np.array([level[k].real, level[k].imag]) for level in places])
+    return PointMotion(r=r, v=v, a=a)
+
+
+def _called_for(scene: Scene, levels: Sequence[Array]) -> tuple[Array, Array | None, Array | None]:
+    velocity = levels[1] if Effect.VELOCITY in scene.effects else None
+    return levels[0], velocity, levels[2] if Effect.ACCELERATION in scene.effects else None

@@ -1,0 +1,174 @@
+"""Joints as ways from body to body: how the point of one leads to the point of the other.
+
+r_j + p_j e^(i phi_j) = r_i + p_i e^(i phi_i) + gap, with this gap:
+
+======================= =================================================================================
+revolute, fixed         none; or the two laws of an `offset_law`
+prismatic,              an unknown length along the axis, which turns with body i
+point_on_line
+distance and its driver a given length, or a law, in an unknown direction
+x and y driver          from the ground's origin: the law along one axis, an unknown length along the other
+rack_and_pinion         an unknown length along the rack's axis, another across
+cam, a disc             a point or roller keeps a distance, a face slides: its normal has a given length
+======================= =================================================================================
+
+Gears make no way, they relate angles; a rack also relates its length to angles. A cam of general profile is refused:
+its contact moves along a curve.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from crosscheck.engines import EngineError
+from crosscheck.engines.vector_loop.system import Relation
+from crosscheck.engines.vector_loop.vectors import Variable, Vector
+from refkin.joints import (
+    GROUND,
+    AngleDriver,
+    Cam,
+    Constraint,
+    Disc,
+    Distance,
+    DistanceDriver,
+    Fixed,
+    Gear,
+    Pair,
+    PointOnLine,
+    Prismatic,
+    RackAndPinion,
+    Revolute,
+    XDriver,
+    YDriver,
+)
+from refkin.model import Scene
+from refkin.motion_laws import Law
+
+NOWHERE = complex(math.nan, math.nan)
+Frame = tuple[complex, float]
+"""Origin and angle [rad] of a body's frame."""
+
+
+@dataclass(frozen=True)
+class Way:
+    """From point p_i of body i by the gap to point p_j of body j; points in the bodies' own frames."""
+
+    i: str
+    p_i: complex
+    j: str
+    p_j: complex
+    gap: tuple[Vector, ...]
+
+    def turned_round(self) -> Way:
+        """Return the way back."""
+        return Way(self.j, self.p_j, self.i, self.p_i, tuple(v.times(-1.0) for v in self.gap))
+
+
+class Estimates:
+    """The bodies' frames as the scene estimates them, in units of its size; NaN where it does not."""
+
+    def __init__(self, scene: Scene) -> None:
+        unit = scene.mechanism.unit()
+        self.size, self.origin = unit.size, complex(*unit.origin)
+        self._frames: dict[str, Frame] = {GROUND: (0j, 0.0)}
+        for body in scene.mechanism.bodies:
+            e = body.estimate
+            self._frames[body.name] = (NOWHERE, math.nan) if e is None else (self.local(GROUND, e[:2]), e[2])
+
+    def local(self, body: str, u: Pair) -> complex:
+        """Return a point of a body in its frame; on the ground counted from the origin."""
+        return (complex(*u) - (self.origin if body == GROUND else 0.0)) / self.size
+
+    def frame(self, body: str) -> Frame:
+        """Return origin and angle of a body."""
+        return self._frames[body]
+
+    def gap(self, way: Way) -> complex:
+        """Return the estimated gap of a way."""
+        (r_i, phi_i), (r_j, phi_j) = self.frame(way.i), self.frame(way.j)
+        return r_j + way.p_j * cmath.exp(1j * phi_j) - r_i - way.p_i * cmath.exp(1j * phi_i)
+
+
+class Ways:
+    """The ways and relations of a scene's joints; `guesses` has each unknown of theirs with its estimate."""
+
+    def __init__(self, scene: Scene, angles: Mapping[str, Variable], estimates: Estimates) -> None:
+        self._angles, self._estimates, self._t0 = angles, estimates, float(scene.times[0])
+        self.guesses: dict[str, float] = {}
+        self.relations: list[Relation] = []
+        self.ways = [way for c in scene.mechanism.constraints for way in self._read(c)]
+
+    def _read(self, c: Constraint) -> Iterator[Way]:
+        if isinstance(c, AngleDriver):
+            return
+        if isinstance(c, Gear):
+            size = self._estimates.size
+            turning = ((c.radius_i / size, self._angles[c.body_i]), (c.radius_j / size, self._angles[c.body_j]))
+            self.relations.append(Relation(turning, -(c.radius_i * c.phi0_i + c.radius_j * c.phi0_j) / size))
+            return
+        points = list(c.points())
+        ends = [(GROUND, 0j)] if isinstance(c, XDriver | YDriver) else []
+        ends += [(body, self._estimates.local(body, u)) for body, u in points]
+        (i, p_i), (j, p_j) = ends
+        open_way = Way(i, p_i, j, p_j, ())
+        yield Way(i, p_i, j, p_j, self._gap(c, self._estimates.gap(open_way)))
+
+    def _gap(self, c: Constraint, gap: complex) -> tuple[Vector, ...]:
+        """Return what leads from point i to point j; `gap` is the estimated one."""
+        size = self._estimates.size
+        if isinstance(c, Revolute | Fixed):
+            return tuple(Vector(along, self._law(law)) for along, law in zip((1.0, 1j), c.laws, strict=False))
+        if isinstance(c, XDriver | YDriver):
+            origin = self._estimates.origin
+            along, shift = (1.0, origin.real) if isinstance(c, XDriver) else (1j, origin.imag)
+            across = self._unknown(f"coordinate across {c.name}", (gap / (1j * along)).real)
+            return Vector(along, self._law(c.laws[0], shift)), Vector(1j * along, across)
+        if isinstance(c, Distance):
+            return (self._link(c, Variable(c.length / size), gap),)
+        if isinstance(c, DistanceDriver):
+            return (self._link(c, self._law(c.laws[0]), math.copysign(1.0, c.laws[0](self._t0)) * gap),)
+        if isinstance(c, Prismatic | PointOnLine):
+            return (self._slide(f"slide on {c.name}", c.body_i, c.axis_i, gap),)
+        if isinstance(c, RackAndPinion):
+            return self._rack(c, gap)
+        if isinstance(c, Cam) and isinstance(c.profile, Disc):
+            return self._disc(c, c.profile, gap)
+        what = "a cam of general profile" if isinstance(c, Cam) else c.type
+        raise EngineError(f"vector_loop refuses {what} {c.name!r}: no vector of given or sliding length stands for it")
+
+    def _link(self, c: Constraint, length: Variable, gap: complex) -> Vector:
+        return Vector(1.0, length, self._unknown(f"direction of {c.name}", math.atan2(gap.imag, gap.real)))
+
+    def _slide(self, name: str, body: str, axis: Pair, gap: complex) -> Vector:
+        """Return a vector of unknown length along an axis of a body."""
+        along = complex(*axis) / math.hypot(*axis)
+        length = (gap * cmath.exp(-1j * self._estimates.frame(body)[1]) / along).real
+        return Vector(along, self._unknown(name, length), self._angles[body])
+
+    def _rack(self, c: RackAndPinion, gap: complex) -> tuple[Vector, ...]:
+        """Return slides along the axis and across; along - s0 - radius (phi_j - phi_i - phi0) = 0 is a relation."""
+        size, (x, y) = self._estimates.size, c.axis_i
+        along = self._slide(f"slide on {c.name}", c.body_i, (x, y), gap)
+        across = self._slide(f"distance from {c.name}", c.body_i, (-y, x), gap)
+        radius = c.radius / size
+        turning = ((-radius, self._angles[c.body_j]), (radius, self._angles[c.body_i]))
+        self.relations.append(Relation(((1.0, along.length), *turning), radius * c.phi0 - c.s0 / size))
+        return along, across
+
+    def _disc(self, c: Cam, disc: Disc, gap: complex) -> tuple[Vector, ...]:
+        size = self._estimates.size
+        if c.normal_j is None:
+            return (self._link(c, Variable((disc.radius + (c.roller_radius or 0.0)) / size), gap),)
+        x, y = c.normal_j
+        face = self._slide(f"slide on {c.name}", c.body_j, (-y, x), gap)
+        return Vector(disc.radius / size * complex(x, y) / math.hypot(x, y), angle=self._angles[c.body_j]), face
+
+    def _law(self, law: Law, shift: float = 0.0) -> Variable:
+        return Variable(-shift / self._estimates.size, laws=((1.0 / self._estimates.size, law),))
+
+    def _unknown(self, name: str, guess: float) -> Variable:
+        self.guesses[name] = guess
+        return Variable(unknown=name)

@@ -1,0 +1,232 @@
+"""The allowed error of an answer, derived per sample and component; nothing here is tuned.
+
+First-order propagation through the equations of the reference, at its solution and in its scaled coordinates:
+
+    dq   = |J^-1| e_phi                          + 6 u max(bodies, |q|)
+    dqd  = |J^-1| (|d(J qd - nu)/dq| dq + e_nu)   + 6 u bodies max |qd|
+    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + 6 u bodies (max |qdd| + max |qd|^2)
+
+with J = phi_q. The e are running-error bounds of the formulas themselves (`running_error`), with coordinates that
+are rounded to u |q|: no float64 code is told more. `SAFETY` covers that an engine evaluates the same closure by
+other formulas: in space (products of three terms instead of two) and down a chain of frames (each pose composed of
+two before it), which is at most 2 * 2 times the operations, on both sides of a comparison: 8. Velocity and
+acceleration are solutions of linear systems: LU adds a backward error of n u |J| |x|, which it may move from row to
+row (`_solve_error`).
+
+What an engine adds by its own doing, such as a stopping rule above round-off, is a named `Term` with its reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import Term
+from crosscheck.judge.running_error import Running, U, errors, running
+from refkin.motion import Motion, Status
+from refkin.motion_laws import Table
+from refkin.system import System
+
+SAFETY = 8.0
+STEP = 1e-100
+LEVELS = ("position", "velocity", "acceleration")
+
+
+@dataclass(frozen=True)
+class ErrorBudget:
+    """Allowed absolute errors in scaled coordinates, (n, T) per level; NaN where no first-order statement holds.
+
+    `judged` says per time whether it does: where the position error could change J by a good part of itself (near a
+    singular pose) it does not, and only a certificate can arbitrate.
+    """
+
+    position: Any
+    velocity: Any
+    acceleration: Any
+    judged: Any
+
+
+@dataclass(frozen=True)
+class Propagation:
+    """What carries errors through the equations at a solution: the same for every engine. See `propagation`.
+
+    `second`, `third` and `coriolis` are |d(J qd - nu)/dq|, |d(J qdd - gamma)/dq| and |d gamma/d qd|; `e` are the errors
+    of the residuals of the three levels (m, T) before an engine adds its own, `size` what stands in their equations,
+    `rates` the largest rate, acceleration and square of a rate (T,), and `rounding` what handing a result over costs.
+    """
+
+    system: System
+    q: Any
+    t: Any
+    lanes: Any
+    count: int
+    inverse: Any
+    second: Any
+    third: Any
+    coriolis: Any
+    e: tuple[Any, Any, Any]
+    size: tuple[Any, Any, Any]
+    rates: tuple[Any, Any, Any]
+    rounding: tuple[Any, Any, Any]
+
+    def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
+        """Return the allowed errors where an engine adds these terms."""
+        e_phi, e_nu, e_gamma = (
+            sum((t.absolute + t.relative * size + t.of_rates * rates for t in terms if t.level == level), e)
+            for level, e, size, rates in zip(LEVELS, self.e, self.size, self.rates, strict=True)
+        )
+        dq = _times(self.inverse, e_phi) + self.rounding[0]
+        dqd = _times(self.inverse, _times(self.second, dq) + e_nu) + self.rounding[1]
+        carried = _times(self.third, dq) + _times(self.coriolis, dqd) + e_gamma
+        dqdd = _times(self.inverse, carried) + self.rounding[2]
+        judged = np.zeros(self.count, bool)
+        judged[self.lanes] = _first_order(self.system, self.inverse, dq, self.q, self.t)
+        position, velocity, acceleration = (_spread(level, self.lanes, self.count) for level in (dq, dqd, dqdd))
+        return ErrorBudget(position, velocity, acceleration, judged)
+
+
+def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Propagation | None:
+    """Return what budgets are derived from, at the times at which the reference is ok; None if there are none.
+
+    Parameters
+    ----------
+    system : System
+        Compiled with `mechanism.unit()` and every effect.
+    motion : Motion
+        The reference's answer, for times and statuses.
+    q, qd, qdd : (n, T) array
+        Its coordinates and rates in the system's scaled coordinates; NaN where there is no answer.
+    """
+    lanes = np.flatnonzero([s is Status.OK for s in motion.status])
+    if not lanes.size:
+        return None
+    t, q, qd, qdd = motion.t[lanes], q[:, lanes], qd[:, lanes], qdd[:, lanes]
+    clock, jacobian = _clock(system, t), np.abs(system.phi_q(q, t))
+    e_phi = SAFETY * errors(system.phi(running(q, U * np.abs(q)), clock), t.shape)
+    moving = _times(jacobian, np.abs(qd))
+    e_nu = SAFETY * _residual_error(system, q, qd, clock, t.shape) + _solve_error(moving)
+    bending = _times(jacobian, np.abs(qdd)) + np.abs(system.gamma(q, qd, t))
+    e_gamma = SAFETY * _residual_error(system, q, qdd, clock, t.shape, qd) + _solve_error(bending)
+    rate = np.max(np.abs(qd), axis=0)
+    return Propagation(
+        system=system,
+        q=q,
+        t=t,
+        lanes=lanes,
+        count=len(motion.t),
+        inverse=_abs_inverse(system, q, t),
+        second=np.abs(_slope(lambda z: _times(system.phi_q(z, t), qd[:, None]) - system.nu(z, t), q)),
+        third=np.abs(_slope(lambda z: _times(system.phi_q(z, t), qdd[:, None]) - system.gamma(z, qd[:, None], t), q)),
+        coriolis=np.abs(_slope(lambda z: system.gamma(q[:, None], z, t), qd)),
+        e=tuple(e + _table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma))),
+        size=(e_phi, moving, bending),
+        rates=(np.zeros_like(rate), rate, np.max(np.abs(qdd), axis=0) + rate**2),
+        rounding=handed_over(system, q, qd, qdd),
+    )
+
+
+def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Sequence[Term] = ()) -> ErrorBudget:
+    """Return the budget at a solution of the reference; parameters as in `propagation`."""
+    found = propagation(system, motion, q, qd, qdd)
+    if found is None:
+        blank = np.full(q.shape, np.nan)
+        return ErrorBudget(blank, blank, blank, np.zeros(q.shape[1], bool))
+    return found.budget(terms)
+
+
+def _spread(values: Any, lanes: Any, count: int) -> Any:
+    """Return (n, count) with the values in their lanes and NaN elsewhere."""
+    out = np.full((len(values), count), np.nan)
+    out[:, lanes] = values
+    return out
+
+
+def _abs_inverse(system: System, q: Any, t: Any) -> Any:
+    """Return |J^-1| (n, m, T), of a least-squares inverse where rows are redundant."""
+    stacked = np.moveaxis(system.phi_q(q, t), -1, 0)
+    inverse = np.linalg.inv(stacked) if system.m == system.n else np.linalg.pinv(stacked)
+    return np.moveaxis(np.abs(inverse), 0, -1)
+
+
+def _times(matrix: Any, vector: Any) -> Any:
+    """Return the product lane by lane of (m, n, T) and (n, T), or with more axes than one for the lanes."""
+    return np.einsum("mn...,n...->m...", matrix, vector)
+
+
+def _solve_error(size: Any) -> Any:
+    """Return the backward error of LU, as a residual (m, T), where |J| |x| is `size`: n u of its largest row."""
+    return len(size) * U * np.broadcast_to(np.max(size, axis=0), size.shape)
+
+
+def _slope(function: Any, x: Any) -> Any:
+    """Return the derivative (m, n, T) of a function of (n, T) by complex steps, exact to round-off.
+
+    All n steps are taken at once, along an axis in the middle: the function takes (n, n, T) and gives (m, n, T).
+    """
+    moved = x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
+    return np.imag(function(moved)) / STEP
+
+
+def _clock(system: System, t: Any) -> Any:
+    """Return the times as running numbers, so that a law's own rounding counts; see `_table_error` for tables."""
+    laws = [law for c in system.mechanism.constraints for law in c.laws]
+    tables = any(isinstance(getattr(law, "rate", law), Table) for law in laws)
+    return t if tables else Running(t)
+
+
+def _table_error(system: System, t: Any, order: int) -> Any:
+    """Return what the rounding of splines leaves in the rows (m, T) of the residual, of nu or of gamma.
+
+    A spline's slopes solve a diagonally dominant system whose right side are divided differences, each rounded by
+    u max|y| / h: k-th derivatives err by some u max|y| / h^k. Some is 32: two roundings of a difference, a factor 3 for
+    the solve, 4 terms of the cubic, rounded up.
+    """
+    out = np.zeros((system.m, len(t)))
+    for p in system.placed:
+        for law, scaled in zip(p.constraint.laws, p.constraint.inputs(t, system.unit, 0), strict=True):
+            table = getattr(law, "rate", law)
+            if isinstance(table, Table):
+                size = np.max(np.abs(table.value)) / p.constraint.law_scale(system.unit)[1]
+                finest = np.min(np.diff(table.argument))
+                depth = order if table is law else order - 1
+                # A driver whose row is quadratic in its law (distance) has the law itself as a factor.
+                out[p.row] += 32 * U * size / finest**depth * np.maximum(1.0, np.abs(scaled[0]))
+    return out
+
+
+def handed_over(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, Any]:
+    """Return the rounding of coordinates and rates that are composed of others, in metres and back.
+
+    A pose at the end of a chain is a sum of arms of one size, one per body, and of the angles of other bodies, each
+    rounded; so are its rates, of omega r, and of alpha r and omega^2 r, also where the sum is small. In metres a
+    pose is rounded relative to its distance from the scene's origin, which is not ours.
+    """
+    arms = len(system.mechanism.bodies)
+    metres = np.abs(system.to_physical(q))
+    is_angle = system.angles[:, None]
+    largest_angle = np.max(np.where(is_angle, metres, 0.0), axis=0)
+    position = np.maximum(arms, np.where(is_angle, largest_angle, metres / system.unit.size))
+    rate = arms * np.max(np.abs(qd), axis=0)
+    bend = arms * (np.max(np.abs(qdd), axis=0) + np.max(np.abs(qd), axis=0) ** 2)
+    roundings = 6 * U  # cosine or sine, product and sum for each arm, on both sides of a comparison
+    return roundings * position, roundings * rate, roundings * bend
+
+
+def _residual_error(system: System, q: Any, rate: Any, t: Any, shape: tuple[int, ...], qd: Any = None) -> Any:
+    """Return the running error (m, T) of phi_q rate - nu, or of phi_q rate - gamma if qd is given, at this q."""
+    at, moving = running(q), running(rate, U * np.abs(rate))
+    right = system.nu(at, t) if qd is None else system.gamma(at, running(qd), t)
+    left = system.phi_q(at, t)
+    rows = np.empty(system.m, object)
+    for m in range(system.m):
+        rows[m] = sum((moving[k] * left[m, k] for k in range(system.n)), Running(0.0)) - right[m]
+    return errors(rows, shape)
+
+
+def _first_order(system: System, inverse: Any, dq: Any, q: Any, t: Any) -> Any:
+    """Return per lane whether dq changes J by less than a tenth of itself, so that first order says enough."""
+    change = np.imag(system.phi_q(q + 1j * STEP * dq, t)) / STEP
+    return np.max(np.sum(np.einsum("nmt,mkt->nkt", inverse, np.abs(change)), axis=1), axis=0) < 0.1

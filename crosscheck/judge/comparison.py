@@ -1,0 +1,213 @@
+"""Two answers to one scene, held against a derived budget: error, error / allowed, digits, the worst sample."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import Term
+from crosscheck.engines.frames import wrap
+from crosscheck.judge.budget import ErrorBudget, Propagation, derive, propagation
+from refkin.model import Effect, Evidence, Scene
+from refkin.motion import Motion, Status
+from refkin.solving.solve import solve
+from refkin.system import System, compile_system
+
+QUANTITIES = ("position", "velocity", "acceleration")
+MOST_DIGITS = 17.0
+"""What a sample without any error is given: binary64 holds no more."""
+
+
+@dataclass(frozen=True)
+class Reference:
+    """The reference's answer for every body and effect, with what a comparison needs of it."""
+
+    scene: Scene
+    system: System
+    motion: Motion
+    levels: tuple[Any, Any, Any]
+    sigma_min: Any
+
+    _budgets: dict[tuple[Term, ...], ErrorBudget] = field(default_factory=dict, repr=False)
+
+    @cached_property
+    def propagation(self) -> Propagation | None:
+        """What budgets are derived from; it costs most of them, and is the same for all engines."""
+        return propagation(self.system, self.motion, *self.levels)
+
+    def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
+        """Return the allowed errors against another answer."""
+        key = tuple(terms)
+        if key not in self._budgets:
+            found = self.propagation
+            self._budgets[key] = derive(self.system, self.motion, *self.levels) if found is None else found.budget(key)
+        return self._budgets[key]
+
+
+@dataclass(frozen=True)
+class QuantityComparison:
+    """One quantity of a comparison, per time; NaN where it was not judged.
+
+    Attributes
+    ----------
+    error, ratio, digits : (T,) array
+        Largest error in scaled coordinates; largest error / allowed; -log10 of the error relative to size (position)
+        or to the largest component at that time (velocity, acceleration).
+    worst : str
+        The sample of the largest ratio: coordinate and time.
+    difference : (n, T) array or None
+        The answer minus the reference, signed, in the reference's scaled coordinates of bodies and their order; NaN for
+        bodies that the answer has not.
+    """
+
+    error: Any
+    ratio: Any
+    digits: Any
+    worst: str
+    difference: Any = None
+
+    @property
+    def agrees(self) -> bool:
+        """Whether every judged sample is within its budget."""
+        return not np.nanmax(self.ratio, initial=0.0) > 1.0
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """An answer against the reference.
+
+    Attributes
+    ----------
+    quantities : mapping
+        By name, those that both have.
+    missing : int
+        Times at which the reference is ok and the other answer is not.
+    judged : int
+        Times that were compared against a budget.
+    other_assembly : bool
+        The answer closes the linkage, but on another branch.
+    """
+
+    quantities: Mapping[str, QuantityComparison]
+    missing: int
+    judged: int
+    other_assembly: bool
+
+    @property
+    def agrees(self) -> bool:
+        """Whether every judged sample of every quantity is within its budget."""
+        return all(q.agrees for q in self.quantities.values())
+
+
+def reference(scene: Scene) -> Reference:
+    """Solve a scene with refkin for every body and effect, whatever the scene calls for."""
+    evidence = scene.evidence | {Evidence.CONDITION}
+    whole = replace(scene, bodies_wanted=None, effects=frozenset(Effect), evidence=evidence)
+    motion = solve(whole)
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    contacts: list[Any] = [(c.s, c.sd, c.sdd) for c in motion.contacts.values()]
+    whole_levels: list[Any] = [(level, *(c[k] for c in contacts)) for k, level in enumerate(motion.levels)]
+    with np.errstate(invalid="ignore"):
+        q, qd, qdd = (system.to_unit(np.vstack(level), order) for order, level in enumerate(whole_levels))
+    return Reference(whole, system, motion, (q, qd, qdd), motion.sigma_min)
+
+
+def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any = slice(None)) -> Comparison:
+    """Compare a motion with the reference's, body by body in the motion's own order.
+
+    Angles are compared modulo full turns. `at` are the places among the reference's times of those that the motion has.
+    """
+    budget = ref.budget(terms)
+    rows = np.concatenate([np.r_[ref.system.columns(body)] for body in motion.bodies])
+    names = [f"{body}.{c}" for body in motion.bodies for c in ("x", "y", "phi")]
+    answered = np.array([s is Status.OK for s in motion.status])
+    lanes = budget.judged[at] & answered
+    found = {}
+    for k, quantity in enumerate(QUANTITIES):
+        level = motion.levels[k]
+        if level is None:
+            continue
+        difference, ours = scaled_difference(ref, motion.bodies, level, k, at)
+        allowed = getattr(budget, quantity)[rows][:, at]
+        judged = _judge(np.abs(difference), allowed, ours, lanes, k, names, motion.t)
+        signed = np.full((ref.system.of_bodies, len(lanes)), np.nan)
+        signed[np.ix_(rows, lanes)] = difference[:, lanes]
+        found[quantity] = replace(judged, difference=signed)
+    reference_ok = np.array([s is Status.OK for s in ref.motion.status])[at]
+    missing = int(np.sum(reference_ok & ~answered))
+    return Comparison(found, missing, int(lanes.sum()), _other_assembly(ref, motion, found, lanes, at))
+
+
+def scales(ours: Any, level: int) -> Any:
+    """Return what an error is relative to, per time: 1 (the size) for position, else the largest component (or 1)."""
+    largest = np.max(np.abs(ours), axis=0)
+    return np.where((level == 0) | (largest == 0.0), 1.0, largest)
+
+
+def scaled_difference(ref: Reference, bodies: Sequence[str], level: Any, order: int, at: Any = slice(None)) -> Any:
+    """Return an answer minus the reference at one level, and the reference's own numbers, both scaled, (n, T) each.
+
+    Parameters
+    ----------
+    level : (3 bodies, T) array
+        Position (order 0), velocity (1) or acceleration (2) of the bodies [m, rad], in their order.
+    at : index
+        The places among the reference's times of those that the level has.
+    """
+    rows = np.concatenate([np.r_[ref.system.columns(body)] for body in bodies])
+    unit, theirs = ref.system.unit, np.array(level)
+    for c in (0, 1):
+        theirs[c::3] = (theirs[c::3] - (0.0 if order else unit.origin[c])) / unit.size
+    ours = ref.levels[order][rows][:, at]
+    return _difference(theirs, ours, order), ours
+
+
+def _difference(theirs: Any, ours: Any, level: int) -> Any:
+    difference = theirs - ours
+    if level == 0:
+        difference[2::3] = wrap(difference[2::3])
+    return difference
+
+
+def _judge(
+    error: Any, allowed: Any, ours: Any, lanes: Any, level: int, names: Sequence[str], t: Any
+) -> QuantityComparison:
+    count = len(lanes)
+    blank = np.full(count, np.nan)
+    out = QuantityComparison(blank.copy(), blank.copy(), blank.copy(), "")
+    if not lanes.any():
+        return out
+    error, allowed, ours = error[:, lanes], allowed[:, lanes], ours[:, lanes]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        error = np.where(np.isfinite(error), error, np.inf)  # a NaN that calls itself an answer is as wrong as can be
+        ratio = np.where(error == 0.0, 0.0, error / allowed)
+        scale = scales(ours, level)
+        relative = np.where(np.max(error, axis=0) == 0.0, 0.0, np.max(error, axis=0) / scale)
+        digits = np.minimum(MOST_DIGITS, -np.log10(relative))
+    out.error[lanes], out.ratio[lanes], out.digits[lanes] = np.max(error, axis=0), np.max(ratio, axis=0), digits
+    row, lane = (int(k) for k in np.unravel_index(np.nanargmax(ratio), ratio.shape))
+    return replace(out, worst=f"{names[row]} at t = {t[lanes][lane]:.17g}")
+
+
+def _other_assembly(
+    ref: Reference, motion: Motion, found: Mapping[str, QuantityComparison], lanes: Any, at: Any
+) -> bool:
+    """Whether a wrong position is another solution of the constraints: the same linkage, put together another way.
+
+    It is if its own residual, carried by |J^-1|, accounts for less than a tenth of its error: to first order the two
+    are equal, and no second order is ten times as large but where it leads to the next solution.
+    """
+    if "position" not in found or found["position"].agrees or len(motion.bodies) * 3 != ref.system.n:
+        return False
+    wrong = lanes & (found["position"].ratio > 1.0) & np.isfinite(found["position"].error)
+    starts = [3 * motion.bodies.index(b.name) for b in ref.scene.mechanism.bodies]
+    order = np.concatenate([np.arange(start, start + 3) for start in starts])
+    q, t = ref.system.to_unit(motion.q[order][:, wrong]), motion.t[wrong]
+    stacked = np.moveaxis(ref.system.phi_q(ref.levels[0][:, at][:, wrong], t), -1, 0)
+    residual = np.moveaxis(np.abs(ref.system.phi(q, t)), -1, 0)[..., None]
+    carried = np.abs(np.linalg.pinv(stacked)) @ residual
+    return bool(np.any(np.max(carried, axis=(1, 2)) < 0.1 * found["position"].error[wrong]))

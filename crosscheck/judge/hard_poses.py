@@ -1,0 +1,199 @@
+"""What an engine's answer to a hard scene is worth: the certificate arbitrates, never a majority.
+
+At each time the truth is enclosed at 113 bits: one root in a ball (Krawczyk), or none (closed form of the loop). An
+answer is held against the ball and what is attainable there (`attainable`), and lies inside, outside by so many radii,
+or the balls cannot say. Where the pose is exactly singular no ball holds one root; there the pose itself is known, and
+the radius is that of the fold.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+from flint import arb
+
+from crosscheck.engines import Term
+from crosscheck.engines.frames import wrap
+from crosscheck.judge.attainable import attainable, residual_error
+from crosscheck.scenes.hard import HardCase
+from refkin.model import Scene
+from refkin.motion import Motion, Status
+from refkin.proof.assembly.assembly import assemblies
+from refkin.proof.pose.krawczyk import Judgement, Verdict, judge, krawczyk
+from refkin.solving.solve import solve
+from refkin.system import System, compile_system
+
+GRANTED = 20.0
+"""Times a stopping rule or a compliance is granted, as a part of the residual: at the regular poses in which these
+scenes begin, |phi_q^-1| is below 20 (but where many loops hang on each other). What a singular pose makes of a
+tolerance beyond that is what is looked for."""
+TOO_WIDE = 0.1
+"""An attainable error above this says nothing [rad, sizes]: a linkage that folds up is idle there."""
+
+
+class Outcome(StrEnum):
+    """How an engine did on a scene."""
+
+    CORRECT = "correct"
+    WARNED = "warned"
+    REFUSED = "refused"
+    WRONG = "wrong"
+    CRASH = "crash"
+    HANG = "hang"
+
+
+@dataclass(frozen=True)
+class Truth:
+    """What is proved of one time: `roots` as balls with what is attainable at each; none at all if `gap` is known."""
+
+    roots: tuple[tuple[tuple[Any, ...], Any], ...]
+    gap: float | None = None
+
+
+@dataclass(frozen=True)
+class Sample:
+    """An answer at one time: where it lies, whether it was called ok, what was proved there; `none`: no assembly."""
+
+    t: float
+    judgement: Judgement | None
+    called_ok: bool
+    note: str = ""
+    none: bool = False
+
+
+def truths(case: HardCase) -> tuple[System, tuple[Truth, ...]]:
+    """Return what is proved of every time of a case, in the system's scaled coordinates."""
+    system = compile_system(case.scene.mechanism, unit=case.scene.mechanism.unit())
+    found: list[Truth] = []
+    sides: tuple[int, ...] | None = None
+    for t in case.scene.times:
+        if case.exact:
+            found.append(Truth((_root(system, _given(system, case, t), t),)))
+        else:
+            truth, sides = _among_assemblies(system, case, t, sides)
+            found.append(truth)
+    return system, tuple(found)
+
+
+def _given(system: System, case: HardCase, t: float) -> Any:
+    pose = case.poses(t)
+    assert pose is not None
+    return system.to_unit(np.concatenate([pose[body.name] for body in system.mechanism.bodies]))
+
+
+def _among_assemblies(
+    system: System, case: HardCase, t: float, sides: tuple[int, ...] | None
+) -> tuple[Truth, tuple[int, ...] | None]:
+    """Return the truth among all assemblies in closed form, and the sides on which it is put together.
+
+    A branch keeps its sides as long as it meets no fold, also where a pose in float64 is nearer to the other one.
+    """
+    found = assemblies(system, t, trying=False)
+    if case.any_assembly:
+        return Truth(tuple(_root(system, q, t) for q in found.poses)), None
+    if case.poses(t) is None:
+        return Truth((), found.gap), None
+    near = _given(system, case, t)
+    if found.unassemblable or not found.poses:
+        hidden = (found.gap or 0.0) <= np.max(residual_error(system, near, t))
+        return (Truth((_singular(system, near, t),)) if hidden else Truth((), found.gap)), sides
+    at = next((k for k, there in enumerate(found.branches) if there == sides), None)
+    if at is None:
+        at = int(np.argmin([np.max(np.abs(_away(system, q, near))) for q in found.poses]))
+    return Truth((_root(system, found.poses[at], t),)), found.branches[at] if sides is None else sides
+
+
+def _away(system: System, q: Any, near: Any) -> Any:
+    """Return q - near with angles less than half a turn apart."""
+    difference = np.array(q - near)
+    difference[system.angles] = wrap(difference[system.angles])
+    return difference
+
+
+def _root(system: System, q: Any, t: float) -> tuple[tuple[Any, ...], Any]:
+    enclosure = krawczyk(system, q, t)
+    if enclosure is None:
+        return _singular(system, q, t)
+    return enclosure.q, attainable(system, enclosure.nearest(), t)
+
+
+def _singular(system: System, q: Any, t: float) -> tuple[tuple[Any, ...], Any]:
+    return tuple(arb(float(x)) for x in q), attainable(system, q, t)
+
+
+def samples(
+    system: System, truth: Sequence[Truth], scene: Scene, motion: Motion, terms: Sequence[Term]
+) -> tuple[Sample, ...]:
+    """Return where a motion lies, time by time; `terms` are what the engine adds by its own doing."""
+    rows = np.concatenate([np.r_[system.columns(body)] for body in motion.bodies])
+    q = np.full((system.n, len(scene.times)), np.nan)
+    q[rows] = motion.q
+    q = system.to_unit(q)
+    rows.sort()
+    granted = GRANTED * sum(term.absolute for term in terms if term.level == "position")
+    found = []
+    for k, (t, true) in enumerate(zip(scene.times, truth, strict=True)):
+        ok = motion.status[k] is Status.OK
+        if not np.isfinite(q[rows, k]).all():
+            note = "called ok without a number" if ok else motion.status[k].value
+            found.append(Sample(t, None, ok, note, none=true.gap is not None))
+        else:
+            found.append(_sample(system, true, q[:, k], rows, t, ok, granted))
+    return tuple(found)
+
+
+def scene_samples(scene: Scene, motion: Motion, terms: Sequence[Term]) -> tuple[Sample, ...]:
+    """Return where a motion lies for a scene that is no hard case: the reference says which branch is meant.
+
+    Where it has no pose of its own every assembly will do; where it proves that there is none, none will.
+    """
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    return samples(system, scene_truths(system, scene), scene, motion, terms)
+
+
+def scene_truths(system: System, scene: Scene) -> tuple[Truth, ...]:
+    """Return what is proved of every time of a scene."""
+    own = solve(replace(scene, bodies_wanted=None, effects=frozenset()))
+    q = system.to_unit(own.q)
+    found = []
+    for k, t in enumerate(scene.times):
+        if np.isfinite(q[:, k]).all():
+            found.append(Truth((_root(system, q[:, k], t),)))
+        else:
+            there = assemblies(system, t, trying=False)
+            found.append(Truth(tuple(_root(system, x, t) for x in there.poses), there.gap))
+    return tuple(found)
+
+
+def _sample(system: System, true: Truth, q: Any, rows: Any, t: float, ok: bool, granted: float) -> Sample:
+    if not true.roots:
+        gap = f"there is no assembly: {true.gap:.3g} sizes are missing" if true.gap else "no truth is known"
+        verdict = Verdict.OUTSIDE if true.gap else Verdict.UNDECIDABLE
+        return Sample(t, Judgement(verdict, np.inf if true.gap else np.nan), ok, gap)
+    best = min((_judged(system, *root, q, rows, granted) for root in true.roots), key=lambda j: j.radii)
+    whole = len(rows) == system.n
+    other = whole and best.verdict is Verdict.OUTSIDE and _on_other_assembly(system, true.roots[0][0], q, t)
+    return Sample(t, best, ok, "on the other assembly" if other else "")
+
+
+def _on_other_assembly(system: System, balls: tuple[Any, ...], q: Any, t: float) -> bool:
+    """Return whether an answer is next to another root, by proof: ten times nearer to it than to the right one."""
+    found = krawczyk(system, q, t)
+    if found is None:
+        return False
+    away = np.max(np.abs(_away(system, q, np.array([float(x) for x in balls]))))
+    return bool(np.max(found.distance(q)) < 0.1 * away)
+
+
+def _judged(system: System, balls: tuple[Any, ...], allowed: Any, q: Any, rows: Any, granted: float) -> Judgement:
+    """Hold the coordinates of the bodies that are answered for against a root, full turns apart or not."""
+    middle = np.array([float(x) for x in balls])
+    if not np.max(allowed[rows]) < TOO_WIDE:
+        return Judgement(Verdict.UNDECIDABLE, float(np.max(np.abs(_away(system, q, middle)[rows]) / TOO_WIDE)))
+    turns = np.where(system.angles, np.round((q - middle) / (2 * np.pi)), 0.0)
+    moved = tuple(balls[k] + 2 * arb.pi() * int(turns[k]) if turns[k] else balls[k] for k in rows)
+    return judge(moved, q[rows], allowed[rows] + granted)

@@ -1,0 +1,179 @@
+"""The table of what engines are known to get wrong: named predicates, reasons, dates. It is strict in both directions.
+
+A disagreement that no row covers is new and turns the night red. A row whose reproduction no longer disagrees has to
+go: `stale` names it, and the test suite fails until it is removed. A row that a whole night did not need, although
+scene after scene was of its kind, is shown as possibly closed.
+"""
+
+from __future__ import annotations
+
+import datetime
+import tomllib
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+Predicate = Callable[[Mapping[str, Any]], bool]
+
+
+def step_beyond_newton(record: Mapping[str, Any]) -> bool:
+    """Return whether the motion has a step so long that Newton, started at the last pose, is not bound to the next one.
+
+    Newton-Kantorovich binds it while |J^-1| K step <= 1/2. In scaled coordinates the Jacobian changes by about one per
+    unit (K = 1), and |J^-1| is 1 / sigma: so there is no bond where a step is longer than sigma_min / 2 at its ends.
+    """
+    told = record["reference"]["sigma_per_step"]
+    return told is not None and bool(told < 2.0)
+
+
+def anywhere(record: Mapping[str, Any]) -> bool:
+    """Return True: the gap does not depend on the scene."""
+    return True
+
+
+PREDICATES: dict[str, Predicate] = {f.__name__: f for f in (step_beyond_newton, anywhere)}
+CLASSES = ("contract violated", "documented limit", "our misuse")
+REQUIRED = ("engine", "predicate", "reason", "class", "date", "reproduction")
+MATCHED = ("route", "quantity", "kind")
+ENOUGH = 30
+"""Scenes of its kind in which a gap should have shown: one that shows in a tenth is missed by one night in 24."""
+
+
+class InvalidGap(Exception):
+    """A row of the table that makes no sense."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Gap:
+    """One row: whose gap, where (`predicate`), why, since when, and a scene that shows it."""
+
+    engine: str
+    predicate: str
+    reason: str
+    kind_of_gap: str
+    date: datetime.date
+    reproduction: str
+    match: Mapping[str, str]
+
+    def covers(self, record: Mapping[str, Any], disagreement: Mapping[str, Any]) -> bool:
+        """Return whether this row accounts for a disagreement of a record."""
+        fits = all(disagreement.get(key) == value for key, value in {"engine": self.engine, **self.match}.items())
+        return fits and self.holds(record)
+
+    def holds(self, record: Mapping[str, Any]) -> bool:
+        """Return whether the scene of a record is of the kind in which the gap shows; not if nothing is known of it."""
+        return "reference" in record and PREDICATES[self.predicate](record)
+
+    def could_show(self, record: Mapping[str, Any]) -> bool:
+        """Return whether the engine answered a scene in which the gap could show."""
+        routes = {a["route"]["name"] for a in record["answers"] if a["engine"] == self.engine}
+        return bool(routes) and self.match.get("route", "rows") in (*routes, "rows") and self.holds(record)
+
+
+class Tally:
+    """Sorts disagreements into known and new, record by record, and counts what each row of the table was good for."""
+
+    def __init__(self, gaps: Sequence[Gap]) -> None:
+        self.gaps = tuple(gaps)
+        self.chances = [0] * len(self.gaps)
+        self.covered = [0] * len(self.gaps)
+
+    def add(self, record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+        """Return the disagreements of a record that no row covers."""
+        new = []
+        for k, gap in enumerate(self.gaps):
+            self.chances[k] += gap.could_show(record)
+        for told in record["disagreements"]:
+            rows = [k for k, gap in enumerate(self.gaps) if gap.covers(record, told)]
+            for k in rows:
+                self.covered[k] += 1
+            if not rows:
+                new.append(told)
+        return new
+
+    def possibly_closed(self) -> list[Gap]:
+        """Return the rows that covered nothing although many scenes were of their kind."""
+        counted = zip(self.gaps, self.chances, self.covered, strict=True)
+        return [gap for gap, chances, covered in counted if chances >= ENOUGH and not covered]
+
+
+def table(choice: str = "") -> tuple[Gap, ...]:
+    """Return the table that a run is held against: our own, that of a file, or for "none" one without rows.
+
+    Raises
+    ------
+    InvalidGap, OSError
+        If the file makes no sense, or cannot be read.
+    """
+    if choice == "none":
+        return ()
+    return read(Path(choice).read_text(encoding="utf-8") if choice else None)
+
+
+def found_again(gaps: Sequence[Gap], records: Iterable[Mapping[str, Any]]) -> list[int | None]:
+    """Return for each row how many records it took until one showed it; None if none did.
+
+    For a run against an empty table: it should find every row of our own that the installed engines still have.
+    """
+    first: list[int | None] = [None] * len(gaps)
+    for number, record in enumerate(records, start=1):
+        for k, gap in enumerate(gaps):
+            if first[k] is None and any(gap.covers(record, told) for told in record["disagreements"]):
+                first[k] = number
+    return first
+
+
+def read(text: str | None = None) -> tuple[Gap, ...]:
+    """Return the rows of the table; raises InvalidGap naming the row and key that is wrong."""
+    if text is None:
+        text = files("crosscheck.judge").joinpath("known_gaps.toml").read_text(encoding="utf-8")
+    try:
+        table = tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InvalidGap(f"known_gaps.toml: {error}") from error
+    for key in table:
+        if key != "gap":
+            raise InvalidGap(f"{key}: no such key; there is: gap")
+    return tuple(_gap(k, row) for k, row in enumerate(table.get("gap", [])))
+
+
+def new_disagreements(record: Mapping[str, Any], gaps: Sequence[Gap]) -> list[Mapping[str, Any]]:
+    """Return the disagreements of a record that no row covers."""
+    return Tally(gaps).add(record)
+
+
+def stale(gaps: Sequence[Gap], check: Callable[[str, str], Mapping[str, Any]]) -> list[Gap]:
+    """Return the rows whose reproduction shows the gap no longer; `check(scene file, engine)` gives a record."""
+    found = []
+    for gap in gaps:
+        record = check(gap.reproduction, gap.engine)
+        if not any(gap.covers(record, told) for told in record["disagreements"]):
+            found.append(gap)
+    return found
+
+
+def _gap(k: int, row: Mapping[str, Any]) -> Gap:
+    for key in REQUIRED:
+        if key not in row:
+            raise InvalidGap(f"gap[{k}].{key} is missing")
+    for key, value in row.items():
+        if key not in (*REQUIRED, *MATCHED):
+            raise InvalidGap(f"gap[{k}].{key}: no such key; there are: {', '.join((*REQUIRED, *MATCHED))}")
+        expected = datetime.date if key == "date" else str
+        if type(value) is not expected or not value:
+            raise InvalidGap(f"gap[{k}].{key}: {value!r}; expected {'a date' if key == 'date' else 'some text'}")
+    if row["predicate"] not in PREDICATES:
+        raise InvalidGap(f"gap[{k}].predicate: {row['predicate']!r}; there are: {', '.join(PREDICATES)}")
+    if row["class"] not in CLASSES:
+        raise InvalidGap(f"gap[{k}].class: {row['class']!r}; there are: {', '.join(CLASSES)}")
+    return Gap(
+        engine=row["engine"],
+        predicate=row["predicate"],
+        reason=row["reason"],
+        kind_of_gap=row["class"],
+        date=row["date"],
+        reproduction=row["reproduction"],
+        match={key: row[key] for key in MATCHED if key in row},
+    )

@@ -1,0 +1,199 @@
+"""The translation of the model, apart from any solve: an engine's own rows where nothing is assembled.
+
+Both sides are fed the same (q, qd, t). Through the adapter's `RowMap`s our row x becomes the row y the engine must
+have: y = factor F(x), y_q = factor F' x_q, y' = factor F' x', gamma_y = factor (F' gamma - F'' x'^2). The allowed
+error is the running error of our formulas, carried through the map, times the one safety factor of the budgets.
+"""
+
+from __future__ import annotations
+
+import random
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, refused, table_key
+from crosscheck.engines.frames import RowMap
+from crosscheck.judge.budget import SAFETY
+from crosscheck.judge.running_error import Running, U, errors, running
+from refkin.model import Mechanism
+from refkin.system import System, compile_system
+
+ABSENT = refused("not in the table")
+LEVELS = (Level.RESIDUAL, Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
+
+
+@dataclass(frozen=True)
+class Configuration:
+    """A state of the bodies to evaluate at, in metres and rad; nothing makes it an assembled one.
+
+    `contacts` are the contact parameters at which our rows of cams are evaluated.
+    """
+
+    system: System
+    q: Any
+    qd: Any
+    t: float
+    contacts: Any
+
+    @cached_property
+    def ours(self) -> dict[Any, Any]:
+        """Our values there, with the running error of each: the same for all engines."""
+        return _ours(self.system, self)
+
+
+@dataclass(frozen=True)
+class LevelComparison:
+    """One level of one engine over some configurations.
+
+    `ratio` is the largest error / allowed, `digits` one number per configuration, `rows` how many rows were compared,
+    `worst` names the row of the largest ratio.
+    """
+
+    ratio: float
+    digits: tuple[float, ...]
+    rows: int
+    worst: str
+
+    @property
+    def agrees(self) -> bool:
+        """Whether every row is within its allowed error."""
+        return self.ratio <= 1.0
+
+
+def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: int) -> list[Configuration]:
+    """Return configurations around assembled poses, each coordinate moved by up to one size or one radian.
+
+    The numbers come from `seed` alone, so a scene is always checked at the same ones.
+    """
+    draw = random.Random(seed)
+    system = compile_system(mechanism)
+    size = mechanism.size()
+    scale = np.tile([size, size, 1.0], len(mechanism.bodies))
+    found = []
+    for _ in range(count):
+        lane = draw.randrange(len(t))
+        move, rate = (np.array([draw.uniform(-1.0, 1.0) for _ in scale]) * scale for _ in range(2))
+        bodies, contacts = np.split(near[:, lane], [system.of_bodies])
+        found.append(Configuration(system, bodies + move, 3.0 * rate, float(t[lane]), contacts))
+    return found
+
+
+def compare_levels(
+    engine: Engine,
+    model: ConstraintModel,
+    mechanism: Mechanism,
+    at: Sequence[Configuration],
+    terms: Sequence[Term] = (),
+) -> dict[Level, LevelComparison]:
+    """Compare every level that the engine declares for the joints; driver rows only if it owns the driver."""
+    table = engine.capabilities()
+    kinds = {c.name: table_key(c) for c in mechanism.constraints}
+    drivers = {d.name for d in mechanism.drivers}
+    found = {}
+    for level in LEVELS:
+        maps = [
+            m
+            for m in model.rows
+            if table.get(kinds[m.constraint], {}).get(level, ABSENT).support is not Support.REFUSED
+            and (model.owns_driver or m.constraint not in drivers)
+        ]
+        if maps:
+            samples = [_compare_at(level, model, c, maps, terms) for c in at]
+            found[level] = _worst_of(samples, maps)
+    return found
+
+
+def _worst_of(samples: Sequence[tuple[Any, Any]], maps: Sequence[RowMap]) -> LevelComparison:
+    ratios = np.array([ratio for ratio, _ in samples])
+    sample, row = (int(k) for k in np.unravel_index(np.argmax(ratios), ratios.shape))
+    worst = f"row {maps[row].row} of {maps[row].constraint}, configuration {sample}"
+    return LevelComparison(float(ratios.max()), tuple(float(d) for _, d in samples), len(maps), worst)
+
+
+def _compare_at(
+    level: Level,
+    model: ConstraintModel,
+    at: Configuration,
+    maps: Sequence[RowMap],
+    terms: Sequence[Term],
+) -> tuple[Any, float]:
+    """Return error / allowed per mapped row, and the digits of the worst row, at one configuration."""
+    ours = at.ours
+    first_row = {p.constraint.name: p.row for p in at.system.placed}
+    added = sum(t.absolute + t.relative * _size(level, at) for t in terms if t.level == level)
+    theirs = {
+        Level.RESIDUAL: lambda: model.residual(at.q, at.t),
+        Level.JACOBIAN: lambda: model.jacobian(at.q, at.t),
+        Level.CONSTRAINT_VELOCITY: lambda: model.constraint_velocity(at.q, at.qd, at.t),
+        Level.DRIFT: lambda: model.drift(at.q, at.qd, at.t),
+    }[level]()
+    ratios, relative = [], 0.0
+    for m in maps:
+        expected, allowed = _mapped(level, m, first_row[m.constraint] + m.row, ours)
+        allowed = allowed + abs(m.factor) * added
+        error = np.abs(theirs[m.engine_row] - expected)
+        ratios.append(float(np.max(np.where(error == 0.0, 0.0, error / np.maximum(allowed, np.finfo(float).tiny)))))
+        relative = max(relative, float(np.max(error)) / max(ours["scale"][level], np.finfo(float).tiny))
+    return ratios, min(17.0, -np.log10(relative)) if relative else 17.0
+
+
+def _size(level: Level, at: Configuration) -> float:
+    """Return the size of what an engine may add and take away again on the way to a row.
+
+    Residual and Jacobian: the farthest coordinate from the origin; velocity: omega times that, and v; drift: omega
+    times all of these.
+    """
+    omega = np.max(np.abs(at.qd[2::3]))
+    linear = max(np.max(np.abs(at.qd[0::3])), np.max(np.abs(at.qd[1::3])))
+    lever = max(np.max(np.abs(at.q[0::3])), np.max(np.abs(at.q[1::3])))
+    rate = linear + omega * lever
+    return float({Level.CONSTRAINT_VELOCITY: rate, Level.DRIFT: omega * rate}.get(level, lever))
+
+
+def _ours(system: System, at: Configuration) -> dict[Any, Any]:
+    """Return our values at a configuration, with the running errors of each."""
+    coordinates = np.append(at.q, at.contacts)
+    q, qd = running(coordinates), running(np.append(at.qd, 0.0 * at.contacts))
+    rounded = running(coordinates, U * np.abs(coordinates))  # as a point's place in the ground frame is, once composed
+    slope = system.phi_q(q, at.t)
+    rate = np.empty(system.m, object)
+    nu = system.nu(q, at.t)
+    for m in range(system.m):
+        rate[m] = sum((qd[k] * slope[m, k] for k in range(system.n)), Running(0.0)) - nu[m]
+    of_bodies = slope[:, : system.of_bodies]
+    values = {"x": system.phi(rounded, at.t), "x_q": of_bodies, "x'": rate, "gamma": system.gamma(q, qd, at.t)}
+    found: dict[Any, Any] = {key: (_values(v), errors(v, ())) for key, v in values.items()}
+    largest = {Level.RESIDUAL: "x", Level.JACOBIAN: "x_q", Level.CONSTRAINT_VELOCITY: "x'", Level.DRIFT: "gamma"}
+    found["scale"] = {level: float(np.max(np.abs(found[key][0]))) for level, key in largest.items()}
+    return found
+
+
+def _mapped(level: Level, m: RowMap, row: int, ours: dict[Any, Any]) -> tuple[Any, Any]:
+    """Return the row the engine must have, and the allowed error, at one level."""
+    (x, ex), (rate, e_rate) = ([v[row] for v in ours[key]] for key in ("x", "x'"))
+    f0, f1, f2 = (m.factor * m.form(x, order) for order in range(3))
+    own = abs(m.factor) * getattr(m.form, "rounding", 0.0)  # of an engine that has y by a product, not from x
+    if level is Level.RESIDUAL:
+        value, error = f0, abs(f1) * ex + own
+    elif level is Level.JACOBIAN:
+        slope, e_slope = (v[row] for v in ours["x_q"])
+        value, error = f1 * slope, abs(f1) * (e_slope + U * np.max(np.abs(slope))) + abs(f2) * ex * np.abs(slope)
+        error = error + own * np.abs(slope)
+    elif level is Level.CONSTRAINT_VELOCITY:
+        value, error = f1 * rate, abs(f1) * e_rate + (abs(f2) * ex + own) * abs(rate)
+    else:
+        gamma, e_gamma = (v[row] for v in ours["gamma"])
+        value = f1 * gamma - f2 * rate**2
+        error = abs(f1) * e_gamma + abs(f2) * (2 * abs(rate) * e_rate + ex * abs(gamma) + U * rate**2)
+        # F'' at an x known to ex
+        error = error + (abs(m.factor * (m.form(x + ex, 2) - m.form(x, 2))) + own) * rate**2
+    return value, SAFETY * (error + 2 * U * np.abs(value))
+
+
+def _values(rows: Any) -> Any:
+    """Return the values of an object array of running numbers and plain ones."""
+    return np.vectorize(lambda entry: float(entry.value if isinstance(entry, Running) else entry), otypes=[float])(rows)

@@ -1,0 +1,144 @@
+"""The certified truth of a scene: how many digits of an answer are right, for certain, and how many can be.
+
+The truth is the reference's motion with its proved radius. The digits of an answer are -log10 of its error plus that
+radius and the truth's own rounding to metres, relative to the size of the mechanism (position) or to the largest
+component at that time (velocity, acceleration): so many are right whatever the truth is within its radius. A row states
+the fewest over the times.
+
+Attainable digits are what half an ulp of every given number leaves, to first order: of the geometry, of the time, of
+the laws' values, and of the answer in metres and radians. With J = phi_q,
+
+    dq = |J^-1| e_phi + u,   dqd = |J^-1| (|d(J qd - nu)/dq| dq + e_nu) + u,
+    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + u
+
+where e is how far those half ulps move J x - nu and J x - gamma, and u is half an ulp of the answer.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines.price_route import QUANTITIES
+from crosscheck.judge.comparison import MOST_DIGITS, Reference, reference, scaled_difference
+from refkin.model import Evidence, Scene
+from refkin.motion import Status
+from refkin.proof.numbers.bounded import Times, bounded_system, box, read
+from refkin.proof.numbers.inputs import HALF_ULP, attainable, half_ulp
+from refkin.system import System
+
+
+class NoTruth(Exception):
+    """A scene of which no pose is certified: there is nothing to hold an answer against."""
+
+
+class Truth:
+    """What answers to a scene are held against.
+
+    Attributes
+    ----------
+    known : (T,) array of bool
+        At which times there is a certified truth; the others are left out.
+    attainable : dict of str to float
+        Quantity -> the fewest attainable digits over those times.
+
+    Raises
+    ------
+    NoTruth
+        If there is none at any time.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.ref: Reference = reference(replace(scene, evidence=frozenset(Evidence)))
+        motion = self.ref.motion
+        self.known = np.array([s is Status.OK for s in motion.status])
+        if not self.known.any():
+            raise NoTruth(f"{scene.name}: no pose is certified, so no digit has a price: {motion.message}")
+        self.bodies = [body.name for body in scene.mechanism.bodies]
+        self._rows = np.concatenate([np.r_[self.ref.system.columns(body)] for body in scene.wanted])
+        levels = attainable_levels(self.ref, self.known)
+        self.attainable = {QUANTITIES[k]: self._fewest(*level, k) for k, level in enumerate(levels)}
+
+    def digits(self, level: Any, order: int) -> tuple[float | None, str]:
+        """Return the fewest digits of a level (3 bodies, T) over the times, and what is to be said of them.
+
+        None if a time has no answer; the note says how many.
+        """
+        signed, ours = scaled_difference(self.ref, self.bodies, level, order)
+        every = np.abs(signed[self._rows][:, self.known])
+        missing = int(np.sum(~np.isfinite(every).all(axis=0)))
+        if missing:
+            return None, f"no answer at {missing} of {every.shape[1]} times"
+        radius = self._radius(order)
+        at = np.argmax(every + radius, axis=0), np.arange(every.shape[1])
+        scale = _scale(ours[self._rows][:, self.known], order)
+        worst = (every + radius)[at] / scale
+        k = int(np.argmax(worst))
+        known, off = (radius[at] / scale)[k], (every[at] / scale)[k]
+        return _digits(worst), f"truth proved to {_digits(known):.1f} digits there" if known > off else ""
+
+    def _radius(self, order: int) -> Any:
+        """Return how far the truth may be off: its proved radius, and the rounding to metres that it went through."""
+        radius = getattr(self.ref.motion.certified_radius, QUANTITIES[order])[self.known]
+        return half_ulp(self.ref.system, self.ref.levels[order][:, self.known], order)[self._rows] + radius
+
+    def _fewest(self, allowed: Any, level: Any, order: int) -> float:
+        return _digits(np.max(allowed[self._rows], axis=0) / _scale(level[self._rows], order))
+
+
+def attainable_levels(ref: Reference, known: Any) -> list[tuple[Any, Any]]:
+    """Return the attainable error of position, velocity, acceleration, and these themselves; (n, B), scaled.
+
+    Parameters
+    ----------
+    known : (T,) array of bool
+        The B times that are asked for: some at which the reference is ok.
+    """
+    lanes = np.isin(np.flatnonzero([s is Status.OK for s in ref.motion.status]), np.flatnonzero(known))
+    system, t, carry = ref.system, ref.motion.t[known], ref.propagation
+    assert carry is not None  # there are times at which the reference is ok
+    q, qd, qdd = (level[:, known] for level in ref.levels)
+    inverse, second, third, coriolis = (
+        a[..., lanes] for a in (carry.inverse, carry.second, carry.third, carry.coriolis)
+    )
+    e_nu, e_gamma = _inputs_in_rates(system, q, qd, qdd, t)
+    dq = attainable(system, q, t)
+    dqd = _product(inverse, _product(second, dq) + e_nu) + half_ulp(system, qd, 1)
+    moved = _product(third, dq) + _product(coriolis, dqd) + e_gamma
+    dqdd = _product(inverse, moved) + half_ulp(system, qdd, 2)
+    return [(dq, q), (dqd, qd), (dqdd, qdd)]
+
+
+def _inputs_in_rates(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[Any, Any]:
+    """Return how far half an ulp of every given number moves phi_q qd - nu and phi_q qdd - gamma, (m, B) each."""
+    moved, times, lanes = bounded_system(system, error=HALF_ULP), Times(t, 3), len(t)  # by order 3 the time in order 2
+    pose, rate, bend = box(q), box(qd), box(qdd)
+    slope = moved.phi_q(pose, times)
+    at_rate = slope @ rate - moved.nu(pose, times)
+    at_bend = slope @ bend - moved.gamma(pose, rate, times)
+    return read(at_rate, lanes).spread, read(at_bend, lanes).spread
+
+
+def _product(matrix: Any, vector: Any) -> Any:
+    return np.einsum("ijb,jb->ib", matrix, vector)
+
+
+def _scale(level: Any, order: int) -> Any:
+    """Return what errors are relative to, (T,): 1 for scaled positions, else the largest component."""
+    largest = np.max(np.abs(level), axis=0)
+    return np.ones_like(largest) if order == 0 else np.where(largest == 0.0, 1.0, largest)
+
+
+def _digits(errors: Any) -> float:
+    """Return -log10 of the largest error, between none and `MOST_DIGITS`."""
+    largest = float(np.max(errors))
+    return float(np.clip(-np.log10(largest), 0.0, MOST_DIGITS)) if largest > 0.0 else MOST_DIGITS
+
+
+def levels_or_nothing(levels: Sequence[Any], shape: tuple[int, int], order: int) -> list[Any]:
+    """Return the levels up to an order; NaN for one that was not delivered."""
+    found = [np.asarray(level, float) for level in levels[: order + 1]]
+    return found + [np.full(shape, np.nan)] * (order + 1 - len(found))

@@ -1,0 +1,169 @@
+"""The rows of one engine, measured; this is what a process of the ledger does."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import asdict, replace
+from typing import Any
+
+from crosscheck.engines import PHYSICAL, EngineError, Term, load
+from crosscheck.judge.changes import change
+from crosscheck.judge.comparison import Reference, reference
+from crosscheck.measure.effects_benches import engine_benches, reference_bench
+from crosscheck.measure.effects_rows import Ablation, Bench, EffectRow
+from crosscheck.workers.timing import Timing, timed_in_turns
+from refkin.model import Scene
+from refkin.motion import Motion
+from refkin.scenes.files import parse
+
+REFKIN = "refkin"
+MOST_TIMES = 37
+"""Configurations of a scene that are measured, the first ones: a march depends on the times before it."""
+
+ROUNDS = 25
+"""An effect is a small difference of two large times: more rounds than elsewhere, as far as there is time."""
+GROUPS = 3
+"""Into how many parts the rounds are divided, to see how far a difference repeats."""
+
+
+def task(scene: Mapping[str, Any], spec: str, within: float, effect: str = "") -> str:
+    """Return what `measured` takes, as text: a scene's data, an engine, how long to measure, an effect or all."""
+    return json.dumps({"scene": scene, "spec": spec, "within": within, "effect": effect})
+
+
+def measured(text: str) -> list[dict[str, Any]]:
+    """Return the rows of one engine, or of one effect alone, as plain data."""
+    asked = json.loads(text)
+    scene = parse(asked["scene"])
+    scene = replace(scene, times=scene.times[:MOST_TIMES])
+    benches = list(_benches(asked["spec"], scene))
+    if asked["effect"]:
+        benches = [_alone(bench, asked["effect"]) for bench in benches]
+    ref = reference(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
+    share = asked["within"] / len(benches)
+    return [asdict(row) for bench in benches for row in rows(bench, ref, share, _terms(asked, bench, scene))]
+
+
+def _benches(spec: str, scene: Scene) -> Iterator[Bench]:
+    if spec == REFKIN:
+        yield reference_bench(scene)
+    else:
+        yield from engine_benches(load(spec), scene)
+
+
+def _alone(bench: Bench, effect: str) -> Bench:
+    ablations = tuple(a for a in bench.ablations if a.effect == effect)
+    names = {name for a in ablations for name in (a.off, a.on)}
+    absent = {name: why for name, why in bench.absent.items() if name == effect}
+    return replace(bench, ablations=ablations, works={name: bench.works[name] for name in names}, absent=absent)
+
+
+def _terms(asked: Mapping[str, Any], bench: Bench, scene: Scene) -> Sequence[Term]:
+    """Return what the engine adds to the allowed error by a route; a route through dynamics is given no more."""
+    if asked["spec"] == REFKIN:
+        return ()
+    engine = load(asked["spec"])
+    route = next((r for r in engine.routes() if r.name == bench.route), None)
+    try:
+        return engine.terms(scene, route)
+    except EngineError:
+        return ()
+
+
+def rows(bench: Bench, ref: Reference, within: float, terms: Sequence[Term] = ()) -> list[EffectRow]:
+    """Return a row for each effect of a bench.
+
+    Parameters
+    ----------
+    ref : Reference
+        The reference's answer to the scene, which allowed errors are derived at.
+    within : float
+        How long to measure [s].
+    """
+    answers: dict[str, Motion | str] = {name: _answer(work) for name, work in bench.works.items()}
+    works = {name: work for name, work in bench.works.items() if not isinstance(answers[name], str)}
+    timings = timed_in_turns(works, rounds=ROUNDS, within=within) if works else {}
+    there = [_row(bench, a, answers, timings, ref, terms) for a in bench.ablations]
+    return there + [unmeasured(bench.engine, bench.route, effect, why) for effect, why in bench.absent.items()]
+
+
+def _answer(work: Any) -> Motion | str:
+    try:
+        answer: Motion = work()
+    except EngineError as error:
+        return str(error)
+    return answer
+
+
+def _row(
+    bench: Bench,
+    a: Ablation,
+    answers: Mapping[str, Motion | str],
+    timings: Mapping[str, Timing],
+    ref: Reference,
+    terms: Sequence[Term],
+) -> EffectRow:
+    off, on = answers[a.off], answers[a.on]
+    if isinstance(off, str):
+        return unmeasured(bench.engine, bench.route, a.effect, f"no answer without it: {off}")
+    if isinstance(on, str):
+        return unmeasured(bench.engine, bench.route, a.effect, f"{a.note}: {on}", inert=False)
+    if a.on == "points" and not on.points:
+        return unmeasured(bench.engine, bench.route, a.effect, "the adapter reports no motion of points")
+    found = change(ref, off, on, terms, exact=bench.exact)
+    before, after, per = timings[a.off], timings[a.on], 1e6 / len(off.t)
+    return EffectRow(
+        engine=bench.engine,
+        route=bench.route,
+        effect=a.effect,
+        microseconds=(after.seconds - before.seconds) * per,
+        without=before.seconds * per,
+        spread=noise(before.turns, after.turns, per),
+        inert=found.inert,
+        largest_change=found.largest,
+        worst=found.worst,
+        called_for=a.called_for,
+        note=a.note,
+    )
+
+
+def noise(before: Sequence[float], after: Sequence[float], per: float = 1.0) -> float | None:
+    """Return how far off the difference of two least times may be; None for a single round.
+
+    Parameters
+    ----------
+    before, after : sequence of float
+        One call in each round [s], without the effect and with it.
+    per : float
+        What the result is multiplied by.
+
+    Returns
+    -------
+    float or None
+        The range of that difference over groups of rounds (every third one, of few every second). It is at least
+        as much as the effect seems to save: who does more cannot take less time, so that this is noise, too.
+    """
+    count = len(before)
+    if count < 2:
+        return None
+    groups = GROUPS if count >= 2 * GROUPS else 2
+    found = [min(after[k::groups]) - min(before[k::groups]) for k in range(groups)]
+    return max(max(found) - min(found), min(before) - min(after)) * per
+
+
+def unmeasured(engine: str, route: str, effect: str, note: str, inert: bool | None = None) -> EffectRow:
+    """Return the row of an effect without a price: not known to be inert, or known not to be."""
+    return EffectRow(
+        engine=engine,
+        route=route,
+        effect=effect,
+        microseconds=None,
+        without=None,
+        spread=None,
+        inert=inert,
+        largest_change=None,
+        worst="",
+        called_for=effect not in PHYSICAL,
+        note=note,
+    )

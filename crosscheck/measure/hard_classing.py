@@ -1,0 +1,123 @@
+"""One route of one engine on one hard scene: the worst it did at any time, in a word and in words."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Sequence
+from functools import lru_cache
+
+from crosscheck.engines import Engine, EngineError, load
+from crosscheck.judge.hard_poses import Outcome, Sample, Truth, samples, truths
+from crosscheck.scenes.hard import HardCase, hard_cases
+from crosscheck.workers.processes import Failure
+from refkin.motion import Route
+from refkin.proof.pose.krawczyk import Verdict
+from refkin.solving.solve import ROUTE as OWN_ROUTE
+from refkin.solving.solve import solve
+from refkin.system import System
+
+OURS = "refkin"
+
+
+def routes_of(spec: str) -> tuple[str, str, tuple[str, ...]]:
+    """Return an engine's name, its version, and the names of all its routes, those of its shipped defaults included."""
+    if spec == OURS:
+        from importlib.metadata import version
+
+        return OURS, version("refkin"), (OWN_ROUTE.name,)
+    engine = load(spec)
+    return engine.name, engine.version(), tuple(route.name for route in all_routes(engine))
+
+
+def all_routes(engine: Engine) -> tuple[Route, ...]:
+    """Return an engine's routes, then those that only hard cases are sent through."""
+    more = getattr(engine, "discovery", None)
+    return (*engine.routes(), *(more() if more is not None else ()))
+
+
+def job(spec: str, route: str, case: str) -> str:
+    """Return what `outcome_of` takes."""
+    return json.dumps([spec, route, case])
+
+
+def outcome_of(told: str) -> tuple[str, str]:
+    """Return the outcome of one route on one case, and what there is to say of it. Runs in a process of its own."""
+    spec, name, key = json.loads(told)
+    case, system, truth = _known(key)
+    if spec == OURS:
+        return classed(samples(system, truth, case.scene, solve(case.scene), ()))
+    engine = _engine(spec)
+    route = next(r for r in all_routes(engine) if r.name == name)
+    with warnings.catch_warnings(record=True) as heard:
+        warnings.simplefilter("always")
+        try:
+            terms = engine.terms(case.scene, route)
+            motion = engine.solve(case.scene, route)
+        except EngineError as error:
+            return Outcome.REFUSED.value, _rightly(truth) + str(error)
+    found = samples(system, truth, case.scene, motion, terms)
+    said = " ".join(str(w.message) for w in heard if not issubclass(w.category, DeprecationWarning))
+    return classed(found, said)
+
+
+def outcome_of_failure(failure: Failure) -> tuple[str, str]:
+    """Return what it is that a process failed at a case: a hang, a crash, or an exception that is no refusal."""
+    return (Outcome.HANG if failure.kind == "hang" else Outcome.CRASH).value, f"{failure.kind}: {failure.text}"
+
+
+def classed(found: Sequence[Sample], said: str = "") -> tuple[str, str]:
+    """Return the worst of an engine's answers at the times of a scene, in a word and in words.
+
+    Wrong: an answer called ok lies outside. Refused: at a time there is no answer, or none that is called ok and right.
+    Warned: every answer is right, but some is not called ok, or the engine warned. What the certificate leaves
+    undecidable is held against nobody.
+    """
+    wrong = [s for s in found if s.called_ok and (s.judgement is None or s.judgement.verdict is Verdict.OUTSIDE)]
+    if wrong:
+        worst = _told(max(wrong, key=_radii), len(wrong), len(found))
+        return Outcome.WRONG.value, f"{worst}; it warned: {said}" if said else worst
+    lost = [s for s in found if s.judgement is None or (not s.called_ok and s.judgement.verdict is Verdict.OUTSIDE)]
+    if lost:
+        rightly = "rightly, there is no assembly: " if all(s.none for s in lost) else ""
+        return (
+            Outcome.REFUSED.value,
+            f"{rightly}no answer at {len(lost)} of {len(found)} times, first t = {lost[0].t:g}",
+        )
+    doubted = [s for s in found if not s.called_ok]
+    open_ = sum(s.judgement is not None and s.judgement.verdict is Verdict.UNDECIDABLE for s in found)
+    note = f"undecidable at {open_} of {len(found)} times" if open_ else ""
+    if doubted or said:
+        told = f"called {'not ok' if doubted else 'ok'} at {len(doubted) or len(found)} of {len(found)} times"
+        return Outcome.WARNED.value, "; ".join(filter(None, (told, said, note)))
+    return Outcome.CORRECT.value, note
+
+
+def _radii(sample: Sample) -> float:
+    return float("inf") if sample.judgement is None else sample.judgement.radii
+
+
+def _told(worst: Sample, count: int, of: int) -> str:
+    note = f"{worst.note}: " if worst.note else ""
+    away = "" if worst.judgement is None else f"{worst.judgement.radii:.2g} radii outside "
+    return f"{note}{away}at t = {worst.t:g}; wrong at {count} of {of} times"
+
+
+def _rightly(truth: Sequence[Truth]) -> str:
+    return "" if any(t.roots for t in truth) else "rightly, there is no assembly: "
+
+
+@lru_cache(maxsize=1)
+def _cases() -> dict[str, HardCase]:
+    return {case.key: case for case in hard_cases()}
+
+
+@lru_cache(maxsize=4)
+def _known(key: str) -> tuple[HardCase, System, tuple[Truth, ...]]:
+    case = _cases()[key]
+    return case, *truths(case)
+
+
+@lru_cache(maxsize=8)
+def _engine(spec: str) -> Engine:
+    return load(spec)

@@ -1,0 +1,233 @@
+"""The golden set: a few fixed scenes, what the reference answers to them, and to how many digits each engine does.
+
+It is data (`reports/baseline.json`, scenes included) that only an explicit command changes. Scenes that are new every
+night cannot tell a loss of accuracy from bad luck; these can, case by case:
+
+* the reference may not leave its own proof: two answers whose certified radii do not overlap cannot both be right;
+* an engine may not lose more than half a digit, in the worst sample or in the median. Half a digit is a factor of
+  three: more than another processor's rounding does to a worst sample, less than any fault worth the name. Errors below
+  four units of rounding, which is where an answer is as good as exact, count as that.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import refkin
+from crosscheck.judge.comparison import QUANTITIES
+from crosscheck.workers.journal import replace_file
+from crosscheck.workers.pool import Pool
+from refkin.model import Scene
+from refkin.motion import Motion
+from refkin.motion_laws import Polynomial, Sinusoid
+from refkin.scenes.files import parse, to_dict, to_toml
+from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
+from refkin.solving.solve import solve
+
+SCHEMA = 1
+LOST = 0.5
+"""Digits that an engine may lose in a case."""
+EXACT = -math.log10(4 * 2.0**-53)
+"""Digits beyond which an answer is as good as exact."""
+DEFAULT = Path(refkin.__file__).parent.parent / "reports" / "baseline.json"
+"""The accepted baseline in a checkout of this project."""
+
+Case = Mapping[str, Any]
+Difference = dict[str, Any]
+
+
+class NoBaseline(Exception):
+    """There is no baseline where one was asked for, or it cannot be read."""
+
+
+def golden_scenes() -> dict[str, Scene]:
+    """Return the scenes by name: every kind of linkage, both branches, and the hard places on purpose."""
+    rocker = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    toggle = FourBar(ground=90.0, crank=30.0, coupler=60.0, rocker=45.0)
+    limit = toggle.input_range()[0][1]
+    swing = Sinusoid(offset=0.9 * limit, amplitude=0.1 * limit * (1 - 1e-6), angular_frequency=1.0, phase=0.0)
+    slow = Polynomial(coefficients=(0.3, 1.0, 0.25))
+    five = (0.0, 0.4, 0.9, 1.5, 2.2)
+    return {
+        "crank-rocker open": rocker.scene(samples=7),
+        "crank-rocker crossed": rocker.scene(samples=7, branch="crossed"),
+        "crank-rocker accelerating": rocker.scene(law=slow, times=five),
+        "double crank": FourBar(ground=1.0, crank=3.0, coupler=2.5, rocker=2.0).scene(samples=7),
+        "near a change point": FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + 1e-6).scene(samples=7),
+        "near a limit position": toggle.scene(law=swing, times=(0.0, 0.5, 1.0, 1.5, math.pi / 2)),
+        "a billionth of a metre": FourBar(ground=4e-9, crank=1e-9, coupler=3.5e-9, rocker=3e-9).scene(samples=5),
+        "slider-crank": SliderCrank(crank=1.0, rod=3.0).scene(samples=7),
+        "slider-crank with a large offset": SliderCrank(crank=1.0, rod=3.0, offset=1.9).scene(samples=7),
+        "inverted slider-crank": InvertedSliderCrank(ground=2.0, crank=0.75).scene(samples=7),
+    }
+
+
+def measure(scenes: Mapping[str, Scene], workers: Pool, engines: Sequence[str]) -> dict[str, Case]:
+    """Return scene, reference and digits of every route, by the name of the case."""
+    names = {}
+    for name, scene in scenes.items():
+        job = {"scene": to_dict(scene), "about": {"golden": name}}
+        workers.submit([job], engines)
+        names[name] = scene
+    records: dict[str, Mapping[str, Any]] = {}
+    while workers.pending:
+        for record in workers.results():
+            records[record["about"]["golden"]] = record
+    return {
+        name: {"scene": to_dict(scene), "reference": _reference(solve(scene)), "routes": _routes(records[name])}
+        for name, scene in names.items()
+    }
+
+
+def _reference(motion: Motion) -> dict[str, Any]:
+    """Return the reference's answer with its proof, every number as it is."""
+    radius = motion.certified_radius
+    levels = dict(zip(QUANTITIES, motion.levels, strict=True))
+    return {
+        "status": [s.value for s in motion.status],
+        **{q: None if level is None else _plain(level.T) for q, level in levels.items()},
+        "certified_radius": {q: _plain(getattr(radius, q)) for q in QUANTITIES},
+    }
+
+
+def _plain(values: Any) -> Any:
+    return [_plain(row) for row in values] if np.ndim(values) else (float(values) if np.isfinite(values) else None)
+
+
+def _routes(record: Mapping[str, Any]) -> dict[str, Any]:
+    """Return {"engine · route": {quantity: [median, worst]}}; a quantity without a digit is None."""
+    return {
+        f"{answer['engine']} · {answer['route']['name']}": {
+            "missing": answer["missing"],
+            **{name: _digits(told["digits_by_sigma"]) for name, told in answer["quantities"].items()},
+        }
+        for answer in record["answers"]
+    }
+
+
+def _digits(by_sigma: Mapping[str, Mapping[str, int]]) -> list[float] | None:
+    kept = sorted(float(d) for histogram in by_sigma.values() for d, count in histogram.items() for _ in range(count))
+    return [kept[(len(kept) - 1) // 2], kept[0]] if kept else None
+
+
+def differences(before: Mapping[str, Case], now: Mapping[str, Case], engines: Iterable[str]) -> list[Difference]:
+    """Return what is worse now, one entry per case and quantity, as a disagreement of a night.
+
+    `engines` are those that were asked now; what others did before is not compared.
+    """
+    found = []
+    for name, case in before.items():
+        found += [{**told, "case": name} for told in _reference_changed(case, now[name])]
+        for who, digits in case["routes"].items():
+            engine, _, route = who.partition(" · ")
+            if engine in engines:
+                told = {"engine": engine, "route": route, "case": name, "ratio": None}
+                found += [{**told, **lost} for lost in _digits_lost(digits, now[name]["routes"].get(who))]
+    return found
+
+
+def _reference_changed(before: Case, now: Case) -> Iterator[Difference]:
+    """Yield where two answers of the reference prove each other wrong."""
+    who = {"engine": "refkin", "route": "newton", "kind": "golden set: the reference has left its proof", "ratio": None}
+    old, new = before["reference"], now["reference"]
+    if old["status"] != new["status"]:
+        yield {**who, "quantity": "status", "worst": f"{' '.join(old['status'])} became {' '.join(new['status'])}"}
+        return
+    size = parse(dict(before["scene"])).mechanism.size()
+    for quantity in QUANTITIES:
+        a, b = (np.array(told[quantity] or [], float) for told in (old, new))
+        if a.shape != b.shape:
+            yield {**who, "quantity": quantity, "worst": f"{a.shape} numbers became {b.shape}"}
+        elif a.size:
+            radius = sum(np.array(told["certified_radius"][quantity], float)[:, None] for told in (old, new))
+            scale = np.tile([size, size, 1.0], a.shape[1] // 3)
+            allowed = scale * radius + 4 * 2.0**-53 * np.abs(a)  # handed over in metres: rounded once more on each side
+            if not np.all((np.abs(a - b) <= allowed) | (a == b) | (np.isnan(a) & np.isnan(b))):
+                yield {**who, "quantity": quantity, "worst": f"apart by up to {np.nanmax(np.abs(a - b)):.2g}"}
+
+
+def _digits_lost(before: Mapping[str, Any], now: Mapping[str, Any] | None) -> Iterator[Difference]:
+    """Yield the quantities in which a route is worse than it was."""
+    kind = {"kind": "golden set: digits lost"}
+    if now is None or now["missing"] > before["missing"]:
+        yield {**kind, "quantity": "status", "worst": "no answer any more"}
+        return
+    for quantity in QUANTITIES:
+        old, new = before.get(quantity), now.get(quantity)
+        if old is None:
+            continue
+        if new is None or any(min(a, EXACT) - min(b, EXACT) > LOST for a, b in zip(old, new, strict=True)):
+            told = "none" if new is None else f"{new[0]:.1f} / {new[1]:.1f}"
+            yield {**kind, "quantity": quantity, "worst": f"digits {old[0]:.1f} / {old[1]:.1f} became {told}"}
+
+
+def read(path: Path) -> dict[str, Any]:
+    """Return the baseline in a file.
+
+    Raises
+    ------
+    NoBaseline
+        If there is none, or it cannot be read.
+    """
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        if found["schema"] != SCHEMA or not found["cases"]:
+            raise NoBaseline(f"{path}: expected a baseline of schema {SCHEMA} with cases")
+        for case in found["cases"].values():
+            parse(dict(case["scene"]))
+    except FileNotFoundError as error:
+        raise NoBaseline(f"there is no baseline {path}: crosscheck baseline --accept makes one") from error
+    except (ValueError, KeyError, TypeError, AttributeError, refkin.errors.RefkinError) as error:
+        raise NoBaseline(f"{path} is no baseline: {error}") from error
+    return dict(found)
+
+
+def write(path: Path, cases: Mapping[str, Case], versions: Mapping[str, str]) -> None:
+    """Accept what was measured as the baseline."""
+    told = {"schema": SCHEMA, "versions": dict(versions), "cases": dict(cases)}
+    replace_file(path, json.dumps(told, indent=1, allow_nan=False) + "\n")
+
+
+def compared(path: Path, workers: Pool) -> dict[str, Any]:
+    """Return the comparison with the baseline in a file, as `golden.json` of a night holds it."""
+    baseline = read(path)
+    engines = [name for name in workers.engines if any(_of(name, case) for case in baseline["cases"].values())]
+    scenes = scenes_of(baseline["cases"])
+    found = differences(baseline["cases"], measure(scenes, workers, engines), engines)
+    without = [name for name in workers.engines if name not in engines]
+    return {
+        "cases": len(scenes),
+        "versions": baseline["versions"],
+        "engines": engines,
+        "without": without,
+        "found": found,
+    }
+
+
+def scenes_of(cases: Mapping[str, Case]) -> dict[str, Scene]:
+    """Return the scenes of a baseline by name."""
+    return {name: parse(dict(case["scene"])) for name, case in cases.items()}
+
+
+def _of(engine: str, case: Case) -> bool:
+    return any(who.partition(" · ")[0] == engine for who in case["routes"])
+
+
+def compare_night(path: Path, out: Path, workers: Pool) -> list[Difference]:
+    """Compare the golden set, leave `golden.json` and scene files in the folder of a night, return what is worse."""
+    told = compared(path, workers)
+    cases = read(path)["cases"]
+    for difference in told["found"]:
+        slug = difference["case"].replace(" ", "-")
+        file = out / "disagreements" / f"golden-{slug}.toml"
+        file.parent.mkdir(parents=True, exist_ok=True)
+        replace_file(file, to_toml(parse(dict(cases[difference["case"]]["scene"]))))
+        difference |= {"key": f"golden-{slug}", "file": f"disagreements/{file.name}", "shrunk": False}
+    replace_file(out / "golden.json", json.dumps(told, indent=1) + "\n")
+    return list(told["found"])

@@ -1,0 +1,154 @@
+"""Nights kept in one SQLite file: verdicts, digits and times, and where the level of a time changed.
+
+Accuracy is judged on the golden set, where a change fails the night. Here times are watched: they only warn, since a
+machine has moods. What is watched is the ratio to the reference's own time in the same night.
+"""
+
+from __future__ import annotations
+
+import json
+import sqlite3
+from collections.abc import Iterator, Mapping
+from contextlib import closing, contextmanager
+from pathlib import Path
+from typing import Any
+
+from crosscheck.night.change_points import change_points
+
+SOLVED = ("position", "velocity", "acceleration")
+REFERENCE = "refkin"
+TABLES = """
+CREATE TABLE IF NOT EXISTS night (
+    id INTEGER PRIMARY KEY, date TEXT NOT NULL, seed TEXT NOT NULL, verdict TEXT NOT NULL, scenes INTEGER NOT NULL,
+    configurations INTEGER NOT NULL, new INTEGER NOT NULL, known INTEGER NOT NULL, versions TEXT NOT NULL,
+    UNIQUE (date, seed));
+CREATE TABLE IF NOT EXISTS accuracy (
+    night INTEGER NOT NULL REFERENCES night (id), engine TEXT NOT NULL, route TEXT NOT NULL, quantity TEXT NOT NULL,
+    digits_median REAL, digits_p01 REAL, digits_worst REAL, worst_over_allowed REAL);
+CREATE TABLE IF NOT EXISTS cost (
+    night INTEGER NOT NULL REFERENCES night (id), series TEXT NOT NULL,
+    microseconds REAL NOT NULL, ratio REAL NOT NULL);
+"""
+
+
+class HistoryError(Exception):
+    """A file that is no history, or that cannot be read or written."""
+
+
+def append(path: Path, report: Mapping[str, Any]) -> bool:
+    """Add a night to the history in a file; the same night once more, as after a resume, replaces itself.
+
+    Returns
+    -------
+    bool
+        Whether there was anything to keep: a night without scenes, or without a date, leaves no trace.
+
+    Raises
+    ------
+    HistoryError
+        If the file is no history, or cannot be written.
+    """
+    if not report["scenes"] or not report["date"]:
+        return False
+    path.parent.mkdir(parents=True, exist_ok=True)
+    with _opened(path) as db, db:
+        same = db.execute("SELECT id FROM night WHERE date = ? AND seed = ?", (report["date"], str(report["seed"])))
+        for (night,) in same.fetchall():
+            for table, key in (("accuracy", "night"), ("cost", "night"), ("night", "id")):
+                db.execute(f"DELETE FROM {table} WHERE {key} = ?", (night,))
+        keys = ("scenes", "configurations", "new_disagreements", "known_disagreements")
+        numbers = [report[key] for key in keys]
+        told = [report["date"], str(report["seed"]), report["verdict"], *numbers, json.dumps(report["versions"])]
+        night = db.execute(
+            "INSERT INTO night (date, seed, verdict, scenes, configurations, new, known, versions)"
+            " VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
+            told,
+        ).lastrowid
+        db.executemany("INSERT INTO accuracy VALUES (?, ?, ?, ?, ?, ?, ?, ?)", _accuracies(night, report))
+        db.executemany("INSERT INTO cost VALUES (?, ?, ?, ?)", _costs(night, report))
+    return True
+
+
+def _accuracies(night: int | None, report: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
+    keys = ("digits_median", "digits_p01", "digits_worst", "worst_over_allowed")
+    for engine, routes in report["engines"].items():
+        for route, quantities in routes.items():
+            for quantity in SOLVED:
+                yield (night, engine, route, quantity, *(quantities[quantity][key] for key in keys))
+
+
+def _costs(night: int | None, report: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
+    """Yield the times of the night's routes and of its price list, each with its ratio to the reference's."""
+    reference = report["reference"]["microseconds_mean"]
+    for row in report["routes"]:
+        if reference and row["microseconds_median"]:
+            name = f"{row['engine']} · {row['route']}"
+            yield night, name, row["microseconds_median"], row["microseconds_median"] / reference
+    prices = report.get("price") or []
+    own: dict[tuple[str, str], float] = {}
+    for row in prices:
+        what = (row["quantity"], row["scene_class"])
+        if row["engine"] == REFERENCE and row["microseconds"]:
+            own[what] = min(own.get(what, row["microseconds"]), row["microseconds"])
+    for row in prices:
+        what = (row["quantity"], row["scene_class"])
+        if own.get(what) and row["microseconds"]:
+            name = f"{row['engine']} · {row['route']}, {row['knob']}: {row['quantity']}, {row['scene_class']}"
+            yield night, name, row["microseconds"], row["microseconds"] / own[what]
+
+
+def nights(path: Path) -> list[dict[str, Any]]:
+    """Return the nights, oldest first, each with the worst digits of its routes."""
+    with _opened(path, must_exist=True) as db:
+        rows = db.execute("SELECT id, date, seed, verdict, scenes, new, known FROM night ORDER BY date, id").fetchall()
+        keys = ("id", "date", "seed", "verdict", "scenes", "new", "known")
+        found = [dict(zip(keys, row, strict=True)) for row in rows]
+        for night in found:
+            worst = db.execute(
+                "SELECT engine, route, quantity, digits_median, digits_worst FROM accuracy WHERE night = ?",
+                (night.pop("id"),),
+            )
+            names = ("engine", "route", "quantity", "digits_median", "digits_worst")
+            night["accuracy"] = [dict(zip(names, row, strict=True)) for row in worst]
+        return found
+
+
+def trends(path: Path) -> dict[str, Any]:
+    """Return {nights, series}: per series its nights, ratios to the reference, and {place of a change: its factor}."""
+    with _opened(path, must_exist=True) as db:
+        dates = [date for (date,) in db.execute("SELECT date FROM night ORDER BY date, id")]
+        rows = db.execute(
+            "SELECT series, date, ratio FROM cost JOIN night ON night.id = cost.night ORDER BY series, date, night.id"
+        ).fetchall()
+    series: dict[str, dict[str, Any]] = {}
+    for name, date, ratio in rows:
+        one = series.setdefault(name, {"name": name, "nights": [], "values": []})
+        one["nights"].append(date)
+        one["values"].append(ratio)
+    for one in series.values():
+        one["changes"] = {str(k): factor for k, factor in change_points(one["values"]).items()}
+    order = sorted(series.values(), key=lambda one: (not one["changes"], ": " in one["name"], one["name"]))
+    return {"nights": dates, "series": order}
+
+
+def warnings(told: Mapping[str, Any], latest: int = 7) -> list[str]:
+    """Return one line per change of level within the latest nights."""
+    return [
+        f"time of {one['name']}, relative to refkin: {'up' if factor > 1 else 'down'} by {factor:.2f} times"
+        f" since {one['nights'][int(k)]}"
+        for one in told["series"]
+        for k, factor in one["changes"].items()
+        if int(k) >= len(one["nights"]) - latest
+    ]
+
+
+@contextmanager
+def _opened(path: Path, must_exist: bool = False) -> Iterator[sqlite3.Connection]:
+    if must_exist and not path.is_file():
+        raise HistoryError(f"there is no history {path}: crosscheck nightly makes one")
+    try:
+        with closing(sqlite3.connect(path, timeout=30.0)) as db:
+            db.executescript(TABLES)
+            yield db
+    except sqlite3.Error as error:
+        raise HistoryError(f"{path}: {error}") from error

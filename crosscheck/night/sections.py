@@ -1,0 +1,74 @@
+"""What a night measures beside its scenes, for the report: hard cases, the price list, the ledger of effects.
+
+Each is a file of plain rows in the night's folder (`report.measured` reads them). They are measured when the scenes are
+done, one after the other, so that nothing else disturbs their timings.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Collection, Iterable, Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+from crosscheck.engines import available
+from crosscheck.engines.price_route import PRODUCERS
+from crosscheck.measure.effects_ledger import effects_ledger
+from crosscheck.measure.hard_classing import OURS
+from crosscheck.measure.hard_table import hard_case_rows
+from crosscheck.scenes.priced import classes, price_list
+from crosscheck.workers.journal import replace_file
+from refkin.model import Point, Scene
+
+HARD, PRICE, EFFECTS = 0.25, 0.5, 0.25
+"""How the time is shared."""
+PRICED_CLASS = "regular"
+"""The class of the price list whose scene the ledger of effects is about."""
+
+
+def write_sections(
+    folder: Path,
+    engines: Iterable[str],
+    left_out: Collection[str],
+    seconds: float,
+    tell: Callable[[str], None] = lambda doing: None,
+) -> None:
+    """Write hard_cases.json, price.json and effects.json, as far as registered engines get in some time.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder of the run.
+    engines : iterable of str
+        Names; those that are not registered are left out, as are those of `left_out`.
+    seconds : float
+        How long it may take in all, beside the start of processes; nothing is written if it is 0.
+    tell : callable
+        Is told what is being measured.
+    """
+    if not seconds > 0:
+        return
+    named = [name for name in engines if name in available() and name not in left_out]
+    measures: dict[str, tuple[str, Callable[[], Sequence[Any]]]] = {
+        "hard_cases": ("hard cases", lambda: hard_case_rows([OURS, *named], HARD * seconds)),
+        "price": ("the price list", lambda: price_list(PRICE * seconds, _producers(named))),
+        "effects": ("the ledger of effects", lambda: _effects(named, EFFECTS * seconds)),
+    }
+    for name, (doing, measure) in measures.items():
+        tell(doing)
+        replace_file(folder / f"{name}.json", json.dumps(measure(), indent=1, allow_nan=False) + "\n")
+
+
+def _producers(engines: Sequence[str]) -> tuple[str, ...]:
+    """Return who is priced: the engines of the night, and whoever is no engine."""
+    return tuple(name for name in PRODUCERS if name in engines or name not in available())
+
+
+def _effects(engines: Sequence[str], seconds: float) -> list[dict[str, Any]]:
+    return [asdict(row) for row in effects_ledger(_with_a_point(classes()[PRICED_CLASS]), engines, seconds)]
+
+
+def _with_a_point(scene: Scene) -> Scene:
+    """Return the scene with a point whose motion is wanted, so that points have a price as well."""
+    return replace(scene, points=(Point(name="P", body=scene.mechanism.bodies[0].name, position=(0.3, 0.2)),))

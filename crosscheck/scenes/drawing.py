@@ -1,0 +1,183 @@
+"""Drawing scenes for a night: Hypothesis under a seed derived from the night's seed and the scene's number.
+
+The parent draws and shrinks; workers solve. Every scene has a seed of its own, so any one of a night can be drawn
+again, bit for bit, from (seed, number): that is how a run is resumed, and how a failure re-enters Hypothesis as a
+property to shrink. Were a hundred drawn in one run of Hypothesis, most would be mutations of their neighbours, with a
+third as many different linkages.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from typing import Any
+from unittest import mock
+
+from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings
+from hypothesis import strategies as st
+from hypothesis.internal.cache import LRUCache
+from hypothesis.internal.conjecture import providers
+from hypothesis.internal.constants_ast import Constants
+
+from crosscheck.strategies import Chain, Drawn, chains, drawn_scenes
+from refkin.model import Scene
+from refkin.scenes.files import to_toml
+
+SAMPLES = 72
+"""Times per scene."""
+FEWER_SAMPLES = (2, 3, 5, 9, 18, 36)
+"""Numbers of times with which a failing scene is tried before it is shrunk."""
+CHAINS_EVERY = 7
+"""Every how manieth scene is no linkage but a geared five-bar, a rack, a cam or a six-bar (`strategies.chains`)."""
+TICKETS = st.integers(0, 2**64 - 1)
+"""Drawn before a scene. Hypothesis runs the simplest example first and makes the second differ from it in its first
+choice: without a ticket no scene but the simplest would be of the first kind."""
+
+
+def profile(phases: tuple[Phase, ...]) -> settings:
+    """Return settings that draw anew whatever the environment.
+
+    Under `CI` Hypothesis loads a profile that derandomizes, and every profile derived from it inherits that: the same
+    examples every night. So all that matters is set here. Two examples are run: the simplest and the one drawn.
+    """
+    return settings(
+        settings.get_profile("default"),
+        max_examples=2,
+        phases=phases,
+        derandomize=False,
+        database=None,
+        deadline=None,
+        print_blob=False,
+        report_multiple_bugs=False,
+        verbosity=Verbosity.quiet,
+        backend="hypothesis",
+        suppress_health_check=list(HealthCheck),
+    )
+
+
+def seed_of_scene(night: int, number: int) -> int:
+    """Return the seed of one scene; it has nothing in common with that of its neighbours or of other nights."""
+    return int.from_bytes(hashlib.sha256(f"{night} {number}".encode()).digest()[:8], "big")
+
+
+AnyDrawn = Drawn | Chain
+
+
+def is_chain(number: int) -> bool:
+    """Whether the scene of that number is one of `strategies.chains`."""
+    return number % CHAINS_EVERY == CHAINS_EVERY - 1
+
+
+def draw(night: int, number: int, samples: int = SAMPLES) -> AnyDrawn:
+    """Return the scene of that number, 0, 1, 2 ..., in a night; the same linkage and motion for any `samples`."""
+    found: list[AnyDrawn] = []
+    _run(night, number, samples, (Phase.generate,), found.append)
+    return found[-1]
+
+
+def shrink(
+    night: int, number: int, still_fails: Callable[[AnyDrawn], bool], seconds: float
+) -> tuple[AnyDrawn | None, int]:
+    """Return the simplest scene found that fails as the one drawn under this number did, and how many were tried.
+
+    The motion is first sampled at fewer times, as few as show the failure, then Hypothesis simplifies what it drew.
+
+    Parameters
+    ----------
+    still_fails : callable
+        Whether a scene shows the same disagreement.
+    seconds : float
+        After this long the simplest so far is returned.
+
+    Returns
+    -------
+    Drawn, Chain or None
+        None if not even the scene as it was drawn fails again.
+    """
+    end = time.monotonic() + seconds
+    best, samples = draw(night, number), SAMPLES
+    fails = {best.scene: still_fails(best)}  # asked once per scene, so that Hypothesis never sees it waver
+    if not fails[best.scene]:
+        return None, 1
+
+    def property_to_shrink(drawn: AnyDrawn) -> None:
+        nonlocal best
+        if drawn.scene not in fails:
+            if time.monotonic() > end:
+                raise _OutOfTime
+            fails[drawn.scene] = still_fails(drawn)
+        if fails[drawn.scene]:
+            best = min(drawn, best, key=lambda found: effort(found.scene))
+            raise _Found
+
+    try:
+        for fewer in FEWER_SAMPLES:
+            with suppress(_Found):
+                property_to_shrink(draw(night, number, fewer))
+            if len(best.scene.times) == fewer:
+                samples = fewer
+                break
+        _run(night, number, samples, (Phase.generate, Phase.shrink), property_to_shrink)
+    except (_Found, _OutOfTime):
+        pass
+    return best, len(fails)
+
+
+def effort(scene: Scene) -> int:
+    """Return how much there is to read in a scene, which shrinking makes less: the digits of all its numbers."""
+    return sum(len(digits) for digits in re.findall(r"\d+", to_toml(scene)))
+
+
+def describe(drawn: AnyDrawn) -> dict[str, Any]:
+    """Return what the generator knows of a scene, as plain data."""
+    return {
+        "kind": drawn.kind,
+        "grashof": None if drawn.grashof is None else drawn.grashof.value,
+        "branch": drawn.branch.value,
+        "hardness": drawn.hardness.value,
+        "distance": drawn.distance,
+    }
+
+
+_permitted_constants: LRUCache[Any, Any] = LRUCache(1024)
+
+
+class _Found(Exception):
+    """The property's failure: the scene still shows the disagreement."""
+
+
+class _OutOfTime(BaseException):
+    """Ends a run of Hypothesis at once: no Exception, which it would take for one more failure."""
+
+
+def _run(night: int, number: int, samples: int, phases: tuple[Phase, ...], do: Callable[[AnyDrawn], None]) -> None:
+    """Run Hypothesis on one scene of a night and, with `Phase.shrink`, on simpler ones."""
+
+    @seed(seed_of_scene(night, number))
+    @profile(phases)
+    @given(TICKETS, chains(samples=samples) if is_chain(number) else drawn_scenes(samples=samples))
+    def scene_property(ticket: int, drawn: AnyDrawn) -> None:
+        do(drawn)
+
+    with own_choices_only():
+        scene_property()
+
+
+@contextmanager
+def own_choices_only() -> Iterator[None]:
+    """Keep Hypothesis from mixing into its choices the numbers that stand in the source of imported local modules.
+
+    With them, what is drawn would depend on which modules happen to be loaded and on where the package is installed.
+    Hypothesis offers no setting for it; where it has no such function (before 6.131) it does not do it.
+    """
+    if not hasattr(providers, "_get_local_constants"):
+        yield
+        return
+    with (
+        mock.patch.object(providers, "_get_local_constants", Constants),
+        mock.patch.object(providers, "CONSTANTS_CACHE", _permitted_constants),
+    ):
+        yield

@@ -1,0 +1,88 @@
+"""The scenes of the nightly's price list: one four-bar each far from trouble, and where digits are dear.
+
+They are the same every night, so that prices can be compared over nights.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Sequence
+from functools import cache
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines.price_route import PRODUCERS
+from crosscheck.measure.price import PATIENCE, price
+from refkin.model import Scene
+from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import FourBar
+from refkin.scenes.linkages.base import Branch
+
+SAMPLES = 73
+SPEED = 2.0
+"""Of the crank [rad/s]."""
+SLACK, SPAN = 1e-4, 0.15
+"""Distance of the lengths from a change point [m]; how far the crank turns to either side of the pose [rad]."""
+SHORT_OF = 1e-6
+"""How far before the dead centre the crank stops [rad]."""
+AWAY = 2.0**20
+"""How far from the origin of the ground a linkage lies [m], in x and in y."""
+REGULAR = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+
+
+@cache
+def classes() -> dict[str, Scene]:
+    """Return class -> its scene."""
+    far = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0, origin=(AWAY, AWAY))
+    return {
+        "regular": _turning(REGULAR, "regular"),
+        "near a change point": _near_change_point(),
+        "near a dead centre": _near_dead_centre(),
+        "far from the origin": _turning(far, "far from the origin"),
+    }
+
+
+def _turning(linkage: FourBar, name: str) -> Scene:
+    return linkage.scene(speed=SPEED, turns=1, samples=SAMPLES, branch=Branch.OPEN, name=name)
+
+
+def _near_change_point() -> Scene:
+    """Return a crank that turns through the pose at which all links nearly lie in one line."""
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + SLACK)
+    return _swept(linkage, math.pi - SPAN, math.pi + SPAN, "near a change point")
+
+
+def _near_dead_centre() -> Scene:
+    """Return a crank that turns towards the limit at which coupler and rocker lie in one line, up to just before it."""
+    linkage = FourBar(ground=4.0, crank=2.0, coupler=1.5, rocker=2.5)
+    interval = linkage.input_range()[0]
+    limit = max(interval)
+    return _swept(linkage, limit - 4 * SPAN, limit - SHORT_OF, "near a dead centre")
+
+
+def _swept(linkage: FourBar, start: float, stop: float, name: str) -> Scene:
+    times = np.linspace(0.0, (stop - start) / SPEED, SAMPLES).tolist()
+    law = Polynomial(coefficients=(start, SPEED))
+    return linkage.scene(law=law, times=times, branch=Branch.OPEN, name=name)
+
+
+def price_list(
+    within: float = 120.0, producers: Sequence[str] = tuple(PRODUCERS), patience: float = PATIENCE
+) -> list[dict[str, Any]]:
+    """Return the rows of all classes, each with its class under `class`.
+
+    Parameters
+    ----------
+    within : float
+        How long it may take [s], beside the start of processes and the proof of the truths.
+    producers, patience
+        As in `crosscheck.measure.price.price`.
+    """
+    end, rows = time.monotonic() + within, list[dict[str, Any]]()
+    for done, (name, scene) in enumerate(classes().items()):
+        left = (end - time.monotonic()) / (len(classes()) - done)
+        found = price(scene, producers, max(left, 1.0), patience)
+        rows += [{"class": name, **row.to_json()} for row in found.rows]
+    return rows

@@ -1,0 +1,215 @@
+"""What is computed: four-bars over a turn of the crank, and chains of four-bars at one time.
+
+The four-bars' crank turns at 1 rad/s from 0, all are OPEN, all of what is asked is position, velocity and acceleration
+of three bodies. Start estimates are right to six decimals: finding the first pose is not what is measured.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from crosscheck.scenes.four_bar_answers import four_bar
+from refkin.joints import GROUND, AngleDriver, Pair, Revolute
+from refkin.model import Body, Mechanism, Scene
+from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import FourBar
+
+EXAMPLE = (4.0, 1.0, 3.5, 3.0)
+SPEED = 1.0
+SHORTEST, LONGEST = 0.2, 1.0
+"""Between these the lengths of many four-bars are drawn [m]."""
+MARGIN = 0.02
+"""How far from the change point, as a part of the longest length, in the work that has a margin."""
+SEED = 20260101
+MECHANISMS, TIMES, SWEEP = 10_000, 360, 1000
+WINDOWS = (10, 100, 1000, 10_000)
+
+
+@dataclass(frozen=True)
+class FourBars:
+    """Some four-bars at some crank angles.
+
+    Attributes
+    ----------
+    lengths : (4, M) array
+        Ground, crank, coupler, rocker [m].
+    t : (T,) array
+        Times [s]; the crank's angle is `SPEED` t.
+    """
+
+    name: str
+    lengths: Any
+    t: Any
+
+    @property
+    def mechanisms(self) -> int:
+        """M."""
+        return int(self.lengths.shape[1])
+
+    @property
+    def configurations(self) -> int:
+        """M T."""
+        return self.mechanisms * len(self.t)
+
+    @cached_property
+    def starts(self) -> Any:
+        """The estimates of the first pose, (9, M)."""
+        return np.round(four_bar(self.lengths, SPEED * self.t[0] + np.zeros(self.mechanisms))[0], 6)
+
+    def scene(self, lane: int = 0) -> Scene:
+        """Return the scene of one mechanism, without evidence."""
+        ground, crank, coupler, rocker = map(float, self.lengths[:, lane])
+        linkage = FourBar(ground=ground, crank=crank, coupler=coupler, rocker=rocker)
+        law = Polynomial(coefficients=(0.0, SPEED))
+        scene = linkage.scene(law=law, times=self.t.tolist(), evidence=(), name=self.name)
+        x = self.starts[:, lane].tolist()
+        bodies = tuple(
+            replace(b, estimate=(x[3 * k], x[3 * k + 1], x[3 * k + 2])) for k, b in enumerate(scene.mechanism.bodies)
+        )
+        return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+
+    @property
+    def geometry(self) -> dict[str, dict[str, Any]]:
+        """The rows of the joints' points, by joint and key of a scene file."""
+        ground, crank, coupler, rocker = self.lengths
+        return {
+            "A0": {"point_j": (-crank / 2, 0.0)},
+            "A": {"point_i": (crank / 2, 0.0), "point_j": (-coupler / 2, 0.0)},
+            "B": {"point_i": (coupler / 2, 0.0), "point_j": (rocker / 2, 0.0)},
+            "B0": {"point_i": (ground, 0.0), "point_j": (-rocker / 2, 0.0)},
+        }
+
+    def first(self, mechanisms: int) -> FourBars:
+        """Return the work with the first mechanisms alone: for routes that are too slow for all."""
+        return replace(self, lengths=self.lengths[:, :mechanisms])
+
+
+@dataclass(frozen=True)
+class Chain:
+    """Four-bars side by side, each coupled to the next: the rocker of one is the crank of the next; at one time."""
+
+    name: str
+    windows: int
+
+    @cached_property
+    def rockers(self) -> list[float]:
+        """The lengths of the windows + 1 rockers [m]."""
+        return [1.0 + 0.05 * (k % 3) for k in range(self.windows + 1)]
+
+    @cached_property
+    def couplers(self) -> list[float]:
+        """The lengths of the couplers [m]."""
+        return [abs(b - a) for a, b in pairwise(self._tips)]
+
+    @property
+    def feet(self) -> list[float]:
+        """The rockers' pivots on the x axis [m]."""
+        return [SPACING * k for k in range(self.windows + 1)]
+
+    @property
+    def _tips(self) -> list[complex]:
+        angles = (1.2 + 0.1 * (k % 2) for k in range(self.windows + 1))
+        return [foot + cmath.rect(r, phi) for foot, r, phi in zip(self.feet, self.rockers, angles, strict=True)]
+
+    @cached_property
+    def law(self) -> Polynomial:
+        """The angle of the first rocker."""
+        return Polynomial(coefficients=(1.2, 0.2))
+
+    @cached_property
+    def scene(self) -> Scene:
+        """The scene: bodies rocker 0, 1, ... and then coupler 0, 1, ...; without evidence."""
+        bodies, joints, tips = [], [], self._tips
+        for k, (foot, tip, r) in enumerate(zip(self.feet, tips, self.rockers, strict=True)):
+            bodies.append(_body(f"rocker{k}", (foot + tip) / 2, cmath.phase(tip - foot)))
+            joints.append(_pin(f"foot{k}", GROUND, (foot, 0.0), f"rocker{k}", (-r / 2, 0.0)))
+        for k, (a, b) in enumerate(pairwise(tips)):
+            bodies.append(_body(f"coupler{k}", (a + b) / 2, cmath.phase(b - a)))
+            half, left, right = self.couplers[k] / 2, self.rockers[k] / 2, self.rockers[k + 1] / 2
+            joints.append(_pin(f"left{k}", f"rocker{k}", (left, 0.0), f"coupler{k}", (-half, 0.0)))
+            joints.append(_pin(f"right{k}", f"coupler{k}", (half, 0.0), f"rocker{k + 1}", (right, 0.0)))
+        driver = AngleDriver(name="motor", body="rocker0", law=self.law)
+        mechanism = Mechanism(tuple(bodies), tuple(joints), (driver,))
+        return Scene(mechanism=mechanism, times=(0.0,), name=self.name, evidence=frozenset())
+
+    def truth(self) -> tuple[Any, Any, Any]:
+        """Return coordinates, velocities, accelerations (n,) in long double, loop after loop by the closed form."""
+        count = self.windows + 1
+        out = [np.empty((2 * count - 1, 3), np.longdouble) for _ in range(3)]
+        phi, omega, alpha = (np.longdouble(self.law(0.0, order)) for order in range(3))
+        for k, (coupler, crank, rocker) in enumerate(zip(self.couplers, self.rockers, self.rockers[1:], strict=False)):
+            lengths = tuple(np.longdouble(x) for x in (SPACING, crank, coupler, rocker))
+            found = four_bar(lengths, phi, omega, alpha)
+            bodies = [k, count + k, k + 1]
+            for level, values in zip(out, found, strict=True):
+                level[bodies] = values.reshape(3, 3)
+            out[0][bodies, 0] += SPACING * k
+            phi, omega, alpha = (values[8] for values in found)
+        return out[0].ravel(), out[1].ravel(), out[2].ravel()
+
+
+SPACING = 1.5
+Work = FourBars | Chain
+
+
+def names() -> tuple[str, ...]:
+    """Return the names of all works, in the order in which they are run."""
+    return ("sweep-1000", "many-10000x360", "many-10000x360-any", *(f"chain-{n}" for n in WINDOWS))
+
+
+def work(name: str) -> Work:
+    """Return a work by its name.
+
+    Raises
+    ------
+    KeyError
+        If there is none of that name.
+    """
+    if name == "sweep-1000":
+        return sweep(SWEEP)
+    if name in ("many-10000x360", "many-10000x360-any"):
+        return many(name, MECHANISMS, TIMES, 0.0 if name.endswith("any") else MARGIN)
+    if name in names():
+        return Chain(name, int(name.removeprefix("chain-")))
+    raise KeyError(name)
+
+
+def sweep(count: int) -> FourBars:
+    """Return one four-bar at so many times over a turn."""
+    return FourBars("sweep-1000", np.array(EXAMPLE)[:, None], np.linspace(0.0, math.tau, count))
+
+
+def many(name: str, mechanisms: int, times: int, margin: float) -> FourBars:
+    """Return random four-bars whose crank turns fully, at so many times over a turn."""
+    return FourBars(name, grashof(mechanisms, margin), np.arange(times) * (math.tau / times))
+
+
+def grashof(count: int, margin: float) -> Any:
+    """Return lengths (4, count) of four-bars whose crank turns fully, drawn uniformly and kept by Grashof's rule.
+
+    The slack is above `margin` times the longest length; with 0 it is only above 0, and some are next to it.
+    """
+    draw = np.random.default_rng(SEED)
+    found = np.empty((4, 0))
+    while found.shape[1] < count:
+        lengths = draw.uniform(SHORTEST, LONGEST, (4, 4 * count))
+        in_order = np.sort(lengths, axis=0)
+        slack = in_order[1] + in_order[2] - in_order[0] - in_order[3]
+        turns = (in_order[0] == lengths[1]) | (in_order[0] == lengths[0])
+        found = np.concatenate([found, lengths[:, turns & (slack > margin * in_order[3])]], axis=1)
+    return found[:, :count]
+
+
+def _pin(name: str, i: str, at_i: Pair, j: str, at_j: Pair) -> Revolute:
+    return Revolute(name=name, body_i=i, point_i=at_i, body_j=j, point_j=at_j)
+
+
+def _body(name: str, middle: complex, phi: float) -> Body:
+    return Body(name=name, estimate=(round(middle.real, 3), round(middle.imag, 3), round(phi, 3)))

@@ -1,0 +1,196 @@
+"""Scenes for the workers of a Dask cluster: the same batches, the same isolation of engines, on more than one machine.
+
+A worker of the cluster checks a batch in an embedded child process of its own (`crosscheck.workers.pool`), so that an
+engine that crashes or hangs takes neither the worker nor the batch with it. A worker that ends in the middle of a
+batch has it done again elsewhere: a scene may be checked twice, and its first record counts
+(`crosscheck.workers.journal`).
+
+Workers need `distributed.worker.daemon` to be false, or they may have no children; a local cluster is started that way.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack
+from functools import lru_cache
+from typing import Any
+
+from crosscheck.workers.pool import LONGEST_WAIT, MOST_KILLS, SECONDS_PER_SCENE, Workers
+from crosscheck.workers.processes import Failure, Job, Record, call_each
+
+LOCAL = "local"
+BATCH = 100
+"""Scenes in a batch: some ten seconds of work, a thousand times what handing it over takes."""
+SECONDS_TO_CONNECT = 20.0
+"""After this long without a scheduler, or without one worker, there is no cluster."""
+Batch = tuple[list[Record], list[str]]
+"""The records of a batch, and failures that were none when their scenes were taken apart."""
+
+
+class NoCluster(Exception):
+    """The cluster that was asked for is not there, is not fit for the work, or was lost in the middle of it."""
+
+
+class ClusterWorkers:
+    """The workers of a Dask cluster, with the interface of `crosscheck.workers.pool.Workers`; a context manager.
+
+    Parameters
+    ----------
+    address : str
+        "local" for a cluster of `count` processes of this machine's, else a scheduler's, as tcp://host:8786.
+    count : int
+        How many workers a local cluster has; those of another are counted.
+    engines : mapping
+        Name of each engine -> what `crosscheck.engines.load` takes for it.
+    versions : mapping
+        Name of each engine -> the version that every worker must have.
+    seconds : float
+        After this long on one scene its process is ended.
+
+    Raises
+    ------
+    NoCluster
+        If there is no such cluster, or one of its workers has other engines; and from `results`, if it is lost.
+    """
+
+    def __init__(
+        self,
+        address: str,
+        count: int,
+        engines: Mapping[str, str],
+        versions: Mapping[str, str],
+        seconds: float = SECONDS_PER_SCENE,
+    ) -> None:
+        self.engines, self.seconds = dict(engines), seconds
+        self.unexplained: list[str] = []
+        self._waiting: dict[Any, tuple[tuple[Job, ...], tuple[str, ...], int]] = {}
+        self._stack = ExitStack()
+        try:
+            self.client = self._connected(address, count)
+            self.count = self._workers(versions)
+        except BaseException:
+            self._stack.close()
+            raise
+
+    def __enter__(self) -> ClusterWorkers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._stack.close()
+
+    def batch(self, scenes: int | None) -> int:
+        """Return how many scenes a batch should have if so many are to be checked in all: every worker gets some."""
+        return BATCH if scenes is None else max(1, min(BATCH, scenes // (2 * self.count)))
+
+    @property
+    def hungry(self) -> bool:
+        """Whether a worker may soon be idle."""
+        return len(self._waiting) < 2 * self.count
+
+    @property
+    def pending(self) -> bool:
+        """Whether records are still to come."""
+        return bool(self._waiting)
+
+    def submit(self, jobs: Iterable[Job], engines: Iterable[str] | None = None) -> None:
+        """Let scenes be checked, on all engines or on those that are named."""
+        self._submit(tuple(jobs), tuple(self.engines) if engines is None else tuple(engines), 0)
+
+    def drop_waiting(self) -> None:
+        """Forget the batches that no worker has begun with."""
+        begun = {key for keys in self.client.processing().values() for key in keys}
+        for future in [f for f in self._waiting if not f.done() and f.key not in begun]:
+            del self._waiting[future]
+            future.cancel()
+
+    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Record:
+        """Return the record of one scene; nothing else may be pending."""
+        self.submit([job], engines)
+        while True:
+            for record in self.results():
+                return record
+
+    def results(self) -> Iterator[Record]:
+        """Wait until something happens, and yield the records that came in, perhaps none."""
+        end = time.monotonic() + LONGEST_WAIT
+        while not (done := [f for f in self._waiting if f.done()]) and time.monotonic() < end:
+            time.sleep(0.01)
+        if self.client.status != "running":
+            raise NoCluster(f"the cluster was lost; {len(self._waiting)} batches were still to come")
+        for future in done:
+            jobs, engines, kills = self._waiting.pop(future)
+            if future.status == "finished":
+                records, unexplained = future.result()
+                self.unexplained += unexplained
+                yield from records
+            elif kills < MOST_KILLS:  # its workers were killed, or were lost
+                self._submit(jobs, engines, kills + 1)
+            else:
+                raise NoCluster(f"a batch of {len(jobs)} scenes was lost {kills + 1} times: {future.exception()}")
+
+    def _submit(self, jobs: tuple[Job, ...], engines: tuple[str, ...], kills: int) -> None:
+        specs = {name: self.engines[name] for name in engines}
+        future = self.client.submit(check_batch, jobs, specs, self.seconds, pure=False)
+        self._waiting[future] = (jobs, engines, kills)
+
+    def _connected(self, address: str, count: int) -> Any:
+        try:
+            import dask
+            from distributed import Client, LocalCluster
+        except ImportError as error:
+            raise NoCluster("--cluster needs the package distributed: pip install 'refkin[cluster]'") from error
+        logging.getLogger("distributed").setLevel(logging.CRITICAL)
+        if address == LOCAL:
+            self._stack.enter_context(dask.config.set({"distributed.worker.daemon": False}))
+            sizes: dict[str, Any] = {"n_workers": count, "threads_per_worker": 1, "processes": True}
+            own = LocalCluster(**sizes, dashboard_address=":0", silence_logs=logging.CRITICAL)
+            return self._stack.enter_context(Client(self._stack.enter_context(own)))
+        try:
+            client = self._stack.enter_context(Client(address, timeout=SECONDS_TO_CONNECT))
+            client.wait_for_workers(1, timeout=SECONDS_TO_CONNECT)
+        except (OSError, TimeoutError, ValueError) as error:
+            raise NoCluster(f"--cluster {address}: {error or 'no worker'}") from error
+        return client
+
+    def _workers(self, versions: Mapping[str, str]) -> int:
+        """Return how many workers there are, all with the engines of these versions."""
+        told = self.client.run(versions_here, tuple(self.engines.values()))
+        for worker, found in told.items():
+            if isinstance(found, str):
+                raise NoCluster(f"worker {worker}: {found}")
+            if found != dict(versions):
+                raise NoCluster(f"worker {worker} has {found}, this machine {dict(versions)}")
+        return len(told)
+
+
+def check_batch(jobs: Sequence[Job], engines: Mapping[str, str], seconds: float) -> Batch:
+    """Return the records of scenes; this is what a worker of the cluster does, its engines in a child process."""
+    workers = _child(threading.get_ident(), tuple(engines.items()), seconds)
+    workers.submit(jobs)
+    records: list[Record] = []
+    while workers.pending:
+        records += workers.results()
+    unexplained, workers.unexplained = workers.unexplained, []
+    return records, unexplained
+
+
+def versions_here(specs: Sequence[str]) -> dict[str, str] | str:
+    """Return name -> version of the engines on this worker, or why they cannot be used."""
+    import multiprocessing
+
+    if multiprocessing.current_process().daemon:
+        return "is a daemon and may have no children: start it with DASK_DISTRIBUTED__WORKER__DAEMON=False"
+    from crosscheck.night.campaign import name_and_version
+
+    told = call_each(name_and_version, specs)
+    failures = [answer.text for answer in told if isinstance(answer, Failure)]
+    return "; ".join(failures) if failures else dict(told)
+
+
+@lru_cache
+def _child(thread: int, engines: tuple[tuple[str, str], ...], seconds: float) -> Workers:
+    """Return the child process of a thread of this worker; it ends with the worker."""
+    return Workers(1, dict(engines), seconds)

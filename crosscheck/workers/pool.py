@@ -1,0 +1,235 @@
+"""Scenes for worker processes: engines may crash or hang on one, and take only their own process with them.
+
+A scene on which a process fails is taken apart: the reference by itself, then one engine at a time, each in a process
+that has nothing else to do. So the engine that fails is known by name, and what the others answer is kept. A process
+that was killed from outside proves nothing: its scene is done again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass, field, replace
+from multiprocessing import connection
+from typing import Any, Protocol, Self
+
+from crosscheck.workers.processes import Failure, Job, Record, SceneProcess
+
+SECONDS_PER_SCENE = 30.0
+"""After this long on one scene a process is ended: some hundred times what a scene takes."""
+LONGEST_WAIT = 1.0
+"""After this long without news `results` returns, so that whoever waits can do something else [s]."""
+BATCH = 5
+"""Scenes handed to a process at once: enough that it seldom waits, few enough that a night ends when it is over."""
+MOST_KILLS = 5
+"""When a scene's process has been killed this often, something about the scene has it killed."""
+
+
+@dataclass(frozen=True)
+class Task:
+    """Scenes to be checked one after the other, with which engines; how often their process was killed before."""
+
+    jobs: tuple[Job, ...]
+    engines: tuple[str, ...]
+    kills: int = 0
+    trial: Trial | None = None
+
+
+@dataclass
+class Trial:
+    """A scene on which a process failed, taken apart.
+
+    Attributes
+    ----------
+    engines : tuple of str
+        Names, in the order of the record.
+    first : Failure
+        Why it was taken apart.
+    parts : dict
+        What came of it: by engine, and under "" by the reference itself.
+    """
+
+    job: Job
+    engines: tuple[str, ...]
+    first: Failure
+    parts: dict[str, Record | Failure] = field(default_factory=dict)
+
+    @property
+    def complete(self) -> bool:
+        """Whether nothing more is to come; without the reference there is nothing to hold an engine against."""
+        return isinstance(self.parts[""], Failure) or len(self.parts) == 1 + len(self.engines)
+
+    @property
+    def repeated(self) -> bool:
+        """Whether something failed again."""
+        return any(isinstance(part, Failure) for part in self.parts.values())
+
+    def record(self) -> Record:
+        """Return the record of the scene as if nothing had happened, but with what failed again."""
+        record = self.parts[""]
+        if isinstance(record, Failure):
+            return {**_bare(self.job), "failure": f"the reference itself: {record.kind}; {record.text}"}
+        of_reference = len(record["disagreements"])  # every part has these, too
+        for engine in self.engines:
+            part = self.parts[engine]
+            if isinstance(part, Failure):
+                told = {"engine": engine, "route": "any", "quantity": "status", "kind": part.kind}
+                record["disagreements"].append({**told, "ratio": None, "worst": part.text})
+                continue
+            for key in ("answers", "levels", "refusals"):
+                record[key] += part[key]
+            record["disagreements"] += part["disagreements"][of_reference:]
+        return record
+
+
+class Pool(Protocol):
+    """Whatever checks scenes: processes of this machine (`Workers`), or a cluster (`crosscheck.workers.cluster`)."""
+
+    engines: dict[str, str]
+    unexplained: list[str]
+
+    @property
+    def hungry(self) -> bool: ...
+    @property
+    def pending(self) -> bool: ...
+    def __enter__(self) -> Self: ...
+    def __exit__(self, *_: object) -> None: ...
+    def batch(self, scenes: int | None) -> int: ...
+    def submit(self, jobs: Iterable[Job], engines: Iterable[str] | None = None) -> None: ...
+    def drop_waiting(self) -> None: ...
+    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Record: ...
+    def results(self) -> Iterator[Record]: ...
+
+
+class Workers:
+    """Some worker processes; use it as a context manager.
+
+    Parameters
+    ----------
+    count : int
+        How many processes.
+    engines : mapping
+        Name of each engine -> what `crosscheck.engines.load` takes for it.
+    seconds : float
+        After this long on one scene a process is ended.
+
+    Attributes
+    ----------
+    unexplained : list of str
+        Failures that were none when their scenes were taken apart.
+    """
+
+    def __init__(self, count: int, engines: Mapping[str, str], seconds: float = SECONDS_PER_SCENE) -> None:
+        self.count, self.engines, self.seconds = count, dict(engines), seconds
+        self.waiting: deque[Task] = deque()
+        self.idle: list[SceneProcess] = []
+        self.busy: dict[SceneProcess, Task] = {}
+        self.unexplained: list[str] = []
+
+    def __enter__(self) -> Workers:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        for process in (*self.idle, *self.busy):
+            process.process.kill()
+        for process in (*self.idle, *self.busy):
+            process.end()
+
+    def batch(self, scenes: int | None) -> int:
+        """Return how many scenes to hand over at once if so many are to be checked in all."""
+        return BATCH
+
+    @property
+    def hungry(self) -> bool:
+        """Whether a process may soon be idle."""
+        return len(self.waiting) < self.count
+
+    @property
+    def pending(self) -> bool:
+        """Whether records are still to come."""
+        return bool(self.waiting or self.busy)
+
+    def submit(self, jobs: Iterable[Job], engines: Iterable[str] | None = None) -> None:
+        """Let scenes be checked, on all engines or on those that are named."""
+        names = tuple(self.engines) if engines is None else tuple(engines)
+        self.waiting.append(Task(tuple(jobs), names))
+
+    def drop_waiting(self) -> None:
+        """Forget the scenes that no process has begun with, unless they are being taken apart."""
+        self.waiting = deque(task for task in self.waiting if task.trial)
+
+    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Record:
+        """Return the record of one scene; nothing else may be pending."""
+        self.submit([job], engines)
+        while True:
+            for record in self.results():
+                return record
+
+    def results(self) -> Iterator[Record]:
+        """Wait until something happens, and yield the records that came in, perhaps none."""
+        self._hand_out()
+        if not self.busy:
+            return
+        left = min(process.deadline for process in self.busy) - time.monotonic()
+        ready = connection.wait([process.pipe for process in self.busy], timeout=min(max(0.0, left), LONGEST_WAIT))
+        for process in list(self.busy):
+            if process.pipe in ready:
+                answer = process.take(self.seconds)
+                if not isinstance(answer, str):
+                    yield from self._answered(process, process.end() if answer is None else answer, answer is None)
+            elif time.monotonic() > process.deadline:
+                process.end()
+                yield from self._answered(process, Failure("hang", f"no answer within {self.seconds:g} s"), True)
+
+    def _hand_out(self) -> None:
+        while self.waiting and (self.idle or len(self.busy) < self.count):
+            process = self.idle.pop() if self.idle else SceneProcess()
+            task = self.waiting[0]
+            if process.give(task.jobs, [self.engines[name] for name in task.engines], self.seconds):
+                self.busy[process] = self.waiting.popleft()
+            else:
+                process.end()  # it was killed while it was idle
+
+    def _answered(self, process: SceneProcess, answer: Record | Failure, ended: bool) -> Iterator[Record]:
+        """Note that a process is done with its first scene, or has ended at it; the others go on, or wait again."""
+        task = self.busy.pop(process)
+        rest = replace(task, jobs=task.jobs[1:], kills=0)
+        if ended and rest.jobs:
+            self.waiting.appendleft(rest)
+        elif rest.jobs:
+            self.busy[process] = rest
+        elif not ended:
+            self.idle.append(process)
+        yield from self._settled(replace(task, jobs=task.jobs[:1]), answer)
+
+    def _settled(self, task: Task, answer: Record | Failure) -> Iterator[Record]:
+        """Yield the record of a scene if this completes it, else see to it that it will be complete."""
+        if isinstance(answer, Failure) and answer.from_outside and task.kills < MOST_KILLS:
+            self.waiting.appendleft(replace(task, kills=task.kills + 1))
+        elif task.trial is not None:
+            yield from self._part_settled(task.trial, task.engines, answer)
+        elif isinstance(answer, Failure):
+            self.waiting.appendleft(Task(task.jobs, (), trial=Trial(task.jobs[0], task.engines, answer)))
+        else:
+            yield answer
+
+    def _part_settled(self, trial: Trial, engines: tuple[str, ...], answer: Record | Failure) -> Iterator[Record]:
+        trial.parts["".join(engines)] = answer
+        if not engines and not isinstance(answer, Failure):
+            self.waiting.extendleft(Task((trial.job,), (engine,), trial=trial) for engine in reversed(trial.engines))
+        if trial.complete:
+            record = trial.record()
+            if not trial.repeated:
+                self.unexplained.append(f"{record['key']}: {trial.first.kind}, but not when it was done again")
+            yield record
+
+
+def _bare(job: Job) -> dict[str, Any]:
+    """Return the record of a scene of which nothing is known."""
+    from crosscheck.measure.check import key_of
+    from refkin.scenes.files import parse
+
+    scene = parse(job["scene"])
+    nothing: dict[str, Any] = {"answers": [], "levels": [], "refusals": [], "disagreements": []}
+    return {"key": key_of(scene), "scene": scene.name, "about": dict(job["about"]), **nothing}

@@ -1,0 +1,159 @@
+"""Every assembly of a mechanism at one time, or the proof that there is none.
+
+The mechanism is put together cluster by cluster (`clusters`), each step in closed form and in balls of 113 bits
+(`placing`, `loci`), along every branch. A branch ends where loci certainly miss each other; if all of them end, the
+mechanism cannot be assembled, and the gap is the smallest distance that is missing. Where all steps can be taken and
+all meetings are proved, the assemblies found are all there are. What closed form does not reach is left to `search`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from flint import ctx
+
+from refkin.motion import Array
+from refkin.newton import newton
+from refkin.proof.assembly.clusters import plan
+from refkin.proof.assembly.loci import above, below
+from refkin.proof.assembly.loops import open_loop
+from refkin.proof.assembly.placing import MOST_BRANCHES, Branch, End, Placement, place
+from refkin.proof.assembly.rows import Rows, read_rows
+from refkin.proof.assembly.search import closes, coordinates, search
+from refkin.system import System
+
+PRECISION = 113
+SPREAD = 2.0**-50
+"""Relative radius of the numbers that redundant constraints are held against: eight half-ulps, a few roundings."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Assemblies:
+    """What is known of the assemblies of a mechanism at one time.
+
+    Attributes
+    ----------
+    poses : tuple of (n,) arrays
+        The assemblies that were found, in the system's coordinates. An angle that no driver counts is in (-pi, pi].
+    branches : tuple of tuples of int
+        For each pose, on which side each dyad was assembled: 1 if its inner joint lies left of the line from the one
+        outer joint to the other, -1 if right, 0 if on it. Empty where the pose was found by search.
+    radii : tuple of float
+        For each pose, a bound of its error, largest component; NaN where none was proved.
+    complete : bool
+        Whether it is proved that these are all assemblies, up to whole turns of angles that no driver counts.
+    gap : float or None
+        If it is proved that there is none: a lower bound of what is missing over all branches, where the first loci
+        certainly do not meet (scaled lengths; rad if angles disagree). For a dyad it is sharp.
+    message : str
+        In words.
+    searched : bool
+        Whether closed form did not do and a search was made, which takes up to a second.
+    """
+
+    poses: tuple[Array, ...] = ()
+    branches: tuple[tuple[int, ...], ...] = ()
+    radii: tuple[float, ...] = ()
+    complete: bool = False
+    gap: float | None = None
+    message: str = ""
+    searched: bool = False
+
+    @property
+    def unassemblable(self) -> bool:
+        """Whether it is proved that there is no assembly."""
+        return self.gap is not None
+
+
+def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
+    """Return the assemblies of a system at time t.
+
+    Parameters
+    ----------
+    system : System
+        Compiled with `mechanism.unit()`, so that lengths are of the order of 1.
+    t : float
+        Taken as exact, as are the numbers of the mechanism. Where constraints are redundant they are held against each
+        other with all numbers spread by `SPREAD`.
+    trying : bool
+        Whether to look for assemblies also where none could be proved to be the only ones, nor that there are none.
+    """
+    with ctx.workprec(PRECISION):
+        names = [body.name for body in system.mechanism.bodies]
+        rows = read_rows(system, t)
+        scheme = plan(rows, names)
+        if scheme.redundant:
+            rows = read_rows(system, t, SPREAD)
+        placement = place(scheme, rows, names, system.unit.size)
+        if placement.impossible:
+            return _none(placement.ends)
+        if len(scheme.clusters) == 1 and not (rows.foreign or placement.stuck):
+            return _placed(system, t, placement)
+        return _searched(system, t, rows, bool(placement.stuck), trying)
+
+
+def _none(ends: Sequence[End]) -> Assemblies:
+    """Return the proof that there is no assembly: the end that misses least speaks for all."""
+    least = min(ends, key=lambda end: below(end.gap))
+    return Assemblies(complete=True, gap=max(0.0, below(least.gap)), message=least.words())
+
+
+def _placed(system: System, t: float, placement: Placement) -> Assemblies:
+    """Return what closed form has placed."""
+    poses = [(*_pose(system, t, branch), branch.sides) for branch in placement.branches]
+    # A pin is off by no more than 2 radii and 2 radii times its arms, about 1: that much a decided ball may leave open,
+    # which is more than round-off where redundant rows were held against spread numbers.
+    allowed = [8 * radius if b.decided else 0.0 for b, (_, radius, _) in zip(placement.branches, poses, strict=True)]
+    closed = [p for p, limit in zip(poses, allowed, strict=True) if closes(system, p[0], t, limit)]
+    decided = all(branch.decided for branch in placement.branches)
+    message = "" if decided else "a dyad is at the limit of its reach: its assemblies coincide, or just miss"
+    if placement.truncated:
+        message = f"there are more than {MOST_BRANCHES} branches: not all were followed"
+    return Assemblies(
+        poses=tuple(q for q, _, _ in closed),
+        branches=tuple(sides for _, _, sides in closed),
+        radii=tuple(radius for _, radius, _ in closed),
+        complete=decided and not placement.truncated and len(closed) == len(poses),
+        message=message,
+    )
+
+
+def _searched(system: System, t: float, rows: Rows, stuck: bool, trying: bool) -> Assemblies:
+    """Return what a search finds, or proves."""
+    end = open_loop(rows, system.unit.size)
+    if end is not None:
+        return _none([end])
+    if rows.foreign and not trying:
+        return Assemblies(message=f"there is no closed form of {', '.join(rows.foreign)}")
+    found = search(system, t, rows)
+    gap = None if found.gap is None else below(found.gap)
+    what = f"{len(found.poses)} assemblies were found by search" if found.poses else "no assembly was found"
+    why = "the outer joints of a dyad coincide, or its lines are parallel" if stuck else ""
+    return Assemblies(
+        poses=found.poses,
+        branches=tuple(() for _ in found.poses),
+        radii=found.radii,
+        complete=found.complete or gap is not None,
+        gap=gap,
+        searched=True,
+        message=found.note if gap is not None else "; ".join(filter(None, (what, why, found.note))),
+    )
+
+
+def _pose(system: System, t: float, branch: Branch) -> tuple[Array, float]:
+    """Return a branch's coordinates as floats, and how far they may be from the true ones.
+
+    The middles of the balls are better than what Newton in floats can make of them, unless the balls are wide (where
+    loci touch, or with spread numbers).
+    """
+    q = coordinates(system, branch)
+    if not closes(system, q, t):
+        refined = newton(lambda x: system.phi(x, t), lambda x: system.phi_q(x, t), q, max_iterations=20)
+        q = refined.q if refined.converged and closes(system, refined.q, t) else q
+    radius = 0.0
+    for body in system.mechanism.bodies:
+        pose, columns = branch.poses[body.name], system.columns(body.name)
+        for exact, x in zip((pose.r.x, pose.r.y, pose.phi), q[columns], strict=True):
+            radius = max(radius, above(abs(exact - float(x))))
+    return q, radius

@@ -1,0 +1,173 @@
+"""How one cluster comes to another: the shift, and the turn if their headings differ, that close what joins them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from flint import arb
+
+from refkin.proof.assembly.loci import Ball, Circle, Line, Locus, Meeting, length, meet
+from refkin.proof.assembly.rows import Kind
+from refkin.proof.numbers.slopes import whole
+from refkin.vec import Vec
+
+
+@dataclass(frozen=True)
+class Pose:
+    """Position and angle of a body in its cluster; clusters of one heading have parallel axes."""
+
+    r: Vec
+    phi: Ball
+    c: Ball
+    s: Ball
+
+    def turned(self, u: Vec) -> Vec:
+        """Return A(phi) u."""
+        return Vec(self.c * u.x - self.s * u.y, self.s * u.x + self.c * u.y)
+
+    def point(self, u: Vec) -> Vec:
+        """Return r + A(phi) u."""
+        return self.r + self.turned(u)
+
+    def local(self, x: Vec) -> Vec:
+        """Return u with r + A(phi) u = x."""
+        d = x - self.r
+        return Vec(self.c * d.x + self.s * d.y, self.c * d.y - self.s * d.x)
+
+    def rotated(self, by: Pose) -> Pose:
+        """Return the pose with its cluster turned about the cluster's origin by the angle of `by`."""
+        c, s = by.c * self.c - by.s * self.s, by.s * self.c + by.c * self.s
+        return Pose(by.turned(self.r), self.phi + by.phi, c, s)
+
+
+@dataclass(frozen=True)
+class Link:
+    """A relation in numbers: p fixed in cluster A, q in cluster B."""
+
+    kind: Kind
+    p: Vec
+    q: Vec
+    normal: Vec
+    on_b: bool
+    distance: Ball
+
+
+@dataclass(frozen=True)
+class Move:
+    """How cluster B comes to A: turned (if it is), then shifted; and on which side of its meeting that is."""
+
+    side: int | None
+    turn: Pose | None
+    shift: Vec
+
+
+NO_CHOICE = Meeting()
+
+
+@dataclass(frozen=True)
+class Moves:
+    """Every way to join two clusters, or the meeting that fails."""
+
+    moves: tuple[Move, ...]
+    meeting: Meeting = NO_CHOICE
+
+
+def located(links: list[Link]) -> Moves | None:
+    """Return where the point of B that two loci of A share can be; as shifts."""
+    met = meet(*(Line(k.p, k.normal) if k.kind is Kind.LINE else Circle(k.p, k.distance) for k in links))
+    return None if met is None else Moves(tuple(Move(_side(met, side), None, x) for side, x in met.points), met)
+
+
+def joined(links: list[Link], turning: bool) -> Moves | None:
+    """Return how B comes to A by the given relations, B turning or not; None where loci run along each other."""
+    if turning:
+        return _from_three_lines(links) if len(links) == 3 else _about_pin(*links)
+    if links[0].kind is Kind.PIN:
+        return Moves((Move(None, None, links[0].p - links[0].q),))
+    loci: list[Locus] = []
+    for k in links:
+        loci.append(Line(k.p - k.q, k.normal) if k.kind is Kind.LINE else Circle(k.p - k.q, k.distance))
+    met = meet(*loci)
+    return None if met is None else Moves(tuple(Move(_side(met, side), None, x) for side, x in met.points), met)
+
+
+def _side(met: Meeting, side: int) -> int | None:
+    """Return the side to be noted: none where there was no choice."""
+    return side if side or not met.decided else None
+
+
+def _about_pin(pin: Link, other: Link) -> Moves | None:
+    """Turn B about a pin until a second pin, line or distance closes."""
+    arm, goal = other.q - pin.q, other.p - pin.p
+    met: Meeting | None = Meeting(((0, goal),))
+    if other.kind is Kind.LINE and other.on_b:
+        met = meet(Circle(pin.q, length(goal)), Line(other.q, other.normal))
+    elif other.kind is Kind.LINE:
+        met = meet(Circle(pin.p, length(arm)), Line(other.p, other.normal))
+    elif other.kind is Kind.DISTANCE:
+        met = meet(Circle(pin.p, length(arm)), Circle(other.p, other.distance))
+    if met is None:
+        return None
+    moves = []
+    for side, x in met.points:
+        if other.kind is Kind.LINE and other.on_b:
+            turn = _turn(goal, x - pin.q)
+        else:
+            turn = _turn(goal if other.kind is Kind.PIN else x - pin.p, arm)
+        if turn is None:
+            return None
+        moves.append(Move(_side(met, side) if other.kind is not Kind.PIN else None, turn, pin.p - turn.turned(pin.q)))
+    return Moves(tuple(moves), met)
+
+
+def _from_three_lines(links: list[Link]) -> Moves | None:
+    """Lay three points of one cluster on three lines of the other (the elliptic trammel): a cos + b sin = d."""
+    on_b = links[0].on_b
+    points = [k.p if on_b else k.q for k in links]
+    lines = [Line(k.q if on_b else k.p, k.normal) for k in links]
+    n1, n2, n3 = (line.normal for line in lines)
+    det = _cross(n1, n2)
+    if det.contains(0):
+        return None
+    weights = (_cross(n3, n2) / det, _cross(n1, n3) / det, arb(-1))  # n3 = w1 n1 + w2 n2
+    a = sum(w * line.normal.dot(q) for w, line, q in zip(weights, lines, points, strict=True))
+    b = sum(w * line.normal.dot(q.perp()) for w, line, q in zip(weights, lines, points, strict=True))
+    d = sum(w * line.normal.dot(line.through) for w, line in zip(weights, lines, strict=True))
+    size = length(Vec(a, b))
+    if size.contains(0):
+        return None
+    zero = arb(0)
+    normal = Vec(a, b) * (1 / size)
+    met = meet(Circle(Vec(zero, zero), size), Line(normal * d, normal))
+    if met is None:
+        return None
+    moves = []
+    for side, x in met.points:
+        turn = _turn(x, Vec(size, zero))
+        if turn is None:
+            return None
+        heights = [line.normal.dot(line.through - turn.turned(q)) for line, q in zip(lines, points, strict=True)]
+        shift = Vec((heights[0] * n2.y - heights[1] * n1.y) / det, (n1.x * heights[1] - n2.x * heights[0]) / det)
+        if on_b:  # A was laid on B: B lies on A by the inverse
+            turn = Pose(turn.r, -turn.phi, turn.c, -turn.s)
+            shift = turn.turned(shift) * -1
+        moves.append(Move(_side(met, side), turn, shift))
+    return Moves(tuple(moves), met)
+
+
+def _turn(to: Vec, arm: Vec) -> Pose | None:
+    """Return the rotation that turns one vector into the direction of another; None if a vector may be zero."""
+    size = length(to) * length(arm)
+    if size.contains(0):
+        return None
+    c, s = arm.dot(to) / size, _cross(arm, to) / size
+    # atan2 has its cut at -pi: there the angle is taken from the opposite direction.
+    c_all, s_all = whole(c), whole(s)
+    phi = arb.atan2(s_all, c_all) if c_all > -0.5 else arb.atan2(-s_all, -c_all) + arb.pi()
+    if phi > arb.pi():
+        phi = phi - 2 * arb.pi()
+    return Pose(Vec(arb(0), arb(0)), phi, c, s)
+
+
+def _cross(a: Vec, b: Vec) -> Ball:
+    return a.x * b.y - a.y * b.x

@@ -1,0 +1,224 @@
+"""The steps of a plan carried out in balls: every branch, and for each that ends, the proof that it does."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field, replace
+
+from flint import arb
+
+from refkin.joints import GROUND
+from refkin.proof.assembly.clusters import Form, Plan, Relation, Step, Way
+from refkin.proof.assembly.joining import Link, Move, Pose, joined, located
+from refkin.proof.assembly.loci import Ball, Meeting, length
+from refkin.proof.assembly.rows import Kind, Row, Rows, Tie
+from refkin.vec import Vec
+
+MOST_BRANCHES = 256
+
+
+@dataclass(frozen=True)
+class Branch:
+    """What has been placed on the way to one assembly.
+
+    Attributes
+    ----------
+    sides : tuple of int
+        Which of the two points of each meeting was taken, in the order of the steps; 0 where they coincide.
+    decided : bool
+        Whether every meeting is proved to exist; if not, the balls still hold every assembly of this branch.
+    """
+
+    poses: dict[str, Pose]
+    pins: tuple[Row, ...] = ()
+    sides: tuple[int, ...] = ()
+    decided: bool = True
+
+
+@dataclass(frozen=True)
+class End:
+    """The proof that a branch cannot go on: what is missing, in scaled units (or rad), and what that means in words."""
+
+    gap: Ball
+    words: Callable[[], str]
+
+
+@dataclass
+class Placement:
+    """All branches: those that passed every step, those that ended by proof, those whose loci run along each other."""
+
+    branches: list[Branch]
+    ends: list[End] = field(default_factory=list)
+    stuck: list[Branch] = field(default_factory=list)
+    truncated: bool = False
+
+    @property
+    def impossible(self) -> bool:
+        """Whether every branch ended by proof."""
+        return bool(self.ends) and not (self.branches or self.stuck or self.truncated)
+
+
+def place(plan: Plan, rows: Rows, bodies: Iterable[str], size: float, holding: bool = True) -> Placement:
+    """Carry out a plan.
+
+    Parameters
+    ----------
+    size : float
+        The unit of length [m], for messages.
+    holding : bool
+        Whether redundant rows end the branches that violate them.
+    """
+    start, end = _headings(rows, (GROUND, *bodies))
+    placement = Placement([Branch(start)] if end is None else [], [] if end is None else [end])
+    worker = _Worker(rows.rows, size, holding)
+    for step in plan.steps:
+        reached: list[Branch] = []
+        for branch in placement.branches:
+            reached += worker.take(step, branch, placement)
+        placement.truncated |= len(reached) > MOST_BRANCHES
+        placement.branches = reached[:MOST_BRANCHES]
+    return placement
+
+
+def _headings(rows: Rows, bodies: tuple[str, ...]) -> tuple[dict[str, Pose], End | None]:
+    """Return each body at the origin of its own cluster, at the angle that ties give it; or the ties that disagree."""
+    angles: dict[str, Ball] = {}
+    for body in bodies:
+        waiting = [] if body in angles else [body]
+        angles.setdefault(body, arb(0))
+        while waiting:
+            here = waiting.pop()
+            for tie in rows.ties:
+                if here not in (tie.i, tie.j):
+                    continue
+                there = tie.j if here == tie.i else tie.i
+                angle = angles[here] + (tie.angle if here == tie.i else -tie.angle)
+                if there not in angles:
+                    angles[there] = angle
+                    waiting.append(there)
+                elif not (angle - angles[there]).contains(0):
+                    return {}, _disagreement(tie, abs(angle - angles[there]))
+    zero = arb(0)
+    return {b: Pose(Vec(zero, zero), phi, phi.cos(), phi.sin()) for b, phi in angles.items()}, None
+
+
+def _disagreement(tie: Tie, gap: Ball) -> End:
+    return End(gap, lambda: f"{tie.name} asks for an angle of {tie.j} that is {_number(gap)} rad off")
+
+
+class _Worker:
+    """Takes steps; `holding` says whether rows that are not needed to join clusters must agree."""
+
+    def __init__(self, rows: tuple[Row, ...], size: float, holding: bool) -> None:
+        self.rows, self.size, self.holding = rows, size, holding
+
+    def take(self, step: Step, branch: Branch, placement: Placement) -> list[Branch]:
+        """Return the branches that one branch goes on to, and note in `placement` those that end."""
+        for way in step.candidates:
+            links = [self._link(r, step, branch) for r in way]
+            found = located(links) if step.locates else joined(links, bool(step.turning))
+            if found is None:
+                continue
+            if found.meeting.gap is not None:
+                placement.ends.append(self._cannot_meet(step, way, found.meeting, branch))
+                return []
+            children = [self._child(step, way, branch, m, found.meeting.decided) for m in found.moves]
+            return [c for c in children if not self._ends(step, way, c, placement)]
+        placement.stuck.append(branch)
+        return []
+
+    def _row(self, k: int, branch: Branch) -> Row:
+        return self.rows[k] if k < len(self.rows) else branch.pins[k - len(self.rows)]
+
+    def _link(self, relation: Relation, step: Step, branch: Branch) -> Link:
+        """Return a relation in numbers."""
+        first, second = self._row(relation.first, branch), self._row(relation.second, branch)
+        zero = arb(0)
+        poses, on_b = branch.poses, relation.line_on_b
+        normal = poses[second.i].turned(second.normal) if second.normal else Vec(zero, zero)
+        distance = zero if second.distance is None else second.distance
+        if relation.form is Form.DIRECT:
+            (p, _), (q, _) = _ends_of(second, step.a, poses), _ends_of(second, step.b, poses)
+            return Link(relation.kind, p, q, normal, on_b, distance)
+        near, far = (step.a, step.b) if relation.form is Form.LINK or on_b else (step.b, step.a)
+        (p, c_first), (q, c_second) = _ends_of(first, near, poses), _ends_of(second, far, poses)
+        if relation.form is Form.LINK:
+            return Link(relation.kind, p, q, normal, on_b, length(c_second - c_first))
+        q = q - (c_second - c_first)
+        return Link(relation.kind, *((p, q) if on_b else (q, p)), normal, on_b, distance)
+
+    def _child(self, step: Step, way: Way, branch: Branch, move: Move, decided: bool) -> Branch:
+        poses, pins = dict(branch.poses), branch.pins
+        if step.locates:
+            second = self._row(way[0].second, branch)
+            body, q = (second.i, second.p) if second.i in step.b else (second.j, second.q)
+            base = min(step.a)
+            pins = (*pins, Row(Kind.PIN, base, body, poses[base].local(move.shift), q, second.name))
+        else:
+            for body in step.turning:
+                poses[body] = poses[body].rotated(move.turn)  # type: ignore[arg-type]
+            for body in step.b:
+                poses[body] = replace(poses[body], r=poses[body].r + move.shift)
+        sides = branch.sides if move.side is None else (*branch.sides, move.side)
+        return Branch(poses, pins, sides, branch.decided and decided)
+
+    def _ends(self, step: Step, way: Way, branch: Branch, placement: Placement) -> bool:
+        """Hold the rows between the joined clusters that were not needed to join them."""
+        used = {r.first for r in way[:1] if r.form is Form.DIRECT}
+        used |= {r.first for r in way if r.form is Form.DIRECT and r.kind is not Kind.PIN}
+        for k in step.held if self.holding else ():
+            if k in used:
+                continue
+            row = self._row(k, branch)
+            gap = _missing(row, branch.poses)
+            if gap > 0:
+                placement.ends.append(self._cannot_close(row, gap))
+                return True
+        return False
+
+    def _cannot_close(self, row: Row, gap: Ball) -> End:
+        return End(gap, lambda: f"{row.name} cannot close: {row.i} and {row.j} miss by {self._metres(gap)}")
+
+    def _cannot_meet(self, step: Step, way: Way, meeting: Meeting, branch: Branch) -> End:
+        def words() -> str:
+            who = " and ".join(self._involved(step, way, branch))
+            apart, reach, gap = (self._metres(x) for x in (meeting.apart, meeting.reach, meeting.gap))
+            lines = sum(r.kind is Kind.LINE for r in way)
+            if lines >= 2:
+                return f"{who} cannot meet: {gap} are missing between their lines"
+            if lines:
+                return f"{who} cannot meet: the line is {apart} away, the length reaches {reach}; {gap} are missing"
+            can = "cannot come closer than" if meeting.inside else "reach"
+            return f"{who} cannot meet: their pins are {apart} apart, their lengths {can} {reach}; {gap} are missing"
+
+        return End(meeting.gap, words)
+
+    def _involved(self, step: Step, way: Way, branch: Branch) -> list[str]:
+        """Return the names of the moving bodies that a way joins, and of the lines and distances."""
+        names: list[str] = []
+        for relation in way:
+            rows = [self._row(k, branch) for k in dict.fromkeys((relation.first, relation.second))]
+            names += [end for row in rows for end in (row.i, row.j) if end in step.b or end not in step.a]
+            names += [row.name for row in rows if row.kind is not Kind.PIN]
+        return [name for name in dict.fromkeys(names) if name != GROUND]
+
+    def _metres(self, x: Ball) -> str:
+        return f"{_number(x * self.size)} m"
+
+
+def _ends_of(row: Row, cluster: frozenset[str], poses: dict[str, Pose]) -> tuple[Vec, Vec]:
+    """Return the row's point in a cluster, and its other point, each in the frame of its own cluster."""
+    at_i, at_j = poses[row.i].point(row.p), poses[row.j].point(row.q)
+    return (at_i, at_j) if row.i in cluster else (at_j, at_i)
+
+
+def _missing(row: Row, poses: dict[str, Pose]) -> Ball:
+    """Return by how much a row between bodies of one cluster is violated."""
+    d = poses[row.j].point(row.q) - poses[row.i].point(row.p)
+    if row.kind is Kind.LINE:
+        return abs(poses[row.i].turned(row.normal).dot(d))  # type: ignore[arg-type]
+    return length(d) if row.kind is Kind.PIN else abs(length(d) - row.distance)
+
+
+def _number(x: Ball) -> str:
+    return f"{float(x.mid()):.6g}"

@@ -1,0 +1,305 @@
+"""What closed form alone does not place: groups larger than a dyad, by way of one angle that is not known.
+
+With one more angle given, a triad (a body on three links, a four-bar driven at its coupler point) falls into steps of
+closed form again, with one row left over. Over an interval of that angle, in numbers with slopes (`slopes`), every
+branch may end by proof: then no assembly has its angle there. Intervals that are left are halved, and their middles are
+starts for Newton's method. An interval whose branches all lie where an assembly is proved to be the only one
+(`krawczyk`) is done with. If no interval is left, what was found is all there is; if nothing was found, there is none.
+
+Where one angle is not enough the starts come from a fixed sequence of angles (Halton), and nothing is proved. A search
+also ends where assemblies turn out not to be isolated, or where start after start leads nowhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from flint import arb
+
+from refkin.differences import EPS
+from refkin.joints import GROUND, Cam, Gear, Polar, RackAndPinion
+from refkin.motion import Array
+from refkin.newton import newton
+from refkin.proof.assembly.clusters import Plan, headings, plan
+from refkin.proof.assembly.loci import Ball, above, below
+from refkin.proof.assembly.placing import Branch, Placement, place
+from refkin.proof.assembly.rows import Rows, Tie
+from refkin.proof.numbers.slopes import interval, whole
+from refkin.proof.pose.krawczyk import krawczyk
+from refkin.solving.contacts import touched
+from refkin.solving.levenberg import levenberg_marquardt, polished
+from refkin.system import System
+
+WIDTHS = (2e-3, 1e-5, 1e-8)
+"""Widths of intervals at which Newton is started from their middles [rad]."""
+MOST_INTERVALS = 2000
+"""How many intervals are looked at before a proof is given up: about a second for a triad."""
+NARROWEST = 1e-14
+"""Width below which the ends of an interval are no longer different floats."""
+PROBE = 0.2
+"""Width of the first intervals that are started from, a few of them: most assemblies, or a continuum, show [rad]."""
+MOST_STARTS = 64
+MOST_POSES = 32
+MOST_LOOSE = 3
+"""How many assemblies that are not proved to be isolated make a continuum of them likely: there is no end of such."""
+MOST_FAILURES = 24
+"""How many starts in a row may lead nowhere."""
+SAME = 1e-7
+"""Largest component by which two poses may differ that count as one."""
+RADII = (3e-2, 1e-2, 3e-3, 1e-3, 1e-4, 1e-5, 1e-6, 1e-7)
+"""Half-widths of the boxes in which an assembly is tried to be proved the only one, largest first."""
+NAME = "trial angle"
+PRIMES = (2, 3, 5, 7, 11, 13, 17, 19)
+
+
+@dataclass(frozen=True)
+class Found:
+    """What a search came to.
+
+    Attributes
+    ----------
+    poses, radii : tuple
+        The assemblies found, and how far each is from the true one at most (NaN where that is not proved).
+    complete : bool
+        Whether it is proved that there are no others.
+    gap : ball or None
+        If it is proved that there is none at all: a lower bound, over all angles, of what is missing where loci
+        certainly do not meet, each joint before being closed as far as it can be.
+    note : str
+        In words.
+    """
+
+    poses: tuple[Array, ...] = ()
+    radii: tuple[float, ...] = ()
+    complete: bool = False
+    gap: Ball | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True)
+class _Known:
+    """An assembly, the half-width of the box around it in which it is alone, and a bound of its error."""
+
+    q: Array
+    alone: float
+    radius: float
+
+
+def search(system: System, t: float, rows: Rows) -> Found:
+    """Look for all assemblies of a system that closed form does not place, or the proof that there is none."""
+    return _Search(system, t, rows).run()
+
+
+class _Search:
+    def __init__(self, system: System, t: float, rows: Rows) -> None:
+        self.system, self.t, self.rows = system, t, rows
+        self.names = [body.name for body in system.mechanism.bodies]
+        self.turned, self.plan = self._trial_angles()
+        self.known: list[_Known] = []
+        self.failures = 0
+
+    def run(self) -> Found:
+        if len(self.turned) != 1 or len(self.plan.clusters) > 1 or self.rows.foreign:
+            self._try(self._halton())
+            return self._found("the group is larger than a triad: no proof was tried")
+        intervals = _Intervals(self)
+        intervals.halve(PROBE)
+        self._try(intervals.middles(most=8))
+        for width in () if self.exhausted else WIDTHS:
+            intervals.halve(width)
+            self._try(intervals.middles(MOST_STARTS))
+            intervals.forget_known()
+            if not intervals.open or self.exhausted:
+                break
+        if not self.exhausted:
+            intervals.halve(0.0)
+        if not intervals.open:
+            return self._found(complete=True) if self.known else self._none(intervals.gap)
+        left = f"{len(intervals.open)} intervals of {intervals.width:.2g} rad of the angle of {self.turned[0]}"
+        return self._found(f"{left} may hold more")
+
+    def placed(self, angles: tuple[Any, ...], holding: bool = True) -> Placement:
+        """Return the placement with the trial angles given."""
+        ties = tuple(Tie(GROUND, body, a, NAME) for body, a in zip(self.turned, angles, strict=True))
+        rows = replace(self.rows, ties=(*self.rows.ties, *ties))
+        return place(self.plan, rows, self.names, self.system.unit.size, holding)
+
+    def _found(self, note: str = "", complete: bool = False) -> Found:
+        poses = tuple(known.q for known in self.known)
+        return Found(poses, tuple(known.radius for known in self.known), complete, note=note)
+
+    def _none(self, gap: Ball) -> Found:
+        metres = below(gap) * self.system.unit.size
+        return Found(gap=gap, note=f"no angle of {self.turned[0]} closes it: at least {metres:.6g} m are missing")
+
+    def _headings(self) -> list[set[str]]:
+        return headings(tuple((tie.i, tie.j) for tie in self.rows.ties), self.names)
+
+    def _trial_angles(self) -> tuple[tuple[str, ...], Plan]:
+        """Return the bodies whose angles, if known, let closed form go furthest, one after another."""
+        turned: tuple[str, ...] = ()
+        best = plan(self.rows, self.names)
+        given = next(h for h in self._headings() if GROUND in h)
+        while not turned or len(best.clusters) > 1:
+            plans = [(b, self._plan((*turned, b))) for b in self.names if b not in (*turned, *given)]
+            if not plans:
+                break
+            body, best = min(plans, key=lambda p: len(p[1].clusters))
+            turned = (*turned, body)
+        return turned, best
+
+    def _plan(self, turned: tuple[str, ...]) -> Plan:
+        ties = (Tie(GROUND, body, arb(0), NAME) for body in turned)
+        return plan(replace(self.rows, ties=(*self.rows.ties, *ties)), self.names)
+
+    def _halton(self) -> Iterator[tuple[float, ...]]:
+        """Yield trial angles, and contact parameters after them."""
+        contacts = [c.span for c in self.system.mechanism.joints if isinstance(c, Cam) and c.parameters]
+        ranges = [(-math.pi, math.pi) for _ in self.turned] + contacts
+        for k in range(1, MOST_STARTS + 1 if ranges else 2):
+            point = [radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(len(ranges))]
+            yield tuple(low + x * (high - low) for x, (low, high) in zip(point, ranges, strict=True))
+
+    @property
+    def exhausted(self) -> bool:
+        """Whether looking on is in vain."""
+        loose = sum(known.alone == 0.0 for known in self.known)
+        return len(self.known) >= MOST_POSES or loose >= MOST_LOOSE
+
+    def _try(self, trials: Iterable[tuple[float, ...]]) -> None:
+        """Note the new assemblies that Newton reaches from trial angles."""
+        for angles in trials:
+            for start in self._starts(angles):
+                q = self._refined(start)
+                self.failures = self.failures + 1 if q is None else 0
+                if q is not None and all(np.max(np.abs(q - other.q)) > SAME for other in self.known):
+                    self.known.append(self._proved(q))
+                if self.exhausted or self.failures >= MOST_FAILURES:
+                    self.failures = 0
+                    return
+
+    def _starts(self, angles: tuple[float, ...]) -> Iterator[Array]:
+        turned, contacts = angles[: len(self.turned)], angles[len(self.turned) :]
+        placement = self.placed(tuple(arb(a) for a in turned), holding=False)
+        for branch in (*placement.branches, *placement.stuck):
+            q = coordinates(self.system, branch)
+            q[self.system.of_bodies :][: len(contacts)] = contacts
+            yield q
+            if contacts:
+                yield touched(self.system, q, self.t)
+
+    def _refined(self, start: Array) -> Array | None:
+        """Return the assembly that Newton finds from a start, or else Levenberg and Marquardt."""
+        s, t = self.system, self.t
+        result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start, max_iterations=30)
+        if result.converged and closes(s, result.q, t):
+            return self._without_turns(result.q)
+        least = levenberg_marquardt(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start)
+        if not least.converged:
+            return None
+        q = polished(least, newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), least.q, max_iterations=30))
+        return self._without_turns(q) if closes(s, q, t) else None
+
+    def _without_turns(self, q: Array) -> Array:
+        """Return the pose with each angle turned back into (-pi, pi], unless a driver, gear or profile counts it."""
+        q = q.copy()
+        joints = self.system.mechanism.joints
+        counted = {GROUND, *(body for c in joints if isinstance(c, Gear | RackAndPinion) for body in c.bodies)}
+        free = [heading for heading in self._headings() if counted.isdisjoint(heading)]
+        groups = [[self.system.columns(body).stop - 1 for body in self.names if body in heading] for heading in free]
+        closed = [c.name for c in joints if isinstance(c, Cam) and isinstance(c.profile, Polar) and c.profile.closed]
+        for group in (*groups, *([self.system.parameter(name).start] for name in closed)):
+            q[group] -= math.tau * math.ceil(q[group[0]] / math.tau - 0.5)
+        return q
+
+    def _proved(self, q: Array) -> _Known:
+        for alone in RADII:
+            root = krawczyk(self.system, q, self.t, radius=alone)
+            if root is not None:
+                return _Known(q, alone, max(above(abs(x - float(v))) for x, v in zip(root.q, q, strict=True)))
+        return _Known(q, 0.0, math.nan)
+
+
+class _Intervals:
+    """Intervals of the trial angle, all of the same width, that may hold assemblies not known yet."""
+
+    def __init__(self, search: _Search) -> None:
+        self.search = search
+        # A little more than a turn, so that the ends of the interval are inside as well.
+        self.open, self.width = [(-3.1416, 3.1416)], 6.2832
+        self.looked_at = 0
+        self.gap: Ball = arb.pos_inf()
+
+    def halve(self, width: float) -> None:
+        """Halve, and drop what is done with, until nothing is left, a width or the allowed number is reached."""
+        while (
+            self.open and self.width > max(width, NARROWEST) and self.looked_at + 2 * len(self.open) <= MOST_INTERVALS
+        ):
+            self.looked_at += 2 * len(self.open)
+            halves = [half for low, high in self.open for half in _halves(low, high)]
+            self.open = [part for part in halves if not self._done(part)]
+            self.width /= 2
+
+    def forget_known(self) -> None:
+        """Drop the intervals that hold no assembly but known ones."""
+        self.open = [part for part in self.open if not self._done(part)]
+
+    def middles(self, most: int) -> tuple[tuple[float], ...]:
+        """Return the middles of the open intervals: all, or some evenly."""
+        step = -(-len(self.open) // most) or 1
+        return tuple(((low + high) / 2,) for low, high in self.open[::step])
+
+    def _done(self, part: tuple[float, float]) -> bool:
+        placement = self.search.placed((interval(*part),))
+        if placement.stuck or placement.truncated:
+            return False
+        self.gap = min([self.gap, *(whole(end.gap) for end in placement.ends)], key=below)
+        return all(self._is_known(branch) for branch in placement.branches)
+
+    def _is_known(self, branch: Branch) -> bool:
+        """Whether all of a branch lies where a known assembly is the only one."""
+        names, system = self.search.names, self.search.system
+        for known in self.search.known:
+            off = 0.0
+            for body in names:
+                pose, (x, y, phi) = branch.poses[body], known.q[system.columns(body)]
+                turn = whole(pose.phi) - float(phi)
+                turn = turn - 2 * arb.pi() * round(float(turn.mid()) / math.tau)
+                off = max([off, *(above(abs(d)) for d in (whole(pose.r.x) - x, whole(pose.r.y) - y, turn))])
+            if off <= known.alone:
+                return True
+        return False
+
+
+def _halves(low: float, high: float) -> tuple[tuple[float, float], tuple[float, float]]:
+    middle = (low + high) / 2
+    return (low, middle), (middle, high)
+
+
+def radical_inverse(k: int, base: int) -> float:
+    """Return the digits of k in a base, mirrored at the point: one coordinate of Halton's sequence."""
+    value, weight = 0.0, 1.0 / base
+    while k:
+        k, digit = divmod(k, base)
+        value += digit * weight
+        weight /= base
+    return value
+
+
+def closes(system: System, q: Array, t: float, allowed: float = 0.0) -> bool:
+    """Whether the residual of a pose is round-off, or no more than is allowed."""
+    residual = float(np.max(np.abs(system.phi(q, t))))
+    return residual <= max(allowed, 32 * EPS * max(1.0, float(np.max(np.abs(q)))))
+
+
+def coordinates(system: System, branch: Branch) -> Array:
+    """Return the middles of a branch's balls as coordinates."""
+    q = np.zeros(system.n)
+    for body in system.mechanism.bodies:
+        pose = branch.poses[body.name]
+        q[system.columns(body.name)] = [float(whole(x).mid()) for x in (pose.r.x, pose.r.y, pose.phi)]
+    return q

@@ -1,0 +1,278 @@
+"""Float64 numbers that carry a proved bound of their rounding error and of how far they move with the coordinates.
+
+The formulas of the joints run on these numbers unchanged, so no bound is stated beside a formula: it is computed from
+it. A `Bounded` number stands for a function of the coordinates, at q0 and over a box |q - q0| <= s box, 0 <= s <= 1:
+
+    |value(q0) - mid| <= rounding     |value(q) - value(q0)| <= s spread
+
+`rounding` is a running-error bound (Higham, Accuracy and Stability of Numerical Algorithms, section 3.3). `spread`
+bounds the motion over the box; the spread of phi_q over a box of radius r is r times a Lipschitz constant of phi_q
+there, the K(r) of Newton and Kantorovich. For a sum it is the sum, and for a product
+
+    |x y - x0 y0| <= |x0| |dy| + |y0| |dx| + |dx| |dy|,   |x0| <= |mid| + rounding,   |dx| <= s spread,   s^2 <= s.
+
+What is assumed: IEEE 754 arithmetic, rounding to nearest, and sine and cosine within 2 ulp. The bounds themselves are
+computed in binary64 from sums and products of non-negative numbers; each such operation is off by a factor within
+1 +- 2^-53 and at most 2^12 of them lie on the way to any bound, which `UP` makes good when the bounds are read.
+
+`Extended` does the same with the machine's long double in the middle, 64 bits on x86-64 and those of binary64 where a
+machine has no more. What is small by cancellation, a residual at a solution, is then known to a few digits; it alone
+decides how sharp a certificate is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any, Self, cast
+
+import numpy as np
+from flint import arb, ctx
+
+from refkin.joints import Unit
+from refkin.proof.numbers.exact import exact_system
+from refkin.system import System
+
+U = 2.0**-53
+"""Unit round-off of binary64: a result r of + - * is off by at most U |r|."""
+UP = 1.0 + 2.0**-40
+"""More than (1 + U)^(2^12)."""
+TINY = 2.0**-900
+"""More than all that is lost by underflow."""
+LAW_BITS = 160
+"""Precision in which geometry and laws are computed before they are rounded."""
+
+
+class Bounded:
+    """A float or a row of floats (B,), with the bounds `rounding` and `spread` of the module."""
+
+    __slots__ = ("mid", "rounding", "spread")
+    __array_ufunc__ = None  # an array on the left of + - * leaves the operation to this class
+    unit = U
+
+    def __init__(self, mid: Any, rounding: Any = 0.0, spread: Any = 0.0) -> None:
+        self.mid = mid
+        self.rounding = rounding
+        self.spread = spread
+
+    @classmethod
+    def near(cls, parts: Any, spread: Any = 0.0) -> Self:
+        """Return the number, or row, that lies within parts[2] of parts[0] + parts[1] (see `parts`)."""
+        high, low, rest = parts
+        return cls(high, abs(low) + rest, spread)
+
+    @classmethod
+    def exactly(cls, mid: Any, spread: Any = 0.0) -> Self:
+        """Return binary64 numbers, which are what they are."""
+        return cls(mid, 0.0, spread)
+
+    @staticmethod
+    def size(mid: Any) -> Any:
+        """Return |mid| in binary64."""
+        return abs(mid)
+
+    def __add__(self, other: Any) -> Bounded:
+        x = other if isinstance(other, Bounded) else self.exactly(other)
+        mid = self.mid + x.mid
+        back = mid - self.mid
+        lost = (self.mid - (mid - back)) + (x.mid - back)  # exactly (Knuth's two-sum)
+        return type(self)(mid, self.rounding + x.rounding + self.size(lost), self.spread + x.spread)
+
+    def __sub__(self, other: Any) -> Bounded:
+        return self.__add__(-other)
+
+    def __rsub__(self, other: Any) -> Bounded:
+        return (-self).__add__(other)
+
+    def __mul__(self, other: Any) -> Bounded:
+        if isinstance(other, int) and abs(other) == 1:
+            return self if other == 1 else -self
+        x = other if isinstance(other, Bounded) else self.exactly(other)
+        mid = self.mid * x.mid
+        most, most_x = self.size(self.mid) + self.rounding, self.size(x.mid)
+        rounding = most * x.rounding + most_x * self.rounding + (self.unit * self.size(mid) + TINY)
+        spread = (most + self.spread) * x.spread + (most_x + x.rounding) * self.spread
+        return type(self)(mid, rounding, spread)
+
+    __radd__ = __add__
+    __rmul__ = __mul__
+
+    def __neg__(self) -> Bounded:
+        return type(self)(-self.mid, self.rounding, self.spread)
+
+    def cos(self) -> Bounded:
+        """Return the cosine; its slope is at most 1."""
+        return self._trigonometric(np.cos(self.mid))
+
+    def sin(self) -> Bounded:
+        """Return the sine; its slope is at most 1."""
+        return self._trigonometric(np.sin(self.mid))
+
+    def _trigonometric(self, mid: Any) -> Bounded:
+        # An ulp of x is at most 2 unit |x|.
+        return type(self)(mid, self.rounding + (4 * self.unit * self.size(mid) + TINY), self.spread)
+
+
+class Extended(Bounded):
+    """A `Bounded` number whose `mid` is a long double; its bounds stay in binary64."""
+
+    __slots__ = ()
+    unit = 2.0 ** -(np.finfo(np.longdouble).nmant + 1)
+
+    @classmethod
+    def near(cls, parts: Any, spread: Any = 0.0) -> Self:
+        high, low, rest = parts
+        mid = np.longdouble(high) + np.longdouble(low)
+        return cls(mid, 2 * cls.unit * abs(high) * (low != 0) + rest, spread)
+
+    @classmethod
+    def exactly(cls, mid: Any, spread: Any = 0.0) -> Self:
+        return cls(np.longdouble(mid), 0.0, spread)
+
+    @staticmethod
+    def size(mid: Any) -> Any:
+        return np.float64(abs(mid))
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """The parts of many `Bounded` numbers as arrays of shape (..., B), the bounds read: rounded up."""
+
+    mid: Any
+    rounding: Any
+    spread: Any
+
+
+def box(q: Any, radii: Any = 0.0, number: type[Bounded] = Bounded) -> Any:
+    """Return coordinates (n, B) as an object array (n,) of rows over the box of the given radii."""
+    radii = np.broadcast_to(radii, np.shape(q))
+    out = np.empty(len(q), object)
+    for k, (mid, spread) in enumerate(zip(q, radii, strict=True)):
+        out[k] = number.exactly(mid, spread)
+    return out
+
+
+def read(numbers: Any, lanes: int) -> Bounds:
+    """Return an object array of `Bounded` numbers and plain ones as binary64 arrays, B = `lanes`."""
+    mid, rounding, spread = (np.zeros((*numbers.shape, lanes)) for _ in range(3))
+    for place, x in np.ndenumerate(numbers):
+        if isinstance(x, Bounded):
+            narrowed = U * x.size(x.mid) if x.unit < U else 0.0
+            mid[place], rounding[place], spread[place] = x.mid, x.rounding + narrowed, x.spread + TINY
+        else:
+            mid[place] = x
+    return Bounds(mid, rounding * UP, spread * UP)
+
+
+class Times:
+    """Times (B,) for a `bounded_system`, with the laws' values there, each computed exactly and once."""
+
+    def __init__(self, t: Any, order: int) -> None:
+        self.t = np.asarray(t, float)
+        self.order = order
+        self._values: dict[str, list[Any]] = {}
+
+    def values(self, constraint: Any, unit: Unit) -> list[Any]:
+        """Return per law its scaled value and derivatives up to `order` as `parts`, (order + 1, 3, B)."""
+        if constraint.name not in self._values:
+            with ctx.workprec(LAW_BITS):
+                found = [constraint.inputs(arb(t), unit, self.order) for t in self.t.tolist()]
+                laws = [[[parts(x) for x in at] for at in law] for law in zip(*found, strict=True)]
+            self._values[constraint.name] = [np.moveaxis(np.array(law), 0, -1) for law in laws]
+        return self._values[constraint.name]
+
+
+@dataclass(frozen=True)
+class InputError:
+    """An error of every number of a mechanism: `relative` times the number, or times `least` if it is smaller."""
+
+    relative: float
+    least: float = 0.0
+
+    def of(self, x: Any) -> Any:
+        """Return the error of a number or row."""
+        return self.relative * np.maximum(abs(x), self.least)
+
+
+EXACT = InputError(0.0)
+"""The numbers of the mechanism are meant as they stand."""
+
+
+class _Rounded:
+    """A constraint whose laws come from `Times`; its formulas are the constraint's own."""
+
+    def __init__(self, exact: Any, number: type[Bounded], error: InputError) -> None:
+        self.exact, self.number, self.error = exact, number, error
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.exact, name)
+
+    def inputs(self, t: Times, unit: Unit, order: int) -> tuple[tuple[Bounded, ...], ...]:
+        """Return the laws' values; more orders than asked do no harm."""
+        if not self.exact.laws:
+            return ()
+        values = t.values(self.exact, unit)
+        written = values if self.error is EXACT else Times(t.t, 0).values(self.exact, as_written(unit))
+        return tuple(self._law(orders, at[0], t.t) for orders, at in zip(values, written, strict=True))
+
+    def profile_values(self, s: Bounded, unit: Unit, order: int) -> tuple[Bounded, ...]:
+        """Return the profile around s: its exact values there, and how far its slope over all of s moves them."""
+        at, reach = np.broadcast_arrays(s.mid, UP * (s.rounding + s.spread))
+        values: list[Any] = []
+        slopes: list[Any] = []
+        with ctx.workprec(LAW_BITS):
+            for mid, off in zip(at.ravel(), reach.ravel().tolist(), strict=True):
+                high = float(mid)
+                middle = arb(high) + arb(float(mid - high))
+                values.append([parts(x) for x in self.exact.profile_values(middle, unit, order)])
+                around = self.exact.profile_values(middle + arb(0, off), unit, order + 1)[1:]
+                slopes.append([float(abs(x).upper()) * UP + TINY for x in around])
+        found = []
+        for near, slope in zip(np.moveaxis(np.array(values), 0, -1), np.array(slopes).T, strict=True):
+            x = self.number.near(near.reshape(3, *at.shape))
+            steep, own = slope.reshape(at.shape), self.error.of(near[0].reshape(at.shape))
+            found.append(self.number(x.mid, x.rounding + steep * s.rounding, own + steep * s.spread))
+        return tuple(found)
+
+    def _law(self, orders: Any, written: Any, t: Any) -> tuple[Bounded, ...]:
+        if self.error is EXACT:
+            return tuple(map(self.number.near, orders))
+        # The time is a number too: what an error of it does to the value, by the derivative.
+        by_time = [self.error.relative * abs(t * derivative[0]) for derivative in orders[1:]]
+        sizes = [written[0], *(at[0] for at in orders[1:])]
+        own = [self.error.of(size) + by for size, by in zip(sizes, by_time, strict=False)]
+        return tuple(self.number.near(at, spread) for at, spread in zip(orders, own, strict=False))
+
+
+def as_written(unit: Unit) -> Unit:
+    """Return the unit in which numbers have the size that they have in a scene, and with it their rounding.
+
+    What is subtracted afterwards, the origin of a solve, takes none of that away.
+    """
+    return Unit(unit.size)
+
+
+@lru_cache(maxsize=64)
+def bounded_system(system: System, number: type[Bounded] = Bounded, error: InputError = EXACT) -> System:
+    """Return the system of `exact_system` with its numbers rounded, each with the bound of its rounding.
+
+    Its `q` are object arrays of `number` (see `box`), its `t` are `Times`. With an `error` every geometric number, law
+    value and time also spreads by it (times of `order` 1 then serve order 0), each by that of its size `as_written`.
+    """
+    placed = []
+    for p in exact_system(system, LAW_BITS).placed:
+        with ctx.workprec(LAW_BITS):
+            written = [float(x) for x in p.constraint.constants(as_written(system.unit))]
+            g = tuple(number.near(parts(x), error.of(size)) for x, size in zip(p.g, written, strict=True))
+        constraint = _Rounded(p.constraint, number, error)
+        placed.append(replace(p, constraint=cast(Any, constraint), g=cast(Any, g)))
+    return replace(system, placed=tuple(placed))
+
+
+def parts(x: Any) -> tuple[float, float, float]:
+    """Return a ball, or a float, as two floats that add up to about it, and a bound of what they leave."""
+    high = float(x)
+    if x == high:
+        return high, 0.0, 0.0
+    low = float(x - high)
+    return high, low, float(abs(x - high - low).upper()) * UP + TINY

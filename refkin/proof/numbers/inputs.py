@@ -1,0 +1,112 @@
+"""What rounding of a mechanism's numbers does: the error no float64 code can avoid, and rows that contradict."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from refkin.proof.numbers.bounded import UP, InputError, Times, U, bounded_system, box, read
+from refkin.proof.numbers.preconditioned import Nearly, Preconditioned, independent_rows, product
+from refkin.system import System
+
+HALF_ULP = InputError(U)
+"""What one rounding leaves of a number."""
+A_FEW_ROUNDINGS = InputError(2.0**-50, least=1.0)
+"""Eight half-ulps of a number, at least of the size: what is left of one that was computed before it was written."""
+
+
+def attainable(system: System, q: Any, t: Any, rows: Any = None) -> Any:
+    """Return the error (n, B) that any float64 code may have with these inputs, to first order.
+
+    Half an ulp of every number of the geometry, of the time and of the laws' values, carried by |J^-1|, and half an ulp
+    of the answer in metres and radians. NaN where phi_q is singular.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit.
+    q : (n, B) array
+        Poses in the system's coordinates, at the times t (B,).
+    rows : (n,) array of int, optional
+        The rows that are solved where there are more than n.
+    """
+    q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
+    rows = independent_rows(system, q, t) if rows is None else rows
+    with np.errstate(all="ignore"):
+        pose = Preconditioned(system, rows, q, t, 0)
+        return product(pose.size, input_effect(system, q, t, HALF_ULP)[rows]) + half_ulp(system, q)
+
+
+def half_ulp(system: System, q: Any, order: int = 0) -> Any:
+    """Return half an ulp of coordinates (n, B) as they are in metres and radians, in the system's coordinates.
+
+    Of rates with order 1 or 2. It is also the most that `System.to_physical` adds to the error of an answer.
+    """
+    spacing = np.spacing(np.abs(system.to_physical(q, order))) / 2
+    # Rates know no origin: lengths are divided by the size, angles stay.
+    return spacing / system.to_physical(np.ones_like(spacing), order=1)
+
+
+def handed_over(system: System, q: Any) -> Any:
+    """Return what `System.to_physical` adds to the error of coordinates (n, B), in the system's coordinates.
+
+    Half an ulp where an origin is added; the size is a power of two, and angles stay.
+    """
+    origin = np.array([*system.unit.origin, 0.0])
+    moved = np.zeros(system.n, bool)
+    moved[: system.of_bodies] = np.tile(origin != 0.0, system.of_bodies // 3)
+    return np.where(moved[:, None], half_ulp(system, q), 0.0)
+
+
+def input_effect(system: System, q: Any, t: Any, error: InputError) -> Any:
+    """Return how far an error of every geometric number, time and law value moves phi, (m, B)."""
+    return read(bounded_system(system, error=error).phi(box(q), Times(t, 1)), np.shape(q)[1]).spread
+
+
+def contradiction(system: System, rows: Any, root: Nearly, t: Any) -> Any:
+    """Return the largest |phi| of the rows that were left out, at the root, in units of what explains it, (B,).
+
+    Up to 1 the rows are consistent. What explains it: rounding, and `A_FEW_ROUNDINGS` of the mechanism's numbers, in
+    these rows and, through the pose, in the rows (n,) that were solved. 0 if no row was left out.
+    """
+    others = np.setdiff1d(np.arange(system.m), rows)
+    lanes = np.shape(root.given)[1]
+    if not others.size:
+        return np.zeros(lanes)
+    with np.errstate(all="ignore"):
+        pose = Preconditioned(system, rows, root.given, t, 0)
+        phi = read(pose.sharp.phi(root.box(), pose.times)[others], lanes)
+        slope = read(pose.system.phi_q(box(pose.q), pose.times)[others], lanes)
+        inputs = input_effect(system, pose.q, t, A_FEW_ROUNDINGS)
+        moved = product(np.abs(slope.mid), product(pose.size, inputs[rows]))
+        return np.max(np.abs(phi.mid) / (UP * (phi.rounding + phi.spread + inputs[others] + moved)), axis=0)
+
+
+def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: bool) -> Any:
+    """Return the largest part of velocity, and acceleration, that left-out rows contradict, as `contradiction` does.
+
+    A pose that all rows share says nothing of the next one: rows that contradict each other there do so here in
+    phi_q qd = nu, or in phi_q qdd = gamma. Rates are those of the rows (n,) that were solved. What explains a left-out
+    row: its own spread over what the pose may be off by, and, through the rates, that of the solved rows.
+    """
+    others, lanes = np.setdiff1d(np.arange(system.m), rows), np.shape(q)[1]
+    found = np.zeros(lanes)
+    if not others.size:
+        return found
+    with np.errstate(all="ignore"):
+        pose, times = Preconditioned(system, rows, q, t, 0), Times(t, 3 if acceleration else 2)
+        rough = bounded_system(system, error=A_FEW_ROUNDINGS)
+        off = product(pose.size, input_effect(system, q, t, A_FEW_ROUNDINGS)[rows]) + half_ulp(system, q)
+        slope = read(rough.phi_q(box(q, off), times), lanes)
+        at, rate, radii = box(q, off), np.zeros_like(q), np.zeros_like(q)
+        for order in range(2 if acceleration else 1):
+            right = read(rough.gamma(at, box(rate, radii), times) if order else rough.nu(at, times), lanes)
+            rate = product(pose.inverse, right.mid[rows])
+            size = product(np.abs(slope.mid), np.abs(rate)) + np.abs(right.mid)
+            spread = product(slope.spread + slope.rounding, np.abs(rate)) + right.spread + right.rounding
+            spread += system.n * pose.dot * size  # of the inverse and of the products here
+            radii = product(pose.size, spread[rows])
+            told = np.abs(product(slope.mid, rate) - right.mid) / (UP * (spread + product(np.abs(slope.mid), radii)))
+            found = np.fmax(found, np.max(told[others], axis=0))
+    return found

@@ -1,0 +1,94 @@
+"""A batch of poses with an approximate inverse of their Jacobians, and what that inverse makes of vectors and boxes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from refkin.proof.numbers.bounded import TINY, UP, Bounds, Extended, Times, U, bounded_system, box, read
+from refkin.system import System
+
+
+@dataclass(frozen=True)
+class Nearly:
+    """Numbers proved to lie within `remainder` of `given` + `shift`: what was given, and its error; (n, B) each."""
+
+    given: Any
+    shift: Any
+    remainder: Any
+
+    @property
+    def error(self) -> Any:
+        """Bound of the distance from `given`."""
+        return UP * (np.abs(self.shift) + self.remainder)
+
+    def box(self) -> Any:
+        """Return the numbers as rows around `given` + `shift`."""
+        added = UP * Extended.unit * (np.abs(self.given) + np.abs(self.shift))  # the rounding of that sum
+        return box(np.longdouble(self.given) + self.shift, self.remainder + added, Extended)
+
+
+class Preconditioned:
+    """Poses q (n, B) at times t, with R about the inverse of n rows of phi_q(q); all bounds are rounded up."""
+
+    def __init__(self, system: System, rows: Any, q: Any, t: Any, order: int) -> None:
+        self.system, self.sharp = bounded_system(system), bounded_system(system, Extended)
+        self.times, self.rows, self.q = Times(t, order), rows, q
+        self.slope = self.slope_over(0.0)
+        stacked = np.moveaxis(self.slope.mid, -1, 0)
+        inverse = inverses(stacked)
+        self.inverse = np.moveaxis(inverse, 0, -1)
+        self.size = np.abs(self.inverse)
+        self.defect = np.moveaxis(np.abs(np.eye(len(q)) - inverse @ stacked), 0, -1)
+        self.dot = (len(q) + 2) * U  # > n U/(1 - n U): the error of an inner product
+
+    def rows_of(self, numbers: Any) -> Bounds:
+        """Return the certified rows of what a system's method gave."""
+        return read(numbers[self.rows], self.q.shape[1])
+
+    def slope_over(self, radii: Any) -> Bounds:
+        """Return phi_q over a box around q."""
+        return self.rows_of(self.system.phi_q(box(self.q, radii), self.times))
+
+    def carried(self, x: Bounds) -> tuple[Any, Any]:
+        """Return R x as a value and a bound of its error."""
+        off = self.dot * np.abs(x.mid) + x.rounding + x.spread
+        return product(self.inverse, x.mid), UP * product(self.size, off) + TINY
+
+    def defect_on(self, v: Any) -> Any:
+        """Return |I - R phi_q(q)| v for v >= 0."""
+        inner = product(self.dot * np.abs(self.slope.mid) + self.slope.rounding, v)
+        return UP * (product(self.defect, v) + product(self.size, inner)) + TINY
+
+    def spread_on(self, spread: Any, v: Any) -> Any:
+        """Return |R| spread v for v >= 0."""
+        return UP * product(self.size, product(spread, v)) + TINY
+
+
+def independent_rows(system: System, q: Any, t: Any) -> Any:
+    """Return n rows of phi_q that are independent at the first finite pose, by pivoted QR: all rows if m = n."""
+    finite = np.flatnonzero(np.isfinite(q).all(axis=0))
+    if system.m == system.n or not finite.size:
+        return np.arange(system.n)
+    from scipy.linalg import qr  # here, because importing it costs more than the rest of refkin
+
+    pivots = qr(system.phi_q(q[:, finite[0]], t[finite[0]]).T, mode="r", pivoting=True)[1]
+    return np.sort(pivots[: system.n])
+
+
+def inverses(stacked: Any) -> Any:
+    """Return approximate inverses of (B, n, n), NaN where a matrix is singular or not finite."""
+    try:
+        return np.linalg.inv(stacked)
+    except np.linalg.LinAlgError:  # one singular matrix refuses the batch: halve it until it stands alone
+        if len(stacked) == 1:
+            return np.full_like(stacked, np.nan)
+        half = len(stacked) // 2
+        return np.concatenate([inverses(stacked[:half]), inverses(stacked[half:])])
+
+
+def product(matrix: Any, vector: Any) -> Any:
+    """Return the product lane by lane of (m, n, B) and (n, B)."""
+    return np.einsum("ijb,jb->ib", matrix, vector)

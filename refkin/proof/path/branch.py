@@ -1,0 +1,201 @@
+"""Whether poses one after another belong to one motion: proved by tubes (`tube`), in float64 and then in balls."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from refkin.differences import EPS
+from refkin.proof.numbers.bounded import UP, U
+from refkin.proof.numbers.preconditioned import inverses
+from refkin.proof.path.branch_points import crossing
+from refkin.proof.path.curve import Curve
+from refkin.proof.path.linker import Linker
+from refkin.proof.path.tube import Tubes
+from refkin.proof.pose.certificate import certify
+from refkin.solving.sweep import Arrival, Sweep
+from refkin.system import System
+
+HALVINGS = 10
+"""How often a step is halved in float64; what is left then is not for want of small pieces, but of digits."""
+MOST_IN_VAIN = 9
+"""How often all pieces of a step may be halved without one of them being proved in float64."""
+MOST_PIECES = 2**14
+"""Pieces that are tried in float64; a turn of a well-conditioned linkage needs about 50."""
+SAGITTA = 0.1
+"""How far a pose may lie from the middle of a chord, in units of its length, to be taken for one of the same branch."""
+DOUBTED = 3
+"""How often that is until it is asked whether the step meets a crossing of branches."""
+MOST_TUBES, FEW_TUBES = 4000, 400
+"""Tubes that are tried in balls, a millisecond each, where all steps are asked for, and where some are."""
+BLURRED = 1e-7
+"""How far from their places poses may lie that are found near a crossing: the root of round-off, and more."""
+CROSSED = EPS
+"""|mu| of a singular point (`branch_points`) up to which branches cross there, and no proof is tried."""
+
+
+class Piece(NamedTuple):
+    """Two poses at two times, bounds of their errors, and the number of the given pose at or before them."""
+
+    t_0: Any
+    t_1: Any
+    q_0: Any
+    q_1: Any
+    r_0: Any
+    r_1: Any
+    number: int
+
+    @property
+    def is_certified(self) -> bool:
+        """Whether both poses are."""
+        return bool(np.isfinite(self.r_0).all() and np.isfinite(self.r_1).all())
+
+
+def first_gap(system: System, t: Any, q: Any, steps: Sequence[int] | None = None) -> int | None:
+    """Return the first k for which it is not proved that poses k and k + 1 belong to one motion; None if all do.
+
+    A step that one tube does not cover is halved, at the pose that a sweep finds in its middle; what float64 does not
+    prove is left to balls.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit, for velocity at least.
+    t, q : (T,) and (n, T) array
+        Times in increasing order, and the poses there, in the system's coordinates.
+    steps : sequence of int, optional
+        The k that are asked for; by default all.
+    """
+    t, q = np.asarray(t, float), np.asarray(q, float)
+    asked = np.arange(len(t) - 1) if steps is None else np.unique(np.asarray(steps, int))
+    poses = np.unique(np.concatenate([asked, asked + 1]))
+    radii = np.full_like(q, np.nan)
+    radii[:, poses] = _error_bounds(system, q[:, poses], t[poses])
+    pieces = [Piece(t[k], t[k + 1], q[:, k], q[:, k + 1], radii[:, k], radii[:, k + 1], int(k)) for k in asked]
+    left, gap = _left(system, pieces)
+    linker = Linker(system, MOST_TUBES if steps is None else FEW_TUBES)
+    for p in left:
+        if not linker.links(p.t_0, p.t_1, p.q_0, p.q_1):
+            return p.number
+    return gap
+
+
+def step_over_crossing(system: System, t: Any, q: Any, steps: Sequence[int]) -> int | None:
+    """Return the k of `steps` for which branches cross between poses k and k + 1, as far as float64 can tell, or None.
+
+    Where they do, no proof needs to be tried. Arguments as those of `first_gap`.
+    """
+    pieces = [Piece(t[k], t[k + 1], q[:, k], q[:, k + 1], None, None, int(k)) for k in steps]
+    return _crossing_in(system, pieces) if pieces else None
+
+
+def _left(system: System, pieces: list[Piece]) -> tuple[list[Piece], int | None]:
+    """Return the pieces that float64 does not prove, in the order of time, up to the first step that meets a crossing.
+
+    The number of that step is the second thing returned, None if there is none.
+    """
+    left: list[Piece] = []
+    steps, looked_at, in_vain, gap = {p.number: p for p in pieces}, 0, Counter[int](), None
+    for _ in range(HALVINGS):
+        left += [p for p in pieces if not p.is_certified]
+        pieces = [p for p in pieces if p.is_certified]
+        looked_at += len(pieces)
+        if not pieces or looked_at > MOST_PIECES:
+            break
+        open_ = [p for p, link in zip(pieces, _linked(system, pieces), strict=True) if not link]
+        before, after = (Counter(p.number for p in some) for some in (pieces, open_))
+        for number, count in before.items():
+            in_vain[number] = in_vain[number] + 1 if after[number] == count else 0
+        doubted = [steps[number] for number in sorted(before) if in_vain[number] == DOUBTED]
+        if gap is None and doubted:
+            gap = _crossing_in(system, doubted)
+        if gap is not None:
+            open_, left = ([p for p in some if p.number < gap] for some in (open_, left))
+        left += [p for p in open_ if in_vain[p.number] > MOST_IN_VAIN]
+        pieces, lost = _halved(system, [p for p in open_ if in_vain[p.number] <= MOST_IN_VAIN])
+        left += lost
+    return _merged([*left, *pieces]), gap
+
+
+def _merged(pieces: list[Piece]) -> list[Piece]:
+    """Return pieces in the order of time, with those of one step that follow each other as one."""
+    merged: list[Piece] = []
+    for p in sorted(pieces, key=lambda p: p.t_0):
+        if merged and merged[-1].number == p.number and merged[-1].t_1 == p.t_0:
+            merged[-1] = merged[-1]._replace(t_1=p.t_1, q_1=p.q_1, r_1=p.r_1)
+        else:
+            merged.append(p)
+    return merged
+
+
+def _crossing_in(system: System, steps: list[Piece]) -> int | None:
+    """Return the number of the step in which branches cross, as far as float64 can tell; None if in none."""
+    for p in (steps[0], steps[len(steps) // 2]):
+        t, q = (p.t_0 + p.t_1) / 2, (p.q_0 + p.q_1) / 2
+        curve = Curve.through(system, q, [t])
+        found = crossing(curve, curve.point(q, t))
+        if found is not None and abs(found.mu) <= CROSSED * max(1.0, float(np.max(np.abs(found.x)))):
+            at, time = curve.pose(found.x)
+            for step in steps:
+                move, off = np.max(np.abs(step.q_1 - step.q_0)), np.max(np.abs(at - step.q_0))
+                if off <= 4 * move + BLURRED and step.t_0 <= time <= step.t_1:
+                    return step.number
+    return None
+
+
+def _error_bounds(system: System, q: Any, t: Any) -> Any:
+    """Return bounds of the error of each coordinate, (n, B), proved in float64; NaN where there are none."""
+    if not t.size:
+        return q
+    proof = certify(system, q, t)
+    return np.where(proof.ok, proof.radii, np.nan)
+
+
+def _halved(system: System, pieces: list[Piece]) -> tuple[list[Piece], list[Piece]]:
+    """Return the pieces cut at a pose found in their middles; and those where none was found."""
+    if not pieces:
+        return [], []
+    t_0, t_1, q_0, q_1 = (np.stack([p[k] for p in pieces], axis=-1) for k in range(4))
+    t = (t_0 + t_1) / 2
+    q = np.where((t_0 < t) & (t < t_1), _near_chords(system, (t, t_0), q_0, q_1), np.nan)
+    for k in np.flatnonzero(np.isnan(q[0])):
+        sweep = Sweep(system, [t_0[k]], [q_0[:, k]], proving=True)
+        if t_0[k] < t[k] < t_1[k] and sweep.to(t[k]) is Arrival.REACHED:
+            q[:, k] = sweep.q[-1]
+    found = np.flatnonzero(np.isfinite(q[0]))
+    halves = []
+    for k, radius in zip(found, _error_bounds(system, q[:, found], t[found]).T, strict=True):
+        halves.append(pieces[k]._replace(t_1=t[k], q_1=q[:, k], r_1=radius))
+        halves.append(pieces[k]._replace(t_0=t[k], q_0=q[:, k], r_0=radius))
+    return halves, [pieces[k] for k in np.flatnonzero(np.isnan(q[0]))]
+
+
+def _near_chords(system: System, times: tuple[Any, Any], q_0: Any, q_1: Any) -> Any:
+    """Return the poses that Newton finds from the middles of chords; NaN where they are off, or on another side."""
+    (t, t_0), middle = times, (q_0 + q_1) / 2
+    q = middle
+    if system.m != system.n:
+        return np.full_like(q, np.nan)
+    with np.errstate(all="ignore"):  # what leaves the numbers' range is off
+        for _ in range(6):
+            inverse = inverses(np.moveaxis(system.phi_q(q, t), -1, 0))
+            q = q - np.einsum("bij,jb->ib", inverse, system.phi(q, t))
+        slopes = (np.moveaxis(system.phi_q(x, at), -1, 0) for x, at in ((q, t), (q_0, t_0)))
+        sides = [np.linalg.slogdet(np.nan_to_num(slope))[0] for slope in slopes]
+        off = np.max(np.abs(q - middle), axis=0) <= SAGITTA * np.max(np.abs(q_1 - q_0), axis=0)
+    return np.where(off & (sides[0] == sides[1]), q, np.nan)
+
+
+def _linked(system: System, pieces: list[Piece]) -> Any:
+    """Return for each piece whether one tube holds both its poses, (B,)."""
+    t_0, t_1, q_0, q_1, r_0, r_1 = (np.stack([p[k] for p in pieces], axis=-1) for k in range(6))
+    t, q = (t_0 + t_1) / 2, (q_0 + q_1) / 2
+    half = np.maximum(t_1 - t, t - t_0) * UP
+    v = (q_1 - q_0) / (t_1 - t_0)
+    off = 8 * U * (np.abs(q_0) + np.abs(q_1)) + np.maximum(r_0, r_1)
+    tubes = Tubes(system, q, v, t, half, off)
+    away = [np.abs((end - q) - v * (at - t)) for end, at in ((q_0, t_0), (q_1, t_1))]
+    return tubes.proved & np.all(np.maximum(*away) + off <= 2 * tubes.w, axis=0)

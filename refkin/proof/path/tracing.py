@@ -1,0 +1,232 @@
+"""Points one after another along a `Curve`: steps, turning points, bifurcations, and why a trace ends."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from refkin.proof.path.branch_points import Crossing, crossing
+from refkin.proof.path.curve import Curve
+from refkin.solving.blocks import Blocks, blocks
+
+FIRST_STEP = 1e-2
+SHORTEST = 1e-11
+"""Length below which a step is not halved again."""
+BEND = 0.15
+"""Largest angle between the tangents at the ends of a step [rad]."""
+FASTER = 1.5
+"""Factor by which steps grow where the curve is nearly straight."""
+STANDING = 1e-9
+"""Part of a tangent along t below which t stands still."""
+SAME = 1e-7
+"""Distance at which a trace has come back to its start."""
+
+
+class End(StrEnum):
+    """Why a path ends."""
+
+    RANGE = "t leaves its range"
+    CLOSED = "the path closes"
+    BIFURCATION = "a bifurcation: choose a tangent"
+    POINTS = "the most points are reached"
+    STOPPED = "no step is small enough"
+    NO_START = "there is no pose to start from"
+
+
+@dataclass
+class Trace:
+    """Points (n + 1,) of a curve; by their numbers those where t turns, and those where curves cross."""
+
+    points: list[Any] = field(default_factory=list)
+    turning: list[tuple[int, bool]] = field(default_factory=list)
+    crossings: list[tuple[int, Crossing, Any]] = field(default_factory=list)
+    end: End = End.NO_START
+
+
+Chooser = Callable[[int, Crossing, Any], Any]
+"""Returns the tangent to go on in at a crossing, or None, from its number and the tangent in which it was reached."""
+
+
+class Tracer:
+    """Traces a curve from a point x between two values of t, `limits`, which are in the unit of the points.
+
+    With `t_turns` t is an angle: the curve closes after a whole turn of it too.
+    """
+
+    def __init__(
+        self, curve: Curve, limits: tuple[float, float], max_step: float, most_points: int, t_turns: bool = False
+    ) -> None:
+        self.curve, self.limits, self.t_turns = curve, limits, t_turns
+        self.max_step, self.most_points = max_step, most_points
+        self.trace = Trace()
+        self.blocks: Blocks | None = None
+
+    def run(self, start: Any, along: Any, direction: int, choose: Chooser) -> Trace:
+        """Trace from a point near the curve; `along` is a vector (n + 1,) to set out in, or None."""
+        x = self._first(start)
+        if x is None:
+            return self.trace
+        self.trace.points.append(x)
+        here = crossing(self.curve, x) if self.curve.clearance(x) < math.sqrt(SAME) else None
+        if here is not None and here.is_bifurcation and np.max(np.abs(here.x - x)) < math.sqrt(SAME):
+            self.trace.points[0] = x = here.x
+            if along is None:
+                return self._crossed(here, None)
+            tangent = max(
+                (s * t for t in here.tangents for s in (1, -1)), key=lambda t: float(t @ along), default=along
+            )
+        else:
+            tangent = self.curve.tangent(x, along) * (direction if along is None else 1)
+        h = min(FIRST_STEP, self.max_step)
+        while len(self.trace.points) < self.most_points:
+            outcome = self._step(x, tangent, h)
+            if isinstance(outcome, Crossing):
+                self.trace.points.append(outcome.x)
+                chosen = choose(len(self.trace.points) - 1, outcome, tangent)
+                if chosen is None:
+                    return self._crossed(outcome, tangent)
+                self.trace.crossings.append((len(self.trace.points) - 1, outcome, tangent))
+                x, tangent, h = outcome.x, chosen / np.linalg.norm(chosen), FIRST_STEP
+                continue
+            if outcome is None:
+                return self._ended(End.STOPPED)
+            new, after, h = outcome
+            end = self._passed(x, tangent, new, after, h)
+            if end is not None:
+                return self._ended(end)
+            self.trace.points.append(new)
+            straight = float(tangent @ after) > math.cos(BEND / 2)
+            x, tangent, h = new, after, min(h * FASTER, self.max_step) if straight else h
+        return self._ended(End.POINTS)
+
+    def _first(self, start: Any) -> Any:
+        """Return the point of the curve at the same t as a point near it, or, at a singular pose, near it; or None."""
+        t_axis = np.zeros(len(start))
+        t_axis[-1] = 1.0
+        for across in (t_axis, None):
+            result = self.curve.corrected(start, self.curve.tangent(start) if across is None else across)
+            if result.converged and np.max(np.abs(result.q - start)) <= 1.0:
+                return result.q
+        return None
+
+    def _step(self, x: Any, tangent: Any, h: float) -> tuple[Any, Any, float] | Crossing | None:
+        """Return the next point, its tangent and the step that led there; a crossing on the way; or None."""
+        before = None
+        while h >= SHORTEST:
+            new = self.curve.stepped(x, tangent, h)
+            after = None if new is None else self.curve.tangent(new, tangent)
+            if new is not None and tangent @ after >= math.cos(BEND):
+                rows = self.curve.rows(new)
+                if before is None:
+                    before = self.curve.determinant(x, tangent, rows) if self.curve.clearance(x) > SAME else (0.0, 0.0)
+                sign = self.curve.determinant(new, after, rows)[0]
+                if sign == before[0] or before[0] == 0.0:
+                    if self._same_sides(x, tangent, new, after):
+                        return new, after, h
+                    h /= 2
+                    continue
+                found = self._crossing(x, new)
+                if found is not None:
+                    return found
+            h /= 2
+        return None
+
+    def _same_sides(self, x: Any, tangent: Any, new: Any, after: Any) -> bool:
+        """Whether the blocks of phi_q have the signs they had, which they keep where t does not turn.
+
+        Two crossings passed at once change the sign of the determinant twice.
+        """
+        system, turns = self.curve.system, tangent[-1] * after[-1] <= 0
+        if turns or system.m > system.n or min(abs(tangent[-1]), abs(after[-1])) < STANDING:
+            return True
+        if self.curve.clearance(x) <= SAME:  # from a crossing each of its curves goes on with signs of its own
+            return True
+        (q, t), pose = self.curve.pose(x), self.curve.pose(new)
+        if self.blocks is None:
+            self.blocks = blocks(system, q, t, np.arange(system.n))
+        return self.blocks.signs(system.phi_q(q, t)) == self.blocks.signs(system.phi_q(*pose))
+
+    def _crossing(self, x: Any, new: Any) -> Crossing | None:
+        """Return the bifurcation between two points, if the curves do cross there and not only pass by each other."""
+        chord = new - x
+        for part in (0.5, 0.1, 0.9):
+            found = crossing(self.curve, x + part * chord)
+            if found is not None and found.is_bifurcation:
+                at = (found.x - x) @ chord / (chord @ chord)
+                if -0.01 <= at <= 1.01 and np.linalg.norm(found.x - x - at * chord) <= np.linalg.norm(chord):
+                    return found
+        return None
+
+    def _passed(self, x: Any, tangent: Any, new: Any, after: Any, h: float) -> End | None:
+        """Note a turning point of this step; return why the trace ends in it, if it does."""
+        turns = tangent[-1] * after[-1] < 0 and max(abs(tangent[-1]), abs(after[-1])) > STANDING
+        stops = [(h, new)]
+        if turns:
+            at = self._where(x, tangent, h, lambda y: self.curve.tangent(y, tangent)[-1])
+            stops.insert(0, at)
+        closing = self._closing(x, tangent, h)
+        for k, (s, y) in enumerate(stops):
+            outside = [limit for limit, way in zip(self.limits, (-1, 1), strict=True) if way * (y[-1] - limit) > 0]
+            if closing is not None and closing <= s:
+                self.trace.points.append(self.trace.points[0] + self._turns(new))
+                return End.CLOSED
+            if outside:
+                self._stop_at(x, tangent, s, outside[0])
+                return End.RANGE
+            if turns and k == 0:
+                self.trace.points.append(y)
+                self.trace.turning.append((len(self.trace.points) - 1, bool(tangent[-1] > 0)))
+        return None
+
+    def _where(self, x: Any, tangent: Any, h: float, value: Callable[[Any], float]) -> tuple[float, Any]:
+        """Return the step, at most h, and the point there, at which a function of the point is zero."""
+        from scipy.optimize import brentq  # here, because importing it costs more than the rest of refkin
+
+        def at(s: float) -> Any:
+            y = x if s == 0.0 else self.curve.corrected(x + s * tangent, tangent).q
+            return float(value(y))
+
+        s = float(brentq(at, 0.0, h, xtol=1e-15, rtol=1e-15)) if at(0.0) * at(h) < 0 else h
+        return s, self.curve.corrected(x + s * tangent, tangent).q
+
+    def _stop_at(self, x: Any, tangent: Any, h: float, limit: float) -> None:
+        """Add the point at which t reaches a limit, exactly, unless the trace is there already."""
+        _, y = self._where(x, tangent, h, lambda y: float(y[-1] - limit))
+        axis = np.zeros(len(y))
+        axis[-1] = 1.0
+        guess = np.append(y[:-1], limit)
+        exact = self.curve.corrected(guess, axis)
+        y = exact.q if exact.converged and np.max(np.abs(exact.q - guess)) < 1e-3 else y
+        if x[-1] != limit:
+            self.trace.points.append(y)
+
+    def _turns(self, x: Any) -> Any:
+        """Return the whole turns of angles by which x differs from the first point."""
+        system = self.curve.system
+        period = 2 * math.pi / np.append(np.ones(system.n), self.curve.scale[-1])
+        angles = np.append(system.angles, self.t_turns)
+        return np.where(angles, period * np.round((x - self.trace.points[0]) / period), 0.0)
+
+    def _closing(self, x: Any, tangent: Any, h: float) -> float | None:
+        """Return the length of step that ends at the start, whole turns aside; None if this step does not."""
+        if len(self.trace.points) < 4:
+            return None
+        back = self.trace.points[0] + self._turns(x) - x
+        s = float(back @ tangent)
+        if not (0 < s <= h):
+            return None
+        y = self.curve.corrected(x + s * tangent, tangent).q
+        return s if np.max(np.abs(y - x - back)) < SAME else None
+
+    def _crossed(self, found: Crossing, incoming: Any) -> Trace:
+        self.trace.crossings.append((len(self.trace.points) - 1, found, incoming))
+        return self._ended(End.BIFURCATION)
+
+    def _ended(self, end: End) -> Trace:
+        self.trace.end = end
+        return self.trace

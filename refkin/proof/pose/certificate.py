@@ -1,0 +1,209 @@
+"""Certificates in float64, for a whole batch of poses: exactly one solution is here, and it is no further than this.
+
+Newton and Kantorovich's theorem in the form of Rump and of the radii polynomials, with a preconditioner R, about the
+inverse of J = phi_q(q). T(x) = x - R phi(x) has the roots of phi as its fixed points if R is regular, and its
+derivative is I - R phi_q(x). In the norm |v| = max_k |v_k| / w_k, w the first-order errors of the coordinates, let
+
+    eta >= |R phi(q)|     Z0 >= |I - R J|     Z2 r >= |R (phi_q(x) - J)| for all |x - q| <= r <= r_box.
+
+If eta + Z0 r + Z2 r^2 / 2 <= r <= r_box, then T maps the ball of radius r into itself, so phi has a root in it
+(Brouwer); if Z0 + Z2 r < 1, only one, for two would be closer to each other than they are. R and J are regular because
+Z0 < 1. Such an r exists if h = Z2 eta / (1 - Z0)^2 < 1/2: Kantorovich's h = beta K eta, with beta K in one number.
+
+Z2 comes from the spread of phi_q over the box, computed by the joints' own formulas (`bounded`): a constant for
+revolute rows, K0 + K1 r for rows that are bilinear; hence the box, and r is checked against it. Every bound includes
+the rounding of phi, of J, of the geometry and of the laws' values, and that of R J and of all products here (an inner
+product of n terms in any order is off by n U/(1 - n U) times the product of the absolute values). The truth is that of
+`exact`: the scene as it is written.
+
+Velocity solves phi_q(q*) x = nu at the root q*, acceleration phi_q(q*) x = gamma. With s = phi_q(q*) qd - nu enclosed,
+qd - qd* = R s + (I - R phi_q(q*)) (qd - qd*), so |qd - qd*| <= |R s| / (1 - Z0 - Z2 r); acceleration likewise. The root
+is known better than q: within Z0 r + Z2 r^2 / 2 of q - R phi(q). So the equations of velocity are enclosed around that
+point, those of acceleration around the velocity so improved; and phi and s, which are small by cancellation, are
+computed in extended precision. The bounds are then near the errors themselves, not near what rounding might have done.
+
+S. M. Rump, Verification methods, Acta Numerica 19 (2010), sections 10 and 13.
+"""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass, fields
+from typing import Any
+
+import numpy as np
+
+from refkin.proof.numbers.bounded import UP, Bounds, Extended, U, box
+from refkin.proof.numbers.preconditioned import Nearly, Preconditioned, independent_rows, product
+from refkin.system import System
+
+BOX = 2.5
+"""Radius of the box in which Z2 is computed, in units of eta: r <= 2 eta / (1 - Z0), so it holds r if Z0 <= 1/5."""
+REACH = 8.0
+"""The ball in which K and the uniqueness radius are sought, in units of 1/beta."""
+BLOCK = 2**16
+"""Matrix entries worked on at a time: what a cache holds."""
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """What is proved of a batch of poses; NaN where there is no proof. All in the system's scaled coordinates.
+
+    Attributes
+    ----------
+    ok : (B,) bool
+        Whether exactly one solution lies within `radii` of q.
+    radii : (n, B) array
+        Bounds of |q - q*| per coordinate.
+    unique : (B,) array
+        No other solution has all its coordinates closer to q than this.
+    beta : (B,) array
+        Bound of the row-sum norm of the inverse of phi_q.
+    lipschitz : (B,) array
+        Lipschitz constant K of phi_q in the row-sum norm, on the ball of radius min(1, 8/beta).
+    h : (B,) array
+        Kantorovich's h in the weighted norm, at most 1/2.
+    velocity, acceleration : (n, B) array or None
+        Bounds of |qd - qd*| and |qdd - qdd*|, if qd and qdd were given.
+    rows : (n,) array of int
+        The constraint rows the proof is about: all of them, or a maximal independent set of redundant ones.
+    root : Nearly
+        The solution itself: one Newton step from q, and how near it lies.
+    """
+
+    ok: Any
+    radii: Any
+    unique: Any
+    beta: Any
+    lipschitz: Any
+    h: Any
+    velocity: Any
+    acceleration: Any
+    rows: Any
+    root: Nearly
+
+    @property
+    def position(self) -> Any:
+        """Largest of `radii` per pose, (B,)."""
+        return np.max(self.radii, axis=0)
+
+
+def certify(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, rows: Any = None) -> Certificate:
+    """Certify the poses q (n, B) at the times t (B,), and the rates that are given, by float64 alone.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit, so that no bound depends on the unit of length.
+    q, qd, qdd : (n, B) array
+        Answers of any origin in the system's coordinates; qdd only with qd.
+    rows : (n,) array of int, optional
+        The rows to certify where there are more than n; by default a maximal independent set at the first pose.
+    """
+    q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
+    rows = independent_rows(system, q, t) if rows is None else np.asarray(rows)
+    step = max(1, BLOCK // system.n**2)
+    parts = []
+    for start in range(0, max(q.shape[1], 1), step):
+        at = np.s_[start : start + step]
+        rates = [None if x is None else np.asarray(x, float)[:, at] for x in (qd, qdd)]
+        with np.errstate(all="ignore"):  # a pose that leaves the numbers' range has no proof, which NaN says
+            parts.append(_certify(system, rows, q[:, at], t[at], *rates))
+    return _joined(parts)
+
+
+def _certify(system: System, rows: Any, q: Any, t: Any, qd: Any, qdd: Any) -> Certificate:
+    pose = Preconditioned(system, rows, q, t, 0 if qd is None else 1 if qdd is None else 2)
+    phi = pose.rows_of(pose.sharp.phi(box(q, 0.0, Extended), pose.times))
+    ball = _Ball(pose, phi)
+    radii = np.where(ball.ok, ball.radii, np.nan)
+    velocity, acceleration = _rates(ball, qd, qdd)
+    unique, beta, lipschitz = _uniqueness(pose, radii)
+    h = np.where(ball.ok, ball.h, np.nan)
+    return Certificate(ball.ok, radii, unique, beta, lipschitz, h, velocity, acceleration, rows, ball.root)
+
+
+class _Ball:
+    """The smallest ball of the weighted norm that is proved to hold exactly one root; `ok` where there is one."""
+
+    def __init__(self, pose: Preconditioned, phi: Bounds) -> None:
+        self.pose = pose
+        shift, error = pose.carried(phi)
+        step = np.abs(shift) + error
+        # No weight is far below the others: it would only magnify what rounding leaves of the zeros of R J.
+        self.w = w = step + np.maximum(U, 2.0**-20 * np.max(step, axis=0))
+        first = pose.defect_on(w)
+        second = pose.spread_on(pose.slope_over(BOX * w).spread, w) / BOX
+        eta, z0, z2 = (np.max(v / w, axis=0) for v in (step, first, second))
+        rest = 1 - z0
+        self.h = z2 * eta / rest**2
+        r = 2 * eta / (rest + np.sqrt(rest**2 - 2 * z2 * eta)) * (1 + 2.0**-20)
+        into_itself = UP * (eta + z0 * r + z2 * r * r / 2) <= r
+        self.theta = UP * (z0 + z2 * r)
+        self.ok = into_itself & (UP * r <= BOX) & (self.theta < 1)
+        self.defect_at_root = UP * (first + second * r)  # |I - R phi_q(q*)| w
+        remainder = UP * (error + first * r + second * r * r / 2)
+        self.radii = UP * np.minimum(r * w, np.abs(shift) + remainder)
+        self.root = Nearly(pose.q, -shift, np.where(self.ok, remainder, np.nan))
+
+    def solved(self, rate: Any, residual: Bounds) -> Nearly:
+        """Return x* with phi_q(q*) x* = b, from x (`rate`) and bounds of phi_q(q*) x - b."""
+        shift, error = self.pose.carried(residual)
+        largest = np.max((np.abs(shift) + error) / self.w, axis=0) / (1 - self.theta)
+        return Nearly(rate, -shift, UP * (error + UP * largest * self.defect_at_root))
+
+
+def _rates(ball: _Ball, qd: Any, qdd: Any) -> tuple[Any, Any]:
+    """Return the bounds of velocity and acceleration, each None if not asked for."""
+    if qd is None:
+        return None, None
+    pose, at = ball.pose, ball.root.box()
+    slope = pose.sharp.phi_q(at, pose.times)
+    velocity = ball.solved(qd, pose.rows_of(_residual(slope, qd, pose.sharp.nu(at, pose.times))))
+    if qdd is None:
+        return velocity.error, None
+    gamma = pose.sharp.gamma(at, velocity.box(), pose.times)
+    return velocity.error, ball.solved(qdd, pose.rows_of(_residual(slope, qdd, gamma))).error
+
+
+def _residual(slope: Any, rate: Any, right: Any) -> Any:
+    """Return slope rate - right, number by number."""
+    rates = box(rate, 0.0, Extended)
+    out = np.empty(len(slope), object)
+    for k, (row, side) in enumerate(zip(slope, right, strict=True)):
+        out[k] = sum((x * a for a, x in zip(row, rates, strict=True) if not (isinstance(a, int) and a == 0)), -side)
+    return out
+
+
+def _uniqueness(pose: Preconditioned, radii: Any) -> tuple[Any, Any, Any]:
+    """Return uniqueness radius, beta and K, (B,) each, in the plain largest-component norm.
+
+    With the root x at most p from q, any other root y at most u: |x - y| <= (Z0 + Z2 (p + u)/2) |x - y|, the mean of
+    |. - q| on the segment being at most (p + u)/2. So u >= 2 (1 - Z0)/Z2 - p, as far as Z2 holds.
+    """
+    ones = np.ones_like(pose.q)
+    norm = np.max(product(pose.size, ones), axis=0) * UP
+    rest = 1 - np.max(pose.defect_on(ones), axis=0)
+    reach = np.minimum(1.0, REACH / norm)
+    spread = pose.slope_over(reach * ones).spread
+    z2 = np.max(pose.spread_on(spread, ones), axis=0) / reach
+    position = np.max(radii, axis=0)
+    free = np.minimum(reach, 2 * rest / (UP * z2) - UP * position) * (2 - UP)
+    # The smallest side of the box that holds one root is proved in any case.
+    unique = np.fmax(np.where(position <= reach, free, np.nan), np.min(radii, axis=0))
+    beta = np.where((rest > 0) & ~np.isnan(position), UP * norm / rest, np.nan)
+    lipschitz = UP * np.max(product(spread, ones), axis=0) / reach
+    return np.where(np.isnan(position), np.nan, unique), beta, np.where(np.isnan(position), np.nan, lipschitz)
+
+
+def _joined(parts: list[Certificate]) -> Certificate:
+    """Return the certificates of consecutive blocks of lanes as one."""
+    values: dict[str, Any] = {}
+    for field in fields(Certificate):
+        found = [getattr(part, field.name) for part in parts]
+        if field.name == "root":
+            values["root"] = Nearly(*(np.concatenate(part, axis=-1) for part in zip(*map(astuple, found), strict=True)))
+        elif field.name == "rows" or found[0] is None:
+            values[field.name] = found[0]
+        else:
+            values[field.name] = np.concatenate(found, axis=-1)
+    return Certificate(**values)

@@ -1,0 +1,125 @@
+"""What is known of an answer: proved by float64 where that is enough, else by balls, else not at all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from flint import ctx
+
+from refkin.proof.numbers.inputs import contradiction, rate_contradiction
+from refkin.proof.numbers.recentred import Recentred, recentred
+from refkin.proof.pose.certificate import certify
+from refkin.proof.pose.krawczyk import Enclosure, krawczyk
+from refkin.system import System
+
+FLOAT64 = 53
+BLURRED, BLURRED_RATE = 2.0**-36, 2.0**-26
+"""Bounds of errors beyond which balls take over from float64: of a position, and of a rate in units of its size."""
+FAR = 64.0
+"""Distance of a frame from the joints, in sizes, beyond which they do likewise: errors grow as its square."""
+
+
+@dataclass(frozen=True)
+class Isolation:
+    """Proved error bounds of a batch of poses, largest scaled coordinate, each (B,); NaN where there is no proof.
+
+    Attributes
+    ----------
+    ok : (B,) array of bool
+        Whether the pose is isolated: exactly one solution lies within the bound, in a box that holds q.
+    bits : (B,) array of int
+        The precision of the proof: 53 float64, more for balls, 0 none.
+    position, velocity, acceleration : (B,) array
+        Bounds of the errors of q, qd, qdd; a rate that was not given has NaN.
+    unique : (B,) array
+        No other solution has all its coordinates closer to q than this.
+    contradiction : (B,) array
+        Where rows are redundant, the largest |phi| of a row that was not needed, or what it misses of the rates that
+        were given, in units of what a few roundings of the mechanism's numbers explain: at most 1 is consistent. 0
+        without redundant rows.
+    enclosures : dict
+        By lane: the roots that balls enclosed, where float64 proved none, or little. They know better than the answers.
+    """
+
+    ok: Any
+    bits: Any
+    position: Any
+    velocity: Any
+    acceleration: Any
+    unique: Any
+    contradiction: Any
+    enclosures: dict[int, Enclosure] = field(default_factory=dict)
+
+
+def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, bits: int = 113) -> Isolation:
+    """Prove what can be proved of the poses q (n, B) at the times t (B,) and of their rates.
+
+    Poses are certified in float64, all at once; each for which that fails, or leaves a bound above `BLURRED`, is tried
+    by Krawczyk's test with `bits` bits.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit.
+    q, qd, qdd : (n, B) array
+        Answers in the system's coordinates; qdd only with qd.
+    """
+    q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
+    proof = certify(system, q, t, qd, qdd)
+    nothing = np.full(len(t), np.nan)
+    found = Isolation(
+        ok=proof.ok.copy(),
+        bits=np.where(proof.ok, FLOAT64, 0),
+        position=proof.position,
+        velocity=nothing.copy() if proof.velocity is None else np.max(proof.velocity, axis=0),
+        acceleration=nothing.copy() if proof.acceleration is None else np.max(proof.acceleration, axis=0),
+        unique=proof.unique,
+        contradiction=contradiction(system, proof.rows, proof.root, t),
+    )
+    frames = recentred(system)
+    sharp = (found.position <= BLURRED) & (frames.furthest <= FAR)
+    for bound, rate in ((found.velocity, qd), (found.acceleration, qdd)):
+        if rate is not None:
+            sharp &= bound <= BLURRED_RATE * np.maximum(1.0, np.max(np.abs(rate), axis=0))
+    for lane in np.flatnonzero(~sharp & np.isfinite(q).all(axis=0) & np.isfinite(t)):
+        enclosure = _in_moved_frames(frames, q[:, lane], t[lane], bits)
+        if enclosure is None:
+            enclosure = krawczyk(system, q[:, lane], t[lane], bits)
+        if enclosure is not None:
+            rates = [None if x is None else np.asarray(x, float)[:, lane] for x in (qd, qdd)]
+            _by_balls(found, lane, enclosure, q[:, lane], *rates)
+    if qd is not None:
+        rates_apart = rate_contradiction(system, proof.rows, q, t, qdd is not None)
+        np.fmax(found.contradiction, rates_apart, out=found.contradiction)
+    return found
+
+
+def _in_moved_frames(frames: Recentred, q: Any, t: float, bits: int) -> Enclosure | None:
+    """Return the root, proved in frames near the joints where some are far away; None if none are, or it is not proved.
+
+    The box of that proof is narrow where that in the given frames is long: turning a body far away shifts it as well.
+    """
+    found = krawczyk(frames.inner, frames.inward(q), t, bits) if frames.shifts.any() else None
+    if found is None:
+        return None
+    with ctx.workprec(bits):
+        root = frames.outward_balls(found.q)
+    # All that is closer in the given coordinates is in the box: shifts turn with the angles.
+    radii = found.radii / (1.0 + np.sum(np.abs(frames.shifts)))
+    return Enclosure(frames.system, t, bits, root, radii, found.rows)
+
+
+def _by_balls(found: Isolation, lane: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:
+    found.position[lane] = position = np.max(enclosure.distance(q))
+    if not found.ok[lane]:
+        wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
+        found.unique[lane] = np.min(enclosure.radii) if wider is None else 2 * position
+    found.ok[lane], found.bits[lane], found.enclosures[int(lane)] = True, enclosure.bits, enclosure
+    found.contradiction[lane] = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])[0]
+    if qd is not None:
+        velocity = enclosure.velocity()
+        found.velocity[lane] = np.max(enclosure.distance(qd, velocity))
+        if qdd is not None:
+            found.acceleration[lane] = np.max(enclosure.distance(qdd, enclosure.acceleration(velocity)))

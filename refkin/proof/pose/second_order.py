@@ -1,0 +1,170 @@
+"""Rows of phi_q at a pose, balanced; their null vectors; and which first-order motions go on to second order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from refkin.proof.assembly.search import closes, radical_inverse
+from refkin.proof.path.branch_points import roots
+from refkin.system import System
+
+ROUNDS = 24
+"""How often rows and columns are balanced in turn: a factor 2^24 between neighbours is gone by then."""
+STEP = 1e-100
+"""Step of complex-step derivatives."""
+FAR = 1e-2
+"""How far a motion is followed to see whether it goes on, in the largest coordinate."""
+SATISFIED = 1e-6
+"""Value of a form of size 1 that counts as zero: a singular pose is known to the root of round-off."""
+STARTS = 48
+"""Directions from which tangents are sought where several equations must hold."""
+
+
+@dataclass(frozen=True)
+class Balanced:
+    """A matrix D_1 J D_2 with rows and columns of about the same size, and its singular values and vectors."""
+
+    system: System
+    q: Any
+    t: float
+    rows: Any
+    matrix: Any
+    by_row: Any
+    by_column: Any
+    left: Any
+    sigma: Any
+    right: Any
+
+    def rank(self, tolerance: float) -> int:
+        """Return how many singular values are above a tolerance."""
+        return int(np.sum(self.sigma > tolerance))
+
+    def right_null(self, tolerance: float) -> Any:
+        """Return motions (n, k) that the rows allow, as changes of the coordinates."""
+        vectors = self.right[self.rank(tolerance) :].T
+        return vectors * self.by_column[:, None]
+
+    def left_null(self, rank: int) -> Any:
+        """Return weights (k, m) of rows whose sum is zero, beyond a rank."""
+        return self.left[:, rank:].T * self.by_row
+
+    def left_null_with(self, rows: Any, tolerance: float) -> Any:
+        """Return of these the weights (m,) in which the given rows have the largest part."""
+        null = self.left[:, self.rank(tolerance) :]
+        weights = np.linalg.svd(null[rows])[2][0]
+        return (null @ weights) * self.by_row
+
+    def bend(self, weights: Any) -> Any:
+        """Return the second derivatives (n, n) of the sum of rows with weights (m,), by complex steps."""
+        n = len(self.q)
+        out = np.empty((n, n))
+        for k in range(n):
+            moved = self.q.astype(complex)
+            moved[k] += STEP * 1j
+            out[k] = weights @ np.imag(self.system.phi_q(moved, self.t)[self.rows]) / STEP
+        return (out + out.T) / 2
+
+    def with_row(self, row: int, column: int) -> Balanced:
+        """Return the matrix with a row replaced by one that holds a single coordinate."""
+        jacobian = self.system.phi_q(self.q, self.t)[self.rows]
+        jacobian[row] = 0.0
+        jacobian[row, column] = 1.0
+        return _balanced(self.system, self.q, self.t, self.rows, jacobian)
+
+
+def balanced(system: System, q: Any, t: float, rows: Any) -> Balanced:
+    """Return some rows of phi_q, balanced."""
+    return _balanced(system, q, t, rows, system.phi_q(q, t)[rows])
+
+
+def _balanced(system: System, q: Any, t: float, rows: Any, jacobian: Any) -> Balanced:
+    matrix, by_row, by_column = jacobian, np.ones(len(rows)), np.ones(system.n)
+    for _ in range(ROUNDS):
+        row, column = (np.sqrt(np.max(np.abs(matrix), axis=axis, initial=0.0)) for axis in (1, 0))
+        row, column = np.where(row > 0, row, 1.0), np.where(column > 0, column, 1.0)
+        matrix = matrix / row[:, None] / column
+        by_row, by_column = by_row / row, by_column / column
+    left, sigma, right = np.linalg.svd(matrix)
+    sigma = np.append(sigma, np.zeros(max(0, system.n - len(sigma))))
+    return Balanced(system, q, t, rows, matrix, by_row, by_column, left, sigma, right)
+
+
+@dataclass(frozen=True)
+class Cone:
+    """Motions that go on to second order.
+
+    Attributes
+    ----------
+    forms : int
+        How many independent conditions psi . phi_qq[v, v] = 0 there are.
+    tangents : tuple of (n,) arrays
+        The motions that satisfy them all, if these are finitely many.
+    is_definite : bool
+        Whether one condition alone forbids every motion.
+    """
+
+    forms: int
+    tangents: tuple[Any, ...] = ()
+    is_definite: bool = False
+
+
+def cone(held: Balanced, tolerance: float) -> Cone:
+    """Return which of the motions that some rows allow to first order go on to second order."""
+    rank = held.rank(tolerance)
+    free, count = held.right_null(tolerance), held.system.n - rank
+    forms = [free.T @ held.bend(psi) @ free for psi in held.left_null(rank)]
+    upper = np.triu_indices(count)
+    _, sizes, basis = np.linalg.svd(np.array([form[upper] for form in forms]).reshape(len(forms), -1))
+    independent = [_symmetric(b, count) for b in basis[: int(np.sum(sizes > tolerance))]]
+    if not independent:
+        return Cone(0)
+    definite = any(np.ptp(np.sign(values)) == 0 for values in (_eigenvalues(f, tolerance) for f in independent))
+    if count == 2:
+        found = tuple(a for a in roots(independent[0]) if all(abs(a @ b @ a) <= SATISFIED for b in independent))
+    else:
+        found = _common_roots(independent) if len(independent) >= count - 1 else ()
+    return Cone(len(independent), tuple(free @ a for a in found), definite)
+
+
+def _symmetric(entries: Any, count: int) -> Any:
+    out = np.zeros((count, count))
+    out[np.triu_indices(count)] = entries
+    return out + np.triu(out, 1).T
+
+
+def _eigenvalues(form: Any, tolerance: float) -> Any:
+    values = np.linalg.eigvalsh(form)
+    return np.where(np.abs(values) > tolerance * np.max(np.abs(values)), values, 0.0)
+
+
+def _common_roots(forms: list[Any]) -> tuple[Any, ...]:
+    """Return the unit vectors a, up to sign, with a^T B a = 0 for all forms, by Newton from many directions."""
+    count = len(forms[0])
+    found: list[Any] = []
+    for k in range(1, STARTS + 1):
+        a = np.array([2 * radical_inverse(k, prime) - 1 for prime in (2, 3, 5, 7, 11, 13)[:count]])
+        for _ in range(30):
+            residual = np.append([a @ b @ a for b in forms], a @ a - 1)
+            slope = np.vstack([*(2 * a @ b for b in forms), 2 * a])
+            if np.linalg.cond(slope) > 1e8:  # a multiple root, or none: not decided to second order
+                break
+            a = a - np.linalg.lstsq(slope, residual, rcond=None)[0]
+        else:
+            if np.max(np.abs(residual)) < SATISFIED and all(
+                min(abs(a - b).max(), abs(a + b).max()) > 1e-6 for b in found
+            ):
+                found.append(a)
+    return tuple(found)
+
+
+def advances(system: System, q: Any, t: float, direction: Any) -> bool:
+    """Return whether a motion at a fixed time goes on: whether there is another pose a little further."""
+    step = direction / np.max(np.abs(direction)) * FAR
+    x = q + step
+    for _ in range(12):
+        x = x - np.linalg.pinv(system.phi_q(x, t), rcond=1e-6) @ system.phi(x, t)
+    away = np.abs(x - q)
+    return bool(closes(system, x, t) and np.max(away) > FAR / 2 and np.max(np.abs(x - q - step)) < FAR / 2)

@@ -1,0 +1,288 @@
+"""Why a pose is singular, in words: what `diagnose` finds at a pose where phi_q has not full rank, or nearly so.
+
+phi_q is looked at with every body's frame on one of its joints (`recentred`) and its rows and columns balanced, so that
+neither units, nor lengths of 1e-6, nor frames far away pass for singularities. Let J_K be its rows of joints, of rank
+r_K, and n - r_K the mobility of the pose, to be held by d driven rows:
+
+========================= ==========================================================================================
+regular                   phi_q has full rank; the pose is proved to be alone
+redundant rows            so it has, with more rows than coordinates
+structure                 the joints alone hold everything: n = r_K; or what moves to first order does not to second
+formulation singularity   a row of phi_q vanishes: the equation is not fit for this pose (a cylinder of length zero)
+turning point             n - r_K = d, and the drivers do not hold a motion v that the joints allow: the input turns
+                          back there, for its second derivative along v, psi . phi_qq[v, v], is not zero
+actuator singularity      likewise, but it is zero, or several motions are not held
+idle motion               a motion that no driver holds, and that goes on
+bifurcation               n - r_K > d: to second order two or more motions satisfy psi . phi_qq[v, v] = 0 for all
+                          psi with psi^T J_K = 0
+higher order              none of these tests decides
+========================= ==========================================================================================
+
+A turning point is an actuator singularity too: with another driver the same pose is regular; the message says which.
+(F. C. Park and J. W. Kim, J. Mech. Des. 121, 1999; A. Mueller, J. Mechanisms Robotics 2016; that second-order tests
+need not decide: P. Lopez-Custodio, A. Mueller, J. S. Dai, J. Mechanisms Robotics 2021.)
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from refkin.joints import GROUND
+from refkin.model import Scene
+from refkin.motion import Array
+from refkin.proof.assembly.search import radical_inverse
+from refkin.proof.numbers.inputs import contradiction
+from refkin.proof.numbers.recentred import Recentred, recentred
+from refkin.proof.pose.isolate import isolate
+from refkin.proof.pose.krawczyk import krawczyk
+from refkin.proof.pose.second_order import advances, balanced, cone
+from refkin.solving.starts import find_start
+from refkin.system import System, compile_system
+
+VANISHING = 1e-6
+"""Balanced singular values, and rows, that count as zero: a singular pose is known to the root of round-off."""
+INVOLVED = 1e-4
+"""Part of the largest entry of a null vector that makes a row or body count as involved."""
+NEAR = 1e-3
+"""Balanced singular value below which a regular pose is called nearly singular."""
+OPEN = 1e-6
+"""Largest scaled residual of what is taken for a pose."""
+
+
+class Kind(StrEnum):
+    """What a pose is; see the module."""
+
+    REGULAR = "regular"
+    REDUNDANT = "redundant rows"
+    STRUCTURE = "structure"
+    FORMULATION = "formulation singularity"
+    TURNING_POINT = "turning point"
+    ACTUATOR = "actuator singularity"
+    IDLE = "idle motion"
+    BIFURCATION = "bifurcation"
+    HIGHER = "singularity of higher order"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Diagnosis:
+    """What a pose is, and why.
+
+    Attributes
+    ----------
+    sigma : float
+        The smallest singular value of the balanced phi_q: about 1 at a good pose of any mechanism.
+    rows : tuple of str
+        The joints and drivers whose rows depend on each other.
+    bodies : tuple of str
+        The bodies that move although all drivers are held.
+    tangents : tuple of (n,) arrays
+        At a bifurcation the directions [m, rad] in which poses go on.
+    other_driver : str
+        A driver with which the same pose is regular; empty if none was found, or needed.
+    message : str
+        In words.
+    """
+
+    kind: Kind
+    sigma: float
+    rows: tuple[str, ...] = ()
+    bodies: tuple[str, ...] = ()
+    tangents: tuple[Array, ...] = ()
+    other_driver: str = ""
+    message: str = ""
+
+
+def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Diagnosis:
+    """Say what a pose is.
+
+    Parameters
+    ----------
+    given : Scene or System
+    q : (n,) array, optional
+        The pose [m, rad], contact parameters last; by default the first pose of the scene.
+    t : float, optional
+        Its time; by default the scene's first.
+
+    Raises
+    ------
+    ValueError
+        If there is no pose: a system without q and t, a scene without a first pose, a q that does not close.
+    """
+    system = compile_system(given.mechanism, unit=given.mechanism.unit())
+    if isinstance(given, Scene):
+        t = given.times[0] if t is None else t
+        if q is None:
+            start = find_start(system, given)
+            if start.q is None:
+                raise ValueError(f"the scene has no first pose: {start.message}")
+            return diagnose_scaled(system, start.q, t)
+    if q is None or t is None:
+        raise ValueError("a system alone has no pose: give q and t")
+    return diagnose_scaled(system, system.to_unit(np.asarray(q, float)), float(t))
+
+
+def diagnose_scaled(system: System, q: Any, t: float) -> Diagnosis:
+    """Say what a pose is, in the coordinates of a system in its mechanism's own unit."""
+    # Far from their origin, x and y carry the rounding of their own size.
+    residual, size = float(np.max(np.abs(system.phi(q, t)))), max(1.0, float(np.max(np.abs(q))))
+    if not residual <= OPEN * size:
+        raise ValueError(f"q is no pose at t = {t:g}: its largest scaled residual is {residual:.3g}")
+    frames = recentred(system)
+    return _Examination(frames, _polished(frames.inner, frames.inward(q), t), t).result()
+
+
+def _polished(system: System, q: Any, t: float) -> Any:
+    """Return a pose with its residual at round-off, by the shortest corrections: Newton's may be long here."""
+    for _ in range(3):
+        q = q - np.linalg.pinv(system.phi_q(q, t), rcond=VANISHING) @ system.phi(q, t)
+    return q
+
+
+class _Examination:
+    """One pose in recentred frames."""
+
+    def __init__(self, frames: Recentred, q: Any, t: float, vanishing: float = VANISHING) -> None:
+        self.frames, self.system, self.q, self.t, self.vanishing = frames, frames.inner, q, t, vanishing
+        self.constraints = [p.constraint for p in self.system.placed for _ in range(p.constraint.rows)]
+        self.of_joints = sum(joint.rows for joint in self.system.mechanism.joints)
+        self.all = balanced(self.system, q, t, np.arange(self.system.m))
+        self.joints = balanced(self.system, q, t, np.arange(self.of_joints))
+        self.sigma = self.all.sigma[self.system.n - 1]
+        self.mobility = self.system.n - self.joints.rank(self.vanishing)
+
+    def result(self) -> Diagnosis:
+        """Take one test after another."""
+        if isolate(self.system, self.q[:, None], [self.t]).ok[0]:
+            return self._isolated()
+        return self.singular()
+
+    def singular(self) -> Diagnosis:
+        """Say which kind of singularity this is."""
+        vanishing = self._vanishing()
+        if vanishing.size:
+            return self._formulation(vanishing)
+        if self.all.rank(self.vanishing) == self.system.n:
+            return self._of(Kind.HIGHER, "the pose is not proved to be alone, although phi_q has full rank")
+        if self.mobility <= self.system.m - self.of_joints:
+            return self._not_held()
+        return self._mobile()
+
+    def _vanishing(self) -> Any:
+        """Return the rows whose gradient is small against what it is elsewhere."""
+        elsewhere = self.q + np.array([0.1 + 0.2 * radical_inverse(k + 1, 2) for k in range(self.system.n)])
+        here, there = (np.linalg.norm(self.system.phi_q(q, self.t), axis=1) for q in (self.q, elsewhere))
+        return np.flatnonzero(here <= VANISHING * there)
+
+    def _of(self, kind: Kind, message: str, **more: Any) -> Diagnosis:
+        return Diagnosis(kind=kind, sigma=float(self.sigma), message=f"{kind.value}: {message}", **more)
+
+    def _isolated(self) -> Diagnosis:
+        rows = self._rows(self.all.left_null(self.system.n)) if self.system.m > self.system.n else ()
+        if self.mobility == 0:
+            return self._of(Kind.STRUCTURE, "the joints alone hold every body: no driver can move it", rows=rows)
+        if not rows:
+            return self._of(Kind.REGULAR, f"the pose is proved to be alone{self._near()}")
+        enclosure = krawczyk(self.system, self.q, self.t)
+        times = np.array([self.t])
+        size = (
+            0.0 if enclosure is None else contradiction(self.system, enclosure.rows, enclosure.root(self.q), times)[0]
+        )
+        how = "agree" if size <= 1.0 else f"contradict each other: {size:.3g} times what rounding explains"
+        return self._of(Kind.REDUNDANT, f"the rows of {_and(rows)} depend on each other, and {how}", rows=rows)
+
+    def _near(self) -> str:
+        """Return which singularity is near, in words."""
+        if self.sigma >= NEAR:
+            return ""
+        like = _Examination(self.frames, self.q, self.t, vanishing=max(VANISHING, 4 * float(self.sigma))).singular()
+        return f"; it is nearly singular (sigma {self.sigma:.3g}), close to what would be this. {like.message}"
+
+    def _formulation(self, vanishing: Any) -> Diagnosis:
+        rows = self._names(vanishing)
+        what = "two points that it holds apart, or a tangent that it needs, vanish"
+        return self._of(Kind.FORMULATION, f"the equation of {_and(rows)} has no gradient here: {what}", rows=rows)
+
+    def _not_held(self) -> Diagnosis:
+        """The drivers do not hold what the joints allow."""
+        free = self.all.right_null(self.vanishing)
+        left = self.all.left_null_with(np.arange(self.of_joints, self.system.m), self.vanishing)
+        rows, bodies = self._rows(left[None]), self._bodies(free)
+        other = self._other_driver(free)
+        same = f"; driven by {other} the same pose is regular (an actuator singularity)" if other else ""
+        told = {"rows": rows, "bodies": bodies, "other_driver": other}
+        held = f"with the drivers held {_and(bodies)} can still move"
+        if free.shape[1] == 1 and abs(free[:, 0] @ self.all.bend(left) @ free[:, 0]) > self.vanishing:
+            drivers = [r for r in rows if r in {d.name for d in self.system.mechanism.drivers}]
+            return self._of(Kind.TURNING_POINT, f"{held} to first order, and {_and(drivers)} turns back{same}", **told)
+        if advances(self.system, self.q, self.t, free[:, 0]):
+            return self._of(Kind.IDLE, f"{held} on and on{same}", **told)
+        return self._of(Kind.ACTUATOR, f"{held} to first order{same}", **told)
+
+    def _mobile(self) -> Diagnosis:
+        """The joints allow more motions than there are driven rows."""
+        free, held = self.all.right_null(self.vanishing), self.joints
+        found = cone(held, self.vanishing)
+        rows, bodies = self._rows(held.left_null(self.system.n - self.mobility)), self._bodies(free)
+        told = {"rows": rows, "bodies": bodies}
+        more = f"the joints allow {_counted(self.mobility)} to first order"
+        if found.forms == 0:
+            if advances(self.system, self.q, self.t, free[:, 0]):
+                return self._of(Kind.IDLE, f"no driver holds {_and(bodies)}", bodies=bodies)
+            return self._of(Kind.HIGHER, f"{more}; to second order nothing forbids one of them", **told)
+        if len(found.tangents) > 1:
+            tangents = tuple(self._outward(v) for v in found.tangents)
+            some = f"{more}; to second order {len(tangents)} of them go on, and the path may take any"
+            return self._of(Kind.BIFURCATION, some, tangents=tangents, **told)
+        if found.tangents:
+            return self._of(
+                Kind.HIGHER, f"{more}, of which one goes on: the rows are dependent, the path is not", **told
+            )
+        if found.is_definite:
+            return self._of(Kind.STRUCTURE, f"{more}, to second order none: the pose is alone, and shaky", **told)
+        return self._of(Kind.HIGHER, f"{more}; the second order does not decide which of them go on", **told)
+
+    def _other_driver(self, free: Any) -> str:
+        """Return a driven angle, or coordinate, in place of one of the drivers, with which the pose is regular."""
+        names = [body.name for body in self.system.mechanism.bodies]
+        size = np.max(np.abs(free), axis=1)[: self.system.of_bodies].reshape(-1, 3)
+        candidates = [(size[k, 2], f"the angle of {name}", 3 * k + 2) for k, name in enumerate(names)]
+        candidates += [
+            (1e-3 * size[k, c], f"{'xy'[c]} of {name}", 3 * k + c) for k, name in enumerate(names) for c in (0, 1)
+        ]
+        for _, words, column in sorted(candidates, reverse=True)[:4]:
+            for driver in range(self.of_joints, self.system.m):
+                if self.all.with_row(driver, column).rank(1e3 * VANISHING) == self.system.n:
+                    return words
+        return ""
+
+    def _outward(self, direction: Any) -> Any:
+        rate = self.frames.outward_rate(self.q, direction)
+        return self.frames.system.to_physical(rate / np.max(np.abs(rate)), order=1)
+
+    def _rows(self, null: Any) -> tuple[str, ...]:
+        """Return the constraints with a part in null vectors (k, m)."""
+        size = np.max(np.abs(null), axis=0, initial=0.0)
+        return self._names(np.flatnonzero(size > INVOLVED * np.max(size, initial=0.0)))
+
+    def _names(self, rows: Any) -> tuple[str, ...]:
+        return tuple(dict.fromkeys(self.constraints[k].name for k in rows))
+
+    def _bodies(self, free: Any) -> tuple[str, ...]:
+        """Return the bodies that move in the motions (n, k)."""
+        size = np.max(np.abs(free), axis=1)[: self.system.of_bodies].reshape(-1, 3).max(axis=1)
+        names = [body.name for body in self.system.mechanism.bodies]
+        return tuple(name for name, x in zip(names, size, strict=True) if x > INVOLVED * size.max() and name != GROUND)
+
+
+def _counted(motions: int) -> str:
+    return f"{motions} motion{'' if motions == 1 else 's'}"
+
+
+def _and(names: Any) -> str:
+    """Return names in a row."""
+    names = list(names)
+    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if names else "nothing"

@@ -1,0 +1,26 @@
+"""Linkages by their lengths: `FourBar`, `SliderCrank`, `InvertedSliderCrank` -> Mechanism and Scene.
+
+Each also knows in closed form what its lengths imply: change-point slack and Grashof class, the range of its input,
+both assemblies at an input, transmission angle, dead centres. Solving a scene uses none of this: it gives the estimate
+to start from, and refuses an input that the linkage cannot follow.
+"""
+
+from refkin.scenes.linkages.base import Branch, Linkage, Pose, law_keys, rough
+from refkin.scenes.linkages.closures import ANYWHERE, DoesNotAssemble, Interval
+from refkin.scenes.linkages.four_bar import FourBar, GrashofClass
+from refkin.scenes.linkages.slider_cranks import InvertedSliderCrank, SliderCrank
+
+__all__ = [
+    "ANYWHERE",
+    "Branch",
+    "DoesNotAssemble",
+    "FourBar",
+    "GrashofClass",
+    "Interval",
+    "InvertedSliderCrank",
+    "Linkage",
+    "Pose",
+    "SliderCrank",
+    "law_keys",
+    "rough",
+]

@@ -1,0 +1,276 @@
+"""What linkages share: placement, validation, the scene of a linkage that follows a motion law.
+
+Vectors of the plane are complex numbers in the linkage's own frame: crank pivot at 0, x along the ground link or along
+the guide; `origin` and `angle` place that frame on the ground. Angles passed in and out are those of the bodies (phi of
+body `driven` minus phi of body `relative_to`), as an angle driver has them. Body frames sit in the middle of a link, on
+the wrist pin of a slider, on the pivot of a lever; their x axis points along the link.
+"""
+
+from __future__ import annotations
+
+import cmath
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass, field
+from enum import StrEnum
+from numbers import Real
+from typing import Any, ClassVar, TypeVar
+
+import numpy as np
+
+from refkin.errors import Fault, InvalidScene
+from refkin.joints import GROUND, AngleDriver, Constraint, Driver, Pair
+from refkin.model import Body, Effect, Evidence, Mechanism, Scene
+from refkin.motion_laws import Integral, Law, Polynomial
+from refkin.scenes.linkages.closures import DoesNotAssemble, Interval, covers
+
+Pose = dict[str, tuple[float, float, float]]
+"""Body -> (x [m], y [m], phi [rad]) in the ground frame."""
+
+Member = TypeVar("Member", bound=StrEnum)
+
+
+class Branch(StrEnum):
+    """The two assemblies of a linkage at one input; each linkage says which one is OPEN."""
+
+    OPEN = "open"
+    CROSSED = "crossed"
+
+    @property
+    def sign(self) -> int:
+        """1 for OPEN, -1 for CROSSED."""
+        return 1 if self is Branch.OPEN else -1
+
+
+@dataclass(frozen=True)
+class Linkage:
+    """A linkage with one input: the coordinate that a driver holds, phi of `driven` against `relative_to` or a slide.
+
+    Raises
+    ------
+    InvalidScene
+        If a length is not a finite number above 0, or an offset or the placement is not finite.
+    """
+
+    origin: Pair = field(default=(0.0, 0.0), kw_only=True)
+    angle: float = field(default=0.0, kw_only=True)
+
+    LENGTHS: ClassVar[tuple[str, ...]]
+    INPUTS: ClassVar[tuple[tuple[str, str], ...]]
+    """The pairs (driven, relative_to) that can be the input."""
+
+    def __post_init__(self) -> None:
+        found = list(self._faults())
+        if found:
+            raise InvalidScene(found, type(self).__name__)
+        for key in (*self.LENGTHS, "offset", "angle"):
+            if hasattr(self, key):
+                object.__setattr__(self, key, float(getattr(self, key)))
+        object.__setattr__(self, "origin", (float(self.origin[0]), float(self.origin[1])))
+
+    def _faults(self) -> Iterator[Fault]:
+        for key in self.LENGTHS:
+            value = getattr(self, key)
+            if not (_is_finite(value) and value > 0):
+                yield Fault(key, value, "a length above 0 [m]")
+        for key in ("offset", "angle"):
+            if not _is_finite(getattr(self, key, 0.0)):
+                yield Fault(key, getattr(self, key), "a finite number")
+        if not (isinstance(self.origin, Sequence) and len(self.origin) == 2 and all(map(_is_finite, self.origin))):
+            yield Fault("origin", self.origin, "two finite numbers [m]")
+
+    @property
+    def reach(self) -> float:
+        """Sum of all lengths [m]: the scale of round-off in the closed forms."""
+        return math.fsum(abs(getattr(self, key, 0.0)) for key in (*self.LENGTHS, "offset"))
+
+    @property
+    def slack(self) -> float:
+        """Distance from the change point [m]: above 0 a link makes full turns, below 0 none does; 0 exactly there."""
+        raise NotImplementedError
+
+    def input_range(self, driven: str = "crank", relative_to: str = GROUND) -> tuple[Interval, ...]:
+        """Return the intervals of the input [rad, or m] in which the linkage assembles.
+
+        An angle that makes full turns has the one interval (-inf, inf); other intervals of angles repeat every 2 pi.
+        """
+        raise NotImplementedError
+
+    def closure_margin(self, value: float, driven: str = "crank", relative_to: str = GROUND) -> float:
+        """Return how far the linkage is from a pose where its last two links lie in one line [m].
+
+        0 at a limit position; negative where the linkage does not assemble: minus the gap.
+        """
+        raise NotImplementedError
+
+    def assemble(
+        self, value: float, branch: Branch | str = Branch.OPEN, *, driven: str = "crank", relative_to: str = GROUND
+    ) -> Pose:
+        """Return the pose of all bodies at an input.
+
+        Raises
+        ------
+        DoesNotAssemble
+            With the gap [m], where it is above round-off.
+        """
+        margin = self.closure_margin(value, driven, relative_to)
+        # The margin is a sum of lengths and of one distance, each right to a few units 2^-53 of the reach.
+        if not margin >= -8 * 2.0**-53 * self.reach:
+            raise DoesNotAssemble(self, driven, value, -margin)
+        return self._pose(value, member(Branch, branch, "branch").sign, driven, relative_to)
+
+    def _pose(self, value: float, sign: int, driven: str, relative_to: str) -> Pose:
+        raise NotImplementedError
+
+    def joints(self) -> tuple[Constraint, ...]:
+        """Return the joints, without driver."""
+        raise NotImplementedError
+
+    def driver(self, law: Law, driven: str = "crank", relative_to: str = GROUND) -> Driver:
+        """Return the driver that makes the input follow a law (a rate as `Integral`)."""
+        self._check_input(driven, relative_to)
+        return AngleDriver(name="driver", body=driven, relative_to=relative_to, **law_keys(law))
+
+    def mechanism(self, driver: Driver, estimate: Pose | None = None) -> Mechanism:
+        """Return the mechanism with a driver of any kind on its bodies."""
+        names = dict.fromkeys(body for joint in self.joints() for body in joint.bodies if body != GROUND)
+        bodies = tuple(Body(name=name, estimate=(estimate or {}).get(name)) for name in names)
+        return Mechanism(bodies, self.joints(), (driver,))
+
+    def scene(
+        self,
+        speed: float = 2.0,
+        turns: float = 1,
+        samples: int = 361,
+        branch: Branch | str = Branch.OPEN,
+        *,
+        start: float = 0.0,
+        law: Law | None = None,
+        times: Sequence[float] | None = None,
+        driven: str = "crank",
+        relative_to: str = GROUND,
+        effects: Collection[Effect | str] = tuple(Effect),
+        evidence: Collection[Evidence | str] = tuple(Evidence),
+        name: str | None = None,
+    ) -> Scene:
+        """Return a scene that starts on a branch.
+
+        Parameters
+        ----------
+        speed, turns, samples, start : float, float, int, float
+            The input turns from `start` [rad] at constant `speed` [rad/s], that many turns, over so many times.
+        branch : Branch or str
+            The assembly at the first time.
+        law, times : Law and sequence of float, optional
+            Instead of those four: any motion law of the input, a rate as `Integral(rate=..., initial=...)`, and the
+            times [s].
+        driven, relative_to : str
+            What the law holds, one of `INPUTS`. For a slider: x of the wrist pin in the ground frame, or its y if the
+            guide is nearer to the vertical.
+
+        Raises
+        ------
+        InvalidScene
+            Also if the linkage cannot follow the law: the message says what range its input has.
+        """
+        self._check_input(driven, relative_to)
+        branch = member(Branch, branch, "branch")
+        path = "turns" if law is None else "law"
+        law, times = _uniform(speed, turns, samples, start) if law is None else (law, _given(law, times))
+        values = [self._input(float(law(t)), driven) for t in times]
+        self._check_range(values, driven, relative_to, path)
+        pose = self.assemble(values[0], branch, driven=driven, relative_to=relative_to)
+        driver = self.driver(law, driven, relative_to)
+        size = self.mechanism(driver).size()
+        margin = self.closure_margin(values[0], driven, relative_to)
+        return Scene(
+            mechanism=self.mechanism(driver, rough(pose, size, margin)),
+            times=tuple(times),
+            name=name or f"{type(self).__name__} {branch}",
+            effects=frozenset(member(Effect, effect, "effects") for effect in effects),
+            evidence=frozenset(member(Evidence, kind, "evidence") for kind in evidence),
+        )
+
+    def _input(self, coordinate: float, driven: str) -> float:
+        """Return the input at which the coordinate of its driver has this value."""
+        return coordinate
+
+    def _check_input(self, driven: str, relative_to: str) -> None:
+        if (driven, relative_to) not in self.INPUTS:
+            known = "; ".join(d if r == GROUND else f"{d} relative to {r}" for d, r in self.INPUTS)
+            raise InvalidScene([Fault("driven", f"{driven} relative to {relative_to}", known)], type(self).__name__)
+
+    def _check_range(self, values: list[float], driven: str, relative_to: str, path: str) -> None:
+        slide = driven == "slider"
+        intervals = self.input_range(driven, relative_to)
+        if not covers(intervals, min(values), max(values), math.inf if slide else math.tau):
+            words = " or ".join(f"[{a:.6g}, {b:.6g}]" for a, b in intervals)
+            expected = f"the input ({driven}) within {words} {'m' if slide else 'rad'}, where the linkage assembles"
+            asked = (min(values), max(values))
+            unassemblable = "lengths that assemble: these do at no input"
+            raise InvalidScene([Fault(path, asked, expected if words else unassemblable)], type(self).__name__)
+
+    def place(self, z: complex) -> Pair:
+        """Return a point of the linkage's own frame in the ground frame [m]."""
+        turned = z * cmath.rect(1.0, self.angle)
+        return self.origin[0] + turned.real, self.origin[1] + turned.imag
+
+
+def law_keys(law: Law) -> dict[str, Any]:
+    """Return the keys by which a driver takes a law: `law`, or `rate_law` and `initial` for an integral."""
+    return {"rate_law": law.rate, "initial": law.initial} if isinstance(law, Integral) else {"law": law}
+
+
+def rough(pose: Pose, size: float, margin: float) -> Pose:
+    """Return an assembled pose rounded to an estimate: two decimals of the size, more where two assemblies are near.
+
+    They are about sqrt(margin / size) apart; the estimate stays within a twentieth of that.
+    """
+    near = math.sqrt(max(margin / size, 1e-20)) / 10
+    decimals = max(2, math.ceil(-math.log10(near)))
+    lengths = decimals - math.floor(math.log10(size))
+    return {body: (round(x, lengths), round(y, lengths), round(phi, decimals)) for body, (x, y, phi) in pose.items()}
+
+
+def member(kind: type[Member], value: str, key: str) -> Member:
+    """Return the member of an enumeration with that value.
+
+    Raises
+    ------
+    InvalidScene
+        If there is none; names key, value, and the members there are.
+    """
+    try:
+        return kind(value)
+    except ValueError:
+        raise InvalidScene([Fault(key, value, " or ".join(kind))], "linkage") from None
+
+
+def _uniform(speed: float, turns: float, samples: int, start: float) -> tuple[Law, Sequence[float]]:
+    found = []
+    if not (_is_finite(speed) and speed):
+        found.append(Fault("speed", speed, "a finite number that is not 0 [rad/s]"))
+    if not (_is_finite(turns) and turns > 0):
+        found.append(Fault("turns", turns, "a number above 0"))
+    if not (isinstance(samples, int) and samples > 1):
+        found.append(Fault("samples", samples, "a whole number above 1"))
+    if not _is_finite(start):
+        found.append(Fault("start", start, "a finite angle [rad]"))
+    if found:
+        raise InvalidScene(found, "linkage")
+    stop = math.tau * turns / abs(speed)
+    return Polynomial(coefficients=(float(start), float(speed))), np.linspace(0.0, stop, samples).tolist()
+
+
+def _given(law: Law, times: Sequence[float] | None) -> Sequence[float]:
+    found = list(law.faults("law"))
+    given = [] if times is None else [float(t) for t in times]
+    if not given:
+        found.append(Fault("times", times, "times [s], as a law is given"))
+    if found:
+        raise InvalidScene(found, "linkage")
+    return given
+
+
+def _is_finite(value: object) -> bool:
+    return isinstance(value, Real) and not isinstance(value, bool) and math.isfinite(value)

@@ -1,0 +1,327 @@
+"""Following a mechanism along its poses: past limits of its input, on to the other branch, and up to change points.
+
+`refkin.solve` answers at given times and stays on its branch. `follow` returns a path: the poses as they come one after
+another, with a time, or a driver's value, that may go back and forth (pseudo-arclength continuation: predicted along
+the tangent of the curve phi(q, t) = 0, corrected across it, in steps that adapt). Where t turns, the *turning point* is
+found; where curves cross, the *bifurcation*, with the tangents of both, and the caller chooses how to go on.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from refkin.errors import UnknownName
+from refkin.joints import AngleDriver
+from refkin.model import Mechanism, Scene
+from refkin.motion import Array, BodyMotion
+from refkin.motion_laws import Polynomial
+from refkin.proof.numbers.inputs import handed_over
+from refkin.proof.numbers.recentred import Recentred, recentred
+from refkin.proof.path.branch_points import Crossing
+from refkin.proof.path.curve import Curve
+from refkin.proof.path.tracing import End as PathEnd
+from refkin.proof.path.tracing import Trace, Tracer
+from refkin.proof.pose.isolate import isolate
+from refkin.solving.starts import find_start
+from refkin.system import System, compile_system
+
+_ITSELF = Polynomial(coefficients=(0.0, 1.0))
+"""The law of a driver whose value is t."""
+
+
+@dataclass(frozen=True)
+class Tangent:
+    """A direction in which poses go on: changes of q [m, rad] (n,) and of t that go together; only ratios matter."""
+
+    q: Array
+    t: float
+
+    def __neg__(self) -> Tangent:
+        return Tangent(-self.q, -self.t)
+
+    @property
+    def rate(self) -> Array:
+        """dq/dt, the velocity on this branch; not finite where t turns."""
+        with np.errstate(all="ignore"):
+            return self.q / self.t
+
+
+@dataclass(frozen=True)
+class TurningPoint:
+    """Where t turns: the pose q [m, rad] (n,) at its largest or smallest t, and its place in the path."""
+
+    t: float
+    q: Array
+    index: int
+    is_maximum: bool
+
+
+@dataclass(frozen=True)
+class Bifurcation:
+    """Where curves of poses cross.
+
+    Attributes
+    ----------
+    t, q : float and (n,) array
+        The pose [m, rad].
+    tangents : tuple of Tangent
+        One of each curve; none where they are not decided to second order.
+    incoming : Tangent or None
+        That in which the path arrived.
+    index : int
+        Its place in the path.
+    """
+
+    t: float
+    q: Array
+    tangents: tuple[Tangent, ...]
+    incoming: Tangent | None
+    index: int
+
+
+Choice = Callable[[Bifurcation], Tangent | None]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Path:
+    """Poses one after another.
+
+    Attributes
+    ----------
+    t : (K,) array
+        Times [s], or the values of the driver that is the parameter [rad or m].
+    q : (n, K) array
+        Coordinates of all bodies [m, rad].
+    tangents : tuple of Tangent
+        The direction of the path at each pose; where curves cross that in which it arrived.
+    residual : (K,) array
+        Largest scaled |phi|.
+    radius : (K,) array
+        Proved bound of the error of a pose at its t, largest scaled coordinate; NaN where no pose is alone at its t.
+    end : PathEnd
+        Why the path ends.
+    """
+
+    t: Array
+    q: Array
+    tangents: tuple[Tangent, ...]
+    residual: Array
+    radius: Array
+    bodies: tuple[str, ...]
+    turning_points: tuple[TurningPoint, ...]
+    bifurcations: tuple[Bifurcation, ...]
+    end: PathEnd
+    message: str
+
+    @property
+    def events(self) -> tuple[TurningPoint | Bifurcation, ...]:
+        """The turning points and bifurcations in the order of the path."""
+        return tuple(sorted((*self.turning_points, *self.bifurcations), key=lambda event: event.index))
+
+    def __getitem__(self, body: str) -> BodyMotion:
+        """Return the coordinates of one body, as those of a motion."""
+        if body not in self.bodies:
+            raise UnknownName("body", body, self.bodies)
+        k = 3 * self.bodies.index(body)
+        return BodyMotion(self.q[k : k + 3], None, None)
+
+
+def straight_on(bifurcation: Bifurcation) -> Tangent | None:
+    """Choose the tangent that is nearest to the one the path arrived in."""
+    incoming = bifurcation.incoming
+    if incoming is None or not bifurcation.tangents:
+        return None
+    along = [_cosine(tangent, incoming) for tangent in bifurcation.tangents]
+    best = int(np.argmax(np.abs(along)))
+    return bifurcation.tangents[best] if along[best] > 0 else -bifurcation.tangents[best]
+
+
+def follow(
+    given: Scene | System,
+    start: tuple[Any, float] | Bifurcation | None = None,
+    *,
+    along: Tangent | None = None,
+    direction: int = 1,
+    until: tuple[float, float] | None = None,
+    choose: Choice | None = None,
+    max_step: float = 0.1,
+    most_points: int = 2000,
+) -> Path:
+    """Follow the poses of a mechanism from one of them.
+
+    Parameters
+    ----------
+    given : Scene or System
+        A scene's first pose is where its estimates lead to at its first time. See `driven_by` for a path whose t is the
+        value of a driver instead of the time.
+    start : (q, t) or Bifurcation, optional
+        Another pose: coordinates (n,) [m, rad] near it, and its t; a system needs one.
+    along : Tangent, optional
+        The direction to set out in, at a bifurcation one of its tangents.
+    direction : 1 or -1
+        Without `along`: whether t grows or falls at first.
+    until : (low, high), optional
+        The path ends where t leaves this interval: by default between the first and the last time of a scene that has
+        several, else nowhere.
+    choose : callable, optional
+        What returns one of a bifurcation's tangents, or its negative, or None to end there; by default paths end there.
+    max_step : float
+        Longest step, in sizes and radians.
+    most_points : int
+        Number of points after which the path ends.
+
+    Raises
+    ------
+    ValueError
+        If a system is given without a pose to start from.
+    """
+    walk = _Walk(recentred(compile_system(given.mechanism, unit=given.mechanism.unit())))
+    message, limits = "", until or (-math.inf, math.inf)
+    if isinstance(start, Bifurcation):
+        q, t = walk.frames.system.to_unit(start.q), start.t
+    elif start is not None:
+        q, t = walk.frames.system.to_unit(np.asarray(start[0], float)), float(start[1])
+    elif isinstance(given, Scene):
+        found = find_start(walk.frames.system, given)
+        q, t, message = found.q, given.times[0], found.message
+        if until is None and len(given.times) > 1:
+            limits = given.times[0], given.times[-1]
+    else:
+        raise ValueError("a system alone does not say where to start: give (q, t)")
+    if q is None:
+        return walk.path(Trace(), message)
+    return walk.path(walk.trace(q, t, limits, along, direction, choose, max_step, most_points), message)
+
+
+def driven_by(scene: Scene, driver: str) -> Scene:
+    """Return a scene whose time is the value of a driver [rad or m]; all other drivers stay as they are at its start.
+
+    Its one time is the driver's value at the scene's first time.
+
+    Raises
+    ------
+    UnknownName
+        If the scene has no driver of that name.
+    """
+    m, t = scene.mechanism, scene.times[0]
+    if driver not in (d.name for d in m.drivers):
+        raise UnknownName("driver", driver, tuple(d.name for d in m.drivers))
+    values = {d.name: float(d.laws[0](t)) for d in m.drivers}
+    laws = {name: _ITSELF if name == driver else Polynomial(coefficients=(x,)) for name, x in values.items()}
+    drivers = tuple(replace(d, law=laws[d.name], rate_law=None, initial=0.0) for d in m.drivers)
+    return replace(scene, mechanism=replace(m, drivers=drivers), times=(values[driver],))
+
+
+class _Walk:
+    """Points of the curve in moved frames and units, as poses [m, rad] of the mechanism, and back."""
+
+    def __init__(self, frames: Recentred) -> None:
+        self.frames = frames
+        self.curve: Any = None
+
+    def trace(
+        self,
+        q: Any,
+        t: float,
+        limits: tuple[float, float],
+        along: Tangent | None,
+        direction: int,
+        choose: Choice | None,
+        max_step: float,
+        most_points: int,
+    ) -> Trace:
+        """Trace the curve from a pose in the system's coordinates."""
+        inner = self.frames.inward(q)
+        times = np.linspace(*limits, 9) if np.isfinite(limits).all() else [t]
+        self.curve = Curve.through(self.frames.inner, inner, times)
+        unit = self.curve.scale[-1]
+        endless = bool(np.isinf(limits).all()) and _is_driven_angle(self.frames.system.mechanism)
+        tracer = Tracer(self.curve, (limits[0] / unit, limits[1] / unit), max_step, most_points, endless)
+        vector = None if along is None else self.inward(along, inner)
+
+        def chooser(number: int, found: Crossing, incoming: Any) -> Any:
+            tangent = choose(self.bifurcation(number, found, incoming)) if choose else None
+            return None if tangent is None else self.inward(tangent, found.x[:-1])
+
+        return tracer.run(self.curve.point(inner, t), vector, direction, chooser)
+
+    def pose(self, x: Any) -> tuple[Any, float]:
+        """Return q [m, rad] and t of a point."""
+        q, t = self.curve.pose(x)
+        return self.frames.system.to_physical(self.frames.outward(q)), t
+
+    def tangent(self, x: Any, direction: Any) -> Tangent:
+        """Return a direction at a point as a tangent."""
+        step = direction * self.curve.scale
+        rate = self.frames.outward_rate(self.curve.pose(x)[0], step[:-1])
+        return Tangent(self.frames.system.to_physical(rate, order=1), float(step[-1]))
+
+    def inward(self, tangent: Tangent, q: Any) -> Any:
+        """Return a tangent as a direction (n + 1,) at inner coordinates q."""
+        rate = self.frames.inward_rate(q, self.frames.system.to_unit(tangent.q, order=1))
+        return np.append(rate, tangent.t) / self.curve.scale
+
+    def bifurcation(self, number: int, found: Crossing, incoming: Any) -> Bifurcation:
+        """Return a crossing of the trace as a bifurcation of the path."""
+        q, t = self.pose(found.x)
+        tangents = tuple(self.tangent(found.x, v) for v in found.tangents)
+        return Bifurcation(t, q, tangents, None if incoming is None else self.tangent(found.x, incoming), number)
+
+    def path(self, trace: Trace, message: str) -> Path:
+        """Return a trace as a path, each of its poses with its certificate."""
+        system = self.frames.system
+        poses = [self.pose(x) for x in trace.points]
+        q = np.array([pose[0] for pose in poses]).reshape(len(poses), system.n).T
+        t = np.array([pose[1] for pose in poses])
+        residual, radius = _evidence(system, q, t)
+        return Path(
+            t=t,
+            q=q[: system.of_bodies],
+            tangents=tuple(map(self.tangent, trace.points, self.directions(trace))),
+            residual=residual,
+            radius=radius,
+            bodies=tuple(body.name for body in system.mechanism.bodies),
+            turning_points=tuple(TurningPoint(float(t[k]), q[:, k], k, up) for k, up in trace.turning),
+            bifurcations=tuple(self.bifurcation(*found) for found in trace.crossings),
+            end=trace.end,
+            message="; ".join(filter(None, (message, str(trace.end)))),
+        )
+
+    def directions(self, trace: Trace) -> list[Any]:
+        """Return the unit tangents at the points of a trace, in its direction; NaN for a point alone at a crossing."""
+        points, incoming = trace.points, {number: tangent for number, _, tangent in trace.crossings}
+        found = []
+        for k, x in enumerate(points):
+            near = points[max(0, k - 1)], points[min(k + 1, len(points) - 1)]
+            if k not in incoming:
+                found.append(self.curve.tangent(x, near[1] - near[0]) if len(points) > 1 else self.curve.tangent(x))
+            else:
+                found.append(np.full_like(x, np.nan) if incoming[k] is None else incoming[k])
+        return found
+
+
+def _is_driven_angle(mechanism: Mechanism) -> bool:
+    """Whether t is the angle of a driver, and all other drivers are at rest."""
+    moving = [d for d in mechanism.drivers if not (isinstance(d.law, Polynomial) and not any(d.law.coefficients[1:]))]
+    return (
+        len(moving) == 1 and isinstance(moving[0], AngleDriver) and moving[0].law == _ITSELF and not moving[0].rate_law
+    )
+
+
+def _evidence(system: System, q: Any, t: Any) -> tuple[Any, Any]:
+    """Return the residuals of poses [m, rad] (n, K), and proved bounds of their errors, (K,) each."""
+    if not t.size:
+        return np.zeros(0), np.zeros(0)
+    scaled = system.to_unit(q)
+    residual = np.array([np.max(np.abs(system.phi(x, float(at)))) for x, at in zip(scaled.T, t, strict=True)])
+    return residual, isolate(system, scaled, t).position + np.max(handed_over(system, scaled), axis=0)
+
+
+def _cosine(a: Tangent, b: Tangent) -> float:
+    """Return the cosine of the angle between tangents, in the coordinates alone."""
+    return float(a.q @ b.q) / max(float(np.linalg.norm(a.q) * np.linalg.norm(b.q)), 1e-300)

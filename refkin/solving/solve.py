@@ -1,0 +1,339 @@
+"""Position, velocity and acceleration analysis at one time, and of a whole scene.
+
+============ ====================== =========
+position     phi(q, t) = 0          by Newton
+velocity     phi_q qd = nu          linear
+acceleration phi_q qdd = gamma      linear
+============ ====================== =========
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from importlib.metadata import version
+from typing import Any
+
+import numpy as np
+
+from refkin.differences import EPS
+from refkin.model import Effect, Evidence, Scene
+from refkin.motion import CertifiedRadius, ContactMotion, Motion, PointMotion, Producer, Route, Seeding, Status, nowhere
+from refkin.newton import NewtonResult, newton
+from refkin.points import point_motion
+from refkin.proof.assembly.assembly import assemblies
+from refkin.proof.numbers.inputs import handed_over
+from refkin.proof.numbers.recentred import recentred
+from refkin.proof.path.branch import first_gap, step_over_crossing
+from refkin.proof.pose.isolate import isolate
+from refkin.proof.pose.krawczyk import Enclosure
+from refkin.proof.pose.singularity import diagnose_scaled
+from refkin.solving.contacts import end_of_profile
+from refkin.solving.starts import find_start, unassemblable
+from refkin.solving.sweep import MOST_STEPS, SINGULAR, Arrival, Sweep
+from refkin.system import System, compile_system
+
+MOST_SEARCHES = 4
+"""How many searches for a proof that poses do not exist, for mechanisms without a closed form: up to a second each."""
+
+ROUTE = Route(
+    name="newton",
+    residual_by="refkin",
+    jacobian_by="refkin",
+    newton_by="refkin",
+    linear_solve_by="LAPACK",
+    drift_by="refkin",
+    seeding=Seeding.INITIAL_GUESS,
+)
+
+
+def position(system: System, q0: Any, t: float, **options: Any) -> NewtonResult:
+    """Solve phi(q, t) = 0 from an estimate q0 of shape (n,); options are those of `newton`."""
+    return newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), q0, **options)
+
+
+def velocity(system: System, q: Any, t: Any, phi_q: Any = None) -> Any:
+    """Return qd with phi_q qd = nu, in the shape of q: (n,) or (n, B); `phi_q` at q, t is evaluated unless given."""
+    return _solve(system.phi_q(q, t) if phi_q is None else phi_q, system.nu(q, t))
+
+
+def acceleration(system: System, q: Any, qd: Any, t: Any, phi_q: Any = None) -> Any:
+    """Return qdd with phi_q qdd = gamma, in the shape of q: (n,) or (n, B); `phi_q` as in `velocity`."""
+    return _solve(system.phi_q(q, t) if phi_q is None else phi_q, system.gamma(q, qd, t))
+
+
+def solve(scene: Scene, *, certified: bool = False) -> Motion:
+    """Return position and what else the scene calls for, with evidence, on the branch of its estimates.
+
+    Numbers that fail are statuses in the result, never exceptions. With `certified` it is also proved that between the
+    times the branch was never changed (`proof.branch`); where that is not proved, the branch is lost.
+    """
+    implied = {Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set()
+    system = compile_system(scene.mechanism, scene.effects | implied, scene.mechanism.unit())
+    q, status, message = _positions(system, scene, certified)
+    answer = _Answer(system, scene, q, status, message)
+    reached = np.flatnonzero(np.isfinite(q[0]))
+    if reached.size:
+        answer.judge(reached)
+    answer.prove_gaps()
+    answer.explain()
+    return answer.motion()
+
+
+def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list[Status], str]:
+    """Return the poses that were reached (NaN elsewhere), a first status per time, and a message."""
+    count = len(scene.times)
+    start = find_start(system, scene)
+    if start.q is None:
+        later = [Status.NOT_CONVERGED] * (count - 1)
+        return np.full((system.n, count), np.nan), [start.status, *later], start.message
+    frames = recentred(system)
+    sweep = Sweep(
+        frames.inner, [scene.times[0]], [frames.inward(start.q)], proving=Evidence.CERTIFICATE in scene.evidence
+    )
+    q, done, why, rest = _swept(sweep, scene.times)
+    gap = _first_gap(sweep, scene, certified) if certified or sweep.doubtful else None
+    q = np.stack([frames.outward(pose) for pose in q.T], axis=-1) if frames.shifts.any() else q
+    if gap is not None:
+        done = sum(t <= sweep.t[gap] for t in scene.times)
+        why = f"after t = {sweep.t[gap]:.17g} it is not proved on which branch the motion goes on"
+        ends_at = sweep.t[gap + 1]
+        if ends_at in scene.times and not isolate(frames.inner, sweep.q[gap + 1][:, None], [ends_at]).ok[0]:
+            done, why = done + 1, _undecided(ends_at)  # no step to such a pose can be proved, nor is it ever called ok
+        q[:, done:], rest = np.nan, Status.BRANCH_LOST
+    status = [Status.OK] * done + [rest] * (count - done)
+    return q, status, "; ".join(filter(None, (start.message, why)))
+
+
+def _first_gap(sweep: Sweep, scene: Scene, certified: bool) -> int | None:
+    """Return the first step of a sweep that needs a proof and has none; None if all have one."""
+    full, t, q = compile_system(sweep.system.mechanism, unit=sweep.system.unit), np.array(sweep.t), np.array(sweep.q).T
+    steps = list(range(len(t) - 1)) if certified else sweep.doubtful
+    crossed = step_over_crossing(full, t, q, sweep.doubtful)
+    if crossed is not None:  # steps that lead to none of the times before it need no proof
+        last = max(time for time in scene.times if time <= t[crossed])
+        steps = [k for k in steps if t[k] < last]
+    gap = first_gap(full, t, q, steps)
+    return crossed if gap is None else gap
+
+
+def _swept(sweep: Sweep, times: tuple[float, ...]) -> tuple[Any, int, str, Status]:
+    """Take a sweep to the times.
+
+    Return the poses (NaN elsewhere), how many were reached, why no more, and the status of the rest.
+    """
+    q = np.full((len(sweep.q[0]), len(times)), np.nan)
+    q[:, 0] = sweep.q[0]
+    for done in range(1, len(times)):
+        arrival = sweep.to(times[done])
+        if arrival is Arrival.OUT_OF_STEPS:
+            why = f"gave up at t = {sweep.t[-1]:.17g} after {MOST_STEPS} steps"
+            return q, done, why, Status.NOT_CONVERGED
+        if arrival is Arrival.STOPPED:
+            cam = end_of_profile(sweep.system, sweep.q[-1])
+            end = f"the contact of {cam} leaves its profile" if cam else "the branch ends at a singular pose"
+            return q, done, f"{end} after t = {sweep.t[-1]:.17g}", Status.BRANCH_LOST
+        q[:, done] = sweep.q[-1]
+        if arrival is Arrival.AT_SINGULAR_POSE:
+            return q, done + 1, _undecided(sweep.t[-1]), Status.BRANCH_LOST
+    return q, len(times), "", Status.OK
+
+
+def _undecided(t: float) -> str:
+    return f"the pose at t = {t:g} is singular: how the branch goes on is not decided"
+
+
+class _Answer:
+    """The arrays of a motion while they are filled, in the system's coordinates."""
+
+    def __init__(self, system: System, scene: Scene, q: Any, status: list[Status], message: str) -> None:
+        self.system, self.scene, self.t, self.q, self.status = system, scene, np.array(scene.times), q, status
+        count = len(status)
+        self.messages = [message]
+        self.qd, self.qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
+        self.residual, self.sigma_min, self.condition = (nowhere(count) for _ in range(3))
+        self.radius = CertifiedRadius(position=nowhere(count), velocity=nowhere(count), acceleration=nowhere(count))
+
+    def judge(self, lanes: Any) -> None:
+        """Fill rates and evidence of the poses that were reached, and give each its status."""
+        solvable, regular = self._look(lanes)
+        self._rates(lanes[solvable])
+        proved = Evidence.CERTIFICATE in self.scene.evidence
+        # Redundant rows that contradict each other leave a residual at a regular pose, or none but in the rates: proof
+        # decides there.
+        redundant = self.system.m > self.system.n and bool(self.system.effects)
+        ok = np.where(proved or redundant, False, self._closed(lanes) & regular)
+        for group in (lanes[~ok & solvable], lanes[~ok & ~solvable]):
+            ok[np.isin(lanes, group)] = self._prove(group)
+        closed = self._closed(lanes)
+        for k, isolated, closes in zip(lanes, ok, closed, strict=True):
+            if self.status[k] is Status.OK:
+                open_ = Status.SINGULAR if closes else Status.NOT_CONVERGED
+                self.status[k] = Status.OK if isolated else open_
+        for k in lanes[1:]:  # no pose counts as one of the branch after one that is not
+            if self.status[k] is Status.OK and self.status[k - 1] is not Status.OK:
+                self.status[k] = Status.BRANCH_LOST
+                self.q[:, k] = self.residual[k] = self.sigma_min[k] = self.condition[k] = np.nan
+        failed = [k for k in lanes if self.status[k] is not Status.OK]
+        for rates in (self.qd, self.qdd):
+            rates[:, failed] = np.nan
+        for radii in (self.radius.position, self.radius.velocity, self.radius.acceleration):
+            radii[failed] = np.nan
+
+    def _closed(self, lanes: Any) -> Any:
+        """Return whether the residual of each pose is round-off."""
+        size = np.maximum(1.0, np.max(np.abs(self.q[:, lanes]), axis=0))
+        return self.residual[lanes] <= 32 * EPS * size
+
+    def _look(self, lanes: Any) -> tuple[Any, Any]:
+        """Fill the residual; return where phi_q can be solved with, and where its sigma_min is above SINGULAR.
+
+        Singular values are computed where the scene calls for them, and where a bound that costs less leaves doubt.
+        """
+        q, t, n = self.q[:, lanes], self.t[lanes], self.system.n
+        self.residual[lanes] = np.max(np.abs(self.system.phi(q, t)), axis=0)
+        jacobian = np.moveaxis(self.system.phi_q(q, t), -1, 0)
+        solvable = np.zeros(len(lanes), bool)
+        if Evidence.CONDITION not in self.scene.evidence:
+            limit = np.maximum(SINGULAR, n * EPS * np.linalg.norm(jacobian, axis=(1, 2)))
+            solvable = _at_least(jacobian) > 2 * limit  # 2: the bound is rounded
+        regular, asked = solvable.copy(), ~solvable
+        if asked.any():
+            sigma = np.linalg.svd(jacobian[asked], compute_uv=False)
+            smallest = self.sigma_min[lanes[asked]] = sigma[:, n - 1]
+            with np.errstate(divide="ignore", invalid="ignore"):
+                self.condition[lanes[asked]] = sigma[:, 0] / smallest
+            solvable[asked], regular[asked] = smallest > n * EPS * sigma[:, 0], smallest > SINGULAR
+        return solvable, regular
+
+    def _rates(self, lanes: Any) -> None:
+        """Fill velocity and acceleration, as far as the scene calls for them."""
+        if not self.system.effects or not lanes.size:
+            return
+        q, t = self.q[:, lanes], self.t[lanes]
+        phi_q = self.system.phi_q(q, t)
+        self.qd[:, lanes] = velocity(self.system, q, t, phi_q)
+        if Effect.ACCELERATION in self.system.effects:
+            self.qdd[:, lanes] = acceleration(self.system, q, self.qd[:, lanes], t, phi_q)
+
+    def _prove(self, lanes: Any) -> Any:
+        """Return which poses are isolated, by proof, and note the proved radii."""
+        if not lanes.size:
+            return np.zeros(0, bool)
+        rates = [level[:, lanes] if np.isfinite(level[:, lanes]).all() else None for level in (self.qd, self.qdd)]
+        found = isolate(self.system, self.q[:, lanes], self.t[lanes], *rates)
+        for name in ("position", "velocity", "acceleration"):
+            getattr(self.radius, name)[lanes] = getattr(found, name)
+        contradicted = lanes[found.contradiction > 1.0]
+        for k in contradicted:
+            self.status[k] = Status.UNASSEMBLABLE
+        if contradicted.size:
+            size = np.max(found.contradiction)
+            self.messages.append(f"redundant rows contradict each other: {size:.3g} times what rounding explains")
+        for lane, enclosure in found.enclosures.items():
+            self._take(lanes[lane], enclosure)
+        self.radius.position[lanes] += np.max(handed_over(self.system, self.q[:, lanes]), axis=0)
+        return found.ok
+
+    def _take(self, k: int, root: Enclosure) -> None:
+        """Replace an answer by the numbers nearest to its enclosed root, and the rates by those there."""
+        self.q[:, k] = root.nearest()
+        self.radius.position[k] = np.max(root.distance(self.q[:, k]))
+        self._look(np.array([k]))
+        if not self.system.effects:
+            return
+        velocity = root.velocity()
+        levels = [(self.qd, self.radius.velocity, velocity)]
+        if Effect.ACCELERATION in self.system.effects:
+            levels.append((self.qdd, self.radius.acceleration, root.acceleration(velocity)))
+        for rates, radii, balls in levels:
+            rates[:, k] = [float(x) for x in balls]
+            radii[k] = np.max(root.distance(rates[:, k], balls))
+
+    def explain(self) -> None:
+        """Say of the first singular pose what it is."""
+        if Status.SINGULAR in self.status:
+            k = self.status.index(Status.SINGULAR)
+            self.messages.append(diagnose_scaled(self.system, self.q[:, k], float(self.t[k])).message)
+
+    def prove_gaps(self) -> None:
+        """Give the status UNASSEMBLABLE to poses that were not reached where that is proved; tell the first gap."""
+        told, searches = "", 0
+        for k, t in enumerate(self.scene.times):
+            if self.status[k] in (Status.BRANCH_LOST, Status.NOT_CONVERGED) and searches < MOST_SEARCHES:
+                found = assemblies(self.system, t, trying=False)
+                searches += found.searched
+                if found.unassemblable:
+                    self.status[k] = Status.UNASSEMBLABLE
+                    told = told or f"at t = {t:g} {unassemblable(self.system, found)}"
+        self.messages.append(told)
+
+    def motion(self) -> Motion:
+        """Return the answer in metres, for the bodies and effects that the scene calls for."""
+        scene, wants = self.scene, self.scene.effects
+        self.q[:, [k for k, s in enumerate(self.status) if s in (Status.NOT_CONVERGED, Status.UNASSEMBLABLE)]] = np.nan
+        computed = (True, bool(self.system.effects), Effect.ACCELERATION in self.system.effects)
+        levels: list[Any] = [
+            self.system.to_physical(level, order) if computed[order] else None
+            for order, level in enumerate((self.q, self.qd, self.qdd))
+        ]
+        called = (True, Effect.VELOCITY in wants, Effect.ACCELERATION in wants)
+        rows = np.concatenate([np.r_[self.system.columns(b)] for b in scene.wanted])
+        condition = Evidence.CONDITION in scene.evidence
+        count = len(self.status)
+        return Motion(
+            t=self.t,
+            bodies=scene.wanted,
+            q=levels[0][rows],
+            qd=levels[1][rows] if called[1] else None,
+            qdd=levels[2][rows] if called[2] else None,
+            status=tuple(self.status),
+            residual=self.residual,
+            sigma_min=self.sigma_min if condition else nowhere(count),
+            condition=self.condition if condition else nowhere(count),
+            certified_radius=self.radius,
+            points=self._points(levels, called),
+            contacts=self._contacts(levels, called),
+            producer=Producer(name="refkin", version=version("refkin"), route=ROUTE),
+            message="; ".join(dict.fromkeys(filter(None, self.messages))),
+        )
+
+    def _contacts(self, levels: list[Any], called: tuple[bool, bool, bool]) -> dict[str, ContactMotion]:
+        found = {}
+        for joint in self.scene.mechanism.joints:
+            if joint.parameters:
+                at = self.system.parameter(joint.name).start
+                sd, sdd = (level[at] if wanted else None for level, wanted in zip(levels[1:], called[1:], strict=True))
+                found[joint.name] = ContactMotion(s=levels[0][at], sd=sd, sdd=sdd)
+        return found
+
+    def _points(self, levels: list[Any], called: tuple[bool, bool, bool]) -> dict[str, PointMotion]:
+        found = {}
+        for point in self.scene.points:
+            at = self.system.columns(point.body)
+            motion = point_motion(point.position, *(None if level is None else level[at] for level in levels))
+            found[point.name] = replace(motion, v=motion.v if called[1] else None)
+        return found
+
+
+def _at_least(matrices: Any) -> Any:
+    """Return a lower bound of the smallest singular value of each matrix (B, m, n), m >= n; 0 if none is known.
+
+    It is 1 / |M^-1| in Frobenius's norm, at most sqrt(n) below that value; of redundant rows the factor R has the
+    singular values.
+    """
+    square = matrices if matrices.shape[1] == matrices.shape[2] else np.linalg.qr(matrices, mode="r")
+    try:
+        return 1.0 / np.linalg.norm(np.linalg.inv(square), axis=(1, 2))
+    except np.linalg.LinAlgError:  # one of them is singular to the last bit
+        return np.zeros(len(matrices))
+
+
+def _solve(matrix: Any, right: Any) -> Any:
+    """Solve for one right side or for a batch in the last axis; redundant rows by least squares."""
+    stacked = np.moveaxis(matrix, -1, 0) if matrix.ndim == 3 else matrix
+    columns = np.moveaxis(right, -1, 0)[..., None] if matrix.ndim == 3 else right[:, None]
+    if matrix.shape[0] == matrix.shape[1]:
+        x = np.linalg.solve(stacked, columns)[..., 0]
+    else:
+        x = (np.linalg.pinv(stacked) @ columns)[..., 0]
+    return np.moveaxis(x, 0, -1) if matrix.ndim == 3 else x

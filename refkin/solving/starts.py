@@ -1,0 +1,159 @@
+"""The first pose: the assembly that the scene's estimate is nearest to, or, without one, the first that is found."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from refkin.joints import Cam
+from refkin.model import Scene
+from refkin.motion import Status
+from refkin.newton import NewtonResult, newton
+from refkin.proof.assembly.assembly import Assemblies, assemblies
+from refkin.proof.assembly.search import PRIMES, closes, radical_inverse
+from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS
+from refkin.proof.pose.isolate import isolate
+from refkin.solving.contacts import touched
+from refkin.solving.levenberg import levenberg_marquardt, polished
+from refkin.solving.sweep import APART, SINGULAR, contracts, sigma_min
+from refkin.system import System
+
+USELESS = 1e12
+"""Estimates further out [sizes, rad] say nothing: at most four digits of an angle are left there."""
+NEW_ESTIMATES = 6
+"""How many estimates are made up where the given one leads nowhere."""
+COUNTED = 1e-6
+"""Scaled residual that says that a constraint counts a turn: far above round-off, far below what a gear makes of it."""
+
+
+@dataclass(frozen=True)
+class Start:
+    """The first pose in the system's coordinates, or the status and the reason why there is none."""
+
+    status: Status
+    q: Any = None
+    message: str = ""
+
+
+def find_start(system: System, scene: Scene) -> Start:
+    """Return the assembly at the first time that the scene's estimates lead to.
+
+    An estimate from which Newton contracts at once is near one assembly and far from others, unless that is so nearly
+    singular that rounding decides where Newton goes. From any other estimate it may go anywhere: then all assemblies
+    are enumerated and the nearest is taken; if none is found so, damped Newton and least squares are tried, from the
+    estimate and from a few new ones.
+    """
+    t, bodies = scene.times[0], scene.mechanism.bodies
+    with np.errstate(all="ignore"):  # estimates may lie anywhere
+        estimate = estimated(system, scene)
+        useless = np.abs(estimate) > USELESS
+        missing = [b.name for b in bodies if b.estimate is None or useless[system.columns(b.name)].any()]
+        estimate = np.where(useless, 0.0, estimate)
+        first = _newton(system, t, estimate)
+        contracted = first.converged and contracts(np.max(np.abs(first.corrections), axis=1))
+        if not missing and contracted and closes(system, first.q, t) and _leads_to_one(system, first, t):
+            return Start(Status.OK, first.q)
+        found = assemblies(system, t)
+        if found.poses:
+            return Start(Status.OK, *_choice(system, found, estimate, missing, t))
+        rounding = found.gap is not None and found.gap <= A_FEW_ROUNDINGS.relative
+        if found.gap is not None and not rounding:
+            return Start(Status.UNASSEMBLABLE, message=unassemblable(system, found))
+        q, how, smallest = _far(system, t, estimate, first)
+    if q is None and found.gap is not None:
+        return Start(Status.UNASSEMBLABLE, message=unassemblable(system, found))
+    if q is None:
+        why = f"{found.message}; smallest scaled residual {smallest:.3g}"
+        return Start(Status.NOT_CONVERGED, message=f"no assembly was found at t = {t:g}: {why}")
+    if rounding:
+        return Start(Status.OK, q, f"{found.message}: less than rounding of the numbers explains")
+    return Start(Status.OK, q, f"the estimate was far: {how} found an assembly at t = {t:g}")
+
+
+def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[Any, str, float]:
+    """Return an assembly and what found it, from a far estimate; else None, and the smallest residual of all tries.
+
+    Where Newton and least squares end at a pose that is no root (a singular phi_q, a minimum), new estimates are taken:
+    the angles turned by a fixed sequence.
+    """
+    if first.converged and _is_root(system, first.q, t):
+        return first.q, "Newton", first.residual
+    smallest = np.nanmin(np.append(np.max(np.abs(first.residuals), axis=1), np.inf))
+    for k in range(NEW_ESTIMATES + 1):
+        turned = np.array([radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(system.n)]) * system.angles
+        start, new = estimate + math.tau * turned, " from a new estimate" if k else ""
+        damped = _newton(system, t, start, damped=True, max_iterations=30)
+        least = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start)
+        if damped.converged and _is_root(system, damped.q, t):
+            return damped.q, f"damped Newton{new}", damped.residual
+        if least.converged:
+            q = polished(least, _newton(system, t, least.q, max_iterations=60))
+            if _is_root(system, q, t):
+                return q, f"least squares{new}", least.residual
+        smallest = np.nanmin([smallest, damped.residual, least.residual])
+    return None, "", float(smallest)
+
+
+def _leads_to_one(system: System, result: NewtonResult, t: float) -> bool:
+    """Whether it was not rounding that decided on the root: near a singular pose roots are sigma_min apart or so."""
+    jacobian = system.phi_q(result.q, t)
+    regular = system.m == system.n and np.linalg.slogdet(jacobian)[0] != 0.0
+    if regular and np.linalg.norm(np.linalg.inv(jacobian)) < 1.0 / SINGULAR:  # this norm is at least 1 / sigma_min
+        return True
+    sigma = sigma_min(system, result.q, t)
+    return sigma > SINGULAR or bool(np.max(np.abs(result.corrections[:1]), initial=0.0) <= sigma / APART)
+
+
+def _is_root(system: System, q: Any, t: float) -> bool:
+    """Whether Newton ended at a root: by its residual, or, where a row is divided by a small number, by proof."""
+    return closes(system, q, t) or bool(isolate(system, q[:, None], [t]).ok[0])
+
+
+def estimated(system: System, scene: Scene) -> Any:
+    """Return the estimates in the system's coordinates, zero where a body has none; contacts are looked for there."""
+    q = np.zeros(system.n)
+    for body in scene.mechanism.bodies:
+        q[system.columns(body.name)] = body.estimate or (0.0, 0.0, 0.0)
+    return touched(system, system.to_unit(q), scene.times[0])
+
+
+def unassemblable(system: System, found: Assemblies) -> str:
+    """Return the proof in words, with the gap in metres where it is a length."""
+    return f"{found.message} (gap at least {found.gap:.3g} of the size {system.unit.size:g} m)"
+
+
+def _newton(system: System, t: float, start: Any, **options: Any) -> NewtonResult:
+    return newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start, **options)
+
+
+def _choice(system: System, found: Assemblies, estimate: Any, missing: list[str], t: float) -> tuple[Any, str]:
+    """Return an assembly and what to say of the choice: the nearest to what estimates there are, else the first."""
+    held = np.zeros(system.n, bool)
+    for body in system.mechanism.bodies:
+        held[system.columns(body.name)] = body.name not in missing
+    for cam in (j for j in system.mechanism.joints if isinstance(j, Cam)):
+        held[system.parameter(cam.name)] = cam.contact_estimate is not None
+    poses = [_turned_to(system, q, estimate, held, t) for q in found.poses]
+    distances = [float(np.linalg.norm((q - estimate)[held])) for q in poses]
+    nearest = int(np.argmin(distances))
+    which = f"assembly {nearest + 1} of {len(poses)}{'' if found.complete else ' found'}"
+    sides = f", sides {found.branches[nearest]}" if found.branches[nearest] else ""
+    why = f"no estimate for {', '.join(missing)}" if missing else "more than one assembly may be near the estimate"
+    return poses[nearest], f"{why}: {which}{sides}"
+
+
+def _turned_to(system: System, q: Any, estimate: Any, held: Any, t: float) -> Any:
+    """Return the assembly with whole turns added to its angles so that they are nearest to the estimate's.
+
+    Turns that a driver, gear or profile counts are not ours to choose: none are added that break a constraint.
+    """
+    turns = math.tau * np.where(system.angles & held, np.round((estimate - q) / math.tau), 0.0)
+    for some in (turns, *np.diag(turns)):
+        if some.any() and np.max(np.abs(system.phi(q + some, t))) < COUNTED:
+            q = q + some
+            if some is turns:
+                break
+    return q

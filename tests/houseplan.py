@@ -1,0 +1,96 @@
+"""The import graph of the sources, read from their text: modules, arrows, circles, floors."""
+
+from __future__ import annotations
+
+import ast
+from functools import cache
+from pathlib import Path
+
+ROOT = Path(__file__).parent.parent
+
+
+def sources(folder):
+    return sorted((ROOT / folder).rglob("*.py"))
+
+
+def module_name(path):
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+@cache
+def modules():
+    """Return name -> path of every module of the two packages."""
+    return {module_name(path): path for package in ("refkin", "crosscheck") for path in sources(package)}
+
+
+def imported(path):
+    """Yield the names that a file imports, wherever in it: `a.b` of `import a.b`, `a.b.c` of `from a.b import c`."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom) and node.module:
+            yield from (f"{node.module}.{alias.name}" for alias in node.names)
+
+
+def module_of(name):
+    """Return the module of this project that an imported name is, or is taken from; None if it is none of ours."""
+    while name:
+        if name in modules():
+            return name
+        name = name.rpartition(".")[0]
+    return None
+
+
+@cache
+def arrows():
+    """Return module -> the modules of this project that it imports. The faces of packages hand names on: not read."""
+    faces = {name for name, path in modules().items() if path.name == "__init__.py"}
+    graph = {}
+    for name, path in modules().items():
+        found = {module_of(other) for other in imported(path)} - {None, name}
+        graph[name] = set() if name in faces and name in ("refkin", "crosscheck") else found
+    return graph
+
+
+def circles(graph):
+    """Return the strongly connected components of more than one node (Tarjan)."""
+    order, low, stack, found = {}, {}, [], []
+
+    def visit(node):
+        order[node] = low[node] = len(order)
+        stack.append(node)
+        for other in graph[node]:
+            if other not in order:
+                visit(other)
+            if other in stack:
+                low[node] = min(low[node], low[other])
+        if low[node] == order[node]:
+            component = set()
+            while node not in component:
+                component.add(stack.pop())
+            if len(component) > 1:
+                found.append(component)
+
+    for node in graph:
+        if node not in order:
+            visit(node)
+    return found
+
+
+def folded(graph, folder_of):
+    """Return the graph of folders: who imports whom, but for themselves."""
+    folders = {}
+    for name, others in graph.items():
+        folders.setdefault(folder_of(name), set()).update(folder_of(other) for other in others)
+    return {name: others - {name} for name, others in folders.items()}
+
+
+def floors(graph):
+    """Return the number of floors: the longest way down, in nodes, in a graph without circles."""
+
+    @cache
+    def height(node):
+        return 1 + max((height(other) for other in graph[node]), default=0)
+
+    return max(map(height, graph))
