@@ -1,0 +1,1 @@
+"""The source documents: their systems, and the ledger of every number they print."""

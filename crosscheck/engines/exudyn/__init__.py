@@ -1,0 +1,1 @@
+"""exudyn: its model of a scene, its rows, its solvers."""

@@ -1,0 +1,1 @@
+"""MuJoCo: its model of a scene, its constraint rows, its time stepping."""

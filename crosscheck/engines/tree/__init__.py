@@ -1,0 +1,1 @@
+"""Joint trees with loops to close: what MuJoCo and Pinocchio share, in numbers only."""

@@ -1,0 +1,1 @@
+"""A night: drawing scenes, journal of what happened, golden set, disagreements, history."""

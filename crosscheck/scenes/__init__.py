@@ -1,0 +1,1 @@
+"""Scenes that are fixed: hard cases, priced classes, workloads of the benchmark."""

@@ -1,0 +1,1 @@
+"""Child processes and clusters that do the work, and what becomes of those that crash or hang."""

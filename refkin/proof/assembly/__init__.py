@@ -1,0 +1,1 @@
+"""All assemblies at one time, or the proof that there is none."""

@@ -1,0 +1,1 @@
+"""Proofs between times: a branch never changes."""

@@ -1,0 +1,1 @@
+"""Proofs of one pose: certificate, Krawczyk test, singularity."""

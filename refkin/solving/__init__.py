@@ -1,0 +1,1 @@
+"""What `refkin.solve` does beyond the plain analysis: starts, the sweep that keeps its branch, following."""
