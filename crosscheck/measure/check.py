@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Engine, EngineError, Level, Term, load, refusals
+from crosscheck.judge.between import singular_between
 from crosscheck.judge.comparison import QUANTITIES, Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.hard_poses import scene_samples
 from crosscheck.judge.levels import Configuration, LevelComparison, compare_levels, configurations
@@ -148,7 +149,6 @@ def _places(engine: Engine, scene: Scene, motion: Motion) -> dict[str, Any] | No
 def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, record: Record) -> Motion | None:
     """Compare one route's answer, and return it; None if there is none."""
     told = {"engine": engine.name, "route": route.name}
-    regular = _smallest(ref.sigma_min) > REGULAR
     try:
         terms = engine.terms(scene, route)
         start = time.perf_counter()
@@ -156,7 +156,7 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
         seconds = time.perf_counter() - start
     except EngineError as error:
         record["refusals"].append(str(error))
-        if regular and not _is_refusal(error, scene):
+        if not _is_refusal(error, scene) and _regular(ref, record):
             record["disagreements"].append({**told, **_no_answer("no answer", str(error))})
         return None
     found = compare(ref, motion, terms)
@@ -172,12 +172,25 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
         kind = "status ok without a number" if np.isinf(q.error).any() else kind
         at = {"quantity": quantity, "kind": kind, "ratio": _largest_ratio(q.ratio), "worst": q.worst}
         record["disagreements"].append({**told, **at})
-    if found.missing and regular:
+    if found.missing and _regular(ref, record):
         record["disagreements"].append({**told, **_no_answer("no answer", f"{found.missing} times without answer")})
-    elif turned_round is not None and turned_round.missing and regular:
+    elif turned_round is not None and turned_round.missing and _regular(ref, record):
         at = _no_answer("depends on the order of bodies", f"{turned_round.missing} times without answer")
         record["disagreements"].append({**told, **at})
     return motion
+
+
+def _regular(ref: Reference, record: Record) -> bool:
+    """Whether an engine has no excuse for giving no answer: no time is nearly singular, nor any pose between them.
+
+    A pose between two times is looked for only when it is asked for, and noted in the record.
+    """
+    if _smallest(ref.sigma_min) <= REGULAR:
+        return False
+    told = record["reference"]
+    if "singular_between" not in told:
+        told["singular_between"] = singular_between(ref.scene, REGULAR)
+    return told["singular_between"] is None
 
 
 def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, terms: Sequence[Term]) -> Comparison:

@@ -153,7 +153,7 @@ class _Held:
     def _coordinate(self, law: float) -> float:
         """Return the joint's coordinate at a value of the law."""
         if self.edge.freedom is Freedom.TURN:
-            return law - self.edge.angle
+            return law - self.tree.turned(self.edge)
         # A point of a slide moves along the axis: r = r0 + q a, along x or y of the ground.
         assert isinstance(self.driver, XDriver | YDriver)
         k = 1 if isinstance(self.driver, YDriver) else 0

@@ -116,15 +116,24 @@ class JointTree:
 
     @cached_property
     def angle_offsets(self) -> dict[str, float]:
-        """Body -> phi at q = 0 [rad]: the sum of the constant angles on the way to it."""
+        """Body -> phi at q = 0 [rad]: the sum of the constant angles on the way to it, up to full turns after a turn.
+
+        A coordinate that turns takes no full turns over from a constant angle: it would be as large as they are, and
+        its rounding with it.
+        """
         offsets = {GROUND: 0.0}
         for edge in self.edges:
-            offsets[edge.body] = offsets[edge.parent] + edge.angle
+            turns = edge.freedom is Freedom.TURN
+            offsets[edge.body] = _within_a_turn(offsets[edge.parent]) if turns else offsets[edge.parent] + edge.angle
         return offsets
 
     def angle(self, body: str, q: Array) -> Any:
         """Return phi [rad] of a body with its turns: the sum of the angles on the way to it; q is (n,) or (n, T)."""
         return self.angle_offsets[body] + self.angle_rows[body] @ q
+
+    def turned(self, edge: Edge) -> float:
+        """Return by how much phi of an edge's body differs from its parent's at q = 0 [rad]."""
+        return self.angle_offsets[edge.body] - self.angle_offsets[edge.parent]
 
     def scaled(self, body: str, u: Pair) -> Pair:
         """Return a point of a body in units of the size; on the ground, seen from the tree's origin."""
@@ -147,7 +156,7 @@ class JointTree:
             if edge.freedom is Freedom.FREE:
                 q[slot] = body
             elif edge.freedom is Freedom.TURN:
-                q[slot] = body[2] - poses[edge.parent][2] - edge.angle
+                q[slot] = body[2] - poses[edge.parent][2] - self.turned(edge)
             elif edge.freedom is Freedom.SLIDE:
                 (px, py), (bx, by) = _point(poses[edge.parent], edge.point), _point(body, edge.pin)
                 ax, ay = _point((0.0, 0.0, body[2]), edge.axis)
@@ -259,6 +268,14 @@ def _edge(tree: JointTree, joint: Constraint, parent: str) -> Edge | None:
     if forward:  # the axis lies on the parent; the body is turned against it
         axis = _point((0.0, 0.0, -joint.angle), axis)
     return Edge(body=body, parent=parent, freedom=Freedom.SLIDE, angle=angle, axis=axis, **places)
+
+
+def _within_a_turn(angle: float) -> float:
+    """Return an angle less full turns, to its own last digit: sine and cosine reduce by more digits of pi than a float.
+
+    An angle of less than half a turn stays as it is.
+    """
+    return angle if abs(angle) <= math.pi else math.atan2(math.sin(angle), math.cos(angle))
 
 
 def _point(pose: Pose, u: Pair) -> Pair:

@@ -1,0 +1,61 @@
+"""Nobody is blamed for what lies in the scene: a singular pose between two times, full turns in a constant angle."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+import refkin
+from crosscheck.engines import EngineError
+from crosscheck.engines.closed_form.engine import ClosedForm
+from crosscheck.engines.tree import joint_tree
+from crosscheck.judge.between import singular_between
+from crosscheck.measure.check import REGULAR, check
+from refkin import FourBar
+
+CORPUS = Path(__file__).parents[1] / "corpus"
+PASSED = refkin.load(CORPUS / "near-singular-between-times.toml")
+TURNED = refkin.load(CORPUS / "slider-turned-1e4-rad.toml")
+REGULAR_MOTION = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
+
+
+class Mute(ClosedForm):
+    """An engine that has no answer to anything."""
+
+    name = "mute"
+
+    def solve(self, scene, route=None):
+        raise EngineError("mute: Newton did not converge")
+
+
+def kinds(scene, engine) -> set[str]:
+    return {d["kind"] for d in check(scene, [engine])["disagreements"]}
+
+
+def test_the_pose_between_two_times_is_certified_to_be_nearly_singular():
+    time, sigma = singular_between(PASSED, REGULAR)
+    there = refkin.solve(replace(PASSED, times=(*(t for t in PASSED.times if t < time), time)))
+
+    assert there.status[-1] == "ok"
+    assert there.sigma_min[-1] == pytest.approx(sigma, rel=1e-6)
+    assert sigma < REGULAR
+    assert min(abs(time - t) for t in PASSED.times) > 0.1
+
+
+def test_a_motion_far_from_singular_poses_gives_no_excuse():
+    assert singular_between(REGULAR_MOTION, REGULAR) is None
+
+
+@pytest.mark.parametrize(("scene", "blamed"), [(PASSED, set()), (REGULAR_MOTION, {"no answer"})])
+def test_no_answer_is_a_fault_but_where_the_motion_all_but_meets_a_singular_pose(scene, blamed):
+    assert kinds(scene, Mute()) == blamed
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_full_turns_of_a_constant_angle_do_not_round_what_hangs_on_it(engine, monkeypatch):
+    assert kinds(TURNED, engine) == set()
+
+    monkeypatch.setattr(joint_tree, "_within_a_turn", lambda angle: angle)
+    assert kinds(TURNED, engine) == {"depends on the order of bodies"}
