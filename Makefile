@@ -8,10 +8,14 @@ SEED ?=
 OUT ?= reports/latest
 ENGINES := exudyn,pinocchio,mujoco
 
-.PHONY: test nightly lint types sample clean
+.PHONY: test mutants nightly lint types sample clean
 
 test: $(READY) lint types
 	$(BIN)/python -m pytest -n auto tests
+
+# Each wrong formula of the documents, and more of their kinds, put in: a test has to see it. Part of `make test`.
+mutants: $(READY)
+	$(BIN)/python -m pytest -n auto tests/mutation/test_mutants.py
 
 lint: $(READY)
 	$(BIN)/ruff check .

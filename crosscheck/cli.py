@@ -14,7 +14,7 @@ from rich.table import Table
 from crosscheck.commands.answers import to_json
 from crosscheck.commands.bench import bench
 from crosscheck.commands.diagnose import print_diagnosis
-from crosscheck.commands.documents import ledger, mutants
+from crosscheck.commands.documents import ledger
 from crosscheck.commands.effects import effects
 from crosscheck.commands.follow import print_path
 from crosscheck.commands.hard import UnknownName, hard
@@ -122,7 +122,7 @@ def mobility(scene: Path) -> int:
     return 0 if posed else 1
 
 
-for command in (nightly, replay, hard, price, effects, bench, ledger, mutants, tape, history, baseline):
+for command in (nightly, replay, hard, price, effects, bench, ledger, tape, history, baseline):
     app.command(command)
 app.command(hunt_worst, name="hunt")
 app.command(print_diagnosis, name="diagnose")

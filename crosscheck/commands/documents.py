@@ -1,4 +1,4 @@
-"""The commands about the source documents: `crosscheck ledger` and `crosscheck mutants`."""
+"""The command about the source documents: `crosscheck ledger`."""
 
 from __future__ import annotations
 
@@ -24,20 +24,3 @@ def ledger(*rows: str, as_json: Json = False) -> int:
     from crosscheck.documents.ledger.show import run  # here, because no other command needs it
 
     return run(rows, as_json)
-
-
-def mutants(*words: str, as_json: Json = False) -> int:
-    """Put errors into the production code, one by one, and show which check goes red for each.
-
-    Exit codes: 0 every mutant is killed, 1 one survives or a check is red without any, 2 one does not fit the code.
-
-    Parameters
-    ----------
-    words
-        Only mutants with one of these in their label, or with this row or target.
-    as_json
-        Print one JSON object instead of a table.
-    """
-    from crosscheck.mutants_shown import run  # here, because no other command needs it
-
-    return run(words, as_json)

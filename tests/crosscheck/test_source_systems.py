@@ -12,13 +12,43 @@ from crosscheck.documents.convergence import Kind, linear_rate, newton_order, sl
 from crosscheck.documents.systems import me451, me581, metu, printed, shabana
 from crosscheck.documents.systems.twelve_coordinates import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
 from crosscheck.engines import vector_loop as loops
-from crosscheck.selfchecks.evidence import square_systems
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Polynomial
 from refkin.newton import NewtonStatus, newton
 from refkin.scenes.linkages import FourBar
 from refkin.solving.solve import acceleration, position, velocity
 from refkin.system import compile_system
+from tests.claims import U, assert_near
+
+
+def square_systems():
+    """Return the systems of the documents, each with a place at which nothing vanishes."""
+    bar = me581.FourBarLengths(90.0, 30.0, 60.0, 45.0, 0.3)
+    slotted = metu.Slotted(0.3, 0.25, 0.9, 0.6, -0.5, 0.4, 0.7)
+    drive = metu.Rapier(-6.0, -3.0, -5.0, -2.5, -6.0, 2.5, 12.0, 3.5, 6.0, 11.0)
+    coordinates = np.linspace(-0.7, 1.3, 12)
+    return [
+        ("A1", me451.root_minus_sine(), [0.7]),
+        ("A2", me451.sine_and_exponential(), [0.8, 1.3]),
+        ("A3", me451.square_and_sine(1.841471), [1.4]),
+        ("A4", me451.exponential_and_logarithm(), [0.7, 0.3]),
+        ("A6", me451.problem_356(0.43, 0.6, 0.25), [0.3, 0.2, 0.9]),
+        ("A8", me451.problem_356_fold(0.6, 0.25), [0.3, 0.2, 0.9, 0.43, 0.6, -0.7, 1.1]),
+        ("A9", me451.even_function(0.6), [0.7]),
+        ("A10", me451.square(4.0), [1.3]),
+        ("B2", metu.slotted(slotted), [1.2, 0.4, 0.5, 1.1]),
+        ("B5", metu.rapier(drive, 0.7), [3.1, 1.2, 2.9, 4.0]),
+        ("B5 fold", metu.rapier_fold(drive), [3.1, 1.2, 2.9, 4.0, 0.7, 0.3, -0.6, 0.8, 1.4]),
+        ("C1", me581.quadratic(), [5.0]),
+        ("C4", me581.four_bar(bar, 1.1), [0.2, 1.9]),
+        ("C6", me581.four_bar_by_rocker(bar, 1.1), [0.2, 1.9]),
+        ("D4", shabana.slider_crank(0.2, 0.35, 0.1, 1.1), [-0.3, 0.4]),
+        ("D7", shabana.coriolis_example(0.5, 0.2, 1.1), [2.7, 0.4]),
+        ("D10", shabana.four_bar(0.35, 0.2, 0.35, 0.25, 1.1), [1.1, 0.2, 4.3]),
+        ("D15", twelve_coordinates(0.2, 0.35, 1.1), coordinates),
+        ("D16", twelve_coordinates(0.2, 0.35, 0.4, SLIDER_DRIVEN), coordinates),
+    ]
+
 
 NOTES = me581.FourBarLengths(90.0, 30.0, 60.0, 45.0, 0.0)
 SLOTTED, CLOSED = metu.slotted_that_closes(0.25, 0.9, 0.6, *(math.radians(a) for a in (50.0, 70.0, 20.0)), 0.5)
@@ -33,6 +63,14 @@ REGULAR = {
     "C4": (me581.four_bar(NOTES, math.radians(65.0)), [0.0, math.pi / 2]),
     "D10": (shabana.four_bar(0.35, 0.2, 0.35, 0.25, 1.1), [1.1, 0.4, 4.0]),
 }
+
+
+def test_document_jacobians_are_the_derivatives():
+    """phi_q of every system of the documents is the complex-step derivative of its phi."""
+    for name, system, at in square_systems():  # built here: a mutant changes what builds them
+        q = np.asarray(at, float)
+        exact = jacobian(system.phi, q, Scheme.COMPLEX_STEP)
+        assert_near(np.asarray(system.phi_q(q), float), exact, 256 * U * max(1.0, np.max(np.abs(exact))), name)
 
 
 @pytest.mark.parametrize("name", REGULAR)

@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.selfchecks.claims import U, check, demand, demand_near
 from refkin.joints import GROUND, AngleDriver, Gear, Revolute
 from refkin.model import Body, Evidence, Mechanism, Scene
 from refkin.motion import Motion, Status
@@ -19,6 +18,7 @@ from refkin.solving.mobility import mobility, rank_of
 from refkin.solving.solve import solve, velocity
 from refkin.solving.sweep import Sweep
 from refkin.system import System, compile_system
+from tests.claims import U, assert_near
 
 ORIGIN = (0.0, 0.0)
 TIMES = (0.0, 0.4, 0.8)
@@ -53,80 +53,73 @@ def doubled(scene: Scene) -> tuple[System, Scene]:
     return compile_system(twice.mechanism, unit=twice.mechanism.unit()), twice
 
 
-@check
-def redundant_rows_contradict_at_each_level() -> None:
+def test_redundant_rows_contradict_at_each_level():
     """An even ring of wheels turns; an odd one has a pose, but no velocity; a shifted even one not even a pose."""
     even = turned(ring(4))
-    demand(even.verdict is Status.OK, f"four wheels: {even.verdict} {even.message}")
+    assert even.verdict is Status.OK, f"four wheels: {even.verdict} {even.message}"
     for k in range(4):
-        demand_near(even[f"wheel {k}"].phid, np.full(3, (-1.0) ** k), 64 * U, f"wheel {k} of four")
+        assert_near(even[f"wheel {k}"].phid, np.full(3, (-1.0) ** k), 64 * U, f"wheel {k} of four")
     for told, mechanism in (("three", ring(3)), ("four, shifted,", ring(4, phi0=1e-9))):
         for evidence in (frozenset(Evidence), frozenset[Evidence]()):
             motion = solve(Scene(mechanism=mechanism, times=TIMES, evidence=evidence))
             statuses = set(motion.status)
-            demand(statuses == {Status.UNASSEMBLABLE}, f"{told} wheels: {statuses} {motion.message}")
+            assert statuses == {Status.UNASSEMBLABLE}, f"{told} wheels: {statuses} {motion.message}"
 
 
-@check
-def a_row_that_is_left_out_is_held_against_the_pose() -> None:
+def test_a_row_that_is_left_out_is_held_against_the_pose():
     """Where the other rows close, a wheel shifted by 1e-9 rad contradicts them, and one that is not does not."""
     for phi0, contradicts in ((0.0, False), (1e-9, True)):
         mechanism = ring(4, phi0=phi0)
         system = compile_system(mechanism, unit=mechanism.unit())
         pose = system.to_unit(turned(ring(4)).q[:, :1])
         apart = isolate(system, pose, TIMES[:1]).contradiction[0]
-        demand(bool(apart > 1.0) is contradicts, f"shifted by {phi0:g}: {apart:.3g} times what rounding explains")
+        assert bool(apart > 1.0) is contradicts, f"shifted by {phi0:g}: {apart:.3g} times what rounding explains"
 
 
-@check
-def rounding_is_no_contradiction() -> None:
+def test_rounding_is_no_contradiction():
     """A joint that is there twice changes no answer, and contradicts nothing."""
     scene = FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.3, -0.7)), times=TIMES)
     once, again = solve(scene), solve(doubled(scene)[1])
-    demand(again.verdict is Status.OK, f"{again.verdict} {again.message}")
+    assert again.verdict is Status.OK, f"{again.verdict} {again.message}"
     for level in ("q", "qd", "qdd"):
-        demand_near(getattr(again, level), getattr(once, level), 256 * U, level)
+        assert_near(getattr(again, level), getattr(once, level), 256 * U, level)
 
 
-@check
-def a_change_of_branch_is_seen_with_redundant_rows() -> None:
+def test_a_change_of_branch_is_seen_with_redundant_rows():
     """Where no determinant has a sign, that of independent rows tells one branch from the other."""
     linkage, law = FourBar(4.0, 1.0, 3.5, 3.0), Polynomial(coefficients=(0.4, 1.0))
     poses = [solve(doubled(linkage.scene(law=law, times=TIMES, branch=b))[1]) for b in Branch]
     system, _ = doubled(linkage.scene(law=law, times=TIMES))
     first, other = (system.to_unit(motion.q) for motion in poses)
     sweep = Sweep(system, [TIMES[0]], [first[:, 0]])
-    demand(sweep._same_side(first[:, 1], TIMES[1]), "the next pose of the branch is taken for another branch")
-    demand(not sweep._same_side(other[:, 1], TIMES[1]), "the other branch is taken for this one")
+    assert sweep._same_side(first[:, 1], TIMES[1]), "the next pose of the branch is taken for another branch"
+    assert not sweep._same_side(other[:, 1], TIMES[1]), "the other branch is taken for this one"
 
 
-@check
-def dependences_are_told_apart() -> None:
+def test_dependences_are_told_apart():
     """Of rows that depend on the same others, each is named by itself, on what is independent alone."""
     rows = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [2.0, 0.5, 0.0]])
     names = ["a", "b", "c", "d", "e"]
     found = rank_of(rows, names)
-    demand([d.row for d in found.dependent] == ["c", "d", "e"], f"{found.dependent}")
+    assert [d.row for d in found.dependent] == ["c", "d", "e"], f"{found.dependent}"
     for d in found.dependent:
         total = sum((f * rows[names.index(n)] for n, f in d.factors.items()), np.zeros(3))
-        demand(set(d.factors) <= {"a", "b"}, f"{d}")
-        demand_near(total, rows[names.index(d.row)], 1e-13, f"{d}")
+        assert set(d.factors) <= {"a", "b"}, f"{d}"
+        assert_near(total, rows[names.index(d.row)], 1e-13, f"{d}")
     steep = rank_of(np.diag([1e3, 1e-5]), ["a", "b"])
-    demand(steep.rank == 2, f"a value of 1e-5 does not count beside one of 1000: {steep}")
+    assert steep.rank == 2, f"a value of 1e-5 does not count beside one of 1000: {steep}"
 
 
-@check
-def the_size_of_wheels_is_nothing_to_mobility() -> None:
+def test_the_size_of_wheels_is_nothing_to_mobility():
     """Wheels of a nanometre take one freedom away, as those of a gigametre do."""
     for radius in (1e-9, 1.0, 1e9):
         pair = ring(2, radius)
         single = replace(pair, joints=pair.joints[:3])
         found = mobility(single, np.array([0.0, 0.0, 0.0, 0.75, 0.0, 0.0]))
-        demand((found.mobility, found.joints.dependent) == (1, ()), f"radius {radius}: {found}")
+        assert (found.mobility, found.joints.dependent) == (1, ()), f"radius {radius}: {found}"
 
 
-@check
-def no_other_solution_is_within_the_proved_distance() -> None:
+def test_no_other_solution_is_within_the_proved_distance():
     """Near the dead centre of a lever, whose two poses lie an angle of 2 apart, `unique` is less than that."""
     linkage = FourBar(4.0, 1.0, 3.5, 3.0)
     low, high = linkage.input_range("rocker")[0]
@@ -138,5 +131,6 @@ def no_other_solution_is_within_the_proved_distance() -> None:
         apart = np.max(np.abs(np.mod(poses[0] - poses[1] + math.pi, math.tau) - math.pi), axis=0)
         q = poses[0]
         found = isolate(system, q, np.array(TIMES[:2]), velocity(system, q, np.array(TIMES[:2])))
-        demand(found.ok.all() and (found.unique > 0).all(), f"no proof {away} from the dead centre")
-        demand((found.unique < apart).all(), f"unique within {found.unique}, another solution at {apart}")
+        assert found.ok.all(), f"no proof {away} from the dead centre"
+        assert (found.unique > 0).all(), f"no proof {away} from the dead centre"
+        assert (found.unique < apart).all(), f"unique within {found.unique}, another solution at {apart}"

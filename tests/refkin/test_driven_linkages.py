@@ -6,17 +6,16 @@ import math
 
 import numpy as np
 
-from crosscheck.selfchecks.claims import check, demand, demand_near
-from crosscheck.selfchecks.linkages import LINKAGES, ROUNDING
 from refkin.errors import InvalidScene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.scenes.linkages import Branch, FourBar, SliderCrank
 from refkin.solving.solve import solve
+from tests.claims import assert_near
+from tests.refkin.test_linkage_closures import LINKAGES, ROUNDING
 
 
-@check
-def laws_beyond_the_range_are_refused() -> None:
+def test_laws_beyond_the_range_are_refused():
     """A linkage that cannot follow a law says so; one that can is driven by it, whole turns away as well."""
     four = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
     for offset, amplitude, fits in (
@@ -32,13 +31,12 @@ def laws_beyond_the_range_are_refused() -> None:
         try:
             four.scene(law=law, times=times)
         except InvalidScene:
-            demand(not fits, f"{law} was refused")
+            assert not fits, f"{law} was refused"
         else:
-            demand(fits, f"{law} was not refused")
+            assert fits, f"{law} was not refused"
 
 
-@check
-def sliders_are_driven_by_their_own_coordinate() -> None:
+def test_sliders_are_driven_by_their_own_coordinate():
     """A slider follows x of its wrist pin in the ground frame, or y where the guide is steep, wherever it is placed."""
     law = Polynomial(coefficients=(0.0, 1.0))
     for angle, along in ((0.4, "x"), (1.3, "y"), (0.0, "x")):
@@ -47,16 +45,15 @@ def sliders_are_driven_by_their_own_coordinate() -> None:
         wrists = [linkage.place(complex(s, 0.4))["xy".index(along)] for s in slides]
         scene = linkage.scene(law=law, times=tuple(wrists), driven="slider")
         motion = solve(scene)
-        demand(motion.verdict is Status.OK, f"guide at {angle}: {motion.verdict}")
-        demand_near(getattr(motion["slider"], along), wrists, ROUNDING, f"guide at {angle}: {along}")
+        assert motion.verdict is Status.OK, f"guide at {angle}: {motion.verdict}"
+        assert_near(getattr(motion["slider"], along), wrists, ROUNDING, f"guide at {angle}: {along}")
         for k, slide in enumerate(slides):
             expected = linkage.assemble(slide, driven="slider")
             found = motion["crank"].phi[k]
-            demand_near(math.remainder(found - expected["crank"][2], math.tau), 0.0, 1e-13, f"guide at {angle}: crank")
+            assert_near(math.remainder(found - expected["crank"][2], math.tau), 0.0, 1e-13, f"guide at {angle}: crank")
 
 
-@check
-def slides_beyond_the_range_are_refused() -> None:
+def test_slides_beyond_the_range_are_refused():
     """A slider may be driven to the very end of its range, wherever its guide lies, and not beyond."""
     for angle, along in ((0.4, 0), (1.3, 1)):
         linkage = SliderCrank(crank=1.0, rod=3.0, offset=0.4, origin=(0.3, -0.2), angle=angle)
@@ -71,25 +68,25 @@ def slides_beyond_the_range_are_refused() -> None:
             try:
                 linkage.scene(law=law, times=(0.0, 1.0), driven="slider")
             except InvalidScene:
-                demand(not fits, f"guide at {angle}: {first} to {last} was refused")
+                assert not fits, f"guide at {angle}: {first} to {last} was refused"
             else:
-                demand(fits, f"guide at {angle}: {first} to {last} was not refused")
+                assert fits, f"guide at {angle}: {first} to {last} was not refused"
 
 
-@check
-def scenes_start_near_their_pose() -> None:
+def test_scenes_start_near_their_pose():
     """A scene's estimate is its first pose, rounded; its times are those of the turns it is to make."""
     for linkage in LINKAGES[:1] + LINKAGES[2:3]:
         for branch in Branch:
             scene = linkage.scene(speed=-3.0, turns=2, samples=5, start=0.7, branch=branch)
-            demand_near(scene.times, np.linspace(0.0, 4 * math.pi / 3, 5), ROUNDING, f"times of {linkage}")
+            assert_near(scene.times, np.linspace(0.0, 4 * math.pi / 3, 5), ROUNDING, f"times of {linkage}")
             pose = linkage.assemble(0.7, branch)
             for body in scene.mechanism.bodies:
                 off = np.abs(np.subtract(body.estimate or (math.nan,) * 3, pose[body.name]))
-                demand((off < 0.06).all() and (off > 0.0).any(), f"{linkage} {branch}: {body.name} is off by {off}")
+                assert (off < 0.06).all(), f"{linkage} {branch}: {body.name} is off by {off}"
+                assert (off > 0.0).any(), f"{linkage} {branch}: {body.name} is off by {off}"
     slider = SliderCrank(crank=1.0, rod=3.0, offset=0.4, origin=(0.3, -0.2), angle=1.3)
     wrist = slider.place(complex(3.1, 0.4))[1]
     scene = slider.scene(law=Polynomial(coefficients=(wrist,)), times=(0.0,), driven="slider")
     for body in scene.mechanism.bodies:
         off = np.abs(np.subtract(body.estimate or (math.nan,) * 3, slider.assemble(3.1, driven="slider")[body.name]))
-        demand((off < 0.06).all(), f"{slider} by its slider: {body.name} is off by {off}")
+        assert (off < 0.06).all(), f"{slider} by its slider: {body.name} is off by {off}"

@@ -8,8 +8,8 @@ from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
+import pytest
 
-from crosscheck.selfchecks.claims import U, check, demand, demand_near, demand_raises
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import (
     ANYWHERE,
@@ -23,6 +23,7 @@ from refkin.scenes.linkages import (
 )
 from refkin.scenes.linkages.closures import corner, leg, link_to_line, two_links
 from refkin.system import System, compile_system
+from tests.claims import U, assert_near
 
 PLACED: dict[str, Any] = {"origin": (0.3, -0.2), "angle": 0.4}
 LINKAGES: tuple[Linkage, ...] = (
@@ -74,29 +75,27 @@ def posed(linkage: Linkage, value: float, branch: str, driven: str, relative_to:
     return compile_system(mechanism), np.concatenate([pose[body.name] for body in mechanism.bodies])
 
 
-@check
-def dyads_close() -> None:
+def test_dyads_close():
     """Two links, and a link and a line, close on the side that is asked for; two equal ones close a gap of nothing."""
     for gap, a, b in ((1.2 - 0.7j, 1.0, 0.9), (-0.2 + 1.1j, 2.0, 1.3), (0j, 1.5, 1.5), (3.0 + 0j, 1.0, 2.0)):
         for sign in (1, -1):
             alpha, beta = two_links(gap, a, b, sign)
             first, second = cmath.rect(a, alpha), cmath.rect(b, beta)
-            demand_near(first + second, gap, 8 * ROUNDING, f"{gap} by {a} and {b}")
+            assert_near(first + second, gap, 8 * ROUNDING, f"{gap} by {a} and {b}")
             side = (gap.conjugate() * first).imag * sign
-            demand(side > 0 or abs(gap) in (0.0, a + b), f"{gap} by {a} and {b}: on side {side}")
+            assert side > 0 or abs(gap) in (0.0, a + b), f"{gap} by {a} and {b}: on side {side}"
     for start, length, height in ((0.3, 1.0, -0.4), (-0.2, 0.7, 0.3)):
         for sign in (1, -1):
             link = cmath.rect(length, link_to_line(start, length, height, sign))
-            demand_near(start + link.imag, height, ROUNDING, f"line at {height}")
-            demand(link.real * sign > 0, f"line at {height}: the link points to {link.real}")
-    demand_near(corner(3.0, 4.0, 5.0), math.pi / 2, ROUNDING, "the corner of 3, 4, 5")
-    demand_near(corner(2.0, 2.0, 2.0), math.pi / 3, ROUNDING, "the corner of an equilateral triangle")
-    demand_near(corner(2.0, 0.0, 2.0), math.pi / 2, 0.0, "the corner at a side of no length")
-    demand_near(leg(5.0, 3.0), 4.0, 0.0, "the leg of 3, 4, 5")
+            assert_near(start + link.imag, height, ROUNDING, f"line at {height}")
+            assert link.real * sign > 0, f"line at {height}: the link points to {link.real}"
+    assert_near(corner(3.0, 4.0, 5.0), math.pi / 2, ROUNDING, "the corner of 3, 4, 5")
+    assert_near(corner(2.0, 2.0, 2.0), math.pi / 3, ROUNDING, "the corner of an equilateral triangle")
+    assert_near(corner(2.0, 0.0, 2.0), math.pi / 2, 0.0, "the corner at a side of no length")
+    assert_near(leg(5.0, 3.0), 4.0, 0.0, "the leg of 3, 4, 5")
 
 
-@check
-def assembled_poses_satisfy_the_joints() -> None:
+def test_assembled_poses_satisfy_the_joints():
     """The pose in closed form satisfies all joints and the driver, on both branches and at every kind of input."""
     for linkage in LINKAGES:
         for driven, relative_to, value in inputs(linkage):
@@ -104,19 +103,18 @@ def assembled_poses_satisfy_the_joints() -> None:
             for branch in Branch:
                 system, q = posed(linkage, value, branch, driven, relative_to)
                 residual = system.phi(q, 0.0)
-                demand_near(residual, 0.0 * residual, ROUNDING * linkage.reach, f"{linkage} {driven} {value} {branch}")
+                assert_near(residual, 0.0 * residual, ROUNDING * linkage.reach, f"{linkage} {driven} {value} {branch}")
                 angles.append(float(np.sign(np.linalg.det(system.phi_q(q, 0.0)))))
-            demand(angles[0] == -angles[1] != 0, f"{linkage}: both branches at {driven} = {value} are one")
+            assert angles[0] == -angles[1] != 0, f"{linkage}: both branches at {driven} = {value} are one"
 
 
-@check
-def open_and_crossed_are_what_they_say() -> None:
+def test_open_and_crossed_are_what_they_say():
     """Open is the four-bar with its rocker ahead of the coupler, the slider-crank whose rod points along its guide."""
     for linkage in LINKAGES:
         for value in (0.3, -0.5, 0.15):
             first, second = (linkage.assemble(value + linkage.angle, branch) for branch in Branch)
             for pose, sign in ((first, 1.0), (second, -1.0)):
-                demand(_side(linkage, pose) * sign > 0, f"{linkage} at {value}: sign {sign}")
+                assert _side(linkage, pose) * sign > 0, f"{linkage} at {value}: sign {sign}"
 
 
 def _side(linkage: Linkage, pose: Any) -> float:
@@ -130,8 +128,7 @@ def _side(linkage: Linkage, pose: Any) -> float:
     return float((pin - np.array(lever[:2])) @ np.array([math.cos(lever[2]), math.sin(lever[2])]))
 
 
-@check
-def ranges_end_where_the_linkage_does() -> None:
+def test_ranges_end_where_the_linkage_does():
     """Inside its range an input assembles, outside it does not; an input that turns fully assembles all around."""
     for linkage in (*LINKAGES, *ODD, *(linkage for linkage, _ in CLASSES)):
         for driven, relative_to in linkage.INPUTS:
@@ -139,10 +136,10 @@ def ranges_end_where_the_linkage_does() -> None:
             if not intervals:
                 around = np.linspace(-4.0, 4.0, 81)
                 margins = [linkage.closure_margin(x, driven, relative_to) for x in around]
-                demand(max(margins) < 0.0, f"{linkage} {driven}: it assembles, but has no range")
+                assert max(margins) < 0.0, f"{linkage} {driven}: it assembles, but has no range"
             if intervals == ANYWHERE:
                 margins = [linkage.closure_margin(x, driven, relative_to) for x in np.linspace(0.0, math.tau, 49)]
-                demand(min(margins) > -ROUNDING * linkage.reach, f"{linkage} {driven}: open by {min(margins)}")
+                assert min(margins) > -ROUNDING * linkage.reach, f"{linkage} {driven}: open by {min(margins)}"
                 continue
             for low, high in intervals:
                 for end, inward in ((low, 1.0), (high, -1.0)):
@@ -151,51 +148,46 @@ def ranges_end_where_the_linkage_does() -> None:
 
 def _demand_end(linkage: Linkage, driven: str, relative_to: str, end: float, inward: float) -> None:
     told = f"{linkage} {driven} at {end}"
-    demand(linkage.closure_margin(end + inward, driven, relative_to) > 0, f"{told}: does not assemble inside")
+    assert linkage.closure_margin(end + inward, driven, relative_to) > 0, f"{told}: does not assemble inside"
     outside = linkage.closure_margin(end - inward, driven, relative_to)
-    demand(outside < 0, f"{told}: assembles outside")
-    demand(abs(linkage.closure_margin(end, driven, relative_to)) < 1e-12 * linkage.reach, f"{told}: not at its end")
-    demand_raises(
-        DoesNotAssemble,
-        lambda: linkage.assemble(end - inward, driven=driven, relative_to=relative_to),
-        f"{told}, outside",
-    )
+    assert outside < 0, f"{told}: assembles outside"
+    assert abs(linkage.closure_margin(end, driven, relative_to)) < 1e-12 * linkage.reach, f"{told}: not at its end"
+    with pytest.raises(DoesNotAssemble):
+        linkage.assemble(end - inward, driven=driven, relative_to=relative_to)
 
 
-@check
-def classes_are_those_of_grashof() -> None:
+def test_classes_are_those_of_grashof():
     """The class follows from the shortest link where s + l < p + q, and is change point at equality."""
     for linkage, expected in CLASSES:
-        demand(linkage.grashof is expected, f"{linkage} is {linkage.grashof}, not {expected}")
+        assert linkage.grashof is expected, f"{linkage} is {linkage.grashof}, not {expected}"
         shortest, *middle, longest = sorted(getattr(linkage, key) for key in linkage.LENGTHS)
-        demand_near(linkage.slack, sum(middle) - shortest - longest, ROUNDING * linkage.reach, f"slack of {linkage}")
+        assert_near(linkage.slack, sum(middle) - shortest - longest, ROUNDING * linkage.reach, f"slack of {linkage}")
     for slider, slack in (
         (SliderCrank(1.0, 3.0, 0.4), 1.6),
         (SliderCrank(3.0, 1.0, -0.4), 1.6),
         (SliderCrank(1.0, 1.2, 0.5), -0.3),
     ):
-        demand_near(slider.slack, slack, ROUNDING, f"slack of {slider}")
+        assert_near(slider.slack, slack, ROUNDING, f"slack of {slider}")
     nearly = FourBar(3.0, 1.0, 2.0, math.nextafter(2.0, 1.0))
-    demand(nearly.grashof is GrashofClass.TRIPLE_ROCKER, f"one bit below the change point: {nearly.grashof}")
+    assert nearly.grashof is GrashofClass.TRIPLE_ROCKER, f"one bit below the change point: {nearly.grashof}"
     turning = CLASSES[-1][0].input_range()
-    demand(turning == ANYWHERE, f"at the change point the crank turns in {turning}")
+    assert turning == ANYWHERE, f"at the change point the crank turns in {turning}"
 
 
-@check
-def transmission_angles_are_the_determinants() -> None:
+def test_transmission_angles_are_the_determinants():
     """The angle is the one between the links, and its sine times the lengths the determinant of the loop."""
     four = LINKAGES[0]
     assert isinstance(four, FourBar)
     for value in (0.3, 1.9, -2.0):
         pose = four.assemble(value)
         apart = pose["rocker"][2] - pose["coupler"][2]
-        demand_near(four.transmission_angle(value), math.acos(math.cos(apart)), 1e-13, f"{four} at {value}")
+        assert_near(four.transmission_angle(value), math.acos(math.cos(apart)), 1e-13, f"{four} at {value}")
     for slider in LINKAGES[2:4]:
         assert isinstance(slider, SliderCrank)
         for value in (0.3, 0.15, -0.5):
             rod = slider.assemble(value + slider.angle)["connecting_rod"][2] - slider.angle
             mu = slider.transmission_angle(value + slider.angle)
-            demand_near(
+            assert_near(
                 [math.sin(mu), math.cos(mu)], [abs(math.cos(rod)), math.sin(rod)], 1e-13, f"{slider} at {value}"
             )
     lever = LINKAGES[4]
@@ -205,22 +197,21 @@ def transmission_angles_are_the_determinants() -> None:
         pose = lever.assemble(value)
         pin = np.array(pose["crank"][:2]) * 2 - np.array(lever.origin) - np.array(pose["lever"][:2])
         sine = abs(float(np.linalg.det(system.phi_q(q, 0.0)))) / float(np.hypot(*pin))
-        demand_near(math.sin(lever.transmission_angle(value)), sine, 1e-13, f"{lever} at {value}")
+        assert_near(math.sin(lever.transmission_angle(value)), sine, 1e-13, f"{lever} at {value}")
 
 
-@check
-def dead_centres_are_the_ends_of_strokes() -> None:
+def test_dead_centres_are_the_ends_of_strokes():
     """At a dead centre crank and rod lie in one line, and the slider is where its range ends."""
     for linkage in LINKAGES[2:4]:
         assert isinstance(linkage, SliderCrank)
         ends = sorted(end for stroke in linkage.input_range("slider") for end in stroke)
         found = linkage.dead_centres()
-        demand_near([s for _, s in found], ends, ROUNDING * linkage.reach, f"{linkage}: slides")
+        assert_near([s for _, s in found], ends, ROUNDING * linkage.reach, f"{linkage}: slides")
         for crank, slide in found:
             pin = np.array([math.cos(crank - linkage.angle), math.sin(crank - linkage.angle)]) * linkage.crank
             wrist = np.array([slide, linkage.offset])
             across = pin[0] * wrist[1] - pin[1] * wrist[0]
-            demand(abs(across) < ROUNDING * linkage.reach**2, f"{linkage}: not in one line at {crank}")
-            demand_near(
+            assert abs(across) < ROUNDING * linkage.reach**2, f"{linkage}: not in one line at {crank}"
+            assert_near(
                 np.linalg.norm(wrist - pin), linkage.rod, ROUNDING * linkage.reach, f"{linkage}: rod at {crank}"
             )

@@ -9,8 +9,6 @@ from typing import Any
 import numpy as np
 
 from crosscheck.measure.check import check as check_scene
-from crosscheck.selfchecks.claims import U, check, demand, demand_near
-from crosscheck.selfchecks.contacts import PROFILE
 from refkin.joints import GROUND, AngleDriver, Cam, Disc, Polar, Prismatic, Revolute
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Status
@@ -19,6 +17,8 @@ from refkin.solving.contacts import SCAN, touched
 from refkin.solving.solve import solve
 from refkin.solving.sweep import Arrival, Sweep, contracts
 from refkin.system import compile_system
+from tests.claims import U, assert_near
+from tests.refkin.test_contact_motions import PROFILE
 
 ORIGIN = (0.0, 0.0)
 PIVOT = (3.0, -2.0)
@@ -75,21 +75,19 @@ def shifted() -> Scene:
     return Scene(mechanism=Mechanism(bodies, (pivot,), (turning(),)), times=TIMES, name="pivot with an offset")
 
 
-@check
-def guides_that_move_agree_with_vector_loops() -> None:
+def test_guides_that_move_agree_with_vector_loops():
     """A slot in a lever, a guide and an offset pivot whose body i moves, as loops of vectors."""
     for scene in (slotted(), lifted(), shifted()):
         record = check_scene(scene, ["vector_loop"])
-        demand(not record["disagreements"], f"{scene.name}: {record['disagreements']}")
-        demand(len(record["answers"]) == 1, f"{scene.name}: {record['refusals']}")
+        assert not record["disagreements"], f"{scene.name}: {record['disagreements']}"
+        assert len(record["answers"]) == 1, f"{scene.name}: {record['refusals']}"
 
 
-@check
-def a_lever_on_a_crank_pin_turns_as_its_triangle_does() -> None:
+def test_a_lever_on_a_crank_pin_turns_as_its_triangle_does():
     """Away from the origin, a slotted lever and a point of it have the motion of the closed form, with two rates."""
     scene = slotted()
     motion, t = solve(scene), np.array(TIMES)
-    demand(motion.verdict is Status.OK, f"{motion.verdict} {motion.message}")
+    assert motion.verdict is Status.OK, f"{motion.verdict} {motion.message}"
     axis = (0.3 + 1j) / abs(0.3 + 1j)
     offset = (np.conj(axis) * 0.1).imag  # of the slot from the lever's pivot, across
 
@@ -102,19 +100,18 @@ def a_lever_on_a_crank_pin_turns_as_its_triangle_does() -> None:
     phi = arms(t) - np.angle(axis)
     phid = np.imag(arms(t + 1e-100j)) / 1e-100
     lever = motion["lever"]
-    demand_near(lever.phi, phi, 256 * U, "angle of the lever")
-    demand_near(lever.phid, phid, 256 * U, "rate of the lever")
+    assert_near(lever.phi, phi, 256 * U, "angle of the lever")
+    assert_near(lever.phid, phid, 256 * U, "rate of the lever")
     r = complex(PIVOT[0], PIVOT[1] - 2.0) + (0.2 + 1.5j) * np.exp(1j * phi)
     v = (0.2 + 1.5j) * 1j * phid * np.exp(1j * phi)
     point = motion.points["P"]
-    demand_near(point.r, [r.real, r.imag], 512 * U, "point of the lever")
-    demand_near(point.v, [v.real, v.imag], 512 * U, "its velocity")
+    assert_near(point.r, [r.real, r.imag], 512 * U, "point of the lever")
+    assert_near(point.v, [v.real, v.imag], 512 * U, "its velocity")
     pivot = motion["crank"]
-    demand_near([pivot.xd, pivot.yd], np.zeros((2, len(t))), 64 * U, "velocity of a pivot away from the origin")
+    assert_near([pivot.xd, pivot.yd], np.zeros((2, len(t))), 64 * U, "velocity of a pivot away from the origin")
 
 
-@check
-def a_contact_is_looked_for_all_around() -> None:
+def test_a_contact_is_looked_for_all_around():
     """A closed profile is searched over its turn, an open one over its table or two turns, and the best point found."""
     wave = Sinusoid(amplitude=0.1, angular_frequency=2.0, offset=1.0)
     table = Table(argument=(-0.5, 0.4, 1.2, 2.0), value=(1.0, 1.1, 1.2, 1.1))
@@ -127,7 +124,7 @@ def a_contact_is_looked_for_all_around() -> None:
     )
     for law, closed, span in spans:
         profile = Polar(law=law)
-        demand((profile.closed, profile.span) == (closed, span), f"{law}: {profile.closed}, {profile.span}")
+        assert (profile.closed, profile.span) == (closed, span), f"{law}: {profile.closed}, {profile.span}"
     knife: dict[str, Any] = {"body_i": "cam", "point_i": ORIGIN, "body_j": "follower", "point_j": ORIGIN}
     touch = Cam(name="touch", **knife, profile=Polar(law=PROFILE), follower="point")
     drivers = tuple(AngleDriver(name=f"d{k}", body="cam", law=LAW) for k in range(5))
@@ -135,11 +132,10 @@ def a_contact_is_looked_for_all_around() -> None:
     for s in (-2.0, 0.3, 1.9):
         at = PROFILE(s) * np.exp(1j * (s + 0.4))
         found = touched(system, np.array([0.0, 0.0, 0.4, at.real, at.imag, 0.0, 0.0]), 0.0)
-        demand_near(found[6], s, (math.tau / (SCAN - 1)) * (2 / (SCAN - 1)) ** 2, "touched at")
+        assert_near(found[6], s, (math.tau / (SCAN - 1)) * (2 / (SCAN - 1)) ** 2, "touched at")
 
 
-@check
-def a_profile_ends_where_its_table_does() -> None:
+def test_a_profile_ends_where_its_table_does():
     """A follower that leaves an open profile loses its branch there, and the joint is named."""
     table = Table(argument=(-0.5, 0.4, 1.2, 2.0), value=(1.0, 1.1, 1.2, 1.1))
     guide = Prismatic(name="guide", body_i=GROUND, point_i=PIVOT, axis_i=(0.0, 1.0), body_j="follower", point_j=ORIGIN)
@@ -150,37 +146,35 @@ def a_profile_ends_where_its_table_does() -> None:
     motion = solve(Scene(mechanism=Mechanism(bodies, (pin("crank"), guide, touch), (back,)), times=TIMES))
     end = 2.0 - math.pi / 2  # of the time at which s = 2
     expected = [Status.OK if t < end else Status.BRANCH_LOST for t in TIMES]
-    demand(list(motion.status) == expected, f"{motion.status}")
-    demand("touch" in motion.message, f"the joint is not named: {motion.message}")
+    assert list(motion.status) == expected, f"{motion.status}"
+    assert "touch" in motion.message, f"the joint is not named: {motion.message}"
 
 
-@check
-def periodic_tables_are_smooth_all_around() -> None:
+def test_periodic_tables_are_smooth_all_around():
     """Value, slope and curvature of a periodic table go on from its last argument at its first."""
     table = Table(argument=(0.2, 0.9, 1.3, 2.4), value=(1.0, 0.4, 1.7, 1.0), periodic=True)
     for order in range(3):
         last, first, again = (float(table(t, order)) for t in (2.4 - 1e-9, 0.2 + 1e-9, 2.4 + 1e-9))
-        demand(max(abs(last - first), abs(again - first)) <= 1e-6, f"derivative {order}: {last}, {again}, {first}")
+        assert max(abs(last - first), abs(again - first)) <= 1e-6, f"derivative {order}: {last}, {again}, {first}"
 
 
-@check
-def no_step_turns_an_angle_further_than_a_radian() -> None:
+def test_no_step_turns_an_angle_further_than_a_radian():
     """A fast crank is followed in steps, however well its motion is predicted."""
     scene = slotted()
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     start = system.to_unit(solve(scene).q[:, 0])
     sweep = Sweep(system, [0.0], [start])
-    demand(sweep.to(TIMES[-1]) is Arrival.REACHED, "the last time is not reached")
+    assert sweep.to(TIMES[-1]) is Arrival.REACHED, "the last time is not reached"
     turns = np.abs(np.diff(np.array(sweep.q), axis=0))[:, system.angles]
-    demand(float(np.max(turns)) <= 1.0, f"a step turns by {np.max(turns)}")
+    assert float(np.max(turns)) <= 1.0, f"a step turns by {np.max(turns)}"
     wheel = Mechanism((Body(name="crank"),), (pin("crank"),), (turning(law=Polynomial(coefficients=(0.0, 50.0))),))
     fast = compile_system(wheel, unit=wheel.unit())
     sweep = Sweep(fast, [0.0], [np.zeros(3)])
-    demand(sweep.to(1.0) is Arrival.REACHED and len(sweep.q) > 50, f"50 rad in {len(sweep.q)} steps")
+    assert sweep.to(1.0) is Arrival.REACHED, f"50 rad in {len(sweep.q)} steps"
+    assert len(sweep.q) > 50, f"50 rad in {len(sweep.q)} steps"
 
 
-@check
-def a_slow_contraction_is_no_contraction() -> None:
+def test_a_slow_contraction_is_no_contraction():
     """Newton's second correction shows another root near, unless both are round-off."""
     for sizes, holds in (([1.0], True), ([1.0, 0.1], True), ([1.0, 0.5], False), ([1e-8, 9e-9], True)):
-        demand(contracts(sizes) is holds, f"{sizes}: {not holds}")
+        assert contracts(sizes) is holds, f"{sizes}: {not holds}"

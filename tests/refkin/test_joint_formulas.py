@@ -9,14 +9,14 @@ from typing import Any
 import numpy as np
 from flint import arb, ctx
 
-from crosscheck.selfchecks.cases import LAW, TIMES, UNITS, constraints, name_of, state, system_of
-from crosscheck.selfchecks.claims import U, check, demand, demand_near
-from crosscheck.selfchecks.geometry import dimensions, expected_residual
 from refkin.differences import Scheme, jacobian
 from refkin.errors import Fault
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, AngleDriver, Constraint
 from refkin.proof.numbers.exact import exact_system
 from refkin.system import System
+from tests.claims import U, assert_near
+from tests.refkin.joint_cases import LAW, TIMES, UNITS, constraints, name_of, state, system_of
+from tests.refkin.joint_geometry import dimensions, expected_residual
 
 ROUNDING = 256 * U
 """What about a hundred roundings of numbers of the size of the largest term may leave, with a reserve of two."""
@@ -39,8 +39,7 @@ def _phi(system: System, t: float, q: Any) -> Any:
     return system.phi(q, t)
 
 
-@check
-def residual_is_the_geometry() -> None:
+def test_residual_is_the_geometry():
     """The residual of every joint and driver is what it means, in metres and in other units."""
     for c, system, rows, t in cases():
         q, _, _ = state(system)
@@ -54,43 +53,39 @@ def residual_is_the_geometry() -> None:
         scale = system.unit.size
         expected = [x / scale**p for x, p in zip(expected_residual(c, pose, t, s), dimensions(c), strict=True)]
         allowed = ROUNDING * size(expected, physical / scale) ** 2
-        demand_near(system.phi(q, t)[rows], expected, allowed, name_of(c))
+        assert_near(system.phi(q, t)[rows], expected, allowed, name_of(c))
 
 
-@check
-def jacobian_is_the_derivative() -> None:
+def test_jacobian_is_the_derivative():
     """The Jacobian of every joint and driver is the complex-step derivative of its residual."""
     for c, system, rows, t in cases():
         q, _, _ = state(system)
         slope = system.phi_q(q, t)[rows]
         exact = jacobian(partial(_phi, system, t), q, Scheme.COMPLEX_STEP)[rows]
-        demand_near(slope, exact, ROUNDING * size(slope), name_of(c))
+        assert_near(slope, exact, ROUNDING * size(slope), name_of(c))
 
 
-@check
-def nu_is_minus_the_time_derivative() -> None:
+def test_nu_is_minus_the_time_derivative():
     """The velocity side of every joint and driver is minus the derivative of its residual by time."""
     for c, system, rows, t in cases():
         q, _, _ = state(system)
         moved = system.phi(q.astype(complex), t + STEP * 1j)[rows]
         nu = system.nu(q, t)
-        demand(nu.shape == (system.m,), f"{name_of(c)}: nu has shape {nu.shape} for {system.m} rows")
-        demand_near(nu[rows], -np.imag(moved) / STEP, ROUNDING * size(nu), name_of(c))
+        assert nu.shape == (system.m,), f"{name_of(c)}: nu has shape {nu.shape} for {system.m} rows"
+        assert_near(nu[rows], -np.imag(moved) / STEP, ROUNDING * size(nu), name_of(c))
 
 
-@check
-def gamma_has_every_term() -> None:
+def test_gamma_has_every_term():
     """phi_q qdd - gamma of every joint and driver is the derivative of phi_q qd - nu along a motion."""
     for c, system, rows, t in cases():
         q, qd, qdd = state(system)
         e = STEP * 1j
         moved = system.phi_q(q + e * qd, t + e) @ (qd + e * qdd) - system.nu(q + e * qd, t + e)
         left, gamma = system.phi_q(q, t) @ qdd, system.gamma(q, qd, t)
-        demand_near((left - gamma)[rows], np.imag(moved)[rows] / STEP, ROUNDING * size(left, gamma), name_of(c))
+        assert_near((left - gamma)[rows], np.imag(moved)[rows] / STEP, ROUNDING * size(left, gamma), name_of(c))
 
 
-@check
-def rows_of_lanes_are_the_lanes() -> None:
+def test_rows_of_lanes_are_the_lanes():
     """A batch of configurations gives lane by lane what one configuration gives."""
     for c, system, rows, _ in cases():
         states = [state(system, seed) for seed in range(3)]
@@ -101,11 +96,10 @@ def rows_of_lanes_are_the_lanes() -> None:
             at = q[:, k], t[k]
             lane = (system.phi(*at), system.phi_q(*at), system.nu(*at), system.gamma(q[:, k], qd[:, k], t[k]))
             for a, b in zip(whole, lane, strict=True):
-                demand_near(a[rows][..., k], b[rows], ROUNDING * size(b), name_of(c))
+                assert_near(a[rows][..., k], b[rows], ROUNDING * size(b), name_of(c))
 
 
-@check
-def balls_hold_what_floats_give() -> None:
+def test_balls_hold_what_floats_give():
     """On balls, with the scene's numbers exact, the same formulas give what floats give, to round-off."""
     for c, system, rows, t in cases():
         q, qd, _ = state(system)
@@ -116,7 +110,7 @@ def balls_hold_what_floats_give() -> None:
             found = [np.array([float(arb(x)) for x in np.ravel(b[rows])]) for b in balls]
         floats = (system.phi(q, t), system.phi_q(q, t), system.nu(q, t), system.gamma(q, qd, t))
         for a, b in zip(found, floats, strict=True):
-            demand_near(a, np.ravel(b[rows]), 4 * ROUNDING * size(b), name_of(c))
+            assert_near(a, np.ravel(b[rows]), 4 * ROUNDING * size(b), name_of(c))
 
 
 def objects(values: Any) -> Any:
@@ -146,8 +140,7 @@ class Recorder:
         return iter(())
 
 
-@check
-def laws_are_asked_no_further_than_needed() -> None:
+def test_laws_are_asked_no_further_than_needed():
     """Both phi and phi_q ask a law for its value alone, nu for the first derivative, gamma for the second."""
     law = Recorder()
     system, _ = system_of(AngleDriver(name="c", body="b", law=law), UNITS[0])  # type: ignore[arg-type]
@@ -161,21 +154,18 @@ def laws_are_asked_no_further_than_needed() -> None:
     for call, highest in calls:
         law.orders.clear()
         call()
-        demand(
-            max(law.orders, default=0) == highest,
-            f"orders {law.orders} were asked for, {highest} is the highest needed",
+        assert max(law.orders, default=0) == highest, (
+            f"orders {law.orders} were asked for, {highest} is the highest needed"
         )
 
 
-@check
-def every_type_is_among_the_cases() -> None:
+def test_every_type_is_among_the_cases():
     """No joint or driver type is left out of these checks."""
-    demand({type(c) for c in constraints()} == {*JOINT_TYPES, *DRIVER_TYPES}, "a type has no case")
+    assert {type(c) for c in constraints()} == {*JOINT_TYPES, *DRIVER_TYPES}, "a type has no case"
 
 
-@check
-def profiles_reach_the_third_derivative() -> None:
+def test_profiles_reach_the_third_derivative():
     """A moving contact on a curve takes third derivatives of its profile: the cases' laws have them."""
     for c in constraints():
         law = getattr(getattr(c, "profile", None), "law", None)
-        demand(law is None or abs(law(0.3, 3)) > 0.01, f"{name_of(c)}: its third derivative vanishes")
+        assert law is None or abs(law(0.3, 3)) > 0.01, f"{name_of(c)}: its third derivative vanishes"

@@ -7,9 +7,9 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from crosscheck.engines import vector_loop as loops
-from crosscheck.selfchecks.claims import U, check, demand, demand_near, demand_raises
 from refkin.differences import Scheme, jacobian
 from refkin.errors import NotCalledFor
 from refkin.joints import AngleDriver, XDriver, YDriver
@@ -21,6 +21,7 @@ from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
 from refkin.solving.solve import acceleration, position, solve, velocity
 from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import compile_system
+from tests.claims import U, assert_near
 
 LAW = Polynomial(coefficients=(0.4, 1.3, -0.7, 0.2))
 TIMES = (0.0, 0.35, 0.9)
@@ -57,12 +58,11 @@ def motions() -> list[tuple[Scene, loops.LoopSystem, Any, Any]]:
     ]
 
 
-@check
-def motions_are_those_of_the_loops() -> None:
+def test_motions_are_those_of_the_loops():
     """Position, velocity and acceleration of linkages are those of their vector loops, which share nothing."""
     for scene, system, start, read in motions():
         motion, marched = solve(scene), loops.march(system, TIMES, start)
-        demand(motion.verdict is Status.OK, f"{scene.name}: {motion.verdict}")
+        assert motion.verdict is Status.OK, f"{scene.name}: {motion.verdict}"
         for level, expected in (("", marched.q), ("d", marched.qd), ("dd", marched.qdd)):
             found = np.array(read(motion, level))
             expected = expected[: len(found)]
@@ -70,11 +70,10 @@ def motions_are_those_of_the_loops() -> None:
                 turns = np.round((found - expected) / math.tau) * (np.abs(found - expected) > 3.0)
                 found = found - math.tau * turns
             # Condition numbers here are below 10, rates below 10.
-            demand_near(found, expected, 4096 * U, f"{scene.name} {level or 'position'}")
+            assert_near(found, expected, 4096 * U, f"{scene.name} {level or 'position'}")
 
 
-@check
-def points_move_as_their_derivatives() -> None:
+def test_points_move_as_their_derivatives():
     """Velocity and acceleration of a moving point are the derivatives of its place, and their parts what they say."""
     u = [Polynomial(coefficients=(0.3, 0.5, -0.4)), Polynomial(coefficients=(-0.2, 0.7, 0.9))]
     q = [Polynomial(coefficients=c) for c in ((1.0, -0.6, 0.8), (0.5, 0.9, -0.3), (0.2, 1.4, -1.1))]
@@ -87,19 +86,18 @@ def points_move_as_their_derivatives() -> None:
 
     found = parts(t)
     moved = parts(t + STEP * 1j)
-    demand_near(found.v, np.imag(moved.r) / STEP, 64 * U, "v is the derivative of r")
-    demand_near(found.a, np.imag(moved.v) / STEP, 64 * U, "a is the derivative of v")
+    assert_near(found.v, np.imag(moved.r) / STEP, 64 * U, "v is the derivative of r")
+    assert_near(found.a, np.imag(moved.v) / STEP, 64 * U, "a is the derivative of v")
     arm = found.r - np.array([q[0](t), q[1](t)])
     quarter, omega, alpha = np.array([[0.0, -1.0], [1.0, 0.0]]), q[2](t, 1), q[2](t, 2)
-    demand_near(found.v_turning, omega * quarter @ arm, 64 * U, "v_turning")
-    demand_near(found.a_normal, -(omega**2) * arm, 64 * U, "a_normal")
-    demand_near(found.a_tangential, alpha * quarter @ arm, 64 * U, "a_tangential")
-    demand_near(found.a_coriolis, 2 * omega * quarter @ found.v_relative, 64 * U, "a_coriolis")
-    demand_near(found.v, found.v_origin + found.v_turning + found.v_relative, 64 * U, "v is the sum of its parts")
+    assert_near(found.v_turning, omega * quarter @ arm, 64 * U, "v_turning")
+    assert_near(found.a_normal, -(omega**2) * arm, 64 * U, "a_normal")
+    assert_near(found.a_tangential, alpha * quarter @ arm, 64 * U, "a_tangential")
+    assert_near(found.a_coriolis, 2 * omega * quarter @ found.v_relative, 64 * U, "a_coriolis")
+    assert_near(found.v, found.v_origin + found.v_turning + found.v_relative, 64 * U, "v is the sum of its parts")
 
 
-@check
-def fixed_points_move_as_their_derivatives() -> None:
+def test_fixed_points_move_as_their_derivatives():
     """Velocity and acceleration of a point fixed in a body are the derivatives of its place."""
     q = [Polynomial(coefficients=c) for c in ((1.0, -0.6, 0.8), (0.5, 0.9, -0.3), (0.2, 1.4, -1.1))]
 
@@ -107,40 +105,37 @@ def fixed_points_move_as_their_derivatives() -> None:
         return point_motion((0.3, -0.8), *(np.array([[law(at, k)] for law in q]) for k in range(3)))
 
     found, moved = motion(0.7), motion(0.7 + STEP * 1j)
-    demand_near(found.v, np.imag(moved.r) / STEP, 64 * U, "v is the derivative of r")
-    demand_near(found.a, np.imag(moved.v) / STEP, 64 * U, "a is the derivative of v")
+    assert_near(found.v, np.imag(moved.r) / STEP, 64 * U, "v is the derivative of r")
+    assert_near(found.a, np.imag(moved.v) / STEP, 64 * U, "a is the derivative of v")
 
 
-@check
-def a_coarse_sweep_stays_on_its_branch() -> None:
+def test_a_coarse_sweep_stays_on_its_branch():
     """Nine times in two turns, or in seven, give poses of one branch, also where the branches come near each other."""
     both_turn = FourBar(ground=1.0, crank=4.0, coupler=3.5, rocker=3.0)
     for linkage, turns in ((ROCKER, 2), (FourBar(4.0, 1.0, 3.5, 1.55), 2), (ROCKER, 7), (both_turn, 7)):
         for branch in ("open", "crossed"):
             motion = solve(linkage.scene(turns=turns, samples=9, branch=branch))
-            demand(motion.verdict is Status.OK, f"{linkage} {branch}: {motion.verdict}")
+            assert motion.verdict is Status.OK, f"{linkage} {branch}: {motion.verdict}"
             for k, phi in enumerate(motion["crank"].phi):
                 expected = linkage.assemble(float(phi), branch)["rocker"][2]
                 off = abs(math.remainder(motion["rocker"].phi[k] - expected, math.tau))
-                demand(off < 1e-12, f"{linkage} {branch}: the rocker is off by {off} at {phi}")
+                assert off < 1e-12, f"{linkage} {branch}: the rocker is off by {off} at {phi}"
 
 
-@check
-def a_near_change_point_is_passed_on_the_branch() -> None:
+def test_a_near_change_point_is_passed_on_the_branch():
     """With a slack of 1e-8, where the branches come within 1e-4 of each other, a coarse turn stays on its own."""
     linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + 1e-8)
     for branch in ("open", "crossed"):
         motion = solve(linkage.scene(turns=1, samples=13, branch=branch))
-        demand(motion.verdict is Status.OK, f"{branch}: {motion.verdict}")
+        assert motion.verdict is Status.OK, f"{branch}: {motion.verdict}"
         for k, phi in enumerate(motion["crank"].phi):
             expected = linkage.assemble(float(phi), branch)["rocker"][2]
             off = abs(math.remainder(motion["rocker"].phi[k] - expected, math.tau))
             # At the change point an angle moves by 1e4 times what the crank's does, whose 1e-15 are rounding.
-            demand(off < 1e-9, f"{branch}: the rocker is off by {off} at {phi}")
+            assert off < 1e-9, f"{branch}: the rocker is off by {off} at {phi}"
 
 
-@check
-def what_cannot_be_is_said() -> None:
+def test_what_cannot_be_is_said():
     """Beyond its limit a linkage is unassemblable, at it singular, and a swing that goes beyond is not followed."""
     limit = LIMITED.input_range()[0][1]
     scene = LIMITED.scene(law=Polynomial(coefficients=(limit - 0.1,)), times=(0.0,))
@@ -150,22 +145,22 @@ def what_cannot_be_is_said() -> None:
         return solve(replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)), times=times))
 
     beyond = driven(Polynomial(coefficients=(limit + 0.05,)), (0.0,))
-    demand(beyond.verdict is Status.UNASSEMBLABLE, f"beyond the limit: {beyond.verdict}")
-    demand(np.isnan(beyond.q).all(), "beyond the limit: a pose")
+    assert beyond.verdict is Status.UNASSEMBLABLE, f"beyond the limit: {beyond.verdict}"
+    assert np.isnan(beyond.q).all(), "beyond the limit: a pose"
     swing = driven(Sinusoid(amplitude=limit + 0.05, angular_frequency=1.0), tuple(np.linspace(0.0, 3.0, 16)))
     out = [abs((limit + 0.05) * math.sin(t)) > limit for t in np.linspace(0.0, 3.0, 16)]
-    demand(swing.status[0] is Status.OK, f"the swing starts {swing.status[0]}")
-    demand(not any(s is Status.OK for s, o in zip(swing.status, out, strict=True) if o), "a pose beyond the limit")
+    assert swing.status[0] is Status.OK, f"the swing starts {swing.status[0]}"
+    assert not any(s is Status.OK for s, o in zip(swing.status, out, strict=True) if o), "a pose beyond the limit"
     folded = FourBar(ground=3.0, crank=1.0, coupler=2.0, rocker=2.0).scene(
         law=Polynomial(coefficients=(math.pi,)), times=(0.0,)
     )
     at_fold = solve(folded)
-    demand(at_fold.verdict in (Status.SINGULAR, Status.UNASSEMBLABLE), f"at the fold: {at_fold.verdict}")
-    demand(at_fold.qd is not None and np.isnan(at_fold.qd).all(), "at the fold: a velocity")
+    assert at_fold.verdict in (Status.SINGULAR, Status.UNASSEMBLABLE), f"at the fold: {at_fold.verdict}"
+    assert at_fold.qd is not None, "at the fold: a velocity"
+    assert np.isnan(at_fold.qd).all(), "at the fold: a velocity"
 
 
-@check
-def a_sweep_steps_down_and_stops() -> None:
+def test_a_sweep_steps_down_and_stops():
     """A sweep that is led over a limit stops before it, with the sign of its determinant kept on all accepted poses."""
     limit = LIMITED.input_range()[0][1]
     scene = LIMITED.scene(law=Polynomial(coefficients=(limit - 0.3, 1.0)), times=(0.0,))
@@ -173,38 +168,38 @@ def a_sweep_steps_down_and_stops() -> None:
     pose = LIMITED.assemble(limit - 0.3)
     sweep = Sweep(system, [0.0], [system.to_unit(np.concatenate([pose[b.name] for b in scene.mechanism.bodies]))])
     arrival = sweep.to(0.5)
-    demand(arrival is Arrival.STOPPED, f"{arrival}")
-    demand(0.29 < sweep.t[-1] <= 0.3 + 1e-12, f"stopped at {sweep.t[-1]}")
+    assert arrival is Arrival.STOPPED, f"{arrival}"
+    assert 0.29 < sweep.t[-1] <= 0.3 + 1e-12, f"stopped at {sweep.t[-1]}"
 
 
-@check
-def units_and_places_change_nothing() -> None:
+def test_units_and_places_change_nothing():
     """A linkage 2^30 times as large gives the same angles to the bit, and lengths times 2^30."""
     small, large = (FourBar(*(length * f for length in (4.0, 1.0, 3.5, 3.0))) for f in (1.0, 2.0**30))
     here, there = (solve(linkage.scene(samples=5)) for linkage in (small, large))
     for body in ("crank", "coupler", "rocker"):
         for level in ("", "d", "dd"):
             a, b = (m[body].__getattr__("phi" + level) for m in (here, there))
-            demand_near(b, a, 0.0, f"{body} phi{level}")
+            assert_near(b, a, 0.0, f"{body} phi{level}")
             a, b = (m[body].__getattr__("x" + level) for m in (here, there))
-            demand_near(b, a * 2.0**30, 0.0, f"{body} x{level}")
+            assert_near(b, a * 2.0**30, 0.0, f"{body} x{level}")
 
 
-@check
-def only_what_is_called_for_is_answered() -> None:
+def test_only_what_is_called_for_is_answered():
     """A system compiled without velocity refuses it by name; a scene without it reports none."""
     scene = ROCKER.scene(samples=3)
     bare = compile_system(scene.mechanism, frozenset())
     at = np.zeros(9)
-    demand_raises(NotCalledFor, lambda: bare.nu(at, 0.0), "nu of a system compiled without it")
-    demand_raises(NotCalledFor, lambda: bare.gamma(at, at, 0.0), "gamma of a system compiled without it")
+    with pytest.raises(NotCalledFor):
+        bare.nu(at, 0.0)
+    with pytest.raises(NotCalledFor):
+        bare.gamma(at, at, 0.0)
     motion = solve(replace(scene, effects=frozenset({Effect.ACCELERATION})))
-    demand(motion.qd is None, "a velocity was reported")
-    demand(motion.qdd is not None and np.isfinite(motion.qdd).all(), "no acceleration was reported")
+    assert motion.qd is None, "a velocity was reported"
+    assert motion.qdd is not None, "no acceleration was reported"
+    assert np.isfinite(motion.qdd).all(), "no acceleration was reported"
 
 
-@check
-def linear_systems_are_solved_in_batches() -> None:
+def test_linear_systems_are_solved_in_batches():
     """Rates solve phi_q qd = nu and phi_q qdd = gamma, at one pose or many, with redundant rows or without."""
     scene = ROCKER.scene(law=LAW, times=TIMES)
     twice = replace(scene.mechanism, joints=(*scene.mechanism.joints, replace(scene.mechanism.joints[0], name="again")))
@@ -216,17 +211,16 @@ def linear_systems_are_solved_in_batches() -> None:
         qdd = acceleration(system, q, qd, t)
         for k in range(len(t)):
             slope = system.phi_q(q[:, k], t[k])
-            demand_near(slope @ qd[:, k], system.nu(q[:, k], t[k]), 256 * U, "phi_q qd = nu")
+            assert_near(slope @ qd[:, k], system.nu(q[:, k], t[k]), 256 * U, "phi_q qd = nu")
             right = system.gamma(q[:, k], qd[:, k], t[k])
-            demand_near(slope @ qdd[:, k], right, 2048 * U, "phi_q qdd = gamma")
-            demand_near(velocity(system, q[:, k], t[k]), qd[:, k], 256 * U, "one pose")
+            assert_near(slope @ qdd[:, k], right, 2048 * U, "phi_q qdd = gamma")
+            assert_near(velocity(system, q[:, k], t[k]), qd[:, k], 256 * U, "one pose")
     start = motion.q[:, 0] + 0.05
     found = position(compile_system(scene.mechanism), start, 0.0)
-    demand_near(found.q, motion.q[:, 0], 1024 * U, "position from an estimate")
+    assert_near(found.q, motion.q[:, 0], 1024 * U, "position from an estimate")
 
 
-@check
-def coordinates_sit_where_they_are_said_to() -> None:
+def test_coordinates_sit_where_they_are_said_to():
     """Columns of phi_q belong to the bodies in their order, with units there and back, and a row for each name."""
     law = Polynomial(coefficients=(0.0,))
     bodies = (Body(name="a"), Body(name="b"))
@@ -236,15 +230,15 @@ def coordinates_sit_where_they_are_said_to() -> None:
         for kind in (XDriver, YDriver, AngleDriver)
     )
     system = compile_system(Mechanism(bodies, (), drivers))
-    demand_near(system.phi_q(np.zeros(6), 0.0), np.eye(6), 0.0, "phi_q")
-    demand((system.columns("b").start, len(system.row_names)) == (3, 6), f"{system.columns('b')} {system.row_names}")
+    assert_near(system.phi_q(np.zeros(6), 0.0), np.eye(6), 0.0, "phi_q")
+    assert (system.columns("b").start, len(system.row_names)) == (3, 6), f"{system.columns('b')} {system.row_names}"
     q = np.random.default_rng(2).normal(size=6)
     scaled = compile_system(ROCKER.scene(samples=2).mechanism, unit=replace(system.unit, size=4.0, origin=(1.0, -2.0)))
     for order in range(3):
         there = scaled.to_unit(np.r_[q, q[:3]], order)
         shift = np.array([1.0, -2.0]) if order == 0 else np.zeros(2)
-        demand_near(there[:2], (q[:2] - shift) / 4.0, 0.0, f"order {order}")
-        demand(there[2] == q[2], "an angle was scaled")
-        demand_near(scaled.to_physical(there, order)[:6], q, 2 * U * np.abs(q) + 2 * U, f"order {order} there and back")
+        assert_near(there[:2], (q[:2] - shift) / 4.0, 0.0, f"order {order}")
+        assert there[2] == q[2], "an angle was scaled"
+        assert_near(scaled.to_physical(there, order)[:6], q, 2 * U * np.abs(q) + 2 * U, f"order {order} there and back")
     exact = jacobian(lambda x: scaled.phi(x, 0.0), np.r_[q, q[:3]], Scheme.COMPLEX_STEP)
-    demand_near(scaled.phi_q(np.r_[q, q[:3]], 0.0), exact, 16 * U, "phi_q in another unit")
+    assert_near(scaled.phi_q(np.r_[q, q[:3]], 0.0), exact, 16 * U, "phi_q in another unit")

@@ -7,16 +7,17 @@ from functools import partial
 from typing import Any
 
 import numpy as np
+import pytest
 
 from crosscheck.documents.systems import SquareSystem, me581, metu, shabana
 from crosscheck.engines import vector_loop as loops
 from crosscheck.engines.vector_loop.marching import connected
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
-from crosscheck.selfchecks.claims import U, check, demand, demand_near, demand_raises
 from refkin.differences import Scheme, jacobian
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.newton import newton
+from tests.claims import U, assert_near
 
 LAW = Polynomial(coefficients=(0.4, 1.3, -0.7))
 SWING = Sinusoid(amplitude=0.4, angular_frequency=1.3, offset=0.9)
@@ -71,8 +72,7 @@ def some(n: int, seed: int = 3) -> Any:
     return np.random.default_rng(seed).normal(size=n)
 
 
-@check
-def loops_are_the_equations_of_the_documents() -> None:
+def test_loops_are_the_equations_of_the_documents():
     """Residual and Jacobian of each mechanism are, up to the sign of an equation, those of its document."""
     for name, system, written in systems():
         if written is None:
@@ -81,21 +81,19 @@ def loops_are_the_equations_of_the_documents() -> None:
         found, expected = system.residual(q, AT), written.phi(q)
         sign = np.where(np.abs(found - expected) < np.abs(found + expected), 1.0, -1.0)
         allowed = ROUNDING * system.scale * 8
-        demand_near(found, sign * expected, allowed, name)
-        demand_near(system.jacobian(q, AT), sign[:, None] * written.phi_q(q), allowed, f"{name}: Jacobian")
+        assert_near(found, sign * expected, allowed, name)
+        assert_near(system.jacobian(q, AT), sign[:, None] * written.phi_q(q), allowed, f"{name}: Jacobian")
 
 
-@check
-def jacobians_are_the_derivatives() -> None:
+def test_jacobians_are_the_derivatives():
     """The real Jacobian is the complex-step derivative of the real residual."""
     for name, system, _ in systems():
         q = some(system.n)
         exact = jacobian(partial(system.residual, t=AT), q, Scheme.COMPLEX_STEP)
-        demand_near(system.jacobian(q, AT), exact, ROUNDING * system.scale * 8, name)
+        assert_near(system.jacobian(q, AT), exact, ROUNDING * system.scale * 8, name)
 
 
-@check
-def both_forms_are_one() -> None:
+def test_both_forms_are_one():
     """The complex form holds each loop and its conjugate; its Jacobian holds those of the real form."""
     for name, system, _ in systems():
         q, m = some(system.n), len(system.loops)
@@ -104,57 +102,54 @@ def both_forms_are_one() -> None:
         allowed = ROUNDING * system.scale * 8
         for a, b, told in ((real, pair, "residual"), (slope, slopes, "Jacobian")):
             z = a[0 : 2 * m : 2] + 1j * a[1 : 2 * m : 2]
-            demand_near(b[:m], z, allowed, f"{name}: {told}")
-            demand_near(b[m : 2 * m], np.conj(z), allowed, f"{name}: conjugate {told}")
-            demand_near(b[2 * m :], a[2 * m :], allowed, f"{name}: relations, {told}")
+            assert_near(b[:m], z, allowed, f"{name}: {told}")
+            assert_near(b[m : 2 * m], np.conj(z), allowed, f"{name}: conjugate {told}")
+            assert_near(b[2 * m :], a[2 * m :], allowed, f"{name}: relations, {told}")
 
 
-@check
-def rates_are_the_derivatives() -> None:
+def test_rates_are_the_derivatives():
     """The right sides of velocity and acceleration are those of the equations, differentiated along a motion."""
     for name, system, _ in systems():
         q, qd, qdd = (some(system.n, seed) for seed in (3, 4, 5))
         e = STEP * 1j
         allowed = 8 * ROUNDING * system.scale * 8
         moved = system.residual(q.astype(complex), AT + e)
-        demand_near(system.nu(q, AT), -np.imag(moved) / STEP, allowed, f"{name}: nu")
+        assert_near(system.nu(q, AT), -np.imag(moved) / STEP, allowed, f"{name}: nu")
         # nu holds complex sums of its own, so that a complex step does not pass through it: a central difference does.
         h = 2.0**-18
         ends = [_rate(system, q + s * h * qd + h * h / 2 * qdd, qd + s * h * qdd, AT + s * h) for s in (1, -1)]
         left = system.jacobian(q, AT) @ qdd - system.gamma(q, qd, AT)
-        demand_near(left, (ends[0] - ends[1]) / (2 * h), 1e-8 * system.scale, f"{name}: gamma")
+        assert_near(left, (ends[0] - ends[1]) / (2 * h), 1e-8 * system.scale, f"{name}: gamma")
 
 
 def _rate(system: loops.LoopSystem, q: Any, qd: Any, t: float) -> Any:
     return system.jacobian(q, t) @ qd - system.nu(q, t)
 
 
-@check
-def relations_are_sums_of_their_terms() -> None:
+def test_relations_are_sums_of_their_terms():
     """A relation between unknowns and the input is the sum of its terms and its constant, with two derivatives."""
     q, qd = some(3), some(3, 4)
     system = geared()
     value = 0.5 * q[2] + 0.8 * (0.3 + LAW(AT)) + 0.25
-    demand_near(system.residual(q, AT)[2], value, ROUNDING, "value")
-    demand_near(system.nu(q, AT)[2], -0.8 * LAW(AT, 1), ROUNDING, "nu")
-    demand_near(system.gamma(q, qd, AT)[2], -0.8 * LAW(AT, 2), ROUNDING, "gamma")
-    demand_near(system.jacobian(q, AT)[2], [0.0, 0.0, 0.5], 0.0, "Jacobian")
+    assert_near(system.residual(q, AT)[2], value, ROUNDING, "value")
+    assert_near(system.nu(q, AT)[2], -0.8 * LAW(AT, 1), ROUNDING, "nu")
+    assert_near(system.gamma(q, qd, AT)[2], -0.8 * LAW(AT, 2), ROUNDING, "gamma")
+    assert_near(system.jacobian(q, AT)[2], [0.0, 0.0, 0.5], 0.0, "Jacobian")
 
 
-@check
-def scales_and_rounding_are_of_the_right_size() -> None:
+def test_scales_and_rounding_are_of_the_right_size():
     """The scale is the power of two nearest the longest link, and what rounding may leave is small against it."""
     for name, scale in (("four-bar", 4.0), ("rapier R1", 1024.0), ("geared", 2.0)):
         system = next(s for n, s, _ in systems() if n == name)
-        demand(system.scale == scale, f"{name}: scale {system.scale}, not {scale}")
+        assert system.scale == scale, f"{name}: scale {system.scale}, not {scale}"
         allowed = system.rounding(some(system.n), AT)
-        demand((allowed > 8 * U).all() and (allowed < 1e-13 * scale).all(), f"{name}: rounding {allowed}")
+        assert (allowed > 8 * U).all(), f"{name}: rounding {allowed}"
+        assert (allowed < 1e-13 * scale).all(), f"{name}: rounding {allowed}"
     drive = next(s for n, s, _ in systems() if n == "rapier R1")
-    demand_near(drive.weights, [1.0, 1.0, 1.0, 1 / 1024], 0.0, "weights")
+    assert_near(drive.weights, [1.0, 1.0, 1.0, 1 / 1024], 0.0, "weights")
 
 
-@check
-def many_times_are_each_of_them() -> None:
+def test_many_times_are_each_of_them():
     """A row of times gives column by column what one time gives."""
     for name, system, _ in systems():
         times = np.array([0.1, 0.6, 1.4])
@@ -162,58 +157,59 @@ def many_times_are_each_of_them() -> None:
         for call in (system.residual, system.complex_residual, system.jacobian, system.nu):
             whole = call(q, times)
             for k in range(3):
-                demand_near(whole[..., k], call(q[:, k], float(times[k])), ROUNDING * system.scale * 8, name)
+                assert_near(whole[..., k], call(q[:, k], float(times[k])), ROUNDING * system.scale * 8, name)
         whole = system.gamma(q, qd, times)
         for k in range(3):
             one = system.gamma(q[:, k], qd[:, k], float(times[k]))
-            demand_near(whole[:, k], one, 16 * ROUNDING * system.scale * 8, f"{name}: gamma")
+            assert_near(whole[:, k], one, 16 * ROUNDING * system.scale * 8, f"{name}: gamma")
 
 
-@check
-def poses_close_in_either_form() -> None:
+def test_poses_close_in_either_form():
     """Newton in real and in complex form, and least squares, end at the same pose, which closes."""
     start = [math.radians(a) for a in (200.0, 80.0, 180.0)] + [400.0]
     for reading in ("R1", "R2"):
         system = loops.rapier(reading, math.radians(60.0))
         real, pair = (loops.close(system, start, complex_form=form) for form in (False, True))
         least = loops.minimise(system, start)
-        demand(real.converged and pair.converged, f"{reading}: {real.status}, {pair.status}")
-        demand(least.status is loops.MinimumStatus.ROOT, f"{reading}: {least.status}")
-        demand_near(pair.q, real.q, 1e-10, f"{reading}: complex form")
-        demand_near(least.q, real.q, 1e-10, f"{reading}: least squares")
+        assert real.converged, f"{reading}: {real.status}, {pair.status}"
+        assert pair.converged, f"{reading}: {real.status}, {pair.status}"
+        assert least.status is loops.MinimumStatus.ROOT, f"{reading}: {least.status}"
+        assert_near(pair.q, real.q, 1e-10, f"{reading}: complex form")
+        assert_near(least.q, real.q, 1e-10, f"{reading}: least squares")
     beyond = loops.minimise(loops.rapier("R2", math.radians(160.0)), start)
-    demand(beyond.status is loops.MinimumStatus.STALLED and beyond.gap > 1.0, f"beyond the limit: {beyond.status}")
+    assert beyond.status is loops.MinimumStatus.STALLED, f"beyond the limit: {beyond.status}"
+    assert beyond.gap > 1.0, f"beyond the limit: {beyond.status}"
 
 
-@check
-def a_march_ends_where_the_branch_does() -> None:
+def test_a_march_ends_where_the_branch_does():
     """A crank that turns fully is followed around; one that is led over its limit is followed there, and no further."""
     turn = Polynomial(coefficients=(0.0, 1.0))
     whole = loops.march(loops.four_bar(4.0, 1.0, 3.5, 1.55, turn), np.linspace(0.0, math.tau, 5).tolist(), [0.6, 1.9])
-    demand(whole.reached == 5, f"{whole.reached} of 5 times")
-    demand_near(whole.q[:, -1] % math.tau, whole.q[:, 0] % math.tau, 1e-12, "back at the start")
+    assert whole.reached == 5, f"{whole.reached} of 5 times"
+    assert_near(whole.q[:, -1] % math.tau, whole.q[:, 0] % math.tau, 1e-12, "back at the start")
     swing = loops.march(loops.four_bar(0.9, 0.3, 0.6, 0.45, turn), [0.0, 1.5, 1.95, 1.96, 2.5], [0.6, 1.9])
-    demand(swing.reached == 3, f"{swing.reached} times reached, of which 3 lie before the limit 1.9552")
-    demand(swing.status[3] is Status.NOT_CONVERGED and np.isnan(swing.q[:, 3:]).all(), "a pose beyond the limit")
+    assert swing.reached == 3, f"{swing.reached} times reached, of which 3 lie before the limit 1.9552"
+    assert swing.status[3] is Status.NOT_CONVERGED, "a pose beyond the limit"
+    assert np.isnan(swing.q[:, 3:]).all(), "a pose beyond the limit"
 
 
-@check
-def new_estimates_are_taken_where_the_slope_vanishes() -> None:
+def test_new_estimates_are_taken_where_the_slope_vanishes():
     """One estimate after the other is used while the derivative vanishes, and no longer."""
     system = me581.quadratic()
     runs = loops.with_new_estimates(*system, [2.0, 5.0, 1.0])
-    demand([r.converged for r in runs] == [False, True], f"{[r.status for r in runs]}")
-    demand(len(loops.with_new_estimates(*system, [5.0, 2.0])) == 1, "an estimate was used after a root")
-    demand_raises(ValueError, lambda: loops.with_new_estimates(*system, []), "no estimate")
+    assert [r.converged for r in runs] == [False, True], f"{[r.status for r in runs]}"
+    assert len(loops.with_new_estimates(*system, [5.0, 2.0])) == 1, "an estimate was used after a root"
+    with pytest.raises(ValueError, match="estimates"):
+        loops.with_new_estimates(*system, [])
 
 
-@check
-def branches_are_told_apart_by_their_jacobians() -> None:
+def test_branches_are_told_apart_by_their_jacobians():
     """Jacobians of one branch are connected by regular matrices; those of the two assemblies are not."""
     poses = [
         newton(*me581.four_bar(me581.FourBarLengths(4.0, 1.0, 3.5, 3.0, 0.0), 0.7), q).q
         for q in ([0.6, 1.5], [-1.2, -2.2])
     ]
     slopes = [me581.four_bar(me581.FourBarLengths(4.0, 1.0, 3.5, 3.0, 0.0), 0.7).phi_q(q) for q in poses]
-    demand(connected(slopes[0], slopes[0]) and connected(slopes[1], slopes[1]), "a pose is not connected with itself")
-    demand(not connected(*slopes), "the two assemblies are connected")
+    assert connected(slopes[0], slopes[0]), "a pose is not connected with itself"
+    assert connected(slopes[1], slopes[1]), "a pose is not connected with itself"
+    assert not connected(*slopes), "the two assemblies are connected"

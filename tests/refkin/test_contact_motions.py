@@ -7,13 +7,13 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.selfchecks.claims import U, check, demand, demand_near
 from refkin.joints import GROUND, AngleDriver, Cam, Disc, Gear, Polar, Prismatic, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.solving.solve import solve
 from refkin.system import compile_system
+from tests.claims import U, assert_near
 
 ORIGIN = (0.0, 0.0)
 TIMES = tuple(np.linspace(0.0, 2.4, 9).tolist())
@@ -31,7 +31,7 @@ def lifted(**cam: Any) -> Motion:
     driver = AngleDriver(name="turn", body="cam", law=TURN)
     bodies = Body(name="cam", estimate=(0.0, 0.0, 0.2)), Body(name="follower", estimate=(0.0, 1.1, 0.0))
     motion = solve(Scene(mechanism=Mechanism(bodies, (pivot, guide, touch), (driver,)), times=TIMES))
-    demand(motion.verdict is Status.OK, f"{cam}: {motion.verdict} {motion.message}")
+    assert motion.verdict is Status.OK, f"{cam}: {motion.verdict} {motion.message}"
     return motion
 
 
@@ -39,11 +39,10 @@ def demand_lift(motion: Motion, y: Any, yd: Any, ydd: Any, told: str) -> None:
     """Demand the lift of the follower and its rates."""
     follower = motion["follower"]
     for found, expected, level in ((follower.y, y, "y"), (follower.yd, yd, "y'"), (follower.ydd, ydd, "y''")):
-        demand_near(found, expected, ALLOWED, f"{told}: {level}")
+        assert_near(found, expected, ALLOWED, f"{told}: {level}")
 
 
-@check
-def a_knife_edge_follows_its_profile() -> None:
+def test_a_knife_edge_follows_its_profile():
     """A point above the pivot is lifted by d(s) at s = 90 degrees - theta, and s is reported with its rates."""
     motion = lifted(point_i=ORIGIN, profile=Polar(law=PROFILE), follower="point")
     theta, w, a = (TURN(np.array(TIMES), k) for k in range(3))
@@ -52,13 +51,12 @@ def a_knife_edge_follows_its_profile() -> None:
     demand_lift(motion, d[0], -d[1] * w, d[2] * w * w - d[1] * a, "knife edge")
     contact = motion.contacts["touch"]
     turns = math.tau * np.round((contact.s - s) / math.tau)
-    demand_near(contact.s - turns, s, ALLOWED, "contact parameter")
-    demand_near(contact.sd, -w, ALLOWED, "rate of the contact parameter")
-    demand_near(contact.sdd, -a, ALLOWED, "acceleration of the contact parameter")
+    assert_near(contact.s - turns, s, ALLOWED, "contact parameter")
+    assert_near(contact.sd, -w, ALLOWED, "rate of the contact parameter")
+    assert_near(contact.sdd, -a, ALLOWED, "acceleration of the contact parameter")
 
 
-@check
-def a_flat_face_follows_an_eccentric() -> None:
+def test_a_flat_face_follows_an_eccentric():
     """A face on a disc off its pivot is lifted by radius and height of the centre, as disc and as profile."""
     e, radius = 0.25, 0.8
     theta, w, a = (TURN(np.array(TIMES), k) for k in range(3))
@@ -70,8 +68,7 @@ def a_flat_face_follows_an_eccentric() -> None:
         demand_lift(motion, y, yd, ydd, f"face on {profile.kind}")
 
 
-@check
-def a_roller_follows_an_eccentric() -> None:
+def test_a_roller_follows_an_eccentric():
     """A roller above the pivot keeps the sum of the radii from the centre of a disc, as disc and as profile."""
     e, radius, rho = 0.25, 0.8, 0.3
     theta, w, a = (TURN(np.array(TIMES), k) for k in range(3))
@@ -86,8 +83,7 @@ def a_roller_follows_an_eccentric() -> None:
         demand_lift(motion, h + up, hd + upd, hdd + updd, f"roller on {profile.kind}")
 
 
-@check
-def gears_turn_by_their_ratio() -> None:
+def test_gears_turn_by_their_ratio():
     """A wheel driven through another turns back by the ratio of the radii, over many turns."""
     axles = tuple(
         Revolute(name=f"axle {name}", body_i=GROUND, point_i=at, body_j=name, point_j=ORIGIN)
@@ -97,13 +93,12 @@ def gears_turn_by_their_ratio() -> None:
     fast = AngleDriver(name="turn", body="i", law=Polynomial(coefficients=(0.3, 30.0)))
     bodies = tuple(Body(name=name, estimate=(x, 0.0, 0.0)) for name, x in (("i", 0.0), ("j", 1.0)))
     motion = solve(Scene(mechanism=Mechanism(bodies, (*axles, mesh), (fast,)), times=TIMES))
-    demand(motion.verdict is Status.OK, f"{motion.verdict} {motion.message}")
-    demand_near(motion["j"].phi, -2 / 3 * motion["i"].phi, 1e-13, "angle")
-    demand_near(motion["j"].phid, np.full(len(TIMES), -20.0), 1e-13, "speed")
+    assert motion.verdict is Status.OK, f"{motion.verdict} {motion.message}"
+    assert_near(motion["j"].phi, -2 / 3 * motion["i"].phi, 1e-13, "angle")
+    assert_near(motion["j"].phid, np.full(len(TIMES), -20.0), 1e-13, "speed")
 
 
-@check
-def parameters_stand_behind_the_bodies() -> None:
+def test_parameters_stand_behind_the_bodies():
     """A contact parameter is a coordinate of its own, an angle, after those of all bodies; other joints have none."""
     touch = Cam(
         name="touch",
@@ -126,7 +121,7 @@ def parameters_stand_behind_the_bodies() -> None:
     )
     drivers = tuple(AngleDriver(name=f"d{k}", body="a", law=TURN) for k in range(3))
     system = compile_system(Mechanism((Body(name="a"), Body(name="b")), (pin, touch, second), drivers))
-    demand((system.n, system.of_bodies) == (8, 6), f"{system.n} coordinates, {system.of_bodies} of bodies")
+    assert (system.n, system.of_bodies) == (8, 6), f"{system.n} coordinates, {system.of_bodies} of bodies"
     found = [system.parameter(name) for name in ("pin", "touch", "second")]
-    demand([(p.start, p.stop) for p in found] == [(0, 0), (6, 7), (7, 8)], f"{found}")
-    demand(system.angles.tolist() == [False, False, True, False, False, True, True, True], f"{system.angles}")
+    assert [(p.start, p.stop) for p in found] == [(0, 0), (6, 7), (7, 8)], f"{found}"
+    assert system.angles.tolist() == [False, False, True, False, False, True, True, True], f"{system.angles}"

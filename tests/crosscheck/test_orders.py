@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents.convergence import NOTHING, Kind, linear_rate, newton_order, slope
-from crosscheck.selfchecks.claims import check, demand, demand_near
 from refkin.differences import EPS, Scheme, error_bound, jacobian, step
+from tests.claims import assert_near
 
 AT = np.array([0.2, -1.9])
 
@@ -30,94 +30,86 @@ def exact(x: Any) -> Any:
     )
 
 
-@check
-def each_coordinate_is_reset() -> None:
+def test_each_coordinate_is_reset():
     """What one column moved is not moved for the next: quotients of x y are exact, and x itself stays as it was."""
     at = np.array([2.0, 3.0])
     for scheme in (Scheme.FORWARD, Scheme.CENTRAL, Scheme.COMPLEX_STEP):
         found = jacobian(lambda q: np.array([q[0] * q[1]]), at, scheme, 0.5)
-        demand_near(found, [[3.0, 2.0]], 0.0, f"{scheme}")
-    demand_near(at, [2.0, 3.0], 0.0, "x was changed")
+        assert_near(found, [[3.0, 2.0]], 0.0, f"{scheme}")
+    assert_near(at, [2.0, 3.0], 0.0, "x was changed")
 
 
-@check
-def quotients_are_those_of_their_scheme() -> None:
+def test_quotients_are_those_of_their_scheme():
     """Of x^3 at 2 with step h the forward quotient is 12 + 6h + h^2, the central 12 + h^2, the complex 12 - h^2."""
     for scheme, expected in ((Scheme.FORWARD, 15.25), (Scheme.CENTRAL, 12.25), (Scheme.COMPLEX_STEP, 11.75)):
         found = jacobian(lambda x: x**3, np.array([2.0]), scheme, 0.5)
-        demand_near(found, [[expected]], 0.0, f"{scheme}")
+        assert_near(found, [[expected]], 0.0, f"{scheme}")
 
 
-@check
-def errors_fall_with_the_order_of_the_scheme() -> None:
+def test_errors_fall_with_the_order_of_the_scheme():
     """Forward quotients err by slope 1 in the step, central ones by 2, the complex step not at all."""
     h = 10.0 ** np.arange(-4.0, -1.0, 0.5)
     for scheme, order in ((Scheme.FORWARD, 1.0), (Scheme.CENTRAL, 2.0)):
         errors = [np.max(np.abs(jacobian(mixed, AT, scheme, k) - exact(AT))) for k in h]
         observed = slope(h, errors, floor=0.0)
-        demand(observed.is_near(order, 0.05), f"{scheme}: slope {observed.value:.3f}")
+        assert observed.is_near(order, 0.05), f"{scheme}: slope {observed.value:.3f}"
     for k in (1e-20, 1e-100, 1e-200):
         off = np.max(np.abs(jacobian(mixed, AT, Scheme.COMPLEX_STEP, k) - exact(AT)))
-        demand(off <= 16 * EPS, f"complex step {k}: off by {off}")
+        assert off <= 16 * EPS, f"complex step {k}: off by {off}"
 
 
-@check
-def step_rules_are_near_their_best() -> None:
+def test_step_rules_are_near_their_best():
     """No step does much better than the rule, errors stay within their own bound, and steps are exact differences."""
     for scheme in (Scheme.FORWARD, Scheme.CENTRAL):
         off = np.max(np.abs(jacobian(mixed, AT, scheme) - exact(AT)))
         best = min(np.max(np.abs(jacobian(mixed, AT, scheme, h) - exact(AT))) for h in 10.0 ** np.arange(-13, 0, 0.5))
-        demand(off <= 30 * best, f"{scheme}: off by {off:.3g}, the best step by {best:.3g}")
+        assert off <= 30 * best, f"{scheme}: off by {off:.3g}, the best step by {best:.3g}"
         h = step(scheme, AT)
         # f'', f''' of `mixed` near AT are below 12; an evaluation errs by a few units of its largest term, 7.
         bound = np.max(error_bound(scheme, h, 12.0, 12.0, 16 * EPS, 12.0))
-        demand(off <= bound, f"{scheme}: off by {off:.3g}, beyond its bound {bound:.3g}")
-        demand(bound <= 1e-6, f"{scheme}: its bound {bound:.3g} says nothing")
-        demand(((AT + h) - AT == h).all(), f"{scheme}: a step that is no difference")
+        assert off <= bound, f"{scheme}: off by {off:.3g}, beyond its bound {bound:.3g}"
+        assert bound <= 1e-6, f"{scheme}: its bound {bound:.3g} says nothing"
+        assert ((AT + h) - AT == h).all(), f"{scheme}: a step that is no difference"
         large = step(scheme, np.array([1e6]))[0]
-        demand(0.5e6 < large / step(scheme, np.array([1.0]))[0] < 2e6, f"{scheme}: a step that does not grow with x")
+        assert 0.5e6 < large / step(scheme, np.array([1.0]))[0] < 2e6, f"{scheme}: a step that does not grow with x"
 
 
-@check
-def bounds_are_those_of_the_table() -> None:
+def test_bounds_are_those_of_the_table():
     """The error bounds are h f''/2 + 2 e/h, h^2 f'''/6 + e/h and 8 u f'."""
     given = (0.5, 3.0, 5.0, 0.25, 7.0)
     found = [error_bound(scheme, *given) for scheme in Scheme]
-    demand_near(found, [0.75 + 1.0, 0.25 * 5 / 6 + 0.5, 56 * EPS], 1e-16, "bounds")
+    assert_near(found, [0.75 + 1.0, 0.25 * 5 / 6 + 0.5, 56 * EPS], 1e-16, "bounds")
 
 
-@check
-def orders_are_told_apart() -> None:
+def test_orders_are_told_apart():
     """Quadratic, secant and cubic sequences show their own order, and no other."""
     for order in (1.618, 2.0, 3.0):
         errors = [0.3]
         while errors[-1] > 1e-14:
             errors.append(0.9 * errors[-1] ** order)
         observed = newton_order(errors, floor=1e-30, basin=0.5)
-        demand(observed.is_near(order, 0.1), f"{order}: {observed}")
-        demand(not observed.is_near(order + 0.5, 0.1), f"{order} is taken for {order + 0.5}")
+        assert observed.is_near(order, 0.1), f"{order}: {observed}"
+        assert not observed.is_near(order + 0.5, 0.1), f"{order} is taken for {order + 0.5}"
     exact = newton_order([2.0 ** -(2**k) for k in range(2, 9)], floor=1e-99, basin=0.5)
-    demand_near([exact.value, exact.spread, exact.points], [2.0, 0.0, 5], 1e-12, "of e, e^2, e^4, ...")
+    assert_near([exact.value, exact.spread, exact.points], [2.0, 0.0, 5], 1e-12, "of e, e^2, e^4, ...")
     bent = newton_order([1e-1, 1e-2, 1e-4, 1e-9], floor=1e-99, basin=0.5)
-    demand_near([bent.value, bent.spread, bent.points], [2.5, 0.5, 2], 1e-12, "of 1e-1, 1e-2, 1e-4, 1e-9")
+    assert_near([bent.value, bent.spread, bent.points], [2.5, 0.5, 2], 1e-12, "of 1e-1, 1e-2, 1e-4, 1e-9")
 
 
-@check
-def rates_are_told_apart() -> None:
+def test_rates_are_told_apart():
     """Sequences that shrink by a constant factor show it, whatever stands before the basin and below the floor."""
     for rate in (0.25, 0.5, 0.9):
         errors = [3.0, 0.4, *(0.09 * rate**k for k in range(60))]
         errors[-3:] = [0.05, 1e-17, 1e-17]
         observed = linear_rate(errors, floor=errors[40], basin=0.1)
-        demand(observed.kind is Kind.RATE, f"{rate}: {observed}")
-        demand(observed.is_near(rate, 1e-12), f"{rate}: {observed}")
+        assert observed.kind is Kind.RATE, f"{rate}: {observed}"
+        assert observed.is_near(rate, 1e-12), f"{rate}: {observed}"
     bent = linear_rate([0.08, 0.04, 0.02, 0.01, 0.002], floor=1e-9)
-    demand_near([bent.value, bent.spread, bent.points], [0.5, 0.3, 4], 1e-12, "of 0.08, 0.04, 0.02, 0.01, 0.002")
-    demand(linear_rate([0.5, 0.4], basin=0.1).kind is Kind.INCONCLUSIVE, "a rate of nothing")
+    assert_near([bent.value, bent.spread, bent.points], [0.5, 0.3, 4], 1e-12, "of 0.08, 0.04, 0.02, 0.01, 0.002")
+    assert linear_rate([0.5, 0.4], basin=0.1).kind is Kind.INCONCLUSIVE, "a rate of nothing"
 
 
-@check
-def too_little_is_inconclusive() -> None:
+def test_too_little_is_inconclusive():
     """A history that is too short, or too few points, is no pass: it is near nothing."""
     few = (
         newton_order([1e-2, 1e-4, 1e-8]),
@@ -126,16 +118,15 @@ def too_little_is_inconclusive() -> None:
         NOTHING,
     )
     for observed in few:
-        demand(observed.kind is Kind.INCONCLUSIVE, f"{observed}")
-        demand(not observed.is_near(2.0, 1e9), f"{observed} is near 2")
+        assert observed.kind is Kind.INCONCLUSIVE, f"{observed}"
+        assert not observed.is_near(2.0, 1e9), f"{observed} is near 2"
 
 
-@check
-def what_is_outside_floor_and_ceiling_does_not_count() -> None:
+def test_what_is_outside_floor_and_ceiling_does_not_count():
     """A slope is fitted to the errors between floor and ceiling alone, and its spread shows what does not fit."""
     h = 2.0 ** np.arange(6)
     kept = slope(h, [9e-9, 2.0, 8.0, 32.0, 128.0, 999.0], floor=0.5, ceiling=500.0)
-    demand(kept.points == 4, f"{kept.points} points")
-    demand_near([kept.value, kept.spread], [2.0, 0.0], 1e-12, "slope and spread")
+    assert kept.points == 4, f"{kept.points} points"
+    assert_near([kept.value, kept.spread], [2.0, 0.0], 1e-12, "slope and spread")
     bent = slope(h, h ** np.array([2, 2, 2, 2, 2, 2.2]), floor=0.0)
-    demand(bent.spread > 0.3, f"a kink shows as a spread of {bent.spread}")
+    assert bent.spread > 0.3, f"a kink shows as a spread of {bent.spread}"

@@ -111,7 +111,7 @@ def _compiled(function: types.FunctionType, text: str) -> types.FunctionType:
 def forget_caches() -> None:
     """Empty the caches of this project's functions: what other formulas gave must not be found again."""
     for name, module in list(sys.modules.items()):
-        if name.partition(".")[0] in ("refkin", "crosscheck") and not name.startswith("crosscheck.documents.ledger"):
+        if name.partition(".")[0] in ("refkin", "crosscheck"):
             for value in list(vars(module).values()):
                 clear = getattr(value, "cache_clear", None)
                 if callable(clear) and hasattr(value, "__wrapped__"):

@@ -6,10 +6,11 @@ import math
 from typing import Any
 
 import numpy as np
+import pytest
 
-from crosscheck.selfchecks.claims import U, check, demand, demand_near, demand_raises
 from refkin.joints import AngleDriver
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
+from tests.claims import U, assert_near
 
 CUBIC = (0.3, -1.0, 0.5, 0.25)
 KNOTS = (-1.0, 0.0, 0.7, 1.5, 3.0)
@@ -50,85 +51,78 @@ LAWS: tuple[tuple[Law, Any], ...] = (
 )
 
 
-@check
-def values_and_derivatives_are_those_written_out() -> None:
+def test_values_and_derivatives_are_those_written_out():
     """Each law and its derivatives up to the third are those that calculus gives."""
     for law, f in LAWS:
         for t in (-0.9, 0.0, 0.83, 2.2):
             for order in range(4):
-                demand_near(law(t, order), f(t, order), 256 * ROUNDING, f"{law} of order {order} at {t}")
+                assert_near(law(t, order), f(t, order), 256 * ROUNDING, f"{law} of order {order} at {t}")
 
 
-@check
-def rates_are_integrated_from_the_initial_value() -> None:
+def test_rates_are_integrated_from_the_initial_value():
     """A law given as a rate starts at its initial value, grows by the integral, and has the rate's derivatives."""
     for rate, f in LAWS:
         law = Integral(rate=rate, initial=0.6)
-        demand(law(0.0) == 0.6, f"{law} at 0 is {law(0.0)}")
+        assert law(0.0) == 0.6, f"{law} at 0 is {law(0.0)}"
         for t in (-0.9, 0.83, 2.2):
-            demand_near(law(t), 0.6 + f(t, -1), 64 * ROUNDING, f"{law} at {t}")
-            demand_near([law(t, k) for k in (1, 2, 3)], [rate(t, k) for k in (0, 1, 2)], 0.0, f"derivatives of {law}")
+            assert_near(law(t), 0.6 + f(t, -1), 64 * ROUNDING, f"{law} at {t}")
+            assert_near([law(t, k) for k in (1, 2, 3)], [rate(t, k) for k in (0, 1, 2)], 0.0, f"derivatives of {law}")
 
 
-@check
-def a_driver_given_as_a_rate_starts_at_its_initial_value() -> None:
+def test_a_driver_given_as_a_rate_starts_at_its_initial_value():
     """A driver takes `rate_law` as a rate and `initial` as the value at t = 0."""
     rate = Polynomial(coefficients=(2.0, 6.0))
     (law,) = AngleDriver(name="d", body="b", rate_law=rate, initial=0.5).laws
-    demand_near([law(2.0, k) for k in range(3)], [16.5, 14.0, 6.0], 0.0, "law of the driver")
+    assert_near([law(2.0, k) for k in range(3)], [16.5, 14.0, 6.0], 0.0, "law of the driver")
     (law,) = AngleDriver(name="d", body="b", law=rate).laws
-    demand_near([law(2.0, k) for k in range(3)], [14.0, 6.0, 0.0], 0.0, "law of the driver")
+    assert_near([law(2.0, k) for k in range(3)], [14.0, 6.0, 0.0], 0.0, "law of the driver")
 
 
-@check
-def slow_waves_are_integrated_without_loss() -> None:
+def test_slow_waves_are_integrated_without_loss():
     """The integral of a sinusoid keeps its digits however small its frequency is, down to none."""
     for w in (1e-3, 1e-9, 1e-300, 0.0):
         rate = Sinusoid(amplitude=0.7, angular_frequency=w, phase=0.3)
         half = w * 2.0 / 2
         lobe = math.sin(half) / half if half else 1.0
-        demand_near(rate.integral(2.0), 1.4 * math.sin(half + 0.3) * lobe, ROUNDING, f"frequency {w}")
+        assert_near(rate.integral(2.0), 1.4 * math.sin(half + 0.3) * lobe, ROUNDING, f"frequency {w}")
 
 
-@check
-def a_complex_argument_moves_a_table_along_its_slope() -> None:
+def test_a_complex_argument_moves_a_table_along_its_slope():
     """A complex step through a table gives its derivative, of each order, and of its integral."""
     for law in (through(cubic), AROUND):
         for order in (0, 1):
             moved = law(0.83 + STEP * 1j, order)
-            demand_near([moved.real, moved.imag / STEP], [law(0.83, order), law(0.83, order + 1)], ROUNDING, str(law))
+            assert_near([moved.real, moved.imag / STEP], [law(0.83, order), law(0.83, order + 1)], ROUNDING, str(law))
         moved = law.integral(0.83 + STEP * 1j)
-        demand_near([moved.real, moved.imag / STEP], [law.integral(0.83), law(0.83)], ROUNDING, f"integral of {law}")
+        assert_near([moved.real, moved.imag / STEP], [law.integral(0.83), law(0.83)], ROUNDING, f"integral of {law}")
 
 
-@check
-def tables_pass_through_their_values() -> None:
+def test_tables_pass_through_their_values():
     """A table has its values at its arguments, bends without a kink there, and has none beyond its ends."""
     law = Table(argument=KNOTS, value=(0.0, 0.4, 0.1, 1.0, 0.7))
     t = np.array(KNOTS)
-    demand_near(law(t), law.value, 16 * U, "values")
+    assert_near(law(t), law.value, 16 * U, "values")
     inner = t[1:-1]
     kinks = law(inner - 1e-9, 2) - law(inner + 1e-9, 2)
-    demand_near(kinks, 0.0 * kinks, 1e-6, "kinks of f''")
-    demand(np.isnan(law(3.1)) and np.isnan(law(-1.1)), "a value beyond the ends")
-    demand(law.domain() == (-1.0, 3.0), f"its domain is {law.domain()}")
+    assert_near(kinks, 0.0 * kinks, 1e-6, "kinks of f''")
+    assert np.isnan(law(3.1)), "a value beyond the ends"
+    assert np.isnan(law(-1.1)), "a value beyond the ends"
+    assert law.domain() == (-1.0, 3.0), f"its domain is {law.domain()}"
 
 
-@check
-def periodic_tables_go_on() -> None:
+def test_periodic_tables_go_on():
     """A periodic table repeats itself, is smooth where it closes, and its integral grows by one period's each time."""
     period = 3.0
     for order in range(3):
-        demand_near(AROUND(1.3 + 2 * period, order), AROUND(1.3, order), 1e-12, f"order {order} two periods on")
+        assert_near(AROUND(1.3 + 2 * period, order), AROUND(1.3, order), 1e-12, f"order {order} two periods on")
         ends = [AROUND(0.5 + sign * 1e-9, order) for sign in (-1, 1)]
-        demand_near(ends[0], ends[1], 1e-6, f"order {order} where it closes")
+        assert_near(ends[0], ends[1], 1e-6, f"order {order} where it closes")
     once, twice = (AROUND.integral(k * period) for k in (1, 2))
-    demand_near(twice, 2 * once, 1e-13, "integral over two periods")
-    demand(AROUND.domain() == (-math.inf, math.inf), "its domain has ends")
+    assert_near(twice, 2 * once, 1e-13, "integral over two periods")
+    assert AROUND.domain() == (-math.inf, math.inf), "its domain has ends"
 
 
-@check
-def numbers_that_make_no_law_are_faults() -> None:
+def test_numbers_that_make_no_law_are_faults():
     """Empty polynomials, tables that are too short, not increasing, uneven or not closed are named as faults."""
     wrong: tuple[Law, ...] = (
         Polynomial(coefficients=()),
@@ -141,7 +135,8 @@ def numbers_that_make_no_law_are_faults() -> None:
         Integral(rate=Table(argument=(1.0, 2.0), value=(1.0, 2.0))),
     )
     for law in wrong:
-        demand(len(list(law.faults("law"))) == 1, f"{law} has other than one fault")
+        assert len(list(law.faults("law"))) == 1, f"{law} has other than one fault"
     for law in (*(law for law, _ in LAWS), AROUND):
-        demand(not list(law.faults("law")), f"{law} has faults")
-    demand_raises(NotImplementedError, lambda: Integral(rate=LAWS[0][0]).integral(1.0), "integrated twice")
+        assert not list(law.faults("law")), f"{law} has faults"
+    with pytest.raises(NotImplementedError):
+        Integral(rate=LAWS[0][0]).integral(1.0)

@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents.systems import me581
-from crosscheck.selfchecks.claims import CheckFailed, check, demand, demand_near
 from refkin.newton import (
     BothLargest,
     CorrectionNorm,
@@ -21,6 +20,7 @@ from refkin.newton import (
     newton,
     solve_linear,
 )
+from tests.claims import assert_near
 
 QUADRATIC = me581.quadratic()
 SMALL, LARGE = np.array([3e-4, -4e-4, 0.0]), np.array([-30.0, 40.0, 0.0])
@@ -33,7 +33,7 @@ def counted(limit: int, f: Callable[[Any], Any]) -> Callable[[Any], Any]:
 
     def f_counted(x: Any) -> Any:
         if next(calls, None) is None:
-            raise CheckFailed(f"the function was called more than {limit} times")
+            raise AssertionError(f"the function was called more than {limit} times")
         return f(x)
 
     return f_counted
@@ -43,32 +43,29 @@ def _never(residual: Any, correction: Any, q: Any) -> bool:
     return False
 
 
-@check
-def the_history_is_what_happened() -> None:
+def test_the_history_is_what_happened():
     """Iterates, residuals at each of them, and corrections between them: of x^2 - 4x + 1 from 5."""
     result = newton(*QUADRATIC, 5.0, stop=CorrectionNorm(1e-3))
-    demand(result.status is NewtonStatus.CONVERGED, f"status {result.status}")
-    demand(result.iterations == 4, f"{result.iterations} iterations, not 4")
-    demand_near(result.iterates[:, 0], [5.0, 4.0, 3.75, 3.7321428571428571, 3.7320508100147275], 1e-15, "iterates")
-    demand_near(result.residuals[:, 0], [QUADRATIC.phi([x])[0] for x in result.iterates[:, 0]], 0.0, "residuals")
-    demand_near(result.corrections[:, 0], np.diff(result.iterates[:, 0]), 1e-15, "corrections")
-    demand(result.q[0] == result.iterates[-1, 0], "q is not the last iterate")
-    demand(result.residual == abs(result.residuals[-1, 0]), "residual is not that of the last iterate")
+    assert result.status is NewtonStatus.CONVERGED, f"status {result.status}"
+    assert result.iterations == 4, f"{result.iterations} iterations, not 4"
+    assert_near(result.iterates[:, 0], [5.0, 4.0, 3.75, 3.7321428571428571, 3.7320508100147275], 1e-15, "iterates")
+    assert_near(result.residuals[:, 0], [QUADRATIC.phi([x])[0] for x in result.iterates[:, 0]], 0.0, "residuals")
+    assert_near(result.corrections[:, 0], np.diff(result.iterates[:, 0]), 1e-15, "corrections")
+    assert result.q[0] == result.iterates[-1, 0], "q is not the last iterate"
+    assert result.residual == abs(result.residuals[-1, 0]), "residual is not that of the last iterate"
 
 
-@check
-def it_ends_at_round_off() -> None:
+def test_it_ends_at_round_off():
     """By default it ends at the last bit of a simple root, and halves the error of a double one while it can."""
-    demand_near(newton(*QUADRATIC, 5.0).q, [2 + np.sqrt(3.0)], 4.5e-16, "simple root")
+    assert_near(newton(*QUADRATIC, 5.0).q, [2 + np.sqrt(3.0)], 4.5e-16, "simple root")
     double = newton(lambda x: (x - 1) ** 2, lambda x: 2 * (x - 1), 3.0, max_iterations=100)
-    demand(double.converged, f"double root: {double.status}")
+    assert double.converged, f"double root: {double.status}"
     # (x - 1)^2 is evaluated without cancellation: nothing stops the halving but the spacing of the numbers at 1.
-    demand_near(double.q, [1.0], 1e-15, "double root")
-    demand(double.iterations > 45, "a double root in fewer steps than halving takes")
+    assert_near(double.q, [1.0], 1e-15, "double root")
+    assert double.iterations > 45, "a double root in fewer steps than halving takes"
 
 
-@check
-def each_way_to_end_has_its_status() -> None:
+def test_each_way_to_end_has_its_status():
     """No root, a vanishing slope, leaving the domain, NaN: none of them is called converged."""
     for phi, slope, start, status in (
         (lambda x: x * x + 4, lambda x: 2 * x, 5.0, NewtonStatus.ITERATION_LIMIT),
@@ -78,32 +75,29 @@ def each_way_to_end_has_its_status() -> None:
         (lambda x: x * x, lambda x: 2 * x, 0.0, NewtonStatus.CONVERGED),
     ):
         result = newton(phi, slope, start)
-        demand(result.status is status, f"from {start}: {result.status}, not {status}")
-        demand(result.converged is (status is NewtonStatus.CONVERGED), f"from {start}: converged {result.converged}")
+        assert result.status is status, f"from {start}: {result.status}, not {status}"
+        assert result.converged is (status is NewtonStatus.CONVERGED), f"from {start}: converged {result.converged}"
     hollow = newton(lambda x: np.where(np.abs(x) < 0.5, np.nan, x), lambda x: 1 + 0 * x, 0.6, stop=CorrectionNorm(1.0))
-    demand(hollow.status is NewtonStatus.NOT_FINITE, f"where there is no residual: {hollow.status}")
+    assert hollow.status is NewtonStatus.NOT_FINITE, f"where there is no residual: {hollow.status}"
 
 
-@check
-def the_cap_is_kept() -> None:
+def test_the_cap_is_kept():
     """It makes exactly as many corrections as the cap allows, and the counter counts each of them."""
     for cap in (1, 7):
         phi, slope = counted(cap + 20, lambda x: x * x + 4), counted(cap + 20, lambda x: 2 * x)
         result = newton(phi, slope, 5.0, max_iterations=cap, stop=_never)
-        demand(result.status is NewtonStatus.ITERATION_LIMIT, f"status {result.status}")
-        demand(result.iterations == cap, f"{result.iterations} iterations under a cap of {cap}")
-        demand(len(result.iterates) == len(result.residuals) == cap + 1, "the history has another length")
+        assert result.status is NewtonStatus.ITERATION_LIMIT, f"status {result.status}"
+        assert result.iterations == cap, f"{result.iterations} iterations under a cap of {cap}"
+        assert len(result.iterates) == len(result.residuals) == cap + 1, "the history has another length"
 
 
-@check
-def the_default_cap_is_kept() -> None:
+def test_the_default_cap_is_kept():
     """Without a cap of the caller's there is one."""
     result = newton(counted(200, lambda x: x * x + 4), counted(200, lambda x: 2 * x), 5.0)
-    demand(result.status is NewtonStatus.ITERATION_LIMIT, f"status {result.status}")
+    assert result.status is NewtonStatus.ITERATION_LIMIT, f"status {result.status}"
 
 
-@check
-def stopping_tests_see_both_signs_and_both_limits() -> None:
+def test_stopping_tests_see_both_signs_and_both_limits():
     """Each stopping test looks at the size of what it tests, whatever the sign, and stops below its limit only."""
     either, both = ResidualOrCorrection, BothLargest
     big: tuple[tuple[StoppingTest, Any, Any, bool], ...] = (
@@ -127,14 +121,13 @@ def stopping_tests_see_both_signs_and_both_limits() -> None:
     for test, residual, correction, stops in big:
         for sign in (1, -1):
             found = test(sign * residual, sign * correction, np.ones(3))
-            demand(found is stops, f"{test} of {sign * residual} and {sign * correction} is {found}")
+            assert found is stops, f"{test} of {sign * residual} and {sign * correction} is {found}"
     for limit in (-1e-3, 1e-3):  # one component alone, below the limit by its sign but not by its size
         for test in (CorrectionNorm(1e-8), either(), both(), ScaledNorms()):
-            demand(not test(np.array([limit]), np.array([limit]), np.ones(1)), f"{test} stops at {limit}")
+            assert not test(np.array([limit]), np.array([limit]), np.ones(1)), f"{test} stops at {limit}"
 
 
-@check
-def stopping_tests_end_runs_where_their_numbers_say() -> None:
+def test_stopping_tests_end_runs_where_their_numbers_say():
     """Residuals 6, 1, 0.0625, 0.00032 and corrections 1, 0.25, 0.018, 0.000092 end each test at its own step."""
     for test, iterations in (
         (CorrectionNorm(1e-2), 4),
@@ -145,12 +138,11 @@ def stopping_tests_end_runs_where_their_numbers_say() -> None:
         (ScaledNorms(0.3), 2),
     ):
         found = newton(*QUADRATIC, 5.0, stop=test).iterations
-        demand(found == iterations, f"{test} stops after {found}, not {iterations}")
-    demand(newton(*QUADRATIC, 2.5, stop=ResidualOrCorrection(1e-9, 1e-9)).iterations > 5, "stopped at a negative F")
+        assert found == iterations, f"{test} stops after {found}, not {iterations}"
+    assert newton(*QUADRATIC, 2.5, stop=ResidualOrCorrection(1e-9, 1e-9)).iterations > 5, "stopped at a negative F"
 
 
-@check
-def the_jacobian_is_renewed_as_asked() -> None:
+def test_the_jacobian_is_renewed_as_asked():
     """Full Newton evaluates it in each step, the chord method once, and every second step means that."""
     for every, slopes in ((1, 6), (2, 3), (0, 1)):
         calls = count()
@@ -161,21 +153,20 @@ def the_jacobian_is_renewed_as_asked() -> None:
 
         newton(QUADRATIC.phi, phi_q, 5.0, jacobian_every=every, max_iterations=6, stop=_never)
         asked = next(calls)
-        demand(asked == slopes, f"every {every}: {asked} Jacobians, not {slopes}")
+        assert asked == slopes, f"every {every}: {asked} Jacobians, not {slopes}"
 
 
-@check
-def damping_brings_far_starts_home() -> None:
+def test_damping_brings_far_starts_home():
     """From 3 to the root of arctan: full steps diverge, steps that are halved until the residual shrinks do not."""
     full, damped = (newton(np.arctan, lambda x: 1 / (1 + x * x), 3.0, damped=d) for d in (False, True))
-    demand(not full.converged, "full steps converge")
-    demand(damped.converged and abs(damped.q[0]) < 1e-15, f"damped: {damped.status} at {damped.q}")
+    assert not full.converged, "full steps converge"
+    assert damped.converged, f"damped: {damped.status} at {damped.q}"
+    assert abs(damped.q[0]) < 1e-15, f"damped: {damped.status} at {damped.q}"
     sizes = np.abs(damped.residuals[:, 0])
-    demand((np.diff(sizes) <= 0).all(), f"the residual grows: {sizes}")
+    assert (np.diff(sizes) <= 0).all(), f"the residual grows: {sizes}"
 
 
-@check
-def redundant_rows_change_nothing() -> None:
+def test_redundant_rows_change_nothing():
     """A consistent third equation for two unknowns leaves the root where it is."""
 
     def phi(v: Any) -> Any:
@@ -185,22 +176,20 @@ def redundant_rows_change_nothing() -> None:
         return np.array([[2 * v[0], 2 * v[1]], [1, -1], [2 * v[0], 2 * v[1]]])
 
     result = newton(phi, slope, [2.0, 0.5])
-    demand(result.converged, f"status {result.status}")
-    demand_near(result.q, [1.0, 1.0], 1e-15, "root")
-    demand_near(solve_linear(np.diag([2.0, 4.0]), np.array([2.0, 2.0])), [1.0, 0.5], 0.0, "square system")
+    assert result.converged, f"status {result.status}"
+    assert_near(result.q, [1.0, 1.0], 1e-15, "root")
+    assert_near(solve_linear(np.diag([2.0, 4.0]), np.array([2.0, 2.0])), [1.0, 0.5], 0.0, "square system")
 
 
-@check
-def complex_iterates_stay_complex() -> None:
+def test_complex_iterates_stay_complex():
     """From a complex estimate it finds a complex root: x^2 + 4 has 2i."""
     result = newton(lambda x: x * x + 4, lambda x: 2 * x, 1.0 + 1.0j)
-    demand(result.converged, f"status {result.status}")
-    demand_near(result.q, [2j], 1e-15, "root")
+    assert result.converged, f"status {result.status}"
+    assert_near(result.q, [2j], 1e-15, "root")
 
 
-@check
-def one_test_serves_many_runs() -> None:
+def test_one_test_serves_many_runs():
     """A stopping test with a memory does not carry it from one run to the next."""
     stop = RoundOff()
     first, second = (newton(*QUADRATIC, 5.0, stop=stop).iterations for _ in range(2))
-    demand(first == second, f"{first} iterations, then {second}")
+    assert first == second, f"{first} iterations, then {second}"

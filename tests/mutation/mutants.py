@@ -1,0 +1,119 @@
+"""Errors on purpose: each wrong formula of the documents, and more of the same kinds, with the tests that see it.
+
+A mutant is killed if one of the tests that it names goes red while it is in. Those are tests of the suite, which run
+on their own too; here they are called as functions, with each of their cases in turn.
+"""
+
+from __future__ import annotations
+
+import importlib
+import signal
+import tomllib
+import warnings
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from itertools import product
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from crosscheck.engines import EngineError
+from refkin.errors import RefkinError
+from tests.mutation.change import mutated
+
+SECONDS = 30.0
+"""What a test may take; one that takes more with a mutant has found that it does not end."""
+RED = (
+    AssertionError,
+    ArithmeticError,
+    AttributeError,
+    EngineError,
+    LookupError,
+    NameError,
+    OSError,
+    RefkinError,
+    RuntimeError,
+    TypeError,
+    ValueError,
+    pytest.fail.Exception,
+)
+"""How a test fails: by its own word, or because changed code breaks on the way to it."""
+
+
+class TooLong(RuntimeError):
+    """A test that did not end in time."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Mutant:
+    """One replacement: `target`, `old` and `new` are as `mutated` takes them, `row` is the row of the ledger whose
+    erratum or formula it takes up, `tests` are those that see it, as pytest names them below `tests/`."""
+
+    label: str
+    row: str
+    target: str
+    old: str
+    new: str
+    tests: list[str]
+
+
+@cache
+def mutants():
+    """Return all mutants, in the order of the file."""
+    text = Path(__file__).with_name("mutants.toml").read_text(encoding="utf-8")
+    return [Mutant(**fields) for fields in tomllib.loads(text)["mutant"]]
+
+
+def killer(mutant, seconds=SECONDS):
+    """Return the first of a mutant's tests that goes red with it, and why; two empty strings if none does."""
+    with mutated(mutant.target, mutant.old, mutant.new):
+        for name in mutant.tests:
+            why = red(name, seconds)
+            if why:
+                return name, why
+    return "", ""
+
+
+def red(name, seconds=SECONDS):
+    """Return why a test is red; nothing if it is green."""
+    with warnings.catch_warnings(), np.errstate(all="ignore"), limited(seconds):
+        warnings.simplefilter("ignore")  # changed code overflows where it likes
+        try:
+            for run in cases(name):
+                run()
+        except RED as error:
+            return f"{type(error).__name__}: {str(error)[:200]}"
+    return ""
+
+
+def cases(name):
+    """Yield a function without arguments for each case of a test: of `file::test` all, of `file::test[case]` one."""
+    path, _, rest = name.partition("::")
+    name, _, only = rest.removesuffix("]").partition("[")
+    test = getattr(importlib.import_module("tests." + path.removesuffix(".py").replace("/", ".")), name)
+    marks = [mark for mark in getattr(test, "pytestmark", []) if mark.name == "parametrize"]
+    for values in product(*(mark.args[1] for mark in marks)):
+        arguments = {}
+        for mark, value in zip(marks, values, strict=True):
+            names = mark.args[0].replace(" ", "").split(",") if isinstance(mark.args[0], str) else list(mark.args[0])
+            arguments |= zip(names, (value,) if len(names) == 1 else value, strict=True)
+        if only in ("", *arguments.values()):
+            yield lambda arguments=arguments: test(**arguments)
+
+
+@contextmanager
+def limited(seconds):
+    """Raise TooLong in the block after so many seconds; an alarm that was set before goes on."""
+
+    def ring(number, frame):
+        raise TooLong(f"no end within {seconds:g} s")
+
+    before = signal.signal(signal.SIGALRM, ring)
+    running, interval = signal.setitimer(signal.ITIMER_REAL, seconds)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGALRM, before)
+        signal.setitimer(signal.ITIMER_REAL, running, interval)

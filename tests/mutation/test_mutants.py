@@ -1,0 +1,127 @@
+"""Mutants: each fits the production code, each is killed by tests of the suite, and nothing of them stays behind."""
+
+from __future__ import annotations
+
+import inspect
+import time
+
+import pytest
+
+from crosscheck.documents.ledger import read
+from refkin.newton import CorrectionNorm, newton
+from tests.mutation.change import DoesNotFit, changed_function, mutated, resolve
+from tests.mutation.mutants import Mutant, cases, killer, mutants, red
+
+MUTANTS = mutants()
+SLOPE = "solve_linear(slope, -residuals[-1])", "solve_linear(slope, residuals[-1])"
+
+
+@pytest.mark.parametrize("mutant", MUTANTS, ids=lambda m: m.label)
+def test_mutant_is_killed(mutant):
+    """By one of the tests that it names, which the suite runs on their own, without a mutant, too."""
+    assert killer(mutant)[0]
+
+
+def test_no_test_that_kills_is_red_without_a_mutant():
+    """A sample in this process: the whole is the suite itself."""
+    assert {name: why for name in sorted({m.tests[0] for m in MUTANTS})[::7] if (why := red(name))} == {}
+
+
+def test_the_tests_that_kill_exist():
+    assert [name for m in MUTANTS for name in m.tests if not next(cases(name), None)] == []
+
+
+def test_there_are_enough_of_them_and_no_two_have_one_label():
+    assert len(MUTANTS) == len({m.label for m in MUTANTS}) >= 218
+
+
+def test_rows_with_an_erratum_in_a_formula_or_a_claim_have_a_mutant():
+    """But for those about what is said, not computed: a regular example, a lack of remedies."""
+    with_mutants = {m.row for m in MUTANTS}
+    rows = {row.id for row in read().row if any(e.kind in ("formula", "claim") for e in row.errata)}
+
+    assert rows - with_mutants <= {"A1", "D9"}
+    assert with_mutants <= {row.id for row in read().row}
+
+
+def test_every_joint_and_driver_has_mutants():
+    for target in ("Revolute", "Fixed", "PointOnLine", "Prismatic", "Distance", "Gear", "RackAndPinion", "FaceOnDisc"):
+        assert [m for m in MUTANTS if f":{target}." in m.target]
+    for target in ("AngleDriver", "XDriver", "YDriver", "DistanceDriver", "Gap", "RollerOnCurve"):
+        assert [m for m in MUTANTS if f":{target}." in m.target]
+
+
+def test_a_mutant_replaces_production_code_under_every_name():
+    """The function object itself runs the changed text, whoever imported it."""
+    phi, slope = (lambda x: x * x - 4), (lambda x: 2 * x)
+    with mutated("refkin.newton:newton", *SLOPE):
+        assert not newton(phi, slope, 3.0).converged
+
+    assert newton(phi, slope, 3.0).converged
+
+
+def test_a_mutant_is_put_back_when_a_test_raises():
+    before = CorrectionNorm.__call__.__code__
+    with (
+        pytest.raises(KeyError),
+        mutated("refkin.newton:CorrectionNorm.__call__", "np.linalg.norm(correction)", "np.max(correction)"),
+    ):
+        raise KeyError
+    assert CorrectionNorm.__call__.__code__ is before
+
+
+@pytest.mark.parametrize(
+    ("target", "old", "new", "told"),
+    [
+        ("refkin.newton:nothing", "a", "b", "exists"),
+        ("refkin.nowhere:newton", "a", "b", "exists"),
+        ("refkin.newton:NewtonStatus", "a", "b", "function"),
+        ("refkin.newton:newton", "no such text", "b", "found it 0 times"),
+        ("refkin.newton:newton", "residuals", "b", "times"),
+        (
+            "refkin.newton:solve_linear",
+            "return np.linalg.solve(matrix, right)",
+            "return (np.linalg.solve(matrix, right))",
+            "same",
+        ),
+    ],
+)
+def test_a_mutant_that_does_not_fit_is_an_error(target, old, new, told):
+    """Code that moved on must not leave a mutant behind that changes nothing."""
+    with pytest.raises(DoesNotFit, match=told), mutated(target, old, new):
+        pass
+
+
+@pytest.mark.parametrize("target", ["refkin.newton:NewtonResult.residual", "refkin.joints.planar:Distance.gamma"])
+def test_properties_and_static_methods_are_found(target):
+    assert inspect.isfunction(resolve(target))
+
+
+def test_a_method_that_calls_super_can_be_changed():
+    old, new = "Revolute.gamma(g, f, i, j), 0)", "Revolute.gamma(g, f, i, j), 1)"
+    assert changed_function(resolve("refkin.joints.planar:Fixed.gamma"), old, new)
+    assert changed_function(resolve("refkin.joints.planar:Fixed.constants"), "self.angle", "-self.angle")
+
+
+def test_a_change_that_changes_nothing_survives():
+    survivor = Mutant(
+        label="the other way around",
+        row="A1",
+        target="refkin.newton:CorrectionNorm.__call__",
+        old="bool(np.linalg.norm(correction) < self.limit)",
+        new="bool(self.limit > np.linalg.norm(correction))",
+        tests=["refkin/test_newton_histories.py::test_stopping_tests_see_both_signs_and_both_limits"],
+    )
+
+    assert killer(survivor) == ("", "")
+
+
+@pytest.mark.parametrize("wait", [0.01, 0.02])
+def endless(wait):
+    while True:
+        time.sleep(wait)
+
+
+def test_a_test_that_does_not_end_is_ended():
+    """A mutant may loop for ever: that is found, in time."""
+    assert "no end" in red("mutation/test_mutants.py::endless", seconds=0.2)
