@@ -8,11 +8,13 @@ Each adapter declares one `RowMap` per row beside its model. If an engine's row 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
+
+from refkin.joints import GuidedPoint, Pair
 
 Array = NDArray[np.float64]
 
@@ -69,6 +71,20 @@ class RowMap:
     factor: float = 1.0
     form: Form = Linear()
     derived: bool = False
+
+
+def direction(axis: Pair) -> Pair:
+    """Return an axis scaled to length 1."""
+    length = math.hypot(*axis)
+    return axis[0] / length, axis[1] / length
+
+
+def through_its_point(e: GuidedPoint) -> GuidedPoint:
+    """Return a guided point with its line through point i: an `offset` moves point i to the left of the axis."""
+    if not e.offset:
+        return e
+    x, y = direction(e.axis_i)
+    return replace(e, point_i=(e.point_i[0] - y * e.offset, e.point_i[1] + x * e.offset), offset=0.0)
 
 
 def wrap(angle: Any) -> Any:

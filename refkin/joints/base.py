@@ -25,13 +25,10 @@ from dataclasses import dataclass, field
 from typing import Any, ClassVar
 
 from refkin.errors import Fault
+from refkin.joints.elements import GROUND, Element, Pair
 from refkin.motion_laws import STRICT, Law
 from refkin.vec import BodyValues, Scalar, Vec
 
-GROUND = "ground"
-"""The name of the fixed frame at the origin."""
-
-Pair = tuple[float, float]
 Triple = tuple[Scalar, Scalar, Scalar]
 Rows = tuple[Scalar, ...]
 Blocks = tuple[tuple[tuple[Scalar, ...], ...], ...]
@@ -67,7 +64,7 @@ class Constraint:
     """A joint or driver between `body_i` and `body_j`.
 
     Subclasses are dataclasses whose fields are the keys of a scene file; they state the four formulas, `constants`,
-    and, where a law drives them, `laws` and how a law's value is scaled.
+    where a law drives them `laws` and how a law's value is scaled, and `elements`, which say the same without formulas.
     """
 
     name: str
@@ -105,6 +102,10 @@ class Constraint:
             at = getattr(self, point, None)
             if at is not None:
                 yield getattr(self, body), at
+
+    def elements(self) -> Iterator[Element]:
+        """Yield what the constraint consists of, in the order of its rows; nothing if no known element says it."""
+        yield from ()
 
     def reach(self) -> float:
         """Return a length [m] that the constraint itself brings, such as that of a massless link."""

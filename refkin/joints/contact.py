@@ -10,8 +10,9 @@ from typing import Annotated, Any, ClassVar, Literal
 from pydantic import Field
 
 from refkin.errors import Fault
-from refkin.joints.base import Blocks, Constraint, Pair, Rows, Unit
-from refkin.joints.planar import Distance, PointOnLine, axis_faults, direction
+from refkin.joints.base import Blocks, Constraint, Rows, Unit
+from refkin.joints.elements import Contact, Element, GuidedPoint, Pair, PointDistance, RollingOnLine, RollingWheels
+from refkin.joints.planar import Distance, PointOnLine, axis_faults, direction, ends_of
 from refkin.joints.touching import FaceOnCurve, FaceOnDisc, PointOnCurve, RollerOnCurve
 from refkin.motion_laws import STRICT, AnyLaw, Table
 from refkin.vec import BodyValues, Scalar
@@ -34,6 +35,12 @@ class Gear(Constraint):
     phi0_i: float = 0.0
     phi0_j: float = 0.0
     type: Literal["gear"] = "gear"
+
+    def elements(self) -> Iterator[Element]:
+        yield RollingWheels(
+            body_i=self.body_i, radius_i=self.radius_i, zero_i=self.phi0_i,
+            body_j=self.body_j, radius_j=self.radius_j, zero_j=self.phi0_j,
+        )  # fmt: skip
 
     def reach(self) -> float:
         return max(abs(self.radius_i), abs(self.radius_j))
@@ -87,6 +94,9 @@ class RackAndPinion(Constraint):
     phi0: float = 0.0
     s0: float = 0.0
     type: Literal["rack_and_pinion"] = "rack_and_pinion"
+
+    def elements(self) -> Iterator[Element]:
+        yield RollingOnLine(**ends_of(self), axis_i=self.axis_i, radius=self.radius, phi0=self.phi0, s0=self.s0)
 
     def reach(self) -> float:
         return abs(self.radius)
@@ -205,6 +215,23 @@ class Cam(Constraint):
     roller_radius: float | None = None
     contact_estimate: float | None = None
     type: Literal["cam"] = "cam"
+
+    def elements(self) -> Iterator[Element]:
+        if isinstance(self.profile, Polar):
+            yield Contact(
+                **ends_of(self),
+                profile=self.profile.law,
+                normal_j=self.normal_j,
+                roller_radius=self.roller_radius,
+            )
+        elif self.normal_j is None:
+            yield PointDistance(**ends_of(self), length=self.profile.radius + (self.roller_radius or 0.0))
+        else:  # the centre of the disc lies a radius behind the face: the cam's point is guided by the follower
+            (x, y), radius = self.normal_j, self.profile.radius
+            cam, face = (self.body_i, self.point_i), (self.body_j, self.point_j)
+            yield GuidedPoint(
+                body_i=face[0], point_i=face[1], axis_i=(-y, x), body_j=cam[0], point_j=cam[1], offset=radius
+            )
 
     @property
     def contact(self) -> Any:

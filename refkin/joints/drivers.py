@@ -12,7 +12,9 @@ from functools import cached_property
 from typing import Any, Literal
 
 from refkin.errors import Fault
-from refkin.joints.base import GROUND, Blocks, Constraint, Pair, Rows, Unit, along, arms, drift, gap_rate
+from refkin.joints.base import Blocks, Constraint, Rows, Unit, along, arms, drift, gap_rate
+from refkin.joints.elements import GROUND, Element, Pair, PointCoordinate, PointDistance, RelativeAngle
+from refkin.joints.planar import ends_of
 from refkin.motion_laws import AnyLaw, Integral, Law
 from refkin.vec import BodyValues, Vec
 
@@ -60,6 +62,9 @@ class AngleDriver(Driver):
     def bodies(self) -> tuple[str, str]:
         return self.relative_to, self.body
 
+    def elements(self) -> Iterator[Element]:
+        yield RelativeAngle(body_i=self.relative_to, body_j=self.body, laws=self.laws)
+
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
         return (j.phi - i.phi - f[0][0],)
@@ -98,6 +103,9 @@ class XDriver(CoordinateDriver):
 
     type: Literal["x"] = "x"
 
+    def elements(self) -> Iterator[Element]:
+        yield PointCoordinate(body_j=self.body, point_j=self.point, axis=0, laws=self.laws)
+
     def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
         return (unit.origin[0],), unit.size
 
@@ -123,6 +131,9 @@ class YDriver(CoordinateDriver):
     """y + (A point)_y - f(t) = 0 [m]."""
 
     type: Literal["y"] = "y"
+
+    def elements(self) -> Iterator[Element]:
+        yield PointCoordinate(body_j=self.body, point_j=self.point, axis=1, laws=self.laws)
 
     def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
         return (unit.origin[1],), unit.size
@@ -153,6 +164,9 @@ class DistanceDriver(Driver):
     body_j: str
     point_j: Pair
     type: Literal["distance"] = "distance"
+
+    def elements(self) -> Iterator[Element]:
+        yield PointDistance(**ends_of(self), laws=self.laws)
 
     def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
         return (0.0,), unit.size

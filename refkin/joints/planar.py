@@ -13,7 +13,8 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from refkin.errors import Fault
-from refkin.joints.base import Blocks, Constraint, Pair, Rows, Unit, along, arms, drift, gap_rate, offset
+from refkin.joints.base import Blocks, Constraint, Rows, Unit, along, arms, drift, gap_rate, offset
+from refkin.joints.elements import Element, GuidedPoint, Pair, PointDistance, PointsCoincide, RelativeAngle
 from refkin.motion_laws import AnyLaw, Law
 from refkin.vec import BodyValues, Vec
 
@@ -44,6 +45,9 @@ class Revolute(Constraint):
     @property
     def law_keys(self) -> tuple[str, ...]:
         return ("offset_law[0]", "offset_law[1]")[: len(self.laws)]
+
+    def elements(self) -> Iterator[Element]:
+        yield PointsCoincide(**ends_of(self), laws=self.laws)
 
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
@@ -80,6 +84,10 @@ class Fixed(Constraint):
     angle: float = 0.0
     type: Literal["fixed"] = "fixed"
 
+    def elements(self) -> Iterator[Element]:
+        yield PointsCoincide(**ends_of(self))
+        yield RelativeAngle(body_i=self.body_i, body_j=self.body_j, angle=self.angle)
+
     def constants(self, unit: Unit) -> tuple[float, ...]:
         return (*super().constants(unit), self.angle)
 
@@ -112,6 +120,9 @@ class PointOnLine(Constraint):
     body_j: str
     point_j: Pair
     type: Literal["point_on_line"] = "point_on_line"
+
+    def elements(self) -> Iterator[Element]:
+        yield GuidedPoint(**ends_of(self), axis_i=self.axis_i)
 
     def constants(self, unit: Unit) -> tuple[float, ...]:
         return (*super().constants(unit), *unit_normal(self.axis_i))
@@ -156,6 +167,10 @@ class Prismatic(Constraint):
     angle: float = 0.0
     type: Literal["prismatic"] = "prismatic"
 
+    def elements(self) -> Iterator[Element]:
+        yield GuidedPoint(**ends_of(self), axis_i=self.axis_i)
+        yield RelativeAngle(body_i=self.body_i, body_j=self.body_j, angle=self.angle)
+
     def constants(self, unit: Unit) -> tuple[float, ...]:
         return (*super().constants(unit), *unit_normal(self.axis_i), self.angle)
 
@@ -192,6 +207,9 @@ class Distance(Constraint):
     length: float
     type: Literal["distance"] = "distance"
 
+    def elements(self) -> Iterator[Element]:
+        yield PointDistance(**ends_of(self), length=self.length)
+
     def constants(self, unit: Unit) -> tuple[float, ...]:
         length = self.length / unit.size
         return (*super().constants(unit), length, 1 / length)
@@ -226,6 +244,11 @@ class Distance(Constraint):
 
 
 PLANAR_TYPES: tuple[type[Constraint], ...] = (Revolute, Fixed, PointOnLine, Prismatic, Distance)
+
+
+def ends_of(c: Any) -> dict[str, Any]:
+    """Return bodies and points of a joint, by the names that elements have for them too."""
+    return {key: getattr(c, key) for key in ("body_i", "point_i", "body_j", "point_j")}
 
 
 def direction(axis: Pair) -> Pair:

@@ -11,12 +11,12 @@ from flint import arb, ctx
 
 from refkin.differences import Scheme, jacobian
 from refkin.errors import Fault
-from refkin.joints import DRIVER_TYPES, JOINT_TYPES, AngleDriver, Constraint
+from refkin.joints import DRIVER_TYPES, JOINT_TYPES, AngleDriver, Constraint, elements_of
 from refkin.proof.numbers.exact import exact_system
 from refkin.system import System
 from tests.claims import U, assert_near
 from tests.refkin.joint_cases import LAW, TIMES, UNITS, constraints, name_of, state, system_of
-from tests.refkin.joint_geometry import dimensions, expected_residual
+from tests.refkin.joint_geometry import expected_rows, powers
 
 ROUNDING = 256 * U
 """What about a hundred roundings of numbers of the size of the largest term may leave, with a reserve of two."""
@@ -40,7 +40,7 @@ def _phi(system: System, t: float, q: Any) -> Any:
 
 
 def test_residual_is_the_geometry():
-    """The residual of every joint and driver is what it means, in metres and in other units."""
+    """The residual of every joint and driver is what its elements mean, row by row, in metres and in other units."""
     for c, system, rows, t in cases():
         q, _, _ = state(system)
         physical = system.to_physical(q)
@@ -51,7 +51,9 @@ def test_residual_is_the_geometry():
         pose["ground"] = (0j, 0.0)
         s = float(q[-1]) if c.parameters else 0.0
         scale = system.unit.size
-        expected = [x / scale**p for x, p in zip(expected_residual(c, pose, t, s), dimensions(c), strict=True)]
+        expected = [
+            x / scale**p for e in elements_of([c]) for x, p in zip(expected_rows(e, pose, t, s), powers(e), strict=True)
+        ]
         allowed = ROUNDING * size(expected, physical / scale) ** 2
         assert_near(system.phi(q, t)[rows], expected, allowed, name_of(c))
 

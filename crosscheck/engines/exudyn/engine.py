@@ -33,7 +33,7 @@ from crosscheck.engines import (
 from crosscheck.engines.exudyn.effects import EFFECTS
 from crosscheck.engines.exudyn.model import ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.solve import Marcher, Poses, ShippedSolve, StaticNewton
-from refkin.joints import SI, Unit
+from refkin.joints import SI, PointDistance, Unit, elements_of
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
 
@@ -192,7 +192,8 @@ def _shipped_stop(scene: Scene) -> Term:
     values = np.array([[float(law(t)) for t in scene.times] for law in laws])
     norms += np.linalg.norm(np.diff(values), axis=0).tolist() if laws else []
     stop = max(newton.absoluteTolerance, newton.relativeTolerance * max(norms))
-    lengths = [abs(float(d.laws[0](t))) for d in scene.mechanism.drivers if d.type == "distance" for t in scene.times]
+    driven = [e for e in elements_of(scene.mechanism.constraints) if isinstance(e, PointDistance) and e.laws]
+    lengths = [abs(float(e.laws[0](t))) for e in driven for t in scene.times]
     return Term(
         name="stopping rule",
         level="position",

@@ -1,20 +1,20 @@
-"""Joints and drivers as exudyn objects, and how exudyn's rows map onto ours.
+"""The elements of joints and drivers as exudyn objects, and how exudyn's rows map onto ours.
 
 Everything is built from the numbers of the scene (points, axes, lengths, laws):
 
-=================== ========================================================= =====================================
-ours                exudyn                                                    exudyn's rows
-=================== ========================================================= =====================================
-revolute            RevoluteJoint2D [i, j]                                    +, +
-fixed               RevoluteJoint2D [i, j], CoordinateConstraint [phi_i, j]   +, +, +
-prismatic           PrismaticJoint2D [j, i], normal on i                      -, sine of ours
-point_on_line       the same with constrainRotation=False                     - (its second row is empty)
-distance            DistanceConstraint                                        |d| - L
-gear                CoordinateConstraint [phi_i, phi_j] with a factor         ours / -radius_i
-angle driver        CoordinateConstraint [phi_i, phi_j]                       +
-x, y driver         CoordinateConstraint on a relative translation marker     +
-distance driver     DistanceConstraint, its distance set anew at each time    |d| - f(t), made ours by the model
-=================== ========================================================= =====================================
+===================== ========================================================= =====================================
+element               exudyn                                                    exudyn's rows
+===================== ========================================================= =====================================
+points coincide       RevoluteJoint2D [i, j]                                    +, +
+point on line         PrismaticJoint2D [j, i], constrainRotation=False          - (its second row is empty)
+the same, and a fixed PrismaticJoint2D [j, i], normal on i                      -, sine of ours
+angle of its bodies
+distance              DistanceConstraint                                        |d| - L
+distance by a law     DistanceConstraint, its distance set anew at each time    |d| - f(t), made ours by the model
+angle                 CoordinateConstraint [phi_i, phi_j]                       +
+rolling wheels        CoordinateConstraint [phi_i, phi_j] with a factor         ours / -radius_i
+coordinate by a law   CoordinateConstraint on a relative translation marker     +
+===================== ========================================================= =====================================
 
 exudyn has no drift term of its own: gamma is put together from its point motions at qdd = 0 (`Readings`), by the rules
 of differentiation for a difference, a product and a length. That last step is the adapter's.
@@ -30,22 +30,20 @@ from typing import Any
 from exudyn import itemInterface as item
 
 from crosscheck.engines.exudyn.readings import Readings, dot, product_drift
-from crosscheck.engines.frames import Form, Length, Linear, Sine
+from crosscheck.engines.frames import Form, Length, Linear, Sine, direction, through_its_point
 from refkin.joints import (
     GROUND,
-    AngleDriver,
     Constraint,
-    Distance,
-    DistanceDriver,
-    Fixed,
-    Gear,
+    Element,
+    GuidedPoint,
     Pair,
-    PointOnLine,
-    Prismatic,
-    Revolute,
+    PointCoordinate,
+    PointDistance,
+    PointsCoincide,
+    RelativeAngle,
+    RollingWheels,
     Unit,
-    XDriver,
-    YDriver,
+    elements_of,
 )
 from refkin.model import Body
 from refkin.motion_laws import Law
@@ -148,16 +146,21 @@ class Builder:
         still = mbs.AddNode(item.NodePointGround())
         self.still = mbs.AddMarker(item.MarkerNodeCoordinate(nodeNumber=still, coordinate=0))
         for constraint in constraints:
-            ADD[type(constraint)](self, constraint)
+            elements = tuple(elements_of([constraint]))
+            if is_slider(elements):
+                _slider(self, *elements)
+            else:
+                for element in elements:
+                    ADD[type(element)](self, element)
 
     def point(self, body: str, point: Pair) -> Any:
         """Return a marker at a point of a body."""
         marker = item.MarkerBodyPosition(bodyNumber=self.bodies[body], localPosition=self.read.local(body, point))
         return self.mbs.AddMarker(marker)
 
-    def points(self, c: Any) -> list[Any]:
-        """Return markers at the two points of a constraint."""
-        return [self.point(c.body_i, c.point_i), self.point(c.body_j, c.point_j)]
+    def points(self, e: Any) -> list[Any]:
+        """Return markers at the two points of an element."""
+        return [self.point(body, point) for body, point in e.ends]
 
     def frame(self, body: str, point: Pair) -> Any:
         """Return a marker at a point of a body that turns with it."""
@@ -170,9 +173,9 @@ class Builder:
             return self.still
         return self.mbs.AddMarker(item.MarkerNodeCoordinate(nodeNumber=self.nodes[body], coordinate=2))
 
-    def law(self, c: Any, shift: float = 0.0, size: float = 1.0) -> int:
-        """Take a driver's law into the clock and return its number."""
-        (law,) = c.laws
+    def law(self, e: Element, shift: float = 0.0, size: float = 1.0) -> int:
+        """Take an element's law into the clock and return its number."""
+        (law,) = e.laws
         return self.clock.add(law, shift, size)
 
     def driven(self, markers: list[Any], law: int) -> Any:
@@ -188,135 +191,130 @@ class Builder:
         )
 
 
-def _revolute(b: Builder, c: Any) -> None:
-    joint = b.mbs.AddObject(item.RevoluteJoint2D(markerNumbers=b.points(c)))
+def is_slider(elements: Sequence[Element]) -> bool:
+    """Return whether a joint is one that exudyn has whole: a guided point, and a fixed angle between its bodies."""
+    if tuple(map(type, elements)) != (GuidedPoint, RelativeAngle):
+        return False
+    return not elements[1].laws and elements[0].bodies == elements[1].bodies
+
+
+def _coincide(b: Builder, e: PointsCoincide) -> None:
+    joint = b.mbs.AddObject(item.RevoluteJoint2D(markerNumbers=b.points(e)))
 
     def drift() -> Iterable[float]:
-        i, j = b.read.acceleration(c.body_i, c.point_i), b.read.acceleration(c.body_j, c.point_j)
+        i, j = (b.read.acceleration(*end) for end in e.ends)
         return i[0] - j[0], i[1] - j[1]
 
-    b.blocks.append(Block(c.name, joint, 0, ((1.0, Linear()), (1.0, Linear())), (1, 1), drift))
+    b.blocks.append(Block(e.name, joint, e.row, ((1.0, Linear()), (1.0, Linear())), (1, 1), drift))
 
 
-def _fixed(b: Builder, c: Fixed) -> None:
-    _revolute(b, c)
-    markers = [b.angle(c.body_i), b.angle(c.body_j)]
-    weld = b.mbs.AddObject(item.CoordinateConstraint(markerNumbers=markers, offset=c.angle))
-    b.blocks.append(Block(c.name, weld, 2, ((1.0, Linear()),), (0,), lambda: (0.0,)))
-
-
-def _guide(b: Builder, c: Any, axis_j: Pair, rotation: bool) -> Any:
+def _guide(b: Builder, e: GuidedPoint, axis_j: Pair, rotation: bool) -> Any:
     """Add a PrismaticJoint2D with the guide on body i; `axis_j` is the axis in the frame of body j."""
     return b.mbs.AddObject(
         item.PrismaticJoint2D(
-            markerNumbers=[b.frame(c.body_j, c.point_j), b.frame(c.body_i, c.point_i)],
+            markerNumbers=[b.frame(e.body_j, e.point_j), b.frame(e.body_i, e.point_i)],
             axisMarker0=[*axis_j, 0.0],
-            normalMarker1=[*_normal(c), 0.0],
+            normalMarker1=[*_normal(e), 0.0],
             constrainRotation=rotation,
         )
     )
 
 
-def _across(b: Builder, c: Any) -> float:
+def _across(b: Builder, e: GuidedPoint) -> float:
     """Return gamma of exudyn's row -(n . d), n the normal of the axis on body i."""
-    return -product_drift(b.read.gap(c), b.read.direction_jet(c.body_i, _normal(c)))
+    return -product_drift(b.read.gap(e), b.read.direction_jet(e.body_i, _normal(e)))
 
 
-def _point_on_line(b: Builder, c: PointOnLine) -> None:
-    joint = _guide(b, c, (1.0, 0.0), rotation=False)
-    b.blocks.append(Block(c.name, joint, 0, ((-1.0, Linear()),), (1,), lambda: (_across(b, c),)))
+def _guided(b: Builder, e: GuidedPoint) -> None:
+    e = through_its_point(e)
+    joint = _guide(b, e, (1.0, 0.0), rotation=False)
+    b.blocks.append(Block(e.name, joint, e.row, ((-1.0, Linear()),), (1,), lambda: (_across(b, e),)))
 
 
-def _prismatic(b: Builder, c: Prismatic) -> None:
-    y, x = _normal(c)  # the axis is (x, -y)
-    cos, sin = math.cos(c.angle), math.sin(c.angle)
+def _slider(b: Builder, e: Any, turned: Any) -> None:
+    e = through_its_point(e)
+    y, x = _normal(e)  # the axis is (x, -y)
+    cos, sin = math.cos(turned.angle), math.sin(turned.angle)
     axis_j = (cos * x - sin * y, -sin * x - cos * y)
-    joint = _guide(b, c, axis_j, rotation=True)
+    joint = _guide(b, e, axis_j, rotation=True)
 
     def drift() -> Iterable[float]:
         # Two unit vectors that turn with w against each other: (t . n)'' = -w^2 t . n.
-        w = b.read.spin(c.body_j) - b.read.spin(c.body_i)
-        return _across(b, c), w * w * dot(b.read.direction(c.body_j, axis_j), b.read.direction(c.body_i, _normal(c)))
+        w = b.read.spin(e.body_j) - b.read.spin(e.body_i)
+        return _across(b, e), w * w * dot(b.read.direction(e.body_j, axis_j), b.read.direction(e.body_i, _normal(e)))
 
-    b.blocks.append(Block(c.name, joint, 0, ((-1.0, Linear()), (1.0, Sine())), (1, 0), drift))
+    b.blocks.append(Block(e.name, joint, e.row, ((-1.0, Linear()), (1.0, Sine())), (1, 0), drift))
 
 
-def _distance(b: Builder, c: Distance) -> None:
-    length = c.length / b.unit.size
-    rod = b.mbs.AddObject(item.DistanceConstraint(markerNumbers=b.points(c), distance=length))
+def _distance(b: Builder, e: PointDistance) -> None:
+    law = b.law(e, size=b.unit.size) if e.laws else None
+    length = e.length / b.unit.size if law is None else 1.0
+    rod = b.mbs.AddObject(item.DistanceConstraint(markerNumbers=b.points(e), distance=length))
 
     def drift() -> Iterable[float]:
-        d = b.read.gap(c)
+        d = b.read.gap(e)
+        if law is not None:
+            f, fd, fdd = b.clock.values[law]
+            return (0.5 * product_drift(d, d) + fd * fd + f * fdd,)
         distance = math.hypot(*d[0])
         rate = dot(d[0], d[1]) / distance
         return ((0.5 * product_drift(d, d) + rate * rate) / distance,)  # |d| |d|'' + |d|'^2 = (d . d)'' / 2
 
-    b.blocks.append(Block(c.name, rod, 0, ((1.0, Length(length)),), (1,), drift))
+    form, power = (Length(length), 1) if law is None else (Linear(), 2)
+    b.blocks.append(Block(e.name, rod, e.row, ((1.0, form),), (power,), drift, cylinder=law))
 
 
-def _gear(b: Builder, c: Gear) -> None:
+def _angle(b: Builder, e: RelativeAngle) -> None:
+    markers = [b.angle(body) for body in e.bodies]
+    if e.laws:
+        law = b.law(e)
+        held = b.driven(markers, law)
+        b.blocks.append(Block(e.name, held, e.row, ((1.0, Linear()),), (0,), lambda: (b.clock.values[law][2],)))
+    else:
+        held = b.mbs.AddObject(item.CoordinateConstraint(markerNumbers=markers, offset=e.angle))
+        b.blocks.append(Block(e.name, held, e.row, ((1.0, Linear()),), (0,), lambda: (0.0,)))
+
+
+def _wheels(b: Builder, e: RollingWheels) -> None:
     # exudyn's row: factor phi_j - phi_i - offset.
-    factor = -c.radius_j / c.radius_i
+    factor = -e.radius_j / e.radius_i
     teeth = b.mbs.AddObject(
         item.CoordinateConstraint(
-            markerNumbers=[b.angle(c.body_i), b.angle(c.body_j)],
+            markerNumbers=[b.angle(body) for body in e.bodies],
             factorValue1=factor,
-            offset=factor * c.phi0_j - c.phi0_i,
+            offset=factor * e.zero_j - e.zero_i,
         )
     )
-    b.blocks.append(Block(c.name, teeth, 0, ((-b.unit.size / c.radius_i, Linear()),), (0,), lambda: (0.0,)))
+    b.blocks.append(Block(e.name, teeth, e.row, ((-b.unit.size / e.radius_i, Linear()),), (0,), lambda: (0.0,)))
 
 
-def _distance_driver(b: Builder, c: DistanceDriver) -> None:
-    law = b.law(c, size=b.unit.size)
-    rod = b.mbs.AddObject(item.DistanceConstraint(markerNumbers=b.points(c), distance=1.0))
-
-    def drift() -> Iterable[float]:
-        d = b.read.gap(c)
-        f, fd, fdd = b.clock.values[law]
-        return (0.5 * product_drift(d, d) + fd * fd + f * fdd,)
-
-    b.blocks.append(Block(c.name, rod, 0, ((1.0, Linear()),), (2,), drift, cylinder=law))
-
-
-def _angle(b: Builder, c: AngleDriver) -> None:
-    law = b.law(c)
-    motor = b.driven([b.angle(c.relative_to), b.angle(c.body)], law)
-    b.blocks.append(Block(c.name, motor, 0, ((1.0, Linear()),), (0,), lambda: (b.clock.values[law][2],)))
-
-
-def _coordinate(b: Builder, c: Any, axis: int) -> None:
-    law = b.law(c, b.unit.origin[axis], b.unit.size)
+def _coordinate(b: Builder, e: PointCoordinate) -> None:
+    law = b.law(e, b.unit.origin[e.axis], b.unit.size)
     along = item.MarkerBodiesRelativeTranslationCoordinate(
-        bodyNumbers=[b.bodies[GROUND], b.bodies[c.body]],
-        localPosition1=b.read.local(c.body, c.point),
-        axis0=[1.0 - axis, float(axis), 0.0],
+        bodyNumbers=[b.bodies[GROUND], b.bodies[e.body_j]],
+        localPosition1=b.read.local(e.body_j, e.point_j),
+        axis0=[1.0 - e.axis, float(e.axis), 0.0],
     )
     actuator = b.driven([b.still, b.mbs.AddMarker(along)], law)
 
     def drift() -> Iterable[float]:
-        return (b.clock.values[law][2] - b.read.acceleration(c.body, c.point)[axis],)
+        return (b.clock.values[law][2] - b.read.acceleration(e.body_j, e.point_j)[e.axis],)
 
-    b.blocks.append(Block(c.name, actuator, 0, ((1.0, Linear()),), (1,), drift))
+    b.blocks.append(Block(e.name, actuator, e.row, ((1.0, Linear()),), (1,), drift))
 
 
-ADD: dict[type[Constraint], Callable[[Builder, Any], None]] = {
-    Revolute: _revolute,
-    Fixed: _fixed,
-    Prismatic: _prismatic,
-    PointOnLine: _point_on_line,
-    Distance: _distance,
-    Gear: _gear,
-    AngleDriver: _angle,
-    XDriver: lambda b, c: _coordinate(b, c, 0),
-    YDriver: lambda b, c: _coordinate(b, c, 1),
-    DistanceDriver: _distance_driver,
+ADD: dict[type[Element], Callable[[Builder, Any], None]] = {
+    PointsCoincide: _coincide,
+    GuidedPoint: _guided,
+    PointDistance: _distance,
+    PointCoordinate: _coordinate,
+    RelativeAngle: _angle,
+    RollingWheels: _wheels,
 }
 """What exudyn can express, and how."""
 
 
-def _normal(c: Any) -> Pair:
+def _normal(e: GuidedPoint) -> Pair:
     """Return the unit normal of the axis on body i, a quarter turn counter-clockwise from it."""
-    x, y = c.axis_i
-    length = math.hypot(x, y)
-    return -y / length, x / length
+    x, y = direction(e.axis_i)
+    return -y, x

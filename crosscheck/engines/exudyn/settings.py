@@ -21,7 +21,7 @@ from crosscheck.engines.exudyn.engine import Exudyn
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, bear_redundant_rows, solved
 from crosscheck.engines.price_route import NOBODY, PricedRoute, Refused
-from refkin.joints import SI, DistanceDriver, Unit
+from refkin.joints import SI, PointDistance, Unit, elements_of
 from refkin.model import Scene
 
 TOLERANCES = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
@@ -141,7 +141,7 @@ def _dynamic_routes(scene: Scene) -> Iterator[PricedRoute | Refused]:
 
 def _no_integration(scene: Scene) -> str:
     """Return why exudyn's time integration cannot take a scene."""
-    if any(isinstance(driver, DistanceDriver) for driver in scene.mechanism.drivers):
+    if any(isinstance(e, PointDistance) and e.laws for e in elements_of(scene.mechanism.constraints)):
         return "a driven distance is set anew at each time, which a time integration does not do"
     steps = np.diff(scene.times)
     if not len(steps) or np.max(np.abs(steps - steps[0])) > UNEVEN * steps[0]:

@@ -11,7 +11,8 @@ import numpy as np
 
 from crosscheck.engines import Array, EngineError
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
-from refkin.joints import Prismatic
+from crosscheck.engines.exudyn.parts import is_slider
+from refkin.joints import RelativeAngle, elements_of
 from refkin.model import Effect, Scene
 from refkin.motion import Status
 
@@ -174,8 +175,9 @@ class Marcher:
         self.column_scale = np.tile([solver.size, solver.size, 1.0], model.n // 3)
         self.still = np.zeros(model.n)
         columns = {body.name: 3 * k + 2 for k, body in enumerate(scene.mechanism.bodies)}
-        prismatic = [joint for joint in scene.mechanism.joints if isinstance(joint, Prismatic)]
-        self.slides = [(joint, columns.get(joint.body_i), columns.get(joint.body_j)) for joint in prismatic]
+        joints = [tuple(elements_of([joint])) for joint in scene.mechanism.joints]
+        held: list[Any] = [elements[1] for elements in joints if is_slider(elements)]
+        self.slides = [(angle, *map(columns.get, angle.bodies)) for angle in held]
         self.last: Pose | None = None
         self.sign = 0.0
 
@@ -275,15 +277,15 @@ class Marcher:
         """Return the rates that the scaled Jacobian and exudyn's rows give, in the model's unit."""
         return self.column_scale * solved(jacobian, right[self.model.live] / self.row_scale)
 
-    def _turned(self, q: Array) -> list[tuple[Prismatic, int | None, float]]:
-        """Return for each prismatic joint how far body j is turned from its angle against body i, turns included."""
+    def _turned(self, q: Array) -> list[tuple[RelativeAngle, int | None, float]]:
+        """Return for each held angle of a slider how far body j is turned from it against body i, turns included."""
         return [
-            (joint, j, (0.0 if j is None else q[j]) - (0.0 if i is None else q[i]) - joint.angle)
-            for joint, i, j in self.slides
+            (held, j, (0.0 if j is None else q[j]) - (0.0 if i is None else q[i]) - held.angle)
+            for held, i, j in self.slides
         ]
 
     def _on_the_turn_meant(self, start: Array) -> Array:
-        """Return the estimate without whole turns of body j in a prismatic joint: exudyn's sine is blind to them."""
+        """Return the estimate without whole turns of body j on a slider: exudyn's sine is blind to them."""
         start = start.copy()
         for k in range(len(self.slides)):
             _, column, off = self._turned(start)[k]
@@ -292,9 +294,9 @@ class Marcher:
         return start
 
     def _check_turns(self, q: Array) -> None:
-        for joint, _, off in self._turned(q):
+        for held, _, off in self._turned(q):
             if abs(off) > 1.0:
-                raise EngineError(f"it holds only the sine of {joint.name!r}, and settled {off:.2f} rad off its angle")
+                raise EngineError(f"it holds only the sine of {held.name!r}, and settled {off:.2f} rad off its angle")
 
 
 def solved(jacobian: Array, right: Array) -> Array:

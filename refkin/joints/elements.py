@@ -1,0 +1,175 @@
+"""What joints and drivers consist of: a few elements, plain numbers of the scene, for whoever does not solve formulas.
+
+A joint says twice what it is: in formulas, which refkin solves, and in elements, from which everybody else builds. Its
+rows are those of its elements, one element after another:
+
+================ ===================================================== =============================================
+element          row, in metres and rad                                of
+================ ===================================================== =============================================
+PointsCoincide   d = 0, or d = (f1, f2)(t) in the ground frame         revolute, fixed
+GuidedPoint      n . d = offset                                        point_on_line, prismatic, flat face on a disc
+PointCoordinate  r_j[axis] = f(t)                                      x and y driver
+PointDistance    (d . d - L^2) / (2 L) = 0, or (d . d - f^2) / 2 = 0   distance and its driver, point on a disc
+RelativeAngle    phi_j - phi_i = angle, or f(t)                        fixed, prismatic, angle driver
+RollingWheels    R_i (phi_i - zero_i) + R_j (phi_j - zero_j) = 0       gear
+RollingOnLine    a . d - s0 - R (phi_j - phi_i - phi0) = 0             rack_and_pinion
+Contact          those of `touching`                                   cam of general profile
+================ ===================================================== =============================================
+
+d = r_j - r_i leads from the point of body i to that of body j; a is the unit vector along `axis_i`, which turns with
+body i, and n is a turned by a quarter turn counter-clockwise. A joint of space adds elements of its own (axes that are
+parallel, say), no second scheme. Elements hold no formula: a reader states them anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+from typing import Any, ClassVar
+
+from refkin.motion_laws import Law
+
+GROUND = "ground"
+"""The name of the fixed frame at the origin."""
+
+Pair = tuple[float, float]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Element:
+    """One thing that a joint or driver says of two bodies.
+
+    Attributes
+    ----------
+    laws : tuple of Law
+        The functions of time in it; without them it holds its bodies by constants alone.
+    name : str
+        The joint's or driver's.
+    row : int
+        Which row of the joint is the element's first.
+    """
+
+    kind: ClassVar[str]
+    rows: ClassVar[int] = 1
+    laws: tuple[Law, ...] = ()
+    name: str = ""
+    row: int = 0
+
+    @property
+    def key(self) -> str:
+        """What an engine's capability table calls it."""
+        return f"{self.kind} by a law" if self.laws else self.kind
+
+    @property
+    def bodies(self) -> tuple[str, str]:
+        """The names of the bodies i and j."""
+        return self.body_i, self.body_j  # type: ignore[attr-defined]
+
+
+@dataclass(frozen=True, kw_only=True)
+class _OfPoints(Element):
+    """What is said of a point of body i and a point of body j, each in its body's frame [m]."""
+
+    body_i: str
+    point_i: Pair
+    body_j: str
+    point_j: Pair
+
+    @property
+    def ends(self) -> tuple[tuple[str, Pair], tuple[str, Pair]]:
+        """Body and point, of i and of j."""
+        return (self.body_i, self.point_i), (self.body_j, self.point_j)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointsCoincide(_OfPoints):
+    """Two points are one; or `laws` f1, f2 [m] give what leads from point i to point j in the ground frame."""
+
+    kind = "points coincide"
+    rows = 2
+
+
+@dataclass(frozen=True, kw_only=True)
+class GuidedPoint(_OfPoints):
+    """A point of body j stays on a line of body i: parallel to `axis_i`, `offset` [m] to the left of point i."""
+
+    kind = "point on line"
+    axis_i: Pair
+    offset: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointDistance(_OfPoints):
+    """Two points keep a distance [m]: `length`, or that of the law."""
+
+    kind = "distance"
+    length: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointCoordinate(Element):
+    """The coordinate `axis` (0: x, 1: y) of a point of body j in the ground frame follows the law [m]."""
+
+    kind = "coordinate"
+    body_j: str
+    point_j: Pair
+    axis: int
+    body_i: ClassVar[str] = GROUND
+
+
+@dataclass(frozen=True, kw_only=True)
+class RelativeAngle(Element):
+    """Body j is turned against body i by an angle [rad], turns included: `angle`, or that of the law."""
+
+    kind = "angle"
+    body_i: str
+    body_j: str
+    angle: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class RollingWheels(Element):
+    """Two wheels roll on each other without slip, their centres at rest: radii [m], and angles [rad] to count from."""
+
+    kind = "rolling wheels"
+    body_i: str
+    radius_i: float
+    zero_i: float
+    body_j: str
+    radius_j: float
+    zero_j: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class RollingOnLine(_OfPoints):
+    """A wheel on body j with its centre at point j rolls without slip along a line of body i: a rack and its pinion."""
+
+    kind = "rolling on a line"
+    axis_i: Pair
+    radius: float
+    phi0: float
+    s0: float
+
+
+@dataclass(frozen=True, kw_only=True)
+class Contact(_OfPoints):
+    """Body j touches the profile d(s) [m] around point i, s [rad] from the x-axis of body i.
+
+    With a face through point j of normal `normal_j`, with a roller of `roller_radius` [m] around it, else with the
+    point itself.
+    """
+
+    kind = "contact"
+    rows = 2
+    profile: Any
+    normal_j: Pair | None = None
+    roller_radius: float | None = None
+
+
+def elements_of(constraints: Iterable[Any]) -> Iterator[Element]:
+    """Yield the elements of joints and drivers in the order of their rows, each with its joint's name and its row."""
+    for constraint in constraints:
+        row = 0
+        for element in constraint.elements():
+            yield replace(element, name=constraint.name, row=row)
+            row += element.rows
