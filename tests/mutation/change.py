@@ -97,7 +97,8 @@ def _compiled(function: types.FunctionType, text: str) -> types.FunctionType:
     # A method that calls super() finds its class in a cell: that of the enclosing function here.
     outer = ast.parse("def outer(__class__):\n    return None").body[0]
     assert isinstance(outer, ast.FunctionDef)
-    outer.body = [definition, ast.Return(ast.Name(definition.name, ast.Load()))]
+    # Global, for one that calls itself.
+    outer.body = [ast.Global([definition.name]), definition, ast.Return(ast.Name(definition.name, ast.Load()))]
     module = ast.fix_missing_locations(ast.Module([outer], []))
     flags = __future__.annotations.compiler_flag
     code = compile(module, inspect.getsourcefile(function) or "<changed>", "exec", flags=flags, dont_inherit=True)

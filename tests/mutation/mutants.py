@@ -48,15 +48,18 @@ class TooLong(RuntimeError):
 
 @dataclass(frozen=True, kw_only=True)
 class Mutant:
-    """One replacement: `target`, `old` and `new` are as `mutated` takes them, `row` is the row of the ledger whose
-    erratum or formula it takes up, `tests` are those that see it, as pytest names them below `tests/`."""
+    """One replacement, as `mutated` takes it.
+
+    `row` is the row of the ledger whose erratum or formula it takes up, if there is one; `tests` are those that see it,
+    as pytest names them below tests/.
+    """
 
     label: str
-    row: str
     target: str
     old: str
     new: str
     tests: list[str]
+    row: str = ""
 
 
 @cache

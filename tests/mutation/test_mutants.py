@@ -37,7 +37,7 @@ def test_there_are_enough_of_them_and_no_two_have_one_label():
 
 def test_rows_with_an_erratum_in_a_formula_or_a_claim_have_a_mutant():
     """But for those about what is said, not computed: a regular example, a lack of remedies."""
-    with_mutants = {m.row for m in MUTANTS}
+    with_mutants = {m.row for m in MUTANTS if m.row}
     rows = {row.id for row in read().row if any(e.kind in ("formula", "claim") for e in row.errata)}
 
     assert rows - with_mutants <= {"A1", "D9"}
@@ -106,7 +106,6 @@ def test_a_method_that_calls_super_can_be_changed():
 def test_a_change_that_changes_nothing_survives():
     survivor = Mutant(
         label="the other way around",
-        row="A1",
         target="refkin.newton:CorrectionNorm.__call__",
         old="bool(np.linalg.norm(correction) < self.limit)",
         new="bool(self.limit > np.linalg.norm(correction))",

@@ -52,6 +52,17 @@ def exact(item: Any) -> Any:
     return item
 
 
+def continued(item: Any) -> Any:
+    """Return what `exact` gave with every table in it going on beyond its ends, as its first and last pieces do."""
+    if isinstance(item, ExactSpline):
+        return replace(item, continued=True)
+    if isinstance(item, tuple):
+        return tuple(map(continued, item))
+    if is_dataclass(item) and not isinstance(item, type):
+        return replace(item, **{f.name: continued(getattr(item, f.name)) for f in fields(item)})
+    return item
+
+
 CUBIC = 3
 """The order of the highest derivative of a spline that has values, if not a slope, everywhere."""
 
@@ -61,14 +72,15 @@ class ExactSpline:
     """The cubic spline through a table, its coefficients balls: `pieces[k]` is a polynomial in t - knots[k].
 
     `until[k]` is the integral from knots[0] to knots[k]. Over a ball of arguments the values of all pieces that it
-    touches are enclosed together. NaN where that is not possible: beyond the ends of a table that is not periodic, over
-    more than a period, and over a knot for the slope of the third derivative, which jumps there.
+    touches are enclosed together. NaN where that is not possible: beyond the ends of a table that is neither periodic
+    nor `continued`, over more than a period, and over a knot for the slope of the third derivative, which jumps there.
     """
 
     knots: tuple[float, ...]
     pieces: tuple[Law, ...]
     until: tuple[Any, ...]
     periodic: bool
+    continued: bool = False
 
     @classmethod
     def through(cls, argument: tuple[float, ...], value: tuple[float, ...], periodic: bool) -> ExactSpline:
@@ -88,7 +100,7 @@ class ExactSpline:
     def __call__(self, t: Any, order: int = 0) -> Any:
         """Return the derivative of the given order at t, or over it if t is a ball; NaN where there is no value."""
         low, high = _ends(t)
-        if not self._covers(low, high) or high - low > self._length:
+        if not self._covers(low, high) or (self.periodic and high - low > self._length):
             return arb.nan()
         (turn, k), last = self._place(low), self._place(high)
         if order > CUBIC and (turn, k) != last:
@@ -118,14 +130,14 @@ class ExactSpline:
         return Fraction(self.knots[-1]) - Fraction(self.knots[0])
 
     def _covers(self, low: Any, high: Any) -> bool:
-        inside = self.periodic or (self.knots[0] <= low and high <= self.knots[-1])
+        inside = self.periodic or self.continued or (self.knots[0] <= low and high <= self.knots[-1])
         return bool(inside and math.isfinite(high) and math.isfinite(low))
 
     def _place(self, t: Fraction) -> tuple[int, int]:
         """Return the whole periods before t, and the piece it then lies in; a knot belongs to the piece that begins."""
         first = Fraction(self.knots[0])
         turn, since = divmod(t - first, self._length) if self.periodic else (0, t - first)
-        return int(turn), min(bisect_right(self.knots, first + since), len(self.pieces)) - 1
+        return int(turn), min(max(bisect_right(self.knots, first + since), 1), len(self.pieces)) - 1
 
     def _start(self, turn: int, k: int) -> Any:
         return _rational(turn * self._length + Fraction(self.knots[k]))

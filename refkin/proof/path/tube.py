@@ -24,6 +24,7 @@ from flint import arb, ctx
 
 from refkin.joints import Unit
 from refkin.proof.numbers.bounded import LAW_BITS, TINY, UP, Bounded, Times, U, box
+from refkin.proof.numbers.exact import continued
 from refkin.proof.numbers.preconditioned import Preconditioned, independent_rows
 from refkin.system import System
 
@@ -129,10 +130,13 @@ def _above(x: Any) -> float:
 
 
 class _OverTimes:
-    """A constraint of a `bounded_system` whose laws are taken over the intervals of `_Spans`."""
+    """A constraint of a `bounded_system` whose laws are taken over the intervals of `_Spans`.
+
+    As balls the intervals are a rounding longer than they are; where a table ends, its last piece goes on for that long.
+    """
 
     def __init__(self, rounded: Any) -> None:
-        self.rounded = rounded
+        self.rounded, self.continued = rounded, continued(rounded.exact) if rounded.exact.laws else rounded.exact
 
     def __getattr__(self, name: str) -> Any:
         return getattr(self.rounded, name)
@@ -141,7 +145,7 @@ class _OverTimes:
         laws = self.rounded.inputs(t, unit, order)
         if not laws:
             return laws
-        moves = t.moves(self.rounded.exact, unit)
+        moves = t.moves(self.continued, unit)
         return tuple(
             tuple(Bounded(x.mid, x.rounding, spread) for x, spread in zip(law, by, strict=True))
             for law, by in zip(laws, moves, strict=True)
