@@ -132,7 +132,7 @@ def _above(x: Any) -> float:
 class _OverTimes:
     """A constraint of a `bounded_system` whose laws are taken over the intervals of `_Spans`.
 
-    As balls the intervals are a rounding longer than they are; where a table ends, its last piece goes on for that long.
+    As balls they are a rounding longer than they are: where a table ends, its last piece goes on for that long.
     """
 
     def __init__(self, rounded: Any) -> None:
