@@ -1,24 +1,28 @@
-"""The reference implementation of absolute-coordinate kinematics, written to be read in one sitting.
+"""Kinematics of planar mechanisms in absolute coordinates, to be read in one sitting.
 
 In this order:
 
-========================= ==============================================================================================
-`vec`                     vectors and the values of one body, in any arithmetic
-`motion_laws`             f, f', f'': polynomial, sinusoid, table; as a value or as a rate
-`joints`                  every joint and driver: residual, Jacobian, nu, gamma, each written once
-`model`                   Body, Mechanism, Scene: what is asked
-`system`                  phi(q, t) = 0, phi_q qd = nu, phi_q qdd = gamma
-`differences`             forward, central, complex-step Jacobians
-`newton`                  Newton's method on callables, with its history
-`contacts`, `starts`      the first pose: where cams are touched, which assembly is meant
-`turnings`                where laws turn back between two times
-`sweep`                   from one pose to the next on one branch
-`motion`, `points`        what is answered
-`analysis`                position, velocity, acceleration: a Scene becomes a Motion
-`linkages`                four-bar and slider-cranks by their lengths
-`scene_files`             scenes as TOML
-`proof`                   how sure we are: certificates, assemblies, singularities (`diagnose`), paths (`follow`)
-========================= ==============================================================================================
+================= ==================================================================================
+`vec`             vectors and the values of one body, in any arithmetic
+`motion_laws`     f, f', f'': polynomial, sinusoid, table; as a value or as a rate
+`joints`          every joint and driver: residual, Jacobian, nu, gamma, each written once
+`model`           Body, Mechanism, Scene: what is asked
+`system`          phi(q, t) = 0, phi_q qd = nu, phi_q qdd = gamma
+`differences`     Jacobians by forward and central differences and by complex steps
+`newton`          Newton's method on callables, with its history
+`motion`          Motion: what is answered
+`points`          how points of a body move
+`analysis`        position, velocity, acceleration; `sweep`: a Scene becomes a Motion
+================= ==================================================================================
+
+That is the reference. It runs alone; what stands above it is imported when it is asked for:
+
+================= ==================================================================================
+`refkin.scenes`   scene files (`load`), four-bars and slider-cranks by their lengths
+`refkin.proof`    certificates, enclosures, singularities, paths, assemblies
+`refkin.solving`  `solve`: the sweep that finds its start, keeps its branch and proves each pose; `follow`, `diagnose`
+`refkin.fast`     the same answers in microseconds
+================= ==================================================================================
 
 Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockwise in rad):
 
@@ -33,6 +37,10 @@ Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockw
 ========= ======================================= ==============================================================
 """
 
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+from refkin.analysis import acceleration, position, velocity
 from refkin.errors import Fault, InvalidRequest, InvalidScene, RefkinError
 from refkin.joints import (
     AngleDriver,
@@ -55,12 +63,14 @@ from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene
 from refkin.motion import Motion, Seeding, Status
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
 from refkin.newton import NewtonResult, NewtonStatus, newton
-from refkin.proof.pose.singularity import diagnose
-from refkin.scenes.files import load
-from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
-from refkin.solving.follow import follow
-from refkin.solving.solve import acceleration, position, solve, velocity
 from refkin.system import System, compile_system
+
+if TYPE_CHECKING:
+    from refkin.scenes.files import load
+    from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
+    from refkin.solving.diagnose import diagnose
+    from refkin.solving.follow import follow
+    from refkin.solving.solve import solve
 
 __all__ = [
     "AngleDriver",
@@ -111,3 +121,20 @@ __all__ = [
     "solve",
     "velocity",
 ]
+
+ABOVE = {
+    "FourBar": "scenes.linkages",
+    "InvertedSliderCrank": "scenes.linkages",
+    "SliderCrank": "scenes.linkages",
+    "diagnose": "solving.diagnose",
+    "follow": "solving.follow",
+    "load": "scenes.files",
+    "solve": "solving.solve",
+}
+"""What stands above the reference, and where: imported when it is asked for, so that the reference runs alone."""
+
+
+def __getattr__(name: str) -> Any:
+    if name not in ABOVE:
+        raise AttributeError(f"module 'refkin' has no attribute {name!r}")
+    return getattr(import_module(f"refkin.{ABOVE[name]}"), name)

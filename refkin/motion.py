@@ -171,6 +171,11 @@ def nowhere(times: int) -> Array:
     return np.full(times, np.nan)
 
 
+def no_radius(times: int) -> CertifiedRadius:
+    """Return bounds of which none is proved."""
+    return CertifiedRadius(position=nowhere(times), velocity=nowhere(times), acceleration=nowhere(times))
+
+
 def engine_motion(
     t: Any,
     bodies: tuple[str, ...],
@@ -184,6 +189,5 @@ def engine_motion(
     """Return a motion without evidence of its own: what an engine's adapter delivers."""
     count = len(status)
     blank = {"residual": nowhere(count), "sigma_min": nowhere(count), "condition": nowhere(count)}
-    radius = CertifiedRadius(position=nowhere(count), velocity=nowhere(count), acceleration=nowhere(count))
-    rest = {**blank, "certified_radius": radius, **more}
+    rest = {**blank, "certified_radius": no_radius(count), **more}
     return Motion(t=np.asarray(t, float), bodies=bodies, q=q, qd=qd, qdd=qdd, status=status, producer=producer, **rest)

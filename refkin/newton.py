@@ -8,7 +8,7 @@ The stopping tests are those of the source documents, and `RoundOff`, which goes
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Any, Protocol
@@ -17,6 +17,38 @@ import numpy as np
 
 from refkin.differences import EPS
 from refkin.errors import LONGEST, InvalidRequest
+
+CONTRACTION = 1 / 8
+"""Largest ratio of Newton's second correction to its first: a quarter of what Newton-Kantorovich needs for a root."""
+TINY = 1e-6
+"""First corrections below it are round-off of a good prediction, or too small to leave a regular branch."""
+
+
+def is_round_off(residual: Any, q: Any, allowed: float = 0.0) -> Any:
+    """Return whether |phi| is what rounding leaves of it at q: 32 units of the largest coordinate, which is at least 1.
+
+    Parameters
+    ----------
+    residual, q : (m,) and (n,) array, or (m, B) and (n, B)
+        phi(q) and q, both of the order of 1 or larger.
+    allowed : float
+        A residual that is taken for round-off in any case.
+    """
+    size = np.maximum(1.0, np.max(np.abs(q), axis=0))
+    return np.max(np.abs(residual), axis=0) <= np.maximum(allowed, 32 * EPS * size)
+
+
+def contracts(sizes: Sequence[float], tiny: float = TINY) -> bool:
+    """Return whether Newton's second correction is small against its first: then no other root is near.
+
+    Parameters
+    ----------
+    sizes : sequence of float
+        The largest component of each correction so far.
+    tiny : float
+        A first correction below this is not looked at.
+    """
+    return len(sizes) < 2 or bool(sizes[1] <= CONTRACTION * sizes[0] or sizes[0] < tiny)
 
 
 class NewtonStatus(StrEnum):
@@ -91,7 +123,7 @@ class RoundOff:
 
     def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
         size, scale = np.max(np.abs(correction)), max(1.0, np.max(np.abs(q)))
-        small = size <= 1e-6 * scale and np.max(np.abs(residual)) <= 32 * EPS * scale
+        small = size <= 1e-6 * scale and is_round_off(residual, q)
         stalled = small and size > 0.6 * self.previous
         self.previous = size
         return bool(size <= EPS * scale or stalled)

@@ -25,10 +25,48 @@ def test_refkin_imports_neither_crosscheck_nor_an_engine(path):
     assert not packages & (ENGINE_PACKAGES | {"crosscheck", "tests"})
 
 
-@pytest.mark.parametrize("path", sources("refkin"), ids=lambda p: str(p.relative_to(ROOT)))
-def test_the_reference_needs_nothing_fast(path):
-    if "fast" not in path.parts:
-        assert not [name for name in imported(path) if name.startswith("refkin.fast")]
+LAYERS = ("reference", "scenes", "proof", "solving", "fast")
+"""From below; what is in none of the folders is the reference. The fast paths fall back on `refkin.solve`."""
+
+
+def layer(name):
+    folder = [*name.split("."), ""][1]
+    return LAYERS.index(folder) if folder in LAYERS else 0
+
+
+def test_in_refkin_nothing_imports_upward():
+    """The face of the package hands on what stands above, when asked: not read."""
+    upward = [
+        f"{name} imports {other}"
+        for name, others in arrows().items()
+        for other in others
+        if name.startswith("refkin.") and other.startswith("refkin.") and layer(other) > layer(name)
+    ]
+
+    assert upward == []
+
+
+def test_in_refkin_no_files_import_each_other_in_a_circle():
+    inner = {name: others for name, others in arrows().items() if name.startswith("refkin.")}
+
+    assert circles({name: {other for other in others if other in inner} for name, others in inner.items()}) == []
+
+
+CAMS = {"contact.py", "touching.py"}
+
+
+def lines(paths):
+    return sum(len(path.read_text(encoding="utf-8").splitlines()) for path in paths)
+
+
+@pytest.mark.xfail(reason="not yet")
+def test_the_reference_is_read_in_one_sitting():
+    """Its spine is all but the joints; of these cams are the one chapter that may be left for another day."""
+    spine = [path for path in sources("refkin") if path.parent == ROOT / "refkin"]
+    joints = [path for path in sources("refkin/joints") if path.name not in CAMS]
+
+    assert lines(spine) <= 1200
+    assert lines(spine) + lines(joints) <= 2000
 
 
 @pytest.mark.parametrize("path", sources("crosscheck"), ids=lambda p: str(p.relative_to(ROOT)))

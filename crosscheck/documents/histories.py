@@ -14,10 +14,10 @@ from typing import Any
 
 import numpy as np
 
+from refkin.analysis import position
 from refkin.motion_laws import Polynomial
 from refkin.newton import NewtonResult
 from refkin.scenes.linkages import FourBar
-from refkin.solving.solve import position
 from refkin.system import compile_system
 
 OFF = 0.1

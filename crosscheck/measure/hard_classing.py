@@ -11,9 +11,9 @@ from crosscheck.engines import Engine, EngineError, load
 from crosscheck.judge.hard_poses import Outcome, Sample, Truth, samples, truths
 from crosscheck.scenes.hard import HardCase, hard_cases
 from crosscheck.workers.processes import Failure
+from refkin.analysis import ROUTE as OWN_ROUTE
 from refkin.motion import Route
 from refkin.proof.pose.krawczyk import Verdict
-from refkin.solving.solve import ROUTE as OWN_ROUTE
 from refkin.solving.solve import solve
 from refkin.system import System
 

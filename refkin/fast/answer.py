@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.analysis import SINGULAR
 from refkin.differences import EPS
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
@@ -19,7 +20,6 @@ from refkin.motion import CertifiedRadius, ContactMotion, Motion, PointMotion, P
 from refkin.points import point_motion
 from refkin.proof.numbers.inputs import half_ulp
 from refkin.proof.pose.isolate import FLOAT64, isolate
-from refkin.solving.sweep import SINGULAR
 from refkin.system import System
 
 ROUTE = Route(

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.analysis import initial_contacts
 from refkin.differences import EPS
 from refkin.errors import Fault, InvalidScene
 from refkin.fast.certify import FamilyProof
@@ -17,9 +18,8 @@ from refkin.fast.quintic import weights
 from refkin.fast.sweep import NEAR
 from refkin.model import Evidence
 from refkin.motion import Status
+from refkin.newton import CONTRACTION
 from refkin.proof.numbers.inputs import half_ulp
-from refkin.solving.contacts import touched
-from refkin.solving.sweep import CONTRACTION
 from refkin.system import compile_system
 
 CODES = (Status.OK, Status.NOT_CONVERGED, Status.BRANCH_LOST)
@@ -110,7 +110,7 @@ class Block:
             for lane in range(self.count):
                 scene = self.group.lane(self.lanes.start + lane)
                 alone = compile_system(scene.mechanism, unit=self.group.unit_of(self.lanes.start + lane))
-                q[:, lane] = touched(alone, q[:, lane], t)
+                q[:, lane] = initial_contacts(alone, q[:, lane], t)
         return q
 
     def go_to(self, t: float) -> None:

@@ -17,7 +17,7 @@ from typing import Any, NamedTuple
 from refkin.differences import EPS
 from refkin.fast.lanes.single import Answer, Single
 from refkin.fast.quintic import at, coefficients, slope
-from refkin.solving.sweep import contracts
+from refkin.newton import contracts
 
 FAR = 3e-3
 """How far off a prediction may be [sizes, rad] for steps to grow: the quintic between the poses then errs by 6e-6."""

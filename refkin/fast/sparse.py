@@ -13,13 +13,13 @@ from typing import Any
 
 import numpy as np
 
+from refkin.analysis import initial_contacts
 from refkin.differences import EPS
 from refkin.errors import Fault, InvalidScene, RefkinError
 from refkin.fast.colouring import Colouring
 from refkin.model import Effect, Scene
 from refkin.motion import Status
-from refkin.solving.contacts import touched
-from refkin.solving.sweep import contracts
+from refkin.newton import contracts
 from refkin.system import PROFILE_ORDER, Placed, System, compile_system
 from refkin.vec import BodyValues, ParameterValue, Vec, cosine_and_sine
 
@@ -225,7 +225,7 @@ def solve_large(scene: Scene) -> Large:
     if missing:
         raise InvalidScene([Fault(f"body {missing[0]!r}", None, "an estimate of its first pose")], scene.name)
     estimate = system.to_unit(np.array([x for b in scene.mechanism.bodies for x in b.estimate or ()]))
-    return solve_at(SparseSystem(system), touched(system, estimate, scene.times[0]), scene.times[0])
+    return solve_at(SparseSystem(system), initial_contacts(system, estimate, scene.times[0]), scene.times[0])
 
 
 def solve_at(sparse: SparseSystem, q0: Any, t: float) -> Large:

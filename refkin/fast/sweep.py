@@ -23,9 +23,9 @@ from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, March, Pose, factor
 from refkin.fast.prepare import Prepared, prepared
 from refkin.model import Scene
 from refkin.motion import Motion, Status
+from refkin.newton import CONTRACTION, contracts
 from refkin.solving.solve import solve
 from refkin.solving.starts import find_start
-from refkin.solving.sweep import CONTRACTION, contracts
 
 NEWTON_STEPS = 2, 4
 """How many Newton steps every lane makes, and how many at most: two go from 1e-5 to the square of its square."""

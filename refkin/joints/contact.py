@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, ClassVar, Literal
 
+import numpy as np
 from pydantic import Field
 
 from refkin.errors import Fault
@@ -16,6 +17,12 @@ from refkin.joints.planar import Distance, PointOnLine, axis_faults, direction, 
 from refkin.joints.touching import FaceOnCurve, FaceOnDisc, PointOnCurve, RollerOnCurve
 from refkin.motion_laws import STRICT, AnyLaw, Table
 from refkin.vec import BodyValues, Scalar
+
+SCAN = 721
+"""How many points of a profile are looked at: those of a closed one are half a degree apart."""
+SCANS = 3
+"""How often, each time between the neighbours of the best point: a roller may be smaller than half a degree is long,
+and a second root, on the other side of the profile, is as near as that."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -266,6 +273,21 @@ class Cam(Constraint):
         around = 0.0 if self.roller_radius is None else self.roller_radius
         distance = (around + self.profile.radius if self.profile.kind == "disc" else around) / unit.size
         return points if self.contact is PointOnCurve else (*points, distance, 1 / distance)
+
+    def initial_contact(self, rows: Callable[[Any], Any]) -> Any:
+        """Return the estimate of the contact parameter; without one where the joint misses least.
+
+        What it misses are its own rows: for a point the distance from the profile; for a roller and a face the tangent
+        counts as well. `rows` (2, B) of parameters (B,) are those at a pose that is only an estimate.
+        """
+        if self.contact_estimate is not None:
+            return self.contact_estimate
+        low, high = self.span
+        for _ in range(SCANS):
+            scanned = np.linspace(low, high, SCAN)
+            s = scanned[np.argmin(np.sum(rows(scanned) ** 2, axis=0))]
+            low, high = np.clip(s + np.array([-1, 1]) * (scanned[1] - scanned[0]), *self.span)
+        return s
 
     def profile_values(self, s: Scalar, unit: Unit, order: int) -> tuple[Scalar, ...]:
         """Return d(s), scaled, and its derivatives up to `order`."""

@@ -9,14 +9,13 @@ a shaky linkage at every pose, it exceeds the finite one (Müller 2016).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from refkin.differences import EPS
+from refkin.analysis import SINGULAR
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import GROUND
 from refkin.model import Mechanism
@@ -45,8 +44,6 @@ FREEDOMS: Mapping[str, Mapping[str, int]] = {
 }
 """Freedoms that a joint leaves between two bodies."""
 COORDINATES = {"planar": 3, "spatial": 6}
-TOLERANCE = 8.0 * math.sqrt(EPS)
-"""A singular pose is known to the root of round-off only, and so are the singular values that vanish there."""
 
 Connection = tuple[str, str, str]
 """Type of a joint, and the names of its two bodies."""
@@ -190,7 +187,7 @@ class Mobility:
         return kind_of(self.mobility)
 
 
-def mobility(mechanism: Mechanism, q: Any, t: float = 0.0, tolerance: float = TOLERANCE) -> Mobility:
+def mobility(mechanism: Mechanism, q: Any, t: float = 0.0, tolerance: float = SINGULAR) -> Mobility:
     """Return the mobility of a mechanism at a pose.
 
     Parameters
@@ -205,7 +202,7 @@ def mobility(mechanism: Mechanism, q: Any, t: float = 0.0, tolerance: float = TO
     return mobility_of(system, system.to_unit(np.asarray(q, float)), t, tolerance)
 
 
-def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = TOLERANCE) -> Mobility:
+def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = SINGULAR) -> Mobility:
     """Return the mobility at a pose in the coordinates of a system."""
     if np.shape(q) != (system.n,):
         raise InvalidScene([Fault("q", np.shape(q), f"{system.n} coordinates")], "mobility")
@@ -217,7 +214,7 @@ def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = TOLER
     return Mobility(of_joints, of_all)
 
 
-def rank_of(matrix: Any, names: Sequence[str], tolerance: float = TOLERANCE) -> Rank:
+def rank_of(matrix: Any, names: Sequence[str], tolerance: float = SINGULAR) -> Rank:
     """Return the rank of a matrix (m, n) with rows of these names, and which of them depend on which."""
     m, n = matrix.shape
     if not m:

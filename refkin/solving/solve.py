@@ -1,25 +1,18 @@
-"""Position, velocity and acceleration analysis at one time, and of a whole scene.
-
-============ ====================== =========
-position     phi(q, t) = 0          by Newton
-velocity     phi_q qd = nu          linear
-acceleration phi_q qdd = gamma      linear
-============ ====================== =========
-"""
+"""A whole scene, certified: on one branch from the first pose on, each pose proved, what cannot be told why."""
 
 from __future__ import annotations
 
-from dataclasses import replace
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
+from refkin.analysis import ROUTE, SINGULAR, acceleration, motion_of, velocity
 from refkin.differences import EPS
+from refkin.joints import Cam, Polar
 from refkin.model import Effect, Evidence, Scene
-from refkin.motion import CertifiedRadius, ContactMotion, Motion, PointMotion, Producer, Route, Seeding, Status, nowhere
-from refkin.newton import NewtonResult, newton
-from refkin.points import point_motion
+from refkin.motion import Motion, Producer, Status, no_radius, nowhere
+from refkin.newton import is_round_off
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.numbers.inputs import handed_over
 from refkin.proof.numbers.recentred import recentred
@@ -27,38 +20,14 @@ from refkin.proof.path.branch import first_gap, step_over_crossing
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import Enclosure
 from refkin.proof.pose.singularity import diagnose_scaled
-from refkin.solving.contacts import end_of_profile
 from refkin.solving.starts import find_start, unassemblable
-from refkin.solving.sweep import MOST_STEPS, SINGULAR, Arrival, Sweep
+from refkin.solving.sweep import MOST_STEPS, Arrival, Sweep, pose_between
 from refkin.system import System, compile_system
 
+AT_END = 1e-6
+"""Distance [rad] from the end of a profile that a sweep, which halves its steps, certainly comes below."""
 MOST_SEARCHES = 4
 """How many searches for a proof that poses do not exist, for mechanisms without a closed form: up to a second each."""
-
-ROUTE = Route(
-    name="newton",
-    residual_by="refkin",
-    jacobian_by="refkin",
-    newton_by="refkin",
-    linear_solve_by="LAPACK",
-    drift_by="refkin",
-    seeding=Seeding.INITIAL_GUESS,
-)
-
-
-def position(system: System, q0: Any, t: float, **options: Any) -> NewtonResult:
-    """Solve phi(q, t) = 0 from an estimate q0 of shape (n,); options are those of `newton`."""
-    return newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), q0, **options)
-
-
-def velocity(system: System, q: Any, t: Any, phi_q: Any = None) -> Any:
-    """Return qd with phi_q qd = nu, in the shape of q: (n,) or (n, B); `phi_q` at q, t is evaluated unless given."""
-    return _solve(system.phi_q(q, t) if phi_q is None else phi_q, system.nu(q, t))
-
-
-def acceleration(system: System, q: Any, qd: Any, t: Any, phi_q: Any = None) -> Any:
-    """Return qdd with phi_q qdd = gamma, in the shape of q: (n,) or (n, B); `phi_q` as in `velocity`."""
-    return _solve(system.phi_q(q, t) if phi_q is None else phi_q, system.gamma(q, qd, t))
 
 
 def solve(scene: Scene, *, certified: bool = False) -> Motion:
@@ -112,7 +81,7 @@ def _first_gap(sweep: Sweep, scene: Scene, certified: bool) -> int | None:
     if crossed is not None:  # steps that lead to none of the times before it need no proof
         last = max(time for time in scene.times if time <= t[crossed])
         steps = [k for k in steps if t[k] < last]
-    gap = first_gap(full, t, q, steps)
+    gap = first_gap(full, t, q, pose_between, steps)
     return crossed if gap is None else gap
 
 
@@ -138,6 +107,16 @@ def _swept(sweep: Sweep, times: tuple[float, ...]) -> tuple[Any, int, str, Statu
     return q, len(times), "", Status.OK
 
 
+def end_of_profile(system: System, q: Any) -> str:
+    """Return the joint whose contact is at an end of its open profile, "" if there is none."""
+    for joint in system.mechanism.joints:
+        if isinstance(joint, Cam) and isinstance(joint.profile, Polar):
+            (s,) = q[system.parameter(joint.name)]
+            if min(abs(s - end) for end in joint.profile.law.domain()) < AT_END:
+                return joint.name
+    return ""
+
+
 def _undecided(t: float) -> str:
     return f"the pose at t = {t:g} is singular: how the branch goes on is not decided"
 
@@ -151,7 +130,7 @@ class _Answer:
         self.messages = [message]
         self.qd, self.qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
         self.residual, self.sigma_min, self.condition = (nowhere(count) for _ in range(3))
-        self.radius = CertifiedRadius(position=nowhere(count), velocity=nowhere(count), acceleration=nowhere(count))
+        self.radius = no_radius(count)
 
     def judge(self, lanes: Any) -> None:
         """Fill rates and evidence of the poses that were reached, and give each its status."""
@@ -181,8 +160,7 @@ class _Answer:
 
     def _closed(self, lanes: Any) -> Any:
         """Return whether the residual of each pose is round-off."""
-        size = np.maximum(1.0, np.max(np.abs(self.q[:, lanes]), axis=0))
-        return self.residual[lanes] <= 32 * EPS * size
+        return is_round_off(self.residual[None, lanes], self.q[:, lanes])
 
     def _look(self, lanes: Any) -> tuple[Any, Any]:
         """Fill the residual; return where phi_q can be solved with, and where its sigma_min is above SINGULAR.
@@ -269,50 +247,22 @@ class _Answer:
 
     def motion(self) -> Motion:
         """Return the answer in metres, for the bodies and effects that the scene calls for."""
-        scene, wants = self.scene, self.scene.effects
         self.q[:, [k for k, s in enumerate(self.status) if s in (Status.NOT_CONVERGED, Status.UNASSEMBLABLE)]] = np.nan
         computed = (True, bool(self.system.effects), Effect.ACCELERATION in self.system.effects)
-        levels: list[Any] = [
-            self.system.to_physical(level, order) if computed[order] else None
-            for order, level in enumerate((self.q, self.qd, self.qdd))
-        ]
-        called = (True, Effect.VELOCITY in wants, Effect.ACCELERATION in wants)
-        rows = np.concatenate([np.r_[self.system.columns(b)] for b in scene.wanted])
-        condition = Evidence.CONDITION in scene.evidence
-        count = len(self.status)
-        return Motion(
-            t=self.t,
-            bodies=scene.wanted,
-            q=levels[0][rows],
-            qd=levels[1][rows] if called[1] else None,
-            qdd=levels[2][rows] if called[2] else None,
+        levels = (self.q, self.qd, self.qdd)
+        condition, count = Evidence.CONDITION in self.scene.evidence, len(self.status)
+        return motion_of(
+            self.system,
+            self.scene,
+            [level if has else None for level, has in zip(levels, computed, strict=True)],
             status=tuple(self.status),
             residual=self.residual,
             sigma_min=self.sigma_min if condition else nowhere(count),
             condition=self.condition if condition else nowhere(count),
             certified_radius=self.radius,
-            points=self._points(levels, called),
-            contacts=self._contacts(levels, called),
             producer=Producer(name="refkin", version=version("refkin"), route=ROUTE),
             message="; ".join(dict.fromkeys(filter(None, self.messages))),
         )
-
-    def _contacts(self, levels: list[Any], called: tuple[bool, bool, bool]) -> dict[str, ContactMotion]:
-        found = {}
-        for joint in self.scene.mechanism.joints:
-            if joint.parameters:
-                at = self.system.parameter(joint.name).start
-                sd, sdd = (level[at] if wanted else None for level, wanted in zip(levels[1:], called[1:], strict=True))
-                found[joint.name] = ContactMotion(s=levels[0][at], sd=sd, sdd=sdd)
-        return found
-
-    def _points(self, levels: list[Any], called: tuple[bool, bool, bool]) -> dict[str, PointMotion]:
-        found = {}
-        for point in self.scene.points:
-            at = self.system.columns(point.body)
-            motion = point_motion(point.position, *(None if level is None else level[at] for level in levels))
-            found[point.name] = replace(motion, v=motion.v if called[1] else None)
-        return found
 
 
 def _at_least(matrices: Any) -> Any:
@@ -326,14 +276,3 @@ def _at_least(matrices: Any) -> Any:
         return 1.0 / np.linalg.norm(np.linalg.inv(square), axis=(1, 2))
     except np.linalg.LinAlgError:  # one of them is singular to the last bit
         return np.zeros(len(matrices))
-
-
-def _solve(matrix: Any, right: Any) -> Any:
-    """Solve for one right side or for a batch in the last axis; redundant rows by least squares."""
-    stacked = np.moveaxis(matrix, -1, 0) if matrix.ndim == 3 else matrix
-    columns = np.moveaxis(right, -1, 0)[..., None] if matrix.ndim == 3 else right[:, None]
-    if matrix.shape[0] == matrix.shape[1]:
-        x = np.linalg.solve(stacked, columns)[..., 0]
-    else:
-        x = (np.linalg.pinv(stacked) @ columns)[..., 0]
-    return np.moveaxis(x, 0, -1) if matrix.ndim == 3 else x

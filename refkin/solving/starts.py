@@ -8,17 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from refkin.analysis import SINGULAR, closes, estimated, position, sigma_min
 from refkin.joints import Cam
 from refkin.model import Scene
 from refkin.motion import Status
-from refkin.newton import NewtonResult, newton
+from refkin.newton import NewtonResult, contracts
 from refkin.proof.assembly.assembly import Assemblies, assemblies
-from refkin.proof.assembly.search import PRIMES, closes, radical_inverse
+from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
+from refkin.proof.assembly.search import PRIMES, radical_inverse
 from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS
 from refkin.proof.pose.isolate import isolate
-from refkin.solving.contacts import touched
-from refkin.solving.levenberg import levenberg_marquardt, polished
-from refkin.solving.sweep import APART, SINGULAR, contracts, sigma_min
+from refkin.solving.sweep import APART
 from refkin.system import System
 
 USELESS = 1e12
@@ -52,7 +52,7 @@ def find_start(system: System, scene: Scene) -> Start:
         useless = np.abs(estimate) > USELESS
         missing = [b.name for b in bodies if b.estimate is None or useless[system.columns(b.name)].any()]
         estimate = np.where(useless, 0.0, estimate)
-        first = _newton(system, t, estimate)
+        first = position(system, estimate, t)
         contracted = first.converged and contracts(np.max(np.abs(first.corrections), axis=1))
         if not missing and contracted and closes(system, first.q, t) and _leads_to_one(system, first, t):
             return Start(Status.OK, first.q)
@@ -85,12 +85,12 @@ def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[
     for k in range(NEW_ESTIMATES + 1):
         turned = np.array([radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(system.n)]) * system.angles
         start, new = estimate + math.tau * turned, " from a new estimate" if k else ""
-        damped = _newton(system, t, start, damped=True, max_iterations=30)
+        damped = position(system, start, t, damped=True, max_iterations=30)
         least = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start)
         if damped.converged and _is_root(system, damped.q, t):
             return damped.q, f"damped Newton{new}", damped.residual
         if least.converged:
-            q = polished(least, _newton(system, t, least.q, max_iterations=60))
+            q = polished(least, position(system, least.q, t, max_iterations=60))
             if _is_root(system, q, t):
                 return q, f"least squares{new}", least.residual
         smallest = np.nanmin([smallest, damped.residual, least.residual])
@@ -112,21 +112,9 @@ def _is_root(system: System, q: Any, t: float) -> bool:
     return closes(system, q, t) or bool(isolate(system, q[:, None], [t]).ok[0])
 
 
-def estimated(system: System, scene: Scene) -> Any:
-    """Return the estimates in the system's coordinates, zero where a body has none; contacts are looked for there."""
-    q = np.zeros(system.n)
-    for body in scene.mechanism.bodies:
-        q[system.columns(body.name)] = body.estimate or (0.0, 0.0, 0.0)
-    return touched(system, system.to_unit(q), scene.times[0])
-
-
 def unassemblable(system: System, found: Assemblies) -> str:
     """Return the proof in words, with the gap in metres where it is a length."""
     return f"{found.message} (gap at least {found.gap:.3g} of the size {system.unit.size:g} m)"
-
-
-def _newton(system: System, t: float, start: Any, **options: Any) -> NewtonResult:
-    return newton(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start, **options)
 
 
 def _choice(system: System, found: Assemblies, estimate: Any, missing: list[str], t: float) -> tuple[Any, str]:

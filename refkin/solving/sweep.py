@@ -10,29 +10,25 @@ they count only once it is proved that they did not change the branch (`proof.br
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from enum import Enum, auto
 from typing import Any
 
 import numpy as np
 
+from refkin.analysis import SINGULAR, sigma_min
 from refkin.differences import EPS
-from refkin.newton import NewtonResult, RoundOff, newton
+from refkin.newton import TINY, NewtonResult, RoundOff, contracts, newton
 from refkin.proof.numbers.preconditioned import independent_rows
+from refkin.proof.path.blocks import Blocks, blocks
 from refkin.proof.pose.isolate import isolate
-from refkin.solving.blocks import Blocks, blocks
 from refkin.solving.turnings import turnings
 from refkin.system import System
 
-CONTRACTION = 1 / 8
-"""Largest ratio of Newton's second correction to its first: a quarter of what Newton-Kantorovich needs for a root."""
 NEAR = 1 / 4
 """Largest correction of a prediction, in units of the move from the last pose."""
 FIRST = 0.1
 """Largest first move, for which there is no prediction yet [sizes, rad]."""
-TINY = 1e-6
-"""Corrections below it are round-off of a good prediction, or too small to leave a regular branch [sizes, rad]."""
 NOISE = 256 * EPS
 """What rounding leaves of phi, times what sigma_min may have shrunk in a step: over sigma_min it is noise in a pose."""
 SHORT = 1 / 8
@@ -43,8 +39,6 @@ FURTHEST = 1.0
 """Largest move of an angle in one step: predictions do not know what lies within a radian [rad]."""
 REACH = 0.25
 """Largest distance to a singular pose from which it is approached in one step [sizes, rad]."""
-SINGULAR = 8 * np.sqrt(EPS)
-"""Smallest singular value of the scaled phi_q at or below which a pose is not isolated by first-order terms."""
 MOST_STEPS = 20_000
 """Steps from one asked time to the next: a wheel that turns 3000 times between them needs so many."""
 MOST_DOUBTFUL = 1000
@@ -226,14 +220,16 @@ class _WhileContracting(RoundOff):
         return super().__call__(residual, correction, q) or not contracts(self.sizes, self.tiny)
 
 
-def contracts(sizes: Sequence[float], tiny: float = TINY) -> bool:
-    """Return whether Newton's second correction is small against its first.
+def pose_between(system: System, q: Any, t: float, later: float) -> Any:
+    """Return the pose (n,) that a proving sweep from the pose q (n,) at t finds at a later time; None if it finds none.
 
-    A first correction below `tiny` is not looked at.
+    Parameters
+    ----------
+    system : System
+    q : (n,) array
+        The pose at time t [s].
+    t, later : float
+        Times [s].
     """
-    return len(sizes) < 2 or bool(sizes[1] <= CONTRACTION * sizes[0] or sizes[0] < tiny)
-
-
-def sigma_min(system: System, q: Any, t: float) -> float:
-    """Return the n-th singular value of phi_q, which is 0 where the pose is not isolated to first order."""
-    return float(np.linalg.svd(system.phi_q(q, t), compute_uv=False)[system.n - 1])
+    sweep = Sweep(system, [t], [q], proving=True)
+    return sweep.q[-1] if sweep.to(later) is Arrival.REACHED else None

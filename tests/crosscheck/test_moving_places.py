@@ -9,13 +9,15 @@ from typing import Any
 import numpy as np
 
 from crosscheck.measure.check import check as check_scene
+from refkin.analysis import initial_contacts
 from refkin.joints import GROUND, AngleDriver, Cam, Disc, Polar, Prismatic, Revolute
+from refkin.joints.contact import SCAN
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
-from refkin.solving.contacts import SCAN, touched
+from refkin.newton import contracts
 from refkin.solving.solve import solve
-from refkin.solving.sweep import Arrival, Sweep, contracts
+from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import compile_system
 from tests.claims import U, assert_near
 from tests.refkin.test_contact_motions import PROFILE
@@ -131,7 +133,7 @@ def test_a_contact_is_looked_for_all_around():
     system = compile_system(Mechanism((Body(name="cam"), Body(name="follower")), (touch,), drivers))
     for s in (-2.0, 0.3, 1.9):
         at = PROFILE(s) * np.exp(1j * (s + 0.4))
-        found = touched(system, np.array([0.0, 0.0, 0.4, at.real, at.imag, 0.0, 0.0]), 0.0)
+        found = initial_contacts(system, np.array([0.0, 0.0, 0.4, at.real, at.imag, 0.0, 0.0]), 0.0)
         assert_near(found[6], s, (math.tau / (SCAN - 1)) * (2 / (SCAN - 1)) ** 2, "touched at")
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from crosscheck.engines import vector_loop as loops
+from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.errors import NotCalledFor
 from refkin.joints import AngleDriver, XDriver, YDriver
@@ -18,7 +19,7 @@ from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.points import point_motion, point_parts
 from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
-from refkin.solving.solve import acceleration, position, solve, velocity
+from refkin.solving.solve import solve
 from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import compile_system
 from tests.claims import U, assert_near

@@ -12,11 +12,11 @@ from crosscheck.documents.convergence import Kind, linear_rate, newton_order, sl
 from crosscheck.documents.systems import me451, me581, metu, printed, shabana
 from crosscheck.documents.systems.twelve_coordinates import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
 from crosscheck.engines import vector_loop as loops
+from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Polynomial
 from refkin.newton import NewtonStatus, newton
 from refkin.scenes.linkages import FourBar
-from refkin.solving.solve import acceleration, position, velocity
 from refkin.system import compile_system
 from tests.claims import U, assert_near
 

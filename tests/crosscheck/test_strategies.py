@@ -26,11 +26,11 @@ from crosscheck.strategies import (
 from crosscheck.strategies.scenes import KINDS
 from crosscheck.strategies.spans import turning_inputs
 from crosscheck.strategies.variety import Variant
+from refkin.analysis import position
 from refkin.differences import EPS
 from refkin.model import Scene
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
 from refkin.scenes.linkages import Branch, FourBar, GrashofClass, InvertedSliderCrank, SliderCrank
-from refkin.solving.solve import position
 from refkin.system import compile_system
 
 GRID = 2.0**-50

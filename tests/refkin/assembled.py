@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.analysis import position
 from refkin.joints import (
     GROUND,
     AngleDriver,
@@ -30,7 +31,6 @@ from refkin.joints import (
 )
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Law, Polynomial, Sinusoid, Table
-from refkin.solving.solve import position
 from refkin.system import System, compile_system
 
 

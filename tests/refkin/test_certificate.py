@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from refkin.analysis import acceleration, velocity
 from refkin.joints import GROUND, AngleDriver, Distance, PointOnLine, Revolute, Unit
 from refkin.motion_laws import Sinusoid
 from refkin.proof.numbers.bounded import Bounded, Extended, U
@@ -16,7 +17,6 @@ from refkin.proof.numbers.inputs import attainable, half_ulp
 from refkin.proof.numbers.preconditioned import Nearly
 from refkin.proof.pose.certificate import Certificate, certify
 from refkin.proof.pose.krawczyk import Enclosure, Verdict, judge, krawczyk, refine
-from refkin.solving.solve import acceleration, velocity
 from refkin.system import System
 
 from .assembled import Draw, four_bar, perturbed, poses

@@ -23,12 +23,12 @@ from refkin import (
     XDriver,
     compile_system,
 )
+from refkin.analysis import position
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.clusters import plan
 from refkin.proof.assembly.placing import place
 from refkin.proof.assembly.rows import read_rows
 from refkin.proof.assembly.search import coordinates
-from refkin.solving.solve import position
 
 from .contact_cases import CASES, LOBES, TIMES, cam, guide, over_profile, pin, scene, turning
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import pytest
 
+from refkin.analysis import acceleration, velocity
 from refkin.joints import GROUND, AngleDriver, Gear, Prismatic, Revolute, XDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
@@ -14,7 +15,6 @@ from refkin.proof.numbers.inputs import half_ulp
 from refkin.proof.pose.certificate import certify
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import excludes, refine
-from refkin.solving.solve import acceleration, velocity
 from refkin.system import System, compile_system
 
 from .assembled import Draw

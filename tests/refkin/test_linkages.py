@@ -13,6 +13,7 @@ from hypothesis import strategies as st
 
 import refkin
 from crosscheck.strategies import four_bars, inverted_slider_cranks, slider_cranks
+from refkin.analysis import position
 from refkin.scenes.linkages import (
     ANYWHERE,
     Branch,
@@ -23,7 +24,6 @@ from refkin.scenes.linkages import (
     SliderCrank,
 )
 from refkin.scenes.linkages.base import rough
-from refkin.solving.solve import position
 from refkin.system import compile_system
 
 U = 2.0**-53

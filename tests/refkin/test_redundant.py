@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.analysis import velocity
 from refkin.joints import GROUND, AngleDriver, Gear, Revolute
 from refkin.model import Body, Evidence, Mechanism, Scene
 from refkin.motion import Motion, Status
@@ -15,7 +16,7 @@ from refkin.motion_laws import Polynomial
 from refkin.proof.pose.isolate import isolate
 from refkin.scenes.linkages import Branch, FourBar
 from refkin.solving.mobility import mobility, rank_of
-from refkin.solving.solve import solve, velocity
+from refkin.solving.solve import solve
 from refkin.solving.sweep import Sweep
 from refkin.system import System, compile_system
 from tests.claims import U, assert_near

@@ -25,9 +25,9 @@ from refkin import (
     compile_system,
 )
 from refkin.newton import NewtonResult, NewtonStatus
+from refkin.proof.path.blocks import diagonal_blocks
 from refkin.proof.path.branch import first_gap
-from refkin.solving.blocks import diagonal_blocks
-from refkin.solving.sweep import Arrival, Sweep
+from refkin.solving.sweep import Arrival, Sweep, pose_between
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
@@ -215,8 +215,8 @@ def test_a_jump_to_the_other_branch_is_no_motion():
         system.to_unit(refkin.solve(ROCKER.scene(law=law, times=t, branch=b)).q) for b in ("open", "crossed")
     )
 
-    assert first_gap(system, t, here) is None
-    assert first_gap(system, t, np.column_stack([here[:, :2], there[:, 2:]])) == 1
+    assert first_gap(system, t, here, pose_between) is None
+    assert first_gap(system, t, np.column_stack([here[:, :2], there[:, 2:]]), pose_between) == 1
 
 
 def test_a_singular_pose_is_reported_where_the_motion_is_certified_up_to_it():

@@ -12,8 +12,8 @@ from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.enclosing import count_roots, excludes_zero
 from crosscheck.documents.systems import SquareSystem, me451
 from crosscheck.documents.systems.square import scalar
+from refkin.analysis import position
 from refkin.newton import CorrectionNorm, newton
-from refkin.solving.solve import position
 from refkin.system import compile_system
 
 Given = Mapping[str, Any]

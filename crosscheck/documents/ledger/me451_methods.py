@@ -12,8 +12,8 @@ from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.enclosing import excludes_zero
 from crosscheck.documents.ledger.me451 import Found, Given, absolute_356, estimate_356, never, problem_356
 from crosscheck.documents.systems import me451
+from refkin.analysis import acceleration, velocity
 from refkin.newton import CorrectionNorm, newton
-from refkin.solving.solve import acceleration, velocity
 from refkin.system import compile_system
 
 

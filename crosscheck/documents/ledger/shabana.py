@@ -11,12 +11,12 @@ from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.me451 import Found, Given
 from crosscheck.documents.systems import printed, shabana
 from crosscheck.engines import vector_loop as loops
+from refkin.analysis import acceleration, velocity
 from refkin.joints import GROUND, AngleDriver, Fixed, Revolute, XDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
 from refkin.points import point_parts, rod_and_block
 from refkin.scenes.linkages import ANYWHERE, FourBar, SliderCrank
-from refkin.solving.solve import acceleration, velocity
 from refkin.system import compile_system
 
 

@@ -10,9 +10,9 @@ import numpy as np
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Binary64
 from crosscheck.documents.ledger.me451 import Found, Given
 from crosscheck.documents.systems import SquareSystem, shabana
+from refkin.analysis import acceleration, velocity
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import FourBar
-from refkin.solving.solve import acceleration, velocity
 from refkin.system import compile_system
 
 

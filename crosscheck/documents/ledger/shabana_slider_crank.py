@@ -12,12 +12,13 @@ from crosscheck.documents.ledger.me451 import Found, Given
 from crosscheck.documents.ledger.shabana import numbers
 from crosscheck.documents.systems import shabana
 from crosscheck.documents.systems.twelve_coordinates import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
+from refkin.analysis import acceleration, velocity
 from refkin.joints import GROUND, AngleDriver, Fixed, Prismatic, Revolute, XDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.newton import CorrectionNorm, newton
 from refkin.scenes.linkages import SliderCrank
-from refkin.solving.solve import acceleration, solve, velocity
+from refkin.solving.solve import solve
 from refkin.system import compile_system
 
 

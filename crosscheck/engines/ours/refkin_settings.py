@@ -12,12 +12,12 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.price_route import PricedRoute, Refused
+from refkin.analysis import acceleration, estimated, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion
 from refkin.newton import CorrectionNorm, RoundOff, newton, solve_linear
-from refkin.solving.solve import acceleration, solve, velocity
-from refkin.solving.starts import estimated
+from refkin.solving.solve import solve
 from refkin.system import System, compile_system
 
 ORDERS: tuple[frozenset[Effect], ...] = (frozenset(), frozenset({Effect.VELOCITY}), frozenset(Effect))

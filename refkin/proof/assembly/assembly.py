@@ -13,14 +13,14 @@ from dataclasses import dataclass
 
 from flint import ctx
 
+from refkin.analysis import closes, position
 from refkin.motion import Array
-from refkin.newton import newton
 from refkin.proof.assembly.clusters import plan
 from refkin.proof.assembly.loci import above, below
 from refkin.proof.assembly.loops import open_loop
 from refkin.proof.assembly.placing import MOST_BRANCHES, Branch, End, Placement, place
 from refkin.proof.assembly.rows import Rows, read_rows
-from refkin.proof.assembly.search import closes, coordinates, search
+from refkin.proof.assembly.search import coordinates, search
 from refkin.system import System
 
 PRECISION = 113
@@ -149,7 +149,7 @@ def _pose(system: System, t: float, branch: Branch) -> tuple[Array, float]:
     """
     q = coordinates(system, branch)
     if not closes(system, q, t):
-        refined = newton(lambda x: system.phi(x, t), lambda x: system.phi_q(x, t), q, max_iterations=20)
+        refined = position(system, q, t, max_iterations=20)
         q = refined.q if refined.converged and closes(system, refined.q, t) else q
     radius = 0.0
     for body in system.mechanism.bodies:

@@ -20,18 +20,16 @@ from typing import Any
 import numpy as np
 from flint import arb
 
-from refkin.differences import EPS
+from refkin.analysis import closes, initial_contacts, position
 from refkin.joints import GROUND, Cam, Gear, Polar, RackAndPinion
 from refkin.motion import Array
-from refkin.newton import newton
 from refkin.proof.assembly.clusters import Plan, headings, plan
+from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
 from refkin.proof.assembly.loci import Ball, above, below
 from refkin.proof.assembly.placing import Branch, Placement, place
 from refkin.proof.assembly.rows import Rows, Tie
 from refkin.proof.numbers.slopes import interval, whole
 from refkin.proof.pose.krawczyk import krawczyk
-from refkin.solving.contacts import touched
-from refkin.solving.levenberg import levenberg_marquardt, polished
 from refkin.system import System
 
 WIDTHS = (2e-3, 1e-5, 1e-8)
@@ -190,18 +188,18 @@ class _Search:
             q[self.system.of_bodies :][: len(contacts)] = contacts
             yield q
             if contacts:
-                yield touched(self.system, q, self.t)
+                yield initial_contacts(self.system, q, self.t)
 
     def _refined(self, start: Array) -> Array | None:
         """Return the assembly that Newton finds from a start, or else Levenberg and Marquardt."""
         s, t = self.system, self.t
-        result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start, max_iterations=30)
+        result = position(s, start, t, max_iterations=30)
         if result.converged and closes(s, result.q, t):
             return self._without_turns(result.q)
         least = levenberg_marquardt(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start)
         if not least.converged:
             return None
-        q = polished(least, newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), least.q, max_iterations=30))
+        q = polished(least, position(s, least.q, t, max_iterations=30))
         return self._without_turns(q) if closes(s, q, t) else None
 
     def _without_turns(self, q: Array) -> Array:
@@ -288,12 +286,6 @@ def radical_inverse(k: int, base: int) -> float:
         value += digit * weight
         weight /= base
     return value
-
-
-def closes(system: System, q: Array, t: float, allowed: float = 0.0) -> bool:
-    """Whether the residual of a pose is round-off, or no more than is allowed."""
-    residual = float(np.max(np.abs(system.phi(q, t))))
-    return residual <= max(allowed, 32 * EPS * max(1.0, float(np.max(np.abs(q)))))
 
 
 def coordinates(system: System, branch: Branch) -> Array:

@@ -13,10 +13,9 @@ from refkin.proof.numbers.bounded import UP, U
 from refkin.proof.numbers.preconditioned import inverses
 from refkin.proof.path.branch_points import crossing
 from refkin.proof.path.curve import Curve
-from refkin.proof.path.linker import Linker
+from refkin.proof.path.linker import Between, Linker
 from refkin.proof.path.tube import Tubes
 from refkin.proof.pose.certificate import certify
-from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import System
 
 HALVINGS = 10
@@ -54,11 +53,11 @@ class Piece(NamedTuple):
         return bool(np.isfinite(self.r_0).all() and np.isfinite(self.r_1).all())
 
 
-def first_gap(system: System, t: Any, q: Any, steps: Sequence[int] | None = None) -> int | None:
+def first_gap(system: System, t: Any, q: Any, between: Between, steps: Sequence[int] | None = None) -> int | None:
     """Return the first k for which it is not proved that poses k and k + 1 belong to one motion; None if all do.
 
-    A step that one tube does not cover is halved, at the pose that a sweep finds in its middle; what float64 does not
-    prove is left to balls.
+    A step that one tube does not cover is halved, at the pose that is found in its middle; what float64 does not prove
+    is left to balls.
 
     Parameters
     ----------
@@ -66,6 +65,8 @@ def first_gap(system: System, t: Any, q: Any, steps: Sequence[int] | None = None
         Compiled in its mechanism's own unit, for velocity at least.
     t, q : (T,) and (n, T) array
         Times in increasing order, and the poses there, in the system's coordinates.
+    between : callable
+        What finds poses in the middle of steps: nothing is believed of them that is not proved.
     steps : sequence of int, optional
         The k that are asked for; by default all.
     """
@@ -75,8 +76,8 @@ def first_gap(system: System, t: Any, q: Any, steps: Sequence[int] | None = None
     radii = np.full_like(q, np.nan)
     radii[:, poses] = _error_bounds(system, q[:, poses], t[poses])
     pieces = [Piece(t[k], t[k + 1], q[:, k], q[:, k + 1], radii[:, k], radii[:, k + 1], int(k)) for k in asked]
-    left, gap = _left(system, pieces)
-    linker = Linker(system, MOST_TUBES if steps is None else FEW_TUBES)
+    left, gap = _left(system, pieces, between)
+    linker = Linker(system, MOST_TUBES if steps is None else FEW_TUBES, between)
     for p in left:
         if not linker.links(p.t_0, p.t_1, p.q_0, p.q_1):
             return p.number
@@ -92,7 +93,7 @@ def step_over_crossing(system: System, t: Any, q: Any, steps: Sequence[int]) -> 
     return _crossing_in(system, pieces) if pieces else None
 
 
-def _left(system: System, pieces: list[Piece]) -> tuple[list[Piece], int | None]:
+def _left(system: System, pieces: list[Piece], between: Between) -> tuple[list[Piece], int | None]:
     """Return the pieces that float64 does not prove, in the order of time, up to the first step that meets a crossing.
 
     The number of that step is the second thing returned, None if there is none.
@@ -115,7 +116,7 @@ def _left(system: System, pieces: list[Piece]) -> tuple[list[Piece], int | None]
         if gap is not None:
             open_, left = ([p for p in some if p.number < gap] for some in (open_, left))
         left += [p for p in open_ if in_vain[p.number] > MOST_IN_VAIN]
-        pieces, lost = _halved(system, [p for p in open_ if in_vain[p.number] <= MOST_IN_VAIN])
+        pieces, lost = _halved(system, [p for p in open_ if in_vain[p.number] <= MOST_IN_VAIN], between)
         left += lost
     return _merged([*left, *pieces]), gap
 
@@ -154,7 +155,7 @@ def _error_bounds(system: System, q: Any, t: Any) -> Any:
     return np.where(proof.ok, proof.radii, np.nan)
 
 
-def _halved(system: System, pieces: list[Piece]) -> tuple[list[Piece], list[Piece]]:
+def _halved(system: System, pieces: list[Piece], between: Between) -> tuple[list[Piece], list[Piece]]:
     """Return the pieces cut at a pose found in their middles; and those where none was found."""
     if not pieces:
         return [], []
@@ -162,9 +163,9 @@ def _halved(system: System, pieces: list[Piece]) -> tuple[list[Piece], list[Piec
     t = (t_0 + t_1) / 2
     q = np.where((t_0 < t) & (t < t_1), _near_chords(system, (t, t_0), q_0, q_1), np.nan)
     for k in np.flatnonzero(np.isnan(q[0])):
-        sweep = Sweep(system, [t_0[k]], [q_0[:, k]], proving=True)
-        if t_0[k] < t[k] < t_1[k] and sweep.to(t[k]) is Arrival.REACHED:
-            q[:, k] = sweep.q[-1]
+        pose = between(system, q_0[:, k], t_0[k], t[k]) if t_0[k] < t[k] < t_1[k] else None
+        if pose is not None:
+            q[:, k] = pose
     found = np.flatnonzero(np.isfinite(q[0]))
     halves = []
     for k, radius in zip(found, _error_bounds(system, q[:, found], t[found]).T, strict=True):

@@ -13,8 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.newton import NewtonResult, newton
-from refkin.solving.sweep import contracts
+from refkin.newton import NewtonResult, contracts, newton
 from refkin.system import System
 
 STEP = 1e-100

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -10,10 +11,11 @@ from flint import arb, arb_mat, ctx
 
 from refkin.proof.numbers.exact import exact_system
 from refkin.proof.pose.krawczyk import Enclosure, krawczyk
-from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import System
 
 BITS = 113
+Between = Callable[[System, Any, float, float], Any]
+"""Finds, from the pose q (n,) of a system at a time, the pose at a later time on the same branch; None if it cannot."""
 DEEPEST = 40
 """How often a step is halved before a proof is given up: at a bifurcation there is no end to it."""
 
@@ -24,6 +26,7 @@ class Linker:
 
     system: System
     most: int
+    between: Between
     tried: int = field(default=0, init=False)
     last: Enclosure | None = field(default=None, init=False)
 
@@ -46,11 +49,10 @@ class Linker:
         return middle is not None and self._linked(first, middle, depth - 1) and self._linked(middle, last, depth - 1)
 
     def _between(self, first: Enclosure, last: Enclosure) -> Enclosure | None:
-        """Return the pose that a sweep from the first finds halfway."""
-        sweep, t = Sweep(self.system, [first.t], [first.nearest()], proving=True), (first.t + last.t) / 2
-        if not first.t < t < last.t or sweep.to(t) is not Arrival.REACHED:
-            return None
-        return krawczyk(self.system, sweep.q[-1], t, BITS)
+        """Return the pose that is found halfway from the first."""
+        t = (first.t + last.t) / 2
+        q = self.between(self.system, first.nearest(), first.t, t) if first.t < t < last.t else None
+        return None if q is None else krawczyk(self.system, q, t, BITS)
 
     def _tube_holds(self, first: Enclosure, last: Enclosure) -> bool:
         """Whether one tube along the line between two roots holds both; see `tube` for the condition."""

@@ -1,4 +1,4 @@
-"""Why a pose is singular, in words: what `diagnose` finds at a pose where phi_q has not full rank, or nearly so.
+"""Why a pose is singular, in words: what `refkin.diagnose` says at a pose where phi_q has not full rank, or nearly so.
 
 phi_q is looked at with every body's frame on one of its joints (`recentred`) and its rows and columns balanced, so that
 neither units, nor lengths of 1e-6, nor frames far away pass for singularities. Let J_K be its rows of joints, of rank
@@ -32,7 +32,6 @@ from typing import Any
 import numpy as np
 
 from refkin.joints import GROUND
-from refkin.model import Scene
 from refkin.motion import Array
 from refkin.proof.assembly.search import radical_inverse
 from refkin.proof.numbers.inputs import contradiction
@@ -40,8 +39,7 @@ from refkin.proof.numbers.recentred import Recentred, recentred
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.proof.pose.second_order import advances, balanced, cone
-from refkin.solving.starts import find_start
-from refkin.system import System, compile_system
+from refkin.system import System
 
 VANISHING = 1e-6
 """Balanced singular values, and rows, that count as zero: a singular pose is known to the root of round-off."""
@@ -94,35 +92,6 @@ class Diagnosis:
     tangents: tuple[Array, ...] = ()
     other_driver: str = ""
     message: str = ""
-
-
-def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Diagnosis:
-    """Say what a pose is.
-
-    Parameters
-    ----------
-    given : Scene or System
-    q : (n,) array, optional
-        The pose [m, rad], contact parameters last; by default the first pose of the scene.
-    t : float, optional
-        Its time; by default the scene's first.
-
-    Raises
-    ------
-    ValueError
-        If there is no pose: a system without q and t, a scene without a first pose, a q that does not close.
-    """
-    system = compile_system(given.mechanism, unit=given.mechanism.unit())
-    if isinstance(given, Scene):
-        t = given.times[0] if t is None else t
-        if q is None:
-            start = find_start(system, given)
-            if start.q is None:
-                raise ValueError(f"the scene has no first pose: {start.message}")
-            return diagnose_scaled(system, start.q, t)
-    if q is None or t is None:
-        raise ValueError("a system alone has no pose: give q and t")
-    return diagnose_scaled(system, system.to_unit(np.asarray(q, float)), float(t))
 
 
 def diagnose_scaled(system: System, q: Any, t: float) -> Diagnosis:

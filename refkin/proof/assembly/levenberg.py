@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from refkin.differences import EPS
-from refkin.newton import NewtonResult, NewtonStatus
+from refkin.newton import NewtonResult, NewtonStatus, is_round_off
 
 LOWER, RAISE = 0.2, 4.0
 """Factors of mu after a success and after a failure."""
@@ -73,7 +73,7 @@ def levenberg_marquardt(
             return LeastSquares(NewtonStatus.NOT_FINITE, q, np.nan, 0, False)
         diagonal, mu, slope = np.zeros(q.size), 1e-3, None
         for k in range(max_iterations):
-            if _is_round_off(residual, q):
+            if is_round_off(residual, q):
                 return LeastSquares(NewtonStatus.CONVERGED, q, _largest(residual), k, False)
             if slope is None:
                 slope = np.asarray(phi_q(q), float)
@@ -92,7 +92,7 @@ def levenberg_marquardt(
                 q, residual, slope, mu = q + correction, tried, None, mu * LOWER
             else:
                 mu *= RAISE
-    status = NewtonStatus.CONVERGED if _is_round_off(residual, q) else NewtonStatus.ITERATION_LIMIT
+    status = NewtonStatus.CONVERGED if is_round_off(residual, q) else NewtonStatus.ITERATION_LIMIT
     return LeastSquares(status, q, _largest(residual), max_iterations, False)
 
 
@@ -113,10 +113,6 @@ def _correction(slope: Any, residual: Any, weight: Any) -> Any:
 
 def _is_flat(gradient: Any, diagonal: Any, residual: Any) -> bool:
     return bool(np.all(np.abs(gradient) <= FLAT * diagonal * np.linalg.norm(residual)))
-
-
-def _is_round_off(residual: Any, q: Any) -> bool:
-    return bool(_largest(residual) <= 32 * EPS * max(1.0, float(np.max(np.abs(q)))))
 
 
 def _largest(residual: Any) -> float:

@@ -1,0 +1,41 @@
+"""What kind of pose a scene starts from, or a given pose is: `proof.pose.singularity`, by the scene's own numbers."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from refkin.model import Scene
+from refkin.proof.pose.singularity import Diagnosis, diagnose_scaled
+from refkin.solving.starts import find_start
+from refkin.system import System, compile_system
+
+
+def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Diagnosis:
+    """Say what a pose is.
+
+    Parameters
+    ----------
+    given : Scene or System
+    q : (n,) array, optional
+        The pose [m, rad], contact parameters last; by default the first pose of the scene.
+    t : float, optional
+        Its time; by default the scene's first.
+
+    Raises
+    ------
+    ValueError
+        If there is no pose: a system without q and t, a scene without a first pose, a q that does not close.
+    """
+    system = compile_system(given.mechanism, unit=given.mechanism.unit())
+    if isinstance(given, Scene):
+        t = given.times[0] if t is None else t
+        if q is None:
+            start = find_start(system, given)
+            if start.q is None:
+                raise ValueError(f"the scene has no first pose: {start.message}")
+            return diagnose_scaled(system, start.q, t)
+    if q is None or t is None:
+        raise ValueError("a system alone has no pose: give q and t")
+    return diagnose_scaled(system, system.to_unit(np.asarray(q, float)), float(t))

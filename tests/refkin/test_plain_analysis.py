@@ -1,0 +1,150 @@
+"""The plain analysis: alone, right, and honest about what it did not find."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin import FourBar, InvertedSliderCrank, Sinusoid, SliderCrank, Status, analysis
+from refkin.system import compile_system
+
+ROOT = Path(__file__).parents[2]
+ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
+
+ALONE = """
+import sys
+
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        if name.startswith(("refkin.proof", "refkin.solving", "refkin.fast", "refkin.scenes")):
+            raise ImportError(f"{name} is blocked")
+
+sys.meta_path.insert(0, Blocked())
+
+import cmath, math
+import numpy as np
+from refkin import AngleDriver, Body, Mechanism, Polynomial, Revolute, Scene
+from refkin.analysis import sweep
+
+def pin(name, i, u, j, v):
+    return Revolute(name=name, body_i=i, point_i=u, body_j=j, point_j=v)
+
+joints = (
+    pin("A0", "ground", (0.0, 0.0), "crank", (-0.5, 0.0)),
+    pin("A", "crank", (0.5, 0.0), "coupler", (-1.75, 0.0)),
+    pin("B", "coupler", (1.75, 0.0), "rocker", (1.5, 0.0)),
+    pin("B0", "ground", (4.0, 0.0), "rocker", (-1.5, 0.0)),
+)
+bodies = (
+    Body(name="crank", estimate=(0.5, 0.0, 0.0)),
+    Body(name="coupler", estimate=(2.0, 1.4, 1.0)),
+    Body(name="rocker", estimate=(3.5, 1.4, 1.9)),
+)
+motor = AngleDriver(name="motor", body="crank", law=Polynomial(coefficients=(0.0, 2.0)))
+scene = Scene(mechanism=Mechanism(bodies, joints, (motor,)), times=tuple(np.linspace(0.0, math.pi, 73)))
+motion = sweep(scene)
+assert set(map(str, motion.status)) == {"ok"}, motion.status
+for k, t in enumerate(scene.times):
+    pin_at = cmath.rect(1.0, 2 * t)
+    line = 4.0 - pin_at
+    corner = math.acos((3.5**2 + abs(line) ** 2 - 9.0) / (2 * 3.5 * abs(line)))
+    met = pin_at + cmath.rect(3.5, cmath.phase(line) + corner)
+    x, y, phi = motion["rocker"].q[:, k]
+    assert abs(complex(x, y) - (4.0 + met) / 2) < 1e-14
+    assert abs(cmath.rect(3.0, phi) - (met - 4.0)) < 1e-14
+print(sorted(name for name in sys.modules if name.startswith("refkin.")))
+"""
+
+
+def test_it_solves_a_four_bar_with_all_that_stands_above_it_blocked():
+    """Every pose against the two circles; what was imported is the reference and nothing else."""
+    run = subprocess.run([sys.executable, "-c", ALONE], cwd=ROOT, capture_output=True, text=True, check=False)
+
+    assert run.returncode == 0, run.stderr
+    assert "refkin.analysis" in run.stdout
+
+
+@pytest.mark.parametrize("above", ["proof", "solving", "fast", "scenes"])
+def test_the_block_is_one(above):
+    """What stands above cannot be imported there: a block that lets it pass would show nothing."""
+    blocked = ALONE.split("import cmath")[0] + f"import refkin.{above}"
+    run = subprocess.run([sys.executable, "-c", blocked], cwd=ROOT, capture_output=True, text=True, check=False)
+
+    assert f"refkin.{above} is blocked" in run.stderr
+
+
+@pytest.mark.parametrize("branch", ["open", "crossed"])
+@pytest.mark.parametrize(
+    "linkage",
+    [ROCKER, SliderCrank(crank=1.0, rod=3.0, offset=0.4), InvertedSliderCrank(ground=2.0, crank=0.75)],
+    ids=["four-bar", "slider-crank", "inverted"],
+)
+def test_it_agrees_with_what_is_proved(linkage, branch):
+    scene = linkage.scene(speed=2.0, samples=73, branch=branch)
+    plain, proved = analysis.sweep(scene), refkin.solve(scene)
+
+    assert plain.status == proved.status
+    for a, b in zip(plain.levels, proved.levels, strict=True):
+        assert np.max(np.abs(a - b)) < 1e-12
+
+
+def with_law(scene, law):
+    driver = replace(scene.mechanism.drivers[0], law=law)
+    return replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)))
+
+
+def test_a_dead_centre_is_singular_and_nothing_is_said_after_it():
+    limit = LIMITED.input_range()[0][1]
+    scene = LIMITED.scene(law=Sinusoid(amplitude=0.5, angular_frequency=1.0), times=(0.0, 0.7, np.pi / 2, 2.0))
+    motion = analysis.sweep(with_law(scene, Sinusoid(amplitude=limit, angular_frequency=1.0)))
+
+    assert motion.status == (Status.OK, Status.OK, Status.SINGULAR, Status.BRANCH_LOST)
+    assert np.isfinite(motion.q[:, 2]).all()
+    assert np.isnan(motion.qd[:, 2:]).all()
+    assert np.isnan(motion.q[:, 3]).all()
+
+
+def test_beyond_a_limit_the_branch_is_lost():
+    limit = LIMITED.input_range()[0][1]
+    scene = LIMITED.scene(law=Sinusoid(amplitude=0.5, angular_frequency=1.0), times=tuple(np.linspace(0.0, 3.0, 31)))
+    law = Sinusoid(amplitude=limit + 0.05, angular_frequency=1.0)
+    motion = analysis.sweep(with_law(scene, law))
+    beyond = np.flatnonzero(np.abs(law(motion.t)) > limit)[0]
+
+    assert motion.status == (*[Status.OK] * beyond, *[Status.BRANCH_LOST] * (31 - beyond))
+
+
+def test_a_linkage_that_does_not_close_has_no_pose():
+    scene = ROCKER.scene(samples=3)
+    coupler = replace(scene.mechanism.joints[1], point_j=(-30.0, 0.0))
+    joints = (scene.mechanism.joints[0], coupler, *scene.mechanism.joints[2:])
+    motion = analysis.sweep(replace(scene, mechanism=replace(scene.mechanism, joints=joints)))
+
+    assert set(motion.status) == {Status.NOT_CONVERGED}
+    assert np.isnan(motion.q).all()
+    assert "no pose was found" in motion.message
+
+
+def test_a_coarse_march_stays_on_its_branch():
+    """Four samples a turn: without the sign of the determinant and the distance from the prediction it would not."""
+    scene = ROCKER.scene(turns=2, samples=9)
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    fine = refkin.solve(ROCKER.scene(turns=2, samples=721))
+    first = analysis.position(system, analysis.estimated(system, scene), 0.0).q
+    poses = system.to_physical(analysis.march(system, first, scene.times))
+
+    assert np.max(np.abs(poses - fine.q[:, ::90])) < 1e-13
+
+
+def test_what_is_not_called_for_is_not_reported():
+    motion = analysis.sweep(replace(ROCKER.scene(samples=3), effects=frozenset(), bodies_wanted=("rocker",)))
+
+    assert motion.qd is None
+    assert motion.bodies == ("rocker",)
