@@ -104,7 +104,7 @@ def test_the_script_of_a_finding_shows_it_in_the_engines_own_api(script, tmp_pat
 def test_the_default_solver_of_mujoco_errs_on_a_branching_tree_of_more_than_60_freedoms():
     case = next(c for c in hard_cases() if c.key == "branching tree, 3e+01")
     tree = joint_tree(case.scene.mechanism)
-    simulation = Simulation(Plan(tree, (*tree.closures, *case.scene.mechanism.drivers)))
+    simulation = Simulation(Plan(tree, (*tree.closures, *tree.driven)))
     model, (default, dense) = simulation.model, (simulation.model.opt.jacobian, mujoco.mjtJacobian.mjJAC_DENSE)
     q = tree.start() + np.random.default_rng(2).uniform(-0.05, 0.05, tree.width)
 

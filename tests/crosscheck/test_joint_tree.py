@@ -10,7 +10,7 @@ import pytest
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.tree.joint_tree import WIDTH, Freedom, JointTree, joint_tree
-from refkin.joints import AngleDriver, Distance, Fixed, PointOnLine, Prismatic, Revolute, XDriver, YDriver
+from refkin.joints import AngleDriver, Distance, Fixed, PointOnLine, Prismatic, Revolute, XDriver, YDriver, elements_of
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
 
@@ -129,14 +129,15 @@ def slider_crank(*more: Body, rod: Distance = ROD) -> Mechanism:
 
 
 def test_a_distance_joint_is_a_closure() -> None:
-    assert joint_tree(slider_crank()).closures == (ROD,)
+    assert joint_tree(slider_crank()).closures == tuple(elements_of([ROD]))
 
 
 def test_a_distance_joint_may_become_a_body_of_its_length() -> None:
     tree = joint_tree(slider_crank(), massless_links=True)
 
     (closure,) = tree.closures
-    assert (tree.links, closure.body_j, closure.point_j) == ({"link of rod": ROD}, "link of rod", (3.0, 0.0))
+    links = dict(zip(["link of rod"], elements_of([ROD]), strict=True))
+    assert (tree.links, closure.body_j, closure.point_j) == (links, "link of rod", (3.0, 0.0))
 
 
 def test_a_massless_link_takes_no_name_of_a_body() -> None:

@@ -33,7 +33,16 @@ from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import STEPPED, soft, stepped
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
 from crosscheck.engines.tree.tree_motion import CHAIN, Accelerations, marched_motion, tree_motion
-from refkin.joints import GROUND, AngleDriver, Constraint, DistanceDriver, Fixed, Gear, Pair, Revolute
+from refkin.joints import (
+    GROUND,
+    Constraint,
+    Pair,
+    PointDistance,
+    PointsCoincide,
+    RelativeAngle,
+    RollingWheels,
+    elements_of,
+)
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route, Seeding
 
@@ -103,7 +112,7 @@ CAPABILITIES: Capabilities = {
 
 
 FORWARD = replace(NEWTON, name="forward dynamics", linear_solve_by="acceleration: mujoco", drift_by="mujoco (soft)")
-HELD = (Revolute, Fixed, Gear, AngleDriver)
+HELD = (PointsCoincide, RelativeAngle, RollingWheels)
 """What MuJoCo's dynamics hold as they are: the rows of the others are read beside the model, or idle within it."""
 
 
@@ -189,16 +198,16 @@ class Mujoco:
         producer = Producer(name=self.name, version=self.version(), route=route or NEWTON)
         if route == STEPPED:
             return marched_motion(rows, scene, stepped(tree, scene), producer)
-        accelerations = self._forward(tree, scene) if route == FORWARD else None
+        accelerations = self._forward(tree) if route == FORWARD else None
         return tree_motion(rows, scene, producer, accelerations)
 
-    def _forward(self, tree: JointTree, scene: Scene) -> Accelerations:
+    def _forward(self, tree: JointTree) -> Accelerations:
         """Return the accelerations by MuJoCo's dynamics, where its model is that of the scene."""
-        constraints = (*tree.closures, *scene.mechanism.drivers)
-        strange = [c.name for c in constraints if not isinstance(c, HELD)]
+        elements = (*tree.closures, *tree.driven)
+        strange = dict.fromkeys(e.name for e in elements if not isinstance(e, HELD))
         if strange:
             raise EngineError(f"mujoco refuses {FORWARD.name} with {', '.join(strange)}: its model does not hold them")
-        return MujocoRows(affected(Plan(tree, constraints), self.effect)).forward
+        return MujocoRows(affected(Plan(tree, elements), self.effect)).forward
 
 
 class TreeRows:
@@ -245,21 +254,21 @@ class AbsoluteRows:
     def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
         bodies = mechanism.bodies
         tree = _absolute_tree(mechanism)
-        self._rows = MujocoRows(Plan(tree, constraints))
+        self._rows = MujocoRows(Plan(tree, elements_of(constraints)))
         sources = self._rows.plan.sources
         self._drivers = self._rows.plan.driven
-        self._squared = [d for d in self._drivers if isinstance(d.driver, DistanceDriver)]
+        self._squared = [d for d in self._drivers if d.squared]
         self._metre = np.array([tree.size**s.unit for s in sources])
         for driven in self._squared:
             self._metre[driven.source] *= tree.size
         self._unit = np.tile([1.0 / tree.size, 1.0 / tree.size, 1.0], len(bodies))
         self.rows = tuple(
             RowMap(
-                constraint=s.constraint.name,
-                row=s.row,
+                constraint=s.element.name,
+                row=s.element.row + s.row,
                 engine_row=k,
                 form=s.form,
-                derived=s.guide is not None or isinstance(s.constraint, DistanceDriver),
+                derived=s.guide is not None or (isinstance(s.element, PointDistance) and bool(s.element.laws)),
             )
             for k, s in enumerate(sources)
         )
@@ -297,7 +306,7 @@ class AbsoluteRows:
         for driven in self._drivers:
             f, fd, fdd = (driven.value(t, order) for order in range(3))
             k = driven.source
-            if isinstance(driven.driver, DistanceDriver):  # |d| |d|'' + |d|'^2 = f f'' + f'^2
+            if driven.squared:  # |d| |d|'' + |d|'^2 = f f'' + f'^2
                 drift[k] = self._rows.length(k) * drift[k] - velocity[k] ** 2 + fd**2 + f * fdd
             else:
                 drift[k] += fdd
@@ -318,7 +327,8 @@ def _absolute_tree(mechanism: Mechanism) -> JointTree:
     edges = [Edge(body=body, parent=GROUND, freedom=Freedom.FREE, first=3 * k) for k, body in enumerate(names)]
     return JointTree(
         edges=tuple(edges),
-        closures=mechanism.joints,
+        closures=(),
+        driven=(),
         size=mechanism.size(),
         origin=(0.0, 0.0),
         estimates={},

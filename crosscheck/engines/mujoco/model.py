@@ -1,21 +1,17 @@
 """MuJoCo's model of a joint tree: bodies, sites, equalities and sensors, straight from the numbers of the scene.
 
-================ ======================================================== ==========================
-joint or driver  in MuJoCo                                                row
-================ ======================================================== ==========================
-revolute         `connect` of two sites                                   d = r_j - r_i
-fixed            `connect` of two sites;                                  d
-                 equality of a fixed tendon over the hinges               delta
-prismatic        `framepos` of a site in the frame of one on the guide;   n . d
-                 equality of a fixed tendon over the hinges               delta
-point_on_line    `framepos` of a site in the frame of one on the guide    n . d
-distance         equality of a spatial tendon between two sites           |d| - length
-gear             equality of a fixed tendon over the hinges, weighted     ours
-                 by the radii
-angle            equality of a fixed tendon over the hinges               delta
-x, y             `connect` with a ground site that the law moves          one component of d
-distance driver  equality of a spatial tendon between two sites           |d| - f(t)
-================ ======================================================== ==========================
+=================== ======================================================== ==========================
+element             in MuJoCo                                                row
+=================== ======================================================== ==========================
+points coincide     `connect` of two sites                                   d = r_j - r_i
+point on line       `framepos` of a site in the frame of one on the guide    n . d
+distance            equality of a spatial tendon between two sites           |d| - length
+distance by a law   equality of a spatial tendon between two sites           |d| - f(t)
+angle               equality of a fixed tendon over the hinges               delta
+rolling wheels      equality of a fixed tendon over the hinges, weighted     ours
+                    by the radii
+coordinate by a law `connect` with a ground site that the law moves          one component of d
+=================== ======================================================== ==========================
 
 delta is the angle between the bodies minus the one that is wanted. MuJoCo has no equality that holds a point on a line
 of a moving body, but sensors that state position and velocity of a site in the frame of another; a `connect` beside
@@ -38,24 +34,19 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import EngineError
-from crosscheck.engines.frames import Length
+from crosscheck.engines.frames import Length, through_its_point
 from crosscheck.engines.mujoco.parts import LINEAR, Driven, Guide, Source
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
 from refkin.joints import (
     GROUND,
-    AngleDriver,
-    Constraint,
-    Distance,
-    DistanceDriver,
-    Driver,
-    Fixed,
-    Gear,
+    Element,
+    GuidedPoint,
     Pair,
-    PointOnLine,
-    Prismatic,
-    Revolute,
-    XDriver,
-    YDriver,
+    PointCoordinate,
+    PointDistance,
+    PointsCoincide,
+    RelativeAngle,
+    RollingWheels,
 )
 
 os.environ.setdefault("MUJOCO_GL", "disable")  # before the import: nothing is drawn, and there may be no display
@@ -77,11 +68,11 @@ class Plan:
     ----------
     tree : JointTree
         The bodies, and how they hang on each other; with each one free on the ground, qpos is (x, y, phi) per body.
-    constraints : iterable of Constraint
-        The joints and drivers that become rows.
+    elements : iterable of Element
+        Those that become rows.
     """
 
-    def __init__(self, tree: JointTree, constraints: Iterable[Constraint]) -> None:
+    def __init__(self, tree: JointTree, elements: Iterable[Element]) -> None:
         self.tree = tree
         self.spec = _kinematic_spec()
         self.bodies: dict[str, Any] = {GROUND: self.spec.worldbody}
@@ -93,8 +84,8 @@ class Plan:
         self.driven: list[Driven] = []
         for k, edge in enumerate(tree.edges):
             self._hang(k, edge)
-        for k, constraint in enumerate(constraints):
-            self._constrain(f"c{k}", constraint)
+        for k, element in enumerate(elements):
+            self._constrain(f"c{k}", element)
 
     def compile(self) -> Any:
         """Return the compiled model; from then on MuJoCo writes no log, neither to the console nor to a file.
@@ -139,27 +130,27 @@ class Plan:
             body.add_joint(name=f"q{column}", type=kind, axis=axis)
         self.bodies[edge.body], self.pins[edge.body] = body, edge.pin
 
-    def _constrain(self, name: str, c: Constraint) -> None:
-        if isinstance(c, Revolute | Fixed):
-            first = self._connect(*self._ends(name, c))
-            self.sources += [Source(constraint=c, row=k, equality=first + k) for k in range(2)]
-        elif isinstance(c, PointOnLine | Prismatic):
-            self._guide(name, c)
-        elif isinstance(c, Distance | DistanceDriver):
-            self._distance(name, c)
-        elif isinstance(c, XDriver | YDriver):
-            self._coordinate(name, c)
-        elif isinstance(c, Gear):
-            self._gear(name, c)
-        elif not isinstance(c, AngleDriver):
-            raise EngineError(f"mujoco refuses {c.type} {c.name!r}: it is not written for this type")
-        if isinstance(c, Fixed | Prismatic | AngleDriver):
-            self._angle(name, c)
+    def _constrain(self, name: str, e: Element) -> None:
+        if isinstance(e, PointsCoincide) and not e.laws:
+            first = self._connect(*self._ends(name, e))
+            self.sources += [Source(element=e, row=k, equality=first + k) for k in range(2)]
+        elif isinstance(e, GuidedPoint):
+            self._guide(name, through_its_point(e))
+        elif isinstance(e, PointDistance):
+            self._distance(name, e)
+        elif isinstance(e, PointCoordinate):
+            self._coordinate(name, e)
+        elif isinstance(e, RollingWheels):
+            self._wheels(name, e)
+        elif isinstance(e, RelativeAngle):
+            self._angle(name, e)
+        else:
+            raise EngineError(f"mujoco refuses {e.key} of {e.name!r}: it is not written for this element")
 
-    def _ends(self, name: str, c: Any) -> tuple[str, str]:
-        """Add the sites at a joint's points and return their names, that on body j first: rows are j minus i."""
-        for side in "ij":
-            self._site(f"{name} {side}", getattr(c, f"body_{side}"), getattr(c, f"point_{side}"))
+    def _ends(self, name: str, e: Any) -> tuple[str, str]:
+        """Add the sites at an element's points and return their names, that on body j first: rows are j minus i."""
+        for side, (body, point) in zip("ij", e.ends, strict=True):
+            self._site(f"{name} {side}", body, point)
         return f"{name} j", f"{name} i"
 
     def _site(self, name: str, body: str, point: Pair) -> Any:
@@ -177,33 +168,34 @@ class Plan:
     def _connect(self, j: str, i: str) -> int:
         return self._equality(mujoco.mjtEq.mjEQ_CONNECT, 3, j, i)
 
-    def _guide(self, name: str, c: Any) -> None:
+    def _guide(self, name: str, e: GuidedPoint) -> None:
         """Read a point on a line from sensors, in the frame of a site whose x axis is the line."""
-        point, line = self._ends(name, c)
-        ax, ay = _of_order_one(c.axis_i)
+        point, line = self._ends(name, e)
+        ax, ay = _of_order_one(e.axis_i)
         site = self.spec.site(line)
         site.alt.type, site.alt.xyaxes = mujoco.mjtOrientation.mjORIENTATION_XYAXES, [ax, ay, 0.0, -ay, ax, 0.0]
         frame = {"objtype": mujoco.mjtObj.mjOBJ_SITE, "reftype": mujoco.mjtObj.mjOBJ_SITE}
         for kind in (mujoco.mjtSensor.mjSENS_FRAMEPOS, mujoco.mjtSensor.mjSENS_FRAMELINVEL):
             self.spec.add_sensor(name=f"{name} {int(kind)}", type=kind, objname=point, refname=line, **frame)
-        self.sources.append(Source(constraint=c, row=0, guide=len(self.guides)))
+        self.sources.append(Source(element=e, guide=len(self.guides)))
         self.guides.append(Guide(line, point, self._connect(point, line)))
 
-    def _angle(self, name: str, c: Any) -> None:
+    def _angle(self, name: str, e: RelativeAngle) -> None:
         """Hold the angle between two bodies by a tendon over the hinges of one and, backwards, of the other."""
-        i, j = c.bodies
+        i, j = e.bodies
         turns = self.tree.angle_rows[j] - self.tree.angle_rows[i]
         offset = self.tree.angle_offsets[j] - self.tree.angle_offsets[i]
-        row = c.rows - 1
         if not turns.any():  # nothing turns one against the other: MuJoCo holds no such tendon, and none is needed
-            self.sources.append(Source(constraint=c, row=row, constant=offset - c.angle, unit=0))
+            if e.laws:
+                raise EngineError(f"mujoco refuses {e.key} of {e.name!r}: no joint of the tree turns its bodies")
+            self.sources.append(Source(element=e, constant=offset - e.angle, unit=0))
             return
         first = self._turning(f"{name} angle", turns)
-        self.sources.append(Source(constraint=c, row=row, equality=first, unit=0))
-        if isinstance(c, Driver):
-            self.driven.append(Driven(c, len(self.sources) - 1, self.owners[first], shift=offset))
+        self.sources.append(Source(element=e, equality=first, unit=0))
+        if e.laws:
+            self.driven.append(Driven(e, len(self.sources) - 1, self.owners[first], shift=offset))
         else:
-            self.spec.equalities[-1].data[0] = c.angle - offset
+            self.spec.equalities[-1].data[0] = e.angle - offset
 
     def _turning(self, name: str, weights: Any) -> int:
         """Hold a sum of hinge angles by a fixed tendon, and return its row."""
@@ -212,41 +204,39 @@ class Plan:
             tendon.wrap_joint(f"q{column}", float(weights[column]))
         return self._equality(mujoco.mjtEq.mjEQ_TENDON, 1, tendon.name)
 
-    def _gear(self, name: str, c: Gear) -> None:
+    def _wheels(self, name: str, e: RollingWheels) -> None:
         """Hold the turns of two bodies, each times its radius, at a sum of zero."""
-        radii = {c.body_i: c.radius_i / self.tree.size, c.body_j: c.radius_j / self.tree.size}
+        radii = {e.body_i: e.radius_i / self.tree.size, e.body_j: e.radius_j / self.tree.size}
         turns = sum(radius * self.tree.angle_rows[body] for body, radius in radii.items())
-        zeros = {c.body_i: c.phi0_i, c.body_j: c.phi0_j}
+        zeros = {e.body_i: e.zero_i, e.body_j: e.zero_j}
         wanted = sum(radius * (zeros[body] - self.tree.angle_offsets[body]) for body, radius in radii.items())
         if not np.any(turns):
-            self.sources.append(Source(constraint=c, row=0, constant=-wanted))
+            self.sources.append(Source(element=e, constant=-wanted))
             return
-        self.sources.append(Source(constraint=c, row=0, equality=self._turning(f"{name} gear", turns)))
+        self.sources.append(Source(element=e, equality=self._turning(f"{name} wheels", turns)))
         self.spec.equalities[-1].data[0] = wanted
 
-    def _distance(self, name: str, c: Any) -> None:
+    def _distance(self, name: str, e: PointDistance) -> None:
         tendon = self.spec.add_tendon(name=f"{name} length")
-        for site in self._ends(name, c):
+        for site in self._ends(name, e):
             tendon.wrap_site(site)
         first = self._equality(mujoco.mjtEq.mjEQ_TENDON, 1, tendon.name)
         self.spatial.append(first)
-        form = LINEAR if isinstance(c, Driver) else Length(c.length)
-        self.sources.append(Source(constraint=c, row=0, equality=first, form=form))
-        if isinstance(c, Driver):
-            self.driven.append(Driven(c, len(self.sources) - 1, self.owners[first], size=self.tree.size))
+        self.sources.append(Source(element=e, equality=first, form=LINEAR if e.laws else Length(e.length)))
+        if e.laws:
+            self.driven.append(Driven(e, len(self.sources) - 1, self.owners[first], size=self.tree.size))
         else:
-            self.spec.equalities[-1].data[0] = c.length / self.tree.size
+            self.spec.equalities[-1].data[0] = e.length / self.tree.size
 
-    def _coordinate(self, name: str, c: Any) -> None:
+    def _coordinate(self, name: str, e: PointCoordinate) -> None:
         """Tie a point to a ground site that the law moves along x or y; the other row of the `connect` is not read."""
-        axis = 1 if isinstance(c, YDriver) else 0
-        self._site(name, c.body, c.point)
+        self._site(name, e.body_j, e.point_j)
         target = f"{name} target"
         self.spec.worldbody.add_site(name=target)
-        row = self._connect(name, target) + axis
-        self.sources.append(Source(constraint=c, row=0, equality=row))
-        shift, size = self.tree.origin[axis], self.tree.size
-        self.driven.append(Driven(c, len(self.sources) - 1, self.owners[row], target, axis, shift, size))
+        row = self._connect(name, target) + e.axis
+        self.sources.append(Source(element=e, equality=row))
+        shift, size = self.tree.origin[e.axis], self.tree.size
+        self.driven.append(Driven(e, len(self.sources) - 1, self.owners[row], target, e.axis, shift, size))
 
 
 def _kinematic_spec() -> Any:

@@ -1,18 +1,18 @@
-"""What a MuJoCo model is read by: where each constraint row is, and where the law of each driver goes."""
+"""What a MuJoCo model is read by: where each row of an element is, and where its law goes."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from crosscheck.engines.frames import Form, Linear
-from refkin.joints import Constraint, Driver
+from refkin.joints import Element, PointDistance
 
 LINEAR = Linear()
 
 
 @dataclass(frozen=True, kw_only=True)
 class Source:
-    """Where MuJoCo holds row `row` of `constraint`: in a row of the equalities, or with a guide, or as a constant.
+    """Where MuJoCo holds row `row` of an element: in a row of the equalities, or with a guide, or as a constant.
 
     Attributes
     ----------
@@ -24,8 +24,8 @@ class Source:
         What the row is of ours, both in metres and radians (`crosscheck.engines.frames`).
     """
 
-    constraint: Constraint
-    row: int
+    element: Element
+    row: int = 0
     equality: int | None = None
     guide: int | None = None
     constant: float = 0.0
@@ -44,12 +44,12 @@ class Guide:
 
 @dataclass(frozen=True)
 class Driven:
-    """Where the value of a driver's law goes: `eq_data` of an equality, or coordinate `axis` of a ground site.
+    """Where the value of an element's law goes: `eq_data` of an equality, or coordinate `axis` of a ground site.
 
-    `source` is the index of the driver's row; (law - shift) / size is the law in the model's unit.
+    `source` is the index of the element's row; (law - shift) / size is the law in the model's unit.
     """
 
-    driver: Driver
+    element: Element
     source: int
     equality: int
     site: str = ""
@@ -59,5 +59,10 @@ class Driven:
 
     def value(self, t: float, order: int) -> float:
         """Return the law's value or derivative in the model's unit."""
-        law = float(self.driver.laws[0](t, order))
+        law = float(self.element.laws[0](t, order))
         return (law - (0.0 if order else self.shift)) / self.size
+
+    @property
+    def squared(self) -> bool:
+        """Whether the row is one of (d . d - f^2) / 2, which MuJoCo has as |d| - f."""
+        return isinstance(self.element, PointDistance)

@@ -20,7 +20,7 @@ from crosscheck.engines.price_route import NOBODY, PricedRoute, Refused
 from crosscheck.engines.tree.joint_tree import Array, joint_tree
 from crosscheck.engines.tree.settings import Clockwork, Tree, newton_routes
 from crosscheck.engines.tree.tree_system import TreeSystem
-from refkin.joints import Fixed, Revolute
+from refkin.joints import PointsCoincide, RelativeAngle
 from refkin.model import Scene
 
 FLYWHEEL = 1e7
@@ -146,7 +146,7 @@ class Stepper:
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.tree = scene, _tree(scene)
-        left_open = [j for j in self.tree.system.tree.closures if not isinstance(j, Revolute | Fixed)]
+        left_open = [e for e in self.tree.system.tree.closures if not isinstance(e, PointsCoincide | RelativeAngle)]
         if left_open:
             raise EngineError(f"joint {left_open[0].name!r} closes a loop and is no constraint force of MuJoCo's")
         self.clockwork(1)

@@ -66,7 +66,7 @@ def stepped(tree: JointTree, scene: Scene) -> March:
     EngineError
         If a joint that closes a loop has no equality constraint in MuJoCo.
     """
-    plan = Plan(tree, (*tree.closures, *scene.mechanism.drivers))
+    plan = Plan(tree, (*tree.closures, *tree.driven))
     if plan.guides:
         raise EngineError(
             f"mujoco refuses this scene on the route {STEPPED.name!r}: no equality constraint holds a point on a line"

@@ -32,7 +32,7 @@ from crosscheck.engines.pinocchio.model import Frame, Rows, absolute_model, tree
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, closed_chain
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
 from crosscheck.engines.tree.tree_motion import CHAIN, link_terms, marched_motion, tree_motion
-from refkin.joints import Pair
+from refkin.joints import Pair, elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Seeding
 
@@ -179,8 +179,9 @@ class PinocchioConstraints:
         bodies = [body.name for body in scene.mechanism.bodies]
         native = {key for key, levels in CAPABILITIES.items() if levels.get(Level.RESIDUAL) == NATIVE}
         joints = [joint for joint in scene.mechanism.joints if table_key(joint) in native]
-        self._rows = Rows(absolute_model(bodies), joints, lambda body, u: u)
-        ours = [(joint.name, row) for joint in joints for row in range(joint.rows)]
+        elements = tuple(elements_of(joints))
+        self._rows = Rows(absolute_model(bodies), elements, lambda body, u: u)
+        ours = [(e.name, e.row + k) for e in elements for k in range(e.rows)]
         self.rows: Sequence[RowMap] = tuple(
             RowMap(constraint=name, row=row, engine_row=k) for k, (name, row) in enumerate(ours)
         )

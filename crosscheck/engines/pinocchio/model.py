@@ -18,16 +18,17 @@ velocities. Each constraint is placed anew (`calc`) after forward kinematics, as
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
 import pinocchio as pin
 
-from crosscheck.engines.frames import unwrap_near
+from crosscheck.engines import EngineError
+from crosscheck.engines.frames import direction, through_its_point, unwrap_near
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree
-from refkin.joints import GROUND, Constraint, Fixed, Pair, PointOnLine, Prismatic, Revolute
+from refkin.joints import GROUND, Element, GuidedPoint, Pair, PointsCoincide, RelativeAngle
 
 WORLD_AXES = pin.LOCAL_WORLD_ALIGNED
 Scaling = Callable[[str, Pair], Pair]
@@ -246,39 +247,45 @@ class EqualAngles(Anchor):
     component = 5
     kind = pin.FrameAnchorConstraintModel
 
-    def __init__(self, planar: PlanarModel, i: Frame, j: Frame, joint: Fixed | Prismatic) -> None:
+    def __init__(self, planar: PlanarModel, i: Frame, j: Frame, held: RelativeAngle) -> None:
         super().__init__(planar, i, j)
-        self.joint = joint
+        self.held = held
 
     def residual(self, q: Array) -> Array:
         rotation = self._calculated().c1Mc2.rotation
-        angle, joint = self.planar.angle, self.joint
-        near = angle(joint.body_j, q) - angle(joint.body_i, q) - joint.angle
+        angle, held = self.planar.angle, self.held
+        near = angle(held.body_j, q) - angle(held.body_i, q) - held.angle
         return np.array([unwrap_near(math.atan2(rotation[1, 0], rotation[0, 0]), near)])
 
 
-def joint_rows(planar: PlanarModel, joint: Constraint, scaled: Scaling) -> Iterator[Row]:
-    """Yield the rows of one joint in the order of the joint's own; none if it is of another type."""
-    if not isinstance(joint, Revolute | Prismatic | PointOnLine | Fixed):
-        return
-    frame_i = planar.frames[joint.body_i].at(scaled(joint.body_i, joint.point_i))
-    frame_j = planar.frames[joint.body_j].at(scaled(joint.body_j, joint.point_j))
-    if isinstance(joint, Revolute | Fixed):
-        yield TwoPoints(planar, frame_i, frame_j)
-    else:
-        length = math.hypot(*joint.axis_i)
-        along = (joint.axis_i[0] / length, joint.axis_i[1] / length)
-        yield PointToLine(planar, frame_i.at((0.0, 0.0), along), frame_j)
-    if isinstance(joint, Prismatic | Fixed):
-        yield EqualAngles(planar, frame_i.at((0.0, 0.0), unit_vector(joint.angle)), frame_j, joint)
+def element_rows(planar: PlanarModel, e: Element, scaled: Scaling) -> Row:
+    """Return the rows of one element, in its own order.
+
+    Raises
+    ------
+    EngineError
+        If it is of another kind.
+    """
+    if isinstance(e, RelativeAngle) and not e.laws:
+        frame_i, frame_j = (planar.frames[body] for body in e.bodies)
+        return EqualAngles(planar, frame_i.at((0.0, 0.0), unit_vector(e.angle)), frame_j, e)
+    if e.laws or not isinstance(e, PointsCoincide | GuidedPoint):
+        raise EngineError(f"pinocchio refuses {e.key} of {e.name!r}: it is not written for this element")
+    along = (1.0, 0.0)
+    if isinstance(e, GuidedPoint):
+        e, along = through_its_point(e), direction(e.axis_i)
+    frame_i, frame_j = (planar.frames[body].at(scaled(body, point)) for body, point in e.ends)
+    if isinstance(e, PointsCoincide):
+        return TwoPoints(planar, frame_i, frame_j)
+    return PointToLine(planar, frame_i.at((0.0, 0.0), along), frame_j)
 
 
 class Rows:
-    """The rows of several joints, stacked."""
+    """The rows of several elements, stacked."""
 
-    def __init__(self, planar: PlanarModel, joints: Sequence[Constraint], scaled: Scaling) -> None:
+    def __init__(self, planar: PlanarModel, elements: Sequence[Element], scaled: Scaling) -> None:
         self.planar = planar
-        self._rows = [row for joint in joints for row in joint_rows(planar, joint, scaled)]
+        self._rows = [element_rows(planar, element, scaled) for element in elements]
         self.count = sum(row.count for row in self._rows)
 
     def contacts(self) -> tuple[list[Any], list[Any]]:

@@ -20,7 +20,7 @@ from crosscheck.engines.price_route import NOBODY, PricedRoute, Refused
 from crosscheck.engines.tree.joint_tree import Array, joint_tree
 from crosscheck.engines.tree.settings import Clockwork, Tree, newton_routes
 from crosscheck.engines.tree.tree_system import TreeSystem
-from refkin.joints import Revolute
+from refkin.joints import PointsCoincide
 from refkin.model import Scene
 
 FLYWHEEL = 1e12
@@ -93,7 +93,7 @@ class Stepper:
     def __init__(self, tree: Tree) -> None:
         self.tree, self.scene = tree, tree.scene
         closures = tree.system.tree.closures
-        other = [joint for joint in closures if not isinstance(joint, Revolute)]
+        other = [element for element in closures if not isinstance(element, PointsCoincide)]
         if other or not closures:
             which = f"joint {other[0].name!r} closes a loop" if other else "no joint closes a loop"
             raise EngineError(f"{which}: only revolute joints are priced in its constrained dynamics")

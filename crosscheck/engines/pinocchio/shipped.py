@@ -19,7 +19,7 @@ from crosscheck.engines import Array, EngineError, Term
 from crosscheck.engines.pinocchio.model import PlanarModel, shift, tree_model, turn, unit_vector
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
 from crosscheck.engines.tree.loop_closing import March
-from refkin.joints import GROUND, AngleDriver, Driver, Revolute, XDriver, YDriver
+from refkin.joints import GROUND, Element, PointCoordinate, PointsCoincide, RelativeAngle
 from refkin.model import Scene
 from refkin.motion import Route, Seeding, Status
 
@@ -51,7 +51,7 @@ def closed_chain(tree: JointTree, scene: Scene) -> March:
         If a joint that closes a loop is not a revolute, or a driver does not hold the joint by which a body hangs on
         the ground; the message names it.
     """
-    chain = _Chain(tree, scene)
+    chain = _Chain(tree)
     q = tree.start()
     levels = np.full((tree.width, len(scene.times)), np.nan)
     residual = np.full(len(scene.times), np.nan)
@@ -67,23 +67,20 @@ def closed_chain(tree: JointTree, scene: Scene) -> March:
 class _Chain:
     """A tree with its constraints: the loops, then one per driver."""
 
-    def __init__(self, tree: JointTree, scene: Scene) -> None:
+    def __init__(self, tree: JointTree) -> None:
         self.tree = tree
         self.planar: PlanarModel = tree_model(tree)
         self.model, self.data = self.planar.model, self.planar.data
-        self.drivers = [_Held(tree, driver) for driver in scene.mechanism.drivers]
-        self.loops = [self._loop(joint) for joint in tree.closures]
+        self.drivers = [_Held(tree, element) for element in tree.driven]
+        self.loops = [self._loop(element) for element in tree.closures]
 
-    def _loop(self, joint: Any) -> Any:
-        if not isinstance(joint, Revolute):
+    def _loop(self, e: Element) -> Any:
+        if not isinstance(e, PointsCoincide):
             raise EngineError(
-                f"pinocchio refuses {joint.type} {joint.name!r} on the route {CLOSED_CHAIN.name!r}: "
+                f"pinocchio refuses {e.key} of {e.name!r} on the route {CLOSED_CHAIN.name!r}: "
                 "its RigidConstraintModel closes loops at points or frames"
             )
-        ends = [
-            self.planar.frames[body].at(self.tree.scaled(body, point))
-            for body, point in reversed(tuple(joint.points()))
-        ]
+        ends = [self.planar.frames[body].at(self.tree.scaled(body, point)) for body, point in reversed(e.ends)]
         places = [x for end in ends for x in (end.joint, end.placement)]
         return pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *places)
 
@@ -120,28 +117,30 @@ class _Chain:
 class _Held:
     """The coordinate by which a body hangs on the ground, held by a driver."""
 
-    def __init__(self, tree: JointTree, driver: Driver) -> None:
-        self.tree, self.driver = tree, driver
+    def __init__(self, tree: JointTree, element: Element) -> None:
+        self.tree, self.element = tree, element
         self.joint, self.edge = self._joint()
-        turning = isinstance(driver, AngleDriver) and driver.bodies[0] == GROUND
-        sliding = isinstance(driver, XDriver | YDriver)
+        turning = isinstance(element, RelativeAngle) and element.body_i == GROUND
+        sliding = isinstance(element, PointCoordinate)
         wanted = Freedom.TURN if turning else Freedom.SLIDE if sliding else None
         if self.edge.parent != GROUND or self.edge.freedom is not wanted:
             raise EngineError(
-                f"pinocchio refuses {driver.type} driver {driver.name!r} on the route {CLOSED_CHAIN.name!r}: "
+                f"pinocchio refuses {element.key} of {element.name!r} on the route {CLOSED_CHAIN.name!r}: "
                 "it holds no joint by which a body hangs on the ground"
             )
 
     def _joint(self) -> tuple[int, Edge]:
         """Return the joint by which the driven body hangs on another, and its edge."""
-        found = [(k + 1, edge) for k, edge in enumerate(_moving(self.tree)) if edge.body == self.driver.bodies[1]]
+        found = [(k + 1, edge) for k, edge in enumerate(_moving(self.tree)) if edge.body == self.element.bodies[1]]
         if not found:
-            raise EngineError(f"pinocchio refuses driver {self.driver.name!r}: its body is fixed to another")
+            raise EngineError(
+                f"pinocchio refuses {self.element.key} of {self.element.name!r}: its body is fixed to another"
+            )
         return found[0]
 
     def constraint(self, model: Any, t: float) -> Any:
         """Return the constraint that holds the joint's frame where the law has it at a time."""
-        value = self._coordinate(float(self.driver.laws[0](t)))
+        value = self._coordinate(float(self.element.laws[0](t)))
         place = model.jointPlacements[self.joint]
         moved = turn(unit_vector(value)) if self.edge.freedom is Freedom.TURN else self._shifted(value)
         ends = (self.joint, pin.SE3.Identity(), 0, place * moved)
@@ -155,11 +154,10 @@ class _Held:
         if self.edge.freedom is Freedom.TURN:
             return law - self.tree.turned(self.edge)
         # A point of a slide moves along the axis: r = r0 + q a, along x or y of the ground.
-        assert isinstance(self.driver, XDriver | YDriver)
-        k = 1 if isinstance(self.driver, YDriver) else 0
-        edge = self.edge
+        assert isinstance(self.element, PointCoordinate)
+        k, edge = self.element.axis, self.edge
         along = turn(unit_vector(edge.angle)).rotation[:2, :2]
-        arm = np.subtract(self.tree.scaled(edge.body, self.driver.point), edge.pin)
+        arm = np.subtract(self.tree.scaled(edge.body, self.element.point_j), edge.pin)
         start = edge.point[k] + float(along[k] @ arm)
         return ((law - self.tree.origin[k]) / self.tree.size - start) / float(along[k] @ np.array(edge.axis))
 

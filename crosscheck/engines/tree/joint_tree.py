@@ -1,8 +1,9 @@
 """A mechanism as a tree of joints with loops to close: the form in which robotics engines hold it.
 
 `joint_tree` reads a mechanism's topology and its own numbers; nothing here states a constraint. A spanning tree over
-the bodies, rooted in the ground, takes revolute, prismatic and fixed joints as its edges; the other joints are left to
-be closed (`loop_closing`). Bodies that no such joint ties to the ground get a free planar joint (x, y, phi) to it.
+the bodies, rooted in the ground, takes as its edges the joints whose elements are those of one (`SHAPES`); the elements
+of the others are left to be closed (`loop_closing`), and those that a law moves are rows to be appended
+(`tree_system`). Bodies that no such joint ties to the ground get a free planar joint (x, y, phi) to it.
 Lengths are in units of the mechanism's size and seen from its first ground point, so that neither the scale nor the
 distance from the origin costs digits; any power of two and any origin would serve, as the way back undoes both.
 """
@@ -20,7 +21,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crosscheck.engines import EngineError
-from refkin.joints import GROUND, Constraint, Distance, Fixed, Pair, Prismatic, Revolute
+from crosscheck.engines.frames import direction, through_its_point
+from refkin.joints import (
+    GROUND,
+    Element,
+    GuidedPoint,
+    Pair,
+    PointDistance,
+    PointsCoincide,
+    RelativeAngle,
+    elements_of,
+)
 from refkin.model import Mechanism
 
 Array = NDArray[np.float64]
@@ -38,6 +49,14 @@ class Freedom(StrEnum):
 
 WIDTH = {Freedom.TURN: 1, Freedom.SLIDE: 1, Freedom.NONE: 0, Freedom.FREE: 3}
 """How many coordinates an edge has: an angle [rad]; a length; none; x, y and an angle."""
+SHAPES: Mapping[tuple[type[Element], ...], Freedom] = {
+    (PointsCoincide,): Freedom.TURN,
+    (PointsCoincide, RelativeAngle): Freedom.NONE,
+    (GuidedPoint, RelativeAngle): Freedom.SLIDE,
+}
+"""What a joint of these elements, all between the same two bodies, leaves free."""
+Joint = tuple[Element, ...]
+"""What a joint holds at all times: those of its elements that no law moves."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,20 +95,23 @@ class JointTree:
 
     Attributes
     ----------
-    closures : tuple of Constraint
-        The joints that are no edge, in the scene's own numbers (metres): read their points through `scaled`.
+    closures : tuple of Element
+        Those of the joints that are no edge, in the scene's own numbers (metres): read their points through `scaled`.
+    driven : tuple of Element
+        Those that a law moves, of joints and drivers.
     size, origin : float, pair of float
         Unit of length [m] and the ground point [m] that is the tree's origin.
-    links : mapping of str to Distance
-        Massless links that stand for distance joints: bodies of the tree, but not of the scene.
+    links : mapping of str to PointDistance
+        Massless links that stand for distances: bodies of the tree, but not of the scene.
     """
 
     edges: tuple[Edge, ...]
-    closures: tuple[Constraint, ...]
+    closures: tuple[Element, ...]
+    driven: tuple[Element, ...]
     size: float
     origin: Pair
     estimates: Mapping[str, Pose | None]
-    links: Mapping[str, Distance]
+    links: Mapping[str, PointDistance]
 
     @cached_property
     def width(self) -> int:
@@ -169,9 +191,8 @@ class JointTree:
             if estimate is None:
                 raise EngineError(f"body {body!r} has no estimate: a joint tree is closed from one of every body")
             poses[body] = (*self.scaled(GROUND, estimate[:2]), estimate[2])
-        for link, joint in self.links.items():
-            xi, yi = _point(poses[joint.body_i], self.scaled(joint.body_i, joint.point_i))
-            xj, yj = _point(poses[joint.body_j], self.scaled(joint.body_j, joint.point_j))
+        for link, distance in self.links.items():
+            (xi, yi), (xj, yj) = (_point(poses[body], self.scaled(body, point)) for body, point in distance.ends)
             poses[link] = (xi, yi, math.atan2(yj - yi, xj - xi))
         yield from poses.items()
 
@@ -182,49 +203,50 @@ def joint_tree(mechanism: Mechanism, *, massless_links: bool = False) -> JointTr
     Parameters
     ----------
     mechanism : Mechanism
-        Its joints become edges or closures; its drivers are rows to be appended (`loop_closing`).
+        Its joints become edges or closures; what laws move are rows to be appended (`tree_system`).
     massless_links : bool
-        Whether each distance joint becomes a body of its length with a revolute joint at either end, for an engine
-        that has no distance constraint. Such a body lies along its own x axis, from point_i to point_j.
+        Whether each distance becomes a body of its length that is pinned at either end, for an engine that has no
+        distance constraint. Such a body lies along its own x axis, from point_i to point_j.
     """
     unit = mechanism.unit()
-    joints, links = list(mechanism.joints), dict[str, Distance]()
+    joints = [tuple(e for e in elements_of([c]) if not e.laws) for c in mechanism.constraints]
+    links: dict[str, PointDistance] = {}
     names = [body.name for body in mechanism.bodies]
     if massless_links:
-        joints, links = _with_links(mechanism.joints, names)
+        joints, links = _with_links(joints, names)
     bare = JointTree(
         edges=(),
         closures=(),
+        driven=tuple(e for e in elements_of(mechanism.constraints) if e.laws),
         size=unit.size,
         origin=unit.origin,
         estimates={body.name: body.estimate for body in mechanism.bodies},
         links=links,
     )
     edges, used = _span(bare, [*names, *links], joints)
-    closures = tuple(joint for k, joint in enumerate(joints) if k not in used)
+    closures = tuple(element for k, joint in enumerate(joints) if k not in used for element in joint)
     return replace(bare, edges=tuple(edges), closures=closures)
 
 
-def _with_links(joints: Sequence[Constraint], names: Sequence[str]) -> tuple[list[Constraint], dict[str, Distance]]:
-    """Return the joints with every distance joint replaced by two revolute ones, and body name -> distance joint."""
-    found: list[Constraint] = []
-    links: dict[str, Distance] = {}
+def _with_links(joints: Sequence[Joint], names: Sequence[str]) -> tuple[list[Joint], dict[str, PointDistance]]:
+    """Return the joints with every distance replaced by two pins, and body name -> distance."""
+    found: list[Joint] = []
+    links: dict[str, PointDistance] = {}
     for joint in joints:
-        if not isinstance(joint, Distance):
-            found.append(joint)
-            continue
-        link = f"link of {joint.name}"
-        while link in (*names, *links):
-            link += "'"
-        links[link] = joint
-        ends = ((joint.body_i, joint.point_i, (0.0, 0.0)), (joint.body_j, joint.point_j, (joint.length, 0.0)))
-        for side, (body, point, end) in zip("ij", ends, strict=True):
-            name = f"{joint.name}, end {side}"
-            found.append(Revolute(name=name, body_i=body, point_i=point, body_j=link, point_j=end))
+        for distance in (element for element in joint if isinstance(element, PointDistance)):
+            link = f"link of {distance.name}"
+            while link in (*names, *links):
+                link += "'"
+            links[link] = distance
+            for side, (body, point), end in zip("ij", distance.ends, (0.0, distance.length), strict=True):
+                name = f"{distance.name}, end {side}"
+                pin = PointsCoincide(name=name, body_i=body, point_i=point, body_j=link, point_j=(end, 0.0))
+                found.append((pin,))
+        found.append(tuple(element for element in joint if not isinstance(element, PointDistance)))
     return found, links
 
 
-def _span(tree: JointTree, bodies: Sequence[str], joints: Sequence[Constraint]) -> tuple[list[Edge], set[int]]:
+def _span(tree: JointTree, bodies: Sequence[str], joints: Sequence[Joint]) -> tuple[list[Edge], set[int]]:
     """Return the edges of a spanning forest, its roots on the ground, and the indices of the joints they use."""
     edges: list[Edge] = []
     used: set[int] = set()
@@ -250,24 +272,25 @@ def _span(tree: JointTree, bodies: Sequence[str], joints: Sequence[Constraint]) 
     return edges, used
 
 
-def _edge(tree: JointTree, joint: Constraint, parent: str) -> Edge | None:
+def _edge(tree: JointTree, joint: Joint, parent: str) -> Edge | None:
     """Return the edge by which the other body of a joint hangs on `parent`, or None if the joint makes none."""
-    if not isinstance(joint, Revolute | Prismatic | Fixed) or parent not in joint.bodies:
+    freedom = SHAPES.get(tuple(map(type, joint)))
+    if freedom is None or parent not in joint[0].bodies or joint[0].bodies != joint[-1].bodies:
         return None
-    forward = parent == joint.body_i
-    ends = [(joint.body_i, joint.point_i), (joint.body_j, joint.point_j)]
-    (_, point), (body, pin) = ends if forward else reversed(ends)
+    e: Any = joint[0] if freedom is not Freedom.SLIDE else through_its_point(joint[0])  # type: ignore[arg-type]
+    forward = parent == e.body_i
+    (_, point), (body, pin) = e.ends if forward else reversed(e.ends)
     places: dict[str, Any] = {"point": tree.scaled(parent, point), "pin": tree.scaled(body, pin)}
-    if isinstance(joint, Revolute):
-        return Edge(body=body, parent=parent, freedom=Freedom.TURN, **places)
-    angle = joint.angle if forward else -joint.angle
-    if isinstance(joint, Fixed):
-        return Edge(body=body, parent=parent, freedom=Freedom.NONE, angle=angle, **places)
-    length = math.hypot(*joint.axis_i)
-    axis = (joint.axis_i[0] / length, joint.axis_i[1] / length)
+    if freedom is Freedom.TURN:
+        return Edge(body=body, parent=parent, freedom=freedom, **places)
+    turned: Any = joint[1]
+    angle = turned.angle if forward else -turned.angle
+    if freedom is Freedom.NONE:
+        return Edge(body=body, parent=parent, freedom=freedom, angle=angle, **places)
+    axis = direction(e.axis_i)
     if forward:  # the axis lies on the parent; the body is turned against it
-        axis = _point((0.0, 0.0, -joint.angle), axis)
-    return Edge(body=body, parent=parent, freedom=Freedom.SLIDE, angle=angle, axis=axis, **places)
+        axis = _point((0.0, 0.0, -turned.angle), axis)
+    return Edge(body=body, parent=parent, freedom=freedom, angle=angle, axis=axis, **places)
 
 
 def _within_a_turn(angle: float) -> float:

@@ -11,7 +11,7 @@ from crosscheck.engines import Term
 from crosscheck.engines.tree.joint_tree import Array
 from crosscheck.engines.tree.loop_closing import March, body_levels, march, point_levels
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
-from refkin.joints import GROUND, Distance
+from refkin.joints import GROUND, PointDistance, elements_of
 from refkin.model import Effect, Mechanism, Scene
 from refkin.motion import Motion, PointMotion, Producer, engine_motion
 
@@ -47,11 +47,10 @@ def link_terms(mechanism: Mechanism) -> tuple[Term, ...]:
     """
     unit, chain = mechanism.unit(), len(mechanism.bodies)
     velocity = acceleration = 0.0
-    for joint in mechanism.joints:
-        if isinstance(joint, Distance):
-            length = joint.length / unit.size
-            ends = ((joint.body_i, joint.point_i), (joint.body_j, joint.point_j))
-            arms = [hypot(*u) / unit.size for body, u in ends if body != GROUND]
+    for e in elements_of(mechanism.constraints):
+        if isinstance(e, PointDistance) and not e.laws:
+            length = e.length / unit.size
+            arms = [hypot(*u) / unit.size for body, u in e.ends if body != GROUND]
             turning = sum(sqrt(2.0) + arm for arm in arms) / length
             bending = sum(sqrt(2.0) + 2.0 * arm for arm in arms) / length
             roundings = 2.0 * 3.0 * (chain + 1) * (length + 1.5 * chain) * 2.0**-53
