@@ -20,7 +20,7 @@ from dataclasses import replace
 from pathlib import Path
 import numpy as np
 import refkin
-from crosscheck.check import key_of, permuted
+from crosscheck.measure.check import key_of, permuted
 from crosscheck.engines import NATIVE, EngineError, Level
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES
 from refkin.motion import Producer, Route, Seeding, Status

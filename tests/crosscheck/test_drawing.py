@@ -20,8 +20,8 @@ DRAW = """
 import sys
 from hypothesis import settings
 {before}
-from crosscheck.check import key_of
-from crosscheck.drawing import draw
+from crosscheck.measure.check import key_of
+from crosscheck.scenes.drawing import draw
 print(*(key_of(draw(5, number).scene) for number in range(8)))
 """
 CIRCUMSTANCES = {

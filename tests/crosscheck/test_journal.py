@@ -15,7 +15,7 @@ from crosscheck.workers.journal import BLOCK, Journal, Occupied, replace_file
 
 HOLD = """
 import pathlib, sys
-from crosscheck.journal import Journal
+from crosscheck.workers.journal import Journal
 journal = Journal(pathlib.Path(sys.argv[1]))
 print("held", flush=True)
 input()

@@ -249,7 +249,7 @@ def test_a_scene_whose_reference_fails_is_a_failure_of_the_run_and_no_disagreeme
 SCRIPT = """
 import json, sys
 print("begun")
-from crosscheck.workers import Workers
+from crosscheck.workers.pool import Workers
 with Workers(1, {"closed_form": "closed_form"}) as workers:
     print(workers.check_one(json.loads(sys.argv[1]))["key"])
 """
