@@ -65,6 +65,11 @@ class Element:
         """The names of the bodies i and j."""
         return self.body_i, self.body_j  # type: ignore[attr-defined]
 
+    @property
+    def ends(self) -> tuple[tuple[str, Pair], ...]:
+        """Body and point of each point that it is about: none, that of j, or those of i and j."""
+        return ()
+
 
 @dataclass(frozen=True, kw_only=True)
 class _OfPoints(Element):
@@ -77,7 +82,6 @@ class _OfPoints(Element):
 
     @property
     def ends(self) -> tuple[tuple[str, Pair], tuple[str, Pair]]:
-        """Body and point, of i and of j."""
         return (self.body_i, self.point_i), (self.body_j, self.point_j)
 
 
@@ -115,6 +119,10 @@ class PointCoordinate(Element):
     point_j: Pair
     axis: int
     body_i: ClassVar[str] = GROUND
+
+    @property
+    def ends(self) -> tuple[tuple[str, Pair]]:
+        return ((self.body_j, self.point_j),)
 
 
 @dataclass(frozen=True, kw_only=True)

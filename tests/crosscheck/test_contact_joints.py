@@ -12,7 +12,8 @@ from crosscheck.engines.exudyn import parts as exudyn_parts
 from crosscheck.engines.mujoco.model import Plan
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.measure.check import check
-from refkin import Gear, Revolute, Table
+from refkin import Revolute, Table
+from refkin.joints import RollingWheels
 from refkin.motion import Status
 
 from ..refkin.contact_cases import CASES, SHIFT, over_profile, scene  # noqa: TID252 (tests is no package)
@@ -70,15 +71,15 @@ def test_a_pin_with_an_offset_is_not_taken_for_a_pin():
     assert all("revolute with a law" not in load(engine).capabilities() for engine in ENGINES)
 
 
-def exchanged(gear):
-    return replace(gear, radius_i=gear.radius_j, radius_j=gear.radius_i)
+def exchanged(wheels):
+    return replace(wheels, radius_i=wheels.radius_j, radius_j=wheels.radius_i)
 
 
 @pytest.mark.parametrize("engine", ["exudyn", "mujoco"])
 def test_wheels_that_an_adapter_exchanges_are_seen_in_rows_and_motion(engine, monkeypatch):
-    right = exudyn_parts.ADD[Gear], Plan._gear
-    monkeypatch.setitem(exudyn_parts.ADD, Gear, lambda b, c: right[0](b, exchanged(c)))
-    monkeypatch.setattr(Plan, "_gear", lambda plan, name, c: right[1](plan, name, exchanged(c)))
+    right = exudyn_parts.ADD[RollingWheels], Plan._wheels
+    monkeypatch.setitem(exudyn_parts.ADD, RollingWheels, lambda b, e: right[0](b, exchanged(e)))
+    monkeypatch.setattr(Plan, "_wheels", lambda plan, name, e: right[1](plan, name, exchanged(e)))
     seen = {d["quantity"] for d in check(scene("gear train"), [engine])["disagreements"]}
 
     assert seen >= {"position", "velocity", "acceleration", "residual", "jacobian"}

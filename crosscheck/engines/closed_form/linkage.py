@@ -1,12 +1,12 @@
 """A scene as a closed form sees it: rigid clusters, the nodes where their points meet, and rows between them.
 
-A revolute joint is no equation here: its two points become one *node*, which both bodies hold. Three rows remain:
+Points that coincide are no equation here: they become one *node*, which both bodies hold. Three rows remain:
 
-============== ============================== =======================================================
-`AngleRow`     phi_j - phi_i = f              fixed, prismatic, angle driver
-`LineRow`      normal_i . (r_j - r_i) = f     prismatic, point_on_line, x and y driver (lines of the ground)
-`DistanceRow`  |r_j - r_i| = |f|              distance, distance driver
-============== ============================== =======================================================
+============== ============================== ======================================
+`AngleRow`     phi_j - phi_i = f              angle
+`LineRow`      normal_i . (r_j - r_i) = f     point on line, coordinate of a point
+`DistanceRow`  |r_j - r_i| = |f|              distance
+============== ============================== ======================================
 """
 
 from __future__ import annotations
@@ -17,17 +17,14 @@ from crosscheck.engines.closed_form.jets import Arithmetic, Jet, Planar
 from crosscheck.engines.closed_form.laws import law_jet
 from refkin.joints import (
     GROUND,
-    AngleDriver,
-    Constraint,
-    Distance,
-    DistanceDriver,
-    Fixed,
+    Element,
+    GuidedPoint,
     Pair,
-    PointOnLine,
-    Prismatic,
-    Revolute,
-    XDriver,
-    YDriver,
+    PointCoordinate,
+    PointDistance,
+    PointsCoincide,
+    RelativeAngle,
+    elements_of,
 )
 from refkin.model import Scene
 
@@ -120,8 +117,8 @@ def read_linkage(scene: Scene, arithmetic: Arithmetic) -> Linkage:
         zero, one = Jet(arithmetic.number(0.0)), Jet(arithmetic.number(1.0))
         still = Pose(zero, Planar(one, zero), Planar(zero, zero))
         linkage.clusters.append(Cluster({name: still}, held, len(linkage.clusters), (zero, still.turn)))
-    for constraint in scene.mechanism.constraints:
-        _read_rows(linkage, constraint, nodes, scene, arithmetic)
+    for element in elements_of(scene.mechanism.constraints):
+        _read_rows(linkage, element, nodes, scene, arithmetic)
     return linkage
 
 
@@ -139,15 +136,15 @@ def _local(linkage: Linkage, place: Place, arithmetic: Arithmetic) -> Planar:
 
 
 def _nodes(scene: Scene, linkage: Linkage) -> dict[Place, int]:
-    """Return the node of every joint point; the points of a revolute or fixed joint share one."""
+    """Return the node of every joint point; points that coincide share one."""
     members: dict[Place, list[Place]] = {}
     names: dict[Place, str] = {}
-    for constraint in scene.mechanism.constraints:
-        places = [(body, (float(point[0]), float(point[1]))) for body, point in constraint.points()]
+    for element in elements_of(scene.mechanism.constraints):
+        places = [(body, (float(point[0]), float(point[1]))) for body, point in element.ends]
         for place in places:
             members.setdefault(place, [place])
-            names.setdefault(place, constraint.name)
-        if isinstance(constraint, Revolute | Fixed) and members[places[0]] is not members[places[1]]:
+            names.setdefault(place, element.name)
+        if isinstance(element, PointsCoincide) and members[places[0]] is not members[places[1]]:
             merged = members[places[0]] + members[places[1]]
             members.update(dict.fromkeys(merged, merged))
     found: dict[Place, int] = {}
@@ -159,34 +156,25 @@ def _nodes(scene: Scene, linkage: Linkage) -> dict[Place, int]:
     return found
 
 
-def _read_rows(
-    linkage: Linkage, constraint: Constraint, nodes: dict[Place, int], scene: Scene, arithmetic: Arithmetic
-) -> None:
-    """Append the rows of one joint or driver."""
-    number, name = arithmetic.number, constraint.name
-    value = Jet(number(0.0))
-    if constraint.laws:
-        value = law_jet(constraint.laws[0], scene.times, arithmetic)
-    ends = [nodes[body, (float(point[0]), float(point[1]))] for body, point in constraint.points()]
-    if isinstance(constraint, AngleDriver):
-        linkage.angles.append(AngleRow(name, constraint.relative_to, constraint.body, value))
-    if isinstance(constraint, Fixed | Prismatic):
-        turned = Jet(number(constraint.angle))
-        linkage.angles.append(AngleRow(name, constraint.body_i, constraint.body_j, turned))
-    if isinstance(constraint, Prismatic | PointOnLine):
-        normal = unit_normal(constraint.axis_i, arithmetic)
-        anchor = _local(linkage, (constraint.body_i, constraint.point_i), arithmetic)
-        linkage.lines.append(LineRow(name, constraint.body_i, anchor, normal, ends[1], value))
-    if isinstance(constraint, XDriver | YDriver):
-        along = (1.0, 0.0) if isinstance(constraint, XDriver) else (0.0, 1.0)
-        normal = Planar(*(Jet(number(c)) for c in along))
-        linkage.lines.append(
-            LineRow(name, GROUND, _local(linkage, (GROUND, (0.0, 0.0)), arithmetic), normal, ends[0], value)
-        )
-    if isinstance(constraint, Distance):
-        linkage.distances.append(DistanceRow(name, ends[0], ends[1], Jet(number(constraint.length))))
-    if isinstance(constraint, DistanceDriver):
-        linkage.distances.append(DistanceRow(name, ends[0], ends[1], (value * value).sqrt()))
+def _read_rows(linkage: Linkage, e: Element, nodes: dict[Place, int], scene: Scene, arithmetic: Arithmetic) -> None:
+    """Append the row of one element, if it is one."""
+    number, name = arithmetic.number, e.name
+    law = law_jet(e.laws[0], scene.times, arithmetic) if e.laws else None
+    ends = [nodes[body, (float(point[0]), float(point[1]))] for body, point in e.ends]
+    if isinstance(e, RelativeAngle):
+        linkage.angles.append(AngleRow(name, e.body_i, e.body_j, Jet(number(e.angle)) if law is None else law))
+    elif isinstance(e, GuidedPoint):
+        anchor = _local(linkage, (e.body_i, e.point_i), arithmetic)
+        normal, level = unit_normal(e.axis_i, arithmetic), Jet(number(e.offset))
+        linkage.lines.append(LineRow(name, e.body_i, anchor, normal, ends[1], level))
+    elif isinstance(e, PointCoordinate):
+        assert law is not None
+        along = Planar(*(Jet(number(float(k == e.axis))) for k in range(2)))
+        origin = _local(linkage, (GROUND, (0.0, 0.0)), arithmetic)
+        linkage.lines.append(LineRow(name, GROUND, origin, along, ends[0], law))
+    elif isinstance(e, PointDistance):
+        length = Jet(number(e.length)) if law is None else (law * law).sqrt()
+        linkage.distances.append(DistanceRow(name, ends[0], ends[1], length))
 
 
 def unit_normal(axis: Pair, arithmetic: Arithmetic) -> Planar:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.vector_loop.vectors import Variable
-from refkin.joints import GROUND, AngleDriver, Constraint, Fixed, Prismatic
+from refkin.joints import GROUND, Constraint, RelativeAngle, elements_of
 from refkin.model import Mechanism
 
 
@@ -40,12 +40,10 @@ class Families:
 
 
 def ties(constraints: Sequence[Constraint]) -> Iterator[Tie]:
-    """Yield what fixed and prismatic joints and angle drivers say of angles."""
-    for c in constraints:
-        if isinstance(c, Fixed | Prismatic):
-            yield Tie(c.name, c.body_i, c.body_j, Variable(c.angle))
-        elif isinstance(c, AngleDriver):
-            yield Tie(c.name, c.relative_to, c.body, Variable(laws=((1.0, c.laws[0]),)))
+    """Yield what joints and drivers say of two angles."""
+    for e in elements_of(constraints):
+        if isinstance(e, RelativeAngle):
+            yield Tie(e.name, e.body_i, e.body_j, Variable(e.angle, laws=tuple((1.0, law) for law in e.laws)))
 
 
 def angle_families(mechanism: Mechanism) -> Families:

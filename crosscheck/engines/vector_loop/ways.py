@@ -1,19 +1,17 @@
-"""Joints as ways from body to body: how the point of one leads to the point of the other.
+"""The elements of joints as ways from body to body: how the point of one leads to the point of the other.
 
 r_j + p_j e^(i phi_j) = r_i + p_i e^(i phi_i) + gap, with this gap:
 
-======================= =================================================================================
-revolute, fixed         none; or the two laws of an `offset_law`
-prismatic,              an unknown length along the axis, which turns with body i
-point_on_line
-distance and its driver a given length, or a law, in an unknown direction
-x and y driver          from the ground's origin: the law along one axis, an unknown length along the other
-rack_and_pinion         an unknown length along the rack's axis, another across
-cam, a disc             a point or roller keeps a distance, a face slides: its normal has a given length
-======================= =================================================================================
+===================== =================================================================================
+points coincide       none; or the two laws
+point on line         its offset, and an unknown length along the axis, which turns with body i
+distance              a given length, or a law, in an unknown direction
+coordinate            from the ground's origin: the law along one axis, an unknown length along the other
+rolling on a line     an unknown length along the line, another across
+===================== =================================================================================
 
-Gears make no way, they relate angles; a rack also relates its length to angles. A cam of general profile is refused:
-its contact moves along a curve.
+Angles and rolling wheels make no way, they relate angles; rolling on a line also relates its length to angles. A
+contact on a general profile is refused: it moves along a curve.
 """
 
 from __future__ import annotations
@@ -28,21 +26,17 @@ from crosscheck.engines.vector_loop.system import Relation
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
 from refkin.joints import (
     GROUND,
-    AngleDriver,
-    Cam,
-    Constraint,
-    Disc,
-    Distance,
-    DistanceDriver,
-    Fixed,
-    Gear,
+    Contact,
+    Element,
+    GuidedPoint,
     Pair,
-    PointOnLine,
-    Prismatic,
-    RackAndPinion,
-    Revolute,
-    XDriver,
-    YDriver,
+    PointCoordinate,
+    PointDistance,
+    PointsCoincide,
+    RelativeAngle,
+    RollingOnLine,
+    RollingWheels,
+    elements_of,
 )
 from refkin.model import Scene
 from refkin.motion_laws import Law
@@ -99,48 +93,48 @@ class Ways:
         self._angles, self._estimates, self._t0 = angles, estimates, float(scene.times[0])
         self.guesses: dict[str, float] = {}
         self.relations: list[Relation] = []
-        self.ways = [way for c in scene.mechanism.constraints for way in self._read(c)]
+        self.ways = [way for e in elements_of(scene.mechanism.constraints) for way in self._read(e)]
 
-    def _read(self, c: Constraint) -> Iterator[Way]:
-        if isinstance(c, AngleDriver):
+    def _read(self, e: Element) -> Iterator[Way]:
+        if isinstance(e, RelativeAngle):
             return
-        if isinstance(c, Gear):
+        if isinstance(e, RollingWheels):
             size = self._estimates.size
-            turning = ((c.radius_i / size, self._angles[c.body_i]), (c.radius_j / size, self._angles[c.body_j]))
-            self.relations.append(Relation(turning, -(c.radius_i * c.phi0_i + c.radius_j * c.phi0_j) / size))
+            turning = ((e.radius_i / size, self._angles[e.body_i]), (e.radius_j / size, self._angles[e.body_j]))
+            self.relations.append(Relation(turning, -(e.radius_i * e.zero_i + e.radius_j * e.zero_j) / size))
             return
-        points = list(c.points())
-        ends = [(GROUND, 0j)] if isinstance(c, XDriver | YDriver) else []
-        ends += [(body, self._estimates.local(body, u)) for body, u in points]
+        ends = [(GROUND, 0j)] if isinstance(e, PointCoordinate) else []
+        ends += [(body, self._estimates.local(body, u)) for body, u in e.ends]
         (i, p_i), (j, p_j) = ends
         open_way = Way(i, p_i, j, p_j, ())
-        yield Way(i, p_i, j, p_j, self._gap(c, self._estimates.gap(open_way)))
+        yield Way(i, p_i, j, p_j, self._gap(e, self._estimates.gap(open_way)))
 
-    def _gap(self, c: Constraint, gap: complex) -> tuple[Vector, ...]:
+    def _gap(self, e: Element, gap: complex) -> tuple[Vector, ...]:
         """Return what leads from point i to point j; `gap` is the estimated one."""
         size = self._estimates.size
-        if isinstance(c, Revolute | Fixed):
-            return tuple(Vector(along, self._law(law)) for along, law in zip((1.0, 1j), c.laws, strict=False))
-        if isinstance(c, XDriver | YDriver):
+        if isinstance(e, PointsCoincide):
+            return tuple(Vector(along, self._law(law)) for along, law in zip((1.0, 1j), e.laws, strict=False))
+        if isinstance(e, PointCoordinate):
             origin = self._estimates.origin
-            along, shift = (1.0, origin.real) if isinstance(c, XDriver) else (1j, origin.imag)
-            across = self._unknown(f"coordinate across {c.name}", (gap / (1j * along)).real)
-            return Vector(along, self._law(c.laws[0], shift)), Vector(1j * along, across)
-        if isinstance(c, Distance):
-            return (self._link(c, Variable(c.length / size), gap),)
-        if isinstance(c, DistanceDriver):
-            return (self._link(c, self._law(c.laws[0]), math.copysign(1.0, c.laws[0](self._t0)) * gap),)
-        if isinstance(c, Prismatic | PointOnLine):
-            return (self._slide(f"slide on {c.name}", c.body_i, c.axis_i, gap),)
-        if isinstance(c, RackAndPinion):
-            return self._rack(c, gap)
-        if isinstance(c, Cam) and isinstance(c.profile, Disc):
-            return self._disc(c, c.profile, gap)
-        what = "a cam of general profile" if isinstance(c, Cam) else c.type
-        raise EngineError(f"vector_loop refuses {what} {c.name!r}: no vector of given or sliding length stands for it")
+            along, shift = (1j, origin.imag) if e.axis else (1.0, origin.real)
+            across = self._unknown(f"coordinate across {e.name}", (gap / (1j * along)).real)
+            return Vector(along, self._law(e.laws[0], shift)), Vector(1j * along, across)
+        if isinstance(e, PointDistance):
+            length, sign = Variable(e.length / size), 1.0
+            if e.laws:
+                length, sign = self._law(e.laws[0]), math.copysign(1.0, e.laws[0](self._t0))
+            return (self._link(e, length, sign * gap),)
+        if isinstance(e, GuidedPoint):
+            (x, y), slide = e.axis_i, self._slide(f"slide on {e.name}", e.body_i, e.axis_i, gap)
+            aside = Vector(e.offset / size * complex(-y, x) / math.hypot(x, y), angle=self._angles[e.body_i])
+            return (aside, slide) if e.offset else (slide,)
+        if isinstance(e, RollingOnLine):
+            return self._rack(e, gap)
+        what = "a cam of general profile" if isinstance(e, Contact) else e.key
+        raise EngineError(f"vector_loop refuses {what} {e.name!r}: no vector of given or sliding length stands for it")
 
-    def _link(self, c: Constraint, length: Variable, gap: complex) -> Vector:
-        return Vector(1.0, length, self._unknown(f"direction of {c.name}", math.atan2(gap.imag, gap.real)))
+    def _link(self, e: Element, length: Variable, gap: complex) -> Vector:
+        return Vector(1.0, length, self._unknown(f"direction of {e.name}", math.atan2(gap.imag, gap.real)))
 
     def _slide(self, name: str, body: str, axis: Pair, gap: complex) -> Vector:
         """Return a vector of unknown length along an axis of a body."""
@@ -148,23 +142,15 @@ class Ways:
         length = (gap * cmath.exp(-1j * self._estimates.frame(body)[1]) / along).real
         return Vector(along, self._unknown(name, length), self._angles[body])
 
-    def _rack(self, c: RackAndPinion, gap: complex) -> tuple[Vector, ...]:
+    def _rack(self, e: RollingOnLine, gap: complex) -> tuple[Vector, ...]:
         """Return slides along the axis and across; along - s0 - radius (phi_j - phi_i - phi0) = 0 is a relation."""
-        size, (x, y) = self._estimates.size, c.axis_i
-        along = self._slide(f"slide on {c.name}", c.body_i, (x, y), gap)
-        across = self._slide(f"distance from {c.name}", c.body_i, (-y, x), gap)
-        radius = c.radius / size
-        turning = ((-radius, self._angles[c.body_j]), (radius, self._angles[c.body_i]))
-        self.relations.append(Relation(((1.0, along.length), *turning), radius * c.phi0 - c.s0 / size))
+        size, (x, y) = self._estimates.size, e.axis_i
+        along = self._slide(f"slide on {e.name}", e.body_i, (x, y), gap)
+        across = self._slide(f"distance from {e.name}", e.body_i, (-y, x), gap)
+        radius = e.radius / size
+        turning = ((-radius, self._angles[e.body_j]), (radius, self._angles[e.body_i]))
+        self.relations.append(Relation(((1.0, along.length), *turning), radius * e.phi0 - e.s0 / size))
         return along, across
-
-    def _disc(self, c: Cam, disc: Disc, gap: complex) -> tuple[Vector, ...]:
-        size = self._estimates.size
-        if c.normal_j is None:
-            return (self._link(c, Variable((disc.radius + (c.roller_radius or 0.0)) / size), gap),)
-        x, y = c.normal_j
-        face = self._slide(f"slide on {c.name}", c.body_j, (-y, x), gap)
-        return Vector(disc.radius / size * complex(x, y) / math.hypot(x, y), angle=self._angles[c.body_j]), face
 
     def _law(self, law: Law, shift: float = 0.0) -> Variable:
         return Variable(-shift / self._estimates.size, laws=((1.0 / self._estimates.size, law),))
