@@ -11,8 +11,8 @@ same residual to within e, and x_n is what takes a code from the farther one to 
 x_n = (s + sqrt(s^2 + 2 K f)) / K; at the fold sqrt(2 f / K). What x_n moves the other coordinates by is
 |phi_qq[v, v]| x_n^2 / 2, carried by their own s_k.
 
-e is the running error of the formulas with the one safety factor of the budgets, and what the result is rounded to is
-added, as there (`crosscheck.judge.budget`).
+e is the running error of the formulas with the one safety factor of the budgets, on both sides, and what the result is
+rounded to is added, as there (`crosscheck.judge.budget`).
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.judge.budget import SAFETY
+from crosscheck.judge.budget import BOTH_SIDES, SAFETY
 from crosscheck.judge.running_error import Running, U, errors, running
 from refkin.system import System
 
@@ -33,7 +33,7 @@ ROUNDINGS = 6 * U
 def residual_error(system: System, q: Any, t: float) -> Any:
     """Return what rounding leaves of the residual (m,) at a pose (n,)."""
     rows = system.phi(running(q, U * np.abs(q)), Running(np.float64(t)))
-    return SAFETY * errors(rows, ())
+    return BOTH_SIDES * SAFETY * errors(rows, ())
 
 
 def attainable(system: System, q: Any, t: float, e: Any = None) -> Any:

@@ -1,17 +1,26 @@
 """The allowed error of an answer, derived per sample and component; nothing here is tuned.
 
-First-order propagation through the equations of the reference, at its solution and in its scaled coordinates:
+First-order propagation through the equations of the reference, at its solution and in its scaled coordinates. With
+A = phi_q^-1, S = d(phi_q qd - nu)/dq, T = d(phi_q qdd - gamma)/dq and C = d gamma/d qd, errors e of the three residuals
+move the three levels by
 
-    dq   = |J^-1| e_phi                          + 6 u max(bodies, |q|)
-    dqd  = |J^-1| (|d(J qd - nu)/dq| dq + e_nu)   + 6 u bodies max |qd|
-    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + 6 u bodies (max |qdd| + max |qd|^2)
+    dq   = A e_phi
+    dqd  = A (e_nu - S dq)               = A e_nu - A S A e_phi
+    dqdd = A (e_gamma - T dq + C dqd)    = A e_gamma + A C A e_nu - A (T + C A S) A e_phi
 
-with J = phi_q. The e are running-error bounds of the formulas themselves (`running_error`), with coordinates that
-are rounded to u |q|: no float64 code is told more. `SAFETY` covers that an engine evaluates the same closure by
-other formulas: in space (products of three terms instead of two) and down a chain of frames (each pose composed of
-two before it), which is at most 2 * 2 times the operations, on both sides of a comparison: 8. Velocity and
-acceleration are solutions of linear systems: LU adds a backward error of n u |J| |x|, which it may move from row to
-row (`_solve_error`).
+The rows err independently, so the largest move takes the absolute values of these products, not of their factors: a
+pose that is wrong by one row's error is wrong in all its coordinates together, and what that does to the rates cancels
+for the most part. Taken factor by factor it does not, and allows up to 1e5 times too much. A frame far from its joints
+is no different: its large arms stand in A and S alike, and cancel in A S A, as they would in recentred frames. To this
+comes the rounding of the answer itself (`handed_over`).
+
+The e are running-error bounds of the formulas (`running_error`) with coordinates that are rounded to u |q|: no float64
+code is told more. `SAFETY` covers that an engine evaluates the same closure by other formulas: in space (products of
+three terms instead of two) and down a chain of frames (each pose composed of two before it), which is at most 2 * 2
+times the operations. The other side of a comparison, the reference, is off by no more than its certified radius, and no
+more than an engine without terms; the smaller is added, component by component. Velocity and acceleration are
+solutions of linear systems: LU adds a backward error of n u |J| |x|, which it may move from row to row
+(`_solve_error`).
 
 What an engine adds by its own doing, such as a stopping rule above round-off, is a named `Term` with its reason.
 """
@@ -30,7 +39,9 @@ from refkin.motion import Motion, Status
 from refkin.motion_laws import Table
 from refkin.system import System
 
-SAFETY = 8.0
+SAFETY = 4.0
+BOTH_SIDES = 2.0
+"""Where what an answer is held against is itself computed in float64, and no radius of it is known."""
 STEP = 1e-100
 LEVELS = ("position", "velocity", "acceleration")
 
@@ -50,12 +61,35 @@ class ErrorBudget:
 
 
 @dataclass(frozen=True)
+class Carried:
+    """How errors of the residuals of the three levels move the three levels; absolute values, (n, m, T) each.
+
+    `phi`, `nu` and `gamma` are what an error of that residual does to the levels from its own on.
+    """
+
+    phi: tuple[Any, Any, Any]
+    nu: tuple[Any, Any]
+    gamma: tuple[Any]
+
+    def __call__(self, e_phi: Any, e_nu: Any, e_gamma: Any) -> list[Any]:
+        """Return what errors (m, T) of the residuals do to position, velocity and acceleration, (n, T) each."""
+        position = _times(self.phi[0], e_phi)
+        velocity = _times(self.phi[1], e_phi) + _times(self.nu[0], e_nu)
+        acceleration = _times(self.phi[2], e_phi) + _times(self.nu[1], e_nu) + _times(self.gamma[0], e_gamma)
+        return [position, velocity, acceleration]
+
+    def at(self, lanes: Any) -> Carried:
+        """Return the same at some of the lanes."""
+        return Carried(*(tuple(a[..., lanes] for a in level) for level in (self.phi, self.nu, self.gamma)))
+
+
+@dataclass(frozen=True)
 class Propagation:
     """What carries errors through the equations at a solution: the same for every engine. See `propagation`.
 
-    `second`, `third` and `coriolis` are |d(J qd - nu)/dq|, |d(J qdd - gamma)/dq| and |d gamma/d qd|; `e` are the errors
-    of the residuals of the three levels (m, T) before an engine adds its own, `size` what stands in their equations,
-    `rates` the largest rate, acceleration and square of a rate (T,), and `rounding` what handing a result over costs.
+    `e` are the errors of the residuals of the three levels (m, T) before an engine adds its own, `size` what stands in
+    their equations, `rates` the largest rate, acceleration and square of a rate (T,), `rounding` what handing a result
+    over costs, and `radius` (T,) how far the reference itself may be off; NaN where it has no certificate.
     """
 
     system: System
@@ -63,28 +97,28 @@ class Propagation:
     t: Any
     lanes: Any
     count: int
-    inverse: Any
-    second: Any
-    third: Any
-    coriolis: Any
+    carried: Carried
     e: tuple[Any, Any, Any]
     size: tuple[Any, Any, Any]
     rates: tuple[Any, Any, Any]
     rounding: tuple[Any, Any, Any]
+    radius: tuple[Any, Any, Any]
 
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors where an engine adds these terms."""
-        e_phi, e_nu, e_gamma = (
+        added = [
             sum((t.absolute + t.relative * size + t.of_rates * rates for t in terms if t.level == level), e)
             for level, e, size, rates in zip(LEVELS, self.e, self.size, self.rates, strict=True)
-        )
-        dq = _times(self.inverse, e_phi) + self.rounding[0]
-        dqd = _times(self.inverse, _times(self.second, dq) + e_nu) + self.rounding[1]
-        carried = _times(self.third, dq) + _times(self.coriolis, dqd) + e_gamma
-        dqdd = _times(self.inverse, carried) + self.rounding[2]
+        ]
+        levels = [
+            theirs + np.fmin(radius, ours) + rounding
+            for theirs, ours, radius, rounding in zip(
+                self.carried(*added), self.carried(*self.e), self.radius, self.rounding, strict=True
+            )
+        ]
         judged = np.zeros(self.count, bool)
-        judged[self.lanes] = _first_order(self.system, self.inverse, dq, self.q, self.t)
-        position, velocity, acceleration = (_spread(level, self.lanes, self.count) for level in (dq, dqd, dqdd))
+        judged[self.lanes] = _first_order(self.system, self.carried.phi[0], levels[0], self.q, self.t)
+        position, velocity, acceleration = (_spread(level, self.lanes, self.count) for level in levels)
         return ErrorBudget(position, velocity, acceleration, judged)
 
 
@@ -117,14 +151,28 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         t=t,
         lanes=lanes,
         count=len(motion.t),
-        inverse=_abs_inverse(system, q, t),
-        second=np.abs(_slope(lambda z: _times(system.phi_q(z, t), qd[:, None]) - system.nu(z, t), q)),
-        third=np.abs(_slope(lambda z: _times(system.phi_q(z, t), qdd[:, None]) - system.gamma(z, qd[:, None], t), q)),
-        coriolis=np.abs(_slope(lambda z: system.gamma(q[:, None], z, t), qd)),
+        carried=carried(system, q, qd, qdd, t),
         e=tuple(e + _table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma))),
         size=(e_phi, moving, bending),
         rates=(np.zeros_like(rate), rate, np.max(np.abs(qdd), axis=0) + rate**2),
         rounding=handed_over(system, q, qd, qdd),
+        radius=tuple(getattr(motion.certified_radius, level)[lanes] for level in LEVELS),
+    )
+
+
+def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
+    """Return how errors of residuals move a solution (n, T) of the system; the products of the module's formulas."""
+    inverse = _inverse(system, q, t)
+    second = _slope(lambda z: _times(system.phi_q(z, t), qd[:, None]) - system.nu(z, t), q)
+    third = _slope(lambda z: _times(system.phi_q(z, t), qdd[:, None]) - system.gamma(z, qd[:, None], t), q)
+    coriolis = _slope(lambda z: system.gamma(q[:, None], z, t), qd)
+    rate = _product(inverse, second)  # A S
+    bend = _product(inverse, third + _product(coriolis, rate))
+    own = np.abs(inverse)
+    return Carried(
+        phi=(own, np.abs(_product(rate, inverse)), np.abs(_product(bend, inverse))),
+        nu=(own, np.abs(_product(_product(inverse, coriolis), inverse))),
+        gamma=(own,),
     )
 
 
@@ -144,16 +192,21 @@ def _spread(values: Any, lanes: Any, count: int) -> Any:
     return out
 
 
-def _abs_inverse(system: System, q: Any, t: Any) -> Any:
-    """Return |J^-1| (n, m, T), of a least-squares inverse where rows are redundant."""
+def _inverse(system: System, q: Any, t: Any) -> Any:
+    """Return J^-1 (n, m, T), of a least-squares inverse where rows are redundant."""
     stacked = np.moveaxis(system.phi_q(q, t), -1, 0)
     inverse = np.linalg.inv(stacked) if system.m == system.n else np.linalg.pinv(stacked)
-    return np.moveaxis(np.abs(inverse), 0, -1)
+    return np.moveaxis(inverse, 0, -1)
 
 
 def _times(matrix: Any, vector: Any) -> Any:
     """Return the product lane by lane of (m, n, T) and (n, T), or with more axes than one for the lanes."""
     return np.einsum("mn...,n...->m...", matrix, vector)
+
+
+def _product(left: Any, right: Any) -> Any:
+    """Return the matrix product lane by lane of (a, b, T) and (b, c, T)."""
+    return np.einsum("abt,bct->act", left, right)
 
 
 def _solve_error(size: Any) -> Any:
@@ -217,7 +270,7 @@ def handed_over(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, An
 
 def _residual_error(system: System, q: Any, rate: Any, t: Any, shape: tuple[int, ...], qd: Any = None) -> Any:
     """Return the running error (m, T) of phi_q rate - nu, or of phi_q rate - gamma if qd is given, at this q."""
-    at, moving = running(q), running(rate, U * np.abs(rate))
+    at, moving = running(q), running(rate)  # the rounding of the result itself is `handed_over`
     right = system.nu(at, t) if qd is None else system.gamma(at, running(qd), t)
     left = system.phi_q(at, t)
     rows = np.empty(system.m, object)

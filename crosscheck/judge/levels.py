@@ -2,7 +2,8 @@
 
 Both sides are fed the same (q, qd, t). Through the adapter's `RowMap`s our row x becomes the row y the engine must
 have: y = factor F(x), y_q = factor F' x_q, y' = factor F' x', gamma_y = factor (F' gamma - F'' x'^2). The allowed
-error is the running error of our formulas, carried through the map, times the one safety factor of the budgets.
+error is the running error of our formulas, carried through the map, times the one safety factor of the budgets, on
+both sides.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ import numpy as np
 
 from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, refused, table_key
 from crosscheck.engines.frames import RowMap
-from crosscheck.judge.budget import SAFETY
+from crosscheck.judge.budget import BOTH_SIDES, SAFETY
 from crosscheck.judge.running_error import Running, U, errors, running
 from refkin.model import Mechanism
 from refkin.system import System, compile_system
@@ -191,7 +192,7 @@ def _mapped(level: Level, m: RowMap, row: int, ours: dict[Any, Any]) -> tuple[An
         error = abs(f1) * e_gamma + abs(f2) * (2 * abs(rate) * e_rate + ex * abs(gamma) + U * rate**2)
         # F'' at an x known to ex
         error = error + (abs(m.factor * (m.form(x + ex, 2) - m.form(x, 2))) + own) * rate**2
-    return value, SAFETY * (error + 2 * U * np.abs(value))
+    return value, BOTH_SIDES * SAFETY * (error + 2 * U * np.abs(value))
 
 
 def _values(rows: Any) -> Any:

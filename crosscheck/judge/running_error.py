@@ -57,12 +57,12 @@ class Running:
         return Running(-self.value, self.error)
 
     def cos(self) -> Running:
-        """Return the cosine, its library error one ulp at most."""
-        return Running(np.cos(self.value), self.error * np.abs(np.sin(self.value)) + 2 * U)
+        """Return the cosine, its library error one ulp at most: of a number up to 1 that is U."""
+        return Running(np.cos(self.value), self.error * np.abs(np.sin(self.value)) + U)
 
     def sin(self) -> Running:
-        """Return the sine, its library error one ulp at most."""
-        return Running(np.sin(self.value), self.error * np.abs(np.cos(self.value)) + 2 * U)
+        """Return the sine, its library error one ulp at most: of a number up to 1 that is U."""
+        return Running(np.sin(self.value), self.error * np.abs(np.cos(self.value)) + U)
 
     def through(self, f: Callable[[Any, int], Any]) -> Running:
         """Return f(x, 0) of a function of floats whose derivative is f(x, 1), with one rounding of its own."""

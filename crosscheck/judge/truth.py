@@ -6,12 +6,8 @@ component at that time (velocity, acceleration): so many are right whatever the 
 the fewest over the times.
 
 Attainable digits are what half an ulp of every given number leaves, to first order: of the geometry, of the time, of
-the laws' values, and of the answer in metres and radians. With J = phi_q,
-
-    dq = |J^-1| e_phi + u,   dqd = |J^-1| (|d(J qd - nu)/dq| dq + e_nu) + u,
-    dqdd = |J^-1| (|d(J qdd - gamma)/dq| dq + |d gamma/d qd| dqd + e_gamma) + u
-
-where e is how far those half ulps move J x - nu and J x - gamma, and u is half an ulp of the answer.
+the laws' values, and of the answer in metres and radians. How far those half ulps move the three residuals is carried
+to the three levels as in a budget (`crosscheck.judge.budget`), and half an ulp of the answer is added.
 """
 
 from __future__ import annotations
@@ -27,7 +23,7 @@ from crosscheck.judge.comparison import MOST_DIGITS, Reference, reference, scale
 from refkin.model import Evidence, Scene
 from refkin.motion import Status
 from refkin.proof.numbers.bounded import Times, bounded_system, box, read
-from refkin.proof.numbers.inputs import HALF_ULP, attainable, half_ulp
+from refkin.proof.numbers.inputs import HALF_ULP, half_ulp, input_effect
 from refkin.system import System
 
 
@@ -101,15 +97,9 @@ def attainable_levels(ref: Reference, known: Any) -> list[tuple[Any, Any]]:
     system, t, carry = ref.system, ref.motion.t[known], ref.propagation
     assert carry is not None  # there are times at which the reference is ok
     q, qd, qdd = (level[:, known] for level in ref.levels)
-    inverse, second, third, coriolis = (
-        a[..., lanes] for a in (carry.inverse, carry.second, carry.third, carry.coriolis)
-    )
-    e_nu, e_gamma = _inputs_in_rates(system, q, qd, qdd, t)
-    dq = attainable(system, q, t)
-    dqd = _product(inverse, _product(second, dq) + e_nu) + half_ulp(system, qd, 1)
-    moved = _product(third, dq) + _product(coriolis, dqd) + e_gamma
-    dqdd = _product(inverse, moved) + half_ulp(system, qdd, 2)
-    return [(dq, q), (dqd, qd), (dqdd, qdd)]
+    e_phi = input_effect(system, q, t, HALF_ULP)
+    moved = carry.carried.at(lanes)(e_phi, *_inputs_in_rates(system, q, qd, qdd, t))
+    return [(m + half_ulp(system, x, k), x) for k, (m, x) in enumerate(zip(moved, (q, qd, qdd), strict=True))]
 
 
 def _inputs_in_rates(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[Any, Any]:
@@ -120,10 +110,6 @@ def _inputs_in_rates(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple
     at_rate = slope @ rate - moved.nu(pose, times)
     at_bend = slope @ bend - moved.gamma(pose, rate, times)
     return read(at_rate, lanes).spread, read(at_bend, lanes).spread
-
-
-def _product(matrix: Any, vector: Any) -> Any:
-    return np.einsum("ijb,jb->ib", matrix, vector)
 
 
 def _scale(level: Any, order: int) -> Any:

@@ -1,0 +1,77 @@
+"""The budgets are sharp: what they allow is a small multiple of what the rounding of a scene's numbers makes of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from crosscheck.judge import bite as biting
+from crosscheck.judge.bite import attainable_by_inputs, bite
+from crosscheck.judge.comparison import QUANTITIES, compare, reference
+from crosscheck.scenes.drawing import draw
+from refkin import FourBar
+from refkin.motion_laws import Polynomial
+
+NIGHT, SCENES, SAMPLES, DRAWS = 11, 100, 3, 3
+MEDIAN, LARGEST = 50.0, 1000.0
+PLANTED = 10.0
+"""Times the attainable error."""
+
+
+@cache
+def references():
+    found = [reference(draw(NIGHT, number, SAMPLES).scene) for number in range(SCENES)]
+    return [ref for ref in found if ref.budget().judged.any()]
+
+
+@cache
+def bites():
+    found = [bite(ref, range(SAMPLES), DRAWS) for ref in references()]
+    return {q: np.concatenate([b[q].largest for b in found]) for q in QUANTITIES}
+
+
+def seen(ref, quantity: str, times_attainable: float) -> bool:
+    """Whether an answer that is right but for one quantity, off by so many attainable errors, is found out."""
+    lanes = np.flatnonzero(ref.budget().judged)
+    order = QUANTITIES.index(quantity)
+    off = np.zeros_like(ref.levels[order])
+    off[:, lanes] = times_attainable * attainable_by_inputs(ref, lanes, DRAWS)[order]
+    off = ref.system.to_physical(off, 1)[: ref.system.of_bodies]  # as a rate: a difference has no origin
+    key = ("q", "qd", "qdd")[order]
+    return not compare(ref, replace(ref.motion, **{key: getattr(ref.motion, key) + off})).agrees
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_a_budget_allows_a_small_multiple_of_what_is_attainable(quantity):
+    assert np.median(bites()[quantity]) < MEDIAN
+    assert np.max(bites()[quantity]) < LARGEST
+
+
+@pytest.mark.parametrize("quantity", QUANTITIES)
+def test_no_budget_is_below_what_is_attainable(quantity):
+    assert np.min(bites()[quantity]) > 1.0
+
+
+@pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
+def test_an_error_of_ten_times_the_attainable_one_is_seen(quantity):
+    caught = sum(seen(ref, quantity, PLANTED) for ref in references())
+
+    assert caught >= SCENES / 20
+    assert sum(seen(ref, quantity, 1.0) for ref in references()) == 0
+
+
+def test_what_is_attainable_is_what_the_solution_moves_by():
+    """One number moves by 1e-9 of itself: the solutions before and after differ by what the correction says."""
+    linkage = {"ground": 4.0, "crank": 1.0, "coupler": 3.5, "rocker": 3.0}
+    law = Polynomial(coefficients=(0.3, 1.0, 0.25))
+    near, far = (
+        reference(FourBar(**{**linkage, "coupler": coupler}).scene(law=law, times=(0.5, 1.0)))
+        for coupler in (3.5, 3.5 * (1.0 + 1e-9))
+    )
+    moved = biting._corrections(far.system, near.levels, near.motion.t.tolist())
+
+    for level, (a, b) in enumerate(zip(near.levels, far.levels, strict=True)):
+        assert moved[level] == pytest.approx(b - a, rel=1e-6, abs=1e-14)
