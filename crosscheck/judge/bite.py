@@ -89,7 +89,7 @@ def nudged(item: Any, numbers: random.Random) -> Any:
     return item
 
 
-def _same_ends(moved: Any, table: Table) -> Table:
+def _same_ends(moved: Any, table: Table) -> Any:
     """Return a moved table that begins and ends where it did, for the times do, and is periodic if it was."""
     argument = (table.argument[0], *moved.argument[1:-1], table.argument[-1])
     value = (*moved.value[:-1], moved.value[0]) if table.periodic else moved.value
