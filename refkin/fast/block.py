@@ -13,9 +13,22 @@ from refkin.fast.certify import FamilyProof
 from refkin.fast.compiled import Compiled
 from refkin.fast.family import Family, lane_of, of_lanes
 from refkin.fast.lanes.run import Workspace
-from refkin.fast.march import ENOUGH, FARTHEST, FURTHEST, PART, SMALL, SMALLEST_PIVOT, SMOOTH, March, Pose
+from refkin.fast.march import (
+    ENOUGH,
+    FARTHEST,
+    FURTHEST,
+    LEAST,
+    PART,
+    SHORT,
+    SMALL,
+    SMALLEST_PIVOT,
+    SMOOTH,
+    March,
+    Pose,
+)
 from refkin.fast.quintic import weights
 from refkin.fast.sweep import NEAR
+from refkin.fast.turning import common_extrema, may_turn
 from refkin.model import Evidence
 from refkin.motion import Status
 from refkin.newton import CONTRACTION
@@ -114,13 +127,23 @@ class Block:
         return q
 
     def go_to(self, t: float) -> None:
+        """Take all lanes to time t by way of the times at which laws turn back; those at times of their own alone."""
+        start, constraints = self.times[-1], tuple(p.constraint for p in self.system.placed)
+        alone = may_turn(constraints, start, t, self.count)
+        between = common_extrema(constraints, start, t)
+        if len(between) > MOST_BETWEEN:
+            between, alone = [], np.ones(self.count, bool)
+        for end in (*between, t):
+            self._monotonously(end, alone)
+
+    def _monotonously(self, t: float, alone: Any) -> None:
         """Take all lanes to time t, in as many steps as the laws of most of them ask for; the others march alone."""
         start = self.times[-1]
         asked = np.ones(self.count)
         for a, b in zip(self._values(start), self._values(t), strict=True):
             asked = np.maximum(asked, np.ceil(np.abs(np.subtract(b, a)) / FURTHEST))  # NaN stays, and marches alone
         count = self._steps(asked[self.alive])
-        hasty = ~(asked <= count)
+        hasty = alone | ~(asked <= count)
         for k in range(1, count):
             self._step(start + (t - start) * k / count, hasty)
         self._step(t, hasty)
@@ -141,6 +164,8 @@ class Block:
         before, last = [None, *self.times][-2:]
         assert last is not None
         h = t - last
+        if before is not None and last - before < max(SHORT * h, LEAST):
+            before = None
         taylor = [0.0, 0.0, 0.0, 1.0, h, h * h / 2], [0.0, 0.0, 0.0, 0.0, 1.0, h]
         value, rate = taylor if before is None else weights(before, last, t)
         guess, rates = (_combined(factors, self.history) for factors in (value, rate))
@@ -234,7 +259,10 @@ class Block:
         def profile(constraint: int, order: int, s: float) -> float:
             return float(constraints[constraint].profile_values(s, unit, order)[order])
 
-        march = March(single, single.prepare(numbers), laws, profile, MOST_STEPS_ALONE)
+        def extrema(a: float, b: float) -> list[float]:
+            return sorted(set().union(*(c.extrema(a, b) for c in constraints if c.laws)))
+
+        march = March(single, single.prepare(numbers), laws, profile, extrema, MOST_STEPS_ALONE)
         march.signs = tuple(self.signs[:, lane].tolist())
         return march
 

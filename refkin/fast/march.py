@@ -3,7 +3,8 @@
 The rules are those of `refkin.solving.sweep`, and stricter. The prediction is the quintic through the last two poses.
 A step is taken only if Newton contracts at once, no block's determinant has changed its sign, no block is nearly
 singular, and the rates continue the prediction as the coordinates do: where two branches cross, the wrong one has a
-kink. Otherwise the step is shortened. How far off a prediction is says how long the next step may be: it grows with
+kink. Otherwise the step is shortened. No step goes over a time at which a law turns back (`extrema`): what the law
+reaches there is seen at neither end. How far off a prediction is says how long the next step may be: it grows with
 the sixth power.
 """
 
@@ -48,6 +49,10 @@ MOST_NEWTON = 8
 LONGER, SHORTER = 3.0, 0.25
 """The largest and smallest factors by which a step changes."""
 MOST_STEPS = 20_000
+SHORT = 1 / 64
+"""Steps this much shorter than the next say nothing of it that the rates do not: rounding is what they would add."""
+LEAST = 2.0**-500
+"""Nor do steps [s] that leave no digits to their squares."""
 
 
 class Pose(NamedTuple):
@@ -70,6 +75,8 @@ class March:
     ----------
     laws : callable
         t -> the laws' values in the order of `single.laws`.
+    extrema : callable
+        a, b -> the times between them at which a law turns back, in order.
     most_steps : int
         After so many steps, all calls of `to` together, no more are made.
     """
@@ -80,9 +87,10 @@ class March:
         u: Sequence[float],
         laws: Callable[[float], Sequence[float]],
         profile: Any,
+        extrema: Callable[[float, float], Sequence[float]],
         most_steps: int = MOST_STEPS,
     ) -> None:
-        self.single, self.u, self.laws, self.profile = single, u, laws, profile
+        self.single, self.u, self.laws, self.profile, self.extrema = single, u, laws, profile, extrema
         self.signs: tuple[float, ...] = ()
         self.values = [k for k, (_, _, order) in enumerate(single.laws) if order == 0]
         self.most_steps = most_steps
@@ -98,8 +106,13 @@ class March:
         return Pose(t, found.levels, f) if self._regular(found) else None
 
     def step(self, t: float, last: Pose, before: Pose | None, f: Sequence[float] | None = None) -> Pose | None:
-        """Return the pose at t if it is on the branch for certain, from the last pose and the one before it."""
+        """Return the pose at t if it is on the branch for certain, from the last pose and the one before it.
+
+        No law may turn back in between.
+        """
         self.steps += 1
+        if before is not None and last.t - before.t < max(SHORT * (t - last.t), LEAST):
+            before = None
         f = self.laws(t) if f is None else f
         if any(abs(f[k] - last.laws[k]) > FURTHEST for k in self.values):
             return None
@@ -120,8 +133,18 @@ class March:
     def to(self, t: float, last: Pose, before: Pose | None = None, h: float = math.inf) -> list[Pose] | None:
         """Return the poses of as many steps as it takes to t; None if the branch cannot be followed there.
 
-        `h` is the largest step.
+        It goes by way of the poses at which laws turn back. `h` is the largest step.
         """
+        found: list[Pose] = []
+        for end in (*self.extrema(last.t, t), t):
+            poses = self._to(end, last, before, h)
+            if poses is None:
+                return None
+            found += poses
+            last, before = found[-1], found[-2] if len(found) > 1 else last
+        return found
+
+    def _to(self, t: float, last: Pose, before: Pose | None, h: float) -> list[Pose] | None:
         found: list[Pose] = []
         most = h = min(h, t - last.t)
         smallest = 4 * EPS * max(abs(t), abs(last.t), abs(h))
@@ -130,7 +153,7 @@ class March:
             pose = self.step(t if ends else last.t + h, last, before)
             if pose is None:
                 h = min(h, t - last.t) / 4
-                if h < smallest:
+                if h <= smallest:
                     return None
                 continue
             found.append(pose)

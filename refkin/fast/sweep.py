@@ -1,7 +1,7 @@
 """One mechanism, many times: few poses one after another, all others at once.
 
 1. March (`march`): few poses, each predicted from the last two and corrected by Newton, by the branch-safe rules of the
-   reference. Steps grow until the prediction is off by about 3e-3.
+   reference. Steps grow until the prediction is off by about 3e-3, and end where a law turns back.
 2. Guess: for every time the quintic between the poses around it, which is right to about 1e-5.
 3. Newton, twice or more, on all times at once; then the answer: coordinates, velocities, accelerations.
 4. Check, lane by lane: Newton contracted, no determinant changed its sign, the pose lies on the quintic between the
@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from typing import Any
 
@@ -33,6 +34,8 @@ CONTINUOUS = 1e-2
 """How far a lane may lie from the quintic between the marched poses [sizes, rad]: a guess so far off converges."""
 QUARTERINGS = 4
 """How often the step between marched poses is quartered for the lanes between them."""
+MOST_EXTREMA = 2000
+"""Extrema of laws from the first time to the last beyond which it is left to the reference what to do about them."""
 NEAR = 8.0
 """How many times further than the estimate every other solution must be for the estimate to decide the branch."""
 
@@ -69,11 +72,12 @@ class _Task:
         self.laws = {k: p.constraint.inputs(self.t, self.system.unit, order) for k, p in placed if p.constraint.laws}
         single = self.made.march
         u = single.prepare([self.geometry[c][k] for c, k in single.geometry])
-        self.march = March(single, u, self._laws_at, self._profile)
+        self.extrema = self.system.mechanism.extrema(float(self.t[0]), float(self.t[-1]))
+        self.march = March(single, u, self._laws_at, self._profile, self._extrema)
         self.message = ""
 
     def motion(self) -> Motion | None:
-        start = self._start()
+        start = self._start() if len(self.extrema) < MOST_EXTREMA else None
         if start is None:
             return None
         poses = self._marched(start) if self.made.core else [start]
@@ -88,6 +92,10 @@ class _Task:
     def _laws_at(self, t: float) -> list[float]:
         given = {k: self.system.placed[k].constraint.inputs(t, self.system.unit, 2) for k in self.laws}
         return [float(given[c][law][order]) for c, law, order in self.made.march.laws]
+
+    def _extrema(self, a: float, b: float) -> list[float]:
+        """Return the times between a and b at which a law turns back."""
+        return self.extrema[bisect_right(self.extrema, a) : bisect_left(self.extrema, b)]
 
     def _laws_of(self, k: int) -> list[float]:
         """Return the laws' values at one of the scene's times."""
@@ -135,6 +143,13 @@ class _Task:
         while k < last:
             ahead = min(last, k + max(1, int(stride)))
             before = poses[-2] if len(poses) > 1 else None
+            if turning := self._extrema(poses[-1].t, self.scene.times[ahead]):
+                between = self.march.to(turning[0], poses[-1], before)
+                if between is None:
+                    return None
+                poses += between
+                k = bisect_right(self.scene.times, turning[0]) - 1
+                continue
             pose = self.march.step(self.scene.times[ahead], poses[-1], before, self._laws_of(ahead))
             if pose is not None:
                 poses.append(pose)
