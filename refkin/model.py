@@ -72,10 +72,6 @@ class Mechanism:
         """Joints, then drivers: the order of the rows."""
         return (*self.joints, *self.drivers)
 
-    def extrema(self, a: float, b: float) -> list[float]:
-        """Return the times between a and b at which what drives some row turns back, in order."""
-        return sorted(set().union(*(c.extrema(a, b) for c in self.constraints if c.laws)))
-
     def size(self) -> float:
         """Return the power of two nearest the largest distance of two joint points on one body, ground included [m].
 

@@ -32,6 +32,7 @@ from refkin.fast.turning import common_extrema, may_turn
 from refkin.model import Evidence
 from refkin.motion import Status
 from refkin.newton import CONTRACTION
+from refkin.proof.numbers.extrema import extrema_of
 from refkin.proof.numbers.inputs import half_ulp
 from refkin.system import compile_system
 
@@ -260,7 +261,7 @@ class Block:
             return float(constraints[constraint].profile_values(s, unit, order)[order])
 
         def extrema(a: float, b: float) -> list[float]:
-            return sorted(set().union(*(c.extrema(a, b) for c in constraints if c.laws)))
+            return extrema_of(constraints, a, b)
 
         march = March(single, single.prepare(numbers), laws, profile, extrema, MOST_STEPS_ALONE)
         march.signs = tuple(self.signs[:, lane].tolist())

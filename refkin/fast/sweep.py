@@ -25,6 +25,7 @@ from refkin.fast.prepare import Prepared, prepared
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.newton import CONTRACTION, contracts
+from refkin.proof.numbers.extrema import extrema_of
 from refkin.solving.solve import solve
 from refkin.solving.starts import find_start
 
@@ -72,7 +73,7 @@ class _Task:
         self.laws = {k: p.constraint.inputs(self.t, self.system.unit, order) for k, p in placed if p.constraint.laws}
         single = self.made.march
         u = single.prepare([self.geometry[c][k] for c, k in single.geometry])
-        self.extrema = self.system.mechanism.extrema(float(self.t[0]), float(self.t[-1]))
+        self.extrema = extrema_of(self.system.mechanism.constraints, float(self.t[0]), float(self.t[-1]))
         self.march = March(single, u, self._laws_at, self._profile, self._extrema)
         self.message = ""
 

@@ -14,7 +14,8 @@ import numpy as np
 
 from refkin.fast.given import rows_in
 from refkin.joints import Constraint, DistanceDriver
-from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, zeros
+from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid
+from refkin.proof.numbers.extrema import derivative, extrema, extrema_of, zeros
 
 
 def common_extrema(constraints: tuple[Constraint, ...], a: float, b: float) -> list[float]:
@@ -22,7 +23,7 @@ def common_extrema(constraints: tuple[Constraint, ...], a: float, b: float) -> l
     found: set[float] = set()
     for constraint in constraints:
         if constraint.laws and not _has_rows(constraint.laws):
-            found |= constraint.extrema(a, b)
+            found.update(extrema_of([constraint], a, b))
         else:
             found.update(t for law in constraint.laws for t in _common(law, a, b) or ())
     return sorted(found)
@@ -31,11 +32,11 @@ def common_extrema(constraints: tuple[Constraint, ...], a: float, b: float) -> l
 def _common(law: Law, a: float, b: float) -> list[float] | None:
     """Return the extrema of a law between a and b if they hold no rows, else None."""
     if isinstance(law, Polynomial) and not _has_rows(law.coefficients[1:]):
-        return zeros(law.derivative(), a, b) if len(law.coefficients) > 1 else []
+        return zeros(derivative(law), a, b) if len(law.coefficients) > 1 else []
     if isinstance(law, Sinusoid) and not _has_rows((law.angular_frequency, law.phase)):
-        return replace(law, amplitude=1.0, offset=0.0).extrema(a, b)
+        return extrema(replace(law, amplitude=1.0, offset=0.0), a, b)
     if isinstance(law, Integral) and not _has_rows(law.rate):
-        return law.extrema(a, b)
+        return extrema(law, a, b)
     return None
 
 
@@ -57,7 +58,7 @@ def _turns(law: Law, a: float, b: float) -> Any:
     if isinstance(law, Sinusoid):
         first, last = ((law.angular_frequency * t + law.phase) / np.pi - 0.5 for t in (a, b))
         return np.floor(first) != np.floor(last)
-    rate: Any = law.rate if isinstance(law, Integral) else law.derivative() if isinstance(law, Polynomial) else law
+    rate: Any = law.rate if isinstance(law, Integral) else derivative(law) if isinstance(law, Polynomial) else law
     return ~_keeps_its_sign(rate, a, b)
 
 

@@ -131,10 +131,6 @@ class Constraint:
         """Return the scaled value of the profile at the parameter s, and its derivatives up to `order`."""
         raise NotImplementedError
 
-    def extrema(self, a: float, b: float) -> set[float]:
-        """Return the times between a and b at which what the rows make of a law turns back: there its extrema."""
-        return {t for law in self.laws for t in law.extrema(a, b)}
-
     def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
         """Return per law the shift, and the factor: a scaled law is (f - shift) / factor."""
         return (0.0,) * len(self.laws), 1.0

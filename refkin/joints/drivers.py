@@ -15,7 +15,7 @@ from refkin.errors import Fault
 from refkin.joints.base import Blocks, Constraint, Rows, Unit, along, arms, drift, gap_rate
 from refkin.joints.elements import GROUND, Element, Pair, PointCoordinate, PointDistance, RelativeAngle
 from refkin.joints.planar import ends_of
-from refkin.motion_laws import AnyLaw, Integral, Law, zeros
+from refkin.motion_laws import AnyLaw, Integral, Law
 from refkin.vec import BodyValues, Vec
 
 
@@ -167,10 +167,6 @@ class DistanceDriver(Driver):
 
     def elements(self) -> Iterator[Element]:
         yield PointDistance(**ends_of(self), laws=self.laws)
-
-    def extrema(self, a: float, b: float) -> set[float]:
-        """Return the extrema of f^2, on which the row depends: those of f, and its zeros."""
-        return super().extrema(a, b).union(*(zeros(law, a, b) for law in self.laws))
 
     def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
         return (0.0,), unit.size

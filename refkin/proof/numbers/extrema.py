@@ -1,0 +1,173 @@
+"""Extrema and zeros of motion laws between two times: where what drives a row turns back.
+
+Between two neighbours in the extrema a law is monotone, so that its signs there say whether it has a zero in between;
+and the extrema are zeros of f', which is a law of the same kind, a polynomial of lower degree, or known in closed form.
+So nothing is sampled and none is left out; each is a float64 number, next to the true one.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from collections.abc import Callable, Iterable, Sequence
+from fractions import Fraction
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from refkin.joints import Constraint, DistanceDriver
+from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
+
+MOST = 100_000
+"""Extrema of a law that are listed; nobody steps through more."""
+
+
+def extrema_of(constraints: Iterable[Constraint], a: float, b: float) -> list[float]:
+    """Return the times between a and b at which what drives one of these constraints turns back, in order.
+
+    The row of a distance depends on f^2: that turns back where f does, and where f is zero.
+    """
+    found: set[float] = set()
+    for constraint in constraints:
+        for law in constraint.laws:
+            found.update(extrema(law, a, b))
+            if isinstance(constraint, DistanceDriver):
+                found.update(zeros(law, a, b))
+    return sorted(found)
+
+
+def extrema(law: Law, a: float, b: float) -> list[float]:
+    """Return where the rate of a law changes its sign between a and b, in order; `MOST` of them at most."""
+    if isinstance(law, Integral):
+        return zeros(law.rate, a, b)
+    if isinstance(law, Polynomial):
+        return zeros(derivative(law), a, b) if len(law.coefficients) > 2 else []
+    if isinstance(law, Sinusoid):
+        return _of_sine(law, a, b)
+    if isinstance(law, Table):
+        return _of_spline(law, a, b)
+    raise TypeError(f"the extrema of a {type(law).__name__} are not known")
+
+
+def zeros(law: Law, a: float, b: float) -> list[float]:
+    """Return where a law changes its sign, or is 0 at an extremum, between a and b, in order."""
+    value: Callable[[float], float] = law
+    if isinstance(law, Polynomial):
+        value = Signs(law)
+    if isinstance(law, Table):
+        value = _Spline.of(law).value
+    return sign_changes(value, [a, *extrema(law, a, b), b])
+
+
+def derivative(law: Polynomial) -> Polynomial:
+    """Return f'; its coefficients are rounded."""
+    return Polynomial(coefficients=tuple(k * c for k, c in enumerate(law.coefficients) if k))
+
+
+class Signs:
+    """The sign of a polynomial, exact: where rounding could decide on it, it is computed with rational numbers."""
+
+    def __init__(self, law: Polynomial) -> None:
+        self.coefficients = law.coefficients[::-1]
+
+    def __call__(self, t: float) -> float:
+        """Return 1.0, 0.0 or -1.0."""
+        value, size = 0.0, 0.0
+        for c in self.coefficients:
+            value, size = value * t + c, size * abs(t) + abs(c)
+        if abs(value) > len(self.coefficients) * 2.0**-51 * size and size < math.inf:
+            return math.copysign(1.0, value)
+        exact: Any = Fraction(0)
+        for c in self.coefficients:
+            exact = exact * Fraction(t) + Fraction(c)
+        return float((exact > 0) - (exact < 0))
+
+
+def _of_sine(law: Sinusoid, a: float, b: float) -> list[float]:
+    """Return the times at which the argument of the sine is pi/2 + k pi."""
+    w = law.angular_frequency
+    first, last = sorted((w * end + law.phase) / math.pi - 0.5 for end in (a, b))
+    if not w * law.amplitude or not math.isfinite(last - first) or math.floor(last) < math.ceil(first):
+        return []
+    numbers = math.floor(first) + np.arange(min(math.ceil(last) - math.floor(first) + 1, MOST))
+    return _inside(np.sort((math.pi * (numbers + 0.5) - law.phase) / w), a, b)
+
+
+def _of_spline(law: Table, a: float, b: float) -> list[float]:
+    spline, first = _Spline.of(law), law.argument[0]
+    places, length = spline.monotone, law.argument[-1] - first
+    if law.periodic:
+        before, after = (math.floor((end - first) / length) for end in (a, b))
+        turns = before + np.arange(min(after - before + 1, 1 + MOST // len(places)))
+        places = np.unique(places + length * turns[:, None])
+    return sign_changes(spline.rate, [a, *_inside(places, a, b), b])
+
+
+class _Spline:
+    """A cubic spline, number by number: a call of SciPy's costs ten times as much.
+
+    Attributes
+    ----------
+    monotone : (K,) array
+        The arguments between which f' is monotone: those of the table, and where f'' vanishes in a piece.
+    """
+
+    def __init__(self, law: Table) -> None:
+        self.law, self.argument = law, law.argument
+        self.pieces: list[list[float]] = law._spline.c.T.tolist()
+        argument, (c3, c2, _, _) = np.array(law.argument), law._spline.c
+        with np.errstate(all="ignore"):
+            vanishing = argument[:-1] - c2 / (3.0 * c3)
+        inner = (argument[:-1] < vanishing) & (vanishing < argument[1:])
+        self.monotone = np.sort(np.concatenate([argument, vanishing[inner]]))
+
+    @staticmethod
+    @lru_cache(maxsize=64)
+    def of(law: Table) -> _Spline:
+        """Return the spline of a table, made once."""
+        return _Spline(law)
+
+    def value(self, t: float) -> float:
+        """Return f(t)."""
+        s, (c3, c2, c1, c0) = self._piece(t)
+        return ((c3 * s + c2) * s + c1) * s + c0
+
+    def rate(self, t: float) -> float:
+        """Return f'(t)."""
+        s, (c3, c2, c1, _) = self._piece(t)
+        return (3.0 * c3 * s + 2.0 * c2) * s + c1
+
+    def _piece(self, t: float) -> tuple[float, list[float]]:
+        first, last = self.argument[0], self.argument[-1]
+        x = first + (t - first) % (last - first) if self.law.periodic else t
+        k = min(max(bisect_right(self.argument, x) - 1, 0), len(self.pieces) - 1)
+        return x - self.argument[k], self.pieces[k]
+
+
+def sign_changes(f: Callable[[float], float], places: Sequence[float]) -> list[float]:
+    """Return the zeros of a function between the first and the last of places between which it is monotone.
+
+    Each interval at whose ends the signs differ is halved until no float64 number is left in it.
+    """
+    signs = [float(np.sign(f(t))) for t in places]
+    found = [t for t, sign in zip(places[1:-1], signs[1:-1], strict=True) if sign == 0.0]
+    for lo, hi, sign, other in zip(places, places[1:], signs, signs[1:], strict=False):
+        if sign * other < 0.0:
+            found.append(_halved(f, lo, hi, sign))
+    return sorted(found)
+
+
+def _halved(f: Callable[[float], float], lo: float, hi: float, sign: float) -> float:
+    while lo < (middle := 0.5 * (lo + hi)) < hi and hi - lo > 2.0**-60 * max(abs(lo), abs(hi)):
+        value = f(middle) * sign
+        if value == 0.0:
+            return middle
+        lo, hi = (middle, hi) if value > 0.0 else (lo, middle)
+    return float(lo)
+
+
+def _inside(times: Any, a: float, b: float) -> list[float]:
+    """Return of times in order those between a and b."""
+    found: list[float] = times[(a < times) & (times < b)][:MOST].tolist()
+    return found

@@ -1,0 +1,55 @@
+"""Extrema and zeros of motion laws: complete, against a dense sampling and in cases that no sampling sees."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
+from refkin.proof.numbers.extrema import Signs, extrema, zeros
+
+TABLE = Table(argument=(0.0, 1.0, 2.5, 3.0, 4.5), value=(0.0, 0.4, 0.1, 1.0, 0.7))
+AROUND = Table(argument=(0.0, 1.0, 2.0, 3.0), value=(0.5, 0.9, -0.2, 0.5), periodic=True)
+WAVES = [
+    Polynomial(coefficients=(0.1, -0.7, 0.3, 0.9, -0.4)),
+    Sinusoid(amplitude=0.7, angular_frequency=-30.0, offset=0.2, phase=-0.4),
+    TABLE,
+    AROUND,
+    Integral(rate=Polynomial(coefficients=(0.3, -1.0, 0.5)), initial=-0.1),
+    Integral(rate=Sinusoid(amplitude=0.7, angular_frequency=30.0, offset=0.2, phase=-0.4), initial=0.01),
+    Integral(rate=TABLE, initial=0.0),
+    Integral(rate=AROUND, initial=-0.3),
+]
+
+
+@pytest.mark.parametrize("law", WAVES, ids=lambda law: f"{type(law).__name__} {getattr(law, 'rate', '')!s:.10}")
+@pytest.mark.parametrize("order", [0, 1])
+def test_zeros_and_extrema_are_where_a_dense_sampling_sees_a_change_of_sign(law, order):
+    times = np.linspace(0.01, 4.4, 200_001)
+    values = law(times, order)
+    seen = times[:-1][values[:-1] * values[1:] < 0.0]
+
+    told = extrema(law, times[0], times[-1]) if order else zeros(law, times[0], times[-1])
+
+    assert len(told) == len(seen)
+    assert np.all(np.abs(np.array(told) - seen) < 2 * (times[1] - times[0]))
+    at = np.array(told)
+    assert np.all(np.abs(law(at, order)) <= 4 * np.spacing(at) * np.abs(law(at, order + 1)) + 1e-15)
+
+
+def test_extrema_closer_than_any_sampling_are_all_there():
+    fast = Integral(rate=Sinusoid(amplitude=1.0, angular_frequency=2 * np.pi * 64, phase=0.3), initial=0.0)
+    narrow = Table(argument=(0.0, 0.4, 0.4001, 0.4002, 1.0), value=(0.0, 0.0, 1.0, 0.0, 0.0))
+    close = Polynomial(coefficients=(0.0, 0.25 - 1e-18, -0.5, 1 / 3))
+
+    assert len(extrema(fast, 0.0, 1.0)) == 128
+    assert any(abs(t - 0.4001) < 1e-5 for t in extrema(narrow, 0.0, 1.0))
+    assert len(extrema(close, 0.0, 1.0)) == 1  # the coefficients rounded: a double zero of f'
+    assert extrema(Polynomial(coefficients=(-0.25, 1.0, -1.0)), 0.0, 1.0) == [0.5]
+
+
+def test_the_sign_of_a_polynomial_is_exact_where_rounding_decides_on_its_value():
+    cubed = Polynomial(coefficients=(-1.0, 3.0, -3.0, 1.0))  # (t - 1)^3
+
+    assert [Signs(cubed)(1.0 + k * 2.0**-52) for k in (-2, -1, 0, 1, 2)] == [-1.0, -1.0, 0.0, 1.0, 1.0]
+    assert cubed(1.0 + 2.0**-40) == 0.0
