@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from crosscheck.engines import PHYSICAL, load
 from crosscheck.engines.exudyn.effects import EFFECTS as EXUDYN
+from crosscheck.engines.exudyn.engine import Exudyn
 from crosscheck.engines.exudyn.model import ExudynModel
 from crosscheck.engines.mujoco.effects import EFFECTS as MUJOCO
 from crosscheck.engines.mujoco.effects import affected as affected_plan
@@ -135,3 +138,18 @@ def test_effort_limits_alone_are_no_actuation():
 
     assert set(ForwardDynamics(PinocchioTree(tree), SCENE, "actuation").effort) == {EFFORT}
     assert set(ForwardDynamics(PinocchioTree(tree), SCENE, None).effort) == {0.0}
+
+
+@pytest.mark.parametrize("effect", [None, "gravity", "contact"])
+def test_exudyn_solves_with_the_effect_that_is_switched_on_and_no_other(effect, monkeypatch):
+    added = []
+    for name, switch in EXUDYN.items():
+
+        def add(*given, name=name, right=switch.add):
+            added.append(name)
+            return right(*given)
+
+        monkeypatch.setitem(EXUDYN, name, replace(switch, add=add))
+    Exudyn(effect).solve(SCENE)
+
+    assert set(added) == {effect} - {None}

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 from typing import Any
 
@@ -10,6 +11,7 @@ from flint import ctx
 
 from crosscheck.documents.ledger.digits import Printed, Written, correct_digits, printed_is
 from crosscheck.judge.comparison import compare, reference
+from crosscheck.measure.check import _largest_ratio
 from crosscheck.measure.check import check as check_scene
 from refkin.joints import GROUND, AngleDriver, Gear, Prismatic, RackAndPinion, Revolute
 from refkin.model import Body, Mechanism, Scene
@@ -17,7 +19,7 @@ from refkin.motion_laws import Polynomial
 from refkin.proof.pose.krawczyk import refine
 from refkin.scenes.linkages import FourBar, SliderCrank
 from refkin.system import compile_system
-from tests.claims import U
+from tests.claims import U, assert_near
 
 LAW = Polynomial(coefficients=(0.4, 1.3, -0.7))
 TIMES = (0.0, 0.6, 1.1)
@@ -110,3 +112,23 @@ def test_printed_digits_are_counted():
             assert printed_is(number, true) is kind, f"{text} for {truth} is {printed_is(number, true)}"
             found = correct_digits(number, true)
         assert found == digits, f"{text} for {truth}: {found} digits, not {digits}"
+
+
+def test_digits_are_those_of_the_error_by_the_largest_rate():
+    """An error of 1e-6 in a velocity whose largest component is v leaves -log10(1e-6 / v) digits."""
+    for scene in scenes():
+        ref = reference(scene)
+        for level, quantity in ((1, "velocity"), (2, "acceleration")):
+            numbers = [np.array(x) for x in ref.motion.levels]
+            largest = np.max(np.abs(ref.levels[level]), axis=0)
+            numbers[level] += 1e-6 * ref.system.to_physical(np.ones(len(ref.levels[level])), level)[:, None]
+            motion = replace(ref.motion, **dict(zip(("q", "qd", "qdd"), numbers, strict=True)))
+            found = compare(ref, motion).quantities[quantity].digits
+            assert_near(found, 6 + np.log10(largest), 1e-6, f"{scene.name}: {quantity}")
+            assert (np.abs(np.log10(largest)) > 0.1).any(), "of a rate of 1, where to divide is to multiply"
+
+
+def test_the_largest_ratio_is_reported():
+    assert _largest_ratio(np.array([0.1, 7.0, np.nan, 3.0])) == 7.0
+    assert _largest_ratio(np.array([np.inf, 1.0])) == sys.float_info.max
+    assert _largest_ratio(np.array([np.nan])) is None

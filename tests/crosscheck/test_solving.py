@@ -190,7 +190,7 @@ def test_only_what_is_called_for_is_answered():
     scene = ROCKER.scene(samples=3)
     bare = compile_system(scene.mechanism, frozenset())
     at = np.zeros(9)
-    with pytest.raises(NotCalledFor):
+    with pytest.raises(NotCalledFor, match="'velocity' was not"):
         bare.nu(at, 0.0)
     with pytest.raises(NotCalledFor):
         bare.gamma(at, at, 0.0)

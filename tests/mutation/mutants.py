@@ -7,12 +7,13 @@ on their own too; here they are called as functions, with each of their cases in
 from __future__ import annotations
 
 import importlib
+import inspect
 import signal
 import tomllib
 import warnings
 from contextlib import contextmanager
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 
@@ -103,7 +104,14 @@ def cases(name):
             names = mark.args[0].replace(" ", "").split(",") if isinstance(mark.args[0], str) else list(mark.args[0])
             arguments |= zip(names, (value,) if len(names) == 1 else value, strict=True)
         if only in ("", *arguments.values()):
-            yield lambda arguments=arguments: test(**arguments)
+            yield partial(_call, test, arguments)
+
+
+def _call(test, arguments):
+    """Call a test with its case, and with the one fixture that it may ask for."""
+    with pytest.MonkeyPatch.context() as monkeypatch:
+        more = {"monkeypatch": monkeypatch} if "monkeypatch" in inspect.signature(test).parameters else {}
+        test(**arguments, **more)
 
 
 @contextmanager

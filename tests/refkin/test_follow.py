@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -249,3 +250,22 @@ def test_a_path_of_a_linkage_far_from_its_origin_is_the_same():
 
     assert path.end is End.CLOSED
     assert [e.t for e in path.events] == pytest.approx([e.t for e in here.events], abs=1e-7)
+
+
+def test_tangents_point_along_the_path_all_around():
+    """On a closed path, also on its way back: each between the poses before and after it."""
+    path = refkin.follow(driven(LIMITED))
+    x = np.vstack([path.q, path.t])
+    moves = (x[:, 2:] - x[:, :-2]).T
+    tangents = [np.append(tangent.q, tangent.t) for tangent in path.tangents[1:-1]]
+
+    assert path.end is End.CLOSED
+    assert all(np.dot(move, tangent) > 0.0 for move, tangent in zip(moves, tangents, strict=True))
+
+
+def test_a_path_that_is_to_end_on_one_side_does_not_close_after_a_turn():
+    """A crank's angle that has one limit is a number, not a direction: it goes on until that or for ever."""
+    path = refkin.follow(driven(ROCKER), until=(0.0, math.inf), most_points=120)
+
+    assert path.end is not End.CLOSED
+    assert path.t[-1] > 0.5 + math.tau

@@ -193,3 +193,28 @@ def test_one_test_serves_many_runs():
     stop = RoundOff()
     first, second = (newton(*QUADRATIC, 5.0, stop=stop).iterations for _ in range(2))
     assert first == second, f"{first} iterations, then {second}"
+
+
+def test_a_stall_is_a_correction_that_is_not_nearly_halved():
+    """Near a multiple root corrections halve, which goes on; one of more than 0.6 of the one before ends the run."""
+    stop, at = RoundOff(), np.ones(1)
+    sizes = (1e-7, 0.5e-7, 0.25e-7, 0.14e-7, 0.1e-7)
+    assert [stop(np.zeros(1), np.array([size]), at) for size in sizes] == [False, False, False, False, True]
+
+
+def test_the_residual_is_that_of_the_worst_equation():
+    """x = 1, 3 y = -6 from (1, 1) with a slope that is 2 for 3: y goes to -3.5."""
+    slope = np.diag([1.0, 2.0])
+    result = newton(lambda x: np.array([x[0] - 1, 3 * x[1] + 6]), lambda x: slope, [1.0, 1.0], max_iterations=1)
+    assert result.residual == 4.5
+
+
+def test_where_one_equation_has_no_value_nothing_is_solved():
+    def phi(x):
+        return np.array([x[0], x[1] if x[1] > 0.5 else np.nan])
+
+    assert newton(phi, lambda x: np.eye(2), [1.0, 0.6], stop=CorrectionNorm(9.0)).status is NewtonStatus.NOT_FINITE
+
+
+def test_real_estimates_stay_real():
+    assert newton(*QUADRATIC, 5).q.dtype == float

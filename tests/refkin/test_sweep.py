@@ -10,6 +10,7 @@ import pytest
 
 import refkin
 import refkin.proof.path.branch
+import refkin.solving.solve
 from refkin import (
     AngleDriver,
     Body,
@@ -26,7 +27,8 @@ from refkin import (
 )
 from refkin.newton import NewtonResult, NewtonStatus
 from refkin.proof.path.blocks import diagonal_blocks
-from refkin.proof.path.branch import first_gap
+from refkin.proof.path.branch import Piece, _linked, first_gap
+from refkin.solving.solve import _first_gap
 from refkin.solving.sweep import Arrival, Sweep, pose_between
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
@@ -281,3 +283,63 @@ def test_a_sweep_that_gives_up_before_a_law_turns_back_does_not_step_over_it(mon
     monkeypatch.setattr("refkin.solving.sweep.MOST_STEPS", steps)
 
     assert refkin.solve(linkage.scene(law=law, times=(0.0, 0.6))).status == (Status.OK, Status.NOT_CONVERGED)
+
+
+def stepped(linkage, branches, times):
+    """A sweep that says it went from one pose of a branch to the next, with none of its steps in doubt."""
+    scene = linkage.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=tuple(times))
+    m = scene.mechanism
+    system = compile_system(m, unit=m.unit())
+    poses = [linkage.assemble(0.5 + t, branch) for branch, t in zip(branches, times, strict=True)]
+    q = [system.to_unit(np.concatenate([pose[b.name] for b in m.bodies])) for pose in poses]
+    return Sweep(system, list(times), q), scene
+
+
+@pytest.mark.parametrize(
+    ("certified", "doubtful", "gap"), [(True, [], 1), (False, [], None), (False, [1], 1), (False, [0], None)]
+)
+def test_a_step_to_the_other_branch_is_a_gap_if_it_is_asked_for(certified, doubtful, gap):
+    """Every step where all are to be proved, else those in doubt."""
+    sweep, scene = stepped(ROCKER, ("open", "open", "crossed"), (0.0, 0.1, 0.2))
+    sweep.doubtful[:] = doubtful
+
+    assert _first_gap(sweep, scene, certified) == gap
+
+
+@pytest.mark.parametrize(
+    ("branches", "times", "gap"),
+    [
+        (("open", "open", "open", "open"), (0.0, 1.0, 2.0, 3.0), 2),
+        (("crossed", "open", "open", "open"), (0.0, 1.0, 2.0, 3.0), 0),
+        (("open", "open", "crossed", "crossed"), (0.0, 1.0, 3.0), 2),
+    ],
+)
+def test_beside_a_crossing_only_steps_to_the_times_before_it_need_a_proof(branches, times, gap):
+    """A parallelogram steps over its flat pose between t = 2 and 3; steps that lead to no time before it are free."""
+    sweep, scene = stepped(PARALLELOGRAM, branches, (0.0, 1.0, 2.0, 3.0))
+    sweep.doubtful[:] = [2]
+
+    assert _first_gap(sweep, replace(scene, times=times), True) == gap
+
+
+def test_the_worse_of_two_bounds_widens_a_tube():
+    """Two poses that are known well are linked; with one of them known to half a radian nothing is proved."""
+    sweep, _ = stepped(ROCKER, ("open", "open"), (0.0, 0.02))
+    good, bad = np.full(9, 1e-14), np.full(9, 0.5)
+    pieces = [Piece(*sweep.t, *sweep.q, *radii, 0) for radii in ((good, good), (good, bad), (bad, good))]
+
+    assert _linked(sweep.system, pieces).tolist() == [True, False, False]
+
+
+def test_without_evidence_a_pose_whose_residual_is_more_than_round_off_is_not_taken_as_it_is(monkeypatch):
+    """Newton's root moved by 1e-10: what is reported is the root, or it is not ok."""
+    scene = replace(ROCKER.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=(0.0,)), evidence=frozenset())
+    root, right = refkin.solve(scene).q, refkin.solving.solve.find_start
+
+    def start(system, scene):
+        found = right(system, scene)
+        return replace(found, q=found.q + 1e-10)
+
+    monkeypatch.setattr(refkin.solving.solve, "find_start", start)
+    motion = refkin.solve(scene)
+    assert motion.verdict is not Status.OK or np.max(np.abs(motion.q - root)) < 1e-14

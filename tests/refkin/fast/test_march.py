@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from refkin import FourBar
-from refkin.fast.march import FAR, Pose, factor, predicted
+from refkin.fast.march import FAR, Pose, _largest, factor, predicted
 from refkin.fast.prepare import prepared
 from refkin.fast.quintic import at, coefficients, slope, weights
 
@@ -135,3 +135,8 @@ def test_a_march_ends_after_so_many_steps():
 
     assert work.march.to(100.0, start) is None
     assert work.march.steps == 3
+
+
+def test_a_move_is_that_of_the_coordinate_that_moves_most():
+    assert _largest((0.0, 1.0, 0.25), (0.0, -2.0, 0.5)) == 3.0
+    assert _largest((), ()) == 0.0

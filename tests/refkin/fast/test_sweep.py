@@ -274,6 +274,19 @@ def test_evidence_is_that_of_the_reference():
     assert np.all(np.max(np.abs(system.to_unit(motion.q) - system.to_unit(ref.q)), axis=0) <= radius)
 
 
+def test_a_singular_pose_among_regular_ones_is_not_answered_without_a_proof():
+    """A parallelogram, flat at the second of two times."""
+    linkage = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
+    scene = bare(linkage.scene(start=0.5, turns=0.01, samples=2))
+    system = system_of(scene)
+    poses = [np.concatenate([linkage.assemble(angle)[b.name] for b in scene.mechanism.bodies]) for angle in (0.5, 0.0)]
+    q = np.array([system.to_unit(pose) for pose in poses]).T
+    undecided = np.zeros(2)
+
+    assert answer._evidence(scene, system, None, [q[:, :1]], np.array(scene.times[:1]), undecided[:1]) is not None
+    assert answer._evidence(scene, system, None, [q], np.array(scene.times), undecided) is None
+
+
 def test_a_linkage_in_another_unit_gives_the_same_bits():
     here = bare(ROCKER.scene(samples=37))
     there = bare(FourBar(*(x * 2.0**30 for x in (4.0, 1.0, 3.5, 3.0))).scene(samples=37))
