@@ -42,23 +42,11 @@ from typing import TYPE_CHECKING, Any
 
 from refkin.analysis import acceleration, position, velocity
 from refkin.errors import Fault, InvalidRequest, InvalidScene, RefkinError
-from refkin.joints import (
-    AngleDriver,
-    Cam,
-    Disc,
-    Distance,
-    DistanceDriver,
-    Fixed,
-    Gear,
-    PointOnLine,
-    Polar,
-    Prismatic,
-    RackAndPinion,
-    Revolute,
-    Unit,
-    XDriver,
-    YDriver,
-)
+from refkin.joints.base import Unit
+from refkin.joints.cams import Cam, Disc, Polar
+from refkin.joints.drivers import AngleDriver, DistanceDriver, XDriver, YDriver
+from refkin.joints.planar import Distance, Fixed, PointOnLine, Prismatic, Revolute
+from refkin.joints.rolling import Gear, RackAndPinion
 from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene
 from refkin.motion import Motion, Seeding, Status
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
@@ -72,65 +60,19 @@ if TYPE_CHECKING:
     from refkin.solving.follow import follow
     from refkin.solving.solve import solve
 
+# fmt: off
 __all__ = [
-    "AngleDriver",
-    "Body",
-    "Cam",
-    "Disc",
-    "Distance",
-    "DistanceDriver",
-    "Effect",
-    "Evidence",
-    "Fault",
-    "Fixed",
-    "FourBar",
-    "Gear",
-    "Integral",
-    "InvalidRequest",
-    "InvalidScene",
-    "InvertedSliderCrank",
-    "Mechanism",
-    "Motion",
-    "NewtonResult",
-    "NewtonStatus",
-    "Point",
-    "PointOnLine",
-    "Polar",
-    "Polynomial",
-    "Prismatic",
-    "RackAndPinion",
-    "RefkinError",
-    "Revolute",
-    "Scene",
-    "Seeding",
-    "Sinusoid",
-    "SliderCrank",
-    "Status",
-    "System",
-    "Table",
-    "Unit",
-    "XDriver",
-    "YDriver",
-    "acceleration",
-    "compile_system",
-    "diagnose",
-    "follow",
-    "load",
-    "newton",
-    "position",
-    "solve",
-    "velocity",
+    "AngleDriver", "Body", "Cam", "Disc", "Distance", "DistanceDriver", "Effect", "Evidence", "Fault", "Fixed",
+    "FourBar", "Gear", "Integral", "InvalidRequest", "InvalidScene", "InvertedSliderCrank", "Mechanism", "Motion",
+    "NewtonResult", "NewtonStatus", "Point", "PointOnLine", "Polar", "Polynomial", "Prismatic", "RackAndPinion",
+    "RefkinError", "Revolute", "Scene", "Seeding", "Sinusoid", "SliderCrank", "Status", "System", "Table", "Unit",
+    "XDriver", "YDriver", "acceleration", "compile_system", "diagnose", "follow", "load", "newton", "position",
+    "solve", "velocity",
 ]
+# fmt: on
 
-ABOVE = {
-    "FourBar": "scenes.linkages",
-    "InvertedSliderCrank": "scenes.linkages",
-    "SliderCrank": "scenes.linkages",
-    "diagnose": "solving.diagnose",
-    "follow": "solving.follow",
-    "load": "scenes.files",
-    "solve": "solving.solve",
-}
+ABOVE = {"diagnose": "solving.diagnose", "follow": "solving.follow", "load": "scenes.files", "solve": "solving.solve"}
+ABOVE |= dict.fromkeys(("FourBar", "InvertedSliderCrank", "SliderCrank"), "scenes.linkages")
 """What stands above the reference, and where: imported when it is asked for, so that the reference runs alone."""
 
 

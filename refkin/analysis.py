@@ -16,37 +16,27 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import partial
 from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from refkin.differences import EPS
-from refkin.joints import Cam
+from refkin.joints import initial_contacts
 from refkin.model import Effect, Scene
 from refkin.motion import ContactMotion, Motion, Producer, Route, Seeding, Status, no_radius
-from refkin.newton import NewtonResult, contracts, is_round_off, newton
+from refkin.newton import TINY, NewtonResult, contracts, is_round_off, newton
 from refkin.points import point_motion
-from refkin.system import Placed, System, compile_system
+from refkin.system import System, compile_system
 
 SINGULAR = 8 * np.sqrt(EPS)
 """Smallest singular value of the scaled phi_q at or below which a pose is not isolated by first-order terms."""
 NEAR = 1 / 4
 """Largest correction of a prediction, in units of the move from the last pose: a larger one may lead elsewhere."""
-FURTHEST = 1.0
-"""Largest move in one step [sizes, rad]."""
-REACH = 1 / 4
-"""Largest distance from which a singular pose is approached in one step [sizes, rad]."""
-ROUTE = Route(
-    name="newton",
-    residual_by="refkin",
-    jacobian_by="refkin",
-    newton_by="refkin",
-    linear_solve_by="LAPACK",
-    drift_by="refkin",
-    seeding=Seeding.INITIAL_GUESS,
-)
+FURTHEST, REACH = 1.0, 1 / 4
+"""Largest move in one step, and largest distance from which a singular pose is approached in one [sizes, rad]."""
+OWN = {"residual_by": "refkin", "jacobian_by": "refkin", "newton_by": "refkin", "drift_by": "refkin"}
+ROUTE = Route(name="newton", linear_solve_by="LAPACK", seeding=Seeding.INITIAL_GUESS, **OWN)
 
 
 def position(system: System, q0: Any, t: float, **options: Any) -> NewtonResult:
@@ -105,59 +95,44 @@ def _solve(matrix: Any, right: Any) -> Any:
     return np.moveaxis(x, 0, -1) if matrix.ndim == 3 else x
 
 
-def sigma_min(system: System, q: Any, t: float) -> float:
-    """Return the n-th singular value of phi_q, which is 0 where a pose (n,) is not isolated to first order."""
-    return float(np.linalg.svd(system.phi_q(q, t), compute_uv=False)[system.n - 1])
-
-
-def closes(system: System, q: Any, t: float, allowed: float = 0.0) -> bool:
-    """Return whether the residual of a pose is round-off.
-
-    Parameters
-    ----------
-    system : System
-        In its mechanism's own unit.
-    q : (n,) array
-        The pose at time t [s].
-    allowed : float
-        A residual that is small enough in any case.
-    """
-    return bool(is_round_off(system.phi(q, t), q, allowed))
+def sigma_min(phi_q: Any) -> float:
+    """Return the n-th singular value of phi_q (m, n), which is 0 where a pose is not isolated to first order."""
+    return float(np.linalg.svd(phi_q, compute_uv=False)[phi_q.shape[1] - 1])
 
 
 def sweep(scene: Scene) -> Motion:
     """Return the motion of a scene: from its estimates to the first pose, then from one time to the next.
 
-    The status of a time is `ok` if the residual is round-off and sigma_min above `SINGULAR`; `singular` if it is not;
-    `not_converged` if Newton's method finds no pose there; `branch_lost` after a time that is not ok.
+    The status of a time is `ok` if the residual is round-off and sigma_min above `SINGULAR`; `singular` if sigma_min is
+    not; `not_converged` if Newton's method finds no pose; `branch_lost` at all times after one that is not ok.
     """
     system, t = compile_system(scene.mechanism, unit=scene.mechanism.unit()), np.array(scene.times)
     first = position(system, estimated(system, scene), scene.times[0])
     q = march(system, first.q, scene.times) if first.converged else np.full((system.n, len(t)), np.nan)
-    residual, sigma, condition = (np.full(len(t), np.nan) for _ in range(3))
     status = [Status.BRANCH_LOST if first.converged else Status.NOT_CONVERGED] * len(t)
+    residual, sigma, condition = (np.full(len(t), np.nan) for _ in range(3))
     for k in np.flatnonzero(np.isfinite(q[0])):
-        values = np.linalg.svd(system.phi_q(q[:, k], t[k]), compute_uv=False)
-        residual[k], sigma[k] = np.max(np.abs(system.phi(q[:, k], t[k]))), values[system.n - 1]
+        phi, values = system.phi(q[:, k], t[k]), np.linalg.svd(system.phi_q(q[:, k], t[k]), compute_uv=False)
+        residual[k], sigma[k] = np.max(np.abs(phi)), values[system.n - 1]
         condition[k] = values[0] / sigma[k] if sigma[k] else np.inf
         closed = Status.OK if sigma[k] > SINGULAR else Status.SINGULAR
-        status[k] = closed if closes(system, q[:, k], t[k]) else Status.NOT_CONVERGED
+        status[k] = closed if is_round_off(phi, q[:, k]) else Status.NOT_CONVERGED
     ok = np.array(status) == Status.OK
     qd, qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
     qd[:, ok] = velocity(system, q[:, ok], t[ok])
     qdd[:, ok] = acceleration(system, q[:, ok], qd[:, ok], t[ok])
-    return motion_of(
-        system,
-        scene,
-        (q, qd, qdd),
-        status=tuple(status),
-        residual=residual,
-        sigma_min=sigma,
-        condition=condition,
-        certified_radius=no_radius(len(t)),
-        producer=Producer(name="refkin.analysis", version=version("refkin"), route=ROUTE),
-        message="" if first.converged else f"no pose was found at t = {t[0]:g}: {first.status}",
-    )
+    evidence = {"residual": residual, "sigma_min": sigma, "condition": condition, "certified_radius": no_radius(len(t))}
+    producer = Producer(name="refkin.analysis", version=version("refkin"), route=ROUTE)
+    message = "" if first.converged else f"no pose was found at t = {t[0]:g}: {first.status}"
+    return motion_of(system, scene, (q, qd, qdd), status=tuple(status), producer=producer, message=message, **evidence)
+
+
+def estimated(system: System, scene: Scene) -> Any:
+    """Return the scene's estimates in the system's coordinates (n,), 0 where there is none; contacts: where likely."""
+    q = np.zeros(system.n)
+    for body in scene.mechanism.bodies:
+        q[system.columns(body.name)] = body.estimate or (0.0, 0.0, 0.0)
+    return initial_contacts(system, system.to_unit(q), scene.times[0])
 
 
 def march(system: System, q: Any, times: Sequence[float]) -> Any:
@@ -175,8 +150,8 @@ def march(system: System, q: Any, times: Sequence[float]) -> Any:
     poses = np.full((system.n, len(times)), np.nan)
     poses[:, 0] = q
     for k in range(1, len(times)):
-        poses[:, k], regular = _next(system, poses[:, k - 1], times[k - 1], times[k])
-        if not regular:
+        poses[:, k], goes_on = _next(system, poses[:, k - 1], times[k - 1], times[k])
+        if not goes_on:
             break
     return poses
 
@@ -188,8 +163,7 @@ def _next(system: System, q: Any, t: float, target: float) -> tuple[Any, bool]:
     """
     h = target - t
     while t < target:
-        last = t + h >= target
-        to = target if last else t + h
+        to = target if t + h >= target else t + h
         result = position(system, q + (to - t) * velocity(system, q, t), to)
         if _stays(system, q, t, result, to):
             q, t, h = result.q, to, 2 * h
@@ -198,52 +172,21 @@ def _next(system: System, q: Any, t: float, target: float) -> tuple[Any, bool]:
         else:
             break
     else:
-        return q, sigma_min(system, q, target) > SINGULAR
+        return q, bool(sigma_min(system.phi_q(q, target)) > SINGULAR)
     result = position(system, q, target, max_iterations=60)  # to a singular pose Newton's method comes slowly
     near = result.converged and np.max(np.abs(result.q - q)) <= REACH
-    return (result.q if near and sigma_min(system, result.q, target) <= SINGULAR else np.nan), False
+    return (result.q if near and sigma_min(system.phi_q(result.q, target)) <= SINGULAR else np.nan), False
 
 
 def _stays(system: System, q: Any, t: float, result: NewtonResult, to: float) -> bool:
     """Return whether Newton's method, from a prediction, went to the branch of the last pose."""
     sizes, move = np.max(np.abs(result.corrections), axis=1), np.max(np.abs(result.q - q))
-    if not (result.converged and contracts(sizes) and sizes[0] <= max(NEAR * move, 1e-6) and move <= FURTHEST):
+    if not (result.converged and contracts(sizes) and sizes[0] <= max(NEAR * move, TINY) and move <= FURTHEST):
         return False
-    if system.m > system.n:
-        return bool(sigma_min(system, result.q, to) > SINGULAR)
-    before, after = (np.linalg.slogdet(system.phi_q(*pose))[0] for pose in ((q, t), (result.q, to)))
-    return bool(before == after)
-
-
-def estimated(system: System, scene: Scene) -> Any:
-    """Return the scene's estimates in the system's coordinates (n,), 0 where there is none; contacts: where likely."""
-    q = np.zeros(system.n)
-    for body in scene.mechanism.bodies:
-        q[system.columns(body.name)] = body.estimate or (0.0, 0.0, 0.0)
-    return initial_contacts(system, system.to_unit(q), scene.times[0])
-
-
-def initial_contacts(system: System, q: Any, t: float) -> Any:
-    """Return coordinates with each contact parameter set to its estimate, or to where the joint misses least.
-
-    Parameters
-    ----------
-    system : System
-    q : (n,) array
-        The bodies' coordinates at time t [s]; contact parameters are not looked at.
-    """
-    q = np.array(q, float)
-    for p in system.placed:
-        if isinstance(p.constraint, Cam) and p.constraint.parameters:
-            q[p.starts[2]] = p.constraint.initial_contact(partial(_misses, system, p, q, t))
-    return q
-
-
-def _misses(system: System, p: Placed, q: Any, t: float, s: Any) -> Any:
-    """Return the rows of one joint (rows, B) at one pose (n,) with contact parameters (B,)."""
-    poses = np.repeat(q[:, None], len(s), axis=1)
-    poses[p.starts[2]] = s
-    return system.phi(poses, t)[p.row : p.row + p.constraint.rows]
+    before, after = system.phi_q(q, t), system.phi_q(result.q, to)
+    if system.m > system.n:  # there is no determinant whose sign could tell
+        return bool(sigma_min(after) > SINGULAR)
+    return bool(np.linalg.slogdet(before)[0] == np.linalg.slogdet(after)[0])
 
 
 def motion_of(system: System, scene: Scene, levels: Sequence[Any], **evidence: Any) -> Motion:

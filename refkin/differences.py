@@ -1,4 +1,4 @@
-"""Jacobians by differences: forward, central, complex step, each with its step rule and its own error bound.
+"""Jacobians by differences: forward, central, complex step.
 
 =============== ============================ ============================================== ================
 scheme          formula                      step h                                         error, about
@@ -8,8 +8,8 @@ central         (f(x+h) - f(x-h)) / 2h       cbrt(u) max(1, abs(x))             
 complex step    Im f(x + ih) / h             1e-100: no difference, so no cancellation      u f'
 =============== ============================ ============================================== ================
 
-with u = 2^-52 and e the error of one evaluation. (Numerical Recipes section 5.7; Squire and Trapp, SIAM Review 40,
-1998.)
+with u = 2^-52 and e the error of one evaluation (Numerical Recipes, section 5.7; Squire and Trapp, SIAM Review 40,
+1998).
 """
 
 from __future__ import annotations
@@ -41,12 +41,16 @@ def step(scheme: Scheme, x: Any) -> Any:
 
 
 def jacobian(f: Callable[[Any], Any], x: Any, scheme: Scheme = Scheme.COMPLEX_STEP, h: Any = None) -> Any:
-    """Return df/dx, (m, n), of a function from (n,) to (m,).
+    """Return df/dx, (m, n).
 
     Parameters
     ----------
     f : callable
-        For the complex step it must accept complex arrays and be analytic: no abs, no comparison.
+        From (n,) to (m,). For the complex step it must be analytic: no abs, no comparison.
+    x : (n,) array
+        Where.
+    scheme : Scheme
+        How.
     h : float or (n,) array, optional
         The step; by default that of `step`.
     """
@@ -65,22 +69,3 @@ def jacobian(f: Callable[[Any], Any], x: Any, scheme: Scheme = Scheme.COMPLEX_ST
         else:
             columns.append((f(x + moved) - middle) / size)
     return np.stack(columns, axis=-1)
-
-
-def error_bound(scheme: Scheme, h: Any, second: Any, third: Any, evaluation: Any, slope: Any) -> Any:
-    """Return the bound of the table above.
-
-    Parameters
-    ----------
-    h : array
-        Steps.
-    second, third, slope : array
-        Bounds of |f''|, |f'''| and |f'| between the points that are evaluated.
-    evaluation : array
-        Bound of the error of one evaluation of f.
-    """
-    if scheme is Scheme.FORWARD:
-        return h * second / 2 + 2 * evaluation / h
-    if scheme is Scheme.CENTRAL:
-        return h**2 * third / 6 + evaluation / h
-    return 8 * EPS * slope

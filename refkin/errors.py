@@ -1,10 +1,11 @@
-"""What refkin raises. Each error carries the data that reproduce it.
+"""What refkin raises, each error with the data that reproduce it.
 
 Numbers that failed are data (a status in a result); requests that make no sense are these exceptions.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 LONGEST = 200
@@ -22,16 +23,9 @@ def printable(text: str) -> str:
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong with a scene.
+    """One thing that is wrong with a scene: where (as in the file, `joint[2].body_i`), what stands there, what should.
 
-    Attributes
-    ----------
-    path : str
-        Where it is, as in the scene file: `joint[2].body_i`.
-    value : object
-        What stands there; None where something is missing.
-    expected : str
-        What was expected, in words.
+    `value` is None where something is missing; `expected` is in words.
     """
 
     path: str
@@ -41,16 +35,14 @@ class Fault:
     def __str__(self) -> str:
         text = repr(self.value)
         short = text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
-        got = "" if self.value is None else f", got {short}"
-        return printable(f"{self.path}: expected {self.expected}{got}")
+        return printable(f"{self.path}: expected {self.expected}{'' if self.value is None else f', got {short}'}")
 
 
 class InvalidScene(RefkinError):
     """A scene or mechanism that makes no sense; `faults` lists everything that is wrong, not just the first."""
 
-    def __init__(self, faults: list[Fault] | tuple[Fault, ...], source: str = "scene") -> None:
-        self.faults = tuple(faults)
-        self.source = source
+    def __init__(self, faults: Sequence[Fault], source: str = "scene") -> None:
+        self.faults, self.source = tuple(faults), source
         super().__init__("\n".join(f"{source}: {fault}" for fault in self.faults))
 
 

@@ -35,11 +35,7 @@ class Seeding(StrEnum):
 
 @dataclass(frozen=True, kw_only=True)
 class Route:
-    """Who did what on the way to an answer; stands in every table.
-
-    `name` identifies the route; the other fields name the one who supplied the residual and Jacobian, ran Newton,
-    solved the linear systems, and supplied the drift term of the acceleration.
-    """
+    """Who did what on the way to an answer, and who supplied the drift term of the acceleration; in every table."""
 
     name: str
     residual_by: str
@@ -115,16 +111,11 @@ class Motion:
         The bodies whose coordinates (x [m], y [m], phi [rad], three rows each) `q` holds, in this order.
     q, qd, qdd : (n, T) array
         Coordinates and rates; `qd`, `qdd` are None if not called for. NaN means "no answer" and never has status ok.
-    status : tuple of Status
-        One per time.
-    residual : (T,) array
-        Largest component of the scaled residual.
-    sigma_min, condition : (T,) array
-        Smallest singular value and condition number of the scaled phi_q; NaN if not called for.
-    certified_radius : CertifiedRadius
-        NaN where there is no proof.
-    contacts : mapping
-        By name of the joint, where cams are touched; from refkin alone.
+    residual, sigma_min, condition : (T,) array
+        Largest component of the scaled residual; smallest singular value and condition number of the scaled phi_q, NaN
+        if not called for.
+    points, contacts : mapping
+        By their names the points that the scene wants, and by those of joints where cams are touched.
     """
 
     t: Array
@@ -143,13 +134,7 @@ class Motion:
     message: str = ""
 
     def __getitem__(self, body: str) -> BodyMotion:
-        """Return the motion of one body.
-
-        Raises
-        ------
-        UnknownName
-            If the body is not among those that were wanted.
-        """
+        """Return the motion of one body; raise UnknownName if it is not among those that were wanted."""
         if body not in self.bodies:
             raise UnknownName("body", body, self.bodies)
         k = 3 * self.bodies.index(body)
@@ -171,23 +156,24 @@ def nowhere(times: int) -> Array:
     return np.full(times, np.nan)
 
 
+def engine_motion(
+    t: Any, bodies: tuple[str, ...], q: Any, qd: Any, qdd: Any, status: Any, producer: Producer, **more: Any
+) -> Motion:
+    """Return a motion without evidence of its own, as engines deliver it.
+
+    Parameters
+    ----------
+    t, bodies, q, qd, qdd, status, producer
+        As in `Motion`.
+    **more
+        Its other attributes, as far as there are any.
+    """
+    n = len(status)
+    blank = {"residual": nowhere(n), "sigma_min": nowhere(n), "condition": nowhere(n), "certified_radius": no_radius(n)}
+    known = {"t": np.asarray(t, float), "bodies": bodies, "q": q, "qd": qd, "qdd": qdd, "status": status}
+    return Motion(**{**blank, **known, "producer": producer, **more})
+
+
 def no_radius(times: int) -> CertifiedRadius:
     """Return bounds of which none is proved."""
     return CertifiedRadius(position=nowhere(times), velocity=nowhere(times), acceleration=nowhere(times))
-
-
-def engine_motion(
-    t: Any,
-    bodies: tuple[str, ...],
-    q: Any,
-    qd: Any,
-    qdd: Any,
-    status: tuple[Status, ...],
-    producer: Producer,
-    **more: Any,
-) -> Motion:
-    """Return a motion without evidence of its own: what an engine's adapter delivers."""
-    count = len(status)
-    blank = {"residual": nowhere(count), "sigma_min": nowhere(count), "condition": nowhere(count)}
-    rest = {**blank, "certified_radius": no_radius(count), **more}
-    return Motion(t=np.asarray(t, float), bodies=bodies, q=q, qd=qd, qdd=qdd, status=status, producer=producer, **rest)

@@ -2,8 +2,6 @@
 
 It knows nothing of mechanisms: `phi` maps (n,) to (m,), m >= n, `phi_q` to (m, n); scalars are accepted too. More
 rows than unknowns are solved by least squares (redundant rows change nothing where they are consistent).
-
-The stopping tests are those of the source documents, and `RoundOff`, which goes on until arithmetic allows no more.
 """
 
 from __future__ import annotations
@@ -11,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
@@ -30,23 +28,18 @@ def is_round_off(residual: Any, q: Any, allowed: float = 0.0) -> Any:
     Parameters
     ----------
     residual, q : (m,) and (n,) array, or (m, B) and (n, B)
-        phi(q) and q, both of the order of 1 or larger.
+        phi(q) and q, scaled.
     allowed : float
-        A residual that is taken for round-off in any case.
+        A residual that is small enough in any case.
     """
     size = np.maximum(1.0, np.max(np.abs(q), axis=0))
     return np.max(np.abs(residual), axis=0) <= np.maximum(allowed, 32 * EPS * size)
 
 
 def contracts(sizes: Sequence[float], tiny: float = TINY) -> bool:
-    """Return whether Newton's second correction is small against its first: then no other root is near.
+    """Return whether Newton's second correction is small against its first (`sizes`): then no other root is near.
 
-    Parameters
-    ----------
-    sizes : sequence of float
-        The largest component of each correction so far.
-    tiny : float
-        A first correction below this is not looked at.
+    A first correction below `tiny` is not looked at.
     """
     return len(sizes) < 2 or bool(sizes[1] <= CONTRACTION * sizes[0] or sizes[0] < tiny)
 
@@ -60,15 +53,13 @@ class NewtonStatus(StrEnum):
     NOT_FINITE = "the iterates left the domain of the equations"
 
 
-class StoppingTest(Protocol):
-    """Says whether to stop, from phi(q_k), the correction dq_k and q_k + dq_k."""
-
-    def __call__(self, residual: Any, correction: Any, q: Any) -> bool: ...
+StoppingTest = Callable[[Any, Any, Any], bool]
+"""Says whether to stop, from phi(q_k), the correction dq_k and q_k + dq_k."""
 
 
 @dataclass(frozen=True)
 class CorrectionNorm:
-    """Stop when |dq| < limit, Euclidean norm (ME451 slides)."""
+    """Stop when |dq| < limit, Euclidean norm."""
 
     limit: float = 1e-8
 
@@ -76,47 +67,11 @@ class CorrectionNorm:
         return bool(np.linalg.norm(correction) < self.limit)
 
 
-@dataclass(frozen=True)
-class ResidualOrCorrection:
-    """Stop when |phi| < residual_limit or |dq| < correction_limit (METU 3.9; printed there without absolute values)."""
-
-    residual_limit: float = 1e-8
-    correction_limit: float = 1e-8
-
-    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
-        small_residual = np.linalg.norm(residual) < self.residual_limit
-        return bool(small_residual or np.linalg.norm(correction) < self.correction_limit)
-
-
-@dataclass(frozen=True)
-class BothLargest:
-    """Stop when the largest components of phi and of dq are both below their limits (ME581 notes)."""
-
-    residual_limit: float = 1e-8
-    correction_limit: float = 1e-8
-
-    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
-        small_residual = np.max(np.abs(residual)) < self.residual_limit
-        return bool(small_residual and np.max(np.abs(correction)) < self.correction_limit)
-
-
-@dataclass(frozen=True)
-class ScaledNorms:
-    """Stop when |dq| / n or |phi| / m is below the limit, n and m the numbers of components (notes on Shabana)."""
-
-    limit: float = 1e-8
-
-    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
-        scaled = (np.linalg.norm(v) / np.size(v) for v in (correction, residual))
-        return bool(min(scaled) < self.limit)
-
-
 @dataclass
 class RoundOff:
     """Stop when the correction is below the spacing of the numbers, or stalls with the residual at round-off.
 
-    Near a multiple root the correction halves down to sqrt(u) and then only jitters: hence the second rule, which lets
-    a factor 1/2 pass.
+    Near a multiple root it halves down to sqrt(u) and then only jitters: the second rule lets a factor 1/2 pass.
     """
 
     previous: float = field(default=np.inf, repr=False)
@@ -133,16 +88,8 @@ class RoundOff:
 class NewtonResult:
     """What an iteration did, all of it.
 
-    Attributes
-    ----------
-    q : (n,) array
-        The last iterate.
-    iterates : (k + 1, n) array
-        q_0 ... q_k.
-    residuals : (k + 1, m) array
-        phi at each iterate, the last one included.
-    corrections : (k, n) array
-        dq_0 ... dq_(k-1).
+    `q` (n,) is the last of `iterates` (k + 1, n); `residuals` (k + 1, m) are phi at each of these, `corrections` (k, n)
+    lead from each to the next. `residual` is the largest component of phi at `q`.
     """
 
     status: NewtonStatus
@@ -153,17 +100,14 @@ class NewtonResult:
 
     @property
     def converged(self) -> bool:
-        """Whether the stopping test was met at a finite iterate."""
         return self.status is NewtonStatus.CONVERGED
 
     @property
     def iterations(self) -> int:
-        """How many corrections were made."""
         return len(self.corrections)
 
     @property
     def residual(self) -> float:
-        """Largest component of phi at `q`."""
         return float(np.max(np.abs(self.residuals[-1])))
 
 
@@ -177,7 +121,7 @@ def newton(
     jacobian_every: int = 1,
     damped: bool = False,
 ) -> NewtonResult:
-    """Solve phi(q) = 0 from q0.
+    """Solve phi(q) = 0 from q0. Numbers that fail are a status in the result.
 
     Parameters
     ----------
@@ -186,18 +130,13 @@ def newton(
     q0 : float or (n,) array
         The estimate; if it is complex, so are the iterates, and the residual may be.
     stop : StoppingTest, optional
-        `RoundOff()` by default.
+        `RoundOff()` by default, which goes on until arithmetic allows no more.
     max_iterations : int
         The cap on corrections; reaching it is the status ITERATION_LIMIT.
     jacobian_every : int
         1 is full Newton, k renews the Jacobian every k corrections, 0 keeps the first (chord method).
     damped : bool
         Halve a correction until the residual decreases (for starts far from a root).
-
-    Returns
-    -------
-    NewtonResult
-        Never raises for numbers that fail: the status says how it ended.
 
     Raises
     ------
@@ -206,14 +145,12 @@ def newton(
     """
     stop = RoundOff() if stop is None else stop
     q = _row(q0)
-    iterates, corrections = [q], []
     if not np.isfinite(q).all():
-        nowhere = np.full((1, q.size), np.nan)
-        return NewtonResult(NewtonStatus.NOT_FINITE, q, q[None], nowhere, np.empty((0, q.size)))
+        return NewtonResult(NewtonStatus.NOT_FINITE, q, q[None], q[None] * np.nan, np.empty((0, q.size)))
+    iterates, corrections, slope = [q], [], None
     with np.errstate(all="ignore"):  # leaving the domain is a status, not a warning
         residuals = [_vector(phi(q))]
         status = NewtonStatus.ITERATION_LIMIT
-        slope = None
         for k in range(max_iterations):
             if slope is None or (jacobian_every and k % jacobian_every == 0):
                 slope = _matrix(phi_q(q), residuals[-1].size, q.size)
@@ -223,8 +160,7 @@ def newton(
             try:
                 correction = solve_linear(slope, -residuals[-1])
             except np.linalg.LinAlgError:
-                at_root = not residuals[-1].any()
-                status = NewtonStatus.CONVERGED if at_root else NewtonStatus.SINGULAR
+                status = NewtonStatus.CONVERGED if not residuals[-1].any() else NewtonStatus.SINGULAR
                 break
             if not np.isfinite(q + correction).all():
                 status = NewtonStatus.NOT_FINITE

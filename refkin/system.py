@@ -26,10 +26,7 @@ PROFILE_ORDER = 3
 
 @dataclass(frozen=True)
 class Placed:
-    """A constraint with its scaled geometry `g`, its first row, and where in q its bodies and its parameters start.
-
-    A start is None for the ground, which has no coordinates.
-    """
+    """A constraint, its scaled geometry, its first row, where in q its bodies (ground: None) and parameters start."""
 
     constraint: Constraint
     g: tuple[float, ...]
@@ -39,13 +36,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class System:
-    """The equations of a mechanism in a unit of length; see `compile_system`.
-
-    Attributes
-    ----------
-    n, m : int
-        Number of coordinates and of constraint rows; m >= n.
-    """
+    """The equations of a mechanism in a unit of length: n coordinates, m >= n rows; see `compile_system`."""
 
     mechanism: Mechanism
     effects: frozenset[Effect]
@@ -61,7 +52,7 @@ class System:
         return slice(start, start + 3)
 
     def parameter(self, joint: str) -> slice:
-        """Return where the parameters of a joint sit in q; an empty slice if it has none."""
+        """Return where the parameter of a joint sits in q; an empty slice if it has none."""
         p = next(p for p in self.placed if p.constraint.name == joint)
         return slice(p.starts[2], p.starts[2] + 1) if p.constraint.parameters else slice(0, 0)  # type: ignore[operator]
 
@@ -74,15 +65,6 @@ class System:
     def angles(self) -> Any:
         """Which coordinates are angles, (n,) of bool: phi of each body, and all parameters; the others are lengths."""
         return (np.arange(self.n) % 3 == 2) | (np.arange(self.n) >= self.of_bodies)
-
-    @property
-    def row_names(self) -> tuple[str, ...]:
-        """The name of each row: its constraint's, with a number where a constraint has several rows."""
-        return tuple(
-            p.constraint.name if p.constraint.rows == 1 else f"{p.constraint.name}[{k}]"
-            for p in self.placed
-            for k in range(p.constraint.rows)
-        )
 
     def phi(self, q: Any, t: Any) -> Any:
         """Return the constraint residual, (m,) or (m, B)."""
@@ -120,10 +102,7 @@ class System:
         return _stack(rows, self.m, q + qd, t)
 
     def to_unit(self, q: Any, order: int = 0) -> Any:
-        """Return physical coordinates (order 0) or their rates (order 1, 2), in m and rad, as those of this system.
-
-        The coordinates may be all n, or those of the bodies alone; the same holds for `to_physical`.
-        """
+        """Return coordinates (order 0) or rates (1, 2) in m and rad as those of this system: all n, or the bodies'."""
         out = np.array(q, copy=True)
         for k, shift in enumerate(self.unit.origin):
             at = slice(k, self.of_bodies, 3)
@@ -131,7 +110,7 @@ class System:
         return out
 
     def to_physical(self, q: Any, order: int = 0) -> Any:
-        """Return this system's coordinates (order 0) or their rates (order 1, 2) in m and rad."""
+        """Return coordinates (order 0) or rates (1, 2) of this system in m and rad: all n, or the bodies'."""
         out = np.array(q, np.result_type(np.asarray(q), float))
         for k, shift in enumerate(self.unit.origin):
             axis = out[k : self.of_bodies : 3]

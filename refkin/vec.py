@@ -16,7 +16,7 @@ Scalar = Any
 
 
 class Vec:
-    """A vector of the plane with components of any arithmetic."""
+    """A vector of the plane."""
 
     __slots__ = ("x", "y")
 
@@ -34,7 +34,6 @@ class Vec:
         return Vec(self.x * factor, self.y * factor)
 
     def dot(self, other: Vec) -> Scalar:
-        """Return the scalar product."""
         return self.x * other.x + self.y * other.y
 
     def perp(self) -> Vec:
@@ -43,7 +42,7 @@ class Vec:
 
 
 class BodyValues:
-    """Position and rates of one body: `r` [m], `phi` [rad], cos and sin of it, `v` [m/s], `omega` [rad/s]."""
+    """One body: `r` [m], `phi` [rad], cos and sin of it (`c`, `s`); moving also `v` [m/s], `omega` [rad/s]."""
 
     __slots__ = ("c", "omega", "phi", "r", "s", "v")
     v: Vec
@@ -66,7 +65,7 @@ class BodyValues:
 
 
 class ParameterValue:
-    """An angle that is a coordinate but no body's: `value` [rad], cos and sin of it, `rate` [rad/s]."""
+    """An angle that is a coordinate but no body's: `value` [rad], cos and sin; moving also `rate` [rad/s]."""
 
     __slots__ = ("c", "rate", "s", "value")
     rate: Scalar
@@ -76,7 +75,6 @@ class ParameterValue:
         self.c, self.s = cosine_and_sine(value)
 
     def moving(self, rate: Scalar) -> ParameterValue:
-        """Give the parameter its rate and return it."""
         self.rate = rate
         return self
 

@@ -1,8 +1,10 @@
-"""What tests share: how near two arrays are to be."""
+"""What tests share: how near two arrays are to be, and how far difference quotients may be off."""
 
 from __future__ import annotations
 
 import numpy as np
+
+from refkin.differences import EPS, Scheme
 
 U = 2.0**-53
 """Unit round-off of binary64."""
@@ -14,3 +16,12 @@ def assert_near(found, expected, allowed, told):
     assert found.shape == expected.shape, f"{told}: shape {found.shape}, expected {expected.shape}"
     away = np.abs(found - expected)
     assert (away <= allowed).all(), f"{told}: {found} is not {expected}, off by {np.max(away, initial=0.0):.3g}"
+
+
+def error_bound(scheme, h, second, third, evaluation, slope):
+    """The bounds of `refkin.differences` for steps h, from bounds of the second and third derivative and the slope."""
+    if scheme is Scheme.FORWARD:
+        return h * second / 2 + 2 * evaluation / h
+    if scheme is Scheme.CENTRAL:
+        return h**2 * third / 6 + evaluation / h
+    return 8 * EPS * slope

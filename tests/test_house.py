@@ -52,7 +52,8 @@ def test_in_refkin_no_files_import_each_other_in_a_circle():
     assert circles({name: {other for other in others if other in inner} for name, others in inner.items()}) == []
 
 
-CAMS = {"contact.py", "touching.py"}
+LATER = {"cams.py", "contact_kinematics.py", "elements.py"}
+"""Cams are the one chapter of the joints that may be left for another day; elements serve who solves no formula."""
 
 
 def lines(paths):
@@ -61,9 +62,9 @@ def lines(paths):
 
 @pytest.mark.xfail(reason="not yet")
 def test_the_reference_is_read_in_one_sitting():
-    """Its spine is all but the joints; of these cams are the one chapter that may be left for another day."""
+    """Its spine is all but the joints."""
     spine = [path for path in sources("refkin") if path.parent == ROOT / "refkin"]
-    joints = [path for path in sources("refkin/joints") if path.name not in CAMS]
+    joints = [path for path in sources("refkin/joints") if path.name not in LATER]
 
     assert lines(spine) <= 1200
     assert lines(spine) + lines(joints) <= 2000

@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import initial_contacts
 from refkin.differences import EPS
 from refkin.errors import Fault, InvalidScene
 from refkin.fast.certify import FamilyProof
@@ -29,6 +28,7 @@ from refkin.fast.march import (
 from refkin.fast.quintic import weights
 from refkin.fast.sweep import NEAR
 from refkin.fast.turning import common_extrema, may_turn
+from refkin.joints import initial_contacts
 from refkin.model import Evidence
 from refkin.motion import Status
 from refkin.newton import CONTRACTION

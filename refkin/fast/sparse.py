@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import initial_contacts
 from refkin.differences import EPS
 from refkin.errors import Fault, InvalidScene, RefkinError
 from refkin.fast.colouring import Colouring
+from refkin.joints import initial_contacts
 from refkin.model import Effect, Scene
 from refkin.motion import Status
 from refkin.newton import contracts

@@ -1,7 +1,7 @@
 """The joints and drivers: each one's formulas written once, in scalar arithmetic (see `base`)."""
 
 from refkin.joints.base import SI, Constraint, Unit
-from refkin.joints.contact import CONTACT_TYPES, Cam, Disc, Gear, Polar, RackAndPinion
+from refkin.joints.cams import Cam, Disc, Polar, initial_contacts
 from refkin.joints.drivers import DRIVER_TYPES, AngleDriver, DistanceDriver, Driver, XDriver, YDriver
 from refkin.joints.elements import (
     GROUND,
@@ -17,9 +17,11 @@ from refkin.joints.elements import (
     RollingWheels,
     elements_of,
 )
-from refkin.joints.planar import PLANAR_TYPES, Distance, Fixed, PointOnLine, Prismatic, Revolute
+from refkin.joints.planar import Distance, Fixed, PointOnLine, Prismatic, Revolute
+from refkin.joints.rolling import Gear, RackAndPinion
 
-JOINT_TYPES: tuple[type[Constraint], ...] = (*PLANAR_TYPES, *CONTACT_TYPES)
+JOINT_TYPES: tuple[type[Constraint], ...]
+JOINT_TYPES = (Revolute, Fixed, PointOnLine, Prismatic, Distance, Gear, RackAndPinion, Cam)
 
 __all__ = [
     "DRIVER_TYPES",
@@ -54,4 +56,5 @@ __all__ = [
     "XDriver",
     "YDriver",
     "elements_of",
+    "initial_contacts",
 ]

@@ -13,7 +13,7 @@ PointDistance    (d . d - L^2) / (2 L) = 0, or (d . d - f^2) / 2 = 0   distance 
 RelativeAngle    phi_j - phi_i = angle, or f(t)                        fixed, prismatic, angle driver
 RollingWheels    R_i (phi_i - zero_i) + R_j (phi_j - zero_j) = 0       gear
 RollingOnLine    a . d - s0 - R (phi_j - phi_i - phi0) = 0             rack_and_pinion
-Contact          those of `touching`                                   cam of general profile
+Contact          those of `contact_kinematics`                          cam of general profile
 ================ ===================================================== =============================================
 
 d = r_j - r_i leads from the point of body i to that of body j; a is the unit vector along `axis_i`, which turns with

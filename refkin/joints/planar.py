@@ -243,9 +243,6 @@ class Distance(Constraint):
         return ((rate.dot(rate) + d.dot(drift(a_i, a_j, i, j))) * -g[5],)
 
 
-PLANAR_TYPES: tuple[type[Constraint], ...] = (Revolute, Fixed, PointOnLine, Prismatic, Distance)
-
-
 def ends_of(c: Any) -> dict[str, Any]:
     """Return bodies and points of a joint, by the names that elements have for them too."""
     return {key: getattr(c, key) for key in ("body_i", "point_i", "body_j", "point_j")}

@@ -208,10 +208,19 @@ def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = SINGU
         raise InvalidScene([Fault("q", np.shape(q), f"{system.n} coordinates")], "mobility")
     # Small wheels turn each other as well as large ones do.
     sizes = [p.constraint.row_size(p.g) for p in system.placed for _ in range(p.constraint.rows)]
-    phi_q, names = system.phi_q(q, t) / np.array(sizes)[:, None], system.row_names
+    phi_q, names = system.phi_q(q, t) / np.array(sizes)[:, None], row_names(system)
     kinematic = sum(joint.rows for joint in system.mechanism.joints)
     of_joints, of_all = (rank_of(phi_q[:m], names[:m], tolerance) for m in (kinematic, system.m))
     return Mobility(of_joints, of_all)
+
+
+def row_names(system: System) -> tuple[str, ...]:
+    """Return the name of each row: its constraint's, with a number where a constraint has several rows."""
+    return tuple(
+        p.constraint.name if p.constraint.rows == 1 else f"{p.constraint.name}[{k}]"
+        for p in system.placed
+        for k in range(p.constraint.rows)
+    )
 
 
 def rank_of(matrix: Any, names: Sequence[str], tolerance: float = SINGULAR) -> Rank:

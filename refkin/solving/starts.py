@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import SINGULAR, closes, estimated, position, sigma_min
+from refkin.analysis import SINGULAR, estimated, position, sigma_min
 from refkin.joints import Cam
 from refkin.model import Scene
 from refkin.motion import Status
 from refkin.newton import NewtonResult, contracts
 from refkin.proof.assembly.assembly import Assemblies, assemblies
 from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
-from refkin.proof.assembly.search import PRIMES, radical_inverse
+from refkin.proof.assembly.search import PRIMES, closes, radical_inverse
 from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS
 from refkin.proof.pose.isolate import isolate
 from refkin.solving.sweep import APART
@@ -103,7 +103,7 @@ def _leads_to_one(system: System, result: NewtonResult, t: float) -> bool:
     regular = system.m == system.n and np.linalg.slogdet(jacobian)[0] != 0.0
     if regular and np.linalg.norm(np.linalg.inv(jacobian)) < 1.0 / SINGULAR:  # this norm is at least 1 / sigma_min
         return True
-    sigma = sigma_min(system, result.q, t)
+    sigma = sigma_min(system.phi_q(result.q, t))
     return sigma > SINGULAR or bool(np.max(np.abs(result.corrections[:1]), initial=0.0) <= sigma / APART)
 
 

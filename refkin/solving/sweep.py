@@ -124,7 +124,7 @@ class Sweep:
                 return arrival
             self.step = (t - self.t[-1]) / 2
             if self.relaxed:
-                self.tiny = max(TINY, NOISE / max(EPS, sigma_min(self.system, self.q[-1], self.t[-1])))
+                self.tiny = max(TINY, NOISE / max(EPS, sigma_min(self.system.phi_q(self.q[-1], self.t[-1]))))
             if self.step < smallest:
                 return Arrival.STOPPED
         return Arrival.OUT_OF_STEPS
@@ -154,7 +154,7 @@ class Sweep:
             return False
         if not self.relaxed and t - self.t[-1] < SHORT * self.asked:
             # Something is near. No step may end where rounding could decide which of two roots is the next.
-            sigma = sigma_min(self.system, result.q, t)
+            sigma = sigma_min(self.system.phi_q(result.q, t))
             if sigma <= SINGULAR or (not contracts(sizes, 0.0) and sizes[0] > sigma / APART):
                 return False
         move, off = (np.max(np.abs(result.q - q)) for q in (self.q[-1], result.iterates[0]))
@@ -182,7 +182,7 @@ class Sweep:
         result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start, max_iterations=60)
         if not result.converged or np.max(np.abs(result.q - start)) > REACH:
             return None
-        if sigma_min(s, result.q, t) > SINGULAR:
+        if sigma_min(s.phi_q(result.q, t)) > SINGULAR:
             return None
         isolated = bool(isolate(s, result.q[:, None], [t]).ok[0])
         if isolated and not (self._same_side(result.q, t) and self._meant(result.q, t)):

@@ -7,13 +7,14 @@ import math
 import numpy as np
 import pytest
 
+from crosscheck.documents.stopping import BothLargest
 from crosscheck.engines import vector_loop as loops
 from crosscheck.engines.vector_loop import marching
 from crosscheck.engines.vector_loop.marching import connected
 from refkin.differences import EPS, Scheme, jacobian
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
-from refkin.newton import BothLargest, newton
+from refkin.newton import newton
 
 ANGLE = Polynomial(coefficients=(0.0, 1.0))
 """Time is the input itself."""

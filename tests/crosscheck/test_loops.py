@@ -14,12 +14,13 @@ from hypothesis import strategies as st
 
 import crosscheck.engines.vector_loop
 from crosscheck.documents.convergence import newton_order
+from crosscheck.documents.stopping import BothLargest, ResidualOrCorrection
 from crosscheck.engines import vector_loop as loops
 from crosscheck.engines.vector_loop.solving import MinimumStatus
 from crosscheck.engines.vector_loop.vectors import Sums
 from refkin.differences import EPS, Scheme, jacobian
 from refkin.motion_laws import Sinusoid
-from refkin.newton import BothLargest, NewtonStatus, ResidualOrCorrection, newton
+from refkin.newton import NewtonStatus, newton
 
 LAW = Sinusoid(amplitude=0.7, angular_frequency=1.3, offset=0.4, phase=0.2)
 GUESS = np.array([*np.radians([200.0, 80.0, 180.0]), 400.0])

@@ -9,9 +9,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.measure.check import check as check_scene
-from refkin.analysis import initial_contacts
-from refkin.joints import GROUND, AngleDriver, Cam, Disc, Polar, Prismatic, Revolute
-from refkin.joints.contact import SCAN
+from refkin.joints import GROUND, AngleDriver, Cam, Disc, Polar, Prismatic, Revolute, initial_contacts
+from refkin.joints.cams import SCAN
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table

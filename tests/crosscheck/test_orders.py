@@ -7,8 +7,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents.convergence import NOTHING, Kind, linear_rate, newton_order, slope
-from refkin.differences import EPS, Scheme, error_bound, jacobian, step
-from tests.claims import assert_near
+from refkin.differences import EPS, Scheme, jacobian, step
+from tests.claims import assert_near, error_bound
 
 AT = np.array([0.2, -1.9])
 

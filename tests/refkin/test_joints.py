@@ -31,7 +31,7 @@ from refkin import (
 )
 from refkin.differences import jacobian
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES
-from refkin.joints.touching import Gap
+from refkin.joints.contact_kinematics import Gap
 from refkin.proof.numbers.exact import exact_system
 
 BODIES = (Body(name="a"), Body(name="b"))

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin.newton import BothLargest, CorrectionNorm, NewtonStatus, ResidualOrCorrection, RoundOff, ScaledNorms, newton
+from crosscheck.documents.stopping import BothLargest, ResidualOrCorrection, ScaledNorms
+from refkin.newton import CorrectionNorm, NewtonStatus, RoundOff, newton
 
 
 def parabola(x):

@@ -8,18 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.documents.stopping import BothLargest, ResidualOrCorrection, ScaledNorms
 from crosscheck.documents.systems import me581
-from refkin.newton import (
-    BothLargest,
-    CorrectionNorm,
-    NewtonStatus,
-    ResidualOrCorrection,
-    RoundOff,
-    ScaledNorms,
-    StoppingTest,
-    newton,
-    solve_linear,
-)
+from refkin.newton import CorrectionNorm, NewtonStatus, RoundOff, StoppingTest, newton, solve_linear
 from tests.claims import assert_near
 
 QUADRATIC = me581.quadratic()

@@ -12,8 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import refkin
+from crosscheck.documents.rod_and_block import rod_and_block
 from refkin.differences import EPS
-from refkin.points import PointParts, point_motion, point_parts, rod_and_block
+from refkin.points import PointParts, point_motion, point_parts
 
 NUMBERS = st.floats(-3.0, 3.0)
 TRIPLE = st.tuples(NUMBERS, NUMBERS, NUMBERS).map(np.array)

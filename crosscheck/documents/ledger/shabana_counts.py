@@ -9,12 +9,12 @@ from crosscheck.documents.ledger.me451 import Found, Given
 from crosscheck.documents.ledger.shabana import numbers
 from crosscheck.documents.ledger.shabana_four_bar import norm
 from crosscheck.documents.ledger.shabana_slider_crank import theta3_at
+from crosscheck.documents.stopping import ScaledNorms
 from crosscheck.documents.systems.twelve_coordinates import pose
 from refkin.analysis import position
 from refkin.joints import GROUND, AngleDriver, Gear, RackAndPinion, Revolute, YDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
-from refkin.newton import ScaledNorms
 from refkin.scenes.linkages import SliderCrank
 from refkin.solving.mobility import count, gruebler, mobility
 from refkin.system import compile_system

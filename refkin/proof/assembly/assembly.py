@@ -13,14 +13,14 @@ from dataclasses import dataclass
 
 from flint import ctx
 
-from refkin.analysis import closes, position
+from refkin.analysis import position
 from refkin.motion import Array
 from refkin.proof.assembly.clusters import plan
 from refkin.proof.assembly.loci import above, below
 from refkin.proof.assembly.loops import open_loop
 from refkin.proof.assembly.placing import MOST_BRANCHES, Branch, End, Placement, place
 from refkin.proof.assembly.rows import Rows, read_rows
-from refkin.proof.assembly.search import coordinates, search
+from refkin.proof.assembly.search import closes, coordinates, search
 from refkin.system import System
 
 PRECISION = 113

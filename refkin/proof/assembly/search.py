@@ -20,9 +20,10 @@ from typing import Any
 import numpy as np
 from flint import arb
 
-from refkin.analysis import closes, initial_contacts, position
-from refkin.joints import GROUND, Cam, Gear, Polar, RackAndPinion
+from refkin.analysis import position
+from refkin.joints import GROUND, Cam, Gear, Polar, RackAndPinion, initial_contacts
 from refkin.motion import Array
+from refkin.newton import is_round_off
 from refkin.proof.assembly.clusters import Plan, headings, plan
 from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
 from refkin.proof.assembly.loci import Ball, above, below
@@ -286,6 +287,11 @@ def radical_inverse(k: int, base: int) -> float:
         value += digit * weight
         weight /= base
     return value
+
+
+def closes(system: System, q: Array, t: float, allowed: float = 0.0) -> bool:
+    """Return whether the residual of a pose (n,) at time t [s] is round-off, or no more than is allowed."""
+    return bool(is_round_off(system.phi(q, t), q, allowed))
 
 
 def coordinates(system: System, branch: Branch) -> Array:

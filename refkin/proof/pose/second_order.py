@@ -7,8 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import closes
-from refkin.proof.assembly.search import radical_inverse
+from refkin.proof.assembly.search import closes, radical_inverse
 from refkin.proof.path.branch_points import roots
 from refkin.system import System
 

@@ -9,11 +9,12 @@ import pytest
 
 import refkin
 from refkin import Body, Effect, Status
-from refkin.differences import Scheme, error_bound
+from refkin.differences import Scheme
 from refkin.errors import InvalidScene
 from refkin.fast import SparseSystem, solve_large
 from refkin.fast import sparse as module
 from refkin.system import compile_system
+from tests.claims import error_bound
 
 from .linkworks import chain
 from .scenes import SCENES, bare, system_of

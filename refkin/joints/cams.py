@@ -1,10 +1,11 @@
-"""The joints that touch: gear, rack_and_pinion, cam (Shabana, Computational Dynamics, section 3.9)."""
+"""Cams: a follower touches a profile (Shabana, Computational Dynamics, section 3.9); see `contact_kinematics`."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from typing import Annotated, Any, ClassVar, Literal
 
 import numpy as np
@@ -12,128 +13,17 @@ from pydantic import Field
 
 from refkin.errors import Fault
 from refkin.joints.base import Blocks, Constraint, Rows, Unit
-from refkin.joints.elements import Contact, Element, GuidedPoint, Pair, PointDistance, RollingOnLine, RollingWheels
-from refkin.joints.planar import Distance, PointOnLine, axis_faults, direction, ends_of
-from refkin.joints.touching import FaceOnCurve, FaceOnDisc, PointOnCurve, RollerOnCurve
+from refkin.joints.contact_kinematics import FaceOnCurve, FaceOnDisc, PointOnCurve, RollerOnCurve
+from refkin.joints.elements import Contact, Element, GuidedPoint, Pair, PointDistance
+from refkin.joints.planar import Distance, direction, ends_of
 from refkin.motion_laws import STRICT, AnyLaw, Table
-from refkin.vec import BodyValues, Scalar
+from refkin.vec import Scalar
 
 SCAN = 721
 """How many points of a profile are looked at: those of a closed one are half a degree apart."""
 SCANS = 3
 """How often, each time between the neighbours of the best point: a roller may be smaller than half a degree is long,
 and a second root, on the other side of the profile, is as near as that."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Gear(Constraint):
-    """Two wheels roll on each other: radius_i (phi_i - phi0_i) + radius_j (phi_j - phi0_j) = 0.
-
-    Both angles are measured against the ground, so the centres are held by other joints, at rest. Only the ratio of the
-    radii matters; opposite signs are an internal gear (or a belt): both wheels then turn the same way.
-    Source: (theta^i - theta^i_o) a^i + (theta^j - theta^j_o) a^j = 0.
-    """
-
-    rows = 1
-    body_i: str
-    radius_i: float
-    body_j: str
-    radius_j: float
-    phi0_i: float = 0.0
-    phi0_j: float = 0.0
-    type: Literal["gear"] = "gear"
-
-    def elements(self) -> Iterator[Element]:
-        yield RollingWheels(
-            body_i=self.body_i, radius_i=self.radius_i, zero_i=self.phi0_i,
-            body_j=self.body_j, radius_j=self.radius_j, zero_j=self.phi0_j,
-        )  # fmt: skip
-
-    def reach(self) -> float:
-        return max(abs(self.radius_i), abs(self.radius_j))
-
-    def constants(self, unit: Unit) -> tuple[float, ...]:
-        return self.radius_i / unit.size, self.radius_j / unit.size, self.phi0_i, self.phi0_j
-
-    def row_size(self, g: tuple[Scalar, ...]) -> Scalar:
-        return max(abs(g[0]), abs(g[1]))
-
-    def faults(self, path: str) -> Iterator[Fault]:
-        for key in ("radius_i", "radius_j"):
-            if getattr(self, key) == 0.0:
-                yield Fault(f"{path}.{key}", 0.0, "a radius that is not zero")
-
-    @staticmethod
-    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return ((i.phi - g[2]) * g[0] + (j.phi - g[3]) * g[1],)
-
-    @staticmethod
-    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
-        return ((0, 0, g[0]),), ((0, 0, g[1]),)
-
-    @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (0,)
-
-    @staticmethod
-    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (0,)
-
-
-@dataclass(frozen=True, kw_only=True)
-class RackAndPinion(Constraint):
-    """A wheel rolls on a straight rack: axis_i . d - s0 - radius (phi_j - phi_i - phi0) = 0.
-
-    Body i is the rack, and carries the axis (in its own frame, of any length); body j is the pinion, with its centre at
-    point_j. So axis_i . d says how far along the rack the pinion's centre is. The radius is positive for a pinion that
-    lies to the right of the axis, negative to the left; the distance of its centre from the rack is held by other
-    joints. The pinion's angle counts against the rack, which may itself turn. Source: the equation of gears, with the
-    arc of the one wheel unrolled to a length.
-    """
-
-    rows = 1
-    body_i: str
-    point_i: Pair
-    axis_i: Pair
-    body_j: str
-    point_j: Pair
-    radius: float
-    phi0: float = 0.0
-    s0: float = 0.0
-    type: Literal["rack_and_pinion"] = "rack_and_pinion"
-
-    def elements(self) -> Iterator[Element]:
-        yield RollingOnLine(**ends_of(self), axis_i=self.axis_i, radius=self.radius, phi0=self.phi0, s0=self.s0)
-
-    def reach(self) -> float:
-        return abs(self.radius)
-
-    def constants(self, unit: Unit) -> tuple[float, ...]:
-        lengths = self.radius / unit.size, self.s0 / unit.size
-        return (*super().constants(unit), *direction(self.axis_i), *lengths, self.phi0)
-
-    def faults(self, path: str) -> Iterator[Fault]:
-        yield from axis_faults(path, self.axis_i)
-        if self.radius == 0.0:
-            yield Fault(f"{path}.radius", 0.0, "a radius that is not zero")
-
-    @staticmethod
-    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        (travel,) = PointOnLine.residual(g, f, i, j)  # n . d with n along the rack
-        return (travel - g[7] - (j.phi - i.phi - g[8]) * g[6],)
-
-    @staticmethod
-    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
-        ((x_i, y_i, phi_i),), ((x_j, y_j, phi_j),) = PointOnLine.jacobian(g, f, i, j)
-        return ((x_i, y_i, phi_i + g[6]),), ((x_j, y_j, phi_j - g[6]),)
-
-    @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (0,)
-
-    @staticmethod
-    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return PointOnLine.gamma(g, f, i, j)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -208,8 +98,8 @@ class Cam(Constraint):
     ====== =========================================
 
     a polar profile two and one more coordinate, the contact parameter s, with u(s) = d(s) (cos s, sin s) and the
-    contact tangent t = du/ds of the source; `touching` has the rows. `contact_estimate` is s at the first time, if it
-    matters which of several contacts is meant: by default the nearest to the estimated pose.
+    contact tangent t = du/ds of the source; `contact_kinematics` has the rows. `contact_estimate` is s at the first
+    time, if it matters which of several contacts is meant: by default the nearest to the estimated pose.
     """
 
     body_i: str
@@ -275,11 +165,7 @@ class Cam(Constraint):
         return points if self.contact is PointOnCurve else (*points, distance, 1 / distance)
 
     def initial_contact(self, rows: Callable[[Any], Any]) -> Any:
-        """Return the estimate of the contact parameter; without one where the joint misses least.
-
-        What it misses are its own rows: for a point the distance from the profile; for a roller and a face the tangent
-        counts as well. `rows` (2, B) of parameters (B,) are those at a pose that is only an estimate.
-        """
+        """Return the contact parameter's estimate, or where its `rows` (2, B) at parameters (B,) are smallest."""
         if self.contact_estimate is not None:
             return self.contact_estimate
         low, high = self.span
@@ -321,4 +207,27 @@ class Cam(Constraint):
         return self.contact.gamma(g, f, *at)  # type: ignore[no-any-return]
 
 
-CONTACT_TYPES: tuple[type[Constraint], ...] = (Gear, RackAndPinion, Cam)
+def initial_contacts(system: Any, q: Any, t: float) -> Any:
+    """Return coordinates with each contact parameter set to its estimate, or to where the joint misses least.
+
+    What it misses are its own rows: for a point the distance from the profile; for a roller and a face the tangent
+    counts as well.
+
+    Parameters
+    ----------
+    system : refkin.system.System
+    q : (n,) array
+        A pose at time t [s], or an estimate of one; its contact parameters are not looked at.
+    """
+    q = np.array(q, float)
+    for p in system.placed:
+        if isinstance(p.constraint, Cam) and p.constraint.parameters:
+            q[p.starts[2]] = p.constraint.initial_contact(partial(_misses, system, p, q, t))
+    return q
+
+
+def _misses(system: Any, p: Any, q: Any, t: float, s: Any) -> Any:
+    """Return the rows (rows, B) of one joint at one pose (n,) with contact parameters (B,)."""
+    poses = np.repeat(q[:, None], len(s), axis=1)
+    poses[p.starts[2]] = s
+    return system.phi(poses, t)[p.row : p.row + p.constraint.rows]
