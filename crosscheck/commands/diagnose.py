@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from crosscheck.commands.answers import SCHEMA, numbers
+from crosscheck.commands.solve import SCHEMA, numbers
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.proof.pose.singularity import Diagnosis, Kind

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from crosscheck.commands.usage import DISAGREEMENT, ENGINE_MISSING, ENGINES, PASS, Json, names
+from crosscheck.commands.engines import ENGINES, names
+from crosscheck.commands.usage import Json
+from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS
 from crosscheck.night.campaign import find_engines
 from refkin.scenes.files import load
 

@@ -10,7 +10,7 @@ from typing import Annotated, Any
 import numpy as np
 from cyclopts import Parameter
 
-from crosscheck.commands.answers import SCHEMA, numbers
+from crosscheck.commands.solve import SCHEMA, numbers
 from refkin.errors import UnknownName
 from refkin.model import Scene
 from refkin.proof.path.tracing import End

@@ -14,6 +14,7 @@ from rich.console import Console
 from rich.table import Table
 
 from crosscheck.engines import EngineError, available
+from crosscheck.errors import UsageError
 from crosscheck.judge.hard_poses import Outcome
 from crosscheck.measure.hard_classing import OURS
 from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
@@ -24,7 +25,7 @@ ENGINES = (OURS, "exudyn", "pinocchio", "mujoco")
 PASS, UNEXPLAINED, ENGINE_MISSING = 0, 1, 3
 
 
-class UnknownName(Exception):
+class UnknownName(UsageError):
     """An engine or a case that nobody knows, or a number that makes no sense."""
 
 

@@ -1,14 +1,31 @@
-"""What `crosscheck mobility` prints: how many freedoms a scene's mechanism has, by count and by rank."""
+"""`crosscheck mobility`: how many freedoms a scene's mechanism has, by count and by rank."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
+from pathlib import Path
 
 from refkin.model import Scene
 from refkin.motion import Status
+from refkin.scenes.files import load
 from refkin.solving.mobility import Mobility, Rank, count, kind_of, mobility_of
 from refkin.solving.starts import find_start
 from refkin.system import compile_system
+
+
+def mobility(scene: Path) -> int:
+    """Count the freedoms of a scene's joints, take the rank of their equations at its first pose, name redundant rows.
+
+    Exit codes: 0 done, 1 no pose was found to take the rank at, 2 the scene is invalid.
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML, or JSON if it ends in .json).
+    """
+    lines, posed = mobility_lines(load(scene))
+    print("\n".join(lines))
+    return 0 if posed else 1
 
 
 def mobility_lines(scene: Scene) -> tuple[list[str], bool]:

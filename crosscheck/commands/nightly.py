@@ -10,19 +10,10 @@ from pathlib import Path
 
 from rich.console import Console
 
+from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.tables import outcome_lines
-from crosscheck.commands.usage import (
-    DISAGREEMENT,
-    ENGINE_MISSING,
-    ENGINES,
-    INFRASTRUCTURE,
-    NOTHING_RAN,
-    PASS,
-    UsageError,
-    Whole,
-    names,
-    positive,
-)
+from crosscheck.commands.usage import Whole, positive
+from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError
 from crosscheck.judge.known_gaps import table
 from crosscheck.night import golden
 from crosscheck.night.campaign import ALWAYS, SAMPLED, Plan, run, seed_of

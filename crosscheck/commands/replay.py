@@ -4,17 +4,10 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.tables import agreement_table, arbiter_table, lines_with_gap, rows_table
-from crosscheck.commands.usage import (
-    DISAGREEMENT,
-    ENGINE_MISSING,
-    ENGINES,
-    INFRASTRUCTURE,
-    PASS,
-    console,
-    names,
-    positive,
-)
+from crosscheck.commands.usage import console, positive
+from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS
 from crosscheck.judge.known_gaps import read
 from crosscheck.night.campaign import find_engines
 from crosscheck.workers.pool import SECONDS_PER_SCENE, Workers

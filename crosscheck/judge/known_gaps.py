@@ -15,6 +15,8 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from crosscheck.errors import CannotRun
+
 Predicate = Callable[[Mapping[str, Any]], bool]
 
 
@@ -41,7 +43,7 @@ ENOUGH = 30
 """Scenes of its kind in which a gap should have shown: one that shows in a tenth is missed by one night in 24."""
 
 
-class InvalidGap(Exception):
+class InvalidGap(CannotRun):
     """A row of the table that makes no sense."""
 
 

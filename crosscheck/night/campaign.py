@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from crosscheck.engines import load
+from crosscheck.errors import UsageError
 from crosscheck.judge import known_gaps
 from crosscheck.judge.known_gaps import Gap, Tally
 from crosscheck.measure.check import key_of
@@ -98,11 +99,11 @@ class Outcome:
     found_again: list[tuple[Gap, int | None]] = field(default_factory=list)
 
 
-class OtherRun(Exception):
+class OtherRun(UsageError):
     """The folder holds a run with another seed, other engines or other scenes, whose records would mix with these."""
 
 
-class SameName(Exception):
+class SameName(UsageError):
     """Two engines have the same name, so that their answers could not be told apart."""
 
 

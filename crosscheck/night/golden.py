@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 
 import refkin
+from crosscheck.errors import UsageError
 from crosscheck.judge.comparison import QUANTITIES
 from crosscheck.workers.journal import replace_file
 from crosscheck.workers.pool import Pool
@@ -42,7 +43,7 @@ Case = Mapping[str, Any]
 Difference = dict[str, Any]
 
 
-class NoBaseline(Exception):
+class NoBaseline(UsageError):
     """There is no baseline where one was asked for, or it cannot be read."""
 
 

@@ -13,6 +13,7 @@ from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
+from crosscheck.errors import CannotRun
 from crosscheck.night.change_points import change_points
 
 SOLVED = ("position", "velocity", "acceleration")
@@ -31,7 +32,7 @@ CREATE TABLE IF NOT EXISTS cost (
 """
 
 
-class HistoryError(Exception):
+class HistoryError(CannotRun):
     """A file that is no history, or that cannot be read or written."""
 
 

@@ -18,6 +18,7 @@ from contextlib import ExitStack
 from functools import lru_cache
 from typing import Any
 
+from crosscheck.errors import CannotRun
 from crosscheck.workers.pool import LONGEST_WAIT, MOST_KILLS, SECONDS_PER_SCENE, Workers
 from crosscheck.workers.processes import Failure, Job, Record, call_each
 
@@ -30,7 +31,7 @@ Batch = tuple[list[Record], list[str]]
 """The records of a batch, and failures that were none when their scenes were taken apart."""
 
 
-class NoCluster(Exception):
+class NoCluster(CannotRun):
     """The cluster that was asked for is not there, is not fit for the work, or was lost in the middle of it."""
 
 

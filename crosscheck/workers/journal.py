@@ -9,6 +9,8 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any
 
+from crosscheck.errors import UsageError
+
 try:
     import fcntl
 except ImportError:  # Windows, where the lock is not taken
@@ -19,7 +21,7 @@ BLOCK = 1 << 16
 """Bytes read at once while the end of the last whole line is looked for."""
 
 
-class Occupied(Exception):
+class Occupied(UsageError):
     """Another run is writing to the same file."""
 
 

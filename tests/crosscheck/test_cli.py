@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import pytest
 
-from crosscheck.cli import main
+from crosscheck.cli import COMMANDS, main
 from crosscheck.night import progress
 from crosscheck.night.campaign import SAMPLED
 from crosscheck.night.progress import shown_progress
@@ -335,3 +337,32 @@ def test_what_engines_can_do_is_printed(command):
     told = command("engines")
 
     assert (told.returncode, "What engines can do" in told.stdout, "mujoco 4" in told.stdout) == (0, True, True)
+
+
+SOLVING = """
+import sys
+from crosscheck.cli import COMMANDS, main
+try:
+    main(["solve", "examples/crank-rocker.toml", "--json"])
+except SystemExit as end:
+    assert end.code == 0
+print(*sorted({name.split(".")[0] for name in sys.modules}))
+"""
+
+
+def test_solving_waits_for_nothing_that_it_does_not_use():
+    """No engine, no drawn scenes, no report, no table: what an import costs, a small scene would pay."""
+    printed = subprocess.run([sys.executable, "-c", SOLVING], cwd=ROOT, capture_output=True, text=True, check=True)
+    loaded = set(printed.stdout.splitlines()[-1].split())
+
+    assert "refkin" in loaded
+    assert not loaded & {"hypothesis", "scipy", "jinja2", "exudyn", "pinocchio", "mujoco", "rich"}
+
+
+@pytest.mark.parametrize("command", sorted(COMMANDS))
+def test_every_command_in_the_list_is_there(command, capsys):
+    with pytest.raises(SystemExit) as end:
+        main([command, "--help"])
+
+    assert end.value.code == 0
+    assert f"crosscheck {command}" in capsys.readouterr().out

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import refkin
-from crosscheck.cli import mobility
+from crosscheck.commands.mobility import mobility
 from refkin.joints import GROUND, Revolute
 from refkin.motion_laws import Polynomial
 from refkin.scenes.files import to_toml

@@ -1,0 +1,98 @@
+"""`crosscheck solve` and `crosscheck schema`: a scene's answer, and the form of scene files."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from crosscheck.commands.usage import Json, console
+from refkin.model import Scene
+from refkin.motion import Motion, Status
+from refkin.scenes.files import load, schema
+from refkin.solving import solve as solving
+
+SCHEMA = 1
+
+
+def solve(scene: Path, *, as_json: Json = False) -> int:
+    """Solve a scene with the reference.
+
+    Exit codes: 0 every pose is ok, 1 not every pose is ok, 2 the scene is invalid.
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML, or JSON if it ends in .json).
+    as_json
+        Print one JSON object instead of a table.
+    """
+    read = load(scene)
+    motion = solving.solve(read)
+    if as_json:
+        print(json.dumps(to_json(read, motion)))
+    else:
+        _print_motion(motion)
+    return 0 if motion.verdict is Status.OK else 1
+
+
+def print_schema() -> int:
+    """Print the JSON schema of scene files, for editors."""
+    print(json.dumps(schema(), indent=2))
+    return 0
+
+
+def to_json(scene: Scene, motion: Motion) -> dict[str, Any]:
+    """Return the answer to a scene as plain data; levels that were not called for are absent."""
+    radius = motion.certified_radius
+    return {
+        "schema": SCHEMA,
+        "scene": scene.name,
+        "verdict": motion.verdict.value,
+        "message": motion.message,
+        "t": numbers(motion.t),
+        "status": [s.value for s in motion.status],
+        "bodies": {
+            body: _called_for(q=motion[body].q, qd=motion[body].qd, qdd=motion[body].qdd) for body in motion.bodies
+        },
+        "points": {name: _called_for(r=p.r, v=p.v, a=p.a) for name, p in motion.points.items()},
+        "residual": numbers(motion.residual),
+        "sigma_min": numbers(motion.sigma_min),
+        "condition": numbers(motion.condition),
+        "certified_radius": {
+            "position": numbers(radius.position),
+            "velocity": numbers(radius.velocity),
+            "acceleration": numbers(radius.acceleration),
+        },
+    }
+
+
+def numbers(values: Iterable[float]) -> list[float | None]:
+    """Return floats with None for what is not finite."""
+    return [float(v) if np.isfinite(v) else None for v in values]
+
+
+def _called_for(**levels: Any) -> dict[str, Any]:
+    """Return each level that was called for as one row of components per time."""
+    return {key: [numbers(row) for row in level.T] for key, level in levels.items() if level is not None}
+
+
+def _print_motion(motion: Motion) -> None:
+    from rich.table import Table  # a JSON object needs none
+
+    table = Table("t [s]", "status", *(f"{body}.{c}" for body in motion.bodies for c in ("x", "y", "phi")))
+    for k, (t, status) in enumerate(zip(motion.t, motion.status, strict=True)):
+        table.add_row(f"{t:.6g}", status.value, *(f"{value:.15g}" for value in motion.q[:, k]))
+    out = console(40 + 24 * len(motion.q))
+    out.print(table)
+    out.print(f"verdict: {motion.verdict.value}   worst scaled residual: {_worst(motion.residual)}")
+    if motion.message:
+        out.print(motion.message)
+
+
+def _worst(values: object) -> str:
+    finite = np.asarray(values)[np.isfinite(np.asarray(values))]
+    return f"{finite.max():.3g}" if finite.size else "none"

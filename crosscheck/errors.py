@@ -1,0 +1,19 @@
+"""What ends a command with one line and an exit code of its own, and the exit codes."""
+
+from __future__ import annotations
+
+PASS, DISAGREEMENT, USAGE, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN = range(6)
+INTERRUPTED = 130
+
+
+class CannotRun(Exception):
+    """A command that cannot go on; its text is the one line that a person reads."""
+
+    code = INFRASTRUCTURE
+    """The exit code: something outside of the request is not as it has to be."""
+
+
+class UsageError(CannotRun):
+    """A request that makes no sense."""
+
+    code = USAGE
