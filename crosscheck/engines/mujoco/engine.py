@@ -33,10 +33,10 @@ from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import STEPPED, soft, stepped
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
 from crosscheck.engines.tree.tree_motion import CHAIN, Accelerations, marched_motion, tree_motion
+from crosscheck.engines.tree.tree_system import Places
 from refkin.joints import (
     GROUND,
     Constraint,
-    Pair,
     PointDistance,
     PointsCoincide,
     RelativeAngle,
@@ -210,35 +210,20 @@ class Mujoco:
         return MujocoRows(affected(Plan(tree, elements), self.effect)).forward
 
 
-class TreeRows:
-    """MuJoCo's model of a joint tree: the `TreeEngine` that `loop_closing` works on."""
+class TreeRows(MujocoRows):
+    """MuJoCo's model of a joint tree: a `TreeEngine`."""
 
     def __init__(self, tree: JointTree, effect: str | None = None) -> None:
-        self.tree = tree
-        self.rows = MujocoRows(affected(Plan(tree, tree.closures), effect))
-        self.closure_rows = len(self.rows.plan.sources)
+        super().__init__(affected(Plan(tree, tree.closures), effect))
+        self.tree, self.closure_rows = tree, len(self.plan.sources)
 
-    def closure(self, q: Array) -> tuple[Array, Array]:
-        """Return the residual of the closures and its Jacobian."""
-        self.rows.pose(q)
-        return self.rows.residual(), self.rows.jacobian()
+    def closure(self, q: Array, places: Places) -> tuple[Array, Array, Array, Array]:
+        """Return the residual of the closures and its Jacobian, and likewise points."""
+        return self.rows(q, places)
 
-    def closure_drift(self, q: Array, qd: Array) -> Array:
-        """Return gamma of the closures."""
-        self.rows.pose(q)
-        self.rows.move(qd)
-        return self.rows.drift()
-
-    def point(self, q: Array, body: str, u: Pair) -> tuple[Array, Array]:
-        """Return a point of a body, and its Jacobian."""
-        self.rows.place(q)
-        return self.rows.point(body, u)
-
-    def point_drift(self, q: Array, qd: Array, body: str, u: Pair) -> Array:
-        """Return the acceleration of a point at qdd = 0."""
-        self.rows.place(q)
-        self.rows.move(qd)
-        return self.rows.point_drift(body, u)
+    def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, Array]:
+        """Return gamma of the closures, and accelerations of points at qdd = 0."""
+        return self.rates(q, qd, places)[1:]
 
 
 class AbsoluteRows:
@@ -275,34 +260,28 @@ class AbsoluteRows:
 
     def residual(self, q: Array, t: float) -> Array:
         """Return MuJoCo's residual, (m,)."""
-        self._pose(q, t)
-        residual = self._rows.residual()
+        residual = self._at(q, t)[0]
         for driven in self._squared:
             residual[driven.source] *= 0.5 * (self._rows.length(driven.source) + driven.value(t, 0))
         return residual * self._metre
 
     def jacobian(self, q: Array, t: float) -> Array:
         """Return MuJoCo's constraint Jacobian, (m, n)."""
-        self._pose(q, t)
-        jacobian = self._rows.jacobian()
+        jacobian = self._at(q, t)[1]
         for driven in self._squared:
             jacobian[driven.source] *= self._rows.length(driven.source)
         return jacobian * np.outer(self._metre, self._unit)
 
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
         """Return the velocity of MuJoCo's rows, (m,), without a driver's rate, which MuJoCo does not know."""
-        self._pose(q, t)
-        self._rows.move(qd * self._unit)
-        velocity = self._rows.velocity()
+        velocity = self._at(q, t, qd)[0]
         for driven in self._squared:
             velocity[driven.source] *= self._rows.length(driven.source)
         return velocity * self._metre
 
     def drift(self, q: Array, qd: Array, t: float) -> Array:
         """Return MuJoCo's -Jdot qd and, added here, what the law of each driver brings, (m,)."""
-        self._pose(q, t)
-        self._rows.move(qd * self._unit)
-        drift, velocity = self._rows.drift(), self._rows.velocity()
+        velocity, drift = self._at(q, t, qd)
         for driven in self._drivers:
             f, fd, fdd = (driven.value(t, order) for order in range(3))
             k = driven.source
@@ -316,9 +295,12 @@ class AbsoluteRows:
         """Let the model go."""
         del self._rows
 
-    def _pose(self, q: Array, t: float) -> None:
+    def _at(self, q: Array, t: float, qd: Array | None = None) -> tuple[Array, Array]:
+        """Return residual (m,) and Jacobian (m, n), or with rates velocity and drift term (m,)."""
         self._rows.drive(t)
-        self._rows.pose(q * self._unit)
+        at = (q * self._unit)[None]
+        first, second, *_ = self._rows.rows(at) if qd is None else self._rows.rates(at, (qd * self._unit)[None])
+        return first[0], second[0]
 
 
 def _absolute_tree(mechanism: Mechanism) -> JointTree:

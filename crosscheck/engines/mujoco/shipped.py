@@ -19,10 +19,10 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Array, EngineError, Term
+from crosscheck.engines.march import March
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.tree.joint_tree import JointTree
-from crosscheck.engines.tree.loop_closing import March
 from refkin.model import Scene
 from refkin.motion import Route, Seeding, Status
 

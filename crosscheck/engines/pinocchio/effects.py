@@ -54,8 +54,8 @@ class ForwardDynamics:
 
     def __call__(self, q: Array, qd: Array, t: float) -> Array:
         """Return qdd (n,)."""
-        _, jacobian = self.system.position(q, t)
-        drift = -self.system.gamma(q, qd, t)
+        at = q[None], np.array([t])
+        jacobian, drift = self.system.rows(*at)[1][0], -self.system.gamma(q[None], qd[None], at[1])[0]
         return np.array(pin.forwardDynamics(self.model, self.data, q, qd, self.effort, jacobian, drift, 0.0))
 
 

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines import (
@@ -28,11 +29,13 @@ from crosscheck.engines import (
 )
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.pinocchio.effects import EFFECTS, MISSING, ForwardDynamics, affected
-from crosscheck.engines.pinocchio.model import Frame, Rows, absolute_model, tree_model
+from crosscheck.engines.pinocchio.model import Frame, absolute_model, tree_model
+from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, closed_chain
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
 from crosscheck.engines.tree.tree_motion import CHAIN, link_terms, marched_motion, tree_motion
-from refkin.joints import Pair, elements_of
+from crosscheck.engines.tree.tree_system import Places
+from refkin.joints import elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Seeding
 
@@ -188,19 +191,19 @@ class PinocchioConstraints:
 
     def residual(self, q: Array, t: float) -> Array:
         """Return the residual (m,)."""
-        return self._rows.residual(q)
+        return self._rows.both(q[None])[0][0]
 
     def jacobian(self, q: Array, t: float) -> Array:
         """Return the Jacobian (m, n)."""
-        return self._rows.jacobian(q)
+        return self._rows.both(q[None])[1][0]
 
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
         """Return phi_q qd (m,), from Pinocchio's velocities of frames."""
-        return self._rows.velocity(q, qd)
+        return self._rows.velocity(q[None], qd[None])[0]
 
     def drift(self, q: Array, qd: Array, t: float) -> Array:
         """Return gamma (m,), from Pinocchio's accelerations of frames."""
-        return self._rows.drift(q, qd)
+        return self._rows.drift(q[None], qd[None])[0][0]
 
     def close(self) -> None:
         """Do nothing: Pinocchio frees its memory with the object."""
@@ -213,33 +216,36 @@ class PinocchioTree:
         self.tree = tree
         self.planar = affected(tree_model(tree), effect)
         self._rows = Rows(self.planar, tree.closures, tree.scaled)
-        self._frames: dict[tuple[str, Pair], Frame] = {}
         self.closure_rows = self._rows.count
 
-    def closure(self, q: Array) -> tuple[Array, Array]:
-        """Return the residual of the closures and its Jacobian."""
-        return self._rows.both(q)
+    def closure(self, q: Array, places: Places) -> tuple[Array, Array, Array, Array]:
+        """Return the residual of the closures and its Jacobian, and likewise points."""
+        return self._rows.both(q, self._at(places))
 
-    def closure_drift(self, q: Array, qd: Array) -> Array:
-        """Return gamma of the closures."""
-        return self._rows.drift(q, qd)
+    def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, Array]:
+        """Return gamma of the closures, and accelerations of points at qdd = 0."""
+        return self._rows.drift(q, qd, self._at(places))
 
-    def point(self, q: Array, body: str, u: Pair) -> tuple[Array, Array]:
-        """Return a point of a body and its Jacobian."""
-        self.planar.place(q)
-        frame = self._frame(body, u)
-        return self.planar.point(frame), self.planar.point_jacobian(frame)
-
-    def point_drift(self, q: Array, qd: Array, body: str, u: Pair) -> Array:
-        """Return the acceleration of a point at qdd = 0."""
-        self.planar.move(q, qd)
-        return self.planar.point_acceleration(self._frame(body, u))
+    def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
+        """Return position, velocity and acceleration (B, P, 2) of points: one call of forward kinematics a pose."""
+        planar, frames = self.planar, self._at(places)
+        read = [planar.point, planar.point_velocity, planar.point_acceleration][
+            : 1 + (qd is not None) + (qdd is not None)
+        ]
+        levels = [np.empty((len(q), len(frames), 2)) for _ in read]
+        for k, at in enumerate(q):
+            if qd is None:
+                planar.place(at)
+            else:
+                planar.move(at, qd[k], None if qdd is None else qdd[k])
+            for level, of_point in zip(levels, read, strict=True):
+                for j, frame in enumerate(frames):
+                    level[k, j] = of_point(frame)
+        return levels
 
     def contacts(self) -> tuple[list[Any], list[Any]]:
         """Return Pinocchio's constraints of the closures, and their data."""
         return self._rows.contacts()
 
-    def _frame(self, body: str, u: Pair) -> Frame:
-        if (body, u) not in self._frames:
-            self._frames[body, u] = self.planar.frames[body].at(u)
-        return self._frames[body, u]
+    def _at(self, places: Places) -> list[Frame]:
+        return [self.planar.frames[body].at(u) for body, u in places]

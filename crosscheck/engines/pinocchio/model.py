@@ -18,17 +18,15 @@ velocities. Each constraint is placed anew (`calc`) after forward kinematics, as
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 
-from crosscheck.engines import EngineError
-from crosscheck.engines.frames import direction, through_its_point, unwrap_near
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree
-from refkin.joints import GROUND, Element, GuidedPoint, Pair, PointsCoincide, RelativeAngle
+from refkin.joints import GROUND, Pair
 
 WORLD_AXES = pin.LOCAL_WORLD_ALIGNED
 Scaling = Callable[[str, Pair], Pair]
@@ -63,13 +61,13 @@ class PlanarModel:
         """Place everything at q, and the columns of the Jacobians."""
         pin.computeJointJacobians(self.model, self.data, q)
 
-    def move(self, q: Array, qd: Array) -> None:
-        """Place everything at q, moving with qd at qdd = 0: what is not given would stay as an earlier call left it."""
-        pin.forwardKinematics(self.model, self.data, q, qd, self._rest)
+    def move(self, q: Array, qd: Array, qdd: Array | None = None) -> None:
+        """Place everything at q, moving with qd and qdd, or 0: what is not given would stay as it was left."""
+        pin.forwardKinematics(self.model, self.data, q, qd, self._rest if qdd is None else qdd)
 
     def point(self, frame: Frame) -> Array:
         """Return where a placed frame is, (2,)."""
-        return (self.data.oMi[frame.joint] * frame.placement).translation[:2].copy()
+        return self.data.oMi[frame.joint].act(frame.placement.translation)[:2]
 
     def point_jacobian(self, frame: Frame) -> Array:
         """Return the Jacobian (2, nv) of a placed frame's point."""
@@ -147,181 +145,3 @@ def _free_joint(model: Any, body: str, place: Frame) -> int:
         joint = model.addJoint(joint, kind(), placement, f"{body} {kind.__name__}")
         placement = pin.SE3.Identity()
     return int(joint)
-
-
-class Row(Protocol):
-    """Rows of one of Pinocchio's constraints, read after `place` or `move` of the model."""
-
-    count: int
-    constraint: Any
-    data: Any
-
-    def residual(self, q: Array) -> Array:
-        """Return the residual (count,) where the model was placed."""
-
-    def jacobian(self) -> Array:
-        """Return its Jacobian (count, nv)."""
-
-    def velocity(self) -> Array:
-        """Return the residual's rate (count,) as the model moves."""
-
-    def acceleration(self) -> Array:
-        """Return the residual's second derivative (count,) as the model moves, without its acceleration."""
-
-
-class TwoPoints:
-    """r_j - r_i, along the axes of the ground."""
-
-    count = 2
-
-    def __init__(self, planar: PlanarModel, i: Frame, j: Frame) -> None:
-        self.planar, self.i, self.j = planar, i, j
-        ends = (j.joint, j.placement, i.joint, i.placement)
-        self.constraint = pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, planar.model, *ends, WORLD_AXES)
-        self.data = self.constraint.createData()
-
-    def residual(self, q: Array) -> Array:
-        self.constraint.calc(self.planar.model, self.planar.data, self.data)
-        return (self.data.oMc1.translation - self.data.oMc2.translation)[:2]
-
-    def jacobian(self) -> Array:
-        model, data = self.planar.model, self.planar.data
-        self.constraint.calc(model, data, self.data)
-        return self.planar.matrix(pin.getConstraintJacobian(model, data, self.constraint, self.data))[:2]
-
-    def velocity(self) -> Array:
-        return self.planar.point_velocity(self.j) - self.planar.point_velocity(self.i)
-
-    def acceleration(self) -> Array:
-        return self.planar.point_acceleration(self.j) - self.planar.point_acceleration(self.i)
-
-
-class Anchor:
-    """One component of an anchor constraint: frame 2 as it is seen from frame 1."""
-
-    count = 1
-    component: int
-    kind: Any
-
-    def __init__(self, planar: PlanarModel, i: Frame, j: Frame) -> None:
-        self.planar = planar
-        self.constraint = self.kind(planar.model, i.joint, i.placement, j.joint, j.placement)
-        self.data = self.constraint.createData()
-
-    def residual(self, q: Array) -> Array:
-        return self._calculated().constraint_position_error[self._slot].copy()
-
-    def jacobian(self) -> Array:
-        data = self._calculated()
-        return self.planar.matrix(self.constraint.jacobian(self.planar.model, self.planar.data, data))[self._slot]
-
-    def velocity(self) -> Array:
-        return self._calculated().constraint_velocity_error[self._slot].copy()
-
-    def acceleration(self) -> Array:
-        return self._calculated().constraint_acceleration_error[self._slot].copy()
-
-    @property
-    def _slot(self) -> slice:
-        return slice(self.component, self.component + 1)
-
-    def _calculated(self) -> Any:
-        self.constraint.calc(self.planar.model, self.planar.data, self.data)
-        return self.data
-
-
-class PointToLine(Anchor):
-    """The distance of a point of body j from the x axis of a frame on body i."""
-
-    component = 1
-    kind = pin.PointAnchorConstraintModel
-
-
-class EqualAngles(Anchor):
-    """The angle of body j against a frame on body i.
-
-    Pinocchio's residual is log6 of the relative placement, which near a half turn is right to 1e-11 only; so the angle
-    is read from the relative rotation. Like every rotation it knows no turns: those are taken from the coordinates.
-    """
-
-    component = 5
-    kind = pin.FrameAnchorConstraintModel
-
-    def __init__(self, planar: PlanarModel, i: Frame, j: Frame, held: RelativeAngle) -> None:
-        super().__init__(planar, i, j)
-        self.held = held
-
-    def residual(self, q: Array) -> Array:
-        rotation = self._calculated().c1Mc2.rotation
-        angle, held = self.planar.angle, self.held
-        near = angle(held.body_j, q) - angle(held.body_i, q) - held.angle
-        return np.array([unwrap_near(math.atan2(rotation[1, 0], rotation[0, 0]), near)])
-
-
-def element_rows(planar: PlanarModel, e: Element, scaled: Scaling) -> Row:
-    """Return the rows of one element, in its own order.
-
-    Raises
-    ------
-    EngineError
-        If it is of another kind.
-    """
-    if isinstance(e, RelativeAngle) and not e.laws:
-        frame_i, frame_j = (planar.frames[body] for body in e.bodies)
-        return EqualAngles(planar, frame_i.at((0.0, 0.0), unit_vector(e.angle)), frame_j, e)
-    if e.laws or not isinstance(e, PointsCoincide | GuidedPoint):
-        raise EngineError(f"pinocchio refuses {e.key} of {e.name!r}: it is not written for this element")
-    along = (1.0, 0.0)
-    if isinstance(e, GuidedPoint):
-        e, along = through_its_point(e), direction(e.axis_i)
-    frame_i, frame_j = (planar.frames[body].at(scaled(body, point)) for body, point in e.ends)
-    if isinstance(e, PointsCoincide):
-        return TwoPoints(planar, frame_i, frame_j)
-    return PointToLine(planar, frame_i.at((0.0, 0.0), along), frame_j)
-
-
-class Rows:
-    """The rows of several elements, stacked."""
-
-    def __init__(self, planar: PlanarModel, elements: Sequence[Element], scaled: Scaling) -> None:
-        self.planar = planar
-        self._rows = [element_rows(planar, element, scaled) for element in elements]
-        self.count = sum(row.count for row in self._rows)
-
-    def contacts(self) -> tuple[list[Any], list[Any]]:
-        """Return Pinocchio's own constraints, and their data."""
-        return [row.constraint for row in self._rows], [row.data for row in self._rows]
-
-    def residual(self, q: Array) -> Array:
-        """Return the residual (count,)."""
-        self.planar.place(q)
-        return self._stacked(row.residual(q) for row in self._rows)
-
-    def jacobian(self, q: Array) -> Array:
-        """Return the Jacobian (count, nv)."""
-        self.planar.place(q)
-        return self._jacobian()
-
-    def both(self, q: Array) -> tuple[Array, Array]:
-        """Return residual and Jacobian, with everything placed once."""
-        return self.residual(q), self._jacobian()
-
-    def _jacobian(self) -> Array:
-        return self._stacked((row.jacobian() for row in self._rows), self.planar.model.nv)
-
-    def velocity(self, q: Array, qd: Array) -> Array:
-        """Return the rate (count,) of the residual."""
-        self.planar.move(q, qd)
-        return self._stacked(row.velocity() for row in self._rows)
-
-    def drift(self, q: Array, qd: Array) -> Array:
-        """Return gamma (count,): minus the second derivative of the residual at qdd = 0."""
-        self.planar.move(q, qd)
-        return -self._stacked(row.acceleration() for row in self._rows)
-
-    def _stacked(self, parts: Iterable[Array], *columns: int) -> Array:
-        found, first = np.empty((self.count, *columns)), 0
-        for row, part in zip(self._rows, parts, strict=True):
-            found[first : first + row.count] = part
-            first += row.count
-        return found

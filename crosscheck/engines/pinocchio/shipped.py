@@ -16,9 +16,9 @@ import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines import Array, EngineError, Term
+from crosscheck.engines.march import March
 from crosscheck.engines.pinocchio.model import PlanarModel, shift, tree_model, turn, unit_vector
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
-from crosscheck.engines.tree.loop_closing import March
 from refkin.joints import GROUND, Element, PointCoordinate, PointsCoincide, RelativeAngle
 from refkin.model import Scene
 from refkin.motion import Route, Seeding, Status

@@ -14,9 +14,10 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import EngineError
+from crosscheck.engines.march import March, close, solve
 from crosscheck.engines.price_route import PricedRoute
 from crosscheck.engines.tree.joint_tree import Array, JointTree
-from crosscheck.engines.tree.loop_closing import March, body_levels, close, solve
+from crosscheck.engines.tree.tree_motion import body_levels
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
 from refkin.joints import AngleDriver, Driver
 from refkin.model import Scene
@@ -51,10 +52,10 @@ class Tree:
         EngineError
             If there is none.
         """
-        pose = close(self.system, self.system.tree.start(), self.scene.times[0])
-        if pose is None or not pose.regular:
+        pose = close(self.system, self.system.tree.start()[None], np.array([self.scene.times[0]]))
+        if not pose.regular[0]:
             raise EngineError("the tree does not close at the first time, where stepping would start")
-        return pose.q, pose.qd
+        return pose.q[0], pose.qd[0]
 
 
 def newton_routes(tree: Tree, name: str) -> Iterator[PricedRoute]:
@@ -93,22 +94,19 @@ def newton_sweep(tree: Tree, order: int, *, limit: float = 0.0, most: int = CAP)
 
 
 def _rates(system: TreeSystem, levels: list[Array], k: int, t: float) -> None:
-    q = levels[0][:, k].copy()
-    jacobian = system.position(q, t)[1]
-    qd = solve(jacobian, system.nu(t))
-    if qd is None:
-        return
-    levels[1][:, k] = qd
-    if len(levels) > 2:
-        qdd = solve(jacobian, system.gamma(q, qd, t))
-        levels[2][:, k] = np.nan if qdd is None else qdd
+    q, at = levels[0][:, k][None].copy(), np.array([t])
+    jacobian = system.rows(q, at)[1]
+    qd = solve(jacobian, system.nu(q, at))
+    levels[1][:, k] = qd[0]
+    if len(levels) > 2 and np.isfinite(qd).all():
+        levels[2][:, k] = solve(jacobian, system.gamma(q, qd, at))[0]
 
 
 def _newton(system: TreeSystem, q: Array, t: float, limit: float, most: int) -> Array | None:
     for _ in range(most):
-        residual, jacobian = system.position(q, t)
-        correction = solve(jacobian, residual)
-        if correction is None:
+        residual, jacobian = system.rows(q[None], np.array([t]))
+        correction = solve(jacobian, residual)[0]
+        if not np.isfinite(correction).all():
             return None
         q = q - correction
         if np.abs(correction).max() < limit:

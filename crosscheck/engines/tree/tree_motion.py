@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import hypot, sqrt
 
 import numpy as np
 
 from crosscheck.engines import Term
+from crosscheck.engines.march import March, march
 from crosscheck.engines.tree.joint_tree import Array
-from crosscheck.engines.tree.loop_closing import March, body_levels, march, point_levels
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
-from refkin.joints import GROUND, PointDistance, elements_of
+from refkin.joints import GROUND, Pair, PointDistance, elements_of
 from refkin.model import Effect, Mechanism, Scene
 from refkin.motion import Motion, PointMotion, Producer, engine_motion
 
@@ -80,7 +80,7 @@ def tree_motion(
         If a body of the scene has no estimate.
     """
     order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
-    found = march(TreeSystem(engine, scene.mechanism.drivers), scene.times, order)
+    found = march(TreeSystem(engine, scene.mechanism.drivers), engine.tree.start(), scene.times, order)
     if accelerations is not None and order == 2:
         q, qd, qdd = found.levels
         for k in np.flatnonzero(np.isfinite(qdd).all(axis=0)):
@@ -90,7 +90,8 @@ def tree_motion(
 
 def marched_motion(engine: TreeEngine, scene: Scene, found: March, producer: Producer) -> Motion:
     """Return what a scene wants of tree coordinates that were found in whatever way, at the levels they have."""
-    points = {p.name: _reported(scene, point_levels(engine, found, p.body, p.position)) for p in scene.points}
+    places = point_levels(engine, found, [(p.body, p.position) for p in scene.points])
+    points = {p.name: _reported(scene, [level[:, k] for level in places]) for k, p in enumerate(scene.points)}
     return engine_motion(
         scene.times,
         scene.wanted,
@@ -100,6 +101,38 @@ def marched_motion(engine: TreeEngine, scene: Scene, found: March, producer: Pro
         residual=found.residual,
         points={name: PointMotion(r=r, v=v, a=a) for name, (r, v, a) in points.items()},
     )
+
+
+def body_levels(engine: TreeEngine, march: March, bodies: Sequence[str]) -> list[Array]:
+    """Return per level (x [m], y [m], phi [rad]) of the bodies in the ground frame, or its derivative, (3 n, T).
+
+    phi is the sum of the joint angles, with its turns; x and y are the engine's own.
+    """
+    origins = point_levels(engine, march, [(body, (0.0, 0.0)) for body in bodies])
+    found = [np.empty((3 * len(bodies), q.shape[1])) for q in march.levels]
+    for order, (rows, origin, q) in enumerate(zip(found, origins, march.levels, strict=True)):
+        rows[0::3], rows[1::3] = origin
+        for k, body in enumerate(bodies):
+            rows[3 * k + 2] = engine.tree.angle(body, q) if order == 0 else engine.tree.angle_rows[body] @ q
+    return found
+
+
+def point_levels(engine: TreeEngine, march: March, places: Sequence[tuple[str, Pair]]) -> list[Array]:
+    """Return per level position [m] of P points of bodies (each [m] in its body's frame), or its derivative, (2, P, T).
+
+    NaN where there is none.
+    """
+    tree = engine.tree
+    found = [np.full((2, len(places), q.shape[1]), np.nan) for q in march.levels]
+    scaled = [(body, tree.scaled(body, u)) for body, u in places]
+    there = np.isfinite(march.levels[0]).all(axis=0)
+    q, qd, qdd = ([level[:, there].T for level in march.levels] + [None, None])[:3]
+    if places and there.any():
+        assert q is not None
+        for order, level in enumerate(engine.motion(q, qd, qdd, scaled)):
+            shift = tree.origin if order == 0 else (0.0, 0.0)
+            found[order][:, :, there] = np.transpose(level * tree.size + shift, (2, 1, 0))
+    return found
 
 
 def _reported(scene: Scene, levels: list[Array]) -> tuple[Array, Array | None, Array | None]:

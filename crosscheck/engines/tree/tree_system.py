@@ -1,24 +1,27 @@
 """The equations of a joint tree: an engine's rows for its loops, and the adapter's for the drivers.
 
 An engine supplies rows for the joints that its tree leaves open, and the motion of points (`TreeEngine`). Driver rows
-are appended here, the same way for every engine; `loop_closing` solves the whole.
+are appended here, the same way for every engine; `march` solves the whole.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
-from typing import Protocol
+from collections.abc import Iterator, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
 from crosscheck.engines import EngineError
+from crosscheck.engines.march import EPS, Tabulated, extrema
 from crosscheck.engines.tree.joint_tree import Array, JointTree
 from refkin.joints import GROUND, AngleDriver, DistanceDriver, Driver, Pair, XDriver, YDriver
 
+Places = Sequence[tuple[str, Pair]]
+"""Points of bodies, each in its body's own frame."""
+
 
 class TreeEngine(Protocol):
-    """An engine's model of a `JointTree`, in the tree's coordinates, unit of length and origin.
+    """An engine's model of a `JointTree`, in the tree's coordinates, unit of length and origin, at B poses at once.
 
     Arrays are fresh copies. Points are given in their body's own frame, in units of the size; never on the ground.
 
@@ -26,27 +29,27 @@ class TreeEngine(Protocol):
     ----------
     tree : JointTree
     closure_rows : int
-        The number of rows that the tree's closures have.
+        The number c of rows that the tree's closures have.
     """
 
     tree: JointTree
     closure_rows: int
 
-    def closure(self, q: Array) -> tuple[Array, Array]:
-        """Return the residual (closure_rows,) of the tree's closures and its Jacobian (closure_rows, n)."""
+    def closure(self, q: Array, places: Places) -> tuple[Array, Array, Array, Array]:
+        """Return the residual (B, c) of the closures at q (B, n) and its Jacobian (B, c, n).
 
-    def closure_drift(self, q: Array, qd: Array) -> Array:
-        """Return gamma of the closures (closure_rows,): their Jacobian times qdd equals it."""
+        And points in the ground frame, (B, P, 2), with theirs, (B, P, 2, n).
+        """
 
-    def point(self, q: Array, body: str, u: Pair) -> tuple[Array, Array]:
-        """Return a point of a body in the ground frame (2,), and its Jacobian (2, n)."""
+    def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, Array]:
+        """Return gamma of the closures (B, c), Jacobian times qdd, and accelerations of points (B, P, 2) at qdd = 0."""
 
-    def point_drift(self, q: Array, qd: Array, body: str, u: Pair) -> Array:
-        """Return the acceleration of a point (2,) at qdd = 0."""
+    def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
+        """Return position, velocity and acceleration (B, P, 2) of points of bodies, as far as rates are given."""
 
 
 class TreeSystem:
-    """The rows to be solved: the engine's closures, then the drivers, which the adapter appends.
+    """The rows to be solved: the engine's closures, then the drivers, which the adapter appends; `march.Equations`.
 
     A driver's row rests on the engine's motion of its points; an angle driver's on the sum of the joint angles alone.
     A distance driver's is (d . d - f^2) / 2, divided by the number f (t is fixed while it is solved).
@@ -57,84 +60,93 @@ class TreeSystem:
             if not isinstance(driver, AngleDriver | XDriver | YDriver | DistanceDriver):
                 raise EngineError(f"driver {driver.name!r} of type {driver.type}: a joint tree has no row for it")
         self.engine, self.tree, self.drivers = engine, engine.tree, tuple(drivers)
-        self._known: tuple[float, list[tuple[float, float]]] = (math.nan, [])
+        self._laws = {id(driver): Tabulated(driver.laws[0]) for driver in drivers}
+        self._places: list[tuple[str, Pair]] = []
+        self._ends = [list(self._read_ends(driver)) for driver in drivers]
 
-    def position(self, q: Array, t: float) -> tuple[Array, Array]:
-        """Return the residual (m,) and its Jacobian (m, n)."""
-        residual, jacobian = self.engine.closure(q)
-        rows = [self._position(driver, law[0], q) for driver, law in zip(self.drivers, self._laws(t), strict=True)]
-        return np.concatenate([residual, [r for r, _ in rows]]), np.vstack([jacobian, *(row for _, row in rows)])
+    def _read_ends(self, driver: Driver) -> Iterator[tuple[float, int | Array]]:
+        """Yield, for each point of a driver, its sign in the driver's vector and its place, fixed or an index."""
+        for (body, u), sign in zip(reversed(list(driver.points())), (1.0, -1.0), strict=False):
+            scaled = self.tree.scaled(body, u)
+            yield sign, np.array(scaled) if body == GROUND else len(self._places)
+            self._places += [] if body == GROUND else [(body, scaled)]
 
-    def nu(self, t: float) -> Array:
-        """Return the right side (m,) of the velocities: zero for a closure, the law's rate for a driver."""
-        return np.concatenate([np.zeros(self.engine.closure_rows), [law[1] for law in self._laws(t)]])
+    def _vector(self, k: int, of_places: Array, *, fixed: bool = False) -> Array:
+        """Return the vector of driver k, a point or d = r_j - r_i, or what else is known of its points (B, P, ...).
 
-    def gamma(self, q: Array, qd: Array, t: float) -> Array:
-        """Return the right side (m,) of the accelerations."""
-        own = [
-            self._gamma(driver, (*law, self._law(driver, t, 2)), q, qd)
-            for driver, law in zip(self.drivers, self._laws(t), strict=True)
-        ]
-        return np.concatenate([self.engine.closure_drift(q, qd), own])
+        Positions alone know of a `fixed` point.
+        """
+        ends = [(sign, at) for sign, at in self._ends[k] if fixed or isinstance(at, int)]
+        return np.asarray(sum(sign * (of_places[:, at] if isinstance(at, int) else at) for sign, at in ends))
 
-    def _position(self, driver: Driver, f: float, q: Array) -> tuple[float, Array]:
-        if isinstance(driver, AngleDriver):
-            i, j = driver.bodies
-            return self.tree.angle(j, q) - self.tree.angle(i, q) - f, self._turn(driver)
-        if isinstance(driver, DistanceDriver):
-            d, jacobian = self._gap(driver, q)
-            return float(d @ d - f * f) / (2.0 * (f or 1.0)), d @ jacobian / (f or 1.0)
-        assert isinstance(driver, XDriver | YDriver)
-        k = _component(driver)
-        r, jacobian = self._point(q, driver.body, driver.point)
-        return r[k] - f, jacobian[k]
+    def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
+        """Return residual (B, m) and Jacobian (B, m, n)."""
+        closures = self.engine.closure_rows
+        residual = np.empty((len(t), closures + len(self.drivers)))
+        jacobian = np.empty((*residual.shape, self.tree.width))
+        residual[:, :closures], jacobian[:, :closures], r, slopes = self.engine.closure(q, self._places)
+        for k, driver in enumerate(self.drivers):
+            f, row = self._law(driver, t, 0), closures + k
+            if isinstance(driver, AngleDriver):
+                i, j = driver.bodies
+                jacobian[:, row] = self.tree.angle_rows[j] - self.tree.angle_rows[i]
+                residual[:, row] = self.tree.angle(j, q.T) - self.tree.angle(i, q.T) - f
+                continue
+            d, slope = self._vector(k, r, fixed=True), self._vector(k, slopes)
+            if isinstance(driver, DistanceDriver):
+                scale = np.where(f == 0.0, 1.0, f)
+                residual[:, row] = (np.sum(d * d, axis=1) - f * f) / (2.0 * scale)
+                jacobian[:, row] = (d[:, None] @ slope)[:, 0] / np.reshape(scale, (-1, 1))
+            else:
+                residual[:, row], jacobian[:, row] = d[:, _component(driver)] - f, slope[:, _component(driver)]
+        return residual, jacobian
 
-    def _gamma(self, driver: Driver, law: tuple[float, float, float], q: Array, qd: Array) -> float:
-        f, fd, fdd = law
-        if isinstance(driver, AngleDriver):
-            return fdd
-        if isinstance(driver, DistanceDriver):
-            d, jacobian = self._gap(driver, q)
-            rate = jacobian @ qd
-            drift = self._drift(q, qd, driver.body_j, driver.point_j) - self._drift(
-                q, qd, driver.body_i, driver.point_i
-            )
-            return (fd * fd + f * fdd - float(rate @ rate) - float(d @ drift)) / (f or 1.0)
-        assert isinstance(driver, XDriver | YDriver)
-        return fdd - float(self._drift(q, qd, driver.body, driver.point)[_component(driver)])
+    def nu(self, q: Array, t: Array) -> Array:
+        """Return the right side (B, m) of the velocities: zero for a closure, the law's rate for a driver."""
+        right = np.zeros((len(t), self.engine.closure_rows + len(self.drivers)))
+        for k, driver in enumerate(self.drivers, self.engine.closure_rows):
+            right[:, k] = self._law(driver, t, 1)
+        return right
 
-    def _turn(self, driver: AngleDriver) -> Array:
-        i, j = driver.bodies
-        return self.tree.angle_rows[j] - self.tree.angle_rows[i]
+    def gamma(self, q: Array, qd: Array, t: Array) -> Array:
+        """Return the right side (B, m) of the accelerations."""
+        closures = self.engine.closure_rows
+        right = np.empty((len(t), closures + len(self.drivers)))
+        right[:, :closures], bends = self.engine.closure_drift(q, qd, self._places)
+        for k, driver in enumerate(self.drivers):
+            f, fd, fdd = (self._law(driver, t, order) for order in range(3))
+            row = closures + k
+            if isinstance(driver, AngleDriver):
+                right[:, row] = fdd
+            elif isinstance(driver, DistanceDriver):
+                r, v = self.engine.motion(q, qd, None, self._places)
+                d, rate = self._vector(k, r, fixed=True), self._vector(k, v)
+                bent = np.sum(rate * rate + d * self._vector(k, bends), axis=1)
+                right[:, row] = (fd * fd + f * fdd - bent) / np.where(f == 0.0, 1.0, f)
+            else:
+                right[:, row] = fdd - self._vector(k, bends)[:, _component(driver)]
+        return right
 
-    def _gap(self, driver: DistanceDriver, q: Array) -> tuple[Array, Array]:
-        r_i, jacobian_i = self._point(q, driver.body_i, driver.point_i)
-        r_j, jacobian_j = self._point(q, driver.body_j, driver.point_j)
-        return r_j - r_i, jacobian_j - jacobian_i
+    def round_off(self, q: Array, t: Array) -> Array:
+        """Return a bound (B, 1) on what rounding leaves of a residual that is zero.
 
-    def _point(self, q: Array, body: str, u: Pair) -> tuple[Array, Array]:
-        scaled = self.tree.scaled(body, u)
-        if body == GROUND:
-            return np.array(scaled), np.zeros((2, self.tree.width))
-        return self.engine.point(q, body, scaled)
+        A row compares two points, each at the end of at most `depth` links. In units of the size a link is no longer
+        than 3/2 and a slide no longer than |q|, so a point lies within 3/2 depth (1 + |q|). Every link costs it at most
+        4 EPS of that (cosine and sine, a product of rotations, a sum), the rounding of the angles themselves another
+        EPS |q|: together less than 8 (1 + depth)^2 EPS (1 + |q|) for a point, and twice that for two.
+        """
+        return 16.0 * (1 + self.tree.depth) ** 2 * EPS * (1.0 + np.abs(q).max(axis=1, initial=0.0, keepdims=True))
 
-    def _drift(self, q: Array, qd: Array, body: str, u: Pair) -> Array:
-        if body == GROUND:
-            return np.zeros(2)
-        return self.engine.point_drift(q, qd, body, self.tree.scaled(body, u))
+    def extrema(self, times: Array) -> Array:
+        """Return times between those given at which a law turns back."""
+        return extrema([self._laws[id(driver)] for driver in self.drivers], times)
 
-    def _laws(self, t: float) -> list[tuple[float, float]]:
-        """Return value and rate of each driver's law, kept for the corrections that follow at the same time."""
-        if self._known[0] != t:
-            self._known = t, [(self._law(driver, t, 0), self._law(driver, t, 1)) for driver in self.drivers]
-        return self._known[1]
-
-    def _law(self, driver: Driver, t: float, order: int) -> float:
-        value = float(driver.laws[0](t, order))
+    def _law(self, driver: Driver, t: Array, order: int) -> Any:
+        value = self._laws[id(driver)](t, order)
         if isinstance(driver, AngleDriver):
             return value
         if order == 0 and not isinstance(driver, DistanceDriver):
-            value -= self.tree.origin[_component(driver)]
+            value = value - self.tree.origin[_component(driver)]
         return value / self.tree.size
 
 

@@ -1,0 +1,512 @@
+"""Numerical continuation over the times of a scene: full Newton at all times at once, on one branch.
+
+The first pose is Newton's from an estimate. From there rough poses at a few times, cubics (Hermite) between them and
+Newton at every time give poses of which none is believed yet. A step from one to the next is taken if Newton contracts
+at once from the tangent of the first and no singular Jacobian can lie between the two; steps that fail are halved, all
+at once. What is left is done one step after another, halved further until Newton contracts. So no pose is ever taken
+that the tangent of the pose before it does not lead to, and a motion ends where its assembly ends.
+
+A velocity, and with it the first derivative of each law, is taken of a scene too that calls for positions alone: the
+difference of a law's values would predict as well where times are close, but does not see a law that leaves and comes
+back between two times. For the same reason the times at which a law turns back are poses of their own.
+
+Nothing here knows an engine: residual, Jacobian and right sides of a batch of poses come from `Equations`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from refkin.motion import Status
+
+Array = NDArray[np.float64]
+
+EPS = float(np.finfo(float).eps)
+CAP, CAP_AT_ONCE = 60, 30
+"""Corrections that Newton may take; at a fold, where the error halves, it needs about 26 to reach round-off."""
+CONTRACTION = 0.25
+"""A correction larger than this part of the one before says that the prediction was too far off."""
+STALLED = 0.9
+"""A correction larger than this part of the one before, at a residual of round-off, is noise: the error of a regular
+pose shrinks faster, so does that of a fold (1/2), and of four roots in one (3/4). Noise may shrink for ever."""
+TRUST = 0.25
+"""The largest correction (rad, or sizes) of a predicted pose; what lies further off may be another branch."""
+HALVINGS, HALVINGS_AFTER_FAILURE = 40, 6
+"""How often a step may be halved on the way to the next time: down to 1e-12 of it; less after a time that failed."""
+DIVISIONS, MOST_DIVIDED, PARTS = 4, 4, 6
+"""How often steps may be divided, how many together, and into how many parts on either side."""
+ATTEMPTS = 500
+"""Steps that may be tried between two times."""
+SINGULAR = 8.0 * math.sqrt(EPS)
+"""The least singular value of a regular pose, lengths in sizes: rates err by EPS over its square, there by 1/64."""
+STRIDE, ROUGH, MOST_ROUGH = 18, 1e-2, 6
+"""Every how manieth time has a rough pose, the last correction [rad, sizes] that it needs, and how many it may take."""
+DEFECT, NEAR = 0.1, 1e-3
+"""The part of a step, and the length [rad, sizes], by which it may miss what its two velocities say (trapezoid)."""
+GUESSED_WELL = 1e-9
+"""A prediction that Newton's first correction brings this near its pose has contracted, whatever round-off adds."""
+
+
+class Equations(Protocol):
+    """Constraint equations at B poses; n coordinates and m rows of order one, lengths in sizes of the mechanism."""
+
+    def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
+        """Return residual (B, m) and Jacobian (B, m, n) at q (B, n), t (B,)."""
+
+    def nu(self, q: Array, t: Array) -> Array:
+        """Return the right side (B, m) of the velocities."""
+
+    def gamma(self, q: Array, qd: Array, t: Array) -> Array:
+        """Return the right side (B, m) of the accelerations."""
+
+    def round_off(self, q: Array, t: Array) -> Array:
+        """Return a bound on what rounding leaves of residuals that are zero, (B, m) or (B, 1)."""
+
+    def extrema(self, times: Array) -> Array:
+        """Return times between those given at which the law of a driver turns back."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """B poses, NaN where Newton found none.
+
+    Times (B,), coordinates (B, n), Jacobians (B, m, n), largest components of the residuals (B,), inverses of the
+    Jacobians (B, n, m) and velocities (B, n): NaN too if a pose is not `regular`.
+    """
+
+    t: Array
+    q: Array
+    jacobian: Array
+    residual: Array
+    inverse: Array
+    qd: Array
+    regular: Any
+
+    @property
+    def found(self) -> Any:
+        """Which of them there are, (B,)."""
+        return np.isfinite(self.residual)
+
+    def __getitem__(self, which: Any) -> Self:
+        return type(self)(*(getattr(self, f.name)[which] for f in fields(self)))
+
+    @classmethod
+    def joined(cls, parts: Sequence[Poses]) -> Self:
+        """Return several batches as one."""
+        return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
+
+
+@dataclass(frozen=True)
+class March:
+    """Coordinates and rates over the times: levels of (n, T), NaN where there is no answer; what is known of each.
+
+    `levels` holds positions, then velocities and accelerations if called for; `residual` (T,) the largest components.
+    """
+
+    levels: tuple[Array, ...]
+    status: tuple[Status, ...]
+    residual: Array
+
+
+def march(equations: Equations, start: Array | Callable[[float], Poses], times: Sequence[float], order: int) -> March:
+    """Return the motion at each time, starting at an estimate and going on from the last pose that closed.
+
+    Parameters
+    ----------
+    start : (n,) array, or callable
+        Coordinates from which Newton finds the first pose, or what finds it at a time.
+    times : sequence of float
+        Strictly increasing [s].
+    order : int
+        0 for position, 1 for velocity too, 2 for acceleration too.
+    """
+    t, k, path, halvings = np.asarray(times, float), 0, list[Poses](), HALVINGS
+    last: Poses | None = None
+    ahead: Poses | None = None
+    with np.errstate(all="ignore"):  # a Newton that runs away is a status, not a warning
+        while k < len(t):
+            if last is None:
+                pose = start(t[k]) if callable(start) else close(equations, start[None], t[k : k + 1])
+            else:
+                if ahead is None and halvings == HALVINGS:
+                    (ahead, kept), origin = _all_at_once(equations, last, t[k:]), k
+                if ahead is not None:
+                    count = int(np.argmin(np.append(kept[k - origin :], False)))
+                    path.append(ahead[k - origin : k - origin + count])
+                    last, k = path[-1][-1:] if count else last, k + count
+                if k == len(t):
+                    break
+                pose = advance(equations, last, t[k], halvings)
+            path.append(pose)
+            halvings = HALVINGS if pose.found[0] else HALVINGS_AFTER_FAILURE
+            last = pose if pose.regular[0] else last
+            if ahead is not None and not _same(ahead[k - origin : k - origin + 1], pose):
+                ahead = None
+            k += 1
+        return _motion(equations, t, path, order)
+
+
+def _same(guessed: Poses, pose: Poses) -> bool:
+    """Return whether a pose that was not believed is the one that was found step by step."""
+    return bool(len(guessed.t) and _largest(guessed.q - pose.q)[0] <= GUESSED_WELL)
+
+
+def _motion(equations: Equations, t: Array, path: Sequence[Poses], order: int) -> March:
+    """Return poses with their rates."""
+    poses = Poses.joined(path)
+    levels = [poses.q, poses.qd, np.full_like(poses.q, np.nan)][: order + 1]
+    ok = poses.regular
+    if order == 2 and ok.any():
+        right = equations.gamma(poses.q[ok], poses.qd[ok], t[ok])
+        levels[2][ok] = solve(poses.jacobian[ok], right)
+        ok = ok & np.isfinite(levels[2]).all(axis=1)
+        levels[1] = np.where(ok[:, None], levels[1], np.nan)
+    known = (Status.NOT_CONVERGED, Status.SINGULAR, Status.OK)
+    status = tuple(known[at] for at in (poses.found.astype(int) + ok).tolist())
+    return March(tuple(np.ascontiguousarray(level.T) for level in levels), status, poses.residual)
+
+
+# all at once
+
+
+def _all_at_once(equations: Equations, last: Poses, times: Array) -> tuple[Poses, Any]:
+    """Return poses at the first of the times, as many as were reached, and whether each follows from the one before.
+
+    The first follows from `last`.
+    """
+    t = np.union1d(times, equations.extrema(np.append(last.t, times)))
+    knots = _rough(equations, last, t)
+    t = t[t <= knots[0][-1]]
+    poses = close(equations, _cubic(*knots, t), t, cap=CAP_AT_ONCE)
+    poses, kept = _with_steps(equations, last, np.zeros(1, bool), poses)
+    for _ in range(DIVISIONS):
+        bad = np.flatnonzero(~kept[:-1])
+        bad = bad[_passable(poses[bad], poses[bad + 1])][:MOST_DIVIDED]
+        if not bad.size:
+            break
+        guess, between = _divided(poses[bad], poses[bad + 1])
+        if not len(between):
+            break
+        more = close(equations, guess, between, cap=CAP_AT_ONCE)
+        poses, kept = _with_steps(equations, poses, kept, more)
+    at = np.searchsorted(poses.t, times[times <= t[-1]] if len(t) else times[:0])
+    failed = np.append(0, np.cumsum(~kept))
+    return poses[at], np.diff(failed[at], prepend=0) == 0
+
+
+def _with_steps(equations: Equations, poses: Poses, kept: Any, more: Poses) -> tuple[Poses, Any]:
+    """Return poses and more in the order of their times, and which steps, from each to the next, are to be believed."""
+    order = np.argsort(np.append(poses.t, more.t), kind="stable")
+    new = np.append(np.zeros(len(poses.t), bool), np.ones(len(more.t), bool))[order]
+    kept = np.append(kept, np.zeros(len(more.t), bool))[order]
+    poses = Poses.joined((poses, more))[order]
+    steps = np.flatnonzero(new[:-1] | new[1:])
+    kept[steps] = _believed(equations, poses[steps], poses[steps + 1])
+    kept[-1] = False
+    return poses, kept
+
+
+def _rough(equations: Equations, last: Poses, t: Array) -> tuple[Array, Array, Array]:
+    """Return times (K,), coordinates and velocities (K, n) of rough poses from `last` on, as far as Newton goes."""
+    knots = [(float(last.t[0]), last.q[0], last.qd[0])]
+    bend, k, stride = np.zeros_like(last.q[0]), -1, STRIDE
+    while k < len(t) - 1 and stride:
+        target = min(k + stride, len(t) - 1)
+        before, at, rate = knots[-1]
+        now, h = t[target : target + 1], t[target] - before
+        guess = predicted = (at + h * (rate + 0.5 * h * bend))[None]
+        for _ in range(MOST_ROUGH if stride > 1 else CAP_AT_ONCE):  # the next time may be at a fold
+            residual, jacobian = equations.rows(guess, now)
+            correction = solve(jacobian, residual)
+            guess = guess - correction
+            if not ROUGH < _largest(correction)[0] <= 1.0:
+                break
+        qd = solve(jacobian, equations.nu(guess, now))[0]
+        near = stride == 1 or _largest(guess - predicted)[0] <= TRUST
+        if near and _largest(correction)[0] <= ROUGH and np.isfinite(qd).all():
+            bend, k, stride = (qd - rate) / h, target, min(2 * stride, STRIDE)
+            knots.append((float(t[k]), guess[0], qd))
+        else:
+            stride //= 2
+    at, q, qd = zip(*knots, strict=True)
+    return np.array(at), np.array(q), np.array(qd)
+
+
+def _cubic(knots: Array, q: Array, qd: Array, t: Array) -> Array:
+    """Return coordinates (B, n) at t by the cubics through knots (K,), with coordinates and velocities (K, n) there."""
+    if len(knots) == 1:
+        return np.repeat(q, len(t), axis=0)
+    k = np.clip(np.searchsorted(knots, t) - 1, 0, len(knots) - 2)
+    h = (knots[k + 1] - knots[k])[:, None]
+    s = (t - knots[k])[:, None] / h
+    rise = q[k + 1] - q[k]
+    one, other = h * qd[k] - rise, rise - h * qd[k + 1]
+    return q[k] + s * (rise + (1.0 - s) * (one * (1.0 - s) + other * s))
+
+
+def _passable(a: Poses, b: Poses) -> Any:
+    """Return whether poses b may lie on the way of poses a, (B,): further off than their rates go is another branch."""
+    fastest = np.maximum(_largest(a.qd), _largest(b.qd))
+    return a.regular & b.regular & (_largest(b.q - a.q) <= 2.0 * (b.t - a.t) * fastest + GUESSED_WELL)
+
+
+def _divided(a: Poses, b: Poses) -> tuple[Array, Array]:
+    """Return guesses and times within steps from poses a to poses b, on cubics through both in the space of q and t.
+
+    A step fails where a singular pose is near, and J^-1 goes about as the inverse of the way that is left to it: so the
+    parts become smaller by halves towards the place where that way ends, from either side. In the space of q and t,
+    because towards a fold a coordinate goes as the root of the time that is left.
+    """
+    h, move = b.t - a.t, b.q - a.q
+    length = np.maximum(_largest(move), EPS)
+    zero, one = np.zeros((len(h), 1)), length[:, None]
+    slopes = [np.append(h[:, None] * pose.qd, one, axis=1) for pose in (a, b)]
+    ends = [np.append(a.q, zero, axis=1), np.append(b.q, one, axis=1)]
+    chord = np.linalg.norm(ends[1] - ends[0], axis=1)
+    slopes = [slope * (chord / np.linalg.norm(slope, axis=1))[:, None] for slope in slopes]
+    near, far = (1.0 / np.linalg.norm(pose.inverse, axis=(1, 2)) for pose in (a, b))
+    worst = (near / (near + far))[:, None]
+    left = 0.5 ** np.arange(1, PARTS + 1)
+    u = np.append(worst * (1.0 - left), 1.0 - (1.0 - worst) * (1.0 - left), axis=1)[:, :, None]
+    rise, one_slope, other = (ends[1] - ends[0])[:, None], slopes[0][:, None], slopes[1][:, None]
+    at = ends[0][:, None] + u * (rise + (1.0 - u) * ((one_slope - rise) * (1.0 - u) + (rise - other) * u))
+    t = a.t[:, None] + h[:, None] * at[:, :, -1] / one
+    inside = (t > a.t[:, None]) & (t < b.t[:, None])
+    return at[inside][:, :-1], t[inside]
+
+
+def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
+    """Return whether the tangents of poses a lead to poses b, (B,): what `advance` asks of a step, and more.
+
+    Newton contracts if from the tangent its first correction leads to b but for a small part of itself.
+    """
+    h = (b.t - a.t)[:, None]
+    good = a.regular & b.regular
+    guess = a.q + h * a.qd
+    move, far = b.q - a.q, _largest(b.q - guess)
+    defect = _largest(move - 0.5 * h * (a.qd + b.qd))
+    good &= (far <= TRUST) & (defect <= np.maximum(DEFECT * _largest(move), NEAR))
+    good[good] = connected(a.inverse[good], b.jacobian[good])
+    some = np.flatnonzero(good)
+    if not some.size:
+        return good
+    residual, jacobian = equations.rows(guess[some], b.t[some])
+    correction = solve(jacobian, residual)
+    first, second = _largest(correction), _largest(b.q[some] - guess[some] + correction)
+    closed = (np.abs(residual) <= equations.round_off(guess[some], b.t[some])).all(axis=1)
+    good[some] = closed | ((first <= TRUST) & (second <= np.maximum(CONTRACTION * first, GUESSED_WELL)))
+    return good
+
+
+# one step after another
+
+
+def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVINGS) -> Poses:
+    """Return the pose at t on the branch of `last`, if there is one: by steps halved until Newton contracts."""
+    first, step = last, t - float(last.t[0])
+    smallest = math.ldexp(step, -halvings)
+    for _ in range(ATTEMPTS):
+        now = float(last.t[0])
+        target = min(t, now + step)
+        pose = close(equations, last.q + (target - now) * last.qd, np.array([target]), near=True)
+        joined = bool(pose.found[0] and connected(last.inverse, pose.jacobian)[0])
+        if joined and target == t:
+            return pose
+        if joined and pose.regular[0]:
+            last, step = pose, 2.0 * step
+        else:
+            step = 0.5 * (target - now)
+            if step < smallest:
+                return _fold(equations, last, t) if halvings == HALVINGS else nowhere(first, t)
+    return nowhere(first, t)
+
+
+def _fold(equations: Equations, last: Poses, t: float) -> Poses:
+    """Return the pose at t if the branch of `last` ends there, in a singular pose, where Newton contracts by halves."""
+    pose = close(equations, last.q, np.array([t]))
+    return nowhere(last, t) if pose.regular[0] or not _largest(pose.q - last.q)[0] <= TRUST else pose
+
+
+def nowhere(like: Poses, t: float) -> Poses:
+    """Return no pose at t."""
+    nothing = [np.full_like(getattr(like, f.name), np.nan) for f in fields(like)[1:-1]]
+    return Poses(np.array([t]), *nothing, np.zeros(1, bool))
+
+
+def connected(inverse: Array, other: Array) -> Any:
+    """Return whether every matrix on the straight line from a Jacobian to another is regular, for B of them.
+
+    Another branch lies beyond a singular pose, where an eigenvalue of J changes its sign. Where branches nearly meet,
+    Newton contracts towards either, and only this tells them apart: (1 - s) J + s J' = J ((1 - s) I + s J^-1 J') is
+    regular for all s in [0, 1] if no eigenvalue of J^-1 J' lies in the left half plane; so it is if J^-1 J' differs
+    from I by less than 1.
+
+    Parameters
+    ----------
+    inverse : (B, n, m) array
+        Inverses of the ones.
+    other : (B, m, n) array
+        The others.
+    """
+    change = inverse @ other
+    near = np.linalg.norm(change - np.eye(change.shape[1]), axis=(1, 2)) < 1.0
+    for k in np.flatnonzero(~near & np.isfinite(change).all(axis=(1, 2))):
+        near[k] = (np.linalg.eigvals(change[k]).real > 0.0).all()
+    return near
+
+
+# one pose
+
+
+def close(equations: Equations, q: Array, t: Array, *, near: bool = False, cap: int = CAP) -> Poses:
+    """Return the poses to which full Newton converges from q (B, n) at t (B,).
+
+    Converged means that the residual is at round-off and the correction has stalled. `near` says that q are
+    predictions: then each correction must contract and the first not be large.
+    """
+    count, n = q.shape
+    guess, active, previous = q, np.arange(count), np.full(count, np.inf)
+    done = list[tuple[Any, Array, Array, Array]]()
+    for _ in range(cap):
+        residual, jacobian = equations.rows(q, t[active])
+        correction = solve(jacobian, residual)
+        size, gap = _largest(correction), _largest(residual)
+        ends = ~(size <= 1.0 / EPS)  # an angle that large has no digit left
+        closed = ~ends & (np.abs(residual) <= equations.round_off(q, t[active])).all(axis=1)
+        stalled = closed & ((size > STALLED * previous) | (size <= EPS * (1.0 + _largest(q))))
+        if near:
+            ends |= ~closed & ((size > CONTRACTION * previous) | (size > TRUST))
+            ends |= stalled & (_largest(q - guess[active]) > TRUST)
+        good = stalled & ~ends
+        if good.any():
+            done.append((active[good], q[good], jacobian[good], gap[good]))
+        on = ~(stalled | ends)
+        active, q, previous = active[on], q[on] - correction[on], size[on]
+        if not active.size:
+            break
+    m = jacobian.shape[1]
+    shapes = ((count, n), (count, m, n), (count,))
+    at, jacobians, gaps = (np.full(shape, np.nan) for shape in shapes)
+    for which, *parts in done:
+        for whole, part in zip((at, jacobians, gaps), parts, strict=True):
+            whole[which] = part
+    return with_velocities(equations, t, at, jacobians, gaps)
+
+
+def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, residual: Array) -> Poses:
+    """Return poses where residuals are finite, with velocities where they are regular: NaN elsewhere."""
+    count, m, n = jacobian.shape
+    inverse, qd = np.full((count, n, m), np.nan), np.full((count, n), np.nan)
+    some = np.isfinite(residual)
+    inverse[some] = _inverse(jacobian[some])
+    regular = some.copy()
+    regular[some] = _regular(jacobian[some], inverse[some])
+    qd[regular] = solve(jacobian[regular], equations.nu(q[regular], t[regular]))
+    regular &= np.isfinite(qd).all(axis=1)
+    return Poses(t, q, jacobian, residual, inverse, qd, regular)
+
+
+def _regular(jacobian: Array, inverse: Array) -> Any:
+    """Return whether the columns are independent by more than `SINGULAR`, of which the inverse's norm is a bound."""
+    regular = np.linalg.norm(inverse, axis=(1, 2)) <= 1.0 / SINGULAR
+    for k in np.flatnonzero(~regular):
+        regular[k] = np.linalg.svd(jacobian[k], compute_uv=False)[-1] >= SINGULAR
+    return regular
+
+
+def solve(matrix: Array, right: Array) -> Array:
+    """Return x (B, n) with matrix (B, m, n) x = right (B, m), by least squares if rows are redundant.
+
+    NaN where there is no finite one.
+    """
+    _, m, n = matrix.shape
+    if n != m:
+        x = (_inverse(matrix) @ right[:, :, None])[:, :, 0]
+    else:
+        x = _each(lambda a, b: np.linalg.solve(a, b[:, :, None])[:, :, 0], matrix, right, out=right)
+    return x if np.isfinite(x).all() else np.where(np.isfinite(x).all(axis=1)[:, None], x, np.nan)
+
+
+def _inverse(matrix: Array) -> Array:
+    """Return inverses (B, n, m) of matrices (B, m, n), pseudo-inverses if rows are redundant; NaN where singular."""
+    _, m, n = matrix.shape
+    if m == n:
+        return _each(np.linalg.inv, matrix, out=matrix)
+    return _each(lambda a: np.linalg.pinv(a, rcond=EPS * max(m, n)), matrix, out=matrix.transpose(0, 2, 1))
+
+
+def _each(function: Callable[..., Array], *given: Array, out: Array) -> Array:
+    """Return a function of batches, sample by sample where one singular matrix spoils the batch."""
+    try:
+        return function(*given)
+    except np.linalg.LinAlgError:
+        if len(out) == 1:
+            return np.full_like(out, np.nan)
+        single = (tuple(array[k : k + 1] for array in (*given, out)) for k in range(len(out)))
+        return np.concatenate([_each(function, *one[:-1], out=one[-1]) for one in single])
+
+
+def _largest(values: Array) -> Array:
+    """Return the largest component (B,) of vectors (B, n)."""
+    return np.abs(values).max(axis=1, initial=0.0)
+
+
+def extrema(laws: Sequence[Callable[..., Any]], times: Array) -> Array:
+    """Return where laws turn back between times, one time a step: regula falsi on the rate, then Newton.
+
+    The sample is near the extremum, not at it: the law is flat there.
+    """
+    found = [np.zeros(0)]
+    for law in laws:
+        rate = np.broadcast_to(np.asarray(law(times, 1), float), times.shape)
+        k = np.flatnonzero(rate[:-1] * rate[1:] < 0.0)
+        if k.size:
+            a, b = times[k], times[k + 1]
+            t = a + (b - a) * rate[k] / (rate[k] - rate[k + 1])
+            for _ in range(2):
+                t = t - law(t, 1) / law(t, 2)
+                t = np.where((t > a) & (t < b), t, 0.5 * (a + b))
+            found.append(t)
+    return np.concatenate(found)
+
+
+class Tabulated:
+    """A law whose values are kept, so that no time is asked for twice; new times are asked for in one row."""
+
+    def __init__(self, law: Callable[..., Any]) -> None:
+        self.law, self.known = law, dict[int, dict[float, float]]()
+
+    def __call__(self, t: Array, order: int) -> Array:
+        """Return the derivative of the given order at times (B,)."""
+        known, times = self.known.setdefault(order, {}), t.tolist()
+        missing = [at for at in times if at not in known]
+        if missing:
+            values = np.broadcast_to(np.asarray(self.law(np.array(missing), order), float), len(missing))
+            known.update(zip(missing, values.tolist(), strict=True))
+        return np.array([known[at] for at in times])
+
+
+class OneByOne:
+    """Equations of an engine that is asked pose by pose: its functions of q (n,) and a time, lifted to batches."""
+
+    def __init__(self, position: Any, nu: Any, gamma: Any, round_off: Any, laws: Sequence[Any] = ()) -> None:
+        self.position, self.laws = position, laws
+        self.nu, self.gamma, self.round_off = lifted(nu), lifted(gamma), lifted(round_off)
+
+    def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
+        found = [self.position(*at) for at in zip(q, t.tolist(), strict=True)]
+        return np.array([residual for residual, _ in found]), np.array([jacobian for _, jacobian in found])
+
+    def extrema(self, times: Array) -> Array:
+        return extrema(self.laws, times)
+
+
+def lifted(function: Callable[..., Array]) -> Callable[..., Array]:
+    """Return a function of batches from one of poses."""
+    return lambda *given: np.array([function(*at) for at in zip(*given, strict=True)])
