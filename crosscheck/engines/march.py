@@ -28,7 +28,7 @@ from refkin.motion import Status
 Array = NDArray[np.float64]
 
 EPS = float(np.finfo(float).eps)
-CAP, CAP_AT_ONCE = 60, 30
+CAP = 60
 """Corrections that Newton may take; at a fold, where the error halves, it needs about 26 to reach round-off."""
 CONTRACTION = 0.25
 """A correction larger than this part of the one before says that the prediction was too far off."""
@@ -183,7 +183,9 @@ def _all_at_once(equations: Equations, last: Poses, times: Array) -> tuple[Poses
     t = np.union1d(times, equations.extrema(np.append(last.t, times)))
     knots = _rough(equations, last, t)
     t = t[t <= knots[0][-1]]
-    poses = close(equations, _cubic(*knots, t), t, cap=CAP_AT_ONCE)
+    if not len(t):
+        return last[:0], np.zeros(0, bool)
+    poses = close(equations, _cubic(*knots, t), t)
     poses, kept = _with_steps(equations, last, np.zeros(1, bool), poses)
     for _ in range(DIVISIONS):
         bad = np.flatnonzero(~kept[:-1])
@@ -193,9 +195,9 @@ def _all_at_once(equations: Equations, last: Poses, times: Array) -> tuple[Poses
         guess, between = _divided(poses[bad], poses[bad + 1])
         if not len(between):
             break
-        more = close(equations, guess, between, cap=CAP_AT_ONCE)
+        more = close(equations, guess, between)
         poses, kept = _with_steps(equations, poses, kept, more)
-    at = np.searchsorted(poses.t, times[times <= t[-1]] if len(t) else times[:0])
+    at = np.searchsorted(poses.t, times[times <= t[-1]])
     failed = np.append(0, np.cumsum(~kept))
     return poses[at], np.diff(failed[at], prepend=0) == 0
 
@@ -221,7 +223,7 @@ def _rough(equations: Equations, last: Poses, t: Array) -> tuple[Array, Array, A
         before, at, rate = knots[-1]
         now, h = t[target : target + 1], t[target] - before
         guess = predicted = (at + h * (rate + 0.5 * h * bend))[None]
-        for _ in range(MOST_ROUGH if stride > 1 else CAP_AT_ONCE):  # the next time may be at a fold
+        for _ in range(MOST_ROUGH if stride > 1 else CAP):  # the next time may be at a fold
             residual, jacobian = equations.rows(guess, now)
             correction = solve(jacobian, residual)
             guess = guess - correction
@@ -335,8 +337,8 @@ def _fold(equations: Equations, last: Poses, t: float) -> Poses:
 
 def nowhere(like: Poses, t: float) -> Poses:
     """Return no pose at t."""
-    nothing = [np.full_like(getattr(like, f.name), np.nan) for f in fields(like)[1:-1]]
-    return Poses(np.array([t]), *nothing, np.zeros(1, bool))
+    nothing = {f.name: np.full_like(getattr(like, f.name), np.nan) for f in fields(like)}
+    return Poses(**{**nothing, "t": np.array([t]), "regular": np.zeros(1, bool)})
 
 
 def connected(inverse: Array, other: Array) -> Any:
@@ -364,7 +366,7 @@ def connected(inverse: Array, other: Array) -> Any:
 # one pose
 
 
-def close(equations: Equations, q: Array, t: Array, *, near: bool = False, cap: int = CAP) -> Poses:
+def close(equations: Equations, q: Array, t: Array, *, near: bool = False) -> Poses:
     """Return the poses to which full Newton converges from q (B, n) at t (B,).
 
     Converged means that the residual is at round-off and the correction has stalled. `near` says that q are
@@ -373,7 +375,7 @@ def close(equations: Equations, q: Array, t: Array, *, near: bool = False, cap: 
     count, n = q.shape
     guess, active, previous = q, np.arange(count), np.full(count, np.inf)
     done = list[tuple[Any, Array, Array, Array]]()
-    for _ in range(cap):
+    for _ in range(CAP):
         residual, jacobian = equations.rows(q, t[active])
         correction = solve(jacobian, residual)
         size, gap = _largest(correction), _largest(residual)
@@ -407,14 +409,15 @@ def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, r
     inverse[some] = _inverse(jacobian[some])
     regular = some.copy()
     regular[some] = _regular(jacobian[some], inverse[some])
-    qd[regular] = solve(jacobian[regular], equations.nu(q[regular], t[regular]))
+    if regular.any():
+        qd[regular] = solve(jacobian[regular], equations.nu(q[regular], t[regular]))
     regular &= np.isfinite(qd).all(axis=1)
     return Poses(t, q, jacobian, residual, inverse, qd, regular)
 
 
 def _regular(jacobian: Array, inverse: Array) -> Any:
     """Return whether the columns are independent by more than `SINGULAR`, of which the inverse's norm is a bound."""
-    regular = np.linalg.norm(inverse, axis=(1, 2)) <= 1.0 / SINGULAR
+    regular: Any = np.linalg.norm(inverse, axis=(1, 2)) <= 1.0 / SINGULAR
     for k in np.flatnonzero(~regular):
         regular[k] = np.linalg.svd(jacobian[k], compute_uv=False)[-1] >= SINGULAR
     return regular
@@ -430,7 +433,9 @@ def solve(matrix: Array, right: Array) -> Array:
         x = (_inverse(matrix) @ right[:, :, None])[:, :, 0]
     else:
         x = _each(lambda a, b: np.linalg.solve(a, b[:, :, None])[:, :, 0], matrix, right, out=right)
-    return x if np.isfinite(x).all() else np.where(np.isfinite(x).all(axis=1)[:, None], x, np.nan)
+    if not np.isfinite(x).all():
+        x[~np.isfinite(x).all(axis=1)] = np.nan
+    return x
 
 
 def _inverse(matrix: Array) -> Array:

@@ -312,14 +312,15 @@ def test_the_other_assembly_is_not_taken_for_the_one_that_was_asked_for() -> Non
 
 
 def test_a_forgotten_rate_of_the_driver_is_seen_in_the_velocities(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(TreeSystem, "nu", lambda self, t: np.zeros(self.engine.closure_rows + 1))
+    monkeypatch.setattr(TreeSystem, "nu", lambda self, q, t: np.zeros((len(t), self.engine.closure_rows + 1)))
     motion = Mujoco().solve(four_bar())
 
     assert not error(motion, four_bar_rows(1.0), 1) <= CLOSED[1]
 
 
 def test_a_missing_drift_term_of_the_loop_is_seen_in_the_accelerations(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(TreeRows, "closure_drift", lambda self, q, qd: np.zeros(self.closure_rows))
+    right = TreeRows.closure_drift
+    monkeypatch.setattr(TreeRows, "closure_drift", lambda self, *at: [0.0 * part for part in right(self, *at)])
     motion = Mujoco().solve(four_bar())
 
     assert error(motion, four_bar_rows(1.0), 2) > CLOSED[2]

@@ -316,15 +316,9 @@ def permuted_columns(patch: pytest.MonkeyPatch) -> None:
 
 
 def stale_positions(patch: pytest.MonkeyPatch) -> None:
-    right = MujocoRows.pose
-    seen: set[int] = set()
-
-    def wrong(self: MujocoRows, q: Any) -> None:
-        if id(self) not in seen:
-            right(self, q)
-        seen.add(id(self))
-
-    patch.setattr(MujocoRows, "pose", wrong)
+    right = MujocoRows.rows
+    first: dict[int, Any] = {}
+    patch.setattr(MujocoRows, "rows", lambda self, q: right(self, first.setdefault(id(self), q)))
 
 
 def stale_laws(patch: pytest.MonkeyPatch) -> None:
@@ -343,9 +337,9 @@ def stabilised(patch: pytest.MonkeyPatch) -> None:
 
 
 def no_coriolis_on_a_line(patch: pytest.MonkeyPatch) -> None:
-    def wrong(self: MujocoRows, rows: Any) -> Any:
-        ends = [(g.connect, self.data.site_xmat[self._sites[g.line]].reshape(3, 3)) for g in self.plan.guides]
-        return np.array([n[:2, 1] @ rows[k : k + 2] for k, n in ends])
+    def wrong(self: MujocoRows, gap: Any, rate: Any, drift: Any, turning: Any) -> Any:
+        at = [[g.connect, g.connect + 1] for g in self.plan.guides]
+        return np.sum(turning[..., :2] * drift[:, at], axis=-1)
 
     patch.setattr(MujocoRows, "_guide_drift", wrong)
 

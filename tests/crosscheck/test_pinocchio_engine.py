@@ -14,8 +14,10 @@ import pytest
 from crosscheck.engines import EngineError, Level, Support, load, refusals
 from crosscheck.engines.pinocchio import engine as pinocchio_engine
 from crosscheck.engines.pinocchio import model as pinocchio_model
+from crosscheck.engines.pinocchio import rows as pinocchio_rows
 from crosscheck.engines.pinocchio.engine import CAPABILITIES, Pinocchio
-from crosscheck.engines.pinocchio.model import PlanarModel, PointToLine, Rows, TwoPoints
+from crosscheck.engines.pinocchio.model import PlanarModel
+from crosscheck.engines.pinocchio.rows import PointToLine, Rows, TwoPoints
 from refkin.joints import (
     AngleDriver,
     Constraint,
@@ -277,8 +279,8 @@ FAULTS: dict[str, Plant] = {
     "stale rates": (PlanarModel, "move", lambda f: lambda self, q, qd: f(self, q, 0.0 * qd)),
     "bodies exchanged": (TwoPoints, "__init__", lambda f: lambda self, planar, i, j: f(self, planar, j, i)),
     "along the axis instead of across": (PointToLine, "component", lambda f: 0),
-    "constant angle of the other sign": (pinocchio_model, "unit_vector", lambda f: lambda angle: f(-angle)),
-    "sign of gamma": (Rows, "drift", lambda f: lambda *a: -f(*a)),
+    "constant angle of the other sign": (pinocchio_rows, "unit_vector", lambda f: lambda angle: f(-angle)),
+    "sign of gamma": (Rows, "drift", lambda f: lambda *a: [-part for part in f(*a)]),
     "a point off by 1e-9": (pinocchio_model, "shift", lambda f: lambda u: f((u[0] + 1e-9, u[1]))),
     "bodies permuted": (pinocchio_engine, "absolute_model", lambda f: lambda bodies: f(bodies[::-1])),
 }

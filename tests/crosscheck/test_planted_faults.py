@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import refkin.solving.solve
+from crosscheck.engines import march
 from crosscheck.engines.closed_form import assemble, linkage
 from crosscheck.engines.exudyn import engine as exudyn_engine
 from crosscheck.engines.exudyn import model as exudyn_model
@@ -19,7 +20,7 @@ from crosscheck.engines.frames import Linear
 from crosscheck.engines.mujoco import engine as mujoco_engine
 from crosscheck.engines.mujoco import rows as mujoco_rows
 from crosscheck.engines.pinocchio import engine as pin_engine
-from crosscheck.engines.tree import loop_closing, tree_motion
+from crosscheck.engines.tree import tree_motion
 from crosscheck.engines.tree.tree_system import TreeSystem
 from crosscheck.measure.check import check
 from refkin import FourBar, InvertedSliderCrank, Sinusoid, SliderCrank, Table
@@ -160,22 +161,19 @@ def start_on_the_other_side(right: Any, model: Any, scene: Scene, *more: Any) ->
     return right(model, replace(scene, mechanism=replace(scene.mechanism, bodies=bodies)), *more)
 
 
-def stale_drift(right: Any, self: Any, q: Any, qd: Any) -> Any:
+def stale_drift(right: Any, self: Any, q: Any, qd: Any, places: Any) -> Any:
     """Read the drift term without moving the engine to where it is asked for, but the first time."""
-    if not hasattr(self, "read"):
-        self.read = right(self, q, qd)
-    return self.read
+    return right(self, q[[0] * len(q)], qd[[0] * len(q)], places)
 
 
-def stale_point(right: Any, self: Any, q: Any, body: str, u: Any) -> Any:
+def stale_points(right: Any, self: Any, q: Any, *more: Any) -> Any:
     """Place the bodies only at the first pose that is asked for."""
-    self.first = getattr(self, "first", q)
-    return right(self, self.first, body, u)
+    return right(self, q[[0] * len(q)], *more)
 
 
 def law_without(missing: int) -> Any:
-    def law(right: Any, self: Any, driver: Any, t: float, order: int) -> float:
-        return 0.0 if order == missing else right(self, driver, t, order)
+    def law(right: Any, self: Any, driver: Any, t: Any, order: int) -> Any:
+        return 0.0 * t if order == missing else right(self, driver, t, order)
 
     return law
 
@@ -256,7 +254,7 @@ OF_ADAPTERS = {
         ("position", "velocity"),
     ),
     "pinocchio: points of a stale pose": Fault(
-        around(pin_engine.PinocchioTree, "point", stale_point), FOUR_BAR, ("pinocchio",), "position"
+        around(pin_engine.PinocchioTree, "motion", stale_points), FOUR_BAR, ("pinocchio",), "position"
     ),
     "mujoco: a length off by 1e-9": Fault(
         around(mujoco_engine, "joint_tree", with_a_length_off), FOUR_BAR, ("mujoco",), "position"
@@ -355,7 +353,7 @@ def test_a_swapped_branch_is_told_as_one(name, monkeypatch):
 
 
 def test_an_answer_that_depends_on_the_order_of_bodies_is_told_as_that(monkeypatch):
-    right = loop_closing.body_levels
+    right = tree_motion.body_levels
 
     def first_body_off(engine: Any, march: Any, bodies: Any) -> Any:
         levels = right(engine, march, bodies)
@@ -387,7 +385,7 @@ def test_an_engine_that_calls_nothing_an_answer_is_caught(monkeypatch):
 
 
 def test_an_engine_that_gives_no_answer_to_a_regular_scene_is_caught(monkeypatch):
-    monkeypatch.setattr(loop_closing, "CAP", 1)
+    monkeypatch.setattr(march, "CAP", 1)
     found = disagreements(FOUR_BAR)
 
     assert {(d["engine"], d["quantity"], d["kind"]) for d in found} == {

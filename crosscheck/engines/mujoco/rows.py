@@ -176,17 +176,17 @@ class MujocoRows:
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
         """Return position, velocity and acceleration (B, P, 2) of points of bodies, as far as rates are given."""
         m, d, points = self.model, self.data, self._points(len(q), places)
-        moving = qd is not None and qdd is not None
-        for k in self._posed(q, qd if moving else None, constrained=False):
-            if moving:
+        rates = None if qdd is None else qd
+        for k in self._posed(q, rates, constrained=False):
+            if rates is not None:
                 mujoco.mj_comVel(m, d)
-            points.read(m, d, k, moving=moving)
+            points.read(m, d, k, moving=rates is not None)
         levels = [points.r]
         for rate in (qd, qdd):
             if rate is not None:
                 levels.append((points.jacobian @ self._in_order(rate)[:, None, :, None])[..., 0])
-        if moving:
-            levels[2] += points.drift(self._in_order(qd))
+        if rates is not None:
+            levels[2] += points.drift(self._in_order(rates))
         return levels
 
     def _points(self, count: int, places: Places) -> _Points:

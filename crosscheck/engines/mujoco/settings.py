@@ -151,7 +151,7 @@ class Stepper:
             raise EngineError(f"joint {left_open[0].name!r} closes a loop and is no constraint force of MuJoCo's")
         self.clockwork(1)
         engine: Any = self.tree.engine
-        self.model, self.data = engine.rows.model, engine.rows.data
+        self.model, self.data = engine.model, engine.data
         self.columns = np.array([self.model.joint(f"q{k}").id for k in range(engine.tree.width)], int)
         self.q, self.qd = self.tree.first()
         self.flags, self.tolerance = int(self.model.opt.disableflags), float(self.model.opt.tolerance)
