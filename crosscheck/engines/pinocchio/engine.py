@@ -1,7 +1,7 @@
 """Pinocchio as a peer: its own constraint rows in absolute coordinates, and its joint trees with loops to be closed.
 
 Pinocchio has no kinematic loop solver, no prescribed motion and no distance constraint. So Newton, driver rows and
-linear solves are the adapter's (`loop_closing`, `tree_system`), and a distance joint is a massless link; residual,
+linear solves are the adapter's (`march`, `tree_system`), and a distance joint is a massless link; residual,
 Jacobian, drift term and the motion of points are Pinocchio's. Every scene gets its own model: nothing is kept.
 """
 

@@ -2,7 +2,7 @@
 
 `joint_tree` reads a mechanism's topology and its own numbers; nothing here states a constraint. A spanning tree over
 the bodies, rooted in the ground, takes as its edges the joints whose elements are those of one (`SHAPES`); the elements
-of the others are left to be closed (`loop_closing`), and those that a law moves are rows to be appended
+of the others are left to be closed (`march`), and those that a law moves are rows to be appended
 (`tree_system`). Bodies that no such joint ties to the ground get a free planar joint (x, y, phi) to it.
 Lengths are in units of the mechanism's size and seen from its first ground point, so that neither the scale nor the
 distance from the origin costs digits; any power of two and any origin would serve, as the way back undoes both.
