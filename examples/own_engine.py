@@ -26,6 +26,7 @@ class TwoCircles:
 
     name = "two_circles"
     api = (1, 0)
+    delivers = ("position",)
 
     def version(self):
         return "1"

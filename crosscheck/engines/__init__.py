@@ -7,7 +7,7 @@ An engine is found by name among the entry points of group `crosscheck.engines`.
                         (x, y, phi) per body, at configurations that need not be assembled.
 
 What it cannot do it refuses by name (`refusals`), it never skips in silence. A positions-only engine needs `solve`
-alone.
+alone, and says so: `delivers = ("position",)`; without that attribute all three are owed.
 """
 
 from __future__ import annotations

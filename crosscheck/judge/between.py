@@ -11,6 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from crosscheck.judge.comparison import Reference
 from refkin.model import Evidence, Scene
 from refkin.motion import Motion, Status
 from refkin.solving.solve import solve
@@ -21,6 +22,20 @@ ROUNDS = 12
 """Each narrows the intervals ninefold: twelve reach the resolution of time."""
 NARROWED = 3
 """Smallest local minima that are looked into."""
+
+
+def excuse(ref: Reference, first: float, enough: float) -> tuple[float, float] | None:
+    """Return (time, sigma_min) of a pose as near to singular as `enough` that is met no later than a time, or None.
+
+    Who gives no answer from `first` [s] on is excused by such a pose, at one of the times or between two: the branch
+    may have been lost there. What comes later is none of its business.
+    """
+    times = ref.motion.t
+    asked = times <= first
+    near = np.flatnonzero(asked & (ref.sigma_min <= enough))
+    if near.size:
+        return float(times[near[0]]), float(ref.sigma_min[near[0]])
+    return singular_between(replace(ref.scene, times=tuple(times[asked].tolist())), enough)
 
 
 def singular_between(scene: Scene, enough: float) -> tuple[float, float] | None:

@@ -84,8 +84,8 @@ class Comparison:
     ----------
     quantities : mapping
         By name, those that both have.
-    missing : int
-        Times at which the reference is ok and the other answer is not.
+    missing, first_missing : int, float
+        Times at which the reference is ok and the other answer is not; the first of them [s], or infinity.
     judged : int
         Times that were compared against a budget.
     other_assembly : bool
@@ -96,6 +96,7 @@ class Comparison:
     missing: int
     judged: int
     other_assembly: bool
+    first_missing: float = np.inf
 
     @property
     def agrees(self) -> bool:
@@ -138,8 +139,10 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
         signed[np.ix_(rows, lanes)] = difference[:, lanes]
         found[quantity] = replace(judged, difference=signed)
     reference_ok = np.array([s is Status.OK for s in ref.motion.status])[at]
-    missing = int(np.sum(reference_ok & ~answered))
-    return Comparison(found, missing, int(lanes.sum()), _other_assembly(ref, motion, found, lanes, at))
+    missing = np.flatnonzero(reference_ok & ~answered)
+    first = float(motion.t[missing[0]]) if missing.size else np.inf
+    other = _other_assembly(ref, motion, found, lanes, at)
+    return Comparison(found, len(missing), int(lanes.sum()), other, first)
 
 
 def scales(ours: Any, level: int) -> Any:

@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Engine, EngineError, Level, Term, load, refusals
-from crosscheck.judge.between import singular_between
+from crosscheck.judge.between import excuse
 from crosscheck.judge.comparison import QUANTITIES, Comparison, QuantityComparison, Reference, compare, reference
+from crosscheck.judge.delivery import granted, undelivered
 from crosscheck.judge.hard_poses import scene_samples
 from crosscheck.judge.levels import Configuration, LevelComparison, compare_levels, configurations
 from crosscheck.judge.samples import attainable, common_sample, cycle, off_at, worst_samples
@@ -150,17 +151,18 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
     """Compare one route's answer, and return it; None if there is none."""
     told = {"engine": engine.name, "route": route.name}
     try:
-        terms = engine.terms(scene, route)
+        terms, faults = granted(engine, scene, engine.terms(scene, route))
         start = time.perf_counter()
         motion = engine.solve(scene, route)
         seconds = time.perf_counter() - start
     except EngineError as error:
         record["refusals"].append(str(error))
-        if not _is_refusal(error, scene) and _regular(ref, record):
+        if not _is_refusal(error, scene) and not _excused(ref, ref.motion.t[-1], record):
             record["disagreements"].append({**told, **_no_answer("no answer", str(error))})
         return None
     found = compare(ref, motion, terms)
     record["answers"].append(_answer_record(engine, motion, found, ref, seconds))
+    record["disagreements"] += [{**told, **fault} for fault in (*faults, *undelivered(engine, scene, motion))]
     turned_round = _turned_round(engine, route, scene, ref, terms) if route == engine.routes()[0] else None
     for quantity, q in found.quantities.items():
         if not q.agrees:
@@ -172,25 +174,20 @@ def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, rec
         kind = "status ok without a number" if np.isinf(q.error).any() else kind
         at = {"quantity": quantity, "kind": kind, "ratio": _largest_ratio(q.ratio), "worst": q.worst}
         record["disagreements"].append({**told, **at})
-    if found.missing and _regular(ref, record):
+    if found.missing and not _excused(ref, found.first_missing, record):
         record["disagreements"].append({**told, **_no_answer("no answer", f"{found.missing} times without answer")})
-    elif turned_round is not None and turned_round.missing and _regular(ref, record):
+    elif turned_round is not None and turned_round.missing and not _excused(ref, turned_round.first_missing, record):
         at = _no_answer("depends on the order of bodies", f"{turned_round.missing} times without answer")
         record["disagreements"].append({**told, **at})
     return motion
 
 
-def _regular(ref: Reference, record: Record) -> bool:
-    """Whether an engine has no excuse for giving no answer: no time is nearly singular, nor any pose between them.
-
-    A pose between two times is looked for only when it is asked for, and noted in the record.
-    """
-    if _smallest(ref.sigma_min) <= REGULAR:
-        return False
-    told = record["reference"]
-    if "singular_between" not in told:
-        told["singular_between"] = singular_between(ref.scene, REGULAR)
-    return told["singular_between"] is None
+def _excused(ref: Reference, first: float, record: Record) -> bool:
+    """Whether an engine may give no answer from a time on, because of a nearly singular pose; noted in the record."""
+    found = excuse(ref, first, REGULAR)
+    if found is not None:
+        record["reference"]["excuse"] = found
+    return found is not None
 
 
 def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, terms: Sequence[Term]) -> Comparison:
@@ -204,7 +201,8 @@ def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, te
     try:
         return compare(ref, engine.solve(fewer, route), terms, asked)
     except EngineError:
-        return Comparison({q: NOTHING for q in QUANTITIES}, len(asked), 0, other_assembly=False)
+        nothing = dict.fromkeys(QUANTITIES, NOTHING)
+        return Comparison(nothing, len(asked), 0, other_assembly=False, first_missing=float(ref.motion.t[-1]))
 
 
 def _is_refusal(error: EngineError, scene: Scene) -> bool:

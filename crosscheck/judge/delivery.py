@@ -1,0 +1,90 @@
+"""What an engine owes beside right numbers: all that it was asked for, and no allowance that nobody grants it.
+
+An engine that can do less says so: by refusals, or, for levels that it never has, by an attribute `delivers`.
+
+An error term of an engine's own (`crosscheck.engines.Term`) is an allowance that its adapter declares. What is of the
+size of rounding is a derivation, to be read where it stands. Anything larger needs a sentence of the engine's
+documentation, which stands here and not in the adapter, and is granted up to what that sentence says.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from crosscheck.engines import Engine, Term
+from crosscheck.judge.comparison import QUANTITIES
+from crosscheck.judge.running_error import U
+from refkin.model import Effect, Scene
+from refkin.motion import Motion
+
+ABSOLUTE, RELATIVE, OF_FORMULAS, OF_RATES = 2.0**10 * U, 2.0**10 * U, 4.0, 2.0**20 * U
+"""Up to these a term is rounding: a thousand roundings of a residual, or of what stands in its equation; four times
+the formulas' own (what multiplies a position's residual is their running error); and, of rates that a shape with short
+links makes, a million."""
+
+
+@dataclass(frozen=True)
+class Documented:
+    """A tolerance that an engine states: the largest residual, in sizes, that it leaves; the sentence, and where."""
+
+    largest: Callable[[Scene], float]
+    quote: str
+    source: str
+
+
+DOCUMENTED: Mapping[tuple[str, str], Documented] = {
+    ("exudyn", "stopping rule"): Documented(
+        # Of a residual of up to forty sizes or radians; its norm takes metres for radians, and radians for metres.
+        lambda scene: 4e-7 * max(scene.mechanism.size(), 1.0 / scene.mechanism.size()),
+        "relative tolerance of residual for Newton (general goal of Newton is to decrease the residual by this factor)",
+        "exudyn 1.13, NewtonSettings.relativeTolerance = 1e-8",
+    ),
+    ("mujoco", "soft constraints"): Documented(
+        lambda scene: 1e-3,
+        "Tolerance threshold used for early termination of the iterative solver.",
+        "MuJoCo, XML reference, option/tolerance = 1e-8: of a soft constraint that leaves its root over a stiffness",
+    ),
+    ("pinocchio", "stopping rule"): Documented(
+        lambda scene: 1e-10,
+        "eps = 1e-10",
+        "Pinocchio, examples/simulation-closed-kinematic-chains.py",
+    ),
+}
+
+
+def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[Term], list[dict[str, Any]]]:
+    """Return the terms that are granted, and the others as disagreements."""
+    kept, faults = [], []
+    for term in terms:
+        most = _most(engine.name, scene, term)
+        formulas = OF_FORMULAS if term.level == QUANTITIES[0] else RELATIVE
+        if term.absolute <= most and term.relative <= formulas and term.of_rates <= OF_RATES:
+            kept.append(term)
+            continue
+        size = max(term.absolute, term.relative, term.of_rates)
+        told = f"{term.name!r} of {size:.3g}: no documentation of {engine.name} states more than {most:.3g}"
+        faults.append({"quantity": term.level, "kind": "undocumented error term", "ratio": None, "worst": told})
+    return kept, faults
+
+
+def undelivered(engine: Engine, scene: Scene, motion: Motion) -> Iterator[dict[str, Any]]:
+    """Yield what a scene asks for and a motion has not, as disagreements: levels, and bodies."""
+    asked = (True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects)
+    able = getattr(engine, "delivers", QUANTITIES)
+    for quantity, wanted, level in zip(QUANTITIES, asked, motion.levels, strict=True):
+        if wanted and quantity in able and level is None:
+            yield _not_delivered(quantity, "not delivered at any time")
+    absent = [body for body in scene.wanted if body not in motion.bodies]
+    if absent:
+        yield _not_delivered(QUANTITIES[0], f"no answer for {', '.join(absent)}")
+
+
+def _not_delivered(quantity: str, what: str) -> dict[str, Any]:
+    return {"quantity": quantity, "kind": "not delivered", "ratio": None, "worst": what}
+
+
+def _most(engine: str, scene: Scene, term: Term) -> float:
+    documented = DOCUMENTED.get((engine, term.name)) if term.level == QUANTITIES[0] else None
+    return max(ABSOLUTE, documented.largest(scene)) if documented else ABSOLUTE
