@@ -14,7 +14,7 @@ import inspect
 import sys
 import textwrap
 import types
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from functools import cached_property
 from typing import Any
@@ -41,19 +41,23 @@ def mutated(target: str, old: str, new: str) -> Iterator[None]:
         If there is no such function or passage, or the changed text is the same program.
     """
     function = resolve(target)
-    changed = changed_function(function, old, new, target)
-    before = function.__code__, function.__defaults__, function.__kwdefaults__
+    with switched({function: changed_function(function, old, new, target)}):
+        yield
+
+
+@contextmanager
+def switched(changed: Mapping[types.FunctionType, types.FunctionType]) -> Iterator[None]:
+    """Run the block with other functions' code in place of some functions' own."""
+    before = {f: (f.__code__, f.__defaults__, f.__kwdefaults__) for f in changed}
     forget_caches()
     try:
-        _put(function, (changed.__code__, changed.__defaults__, changed.__kwdefaults__))
+        for f, other in changed.items():
+            f.__code__, f.__defaults__, f.__kwdefaults__ = other.__code__, other.__defaults__, other.__kwdefaults__
         yield
     finally:
-        _put(function, before)
+        for f, parts in before.items():
+            f.__code__, f.__defaults__, f.__kwdefaults__ = parts
         forget_caches()
-
-
-def _put(function: types.FunctionType, parts: tuple[Any, Any, Any]) -> None:
-    function.__code__, function.__defaults__, function.__kwdefaults__ = parts
 
 
 def resolve(target: str) -> types.FunctionType:
@@ -80,17 +84,14 @@ def changed_function(function: types.FunctionType, old: str, new: str, target: s
     text = textwrap.dedent(inspect.getsource(function))
     if text.count(old) != 1:
         raise DoesNotFit(f"{target}: expected {old!r} once, found it {text.count(old)} times")
-    changed = _compiled(function, text.replace(old, new))
-    if changed.__code__.co_freevars != function.__code__.co_freevars:
-        raise DoesNotFit(f"{target}: the changed text has other free variables")
-    if ast.dump(ast.parse(text)) == ast.dump(ast.parse(text.replace(old, new))):
+    before, after = (ast.parse(some) for some in (text, text.replace(old, new)))
+    if ast.dump(before) == ast.dump(after):
         raise DoesNotFit(f"{target}: the changed text is the same program")
-    return changed
+    return compiled(function, after.body[0])
 
 
-def _compiled(function: types.FunctionType, text: str) -> types.FunctionType:
-    tree = ast.parse(text)
-    definition = tree.body[0]
+def compiled(function: types.FunctionType, definition: ast.AST) -> types.FunctionType:
+    """Return a function of another definition, in the module of the one whose code it is to take the place of."""
     if not isinstance(definition, ast.FunctionDef):
         raise DoesNotFit(f"{function.__qualname__}: expected a plain function")
     definition.decorator_list = []
@@ -105,7 +106,8 @@ def _compiled(function: types.FunctionType, text: str) -> types.FunctionType:
     names: dict[str, Any] = dict(function.__globals__)
     exec(code, names)
     changed = names["outer"](None)
-    assert isinstance(changed, types.FunctionType)
+    if changed.__code__.co_freevars != function.__code__.co_freevars:
+        raise DoesNotFit(f"{function.__qualname__}: the changed text has other free variables")
     return changed
 
 

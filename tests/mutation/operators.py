@@ -1,0 +1,139 @@
+"""What a random mutant may change in a function: one operator, comparison, constant or choice in its body."""
+
+from __future__ import annotations
+
+import ast
+import copy
+from dataclasses import dataclass
+
+SWAPS = {
+    **{ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Div},
+    **{ast.Mod: ast.Mult, ast.Pow: ast.Mult, ast.MatMult: ast.Mult},
+    **{ast.BitAnd: ast.BitOr, ast.BitOr: ast.BitAnd, ast.BitXor: ast.BitOr, ast.LShift: ast.RShift},
+    **{ast.Lt: ast.GtE, ast.GtE: ast.Lt, ast.Gt: ast.LtE, ast.LtE: ast.Gt, ast.Eq: ast.NotEq, ast.NotEq: ast.Eq},
+    **{ast.Is: ast.IsNot, ast.IsNot: ast.Is, ast.In: ast.NotIn, ast.NotIn: ast.In, ast.And: ast.Or, ast.Or: ast.And},
+}
+NAMES = {"min": "max", "all": "any", "minimum": "maximum", "argmin": "argmax", "floor": "ceil", "sin": "cos"}
+NAMES |= {other: name for name, other in NAMES.items()}
+
+
+@dataclass(frozen=True)
+class Change:
+    """A statement of a function, and what stands there instead; `place` finds it in the function's tree."""
+
+    target: str
+    line: int
+    old: str
+    new: str
+    place: tuple[int, int]
+
+    @property
+    def key(self):
+        """What it is called, wherever in its file the function stands."""
+        return f"{self.target}: {self.old}  ->  {self.new}"
+
+
+def places(definition):
+    """Yield where a function may be changed, in the order of its tree."""
+    for number, node in enumerate(ast.walk(definition)):
+        for kind, _ in enumerate(alternatives(node)):
+            yield number, kind
+
+
+def change(target, definition, place):
+    """Return the change of a function at a place, and its tree with it; None and None where it would change nothing."""
+    nodes = list(ast.walk(definition))
+    statement = statement_of(definition, nodes[place[0]])
+    if statement is None:
+        return None, None
+    tree = copy.deepcopy(definition)
+    there = list(ast.walk(tree))
+    other = there[nodes.index(statement)]
+    alternatives(there[place[0]])[place[1]](there[place[0]])
+    old, new = (ast.unparse(head(each)).partition("\n    pass")[0] for each in (statement, other))
+    return (None, None) if old == new else (Change(target, statement.lineno, old, new, place), tree)
+
+
+def probed(definition, numbers):
+    """Return the function's tree with a call of `__reached__(number)` before the statement of each place."""
+    tree = copy.deepcopy(definition)
+    nodes = list(ast.walk(tree))
+    wanted = [(statement_of(tree, nodes[place[0]]), number) for place, number in numbers]
+    for statement, number in wanted:
+        call = ast.parse(f"__reached__({number})").body[0]
+        block = block_of(tree, statement)
+        block.insert(next(k for k, other in enumerate(block) if other is statement), call)
+    return ast.fix_missing_locations(tree)
+
+
+def alternatives(node):
+    """Return what a node may be changed to, as functions that change it."""
+    match node:
+        case ast.BinOp() | ast.BoolOp() | ast.AugAssign() if type(node.op) in SWAPS:
+            return [lambda n: setattr(n, "op", SWAPS[type(n.op)]())]
+        case ast.Compare() if type(node.ops[0]) in SWAPS:
+            return [lambda n: n.ops.__setitem__(0, SWAPS[type(n.ops[0])]())]
+        case ast.UnaryOp(op=ast.USub()):
+            return [lambda n: setattr(n, "op", ast.UAdd())]
+        case ast.UnaryOp(op=ast.Not()):
+            return [lambda n: setattr(n, "operand", ast.UnaryOp(ast.Not(), n.operand))]
+        case ast.Constant(value=bool()):
+            return [lambda n: setattr(n, "value", not n.value)]
+        case ast.Constant(value=int()):
+            return [lambda n: setattr(n, "value", n.value + 1)]
+        case ast.Constant(value=float()):
+            return [lambda n: setattr(n, "value", 1.5 * n.value or 1.0)]
+        case ast.Name(id=name) if name in NAMES:
+            return [lambda n: setattr(n, "id", NAMES[n.id])]
+        case ast.Attribute(attr=name) if name in NAMES:
+            return [lambda n: setattr(n, "attr", NAMES[n.attr])]
+        case ast.IfExp() | ast.If():
+            return [lambda n: setattr(n, "test", ast.UnaryOp(ast.Not(), n.test))]
+    return []
+
+
+def statement_of(tree, node):
+    """Return the innermost statement that holds a node; None for defaults, annotations, words, and `strict`."""
+    if node is tree:
+        return None
+    way = path(tree, node)
+    if way is None or way[1] in (tree.args, tree.returns):
+        return None
+    if any(isinstance(step, ast.Raise | ast.JoinedStr | ast.FunctionDef | ast.AnnAssign) for step in way[1:]):
+        return None
+    if any(isinstance(step, ast.keyword) and step.arg == "strict" for step in way):
+        return None
+    return next(step for step in reversed(way) if isinstance(step, ast.stmt))
+
+
+def path(tree, node):
+    """Return the nodes from a tree's root to one of its nodes."""
+    if tree is node:
+        return [tree]
+    for child in ast.iter_child_nodes(tree):
+        rest = path(child, node)
+        if rest is not None:
+            return [tree, *rest]
+    return None
+
+
+def block_of(tree, statement):
+    """Return the list of statements in which one stands."""
+    for node in ast.walk(tree):
+        for name in ("body", "orelse", "finalbody"):
+            block = getattr(node, name, None)
+            if isinstance(block, list) and any(other is statement for other in block):
+                return block
+    raise LookupError(ast.unparse(statement))
+
+
+def head(statement):
+    """Return a statement without the block that it leads."""
+    if not hasattr(statement, "body"):
+        return statement
+    short = copy.copy(statement)
+    short.body = [ast.Pass()]
+    for name in ("orelse", "finalbody", "handlers"):
+        if hasattr(short, name):
+            setattr(short, name, [])
+    return short
