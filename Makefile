@@ -8,7 +8,7 @@ SEED ?=
 OUT ?= reports/latest
 ENGINES := exudyn,pinocchio,mujoco
 
-.PHONY: test mutants nightly lint types sample clean
+.PHONY: test mutants mutation nightly lint types sample clean
 
 test: $(READY) lint types
 	$(BIN)/python -m pytest -n auto tests
@@ -16,6 +16,10 @@ test: $(READY) lint types
 # Each wrong formula of the documents, and more of their kinds, put in: a test has to see it. Part of `make test`.
 mutants: $(READY)
 	$(BIN)/python -m pytest -n auto tests/mutation/test_mutants.py
+
+# A seeded sample of random mutants over refkin and the judging code, in at most 20 minutes on two cores.
+mutation: $(READY)
+	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.mutation.sample $(if $(SEED),--seed $(SEED))
 
 lint: $(READY)
 	$(BIN)/ruff check .
