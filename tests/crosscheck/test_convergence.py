@@ -1,14 +1,17 @@
-"""Orders and rates as they are on paper: Newton, differences, toggles; and inconclusive where too little is seen."""
+"""Orders and rates as they are on paper: Newton, differences, toggles; inconclusive where too little is seen."""
 
 from __future__ import annotations
+
+from typing import Any
 
 import numpy as np
 import pytest
 
-from crosscheck.documents.convergence import Kind, linear_rate, newton_order, slope
+from crosscheck.documents.convergence import NOTHING, Kind, linear_rate, newton_order, slope
 from refkin import FourBar, Polynomial, compile_system
-from refkin.differences import EPS, Scheme, jacobian
+from refkin.differences import EPS, Scheme, jacobian, step
 from refkin.newton import newton
+from tests.claims import assert_near, error_bound
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 
@@ -78,27 +81,6 @@ def test_at_a_fold_the_residual_is_at_round_off_while_the_pose_is_not():
     assert 1e-10 < np.max(np.abs(result.q - q)) < 1e-6
 
 
-@pytest.mark.parametrize(("scheme", "order"), [(Scheme.FORWARD, 1.0), (Scheme.CENTRAL, 2.0)])
-def test_difference_jacobians_err_with_the_order_of_their_scheme(scheme, order):
-    system, q, _ = system_at(ROCKER, 1.0)
-    h = 10.0 ** np.arange(-6, 0.0, 0.5)
-    exact = system.phi_q(q, 0.0)
-    errors = [np.max(np.abs(jacobian(lambda x: system.phi(x, 0.0), q, scheme, k) - exact)) for k in h]
-    # A difference quotient errs by EPS / h in round-off: below 1e-9 (h = 1e-6) that shows beside either order.
-    observed = slope(h, errors, floor=1e-9 if order == 2.0 else 1e-7)
-
-    assert observed.is_near(order, 0.05)
-
-
-def test_the_complex_step_errs_with_no_order_at_all():
-    system, q, _ = system_at(ROCKER, 1.0)
-    exact = system.phi_q(q, 0.0)
-    steps = [1e-10, 1e-50, 1e-100, 1e-200]
-    errors = [np.max(np.abs(jacobian(lambda x: system.phi(x, 0.0), q, Scheme.COMPLEX_STEP, h) - exact)) for h in steps]
-
-    assert max(errors) <= 2 * EPS
-
-
 def test_sigma_min_goes_with_the_square_root_of_the_distance_to_a_toggle():
     linkage = FourBar(ground=90.0, crank=30.0, coupler=60.0, rocker=45.0)
     limit = linkage.input_range()[0][1]
@@ -111,18 +93,123 @@ def test_sigma_min_goes_with_the_square_root_of_the_distance_to_a_toggle():
     assert slope(distance, [sigma(d) for d in distance], floor=0.0).is_near(0.5, 0.02)
 
 
-def test_too_short_a_history_is_inconclusive_and_never_near_anything():
-    observed = newton_order([1e-2, 1e-4, 1e-8])
-
-    assert observed.kind is Kind.INCONCLUSIVE
-    assert not observed.is_near(2.0, 100.0)
+AT = np.array([0.2, -1.9])
 
 
-def test_a_wrong_order_is_told_from_the_right_one():
-    """Order 1.6 (the secant method) is not 2, whatever the scatter."""
-    errors = [0.1]
-    while errors[-1] > 1e-14:
-        errors.append(errors[-1] ** 1.618)
+def mixed(x: Any) -> Any:
+    """Three functions of two variables, none of them separable."""
+    return np.array([x[0] ** 2 * x[1], np.sin(x[0] * x[1]), np.exp(x[1]) + x[0] * x[1] ** 3])
 
-    assert not newton_order(errors, basin=0.5).is_near(2.0, 0.25)
-    assert newton_order(errors, basin=0.5).is_near(1.618, 0.01)
+
+def exact(x: Any) -> Any:
+    """Return the Jacobian of `mixed`."""
+    turning = np.cos(x[0] * x[1])
+    return np.array(
+        [
+            [2 * x[0] * x[1], x[0] ** 2],
+            [x[1] * turning, x[0] * turning],
+            [x[1] ** 3, np.exp(x[1]) + 3 * x[0] * x[1] ** 2],
+        ]
+    )
+
+
+def test_each_coordinate_is_reset():
+    """What one column moved is not moved for the next: quotients of x y are exact, and x itself stays as it was."""
+    at = np.array([2.0, 3.0])
+    for scheme in (Scheme.FORWARD, Scheme.CENTRAL, Scheme.COMPLEX_STEP):
+        found = jacobian(lambda q: np.array([q[0] * q[1]]), at, scheme, 0.5)
+        assert_near(found, [[3.0, 2.0]], 0.0, f"{scheme}")
+    assert_near(at, [2.0, 3.0], 0.0, "x was changed")
+
+
+def test_quotients_are_those_of_their_scheme():
+    """Of x^3 at 2 with step h the forward quotient is 12 + 6h + h^2, the central 12 + h^2, the complex 12 - h^2."""
+    for scheme, expected in ((Scheme.FORWARD, 15.25), (Scheme.CENTRAL, 12.25), (Scheme.COMPLEX_STEP, 11.75)):
+        found = jacobian(lambda x: x**3, np.array([2.0]), scheme, 0.5)
+        assert_near(found, [[expected]], 0.0, f"{scheme}")
+
+
+def test_errors_fall_with_the_order_of_the_scheme():
+    """Forward quotients err by slope 1 in the step, central ones by 2, the complex step not at all."""
+    h = 10.0 ** np.arange(-4.0, -1.0, 0.5)
+    for scheme, order in ((Scheme.FORWARD, 1.0), (Scheme.CENTRAL, 2.0)):
+        errors = [np.max(np.abs(jacobian(mixed, AT, scheme, k) - exact(AT))) for k in h]
+        observed = slope(h, errors, floor=0.0)
+        assert observed.is_near(order, 0.05), f"{scheme}: slope {observed.value:.3f}"
+    for k in (1e-20, 1e-100, 1e-200):
+        off = np.max(np.abs(jacobian(mixed, AT, Scheme.COMPLEX_STEP, k) - exact(AT)))
+        assert off <= 16 * EPS, f"complex step {k}: off by {off}"
+
+
+def test_step_rules_are_near_their_best():
+    """No step does much better than the rule, errors stay within their own bound, and steps are exact differences."""
+    for scheme in (Scheme.FORWARD, Scheme.CENTRAL):
+        off = np.max(np.abs(jacobian(mixed, AT, scheme) - exact(AT)))
+        best = min(np.max(np.abs(jacobian(mixed, AT, scheme, h) - exact(AT))) for h in 10.0 ** np.arange(-13, 0, 0.5))
+        assert off <= 30 * best, f"{scheme}: off by {off:.3g}, the best step by {best:.3g}"
+        h = step(scheme, AT)
+        # f'', f''' of `mixed` near AT are below 12; an evaluation errs by a few units of its largest term, 7.
+        bound = np.max(error_bound(scheme, h, 12.0, 12.0, 16 * EPS, 12.0))
+        assert off <= bound, f"{scheme}: off by {off:.3g}, beyond its bound {bound:.3g}"
+        assert bound <= 1e-6, f"{scheme}: its bound {bound:.3g} says nothing"
+        assert ((AT + h) - AT == h).all(), f"{scheme}: a step that is no difference"
+        large = step(scheme, np.array([1e6]))[0]
+        assert 0.5e6 < large / step(scheme, np.array([1.0]))[0] < 2e6, f"{scheme}: a step that does not grow with x"
+
+
+def test_bounds_are_those_of_the_table():
+    """The error bounds are h f''/2 + 2 e/h, h^2 f'''/6 + e/h and 8 u f'."""
+    given = (0.5, 3.0, 5.0, 0.25, 7.0)
+    found = [error_bound(scheme, *given) for scheme in Scheme]
+    assert_near(found, [0.75 + 1.0, 0.25 * 5 / 6 + 0.5, 56 * EPS], 1e-16, "bounds")
+
+
+def test_orders_are_told_apart():
+    """Quadratic, secant and cubic sequences show their own order, and no other."""
+    for order in (1.618, 2.0, 3.0):
+        errors = [0.3]
+        while errors[-1] > 1e-14:
+            errors.append(0.9 * errors[-1] ** order)
+        observed = newton_order(errors, floor=1e-30, basin=0.5)
+        assert observed.is_near(order, 0.1), f"{order}: {observed}"
+        assert not observed.is_near(order + 0.5, 0.1), f"{order} is taken for {order + 0.5}"
+    exact = newton_order([2.0 ** -(2**k) for k in range(2, 9)], floor=1e-99, basin=0.5)
+    assert_near([exact.value, exact.spread, exact.points], [2.0, 0.0, 5], 1e-12, "of e, e^2, e^4, ...")
+    bent = newton_order([1e-1, 1e-2, 1e-4, 1e-9], floor=1e-99, basin=0.5)
+    assert_near([bent.value, bent.spread, bent.points], [2.5, 0.5, 2], 1e-12, "of 1e-1, 1e-2, 1e-4, 1e-9")
+
+
+def test_rates_are_told_apart():
+    """Sequences that shrink by a constant factor show it, whatever stands before the basin and below the floor."""
+    for rate in (0.25, 0.5, 0.9):
+        errors = [3.0, 0.4, *(0.09 * rate**k for k in range(60))]
+        errors[-3:] = [0.05, 1e-17, 1e-17]
+        observed = linear_rate(errors, floor=errors[40], basin=0.1)
+        assert observed.kind is Kind.RATE, f"{rate}: {observed}"
+        assert observed.is_near(rate, 1e-12), f"{rate}: {observed}"
+    bent = linear_rate([0.08, 0.04, 0.02, 0.01, 0.002], floor=1e-9)
+    assert_near([bent.value, bent.spread, bent.points], [0.5, 0.3, 4], 1e-12, "of 0.08, 0.04, 0.02, 0.01, 0.002")
+    assert linear_rate([0.5, 0.4], basin=0.1).kind is Kind.INCONCLUSIVE, "a rate of nothing"
+
+
+def test_too_little_is_inconclusive():
+    """A history that is too short, or too few points, is no pass: it is near nothing."""
+    few = (
+        newton_order([1e-2, 1e-4, 1e-8]),
+        linear_rate([0.05, 0.025, 0.0125]),
+        slope([1, 2, 3], [1, 2, 3], 0.0),
+        NOTHING,
+    )
+    for observed in few:
+        assert observed.kind is Kind.INCONCLUSIVE, f"{observed}"
+        assert not observed.is_near(2.0, 1e9), f"{observed} is near 2"
+
+
+def test_what_is_outside_floor_and_ceiling_does_not_count():
+    """A slope is fitted to the errors between floor and ceiling alone, and its spread shows what does not fit."""
+    h = 2.0 ** np.arange(6)
+    kept = slope(h, [9e-9, 2.0, 8.0, 32.0, 128.0, 999.0], floor=0.5, ceiling=500.0)
+    assert kept.points == 4, f"{kept.points} points"
+    assert_near([kept.value, kept.spread], [2.0, 0.0], 1e-12, "slope and spread")
+    bent = slope(h, h ** np.array([2, 2, 2, 2, 2, 2.2]), floor=0.0)
+    assert bent.spread > 0.3, f"a kink shows as a spread of {bent.spread}"

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from refkin.motion_laws import Polynomial
+from refkin.errors import InvalidScene
+from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.scenes.linkages import (
     ANYWHERE,
     Branch,
@@ -200,18 +201,42 @@ def test_transmission_angles_are_the_determinants():
         assert_near(math.sin(lever.transmission_angle(value)), sine, 1e-13, f"{lever} at {value}")
 
 
-def test_dead_centres_are_the_ends_of_strokes():
-    """At a dead centre crank and rod lie in one line, and the slider is where its range ends."""
-    for linkage in LINKAGES[2:4]:
-        assert isinstance(linkage, SliderCrank)
-        ends = sorted(end for stroke in linkage.input_range("slider") for end in stroke)
-        found = linkage.dead_centres()
-        assert_near([s for _, s in found], ends, ROUNDING * linkage.reach, f"{linkage}: slides")
-        for crank, slide in found:
-            pin = np.array([math.cos(crank - linkage.angle), math.sin(crank - linkage.angle)]) * linkage.crank
-            wrist = np.array([slide, linkage.offset])
-            across = pin[0] * wrist[1] - pin[1] * wrist[0]
-            assert abs(across) < ROUNDING * linkage.reach**2, f"{linkage}: not in one line at {crank}"
-            assert_near(
-                np.linalg.norm(wrist - pin), linkage.rod, ROUNDING * linkage.reach, f"{linkage}: rod at {crank}"
-            )
+def test_laws_beyond_the_range_are_refused():
+    """A linkage that cannot follow a law says so; one that can is driven by it, whole turns away as well."""
+    four = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
+    for offset, amplitude, fits in (
+        (0.0, 1.9, True),
+        (0.0, 2.1, False),
+        (math.tau, 1.9, True),
+        (-4 * math.pi, 1.9, True),
+        (1.0, 1.2, False),
+        (-1.0, 1.2, False),
+    ):
+        law = Sinusoid(offset=offset, amplitude=amplitude, angular_frequency=1.0)
+        times = tuple(np.linspace(0.0, math.tau, 41).tolist())
+        try:
+            four.scene(law=law, times=times)
+        except InvalidScene:
+            assert not fits, f"{law} was refused"
+        else:
+            assert fits, f"{law} was not refused"
+
+
+def test_slides_beyond_the_range_are_refused():
+    """A slider may be driven to the very end of its range, wherever its guide lies, and not beyond."""
+    for angle, along in ((0.4, 0), (1.3, 1)):
+        linkage = SliderCrank(crank=1.0, rod=3.0, offset=0.4, origin=(0.3, -0.2), angle=angle)
+        low, high = linkage.input_range("slider")[0]
+        for first, last, fits in (
+            (low + 1e-6, high - 1e-6, True),
+            (low - 1e-3, high, False),
+            (low, high + 1e-3, False),
+        ):
+            ends = [linkage.place(complex(s, 0.4))[along] for s in (first, last)]
+            law = Polynomial(coefficients=(ends[0], ends[1] - ends[0]))
+            try:
+                linkage.scene(law=law, times=(0.0, 1.0), driven="slider")
+            except InvalidScene:
+                assert not fits, f"guide at {angle}: {first} to {last} was refused"
+            else:
+                assert fits, f"guide at {angle}: {first} to {last} was not refused"

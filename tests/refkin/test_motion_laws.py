@@ -1,70 +1,142 @@
-"""Laws: derivatives against complex steps, integrals against derivatives, splines against SciPy's contract."""
+"""The motion laws: values, derivatives of each order, integrals, and what makes none."""
 
 from __future__ import annotations
 
-from itertools import pairwise
+import math
+from typing import Any
 
 import numpy as np
 import pytest
 
-from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
+from refkin.joints import AngleDriver
+from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
+from tests.claims import U, assert_near
 
-SMOOTH = [
-    Polynomial(coefficients=(0.3, -1.0, 0.5, 0.25)),
-    Sinusoid(amplitude=0.7, angular_frequency=3.0, offset=0.2, phase=-0.4),
-    Integral(rate=Sinusoid(amplitude=0.7, angular_frequency=3.0, offset=0.2, phase=-0.4), initial=1.5),
-    Integral(rate=Sinusoid(amplitude=0.7, angular_frequency=1e-12, phase=0.3), initial=0.0),
-    Integral(rate=Sinusoid(amplitude=0.7, angular_frequency=0.0, phase=0.3), initial=0.0),
-    Integral(rate=Polynomial(coefficients=(0.3, -1.0, 0.5)), initial=-2.0),
-]
-TABLE = Table(argument=(0.0, 1.0, 2.5, 3.0, 4.5), value=(0.0, 0.4, 0.1, 1.0, 0.7))
-AROUND = Table(argument=(0.0, 1.0, 2.0, 3.0), value=(0.5, 0.9, -0.2, 0.5), periodic=True)
+CUBIC = (0.3, -1.0, 0.5, 0.25)
+KNOTS = (-1.0, 0.0, 0.7, 1.5, 3.0)
+AROUND = Table(argument=(0.5, 1.5, 2.0, 3.5), value=(0.5, 0.9, -0.2, 0.5), periodic=True)
+ROUNDING = 64 * U
+"""What a dozen roundings of numbers of order 1 may leave, with a reserve of four."""
+STEP = 1e-100
 
 
-@pytest.mark.parametrize("law", SMOOTH, ids=lambda law: type(law).__name__)
-@pytest.mark.parametrize("order", [0, 1, 2])
-def test_each_order_is_the_derivative_of_the_one_before(law, order):
-    t = 0.83
-
-    assert np.imag(law(t + 1e-100j, order)) / 1e-100 == pytest.approx(law(t, order + 1), rel=1e-14, abs=1e-14)
-
-
-@pytest.mark.parametrize("rate", [*SMOOTH[:2], TABLE, AROUND], ids=lambda law: type(law).__name__)
-def test_a_rate_is_integrated_exactly_from_its_initial_value(rate):
-    law = Integral(rate=rate, initial=0.25)
-    ends, weights = np.polynomial.legendre.leggauss(5)
-    knots = np.unique(np.r_[np.linspace(0.0, 2.7, 28), [1.0, 2.5], [2.0]])
-    pieces = pairwise(knots)
-    total = sum((b - a) / 2 * np.dot(weights, rate((b - a) / 2 * ends + (a + b) / 2)) for a, b in pieces)
-
-    assert law(0.0) == 0.25
-    assert law(2.7) == pytest.approx(0.25 + total, rel=1e-13)
-    assert law(2.7, 1) == rate(2.7)
+def cubic(t: float, order: int) -> float:
+    """Return a derivative of the cubic, or its integral from 0 (order -1), written out."""
+    a, b, c, d = CUBIC
+    return (
+        a * t + b * t**2 / 2 + c * t**3 / 3 + d * t**4 / 4,
+        a + b * t + c * t**2 + d * t**3,
+        b + 2 * c * t + 3 * d * t**2,
+        2 * c + 6 * d * t,
+        6 * d,
+    )[order + 1]
 
 
-def test_a_table_goes_through_its_values_and_bends_without_a_kink():
-    t = np.array(TABLE.argument)
-    eps = 1e-9
-
-    assert TABLE(t) == pytest.approx(TABLE.value, abs=1e-15)
-    assert TABLE(t[1:-1] - eps, 2) == pytest.approx(TABLE(t[1:-1] + eps, 2), abs=1e-6)
-
-
-def test_a_periodic_table_goes_on_for_ever():
-    assert AROUND(7.3, 1) == pytest.approx(AROUND(1.3, 1), rel=1e-12)
-    assert Integral(rate=AROUND)(6.4) == pytest.approx(2 * Integral(rate=AROUND)(3.0) + Integral(rate=AROUND)(0.4))
+def wave(t: float, order: int) -> float:
+    """Return a derivative of 0.2 + 0.7 sin(3 t - 0.4), or its integral from 0 (order -1), written out."""
+    s, c = math.sin(3 * t - 0.4), math.cos(3 * t - 0.4)
+    lobe = 0.2 * t + 0.7 / 3 * (math.cos(0.4) - c)
+    return (lobe, 0.2 + 0.7 * s, 2.1 * c, -6.3 * s, -18.9 * c)[order + 1]
 
 
-@pytest.mark.parametrize(
-    ("law", "key"),
-    [
+def through(f: Any) -> Table:
+    """Return the table of a function at the knots; of a cubic the spline is the cubic itself."""
+    return Table(argument=KNOTS, value=tuple(f(k, 0) for k in KNOTS))
+
+
+LAWS: tuple[tuple[Law, Any], ...] = (
+    (Polynomial(coefficients=CUBIC), cubic),
+    (Sinusoid(amplitude=0.7, angular_frequency=3.0, offset=0.2, phase=-0.4), wave),
+    (through(cubic), cubic),
+)
+
+
+def test_values_and_derivatives_are_those_written_out():
+    """Each law and its derivatives up to the third are those that calculus gives."""
+    for law, f in LAWS:
+        for t in (-0.9, 0.0, 0.83, 2.2):
+            for order in range(4):
+                assert_near(law(t, order), f(t, order), 256 * ROUNDING, f"{law} of order {order} at {t}")
+
+
+def test_rates_are_integrated_from_the_initial_value():
+    """A law given as a rate starts at its initial value, grows by the integral, and has the rate's derivatives."""
+    for rate, f in LAWS:
+        law = Integral(rate=rate, initial=0.6)
+        assert law(0.0) == 0.6, f"{law} at 0 is {law(0.0)}"
+        for t in (-0.9, 0.83, 2.2):
+            assert_near(law(t), 0.6 + f(t, -1), 64 * ROUNDING, f"{law} at {t}")
+            assert_near([law(t, k) for k in (1, 2, 3)], [rate(t, k) for k in (0, 1, 2)], 0.0, f"derivatives of {law}")
+
+
+def test_a_driver_given_as_a_rate_starts_at_its_initial_value():
+    """A driver takes `rate_law` as a rate and `initial` as the value at t = 0."""
+    rate = Polynomial(coefficients=(2.0, 6.0))
+    (law,) = AngleDriver(name="d", body="b", rate_law=rate, initial=0.5).laws
+    assert_near([law(2.0, k) for k in range(3)], [16.5, 14.0, 6.0], 0.0, "law of the driver")
+    (law,) = AngleDriver(name="d", body="b", law=rate).laws
+    assert_near([law(2.0, k) for k in range(3)], [14.0, 6.0, 0.0], 0.0, "law of the driver")
+
+
+def test_slow_waves_are_integrated_without_loss():
+    """The integral of a sinusoid keeps its digits however small its frequency is, down to none."""
+    for w in (1e-3, 1e-9, 1e-300, 0.0):
+        rate = Sinusoid(amplitude=0.7, angular_frequency=w, phase=0.3)
+        half = w * 2.0 / 2
+        lobe = math.sin(half) / half if half else 1.0
+        assert_near(rate.integral(2.0), 1.4 * math.sin(half + 0.3) * lobe, ROUNDING, f"frequency {w}")
+
+
+def test_a_complex_argument_moves_a_table_along_its_slope():
+    """A complex step through a table gives its derivative, of each order, and of its integral."""
+    for law in (through(cubic), AROUND):
+        for order in (0, 1):
+            moved = law(0.83 + STEP * 1j, order)
+            assert_near([moved.real, moved.imag / STEP], [law(0.83, order), law(0.83, order + 1)], ROUNDING, str(law))
+        moved = law.integral(0.83 + STEP * 1j)
+        assert_near([moved.real, moved.imag / STEP], [law.integral(0.83), law(0.83)], ROUNDING, f"integral of {law}")
+
+
+def test_tables_pass_through_their_values():
+    """A table has its values at its arguments, bends without a kink there, and has none beyond its ends."""
+    law = Table(argument=KNOTS, value=(0.0, 0.4, 0.1, 1.0, 0.7))
+    t = np.array(KNOTS)
+    assert_near(law(t), law.value, 16 * U, "values")
+    inner = t[1:-1]
+    kinks = law(inner - 1e-9, 2) - law(inner + 1e-9, 2)
+    assert_near(kinks, 0.0 * kinks, 1e-6, "kinks of f''")
+    assert np.isnan(law(3.1)), "a value beyond the ends"
+    assert np.isnan(law(-1.1)), "a value beyond the ends"
+    assert law.domain() == (-1.0, 3.0), f"its domain is {law.domain()}"
+
+
+def test_periodic_tables_go_on():
+    """A periodic table repeats itself, is smooth where it closes, and its integral grows by one period's each time."""
+    period = 3.0
+    for order in range(3):
+        assert_near(AROUND(1.3 + 2 * period, order), AROUND(1.3, order), 1e-12, f"order {order} two periods on")
+        ends = [AROUND(0.5 + sign * 1e-9, order) for sign in (-1, 1)]
+        assert_near(ends[0], ends[1], 1e-6, f"order {order} where it closes")
+    once, twice = (AROUND.integral(k * period) for k in (1, 2))
+    assert_near(twice, 2 * once, 1e-13, "integral over two periods")
+    assert AROUND.domain() == (-math.inf, math.inf), "its domain has ends"
+
+
+def test_numbers_that_make_no_law_are_faults():
+    """Empty polynomials, tables that are too short, not increasing, uneven or not closed are named as faults."""
+    wrong: tuple[tuple[Law, str], ...] = (
         (Polynomial(coefficients=()), "coefficients"),
         (Table(argument=(0.0,), value=(1.0,)), "argument"),
         (Table(argument=(0.0, 1.0), value=(1.0,)), "value"),
         (Table(argument=(0.0, 0.0), value=(1.0, 2.0)), "argument"),
         (Table(argument=(0.0, 1.0), value=(1.0, 2.0), periodic=True), "value"),
+        (Table(argument=(0.0, 1.0, 2.0), value=(1.0, 2.0, 2.0), periodic=True), "value"),
+        (Table(argument=(0.0, 1.0, 2.0), value=(2.0, 2.0, 1.0), periodic=True), "value"),
         (Integral(rate=Table(argument=(1.0, 2.0), value=(1.0, 2.0))), "argument"),
-    ],
-)
-def test_numbers_that_make_no_law_are_named(law, key):
-    assert [fault.path for fault in law.faults("law")] == [f"law.{key}"]
+    )
+    for law, key in wrong:
+        assert [fault.path for fault in law.faults("law")] == [f"law.{key}"], f"{law} has other faults"
+    for law in (*(law for law, _ in LAWS), AROUND):
+        assert not list(law.faults("law")), f"{law} has faults"
+    with pytest.raises(NotImplementedError):
+        Integral(rate=LAWS[0][0]).integral(1.0)

@@ -1,137 +1,20 @@
-"""Newton on callables: the sources' scalar examples, their four stopping tests, and every way to end."""
+"""Newton on callables: its histories, its stopping tests on both signs, its cap, every way to end."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable, Iterator
+from itertools import count
+from typing import Any
 
 import numpy as np
 import pytest
 
 import refkin
 from crosscheck.documents.stopping import BothLargest, ResidualOrCorrection, ScaledNorms
-from refkin.newton import CorrectionNorm, NewtonStatus, RoundOff, newton
-
-
-def parabola(x):
-    return x**2 - 4 * x + 1
-
-
-def parabola_slope(x):
-    return 2 * x - 4
-
-
-def test_the_iterates_of_the_notes_are_reproduced():
-    """ME581: x^2 - 4x + 1 from 5."""
-    result = newton(parabola, parabola_slope, 5.0)
-
-    assert result.converged
-    assert result.iterates[:5, 0] == pytest.approx([5, 4, 3.75, 3.73214286, 3.73205081], abs=5e-9)
-    assert result.residuals[:4, 0] == pytest.approx([6, 1, 0.0625, 0.00031888], abs=5e-9)
-    assert -result.corrections[:4, 0] == pytest.approx([1, 0.25, 0.01785714, 0.00009205], abs=5e-9)
-
-
-def test_it_ends_at_the_last_bit():
-    assert newton(parabola, parabola_slope, 5.0).q[0] == pytest.approx(2 + np.sqrt(3), rel=2.3e-16)
-
-
-@pytest.mark.parametrize(
-    ("stop", "iterations"),
-    [
-        (CorrectionNorm(1e-2), 4),
-        (ResidualOrCorrection(0.1, 1e-12), 3),
-        (ResidualOrCorrection(1e-12, 0.3), 2),
-        (BothLargest(0.1, 0.3), 3),
-        (BothLargest(10.0, 1e-3), 4),
-        (ScaledNorms(0.3), 2),
-    ],
-    ids=lambda value: type(value).__name__,
-)
-def test_each_stopping_test_stops_where_its_numbers_say(stop, iterations):
-    """Residuals 6, 1, 0.0625, 0.00031888; corrections 1, 0.25, 0.0179, 0.000092."""
-    result = newton(parabola, parabola_slope, 5.0, stop=stop)
-
-    assert result.converged
-    assert result.iterations == iterations
-
-
-def test_a_negative_residual_does_not_stop_it():
-    """METU 3.9 prints its test without absolute values: from 2.5 the residual is -2.75."""
-    assert newton(parabola, parabola_slope, 2.5, stop=ResidualOrCorrection(1e-9, 1e-9)).iterations > 3
-
-
-def test_scaled_norms_divide_by_the_number_of_components():
-    phi = np.array([3e-4, 4e-4, 0.0])
-
-    assert ScaledNorms(1.7e-4)(phi, phi, phi)
-    assert not ScaledNorms(1.6e-4)(phi, phi, phi)
-
-
-@pytest.mark.parametrize(
-    ("phi", "slope", "start", "status"),
-    [
-        (lambda x: x**2 + 4, lambda x: 2 * x, 5.0, NewtonStatus.ITERATION_LIMIT),
-        (parabola, parabola_slope, 2.0, NewtonStatus.SINGULAR),
-        (lambda x: np.log(x), lambda x: 1 / x, 9.0, NewtonStatus.NOT_FINITE),
-        (lambda x: x - np.nan, lambda x: 1 + 0 * x, 1.0, NewtonStatus.NOT_FINITE),
-    ],
-    ids=["no root", "slope zero", "leaves the domain", "nan"],
-)
-def test_it_never_says_converged_without_a_root(phi, slope, start, status):
-    assert newton(phi, slope, start).status is status
-
-
-def test_the_cap_is_kept_and_everything_is_recorded():
-    result = newton(lambda x: x**2 + 4, lambda x: 2 * x, 5.0, max_iterations=7)
-
-    assert result.iterations == 7
-    assert result.iterates.shape == result.residuals.shape == (8, 1)
-
-
-def test_the_chord_method_keeps_its_first_slope():
-    slopes = []
-
-    def slope(x):
-        slopes.append(float(x[0]))
-        return parabola_slope(x)
-
-    result = newton(parabola, slope, 4.0, jacobian_every=0, stop=CorrectionNorm(1e-10))
-
-    assert result.converged
-    assert slopes == [4.0]
-    assert result.iterations > 8
-
-
-def test_damping_finds_a_root_that_full_steps_miss():
-    """arctan from 3: full steps diverge."""
-    full = newton(np.arctan, lambda x: 1 / (1 + x**2), 3.0)
-    damped = newton(np.arctan, lambda x: 1 / (1 + x**2), 3.0, damped=True)
-
-    assert not full.converged
-    assert damped.converged
-    assert abs(damped.q[0]) < 1e-15
-
-
-def test_redundant_rows_change_nothing():
-    """Three consistent equations for two unknowns."""
-
-    def phi(v):
-        return np.array([v[0] ** 2 + v[1] ** 2 - 2, v[0] - v[1], v[0] ** 2 + v[1] ** 2 - 2])
-
-    def slope(v):
-        return np.array([[2 * v[0], 2 * v[1]], [1, -1], [2 * v[0], 2 * v[1]]])
-
-    result = newton(phi, slope, [2.0, 0.5])
-
-    assert result.converged
-    assert result.q == pytest.approx([1.0, 1.0], abs=4e-16)
-
-
-def test_round_off_keeps_no_memory_between_solves():
-    stop = RoundOff()
-    first = newton(parabola, parabola_slope, 5.0, stop=stop)
-    second = newton(parabola, parabola_slope, 5.0, stop=stop)
-
-    assert first.iterations == second.iterations
+from crosscheck.documents.systems import me581
+from refkin.newton import CorrectionNorm, NewtonStatus, RoundOff, StoppingTest, newton, solve_linear
+from tests.claims import assert_near
 
 
 @pytest.mark.parametrize(
@@ -151,3 +34,201 @@ def test_round_off_keeps_no_memory_between_solves():
 def test_arguments_that_make_no_sense_are_named(q0, phi_q, told):
     with pytest.raises(refkin.errors.InvalidRequest, match=re.escape(told)):
         newton(lambda q: q - 1.0, phi_q, q0)
+
+
+QUADRATIC = me581.quadratic()
+SMALL, LARGE = np.array([3e-4, -4e-4, 0.0]), np.array([-30.0, 40.0, 0.0])
+"""Of norm 5e-4 and 50, each with components of both signs."""
+
+
+def counted(limit: int, f: Callable[[Any], Any]) -> Callable[[Any], Any]:
+    """Return a function that gives up after so many calls: an iteration that has no end shows itself."""
+    calls = iter(range(limit))
+
+    def f_counted(x: Any) -> Any:
+        if next(calls, None) is None:
+            raise AssertionError(f"the function was called more than {limit} times")
+        return f(x)
+
+    return f_counted
+
+
+def _never(residual: Any, correction: Any, q: Any) -> bool:
+    return False
+
+
+def test_the_history_is_what_happened():
+    """Iterates, residuals at each of them, and corrections between them: of x^2 - 4x + 1 from 5."""
+    result = newton(*QUADRATIC, 5.0, stop=CorrectionNorm(1e-3))
+    assert result.status is NewtonStatus.CONVERGED, f"status {result.status}"
+    assert result.iterations == 4, f"{result.iterations} iterations, not 4"
+    assert_near(result.iterates[:, 0], [5.0, 4.0, 3.75, 3.7321428571428571, 3.7320508100147275], 1e-15, "iterates")
+    assert_near(result.residuals[:, 0], [QUADRATIC.phi([x])[0] for x in result.iterates[:, 0]], 0.0, "residuals")
+    assert_near(result.corrections[:, 0], np.diff(result.iterates[:, 0]), 1e-15, "corrections")
+    assert result.q[0] == result.iterates[-1, 0], "q is not the last iterate"
+    assert result.residual == abs(result.residuals[-1, 0]), "residual is not that of the last iterate"
+
+
+def test_it_ends_at_round_off():
+    """By default it ends at the last bit of a simple root, and halves the error of a double one while it can."""
+    assert_near(newton(*QUADRATIC, 5.0).q, [2 + np.sqrt(3.0)], 4.5e-16, "simple root")
+    double = newton(lambda x: (x - 1) ** 2, lambda x: 2 * (x - 1), 3.0, max_iterations=100)
+    assert double.converged, f"double root: {double.status}"
+    # (x - 1)^2 is evaluated without cancellation: nothing stops the halving but the spacing of the numbers at 1.
+    assert_near(double.q, [1.0], 1e-15, "double root")
+    assert double.iterations > 45, "a double root in fewer steps than halving takes"
+
+
+def test_each_way_to_end_has_its_status():
+    """No root, a vanishing slope, leaving the domain, NaN: none of them is called converged."""
+    for phi, slope, start, status in (
+        (lambda x: x * x + 4, lambda x: 2 * x, 5.0, NewtonStatus.ITERATION_LIMIT),
+        (*QUADRATIC, 2.0, NewtonStatus.SINGULAR),
+        (np.log, lambda x: 1 / x, 9.0, NewtonStatus.NOT_FINITE),
+        (lambda x: x - np.nan, lambda x: 1 + 0 * x, 1.0, NewtonStatus.NOT_FINITE),
+        (lambda x: x * x, lambda x: 2 * x, 0.0, NewtonStatus.CONVERGED),
+    ):
+        result = newton(phi, slope, start)
+        assert result.status is status, f"from {start}: {result.status}, not {status}"
+        assert result.converged is (status is NewtonStatus.CONVERGED), f"from {start}: converged {result.converged}"
+    hollow = newton(lambda x: np.where(np.abs(x) < 0.5, np.nan, x), lambda x: 1 + 0 * x, 0.6, stop=CorrectionNorm(1.0))
+    assert hollow.status is NewtonStatus.NOT_FINITE, f"where there is no residual: {hollow.status}"
+
+
+def test_the_cap_is_kept():
+    """It makes exactly as many corrections as the cap allows, and the counter counts each of them."""
+    for cap in (1, 7):
+        phi, slope = counted(cap + 20, lambda x: x * x + 4), counted(cap + 20, lambda x: 2 * x)
+        result = newton(phi, slope, 5.0, max_iterations=cap, stop=_never)
+        assert result.status is NewtonStatus.ITERATION_LIMIT, f"status {result.status}"
+        assert result.iterations == cap, f"{result.iterations} iterations under a cap of {cap}"
+        assert len(result.iterates) == len(result.residuals) == cap + 1, "the history has another length"
+
+
+def test_the_default_cap_is_kept():
+    """Without a cap of the caller's there is one."""
+    result = newton(counted(200, lambda x: x * x + 4), counted(200, lambda x: 2 * x), 5.0)
+    assert result.status is NewtonStatus.ITERATION_LIMIT, f"status {result.status}"
+
+
+def test_stopping_tests_see_both_signs_and_both_limits():
+    """Each stopping test looks at the size of what it tests, whatever the sign, and stops below its limit only."""
+    either, both = ResidualOrCorrection, BothLargest
+    big: tuple[tuple[StoppingTest, Any, Any, bool], ...] = (
+        (CorrectionNorm(5.01e-4), LARGE, SMALL, True),
+        (CorrectionNorm(4.99e-4), SMALL, SMALL, False),
+        (CorrectionNorm(1.0), SMALL, LARGE, False),
+        (either(5.01e-4, 1e-9), SMALL, LARGE, True),
+        (either(4.99e-4, 1e-9), SMALL, LARGE, False),
+        (either(1e-9, 5.01e-4), LARGE, SMALL, True),
+        (either(1e-9, 4.99e-4), LARGE, SMALL, False),
+        (both(4.01e-4, 4.01e-4), SMALL, SMALL, True),
+        (both(3.99e-4, 1.0), SMALL, SMALL, False),
+        (both(1.0, 3.99e-4), SMALL, SMALL, False),
+        (both(1.0, 1.0), LARGE, SMALL, False),
+        (both(1.0, 1.0), SMALL, LARGE, False),
+        (ScaledNorms(1.67e-4), SMALL, LARGE, True),
+        (ScaledNorms(1.66e-4), SMALL, LARGE, False),
+        (ScaledNorms(1.67e-4), LARGE, SMALL, True),
+        (ScaledNorms(1.66e-4), LARGE, SMALL, False),
+    )
+    for test, residual, correction, stops in big:
+        for sign in (1, -1):
+            found = test(sign * residual, sign * correction, np.ones(3))
+            assert found is stops, f"{test} of {sign * residual} and {sign * correction} is {found}"
+    for limit in (-1e-3, 1e-3):  # one component alone, below the limit by its sign but not by its size
+        for test in (CorrectionNorm(1e-8), either(), both(), ScaledNorms()):
+            assert not test(np.array([limit]), np.array([limit]), np.ones(1)), f"{test} stops at {limit}"
+
+
+def test_stopping_tests_end_runs_where_their_numbers_say():
+    """Residuals 6, 1, 0.0625, 0.00032 and corrections 1, 0.25, 0.018, 0.000092 end each test at its own step."""
+    for test, iterations in (
+        (CorrectionNorm(1e-2), 4),
+        (ResidualOrCorrection(0.1, 1e-12), 3),
+        (ResidualOrCorrection(1e-12, 0.3), 2),
+        (BothLargest(0.1, 0.3), 3),
+        (BothLargest(10.0, 1e-3), 4),
+        (ScaledNorms(0.3), 2),
+    ):
+        found = newton(*QUADRATIC, 5.0, stop=test).iterations
+        assert found == iterations, f"{test} stops after {found}, not {iterations}"
+    assert newton(*QUADRATIC, 2.5, stop=ResidualOrCorrection(1e-9, 1e-9)).iterations > 5, "stopped at a negative F"
+
+
+def test_the_jacobian_is_renewed_as_asked():
+    """Full Newton evaluates it in each step, the chord method once, and every second step means that."""
+    for every, slopes in ((1, 6), (2, 3), (0, 1)):
+        calls = count()
+
+        def phi_q(x: Any, calls: Iterator[int] = calls) -> Any:
+            next(calls)
+            return QUADRATIC.phi_q(x)
+
+        newton(QUADRATIC.phi, phi_q, 5.0, jacobian_every=every, max_iterations=6, stop=_never)
+        asked = next(calls)
+        assert asked == slopes, f"every {every}: {asked} Jacobians, not {slopes}"
+
+
+def test_damping_brings_far_starts_home():
+    """From 3 to the root of arctan: full steps diverge, steps that are halved until the residual shrinks do not."""
+    full, damped = (newton(np.arctan, lambda x: 1 / (1 + x * x), 3.0, damped=d) for d in (False, True))
+    assert not full.converged, "full steps converge"
+    assert damped.converged, f"damped: {damped.status} at {damped.q}"
+    assert abs(damped.q[0]) < 1e-15, f"damped: {damped.status} at {damped.q}"
+    sizes = np.abs(damped.residuals[:, 0])
+    assert (np.diff(sizes) <= 0).all(), f"the residual grows: {sizes}"
+
+
+def test_redundant_rows_change_nothing():
+    """A consistent third equation for two unknowns leaves the root where it is."""
+
+    def phi(v: Any) -> Any:
+        return np.array([v[0] ** 2 + v[1] ** 2 - 2, v[0] - v[1], v[0] ** 2 + v[1] ** 2 - 2])
+
+    def slope(v: Any) -> Any:
+        return np.array([[2 * v[0], 2 * v[1]], [1, -1], [2 * v[0], 2 * v[1]]])
+
+    result = newton(phi, slope, [2.0, 0.5])
+    assert result.converged, f"status {result.status}"
+    assert_near(result.q, [1.0, 1.0], 1e-15, "root")
+    assert_near(solve_linear(np.diag([2.0, 4.0]), np.array([2.0, 2.0])), [1.0, 0.5], 0.0, "square system")
+
+
+def test_complex_iterates_stay_complex():
+    """From a complex estimate it finds a complex root: x^2 + 4 has 2i."""
+    result = newton(lambda x: x * x + 4, lambda x: 2 * x, 1.0 + 1.0j)
+    assert result.converged, f"status {result.status}"
+    assert_near(result.q, [2j], 1e-15, "root")
+
+
+def test_one_test_serves_many_runs():
+    """A stopping test with a memory does not carry it from one run to the next."""
+    stop = RoundOff()
+    first, second = (newton(*QUADRATIC, 5.0, stop=stop).iterations for _ in range(2))
+    assert first == second, f"{first} iterations, then {second}"
+
+
+def test_a_stall_is_a_correction_that_is_not_nearly_halved():
+    """Near a multiple root corrections halve, which goes on; one of more than 0.6 of the one before ends the run."""
+    stop, at = RoundOff(), np.ones(1)
+    sizes = (1e-7, 0.5e-7, 0.25e-7, 0.14e-7, 0.1e-7)
+    assert [stop(np.zeros(1), np.array([size]), at) for size in sizes] == [False, False, False, False, True]
+
+
+def test_the_residual_is_that_of_the_worst_equation():
+    """x = 1, 3 y = -6 from (1, 1) with a slope that is 2 for 3: y goes to -3.5."""
+    slope = np.diag([1.0, 2.0])
+    result = newton(lambda x: np.array([x[0] - 1, 3 * x[1] + 6]), lambda x: slope, [1.0, 1.0], max_iterations=1)
+    assert result.residual == 4.5
+
+
+def test_where_one_equation_has_no_value_nothing_is_solved():
+    def phi(x):
+        return np.array([x[0], x[1] if x[1] > 0.5 else np.nan])
+
+    assert newton(phi, lambda x: np.eye(2), [1.0, 0.6], stop=CorrectionNorm(9.0)).status is NewtonStatus.NOT_FINITE
+
+
+def test_real_estimates_stay_real():
+    assert newton(*QUADRATIC, 5).q.dtype == float
