@@ -27,6 +27,17 @@ def test_no_test_that_kills_is_red_without_a_mutant():
     assert {name: why for name in sorted({m.tests[0] for m in MUTANTS})[::7] if (why := red(name))} == {}
 
 
+def test_every_mutant_fits_the_code():
+    """All of them in a second: where code moved on, its mutants move with it."""
+    misfits = {}
+    for m in MUTANTS:
+        try:
+            changed_function(resolve(m.target), m.old, m.new, m.target)
+        except DoesNotFit as error:
+            misfits[m.label] = str(error)
+    assert misfits == {}
+
+
 def test_the_tests_that_kill_exist():
     assert [name for m in MUTANTS for name in m.tests if not next(cases(name), None)] == []
 
