@@ -120,7 +120,7 @@ def test_a_change_that_changes_nothing_survives():
         target="refkin.newton:CorrectionNorm.__call__",
         old="bool(np.linalg.norm(correction) < self.limit)",
         new="bool(self.limit > np.linalg.norm(correction))",
-        tests=["refkin/test_newton_histories.py::test_stopping_tests_see_both_signs_and_both_limits"],
+        tests=["refkin/test_newton.py::test_stopping_tests_see_both_signs_and_both_limits"],
     )
 
     assert killer(survivor) == ("", "")
