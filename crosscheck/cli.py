@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Sequence
-from importlib.metadata import version
 
 import cyclopts
 
 from crosscheck.errors import INFRASTRUCTURE, INTERRUPTED, PASS, USAGE, CannotRun
+from refkin import __version__
 from refkin.errors import InvalidScene
 
 COMMANDS = {
@@ -40,7 +40,7 @@ app = cyclopts.App(
     name="crosscheck",
     help="How many digits can you trust from exudyn, Pinocchio and MuJoCo, and what does each digit cost?",
     version_flags=["--version"],
-    version=lambda: version("refkin"),
+    version=__version__,
 )
 for name, (place, what) in COMMANDS.items():
     app.command(f"crosscheck.commands.{place}", name=name, help=what)

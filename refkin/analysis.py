@@ -16,11 +16,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
+from refkin import __version__
 from refkin.differences import EPS
 from refkin.joints import initial_contacts
 from refkin.model import Effect, Scene
@@ -122,7 +122,7 @@ def sweep(scene: Scene) -> Motion:
     qd[:, ok] = velocity(system, q[:, ok], t[ok])
     qdd[:, ok] = acceleration(system, q[:, ok], qd[:, ok], t[ok])
     evidence = {"residual": residual, "sigma_min": sigma, "condition": condition, "certified_radius": no_radius(len(t))}
-    producer = Producer(name="refkin.analysis", version=version("refkin"), route=ROUTE)
+    producer = Producer(name="refkin.analysis", version=__version__, route=ROUTE)
     message = "" if first.converged else f"no pose was found at t = {t[0]:g}: {first.status}"
     return motion_of(system, scene, (q, qd, qdd), status=tuple(status), producer=producer, message=message, **evidence)
 

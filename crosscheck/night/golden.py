@@ -19,11 +19,11 @@ from typing import Any
 
 import numpy as np
 
-import refkin
 from crosscheck.errors import UsageError
 from crosscheck.judge.comparison import QUANTITIES
 from crosscheck.workers.journal import replace_file
 from crosscheck.workers.pool import Pool
+from refkin.errors import RefkinError
 from refkin.model import Scene
 from refkin.motion import Motion
 from refkin.motion_laws import Polynomial, Sinusoid
@@ -36,8 +36,9 @@ LOST = 0.5
 """Digits that an engine may lose in a case."""
 EXACT = -math.log10(4 * 2.0**-53)
 """Digits beyond which an answer is as good as exact."""
-DEFAULT = Path(refkin.__file__).parent.parent / "reports" / "baseline.json"
-"""The accepted baseline in a checkout of this project."""
+_INSTALLED = Path(__file__).with_name("baseline.json")
+DEFAULT = _INSTALLED if _INSTALLED.is_file() else Path(__file__).parents[2] / "reports" / "baseline.json"
+"""The accepted baseline: in an installed package beside this module, in a checkout among the reports."""
 
 Case = Mapping[str, Any]
 Difference = dict[str, Any]
@@ -184,7 +185,7 @@ def read(path: Path) -> dict[str, Any]:
             parse(dict(case["scene"]))
     except FileNotFoundError as error:
         raise NoBaseline(f"there is no baseline {path}: crosscheck baseline --accept makes one") from error
-    except (ValueError, KeyError, TypeError, AttributeError, refkin.errors.RefkinError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError, RefkinError) as error:
         raise NoBaseline(f"{path} is no baseline: {error}") from error
     return dict(found)
 

@@ -6,11 +6,11 @@ from `refkin.proof`, all with the library's sines; the pose and the rates are wh
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
+from refkin import __version__
 from refkin.analysis import SINGULAR
 from refkin.differences import EPS
 from refkin.fast.certify import radii
@@ -37,7 +37,6 @@ CLEAR = 1e-3
 A pivot is within a factor of a few of the block's smallest singular value, SINGULAR is 1.2e-7, and the rest of phi_q is
 triangular with ones in its diagonal.
 """
-producer_version = version("refkin")
 
 
 def motion(
@@ -150,7 +149,7 @@ def _written(
         points=_of_points(scene, system, physical, called),
         contacts=_of_contacts(system, physical, called),
         message=message,
-        producer=Producer(name="refkin.fast", version=producer_version, route=ROUTE),
+        producer=Producer(name="refkin.fast", version=__version__, route=ROUTE),
     )
 
 

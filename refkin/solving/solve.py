@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
+from refkin import __version__
 from refkin.analysis import ROUTE, SINGULAR, acceleration, motion_of, velocity
 from refkin.differences import EPS
 from refkin.joints import Cam, Polar
@@ -260,7 +260,7 @@ class _Answer:
             sigma_min=self.sigma_min if condition else nowhere(count),
             condition=self.condition if condition else nowhere(count),
             certified_radius=self.radius,
-            producer=Producer(name="refkin", version=version("refkin"), route=ROUTE),
+            producer=Producer(name="refkin", version=__version__, route=ROUTE),
             message="; ".join(dict.fromkeys(filter(None, self.messages))),
         )
 
