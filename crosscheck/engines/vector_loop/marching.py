@@ -1,8 +1,6 @@
-"""Loops over time: from one pose to the next, on one branch, with rates by the differentiated loop equations.
+"""Loops over time: the continuation of `crosscheck.engines.march` on loop equations, from the assembly that is meant.
 
-Each pose is predicted from position, velocity and acceleration of the last, and corrected by Newton; so rates are taken
-of every pose, whether a scene calls for them or not. A step is taken if Newton contracted at once and no singular
-Jacobian can lie on the way (`connected`); else it is halved. So a whole cycle stays in the assembly in which it
+Rates are taken of every pose, whether a scene calls for them or not. A whole cycle stays in the assembly in which it
 started, and ends where that assembly ends.
 """
 
@@ -15,32 +13,45 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.engines import march as continuation
+from crosscheck.engines.march import CONTRACTION, TRUST, Array, Poses
 from crosscheck.engines.vector_loop.solving import close
-from crosscheck.engines.vector_loop.system import EPS, LoopSystem
+from crosscheck.engines.vector_loop.system import LoopSystem
 from refkin.motion import Status
 from refkin.newton import NewtonResult
 
-CONTRACTION = 0.25
-"""Largest ratio of Newton's second correction to the first; larger says that the prediction was too far off."""
-TRUST = 0.25
-"""The largest first correction (rad, or scales) of a predicted pose; what lies further off may be another branch."""
-ATTEMPTS, HALVINGS = 500, 40
-"""Steps that may be tried between two times, and how often one may be halved: down to 1e-12 of the way."""
-SINGULAR = 8.0 * math.sqrt(EPS)
-"""The least singular value of a regular pose, weighted: rates err by EPS over its square, there by 1/64."""
 
+class LoopEquations:
+    """The equations of loops in unknowns of order one, q times `weights`: `march.Equations`."""
 
-@dataclass(frozen=True)
-class Pose:
-    """Where the loops are closed; rates are NaN if it is not `regular`, and `jacobian` is weighted."""
+    def __init__(self, system: LoopSystem) -> None:
+        self.system = system
+        self.laws = {id(law): law for variable in system.variables() for _, law in variable.laws}
 
-    t: float
-    q: Any
-    qd: Any
-    qdd: Any
-    jacobian: Any
-    residual: float
-    regular: bool
+    def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
+        """Return residual and Jacobian, (B, n) and (B, n, n)."""
+        s, at = self.system, self.unknowns(q)
+        return s.residual(at, t).T / s.scale, np.moveaxis(s.jacobian(at, t), 2, 0) / s.weights / s.scale
+
+    def nu(self, q: Array, t: Array) -> Array:
+        """Return the right side of the velocities, (B, n)."""
+        return np.asarray(self.system.nu(self.unknowns(q), t).T / self.system.scale)
+
+    def gamma(self, q: Array, qd: Array, t: Array) -> Array:
+        """Return the right side of the accelerations, (B, n)."""
+        return np.asarray(self.system.gamma(self.unknowns(q), self.unknowns(qd), t).T / self.system.scale)
+
+    def round_off(self, q: Array, t: Array) -> Array:
+        """Return what rounding may leave of equations that are satisfied, (B, n)."""
+        return np.asarray(self.system.rounding(self.unknowns(q), t).T / self.system.scale)
+
+    def extrema(self, times: Array) -> Array:
+        """Return times between those given at which a law turns back."""
+        return continuation.extrema(list(self.laws.values()), times)
+
+    def unknowns(self, q: Array) -> Array:
+        """Return the system's own unknowns or rates, (n, B)."""
+        return np.asarray((q / self.system.weights).T)
 
 
 @dataclass(frozen=True)
@@ -77,87 +88,43 @@ Distance = Callable[[Any], float]
 
 
 def march(system: LoopSystem, times: Sequence[float], q0: Any, distance: Distance | None = None) -> March:
-    """Close the loops at each time: at the first from the estimate q0, then from pose to pose.
+    """Close the loops at each time: at the first from the estimate q0, then from pose to pose, as far as they close.
 
     `distance` says which of several assemblies is meant, where the estimate is far from all: by default the one whose
     unknowns are nearest to q0.
     """
-    n, count = system.n, len(times)
-    q, qd, qdd = (np.full((n, count), np.nan) for _ in range(3))
-    status, residual = [Status.NOT_CONVERGED] * count, np.full(count, np.nan)
-    with np.errstate(all="ignore"):  # a Newton that runs away is a status, not a warning
-        pose = start(system, q0, float(times[0]), distance)
-        for k, t in enumerate(map(float, times)):
-            if k and pose is not None:
-                pose = advance(system, pose, t) if pose.regular else None
-            if pose is None:
-                break
-            q[:, k], qd[:, k], qdd[:, k] = pose.q, pose.qd, pose.qdd
-            status[k], residual[k] = (Status.OK if pose.regular else Status.SINGULAR), pose.residual
-    return March(np.asarray(times, float), q, qd, qdd, tuple(status), residual)
+    equations, q0 = LoopEquations(system), np.asarray(q0, float)
+
+    def first(t: float) -> Poses:
+        q = start(system, q0, float(t), distance)
+        at = np.full((1, system.n), np.nan) if q is None else (q * system.weights)[None]
+        return continuation.close(equations, at, np.array([t]))
+
+    found = continuation.march(equations, first, times, 2)
+    ok = [status is Status.OK for status in found.status]
+    end = ok.index(False) + 1 if False in ok else len(ok)
+    status = found.status[:end] + (Status.NOT_CONVERGED,) * (len(ok) - end)
+    known = np.where(np.arange(len(ok)) < end, 1.0, np.nan)
+    q, qd, qdd = (level * known / system.weights[:, None] for level in found.levels)
+    return March(np.asarray(times, float), q, qd, qdd, status, found.residual * known)
 
 
-def start(system: LoopSystem, q0: Any, t: float, distance: Distance | None = None) -> Pose | None:
-    """Return the pose at t that an estimate leads to: that of Newton, if it contracts at once.
+def start(system: LoopSystem, q0: Any, t: float, distance: Distance | None = None) -> Any:
+    """Return the unknowns at t that an estimate leads to: those of Newton, if it contracts at once; None if none close.
 
     From any other estimate Newton may go anywhere: then damped Newton is run also from estimates in which one angle is
     turned, and the nearest of the ends is taken, without the whole turns made on the way.
     """
     if not system.n:
-        return _pose(system, np.zeros(0), t)
+        return q0
     near = close(system, q0, t)
     if near.converged and _contracts(system, near):
-        return _pose(system, near.q, t)
+        return near.q
     ends = [near, *(close(system, guess, t, damped=True) for guess in _guesses(system, q0))]
-    closed = [close(system, _unwound(system, end.q, q0), t) for end in ends if end.converged]
-    poses = [pose for end in closed for pose in [_pose(system, end.q, t)] if pose is not None]
+    closed = [close(system, _unwound(system, end.q, q0), t).q for end in ends if end.converged]
+    poses = [q for q in closed if (np.abs(system.residual(q, t)) <= system.rounding(q, t)).all()]
     far = distance or (lambda q: float(np.linalg.norm((q - q0) * system.weights)))
-    return min(poses, key=lambda pose: far(pose.q), default=None)
-
-
-def advance(system: LoopSystem, last: Pose, t: float) -> Pose | None:
-    """Return the pose at t on the branch of `last`; None if the branch does not lead there."""
-    step = t - last.t
-    smallest = math.ldexp(step, -HALVINGS)
-    for _ in range(ATTEMPTS):
-        target = min(t, last.t + step)
-        pose = _corrected(system, last, target)
-        on_branch = pose is not None and connected(last.jacobian, pose.jacobian)
-        if pose is not None and on_branch and target == t:
-            return pose
-        if pose is not None and on_branch and pose.regular:
-            last, step = pose, 2.0 * step
-            continue
-        step = 0.5 * (target - last.t)
-        if step < smallest:
-            return _end_of_branch(system, last, t)
-    return None
-
-
-def connected(jacobian: Any, other: Any) -> bool:
-    """Return whether every matrix on the straight line between two Jacobians is regular.
-
-    (1 - s) J + s J' = J ((1 - s) I + s J^-1 J') is, for all s in [0, 1], if no eigenvalue of J^-1 J' lies in the left
-    half plane. Another branch lies beyond a singular pose, so it is not connected, however near it comes.
-    """
-    if not jacobian.size:
-        return True
-    try:
-        change = np.linalg.solve(jacobian, other)
-    except np.linalg.LinAlgError:
-        return False
-    return bool(np.isfinite(change).all() and (np.linalg.eigvals(change).real > 0.0).all())
-
-
-def _corrected(system: LoopSystem, last: Pose, t: float) -> Pose | None:
-    """Return the pose near the prediction for t, if Newton contracts at once."""
-    if not system.n:
-        return _pose(system, last.q, t)
-    h = t - last.t
-    result = close(system, last.q + h * (last.qd + 0.5 * h * last.qdd), t)
-    if not result.converged:
-        return None
-    return _pose(system, result.q, t) if _contracts(system, result) else None
+    return min(poses, key=far, default=None)
 
 
 def _contracts(system: LoopSystem, result: NewtonResult) -> bool:
@@ -182,26 +149,3 @@ def _unwound(system: LoopSystem, q: Any, near: Any) -> Any:
     counted = {v.unknown for relation in system.relations for _, v in relation.terms}
     free = system.is_angle & np.array([name not in counted for name in system.unknowns], bool)
     return q - np.where(free, math.tau * np.round((q - near) / math.tau), 0.0)
-
-
-def _pose(system: LoopSystem, q: Any, t: float) -> Pose | None:
-    """Return the pose at q, if the loops are closed there."""
-    residual = system.residual(q, t)
-    if not (np.abs(residual) <= system.rounding(q, t)).all():
-        return None
-    slope = system.jacobian(q, t)
-    jacobian = slope / system.weights / system.scale
-    gap = float(np.max(np.abs(residual), initial=0.0)) / system.scale
-    if q.size and np.linalg.svd(jacobian, compute_uv=False)[-1] < SINGULAR:
-        nothing = np.full(q.shape, np.nan)
-        return Pose(t, q, nothing, nothing, jacobian, gap, False)
-    qd = np.linalg.solve(slope, system.nu(q, t))
-    return Pose(t, q, qd, np.linalg.solve(slope, system.gamma(q, qd, t)), jacobian, gap, True)
-
-
-def _end_of_branch(system: LoopSystem, last: Pose, t: float) -> Pose | None:
-    """Return the singular pose at t if the branch of `last` ends right there, where Newton contracts by halves."""
-    pose = start(system, last.q, t)
-    if pose is None or pose.regular or np.max(np.abs((pose.q - last.q) * system.weights)) > TRUST:
-        return None
-    return pose

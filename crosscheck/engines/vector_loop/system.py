@@ -63,7 +63,7 @@ class LoopSystem:
         equations = 2 * len(self.loops) + len(self.relations)
         if equations != len(self.unknowns):
             raise ValueError(f"loops: expected {len(self.unknowns)} equations for {self.unknowns}, got {equations}")
-        used = {v.unknown for v in self._variables()} - {None}
+        used = {v.unknown for v in self.variables()} - {None}
         if used != set(self.unknowns):
             raise ValueError(
                 f"unknowns: expected {sorted(map(str, used))}, which the loops contain, got {self.unknowns}"
@@ -79,7 +79,8 @@ class LoopSystem:
         for column, (k, factor) in enumerate(owners):
             self._factors[k, column] = factor
 
-    def _variables(self) -> list[Variable]:
+    def variables(self) -> list[Variable]:
+        """Return every length and angle that the equations contain."""
         of_vectors = [v for loop in self.loops for vector in loop for v in (vector.length, vector.angle)]
         return of_vectors + [v for relation in self.relations for _, v in relation.terms]
 
