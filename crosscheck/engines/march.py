@@ -376,11 +376,12 @@ def close(equations: Equations, q: Array, t: Array, *, near: bool = False) -> Po
     guess, active, previous = q, np.arange(count), np.full(count, np.inf)
     done = list[tuple[Any, Array, Array, Array]]()
     for _ in range(CAP):
-        residual, jacobian = equations.rows(q, t[active])
+        now = t[active]
+        residual, jacobian = equations.rows(q, now)
         correction = solve(jacobian, residual)
         size, gap = _largest(correction), _largest(residual)
         ends = ~(size <= 1.0 / EPS)  # an angle that large has no digit left
-        closed = ~ends & (np.abs(residual) <= equations.round_off(q, t[active])).all(axis=1)
+        closed = ~ends & (np.abs(residual) <= equations.round_off(q, now)).all(axis=1)
         stalled = closed & ((size > STALLED * previous) | (size <= EPS * (1.0 + _largest(q))))
         if near:
             ends |= ~closed & ((size > CONTRACTION * previous) | (size > TRUST))

@@ -91,13 +91,13 @@ class Variables:
         for k, v in enumerate(self.variables):
             if v.unknown is not None:
                 self.slope[k, unknowns.index(v.unknown)] = 1.0
-        self._recent: tuple[float | None, dict[int, Any]] = (None, {})
+        self._constants = np.array([v.constant for v in self.variables])
+        self._laws = [(k, *term) for k, v in enumerate(self.variables) for term in v.laws]
+        self._recent: tuple[Any, dict[int, Any]] = (None, {})
 
     def known(self, t: Any, order: int) -> Any:
         """Return what time alone makes of the variables or of their derivative, (K,) or (K, T)."""
-        if not isinstance(t, float):
-            return self._known(t, order)
-        if self._recent[0] != t:  # Newton asks again and again at the same time
+        if self._recent[0] is not t:  # Newton asks again and again at the same time, or row of times
             self._recent = (t, {})
         values = self._recent[1]
         if order not in values:
@@ -105,13 +105,12 @@ class Variables:
         return values[order]
 
     def _known(self, t: Any, order: int) -> Any:
-        rows = [
-            sum((factor * law(t, order) for factor, law in v.laws), 0.0 if order else v.constant)
-            for v in self.variables
-        ]
-        shape = np.shape(t)
-        spread = rows if not shape else [np.broadcast_to(row, shape) for row in rows]
-        return np.array(spread).reshape(len(rows), *shape)
+        out = np.zeros((len(self.variables), *np.shape(t)), np.result_type(np.asarray(t), float))
+        if order == 0:
+            out.T[...] = self._constants
+        for k, factor, law in self._laws:
+            out[k] += factor * law(t, order)
+        return out
 
     def at(self, q: Any, t: Any, order: int = 0) -> Any:
         """Return the variables (order 0), or their derivative from the unknowns' derivative of that order."""
@@ -137,6 +136,8 @@ class Sums:
         self.which = np.zeros((len(rows), len(vectors)))
         owners = [k for k, row in enumerate(rows) for _ in row]
         self.which[owners, range(len(vectors))] = 1.0
+        by = [self.which[:, None] * v.slope.T[None] for v in (self.lengths, self.angles)]
+        self._by_length, self._by_angle = (of.reshape(len(rows) * len(unknowns), len(vectors)) for of in by)
 
     def value(self, q: Any, t: Any, sense: int = 1) -> Any:
         """Return the sums; with `sense` -1 those of the conjugate vectors, c* r e^(-i theta)."""
@@ -194,9 +195,8 @@ class Sums:
         if by_length.ndim == 1:
             columns = by_length[:, None] * self.lengths.slope + by_angle[:, None] * self.angles.slope
             return self.which @ columns
-        return np.einsum("lk,kt,kn->lnt", self.which, by_length, self.lengths.slope, optimize=True) + np.einsum(
-            "lk,kt,kn->lnt", self.which, by_angle, self.angles.slope, optimize=True
-        )
+        flat = self._by_length @ by_length + self._by_angle @ by_angle
+        return flat.reshape(len(self.which), self.lengths.slope.shape[1], by_length.shape[1])
 
     @staticmethod
     def _spread(c: Any, q: Any) -> Any:
