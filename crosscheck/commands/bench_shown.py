@@ -1,8 +1,8 @@
-"""The benchmark for a person: one table for each work, with the fairest rivals first, and what it comes to in words."""
+"""The benchmark for a person: a table for each workload, the fairest rivals first, and what it comes to in words."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from itertools import groupby
 from typing import Any
 
@@ -10,24 +10,28 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from crosscheck.measure.bench_aims import ENGINES
+from crosscheck.engines.methods import OURS
+from crosscheck.measure.bench_aims import DENSE, LANES, SPARSE, Key, key_of
 
-RIVALS = ("c-same-tape", "c-dense")
+RIVALS: dict[Key, str] = {
+    ("c", "same program", ""): "the same operations compiled as C",
+    DENSE: "dense Newton in C",
+}
 """The rivals that every claim names first: the same algorithm in C, then what a person would write in C."""
-OURS = ("refkin-lanes", "refkin-sparse")
+CLAIMED = (LANES, SPARSE)
 UNRANKED = "not ranked"
 
 
 def print_results(results: dict[str, Any], console: Console) -> None:
-    """Print all works, then what was absent, and on what it was measured."""
-    for name, rows in groupby(results["rows"], key=lambda row: row["work"]):
-        of_work = list(rows)
-        console.print(table(name, of_work))
-        for line in (*claims(of_work), *notes(of_work)):
+    """Print all workloads, then what was absent, and on what it was measured."""
+    for name, rows in groupby(results["rows"], key=lambda row: row["workload"]):
+        of_one = list(rows)
+        console.print(table(name, of_one))
+        for line in (*claims(of_one), *notes(of_one)):
             console.print(line, markup=False, highlight=False)
         console.print()
     for absent in results["absent"]:
-        console.print(f"absent: {absent['route']} ({absent['work']}): {absent['reason']}", markup=False)
+        console.print(f"absent: {named(absent)} ({absent['workload']}): {absent['reason']}", markup=False)
     for line in aim_lines(results.get("aims", [])):
         console.print(line, markup=False, highlight=False)
     told = [f"{name} {value}" for name, value in results["versions"].items()]
@@ -36,22 +40,27 @@ def print_results(results: dict[str, Any], console: Console) -> None:
     console.print(", ".join(told), markup=False, highlight=False)
 
 
+def named(row: Mapping[str, Any]) -> str:
+    """Return engine, method and setting of a row."""
+    return ", ".join(filter(None, key_of(row)))
+
+
 def table(name: str, rows: list[dict[str, Any]]) -> Table:
-    """Return the table of one work: right answers by price, then the others, which have no rank."""
-    times = {row["route"]: row["nanoseconds_per_configuration"] for row in rows if row["ranked"]}
+    """Return the table of one workload: right answers by price, then the others, which have no rank."""
+    times = {key_of(row): row["nanoseconds_per_configuration"] for row in rows if row["ranked"]}
     rivals = [rival for rival in RIVALS if rival in times]
     shown = Table(title=f"{name}: per {rows[0]['unit']}", title_justify="left")
-    shown.add_column("route", no_wrap=True)
-    for heading in ("time", "spread", *(f"/ {rival}" for rival in rivals), "error", "error / allowed"):
-        shown.add_column(heading, justify="right", no_wrap=True)
+    shown.add_column("engine, method, setting")
+    for heading in ("time", "spread", *(f"/ {', '.join(rival[:2])}" for rival in rivals), "error", "error / allowed"):
+        shown.add_column(heading, justify="right")
     shown.add_column("computes")
-    shown.add_column("loop driven by")
+    shown.add_column("Newton by")
     for row in sorted(rows, key=lambda r: (not r["ranked"], r["nanoseconds_per_configuration"])):
         time = row["nanoseconds_per_configuration"]
         ratios = [ratio(time / times[rival]) if row["ranked"] else UNRANKED for rival in rivals]
         numbers = [duration(time), f"{row['spread']:.0%}", *ratios, *map(error, (row["max_error"], allowed(row)))]
-        words = [", ".join(level[:3] for level in row["computes"]), row["driven_by"]]
-        shown.add_row(*map(escape, (row["route"], *numbers, *words)), style=None if row["ranked"] else "red")
+        words = [", ".join(level[:3] for level in row["computes"]), row["newton_by"]]
+        shown.add_row(*map(escape, (named(row), *numbers, *words)), style=None if row["ranked"] else "red")
     return shown
 
 
@@ -67,35 +76,32 @@ def aim_lines(aims: Iterable[dict[str, Any]]) -> list[str]:
 
 
 def notes(rows: Iterable[dict[str, Any]]) -> list[str]:
-    """Return what each route does, and of how much of the work, where that is a part of it."""
+    """Return what each method does, and of how much of the workload, where that is a part of it."""
     found = []
     for row in rows:
         judged = f"; judged {row['judged']:,}" if row["unit"] == "configuration" else ""
         without = f", no budget holds at {row['unjudged']} of the sample" if row["unjudged"] else ""
-        found.append(f"  {row['route']}: {row['what']} (timed {row['timed']:,}{judged}{without})")
-    return found
+        found.append(f"  {named(row)}: {row['note']} (timed {row['timed']:,}{judged}{without})")
+    return list(dict.fromkeys(found))
 
 
 def claims(rows: Iterable[dict[str, Any]]) -> list[str]:
-    """Return in words how this project's routes compare: with the same algorithm in C first."""
-    ranked = {row["route"]: row for row in rows if row["ranked"]}
-    times = {name: row["nanoseconds_per_configuration"] for name, row in ranked.items()}
-    engines = {name: times[name] for name in ENGINES if name in times}
+    """Return in words how this project's methods compare: with the same algorithm in C first."""
+    ranked = sorted((row for row in rows if row["ranked"]), key=lambda row: len(row["computes"]))
+    times = {key_of(row): row["nanoseconds_per_configuration"] for row in ranked}
+    engines = {key: times[key] for key in times if key[0] not in OURS}
     found = []
-    for ours in OURS:
+    for ours in CLAIMED:
         if ours not in times:
             continue
-        words = [f"{ratio(times[ours] / times[rival])} times {_what(rival)}" for rival in RIVALS if rival in times]
+        there = {what: times[rival] for rival, what in RIVALS.items() if rival in times}
+        words = [f"{ratio(times[ours] / time)} times {what}" for what, time in there.items()]
         if engines:
-            first = min(engines, key=lambda name: engines[name])
-            words.append(f"{ratio(times[ours] / engines[first])} times {first}, the fastest engine route")
+            first = min(engines, key=lambda key: engines[key])
+            words.append(f"{ratio(times[ours] / engines[first])} times {', '.join(first[:2])}, the fastest engine")
         if words:
-            found.append(f"{ours} takes {', '.join(words)}.")
+            found.append(f"{', '.join(ours[:2])} takes {', '.join(words)}.")
     return found
-
-
-def _what(rival: str) -> str:
-    return {"c-same-tape": "the same operations compiled as C", "c-dense": "dense Newton in C"}[rival]
 
 
 def allowed(row: dict[str, Any]) -> float | None:

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from crosscheck.commands.tables import capability_table
 from crosscheck.commands.usage import console
-from crosscheck.engines import available
+from crosscheck.engines import PEERS, available
 from crosscheck.engines import load as load_engine
 from crosscheck.errors import PASS, UsageError
 from crosscheck.night.campaign import ALWAYS, SAMPLED, find_engines
 
-ENGINES = "exudyn,pinocchio,mujoco"
+ENGINES = ",".join(PEERS)
 
 
 def print_engines() -> int:

@@ -3,81 +3,81 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
-from pathlib import Path
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from rich.console import Console
 from rich.table import Table
 
-from crosscheck.commands.price_page import page
-from crosscheck.engines.price_route import PRODUCERS
-from crosscheck.measure.price import WITHIN, PriceList, price
-from crosscheck.measure.price_rows import OURS, STEPS, cheapest
-from refkin.model import Scene
+from crosscheck.commands.usage import console
+from crosscheck.engines.methods import OURS
+from crosscheck.judge.prices import POSES, STEPS, SUFFIX, cheapest, repeated
+from crosscheck.measure.price import PriceList
 
-SCHEMA = 1
+SCHEMA = 2
 WIDTH = 150
 """Columns of output that goes to no terminal."""
 
 
 def to_json(found: PriceList) -> dict[str, Any]:
     """Return the price list as plain data."""
+    rows = [row.to_json() for row in found.rows]
     return {
         "schema": SCHEMA,
         "scene": found.scene,
-        "rows": [row.to_json() for row in found.rows],
-        "cheapest": cheapest(found.rows),
-        "cheapest_engine": cheapest(row for row in found.rows if row.engine not in OURS),
+        "rows": rows,
+        "cheapest": cheapest(rows),
+        "cheapest_engine": cheapest([row for row in rows if row["engine"] not in OURS]),
         "times": {"asked": found.asked, "priced": found.times, "certified": found.known},
-        "refused": [{"engine": r.engine, "route": r.name, "reason": r.reason} for r in found.refused],
+        "refused": [dict(zip(("engine", "method", "reason"), refused, strict=True)) for refused in found.refused],
     }
 
 
-def run(scene: Scene, as_json: bool, to_page: Path | None, within: float = WITHIN) -> None:
-    """Measure and show the price list of a scene.
+def print_list(result: Mapping[str, Any]) -> None:
+    """Print a price list (`to_json`)."""
+    out = console(WIDTH)
+    for poses, name in POSES.items():
+        for key, who in (("cheapest", ""), ("cheapest_engine", ", among the engines alone")):
+            title = f"{result['scene']}, {name}: the cheapest way to so many digits{who}"
+            out.print(cheapest_table(result[key][poses], title))
+    out.print(methods_table(result["rows"], "Every method at its best: most digits, and what they cost"))
+    for line in lines(result):
+        out.print(line, highlight=False)
 
-    Raises
-    ------
-    NoTruth
-        If no pose of the scene is certified.
-    """
-    found = price(scene, tuple(PRODUCERS), within)
-    told = to_json(found)
-    if to_page is not None:
-        to_page.write_text(page(told), encoding="utf-8")
+
+def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: bool) -> float:
+    """Print whether two lists have the same winners; return in what share of the cells (1 where none differs)."""
+    parts = {key: repeated(before[key], now[key]) for key in ("cheapest", "cheapest_engine")}
+    cells, same = sum(part[0] for part in parts.values()), sum(part[1] for part in parts.values())
+    share = same / cells if cells else 1.0
+    changed = [line for part in parts.values() for line in part[2]]
     if as_json:
-        print(json.dumps(told, allow_nan=False))
-    else:
-        _print(found, told)
+        print(json.dumps({"cells": cells, "same": same, "share": share, "changed": changed, "again": now}))
+        return share
+    for line in changed:
+        print(line)
+    print(f"the same winner in {same} of {cells} cells that differ by more than the spread: {share:.1%}")
+    return share
 
 
-def _print(found: PriceList, told: Mapping[str, Any]) -> None:
-    console = Console(markup=False)
-    if not console.is_terminal:
-        console = Console(width=WIDTH, markup=False)
-    console.print(cheapest_table(told["cheapest"], f"{found.scene}: the cheapest way to so many digits"))
-    console.print(cheapest_table(told["cheapest_engine"], "The same among the engines alone"))
-    console.print(routes_table(told["rows"], "Every route at its best: most digits, and what they cost"))
-    for line in lines(told):
-        console.print(line, highlight=False)
-
-
-def lines(told: Mapping[str, Any]) -> list[str]:
+def lines(result: Mapping[str, Any]) -> list[str]:
     """Return what is to be said of a price list beside its rows."""
-    times = told["times"]
-    out = [f"{times['priced']} configurations; digits are the fewest over them, prices are per configuration"]
+    times = result["times"]
+    out = [
+        f"one cycle: {times['priced']} configurations; digits are the fewest over them, prices are per configuration",
+        "one pose now: started at the pose before it, with the model built; bulk: 1,000 poses; all of processor time",
+        "a difference that exceeds the spread of both prices is marked by <, one that does not by ~",
+    ]
     if times["priced"] < times["asked"]:
         out.append(f"priced are the first {times['priced']} of the scene's {times['asked']} times")
     if times["certified"] < times["priced"]:
         out.append(f"{times['priced'] - times['certified']} of them have no certified truth and are left out")
-    out += [f"{r['engine']}, {r['route']}: refused: {r['reason']}" for r in told["refused"]]
-    silent = {(r["engine"], r["route"], r["knob"], r["note"]) for r in told["rows"] if r["digits"] is None}
-    return out + [f"{engine}, {route}, {knob}: {note}" for engine, route, knob, note in sorted(silent)]
+    out += [f"{r['engine']}, {r['method']}: refused: {r['reason']}" for r in result["refused"]]
+    silent = {(r["engine"], r["method"], r["setting"], r["note"]) for r in result["rows"] if r["digits"] is None}
+    return out + [f"{', '.join(filter(None, row[:3]))}: {row[3]}" for row in sorted(silent)]
 
 
 def cheapest_table(found: Mapping[str, Mapping[str, Mapping[str, Any] | None]], title: str) -> Table:
-    """Return digits x quantity: who, how, for how many microseconds."""
+    """Return digits x quantity: who, how, for how many microseconds, and the second best."""
     table = Table("digits", *found, title=title)
     for step in STEPS:
         cells = [_cell(for_quantity[str(step)]) for for_quantity in found.values()]
@@ -85,30 +85,42 @@ def cheapest_table(found: Mapping[str, Mapping[str, Mapping[str, Any] | None]], 
     return table
 
 
-def _cell(row: Mapping[str, Any] | None) -> str:
-    if row is None:
+def _cell(best: Mapping[str, Any] | None) -> str:
+    if best is None:
         return "nobody"
-    return f"{row['microseconds']:.1f} us ({row['digits']:.1f} digits)\n{row['engine']}: {row['route']}, {row['knob']}"
+    second = best["second"]
+    if second is None:
+        return f"{_offer(best)}\nnobody else"
+    return f"{_offer(best)}\n{'<' if best['differs'] else '~'} {_offer(second)}"
 
 
-def routes_table(rows: Any, title: str) -> Table:
-    """Return for each route and quantity its setting of most digits."""
-    table = Table("engine", "route", "Newton by", title=title)
+def _offer(offer: Mapping[str, Any]) -> str:
+    how = ", ".join(filter(None, (offer["method"], offer["setting"])))
+    return f"{offer['microseconds']:.1f} us ({offer['digits']:.1f} digits) {offer['engine']}: {how}"
+
+
+def methods_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
+    """Return for each method and quantity its setting of most digits: digits, and us of one pose, a cycle, in bulk."""
+    table = Table("engine", "method", "Newton by", title=title)
+    table.add_column("build\nms", justify="right")
     quantities = list(dict.fromkeys(row["quantity"] for row in rows))
     for quantity in quantities:
         table.add_column(f"{quantity}\ndigits", justify="right")
-        table.add_column("us", justify="right")
+        table.add_column("us: one/\ncycle/bulk", justify="right")
     best: dict[tuple[str, str, str], dict[str, Any]] = {}
     for row in rows:
-        cells = best.setdefault((row["engine"], row["route"], row["newton_by"]), {})
+        cells = best.setdefault((row["engine"], row["method"], row["newton_by"]), {"build": None})
+        cells["build"] = row["microseconds_to_build"]
         if row["digits"] is not None and row["digits"] > cells.get(row["quantity"], {"digits": -1.0})["digits"]:
             cells[row["quantity"]] = row
     for name, cells in best.items():
-        table.add_row(*name, *(text for q in quantities for text in _digits_and_price(cells.get(q))))
+        build = "-" if cells["build"] is None else f"{cells['build'] / 1e3:.2g}"
+        table.add_row(*name, build, *(text for q in quantities for text in _digits_and_price(cells.get(q))))
     return table
 
 
 def _digits_and_price(row: Mapping[str, Any] | None) -> tuple[str, str]:
     if row is None:
         return "-", "-"
-    return f"{row['digits']:.1f}", "-" if row["microseconds"] is None else f"{row['microseconds']:.1f}"
+    prices = [row[f"microseconds{SUFFIX[poses]}"] for poses in POSES]
+    return f"{row['digits']:.1f}", "/".join("-" if price is None else f"{price:.3g}" for price in prices)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from crosscheck.engines import Engine, Level, Support
+from crosscheck.engines import QUANTITIES, Engine, Level, Support
 from crosscheck.judge.known_gaps import Gap
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, DistanceDriver
 
@@ -16,7 +16,6 @@ if TYPE_CHECKING:
 
 MOST_LINES = 20
 """Disagreements, and failures, that are told on a terminal; the report has all."""
-QUANTITIES = ("position", "velocity", "acceleration")
 PLACES = ("inside", "outside", "undecidable", "no answer")
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.rows import read
 from crosscheck.documents.ledger.shabana_four_bar import estimate, four_bar, rates
-from crosscheck.engines.price_route import QUANTITIES
+from crosscheck.engines import QUANTITIES
 from crosscheck.judge.comparison import MOST_DIGITS
 
 ROW = "D12"

@@ -32,6 +32,10 @@ from refkin.motion import Motion, Route
 
 API = (1, 0)
 Array = NDArray[np.float64]
+QUANTITIES = ("position", "velocity", "acceleration")
+"""What is computed of a motion, by order."""
+PEERS = ("exudyn", "pinocchio", "mujoco")
+"""Who is asked where nobody says whom to ask."""
 
 
 class Level(StrEnum):

@@ -17,7 +17,8 @@ from typing import Any
 import numpy as np
 from flint import arb, ctx
 
-from crosscheck.judge.comparison import QUANTITIES, Reference
+from crosscheck.engines import QUANTITIES
+from crosscheck.judge.comparison import Reference
 from crosscheck.judge.running_error import U
 from refkin.motion_laws import Table
 from refkin.proof.numbers.exact import exact_system

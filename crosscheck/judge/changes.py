@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Term
+from crosscheck.engines import QUANTITIES, Term
 from crosscheck.engines.frames import wrap
-from crosscheck.judge.comparison import QUANTITIES, Reference
+from crosscheck.judge.comparison import Reference
 from refkin.motion import Motion
 
 COORDINATES = ("x", "y", "phi")

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Term
+from crosscheck.engines import QUANTITIES, Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import ErrorBudget, Propagation, derive, propagation
 from refkin.model import Effect, Evidence, Scene
@@ -17,7 +17,6 @@ from refkin.motion import Motion, Status
 from refkin.solving.solve import solve
 from refkin.system import System, compile_system
 
-QUANTITIES = ("position", "velocity", "acceleration")
 MOST_DIGITS = 17.0
 """What a sample without any error is given: binary64 holds no more."""
 

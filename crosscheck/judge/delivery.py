@@ -13,8 +13,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from crosscheck.engines import Engine, Term
-from crosscheck.judge.comparison import QUANTITIES
+from crosscheck.engines import QUANTITIES, Engine, Term
 from crosscheck.judge.running_error import U
 from refkin.model import Effect, Scene
 from refkin.motion import Motion

@@ -1,4 +1,4 @@
-"""How far the answers of a route are from the truth, and how far they may be.
+"""How far the answers of a method are from the truth, and how far they may be.
 
 The truth is the closed form in long double; where that is no longer than a double the truth errs as a row does, which
 the budgets cover: they count roundings on both sides. The error of a position is told in sizes and radians, that of a
@@ -14,7 +14,7 @@ ratio is told too large rather than too small.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -22,10 +22,8 @@ import numpy as np
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import derive
 from crosscheck.scenes.four_bar_answers import four_bar
-from crosscheck.scenes.works import SPEED, FourBars
-from refkin.joints import Unit
+from crosscheck.scenes.workloads import SPEED, FourBars, Piece, system_of, unit_of
 from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
-from refkin.system import System, compile_system
 
 SAMPLE, WORST = 20_000, 2000
 """Of how many configurations, spread over all and with the largest errors, the budgets are derived."""
@@ -39,37 +37,17 @@ ROUTE = Route(
 
 
 @dataclass(frozen=True)
-class Piece:
-    """Some answers of a route.
-
-    Attributes
-    ----------
-    mechanisms, times : (L,) array of int
-        Which configurations.
-    rows : sequence of int
-        Which coordinates of the nine.
-    levels : tuple of (rows, L) array
-        Coordinates in m and rad, then what rates there are.
-    """
-
-    mechanisms: Any
-    times: Any
-    rows: Any
-    levels: tuple[Any, ...]
-
-    def of(self, lanes: Any) -> Piece:
-        """Return some of the answers."""
-        return Piece(self.mechanisms[lanes], self.times[lanes], self.rows, tuple(x[:, lanes] for x in self.levels))
-
-
-@dataclass(frozen=True)
 class Accuracy:
-    """What was found: `unjudged` counts the sampled configurations for which no budget holds (next to a fold)."""
+    """What was found, of position and further `levels`.
+
+    `unjudged` counts the sampled configurations for which no budget holds (next to a fold).
+    """
 
     max_error: float
     worst_over_allowed: float
     configurations: int
     unjudged: int = 0
+    levels: int = 1
 
     @property
     def ranked(self) -> bool:
@@ -78,14 +56,15 @@ class Accuracy:
 
 
 def judged(work: FourBars, pieces: Iterable[Piece]) -> Accuracy:
-    """Return the accuracy of a route's answers to a work of four-bars."""
+    """Return the accuracy of a method's answers to a workload of four-bars."""
     stride = max(1, work.configurations // SAMPLE)
-    largest, count = 0.0, 0
+    largest, count, levels = 0.0, 0, 0
     sample: list[Piece] = []
     worst: list[tuple[Any, Piece]] = []
     for piece in pieces:
         errors = _relative_errors(work, piece)
         largest, count = max(largest, float(np.max(errors, initial=0.0))), count + len(errors)
+        levels = len(piece.levels)
         sample.append(piece.of(np.flatnonzero((piece.mechanisms * len(work.t) + piece.times) % stride == 0)))
         top = np.argsort(errors)[-WORST:]
         worst.append((errors[top], piece.of(top)))
@@ -95,29 +74,7 @@ def judged(work: FourBars, pieces: Iterable[Piece]) -> Accuracy:
     for piece in _in_lanes([*sample, _worst_of(worst)[1]]):
         found, without = _over_allowed(work, piece)
         ratio, unjudged = max(ratio, found), unjudged + without
-    return Accuracy(largest, ratio, count, unjudged)
-
-
-def unit_of(lengths: Any) -> Unit:
-    """Return the units of four-bars, with rows (M,) of sizes: as `Mechanism.unit` has it for one."""
-    mantissa, exponent = np.frexp(np.max(lengths, axis=0))
-    size: Any = np.ldexp(1.0, np.where(mantissa > np.sqrt(0.5), exponent, exponent - 1))
-    return Unit(size)
-
-
-def system_of(work: FourBars, mechanisms: Any) -> System:
-    """Return the equations of some mechanisms of a work, scaled, with rows (L,) for their geometry."""
-    unit = unit_of(work.lengths[:, mechanisms])
-    system = compile_system(work.scene().mechanism)
-    placed = []
-    for p in system.placed:
-        rows: dict[str, Any] = {
-            key: tuple(np.broadcast_to(x, work.mechanisms)[mechanisms] for x in pair)
-            for key, pair in work.geometry.get(p.constraint.name, {}).items()
-        }
-        constraint = replace(p.constraint, **rows)
-        placed.append(replace(p, constraint=constraint, g=constraint.constants(unit)))
-    return replace(system, unit=unit, placed=tuple(placed))
+    return Accuracy(largest, ratio, count, unjudged, levels)
 
 
 def _truth(work: FourBars, piece: Piece) -> tuple[Any, ...]:

@@ -15,10 +15,19 @@ from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import SAFETY, handed_over
 from crosscheck.judge.of_batches import Accuracy
 from crosscheck.judge.running_error import Running, U
-from crosscheck.scenes.works import Chain
+from crosscheck.scenes.workloads import Chain
+from refkin.system import compile_system
 from refkin.vec import BodyValues
 
 SIGNS = 32
+
+
+def sparse_system(work: Chain) -> Any:
+    """Return the chain's `SparseSystem` in its own unit."""
+    from refkin.fast import SparseSystem  # here: the fast paths may be absent
+
+    mechanism = work.scene.mechanism
+    return SparseSystem(compile_system(mechanism, unit=mechanism.unit()))
 
 
 def judged(work: Chain, sparse: Any, q: Any) -> Accuracy:

@@ -11,8 +11,9 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.engines import QUANTITIES
 from crosscheck.judge.budget import SAFETY
-from crosscheck.judge.comparison import MOST_DIGITS, QUANTITIES, QuantityComparison, Reference, scales
+from crosscheck.judge.comparison import MOST_DIGITS, QuantityComparison, Reference, scales
 
 MOST_FRAMES = 24
 """Frames of a moving picture."""

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines.price_route import QUANTITIES
+from crosscheck.engines import QUANTITIES
 from crosscheck.judge.comparison import MOST_DIGITS, Reference, reference, scaled_difference
 from refkin.model import Evidence, Scene
 from refkin.motion import Status

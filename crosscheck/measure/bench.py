@@ -1,95 +1,127 @@
-"""All routes of a work, in turns, in one process: prices and errors, as rows of the JSON."""
+"""All methods of a workload, in turns, in one process: prices and errors, as rows of the JSON."""
 
 from __future__ import annotations
 
+import json
 import math
 import os
 import platform
-from collections.abc import Callable, Iterable
+import sys
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
-from crosscheck.engines.batch_route import Absent, Route
-from crosscheck.engines.ours import c_batch as c_routes
-from crosscheck.engines.ours import chain_batch as chain_routes
-from crosscheck.engines.ours import numpy_batch as numpy_routes
-from crosscheck.engines.ours import own_batch as own_routes
-from crosscheck.engines.ours.c_kernels import Kernels, NoKernel, compiler_version
+from crosscheck.engines import PEERS, QUANTITIES, EngineError
+from crosscheck.engines.methods import OURS, Batch, Method, Use, methods
+from crosscheck.engines.ours.c_kernels import compiler_version
+from crosscheck.judge import of_batches, of_chains
+from crosscheck.judge.of_batches import Accuracy
 from crosscheck.measure.bench_aims import reached
-from crosscheck.scenes.works import Chain, FourBars, Work
+from crosscheck.measure.bench_first_use import first_use
+from crosscheck.scenes.workloads import Chain, Workload, workload
 from crosscheck.workers.timing import Timing, timed_in_turns
 
 ROUNDS = 20
 TURN = 0.03
-"""What a turn lasts at least [s]: within it a work is repeated, from caches as warm as a program has them that uses it.
-"""
+"""What a turn lasts at least [s]: within it work is repeated, with caches as warm as in a program that uses it."""
 SECONDS = 30.0
-"""No round of a work is begun after this long."""
+"""No round of a workload is begun after this long."""
 PACKAGES = ("refkin", "numpy", "scipy", "exudyn", "pin", "mujoco")
-Builder = Callable[[Any, Kernels], Route]
+PRODUCERS = (*OURS, *PEERS)
+CONFIGURATION, NEWTON_ITERATION = "configuration", "newton-iteration"
+FIRST_USE = "sweep-1000"
+"""The workload beside which the costs of a first use are measured."""
 
 
-def builders(work: Work) -> dict[str, Builder]:
-    """Return the routes of a work by name, in the order of the table where nothing is measured."""
-    if isinstance(work, Chain):
-        return chain_routes.BUILDERS
-    return {
-        "refkin-lanes": lambda w, _: own_routes.lanes(w),
-        "refkin-lanes-position": lambda w, _: own_routes.lanes_position(w),
-        "refkin-lanes-certificate": lambda w, _: own_routes.lanes_certificate(w),
-        "refkin-reference": lambda w, _: own_routes.reference(w),
-        "c-same-tape": c_routes.same_tape,
-        "c-dense": c_routes.dense,
-        "c-closed-form": c_routes.closed_form,
-        "exudyn": _engine("exudyn", "four_bars"),
-        "exudyn-position": _engine("exudyn", "positions"),
-        "pinocchio": _engine("pinocchio", "four_bars"),
-        "mujoco": _engine("mujoco", "four_bars"),
-        "scipy-root": lambda w, _: numpy_routes.scipy_root(w),
-        "numpy-closed-form": lambda w, _: numpy_routes.closed_form(w),
-    }
+@dataclass(frozen=True)
+class Entry:
+    """A method at a workload, up to an order."""
+
+    method: Method
+    order: int
+    batch: Batch
 
 
-def measured(work: Work, routes: dict[str, Builder] | None = None, rounds: int = ROUNDS) -> dict[str, Any]:
-    """Return rows, absent routes, versions and machine of one work: what the JSON holds, for this work.
+def measured(
+    work: Workload, producers: Sequence[str] = PRODUCERS, rounds: int = ROUNDS, listed: Sequence[Method] | None = None
+) -> dict[str, Any]:
+    """Return rows, what is absent, versions and machine of one workload: what the JSON holds, for this workload.
 
     Parameters
     ----------
-    routes : dict, optional
-        Name -> builder; all of the work's by default.
+    producers : sequence of str
+        What `crosscheck.engines.methods.methods` takes.
+    listed : sequence of Method, optional
+        The methods, if they are not all of the producers'.
     """
-    found: list[Route] = []
-    absent = []
-    with Kernels() as kernels:
-        for name, builder in (builders(work) if routes is None else routes).items():
-            try:
-                found.append(builder(work, kernels))
-            except Absent as error:
-                absent.append({"work": work.name, "route": name, "reason": str(error)})
-        timings = timed_in_turns({r.name: r.run for r in found}, rounds=rounds, at_least=TURN, within=SECONDS)
-        rows = [row(work, route, timings[route.name]) for route in found]
+    absent: list[dict[str, Any]] = []
+    found = list(_entries(work, _listed(work, producers, absent) if listed is None else listed, absent))
+    timings = timed_in_turns(
+        {str(k): entry.batch.run for k, entry in enumerate(found)}, rounds=rounds, at_least=TURN, within=SECONDS
+    )
+    rows = [row(work, entry, timings[str(k)]) for k, entry in enumerate(found)]
     return {"rows": rows, "absent": absent, "versions": versions(), "machine": machine()}
 
 
-def row(work: Work, route: Route, timing: Timing) -> dict[str, Any]:
+def _listed(work: Workload, producers: Sequence[str], absent: list[dict[str, Any]]) -> Iterator[Method]:
+    for producer in producers:
+        try:
+            yield from methods(producer, Use.BENCH)
+        except EngineError as error:
+            absent.append(_absent(work, (producer, "any", ""), error))
+
+
+def _entries(work: Workload, listed: Iterable[Method], absent: list[dict[str, Any]]) -> Iterator[Entry]:
+    """Yield the methods that take a workload, for all quantities, and where it makes a difference for positions alone.
+
+    A Newton iteration is one of positions.
+    """
+    for method in listed:
+        alone = isinstance(work, Chain) or method.highest == 0
+        orders = (0,) if alone else (method.highest,) if method.at_once else (method.highest, 0)
+        for order in orders:
+            try:
+                yield Entry(method, order, method.batched(work, order))
+            except EngineError as error:
+                absent.append(_absent(work, method.key, error))
+                break
+
+
+def _absent(work: Workload, key: tuple[str, str, str], error: EngineError) -> dict[str, Any]:
+    return {"workload": work.name, **dict(zip(("engine", "method", "setting"), key, strict=True)), "reason": str(error)}
+
+
+def row(work: Workload, entry: Entry, timing: Timing) -> dict[str, Any]:
     """Return a row of the JSON; an infinite error is null, and its row is not ranked."""
-    accuracy = route.accuracy()
+    accuracy = accuracy_of(work, entry.batch)
+    engine, name, setting = entry.method.key
     return {
-        "work": work.name,
-        "route": route.name,
-        "nanoseconds_per_configuration": timing.seconds / route.count * 1e9,
-        "unit": route.unit,
+        "workload": work.name,
+        "engine": engine,
+        "method": name,
+        "setting": setting,
+        "nanoseconds_per_configuration": timing.seconds / entry.batch.count * 1e9,
+        "unit": NEWTON_ITERATION if isinstance(work, Chain) else CONFIGURATION,
         "spread": timing.spread,
         "max_error": _finite(accuracy.max_error),
         "worst_over_allowed": _finite(accuracy.worst_over_allowed),
-        "computes": list(route.computes),
+        "computes": list(QUANTITIES[: accuracy.levels]),
         "ranked": accuracy.ranked,
-        "timed": route.count,
+        "timed": entry.batch.count,
         "judged": accuracy.configurations,
         "unjudged": accuracy.unjudged,
-        "driven_by": route.driven_by,
-        "what": route.what,
+        "newton_by": entry.method.newton_by,
+        "note": entry.method.note,
     }
+
+
+def accuracy_of(work: Workload, batch: Batch) -> Accuracy:
+    """Return how right the answers to a workload are."""
+    if isinstance(work, Chain):
+        return of_chains.judged(work, of_chains.sparse_system(work), batch.answers())
+    return of_batches.judged(work, batch.answers())
 
 
 def versions() -> dict[str, str]:
@@ -102,7 +134,7 @@ def versions() -> dict[str, str]:
             found[package] = "absent"
     try:
         found["compiler"] = compiler_version()
-    except NoKernel:
+    except EngineError:
         found["compiler"] = "absent"
     return found
 
@@ -131,35 +163,8 @@ def _finite(x: float) -> float | None:
     return x if math.isfinite(x) else None
 
 
-def _engine(name: str, function: str) -> Builder:
-    """Return the builder of an engine's route, which is absent where the engine is not installed."""
-
-    def build(work: FourBars, _: Kernels) -> Route:
-        module = engine_module(name)
-        made: Route = getattr(module, function)(work)
-        return made
-
-    return build
-
-
-def engine_module(name: str) -> Any:
-    """Return the module of an engine's routes.
-
-    Raises
-    ------
-    Absent
-        If the engine is not installed.
-    """
-    from importlib import import_module
-
-    try:
-        return import_module(f"crosscheck.engines.{name}.batch")
-    except ImportError as error:
-        raise Absent(f"{name} is not installed: {error}") from error
-
-
 def merged(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
-    """Return the results of several works as one."""
+    """Return the results of several workloads as one."""
     parts = list(parts)
     last = parts[-1]
     rows = [r for part in parts for r in part["rows"]]
@@ -169,3 +174,16 @@ def merged(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
     if first:
         whole["first_use"] = first[0]
     return {**whole, "aims": reached(whole)}
+
+
+def to_file(name: str, file: str, *producers: str) -> None:
+    """Measure one workload, here, and write the results to a file: engines may write to standard output."""
+    work = workload(name)
+    results = measured(work, producers or PRODUCERS)
+    if name == FIRST_USE and not isinstance(work, Chain):
+        results["first_use"] = first_use(work)
+    Path(file).write_text(json.dumps(results, allow_nan=False), encoding="utf-8")
+
+
+if __name__ == "__main__":
+    to_file(*sys.argv[1:])

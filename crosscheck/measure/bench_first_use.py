@@ -1,4 +1,4 @@
-"""What a first use costs: the import of refkin, and the tape of a topology nobody has used yet."""
+"""What a first use costs: the import of refkin, and the program of a topology nobody has used yet."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ import subprocess
 import sys
 import time
 
-from crosscheck.engines.batch_route import Absent
-from crosscheck.engines.ours.own_batch import fast
-from crosscheck.scenes.works import FourBars
+from crosscheck.engines import EngineError
+from crosscheck.engines.ours.lanes_methods import fast
+from crosscheck.scenes.workloads import FourBars
 
 ROUNDS = 5
 LIBRARIES = "import numpy, scipy"
@@ -23,7 +23,7 @@ def first_use(work: FourBars) -> dict[str, float]:
     counts as refkin's. The first is left out where there are no fast paths.
     """
     found = {"import_seconds": import_seconds()}
-    with contextlib.suppress(Absent):
+    with contextlib.suppress(EngineError):
         found["tape_seconds"] = tape_seconds(work)
     return found
 
@@ -40,7 +40,7 @@ def tape_seconds(work: FourBars) -> float:
         start = time.perf_counter()
         found = prepared(scene)
         if found is None:
-            raise Absent("there is no tape for this scene")
+            raise EngineError("there is no tape for this scene")
         assert found.made.lanes.counts()
         assert found.made.march
         taken.append(time.perf_counter() - start)

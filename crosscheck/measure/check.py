@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Engine, EngineError, Level, Term, load, refusals
+from crosscheck.engines import QUANTITIES, Engine, EngineError, Level, Term, load, refusals
 from crosscheck.judge.between import excuse
-from crosscheck.judge.comparison import QUANTITIES, Comparison, QuantityComparison, Reference, compare, reference
+from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import granted, undelivered
 from crosscheck.judge.hard_poses import scene_samples
 from crosscheck.judge.levels import Configuration, LevelComparison, compare_levels, configurations

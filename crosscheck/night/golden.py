@@ -19,8 +19,8 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.engines import QUANTITIES
 from crosscheck.errors import UsageError
-from crosscheck.judge.comparison import QUANTITIES
 from crosscheck.workers.journal import replace_file
 from crosscheck.workers.pool import Pool
 from refkin.errors import RefkinError

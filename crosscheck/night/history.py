@@ -89,12 +89,12 @@ def _costs(night: int | None, report: Mapping[str, Any]) -> Iterator[tuple[Any, 
     own: dict[tuple[str, str], float] = {}
     for row in prices:
         what = (row["quantity"], row["scene_class"])
-        if row["engine"] == REFERENCE and row["microseconds"]:
+        if row["engine"].startswith(REFERENCE) and row["microseconds"]:
             own[what] = min(own.get(what, row["microseconds"]), row["microseconds"])
     for row in prices:
         what = (row["quantity"], row["scene_class"])
         if own.get(what) and row["microseconds"]:
-            name = f"{row['engine']} · {row['route']}, {row['knob']}: {row['quantity']}, {row['scene_class']}"
+            name = f"{row['engine']} · {row['method']}, {row['setting']}: {row['quantity']}, {row['scene_class']}"
             yield night, name, row["microseconds"], row["microseconds"] / own[what]
 
 

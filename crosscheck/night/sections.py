@@ -13,11 +13,12 @@ from pathlib import Path
 from typing import Any
 
 from crosscheck.engines import available
-from crosscheck.engines.price_route import PRODUCERS
+from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.measure.effects_ledger import effects_ledger
-from crosscheck.measure.hard_classing import OURS
+from crosscheck.measure.hard_classing import OURS as REFERENCE
 from crosscheck.measure.hard_table import hard_case_rows
-from crosscheck.scenes.priced import classes, price_list
+from crosscheck.measure.price import price_list
+from crosscheck.scenes.priced import classes
 from crosscheck.workers.journal import replace_file
 from refkin.model import Point, Scene
 
@@ -51,7 +52,7 @@ def write_sections(
         return
     named = [name for name in engines if name in available() and name not in left_out]
     measures: dict[str, tuple[str, Callable[[], Sequence[Any]]]] = {
-        "hard_cases": ("hard cases", lambda: hard_case_rows([OURS, *named], HARD * seconds)),
+        "hard_cases": ("hard cases", lambda: hard_case_rows([REFERENCE, *named], HARD * seconds)),
         "price": ("the price list", lambda: price_list(PRICE * seconds, _producers(named))),
         "effects": ("the ledger of effects", lambda: _effects(named, EFFECTS * seconds)),
     }
@@ -62,7 +63,7 @@ def write_sections(
 
 def _producers(engines: Sequence[str]) -> tuple[str, ...]:
     """Return who is priced: the engines of the night, and whoever is no engine."""
-    return tuple(name for name in PRODUCERS if name in engines or name not in available())
+    return (*(name for name in PRICED if name in OURS), *(name for name in engines if name in PRICED))
 
 
 def _effects(engines: Sequence[str], seconds: float) -> list[dict[str, Any]]:

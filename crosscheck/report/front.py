@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from crosscheck.engines.price_route import PRICED_AS
 from crosscheck.report.measured import VERDICTS
 from crosscheck.report.prices import cheapest, main_class
 from crosscheck.report.summary import SOLVED
@@ -20,14 +19,14 @@ def first_table(report: Report) -> list[dict[str, Any]]:
     """Return a row per engine and route: digits, price, what was wrong without a word."""
     prices = report["price"] or []
     nine = cheapest(prices, "acceleration", GOAL, main_class(prices))
-    priced = {(row["engine"], row["route"]) for row in prices}
+    priced = {(row["engine"], row["method"]) for row in prices}
     of_routes = {(row["engine"], row["route"]): row for row in report["routes"]}
     rows = []
     for engine, routes in report["engines"].items():
         for route, quantities in routes.items():
             made = of_routes.get((engine, route), {})
             silent, seriousness = _silent(report, engine, route, made)
-            same = (engine, PRICED_AS.get((engine, route), route))
+            same = (engine, route)
             paid = nine[same]["microseconds"] if same in nine else None
             rows.append(
                 {

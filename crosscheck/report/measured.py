@@ -21,11 +21,11 @@ class _Row(BaseModel):
 
 
 class PriceRow(_Row):
-    """What one setting of one route costs per configuration, and to how many digits it is right."""
+    """What one setting of one method costs per configuration, and to how many digits it is right."""
 
     engine: str
-    route: str
-    knob: str
+    method: str = Field(validation_alias=AliasChoices("method", "route"))
+    setting: str = Field(validation_alias=AliasChoices("setting", "knob"))
     quantity: Literal["position", "velocity", "acceleration"]
     digits: float | None
     digits_attainable: float | None = None

@@ -8,12 +8,12 @@ from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
 
+from crosscheck.engines import QUANTITIES
 from crosscheck.judge.comparison import MOST_DIGITS
 from crosscheck.judge.records import Answer, Checked, Disagreement
 from crosscheck.report.cells import Place
 from crosscheck.report.digits import Digits, describe
 
-QUANTITIES = ("position", "velocity", "acceleration")
 Who = tuple[str, str]
 
 

@@ -8,18 +8,18 @@ from typing import Any
 
 from markupsafe import Markup
 
-from crosscheck.engines.price_route import PRODUCERS, QUANTITIES
+from crosscheck.engines import QUANTITIES
 from crosscheck.report.svg import COLOURS, DASHES, MARKERS, Plot, Style, power_of_ten, style, swatch
 
 HIGHEST_DIGITS = 17.0
 Series = tuple[str, str]
-"""Engine and route: one line, its settings the marks on it."""
+"""Engine and method: one line, its settings the marks on it."""
 
 
 def looks(rows: Iterable[Mapping[str, Any]]) -> dict[Series, Style]:
-    """Return how each engine and route looks: a colour for each engine, marker and dash for each of its routes."""
-    series = dict.fromkeys((row["engine"], row["route"]) for row in rows)
-    engines = dict.fromkeys((*PRODUCERS, *(engine for engine, _ in series)))
+    """Return how each engine and method looks: a colour for each engine, marker and dash for each of its methods."""
+    series = dict.fromkeys((row["engine"], row["method"]) for row in rows)
+    engines = dict.fromkeys(engine for engine, _ in series)
     found = {}
     for k, engine in enumerate(engines):
         for j, name in enumerate(name for name in series if name[0] == engine):
@@ -34,7 +34,7 @@ def legend(rows: Iterable[Mapping[str, Any]]) -> list[tuple[Markup, str]]:
 
 
 def work_precision(rows: Sequence[Mapping[str, Any]], quantity: str, ident: str = "price") -> Markup:
-    """Return digits against microseconds: a line per route, its settings as marks, what is attainable as a level.
+    """Return digits against microseconds: a line per method, its settings as marks, what is attainable as a level.
 
     Parameters
     ----------
@@ -46,13 +46,13 @@ def work_precision(rows: Sequence[Mapping[str, Any]], quantity: str, ident: str 
     shown = [row for row in rows if row["digits"] is not None and row["microseconds"]]
     span = _decades([row["microseconds"] for row in shown])
     title = f"{quantity.capitalize()}: digits against microseconds"
-    description = f"{title} per configuration, by engine and route; upwards and to the left is better"
+    description = f"{title} per configuration, by engine and method; upwards and to the left is better"
     plot = Plot(f"{ident}-{quantity}", title, description, span, (0.0, HIGHEST_DIGITS))
     x_ticks = [(float(d), power_of_ten(d)) for d in range(math.ceil(span[0]), math.floor(span[1]) + 1)]
     plot.axes(x_ticks, [(float(y), str(y)) for y in range(0, 17, 3)], "microseconds per configuration")
     for name, look in looks(rows).items():
-        of_route = [row for row in shown if (row["engine"], row["route"], row["quantity"]) == (*name, quantity)]
-        plot.series([(math.log10(row["microseconds"]), row["digits"]) for row in of_route], look)
+        of_method = [row for row in shown if (row["engine"], row["method"], row["quantity"]) == (*name, quantity)]
+        plot.series([(math.log10(row["microseconds"]), row["digits"]) for row in of_method], look)
     levels = [row["digits_attainable"] for row in rows if row["quantity"] == quantity]
     if levels and levels[0] is not None:
         y = plot.py(levels[0])

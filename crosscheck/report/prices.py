@@ -32,12 +32,12 @@ def main_class(rows: Sequence[Row]) -> str | None:
 
 
 def cheapest(rows: Sequence[Row], quantity: str, goal: float, scene_class: str | None) -> dict[tuple[str, str], Row]:
-    """Return, per engine and route, the row of the least time that has at least `goal` digits."""
+    """Return, per engine and method, the row of the least time that has at least `goal` digits."""
     found: dict[tuple[str, str], Row] = {}
     for row in rows:
         if (row["quantity"], row["scene_class"]) != (quantity, scene_class) or (row["digits"] or 0.0) < goal:
             continue
-        who = (row["engine"], row["route"])
+        who = (row["engine"], row["method"])
         if row["microseconds"] is None:
             continue
         if who not in found or row["microseconds"] < found[who]["microseconds"]:
@@ -109,10 +109,10 @@ def price_figure(rows: Sequence[Row], looks: Mapping[tuple[str, str], Style]) ->
             if shown:
                 panels.append(_price_panel(f"price-{len(panels)}", scene_class, quantity, shown, of_engines, span))
     legend = tuple((swatch(look), engine) for engine, look in of_engines.items())
-    head = ("engine · route", "knob", "scenes", "quantity", "digits", "attainable", "µs", "spread")
-    keys = ("knob", "scene_class", "quantity", "digits", "digits_attainable", "microseconds", "spread")
+    head = ("engine · method", "setting", "scenes", "quantity", "digits", "attainable", "µs", "spread")
+    keys = ("setting", "scene_class", "quantity", "digits", "digits_attainable", "microseconds", "spread")
     return Figure(
-        tuple(panels), legend, head, tuple((f"{r['engine']} · {r['route']}", *(r[k] for k in keys)) for r in rows)
+        tuple(panels), legend, head, tuple((f"{r['engine']} · {r['method']}", *(r[k] for k in keys)) for r in rows)
     )
 
 
@@ -154,7 +154,7 @@ def _price_panel(
 
 
 def _spoken(row: Row) -> str:
-    told = f"{row['engine']} · {row['route']}, {row['knob']}: {row['digits']:.1f} digits of {row['quantity']}"
+    told = f"{row['engine']} · {row['method']}, {row['setting']}: {row['digits']:.1f} digits of {row['quantity']}"
     return f"{told} for {number(row['microseconds'])} µs"
 
 

@@ -6,15 +6,10 @@ They are the same every night, so that prices can be compared over nights.
 from __future__ import annotations
 
 import math
-import time
-from collections.abc import Sequence
 from functools import cache
-from typing import Any
 
 import numpy as np
 
-from crosscheck.engines.price_route import PRODUCERS
-from crosscheck.measure.price import PATIENCE, price
 from refkin.model import Scene
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import FourBar
@@ -66,23 +61,3 @@ def _swept(linkage: FourBar, start: float, stop: float, name: str) -> Scene:
     times = np.linspace(0.0, (stop - start) / SPEED, SAMPLES).tolist()
     law = Polynomial(coefficients=(start, SPEED))
     return linkage.scene(law=law, times=times, branch=Branch.OPEN, name=name)
-
-
-def price_list(
-    within: float = 120.0, producers: Sequence[str] = tuple(PRODUCERS), patience: float = PATIENCE
-) -> list[dict[str, Any]]:
-    """Return the rows of all classes, each with its class under `class`.
-
-    Parameters
-    ----------
-    within : float
-        How long it may take [s], beside the start of processes and the proof of the truths.
-    producers, patience
-        As in `crosscheck.measure.price.price`.
-    """
-    end, rows = time.monotonic() + within, list[dict[str, Any]]()
-    for done, (name, scene) in enumerate(classes().items()):
-        left = (end - time.monotonic()) / (len(classes()) - done)
-        found = price(scene, producers, max(left, 1.0), patience)
-        rows += [{"class": name, **row.to_json()} for row in found.rows]
-    return rows

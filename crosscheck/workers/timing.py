@@ -1,8 +1,11 @@
-"""One timer for everything that states a price: works timed in turns, the minimum of several rounds, and its spread.
+"""One timer for everything that states a price: work timed in turns, the minimum of several rounds, and its spread.
 
-Timed one after the other, works on a shared machine differ by half for no reason of their own; taken in turns, round by
-round, each with its least time, they repeat to within a tenth, and ratios better. The collector of garbage is off while
-a work runs. Numerical libraries should run on one thread (`OMP_NUM_THREADS=1` before the start).
+Timed one after the other, pieces of work on a shared machine differ by half for no reason of their own; taken in turns,
+round by round, each with its least time, they repeat to within a tenth, and ratios better. Whoever comes after another
+engine finds caches that are the other's: so each turn begins with a call that is not timed, but where a call is so long
+that this is nothing. Time is that of the processor: what it does for others meanwhile is not counted. Numerical
+libraries should run on one thread (`OMP_NUM_THREADS=1` before the start). The collector of garbage is off while work
+runs.
 """
 
 from __future__ import annotations
@@ -14,14 +17,16 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 
 ROUNDS = 7
-"""How often each work gets its turn."""
+"""How often each gets its turn."""
 AT_LEAST = 2e-3
-"""What one turn lasts at least [s]: a work that is quicker is repeated within it."""
+"""What one turn lasts at least [s]: work that is quicker is repeated within it."""
+LONG = 0.05
+"""From here on a call needs none before it that is not timed [s]: cold caches cost some tenths of a millisecond."""
 
 
 @dataclass(frozen=True)
 class Timing:
-    """What one call of a work costs.
+    """What one call costs.
 
     Attributes
     ----------
@@ -30,7 +35,7 @@ class Timing:
     spread : float
         How far the median round lies above the least, as a part of it.
     turns : tuple of float
-        One call in each round [s]: works that were timed together had their turns side by side.
+        One call in each round [s]: what was timed together had its turns side by side.
     """
 
     seconds: float
@@ -44,48 +49,57 @@ def timed_in_turns(
     rounds: int = ROUNDS,
     at_least: float = AT_LEAST,
     within: float = math.inf,
+    known: Mapping[str, float] | None = None,
 ) -> dict[str, Timing]:
-    """Return what one call of each work costs.
+    """Return what one call of each costs.
 
     Parameters
     ----------
     works : mapping of str to callable
-        Each is called once before it is timed.
+        Each is called before it is timed.
     rounds : int
         How often each gets its turn.
     at_least : float
         What one turn lasts at least [s].
     within : float
         No round is begun after this long [s]; the first always is.
+    known : mapping of str to float, optional
+        What a call takes, about, where that is known already [s].
     """
-    repeats = {name: _repeats(work, at_least) for name, work in works.items()}
+    known = known or {}
+    repeats = {name: _repeats(work, at_least, known.get(name)) for name, work in works.items()}
     turns: dict[str, list[float]] = {name: [] for name in works}
     end = time.perf_counter() + within
     for k in range(rounds):
         if k and time.perf_counter() > end:
             break
         for name, work in works.items():
-            turns[name].append(_turn(work, repeats[name]) / repeats[name])
+            count, long = repeats[name]
+            if not long:
+                work()
+            turns[name].append(_turn(work, count) / count)
     return {name: _timing(seconds) for name, seconds in turns.items()}
 
 
-def _repeats(work: Callable[[], object], at_least: float) -> int:
-    """Return how often a work is to be called in one turn; it is warm afterwards."""
+def _repeats(work: Callable[[], object], at_least: float, known: float | None) -> tuple[int, bool]:
+    """Return how often work is to be called in one turn, and whether a call is long."""
+    if known is not None:
+        return max(1, math.ceil(at_least / max(known, 1e-9))), known >= LONG
     work()
     count = 1
     while (took := _turn(work, count)) < at_least:
         count = max(2 * count, math.ceil(count * at_least / max(took, 1e-9)))
-    return count
+    return count, took / count >= LONG
 
 
 def _turn(work: Callable[[], object], count: int) -> float:
     collecting = gc.isenabled()
     gc.disable()
     try:
-        start = time.perf_counter()
+        start = time.process_time()
         for _ in range(count):
             work()
-        return time.perf_counter() - start
+        return time.process_time() - start
     finally:
         if collecting:
             gc.enable()

@@ -1,6 +1,6 @@
-"""Routes made up for tests: right, wrong by a known amount, without an answer, crashing, hanging, lying.
+"""Methods made up for tests: right, wrong by a known amount, without an answer, crashing, hanging, lying.
 
-Processes that measure prices import this module by its name, from this folder.
+Processes that measure prices load these engines from this file.
 """
 
 import os
@@ -12,63 +12,118 @@ from functools import cache, partial
 import numpy as np
 
 import refkin
-from crosscheck.engines.price_route import PricedRoute, Refused
+from crosscheck.engines import API, EngineError
+from crosscheck.engines.methods import Method, Model, Use
 from refkin.model import Effect
 
 OFF = 1e-6
 
 
-def routes(scene):
-    """Yield a route for each way of being wrong."""
-    yield _route(scene, "right", "-", partial(_moved, scene, 0.0))
-    yield _route(scene, "off", "by 1e-6 sizes", partial(_moved, scene, OFF))
-    yield _route(scene, "honest", "tolerance 1e-3", partial(_moved, scene, 1e-3))
-    yield _route(scene, "honest", "tolerance 1e-9", partial(_moved, scene, 1e-9))
-    yield _route(scene, "liar", "tolerance 1e-9", partial(_moved, scene, 1e-9))
-    yield _route(scene, "liar", "tolerance 1e-12", partial(_moved, scene, 1e-3))
-    yield _route(scene, "gap", "-", partial(_with_a_gap, scene))
-    yield _route(scene, "raises", "-", _raises)
-    yield _route(scene, "crashes", "-", _crashes)
-    yield _route(scene, "position alone", "-", partial(_moved, scene, 0.0), highest=0)
-    yield _route(scene, "slower with each order", "-", partial(_slow, scene))
-    yield _route(scene, "all at once", "-", partial(_slow, scene), at_once=True)
-    yield Refused(engine="made up", name="refused", reason="it does not like four-bars")
+class Listing:
+    """What `load` wants of an engine that lists its methods."""
+
+    api = API
+
+    def version(self):
+        return "0"
+
+    def routes(self):
+        return ()
+
+    def capabilities(self):
+        return {}
+
+    def terms(self, scene, route=None):
+        return ()
+
+    def solve(self, scene, route=None):
+        raise EngineError("asked by its methods alone")
 
 
-def _route(scene, name, knob, solve, **more):
-    return PricedRoute(engine="made up", name=name, knob=knob, newton_by="nobody", solve=solve, read=list, **more)
+class MadeUp(Listing):
+    """A method for each way of being wrong."""
+
+    name = "made up"
+
+    def methods(self):
+        yield made("right", "-", partial(_moved, 0.0))
+        yield made("off", "by 1e-6 sizes", partial(_moved, OFF))
+        yield made("honest", "tolerance 1e-3", partial(_moved, 1e-3))
+        yield made("honest", "tolerance 1e-9", partial(_moved, 1e-9))
+        yield made("liar", "tolerance 1e-9", partial(_moved, 1e-9))
+        yield made("liar", "tolerance 1e-12", partial(_moved, 1e-3))
+        yield made("gap", "-", _with_a_gap)
+        yield made("raises", "-", _raises)
+        yield made("crashes", "-", _crashes)
+        yield made("position alone", "-", partial(_moved, 0.0), highest=0)
+        yield made("slower with each order", "-", _slow)
+        yield made("all at once", "-", _slow, at_once=True)
+        yield replace(made("refused", "-", _raises), build=_refuses)
 
 
-def _moved(scene, off, order):
+class Hanging(Listing):
+    """A method that never comes back, and one behind it."""
+
+    name = "slow"
+
+    def methods(self):
+        yield made("hangs", "-", lambda scene, order: time.sleep(3600))
+        yield made("right", "-", partial(_moved, 0.0))
+
+
+class PositionAlone(Listing):
+    """One method, of position alone."""
+
+    name = "made up"
+
+    def methods(self):
+        yield made("right", "-", partial(_moved, 0.0), highest=0)
+
+
+def made(name, setting, solve, **more):
+    def build(scene):
+        return Model(partial(solve, scene), list)
+
+    uses = frozenset({Use.PRICE})
+    return Method(engine="made up", name=name, setting=setting, newton_by="nobody", uses=uses, build=build, **more)
+
+
+def _refuses(scene):
+    raise EngineError("it does not like four-bars")
+
+
+def _moved(off, scene, order):
     """Return the reference's answer with x of the first body moved by so many sizes, and rates likewise."""
-    motion = refkin.solve(replace(scene, effects=frozenset(Effect), evidence=frozenset()))
-    levels = [np.array(level) for level in motion.levels[: order + 1]]
+    levels = [level.copy() for level in _known(scene)[: order + 1]]
     for level in levels:
         level[0] += off * scene.mechanism.size()
     return levels
 
 
+@cache
+def _known(scene):
+    motion = refkin.solve(replace(scene, effects=frozenset(Effect), evidence=frozenset()))
+    return [np.array(level) for level in motion.levels]
+
+
 def _with_a_gap(scene, order):
-    levels = _moved(scene, 0.0, order)
+    levels = _moved(0.0, scene, order)
     for level in levels:
-        level[:, 1] = np.nan
+        level[:, min(1, level.shape[1] - 1)] = np.nan
     return levels
 
 
-def _raises(order):
+def _raises(scene, order):
     raise ValueError("no such thing")
 
 
-def _crashes(order):
+def _crashes(scene, order):
     os.kill(os.getpid(), signal.SIGSEGV)
 
 
 def _slow(scene, order):
-    """Take 20 ms for position, and 40 ms for each further level; the answer itself is known."""
-    time.sleep(0.020 + 0.040 * order)
+    """Work for 2 ms for position, and for 4 ms more for each further level; the answer itself is known."""
+    end = time.process_time() + 0.002 + 0.004 * order
+    while time.process_time() < end:
+        pass
     return _known(scene)
-
-
-@cache
-def _known(scene):
-    return _moved(scene, 0.0, 2)

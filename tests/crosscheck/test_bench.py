@@ -1,4 +1,4 @@
-"""`crosscheck bench` on tiny works: the JSON's shape, errors that are noticed, and routes that are absent by name."""
+"""`crosscheck bench` on tiny workloads: the JSON's shape, errors that are noticed, methods absent by name."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import io
 import json
 import shutil
 import sys
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -16,17 +15,18 @@ from rich.console import Console
 
 import refkin
 from crosscheck.cli import main
+from crosscheck.commands import bench as command
 from crosscheck.commands.bench_shown import print_results
-from crosscheck.engines.batch_route import Absent
-from crosscheck.engines.ours import c_batch as c_routes
+from crosscheck.engines import EngineError
+from crosscheck.engines.methods import Batch, Use, method, methods
 from crosscheck.engines.ours import c_kernels
-from crosscheck.engines.ours import numpy_batch as numpy_routes
-from crosscheck.engines.ours.c_kernels import Kernels, text_of
-from crosscheck.judge.of_batches import Piece, judged, system_of
+from crosscheck.engines.ours.c_kernels import text_of
+from crosscheck.judge.of_batches import judged
 from crosscheck.measure import bench as measure
-from crosscheck.measure import bench_run as run
-from crosscheck.scenes import works
+from crosscheck.measure.bench_aims import key_of
+from crosscheck.scenes import workloads as works
 from crosscheck.scenes.four_bar_answers import four_bar
+from crosscheck.scenes.workloads import Piece, system_of
 from crosscheck.workers.timing import Timing
 from refkin.system import compile_system
 
@@ -34,8 +34,10 @@ COMPILER = any(map(shutil.which, c_kernels.COMPILERS))
 FAST = importlib.util.find_spec("refkin.fast") is not None
 ENGINES = {name: importlib.util.find_spec(name) is not None for name in ("exudyn", "pinocchio", "mujoco")}
 KEYS = {
-    "work": str,
-    "route": str,
+    "workload": str,
+    "engine": str,
+    "method": str,
+    "setting": str,
     "nanoseconds_per_configuration": float,
     "unit": str,
     "spread": float,
@@ -58,17 +60,11 @@ def short():
     return works.Chain("chain-10", 3)
 
 
-def expected(work):
-    """Names of the routes that must be there on this machine; all others must be absent by name."""
-    names = set(measure.builders(work))
-    if not COMPILER:
-        names -= {name for name in names if name.startswith("c-")}
-    if not FAST:
-        names -= {name for name in names if name.startswith("refkin-lanes")} | {"c-same-tape"}
-    names -= {name for name in names for engine, there in ENGINES.items() if not there and name.startswith(engine)}
-    if isinstance(work, works.Chain):
-        return set() if not FAST else names - {"c-closed-form", "pinocchio", "mujoco", "scipy-root"}
-    return names if work.mechanisms == 1 else names - {"refkin-lanes-certificate"}
+def there(producer):
+    """Whether the packages of a producer are on this machine."""
+    if producer == "c":
+        return COMPILER
+    return FAST if producer == "refkin-lanes" else ENGINES.get(producer, True)
 
 
 @pytest.fixture(scope="module")
@@ -77,13 +73,28 @@ def results():
 
 
 @pytest.mark.parametrize("work", [tiny(), few(), short()], ids=lambda w: w.name)
-def test_every_route_is_a_row_or_absent_by_name(results, work):
+def test_every_method_is_a_row_or_absent_by_name(results, work):
     found = results[work.name]
-    rows, absent = ({entry["route"] for entry in found[kind]} for kind in ("rows", "absent"))
+    rows, absent = ({key_of(entry) for entry in found[kind]} for kind in ("rows", "absent"))
+    listed = {m.key for p in measure.PRODUCERS if there(p) for m in methods(p, Use.BENCH)}
 
-    assert rows == expected(work)
-    assert absent == set(measure.builders(work)) - rows
+    assert rows | {key for key in absent if key[1] != "any"} == listed
+    assert not rows & absent
     assert all(entry["reason"] for entry in found["absent"])
+
+
+def test_every_producer_that_is_there_has_a_row_of_one_mechanism(results):
+    assert {row["engine"] for row in results["sweep-1000"]["rows"]} == {p for p in measure.PRODUCERS if there(p)}
+
+
+@pytest.mark.parametrize("work", [tiny(), few()], ids=lambda w: w.name)
+def test_positions_alone_are_a_row_of_their_own_where_they_are_computed_alone(results, work):
+    computed = {}
+    for row in results[work.name]["rows"]:
+        computed.setdefault(key_of(row), []).append(len(row["computes"]))
+
+    assert computed["numpy", "closed form", ""] == [3]
+    assert computed["refkin", "solve", "no evidence"] == [3, 1]
 
 
 @pytest.mark.parametrize("name", ["sweep-1000", "many-10000x360", "chain-10"])
@@ -92,7 +103,7 @@ def test_rows_have_the_keys_and_types_of_the_interface(results, name):
 
     for row in rows:
         assert {key: type(row[key]) for key in KEYS} == KEYS
-        assert row["work"] == name
+        assert row["workload"] == name
         assert row["unit"] == ("newton-iteration" if name.startswith("chain") else "configuration")
         assert set(row["computes"]) <= {"position", "velocity", "acceleration", "certificate"}
         assert row["nanoseconds_per_configuration"] > 0.0
@@ -100,14 +111,14 @@ def test_rows_have_the_keys_and_types_of_the_interface(results, name):
 
 
 @pytest.mark.parametrize("name", ["sweep-1000", "many-10000x360", "chain-10"])
-def test_every_route_is_as_right_as_it_can_be(results, name):
+def test_every_method_is_as_right_as_it_can_be(results, name):
     """Measured, not assumed: each row's own answers, against the closed form in long double."""
-    wrong = [row["route"] for row in results[name]["rows"] if not (row["ranked"] and row["worst_over_allowed"] <= 1.0)]
+    wrong = [key_of(row) for row in results[name]["rows"] if not (row["ranked"] and row["worst_over_allowed"] <= 1.0)]
 
     assert not wrong
 
 
-def test_the_names_of_the_works_are_the_interface():
+def test_the_names_of_the_workloads_are_the_interface():
     assert works.names() == (
         "sweep-1000",
         "many-10000x360",
@@ -119,11 +130,11 @@ def test_the_names_of_the_works_are_the_interface():
     )
 
 
-def test_works_are_as_large_as_their_names_say():
-    sizes = [w.configurations for w in map(works.work, works.names()[:3])]
+def test_workloads_are_as_large_as_their_names_say():
+    sizes = [w.configurations for w in map(works.workload, works.names()[:3])]
 
     assert sizes == [1000, 3_600_000, 3_600_000]
-    assert [works.work(f"chain-{n}").windows for n in works.WINDOWS] == [10, 100, 1000, 10_000]
+    assert [works.workload(f"chain-{n}").windows for n in works.WINDOWS] == [10, 100, 1000, 10_000]
 
 
 def test_the_margin_is_a_part_of_the_longest_length_and_the_other_work_has_none():
@@ -215,10 +226,8 @@ def test_no_answer_is_no_rank_and_null_in_the_json():
     work = few()
     levels = right(work)
     levels[0][:, 3] = np.nan
-    route = numpy_routes.closed_form(work)
-    broken = replace(route, accuracy=lambda: judged(work, [answers(work, tuple(levels))]))
-
-    found = measure.row(work, broken, Timing(1.0, 0.0))
+    batch = Batch(lambda: None, 1, lambda: [answers(work, tuple(levels))])
+    found = measure.row(work, measure.Entry(method("numpy", "closed form"), 2, batch), Timing(1.0, 0.0))
 
     assert not found["ranked"]
     assert found["max_error"] is None
@@ -226,23 +235,23 @@ def test_no_answer_is_no_rank_and_null_in_the_json():
 
 
 PLANTED = {
-    "dense.c": ("gamma[6 + c] = -w[2]", "gamma[6 + c] = w[2]", "c-dense", c_routes.dense),
-    "closed.c": ("rest > 0.0 ? sqrt(rest)", "rest > 0.0 ? -sqrt(rest)", "c-closed-form", c_routes.closed_form),
-    "march.h": ("MOST_NEWTON 8", "MOST_NEWTON 1", "c-same-tape", c_routes.same_tape),
+    "dense.c": ("gamma[6 + c] = -w[2]", "gamma[6 + c] = w[2]", "dense Newton"),
+    "closed.c": ("rest > 0.0 ? sqrt(rest)", "rest > 0.0 ? -sqrt(rest)", "closed form"),
+    "march.h": ("MOST_NEWTON 8", "MOST_NEWTON 1", "same program"),
 }
 
 
 @pytest.mark.parametrize("source", PLANTED)
 def test_a_wrong_kernel_is_marked_and_not_ranked(monkeypatch, source):
-    before, after, name, builder = PLANTED[source]
+    before, after, name = PLANTED[source]
     text = text_of(source)
     assert text.count(before) == 1
     monkeypatch.setattr(c_kernels, "text_of", lambda s: text.replace(before, after) if s == source else text_of(s))
 
-    results = measure.measured(few(), {name: builder}, rounds=1)
+    results = measure.measured(few(), rounds=1, listed=[method("c", name)])
 
-    if not COMPILER or (name == "c-same-tape" and not FAST):
-        assert [entry["route"] for entry in results["absent"]] == [name]
+    if not COMPILER or (name == "same program" and not FAST):
+        assert [entry["method"] for entry in results["absent"]] == [name]
         return
     (row,) = results["rows"]
     assert not row["ranked"]
@@ -252,14 +261,20 @@ def test_a_wrong_kernel_is_marked_and_not_ranked(monkeypatch, source):
 
 def right_rows():
     """A rival to be compared with."""
-    row = dict.fromkeys(KEYS, 1.0) | {"work": "many-10000x360", "route": "c-dense", "unit": "configuration"}
+    row = dict.fromkeys(KEYS, 1.0) | {
+        "workload": "many-10000x360",
+        "engine": "c",
+        "method": "dense Newton",
+        "setting": "",
+        "unit": "configuration",
+    }
     return [
         row
         | {
             "computes": ["position"],
             "ranked": True,
-            "driven_by": "",
-            "what": "",
+            "newton_by": "",
+            "note": "",
             "timed": 1,
             "judged": 1,
             "unjudged": 0,
@@ -278,70 +293,76 @@ def without_compiler(monkeypatch):
     monkeypatch.setattr(c_kernels.shutil, "which", lambda name: None)
 
 
-def test_without_a_compiler_its_routes_are_reported_as_absent(monkeypatch):
+def test_without_a_compiler_its_methods_are_reported_as_absent(monkeypatch):
     without_compiler(monkeypatch)
-    routes = {
-        "c-dense": c_routes.dense,
-        "c-closed-form": c_routes.closed_form,
-        "numpy": measure.builders(tiny())["numpy-closed-form"],
-    }
+    listed = [method("c", "dense Newton"), method("c", "closed form"), method("numpy", "closed form")]
 
-    results = measure.measured(tiny(), routes, rounds=1)
+    results = measure.measured(tiny(), rounds=1, listed=listed)
 
-    assert [row["route"] for row in results["rows"]] == ["numpy-closed-form"]
-    assert [(a["route"], a["reason"]) for a in results["absent"]] == [
-        (name, "no C compiler: looked for cc, gcc, clang") for name in ("c-dense", "c-closed-form")
+    assert [row["engine"] for row in results["rows"]] == ["numpy"]
+    assert [(a["method"], a["reason"]) for a in results["absent"]] == [
+        (name, "no C compiler: looked for cc, gcc, clang") for name in ("dense Newton", "closed form")
     ]
     assert results["versions"]["compiler"] == "absent"
-    assert "absent: c-dense (sweep-1000): no C compiler" in printed(results)
+    assert "absent: c, dense Newton (sweep-1000): no C compiler" in printed(results)
 
 
 def test_a_compiler_that_is_asked_for_and_is_not_there_is_named(monkeypatch):
     monkeypatch.setenv("CC", "no-such-compiler")
 
-    with Kernels() as kernels, pytest.raises(Absent, match="no-such-compiler"):
-        c_routes.dense(tiny(), kernels)
+    with pytest.raises(EngineError, match="no-such-compiler"):
+        method("c", "dense Newton").batched(tiny(), 2)
 
 
 def test_what_the_compiler_refuses_is_absent_with_its_reason(monkeypatch):
     monkeypatch.setattr(c_kernels, "text_of", lambda name: "this is no C\n")
 
     reason = r"the C compiler refused dense\.c: .*error" if COMPILER else "no C compiler"
-    with Kernels() as kernels, pytest.raises(Absent, match=reason):
-        c_routes.dense(tiny(), kernels)
+    with pytest.raises(EngineError, match=reason):
+        method("c", "dense Newton").batched(tiny(), 2)
 
 
-def test_without_the_fast_paths_their_routes_are_absent(monkeypatch):
+def test_without_the_fast_paths_their_methods_are_absent(monkeypatch):
+    for name in [name for name in sys.modules if name.startswith("crosscheck.engines.ours.lanes")]:
+        monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "refkin.fast", None)
+    monkeypatch.setitem(sys.modules, "refkin.fast.prepare", None)
 
-    for work in (tiny(), short()):
-        for name, builder in measure.builders(work).items():
-            if name.startswith("refkin-lanes") or isinstance(work, works.Chain):
-                with Kernels() as kernels, pytest.raises(Absent):
-                    builder(work, kernels)
+    results = measure.measured(tiny(), ["refkin-lanes", "c", "numpy"], rounds=1)
+
+    assert {a["engine"] for a in results["absent"]} >= {"refkin-lanes"}
+    assert "same program" in [a["method"] for a in results["absent"]]
+    assert "numpy" in [row["engine"] for row in results["rows"]]
 
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_an_engine_that_is_not_installed_is_absent(monkeypatch, engine):
+    for name in [name for name in sys.modules if name.startswith(f"crosscheck.engines.{engine}")]:
+        monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, engine, None)
-    monkeypatch.delitem(sys.modules, f"crosscheck.engines.{engine}.batch", raising=False)
 
-    with Kernels() as kernels, pytest.raises(Absent, match=f"{engine} is not installed"):
-        measure.builders(tiny())[engine](tiny(), kernels)
+    results = measure.measured(tiny(), [engine], rounds=1)
+
+    assert results["rows"] == []
+    assert f"{engine} is not installed" in results["absent"][0]["reason"]
 
 
 def test_claims_name_the_same_algorithm_in_c_first_then_dense_c():
     row = right_rows()[0]
-    rows = [
-        row | {"route": route, "nanoseconds_per_configuration": time}
-        for route, time in (("refkin-lanes", 200.0), ("c-dense", 800.0), ("c-same-tape", 100.0), ("mujoco", 6000.0))
-    ]
+    times = {
+        ("refkin-lanes", "all times at once", "no evidence"): 200.0,
+        ("c", "dense Newton", ""): 800.0,
+        ("c", "same program", ""): 100.0,
+        ("mujoco", "batch", ""): 6000.0,
+    }
+    names = ("engine", "method", "setting")
+    rows = [row | dict(zip(names, key, strict=True)) | {"nanoseconds_per_configuration": t} for key, t in times.items()]
 
     told = printed({"rows": rows, "absent": [], "versions": {}, "machine": measure.machine()})
 
     claim = (
-        "refkin-lanes takes 2 times the same operations compiled as C, 0.25 times dense Newton in C, "
-        "0.0333 times mujoco, the fastest engine route."
+        "refkin-lanes, all times at once takes 2 times the same operations compiled as C, 0.25 times dense Newton in "
+        "C, 0.0333 times mujoco, batch, the fastest engine."
     )
     assert claim in told
 
@@ -353,7 +374,7 @@ def test_the_command_prints_one_json_object_measured_on_one_thread(capsys):
 
     assert end.value.code == 0
     assert set(out) == {"rows", "absent", "versions", "machine", "aims"}
-    assert {entry["work"] for entry in (*out["rows"], *out["absent"])} == {"chain-10"}
+    assert {entry["workload"] for entry in (*out["rows"], *out["absent"])} == {"chain-10"}
     assert out["machine"]["threads"] == "1"
 
 
@@ -361,7 +382,7 @@ def test_a_process_that_fails_ends_with_one_error_and_the_exit_code_of_infrastru
     program = tmp_path / "fails"
     program.write_text("#!/bin/sh\necho out of order >&2\nexit 3\n", encoding="utf-8")
     program.chmod(0o755)
-    monkeypatch.setattr(run.sys, "executable", str(program))
+    monkeypatch.setattr(command.sys, "executable", str(program))
     with pytest.raises(SystemExit) as end:
         main(["bench", "--only", "chain-10", "--json"])
 
@@ -369,12 +390,12 @@ def test_a_process_that_fails_ends_with_one_error_and_the_exit_code_of_infrastru
     assert "chain-10: its process ended with code 3\nout of order" in capsys.readouterr().err
 
 
-def test_a_work_nobody_has_heard_of_is_a_usage_error(capsys):
+def test_a_workload_nobody_has_heard_of_is_a_usage_error(capsys):
     with pytest.raises(SystemExit) as end:
         main(["bench", "--only", "sweep-12"])
 
     assert end.value.code == 2
-    assert "no work is called 'sweep-12'; there are: sweep-1000, many-10000x360" in capsys.readouterr().err
+    assert "no workload is called 'sweep-12'; there are: sweep-1000, many-10000x360" in capsys.readouterr().err
 
 
 RESULTS = sorted((Path(__file__).parents[2] / "reports").glob("bench-*.json"))
@@ -385,10 +406,10 @@ def test_there_are_committed_results():
 
 
 @pytest.mark.parametrize("path", RESULTS, ids=lambda p: p.stem)
-def test_committed_results_say_what_they_were_measured_on_and_cover_all_works(path):
+def test_committed_results_say_what_they_were_measured_on_and_cover_all_workloads(path):
     found = json.loads(path.read_text(encoding="utf-8"))
 
-    assert {row["work"] for row in found["rows"]} == set(works.names())
+    assert {row["workload"] for row in found["rows"]} == set(works.names())
     assert all({key: type(row[key]) for key in KEYS} == KEYS for row in found["rows"])
     assert all(row["ranked"] for row in found["rows"])
     assert found["machine"]["threads"] == "1"

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import pytest
 
-from crosscheck.measure.bench_aims import AIMS, reached
+from crosscheck.measure.bench_aims import AIMS, DENSE, LANES, SPARSE, reached
 from crosscheck.measure.bench_first_use import first_use
-from crosscheck.scenes.works import names, sweep
+from crosscheck.scenes.workloads import names, sweep
 
-LANES, DENSE = "one four-bar: lanes / dense C", "c-dense"
+ONE = "one four-bar: fast path / dense C"
 
 
-def row(work, route, time, ranked=True):
-    return {"work": work, "route": route, "nanoseconds_per_configuration": time, "ranked": ranked}
+def row(work, method, time, ranked=True, computes=("position",)):
+    engine, name, setting = method
+    who = {"engine": engine, "method": name, "setting": setting, "computes": computes}
+    return {"workload": work, **who, "nanoseconds_per_configuration": time, "ranked": ranked}
 
 
 def results(*rows, absent=(), **more):
@@ -25,7 +27,7 @@ def of(results_, name):
 
 @pytest.mark.parametrize(("time", "good"), [(699.0, True), (701.0, False)])
 def test_an_aim_is_reached_up_to_its_bound(time, good):
-    found = of(results(row("sweep-1000", "refkin-lanes", time), row("sweep-1000", DENSE, 1000.0)), LANES)
+    found = of(results(row("sweep-1000", LANES, time), row("sweep-1000", DENSE, 1000.0)), ONE)
 
     assert found["reached"] is good
     assert found["measured"] == pytest.approx(time / 1000.0)
@@ -33,31 +35,31 @@ def test_an_aim_is_reached_up_to_its_bound(time, good):
 
 
 def test_a_row_that_is_not_ranked_counts_for_nothing():
-    wrong = results(row("sweep-1000", "refkin-lanes", 1.0, ranked=False), row("sweep-1000", DENSE, 1000.0))
+    wrong = results(row("sweep-1000", LANES, 1.0, ranked=False), row("sweep-1000", DENSE, 1000.0))
 
-    assert of(wrong, LANES) == {"aim": LANES, "at_most": 0.7, "measured": None, "reached": False}
+    assert of(wrong, ONE) == {"aim": ONE, "at_most": 0.7, "measured": None, "reached": False}
 
 
 def test_an_aim_whose_rival_is_absent_is_not_reached():
-    alone = results(row("sweep-1000", "refkin-lanes", 1.0), absent=[{"work": "sweep-1000", "route": DENSE}])
+    alone = results(row("sweep-1000", LANES, 1.0), absent=[{"workload": "sweep-1000"}])
 
-    assert not of(alone, LANES)["reached"]
+    assert not of(alone, ONE)["reached"]
 
 
-def test_aims_of_works_that_were_not_run_are_left_out():
-    found = reached(results(row("many-10000x360", "refkin-lanes", 1.0)))
+def test_aims_of_workloads_that_were_not_run_are_left_out():
+    found = reached(results(row("many-10000x360", LANES, 1.0)))
 
     assert {aim["aim"].split(":")[0] for aim in found} == {"10,000 four-bars, 2 % margin"}
 
 
-def test_the_fastest_engine_route_is_the_rival_whatever_it_computes():
+def test_the_fastest_method_of_an_engine_is_the_rival_whatever_it_computes():
     found = of(
         results(
-            row("sweep-1000", "refkin-lanes", 1.0),
-            row("sweep-1000", "exudyn-position", 9.0),
-            row("sweep-1000", "mujoco", 20.0),
+            row("sweep-1000", LANES, 1.0),
+            row("sweep-1000", ("exudyn", "direct", ""), 9.0),
+            row("sweep-1000", ("mujoco", "batch", ""), 20.0),
         ),
-        "one four-bar: fastest engine route / lanes",
+        "one four-bar: fastest engine / fast path",
     )
 
     assert found["measured"] == 9.0
@@ -65,14 +67,14 @@ def test_the_fastest_engine_route_is_the_rival_whatever_it_computes():
 
 
 def test_the_growth_exponent_is_that_of_two_decades():
-    grown = results(row("chain-100", "refkin-sparse", 2.0), row("chain-10000", "refkin-sparse", 200.0))
+    grown = results(row("chain-100", SPARSE, 2.0), row("chain-10000", SPARSE, 200.0))
     name = "chains: growth exponent of a Newton iteration, 100 to 10,000 loops"
 
     assert of(grown, name)["measured"] == pytest.approx(1.0)
 
 
-def test_every_aim_names_works_that_exist():
-    assert {work for aim in AIMS for work in aim.works} <= set(names())
+def test_every_aim_names_workloads_that_exist():
+    assert {work for aim in AIMS for work in aim.workloads} <= set(names())
 
 
 def test_what_a_first_use_costs_is_measured():
@@ -80,3 +82,16 @@ def test_what_a_first_use_costs_is_measured():
 
     assert 0.0 < found["import_seconds"] < 5.0
     assert 0.0 < found.get("tape_seconds", 0.01) < 5.0
+
+
+def test_the_price_of_a_method_is_that_of_all_it_computes():
+    found = of(
+        results(
+            row("sweep-1000", LANES, 500.0, computes=("position", "velocity", "acceleration")),
+            row("sweep-1000", LANES, 510.0),
+            row("sweep-1000", DENSE, 1000.0),
+        ),
+        ONE,
+    )
+
+    assert found["measured"] == 0.5

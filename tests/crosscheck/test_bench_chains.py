@@ -9,11 +9,12 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines.batch_route import Absent
-from crosscheck.engines.ours import chain_batch as chain_routes
-from crosscheck.engines.ours.c_kernels import Kernels
+from crosscheck.engines import EngineError
+from crosscheck.engines.methods import method
+from crosscheck.engines.ours import chains
+from crosscheck.judge import of_chains
 from crosscheck.judge.budget import derive
-from crosscheck.scenes import works
+from crosscheck.scenes import workloads as works
 
 FAST = importlib.util.find_spec("refkin.fast") is not None
 WORK = works.Chain("chain-10", 3)
@@ -22,10 +23,10 @@ WORK = works.Chain("chain-10", 3)
 def sparse():
     """The sparse system of the chain; None where there are no fast paths, which is then asserted."""
     if not FAST:
-        with pytest.raises(Absent):
-            chain_routes.sparse_system(WORK)
+        with pytest.raises(EngineError):
+            chains.sparse(WORK, 0)
         return None
-    return chain_routes.sparse_system(WORK)
+    return of_chains.sparse_system(WORK)
 
 
 def test_what_is_allowed_is_less_than_the_budget_of_a_comparison_and_not_much_less():
@@ -66,26 +67,33 @@ def test_nan_is_not_ranked():
     assert not judged(WORK, system, np.full(system.system.n, np.nan)).ranked
 
 
-@pytest.mark.parametrize("name", chain_routes.LARGEST)
-def test_a_chain_that_is_too_long_for_a_route_is_refused_with_the_reason(name):
-    largest, reason = chain_routes.LARGEST[name]
-    long = works.Chain("chain-10000", largest + 1)
+LONG = {
+    ("refkin-lanes", "all times at once", "no evidence"): 100,
+    ("refkin", "Newton iteration, dense", ""): 100,
+    ("c", "same program", ""): 100,
+    ("c", "dense Newton", ""): 1000,
+}
 
-    with Kernels() as kernels, pytest.raises(Absent, match=f"more than {largest} loops: {reason}"):
-        chain_routes.BUILDERS[name](long, kernels)
+
+@pytest.mark.parametrize("key", LONG, ids=", ".join)
+def test_a_chain_that_is_too_long_for_a_method_is_refused_with_the_reason(key):
+    long = works.Chain("chain-10000", LONG[key] + 1)
+
+    with pytest.raises(EngineError, match=f"not for more than {LONG[key]} loops: .+"):
+        method(*key).batched(long, 0)
 
 
 def test_operations_that_are_no_arithmetic_are_not_put_into_c():
     if not FAST:
         return
-    from crosscheck.engines.ours.c_batch import tape_of
-    from crosscheck.engines.ours.c_tape import NotInC, emitted
+    from crosscheck.engines.ours.c_tape import emitted
+    from crosscheck.engines.ours.chains import tape_of
     from refkin.fast.lanes.tape import Instruction, Register
 
     tape, _ = tape_of(WORK.scene)
     with_profile = Instruction("profile", Register("w", 0), (Register("w", 1),), (0, 0))
-    with pytest.raises(NotInC, match="profile"):
+    with pytest.raises(EngineError, match="profile"):
         emitted(replace(tape, segments={**tape.segments, "answer": (with_profile,)}))
     with_block = Instruction("inverse", Register("x", 0), (Register("w", 1),), 1)
-    with pytest.raises(NotInC, match="block"):
+    with pytest.raises(EngineError, match="block"):
         emitted(replace(tape, segments={**tape.segments, "answer": (with_block,)}))

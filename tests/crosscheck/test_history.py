@@ -115,11 +115,11 @@ def test_what_is_watched_is_the_ratio_to_the_reference(tmp_path: Path) -> None:
 
 
 def test_a_price_is_watched_against_that_of_the_reference_for_the_same(tmp_path: Path) -> None:
-    row = {"knob": "k", "quantity": "position", "scene_class": "regular", "digits": 15.0}
+    row = {"setting": "k", "quantity": "position", "scene_class": "regular", "digits": 15.0}
     prices = [
-        {**row, "engine": "refkin", "route": "newton", "microseconds": 20.0},
-        {**row, "engine": "mujoco", "route": "newton", "microseconds": 50.0},
-        {**row, "engine": "mujoco", "route": "newton", "microseconds": 60.0, "quantity": "velocity"},
+        {**row, "engine": "refkin", "method": "newton", "microseconds": 20.0},
+        {**row, "engine": "mujoco", "method": "newton", "microseconds": 50.0},
+        {**row, "engine": "mujoco", "method": "newton", "microseconds": 60.0, "quantity": "velocity"},
     ]
     append(tmp_path / "h.sqlite", night(tmp_path / "run", 1, price=prices))
     found = {s["name"]: s["values"] for s in trends(tmp_path / "h.sqlite")["series"]}

@@ -9,21 +9,20 @@ import pytest
 from rich.console import Console
 
 from crosscheck.commands.price_page import page
-from crosscheck.commands.price_shown import cheapest_table, lines, routes_table, to_json
+from crosscheck.commands.price_shown import cheapest_table, lines, methods_table, to_json
 from crosscheck.documents.iterations import digits_by_iteration
-from crosscheck.engines.price_route import Refused
+from crosscheck.judge.prices import Row
 from crosscheck.measure.price import PriceList
-from crosscheck.measure.price_rows import Row
 from crosscheck.report.price_figures import iterations_figure, legend, looks, work_precision
 
 SVG = "{http://www.w3.org/2000/svg}"
 
 
-def row(engine="exudyn", route="static", knob="1e-3", digits=3.0, microseconds=10.0, quantity="position", note=""):
+def row(engine="exudyn", method="static", setting="1e-3", digits=3.0, microseconds=10.0, quantity="position", note=""):
     return Row(
         engine=engine,
-        route=route,
-        knob=knob,
+        method=method,
+        setting=setting,
         quantity=quantity,
         digits=digits,
         digits_attainable=14.5,
@@ -36,9 +35,9 @@ def row(engine="exudyn", route="static", knob="1e-3", digits=3.0, microseconds=1
 
 ROWS = [
     row(),
-    row(knob="1e-9", digits=9.0, microseconds=20.0),
-    row(engine="mujoco", route="mj_step", knob="h", digits=4.0, microseconds=100.0),
-    row(engine="mujoco", route="mj_step", knob="crash", digits=None, microseconds=None, note="its process ended"),
+    row(setting="1e-9", digits=9.0, microseconds=20.0),
+    row(engine="mujoco", method="mj_step", setting="h", digits=4.0, microseconds=100.0),
+    row(engine="mujoco", method="mj_step", setting="crash", digits=None, microseconds=None, note="its process ended"),
     row(digits=2.0, microseconds=30.0, quantity="velocity"),
 ]
 
@@ -84,7 +83,7 @@ def test_a_quantity_that_nobody_was_measured_at_says_so():
 
 
 def test_no_two_routes_look_alike():
-    many = [row(route=f"route {k}", engine=e).to_json() for e in ("refkin", "exudyn", "mujoco") for k in range(12)]
+    many = [row(method=f"method {k}", engine=e).to_json() for e in ("refkin", "exudyn", "mujoco") for k in range(12)]
 
     assert len(set(looks(many).values())) == len(many) == len(legend(many))
 
@@ -109,7 +108,7 @@ def test_a_scene_cannot_write_into_the_page():
 
 
 def test_a_page_shows_every_row_and_every_refusal():
-    text = page(told(refused=[Refused(engine="mujoco", name="mj_step", reason="no such loop")]))
+    text = page(told(refused=[("mujoco", "mj_step", "no such loop")]))
 
     assert text.count("<td>exudyn</td>") + text.count("<td>mujoco</td>") == 2 * len(ROWS)  # engine, and Newton by
     assert "no such loop" in text
@@ -118,7 +117,7 @@ def test_a_page_shows_every_row_and_every_refusal():
 
 def test_the_terminal_names_the_cheapest_way_or_says_that_there_is_none():
     console = Console(width=150, record=True, file=io.StringIO())
-    console.print(cheapest_table(told()["cheapest"], "title"))
+    console.print(cheapest_table(told()["cheapest"]["cycle"], "title"))
     text = console.export_text()
 
     assert "exudyn: static, 1e-9" in text
@@ -129,8 +128,8 @@ def test_the_terminal_names_the_cheapest_way_or_says_that_there_is_none():
 def test_what_is_no_engine_is_not_the_cheapest_engine():
     found = told(rows=[*ROWS, row(engine="refkin", digits=15.0, microseconds=1.0)])
 
-    assert found["cheapest"]["position"]["9"]["engine"] == "refkin"
-    assert found["cheapest_engine"]["position"]["9"]["engine"] == "exudyn"
+    assert found["cheapest"]["cycle"]["position"]["9"]["engine"] == "refkin"
+    assert found["cheapest_engine"]["cycle"]["position"]["9"]["engine"] == "exudyn"
 
 
 def test_the_terminal_tells_crashes_and_what_was_left_out():
@@ -142,9 +141,9 @@ def test_the_terminal_tells_crashes_and_what_was_left_out():
 
 
 def test_a_route_is_shown_with_its_most_digits():
-    table = routes_table(told()["rows"], "title")
+    table = methods_table(told()["rows"], "title")
 
-    assert list(table.columns[3].cells) == ["9.0", "4.0"]
+    assert list(table.columns[4].cells) == ["9.0", "4.0"]
 
 
 def test_the_panels_of_all_quantities_have_one_scale():

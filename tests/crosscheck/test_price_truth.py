@@ -12,7 +12,8 @@ import pytest
 
 from crosscheck.documents.iterations import digits_by_iteration
 from crosscheck.judge.truth import Truth, attainable_levels
-from crosscheck.scenes.priced import AWAY, REGULAR, classes, price_list
+from crosscheck.measure.price import price_list
+from crosscheck.scenes.priced import AWAY, REGULAR, classes
 from refkin.motion_laws import Polynomial
 from refkin.proof.numbers.inputs import half_ulp
 from refkin.proof.pose.krawczyk import refine
@@ -90,9 +91,9 @@ def test_a_body_that_is_not_wanted_costs_no_digits():
     assert Truth(replace(scene, bodies_wanted=("rocker",))).digits(off, 0)[0] > 14.0
 
 
-def test_the_price_list_has_the_class_of_each_row(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parent))
-    rows = price_list(within=4.0, producers=["price_position"])
+def test_the_price_list_has_the_class_of_each_row():
+    fakes = Path(__file__).parent / "price_fakes.py"
+    rows = price_list(within=4.0, producers=[f"{fakes}:PositionAlone"])
 
     assert [row["class"] for row in rows] == list(classes())
     assert all(row["microseconds"] > 0.0 for row in rows)

@@ -25,10 +25,10 @@ from refkin import FourBar
 from .report_records import disagreement, good_answer, record, write
 
 PRICES = [
-    {"engine": "mujoco", "route": "Newton on its rows", "knob": "k = 2", "digits": 7.0, "microseconds": 10.0},
-    {"engine": "mujoco", "route": "Newton on its rows", "knob": "k = 4", "digits": 14.0, "microseconds": 31.0},
-    {"engine": "mujoco", "route": "Newton on its rows", "knob": "k = 3", "digits": 9.5, "microseconds": 24.0},
-    {"engine": "exudyn", "route": "MainSolverStatic.Newton", "knob": "1e-9", "digits": 8.9, "microseconds": 5.0},
+    {"engine": "mujoco", "method": "newton", "setting": "k = 2", "digits": 7.0, "microseconds": 10.0},
+    {"engine": "mujoco", "method": "newton", "setting": "k = 4", "digits": 14.0, "microseconds": 31.0},
+    {"engine": "mujoco", "method": "newton", "setting": "k = 3", "digits": 9.5, "microseconds": 24.0},
+    {"engine": "exudyn", "method": "MainSolverStatic.Newton", "setting": "1e-9", "digits": 8.9, "microseconds": 5.0},
 ]
 PRICES = [
     {**row, "quantity": "acceleration", "digits_attainable": 15.0, "spread": 0.05, "scene_class": "regular"}
@@ -98,17 +98,14 @@ def test_file_that_cannot_be_read_fails_the_night_and_says_where(
 def test_cheapest_way_is_the_least_time_among_settings_with_the_digits() -> None:
     found = cheapest(PRICES, "acceleration", 9, "regular")
 
-    assert {who: row["microseconds"] for who, row in found.items()} == {("mujoco", "Newton on its rows"): 24.0}
+    assert {who: row["microseconds"] for who, row in found.items()} == {("mujoco", "newton"): 24.0}
 
 
 def test_first_table_has_the_price_of_nine_digits_of_acceleration(tmp_path: Path) -> None:
     report, page = reported(tmp_path, price=PRICES)
 
     assert [row["price"] for row in first_table(report)] == [24.0]
-    assert (
-        sentence(report)
-        == "Nine digits of acceleration cost least with mujoco · Newton on its rows: 24 µs (regular scenes)."
-    )
+    assert sentence(report) == "Nine digits of acceleration cost least with mujoco · newton: 24 µs (regular scenes)."
     assert sentence(report) in page
 
 
@@ -137,16 +134,19 @@ def test_route_that_was_not_priced_says_so(tmp_path: Path) -> None:
 
 
 def test_cheapest_of_all_is_told_beside_the_cheapest_of_the_engines(tmp_path: Path) -> None:
-    own = {**PRICES[1], "engine": "refkin", "route": "lanes", "microseconds": 0.5}
+    own = {**PRICES[1], "engine": "refkin", "method": "all times at once", "microseconds": 0.5}
     report, _ = reported(tmp_path, price=[*PRICES, own])
 
-    engines = "of the engines compared here, with mujoco · Newton on its rows: 24 µs (regular scenes)."
-    assert sentence(report) == f"Nine digits of acceleration cost least with refkin · lanes: 0.50 µs; {engines}"
+    engines = "of the engines compared here, with mujoco · newton: 24 µs (regular scenes)."
+    assert (
+        sentence(report)
+        == f"Nine digits of acceleration cost least with refkin · all times at once: 0.50 µs; {engines}"
+    )
 
 
 def test_page_with_a_long_price_list_and_a_long_history_is_below_a_megabyte(tmp_path: Path) -> None:
-    knobs = [{**row, "knob": f"{row['knob']}, {k}"} for row in PRICES[:3] for k in range(40)]
-    own = {**PRICES[0], "engine": "refkin", "route": "newton"}
+    knobs = [{**row, "setting": f"{row['setting']}, {k}"} for row in PRICES[:3] for k in range(40)]
+    own = {**PRICES[0], "engine": "refkin", "method": "newton"}
     history = tmp_path / "h.sqlite"
     write(tmp_path / "run", record("a", good_answer("mujoco")))
     (tmp_path / "run" / "price.json").write_text(json.dumps([own, *knobs]))
@@ -165,14 +165,14 @@ def test_page_with_a_long_price_list_and_a_long_history_is_below_a_megabyte(tmp_
 
 
 def test_every_setting_that_its_engine_does_not_beat_is_a_mark_and_a_row(tmp_path: Path) -> None:
-    beaten = {**PRICES[0], "knob": "k = 1", "digits": 6.0, "microseconds": 11.0}
+    beaten = {**PRICES[0], "setting": "k = 1", "digits": 6.0, "microseconds": 11.0}
     report, page = reported(tmp_path, price=[*PRICES, beaten])
 
     assert beaten in report["price"]
     assert "k = 1:" not in page
 
     for row in PRICES:
-        mark = f"{row['engine']} · {row['route']}, {row['knob']}: {row['digits']:.1f} digits of acceleration for"
+        mark = f"{row['engine']} · {row['method']}, {row['setting']}: {row['digits']:.1f} digits of acceleration for"
         assert page.count(f'aria-label="{mark}') == 1
     section = page[page.index('<section id="price"') : page.index("What each Newton iteration buys")]
     assert section.count('<tr><th scope="row">') == len(PRICES) + 2  # and a line per route in the table of goals

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
+from crosscheck.engines import EngineError
+
 FUNCTIONS = {"abs": "fabs({0})", "max": "fmax2({0}, {1})", "min": "fmin2({0}, {1})", "select": "({0} ? {1} : {2})"}
 PLAIN = ("add", "sub", "mul", "div", "neg", "greater", "cos", "sin", "tan", "copy")
 HEAD = """#include <math.h>
@@ -18,10 +20,6 @@ static inline double fmin2(double a, double b) {{ return a < b ? a : b; }}
 """
 
 
-class NotInC(Exception):
-    """A tape with operations that call back into NumPy: large blocks, profiles."""
-
-
 def emitted(tape: Any) -> str:
     """Return `tape.h` for `tape.c`.
 
@@ -32,7 +30,7 @@ def emitted(tape: Any) -> str:
 
     Raises
     ------
-    NotInC
+    EngineError
         If an operation is more than arithmetic.
     """
     sizes, levels = tape.sizes, _levels(tape)
@@ -116,10 +114,10 @@ def _expression(instruction: Any) -> str:
         return FUNCTIONS[op].format(*args)
     if op in PLAIN:
         return FORMATS[op].format(*args)
-    raise NotInC(f"the tape holds {op!r}, which is no arithmetic")
+    raise EngineError(f"the tape holds {op!r}, which is no arithmetic")
 
 
 def _name(register: Any) -> str:
     if register.bank == "x":
-        raise NotInC("the tape solves a block of three or more at once")
+        raise EngineError("the tape solves a block of three or more at once")
     return f"{register.bank}[{register.number}]"

@@ -1,4 +1,4 @@
-"""MuJoCo by every route: Newton on its rows, time stepping with its knobs swept, quasi-static relaxation.
+"""MuJoCo stepping in time, with its settings swept, and quasi-static relaxation.
 
 In stepping the prescribed coordinates are overwritten before each step, with an armature beside which no constraint
 force moves them; the loop is MuJoCo's soft constraint. Stepping starts at a closed pose with consistent velocities.
@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import EngineError, Level, refusals
+from crosscheck.engines.methods import Method, Model, Use
 from crosscheck.engines.mujoco.engine import Mujoco, TreeRows
 from crosscheck.engines.mujoco.model import mujoco
-from crosscheck.engines.price_route import NOBODY, PricedRoute, Refused
 from crosscheck.engines.tree.joint_tree import Array, joint_tree
-from crosscheck.engines.tree.settings import Clockwork, Tree, newton_routes
-from crosscheck.engines.tree.tree_system import TreeSystem
+from crosscheck.engines.tree.newton import NOBODY, Clockwork, Tree
 from refkin.joints import PointsCoincide, RelativeAngle
 from refkin.model import Scene
 
@@ -73,8 +72,56 @@ SPRINGS = {
 """What keeps the loop closed, at ten steps between two times."""
 
 
-def routes(scene: Scene) -> Iterator[PricedRoute | Refused]:
-    """Yield the routes of MuJoCo.
+def stepping_methods() -> Iterator[Method]:
+    """Yield stepping in time at all settings, and relaxation."""
+    for name, settings in STEPPING.items():
+        for setting in settings:
+            yield _stepping(name, setting)
+    for name, springs in SPRINGS.items():
+        for told, setting in springs.items():
+            yield _stepping(name, setting, told)
+    for count in RELAXATIONS:
+        yield Method(
+            engine="mujoco",
+            name="mj_step, quasi-static relaxation",
+            setting=f"{count} step{'s' * (count > 1)}",
+            newton_by="MuJoCo (implicit damped steps)",
+            uses=frozenset({Use.PRICE}),
+            build=partial(_relaxed, count),
+            highest=0,
+            steps=True,
+            note="discrete, timestep 1, solref 0.001 1, solimp 0.9999, tolerance 0, refsafe off",
+        )
+
+
+def _stepping(name: str, setting: Setting, told: str = "") -> Method:
+    """Return stepping at one setting, which is the number of steps unless it is something else."""
+    steps = f"{setting.steps} step{'s' * (setting.steps > 1)} between times"
+    spring = "default" if setting.timeconst is None else f"{setting.timeconst:g}h, solimp {setting.impedance:g}"
+    return Method(
+        engine="mujoco",
+        name=name,
+        setting=told or steps,
+        newton_by=NOBODY,
+        uses=frozenset({Use.PRICE}),
+        build=partial(_stepped, setting),
+        steps=True,
+        note=f"{steps}; solref {spring}; solver {setting.solver}",
+    )
+
+
+def _stepped(setting: Setting, scene: Scene) -> Model:
+    stepper = Stepper(scene)
+    return Model(partial(stepper.solve, setting, stepper.clockwork(setting.steps)), stepper.tree.read)
+
+
+def _relaxed(count: int, scene: Scene) -> Model:
+    stepper = Stepper(scene)
+    return Model(partial(stepper.relax, count), stepper.tree.read)
+
+
+def tree_of(scene: Scene) -> Tree:
+    """Return a scene as MuJoCo's joint tree.
 
     Raises
     ------
@@ -84,55 +131,7 @@ def routes(scene: Scene) -> Iterator[PricedRoute | Refused]:
     reasons = refusals(Mujoco(), scene, Level.SOLVE)
     if reasons:
         raise EngineError("; ".join(reasons))
-    tree = _tree(scene)
-    tree.system.tree.start()  # every route starts there; a missing estimate is a refusal
-    yield from newton_routes(tree, "mujoco")
-    try:
-        yield from _stepping_routes(scene)
-    except EngineError as error:
-        yield Refused(engine="mujoco", name="mj_step", reason=str(error))
-
-
-def _tree(scene: Scene) -> Tree:
-    engine = TreeRows(joint_tree(scene.mechanism))
-    return Tree(scene, engine, TreeSystem(engine, scene.mechanism.drivers))
-
-
-def _stepping_routes(scene: Scene) -> Iterator[PricedRoute]:
-    stepper = Stepper(scene)
-    for name, settings in STEPPING.items():
-        for setting in settings:
-            yield _stepping(stepper, name, setting)
-    for name, springs in SPRINGS.items():
-        for knob, setting in springs.items():
-            yield _stepping(stepper, name, setting, knob)
-    for count in RELAXATIONS:
-        yield PricedRoute(
-            engine="mujoco",
-            name="mj_step, quasi-static relaxation",
-            knob=f"{count} step{'s' * (count > 1)}",
-            newton_by="MuJoCo (implicit damped steps)",
-            solve=partial(stepper.relax, count),
-            read=stepper.tree.read,
-            highest=0,
-            note="discrete, timestep 1, solref 0.001 1, solimp 0.9999, tolerance 0, refsafe off",
-        )
-
-
-def _stepping(stepper: Stepper, name: str, setting: Setting, knob: str = "") -> PricedRoute:
-    """Return stepping at one setting; the knob is the step unless it is something else."""
-    clock = stepper.clockwork(setting.steps)
-    step = f"h = {clock.step(0):.3g} s"
-    spring = "default" if setting.timeconst is None else f"{setting.timeconst:g}h, solimp {setting.impedance:g}"
-    return PricedRoute(
-        engine="mujoco",
-        name=name,
-        knob=knob or step,
-        newton_by=NOBODY,
-        solve=partial(stepper.solve, setting, clock),
-        read=stepper.tree.read,
-        note=f"{step}; solref {spring}; solver {setting.solver}",
-    )
+    return Tree.of(TreeRows(joint_tree(scene.mechanism)), scene)
 
 
 class Stepper:
@@ -145,7 +144,7 @@ class Stepper:
     """
 
     def __init__(self, scene: Scene) -> None:
-        self.scene, self.tree = scene, _tree(scene)
+        self.scene, self.tree = scene, tree_of(scene)
         left_open = [e for e in self.tree.system.tree.closures if not isinstance(e, PointsCoincide | RelativeAngle)]
         if left_open:
             raise EngineError(f"joint {left_open[0].name!r} closes a loop and is no constraint force of MuJoCo's")

@@ -9,8 +9,10 @@ from typing import Any
 import numpy as np
 from scipy.optimize import least_squares, root
 
-from crosscheck.engines.ours.refkin_settings import Problem, problem
-from crosscheck.engines.price_route import PricedRoute, Refused
+from crosscheck.engines import EngineError
+from crosscheck.engines.methods import Method, Model, Use
+from crosscheck.engines.ours.numpy_methods import four_bars_by_root
+from crosscheck.engines.ours.refkin_methods import Problem, problem
 from refkin.model import Scene
 
 TOLERANCES = (1e-2, 1e-4, 1e-8, 1e-12)
@@ -18,32 +20,41 @@ SMALLEST = 2.0**-51
 """SciPy refuses tolerances of least squares below the spacing of the numbers."""
 
 
-def routes(scene: Scene) -> Iterator[PricedRoute | Refused]:
+def methods() -> Iterator[Method]:
     """Yield `root` (MINPACK's hybrid method) and `least_squares` (Levenberg-Marquardt), tolerances swept."""
-    lost = [body.name for body in scene.mechanism.bodies if body.estimate is None]
-    if lost:
-        yield Refused(engine="scipy", name="any", reason=f"no estimate to start from: {', '.join(lost)}")
-        return
-    given = problem(scene)
-    if given.system.m == given.system.n:
-        yield from _sweep(given, "root, analytic Jacobian", "SciPy (MINPACK hybrj)", _root)
-        yield from _sweep(given, "root, its own differences", "SciPy (MINPACK hybrd)", partial(_root, analytic=False))
-    else:
-        yield Refused(engine="scipy", name="root", reason="it takes as many equations as unknowns")
-    yield from _sweep(given, "least_squares", "SciPy (MINPACK lmder)", _least_squares)
+    yield from _sweep("root, analytic Jacobian", "SciPy (MINPACK hybrj)", _root)
+    yield from _sweep("root, its own differences", "SciPy (MINPACK hybrd)", partial(_root, analytic=False))
+    yield from _sweep("least_squares", "SciPy (MINPACK lmder)", _least_squares)
+    yield Method(
+        engine="scipy",
+        name="root, a four-bar written out",
+        setting="xtol 1e-15",
+        newton_by="SciPy (MINPACK hybrj)",
+        uses=frozenset({Use.BENCH}),
+        batch=four_bars_by_root,
+        at_once=True,
+        note="hybr, analytic 9x9 Jacobian written for the four-bar; rates by numpy.linalg.solve",
+    )
 
 
-def _sweep(given: Problem, name: str, newton_by: str, step: Any) -> Iterator[PricedRoute]:
+def _sweep(name: str, newton_by: str, step: Any) -> Iterator[Method]:
     for tolerance in TOLERANCES:
-        yield PricedRoute(
+        yield Method(
             engine="scipy",
             name=name,
-            knob=f"tol {tolerance:g}",
+            setting=f"tol {tolerance:g}",
             newton_by=newton_by,
-            solve=partial(_swept, given, partial(step, given, tolerance)),
-            read=given.read,
+            uses=frozenset({Use.PRICE}),
+            build=partial(_built, step, tolerance),
             note="rates by refkin",
         )
+
+
+def _built(step: Any, tolerance: float, scene: Scene) -> Model:
+    given = problem(scene)
+    if step is not _least_squares and given.system.m != given.system.n:
+        raise EngineError("it takes as many equations as unknowns")
+    return Model(partial(_swept, given, partial(step, given, tolerance)), given.read)
 
 
 def _swept(given: Problem, step: Any, order: int) -> Any:

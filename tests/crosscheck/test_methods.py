@@ -1,4 +1,4 @@
-"""The real routes: looser settings have fewer digits, time integration has its order, what cannot be taken says so."""
+"""The real methods: looser settings have fewer digits, time integration has its order, what cannot be taken says so."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crosscheck.engines.ours.refkin_settings import routes as refkin_routes
-from crosscheck.engines.price_route import PRODUCERS, QUANTITIES, PricedRoute, Refused, routes_of
+from crosscheck.engines import QUANTITIES, EngineError
+from crosscheck.engines.methods import PRICED, Use, method, methods
+from crosscheck.judge.prices import YARDSTICK
 from crosscheck.judge.truth import Truth
-from crosscheck.measure.price_rows import YARDSTICK
 from refkin.joints import AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial, Sinusoid
@@ -27,20 +27,36 @@ SCENE = LINKAGE.scene(speed=2.0, turns=0.5, samples=19)
 SLIDER = SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(speed=2.0, turns=0.2, samples=5)
 
 
+def answer(found, scene, order):
+    """Return the levels (3 bodies, T) of a method on a scene up to an order."""
+    model = found.model(scene)
+    return list(model.read(model.solve(order)))
+
+
 @cache
 def digits(producer):
-    """Return (route, knob, quantity) -> digits on the scene, in the order of the settings."""
+    """Return (method, setting, quantity) -> digits on the scene, in the order of the settings."""
     truth, found = Truth(SCENE), {}
-    for route in routes_of(producer, SCENE):
-        assert isinstance(route, PricedRoute)
-        for order, level in enumerate(route.read(route.solve(route.highest))):
-            found[route.name, route.knob, QUANTITIES[order]] = truth.digits(level, order)[0]
+    for one in methods(producer, Use.PRICE):
+        for order, level in enumerate(answer(one, SCENE, one.highest)):
+            found[one.name, one.setting, QUANTITIES[order]] = truth.digits(level, order)[0]
+    return found
+
+
+def refused(producer, scene):
+    """Return name -> reason of the methods that refuse a scene."""
+    found = {}
+    for one in methods(producer, Use.PRICE):
+        try:
+            one.model(scene)
+        except EngineError as error:
+            found[one.name] = str(error)
     return found
 
 
 def sweep(producer, name, quantity="position"):
-    """Return the digits of one route, from its first setting to its last."""
-    found = [d for (route, _, q), d in digits(producer).items() if (route, q) == (name, quantity)]
+    """Return the digits of one method, from its first setting to its last."""
+    found = [d for (other, _, q), d in digits(producer).items() if (other, q) == (name, quantity)]
     assert len(found) > 1
     return found
 
@@ -136,31 +152,18 @@ def test_a_driver_that_speeds_up_is_followed(producer):
     truth = Truth(scene)
     stepped = ("SolveDynamic", "mj_step, Euler", "constraintDynamics, RK4")
     found = [
-        truth.digits(route.read(route.solve(0))[0], 0)[0]
-        for route in routes_of(producer, scene)
-        if route.name.startswith(stepped) and route.knob == "h = 0.01 s"
+        truth.digits(answer(one, scene, 0)[0], 0)[0]
+        for one in methods(producer, Use.PRICE)
+        if one.name.startswith(stepped) and one.setting == "10 steps between times"
     ]
 
     assert min(found) > 3.0
 
 
-def test_a_step_of_mujoco_leaves_its_rows_as_they_were():
-    (newton,) = (r for r in routes_of("mujoco", SCENE) if (r.name, r.knob) == ("Newton on its rows", "|dq| < 1e-08"))
-    before = newton.solve(2)
-    for route in routes_of("mujoco", SCENE):
-        if "mj_step" in route.name and route.highest == 2:
-            route.solve(2)
-            break
-
-    assert all(np.array_equal(a, b) for a, b in zip(before, newton.solve(2), strict=True))
-
-
-@pytest.mark.parametrize("producer", sorted(PRODUCERS))
+@pytest.mark.parametrize("producer", PRICED)
 def test_a_slider_crank_has_its_positions(producer):
     truth = Truth(SLIDER)
-    found = [
-        truth.digits(r.read(r.solve(0))[0], 0)[0] for r in routes_of(producer, SLIDER) if isinstance(r, PricedRoute)
-    ]
+    found = [truth.digits(answer(one, SLIDER, 0)[0], 0)[0] for one in methods(producer, Use.PRICE)]
 
     assert max(d for d in found if d is not None) > 14.0
 
@@ -192,27 +195,28 @@ def parallelogram():
 )
 def test_redundant_rows_cost_no_digits(producer, name):
     truth = Truth(parallelogram())
-    route = [r for r in routes_of(producer, parallelogram()) if r.name == name][-1]
+    last = [one for one in methods(producer, Use.PRICE) if one.name == name][-1]
 
-    assert min(truth.digits(level, k)[0] for k, level in enumerate(route.read(route.solve(2)))) > 13.0
+    assert min(truth.digits(level, k)[0] for k, level in enumerate(answer(last, parallelogram(), 2))) > 13.0
 
 
 @pytest.mark.parametrize("producer", ["mujoco", "pinocchio"])
 def test_a_loop_that_the_engines_forces_do_not_close_is_refused_for_stepping_by_name(producer):
-    found = routes_of(producer, load(EXAMPLES / "inverted-slider-crank.toml"))
-    refused = [r for r in found if isinstance(r, Refused)]
+    found = refused(producer, load(EXAMPLES / "inverted-slider-crank.toml"))
+    stepped = {name for name, *_ in digits(producer) if name.startswith(("mj_step", "constraintDynamics"))}
 
-    assert [r.name for r in refused] == [{"mujoco": "mj_step", "pinocchio": "constraintDynamics"}[producer]]
-    assert "joint 'A' closes a loop" in refused[0].reason
+    assert stepped <= set(found)
+    assert all("joint 'A' closes a loop" in found[name] for name in stepped)
 
 
 def test_a_driver_that_holds_no_coordinate_of_the_tree_is_refused_for_stepping_by_name():
     driven = LINKAGE.scene(
         driven="coupler", law=Sinusoid(amplitude=0.1, angular_frequency=1.0, offset=0.9), times=[0.0, 0.1]
     )
-    refused = [r.reason for r in routes_of("mujoco", driven) if isinstance(r, Refused)]
+    found = refused("mujoco", driven)
 
-    assert refused == ["driver 'driver' does not hold one coordinate of the tree, as stepping needs it"]
+    assert set(found.values()) == {"driver 'driver' does not hold one coordinate of the tree, as stepping needs it"}
+    assert "newton" not in found
 
 
 def test_without_damping_mujocos_implicitfast_is_as_right_as_its_euler():
@@ -227,34 +231,55 @@ def test_without_damping_mujocos_implicitfast_is_as_right_as_its_euler():
 
 def test_times_that_are_not_even_are_refused_by_exudyns_integration():
     uneven = replace(SCENE, times=(0.0, 0.1, 0.3))
-    refused = {r.name: r.reason for r in routes_of("exudyn", uneven) if isinstance(r, Refused)}
+    found = refused("exudyn", uneven)
 
-    assert set(refused) == {"SolveDynamic, trapezoidal, index 2", "SolveDynamic, generalized-alpha, index 3"}
-    assert all("even" in reason for reason in refused.values())
+    assert set(found) == {"SolveDynamic, trapezoidal, index 2", "SolveDynamic, generalized-alpha, index 3"}
+    assert all("even" in reason for reason in found.values())
 
 
-@pytest.mark.parametrize("producer", sorted(PRODUCERS))
+@pytest.mark.parametrize("producer", PRICED)
 def test_bodies_without_an_estimate_are_named(producer):
     bodies = tuple(replace(body, estimate=None) for body in SCENE.mechanism.bodies)
     lost = replace(SCENE, mechanism=replace(SCENE.mechanism, bodies=bodies))
-    reasons = [r.reason for r in routes_of(producer, lost) if isinstance(r, Refused)]
+    reasons = refused(producer, lost).values()
 
-    assert any("estimate" in reason and "crank" in reason for reason in reasons)
-
-
-def test_a_producer_whose_package_is_missing_is_one_refusal(monkeypatch):
-    monkeypatch.setitem(PRODUCERS, "absent", "no_such_package.routes")
-    (refused,) = routes_of("absent", SCENE)
-
-    assert "no_such_package" in refused.reason
+    assert any("estimate" in reason and "crank" in reason for reason in reasons) or producer == "refkin-lanes"
 
 
-def test_every_setting_has_a_name_of_its_own():
-    for producer in PRODUCERS:
-        keys = [route.key for route in routes_of(producer, SCENE)]
-
-        assert len(keys) == len(set(keys))
+def test_a_producer_that_is_not_there_is_named():
+    with pytest.raises(EngineError, match="no engine is called 'absent'"):
+        methods("absent")
 
 
-def test_the_yardstick_of_ratios_is_a_route_of_the_reference():
-    assert YARDSTICK in [route.key for route in refkin_routes(SCENE) if isinstance(route, PricedRoute)]
+@pytest.mark.parametrize("producer", [*PRICED, "closed_form", "vector_loop", "numpy", "c"])
+def test_every_setting_has_a_name_of_its_own_and_is_found_by_it(producer):
+    found = methods(producer)
+
+    assert len({one.key for one in found}) == len(found)
+    assert method(producer, *found[-1].key[1:]).key == found[-1].key
+
+
+def test_the_yardstick_of_ratios_is_a_method_of_the_reference():
+    assert YARDSTICK in [one.key for one in methods("refkin", Use.PRICE)]
+
+
+FASTEST = [
+    ("exudyn", "MainSolverStatic.Newton, extrapolated"),
+    ("mujoco", "mujoco.batch, all times at once"),
+    ("pinocchio", "Newton on free coordinates"),
+]
+
+
+@pytest.mark.parametrize(("producer", "name"), FASTEST)
+def test_the_fastest_method_of_an_engine_is_as_right_as_double_precision_allows(producer, name):
+    found = {q: sweep(producer, name, q)[-1] for q in QUANTITIES}
+
+    assert min(found.values()) > 13.5
+
+
+@pytest.mark.parametrize(("producer", "name"), FASTEST)
+def test_the_fastest_method_of_an_engine_takes_any_loops_of_revolute_joints_and_slides(producer, name):
+    last = [one for one in methods(producer, Use.PRICE) if one.name == name][-1]
+    truth = Truth(SLIDER)
+
+    assert min(truth.digits(level, k)[0] for k, level in enumerate(answer(last, SLIDER, 2))) > 13.0

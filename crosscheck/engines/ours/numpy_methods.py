@@ -8,18 +8,39 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines.batch_route import Route, chunks, of_four_bars, whole
-from crosscheck.judge.of_batches import Piece
+from crosscheck.engines import EngineError
+from crosscheck.engines.methods import Batch, Method, Use
 from crosscheck.scenes.four_bar_answers import four_bar
-from crosscheck.scenes.works import SPEED, FourBars
+from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, Workload, chunks, whole
 
 AT_ONCE = 10_000
 """Configurations that are computed at once: their rows stay in the cache."""
 SCIPY_CONFIGURATIONS = 720
 
 
-def closed_form(work: FourBars) -> Route:
-    """Return the vectorised closed form."""
+def methods() -> Iterator[Method]:
+    """Yield the vectorised closed form."""
+    yield Method(
+        engine="numpy",
+        name="closed form",
+        newton_by="nobody: two circles meet",
+        uses=frozenset({Use.BENCH}),
+        batch=closed_form,
+        at_once=True,
+        note="two circles meet, differentiated twice, all at once; knows what a four-bar is",
+    )
+
+
+def of_four_bars(workload: Workload) -> FourBars:
+    """Return a workload of four-bars; raises EngineError if it is none."""
+    if isinstance(workload, Chain):
+        raise EngineError("made for four-bars")
+    return workload
+
+
+def closed_form(workload: Workload, order: int) -> Batch:
+    """Return the vectorised closed form; all orders come at once."""
+    work = of_four_bars(workload)
     phi = SPEED * work.t[None, :]
     step = max(1, AT_ONCE // len(work.t))
 
@@ -28,45 +49,38 @@ def closed_form(work: FourBars) -> Route:
             four_bar(work.lengths[:, start : start + step, None], phi, SPEED)
 
     def pieces() -> Iterator[Piece]:
-        for lanes in chunks(work):
-            yield whole(work, lanes, four_bar(work.lengths[:, lanes, None], phi, SPEED))
+        for samples in chunks(work):
+            yield whole(work, samples, four_bar(work.lengths[:, samples, None], phi, SPEED))
 
-    what = "two circles meet, differentiated twice; knows what a four-bar is"
-    return of_four_bars("numpy-closed-form", work, run, pieces, driven_by="NumPy: all at once", what=what)
+    return Batch(run, work.configurations, pieces)
 
 
-def scipy_root(work: FourBars) -> Route:
+def four_bars_by_root(workload: Workload, order: int) -> Batch:
     """Return `scipy.optimize.root` with the analytic Jacobian at every pose, from the last one's prediction."""
+    work = of_four_bars(workload)
     part = work.first(max(1, SCIPY_CONFIGURATIONS // len(work.t)))
 
-    def solved(lane: int) -> Any:
+    def solved(sample: int) -> Any:
         out = np.empty((3, 9, len(part.t)))
-        q, before = part.starts[:, lane], None
+        q, before = part.starts[:, sample], None
         for k, t in enumerate(part.t.tolist()):
             if before is not None:
                 h = t - part.t[k - 1]
                 q = before[0] + h * (before[1] + 0.5 * h * before[2])
-            before = _pose(part.lengths[:, lane].tolist(), q, t)
+            before = _pose(part.lengths[:, sample].tolist(), q, t)
             out[:, :, k] = before
         return out
 
     def pieces() -> Iterator[Piece]:
-        for lane in range(part.mechanisms):
-            yield whole(part, np.array([lane]), solved(lane)[:, :, None])
+        for sample in range(part.mechanisms):
+            yield whole(part, np.array([sample]), solved(sample)[:, :, None])
 
-    return of_four_bars(
-        "scipy-root",
-        part,
-        lambda: [solved(lane) for lane in range(part.mechanisms)],
-        pieces,
-        driven_by="Python: pose after pose; MINPACK iterates",
-        what="scipy.optimize.root, hybr, analytic 9x9 Jacobian, xtol 1e-15; rates by numpy.linalg.solve",
-    )
+    return Batch(lambda: [solved(sample) for sample in range(part.mechanisms)], part.configurations, pieces)
 
 
 def _pose(lengths: list[float], guess: Any, t: float) -> Any:
     """Return position, velocity and acceleration (3, 9) at a time."""
-    from scipy.optimize import root  # here: importing it costs more than most routes do
+    from scipy.optimize import root  # here: importing it costs more than most methods do
 
     # It stops at its tolerance, or says that it makes no good progress: then it is at round-off, which is judged.
     q = root(_residual, guess, (lengths, SPEED * t), method="hybr", jac=_jacobian, options={"xtol": 1e-15}).x

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -16,20 +17,23 @@ from typing import Any
 import numpy as np
 
 from crosscheck.scenes.four_bar_answers import four_bar
-from refkin.joints import GROUND, AngleDriver, Pair, Revolute
+from refkin.joints import GROUND, AngleDriver, Pair, Revolute, Unit
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import FourBar
+from refkin.system import System, compile_system
 
 EXAMPLE = (4.0, 1.0, 3.5, 3.0)
 SPEED = 1.0
 SHORTEST, LONGEST = 0.2, 1.0
 """Between these the lengths of many four-bars are drawn [m]."""
 MARGIN = 0.02
-"""How far from the change point, as a part of the longest length, in the work that has a margin."""
+"""How far from the change point, as a part of the longest length, in the workload that has a margin."""
 SEED = 20260101
 MECHANISMS, TIMES, SWEEP = 10_000, 360, 1000
 WINDOWS = (10, 100, 1000, 10_000)
+CHUNK = 500
+"""So many mechanisms are answered at once when a method's accuracy is taken."""
 
 
 @dataclass(frozen=True)
@@ -87,8 +91,73 @@ class FourBars:
         }
 
     def first(self, mechanisms: int) -> FourBars:
-        """Return the work with the first mechanisms alone: for routes that are too slow for all."""
+        """Return the workload with the first mechanisms alone: for methods that are too slow for all."""
         return replace(self, lengths=self.lengths[:, :mechanisms])
+
+
+def unit_of(lengths: Any) -> Unit:
+    """Return the units of four-bars, with rows (M,) of sizes: as `Mechanism.unit` has it for one."""
+    mantissa, exponent = np.frexp(np.max(lengths, axis=0))
+    size: Any = np.ldexp(1.0, np.where(mantissa > np.sqrt(0.5), exponent, exponent - 1))
+    return Unit(size)
+
+
+def system_of(work: FourBars, mechanisms: Any) -> System:
+    """Return the equations of some mechanisms of a workload, scaled, with rows (L,) for their geometry."""
+    unit = unit_of(work.lengths[:, mechanisms])
+    system = compile_system(work.scene().mechanism)
+    placed = []
+    for p in system.placed:
+        rows: dict[str, Any] = {
+            key: tuple(np.broadcast_to(x, work.mechanisms)[mechanisms] for x in pair)
+            for key, pair in work.geometry.get(p.constraint.name, {}).items()
+        }
+        constraint = replace(p.constraint, **rows)
+        placed.append(replace(p, constraint=constraint, g=constraint.constants(unit)))
+    return replace(system, unit=unit, placed=tuple(placed))
+
+
+@dataclass(frozen=True)
+class Piece:
+    """Some answers to a workload of four-bars.
+
+    Attributes
+    ----------
+    mechanisms, times : (L,) array of int
+        Which configurations.
+    rows : sequence of int
+        Which coordinates of the nine.
+    levels : tuple of (rows, L) array
+        Coordinates in m and rad, then what rates there are.
+    """
+
+    mechanisms: Any
+    times: Any
+    rows: Any
+    levels: tuple[Any, ...]
+
+    def of(self, samples: Any) -> Piece:
+        """Return some of the answers."""
+        return Piece(
+            self.mechanisms[samples], self.times[samples], self.rows, tuple(x[:, samples] for x in self.levels)
+        )
+
+
+def whole(work: FourBars, mechanisms: Any, levels: Iterable[Any], rows: Any = range(9)) -> Piece:
+    """Return the answers of some mechanisms at all times as a piece; each level is (rows, M, T)."""
+    count = len(work.t)
+    return Piece(
+        np.repeat(mechanisms, count),
+        np.tile(np.arange(count), len(mechanisms)),
+        rows,
+        tuple(np.reshape(level, (len(rows), -1)) for level in levels),
+    )
+
+
+def chunks(work: FourBars) -> Iterator[Any]:
+    """Yield the numbers of the mechanisms of a workload, `CHUNK` at a time."""
+    for start in range(0, work.mechanisms, CHUNK):
+        yield np.arange(start, min(start + CHUNK, work.mechanisms))
 
 
 @dataclass(frozen=True)
@@ -139,6 +208,11 @@ class Chain:
         mechanism = Mechanism(tuple(bodies), tuple(joints), (driver,))
         return Scene(mechanism=mechanism, times=(0.0,), name=self.name, evidence=frozenset())
 
+    @cached_property
+    def start(self) -> Any:
+        """Coordinates (n,) in metres and radians from which Newton starts, right to six decimals."""
+        return np.round(np.asarray(self.truth()[0], float), 6)
+
     def truth(self) -> tuple[Any, Any, Any]:
         """Return coordinates, velocities, accelerations (n,) in long double, loop after loop by the closed form."""
         count = self.windows + 1
@@ -156,16 +230,16 @@ class Chain:
 
 
 SPACING = 1.5
-Work = FourBars | Chain
+Workload = FourBars | Chain
 
 
 def names() -> tuple[str, ...]:
-    """Return the names of all works, in the order in which they are run."""
+    """Return the names of all workloads, in the order in which they are run."""
     return ("sweep-1000", "many-10000x360", "many-10000x360-any", *(f"chain-{n}" for n in WINDOWS))
 
 
-def work(name: str) -> Work:
-    """Return a work by its name.
+def workload(name: str) -> Workload:
+    """Return a workload by its name.
 
     Raises
     ------

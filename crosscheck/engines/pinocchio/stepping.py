@@ -1,4 +1,4 @@
-"""Pinocchio by every route: Newton on its rows, and its constrained dynamics with and without Baumgarte's terms.
+"""Pinocchio stepping in time: its constrained dynamics with and without Baumgarte's terms.
 
 Pinocchio integrates nothing in time: Euler and Runge-Kutta are the adapter's, on `constraintDynamics`. The prescribed
 coordinates are overwritten before each step, with an armature beside which no constraint force moves them; stepping
@@ -15,11 +15,10 @@ import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines import EngineError, Level, refusals
+from crosscheck.engines.methods import Method, Model, Use
 from crosscheck.engines.pinocchio.engine import Pinocchio, PinocchioTree
-from crosscheck.engines.price_route import NOBODY, PricedRoute, Refused
 from crosscheck.engines.tree.joint_tree import Array, joint_tree
-from crosscheck.engines.tree.settings import Clockwork, Tree, newton_routes
-from crosscheck.engines.tree.tree_system import TreeSystem
+from crosscheck.engines.tree.newton import NOBODY, Clockwork, Tree
 from refkin.joints import PointsCoincide
 from refkin.model import Scene
 
@@ -40,8 +39,29 @@ Acceleration = Callable[[Array, Array, Array], Array]
 """Accelerations of the prescribed coordinates, q, qd -> those of all."""
 
 
-def routes(scene: Scene) -> Iterator[PricedRoute | Refused]:
-    """Yield the routes of Pinocchio.
+def stepping_methods() -> Iterator[Method]:
+    """Yield the integration of its constrained dynamics at all settings."""
+    for name, (rule, stabilised, counts) in STEPPING.items():
+        for steps in counts:
+            yield Method(
+                engine="pinocchio",
+                name=name,
+                setting=f"{steps} step{'s' * (steps > 1)} between times",
+                newton_by=NOBODY,
+                uses=frozenset({Use.PRICE}),
+                build=partial(_stepped, RULES[rule], stabilised, steps),
+                steps=True,
+                note="integrated by the adapter" + f"; a h = {BAUMGARTE}" * stabilised,
+            )
+
+
+def _stepped(rule: Any, stabilised: bool, steps: int, scene: Scene) -> Model:
+    stepper = Stepper(tree_of(scene))
+    return Model(partial(stepper.solve, rule, stabilised, stepper.clockwork(steps)), stepper.tree.read)
+
+
+def tree_of(scene: Scene) -> Tree:
+    """Return a scene as Pinocchio's joint tree.
 
     Raises
     ------
@@ -51,34 +71,7 @@ def routes(scene: Scene) -> Iterator[PricedRoute | Refused]:
     reasons = refusals(Pinocchio(), scene, Level.SOLVE)
     if reasons:
         raise EngineError("; ".join(reasons))
-    tree = _tree(scene)
-    tree.system.tree.start()  # every route starts there; a missing estimate is a refusal
-    yield from newton_routes(tree, "pinocchio")
-    try:
-        yield from _stepping_routes(tree)
-    except EngineError as error:
-        yield Refused(engine="pinocchio", name="constraintDynamics", reason=str(error))
-
-
-def _tree(scene: Scene) -> Tree:
-    engine = PinocchioTree(joint_tree(scene.mechanism, massless_links=True))
-    return Tree(scene, engine, TreeSystem(engine, scene.mechanism.drivers))
-
-
-def _stepping_routes(tree: Tree) -> Iterator[PricedRoute]:
-    stepper = Stepper(tree)
-    for name, (rule, stabilised, counts) in STEPPING.items():
-        for steps in counts:
-            clock = stepper.clockwork(steps)
-            yield PricedRoute(
-                engine="pinocchio",
-                name=name,
-                knob=f"h = {2.0 * clock.step(0):.3g} s",
-                newton_by=NOBODY,
-                solve=partial(stepper.solve, RULES[rule], stabilised, clock),
-                read=tree.read,
-                note="integrated by the adapter" + f"; a h = {BAUMGARTE}" * stabilised,
-            )
+    return Tree.of(PinocchioTree(joint_tree(scene.mechanism, massless_links=True)), scene)
 
 
 class Stepper:

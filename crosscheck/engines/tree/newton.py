@@ -1,4 +1,4 @@
-"""What the routes of engines with joint trees share: Newton on the engine's rows with its stop swept, and stepping.
+"""What the methods of engines with joint trees share: Newton on the engine's rows with its stop swept, and stepping.
 
 Newton is the adapter's here and the same for every engine (`tree_system` says whose rows it works on); each pose starts
 at the last one. What is timed ends at the tree's coordinates and rates; where bodies are is read afterwards.
@@ -6,7 +6,7 @@ at the last one. What is timed ends at the tree's coordinates and rates; where b
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from typing import Any
@@ -15,16 +15,18 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.march import March, close, solve
-from crosscheck.engines.price_route import PricedRoute
+from crosscheck.engines.methods import Method, Model, Use
 from crosscheck.engines.tree.joint_tree import Array, JointTree
 from crosscheck.engines.tree.tree_motion import body_levels
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
-from refkin.joints import AngleDriver, Driver
+from refkin.joints import AngleDriver, Driver, PointsCoincide
 from refkin.model import Scene
 from refkin.motion import Status
 
 LIMITS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
 """Largest component of the correction at which Newton stops; it squares the error, so the last is at round-off."""
+NOBODY = "nobody: steps in time"
+"""Who ran Newton where the motion is integrated."""
 CAP = 30
 """Corrections that a pose may take."""
 
@@ -36,6 +38,13 @@ class Tree:
     scene: Scene
     engine: TreeEngine
     system: TreeSystem
+
+    @classmethod
+    def of(cls, engine: TreeEngine, scene: Scene) -> Tree:
+        """Return a scene as a tree; raises EngineError if a body has no estimate, where every method starts."""
+        tree = cls(scene, engine, TreeSystem(engine, scene.mechanism.drivers))
+        tree.system.tree.start()
+        return tree
 
     def read(self, levels: Sequence[Array]) -> list[Array]:
         """Return tree coordinates and rates (n, T) as those of bodies."""
@@ -58,23 +67,21 @@ class Tree:
         return pose.q[0], pose.qd[0]
 
 
-def newton_routes(tree: Tree, name: str) -> Iterator[PricedRoute]:
+def newton_methods(engine: str, tree_of: Callable[[Scene], Tree]) -> Iterator[Method]:
     """Yield Newton on the engine's rows, stopped by the size of the correction, and after so many corrections."""
 
-    def route(route_name: str, knob: str, **stop: Any) -> PricedRoute:
-        return PricedRoute(
-            engine=name,
-            name=route_name,
-            knob=knob,
-            newton_by="the adapter",
-            solve=partial(newton_sweep, tree, **stop),
-            read=tree.read,
-        )
+    def listed(name: str, setting: str, **stop: Any) -> Method:
+        def build(scene: Scene) -> Model:
+            tree = tree_of(scene)
+            return Model(partial(newton_sweep, tree, **stop), tree.read)
+
+        uses = frozenset({Use.PRICE})
+        return Method(engine=engine, name=name, setting=setting, newton_by="the adapter", uses=uses, build=build)
 
     for limit in LIMITS:
-        yield route("Newton on its rows", f"|dq| < {limit:g}", limit=limit)
+        yield listed("Newton on its rows", f"|dq| < {limit:g}", limit=limit)
     for count in range(1, 6):
-        yield route("Newton on its rows, stopped", f"{count} correction{'s' * (count > 1)}", most=count)
+        yield listed("Newton on its rows, stopped", f"{count} correction{'s' * (count > 1)}", most=count)
 
 
 def newton_sweep(tree: Tree, order: int, *, limit: float = 0.0, most: int = CAP) -> list[Array]:
@@ -170,3 +177,66 @@ class Clockwork:
     def step(self, k: int) -> float:
         """Return the length of the steps from time k to the next [s]."""
         return float((self.times[k + 1, 0] - self.times[k, 0]) / self.times.shape[1])
+
+
+@dataclass(frozen=True)
+class Loops:
+    """The loops of a tree whose open joints are revolute, with as many free coordinates as they have equations.
+
+    Attributes
+    ----------
+    tree : Tree
+    clock : Clockwork
+        The prescribed coordinates at the times of the scene.
+    free : (f,) array of int
+        The other coordinates: what Newton corrects.
+    """
+
+    tree: Tree
+    clock: Clockwork
+    free: Array
+
+    @classmethod
+    def of(cls, tree: Tree) -> Loops:
+        """Return the loops of a tree.
+
+        Raises
+        ------
+        EngineError
+            If another joint closes a loop, a driver holds no coordinate, or there are more equations than coordinates.
+        """
+        joints = tree.system.tree
+        other = [joint for joint in joints.closures if not isinstance(joint, PointsCoincide)]
+        if other or not joints.closures:
+            which = f"joint {other[0].name!r} closes a loop" if other else "no joint closes a loop"
+            raise EngineError(f"{which}: it is made for loops that revolute joints close")
+        clock = Clockwork.of(joints, tree.scene.mechanism.drivers, tree.scene.times, 1)
+        free = np.setdiff1d(np.arange(joints.width), clock.columns)
+        if len(free) != 2 * len(joints.closures):
+            raise EngineError(f"{2 * len(joints.closures)} equations of loops for {len(free)} coordinates")
+        return cls(tree, clock, free)
+
+    def prescribed(self, times: Any) -> Array:
+        """Return value, rate and acceleration of the prescribed coordinates at other times, (3, T, d)."""
+        joints, drivers = self.tree.system.tree, self.tree.scene.mechanism.drivers
+        return Clockwork.of(joints, drivers, times, 1).values[:, :, 0]
+
+
+def solved_rows(matrix: Any, right: Any) -> Any:
+    """Return the solutions (..., f) of systems (..., f, f); two equations by determinants, without a call for each."""
+    if matrix.shape[-1] != 2:
+        return np.linalg.solve(matrix, right[..., None])[..., 0]
+    (a, b), (c, d) = np.moveaxis(matrix, (-2, -1), (0, 1))
+    x, y = np.moveaxis(right, -1, 0)
+    determinant = a * d - b * c
+    return np.stack([(d * x - b * y) / determinant, (a * y - c * x) / determinant], axis=-1)
+
+
+def solved_one(matrix: Any, right: Any) -> Any:
+    """Return the solution (f,) of one system; two equations in scalars, where a call of LAPACK would take longer."""
+    if len(matrix) != 2:
+        return np.linalg.solve(matrix, right)
+    (a, b), (c, d) = matrix.tolist()
+    x, y = right.tolist()
+    determinant = a * d - b * c
+    return np.array([(d * x - b * y) / determinant, (a * y - c * x) / determinant])

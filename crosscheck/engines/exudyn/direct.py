@@ -1,0 +1,129 @@
+"""exudyn at its fastest: its own static Newton, called pose by pose on a solver that is set up once."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+
+from crosscheck.engines import EngineError
+from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
+from crosscheck.engines.exudyn.solve import bear_redundant_rows, solved
+from crosscheck.scenes.workloads import Chain
+from refkin.joints import Unit
+from refkin.model import Scene
+
+BARE = 1e-12
+"""The norm of the residual, in sizes, at which its Newton stops where rounding does not let it reach a tighter one."""
+CHAIN_TOLERANCE = 1e-9
+"""The norm of the residual [m] at which its Newton stops on a chain; one correction more squares the error."""
+
+
+class Direct:
+    """One mechanism in exudyn, pose after pose from the extrapolated one.
+
+    Raises
+    ------
+    EngineError
+        If a driver's distance is set anew at each time: then extrapolating gains little, and the rows are ours in part.
+    """
+
+    def __init__(self, scene: Scene, unit: Unit, start: Any, tolerance: float) -> None:
+        self.t, self.start, self.tolerance = scene.times, start, tolerance
+        model = self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit)
+        if any(block.cylinder is not None for _, block in model.blocks):
+            raise EngineError("a driven distance is set anew at each time, which the direct Newton does not do")
+        self.settings = quiet_settings()
+        self.settings.staticSolver.newton.relativeTolerance = 0.0
+        self.settings.staticSolver.newton.absoluteTolerance = tolerance
+        bear_redundant_rows(self.settings, model)
+        model.solver.InitializeSolver(model.mbs, self.settings)
+        self.live = [model.n + row for row in model.live]
+        self.still = np.zeros(model.n)
+        self.laws = [
+            [
+                tuple((float(law(t, i)) - (0.0 if i else shift)) / size for i in range(3))
+                for law, shift, size in model.clock.laws
+            ]
+            for t in scene.times
+        ]
+
+    def solve(self, order: int) -> list[Any]:
+        """Return coordinates and rates (n, T) up to an order, NaN where its Newton does not converge."""
+        out = np.full((order + 1, self.model.n, len(self.t)), np.nan)
+        for k, values in enumerate(self.laws):
+            self.model.clock.values[:] = values  # the laws themselves would be a good part of the time
+            out[0, :, k] = self._position(self._guess(out, k))
+            if order:
+                self._rates(out[:, :, k])
+        return list(out)
+
+    def _guess(self, out: Any, k: int) -> Any:
+        if k == 0 or not np.isfinite(out[0, 0, k - 1]):
+            return self.start
+        h = self.t[k] - self.t[k - 1]
+        if len(out) > 2:
+            return out[0, :, k - 1] + h * (out[1, :, k - 1] + 0.5 * h * out[2, :, k - 1])
+        if len(out) > 1:
+            return out[0, :, k - 1] + h * out[1, :, k - 1]
+        if k == 1:
+            return out[0, :, 0]
+        return out[0, :, k - 1] + (out[0, :, k - 1] - out[0, :, k - 2]) * (h / (self.t[k - 1] - self.t[k - 2]))
+
+    def _position(self, guess: Any) -> Any:
+        model = self.model
+        for tolerance in (self.tolerance, max(self.tolerance, BARE)):
+            model.data.SetODE2Coordinates(guess, CURRENT)
+            model.solver.newton.absoluteTolerance = tolerance
+            try:
+                if model.solver.Newton(model.mbs, self.settings):
+                    return model.data.GetODE2Coordinates(CURRENT)
+            except (exu.SolverError, exu.InternalError):
+                break
+        return np.full(model.n, np.nan)
+
+    def _rates(self, levels: Any) -> None:
+        """Fill in velocity, and acceleration if there is room for it; exudyn is at the pose already."""
+        model, solver = self.model, self.model.solver
+        model.data.SetODE2Coordinates_t(self.still, CURRENT)
+        solver.ComputeAlgebraicEquations(model.mbs, True)
+        right = -solver.GetSystemResidual()[self.live]
+        solver.ComputeJacobianODE2RHS(model.mbs, scalarFactor_ODE2=0, scalarFactor_ODE2_t=0, scalarFactor_ODE1=0)
+        solver.ComputeJacobianAE(model.mbs)
+        jacobian = solver.GetSystemJacobian()[self.live, : model.n]
+        qd = levels[1] = solved(jacobian, right)
+        if len(levels) > 2:
+            model.data.SetODE2Coordinates_t(qd, CURRENT)
+            drift = np.zeros(model.m)
+            for rows, block in model.blocks:
+                drift[rows] = tuple(block.drift())
+            levels[2] = solved(jacobian, drift[model.live])
+
+
+class ChainSolver:
+    """A chain in exudyn, with its sparse solver, at one configuration."""
+
+    def __init__(self, work: Chain) -> None:
+        scene = work.scene
+        self.start = work.start
+        self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints)
+        self.settings = quiet_settings()
+        self.settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
+        self.settings.staticSolver.newton.relativeTolerance = 0.0
+        self.model.solver.InitializeSolver(self.model.mbs, self.settings)
+        self.model.set_time(scene.times[0])
+
+    def run(self) -> int:
+        """Let its Newton go from the start to a tolerance; return how many iterations it made."""
+        model, solver = self.model, self.model.solver
+        model.data.SetODE2Coordinates(self.start, CURRENT)
+        solver.newton.absoluteTolerance = CHAIN_TOLERANCE
+        solver.Newton(model.mbs, self.settings)
+        return int(solver.it.newtonSteps)
+
+    def answered(self) -> Any:
+        """Return the coordinates (n,) where it ends, after one more correction."""
+        self.run()
+        self.model.solver.Newton(self.model.mbs, self.settings)
+        return self.model.data.GetODE2Coordinates(CURRENT)

@@ -1,0 +1,171 @@
+"""exudyn's methods: its static solver with tolerances swept, its Newton called directly, its time integration.
+
+The static methods start each pose at the last one, as exudyn does by itself, the direct one at the extrapolated pose;
+velocity and acceleration are solved from exudyn's rows by NumPy, time by time, as it has no such analysis.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from functools import partial
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+
+from crosscheck.engines import EngineError, Level, refusals
+from crosscheck.engines.exudyn.direct import ChainSolver, Direct
+from crosscheck.engines.exudyn.engine import Exudyn
+from crosscheck.engines.exudyn.integration import Integration
+from crosscheck.engines.exudyn.model import ExudynModel
+from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, bear_redundant_rows, solved
+from crosscheck.engines.methods import Batch, Method, Model, Use, of_routes, one_by_one
+from crosscheck.scenes.workloads import Chain, Workload
+from refkin.joints import SI, Unit
+from refkin.model import Scene
+
+TOLERANCES = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
+"""Norms of the residual at which the static solver stops, in sizes of the mechanism."""
+DIRECT = (1e-4, 1e-8, 5e-15)
+"""The same where poses are extrapolated; the last is round-off."""
+STEPS = (1, 3, 10, 30)
+"""Steps of the time integration from one time of the scene to the next."""
+SCALED = "lengths in sizes of the mechanism"
+RATES = "rates: linear solves by the adapter"
+INTEGRATED = {
+    "SolveDynamic, trapezoidal, index 2": (exu.DynamicSolverType.TrapezoidalIndex2, None),
+    "SolveDynamic, generalized-alpha, index 3": (exu.DynamicSolverType.GeneralizedAlpha, 0.5),
+}
+"""Name -> solver and spectral radius."""
+
+
+def methods() -> Iterator[Method]:
+    """Yield the methods of exudyn."""
+    yield from of_routes(Exudyn(), frozenset({Use.COMPARE, Use.PRICE, Use.EFFECTS, Use.HARD}))
+    for tolerance in DIRECT:
+        best = tolerance == DIRECT[-1]
+        yield _method(
+            "MainSolverStatic.Newton, extrapolated",
+            f"absoluteTolerance {tolerance:g}",
+            partial(_direct, tolerance),
+            f"{SCALED}; laws are tabulated with the model; {RATES}",
+            uses=frozenset({Use.PRICE, Use.BENCH}) if best else frozenset({Use.PRICE}),
+            batch=_batched if best else None,
+        )
+    yield _method("SolveStatic, as shipped", "default tolerances", _shipped, RATES)
+    for tolerance in TOLERANCES:
+        setting, note = f"absoluteTolerance {tolerance:g}", f"{SCALED}; {RATES}"
+        yield _method("SolveStatic", setting, partial(_static, tolerance), note)
+    for tolerance in TOLERANCES:
+        setting, note = f"absoluteTolerance {tolerance:g}", f"{SCALED}; {RATES}"
+        yield _method("MainSolverStatic.Newton", setting, partial(_newton, tolerance), note)
+    for name, (kind, radius) in INTEGRATED.items():
+        for steps in STEPS:
+            yield _method(
+                name,
+                f"{steps} step{'s' * (steps > 1)} between times",
+                partial(_integrated, kind, radius, steps),
+                "steps in time" + "; spectral radius 0.5" * (radius is not None),
+                newton_by="exudyn (in each step)",
+                at_once=True,
+                steps=True,
+            )
+
+
+def _method(name: str, setting: str, build: Callable[[Scene], Model], note: str, **more: Any) -> Method:
+    given = {"newton_by": "exudyn", "uses": frozenset({Use.PRICE}), **more}
+    return Method(engine="exudyn", name=name, setting=setting, build=build, note=note, **given)
+
+
+def _checked(scene: Scene) -> Scene:
+    """Return a scene that exudyn can express, with an estimate of each body; raise EngineError if it is none."""
+    reasons = refusals(Exudyn(), scene, Level.SOLVE)
+    reasons += [f"no estimate to start from: {b.name}" for b in scene.mechanism.bodies if b.estimate is None]
+    if reasons:
+        raise EngineError("; ".join(reasons))
+    return scene
+
+
+def _direct(tolerance: float, scene: Scene) -> Model:
+    unit = scene.mechanism.unit()
+    direct = Direct(_checked(scene), unit, _estimate(scene, unit), tolerance)
+    return Model(direct.solve, partial(_in_metres, unit))
+
+
+def _batched(workload: Workload, order: int) -> Batch:
+    if isinstance(workload, Chain):
+        solver = ChainSolver(workload)
+        return Batch(solver.run, solver.run(), solver.answered)
+    return one_by_one(partial(_direct, DIRECT[-1]), workload, order)
+
+
+def _shipped(scene: Scene) -> Model:
+    at = Static(_checked(scene), SI)
+    return at.by(ShippedSolve(at.model, scene.mechanism.size()))
+
+
+def _static(tolerance: float, scene: Scene) -> Model:
+    at = Static(_checked(scene), scene.mechanism.unit())
+    step = ShippedSolve(at.model, 1.0)
+    step.settings.staticSolver.newton.absoluteTolerance = tolerance
+    step.settings.staticSolver.newton.relativeTolerance = 0.0
+    bear_redundant_rows(step.settings, at.model)
+    return at.by(step)
+
+
+def _newton(tolerance: float, scene: Scene) -> Model:
+    at = Static(_checked(scene), scene.mechanism.unit())
+    return at.by(partial(StaticNewton(at.model).once, tolerance=tolerance))
+
+
+def _integrated(kind: Any, radius: float | None, steps: int, scene: Scene) -> Model:
+    unit = scene.mechanism.unit()
+    integration = Integration(_checked(scene), unit, _estimate(scene, unit))
+    return Model(partial(integration.solve, kind, radius, steps), partial(_in_metres, unit))
+
+
+class Static:
+    """A scene in exudyn's static solver, in a unit of length."""
+
+    def __init__(self, scene: Scene, unit: Unit) -> None:
+        self.scene, self.unit = scene, unit
+        self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit)
+        self.start = _estimate(scene, unit)
+
+    def by(self, step: Any) -> Model:
+        """Return the model that goes from pose to pose by `step`, (t, start) -> pose."""
+        return Model(partial(self.solve, step), partial(_in_metres, self.unit))
+
+    def solve(self, step: Any, order: int) -> list[Any]:
+        """Return the levels up to an order."""
+        times, q = self.scene.times, self.start
+        levels = [np.full((len(q), len(times)), np.nan) for _ in range(order + 1)]
+        for k, t in enumerate(times):
+            try:
+                q = step(t, q)
+            except EngineError:
+                continue
+            levels[0][:, k] = q
+            if order:
+                self._rates(levels, k, q, t, order)
+        return levels
+
+    def _rates(self, levels: list[Any], k: int, q: Any, t: float, order: int) -> None:
+        model, live = self.model, self.model.live
+        jacobian = model.jacobian(q, t)[live]
+        qd = solved(jacobian, -model.constraint_velocity(q, np.zeros_like(q), t)[live])
+        levels[1][:, k] = qd
+        if order > 1:
+            levels[2][:, k] = solved(jacobian, model.drift(q, qd, t)[live])
+
+
+def _estimate(scene: Scene, unit: Unit) -> Any:
+    start = np.array([body.estimate for body in scene.mechanism.bodies], float)
+    start[:, :2] = (start[:, :2] - unit.origin) / unit.size
+    return start.ravel()
+
+
+def _in_metres(unit: Unit, levels: list[Any]) -> list[Any]:
+    bodies = len(levels[0]) // 3
+    scale, shift = np.tile([unit.size, unit.size, 1.0], bodies), np.tile([*unit.origin, 0.0], bodies)
+    return [level * scale[:, None] + (shift[:, None] if k == 0 else 0.0) for k, level in enumerate(levels)]

@@ -1,0 +1,311 @@
+"""One class for a method, and the registry that compare, price, effects, hard and bench iterate.
+
+A method is a producer, a name and a setting. Its model of a scene is built once; what is timed answers all times of the
+scene at once, in the producer's own coordinates; reading that as poses of bodies is a third thing. An engine lists its
+methods by `methods()`. One that does not has one for each of its routes, and these serve every measurement: so an
+engine of a user's own appears in every table, and need say no more than its routes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+from enum import StrEnum
+from functools import partial
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import PEERS, QUANTITIES, Array, Engine, EngineError, Simulating, Term, load
+from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload, whole
+from refkin.model import Effect, Scene
+from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
+
+OURS = ("refkin", "refkin-lanes", "scipy", "numpy", "c")
+"""Producers that are no engine: they solve the reference's equations, or know what a four-bar is."""
+PRICED = ("refkin", "refkin-lanes", "scipy", *PEERS)
+"""Whose methods a price list has by default."""
+MODULES = {
+    "refkin": "ours.refkin_methods",
+    "refkin-lanes": "ours.lanes_methods",
+    "scipy": "ours.scipy_methods",
+    "numpy": "ours.numpy_methods",
+    "c": "ours.c_methods",
+    "exudyn": "exudyn.methods",
+    "mujoco": "mujoco.methods",
+    "pinocchio": "pinocchio.methods",
+}
+"""Producer -> the module of `crosscheck.engines` whose `methods()` lists its methods; others say it themselves."""
+ORDERS: tuple[frozenset[Effect], ...] = (frozenset(), frozenset({Effect.VELOCITY}), frozenset(Effect))
+"""What a scene calls for whose answer goes up to position, velocity, acceleration."""
+PART = 3600
+"""Of many mechanisms a method that takes one scene after the other answers about so many configurations."""
+
+
+class Use(StrEnum):
+    """What a method is measured for."""
+
+    COMPARE = "compare"
+    """Held against the reference over drawn scenes."""
+    PRICE = "price"
+    """Digits against time on one scene."""
+    EFFECTS = "effects"
+    """Each effect switched on by itself."""
+    HARD = "hard"
+    """Scenes at and near singular poses."""
+    BENCH = "bench"
+    """Large workloads, against C."""
+
+
+ALL = frozenset(Use)
+
+
+@dataclass(frozen=True)
+class Model:
+    """A scene as a method has built it.
+
+    Attributes
+    ----------
+    solve : callable
+        Order (0 position, 1 velocity too, 2 acceleration too) -> the answer at all times of the scene, in the
+        producer's own coordinates. This is what is timed.
+    read : callable
+        That answer -> per order (3 bodies, T): x, y [m], phi [rad] of every body of the scene, or derivatives; NaN
+        where there is no answer.
+    """
+
+    solve: Callable[[int], Any]
+    read: Callable[[Any], Sequence[Any]]
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A workload as a method has built it.
+
+    Attributes
+    ----------
+    run : callable
+        What is timed.
+    count : int
+        How many configurations one call answers, or how many Newton iterations it makes.
+    answers : callable
+        What was answered: `Piece`s of four-bars, or the coordinates (n,) of a chain.
+    """
+
+    run: Callable[[], object]
+    count: int
+    answers: Callable[[], Any]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Method:
+    """A producer, a name and a setting.
+
+    Attributes
+    ----------
+    engine, name, setting : str
+        Who, how, at which setting. Settings come in their order: what should be more accurate comes later.
+    newton_by : str
+        Who ran Newton.
+    seeding : Seeding
+        How much of our answer it is given.
+    uses : set of Use
+    build : callable or None
+        Scene -> its model. Raises EngineError if the method refuses the scene. None: it takes workloads alone.
+    batch : callable or None
+        Workload and order -> what is timed; by default one scene after the other.
+    highest : int
+        The highest order it gives.
+    at_once : bool
+        Whether all orders come from one run, so that each costs what all cost.
+    steps : bool
+        Whether it steps in time, so that a pose needs the one before it.
+    note : str
+        What a reader has to know of it.
+    asked : (Engine, Route), optional
+        The engine and the route that it is, if it is one: then it also answers for points and statuses.
+    """
+
+    engine: str
+    name: str
+    newton_by: str
+    uses: frozenset[Use]
+    setting: str = ""
+    seeding: Seeding = Seeding.INITIAL_GUESS
+    build: Callable[[Scene], Model] | None = None
+    batch: Callable[[Any, int], Batch] | None = None
+    highest: int = 2
+    at_once: bool = False
+    steps: bool = False
+    note: str = ""
+    asked: tuple[Any, Route] | None = None
+
+    @property
+    def key(self) -> tuple[str, str, str]:
+        """What it is called by: engine, name, setting."""
+        return self.engine, self.name, self.setting
+
+    def model(self, scene: Scene) -> Model:
+        """Return its model of a scene; raises EngineError if it refuses the scene, or takes none."""
+        if self.build is None:
+            raise EngineError(f"{self.engine}, {self.name}: made for the benchmark's workloads alone")
+        return self.build(scene)
+
+    def solve(self, scene: Scene, order: int | None = None) -> Motion:
+        """Return its answer at all times of a scene, up to an order, or as the scene calls for.
+
+        Raises
+        ------
+        EngineError
+            If it refuses the scene.
+        """
+        if order is not None:
+            scene = replace(scene, effects=ORDERS[order])
+        if self.asked is not None:
+            engine, route = self.asked
+            answer: Motion = engine.solve(scene, route)
+            return answer
+        model, order = self.model(scene), order_of(scene)
+        return _as_motion(self, scene, model.read(model.solve(order)))
+
+    def terms(self, scene: Scene) -> Sequence[Term]:
+        """Return what it adds to the allowed error of a scene by its own doing."""
+        if self.asked is None or not hasattr(self.asked[0], "terms"):
+            return ()
+        found: Sequence[Term] = self.asked[0].terms(scene, self.asked[1])
+        return found
+
+    @property
+    def simulating(self) -> Simulating | None:
+        """The engine, if it can be made to simulate more than kinematics."""
+        return self.asked[0] if self.asked is not None and isinstance(self.asked[0], Simulating) else None
+
+    def affected(self, effect: str) -> Method:
+        """Return the method with one of the engine's physical effects switched on behind the back of scenes."""
+        assert self.asked is not None
+        engine, route = self.asked
+        other = engine.with_effect(effect)
+        return replace(self, asked=(other, route), build=partial(_asked_anew, other, route))
+
+    def batched(self, workload: Workload, order: int) -> Batch:
+        """Return a workload as the method takes it.
+
+        Raises
+        ------
+        EngineError
+            If it cannot take it; the message says why.
+        """
+        if self.batch is not None:
+            return self.batch(workload, order)
+        if isinstance(workload, Chain):
+            raise EngineError("not made for chains: it makes no single Newton iterations")
+        return one_by_one(self.model, workload, order)
+
+
+def one_by_one(build: Callable[[Scene], Model], workload: FourBars, order: int, configurations: int = PART) -> Batch:
+    """Return the first mechanisms of a workload as one scene after the other, about so many configurations."""
+    part = workload.first(max(1, configurations // len(workload.t)))
+    models = [build(part.scene(sample)) for sample in range(part.mechanisms)]
+
+    def answers() -> Iterable[Piece]:
+        for sample, model in enumerate(models):
+            levels = [np.asarray(level)[:, None] for level in model.read(model.solve(order))[: order + 1]]
+            yield whole(part, np.array([sample]), levels)
+
+    return Batch(lambda: [model.solve(order) for model in models], part.configurations, answers)
+
+
+def order_of(scene: Scene) -> int:
+    """Return the highest order that a scene calls for."""
+    if Effect.ACCELERATION in scene.effects:
+        return 2
+    return 1 if Effect.VELOCITY in scene.effects else 0
+
+
+def quantities(scene: Scene) -> tuple[str, ...]:
+    """Return the quantities that a scene calls for; acceleration computes velocity, but does not report it unasked."""
+    called = {"position": True, **{q: Effect(q) in scene.effects for q in QUANTITIES[1:]}}
+    return tuple(q for q in QUANTITIES if called[q])
+
+
+def methods(engine: str | Engine, use: Use | None = None) -> list[Method]:
+    """Return the methods of a producer: one of `OURS`, what `crosscheck.engines.load` takes, or an engine.
+
+    Parameters
+    ----------
+    use : Use, optional
+        Those that are measured for it alone.
+
+    Raises
+    ------
+    EngineError
+        If there is no such producer, or its package is missing.
+    """
+    found = _listed(engine)
+    return [method for method in found if use is None or use in method.uses]
+
+
+def _listed(engine: str | Engine) -> list[Method]:
+    name = engine if isinstance(engine, str) else engine.name
+    if name in MODULES:
+        try:
+            return list(import_module(f"crosscheck.engines.{MODULES[name]}").methods())
+        except ImportError as error:
+            raise EngineError(f"{name} is not installed: {error}") from error
+    loaded: Any = load(engine) if isinstance(engine, str) else engine
+    return list(loaded.methods()) if hasattr(loaded, "methods") else of_routes(loaded)
+
+
+def method(engine: str | Engine, name: str, setting: str = "") -> Method:
+    """Return one method of a producer; raises EngineError if there is none of that name and setting."""
+    for found in methods(engine):
+        if (found.name, found.setting) == (name, setting):
+            return found
+    raise EngineError(f"{engine} has no method {name!r} with setting {setting!r}")
+
+
+def of_routes(engine: Engine, uses: frozenset[Use] = ALL) -> list[Method]:
+    """Return a method for each route of an engine, and for those that only hard cases, or effects, are sent through."""
+    found = [_of_route(engine, route, uses) for route in engine.routes()]
+    discovery = getattr(engine, "discovery", None)
+    found += [_of_route(engine, route, frozenset({Use.HARD})) for route in (discovery() if discovery else ())]
+    dynamic = engine.dynamic_routes() if isinstance(engine, Simulating) else ()
+    return found + [_of_route(engine, route, frozenset({Use.EFFECTS})) for route in dynamic]
+
+
+def _of_route(engine: Engine, route: Route, uses: frozenset[Use]) -> Method:
+    return Method(
+        engine=engine.name,
+        name=route.name,
+        newton_by=route.newton_by,
+        seeding=route.seeding,
+        uses=uses,
+        build=partial(_asked_anew, engine, route),
+        note="builds its model anew in every call",
+        asked=(engine, route),
+    )
+
+
+def _asked_anew(engine: Engine, route: Route, scene: Scene) -> Model:
+    """Return a scene as an engine takes it that has no model apart from its answer."""
+    plain = replace(scene, evidence=frozenset(), points=(), bodies_wanted=None)
+    return Model(lambda order: engine.solve(replace(plain, effects=ORDERS[order]), route), levels_of)
+
+
+def levels_of(motion: Motion) -> list[Array]:
+    """Return the levels that a motion has."""
+    return [level for level in motion.levels if level is not None]
+
+
+def _as_motion(method: Method, scene: Scene, levels: Sequence[Any]) -> Motion:
+    """Return levels of all bodies as a motion: ok wherever there are numbers."""
+    levels = [np.asarray(level, float) for level in levels]
+    there = np.all([np.isfinite(level).all(axis=0) for level in levels], axis=0)
+    status = tuple(Status.OK if ok else Status.NOT_CONVERGED for ok in there)
+    who = dict.fromkeys(("residual_by", "jacobian_by", "linear_solve_by", "drift_by"), method.engine)
+    route = Route(name=method.name, newton_by=method.newton_by, seeding=method.seeding, **who)
+    bodies = tuple(body.name for body in scene.mechanism.bodies)
+    full = [*levels, None, None]
+    producer = Producer(name=method.engine, version="", route=route)
+    return engine_motion(scene.times, bodies, full[0], full[1], full[2], status, producer)

@@ -1,0 +1,266 @@
+"""MuJoCo's methods, and its fastest: many poses, or many mechanisms, at once by `mujoco.batch`, on one thread.
+
+There the model is the joint tree with a site at either end of each loop that is left open. Positions of sites, their
+Jacobians and accelerations are MuJoCo's own; Newton on the free coordinates is done here, on rows. One mechanism is
+taken to a few poses one after another, and to all others from the cubics between them. Many go from time to time
+together.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import EngineError
+from crosscheck.engines.methods import Batch, Method, Model, Use, of_routes
+from crosscheck.engines.mujoco.engine import Mujoco
+from crosscheck.engines.mujoco.model import Plan, mujoco, switch_on
+from crosscheck.engines.mujoco.stepping import stepping_methods, tree_of
+from crosscheck.engines.tree.newton import Loops, newton_methods, solved_one, solved_rows
+from crosscheck.scenes.workloads import Chain, FourBars, Workload, whole
+from refkin.model import Scene
+
+MECHANISMS = 200
+"""So many of many mechanisms are done."""
+COARSE, EVERY = 40, 4
+"""One pose of so many is found before the others, from the one before it; at most so many."""
+LIMITS = (1e-2, 1e-4, 1e-8)
+"""Largest correction at which Newton stops; it squares the error."""
+MOST_NEWTON = 12
+UNUSED = ("EQUALITY", "CONSTRAINT")
+"""What of MuJoCo the batch has no need of, beside all that is no kinematics."""
+
+
+def methods() -> Iterator[Method]:
+    """Yield the methods of MuJoCo."""
+    yield from of_routes(Mujoco(), frozenset({Use.COMPARE, Use.PRICE, Use.EFFECTS, Use.HARD}))
+    for limit in LIMITS:
+        last = limit == LIMITS[-1]
+        yield Method(
+            engine="mujoco",
+            name="mujoco.batch, all times at once",
+            setting=f"|dq| < {limit:g}",
+            newton_by="the adapter (NumPy on rows)",
+            uses=frozenset({Use.PRICE, Use.BENCH}) if last else frozenset({Use.PRICE}),
+            build=partial(_swept, limit),
+            batch=partial(_batched, limit) if last else None,
+            note="its sites, Jacobians and accelerations; laws are tabulated with the model",
+        )
+    yield from newton_methods("mujoco", tree_of)
+    yield from stepping_methods()
+
+
+def _swept(limit: float, scene: Scene) -> Model:
+    sweep = Sweep(Loops.of(tree_of(scene)), limit)
+    return Model(sweep.solve, sweep.loops.tree.read)
+
+
+def _batched(limit: float, workload: Workload, order: int) -> Batch:
+    if isinstance(workload, Chain):
+        raise EngineError("not made for chains: mujoco.batch binds no constraint rows, and one pose is no batch")
+    part = workload.first(MECHANISMS)
+    if part.mechanisms == 1:
+        model = _swept(limit, part.scene())
+        answers = lambda: [whole(part, np.arange(1), [x[:, None] for x in model.read(model.solve(order))])]  # noqa: E731
+        return Batch(lambda: model.solve(order), part.configurations, answers)
+    many = Many(part, limit)
+    return Batch(lambda: many.solve(order), part.configurations, lambda: many.read(many.solve(order)))
+
+
+class Samples:
+    """So many poses of a tree's loops at once; columns are MuJoCo's, in the order of its joints."""
+
+    def __init__(self, loops: Loops, count: int, limit: float) -> None:
+        self.count, self.limit = count, limit
+        joints = loops.tree.system.tree
+        self.model = _model(joints)
+        self.columns = np.array([self.model.joint(f"q{k}").id for k in range(joints.width)], int)
+        self.held, self.free = self.columns[loops.clock.columns], self.columns[loops.free]
+        self.ends = [[self.model.site(f"c{k} {side}").id for side in "ij"] for k in range(len(joints.closures))]
+        from mujoco import batch
+
+        self.batch: Any = batch.Batch(self.model, nsim=count, nthread=1)
+        self.q, self.v = self.batch.bind("qpos"), self.batch.bind("qvel")
+        self.sites, self.qacc = self.batch.bind("site_xpos"), self.batch.bind("qacc")
+        self.sensed = self.batch.bind("sensordata")
+
+    def solved(self, guess: Any, rates: Any, order: int) -> list[Any]:
+        """Return coordinates and rates (count, n) up to an order; NaN where Newton does not end.
+
+        Parameters
+        ----------
+        guess : (count, n) array
+        rates : (2, count, d) or (2, 1, d) array
+            Rate and acceleration of the prescribed coordinates.
+        """
+        free, held = self.free, self.held
+        self.q[:] = guess
+        for _ in range(MOST_NEWTON):
+            gap, jacobian = self._closure()
+            step = solved_rows(jacobian[..., free], gap)
+            self.q[:, free] -= step
+            if np.max(np.abs(step)) <= self.limit:
+                break
+        else:
+            self.q[np.max(np.abs(step), axis=1) > self.limit] = np.nan
+        found = [self.q.copy()]
+        if order == 0:
+            return found
+        _, jacobian = self._closure()
+        self.v[:, held] = rates[0]
+        self.v[:, free] = -solved_rows(jacobian[..., free], _times(jacobian[..., held], rates[0]))
+        found.append(self.v.copy())
+        if order == 1:
+            return found
+        self.batch.forward()
+        ends = self.sensed.reshape(self.count, -1, 2, 3)[..., :2]
+        drift = (ends[:, :, 0] - ends[:, :, 1]).reshape(self.count, -1) - _times(jacobian, self.qacc)
+        a = np.empty_like(found[0])
+        a[:, held] = rates[1]
+        a[:, free] = -solved_rows(jacobian[..., free], drift + _times(jacobian[..., held], rates[1]))
+        return [*found, a]
+
+    def _closure(self) -> tuple[Any, Any]:
+        """Return the gaps of the loops (count, 2 L) and their Jacobians (count, 2 L, n)."""
+        self.batch.forward(stage=mujoco.mjtStage.mjSTAGE_POS.value)
+        gap = np.concatenate([self.sites[:, i, :2] - self.sites[:, j, :2] for i, j in self.ends], axis=1)
+        rows = [self._jacobian(i) - self._jacobian(j) for i, j in self.ends]
+        return gap, rows[0] if len(rows) == 1 else np.concatenate(rows, axis=1)
+
+    def _jacobian(self, site: int) -> Any:
+        body = int(self.model.site_bodyid[site])
+        return self.batch.jac(body, self.sites[:, site])[0][:, :2] if body else 0.0
+
+    def from_tree(self, q: Any) -> Any:
+        """Return tree coordinates (..., n) in the order of MuJoCo's joints."""
+        found = np.empty_like(q)
+        found[..., self.columns] = q
+        return found
+
+
+def _times(matrix: Any, vector: Any) -> Any:
+    """Return products (B, m) of matrices (B, m, n) and vectors (B, n), or of all with one (1, n)."""
+    return (matrix @ vector[..., None])[..., 0]
+
+
+class Sweep:
+    """One mechanism at all times: a few poses one after another, then all at once."""
+
+    def __init__(self, loops: Loops, limit: float) -> None:
+        self.loops, self.t = loops, np.array(loops.tree.scene.times)
+        self.samples = Samples(loops, len(self.t), limit)
+        self.values = loops.clock.values[:, :, 0]
+        self.start = self.samples.from_tree(loops.tree.system.tree.start())
+        self.data = mujoco.MjData(self.samples.model)
+        count = min(COARSE + 1, max(len(self.t) // EVERY, 2))
+        self.coarse = np.linspace(self.t[0], self.t[-1], count)
+        self.at_coarse = loops.prescribed(self.coarse)
+        self._rows = np.zeros((2, 3, self.samples.model.nv))
+
+    def solve(self, order: int) -> list[Any]:
+        """Return tree coordinates and rates (n, T) up to an order."""
+        found = self.samples.solved(self._guess(), self.values[1:], order)
+        return [level[:, self.samples.columns].T for level in found]
+
+    def _guess(self) -> Any:
+        """Return guesses (T, n): the start where there is one time, else cubics between the coarse poses."""
+        if len(self.t) == 1:
+            guess = self.start[None].copy()
+        else:
+            q, v = self._march()
+            h = self.coarse[1] - self.coarse[0]
+            k = np.minimum((self.t - self.coarse[0]) // h, len(self.coarse) - 2).astype(int)
+            s = ((self.t - self.coarse[k]) / h)[:, None]
+            left, right = q[k], q[k + 1]
+            rise = right - left
+            one, other = h * v[k] - rise, rise - h * v[k + 1]
+            guess = left + s * (rise + (1.0 - s) * (one * (1.0 - s) + other * s))
+        guess[:, self.samples.held] = self.values[0]
+        return guess
+
+    def _march(self) -> tuple[Any, Any]:
+        """Return the coarse poses and rates (count, n), each found from the one before it."""
+        held, free = self.samples.held, self.samples.free
+        q, v = np.empty((2, len(self.coarse), len(self.start)))
+        at, rate, h = self.start.copy(), np.zeros(len(self.start)), self.coarse[1] - self.coarse[0]
+        for k in range(len(self.coarse)):
+            if k:
+                at += h * rate
+            at[held], rate[held] = self.at_coarse[0, k], self.at_coarse[1, k]
+            for _ in range(MOST_NEWTON):
+                gap, jacobian = self._closure(at)
+                step = solved_one(jacobian[:, free], gap)
+                at[free] -= step
+                if max(map(abs, step.tolist())) <= LIMITS[-2]:
+                    break
+            rate[free] = -solved_one(jacobian[:, free], jacobian[:, held] @ rate[held])
+            q[k], v[k] = at, rate
+        return q, v
+
+    def _closure(self, q: Any) -> tuple[Any, Any]:
+        model, data, (one, other) = self.samples.model, self.data, self._rows
+        data.qpos[:] = q
+        mujoco.mj_kinematics(model, data)
+        mujoco.mj_comPos(model, data)
+        gaps, rows = [], []
+        for i, j in self.samples.ends:
+            mujoco.mj_jacSite(model, data, one, None, i)
+            mujoco.mj_jacSite(model, data, other, None, j)
+            gaps.append(data.site_xpos[i, :2] - data.site_xpos[j, :2])
+            rows.append(one[:2] - other[:2])
+        return (gaps[0], rows[0]) if len(rows) == 1 else (np.concatenate(gaps), np.concatenate(rows))
+
+
+class Many:
+    """Many mechanisms of one topology, time after time; places of joints and sites differ."""
+
+    def __init__(self, work: FourBars, limit: float) -> None:
+        self.work, self.t = work, work.t
+        self.trees = [tree_of(work.scene(sample)) for sample in range(work.mechanisms)]
+        self.loops = Loops.of(self.trees[0])
+        self.samples = Samples(self.loops, work.mechanisms, limit)
+        self.start = np.array([self.samples.from_tree(tree.system.tree.start()) for tree in self.trees])
+        places, sites = self.samples.batch.expand("body_pos"), self.samples.batch.expand("site_pos")
+        for sample, tree in enumerate(self.trees):
+            model = _model(tree.system.tree)
+            places[sample], sites[sample] = model.body_pos, model.site_pos
+
+    def solve(self, order: int) -> list[Any]:
+        """Return tree coordinates and rates (T, M, n) up to an order; guesses take all rates."""
+        values, held = self.loops.clock.values[:, :, 0], self.samples.held
+        found: list[list[Any]] = []
+        for k in range(len(self.t)):
+            if k == 0:
+                guess = self.start.copy()
+            else:
+                h, (q, v, a) = self.t[k] - self.t[k - 1], found[-1]
+                guess = q + h * (v + 0.5 * h * a)
+            guess[:, held] = values[0, k]
+            found.append(self.samples.solved(guess, values[1:, k, None], 2))
+        return [np.array([pose[level] for pose in found])[..., self.samples.columns] for level in range(order + 1)]
+
+    def read(self, levels: list[Any]) -> Iterator[Any]:
+        """Yield the answers, mechanism by mechanism."""
+        for sample, tree in enumerate(self.trees):
+            bodies = tree.read([level[:, sample].T for level in levels])
+            yield whole(self.work, np.array([sample]), [level[:, None] for level in bodies])
+
+
+def _model(joints: Any) -> Any:
+    """Return MuJoCo's model of a tree, with sites and sensors of accelerations at the ends of its loops."""
+    plan = Plan(joints, joints.closures)
+    switch_on(plan.spec, "SENSOR")
+    for k in range(len(joints.closures)):
+        for side in "ij":
+            plan.spec.add_sensor(
+                name=f"c{k} {side}",
+                type=mujoco.mjtSensor.mjSENS_FRAMELINACC,
+                objtype=mujoco.mjtObj.mjOBJ_SITE,
+                objname=f"c{k} {side}",
+            )
+    model = plan.compile()
+    model.opt.disableflags |= sum(int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name}")) for name in UNUSED)
+    return model

@@ -1,0 +1,125 @@
+"""The rivals in C: dense Newton, the fast path's own program, the closed form; one thread, compiled here and now."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import EngineError
+from crosscheck.engines.methods import Batch, Method, Use
+from crosscheck.engines.ours import chains
+from crosscheck.engines.ours.c_kernels import library, row_of, rows
+from crosscheck.engines.ours.c_tape import emitted, geometry_of
+from crosscheck.engines.ours.chains import tape_of
+from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, Workload, chunks, system_of, whole
+
+LONG, DOUBLE = ctypes.c_long, ctypes.c_double
+TIMED = 1000
+"""Of many mechanisms so many are timed; all are judged."""
+
+
+def methods() -> Iterator[Method]:
+    """Yield the methods in C, at the benchmark's workloads."""
+    yield _method("same program", _same_tape, "the fast path's list of operations, compiled")
+    yield _method("dense Newton", _dense, "all equations, LU with partial pivoting; residual and branch checked")
+    yield _method("closed form", _closed_form, "two circles meet, differentiated twice; knows what a four-bar is")
+
+
+def _method(name: str, batch: Any, note: str) -> Method:
+    return Method(
+        engine="c",
+        name=name,
+        newton_by="C: pose after pose",
+        uses=frozenset({Use.BENCH}),
+        batch=batch,
+        at_once=True,
+        note=note,
+    )
+
+
+def _dense(workload: Workload, order: int) -> Batch:
+    if isinstance(workload, Chain):
+        return chains.dense_c(workload)
+    return _Call(workload, _function("dense.c", "dense_march")).batch()
+
+
+def _closed_form(workload: Workload, order: int) -> Batch:
+    if isinstance(workload, Chain):
+        raise EngineError("a closed form has no Newton iteration")
+    return _Call(workload, _function("closed.c", "closed_form")).batch()
+
+
+def _same_tape(workload: Workload, order: int) -> Batch:
+    if isinstance(workload, Chain):
+        return chains.same_tape(workload)
+    tape, core = tape_of(workload.scene())
+    return _TapeCall(workload, _function("tape.c", "tape_march", tape=emitted(tape)), tape, core).batch()
+
+
+def _function(source: str, name: str, **generated: str) -> Any:
+    function = getattr(library(source, **generated), name)
+    function.restype = LONG
+    return function
+
+
+class _Call:
+    """A kernel with its arguments laid out."""
+
+    def __init__(self, work: FourBars, function: Any) -> None:
+        self.work, self.function = work, function
+        self.t = np.ascontiguousarray(work.t)
+
+    def arguments(self, mechanisms: Any) -> tuple[Any, Any]:
+        """Return the numbers of the geometry and the starts, each (M, ...)."""
+        return rows(self.work.lengths[:, mechanisms]), rows(self.work.starts[:, mechanisms])
+
+    def answers(self, mechanisms: Any, out: Any) -> tuple[Any, ...]:
+        """Return the levels (9, M, T) in metres of what the kernel wrote."""
+        return tuple(np.moveaxis(out[:, :, 9 * k : 9 * k + 9], 2, 0) for k in range(3))
+
+    def called(self, geometry: Any, starts: Any, keep: bool, out: Any) -> None:
+        numbers = (len(geometry), len(self.t))
+        self.function(
+            *map(LONG, numbers), *map(row_of, (geometry, starts, self.t)), DOUBLE(SPEED), int(keep), row_of(out)
+        )
+
+    def batch(self) -> Batch:
+        """Return what is timed: some mechanisms; all are answered."""
+        timed = self.work.first(TIMED)
+        given = self.arguments(np.arange(timed.mechanisms))
+        one = np.empty((1, len(self.t), 27))  # one mechanism's answers: written over by the next, so no memory is timed
+
+        def pieces() -> Iterator[Piece]:
+            for samples in chunks(self.work):
+                out = np.empty((len(samples), len(self.t), 27))
+                self.called(*self.arguments(samples), True, out)
+                yield whole(self.work, samples, self.answers(samples, out))
+
+        return Batch(lambda: self.called(*given, False, one), timed.configurations, pieces)
+
+
+class _TapeCall(_Call):
+    """The compiled tape: scaled geometry in the order of its registers, and starts of the core alone."""
+
+    def __init__(self, work: FourBars, function: Any, tape: Any, core: tuple[int, ...]) -> None:
+        super().__init__(work, function)
+        self.places, self.core = [place for _, place in geometry_of(tape)], list(core)
+
+    def arguments(self, mechanisms: Any) -> tuple[Any, Any]:
+        system = system_of(self.work, mechanisms)
+        geometry = [np.broadcast_to(system.placed[c].g[k], len(mechanisms)) for c, k in self.places]
+        return rows(geometry), rows(system.to_unit(self.work.starts[:, mechanisms])[self.core])
+
+    def answers(self, mechanisms: Any, out: Any) -> tuple[Any, ...]:
+        system = system_of(self.work, np.repeat(mechanisms, len(self.t)))
+        scaled = super().answers(mechanisms, out)
+        return tuple(system.to_physical(x.reshape(9, -1), order).reshape(x.shape) for order, x in enumerate(scaled))
+
+    def called(self, geometry: Any, starts: Any, keep: bool, out: Any) -> None:
+        numbers = (*geometry.shape[:1], len(self.t), geometry.shape[1])
+        self.function(
+            *map(LONG, numbers), *map(row_of, (geometry, starts, self.t)), DOUBLE(SPEED), int(keep), row_of(out)
+        )

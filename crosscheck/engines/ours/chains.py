@@ -1,0 +1,135 @@
+"""Chains of four-bars in one configuration: a Newton iteration, from residual to corrected coordinates.
+
+What is judged is where a few iterations lead.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import EngineError
+from crosscheck.engines.methods import Batch
+from crosscheck.engines.ours.c_kernels import library, row_of
+from crosscheck.engines.ours.c_tape import emitted, geometry_of
+from crosscheck.engines.ours.refkin_methods import ITERATIONS, iterated
+from crosscheck.scenes.workloads import Chain, Workload
+from refkin.joints import GROUND
+from refkin.model import Scene
+from refkin.system import System, compile_system
+
+LONGEST = {
+    "program": (100, "to lay the program out, and to compile it, would take minutes"),
+    "dense": (1000, "its dense matrix would take 29 GB"),
+}
+"""The longest chain that a method is asked for, and why not for longer ones."""
+REPEATED = 100
+"""So many iterations are one call of a function in C, whose own cost is then nothing."""
+
+
+def sparse(workload: Workload, order: int) -> Batch:
+    """Return the sparse path."""
+    if not isinstance(workload, Chain):
+        raise EngineError("made for chains")
+    try:
+        from refkin.fast import SparseSystem
+        from refkin.fast.sparse import factors
+    except ImportError as error:
+        raise EngineError(f"no fast paths here: {error}") from error
+    system, t = SparseSystem(_system(workload)), workload.scene.times[0]
+    return iterated(workload, system.system, lambda q: q - factors(system.phi_q(q, t)).solve(system.phi(q, t)))
+
+
+def by_tape(work: Chain) -> Batch:
+    """Return the fast path's program, on a single sample."""
+    _refuse_longer(work, "program")
+    tape, core = tape_of(replace(work.scene, effects=frozenset()))
+    from refkin.fast.lanes.run import Workspace
+
+    system, t = _system(work), work.scene.times[0]
+    space = Workspace(tape, 1)
+    space.give_geometry([p.g for p in system.placed])
+    laws = {k: p.constraint.inputs(t, system.unit, 2) for k, p in enumerate(system.placed) if p.constraint.laws}
+    space.give_laws(laws)
+    start = system.to_unit(work.start)[list(core)]
+
+    def answered() -> Any:
+        for row, value in zip(space.core(), start, strict=True):
+            row[:] = value
+        for _ in range(ITERATIONS):
+            space.run("newton")
+        space.run("answer")
+        return system.to_physical(space.level(0)[:, 0])
+
+    answered()
+    return Batch(lambda: space.run("newton"), 1, answered)
+
+
+def same_tape(work: Chain) -> Batch:
+    """Return the fast path's program, compiled."""
+    _refuse_longer(work, "program")
+    tape, core = tape_of(replace(work.scene, effects=frozenset()))
+    function = library("tape.c", tape=emitted(tape)).tape_newton
+    function.restype = ctypes.c_double
+    system = _system(work)
+    geometry = np.array([system.placed[c].g[k] for _, (c, k) in geometry_of(tape)])
+    start = system.to_unit(work.start)[list(core)]
+    law = [ctypes.c_double(float(work.law(0.0, order))) for order in range(3)]
+    out = np.empty(system.n)
+
+    def iterate(count: int, to: Any = None) -> None:
+        function(ctypes.c_long(count), row_of(geometry), row_of(start), *law, None if to is None else row_of(to))
+
+    def answered() -> Any:
+        iterate(ITERATIONS, out)
+        return system.to_physical(out)
+
+    return Batch(lambda: iterate(REPEATED), REPEATED, answered)
+
+
+def dense_c(work: Chain) -> Batch:
+    """Return dense Newton in C."""
+    _refuse_longer(work, "dense")
+    function = library("dense_chain.c").chain_newton
+    function.restype = ctypes.c_double
+    mechanism, n = work.scene.mechanism, len(work.start)
+    number = {GROUND: -1, **{b.name: k for k, b in enumerate(mechanism.bodies)}}
+    ends = np.array([[number[body] for body in joint.bodies] for joint in mechanism.joints], np.dtype("l"))
+    points = np.array([[x for _, point in joint.points() for x in point] for joint in mechanism.joints])
+    start, angle = work.start, float(work.law(0.0))
+    matrix, right = np.empty((n, n)), np.empty(n)
+
+    def iterate(count: int) -> Any:
+        q = start.copy()
+        joints = ends.ctypes.data_as(ctypes.POINTER(ctypes.c_long))
+        sizes = map(ctypes.c_long, (count, n, len(ends)))
+        function(*sizes, joints, row_of(points), ctypes.c_double(angle), *map(row_of, (q, matrix, right)))
+        return q
+
+    return Batch(lambda: iterate(1), 1, lambda: iterate(ITERATIONS))
+
+
+def tape_of(scene: Scene) -> tuple[Any, tuple[int, ...]]:
+    """Return the fast path's program of a scene, and the coordinates that it iterates in; EngineError without one."""
+    try:
+        from refkin.fast.prepare import prepared
+    except ImportError as error:
+        raise EngineError(f"no fast paths here: {error}") from error
+    found = prepared(scene)
+    if found is None:
+        raise EngineError("there is no program for this scene")
+    return found.made.lanes, found.made.core
+
+
+def _system(work: Chain) -> System:
+    mechanism = work.scene.mechanism
+    return compile_system(mechanism, unit=mechanism.unit())
+
+
+def _refuse_longer(work: Chain, name: str) -> None:
+    longest, reason = LONGEST[name]
+    if work.windows > longest:
+        raise EngineError(f"not for more than {longest} loops: {reason}")

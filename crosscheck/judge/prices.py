@@ -1,0 +1,193 @@
+"""The price list as data: rows, the cheapest way to so many digits, what settings give away, and whether it repeats."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import groupby, pairwise
+from typing import Any
+
+STEPS = (3, 6, 9, 12, 14)
+"""The digits whose cheapest way is told."""
+POSES = {"one": "one pose now", "cycle": "one cycle", "bulk": "in bulk"}
+"""Who asks: somebody who needs one pose at once, one cycle, or a thousand poses and more."""
+SUFFIX = {"one": "_one", "cycle": "", "bulk": "_bulk"}
+"""What the keys of a row end with, for so many poses."""
+LOOSER = 1.0
+"""A setting that should be more accurate and has this many digits fewer is told of."""
+YARDSTICK = ("refkin", "Newton, analytic Jacobian", "to round-off")
+"""The row whose price is the unit of what is tracked over nights."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Row:
+    """One method at one setting, for one quantity: over one cycle, for `_one` pose now, in `_bulk`.
+
+    Attributes
+    ----------
+    digits, digits_one, digits_bulk : float or None
+        The fewest over the times; None where a time has no answer.
+    digits_attainable : float or None
+        What half an ulp of the scene's own numbers leaves, over one cycle.
+    microseconds, microseconds_one, microseconds_bulk : float or None
+        What one configuration costs up to this quantity; None if it was not measured.
+    spread, spread_one, spread_bulk : float or None
+        How far the median round lies above the least, as a part of it; None if it was timed once.
+    microseconds_to_build : float or None
+        What it takes to build the model of one cycle, once.
+    newton_by : str
+        Who ran Newton.
+    """
+
+    engine: str
+    method: str
+    setting: str
+    quantity: str
+    digits: float | None
+    digits_attainable: float | None
+    microseconds: float | None
+    spread: float | None
+    newton_by: str
+    digits_one: float | None = None
+    microseconds_one: float | None = None
+    spread_one: float | None = None
+    digits_bulk: float | None = None
+    microseconds_bulk: float | None = None
+    spread_bulk: float | None = None
+    microseconds_to_build: float | None = None
+    note: str = ""
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the row as plain data."""
+        return asdict(self)
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What a row offers for so many poses."""
+
+    engine: str
+    method: str
+    setting: str
+    digits: float
+    microseconds: float
+    spread: float | None
+    newton_by: str
+
+    @property
+    def name(self) -> tuple[str, str]:
+        """Engine and method."""
+        return self.engine, self.method
+
+    def differs(self, other: Offer) -> bool:
+        """Whether two prices differ by more than the spread of both: by how far either was off in half of its rounds.
+
+        What was timed once has no spread, and is not known to differ.
+        """
+        if self.spread is None or other.spread is None:
+            return False
+        apart = abs(self.microseconds - other.microseconds)
+        return apart > self.spread * self.microseconds + other.spread * other.microseconds
+
+
+Cheapest = dict[str, dict[str, dict[str, dict[str, Any] | None]]]
+"""Poses -> quantity -> digits -> the best offer as plain data, with the `second` best and whether it `differs`."""
+
+
+def offers(rows: Iterable[Mapping[str, Any]], poses: str, quantity: str, digits: float) -> list[Offer]:
+    """Return the best offer of each method with so many digits, the cheapest first."""
+    best: dict[tuple[str, str], Offer] = {}
+    for row in rows:
+        of_poses = {key: row.get(key + SUFFIX[poses]) for key in ("digits", "microseconds", "spread")}
+        if row["quantity"] != quantity or of_poses["digits"] is None or of_poses["microseconds"] is None:
+            continue
+        who: dict[str, Any] = {key: row[key] for key in ("engine", "method", "setting", "newton_by")}
+        offer = Offer(**{**who, **of_poses})
+        known = best.get(offer.name)
+        if offer.digits >= digits and (known is None or offer.microseconds < known.microseconds):
+            best[offer.name] = offer
+    return sorted(best.values(), key=lambda offer: offer.microseconds)
+
+
+def cheapest(rows: Sequence[Mapping[str, Any]], steps: Sequence[int] = STEPS) -> Cheapest:
+    """Return the cheapest way to so many digits of each quantity, for each number of poses; None if there is none.
+
+    The second best is that of another method: two settings of one method may be the same thing.
+    """
+    quantities = list(dict.fromkeys(row["quantity"] for row in rows))
+    return {
+        poses: {q: {str(step): _best(offers(rows, poses, q, step)) for step in steps} for q in quantities}
+        for poses in POSES
+    }
+
+
+def _best(found: Sequence[Offer]) -> dict[str, Any] | None:
+    if not found:
+        return None
+    second = found[1] if len(found) > 1 else None
+    told = None if second is None else asdict(second)
+    return {**asdict(found[0]), "second": told, "differs": second is not None and found[0].differs(second)}
+
+
+def repeated(first: Cheapest, again: Cheapest) -> tuple[int, int, list[str]]:
+    """Return of how many cells the winner differs from the second best in both lists, in how many it is the same one.
+
+    Parameters
+    ----------
+    first, again : as `cheapest` returns them
+
+    Returns
+    -------
+    (int, int, list of str)
+        Cells, those with the same engine and method first, and what is to be said of each of the others.
+    """
+    cells = same = 0
+    changed = []
+    for poses, of_poses in first.items():
+        for quantity, by_digits in of_poses.items():
+            for digits, one in by_digits.items():
+                other = again.get(poses, {}).get(quantity, {}).get(digits)
+                if one is None or other is None or not (one["differs"] and other["differs"]):
+                    continue
+                cells += 1
+                before, after = ((x["engine"], x["method"]) for x in (one, other))
+                same += before == after
+                if before != after:
+                    where = f"{POSES[poses]}, {digits} digits of {quantity}"
+                    changed.append(f"{where}: {', '.join(before)} before, {', '.join(after)} now")
+    return cells, same, changed
+
+
+def ratios(rows: Sequence[Row]) -> dict[tuple[str, str, str, str], float]:
+    """Return (engine, method, setting, quantity) -> its price in units of refkin's Newton to round-off.
+
+    Microseconds are those of a machine and its load; ratios are what is compared over nights.
+    """
+    unit = {r.quantity: r.microseconds for r in rows if (r.engine, r.method, r.setting) == YARDSTICK and r.microseconds}
+    return {
+        (r.engine, r.method, r.setting, r.quantity): r.microseconds / unit[r.quantity]
+        for r in rows
+        if r.microseconds is not None and r.quantity in unit
+    }
+
+
+def with_suspicions(rows: Sequence[Row]) -> list[Row]:
+    """Return the rows, with a note on each setting that has fewer digits than the looser one before it.
+
+    Digits are measured, never taken from a setting; so one that is not what it says shows here. What lies within a
+    digit of the attainable ones is left alone: there, rounding decides.
+    """
+    noted = list(rows)
+
+    def of_sweep(k: int) -> tuple[str, str, str]:
+        return rows[k].engine, rows[k].method, rows[k].quantity
+
+    for _, places in groupby(sorted(range(len(rows)), key=lambda k: (of_sweep(k), k)), key=of_sweep):
+        for before, after in pairwise(places):
+            a, b = rows[before], rows[after]
+            if a.digits is None or b.digits is None or b.digits_attainable is None:
+                continue
+            if b.digits < min(a.digits, b.digits_attainable) - LOOSER:
+                told = f"fewer digits than at the looser setting {a.setting!r}"
+                noted[after] = replace(b, note="; ".join(filter(None, (b.note, told))))
+    return noted

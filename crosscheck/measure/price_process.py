@@ -1,0 +1,257 @@
+"""Answers and timings of all methods on one scene: what the process of a price list does.
+
+Every method answers once, which is judged; then all are timed in turns: for one pose now, one cycle, and in bulk. The
+process says what it is at before it begins with it, so that a method that ends it is known by name.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import QUANTITIES, EngineError
+from crosscheck.engines.methods import Method, Model, Use, methods, order_of
+from crosscheck.judge.truth import NoTruth, Truth, levels_or_nothing
+from crosscheck.workers.processes import Failure, told_if_raised
+from crosscheck.workers.timing import AT_LEAST, LONG, timed_in_turns
+from refkin.model import Scene
+from refkin.scenes.files import parse
+
+CYCLE, BULK = 73, 1000
+"""Of a scene with more times the first so many are one cycle; so many poses over the same time are bulk."""
+JUDGED = 10
+"""In bulk one pose in so many is held against the truth."""
+SAMPLED = 4
+"""So many poses of the cycle stand for the one pose that is needed now: each starts at the one before it."""
+SHARES = {"one": 0.25, "cycle": 0.55, "bulk": 1.0}
+"""Until which part of the time that is left after the answers each is done."""
+BULK_ANSWERS = 0.5
+"""Which part of the time for bulk goes to answers, which are read and judged; the rest to timings."""
+CALLS_NEEDED = 8
+"""Calls that a timing takes at least: two that say how long one takes, three rounds with a call before each."""
+EVERY = 1.0
+"""A process says at least this often what it is at [s], as long as that can be interrupted."""
+BUILDS = 2
+"""How often a model is built to see what that takes."""
+
+Key = tuple[str, str, str]
+
+
+@dataclass(frozen=True)
+class Question:
+    """The scenes that stand for a number of poses, with their truths; those of methods that step in time apart.
+
+    `poses` is how many configurations of each scene are new: what a price is divided by; one in `judged` has a truth.
+    """
+
+    scenes: tuple[tuple[Scene, Truth], ...]
+    stepped: tuple[tuple[Scene, Truth], ...]
+    poses: int
+    judged: int = 1
+
+    def of(self, method: Method) -> tuple[tuple[Scene, Truth], ...]:
+        """Return the scenes that a method is asked."""
+        return self.stepped if method.steps else self.scenes
+
+
+def questions(scene: Scene) -> dict[str, Question]:
+    """Return what is asked for a cycle, for one pose and in bulk; the latter two where the scene has several times."""
+    truth = Truth(scene)
+    asked = {"cycle": Question(((scene, truth),), ((scene, truth),), len(scene.times))}
+    after = np.flatnonzero(truth.known[1:] & truth.known[:-1]) + 1
+    if len(after):
+        chosen = after[np.unique(np.linspace(0, len(after) - 1, SAMPLED + 2).astype(int)[1:-1])]
+        from_last = [_with_truth(_from(scene, truth, k, (scene.times[k],))) for k in chosen]
+        stepped = [_with_truth(_from(scene, truth, k, scene.times[k - 1 : k + 1])) for k in chosen]
+        asked["one"] = Question(tuple(from_last), tuple(stepped), 1)
+        times = np.linspace(scene.times[0], scene.times[-1], BULK).tolist()
+        bulk = replace(scene, times=tuple(times)), Truth(replace(scene, times=tuple(times[::JUDGED])))
+        asked["bulk"] = Question((bulk,), (bulk,), BULK, JUDGED)
+    return asked
+
+
+def _with_truth(scene: Scene) -> tuple[Scene, Truth]:
+    return scene, Truth(scene)
+
+
+def _from(scene: Scene, truth: Truth, k: int, times: tuple[float, ...]) -> Scene:
+    """Return a scene at other times, its estimates being the poses at the time before the k-th."""
+    q = truth.ref.motion.q[:, k - 1].tolist()
+    bodies = tuple(
+        replace(body, estimate=(q[3 * j], q[3 * j + 1], q[3 * j + 2])) for j, body in enumerate(scene.mechanism.bodies)
+    )
+    return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies), times=times)
+
+
+def measure(scene: dict[str, Any], producers: Sequence[str], failed: set[Key], within: float, pipe: Any) -> None:
+    """Send what is found through a pipe; `failed` are left alone. Other parameters as in `crosscheck.measure.price`."""
+    read = parse(scene)
+    try:
+        asked = questions(read)
+    except NoTruth as error:
+        pipe.send(("no truth", str(error)))
+        return
+    truth = asked["cycle"].scenes[0][1]
+    pipe.send(("truth", truth.attainable, int(truth.known.sum())))
+    end, cpu = time.monotonic() + within, time.process_time()
+    runs = [run for method in _open(producers, failed, pipe) if (run := _answered(method, asked, order_of(read), pipe))]
+    begun = time.monotonic()
+    for poses, share in SHARES.items():
+        if poses in asked:
+            load = max(1.0, (time.monotonic() - end + within) / (time.process_time() - cpu))
+            _time(runs, poses, asked[poses], begun + share * (end - begun), load, pipe)
+    pipe.send(("done",))
+
+
+def any_of(producer: str) -> Key:
+    """Return what the methods of a producer are called by together, before there are any."""
+    return producer, "any", ""
+
+
+def _open(producers: Sequence[str], failed: set[Key], pipe: Any) -> Iterator[Method]:
+    """Yield the methods that are to be tried; say of a producer that is not there why not."""
+    for producer in producers:
+        if any_of(producer) in failed:
+            continue
+        pipe.send(("at", any_of(producer), ""))
+        try:
+            found = methods(producer, Use.PRICE)
+        except EngineError as error:
+            pipe.send(("refused", any_of(producer), str(error)))
+            continue
+        yield from (method for method in found if method.key not in failed)
+
+
+@dataclass
+class _Run:
+    """A method with its models: poses -> one for each scene; how long a call takes for so many [s]."""
+
+    method: Method
+    order: int
+    models: dict[str, list[Model]]
+    seconds: dict[str, float]
+
+    def solve(self, poses: str, order: int) -> None:
+        for model in self.models[poses]:
+            model.solve(order)
+
+
+def _answered(method: Method, asked: Mapping[str, Question], order: int, pipe: Any) -> _Run | None:
+    """Have a method answer a cycle and one pose, say what came of it; return it if it is to be timed."""
+    pipe.send(("at", method.key, method.newton_by))
+    told: dict[str, Any] = {"newton_by": method.newton_by, "note": method.note}
+    run = _Run(method, min(order, method.highest), {}, {})
+    try:
+        told["build"] = min(_seconds(partial(method.model, asked["cycle"].of(method)[0][0])) for _ in range(BUILDS))
+    except EngineError as error:
+        pipe.send(("refused", method.key, str(error)))
+        return None
+    for poses in ("cycle", "one"):
+        if poses in asked:
+            digits = told_if_raised(_digits, run, poses, asked[poses])
+            if isinstance(digits, Failure):
+                pipe.send(("failed", method.key, told, digits.text))
+                return None
+            told[poses] = digits
+    pipe.send(("answered", method.key, {**told, "highest": run.order}))
+    return run
+
+
+def _digits(run: _Run, poses: str, question: Question) -> dict[str, tuple[float | None, str]]:
+    """Have a method answer for so many poses; return its digits, and what is to be said of them, by quantity."""
+    models, found = list[Model](), dict[str, tuple[float | None, str]]()
+    took = 0.0
+    for scene, truth in question.of(run.method):
+        models.append(run.method.model(scene))
+        begun = time.process_time()
+        answer = models[-1].solve(run.order)
+        once = time.process_time() - begun
+        # The first call may compile what the others find; a long one is no longer for that.
+        took += once if once > LONG else _seconds(partial(models[-1].solve, run.order))
+        levels = list(models[-1].read(answer))
+        run.order = min(run.order, len(levels) - 1)
+        shape = (3 * len(truth.bodies), len(scene.times))
+        for k, level in enumerate(levels_or_nothing(levels, shape, run.order)):
+            found[QUANTITIES[k]] = _fewer(found.get(QUANTITIES[k]), truth.digits(level[:, :: question.judged], k))
+    run.models[poses], run.seconds[poses] = models, took
+    return found
+
+
+def _fewer(one: tuple[float | None, str] | None, other: tuple[float | None, str]) -> tuple[float | None, str]:
+    """Return the fewer digits of two; none at all are the fewest."""
+    if one is None or one[0] is None:
+        return other if one is None else one
+    return other if other[0] is None or other[0] < one[0] else one
+
+
+def _time(runs: Sequence[_Run], poses: str, question: Question, end: float, load: float, pipe: Any) -> None:
+    """Time the methods in turns; what does not fit into the time is left with the one call that answered.
+
+    `load` says how much longer everything takes by the clock than the processor works for this process.
+    """
+    if poses == "bulk":
+        runs = list(_in_bulk(runs, question, end, pipe))
+    calls: dict[tuple[Key, int], Callable[[], Any]] = {}
+    known: dict[tuple[Key, int], float] = {}
+    cost, announcer = 0.0, _Announcer(pipe)
+    for run in sorted(runs, key=lambda run: run.seconds[poses]):
+        key, once = run.method.key, run.seconds[poses]
+        pipe.send(("timed", key, poses, -1, once / (len(run.models[poses]) * question.poses), None))
+        orders = [run.order] if run.method.at_once else list(range(run.order + 1))
+        cost += (CALLS_NEEDED - 2) * len(orders) * max(once, AT_LEAST)
+        if load * cost <= end - time.monotonic():
+            for order in orders:
+                calls[key, order] = partial(announcer.solve, run, poses, order)
+                calls[key, order]()
+                known[key, order] = _seconds(calls[key, order])
+    names = {str(k): at for k, at in enumerate(calls)}
+    counts = {run.method.key: len(run.models[poses]) * question.poses for run in runs}
+    timed = timed_in_turns(
+        {name: calls[at] for name, at in names.items()},
+        within=max(0.0, end - time.monotonic()),
+        known={name: known[at] for name, at in names.items()},
+    )
+    for name, timing in timed.items():
+        key, order = names[name]
+        spread = timing.spread if len(timing.turns) > 1 else None
+        pipe.send(("timed", key, poses, order, timing.seconds / counts[key], spread))
+
+
+def _in_bulk(runs: Sequence[_Run], question: Question, end: float, pipe: Any) -> Iterator[_Run]:
+    """Yield the methods that have answered in bulk; the cheapest go first, as long as there is time."""
+    until = end - (1.0 - BULK_ANSWERS) * (end - time.monotonic())
+    for run in sorted(runs, key=lambda run: run.seconds["cycle"]):
+        if time.monotonic() > until:
+            return
+        pipe.send(("at", run.method.key, run.method.newton_by))
+        digits = told_if_raised(_digits, run, "bulk", question)
+        if isinstance(digits, Failure):
+            digits = dict.fromkeys(QUANTITIES, (None, f"in bulk: {digits.text}"))
+        elif all(found is not None for found, _ in digits.values()):
+            yield run
+        pipe.send(("digits", run.method.key, "bulk", digits))
+
+
+def _seconds(work: Callable[[], Any]) -> float:
+    begun = time.process_time()
+    work()
+    return time.process_time() - begun
+
+
+class _Announcer:
+    """Says which method is at work, if another was or some time has passed: a thousandth of a turn."""
+
+    def __init__(self, pipe: Any) -> None:
+        self.pipe, self.last, self.next = pipe, ("", "", ""), 0.0
+
+    def solve(self, run: _Run, poses: str, order: int) -> None:
+        """Solve, and say so before."""
+        if self.last != run.method.key or time.monotonic() > self.next:
+            self.last, self.next = run.method.key, time.monotonic() + EVERY
+            self.pipe.send(("at", run.method.key, run.method.newton_by))
+        run.solve(poses, order)
