@@ -13,10 +13,7 @@ from mpmath import mp, mpf
 
 import refkin
 from crosscheck.engines import Engine, EngineError, Level, load, refusals, table_key
-from crosscheck.engines.exudyn import parts as exudyn_parts
-from crosscheck.engines.exudyn import readings as exudyn_readings
 from crosscheck.engines.exudyn.engine import CAPABILITIES, SHIPPED, STATIC, Exudyn
-from crosscheck.engines.exudyn.model import ExudynModel
 from crosscheck.engines.exudyn.solve import solved
 from crosscheck.judge.budget import derive
 from crosscheck.measure.check import check
@@ -548,72 +545,6 @@ def test_the_engine_is_registered_keeps_the_protocol_and_says_how_it_is_seeded()
         ("static", Seeding.INITIAL_GUESS),
         ("shipped", Seeding.INITIAL_GUESS),
     ]
-
-
-# Planted faults
-
-
-def lengths_off(m: pytest.MonkeyPatch) -> None:
-    """Make every coordinate of a point too long by 1e-9."""
-    local = exudyn_readings.Readings.local
-    m.setattr(exudyn_readings.Readings, "local", lambda self, body, p: [c * (1 + 1e-9) for c in local(self, body, p)])
-
-
-def rate_missing(m: pytest.MonkeyPatch) -> None:
-    """Do not tell exudyn the rate of a driver."""
-    add = exudyn_parts.item.CoordinateConstraint
-
-    def without_rate(**more: Any) -> Any:
-        more.pop("offsetUserFunction_t", None)
-        return add(**more)
-
-    m.setattr(exudyn_parts.item, "CoordinateConstraint", without_rate)
-
-
-def coriolis_missing(m: pytest.MonkeyPatch) -> None:
-    """Leave the mixed term out of the drift of a product."""
-    whole = exudyn_parts.product_drift
-    m.setattr(exudyn_parts, "product_drift", lambda a, b: whole(a, b) + 2.0 * (a[1][0] * b[1][0] + a[1][1] * b[1][1]))
-
-
-def sign_of_velocity_rows(m: pytest.MonkeyPatch) -> None:
-    """Give exudyn's velocity residual with the wrong sign."""
-    whole = ExudynModel.constraint_velocity
-    m.setattr(ExudynModel, "constraint_velocity", lambda self, q, qd, t: -whole(self, q, qd, t))
-
-
-def stale_laws(m: pytest.MonkeyPatch) -> None:
-    """Evaluate the laws once and keep them."""
-    whole = exudyn_parts.Clock.set
-
-    def once(self: Any, t: float, order: int) -> None:
-        if np.isnan(self.values[0][0]):
-            whole(self, t, 2)
-
-    m.setattr(exudyn_parts.Clock, "set", once)
-
-
-FAULTS = [
-    (lengths_off, "four-bar", 0),
-    (rate_missing, "slider-crank", 1),
-    (coriolis_missing, "moving guide", 2),
-    (sign_of_velocity_rows, "four-bar", 1),
-    (stale_laws, "relative angle", 0),
-]
-
-
-@pytest.mark.parametrize(("fault", "name", "level"), FAULTS)
-def test_a_planted_fault_is_caught(
-    fault: Callable[[pytest.MonkeyPatch], None], name: str, level: int, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """`level` is 0 for position, 1 for velocity, 2 for acceleration."""
-    case = CASES[name]()
-    scene = case.scene()
-    assert ratios(case, scene, Exudyn().solve(scene))[level] < 1.0
-
-    fault(monkeypatch)
-
-    assert not ratios(case, scene, Exudyn().solve(scene))[level] < 1.0
 
 
 def test_the_row_of_a_distance_driver_stops_as_early_as_its_length_allows() -> None:

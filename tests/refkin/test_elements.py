@@ -1,4 +1,4 @@
-"""Every number of an element counts: `test_joint_formulas` sees a wrong one where it holds the formulas against it."""
+"""Every number of an element counts: `test_joints` sees a wrong one where it holds the formulas against it."""
 
 from __future__ import annotations
 
