@@ -1,1 +1,1 @@
-"""The source documents: their systems, and the ledger of every number they print."""
+"""The source documents: their systems, the ledger of every number they print, and what the page shows of them."""

@@ -17,10 +17,7 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from crosscheck.documents.histories import newton_histories
-from crosscheck.documents.iterations import digits_by_iteration
-from crosscheck.documents.slopes import slopes
-from crosscheck.documents.summary import documents
+from crosscheck.documents.page import digits_by_iteration, documents, newton_histories, slopes
 from crosscheck.judge import known_gaps
 from crosscheck.judge.known_gaps import Gap
 from crosscheck.night.history import HistoryError, append

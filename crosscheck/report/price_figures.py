@@ -69,7 +69,7 @@ def iterations_figure(rows: Sequence[Mapping[str, Any]], ident: str = "iteration
     Parameters
     ----------
     rows : sequence of mapping
-        From `crosscheck.documents.iterations.digits_by_iteration`.
+        From `crosscheck.documents.page.digits_by_iteration`.
     """
     counted = [row for row in rows if row["iteration"] != "printed"]
     last = max(int(row["iteration"]) for row in counted)

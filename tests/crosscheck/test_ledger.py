@@ -11,9 +11,8 @@ from pydantic import TypeAdapter, ValidationError
 
 from crosscheck.cli import main
 from crosscheck.documents.ledger import all_rows, check_row, ledger_rows, read
-from crosscheck.documents.ledger.arithmetic import Balls, Binary64, NoRoot
+from crosscheck.documents.ledger.arithmetic import Balls, Binary64, NoRoot, Undecided, count_roots, excludes_zero
 from crosscheck.documents.ledger.digits import Printed, Written, correct_digits, printed_is
-from crosscheck.documents.ledger.enclosing import Undecided, count_roots, excludes_zero
 from crosscheck.documents.ledger.rows import Erratum, Ledger, Value
 from crosscheck.documents.systems import me451, me581
 

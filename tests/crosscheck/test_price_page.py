@@ -10,7 +10,7 @@ from rich.console import Console
 
 from crosscheck.commands.price_page import page
 from crosscheck.commands.price_shown import cheapest_table, lines, methods_table, to_json
-from crosscheck.documents.iterations import digits_by_iteration
+from crosscheck.documents.page import digits_by_iteration
 from crosscheck.judge.prices import Row
 from crosscheck.measure.price import PriceList
 from crosscheck.report.price_figures import iterations_figure, legend, looks, work_precision

@@ -15,7 +15,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from crosscheck.documents.histories import newton_histories
+from crosscheck.documents.page import newton_histories
 from crosscheck.measure import check
 from crosscheck.report import build
 from crosscheck.report.digits import quantile

@@ -7,7 +7,7 @@ import re
 
 import pytest
 
-from crosscheck.documents import summary as documents
+from crosscheck.documents import page as documents
 from crosscheck.documents.ledger import all_rows, read
 from crosscheck.report import build
 

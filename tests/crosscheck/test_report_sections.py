@@ -12,7 +12,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from crosscheck.documents.slopes import slopes
+from crosscheck.documents.page import slopes
 from crosscheck.measure.check import check
 from crosscheck.night.history import append
 from crosscheck.report import build

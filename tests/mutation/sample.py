@@ -26,12 +26,14 @@ import time
 import tomllib
 import warnings
 from collections import defaultdict
+from contextlib import suppress
 from pathlib import Path
 
 import pytest
 from _pytest.runner import runtestprotocol
 
 from tests.mutation.change import DoesNotFit, compiled, resolve, switched
+from tests.mutation.mutants import TooLong, limited
 from tests.mutation.operators import change, places, probed
 
 HERE = Path(__file__).parent
@@ -39,9 +41,9 @@ PACKAGES = ("refkin", "crosscheck.judge", "crosscheck.measure.check")
 ELSEWHERE = ("mutation/", "test_house", "test_readme", "browser", "bench", "cluster", "workers", "campaign", "timing")
 """Tests that run the code in other programs, where no mutant is, or that measure times."""
 MOST = 25.0
-"""Seconds of tests that a mutant may survive; those that take longer are not asked."""
-LONGEST = 6.0
-"""Seconds of a test that is asked at all."""
+"""Seconds of work in which a mutant may survive tests; those that take longer are not asked."""
+LONGEST = 4.0
+"""Seconds of work of a test that is asked at all."""
 CHUNK = 24
 """Tests of one process of the first run."""
 
@@ -109,7 +111,7 @@ class Run:
                 if seconds > LONGEST or total + seconds > MOST:
                     break
                 asked, total = [*asked, items[index]], total + seconds
-            jobs.append((number, lambda m=mutant, asked=asked: killed(m, asked), 20.0 + 5.0 * total))
+            jobs.append((number, lambda m=mutant, asked=asked: killed(m, asked), 30.0 + 10.0 * total))
             if not asked:
                 self.outcomes[number] = "not covered"
         jobs = [job for job in jobs if job[0] not in self.outcomes]
@@ -125,8 +127,9 @@ class Run:
         probes = {function: compiled(function, probed(tree, numbers)) for (function, tree), numbers in wanted.items()}
         chunks = [range(k, min(k + CHUNK, len(items))) for k in range(0, len(items), CHUNK)]
         jobs = [(k, lambda some=some: noted(items, some, probes), 600.0) for k, some in enumerate(chunks)]
-        reached = defaultdict(list)
-        for done, (_, found) in enumerate(in_parallel(jobs, self.workers, self.deadline), 1):
+        random.Random(self.given.seed).shuffle(jobs)
+        reached, half = defaultdict(list), (time.monotonic() + self.deadline) / 2
+        for done, (_, found) in enumerate(in_parallel(jobs, self.workers, half), 1):
             for index, seconds, hits in found or ():
                 for number in hits:
                     reached[number].append((seconds, index))
@@ -142,9 +145,10 @@ def noted(items, some, probes):
     with switched(probes):
         for index in some:
             hits.clear()
-            start = time.perf_counter()
-            if not red(items[index]):
-                found.append((index, time.perf_counter() - start, sorted(hits)))
+            start = time.process_time()
+            with suppress(TooLong), limited(10 * LONGEST):
+                if not red(items[index]):
+                    found.append((index, time.process_time() - start, sorted(hits)))
     return found
 
 

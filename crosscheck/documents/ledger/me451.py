@@ -8,10 +8,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents.convergence import linear_rate
-from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
-from crosscheck.documents.ledger.enclosing import count_roots, excludes_zero
-from crosscheck.documents.systems import SquareSystem, me451
-from crosscheck.documents.systems.square import scalar
+from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, count_roots, excludes_zero
+from crosscheck.documents.systems import SquareSystem, me451, scalar
 from refkin.analysis import position
 from refkin.newton import CorrectionNorm, newton
 from refkin.system import compile_system

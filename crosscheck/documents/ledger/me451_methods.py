@@ -8,8 +8,7 @@ import numpy as np
 from flint import arb
 
 from crosscheck.documents.convergence import newton_order
-from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
-from crosscheck.documents.ledger.enclosing import excludes_zero
+from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, excludes_zero
 from crosscheck.documents.ledger.me451 import Found, Given, absolute_356, estimate_356, never, problem_356
 from crosscheck.documents.systems import me451
 from refkin.analysis import acceleration, velocity

@@ -16,6 +16,32 @@ enclosed to any precision by one text.
 What a document prints wrong is not repeated here: `printed` holds it, apart.
 """
 
-from crosscheck.documents.systems.square import SquareSystem
+from __future__ import annotations
 
-__all__ = ["SquareSystem"]
+from collections.abc import Callable
+from typing import Any, NamedTuple
+
+import numpy as np
+
+Number = Any
+"""A float, a complex number or a ball."""
+
+
+class SquareSystem(NamedTuple):
+    """phi(q) = 0.
+
+    Attributes
+    ----------
+    phi : callable
+        Residual, (n,) to (n,).
+    phi_q : callable
+        Jacobian, (n,) to (n, n).
+    """
+
+    phi: Callable[[Any], Any]
+    phi_q: Callable[[Any], Any]
+
+
+def scalar(f: Callable[[Any], Any], slope: Callable[[Any], Any]) -> SquareSystem:
+    """Return one equation in one unknown, as a system of one."""
+    return SquareSystem(lambda q: np.array([f(q[0])]), lambda q: np.array([[slope(q[0])]]))

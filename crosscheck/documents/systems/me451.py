@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.documents.systems.square import Number, SquareSystem, scalar
+from crosscheck.documents.systems import Number, SquareSystem, scalar
 from refkin.joints import GROUND, DistanceDriver, Prismatic, Revolute
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial

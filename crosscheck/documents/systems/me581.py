@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crosscheck.documents.systems.square import Number, SquareSystem, scalar
+from crosscheck.documents.systems import Number, SquareSystem, scalar
 
 
 def quadratic() -> SquareSystem:

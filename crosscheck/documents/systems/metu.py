@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from crosscheck.documents.systems.square import Number, SquareSystem
+from crosscheck.documents.systems import Number, SquareSystem
 
 
 class Slotted(NamedTuple):

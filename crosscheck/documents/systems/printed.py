@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.documents.systems import Number, SquareSystem
 from crosscheck.documents.systems.metu import Slotted, slotted
-from crosscheck.documents.systems.square import Number, SquareSystem
 
 
 def metu_jacobian(m: Slotted, q: Any) -> Any:

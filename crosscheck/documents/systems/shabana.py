@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.documents.systems.square import Number, SquareSystem
+from crosscheck.documents.systems import Number, SquareSystem
 
 
 def four_bar(l1: Number, l2: Number, l3: Number, l4: Number, driven: Number) -> SquareSystem:

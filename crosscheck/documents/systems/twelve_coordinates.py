@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.documents.systems.square import Number, SquareSystem
+from crosscheck.documents.systems import Number, SquareSystem
 
 CRANK_DRIVEN, SLIDER_DRIVEN = 5, 9
 """The coordinate that the last row holds: theta2 or R4x."""
