@@ -27,7 +27,8 @@ from crosscheck.documents.ledger import all_rows, read
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.digits import Printed
 from crosscheck.documents.ledger.shabana_four_bar import estimate, four_bar, rates
-from crosscheck.judge.comparison import MOST_DIGITS, QUANTITIES
+from crosscheck.engines import QUANTITIES
+from crosscheck.judge.comparison import MOST_DIGITS
 from refkin.analysis import position
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Polynomial
