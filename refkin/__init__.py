@@ -10,8 +10,7 @@ In this order:
 `system`          phi(q, t) = 0, phi_q qd = nu, phi_q qdd = gamma
 `differences`     Jacobians by forward and central differences and by complex steps
 `newton`          Newton's method on callables, with its history
-`motion`          Motion: what is answered
-`points`          how points of a body move
+`motion`          Motion: what is answered; how a point of a body moves
 `analysis`        position, velocity, acceleration; `sweep`: a Scene becomes a Motion
 ================= ==================================================================================
 

@@ -8,8 +8,8 @@ acceleration phi_q qdd = gamma      linear in qdd
 
 `sweep` solves a scene so, from one time to the next, and calls a pose `ok` by two numbers: its residual is what
 rounding leaves, and the smallest singular value of phi_q is well above zero. Nothing is proved, and nothing is seen of
-what happens between two times: for that there is `refkin.solve`. (Haug, Computer Aided Kinematics and Dynamics, chapter
-4; Nikravesh, Computer-Aided Analysis of Mechanical Systems, chapters 3 and 5.)
+what happens between two times: for that there is `refkin.solve`. (Haug, Computer Aided Kinematics and Dynamics, 4;
+Nikravesh, Computer-Aided Analysis of Mechanical Systems, 3 and 5.)
 """
 
 from __future__ import annotations
@@ -24,17 +24,14 @@ from refkin import __version__
 from refkin.differences import EPS
 from refkin.joints import initial_contacts
 from refkin.model import Effect, Scene
-from refkin.motion import ContactMotion, Motion, Producer, Route, Seeding, Status, no_radius
+from refkin.motion import ContactMotion, Motion, Producer, Route, Seeding, Status, no_radius, point_motion
 from refkin.newton import TINY, NewtonResult, contracts, is_round_off, newton
-from refkin.points import point_motion
 from refkin.system import System, compile_system
 
 SINGULAR = 8 * np.sqrt(EPS)
 """Smallest singular value of the scaled phi_q at or below which a pose is not isolated by first-order terms."""
-NEAR = 1 / 4
-"""Largest correction of a prediction, in units of the move from the last pose: a larger one may lead elsewhere."""
-FURTHEST, REACH = 1.0, 1 / 4
-"""Largest move in one step, and largest distance from which a singular pose is approached in one [sizes, rad]."""
+NEAR, FURTHEST, REACH = 1 / 4, 1.0, 1 / 4
+"""Largest correction in units of the move; largest move in a step, and to a singular pose [sizes, rad]."""
 OWN = {"residual_by": "refkin", "jacobian_by": "refkin", "newton_by": "refkin", "drift_by": "refkin"}
 ROUTE = Route(name="newton", linear_solve_by="LAPACK", seeding=Seeding.INITIAL_GUESS, **OWN)
 
@@ -117,6 +114,9 @@ def sweep(scene: Scene) -> Motion:
         condition[k] = values[0] / sigma[k] if sigma[k] else np.inf
         closed = Status.OK if sigma[k] > SINGULAR else Status.SINGULAR
         status[k] = closed if is_round_off(phi, q[:, k]) else Status.NOT_CONVERGED
+        if status[k] is not Status.OK:
+            q[:, k + (status[k] is Status.SINGULAR) :] = np.nan
+            break
     ok = np.array(status) == Status.OK
     qd, qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
     qd[:, ok] = velocity(system, q[:, ok], t[ok])
@@ -194,8 +194,8 @@ def motion_of(system: System, scene: Scene, levels: Sequence[Any], **evidence: A
 
     Parameters
     ----------
-    system : System
-    scene : Scene
+    system, scene
+        What was solved.
     levels : sequence of (n, T) array or None
         q, qd, qdd in the system's coordinates; None where not computed.
     **evidence

@@ -47,12 +47,8 @@ def jacobian(f: Callable[[Any], Any], x: Any, scheme: Scheme = Scheme.COMPLEX_ST
     ----------
     f : callable
         From (n,) to (m,). For the complex step it must be analytic: no abs, no comparison.
-    x : (n,) array
-        Where.
-    scheme : Scheme
-        How.
-    h : float or (n,) array, optional
-        The step; by default that of `step`.
+    x, h : (n,) array
+        Where, and by which steps; by default those of `step`.
     """
     x = np.asarray(x, float)
     steps = np.broadcast_to(step(scheme, x) if h is None else h, x.shape)

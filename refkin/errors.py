@@ -1,7 +1,4 @@
-"""What refkin raises, each error with the data that reproduce it.
-
-Numbers that failed are data (a status in a result); requests that make no sense are these exceptions.
-"""
+"""What refkin raises where a request makes no sense, with the data; numbers that failed are a status, no error."""
 
 from __future__ import annotations
 
@@ -23,10 +20,7 @@ def printable(text: str) -> str:
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong with a scene: where (as in the file, `joint[2].body_i`), what stands there, what should.
-
-    `value` is None where something is missing; `expected` is in words.
-    """
+    """One thing that is wrong with a scene: where, as in its file (`joint[2].body_i`); what stands there, or None."""
 
     path: str
     value: object

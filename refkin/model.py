@@ -9,6 +9,8 @@ from enum import StrEnum
 from itertools import pairwise
 from typing import Any, ClassVar
 
+import numpy as np
+
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import GROUND, Constraint, Driver, Pair, Unit
 from refkin.motion_laws import STRICT
@@ -49,23 +51,15 @@ class Point:
 
 @dataclass(frozen=True)
 class Mechanism:
-    """Bodies, joints and drivers.
-
-    Raises
-    ------
-    InvalidScene
-        With every fault: a name twice, a body that does not exist, a body held against itself, numbers that are not
-        finite, too few constraints.
-    """
+    """Bodies, joints and drivers; InvalidScene lists all that is wrong with them (`mechanism_faults`)."""
 
     bodies: tuple[Body, ...]
     joints: tuple[Constraint, ...]
     drivers: tuple[Driver, ...] = ()
 
     def __post_init__(self) -> None:
-        found = list(mechanism_faults(self.bodies, self.joints, self.drivers))
-        if found:
-            raise InvalidScene(found, "mechanism")
+        if faults := list(mechanism_faults(self)):
+            raise InvalidScene(faults, "mechanism")
 
     @property
     def constraints(self) -> tuple[Constraint, ...]:
@@ -81,8 +75,7 @@ class Mechanism:
         for constraint in self.constraints:
             for body, point in constraint.points():
                 points.setdefault(body, []).append(point)
-        largest = max(map(_diameter, points.values()), default=0.0)
-        largest = max([largest, *(c.reach() for c in self.constraints)])
+        largest = max([0.0, *map(_diameter, points.values()), *(c.reach() for c in self.constraints)])
         if largest == 0.0:
             return 1.0
         mantissa, exponent = math.frexp(largest)
@@ -94,44 +87,21 @@ class Mechanism:
         return Unit(self.size(), next(on_ground, (0.0, 0.0)))
 
 
-MANY = 32
-"""Points on one body of which only the corners of their convex hull are compared."""
-
-
 def _diameter(points: Sequence[Pair]) -> float:
-    """Return the largest distance of two points."""
-    if len(points) > MANY:
-        points = [*_hull(sorted(points)), *_hull(sorted(points, reverse=True))]
+    """Return the largest distance of two points; of many, only those far enough from their middle are compared."""
+    if len(points) > 32:
+        middle = (np.min(points, axis=0) + np.max(points, axis=0)) / 2
+        away = np.hypot(*(np.array(points) - middle).T)
+        least = max(math.dist(p, points[int(np.argmax(away))]) for p in points) - (1 + 1e-12) * np.max(away)
+        points = [p for p, a in zip(points, away, strict=True) if a >= least]
     return max((math.dist(a, b) for k, a in enumerate(points) for b in points[:k]), default=0.0)
-
-
-def _hull(points: Sequence[Pair]) -> list[Pair]:
-    """Return the corners of a convex hull to the left of the way along sorted points, ends included (Andrew)."""
-    corners: list[Pair] = []
-    for x, y in points:
-        while len(corners) > 1:
-            (ax, ay), (bx, by) = corners[-2:]
-            if (bx - ax) * (y - by) < (by - ay) * (x - bx):
-                break
-            corners.pop()
-        corners.append((x, y))
-    return corners
 
 
 @dataclass(frozen=True, kw_only=True)
 class Scene:
-    """A mechanism, the times, and what is wanted; what is not called for is not computed.
+    """A mechanism, times in increasing order [s], and what is wanted; what is not called for is not computed.
 
-    Attributes
-    ----------
-    times : tuple of float
-        Strictly increasing [s].
-    effects : frozenset of Effect
-        Acceleration computes velocity, and reports it only when asked.
-    bodies_wanted : tuple of str or None
-        The bodies that are reported; all if None.
-    evidence : frozenset of Evidence
-        What is delivered with every answer beside status and residual.
+    Acceleration computes velocity, and reports it only when asked. `bodies_wanted` are all if None.
     """
 
     mechanism: Mechanism
@@ -144,61 +114,48 @@ class Scene:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "times", tuple(self.times))  # a row of numbers will do
-        m = self.mechanism
-        found = list(scene_faults(m.bodies, m.joints, m.drivers, self.times, self.points, self.bodies_wanted))
-        if found:
-            raise InvalidScene(found, self.name)
+        if faults := list(scene_faults(self)):
+            raise InvalidScene(faults, self.name)
 
     @property
     def wanted(self) -> tuple[str, ...]:
-        """The names of the bodies that are reported."""
         return self.bodies_wanted if self.bodies_wanted is not None else tuple(b.name for b in self.mechanism.bodies)
 
 
-def mechanism_faults(
-    bodies: Sequence[Body], joints: Sequence[Constraint], drivers: Sequence[Driver]
-) -> Iterator[Fault]:
-    """Yield everything that is wrong with a mechanism, with paths as in a scene file."""
+def mechanism_faults(m: Any) -> Iterator[Fault]:
+    """Yield all that is wrong with a mechanism, or with what has its attributes; paths are those of a scene file."""
+    bodies, joints, drivers = m.bodies, m.joints, m.drivers
     if not bodies:
         yield Fault("body", None, "at least one body")
-    yield from name_faults("body", [b.name for b in bodies], taken=(GROUND,))
-    yield from name_faults("joint", [c.name for c in joints])
-    yield from name_faults("driver", [c.name for c in drivers], taken=[c.name for c in joints])
+    groups: dict[str, Sequence[Any]] = {"body": bodies, "joint": joints, "driver": drivers}
+    taken = {"body": [GROUND], "joint": [], "driver": [c.name for c in joints]}
+    for kind, items in groups.items():
+        yield from _name_faults(kind, items, taken[kind])
+    for kind, items in groups.items():
+        for k, item in enumerate(items):
+            yield from _finite_faults(f"{kind}[{k}]", item)
     known = dict.fromkeys((GROUND, *(b.name for b in bodies)))
-    for kind, group in (("body", bodies), ("joint", joints), ("driver", drivers)):
-        for k, item in enumerate(group):
-            yield from finite_faults(f"{kind}[{k}]", item)
-    for kind, constraints in (("joint", joints), ("driver", drivers)):
-        for k, constraint in enumerate(constraints):
-            yield from _constraint_faults(f"{kind}[{k}]", constraint, known)
+    for path, c in _paths(m):
+        for key in ("body", "body_i", "body_j", "relative_to"):
+            body = getattr(c, key, None)
+            if body is not None and body not in known:
+                yield Fault(f"{path}.{key}", body, f"a body of the scene: {', '.join(known)}")
+        if c.bodies[0] == c.bodies[1]:
+            yield Fault(path, c.bodies[0], "two different bodies")
+        yield from c.faults(path)
     missing = 3 * len(bodies) - sum(c.rows - c.parameters for c in (*joints, *drivers))
     if bodies and missing > 0:
         yield Fault("driver", None, f"{missing} more constraint{'s' * (missing > 1)}: add drivers")
 
 
-def _constraint_faults(path: str, constraint: Constraint, known: dict[str, None]) -> Iterator[Fault]:
-    for key in ("body", "body_i", "body_j", "relative_to"):
-        body = getattr(constraint, key, None)
-        if body is not None and body not in known:
-            yield Fault(f"{path}.{key}", body, f"a body of the scene: {', '.join(known)}")
-    if constraint.bodies[0] == constraint.bodies[1]:
-        yield Fault(path, constraint.bodies[0], "two different bodies")
-    yield from constraint.faults(path)
-
-
-def scene_faults(
-    bodies: Sequence[Body],
-    joints: Sequence[Constraint],
-    drivers: Sequence[Driver],
-    times: Sequence[float],
-    points: Sequence[Point] = (),
-    bodies_wanted: Sequence[str] | None = None,
-) -> Iterator[Fault]:
-    """Yield everything that is wrong with a scene beyond its mechanism."""
+def scene_faults(scene: Any) -> Iterator[Fault]:
+    """Yield all that is wrong with a scene, or with what has its attributes, beyond its mechanism."""
+    times, bodies_wanted, bodies = scene.times, scene.bodies_wanted, scene.mechanism.bodies
     names = tuple(b.name for b in bodies)
+    one_of = f"a body of the scene: {', '.join(names)}"
+    finite = all(math.isfinite(t) for t in times)
     if not times:
         yield Fault("times", [], "at least one time")
-    finite = all(math.isfinite(t) for t in times)
     if not finite:
         yield Fault("times", list(times), "finite times")
     elif any(b <= a for a, b in pairwise(times)):
@@ -207,42 +164,43 @@ def scene_faults(
         yield Fault("bodies_wanted", [], "at least one body, or no such key for all of them")
     for k, body in enumerate(bodies_wanted or ()):
         if body not in names:
-            yield Fault(f"bodies_wanted[{k}]", body, f"a body of the scene: {', '.join(names)}")
-        elif body in bodies_wanted[:k]:  # type: ignore[index]
+            yield Fault(f"bodies_wanted[{k}]", body, one_of)
+        elif body in bodies_wanted[:k]:
             yield Fault(f"bodies_wanted[{k}]", body, "each body once")
-    yield from name_faults("point", [p.name for p in points])
-    for k, point in enumerate(points):
-        yield from finite_faults(f"point[{k}]", point)
+    yield from _name_faults("point", scene.points)
+    for k, point in enumerate(scene.points):
+        yield from _finite_faults(f"point[{k}]", point)
         if point.body not in names:
-            yield Fault(f"point[{k}].body", point.body, f"a body of the scene: {', '.join(names)}")
-    for kind, constraints in (("joint", joints), ("driver", drivers)):
-        for k, constraint in enumerate(constraints):
-            for key, law in zip(constraint.law_keys, constraint.laws, strict=True):
-                if times and finite and not list(law.faults("")):
-                    low, high = law.domain()
-                    if not (low <= times[0] and times[-1] <= high):
-                        expected = f"a table from {times[0]} to {times[-1]}"
-                        yield Fault(f"{kind}[{k}].{key}.argument", [low, high], expected)
+            yield Fault(f"point[{k}].body", point.body, one_of)
+    for path, c in _paths(scene.mechanism) if times and finite else ():
+        for key, law in zip(c.law_keys, c.laws, strict=True):
+            low, high = (-math.inf, math.inf) if list(law.faults("")) else law.domain()
+            if not (low <= times[0] and times[-1] <= high):
+                yield Fault(f"{path}.{key}.argument", [low, high], f"a table from {times[0]} to {times[-1]}")
 
 
-def name_faults(kind: str, names: Sequence[str], taken: Sequence[str] = ()) -> Iterator[Fault]:
-    """Yield empty names and names that are taken."""
+def _paths(m: Any) -> list[tuple[str, Constraint]]:
+    return [
+        (f"{kind}[{k}]", c) for kind, group in (("joint", m.joints), ("driver", m.drivers)) for k, c in enumerate(group)
+    ]
+
+
+def _name_faults(kind: str, items: Sequence[Any], taken: Sequence[str] = ()) -> Iterator[Fault]:
     used = set(taken)
-    for k, name in enumerate(names):
-        if not name:
-            yield Fault(f"{kind}[{k}].name", name, "a name that is not empty")
-        elif name in used:
-            yield Fault(f"{kind}[{k}].name", name, "a name not used before")
-        used.add(name)
+    for k, item in enumerate(items):
+        if not item.name or item.name in used:
+            expected = "a name not used before" if item.name else "a name that is not empty"
+            yield Fault(f"{kind}[{k}].name", item.name, expected)
+        used.add(item.name)
 
 
-def finite_faults(path: str, item: Any) -> Iterator[Fault]:
+def _finite_faults(path: str, item: Any) -> Iterator[Fault]:
     """Yield every number in a dataclass, at any depth, that is not finite."""
     if isinstance(item, float) and not math.isfinite(item):
         yield Fault(path, item, "a finite number")
     elif isinstance(item, tuple):
         for k, part in enumerate(item):
-            yield from finite_faults(f"{path}[{k}]", part)
+            yield from _finite_faults(f"{path}[{k}]", part)
     elif hasattr(item, "__dataclass_fields__"):
         for key in fields(item):
-            yield from finite_faults(f"{path}.{key.name}", getattr(item, key.name))
+            yield from _finite_faults(f"{path}.{key.name}", getattr(item, key.name))

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from refkin.errors import UnknownName
+from refkin.vec import BodyValues, Vec
 
 Array = NDArray[np.float64]
 
@@ -64,13 +65,33 @@ class CertifiedRadius:
     acceleration: Array
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True)
 class PointMotion:
     """Position [m], velocity [m/s] and acceleration [m/s^2] of a point, each (2, T); None if not called for."""
 
     r: Array
     v: Array | None = None
     a: Array | None = None
+
+
+def point_motion(u: Any, q: Any, qd: Any = None, qdd: Any = None) -> PointMotion:
+    """Return the motion of a point of one body: r = R + A u, v = R' + omega x A u, a = R'' + alpha x A u - omega^2 A u.
+
+    Parameters
+    ----------
+    u : pair of float
+        The point in the body's own frame [m].
+    q, qd, qdd : (3, T) array
+        The body's coordinates (x, y, phi) and their rates; qdd only with qd. What is None has no part in it.
+    """
+    body = BodyValues(*q)
+    arm = body.turned(Vec(*u))
+    r, v, a = body.r + arm, None, None
+    if qd is not None:
+        v = Vec(qd[0], qd[1]) + arm.perp() * qd[2]
+    if qd is not None and qdd is not None:
+        a = Vec(qdd[0], qdd[1]) + arm.perp() * qdd[2] + arm * -(qd[2] * qd[2])
+    return PointMotion(*(None if x is None else np.array([x.x, x.y]) for x in (r, v, a)))  # type: ignore[arg-type]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -93,9 +114,9 @@ class BodyMotion:
     def __getattr__(self, name: str) -> Array:
         level = {"": self.q, "d": self.qd, "dd": self.qdd}
         for row, coordinate in enumerate(("x", "y", "phi")):
-            suffix = name.removeprefix(coordinate)
-            if name.startswith(coordinate) and suffix in level and level[suffix] is not None:
-                return level[suffix][row]  # type: ignore[index, no-any-return]
+            rows = level.get(name.removeprefix(coordinate))
+            if name.startswith(coordinate) and rows is not None:
+                return rows[row]  # type: ignore[no-any-return]
         raise AttributeError(f"{name!r}: not a coordinate, or not called for by the scene")
 
 
@@ -103,19 +124,10 @@ class BodyMotion:
 class Motion:
     """Position, velocity and acceleration of the wanted bodies over the times of a scene.
 
-    Attributes
-    ----------
-    t : (T,) array
-        Times [s].
-    bodies : tuple of str
-        The bodies whose coordinates (x [m], y [m], phi [rad], three rows each) `q` holds, in this order.
-    q, qd, qdd : (n, T) array
-        Coordinates and rates; `qd`, `qdd` are None if not called for. NaN means "no answer" and never has status ok.
-    residual, sigma_min, condition : (T,) array
-        Largest component of the scaled residual; smallest singular value and condition number of the scaled phi_q, NaN
-        if not called for.
-    points, contacts : mapping
-        By their names the points that the scene wants, and by those of joints where cams are touched.
+    `q`, `qd`, `qdd` (n, T) hold three rows, x [m], y [m], phi [rad] and their rates, for each of `bodies` at times `t`
+    (T,) [s]. None: not called for; NaN: no answer, which never has status ok. `residual`, `sigma_min`, `condition` (T,)
+    are the largest component of phi, the smallest singular value and the condition number of phi_q, of the scaled
+    system. `points` and `contacts` say by name how the wanted points move, and where cams are touched.
     """
 
     t: Array
@@ -142,7 +154,6 @@ class Motion:
 
     @property
     def levels(self) -> tuple[Array, Array | None, Array | None]:
-        """Position, velocity, acceleration."""
         return self.q, self.qd, self.qdd
 
     @property
@@ -152,7 +163,7 @@ class Motion:
 
 
 def nowhere(times: int) -> Array:
-    """Return (T,) NaN: a bound or a number that nobody delivered."""
+    """Return (T,) NaN: numbers that nobody delivered."""
     return np.full(times, np.nan)
 
 
@@ -163,15 +174,13 @@ def engine_motion(
 
     Parameters
     ----------
-    t, bodies, q, qd, qdd, status, producer
-        As in `Motion`.
-    **more
-        Its other attributes, as far as there are any.
+    t, bodies, q, qd, qdd, status, producer, **more
+        As in `Motion`; NaN what is not given.
     """
-    n = len(status)
-    blank = {"residual": nowhere(n), "sigma_min": nowhere(n), "condition": nowhere(n), "certified_radius": no_radius(n)}
-    known = {"t": np.asarray(t, float), "bodies": bodies, "q": q, "qd": qd, "qdd": qdd, "status": status}
-    return Motion(**{**blank, **known, "producer": producer, **more})
+    rest = {**dict.fromkeys(("residual", "sigma_min", "condition"), nowhere(len(status))), **more}
+    rest.setdefault("certified_radius", no_radius(len(status)))
+    t = np.asarray(t, float)
+    return Motion(t=t, bodies=bodies, q=q, qd=qd, qdd=qdd, status=status, producer=producer, **rest)
 
 
 def no_radius(times: int) -> CertifiedRadius:

@@ -25,19 +25,12 @@ STRICT: dict[str, Any] = {"extra": "forbid", "strict": True}
 
 
 class Law(Protocol):
-    """A scalar function of one argument, with derivatives by order and an exact integral."""
+    """A function f of one number: its derivatives by order, integral from 0, domain, and what is wrong with it."""
 
-    def __call__(self, t: Any, order: int = 0) -> Any:
-        """Return the derivative of the given order at t, in the shape of t."""
-
-    def integral(self, t: Any) -> Any:
-        """Return the integral of f from 0 to t."""
-
-    def faults(self, path: str) -> Iterator[Fault]:
-        """Yield what is wrong with the law's numbers."""
-
-    def domain(self) -> tuple[float, float]:
-        """Return the interval of arguments in which the law is defined."""
+    def __call__(self, t: Any, order: int = 0) -> Any: ...
+    def integral(self, t: Any) -> Any: ...
+    def domain(self) -> tuple[float, float]: ...
+    def faults(self, path: str) -> Iterator[Fault]: ...
 
 
 class _Everywhere:
@@ -70,7 +63,6 @@ class Polynomial(_Everywhere):
         return _horner([0.0, *(c / (k + 1) for k, c in enumerate(self.coefficients))], t)
 
     def faults(self, path: str) -> Iterator[Fault]:
-        """Yield whether there is no coefficient at all."""
         if not self.coefficients:
             yield Fault(f"{path}.coefficients", [], "at least one coefficient")
 
@@ -100,10 +92,7 @@ class Sinusoid(_Everywhere):
 
 @dataclass(frozen=True, kw_only=True)
 class Table:
-    """Cubic spline through (argument, value): not-a-knot ends, or, if periodic, smooth (C2) all around.
-
-    Outside its arguments a table that is not periodic has no value: NaN.
-    """
+    """Cubic spline through (argument, value): not-a-knot ends, and NaN beyond them; or, if periodic, C2 all around."""
 
     argument: tuple[float, ...]
     value: tuple[float, ...]
@@ -123,34 +112,27 @@ class Table:
         return _through(lambda x, k: self._spline(x, order + k)[()], t)
 
     def integral(self, t: Any) -> Any:
-        """Return the integral of the spline from 0 to t, exact piece by piece."""
         return _through(lambda x, k: self._spline(x)[()] if k else self._integral(x), t)
 
     def _integral(self, t: Any) -> Any:
         return np.vectorize(lambda end: float(self._spline.integrate(0.0, end)), otypes=[float])(t)[()]
 
     def domain(self) -> tuple[float, float]:
-        """Return the arguments covered: the table's own, or all if periodic."""
         return (-np.inf, np.inf) if self.periodic else (self.argument[0], self.argument[-1])
 
     def faults(self, path: str) -> Iterator[Fault]:
-        """Yield what keeps the table from being interpolated."""
-        if len(self.argument) < 2:
-            yield Fault(f"{path}.argument", list(self.argument), "at least two arguments")
-        if len(self.argument) != len(self.value):
-            yield Fault(f"{path}.value", list(self.value), f"{len(self.argument)} values, one for each argument")
-        if any(b <= a for a, b in zip(self.argument, self.argument[1:], strict=False)):
-            yield Fault(f"{path}.argument", list(self.argument), "strictly increasing arguments")
-        if self.periodic and self.value and self.value[0] != self.value[-1]:
-            yield Fault(f"{path}.value", list(self.value), "a last value equal to the first, as the table is periodic")
-        elif self._in_order() and not self._interpolates():
-            yield Fault(f"{path}.argument", list(self.argument), "arguments between which a spline is finite")
-
-    def _in_order(self) -> bool:
-        several = 2 <= len(self.argument) == len(self.value)
-        return (
-            several and all(a < b < np.inf for a, b in pairwise(self.argument)) and bool(np.isfinite(self.value).all())
-        )
+        x, y = self.argument, self.value
+        if len(x) < 2:
+            yield Fault(f"{path}.argument", list(x), "at least two arguments")
+        if len(x) != len(y):
+            yield Fault(f"{path}.value", list(y), f"{len(x)} values, one for each argument")
+        if any(b <= a for a, b in pairwise(x)):
+            yield Fault(f"{path}.argument", list(x), "strictly increasing arguments")
+        in_order = 2 <= len(x) == len(y) and all(a < b < np.inf for a, b in pairwise(x)) and np.isfinite(y).all()
+        if self.periodic and y and y[0] != y[-1]:
+            yield Fault(f"{path}.value", list(y), "a last value equal to the first, as the table is periodic")
+        elif in_order and not self._interpolates():
+            yield Fault(f"{path}.argument", list(x), "arguments between which a spline is finite")
 
     def _interpolates(self) -> bool:
         """Whether the spline has coefficients: arguments may be too close for float64, or too far apart."""
@@ -172,18 +154,15 @@ class Integral:
         return self.rate(t, order - 1) if order else self.initial + self.rate.integral(t)
 
     def integral(self, t: Any) -> Any:
-        """Refuse: no scene integrates a law twice."""
         raise NotImplementedError("a law is integrated once")
 
     def domain(self) -> tuple[float, float]:
-        """Return the arguments covered by the rate."""
         return self.rate.domain()
 
     def faults(self, path: str) -> Iterator[Fault]:
-        """Yield the rate's faults, and whether it leaves out 0, where `initial` holds."""
-        found = list(self.rate.faults(path))
-        yield from found
-        if not found and not self.domain()[0] <= 0.0 <= self.domain()[1]:
+        of_rate = list(self.rate.faults(path))
+        yield from of_rate
+        if not of_rate and not self.domain()[0] <= 0.0 <= self.domain()[1]:
             yield Fault(f"{path}.argument", list(self.domain()), "a table that covers t = 0, where `initial` holds")
 
 

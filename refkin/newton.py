@@ -22,18 +22,9 @@ TINY = 1e-6
 """First corrections below it are round-off of a good prediction, or too small to leave a regular branch."""
 
 
-def is_round_off(residual: Any, q: Any, allowed: float = 0.0) -> Any:
-    """Return whether |phi| is what rounding leaves of it at q: 32 units of the largest coordinate, which is at least 1.
-
-    Parameters
-    ----------
-    residual, q : (m,) and (n,) array, or (m, B) and (n, B)
-        phi(q) and q, scaled.
-    allowed : float
-        A residual that is small enough in any case.
-    """
-    size = np.maximum(1.0, np.max(np.abs(q), axis=0))
-    return np.max(np.abs(residual), axis=0) <= np.maximum(allowed, 32 * EPS * size)
+def is_round_off(residual: Any, q: Any) -> Any:
+    """Return whether phi (m,) or (m, B) is what rounding leaves of it: 32 units of the largest coordinate or of 1."""
+    return np.max(np.abs(residual), axis=0) <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))
 
 
 def contracts(sizes: Sequence[float], tiny: float = TINY) -> bool:
@@ -132,7 +123,7 @@ def newton(
     stop : StoppingTest, optional
         `RoundOff()` by default, which goes on until arithmetic allows no more.
     max_iterations : int
-        The cap on corrections; reaching it is the status ITERATION_LIMIT.
+        The cap on corrections.
     jacobian_every : int
         1 is full Newton, k renews the Jacobian every k corrections, 0 keeps the first (chord method).
     damped : bool

@@ -1,9 +1,8 @@
 """A mechanism's equations: phi(q, t) = 0, phi_q qd = nu, phi_q qdd = gamma.
 
-`compile_system` is the only place that knows where coordinates sit in q: three for each body, then the parameters of
-the joints that bring some (contact parameters). Coordinates come first, a batch comes last: q has shape (n,) or
-(n, B), t is a number or (B,), and so are all results. The dtype of q decides the arithmetic: float, complex, or object
-(balls, symbols).
+`compile_system` alone knows where coordinates sit in q: three for each body, then the contact parameters of joints that
+bring some. Coordinates come first, a batch comes last: q has shape (n,) or (n, B), t is a number or (B,), and so are
+all results. The dtype of q decides the arithmetic: float, complex, or object (balls, symbols).
 """
 
 from __future__ import annotations
@@ -123,10 +122,8 @@ class System:
         """Return the values of each body and parameter by the place where it starts in q; None is the ground."""
         numbers = q.tolist() if q.ndim == 1 else q
         values: dict[int | None, Any] = {None: BodyValues(0.0, 0.0, 0.0)}
-        for k in range(0, self.of_bodies, 3):
-            values[k] = BodyValues(*numbers[k : k + 3])
-        for k in range(self.of_bodies, self.n):
-            values[k] = ParameterValue(numbers[k])
+        values |= {k: BodyValues(*numbers[k : k + 3]) for k in range(0, self.of_bodies, 3)}
+        values |= {k: ParameterValue(numbers[k]) for k in range(self.of_bodies, self.n)}
         if qd is not None:
             rates = qd.tolist() if qd.ndim == 1 else qd
             values[None].moving(0.0, 0.0, 0.0)
@@ -141,8 +138,7 @@ class System:
         f = self._laws_at(p, t, order) if p.constraint.laws else ()
         if not p.constraint.parameters:
             return f
-        s = values[p.starts[2]].value
-        return (*f, p.constraint.profile_values(s, self.unit, min(order + 2, PROFILE_ORDER)))
+        return (*f, p.constraint.profile_values(values[p.starts[2]].value, self.unit, min(order + 2, PROFILE_ORDER)))
 
     def _laws_at(self, p: Placed, t: Any, order: int) -> Any:
         """Return the values of a constraint's laws; Newton asks for those of one time again and again."""
@@ -153,9 +149,7 @@ class System:
             kept = self._kept[p.row, order] = (t, p.constraint.inputs(t, self.unit, order))
         return kept[1]
 
-    def _rows(
-        self, values: dict[int | None, Any], t: Any, order: int, formula: Callable[[Constraint], Any]
-    ) -> Iterable[Any]:
+    def _rows(self, values: Any, t: Any, order: int, formula: Callable[[Constraint], Any]) -> Iterable[Any]:
         """Yield the rows of one formula; laws are evaluated up to `order`, no further."""
         for p in self.placed:
             yield from formula(p.constraint)(p.g, self._given(p, values, t, order), *(values[s] for s in p.starts))
@@ -171,16 +165,13 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     Parameters
     ----------
     mechanism : Mechanism
-        Bodies, joints and drivers. Rows come in the order of joints, then drivers; columns in the order of bodies, then
-        of the joints that bring parameters.
+        Rows come in the order of joints, then drivers; columns in that of bodies, then of joints with parameters.
     effects : frozenset of Effect
         What may be asked beyond phi and phi_q.
     unit : Unit
         Length and origin of the coordinates: metres by default; `mechanism.unit()` for those every solve runs in.
     """
-    starts: dict[str, int | None] = {GROUND: None}
-    for k, body in enumerate(mechanism.bodies):
-        starts[body.name] = 3 * k
+    starts: dict[str, int | None] = {GROUND: None, **{body.name: 3 * k for k, body in enumerate(mechanism.bodies)}}
     placed = []
     row, n = 0, 3 * len(mechanism.bodies)
     for constraint in mechanism.constraints:

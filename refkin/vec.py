@@ -54,7 +54,6 @@ class BodyValues:
         self.c, self.s = cosine_and_sine(phi)
 
     def moving(self, xd: Scalar, yd: Scalar, phid: Scalar) -> BodyValues:
-        """Give the body its rates and return it."""
         self.v = Vec(xd, yd)
         self.omega = phid
         return self

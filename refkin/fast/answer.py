@@ -16,8 +16,18 @@ from refkin.differences import EPS
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
 from refkin.model import Effect, Evidence, Scene
-from refkin.motion import CertifiedRadius, ContactMotion, Motion, PointMotion, Producer, Route, Seeding, Status, nowhere
-from refkin.points import point_motion
+from refkin.motion import (
+    CertifiedRadius,
+    ContactMotion,
+    Motion,
+    PointMotion,
+    Producer,
+    Route,
+    Seeding,
+    Status,
+    nowhere,
+    point_motion,
+)
 from refkin.proof.numbers.inputs import half_ulp
 from refkin.proof.pose.isolate import FLOAT64, isolate
 from refkin.system import System

@@ -13,6 +13,7 @@ from collections.abc import Iterator
 from dataclasses import MISSING, fields
 from datetime import date, time
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
@@ -191,8 +192,10 @@ def _meaning(file: SceneFile) -> list[Fault]:
     """Return what is wrong with a file whose keys and types are right."""
     grid = list(file.times.faults())
     times = () if grid else file.times.times()
-    scene = scene_faults(file.body, file.joint, file.driver, times, file.point, file.bodies_wanted)
-    found = [*grid, *mechanism_faults(file.body, file.joint, file.driver), *scene]
+    mechanism = SimpleNamespace(bodies=file.body, joints=file.joint, drivers=file.driver)
+    wanted = {"points": file.point, "bodies_wanted": file.bodies_wanted}
+    scene = scene_faults(SimpleNamespace(mechanism=mechanism, times=times, **wanted))
+    found = [*grid, *mechanism_faults(mechanism), *scene]
     return [f for f in found if not (grid and f.path == "times")]
 
 

@@ -9,15 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
+from crosscheck.documents.moving_points import point_parts
 from crosscheck.engines import vector_loop as loops
 from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.errors import NotCalledFor
 from refkin.joints import AngleDriver, XDriver, YDriver
 from refkin.model import Body, Effect, Mechanism, Scene
-from refkin.motion import Status
+from refkin.motion import Status, point_motion
 from refkin.motion_laws import Polynomial, Sinusoid
-from refkin.points import point_motion, point_parts
 from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
 from refkin.solving.mobility import row_names
 from refkin.solving.solve import solve

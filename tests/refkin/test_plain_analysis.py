@@ -132,6 +132,17 @@ def test_a_linkage_that_does_not_close_has_no_pose():
     assert "no pose was found" in motion.message
 
 
+def test_rows_that_contradict_each_other_are_no_pose_and_end_the_branch():
+    """A second pin at B, a thousandth off: least squares converge to what satisfies neither."""
+    scene = ROCKER.scene(samples=4)
+    m = scene.mechanism
+    twin = replace(m.joints[2], name="B2", point_i=(m.joints[2].point_i[0] + 1e-3, 0.0))
+    motion = analysis.sweep(replace(scene, mechanism=replace(m, joints=(*m.joints, twin))))
+
+    assert motion.status == (Status.NOT_CONVERGED, *[Status.BRANCH_LOST] * 3)
+    assert np.isnan(motion.q).all()
+
+
 def test_a_coarse_march_stays_on_its_branch():
     """Four samples a turn: without the sign of the determinant and the distance from the prediction it would not."""
     scene = ROCKER.scene(turns=2, samples=9)

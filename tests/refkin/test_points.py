@@ -12,9 +12,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import refkin
-from crosscheck.documents.rod_and_block import rod_and_block
+from crosscheck.documents.moving_points import PointParts, point_parts, rod_and_block
 from refkin.differences import EPS
-from refkin.points import PointParts, point_motion, point_parts
+from refkin.motion import point_motion
 
 NUMBERS = st.floats(-3.0, 3.0)
 TRIPLE = st.tuples(NUMBERS, NUMBERS, NUMBERS).map(np.array)

@@ -9,14 +9,13 @@ import numpy as np
 
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.me451 import Found, Given
-from crosscheck.documents.rod_and_block import rod_and_block
+from crosscheck.documents.moving_points import point_parts, rod_and_block
 from crosscheck.documents.systems import printed, shabana
 from crosscheck.engines import vector_loop as loops
 from refkin.analysis import acceleration, velocity
 from refkin.joints import GROUND, AngleDriver, Fixed, Revolute, XDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
-from refkin.points import point_parts
 from refkin.scenes.linkages import ANYWHERE, FourBar, SliderCrank
 from refkin.system import compile_system
 

@@ -291,7 +291,8 @@ def radical_inverse(k: int, base: int) -> float:
 
 def closes(system: System, q: Array, t: float, allowed: float = 0.0) -> bool:
     """Return whether the residual of a pose (n,) at time t [s] is round-off, or no more than is allowed."""
-    return bool(is_round_off(system.phi(q, t), q, allowed))
+    residual = system.phi(q, t)
+    return bool(is_round_off(residual, q)) or float(np.max(np.abs(residual))) <= allowed
 
 
 def coordinates(system: System, branch: Branch) -> Array:

@@ -1,4 +1,4 @@
-"""Motion of a point, fixed in a body or moving in it (Shabana, Computational Dynamics, 3.2 to 3.4).
+"""Motion of a point that moves in a body, part by part (Shabana, Computational Dynamics, 3.2 to 3.4 and 3.6).
 
 The body has origin R, angle phi, omega = phi' and alpha = phi''. The point is at u in the body's own frame, with rates
 u' and u'' there: r = R + A u. Velocity and acceleration are sums of parts; omega x w is w turned by a quarter turn
@@ -12,8 +12,6 @@ from typing import Any
 
 import numpy as np
 
-from refkin.joints import Pair
-from refkin.motion import PointMotion
 from refkin.vec import BodyValues, Vec
 
 
@@ -68,7 +66,36 @@ def point_parts(
     return PointParts(**{name: np.array([row.x + zero, row.y + zero]) for name, row in rows.items()})
 
 
-def point_motion(position: Pair, q: Any, qd: Any = None, qdd: Any = None) -> PointMotion:
-    """Return the motion of a point fixed in a body at `position` [m]; q, qd, qdd as for `point_parts`."""
-    parts = point_parts(position, q, qd, qdd)
-    return PointMotion(r=parts.r, v=None if qd is None else parts.v, a=None if qdd is None else parts.a)
+@dataclass(frozen=True, kw_only=True)
+class RodAndBlock:
+    """Rates of a rod's angle [rad/s, rad/s^2] and of the place of a block on it [m/s, m/s^2]."""
+
+    omega: Any
+    alpha: Any
+    slide_rate: Any
+    slide_acceleration: Any
+
+
+def rod_and_block(angle: Any, slide: Any, v: Any, a: Any) -> RodAndBlock:
+    """Return how a rod turns and a block slides on it, from the motion of the block's pin (Shabana, 3.6).
+
+    The rod turns about a fixed point, the block is s = `slide` from it. With e along the rod and n across it, the parts
+    add up to v = omega s n + s' e and a = (alpha s + 2 omega s') n + (s'' - omega^2 s) e.
+
+    Parameters
+    ----------
+    angle, slide : float or (T,) array
+        Of the rod [rad], of the block on it [m].
+    v, a : (2,) or (2, T) array
+        Velocity and acceleration of the pin.
+    """
+    rod = BodyValues(0.0, 0.0, angle)
+    along, across = Vec(rod.c, rod.s), Vec(-rod.s, rod.c)
+    v, a = Vec(*v), Vec(*a)
+    omega, slide_rate = v.dot(across) / slide, v.dot(along)
+    return RodAndBlock(
+        omega=omega,
+        alpha=(a.dot(across) - 2 * omega * slide_rate) / slide,
+        slide_rate=slide_rate,
+        slide_acceleration=a.dot(along) + omega * omega * slide,
+    )
