@@ -20,10 +20,17 @@ class Status(StrEnum):
     """What is known of one pose; defined in the scene file format."""
 
     OK = "ok"
+    """A proof isolates the pose; without certificates: the residual is round-off, sigma_min well above zero."""
     SINGULAR = "singular"
+    """The residual is round-off, but no test isolates the pose."""
     UNASSEMBLABLE = "unassemblable"
+    """Proved: there is no pose."""
+    LOCKED = "locked"
+    """The pose is isolated, but redundant rows contradict each other in a rate, so that no motion exists (Haug)."""
     NOT_CONVERGED = "not_converged"
+    """No answer, and no proof."""
     BRANCH_LOST = "branch_lost"
+    """The motion met a singular pose before, and was not followed beyond it."""
 
 
 class Seeding(StrEnum):

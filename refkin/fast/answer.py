@@ -29,6 +29,7 @@ from refkin.motion import (
     point_motion,
 )
 from refkin.proof.numbers.inputs import half_ulp
+from refkin.proof.pose.choices import over_all_choices
 from refkin.proof.pose.isolate import FLOAT64, isolate
 from refkin.system import System
 
@@ -113,12 +114,12 @@ def _evidence(
 def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> CertifiedRadius | None:
     """Return certified radii: by the tape of the proof, else by the dense one; None if float64 proves too little."""
     absent = nowhere(len(t))
-    found = radii(system, made, levels, t)
+    found = None if system.m > system.n else radii(system, made, levels, t)
     if found is not None:
         rates = [absent if x is None else x for x in (found.velocity, found.acceleration)]
         position = found.position
     else:
-        dense = isolate(system, levels[0], t, *levels[1:])
+        dense = over_all_choices(system, isolate(system, levels[0], t, *levels[1:]), levels[0], t, *levels[1:])
         if not dense.ok.all() or (dense.bits > FLOAT64).any() or (dense.contradiction > 1.0).any():
             return None  # what only balls can enclose is answered from there
         position, rates = dense.position, [dense.velocity, dense.acceleration]

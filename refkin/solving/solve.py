@@ -17,11 +17,12 @@ from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.numbers.inputs import handed_over
 from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.branch import first_gap, step_over_crossing
+from refkin.proof.pose.choices import over_all_choices
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import Enclosure
 from refkin.proof.pose.singularity import diagnose_scaled
 from refkin.solving.starts import find_start, unassemblable
-from refkin.solving.sweep import MOST_STEPS, Arrival, Sweep, pose_between
+from refkin.solving.sweep import Arrival, Sweep, pose_between
 from refkin.system import System, compile_system
 
 AT_END = 1e-6
@@ -56,11 +57,10 @@ def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list
         later = [Status.NOT_CONVERGED] * (count - 1)
         return np.full((system.n, count), np.nan), [start.status, *later], start.message
     frames = recentred(system)
-    sweep = Sweep(
-        frames.inner, [scene.times[0]], [frames.inward(start.q)], proving=Evidence.CERTIFICATE in scene.evidence
-    )
+    proving, first = Evidence.CERTIFICATE in scene.evidence, frames.inward(start.q)
+    sweep = Sweep(frames.inner, [scene.times[0]], [first], proving=proving, certified=certified)
     q, done, why, rest = _swept(sweep, scene.times)
-    gap = _first_gap(sweep, scene, certified) if certified or sweep.doubtful else None
+    gap = _first_gap(sweep, scene) if certified or sweep.doubtful else None
     q = np.stack([frames.outward(pose) for pose in q.T], axis=-1) if frames.shifts.any() else q
     if gap is not None:
         done = sum(t <= sweep.t[gap] for t in scene.times)
@@ -73,10 +73,10 @@ def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list
     return q, status, "; ".join(filter(None, (start.message, why)))
 
 
-def _first_gap(sweep: Sweep, scene: Scene, certified: bool) -> int | None:
+def _first_gap(sweep: Sweep, scene: Scene) -> int | None:
     """Return the first step of a sweep that needs a proof and has none; None if all have one."""
     full, t, q = compile_system(sweep.system.mechanism, unit=sweep.system.unit), np.array(sweep.t), np.array(sweep.q).T
-    steps = list(range(len(t) - 1)) if certified else sweep.doubtful
+    steps = sweep.unproved
     crossed = step_over_crossing(full, t, q, sweep.doubtful)
     if crossed is not None:  # steps that lead to none of the times before it need no proof
         last = max(time for time in scene.times if time <= t[crossed])
@@ -95,12 +95,11 @@ def _swept(sweep: Sweep, times: tuple[float, ...]) -> tuple[Any, int, str, Statu
     for done in range(1, len(times)):
         arrival = sweep.to(times[done])
         if arrival is Arrival.OUT_OF_STEPS:
-            why = f"gave up at t = {sweep.t[-1]:.17g} after {MOST_STEPS} steps"
-            return q, done, why, Status.NOT_CONVERGED
+            return q, done, sweep.why, Status.NOT_CONVERGED
         if arrival is Arrival.STOPPED:
             cam = end_of_profile(sweep.system, sweep.q[-1])
-            end = f"the contact of {cam} leaves its profile" if cam else "the branch ends at a singular pose"
-            return q, done, f"{end} after t = {sweep.t[-1]:.17g}", Status.BRANCH_LOST
+            end = f"the contact of {cam} leaves its profile after t = {sweep.t[-1]:.17g}"
+            return q, done, end if cam else sweep.why, Status.BRANCH_LOST
         q[:, done] = sweep.q[-1]
         if arrival is Arrival.AT_SINGULAR_POSE:
             return q, done + 1, _undecided(sweep.t[-1]), Status.BRANCH_LOST
@@ -127,7 +126,7 @@ class _Answer:
     def __init__(self, system: System, scene: Scene, q: Any, status: list[Status], message: str) -> None:
         self.system, self.scene, self.t, self.q, self.status = system, scene, np.array(scene.times), q, status
         count = len(status)
-        self.messages = [message]
+        self.messages, self.contradicted = [message], False
         self.qd, self.qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
         self.residual, self.sigma_min, self.condition = (nowhere(count) for _ in range(3))
         self.radius = no_radius(count)
@@ -152,11 +151,16 @@ class _Answer:
             if self.status[k] is Status.OK and self.status[k - 1] is not Status.OK:
                 self.status[k] = Status.BRANCH_LOST
                 self.q[:, k] = self.residual[k] = self.sigma_min[k] = self.condition[k] = np.nan
-        failed = [k for k in lanes if self.status[k] is not Status.OK]
-        for rates in (self.qd, self.qdd):
-            rates[:, failed] = np.nan
-        for radii in (self.radius.position, self.radius.velocity, self.radius.acceleration):
-            radii[failed] = np.nan
+        for k in lanes:
+            if self.status[k] not in (Status.OK, Status.LOCKED):
+                self._withhold(k, 0)
+
+    def _withhold(self, k: int, order: int) -> None:
+        """Give no rates of this order or beyond at a time, and no radii from this order on."""
+        for level in (self.qd, self.qdd)[max(order - 1, 0) :]:
+            level[:, k] = np.nan
+        for radii in (self.radius.position, self.radius.velocity, self.radius.acceleration)[order:]:
+            radii[k] = np.nan
 
     def _closed(self, lanes: Any) -> Any:
         """Return whether the residual of each pose is round-off."""
@@ -198,24 +202,41 @@ class _Answer:
         if not lanes.size:
             return np.zeros(0, bool)
         rates = [level[:, lanes] if np.isfinite(level[:, lanes]).all() else None for level in (self.qd, self.qdd)]
-        found = isolate(self.system, self.q[:, lanes], self.t[lanes], *rates)
+        answers = (self.system, self.q[:, lanes], self.t[lanes], *rates)
+        found = isolate(*answers)
+        if found.ok.any():
+            found = over_all_choices(self.system, found, *answers[1:])
+            self.messages.append(found.why)
         for name in ("position", "velocity", "acceleration"):
             getattr(self.radius, name)[lanes] = getattr(found, name)
-        contradicted = lanes[found.contradiction > 1.0]
-        for k in contradicted:
-            self.status[k] = Status.UNASSEMBLABLE
-        if contradicted.size:
-            size = np.max(found.contradiction)
-            self.messages.append(f"redundant rows contradict each other: {size:.3g} times what rounding explains")
         for lane, enclosure in found.enclosures.items():
             self._take(lanes[lane], enclosure)
+        self._contradicted(lanes, found.contradiction > 1.0, found.contradiction)
         self.radius.position[lanes] += np.max(handed_over(self.system, self.q[:, lanes]), axis=0)
         return found.ok
 
+    def _contradicted(self, lanes: Any, where: Any, size: Any) -> None:
+        """Give the status of poses, and of rates, at which redundant rows contradict each other (3, B)."""
+        for k, levels, times in zip(lanes, where.T, size.T, strict=True):
+            if not levels.any():
+                continue
+            order = int(np.argmax(levels))
+            self.status[k] = Status.LOCKED if order else Status.UNASSEMBLABLE
+            self._withhold(k, order)
+            if not self.contradicted:
+                what = ("position", "velocity", "acceleration")[order]
+                self.messages.append(
+                    f"at t = {self.t[k]:g} redundant rows contradict each other in {what}: "
+                    f"{times[order]:.3g} times what rounding explains"
+                )
+            self.contradicted = True
+
     def _take(self, k: int, root: Enclosure) -> None:
-        """Replace an answer by the numbers nearest to its enclosed root, and the rates by those there."""
-        self.q[:, k] = root.nearest()
-        self.radius.position[k] = np.max(root.distance(self.q[:, k]))
+        """Replace an answer by the numbers nearest to its enclosed root, and the rates by those there.
+
+        Bounds over all choices of redundant rows are about the answer as it was: they grow by how far it is moved.
+        """
+        self._move(self.q, self.radius.position, k, root.nearest(), root)
         self._look(np.array([k]))
         if not self.system.effects:
             return
@@ -224,8 +245,13 @@ class _Answer:
         if Effect.ACCELERATION in self.system.effects:
             levels.append((self.qdd, self.radius.acceleration, root.acceleration(velocity)))
         for rates, radii, balls in levels:
-            rates[:, k] = [float(x) for x in balls]
-            radii[k] = np.max(root.distance(rates[:, k], balls))
+            self._move(rates, radii, k, [float(x) for x in balls], root, balls)
+
+    def _move(self, level: Any, radii: Any, k: int, answer: Any, root: Enclosure, truth: Any = None) -> None:
+        moved = np.max(np.abs(answer - level[:, k]))
+        level[:, k] = answer
+        own = np.max(root.distance(level[:, k], truth))
+        radii[k] = own if self.system.m == self.system.n else np.maximum(own, (radii[k] + moved) * (1 + EPS))
 
     def explain(self) -> None:
         """Say of the first singular pose what it is."""

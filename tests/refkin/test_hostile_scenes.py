@@ -75,3 +75,121 @@ def test_times_a_denormal_number_apart_are_times_like_others():
     assert motion.producer.name == "refkin.fast"
     assert statuses(motion) == "oooo"
     assert motion["crank"].phi == pytest.approx([0.3, 0.3, 0.3, 1.3], abs=1e-15)
+
+
+EITHER_WAY = pytest.mark.parametrize("certified", [False, True], ids=["as it is", "certified"])
+
+
+@EITHER_WAY
+def test_a_cylinder_of_length_zero_is_a_pose_that_no_step_goes_over(certified):
+    motion = refkin.solve(scene("distance-through-zero.toml"), certified=certified)
+
+    assert motion.status == (OK, LOST)
+    assert "t = 0.5" in motion.message
+
+
+@EITHER_WAY
+def test_a_swing_faster_than_any_sampling_is_lost_at_the_limit(certified):
+    motion = refkin.solve(scene("rate-law-alias.toml"), certified=certified)
+
+    assert motion.status == (OK, LOST, LOST, LOST)
+
+
+@EITHER_WAY
+def test_a_law_that_turns_a_rounding_beyond_the_flat_pose_is_lost_there(certified):
+    motion = refkin.solve(scene("limit-touched-1e-17.toml"), certified=certified)
+
+    assert statuses(motion) == "o" * 14 + "." * 14
+    assert "at t = 1, where a law turns back, no pose of the branch is proved to be alone" in motion.message
+
+
+def test_a_law_that_turns_just_before_the_flat_pose_is_not_lost():
+    touched = scene("limit-touched-1e-17.toml")
+    (driver,) = touched.mechanism.drivers
+    first, *rest = driver.law.coefficients
+    before = replace(driver, law=replace(driver.law, coefficients=(first + 1e-9, *rest)))
+    motion = refkin.solve(replace(touched, mechanism=replace(touched.mechanism, drivers=(before,))))
+
+    assert motion.verdict is OK
+
+
+@EITHER_WAY
+def test_where_t_has_no_digits_left_no_singular_pose_is_blamed(certified):
+    motion = refkin.solve(scene("time-resolution.toml"), certified=certified)
+
+    assert motion.status == (OK, refkin.Status.NOT_CONVERGED, refkin.Status.NOT_CONVERGED)
+    assert "t has no more digits" in motion.message
+
+
+def test_the_reference_takes_times_a_denormal_number_apart_too():
+    assert statuses(refkin.solve(scene("fast-denormal-times.toml"))) == "oooo"
+
+
+@pytest.mark.parametrize("solver", [refkin.solve, fast.sweep], ids=["solve", "fast"])
+@pytest.mark.parametrize(
+    ("name", "velocity"),
+    [("unassemblable-but-assembled.toml", False), ("unassemblable-acceleration-only.toml", True)],
+    ids=["in velocity", "in acceleration"],
+)
+def test_rows_that_contradict_each_other_in_a_rate_lock_a_pose_that_exists(solver, name, velocity):
+    motion = solver(scene(name))
+
+    assert motion.verdict is refkin.Status.LOCKED
+    radius = motion.certified_radius
+    levels = ((motion.q, radius.position, True), (motion.qd, radius.velocity, velocity))
+    for numbers, radii, exist in (*levels, (motion.qdd, radius.acceleration, False)):
+        assert np.isfinite(numbers).all() == exist == np.isfinite(radii).all()
+        assert np.isnan(numbers).all() != exist
+    assert f"contradict each other in {'acceleration' if velocity else 'velocity'}" in motion.message
+
+
+@pytest.mark.parametrize("solver", [refkin.solve, fast.sweep], ids=["solve", "fast"])
+@pytest.mark.parametrize(
+    ("name", "position", "acceleration"),
+    [("redundant-one-ulp.toml", 3e-13, 6e-7), ("redundant-16-ulp.toml", 4e-11, 1e-2)],
+)
+def test_radii_hold_for_every_choice_of_redundant_rows(solver, name, position, acceleration):
+    motion = solver(scene(name))
+
+    assert motion.verdict is OK
+    assert motion.certified_radius.position[0] > position
+    assert motion.certified_radius.acceleration[0] > acceleration
+
+
+def test_too_many_choices_of_redundant_rows_have_no_radius_and_say_so(monkeypatch):
+    monkeypatch.setattr("refkin.proof.pose.choices.MOST_CHOICES", 3)
+    motion = refkin.solve(scene("redundant-one-ulp.toml"))
+
+    assert motion.verdict is OK
+    assert np.isnan(motion.certified_radius.position).all()
+    assert "more than 3 ways: no error bound covers all of them" in motion.message
+
+
+@pytest.mark.parametrize("certified", [False, True])
+def test_a_swing_within_its_range_is_gone_through_once_however_often_it_is_made(monkeypatch, certified):
+    monkeypatch.setattr("refkin.solving.sweep.MOST_STEPS", 200)
+    motion = refkin.solve(scene("slow-sinusoid.toml"), certified=certified)
+    (driver,) = scene("slow-sinusoid.toml").mechanism.drivers
+
+    assert motion.verdict is OK
+    assert motion["crank"].phi == pytest.approx([driver.law(t) for t in motion.t], abs=1e-12)
+    once = refkin.solve(scene("slow-sinusoid.toml", times=(0.0, 1e-5)))  # the same branch, by plain steps
+    assert np.sign(np.sin(motion["rocker"].phi - motion["coupler"].phi)) == pytest.approx(
+        np.sign(np.sin(once["rocker"].phi[0] - once["coupler"].phi[0])) * np.ones(3)
+    )
+
+
+@pytest.mark.parametrize("certified", [False, True])
+def test_turns_of_a_wheel_are_counted_without_going_through_them(monkeypatch, certified):
+    """The same times as 556 turns each, and, with a larger wheel, as less than a turn: the same poses of the loop."""
+    monkeypatch.setattr("refkin.solving.sweep.MOST_STEPS", 800)
+    motion = refkin.solve(scene("slow-gear.toml"), certified=certified)
+    phi, coupler, rocker = (motion[name].phi for name in ("w2", "co", "ro"))
+
+    assert motion.verdict is OK
+    assert phi[-1] - phi[0] > 2 * np.pi * 6000
+    gap_x = 0.5 * np.cos(phi) + 3.0 + 2.0 * np.cos(coupler) - 5.5 - 1.8 * np.cos(rocker)
+    gap_y = 0.5 * np.sin(phi) + 2.0 * np.sin(coupler) - 0.2 - 1.8 * np.sin(rocker)
+    assert np.max(np.abs([gap_x, gap_y])) < 1e-11
+    assert len(set(np.sign(np.sin(rocker - coupler)))) == 1
+    assert np.ptp(rocker) < 2 * np.pi > np.ptp(coupler)

@@ -118,14 +118,14 @@ def three_cranks(longer: float) -> tuple[System, Any]:
 def test_a_redundant_mechanism_is_certified_on_independent_rows() -> None:
     system, q = three_cranks(0.0)
     found = isolate(system, q, [0.0])
-    assert (system.m, system.n, found.ok[0], found.contradiction[0] < 1) == (13, 12, True, True)
+    assert (system.m, system.n, found.ok[0], found.contradiction.max() < 1) == (13, 12, True, True)
 
 
 @pytest.mark.parametrize("longer", [1e-3, 1e-9, 1e-12])
 def test_redundant_rows_that_contradict_each_other_are_seen(longer: float) -> None:
     system, q = three_cranks(longer)
     found = isolate(system, q, [0.0])
-    assert found.contradiction[0] > 1
+    assert found.contradiction.max() > 1
 
 
 def wheels(count: int) -> tuple[System, Any]:
@@ -150,8 +150,8 @@ def test_rows_that_share_a_pose_but_no_velocity_contradict_each_other(count: int
     """Three wheels in a ring lock each other, four do not; either way all rows hold at the first pose."""
     system, q = wheels(count)
     found = isolate(system, q, [0.0], velocity(system, q, np.zeros(1)))
-    assert isolate(system, q, [0.0]).contradiction[0] <= 1
-    assert bool(found.contradiction[0] <= 1) is explained
+    assert isolate(system, q, [0.0]).contradiction.max() <= 1
+    assert bool(found.contradiction.max() <= 1) is explained
 
 
 def test_rows_that_share_pose_and_velocity_but_no_acceleration_contradict_each_other() -> None:
@@ -162,8 +162,8 @@ def test_rows_that_share_pose_and_velocity_but_no_acceleration_contradict_each_o
     mechanism = Mechanism((Body(name="s"),), (guide,), (still, moved))
     system, q = compile_system(mechanism, unit=mechanism.unit()), np.zeros((3, 1))
     qd = velocity(system, q, np.zeros(1))
-    assert isolate(system, q, [0.0], qd).contradiction[0] <= 1
-    assert isolate(system, q, [0.0], qd, acceleration(system, q, qd, np.zeros(1))).contradiction[0] > 1
+    assert isolate(system, q, [0.0], qd).contradiction.max() <= 1
+    assert isolate(system, q, [0.0], qd, acceleration(system, q, qd, np.zeros(1))).contradiction.max() > 1
 
 
 def test_rounding_of_lengths_explains_what_redundant_rows_miss_of_the_rates() -> None:
@@ -171,4 +171,4 @@ def test_rounding_of_lengths_explains_what_redundant_rows_miss_of_the_rates() ->
     system, q = three_cranks(0.0)
     qd = velocity(system, q, np.zeros(1))
     found = isolate(system, q, [0.0], qd, acceleration(system, q, qd, np.zeros(1)))
-    assert found.contradiction[0] < 1
+    assert found.contradiction.max() < 1

@@ -84,14 +84,14 @@ def contradiction(system: System, rows: Any, root: Nearly, t: Any) -> Any:
 
 
 def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: bool) -> Any:
-    """Return the largest part of velocity, and acceleration, that left-out rows contradict, as `contradiction` does.
+    """Return the largest part of velocity, and of acceleration, that left-out rows contradict, (2, B), in such units.
 
     A pose that all rows share says nothing of the next one: rows that contradict each other there do so here in
     phi_q qd = nu, or in phi_q qdd = gamma. Rates are those of the rows (n,) that were solved. What explains a left-out
     row: its own spread over what the pose may be off by, and, through the rates, that of the solved rows.
     """
     others, lanes = np.setdiff1d(np.arange(system.m), rows), np.shape(q)[1]
-    found = np.zeros(lanes)
+    found = np.zeros((2, lanes))
     if not others.size:
         return found
     with np.errstate(all="ignore"):
@@ -108,5 +108,5 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
             spread += system.n * pose.dot * size  # of the inverse and of the products here
             radii = product(pose.size, spread[rows])
             told = np.abs(product(slope.mid, rate) - right.mid) / (UP * (spread + product(np.abs(slope.mid), radii)))
-            found = np.fmax(found, np.max(told[others], axis=0))
+            found[order] = np.max(told[others], axis=0)
     return found

@@ -24,12 +24,12 @@ class Blocks:
     places: Any
     empty: Any
 
-    def signs(self, phi_q: Any) -> list[float]:
-        """Return the sign of the determinant of each block."""
+    def determinants(self, phi_q: Any) -> tuple[list[float], float]:
+        """Return the sign of the determinant of each block, and the logarithm of the smallest size of one."""
         stack = self.empty.copy()
         stack.reshape(-1)[self.places] = phi_q.reshape(-1)[self.entries]
-        signs: list[float] = np.linalg.slogdet(stack)[0].tolist()
-        return signs
+        signs, logarithms = np.linalg.slogdet(stack)
+        return signs.tolist(), float(np.min(logarithms, initial=0.0))
 
 
 def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:

@@ -149,7 +149,8 @@ class Tracer:
         (q, t), pose = self.curve.pose(x), self.curve.pose(new)
         if self.blocks is None:
             self.blocks = blocks(system, q, t, np.arange(system.n))
-        return self.blocks.signs(system.phi_q(q, t)) == self.blocks.signs(system.phi_q(*pose))
+        here, there = (self.blocks.determinants(system.phi_q(*at))[0] for at in ((q, t), pose))
+        return here == there
 
     def _crossing(self, x: Any, new: Any) -> Crossing | None:
         """Return the bifurcation between two points, if the curves do cross there and not only pass by each other."""

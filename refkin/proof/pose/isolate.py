@@ -35,12 +35,16 @@ class Isolation:
         Bounds of the errors of q, qd, qdd; a rate that was not given has NaN.
     unique : (B,) array
         No other solution has all its coordinates closer to q than this.
-    contradiction : (B,) array
-        Where rows are redundant, the largest |phi| of a row that was not needed, or what it misses of the rates that
-        were given, in units of what a few roundings of the mechanism's numbers explain: at most 1 is consistent. 0
-        without redundant rows.
+    contradiction : (3, B) array
+        Where rows are redundant, the largest |phi| of a row that was not needed, and what such a row misses of velocity
+        and of acceleration, in units of what a few roundings of the mechanism's numbers explain: at most 1 is
+        consistent. 0 without redundant rows, and for rates that were not given.
+    rows : (n,) array of int
+        The rows that were certified in float64.
     enclosures : dict
         By lane: the roots that balls enclosed, where float64 proved none, or little. They know better than the answers.
+    why : str
+        Why there are no bounds of poses that are isolated; empty if there are.
     """
 
     ok: Any
@@ -50,7 +54,9 @@ class Isolation:
     acceleration: Any
     unique: Any
     contradiction: Any
+    rows: Any
     enclosures: dict[int, Enclosure] = field(default_factory=dict)
+    why: str = ""
 
 
 def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, bits: int = 113) -> Isolation:
@@ -76,8 +82,10 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
         velocity=nothing.copy() if proof.velocity is None else np.max(proof.velocity, axis=0),
         acceleration=nothing.copy() if proof.acceleration is None else np.max(proof.acceleration, axis=0),
         unique=proof.unique,
-        contradiction=contradiction(system, proof.rows, proof.root, t),
+        contradiction=np.zeros((3, len(t))),
+        rows=proof.rows,
     )
+    found.contradiction[0] = contradiction(system, proof.rows, proof.root, t)
     frames = recentred(system)
     sharp = (found.position <= BLURRED) & (frames.furthest <= FAR)
     for bound, rate in ((found.velocity, qd), (found.acceleration, qdd)):
@@ -91,8 +99,7 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
             rates = [None if x is None else np.asarray(x, float)[:, lane] for x in (qd, qdd)]
             _by_balls(found, lane, enclosure, q[:, lane], *rates)
     if qd is not None:
-        rates_apart = rate_contradiction(system, proof.rows, q, t, qdd is not None)
-        np.fmax(found.contradiction, rates_apart, out=found.contradiction)
+        found.contradiction[1:] = rate_contradiction(system, proof.rows, q, t, qdd is not None)
     return found
 
 
@@ -117,7 +124,7 @@ def _by_balls(found: Isolation, lane: Any, enclosure: Enclosure, q: Any, qd: Any
         wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
         found.unique[lane] = np.min(enclosure.radii) if wider is None else 2 * position
     found.ok[lane], found.bits[lane], found.enclosures[int(lane)] = True, enclosure.bits, enclosure
-    found.contradiction[lane] = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])[0]
+    found.contradiction[0, lane] = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])[0]
     if qd is not None:
         velocity = enclosure.velocity()
         found.velocity[lane] = np.max(enclosure.distance(qd, velocity))

@@ -116,7 +116,9 @@ def judge(truth: tuple[Any, ...], answer: Any, allowed: Any) -> Judgement:
     return Judgement(verdict, float(np.max(away)))
 
 
-def krawczyk(system: System, q: Any, t: float, bits: int = 113, radius: Any = None) -> Enclosure | None:
+def krawczyk(
+    system: System, q: Any, t: float, bits: int = 113, radius: Any = None, rows: Any = None
+) -> Enclosure | None:
     """Prove that a box around q holds exactly one root, and enclose it as narrowly as `bits` allow; None if not proved.
 
     Parameters
@@ -127,9 +129,12 @@ def krawczyk(system: System, q: Any, t: float, bits: int = 113, radius: Any = No
         The answer, in the system's coordinates.
     radius : float or (n,) array, optional
         Half-widths of the box; by default about the distance to the root that Newton finds from q.
+    rows : (n,) array of int, optional
+        The rows to solve where there are more than n; by default a maximal independent set at q.
     """
     with ctx.workprec(bits):
-        equations = _Equations(system, t, independent_rows(system, *_one_lane(q, t)), bits)
+        rows = independent_rows(system, *_one_lane(q, t)) if rows is None else rows
+        equations = _Equations(system, t, rows, bits)
         if radius is not None:
             around = np.broadcast_to(np.asarray(radius, float), np.shape(q))
             found = equations.enclosed([arb(float(x)) for x in q], around, inflations=0)

@@ -101,7 +101,9 @@ def diagnose_scaled(system: System, q: Any, t: float) -> Diagnosis:
     if not residual <= OPEN * size:
         raise ValueError(f"q is no pose at t = {t:g}: its largest scaled residual is {residual:.3g}")
     frames = recentred(system)
-    return _Examination(frames, _polished(frames.inner, frames.inward(q), t), t).result()
+    pose = _Examination(frames, _polished(frames.inner, frames.inward(q), t), t)
+    # The test that gives a pose its status, of the same numbers: a polished pose may be alone where they leave it open.
+    return pose.isolated() if isolate(system, q[:, None], [t]).ok[0] else pose.singular()
 
 
 def _polished(system: System, q: Any, t: float) -> Any:
@@ -123,12 +125,6 @@ class _Examination:
         self.sigma = self.all.sigma[self.system.n - 1]
         self.mobility = self.system.n - self.joints.rank(self.vanishing)
 
-    def result(self) -> Diagnosis:
-        """Take one test after another."""
-        if isolate(self.system, self.q[:, None], [self.t]).ok[0]:
-            return self._isolated()
-        return self.singular()
-
     def singular(self) -> Diagnosis:
         """Say which kind of singularity this is."""
         vanishing = self._vanishing()
@@ -149,7 +145,8 @@ class _Examination:
     def _of(self, kind: Kind, message: str, **more: Any) -> Diagnosis:
         return Diagnosis(kind=kind, sigma=float(self.sigma), message=f"{kind.value}: {message}", **more)
 
-    def _isolated(self) -> Diagnosis:
+    def isolated(self) -> Diagnosis:
+        """Say what is to be said of a pose that is proved to be alone."""
         rows = self._rows(self.all.left_null(self.system.n)) if self.system.m > self.system.n else ()
         if self.mobility == 0:
             return self._of(Kind.STRUCTURE, "the joints alone hold every body: no driver can move it", rows=rows)

@@ -1,0 +1,108 @@
+"""Redundant rows: error bounds that hold whichever n of the m rows a reader takes for the mechanism.
+
+A pose is certified on n independent rows; the others agree with them up to rounding of the mechanism's numbers. But
+where rows nearly depend on each other, that rounding is magnified: the pose that another choice of n rows isolates lies
+further away, and its rates further still. All of these are solutions of the scene as well as that of the first choice
+is, so the bounds cover them: each choice is certified at the same answer, and the largest bound counts.
+
+From one choice to the next some rows S_I give way to rows D_J that were left out; the new rows are independent where
+det (D S^-1)[J, I] is not zero.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from refkin.proof.numbers.preconditioned import inverses
+from refkin.proof.pose.certificate import certify
+from refkin.proof.pose.isolate import Isolation
+from refkin.proof.pose.krawczyk import krawczyk
+from refkin.system import System
+
+MOST_CHOICES = 256
+"""Choices of rows that are certified; where there are more, no bound is given."""
+MOST_COMBINATIONS = 20_000
+"""Sets of rows of which it is asked whether they are such a choice."""
+DEPENDENT = 2.0**-40
+"""Determinant, largest over the poses, up to which rows depend on each other: far more than rounding leaves of 0."""
+LOOKED_AT = 16
+"""Poses at which that is asked."""
+NEAR = 2.0**-10
+"""Distance up to which the pose of another choice is one of the same assembly [sizes, rad]."""
+
+
+def over_all_choices(system: System, found: Isolation, q: Any, t: Any, qd: Any = None, qdd: Any = None) -> Isolation:
+    """Return an isolation with bounds that hold for every choice of n rows that isolates a pose near the answer.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit.
+    found : Isolation
+        What `isolate` proved of the same answers.
+    q, qd, qdd : (n, B) array
+        Answers in the system's coordinates, as for `isolate`.
+
+    Returns
+    -------
+    Isolation
+        With NaN for all bounds, and `why`, where there are too many choices.
+    """
+    if system.m == system.n or not found.ok.any():
+        return found
+    q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
+    choices = other_choices(system, found.rows, q[:, found.ok], t[found.ok])
+    if choices is None:
+        nothing = np.full_like(found.position, np.nan)
+        why = f"redundant rows can be chosen in more than {MOST_CHOICES} ways: no error bound covers all of them"
+        return replace(found, position=nothing, velocity=nothing, acceleration=nothing, why=why)
+    bounds = [found.position.copy(), found.velocity.copy(), found.acceleration.copy()]
+    for rows in choices:
+        for bound, of_choice in zip(bounds, _bounds(system, rows, found.ok, q, t, qd, qdd), strict=True):
+            np.maximum(bound, of_choice, out=bound)
+    return replace(found, position=bounds[0], velocity=bounds[1], acceleration=bounds[2])
+
+
+def other_choices(system: System, rows: Any, q: Any, t: Any) -> list[Any] | None:
+    """Return the sets of n rows, other than the given one, that are independent at some pose; None if too many."""
+    others = np.setdiff1d(np.arange(system.m), rows)
+    counts = [math.comb(len(others), k) * math.comb(system.n, k) for k in range(1, len(others) + 1)]
+    if sum(counts) > MOST_COMBINATIONS:
+        return None
+    some = np.unique(np.linspace(0, q.shape[1] - 1, LOOKED_AT).astype(int))
+    slope = np.moveaxis(system.phi_q(q[:, some], t[some]), -1, 0)
+    factors = np.nan_to_num(slope[:, others] @ inverses(slope[:, rows]))
+    found = []
+    for count in range(1, len(others) + 1):
+        for new in combinations(range(len(others)), count):
+            for old in combinations(range(system.n), count):
+                if np.max(np.abs(np.linalg.det(factors[:, new][:, :, old]))) > DEPENDENT:
+                    found.append(np.sort(np.append(np.delete(rows, old), others[list(new)])))
+                    if len(found) > MOST_CHOICES:
+                        return None
+    return found
+
+
+def _bounds(system: System, rows: Any, asked: Any, q: Any, t: Any, qd: Any, qdd: Any) -> list[Any]:
+    """Return the error bounds (3, B) of one choice of rows: 0 where it isolates no pose near the answer."""
+    proof = certify(system, q, t, qd, qdd, rows=rows)
+    bounds = [np.zeros(len(t)) for _ in range(3)]
+    for bound, radii in zip(bounds, (proof.radii, proof.velocity, proof.acceleration), strict=True):
+        if radii is not None:
+            bound[proof.ok] = np.max(radii[:, proof.ok], axis=0)
+    for lane in np.flatnonzero(asked & ~proof.ok):
+        root = krawczyk(system, q[:, lane], float(t[lane]), rows=rows)
+        if root is None or not (distance := np.max(root.distance(q[:, lane]))) <= NEAR:
+            continue
+        bounds[0][lane] = distance
+        if qd is not None:
+            velocity = root.velocity()
+            bounds[1][lane] = np.max(root.distance(qd[:, lane], velocity))
+            if qdd is not None:
+                bounds[2][lane] = np.max(root.distance(qdd[:, lane], root.acceleration(velocity)))
+    return bounds

@@ -1,0 +1,207 @@
+"""Long ways of a sweep made short: many swings of one law, and many turns of one wheel, between two times.
+
+Where one law alone moves a mechanism, its pose is a function of that law's value as long as the branch goes on:
+q(t) = Q(f(t)). A law that turns back often takes the values of a range again and again. So it is enough to go once to
+the largest value, from there to the smallest, and to the last (`over_a_range`): by the value, not by the time.
+
+Where loops feel nothing but one angle, they feel only where it is in its turn. If they come back to the same pose,
+whole turns aside, after one turn of it, they do so after every other (`Winding`). What loops feel is read from the
+pattern of phi_q: its blocks that are not constant are loops; their rows hold coordinates of constant blocks, which
+depend on others in turn. All of these must stand still, but one angle whose own row counts its turns: that of an angle
+driver or of a gear.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from refkin.analysis import position, sigma_min
+from refkin.joints import AngleDriver, Gear
+from refkin.motion_laws import Law, Polynomial
+from refkin.newton import is_round_off, newton
+from refkin.proof.numbers.extrema import extrema, sign_changes
+from refkin.proof.path.blocks import diagonal_blocks
+from refkin.proof.path.branch import first_gap
+from refkin.system import System, compile_system
+
+if TYPE_CHECKING:
+    from refkin.solving.sweep import Sweep
+
+OFTEN = 8
+"""How often a law turns back, between two times, for its range to be gone through instead."""
+CLEAR = 1e-6
+"""Smallest sigma_min at the ends of the range: rounding of the law decides nothing there."""
+SAME = 1e-9
+"""How far poses of one assembly may lie apart that were found by different ways [sizes, rad]."""
+
+
+def moving_law(system: System, a: float, b: float) -> tuple[int, Law] | None:
+    """Return the only driver whose law is not the same at all times from a to b, by number, and the law; else None."""
+    mechanism = system.mechanism
+    moving = [
+        (k, law)
+        for k, c in enumerate(mechanism.constraints)
+        for law in c.laws
+        if law(a) != law(b) or extrema(law, a, b)
+    ]
+    first = len(mechanism.joints)
+    return (moving[0][0] - first, moving[0][1]) if len(moving) == 1 and moving[0][0] >= first else None
+
+
+def over_a_range(sweep: Sweep, target: float, turning: list[float]) -> Any:
+    """Return the pose at a time by way of the range of the only law that moves; None if it does not lead there.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        At a regular pose.
+    turning : list of float
+        The extrema of the law before the time, in order.
+    """
+    found = moving_law(sweep.system, sweep.t[-1], target)
+    if found is None:
+        return None
+    driver, law = found
+    values = [float(law(t)) for t in (sweep.t[-1], *turning, target)]
+    q, at = sweep.q[-1], values[0]
+    for value in (max(values), min(values), values[-1]):
+        q = q if value == at else _by_value(sweep, driver, q, at, value)
+        if q is None:
+            return None
+        at = value
+    end = position(sweep.system, q, target)
+    near = end.converged and np.max(np.abs(end.q - q)) <= SAME * max(1.0, float(np.max(np.abs(q))))
+    return end.q if near else None
+
+
+def _by_value(sweep: Sweep, driver: int, q: Any, start: float, end: float) -> Any:
+    """Return the pose at a value of a driver's law, from that at another; None if the branch does not lead there."""
+    mechanism = sweep.system.mechanism
+    line = Polynomial(coefficients=(start, math.copysign(1.0, end - start)))
+    drivers = list(mechanism.drivers)
+    drivers[driver] = replace(drivers[driver], law=line, rate_law=None, initial=0.0)
+    system = compile_system(replace(mechanism, drivers=tuple(drivers)), unit=sweep.system.unit)
+    way = type(sweep)(system, [0.0], [q], proving=sweep.proving, certified=sweep.certified)
+    from refkin.solving.sweep import Arrival, pose_between
+
+    if way.to(abs(end - start)) is not Arrival.REACHED or sigma_min(system.phi_q(way.q[-1], way.t[-1])) <= CLEAR:
+        return None
+    steps = way.unproved
+    proved = not steps or first_gap(system, np.array(way.t), np.array(way.q).T, pose_between, steps) is None
+    return way.q[-1] if proved else None
+
+
+@dataclass
+class Winding:
+    """Loops of a system that depend on one angle alone, by its place in the turn.
+
+    Attributes
+    ----------
+    angle : int
+        The coordinate that is this angle.
+    loops : (k,) array of int
+        The coordinates of the loops.
+    felt : (k,) array of int
+        All coordinates that must come back: the loops', and those they depend on.
+    tree : tuple of array
+        Rows and columns of the constant blocks, which give their coordinates one value at each time.
+    """
+
+    system: System
+    angle: int
+    loops: Any
+    felt: Any
+    tree: tuple[Any, Any]
+    closed: Any = None
+
+    @classmethod
+    def of(cls, system: System, q: Any, t: float) -> Winding | None:
+        """Return the winding of a system; None if its loops depend on more, or there are none."""
+        if system.m != system.n:
+            return None
+        here = system.phi_q(q, t)
+        shifts = [np.sqrt(np.arange(2, system.n + 2) + k) for k in (0.0, 0.5)]
+        there = [system.phi_q(q + shift, t) for shift in shifts]
+        pattern = np.any([x != 0 for x in (here, *there)], axis=0)
+        varies = np.any([x != here for x in there], axis=0)
+        parts = diagonal_blocks(pattern)
+        is_loop = [bool(varies[np.ix_(rows, columns)].any()) for rows, columns in parts]
+        loops = [columns for (_, columns), loop in zip(parts, is_loop, strict=True) if loop]
+        trees = [part for part, loop in zip(parts, is_loop, strict=True) if not loop]
+        if not loops:
+            return None
+        owner = {int(c): rows for rows, columns in parts for c in columns}
+        gates, felt = _felt(system, pattern, owner, {int(c) for columns in loops for c in columns})
+        if len(gates) != 1 or not trees:
+            return None
+        rows, columns = (np.concatenate([part[k] for part in trees]) for k in (0, 1))
+        return cls(system, gates.pop(), np.concatenate(loops), np.array(sorted(felt)), (rows, columns))
+
+    def placed(self, q: Any, t: float) -> Any:
+        """Return a pose with the coordinates that do not depend on the loops as they are at a time."""
+        rows, columns = self.tree
+
+        def phi(x: Any) -> Any:
+            return self.system.phi(whole(x), t)[rows]
+
+        def whole(x: Any) -> Any:
+            pose = np.array(q)
+            pose[columns] = x
+            return pose
+
+        result = newton(phi, lambda x: self.system.phi_q(whole(x), t)[np.ix_(rows, columns)], q[columns])
+        return whole(result.q) if result.converged else np.full_like(q, np.nan)
+
+    def turns(self, q: Any, t: float, target: float) -> float:
+        """Return how many turns the angle makes from a pose to a time."""
+        return float((self.placed(q, target)[self.angle] - q[self.angle]) / math.tau)
+
+    def after(self, law: Law, t: float, target: float, part: float) -> float:
+        """Return when a law that does not turn back has made a part of its way from one time to another."""
+        value = float(law(t)) + part * (float(law(target)) - float(law(t)))
+        return (sign_changes(lambda x: float(law(x)) - value, [t, target]) or [target])[0]
+
+    def closes(self, q: Any, later: Any) -> bool:
+        """Note by how many turns all angles change in one of this angle; return whether nothing else has changed."""
+        moved = np.where(self.system.angles, later - q, 0.0)
+        whole = math.tau * np.round(moved / math.tau)
+        back = np.max(np.abs(later - q - whole)[self.felt]) <= SAME and abs(whole[self.angle]) == math.tau
+        self.closed = whole * np.sign(whole[self.angle]) if back else None
+        return bool(back)
+
+    def wound(self, q: Any, t: float, turns: int) -> Any:
+        """Return the pose at a time, so many turns after the pose q; None if it is not there."""
+        guess = np.array(q)
+        guess[self.loops] += turns * self.closed[self.loops]
+        guess = self.placed(guess, t)
+        end = position(self.system, guess, t)
+        off = np.max(np.abs(end.q - guess)) if end.converged else np.inf
+        in_place = abs(end.q[self.angle] - q[self.angle] - math.tau * turns) <= 1e-6
+        return end.q if off <= 1e-6 and in_place and is_round_off(self.system.phi(end.q, t), end.q) else None
+
+
+def _felt(system: System, pattern: Any, owner: dict[int, Any], loops: set[int]) -> tuple[set[int], set[int]]:
+    """Return the angles that count turns among what loops depend on, and all that they depend on.
+
+    What a law of time moves without such an angle in between makes no angle the only one: then -1 is among them.
+    """
+    constraints = [p.constraint for p in system.placed for _ in range(p.constraint.rows)]
+    gates: set[int] = set()
+    felt, waiting = set(loops), list(loops)
+    while waiting:
+        column = waiting.pop()
+        for row in owner[column]:
+            constraint = constraints[row]
+            if column not in loops and isinstance(constraint, AngleDriver | Gear) and len(owner[column]) == 1:
+                gates.add(column)
+                continue
+            if constraint.laws:
+                gates.add(-1)
+            new = {int(c) for c in np.flatnonzero(pattern[row])} - felt
+            felt |= new
+            waiting += new
+    return gates, felt
