@@ -193,3 +193,15 @@ def test_turns_of_a_wheel_are_counted_without_going_through_them(monkeypatch, ce
     assert np.max(np.abs([gap_x, gap_y])) < 1e-11
     assert len(set(np.sign(np.sin(rocker - coupler)))) == 1
     assert np.ptp(rocker) < 2 * np.pi > np.ptp(coupler)
+
+
+def test_a_coupler_that_turns_with_the_crank_is_wound_as_often(monkeypatch):
+    """A drag link: all moving links turn fully, 5000 times; after whole turns the rocker has made as many."""
+    monkeypatch.setattr("refkin.solving.sweep.MOST_STEPS", 800)
+    linkage = refkin.FourBar(ground=1.0, crank=3.0, coupler=2.7, rocker=3.5)
+    law = Polynomial(coefficients=(0.3, 2 * np.pi * 5000))
+    motion = refkin.solve(linkage.scene(law=law, times=(0.0, 0.001, 1.0)))
+
+    assert motion.verdict is OK
+    assert motion["rocker"].phi[-1] - motion["rocker"].phi[0] == pytest.approx(2 * np.pi * 5000, abs=1e-9)
+    assert motion["crank"].phi[-1] == pytest.approx(0.3 + 2 * np.pi * 5000, abs=1e-9)

@@ -301,9 +301,9 @@ def stepped(linkage, branches, times):
 def test_a_step_to_the_other_branch_is_a_gap_if_it_is_asked_for(certified, doubtful, gap):
     """Every step where all are to be proved, else those in doubt."""
     sweep, scene = stepped(ROCKER, ("open", "open", "crossed"), (0.0, 0.1, 0.2))
-    sweep.doubtful[:] = doubtful
+    sweep.doubtful[:], sweep.certified = doubtful, certified
 
-    assert _first_gap(sweep, scene, certified) == gap
+    assert _first_gap(sweep, scene) == gap
 
 
 @pytest.mark.parametrize(
@@ -317,9 +317,9 @@ def test_a_step_to_the_other_branch_is_a_gap_if_it_is_asked_for(certified, doubt
 def test_beside_a_crossing_only_steps_to_the_times_before_it_need_a_proof(branches, times, gap):
     """A parallelogram steps over its flat pose between t = 2 and 3; steps that lead to no time before it are free."""
     sweep, scene = stepped(PARALLELOGRAM, branches, (0.0, 1.0, 2.0, 3.0))
-    sweep.doubtful[:] = [2]
+    sweep.doubtful[:], sweep.certified = [2], True
 
-    assert _first_gap(sweep, replace(scene, times=times), True) == gap
+    assert _first_gap(sweep, replace(scene, times=times)) == gap
 
 
 def test_the_worse_of_two_bounds_widens_a_tube():
