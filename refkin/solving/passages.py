@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any, Protocol
 
 import numpy as np
 
@@ -25,11 +25,7 @@ from refkin.motion_laws import Law, Polynomial
 from refkin.newton import is_round_off, newton
 from refkin.proof.numbers.extrema import extrema, sign_changes
 from refkin.proof.path.blocks import diagonal_blocks
-from refkin.proof.path.branch import first_gap
 from refkin.system import System, compile_system
-
-if TYPE_CHECKING:
-    from refkin.solving.sweep import Sweep
 
 OFTEN = 8
 """How often a law turns back, between two times, for its range to be gone through instead."""
@@ -37,6 +33,20 @@ CLEAR = 1e-6
 """Smallest sigma_min at the ends of the range: rounding of the law decides nothing there."""
 SAME = 1e-9
 """How far poses of one assembly may lie apart that were found by different ways [sizes, rad]."""
+
+
+class Way(Protocol):
+    """A sweep, as far as it is asked here to go another way."""
+
+    system: System
+    t: list[float]
+    q: list[Any]
+
+    def branching_off(self, system: System) -> Way:
+        """Return a sweep of the same kind, with another system, that starts at time 0 from the last pose."""
+
+    def arrives(self, target: float) -> bool:
+        """Go to a time, and return whether that is certain, or proved, as it is to be."""
 
 
 def moving_law(system: System, a: float, b: float) -> tuple[int, Law] | None:
@@ -52,13 +62,15 @@ def moving_law(system: System, a: float, b: float) -> tuple[int, Law] | None:
     return (moving[0][0] - first, moving[0][1]) if len(moving) == 1 and moving[0][0] >= first else None
 
 
-def over_a_range(sweep: Sweep, target: float, turning: list[float]) -> Any:
+def over_a_range(sweep: Way, target: float, turning: list[float]) -> Any:
     """Return the pose at a time by way of the range of the only law that moves; None if it does not lead there.
 
     Parameters
     ----------
-    sweep : Sweep
+    sweep : Way
         At a regular pose.
+    target : float
+        The time [s].
     turning : list of float
         The extrema of the law before the time, in order.
     """
@@ -67,32 +79,26 @@ def over_a_range(sweep: Sweep, target: float, turning: list[float]) -> Any:
         return None
     driver, law = found
     values = [float(law(t)) for t in (sweep.t[-1], *turning, target)]
-    q, at = sweep.q[-1], values[0]
+    way, at = sweep, values[0]
     for value in (max(values), min(values), values[-1]):
-        q = q if value == at else _by_value(sweep, driver, q, at, value)
-        if q is None:
+        if value == at:
+            continue
+        way = way.branching_off(_with_line(sweep.system, driver, at, value))
+        length, at = abs(value - at), value
+        if not way.arrives(length) or sigma_min(way.system.phi_q(way.q[-1], length)) <= CLEAR:
             return None
-        at = value
+    q = way.q[-1]
     end = position(sweep.system, q, target)
     near = end.converged and np.max(np.abs(end.q - q)) <= SAME * max(1.0, float(np.max(np.abs(q))))
     return end.q if near else None
 
 
-def _by_value(sweep: Sweep, driver: int, q: Any, start: float, end: float) -> Any:
-    """Return the pose at a value of a driver's law, from that at another; None if the branch does not lead there."""
-    mechanism = sweep.system.mechanism
+def _with_line(system: System, driver: int, start: float, end: float) -> System:
+    """Return a system with a driver that goes from one value to another, by 1 in a unit of time."""
+    drivers = list(system.mechanism.drivers)
     line = Polynomial(coefficients=(start, math.copysign(1.0, end - start)))
-    drivers = list(mechanism.drivers)
     drivers[driver] = replace(drivers[driver], law=line, rate_law=None, initial=0.0)
-    system = compile_system(replace(mechanism, drivers=tuple(drivers)), unit=sweep.system.unit)
-    way = type(sweep)(system, [0.0], [q], proving=sweep.proving, certified=sweep.certified)
-    from refkin.solving.sweep import Arrival, pose_between
-
-    if way.to(abs(end - start)) is not Arrival.REACHED or sigma_min(system.phi_q(way.q[-1], way.t[-1])) <= CLEAR:
-        return None
-    steps = way.unproved
-    proved = not steps or first_gap(system, np.array(way.t), np.array(way.q).T, pose_between, steps) is None
-    return way.q[-1] if proved else None
+    return compile_system(replace(system.mechanism, drivers=tuple(drivers)), system.effects, system.unit)
 
 
 @dataclass

@@ -25,6 +25,7 @@ from refkin.newton import TINY, NewtonResult, RoundOff, contracts, newton
 from refkin.proof.numbers.extrema import extrema, extrema_of
 from refkin.proof.numbers.preconditioned import independent_rows
 from refkin.proof.path.blocks import Blocks, blocks
+from refkin.proof.path.branch import first_gap
 from refkin.proof.pose.isolate import isolate
 from refkin.solving.passages import OFTEN, Winding, moving_law, over_a_range
 from refkin.system import EVERYTHING, System
@@ -169,6 +170,17 @@ class Sweep:
         """The numbers of the poses from which a step was taken that is to be proved."""
         steps = range(len(self.t) - 1) if self.certified else self.doubtful
         return [k for k in steps if k not in self.jumps]
+
+    def branching_off(self, system: System) -> Sweep:
+        """Return a sweep of the same kind, with another system, that starts at time 0 from the last pose."""
+        return Sweep(system, [0.0], [self.q[-1]], proving=self.proving, certified=self.certified)
+
+    def arrives(self, target: float) -> bool:
+        """Go to a time, and return whether that is certain, or proved, as it is to be."""
+        if self.to(target) is not Arrival.REACHED:
+            return False
+        t, q = np.array(self.t), np.array(self.q).T
+        return not self.unproved or first_gap(self._full, t, q, pose_between, self.unproved) is None
 
     def _jump(self, q: Any, t: float) -> None:
         """Go on from a pose that no step led to."""
