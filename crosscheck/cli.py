@@ -20,6 +20,8 @@ COMMANDS = {
     "diagnose": ("diagnose:print_diagnosis", "Say what the hardest pose of a scene is, in words."),
     "mobility": ("mobility:mobility", "Count the freedoms of a scene's mechanism, by count and by rank."),
     "schema": ("solve:print_schema", "Print the JSON schema of scene files, for editors."),
+    "draw": ("draw:draw", "Draw the mechanism of a scene in one pose, as SVG or PNG."),
+    "animate": ("draw:animate", "Draw the motion of a scene, as SVG that plays by itself or GIF."),
     "replay": ("replay:replay", "Show one scene on all engines."),
     "nightly": ("nightly:nightly", "Draw scenes, check them on all engines, write a report."),
     "hunt": ("hunt:hunt_worst", "Hunt for the worst error / allowed."),

@@ -36,8 +36,7 @@ class TwoCircles:
 
     def capabilities(self):
         solve = {Level.SOLVE: NATIVE}
-        sliding = {Level.SOLVE: refused("two circles make no slider")}
-        return {"points coincide": solve, "angle by a law": solve, "point on line": sliding}
+        return {"revolute": solve, "angle": solve, "prismatic": {Level.SOLVE: refused("two circles make no slider")}}
 
     def terms(self, scene, route=None):
         return ()

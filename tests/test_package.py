@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import subprocess
 import sys
-import tomllib
 import zipfile
 
 import pytest
@@ -38,10 +37,3 @@ def test_a_wheel_bears_the_version_of_the_module(wheel):
 
     assert wheel[0].startswith(f"refkin-{refkin.__version__}-")
     assert cited == [f"version: {refkin.__version__}"]
-
-
-def test_no_extra_is_for_nothing():
-    """Each package of an extra that users choose is imported somewhere."""
-    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
-
-    assert set(extras) == {"engines", "cluster", "dev"}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -18,7 +19,7 @@ from refkin.solving import solve as solving
 SCHEMA = 1
 
 
-def solve(scene: Path, *, as_json: Json = False) -> int:
+def solve(scene: Path, *, as_json: Json = False, csv: Path | None = None) -> int:
     """Solve a scene with the reference.
 
     Exit codes: 0 every pose is ok, 1 not every pose is ok, 2 the scene is invalid.
@@ -29,10 +30,17 @@ def solve(scene: Path, *, as_json: Json = False) -> int:
         A scene file (TOML, or JSON if it ends in .json).
     as_json
         Print one JSON object instead of a table.
+    csv
+        Write all that the scene calls for to this file, one row per time, instead of printing it.
     """
     read = load(scene)
     motion = solving.solve(read)
-    if as_json:
+    if csv is not None:
+        from refkin.output.tables import write_csv
+
+        write_csv(motion, csv)
+        print(f"{csv}: {len(motion.t)} times, verdict {motion.verdict}", file=sys.stderr)
+    elif as_json:
         print(json.dumps(to_json(read, motion)))
     else:
         _print_motion(motion)
@@ -81,12 +89,15 @@ def _called_for(**levels: Any) -> dict[str, Any]:
 
 
 def _print_motion(motion: Motion) -> None:
-    from rich.table import Table  # a JSON object needs none
+    from rich.table import Table  # an object in JSON needs none
 
-    table = Table("t [s]", "status", *(f"{body}.{c}" for body in motion.bodies for c in ("x", "y", "phi")))
-    for k, (t, status) in enumerate(zip(motion.t, motion.status, strict=True)):
-        table.add_row(f"{t:.6g}", status.value, *(f"{value:.15g}" for value in motion.q[:, k]))
-    out = console(40 + 24 * len(motion.q))
+    from refkin.output.tables import wide
+
+    shown = wide(motion)
+    table = Table(*shown)
+    for time, status, *values in zip(*shown.values(), strict=True):
+        table.add_row(f"{time:.6g}", status, *(f"{value:.15g}" for value in values))
+    out = console(40 + 24 * len(shown))
     out.print(table)
     out.print(f"verdict: {motion.verdict.value}   worst scaled residual: {_worst(motion.residual)}")
     if motion.message:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from rich.table import Table
 
-from crosscheck.engines import ELEMENTS, QUANTITIES, Engine, Level, Support
+from crosscheck.engines import QUANTITIES, Engine, Level, Support
 from crosscheck.judge.known_gaps import Gap
+from refkin.joints import DRIVER_TYPES, JOINT_TYPES, DistanceDriver
 
 if TYPE_CHECKING:
     from crosscheck.night.campaign import Outcome
@@ -19,15 +20,18 @@ PLACES = ("inside", "outside", "undecidable", "no answer")
 
 
 def capability_table(engines: Iterable[Engine]) -> Table:
-    """Return element x engine x level: native, derived, or refused with its reason."""
-    table = Table("engine", "element", *(level.value for level in Level), "why not", title="What engines can do")
+    """Return joint x engine x level: native, derived, or refused with its reason."""
+    table = Table(
+        "engine", "joint or driver", *(level.value for level in Level), "why not", title="What engines can do"
+    )
+    labels = {cls: type_name(cls) for cls in JOINT_TYPES} | {cls: f"{type_name(cls)} (driver)" for cls in DRIVER_TYPES}
     for engine in engines:
         known = engine.capabilities()
-        for key in ELEMENTS:
-            levels = known.get(key, {})
+        for cls, label in labels.items():
+            levels = _levels(known, cls)
             cells = [str(levels[level].support) if level in levels else Support.REFUSED.value for level in Level]
             reasons = {levels[level].reason for level in levels if levels[level].reason}
-            table.add_row(engine.name, key, *cells, "; ".join(sorted(reasons)))
+            table.add_row(engine.name, label, *cells, "; ".join(sorted(reasons)))
         table.add_section()
     return table
 
@@ -101,6 +105,15 @@ def outcome_lines(outcome: Outcome) -> list[str]:
         lines.append(f"simplifying disagreements took {outcome.shrinking_seconds:.0f} s")
     counted = f"{len(outcome.new)} new and {outcome.known} known disagreements"
     return [*lines, f"{outcome.checked} scenes checked, {counted}"]
+
+
+def type_name(cls: Any) -> str:
+    """Return the type of a joint or driver as it stands in a scene file."""
+    return str(cls.__dataclass_fields__["type"].default)
+
+
+def _levels(known: Any, cls: Any) -> Any:
+    return known.get("distance driver" if cls is DistanceDriver else type_name(cls), {})
 
 
 def _cells(quantity: Mapping[str, Any] | None) -> list[str]:

@@ -26,7 +26,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crosscheck.engines.frames import RowMap
-from refkin.joints import Constraint, elements_of
+from refkin.joints import Constraint, DistanceDriver, Driver
 from refkin.model import Scene
 from refkin.motion import Motion, Route
 
@@ -58,22 +58,14 @@ class Support(StrEnum):
 
 @dataclass(frozen=True)
 class Capability:
-    """How one engine treats one element at one level, and why where it does not simply do it."""
+    """How one engine treats one joint or driver type at one level, and why where it does not simply do it."""
 
     support: Support
     reason: str = ""
 
 
 Capabilities = Mapping[str, Mapping[Level, Capability]]
-"""Element of joints and drivers (one of `ELEMENTS`) -> level -> capability.
-
-What is absent is refused at every level, and with it every joint that consists of it.
-"""
-ELEMENTS = (
-    *("points coincide", "points coincide by a law", "point on line", "distance", "distance by a law"),
-    *("coordinate by a law", "angle", "angle by a law", "rolling wheels", "rolling on a line", "contact"),
-)
-"""The keys of a capability table (`refkin.joints.Element.key`); `refkin.joints.elements` says what they mean."""
+"""Joint or driver type (`table_key`) -> level -> capability. A type that is absent is refused at every level."""
 
 NATIVE = Capability(Support.NATIVE)
 
@@ -184,25 +176,28 @@ class Engine(Protocol):
         """Return its constraint rows for the joints that it does not refuse at level residual."""
 
 
+def table_key(constraint: Constraint) -> str:
+    """Return a constraint's key in a capability table: its type, but for two that are not what their type says.
+
+    These are the "distance driver", and a joint that a law moves, such as a "revolute with a law".
+    """
+    if isinstance(constraint, DistanceDriver):
+        return "distance driver"
+    moved = constraint.laws and not isinstance(constraint, Driver)
+    return f"{constraint.type} with a law" if moved else constraint.type
+
+
 def refusals(engine: Engine, scene: Scene, level: Level) -> list[str]:
     """Return why `engine` cannot answer `scene` at `level`, joint by joint; empty if it can."""
-    return [reason for c in scene.mechanism.constraints for reason in refusals_of(engine, c, level)]
-
-
-def refusals_of(engine: Engine, constraint: Constraint, level: Level) -> list[str]:
-    """Return why `engine` does not have a joint or driver at `level`: what it refuses of its elements."""
     table = engine.capabilities()
-    elements = list(elements_of([constraint]))
-    reasons = []
-    if sum(element.rows for element in elements) != constraint.rows:
-        reasons.append("no such joint in this engine: no elements say what it is")
-    for element in elements:
-        missing = refused(f"no such joint in this engine: {element.key}")
-        capability = table.get(element.key, {}).get(level, missing)
+    missing = refused("no such joint in this engine")
+    found = []
+    for constraint in scene.mechanism.constraints:
+        key = table_key(constraint)
+        capability = table.get(key, {}).get(level, missing)
         if capability.support is Support.REFUSED:
-            reasons.append(capability.reason)
-    at = f"{constraint.type} {constraint.name!r} at {level}"
-    return [f"{engine.name} refuses {at}: {reason}" for reason in dict.fromkeys(reasons)]
+            found.append(f"{engine.name} refuses {key} {constraint.name!r} at {level}: {capability.reason}")
+    return found
 
 
 def available() -> dict[str, Any]:
@@ -228,9 +223,6 @@ def load(spec: str) -> Engine:
         raise EngineError(f"engine {spec!r} lacks: {', '.join(missing)}")
     if engine.api[0] != API[0]:
         raise EngineError(f"engine {spec!r} speaks interface {engine.api[0]}.x, this suite {API[0]}.x")
-    strange = [key for key in engine.capabilities() if key not in ELEMENTS]
-    if strange:
-        raise EngineError(f"engine {spec!r}: its capability table has {strange[0]!r}, not one of {', '.join(ELEMENTS)}")
     if engine.name != spec and ":" not in spec:
         raise EngineError(f"engine {spec!r} calls itself {engine.name!r}")
     if engine.name in available() and ":" in spec:

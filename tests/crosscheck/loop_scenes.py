@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 import refkin
-from crosscheck.documents import loops as catalogue
+from crosscheck.engines import vector_loop as loops
 from refkin.joints import GROUND, AngleDriver, Cam, Disc, Gear, Prismatic, RackAndPinion
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial, Sinusoid
@@ -18,7 +18,7 @@ from .exact_linkages import pair, pin
 
 def rapier(reading, times, **lengths):
     """The rapier drive in absolute coordinates, of five bodies in two coupled loops."""
-    long = {**catalogue.RAPIER_LENGTHS, **lengths}
+    long = {**loops.RAPIER_LENGTHS, **lengths}
     first = reading == "R1"
     c0 = complex(-long["d1"], -long["a1"])
     to_d, guide = (long["a4"] - long["b4"], -long["b1"]) if first else (long["a4"] + long["b4"], long["b1"])

@@ -366,3 +366,21 @@ def test_every_command_in_the_list_is_there(command, capsys):
 
     assert end.value.code == 0
     assert f"crosscheck {command}" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("command", ["draw", "animate"])
+def test_a_scene_becomes_a_picture(command, tmp_path, capsys):
+    with pytest.raises(SystemExit) as end:
+        main([command, str(ROOT / "examples" / "slider-crank.toml"), "--out", str(tmp_path / "picture.svg")])
+
+    assert end.value.code == 0
+    assert "offset slider-crank" in capsys.readouterr().out
+    assert (tmp_path / "picture.svg").read_text(encoding="utf-8").startswith("<svg")
+
+
+def test_an_answer_is_written_as_a_table(tmp_path):
+    with pytest.raises(SystemExit) as end:
+        main(["solve", str(ROOT / "examples" / "crank-rocker.toml"), "--csv", str(tmp_path / "answer.csv")])
+
+    assert end.value.code == 0
+    assert (tmp_path / "answer.csv").read_text(encoding="utf-8").startswith("t [s],status,crank.x [m],")

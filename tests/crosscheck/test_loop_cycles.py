@@ -7,7 +7,6 @@ import math
 import numpy as np
 import pytest
 
-from crosscheck.documents import loops as catalogue
 from crosscheck.documents.stopping import BothLargest
 from crosscheck.engines import march
 from crosscheck.engines import vector_loop as loops
@@ -25,7 +24,7 @@ GUESS = np.array([*np.radians([200.0, 80.0, 180.0]), 400.0])
 
 def cycle(reading, stop=360.0, count=361):
     times = np.radians(np.linspace(60.0, 60.0 + stop, count))
-    return loops.march(catalogue.rapier(reading, ANGLE), times, GUESS)
+    return loops.march(loops.rapier(reading, ANGLE), times, GUESS)
 
 
 def test_reading_r1_turns_a_full_revolution_with_its_stroke():
@@ -38,7 +37,7 @@ def test_reading_r1_turns_a_full_revolution_with_its_stroke():
 
 def test_reading_r2_stops_where_its_jacobian_vanishes():
     """The limit is found by itself: F = 0 and det J = 0 in the unknowns and theta12."""
-    system = catalogue.rapier("R2", ANGLE)
+    system = loops.rapier("R2", ANGLE)
 
     def limit(x):
         return np.append(system.residual(x[:4], x[4]), np.linalg.det(system.jacobian(x[:4], x[4])) / system.scale**3)
@@ -58,8 +57,8 @@ def test_reading_r2_stops_where_its_jacobian_vanishes():
 def test_rates_of_the_cycle_are_those_of_its_positions():
     """Periodic and smooth: Fourier differentiation of 512 positions is exact to round-off times the wave number."""
     times = np.linspace(0.0, math.tau, 513)[:-1]
-    start = loops.march(catalogue.rapier("R1", ANGLE), [math.radians(60.0), math.tau], GUESS).q[:, -1]
-    found = loops.march(catalogue.rapier("R1", ANGLE), times, start)
+    start = loops.march(loops.rapier("R1", ANGLE), [math.radians(60.0), math.tau], GUESS).q[:, -1]
+    found = loops.march(loops.rapier("R1", ANGLE), times, start)
     waves = 1j * np.fft.fftfreq(512, 1.0 / 512)
     first = np.fft.ifft(waves * np.fft.fft(found.q)).real
     second = np.fft.ifft(waves**2 * np.fft.fft(found.q)).real
@@ -71,7 +70,7 @@ def test_rates_of_the_cycle_are_those_of_its_positions():
 
 def signs_of_a_cycle_near_a_change_point(sign):
     """A crank-rocker with a slack of 1e-8: its assemblies pass each other at some 1e-4 rad."""
-    system = catalogue.four_bar(4.0, 1.0, 2.5, 5.5 - 1e-8, ANGLE)
+    system = loops.four_bar(4.0, 1.0, 2.5, 5.5 - 1e-8, ANGLE)
     found = loops.march(system, np.linspace(0.3, 0.3 + math.tau, 73), [sign * 1.0, sign * 1.5])
 
     assert set(found.status) == {Status.OK}

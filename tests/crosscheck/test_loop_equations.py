@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck.documents import loops as catalogue
 from crosscheck.documents.systems import SquareSystem, me581, metu, shabana
 from crosscheck.engines import vector_loop as loops
 from crosscheck.engines.march import connected
@@ -36,21 +35,21 @@ def systems() -> list[tuple[str, loops.LoopSystem, SquareSystem | None]]:
     other = metu.Rapier(-623.0, -340.0, 520.0, 950.0, 0.0, 250.0, 1225.0, 350.0, 600.0, 1100.0)
     bar = me581.FourBarLengths(4.0, 1.0, 3.5, 3.0, 0.2)
     return [
-        ("four-bar", catalogue.four_bar(4.0, 1.0, 3.5, 3.0, LAW, ground_angle=0.2), me581.four_bar(bar, given)),
+        ("four-bar", loops.four_bar(4.0, 1.0, 3.5, 3.0, LAW, ground_angle=0.2), me581.four_bar(bar, given)),
         (
             "by its rocker",
-            catalogue.four_bar(4.0, 1.0, 3.5, 3.0, LAW, driven="theta4", ground_angle=0.2),
+            loops.four_bar(4.0, 1.0, 3.5, 3.0, LAW, driven="theta4", ground_angle=0.2),
             me581.four_bar_by_rocker(bar, given),
         ),
-        ("slider-crank", catalogue.slider_crank(0.2, 0.35, 0.1, LAW), shabana.slider_crank(0.2, 0.35, 0.1, given)),
-        ("slider driven", catalogue.slider_crank(0.2, 0.35, 0.1, SWING, driven="s", guide_angle=0.3), None),
-        ("inverted and driven", catalogue.inverted_slider_crank(0.5, 0.2, 0.07, SWING, driven="s"), None),
-        ("driven by its lever", catalogue.inverted_slider_crank(0.5, 0.2, 0.07, LAW, driven="theta3"), None),
+        ("slider-crank", loops.slider_crank(0.2, 0.35, 0.1, LAW), shabana.slider_crank(0.2, 0.35, 0.1, given)),
+        ("slider driven", loops.slider_crank(0.2, 0.35, 0.1, SWING, driven="s", guide_angle=0.3), None),
+        ("inverted and driven", loops.inverted_slider_crank(0.5, 0.2, 0.07, SWING, driven="s"), None),
+        ("driven by its lever", loops.inverted_slider_crank(0.5, 0.2, 0.07, LAW, driven="theta3"), None),
         ("geared", geared(), None),
-        ("inverted", catalogue.inverted_slider_crank(0.5, 0.2, 0.0, LAW), shabana.coriolis_example(0.5, 0.2, given)),
-        ("slotted", catalogue.slotted(*lengths, LAW), metu.slotted(metu.Slotted(a1, a2, a4, a5, b1, c1, given))),
-        ("rapier R1", catalogue.rapier("R1", LAW), metu.rapier(drive, given)),
-        ("rapier R2", catalogue.rapier("R2", LAW), metu.rapier(other, given)),
+        ("inverted", loops.inverted_slider_crank(0.5, 0.2, 0.0, LAW), shabana.coriolis_example(0.5, 0.2, given)),
+        ("slotted", loops.slotted(*lengths, LAW), metu.slotted(metu.Slotted(a1, a2, a4, a5, b1, c1, given))),
+        ("rapier R1", loops.rapier("R1", LAW), metu.rapier(drive, given)),
+        ("rapier R2", loops.rapier("R2", LAW), metu.rapier(other, given)),
     ]
 
 
@@ -169,7 +168,7 @@ def test_poses_close_in_either_form():
     """Newton in real and in complex form, and least squares, end at the same pose, which closes."""
     start = [math.radians(a) for a in (200.0, 80.0, 180.0)] + [400.0]
     for reading in ("R1", "R2"):
-        system = catalogue.rapier(reading, math.radians(60.0))
+        system = loops.rapier(reading, math.radians(60.0))
         real, pair = (loops.close(system, start, complex_form=form) for form in (False, True))
         least = loops.minimise(system, start)
         assert real.converged, f"{reading}: {real.status}, {pair.status}"
@@ -177,7 +176,7 @@ def test_poses_close_in_either_form():
         assert least.status is loops.MinimumStatus.ROOT, f"{reading}: {least.status}"
         assert_near(pair.q, real.q, 1e-10, f"{reading}: complex form")
         assert_near(least.q, real.q, 1e-10, f"{reading}: least squares")
-    beyond = loops.minimise(catalogue.rapier("R2", math.radians(160.0)), start)
+    beyond = loops.minimise(loops.rapier("R2", math.radians(160.0)), start)
     assert beyond.status is loops.MinimumStatus.STALLED, f"beyond the limit: {beyond.status}"
     assert beyond.gap > 1.0, f"beyond the limit: {beyond.status}"
 
@@ -185,12 +184,10 @@ def test_poses_close_in_either_form():
 def test_a_march_ends_where_the_branch_does():
     """A crank that turns fully is followed around; one that is led over its limit is followed there, and no further."""
     turn = Polynomial(coefficients=(0.0, 1.0))
-    whole = loops.march(
-        catalogue.four_bar(4.0, 1.0, 3.5, 1.55, turn), np.linspace(0.0, math.tau, 5).tolist(), [0.6, 1.9]
-    )
+    whole = loops.march(loops.four_bar(4.0, 1.0, 3.5, 1.55, turn), np.linspace(0.0, math.tau, 5).tolist(), [0.6, 1.9])
     assert whole.reached == 5, f"{whole.reached} of 5 times"
     assert_near(whole.q[:, -1] % math.tau, whole.q[:, 0] % math.tau, 1e-12, "back at the start")
-    swing = loops.march(catalogue.four_bar(0.9, 0.3, 0.6, 0.45, turn), [0.0, 1.5, 1.95, 1.96, 2.5], [0.6, 1.9])
+    swing = loops.march(loops.four_bar(0.9, 0.3, 0.6, 0.45, turn), [0.0, 1.5, 1.95, 1.96, 2.5], [0.6, 1.9])
     assert swing.reached == 3, f"{swing.reached} times reached, of which 3 lie before the limit 1.9552"
     assert swing.status[3] is Status.NOT_CONVERGED, "a pose beyond the limit"
     assert np.isnan(swing.q[:, 3:]).all(), "a pose beyond the limit"

@@ -12,7 +12,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import crosscheck.engines.vector_loop
-from crosscheck.documents import loops as catalogue
 from crosscheck.documents.convergence import newton_order
 from crosscheck.documents.stopping import BothLargest, ResidualOrCorrection
 from crosscheck.engines import vector_loop as loops
@@ -25,14 +24,14 @@ LAW = Sinusoid(amplitude=0.7, angular_frequency=1.3, offset=0.4, phase=0.2)
 GUESS = np.array([*np.radians([200.0, 80.0, 180.0]), 400.0])
 """Of the rapier drive, as its source has it: theta13, theta14, theta15, s16."""
 SYSTEMS = {
-    "four-bar": catalogue.four_bar(90.0, 30.0, 60.0, 45.0, LAW),
-    "four-bar, coupler driven": catalogue.four_bar(90.0, 30.0, 60.0, 45.0, LAW, driven="theta3", ground_angle=0.3),
-    "slider-crank": catalogue.slider_crank(0.2, 0.35, 0.05, LAW, guide_angle=-0.4),
-    "slider-crank, slider driven": catalogue.slider_crank(0.2, 0.35, 0.05, LAW, driven="s"),
-    "inverted slider-crank": catalogue.inverted_slider_crank(1.0, 0.4, 0.1, LAW),
-    "slotted": catalogue.slotted(1.05, 0.25, 0.9, 0.6, -0.57, 0.48, LAW),
-    "rapier R1": catalogue.rapier("R1", LAW),
-    "rapier R2": catalogue.rapier("R2", LAW),
+    "four-bar": loops.four_bar(90.0, 30.0, 60.0, 45.0, LAW),
+    "four-bar, coupler driven": loops.four_bar(90.0, 30.0, 60.0, 45.0, LAW, driven="theta3", ground_angle=0.3),
+    "slider-crank": loops.slider_crank(0.2, 0.35, 0.05, LAW, guide_angle=-0.4),
+    "slider-crank, slider driven": loops.slider_crank(0.2, 0.35, 0.05, LAW, driven="s"),
+    "inverted slider-crank": loops.inverted_slider_crank(1.0, 0.4, 0.1, LAW),
+    "slotted": loops.slotted(1.05, 0.25, 0.9, 0.6, -0.57, 0.48, LAW),
+    "rapier R1": loops.rapier("R1", LAW),
+    "rapier R2": loops.rapier("R2", LAW),
 }
 
 
@@ -49,7 +48,7 @@ def test_loops_know_of_refkin_only_types_laws_and_newton():
 
 
 def c4():
-    return catalogue.four_bar(90.0, 30.0, 60.0, 45.0, math.radians(65.0))
+    return loops.four_bar(90.0, 30.0, 60.0, 45.0, math.radians(65.0))
 
 
 def test_the_four_bar_of_the_notes_converges_as_recomputed_at_every_iterate():
@@ -69,7 +68,7 @@ def test_the_four_bar_of_the_notes_converges_as_recomputed_at_every_iterate():
 def test_the_determinant_is_that_of_the_transmission_angle():
     """-r3 r4 sin(theta4 - theta3) with the rocker as follower; r2 r3 sin(theta3 - theta2) with the rocker driving."""
     system, q = c4(), np.array([0.2, 1.9])
-    driven = catalogue.four_bar(90.0, 30.0, 60.0, 45.0, 1.9, driven="theta4")
+    driven = loops.four_bar(90.0, 30.0, 60.0, 45.0, 1.9, driven="theta4")
 
     assert np.linalg.det(system.jacobian(q)) == pytest.approx(-60.0 * 45.0 * math.sin(1.7), rel=1e-14)
     assert np.linalg.det(driven.jacobian(np.array([0.7, 0.2]))) == pytest.approx(1800.0 * math.sin(-0.5), rel=1e-14)
@@ -95,7 +94,7 @@ def slotted():
     a2, a4, a5, theta12, theta14, theta15, s4 = 0.25, 0.9, 0.6, *np.radians([50.0, 70.0, 20.0]), 0.5
     first = a2 * np.exp(1j * theta12) - a5 * np.exp(1j * theta15) - s4 * np.exp(1j * theta14)
     second = a5 * np.exp(1j * theta15) + a4 * np.exp(1j * theta14)
-    system = catalogue.slotted(second.imag, a2, a4, a5, first.real, -first.imag, theta12)
+    system = loops.slotted(second.imag, a2, a4, a5, first.real, -first.imag, theta12)
     return system, np.array([theta14, theta15, s4, first.real + second.real])
 
 
@@ -119,7 +118,7 @@ RAPIER = {
 @pytest.mark.parametrize("complex_form", [False, True], ids=["real", "complex"])
 @pytest.mark.parametrize("reading", RAPIER)
 def test_the_rapier_drive_at_sixty_degrees(reading, complex_form):
-    found = loops.close(catalogue.rapier(reading, math.radians(60.0)), GUESS, complex_form=complex_form)
+    found = loops.close(loops.rapier(reading, math.radians(60.0)), GUESS, complex_form=complex_form)
 
     assert found.converged
     assert (*np.degrees(found.q.real[:3]), found.q.real[3]) == pytest.approx(RAPIER[reading], abs=2e-12, rel=1e-14)
@@ -127,7 +126,7 @@ def test_the_rapier_drive_at_sixty_degrees(reading, complex_form):
 
 
 def test_newton_on_the_rapier_loops_has_order_two():
-    found = loops.close(catalogue.rapier("R1", math.radians(60.0)), GUESS)
+    found = loops.close(loops.rapier("R1", math.radians(60.0)), GUESS)
     errors = np.max(np.abs(found.iterates - found.q)[:, :3], axis=1)
 
     assert newton_order(errors, basin=0.15).is_near(2.0, 0.15)
@@ -140,7 +139,7 @@ def test_newton_on_the_rapier_loops_has_order_two():
 @settings(deadline=None)
 def test_a_stalled_minimum_is_no_root_and_tells_the_gap(angle, q0):
     """Beyond the limit of 112.02 deg coupler and rocker, in one line, miss each other by |d| - (r3 + r4)."""
-    system = catalogue.four_bar(90.0, 30.0, 60.0, 45.0, angle)
+    system = loops.four_bar(90.0, 30.0, 60.0, 45.0, angle)
     distance = 90.0 - 30.0 * complex(math.cos(angle), math.sin(angle))
     straight = math.atan2(distance.imag, distance.real)
     found = loops.minimise(system, [straight + q0[0], straight + math.pi + q0[1]])
@@ -192,9 +191,9 @@ def test_the_three_outcomes_of_the_document_are_statuses(start, status):
 @pytest.mark.parametrize(
     ("build", "words"),
     [
-        (lambda: catalogue.four_bar(4.0, 1.0, 3.5, 3.0, 0.0, driven="theta1"), "driven: expected one of theta2"),
-        (lambda: catalogue.rapier("R1", 0.0, a9=1.0), "expected lengths among a1"),
-        (lambda: catalogue.rapier("R3", 0.0), "R3"),
+        (lambda: loops.four_bar(4.0, 1.0, 3.5, 3.0, 0.0, driven="theta1"), "driven: expected one of theta2"),
+        (lambda: loops.rapier("R1", 0.0, a9=1.0), "expected lengths among a1"),
+        (lambda: loops.rapier("R3", 0.0), "R3"),
         (lambda: loops.LoopSystem(("x",), [[loops.Vector(1.0)]]), "expected 1 equations for"),
         (lambda: loops.LoopSystem(("x", "y"), [[loops.Vector(1.0)]]), "which the loops contain"),
         (lambda: loops.with_new_estimates(math.cos, math.sin, []), "estimates: expected at least one"),

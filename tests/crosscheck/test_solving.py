@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck.documents import loops as catalogue
 from crosscheck.documents.moving_points import point_parts
 from crosscheck.engines import vector_loop as loops
 from refkin.analysis import acceleration, position, velocity
@@ -39,13 +38,13 @@ def motions() -> list[tuple[Scene, loops.LoopSystem, Any, Any]]:
     return [
         (
             ROCKER.scene(law=LAW, times=TIMES),
-            catalogue.four_bar(4.0, 1.0, 3.5, 3.0, LAW),
+            loops.four_bar(4.0, 1.0, 3.5, 3.0, LAW),
             [0.8, 1.9],
             lambda m, level: [m[body].__getattr__("phi" + level) for body in ("coupler", "rocker")],
         ),
         (
             slider.scene(law=LAW, times=TIMES),
-            catalogue.slider_crank(1.0, 3.0, 0.4, LAW),
+            loops.slider_crank(1.0, 3.0, 0.4, LAW),
             [0.0, 3.9],
             lambda m, level: [
                 m["connecting_rod"].__getattr__("phi" + level),
@@ -54,7 +53,7 @@ def motions() -> list[tuple[Scene, loops.LoopSystem, Any, Any]]:
         ),
         (
             lever.scene(law=LAW, times=TIMES),
-            catalogue.inverted_slider_crank(3.0, 1.2, 0.25, LAW),
+            loops.inverted_slider_crank(3.0, 1.2, 0.25, LAW),
             [2.8, 2.0],
             lambda m, level: [m["lever"].__getattr__("phi" + level)],
         ),

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 from flint import arb
 
-from crosscheck.documents import loops as catalogue
 from crosscheck.documents.convergence import Kind, linear_rate, newton_order, slope
 from crosscheck.documents.systems import me451, me581, metu, printed, shabana
 from crosscheck.documents.systems.twelve_coordinates import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
@@ -178,7 +177,7 @@ def test_the_root_that_is_not_differentiable_is_never_called_found():
 
 def test_the_coupled_loops_close_in_real_and_in_complex_form_as_the_document_writes_them():
     m = SLOTTED
-    vectors = catalogue.slotted(m.a1, m.a2, m.a4, m.a5, m.b1, m.c1, m.theta12)
+    vectors = loops.slotted(m.a1, m.a2, m.a4, m.a5, m.b1, m.c1, m.theta12)
     plain = newton(*metu.slotted(m), CLOSED + OFF).q
 
     for form in (False, True):
@@ -242,7 +241,7 @@ def test_a_rate_that_is_given_is_that_of_the_loop():
     q = newton(*shabana.coriolis_example(0.5, 0.2, 1.0), [2.7, 0.4]).q
     qd = shabana.coriolis_velocity(0.2, 1.0, q, 2.0)
     qdd = np.linalg.solve(*shabana.coriolis_right_side(0.2, 1.0, q, qd, 2.0, -1.5))
-    vectors = catalogue.inverted_slider_crank(0.5, 0.2, 0.0, law)
+    vectors = loops.inverted_slider_crank(0.5, 0.2, 0.0, law)
 
     assert vectors.velocity(q, 0.0) == pytest.approx(qd, rel=1e-13)
     assert vectors.acceleration(q, qd, 0.0) == pytest.approx(qdd, rel=1e-13)

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.documents import loops as catalogue
 from crosscheck.documents.convergence import slope
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, History
 from crosscheck.documents.ledger.me451 import Found, Given
@@ -82,7 +81,7 @@ def c4(n: Arithmetic, given: Given) -> Found:
 def loops_c4(given: Given) -> Found:
     """The limit with the loop as vectors."""
     r1, r2, r3, r4 = (float(r) for r in given["r"])
-    system = catalogue.four_bar(r1, r2, r3, r4, math.radians(float(given["theta2"])))
+    system = loops.four_bar(r1, r2, r3, r4, math.radians(float(given["theta2"])))
     return {"limit": list(np.degrees(loops.close(system, estimate(Binary64())).q))}
 
 

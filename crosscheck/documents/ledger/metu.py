@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.documents import loops as catalogue
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, NoRoot
 from crosscheck.documents.ledger.me451 import Found, Given
 from crosscheck.documents.stopping import ResidualOrCorrection
@@ -83,7 +82,7 @@ def loops_b2(given: Given) -> Found:
     """The same iteration with the loops as vectors, in real and in complex form."""
     n = Binary64()
     m, pose, start = coupled(n, given)
-    system = catalogue.slotted(m.a1, m.a2, m.a4, m.a5, m.b1, m.c1, m.theta12)
+    system = loops.slotted(m.a1, m.a2, m.a4, m.a5, m.b1, m.c1, m.theta12)
     runs = [loops.close(system, start, complex_form=form) for form in (False, True)]
     errors = [[float(np.max(np.abs(q - pose))) for q in r.iterates[:5]] for r in runs]
     return {"error": errors[0], "error in complex form": errors[1]}
@@ -97,7 +96,7 @@ def b3(n: Arithmetic, given: Given) -> Found:
     found: Found = {"error before": _largest(start - pose)}
     found["error after delta = -A^-1 F"] = _largest(start - step - pose)
     found["error after delta = +A^-1 F"] = _largest(start + step - pose)
-    found["unknowns"] = list(catalogue.slotted(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0).unknowns)
+    found["unknowns"] = list(loops.slotted(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0).unknowns)
     return found
 
 
@@ -151,16 +150,16 @@ def loops_b5(given: Given) -> Found:
     start, at = guess(n, given), math.radians(float(given["theta12"]))
     found: Found = {}
     for name in ("R1", "R2"):
-        result = loops.close(catalogue.rapier(name, at), start)
+        result = loops.close(loops.rapier(name, at), start)
         found[name] = [*np.degrees(result.q[:3]), result.q[3]]
         found[f"{name}: iterations"] = result.iterations
     turn = Polynomial(coefficients=(at, 1.0))
     times = np.linspace(0.0, math.tau, 721).tolist()
-    whole = loops.march(catalogue.rapier("R1", turn), times, start)
+    whole = loops.march(loops.rapier("R1", turn), times, start)
     found["R1: times reached of a turn"] = whole.reached
     found["R1: stroke"] = float(np.ptp(whole.q[3]))
     quarters = np.linspace(0.0, math.tau, 1441).tolist()
-    part = loops.march(catalogue.rapier("R2", turn), quarters, start)
+    part = loops.march(loops.rapier("R2", turn), quarters, start)
     found["R2: last theta12 reached"] = math.degrees(at + quarters[part.reached - 1])
     return found
 
@@ -257,7 +256,7 @@ def b7(n: Arithmetic, given: Given) -> Found:
     found: Found = {"R1": [*(angle / degree for angle in q[:3]), q[3]]}
     if isinstance(n, Binary64):
         beyond = math.radians(float(given["beyond the limit of R2"]))
-        stalled = loops.minimise(catalogue.rapier("R2", beyond), guess(n, given))
+        stalled = loops.minimise(loops.rapier("R2", beyond), guess(n, given))
         found["beyond the limit: status"] = stalled.status.name
         found["beyond the limit: gap in mm"] = stalled.gap
     return found
@@ -266,5 +265,5 @@ def b7(n: Arithmetic, given: Given) -> Found:
 def loops_b7(given: Given) -> Found:
     """The same root by minimising the sum of squared closure errors of the loops as vectors."""
     n = Binary64()
-    found = loops.minimise(catalogue.rapier("R1", math.radians(float(given["theta12"]))), guess(n, given))
+    found = loops.minimise(loops.rapier("R1", math.radians(float(given["theta12"]))), guess(n, given))
     return {"R1": [*np.degrees(found.q[:3]), found.q[3]], "status": found.status.name}

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.documents import loops as catalogue
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.me451 import Found, Given
 from crosscheck.documents.moving_points import point_parts, rod_and_block
@@ -94,7 +93,7 @@ def loops_d5(given: Given) -> Found:
     at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
     law = Polynomial(coefficients=(at, rate, second / 2))
     l2, l3, h = numbers(n, given, "l2", "l3", "h")
-    system = catalogue.slider_crank(l2, l3, h, law)
+    system = loops.slider_crank(l2, l3, h, law)
     q = loops.close(system, [0.0, 0.4]).q
     qd = system.velocity(q, 0.0)
     return {"theta3', x'": qd, "theta3'', x''": system.acceleration(q, qd, 0.0)}
@@ -127,7 +126,7 @@ def d6(n: Arithmetic, given: Given) -> Found:
 
 def _rank_at_bifurcation() -> int:
     """Return the rank of d(loop)/d(theta2, theta3, x) where crank and rod lie on each other, upright."""
-    free = catalogue.slider_crank(1.0, 1.0, 0.0, Polynomial(coefficients=(math.pi / 2, 1.0)))
+    free = loops.slider_crank(1.0, 1.0, 0.0, Polynomial(coefficients=(math.pi / 2, 1.0)))
     q = np.array([-math.pi / 2, 0.0])
     by_theta2 = -free.nu(q, 0.0)
     return int(np.linalg.matrix_rank(np.column_stack([by_theta2, free.jacobian(q, 0.0)]), tol=1e-12))
@@ -165,7 +164,7 @@ def loops_d7(given: Given) -> Found:
     at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
     law = Polynomial(coefficients=(at, rate, second / 2))
     l1, l2 = numbers(n, given, "l1", "l2")
-    system = catalogue.inverted_slider_crank(l1, l2, 0.0, law)
+    system = loops.inverted_slider_crank(l1, l2, 0.0, law)
     q = loops.close(system, n.vector(given["estimate"])).q
     qd = system.velocity(q, 0.0)
     return {"theta3, x": q, "theta3', x'": qd, "theta3'', x''": system.acceleration(q, qd, 0.0)}

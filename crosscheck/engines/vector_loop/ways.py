@@ -26,6 +26,7 @@ from crosscheck.engines.vector_loop.system import Relation
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
 from refkin.joints import (
     GROUND,
+    Contact,
     Element,
     GuidedPoint,
     Pair,
@@ -129,9 +130,8 @@ class Ways:
             return (aside, slide) if e.offset else (slide,)
         if isinstance(e, RollingOnLine):
             return self._rack(e, gap)
-        raise EngineError(
-            f"vector_loop refuses {e.key} of {e.name!r}: no vector of given or sliding length stands for it"
-        )
+        what = "a cam of general profile" if isinstance(e, Contact) else e.key
+        raise EngineError(f"vector_loop refuses {what} {e.name!r}: no vector of given or sliding length stands for it")
 
     def _link(self, e: Element, length: Variable, gap: complex) -> Vector:
         return Vector(1.0, length, self._unknown(f"direction of {e.name}", math.atan2(gap.imag, gap.real)))

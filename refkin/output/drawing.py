@@ -1,0 +1,247 @@
+"""What there is to see of a mechanism: parts in the frames of their bodies, and where these are at each time.
+
+A part comes from the elements of the joints: the points where a body is held make its outline, a guided point a line to
+slide along, a distance a massless link, rolling and contact a wheel or a profile.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from refkin.errors import RefkinError
+from refkin.joints.elements import (
+    GROUND,
+    Contact,
+    Element,
+    GuidedPoint,
+    PointDistance,
+    RollingOnLine,
+    RollingWheels,
+    elements_of,
+)
+from refkin.model import Scene
+from refkin.motion import Motion
+
+RATES = ("velocity", "acceleration")
+LONGEST = 0.25
+"""The longest arrow, as a part of the picture's larger side."""
+PROFILE_POINTS = 181
+
+
+class NothingToDraw(RefkinError):
+    """A motion without any pose."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A line, an outline or a circle.
+
+    Attributes
+    ----------
+    role : str
+        What it shows: ground, guide, body, slider, link, wheel, pin, curve, velocity or acceleration.
+    points : (2, K) array
+        [m], in the frame of the part, or in the ground frame.
+    radius : float
+        Of a circle around the one point [m].
+    """
+
+    role: str
+    points: Any
+    radius: float = 0.0
+
+
+@dataclass(frozen=True)
+class Part:
+    """Shapes that move as one.
+
+    Attributes
+    ----------
+    name : str
+        The body's or massless link's.
+    shapes : tuple of Shape
+        In the part's own frame.
+    poses : (3, T) array
+        x, y [m] and angle [rad] of that frame at each time that is shown.
+    """
+
+    name: str
+    shapes: tuple[Shape, ...]
+    poses: Any
+
+    def at(self, k: int) -> Iterator[Shape]:
+        """Yield the shapes in the ground frame at the k-th time that is shown."""
+        for shape in self.shapes:
+            yield Shape(shape.role, placed(self.poses[:, k], shape.points), shape.radius)
+
+
+class Drawing:
+    """The parts of a scene's mechanism, moved by an answer to it.
+
+    Parameters
+    ----------
+    scene : Scene
+    motion : Motion
+        An answer that holds all bodies of the scene.
+
+    Raises
+    ------
+    NothingToDraw
+        If the motion has no pose, or lacks a body.
+
+    Attributes
+    ----------
+    t : (T,) array
+        The times that are shown [s]: those with a pose.
+    parts : list of Part
+        The ground first.
+    box : (2, 2) array
+        Least and largest x and y of all that is shown at any time [m].
+    """
+
+    def __init__(self, scene: Scene, motion: Motion) -> None:
+        names = [body.name for body in scene.mechanism.bodies]
+        if lacking := [name for name in names if name not in motion.bodies]:
+            raise NothingToDraw(f"the motion has no {', '.join(lacking)}: a picture shows all bodies of the scene")
+        shown = np.flatnonzero(np.all(np.isfinite(motion.q), axis=0))
+        if not shown.size:
+            raise NothingToDraw(f"no pose of {scene.name!r} was found: {motion.message or motion.verdict}")
+        self.scene, self.t, self.status = scene, motion.t[shown], [motion.status[k] for k in shown]
+        self._rates = [None if rate is None else rate[:, shown] for rate in (motion.qd, motion.qdd)]
+        self._names = list(motion.bodies)
+        still = np.zeros((3, len(shown)))
+        self._poses = {GROUND: still} | {name: motion.q[3 * k :, shown][:3] for k, name in enumerate(self._names)}
+        self._size = scene.mechanism.size()
+        elements = list(elements_of(scene.mechanism.joints))
+        self._points = _points_of(scene, elements)
+        self.parts = [Part(name, tuple(self._shapes(name, elements)), self._poses[name]) for name in (GROUND, *names)]
+        self.parts += [self._link(e) for e in elements if isinstance(e, PointDistance)]
+        self.curves = [Shape("curve", self._path(point.body, point.position)) for point in scene.points]
+        self.box = self._box()
+
+    def _shapes(self, name: str, elements: list[Element]) -> Iterator[Shape]:
+        points = np.array(self._points[name], float).reshape(-1, 2).T
+        if name != GROUND:
+            yield _outline(points, self._size)
+        for element in elements:
+            yield from _features(element, name, self._size, points)
+        for point in points.T:
+            yield Shape("ground" if name == GROUND else "pin", point[:, None])
+
+    def _path(self, body: str, point: Any) -> Any:
+        """Return the path (2, T) of a point of a body [m]."""
+        x, y, angle = self._poses[body]
+        c, s = np.cos(angle), np.sin(angle)
+        return np.array([x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]])
+
+    def _link(self, element: PointDistance) -> Part:
+        (xi, yi), (xj, yj) = (self._path(body, point) for body, point in element.ends)
+        poses = np.array([xi, yi, np.unwrap(np.arctan2(yj - yi, xj - xi))])
+        ends = np.array([[0.0, math.hypot(xj[0] - xi[0], yj[0] - yi[0])], [0.0, 0.0]])
+        pins = [Shape("pin", end[:, None]) for end in ends.T]
+        return Part(element.name, (Shape("link", ends), *pins), poses)
+
+    def _box(self) -> Any:
+        low, high = np.full(2, np.inf), np.full(2, -np.inf)
+        for part in self.parts:
+            for shape in part.shapes:
+                if shape.role == "guide":
+                    continue
+                for k in range(len(self.t)):
+                    points = placed(part.poses[:, k], shape.points)
+                    low = np.minimum(low, points.min(axis=1) - shape.radius)
+                    high = np.maximum(high, points.max(axis=1) + shape.radius)
+        for curve in self.curves:
+            low, high = np.minimum(low, curve.points.min(axis=1)), np.maximum(high, curve.points.max(axis=1))
+        return np.array([low, high])
+
+    def arrows(self, k: int, rate: str) -> list[Shape]:
+        """Return the velocities or accelerations of joint points and wanted points at the k-th time as arrows.
+
+        Parameters
+        ----------
+        k : int
+            Number of the time among those that are shown.
+        rate : {"velocity", "acceleration"}
+            Of each kind the largest at any time is `LONGEST`.
+
+        Raises
+        ------
+        NothingToDraw
+            If the motion does not hold that rate.
+        """
+        vectors = self._vectors(rate)
+        longest = max((float(np.nanmax(np.hypot(*v), initial=0.0)) for _, v in vectors), default=0.0)
+        scale = LONGEST * float(np.max(self.box[1] - self.box[0])) / longest if longest > 0 else 0.0
+        return [
+            Shape(rate, np.stack([path[:, k], path[:, k] + scale * v[:, k]], axis=1))
+            for path, v in vectors
+            if np.all(np.isfinite(v[:, k])) and scale * math.hypot(*v[:, k]) > 1e-3 * self._size
+        ]
+
+    def _vectors(self, rate: str) -> list[tuple[Any, Any]]:
+        """Return the path (2, T) and the vectors (2, T) of each point of a moving body."""
+        qd, qdd = self._rates
+        order = RATES.index(rate)
+        if qd is None or (order and qdd is None):
+            raise NothingToDraw(f"the motion holds no {rate}: name it among the effects of the scene")
+        vectors = []
+        for number, name in enumerate(self._names):
+            rows = slice(3 * number, 3 * number + 3)
+            for point in self._points[name]:
+                path = self._path(name, point)
+                arm, turn = path - self._poses[name][:2], np.array([[0.0, -1.0], [1.0, 0.0]])
+                vector = qd[rows][:2] + qd[rows][2] * (turn @ arm)
+                if order and qdd is not None:
+                    vector = qdd[rows][:2] + qdd[rows][2] * (turn @ arm) - qd[rows][2] ** 2 * arm
+                vectors.append((path, vector))
+        return vectors
+
+
+def placed(pose: Any, points: Any) -> Any:
+    """Return points (2, K) of a frame at x, y, angle in the ground frame."""
+    c, s = math.cos(pose[2]), math.sin(pose[2])
+    return np.array([[c, -s], [s, c]]) @ points + np.asarray(pose[:2])[:, None]
+
+
+def _points_of(scene: Scene, elements: list[Element]) -> dict[str, list[Any]]:
+    """Return for each body the points where it is held or wanted, each once, in its own frame."""
+    points: dict[str, list[Any]] = {GROUND: []} | {body.name: [] for body in scene.mechanism.bodies}
+    ends = [end for element in elements for end in element.ends]
+    for body, point in (*ends, *((p.body, p.position) for p in scene.points)):
+        if point not in points[body]:
+            points[body].append(point)
+    return points
+
+
+def _outline(points: Any, size: float) -> Shape:
+    """Return a bar through two points, a plate through more, a small block around one or none."""
+    if points.shape[1] > 1:
+        return Shape("body", points)
+    x, y = points[:, 0] if points.shape[1] else (0.0, 0.0)
+    w, h = 0.06 * size, 0.035 * size
+    return Shape("slider", np.array([[x - w, x + w, x + w, x - w], [y - h, y - h, y + h, y + h]]))
+
+
+def _features(element: Element, name: str, size: float, points: Any) -> Iterator[Shape]:
+    """Yield what an element adds to the outline of a body: a guide, a wheel, a profile."""
+    if isinstance(element, GuidedPoint | RollingOnLine) and element.body_i == name:
+        axis = np.array(element.axis_i) / math.hypot(*element.axis_i)
+        offset = element.offset if isinstance(element, GuidedPoint) else 0.0
+        foot = np.array(element.point_i) + offset * np.array([-axis[1], axis[0]])
+        yield Shape("guide", foot[:, None] + np.outer(axis, [-1.5 * size, 1.5 * size]))
+    if isinstance(element, RollingOnLine) and element.body_j == name:
+        yield Shape("wheel", np.array(element.point_j, float)[:, None], abs(element.radius))
+    if isinstance(element, RollingWheels) and name in element.bodies:
+        radius = element.radius_i if element.body_i == name else element.radius_j
+        yield Shape("wheel", points[:, :1] if points.shape[1] else np.zeros((2, 1)), abs(radius))
+    if isinstance(element, Contact) and element.body_i == name:
+        first, last = np.clip(element.profile.law.domain(), -math.pi, math.pi)
+        s = np.linspace(first, last, PROFILE_POINTS)
+        d = np.array([float(element.profile.law(angle)) for angle in s])
+        yield Shape("wheel", np.array(element.point_i, float)[:, None] + d * np.array([np.cos(s), np.sin(s)]))
