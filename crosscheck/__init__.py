@@ -24,17 +24,17 @@ def compare(
     Returns
     -------
     dict
-        The record of `crosscheck.measure.check.check`: answers, comparison of the engines' own rows, disagreements.
+        The `crosscheck.judge.records.Record` of the scene as plain data: what a line of `records.jsonl` holds.
     """
-    from rich.console import Console
-
-    from crosscheck.commands.tables import agreement_table, disagreement_lines
+    from crosscheck.commands.tables import agreement_table
+    from crosscheck.commands.usage import console
+    from crosscheck.judge.records import plain
     from crosscheck.measure.check import check
 
     record = check(scene, engines)
     if show:
-        console = Console(width=140, markup=False)
-        console.print(agreement_table(record))
-        for line in disagreement_lines(record["disagreements"]):
-            console.print(line)
-    return record
+        out = console(140)
+        out.print(agreement_table(record))
+        for told in record.disagreements:
+            out.print(str(told))
+    return plain(record)

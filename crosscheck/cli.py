@@ -6,10 +6,14 @@ A command is imported when it is called: solving a small scene does not wait for
 from __future__ import annotations
 
 import sys
+import traceback
 from collections.abc import Sequence
+from contextlib import redirect_stderr, redirect_stdout
+from pathlib import Path
 
 import cyclopts
 
+from crosscheck.commands.usage import BAR, Printable
 from crosscheck.errors import INFRASTRUCTURE, INTERRUPTED, PASS, USAGE, CannotRun
 from refkin import __version__
 from refkin.errors import InvalidScene
@@ -50,6 +54,12 @@ for name, (place, what) in COMMANDS.items():
 
 def main(arguments: Sequence[str] | None = None) -> None:
     """Run the command line; whatever cannot be done ends with one line that says why, and no traceback."""
+    with redirect_stdout(Printable(sys.stdout)), redirect_stderr(Printable(sys.stderr, BAR)):
+        code = _run(arguments)
+    sys.exit(code)
+
+
+def _run(arguments: Sequence[str] | None) -> int:
     try:
         code = app(sys.argv[1:] if arguments is None else arguments, exit_on_error=False, print_error=True)
     except CannotRun as error:
@@ -64,7 +74,12 @@ def main(arguments: Sequence[str] | None = None) -> None:
         code = _ended(error, INFRASTRUCTURE)
     except KeyboardInterrupt as error:
         code = _ended(error, INTERRUPTED)
-    sys.exit(code)
+    except Exception as error:  # a fault of our own: told like any other, with the place to look at
+        at = traceback.extract_tb(error.__traceback__)[-1]
+        where = f"{at.name}, {Path(at.filename).name}:{at.lineno}"
+        print(f"crosscheck itself failed: {type(error).__name__}: {error} ({where})", file=sys.stderr)
+        code = INFRASTRUCTURE
+    return int(code or PASS)
 
 
 def _ended(error: BaseException, code: int) -> int:

@@ -7,7 +7,7 @@ from pathlib import Path
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS
-from crosscheck.night.campaign import find_engines
+from crosscheck.workers.installed import find_engines
 from refkin.scenes.files import load
 
 

@@ -7,7 +7,8 @@ from crosscheck.commands.usage import console
 from crosscheck.engines import PEERS, available
 from crosscheck.engines import load as load_engine
 from crosscheck.errors import PASS, UsageError
-from crosscheck.night.campaign import ALWAYS, SAMPLED, find_engines
+from crosscheck.night.plan import ALWAYS, SAMPLED
+from crosscheck.workers.installed import find_engines
 
 ENGINES = ",".join(PEERS)
 

@@ -18,8 +18,8 @@ from crosscheck.errors import UsageError
 from crosscheck.judge.hard_poses import Outcome
 from crosscheck.measure.hard_classing import OURS
 from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
+from crosscheck.night.journal import replace_file
 from crosscheck.scenes.hard import HardCase, hard_cases
-from crosscheck.workers.journal import replace_file
 
 ENGINES = (OURS, "exudyn", "pinocchio", "mujoco")
 PASS, UNEXPLAINED, ENGINE_MISSING = 0, 1, 3

@@ -4,35 +4,42 @@ from __future__ import annotations
 
 import sys
 import time
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Annotated
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.table import Table
 
-from crosscheck.commands.hard import UnknownName
-from crosscheck.engines import available
-from crosscheck.night.campaign import ALWAYS, find_engines
-from crosscheck.night.hunting import Bag, hunt
-from crosscheck.workers.journal import replace_file
+from crosscheck.commands.engines import names
+from crosscheck.commands.usage import Whole, console, positive, printable
+from crosscheck.engines import load
+from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS
+from crosscheck.night.campaign import OtherRun, seed_of
+from crosscheck.night.disagreements import slug
+from crosscheck.night.hunting import Bag, hunt, worst_of_night
+from crosscheck.night.journal import replace_file
+from crosscheck.night.plan import ALWAYS, engines_option
+from crosscheck.scenes.names import PEERS
+from crosscheck.workers.installed import find_engines
 from crosscheck.workers.pool import SECONDS_PER_SCENE
 from refkin.scenes.files import to_toml
 
-PASS, ABOVE, ENGINE_MISSING, INFRASTRUCTURE = 0, 1, 3, 4
+LATEST = Path("reports/latest")
 
 
 def hunt_worst(
     *,
     minutes: float = 5.0,
-    seed: int | None = None,
-    engine: Annotated[tuple[str, ...], Parameter(negative="")] = ("exudyn", "pinocchio", "mujoco"),
+    seed: Whole | None = None,
+    engine: Annotated[tuple[str, ...], Parameter(negative="")] = PEERS,
     out: Path = Path("reports/hunt"),
+    night: Path = LATEST,
     scene_seconds: float = SECONDS_PER_SCENE,
 ) -> int:
-    """Hunt for the worst error / allowed over scenes in strata of the distance to a singular pose, down to 1e-15.
+    """Hunt for the worst error / allowed: near the worst scenes of a night, then ever nearer to singular poses.
 
-    Exit codes: 0 nothing above 1, 1 something, 2 usage, 3 engine missing, 4 an engine crashed or hung.
+    Exit codes: 0 nothing above 1, 1 something, 2 usage, 3 engine missing, 4 an engine crashed or hung, 130 interrupted.
 
     Parameters
     ----------
@@ -44,49 +51,61 @@ def hunt_worst(
         Which; may be given several times, also as `file.py:Class`. The closed form is always among them.
     out
         The folder for the worst scene of each target, as a scene file to replay.
+    night
+        The folder of a night, from whose worst scenes to start, if there is one.
     scene_seconds
         After this long on one scene an engine is said to hang.
     """
-    if not minutes > 0:
-        raise UnknownName(f"--minutes: expected a number above 0, got {minutes}")
-    known = available()
-    for name in engine:
-        if name not in known and ":" not in name:
-            raise UnknownName(f"--engine: no engine is called {name!r}; there are: {', '.join(sorted(known))}")
-    found, missing = find_engines(tuple(dict.fromkeys((ALWAYS, *engine))))
+    positive("minutes", minutes)
+    positive("scene-seconds", scene_seconds)
+    found, missing = find_engines(names(",".join(engine), always=(ALWAYS,)))
     if missing:
         print("\n".join(missing.values()), file=sys.stderr)
         return ENGINE_MISSING
-    night = int(time.strftime("%Y%m%d", time.gmtime())) if seed is None else seed
-    bag = hunt({k: spec for k, (spec, _) in found.items()}, 60.0 * minutes, night, scene_seconds=scene_seconds)
-    _write(bag, out)
-    _print(bag, out)
+    specs = {name: spec for name, (spec, _) in found.items()}
+    today = int(time.strftime("%Y%m%d", time.gmtime())) if seed is None else seed
+    bag, starts = Bag(), _starts(night, specs)
+    print(f"starting from {len(starts)} scenes of {night}" if starts else "starting from no night", file=sys.stderr)
+    try:
+        hunt(specs, 60.0 * minutes, today, scene_seconds=scene_seconds, starts=starts, bag=bag)
+    finally:  # also when it is interrupted: what was caught is kept
+        _write(bag, out, engine)
+        _print(bag, out)
     if bag.failures:
         return INFRASTRUCTURE
-    return ABOVE if bag.above() else PASS
+    return DISAGREEMENT if bag.above() else PASS
 
 
-def _file(name: tuple[str, str, str]) -> str:
-    return "-".join(name).replace(" ", "-") + ".toml"
+def _starts(night: Path, specs: Mapping[str, str]) -> list[tuple[int, int]]:
+    """Return the scenes of a night to start from; none if there is no night."""
+    if not (night / "run.json").is_file():
+        if night != LATEST:
+            raise OtherRun(f"--night {night} holds no run")
+        return []
+    best = {name: load(spec).routes()[0].name for name, spec in specs.items()}
+    return worst_of_night(night, best, seed_of(night, None))
 
 
-def _write(bag: Bag, out: Path) -> None:
+def _write(bag: Bag, out: Path, engines: Sequence[str]) -> None:
     """Write the worst scene of each target."""
     out.mkdir(parents=True, exist_ok=True)
     for name, catch in bag.catches.items():
-        told = f"# {' '.join(name)}: {catch.ratio:.3g} times the allowed error, the worst of {bag.scenes} scenes\n\n"
-        replace_file(out / _file(name), told + to_toml(catch.scene))
+        file = f"{slug(*name)}.toml"
+        told = f"# {' '.join(name)}: {catch.ratio:.3g} times the allowed error, the worst of {bag.scenes} scenes\n"
+        again = f"# Show it again: crosscheck replay {file}{engines_option(engines)}\n\n"
+        replace_file(out / file, printable(told) + again + to_toml(catch.scene))
 
 
 def _print(bag: Bag, out: Path) -> None:
-    console = Console(width=None if sys.stdout.isatty() else 160)
+    shown = console(160)
     table = Table("engine", "route", "quantity", title=f"The worst of {bag.scenes} scenes")
-    for head in ("error/allowed", "decades of the distance", "found by scene"):
+    for head in ("error/allowed", "from", "found by scene"):
         table.add_column(head, justify="right")
     for name, catch in sorted(bag.catches.items(), key=lambda pair: -pair[1].ratio):
-        low, high = catch.stratum
-        table.add_row(*name, f"{catch.ratio:.3g}", f"1e-{low:g} .. 1e-{high:g}", str(catch.number))
-    console.print(table)
+        table.add_row(*name, f"{catch.ratio:.3g}", catch.origin, str(catch.number))
+    shown.print(table)
+    for name, catch in bag.above():
+        shown.print(f"above 1: {' '.join(name)}, {catch.ratio:.3g} times the allowed error")
     for failure in bag.failures:
-        console.print(failure, markup=False)
-    console.print(f"scenes: {out}", markup=False, highlight=False)
+        shown.print(f"failed: {failure}")
+    shown.print(f"scenes: {out}")

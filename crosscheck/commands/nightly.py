@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-import json
 import os
 import sys
 from dataclasses import replace
 from pathlib import Path
 
-from rich.console import Console
-
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.tables import outcome_lines
-from crosscheck.commands.usage import Whole, positive
+from crosscheck.commands.usage import Whole, console, positive
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError
-from crosscheck.judge.known_gaps import table
 from crosscheck.night import golden
-from crosscheck.night.campaign import ALWAYS, SAMPLED, Plan, run, seed_of
-from crosscheck.night.history import warnings
+from crosscheck.night.campaign import run, seed_of
+from crosscheck.night.history import HistoryError, remember, warnings
+from crosscheck.night.pictures import write_pictures
+from crosscheck.night.plan import ALWAYS, SAMPLED, Plan, write_outcome
 from crosscheck.night.progress import shown_progress
-from crosscheck.night.sections import write_sections
-from crosscheck.report import build, verdict
+from crosscheck.night.sections import write_documents, write_sections
+from crosscheck.report import verdict
+from crosscheck.report.build import summarized, write
 from crosscheck.workers.cluster import LOCAL
 from crosscheck.workers.pool import SECONDS_PER_SCENE
 
@@ -32,6 +31,7 @@ CODES = {
     verdict.NOTHING_RAN: NOTHING_RAN,
 }
 """A night ends as its report says; the worst comes first there."""
+SECONDS_FOR_PICTURES = 30.0
 
 
 def nightly(
@@ -100,13 +100,22 @@ def nightly(
             raise KeyboardInterrupt(told) from None
     seconds = min(240.0, 60.0 * (plan.minutes or 0.0)) if sections_seconds is None else sections_seconds
     write_sections(plan.out, outcome.versions, {ALWAYS, *SAMPLED}, seconds, _told)
-    kept = history or plan.out.parent / "history.sqlite"
-    page = build(plan.out, outcome, required=outcome.required, gaps=table(known_gaps), history=kept)
-    report = json.loads((plan.out / "report.json").read_text(encoding="utf-8"))
+    if outcome.checked:
+        _told("pictures and documents")
+        write_pictures(plan.out, plan.seed, outcome.engines, SECONDS_FOR_PICTURES)
+        write_documents(plan.out)
+    report = summarized(plan.out)
+    try:
+        report["trends"] = remember(history or plan.out.parent / "history.sqlite", report, plan.out)
+    except (HistoryError, OSError) as error:
+        outcome.failed.append(f"the history cannot be kept: {error}")
+        write_outcome(plan.out, outcome)
+        report = summarized(plan.out)
+    page = write(plan.out, report)
     warned = [f"warning: {line}" for line in warnings(report["trends"])] if report["trends"] else []
-    console = Console(stderr=True, soft_wrap=True)
-    for line in (*outcome_lines(outcome), *warned, f"report: {page}"):
-        console.print(line, markup=False, highlight=False)
+    shown = console(None, stderr=True)
+    for line in (*outcome_lines(outcome), *warned, f"{report['verdict']}: {report['why']}", f"report: {page}"):
+        shown.print(line, soft_wrap=True)
     return CODES[report["verdict"]]
 
 

@@ -9,23 +9,23 @@ from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
-from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
+from crosscheck.commands.usage import Json, console, printable
+from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS, USAGE
+from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
-from crosscheck.night.campaign import find_engines
 from crosscheck.night.history import SOLVED, nights, trends, warnings
-from crosscheck.workers.pool import Workers
+from crosscheck.scenes.names import PEERS
+from crosscheck.workers.installed import find_engines
 
-PASS, WORSE, USAGE, ENGINE_MISSING = 0, 1, 2, 3
 BLOCKS = "▁▂▃▄▅▆▇█"
 MOST_NIGHTS = 90
 """Nights that a line of blocks shows."""
 
 PRICED = ": "
 """What the name of a series of the price list has in it, and that of a route has not."""
-
-Json = Annotated[bool, Parameter(name="--json", negative="")]
 
 
 def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, as_json: Json = False) -> int:
@@ -52,22 +52,22 @@ def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, a
     if as_json:
         print(json.dumps({"schema": 1, "nights": kept, "series": told["series"], "warnings": warnings(told)}))
         return PASS
-    console = Console(width=None if sys.stdout.isatty() else 140)
-    console.print(_night_table(kept[-last:]))
-    console.print(_digit_table(kept[-last:]))
-    console.print(_cost_table(told["series"]))
+    out = console(140)
+    out.print(_night_table(kept[-last:]))
+    out.print(_digit_table(kept[-last:]))
+    out.print(_cost_table(told["series"]))
     quiet = sum(not one["changes"] and PRICED in one["name"] for one in told["series"])
     if quiet:
-        console.print(f"{quiet} series of the price list without a change: --json has them")
+        out.print(f"{quiet} series of the price list without a change: --json has them")
     for line in warnings(told):
-        console.print(f"warning: {line}", markup=False)
+        out.print(f"warning: {line}")
     return PASS
 
 
 def baseline(
     *,
     accept: Annotated[bool, Parameter(negative="")] = False,
-    engines: str = "closed_form,vector_loop,exudyn,pinocchio,mujoco",
+    engines: str = ",".join(("closed_form", "vector_loop", *PEERS)),
     file: Path = golden.DEFAULT,
 ) -> int:
     """Compare the golden set with the accepted baseline, or accept what is measured now as the new one.
@@ -94,19 +94,18 @@ def baseline(
             print(error, file=sys.stderr)
             return USAGE
         before = {}
-    with Workers(1, {name: spec for name, (spec, _) in found.items()}) as workers:
+    with checkers(1, {name: spec for name, (spec, _) in found.items()}) as workers:
         scenes = golden.golden_scenes() if accept else golden.scenes_of(before)
         now = golden.measure(scenes, workers, list(found))
     worse = golden.differences({k: v for k, v in before.items() if k in now}, now, found)
     for told in worse:
-        who = f"{told['engine']} ({told['route']}), {told['quantity']}"
-        print(f"{told['case']}: {who}: {told['kind']}; {told['worst']}")
+        print(f"{told.case}: {told.disagreement}")
     if accept:
         golden.write(file, now, {name: version for name, (_, version) in found.items()})
         print(f"accepted: {len(now)} cases in {file}")
         return PASS
     print(f"{len(now)} cases, {len(worse)} of their numbers are worse than the baseline")
-    return WORSE if worse else PASS
+    return DISAGREEMENT if worse else PASS
 
 
 def _night_table(kept: Sequence[Mapping[str, Any]]) -> Table:
@@ -114,7 +113,7 @@ def _night_table(kept: Sequence[Mapping[str, Any]]) -> Table:
     for name in ("scenes", "new", "known"):
         table.add_column(name, justify="right")
     for night in kept:
-        verdict = f"[{'green' if night['verdict'] == 'pass' else 'red'}]{night['verdict']}[/]"
+        verdict = Text(printable(night["verdict"]), "green" if night["verdict"] == "pass" else "red")
         table.add_row(night["date"], night["seed"], verdict, *(str(night[k]) for k in ("scenes", "new", "known")))
     return table
 

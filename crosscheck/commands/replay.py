@@ -5,12 +5,13 @@ from __future__ import annotations
 from pathlib import Path
 
 from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.tables import agreement_table, arbiter_table, lines_with_gap, rows_table
+from crosscheck.commands.tables import agreement_table, arbiter_table, line_with_gap, rows_table
 from crosscheck.commands.usage import console, positive
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS
 from crosscheck.judge.known_gaps import read
-from crosscheck.night.campaign import find_engines
-from crosscheck.workers.pool import SECONDS_PER_SCENE, Workers
+from crosscheck.measure.jobs import checkers
+from crosscheck.workers.installed import find_engines
+from crosscheck.workers.pool import SECONDS_PER_SCENE
 from refkin.scenes.files import load, to_dict
 
 
@@ -31,20 +32,21 @@ def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECOND
     job = {"scene": to_dict(load(scene)), "about": {}, "arbiter": True}
     positive("scene-seconds", scene_seconds)
     found, missing = find_engines(names(engines))
-    with Workers(1, {name: spec for name, (spec, _) in found.items()}, scene_seconds) as pool:
+    with checkers(1, {name: spec for name, (spec, _) in found.items()}, scene_seconds) as pool:
         record = pool.check_one(job)
     out = console(160)
-    if "failure" in record:
-        out.print(record["failure"], markup=False)
+    if record.reference is None:
+        out.print(record.failure)
         return INFRASTRUCTURE
-    told = record["reference"]
-    out.print(f"refkin: {told['verdict']} {told['message']}  smallest sigma {told['sigma_min']:.3g}", markup=False)
+    told = record.reference
+    out.print(f"refkin: {told.verdict} {told.message}  smallest sigma {told.sigma_min:.3g}")
     out.print(agreement_table(record))
     out.print(arbiter_table(record))
     out.print(rows_table(record))
-    disagreements = [line for told in record["disagreements"] for line in lines_with_gap(told, record, read())]
-    for line in [*record["refusals"], *missing.values(), *pool.unexplained, *disagreements]:
-        out.print(line, markup=False)
+    for line in [*map(str, record.refusals), *missing.values(), *pool.unexplained]:
+        out.print(line)
+    for disagreement in record.disagreements:
+        out.print(line_with_gap(disagreement, record, read()))
     if missing:
         return ENGINE_MISSING
-    return DISAGREEMENT if record["disagreements"] else PASS
+    return DISAGREEMENT if record.disagreements else PASS

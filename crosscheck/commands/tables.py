@@ -2,21 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from typing import Any
 
 from rich.table import Table
 
-from crosscheck.engines import QUANTITIES, Engine, Level, Support
+from crosscheck.engines import Engine, Level, Support
 from crosscheck.judge.known_gaps import Gap
+from crosscheck.judge.records import QUANTITIES, Disagreement, Quantity, Record
+from crosscheck.night.plan import Outcome
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, DistanceDriver
-
-if TYPE_CHECKING:
-    from crosscheck.night.campaign import Outcome
 
 MOST_LINES = 20
 """Disagreements, and failures, that are told on a terminal; the report has all."""
-PLACES = ("inside", "outside", "undecidable", "no answer")
+PLACES = ("inside", "outside", "undecidable", "no_answer")
 
 
 def capability_table(engines: Iterable[Engine]) -> Table:
@@ -36,63 +35,54 @@ def capability_table(engines: Iterable[Engine]) -> Table:
     return table
 
 
-def agreement_table(record: Mapping[str, Any]) -> Table:
+def agreement_table(record: Record) -> Table:
     """Return engine and route x quantity: worst digits and worst error / allowed, and who did what."""
-    table = Table("engine", "route", "Newton by", "seeding", title=f"{record['scene']}: agreement with refkin")
+    table = Table("engine", "route", "Newton by", "seeding", title=f"{record.scene}: agreement with refkin")
     for quantity in QUANTITIES:
         table.add_column(f"{quantity}\nworst digits", justify="right")
         table.add_column("error/\nallowed", justify="right")
     table.add_column("no answer", justify="right")
-    for answer in record["answers"]:
-        route = answer["route"]
-        cells = [answer["engine"], route["name"], route["newton_by"], route["seeding"]]
+    for answer in record.answers:
+        route = answer.route
+        cells = [answer.engine, route.name, route.newton_by, route.seeding]
         for quantity in QUANTITIES:
-            cells += _cells(answer["quantities"].get(quantity))
-        table.add_row(*cells, f"{answer['missing']} of {answer['times']}")
+            cells += _cells(answer.quantities.get(quantity))
+        table.add_row(*cells, f"{answer.missing} of {answer.times}")
     return table
 
 
-def rows_table(record: Mapping[str, Any]) -> Table:
+def rows_table(record: Record) -> Table:
     """Return the comparison of the engines' own rows at configurations that are not assembled."""
     table = Table("engine", "own rows", "rows", "worst digits", "error/allowed", title="Translation of the model")
-    for level in record["levels"]:
-        worst = min((float(d) for d in level["digits"]), default=None)
-        table.add_row(level["engine"], level["level"], str(level["rows"]), f"{worst}", f"{level['ratio']:.2g}")
+    for row in record.levels:
+        worst = f"{min(row.digits) / 10:.1f}" if row.digits else "-"
+        ratio = "-" if row.ratio is None else f"{row.ratio:.2g}"
+        table.add_row(row.engine, row.level, str(row.rows), worst, ratio)
     return table
 
 
-def arbiter_table(record: Mapping[str, Any]) -> Table:
+def arbiter_table(record: Record) -> Table:
     """Return where each answer lies by the certificate: at how many times, and the farthest, in attainable radii."""
     table = Table("engine", "route", title="Positions by the certificate (113 bits), within what float64 can attain")
     for place in (*PLACES, "worst, radii"):
-        table.add_column(place, justify="right")
-    for answer in record["answers"]:
-        told = answer["certificate"]
-        cells = [str(told[place]) for place in PLACES] if told else ["-"] * len(PLACES)
-        worst = "-" if told is None or told["radii"] is None else f"{told['radii']:.2g}"
-        table.add_row(answer["engine"], answer["route"]["name"], *cells, worst)
+        table.add_column(place.replace("_", " "), justify="right")
+    for answer in record.answers:
+        told = answer.certificate
+        cells = [str(getattr(told, place)) for place in PLACES] if told else ["-"] * len(PLACES)
+        worst = "-" if told is None or told.radii is None else f"{told.radii:.2g}"
+        table.add_row(answer.engine, answer.route.name, *cells, worst)
     return table
 
 
-def disagreement_lines(disagreements: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Return one line per disagreement."""
-    lines = []
-    for d in disagreements:
-        ratio = "" if d["ratio"] is None else f", {d['ratio']:.3g} times the allowed error"
-        lines.append(f"{d['engine']} ({d['route']}), {d['quantity']}: {d['kind']}{ratio}; {d['worst']}")
-    return lines
-
-
-def lines_with_gap(told: Mapping[str, Any], record: Mapping[str, Any], gaps: Sequence[Gap]) -> list[str]:
+def line_with_gap(told: Disagreement, record: Record, gaps: Sequence[Gap]) -> str:
     """Return the line of a disagreement with the known gap that accounts for it, if any."""
     gap = next((gap for gap in gaps if gap.covers(record, told)), None)
-    known = "" if gap is None else f" [known since {gap.date}: {gap.reason}]"
-    return [line + known for line in disagreement_lines([told])]
+    return str(told) if gap is None else f"{told} [known since {gap.date}: {gap.reason}]"
 
 
 def outcome_lines(outcome: Outcome) -> list[str]:
     """Return how a night ended, in lines that a log can hold."""
-    lines = [f"new: {disagreement_lines([told])[0]}  ({told['file']})" for told in outcome.new[:MOST_LINES]]
+    lines = [f"new: {case.disagreement}  ({case.file})" for case in outcome.new[:MOST_LINES]]
     lines += [f"failed: {text}" for text in outcome.failed[:MOST_LINES]]
     lines += [f"missing: {name}: {reason}" for name, reason in outcome.missing.items()]
     for gap in outcome.possibly_closed:
@@ -116,8 +106,8 @@ def _levels(known: Any, cls: Any) -> Any:
     return known.get("distance driver" if cls is DistanceDriver else type_name(cls), {})
 
 
-def _cells(quantity: Mapping[str, Any] | None) -> list[str]:
+def _cells(quantity: Quantity | None) -> list[str]:
     if quantity is None:
         return ["-", "-"]
-    digits = [float(d) for decade in quantity["digits_by_sigma"].values() for d in decade]
-    return [f"{min(digits):.1f}" if digits else "-", "-" if quantity["ratio"] is None else f"{quantity['ratio']:.2g}"]
+    digits = [d for decade in quantity.digits_by_sigma.values() for d in decade]
+    return [f"{min(digits) / 10:.1f}" if digits else "-", "-" if quantity.ratio is None else f"{quantity.ratio:.2g}"]

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
+import re
 import sys
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 from cyclopts import Parameter
 
@@ -13,6 +14,7 @@ from crosscheck.errors import UsageError
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.text import Text
 
 
 def _whole(_: Any, tokens: Sequence[Any]) -> int:
@@ -33,8 +35,43 @@ def positive(key: str, value: float | None) -> None:
         raise UsageError(f"--{key}: expected a number above 0, got {value}")
 
 
-def console(width: int) -> Console:
-    """Return standard output as a console, of this width where it is no terminal."""
+CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
+"""What moves a terminal's cursor, sets its title or turns the direction of text: everything but lines and tabs."""
+COLOUR = re.compile("(\x1b\\[[0-9;]*m)")
+BAR = re.compile("(\x1b\\[[0-9;]*m|\x1b\\[\\?25[hl]|\x1b\\[[0-9]*[AK]|\r)")
+"""What a bar of progress writes beside colours."""
+
+
+def printable(text: str) -> str:
+    """Return text with its control characters as they are written in a string."""
+    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def console(width: int | None, stderr: bool = False) -> Console:
+    """Return standard output, or standard error, as a console, of this width where it is no terminal.
+
+    No text of a scene or an engine does anything on it but stand there.
+    """
     from rich.console import Console  # answers in JSON need none
 
-    return Console(width=None if sys.stdout.isatty() else width, markup=False)
+    class PrintableConsole(Console):
+        def render_str(self, text: str, **more: Any) -> Text:
+            return super().render_str(printable(text), **more)
+
+    stream = sys.stderr if stderr else sys.stdout
+    return PrintableConsole(stderr=stderr, width=None if stream.isatty() else width, markup=False, highlight=False)
+
+
+class Printable:
+    """A stream that lets no control character through but a terminal's colours, and what `allowed` lets besides."""
+
+    def __init__(self, stream: TextIO, allowed: re.Pattern[str] = COLOUR) -> None:
+        self._stream, self._allowed = stream, allowed
+
+    def write(self, text: str) -> int:
+        parts = self._allowed.split(text) if self._stream.isatty() else [text]
+        self._stream.write("".join(part if k % 2 else printable(part) for k, part in enumerate(parts)))
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._stream, name)

@@ -28,7 +28,7 @@ from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.digits import Printed
 from crosscheck.documents.ledger.shabana_four_bar import estimate, four_bar, rates
 from crosscheck.engines import QUANTITIES
-from crosscheck.judge.comparison import MOST_DIGITS
+from crosscheck.judge.records import MOST_DIGITS
 from refkin.analysis import position
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Polynomial

@@ -26,16 +26,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crosscheck.engines.frames import RowMap
+from crosscheck.scenes.names import PEERS as PEERS
+from crosscheck.scenes.names import PHYSICAL as PHYSICAL
+from crosscheck.scenes.names import QUANTITIES as QUANTITIES
 from refkin.joints import Constraint, DistanceDriver, Driver
 from refkin.model import Scene
 from refkin.motion import Motion, Route
 
 API = (1, 0)
 Array = NDArray[np.float64]
-QUANTITIES = ("position", "velocity", "acceleration")
-"""What is computed of a motion, by order."""
-PEERS = ("exudyn", "pinocchio", "mujoco")
-"""Who is asked where nobody says whom to ask."""
 
 
 class Level(StrEnum):
@@ -100,11 +99,11 @@ class Term:
 
 
 class EngineError(Exception):
-    """An engine that was asked for what it refuses, or that failed in a way that is no status."""
+    """An engine that failed in a way that is no status."""
 
 
-PHYSICAL = ("gravity", "contact", "friction", "joint limits", "passive forces", "actuation", "sensors", "inertia")
-"""What a kinematic scene never calls for: every adapter has it switched off or at its least."""
+class EngineRefusal(EngineError):
+    """An engine that was asked for what it cannot do, and says so."""
 
 
 @runtime_checkable
@@ -170,7 +169,7 @@ class Engine(Protocol):
         """Return what this engine adds to the allowed error by its own doing; usually nothing."""
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
-        """Return its answer to a scene; raises EngineError if `refusals` names a reason not to."""
+        """Return its answer to a scene; raises EngineRefusal if it cannot, EngineError if it fails."""
 
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Return its constraint rows for the joints that it does not refuse at level residual."""
@@ -187,17 +186,19 @@ def table_key(constraint: Constraint) -> str:
     return f"{constraint.type} with a law" if moved else constraint.type
 
 
-def refusals(engine: Engine, scene: Scene, level: Level) -> list[str]:
-    """Return why `engine` cannot answer `scene` at `level`, joint by joint; empty if it can."""
+def refused_joints(engine: Engine, scene: Scene, level: Level) -> list[tuple[str, str, str]]:
+    """Return (key in the capability table, name, reason) of each joint that `engine` refuses at `level`."""
     table = engine.capabilities()
     missing = refused("no such joint in this engine")
-    found = []
-    for constraint in scene.mechanism.constraints:
-        key = table_key(constraint)
-        capability = table.get(key, {}).get(level, missing)
-        if capability.support is Support.REFUSED:
-            found.append(f"{engine.name} refuses {key} {constraint.name!r} at {level}: {capability.reason}")
-    return found
+    keys = [(constraint.name, table_key(constraint)) for constraint in scene.mechanism.constraints]
+    asked = [(key, name, table.get(key, {}).get(level, missing)) for name, key in keys]
+    return [(key, name, told.reason) for key, name, told in asked if told.support is Support.REFUSED]
+
+
+def refusals(engine: Engine, scene: Scene, level: Level) -> list[str]:
+    """Return why `engine` cannot answer `scene` at `level`, joint by joint; empty if it can."""
+    told = refused_joints(engine, scene, level)
+    return [f"{engine.name} refuses {key} {name!r} at {level}: {reason}" for key, name, reason in told]
 
 
 def available() -> dict[str, Any]:

@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import QUANTITIES, Term
+from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import ErrorBudget, Propagation, derive, propagation
+from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, At
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Status
 from refkin.solving.solve import solve
 from refkin.system import System, compile_system
-
-MOST_DIGITS = 17.0
-"""What a sample without any error is given: binary64 holds no more."""
 
 
 @dataclass(frozen=True)
@@ -56,7 +54,7 @@ class QuantityComparison:
     error, ratio, digits : (T,) array
         Largest error in scaled coordinates; largest error / allowed; -log10 of the error relative to size (position)
         or to the largest component at that time (velocity, acceleration).
-    worst : str
+    worst : At or None
         The sample of the largest ratio: coordinate and time.
     difference : (n, T) array or None
         The answer minus the reference, signed, in the reference's scaled coordinates of bodies and their order; NaN for
@@ -66,7 +64,7 @@ class QuantityComparison:
     error: Any
     ratio: Any
     digits: Any
-    worst: str
+    worst: At | None
     difference: Any = None
 
     @property
@@ -180,7 +178,7 @@ def _judge(
 ) -> QuantityComparison:
     count = len(lanes)
     blank = np.full(count, np.nan)
-    out = QuantityComparison(blank.copy(), blank.copy(), blank.copy(), "")
+    out = QuantityComparison(blank.copy(), blank.copy(), blank.copy(), None)
     if not lanes.any():
         return out
     error, allowed, ours = error[:, lanes], allowed[:, lanes], ours[:, lanes]
@@ -192,7 +190,7 @@ def _judge(
         digits = np.minimum(MOST_DIGITS, -np.log10(relative))
     out.error[lanes], out.ratio[lanes], out.digits[lanes] = np.max(error, axis=0), np.max(ratio, axis=0), digits
     row, lane = (int(k) for k in np.unravel_index(np.nanargmax(ratio), ratio.shape))
-    return replace(out, worst=f"{names[row]} at t = {t[lanes][lane]:.17g}")
+    return replace(out, worst=At(names[row], float(t[lanes][lane])))
 
 
 def _other_assembly(

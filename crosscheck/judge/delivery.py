@@ -13,7 +13,8 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from crosscheck.engines import QUANTITIES, Engine, Term
+from crosscheck.engines import Engine, Term
+from crosscheck.judge.records import QUANTITIES, Kind
 from crosscheck.judge.running_error import U
 from refkin.model import Effect, Scene
 from refkin.motion import Motion
@@ -64,7 +65,7 @@ def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[T
             continue
         size = max(term.absolute, term.relative, term.of_rates)
         told = f"{term.name!r} of {size:.3g}: no documentation of {engine.name} states more than {most:.3g}"
-        faults.append({"quantity": term.level, "kind": "undocumented error term", "ratio": None, "worst": told})
+        faults.append({"quantity": term.level, "kind": Kind.UNDOCUMENTED, "message": told})
     return kept, faults
 
 
@@ -81,7 +82,7 @@ def undelivered(engine: Engine, scene: Scene, motion: Motion) -> Iterator[dict[s
 
 
 def _not_delivered(quantity: str, what: str) -> dict[str, Any]:
-    return {"quantity": quantity, "kind": "not delivered", "ratio": None, "worst": what}
+    return {"quantity": quantity, "kind": Kind.NOT_DELIVERED, "message": what}
 
 
 def _most(engine: str, scene: Scene, term: Term) -> float:

@@ -16,21 +16,22 @@ from pathlib import Path
 from typing import Any
 
 from crosscheck.errors import CannotRun
+from crosscheck.judge.records import Disagreement, Record
 
-Predicate = Callable[[Mapping[str, Any]], bool]
+Predicate = Callable[[Record], bool]
 
 
-def step_beyond_newton(record: Mapping[str, Any]) -> bool:
+def step_beyond_newton(record: Record) -> bool:
     """Return whether the motion has a step so long that Newton, started at the last pose, is not bound to the next one.
 
     Newton-Kantorovich binds it while |J^-1| K step <= 1/2. In scaled coordinates the Jacobian changes by about one per
     unit (K = 1), and |J^-1| is 1 / sigma: so there is no bond where a step is longer than sigma_min / 2 at its ends.
     """
-    told = record["reference"]["sigma_per_step"]
-    return told is not None and bool(told < 2.0)
+    told = None if record.reference is None else record.reference.sigma_per_step
+    return told is not None and told < 2.0
 
 
-def anywhere(record: Mapping[str, Any]) -> bool:
+def anywhere(record: Record) -> bool:
     """Return True: the gap does not depend on the scene."""
     return True
 
@@ -59,18 +60,20 @@ class Gap:
     reproduction: str
     match: Mapping[str, str]
 
-    def covers(self, record: Mapping[str, Any], disagreement: Mapping[str, Any]) -> bool:
+    def covers(self, record: Record, disagreement: Disagreement) -> bool:
         """Return whether this row accounts for a disagreement of a record."""
-        fits = all(disagreement.get(key) == value for key, value in {"engine": self.engine, **self.match}.items())
+        d = disagreement
+        has = {"route": (d.route,), "quantity": (d.quantity,), "kind": (d.kind, d.name)}
+        fits = d.engine == self.engine and all(value in has[key] for key, value in self.match.items())
         return fits and self.holds(record)
 
-    def holds(self, record: Mapping[str, Any]) -> bool:
+    def holds(self, record: Record) -> bool:
         """Return whether the scene of a record is of the kind in which the gap shows; not if nothing is known of it."""
-        return "reference" in record and PREDICATES[self.predicate](record)
+        return record.reference is not None and PREDICATES[self.predicate](record)
 
-    def could_show(self, record: Mapping[str, Any]) -> bool:
+    def could_show(self, record: Record) -> bool:
         """Return whether the engine answered a scene in which the gap could show."""
-        routes = {a["route"]["name"] for a in record["answers"] if a["engine"] == self.engine}
+        routes = {answer.route.name for answer in record.answers if answer.engine == self.engine}
         return bool(routes) and self.match.get("route", "rows") in (*routes, "rows") and self.holds(record)
 
 
@@ -82,12 +85,12 @@ class Tally:
         self.chances = [0] * len(self.gaps)
         self.covered = [0] * len(self.gaps)
 
-    def add(self, record: Mapping[str, Any]) -> list[Mapping[str, Any]]:
+    def add(self, record: Record) -> list[Disagreement]:
         """Return the disagreements of a record that no row covers."""
         new = []
         for k, gap in enumerate(self.gaps):
             self.chances[k] += gap.could_show(record)
-        for told in record["disagreements"]:
+        for told in record.disagreements:
             rows = [k for k, gap in enumerate(self.gaps) if gap.covers(record, told)]
             for k in rows:
                 self.covered[k] += 1
@@ -114,7 +117,7 @@ def table(choice: str = "") -> tuple[Gap, ...]:
     return read(Path(choice).read_text(encoding="utf-8") if choice else None)
 
 
-def found_again(gaps: Sequence[Gap], records: Iterable[Mapping[str, Any]]) -> list[int | None]:
+def found_again(gaps: Sequence[Gap], records: Iterable[Record]) -> list[int | None]:
     """Return for each row how many records it took until one showed it; None if none did.
 
     For a run against an empty table: it should find every row of our own that the installed engines still have.
@@ -122,7 +125,7 @@ def found_again(gaps: Sequence[Gap], records: Iterable[Mapping[str, Any]]) -> li
     first: list[int | None] = [None] * len(gaps)
     for number, record in enumerate(records, start=1):
         for k, gap in enumerate(gaps):
-            if first[k] is None and any(gap.covers(record, told) for told in record["disagreements"]):
+            if first[k] is None and any(gap.covers(record, told) for told in record.disagreements):
                 first[k] = number
     return first
 
@@ -141,17 +144,17 @@ def read(text: str | None = None) -> tuple[Gap, ...]:
     return tuple(_gap(k, row) for k, row in enumerate(table.get("gap", [])))
 
 
-def new_disagreements(record: Mapping[str, Any], gaps: Sequence[Gap]) -> list[Mapping[str, Any]]:
+def new_disagreements(record: Record, gaps: Sequence[Gap]) -> list[Disagreement]:
     """Return the disagreements of a record that no row covers."""
     return Tally(gaps).add(record)
 
 
-def stale(gaps: Sequence[Gap], check: Callable[[str, str], Mapping[str, Any]]) -> list[Gap]:
+def stale(gaps: Sequence[Gap], check: Callable[[str, str], Record]) -> list[Gap]:
     """Return the rows whose reproduction shows the gap no longer; `check(scene file, engine)` gives a record."""
     found = []
     for gap in gaps:
         record = check(gap.reproduction, gap.engine)
-        if not any(gap.covers(record, told) for told in record["disagreements"]):
+        if not any(gap.covers(record, told) for told in record.disagreements):
             found.append(gap)
     return found
 

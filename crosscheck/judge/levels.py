@@ -19,6 +19,7 @@ import numpy as np
 from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, refused, table_key
 from crosscheck.engines.frames import RowMap
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
+from crosscheck.judge.records import At
 from crosscheck.judge.running_error import Running, U, errors, running
 from refkin.model import Mechanism
 from refkin.system import System, compile_system
@@ -57,7 +58,7 @@ class LevelComparison:
     ratio: float
     digits: tuple[float, ...]
     rows: int
-    worst: str
+    worst: At
 
     @property
     def agrees(self) -> bool:
@@ -111,7 +112,7 @@ def compare_levels(
 def _worst_of(samples: Sequence[tuple[Any, Any]], maps: Sequence[RowMap]) -> LevelComparison:
     ratios = np.array([ratio for ratio, _ in samples])
     sample, row = (int(k) for k in np.unravel_index(np.argmax(ratios), ratios.shape))
-    worst = f"row {maps[row].row} of {maps[row].constraint}, configuration {sample}"
+    worst = At(f"row {maps[row].row} of {maps[row].constraint}, configuration {sample}")
     return LevelComparison(float(ratios.max()), tuple(float(d) for _, d in samples), len(maps), worst)
 
 

@@ -1,52 +1,111 @@
-"""The records of a run as they are read back: one line at a time, each checked before anything is counted.
+"""The one `Record` of a scene: written by measurement as a line of JSON, read by judgement and report.
 
-A line that is no record is a failure of the night with its line number, never skipped in silence.
+Everything that is decided later is a field of its own: what a comparison failed at is a `Kind`, a place is a component
+and a time, a refusal names engine, joint and level. No text is ever taken apart again.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import json
+import math
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from enum import StrEnum
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, NonNegativeInt, ValidationError, model_validator
+from pydantic import ConfigDict, NonNegativeInt, StringConstraints, TypeAdapter, ValidationError
 
-Histogram = dict[float, NonNegativeInt]
-"""Digits, rounded down to a tenth -> how often."""
+from crosscheck.scenes.names import QUANTITIES as QUANTITIES
 
+KEY = re.compile(r"[0-9a-f]{16}")
+"""What names a scene, and its files: nothing else is a name."""
+MOST_DIGITS = 17.0
+"""What a sample without any error is given: binary64 holds no more."""
 
-class _Data(BaseModel):
-    model_config = ConfigDict(frozen=True)
+Key = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{16}\z")]
+Histogram = dict[int, NonNegativeInt]
+"""Digits in whole tenths, rounded down -> how often."""
+By = dict[int, Histogram]
+"""Decade of sigma_min, the distance to a singular pose -> the digits met there."""
 
-
-class Sample(_Data):
-    """The sample with the fewest digits of a decade: number of its time, digits, signed error per coordinate."""
-
-    k: NonNegativeInt
-    digits: float
-    off: list[float | None]
-
-
-class Cycle(_Data):
-    """Errors over the times of a scene, per frame and coordinate in whole units; None where there is no answer."""
-
-    unit: float
-    off: list[list[int] | None]
+STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-class Quantity(_Data):
-    """One quantity of an answer; digits, and the worst sample, by the decade of sigma_min at which they were met."""
+class Kind(StrEnum):
+    """In what an answer is not what it must be."""
+
+    BEYOND = "beyond the allowed error"
+    OTHER_ASSEMBLY = "other assembly"
+    """It solves the constraints, and is the linkage put together another way."""
+    ORDER = "depends on the order of bodies"
+    """The same scene with bodies, joints and drivers reversed is answered differently."""
+    NO_NUMBER = "status ok without a number"
+    NO_ANSWER = "no answer"
+    """To a regular scene, from an engine that refuses nothing of it."""
+    NOT_DELIVERED = "not delivered"
+    """A level or a body that was asked for, by an engine that does not say that it never has it."""
+    UNDOCUMENTED = "undocumented error term"
+    """An allowance larger than rounding that no documentation of the engine states."""
+    TRANSLATED = "model translated wrongly"
+    """The engine's own rows are not those of the scene."""
+    CRASH = "crash"
+    HANG = "hang"
+    ERROR = "error"
+    REFERENCE = "reference"
+    """The reference itself is not ok: `how` is its status."""
+    LEFT_PROOF = "golden set: the reference has left its proof"
+    DIGITS_LOST = "golden set: digits lost"
+
+
+ENDED = (Kind.CRASH, Kind.HANG, Kind.ERROR)
+"""Kinds in which an engine gave no answer because something ended it."""
+
+
+@dataclass(frozen=True)
+class At:
+    """Where a number was met: a coordinate and a time, or a row of an engine."""
+
+    __pydantic_config__ = STRICT
+
+    component: str
+    time: float | None = None
+
+    def __str__(self) -> str:
+        return self.component if self.time is None else f"{self.component} at t = {self.time:.17g}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Quantity:
+    """One quantity of an answer.
+
+    Attributes
+    ----------
+    ratio : float or None
+        The largest error / allowed, infinity as the largest double; None if nothing was compared.
+    worst : At or None
+        Where that was met.
+    digits_by_sigma : dict
+        Digits by the decade of sigma_min at which they were met.
+    common : list
+        The signed error per scaled coordinate at the one time at which answers are compared with each other.
+    """
+
+    __pydantic_config__ = STRICT
 
     ratio: float | None
-    worst: str = ""
-    digits_by_sigma: dict[int, Histogram]
-    samples: dict[int, Sample] = {}
-    common: list[float | None] = []
-    cycle: Cycle | None = None
+    digits_by_sigma: By
+    worst: At | None = None
+    common: list[float | None] = field(default_factory=list)
 
 
-class RouteData(_Data):
+@dataclass(frozen=True, kw_only=True)
+class RouteData:
     """Who did what on the way to an answer."""
+
+    __pydantic_config__ = STRICT
 
     name: str
     residual_by: str
@@ -57,8 +116,25 @@ class RouteData(_Data):
     seeding: str
 
 
-class Answer(_Data):
-    """One engine's answer to one scene by one route."""
+@dataclass(frozen=True, kw_only=True)
+class Enclosure:
+    """At how many times an answer lies inside and outside of what is attainable, by the certificate at 113 bits."""
+
+    __pydantic_config__ = STRICT
+
+    inside: NonNegativeInt
+    outside: NonNegativeInt
+    undecidable: NonNegativeInt
+    no_answer: NonNegativeInt
+    radii: float | None = None
+    """The farthest, in attainable radii."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Answer:
+    """One engine's answer to one scene by one route; `missing` times have none, `judged` were compared."""
+
+    __pydantic_config__ = STRICT
 
     engine: str
     version: str
@@ -68,93 +144,249 @@ class Answer(_Data):
     judged: NonNegativeInt
     times: NonNegativeInt
     seconds: float
+    certificate: Enclosure | None = None
 
 
-class LevelRow(_Data):
+@dataclass(frozen=True, kw_only=True)
+class LevelRow:
     """One engine's own rows at one level, compared at configurations that need not be assembled."""
+
+    __pydantic_config__ = STRICT
 
     engine: str
     level: str
     ratio: float | None
     digits: Histogram
     rows: NonNegativeInt
-    worst: str = ""
+    worst: At | None = None
 
 
-class Common(_Data):
+@dataclass(frozen=True, kw_only=True)
+class Common:
     """The one time of a scene at which answers are compared with each other, and what their errors relate to."""
+
+    __pydantic_config__ = STRICT
 
     k: NonNegativeInt
     scale: dict[str, float]
 
 
-class ReferenceRow(_Data):
-    """What the reference says of a scene."""
+@dataclass(frozen=True, kw_only=True)
+class ReferenceRow:
+    """What the reference says of a scene.
+
+    Attributes
+    ----------
+    sigma_min : float
+        The smallest over its times.
+    sigma_per_step : float or None
+        The smallest sigma_min of a step over what a coordinate changes by in it.
+    excuse : (time, sigma_min) or None
+        A nearly singular pose, at a time or between two, that excused an engine for giving no answer.
+    """
+
+    __pydantic_config__ = STRICT
 
     verdict: str
-    message: str = ""
     statuses: dict[str, NonNegativeInt]
     sigma_min: float
     residual: float | None
-    certified_radius: dict[str, float | None] = {}
-    common: Common | None = None
-    attainable_by_sigma: dict[str, dict[int, Histogram]] = {}
     seconds: float
+    message: str = ""
+    sigma_per_step: float | None = None
+    excuse: tuple[float, float] | None = None
+    certified_radius: dict[str, float | None] = field(default_factory=dict)
+    common: Common | None = None
+    attainable_by_sigma: dict[str, By] = field(default_factory=dict)
 
 
-class Disagreement(_Data):
-    """One engine, route and quantity that is not what it must be."""
+@dataclass(frozen=True, kw_only=True)
+class RefusalRow:
+    """What an engine refuses: one joint at one level for a reason, or, with `joint` empty, a scene."""
+
+    __pydantic_config__ = STRICT
+
+    engine: str
+    reason: str
+    joint: str = ""
+    name: str = ""
+    level: str = ""
+
+    def __str__(self) -> str:
+        if not self.joint:
+            return self.reason
+        return f"{self.engine} refuses {self.joint} {self.name!r} at {self.level}: {self.reason}"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Disagreement:
+    """One engine, route and quantity that is not what it must be.
+
+    Attributes
+    ----------
+    kind, how : Kind, str
+        What it is; of a crash the signal or exit code, of an error the exception, of the reference its status.
+    ratio, at : float or None, At or None
+        Error / allowed, and where it is largest.
+    message : str
+        What else is known.
+    """
+
+    __pydantic_config__ = STRICT
 
     engine: str
     route: str
     quantity: str
-    kind: str
+    kind: Kind
+    how: str = ""
     ratio: float | None = None
-    worst: str = ""
+    at: At | None = None
+    message: str = ""
+
+    @property
+    def name(self) -> str:
+        """The kind with how it came, as it is shown."""
+        return f"{self.kind} ({self.how})" if self.how else str(self.kind)
+
+    @property
+    def worst(self) -> str:
+        """Where it is, or else what is known of it, as it is shown."""
+        return str(self.at) if self.at else self.message
+
+    def __str__(self) -> str:
+        ratio = "" if self.ratio is None else f", {self.ratio:.3g} times the allowed error"
+        return f"{self.engine} ({self.route}), {self.quantity}: {self.name}{ratio}; {self.worst}"
 
     @property
     def signature(self) -> tuple[str, str, str, str]:
         """What makes two disagreements the same one in different scenes."""
-        return self.engine, self.route, self.quantity, self.kind
+        return self.engine, self.route, self.quantity, self.name
 
 
-class Checked(_Data):
-    """One scene's record; `reference` is None only with a `failure`."""
+@dataclass(frozen=True, kw_only=True)
+class Record:
+    """What was measured of one scene; `reference` is None only with a `failure`.
 
-    key: str
+    Attributes
+    ----------
+    key : str
+        The hash of the scene: 16 hexadecimal digits.
+    about : dict
+        What the generator knows of the scene; its number in the night is `shard`.
+    """
+
+    __pydantic_config__ = STRICT
+
+    key: Key
     scene: str
-    scene_file: dict[str, Any] | None = None
-    about: dict[str, Any]
-    reference: ReferenceRow | None = None
+    about: dict[str, str | int | float | bool | None]
     answers: list[Answer]
     levels: list[LevelRow]
-    refusals: list[str]
+    refusals: list[RefusalRow]
     disagreements: list[Disagreement]
+    reference: ReferenceRow | None = None
     failure: str | None = None
 
-    @model_validator(mode="after")
-    def _has_a_result(self) -> Checked:
-        if self.reference is None and self.failure is None:
-            raise ValueError("neither reference nor failure")
-        return self
+
+@dataclass(kw_only=True)
+class NewCase:
+    """A disagreement that no known gap accounts for, and the scene that shows it.
+
+    Attributes
+    ----------
+    key, shard, case : str, int or None, str
+        The record it is of and its number in the night; or the case of the golden set.
+    file, shrunk, note : str or None, bool, str
+        Its scene file in the folder of the night; whether that is a minimal scene; what was done to have it.
+    """
+
+    __pydantic_config__ = STRICT
+
+    disagreement: Disagreement
+    key: str
+    shard: int | None = None
+    case: str = ""
+    file: str | None = None
+    shrunk: bool = False
+    note: str = ""
 
 
-class Unreadable(_Data):
-    """A line that is no record, and why."""
+FEATURES = ("joints", "driver", "law", "class", "hardness")
+CELL = (*FEATURES, "decade of the distance")
+"""What of a drawn scene is counted together: one cell of the table of coverage."""
+
+
+def cell_of(about: Mapping[str, Any]) -> tuple[str, ...] | None:
+    """Return the cell of the table of coverage that a scene belongs to; None if it was not drawn."""
+    if not all(name in about for name in FEATURES):
+        return None
+    distance = about.get("distance")
+    decade = str(math.floor(math.log10(distance))) if distance else "none"
+    return (*(str(about[name]) for name in FEATURES), decade)
+
+
+@dataclass(frozen=True)
+class Unreadable:
+    """A line that is no record, and why: the key, its value and what was expected."""
 
     line: int
     reason: str
 
 
-def read_records(path: Path) -> Iterator[tuple[int, bytes, Checked | Unreadable]]:
-    """Yield (line number, the line, its record); nothing if there is no such file. One line is in memory at a time."""
+class NoRecord(ValueError):
+    """Data that is no record; the message names the key, its value and what was expected."""
+
+
+@cache
+def adapter(kind: Any) -> TypeAdapter[Any]:
+    """Return what reads and writes a dataclass of rows."""
+    return TypeAdapter(kind)
+
+
+def plain(record: Any) -> dict[str, Any]:
+    """Return a record, or a part of one, as plain data: what a line of records.jsonl holds."""
+    data: dict[str, Any] = TypeAdapter(type(record)).dump_python(record, mode="json")
+    return data
+
+
+def line_of(record: Record) -> bytes:
+    """Return the line of a record.
+
+    Raises
+    ------
+    ValueError
+        If it holds a number that is not finite: JSON has none.
+    """
+    data = adapter(Record).dump_python(record, exclude_defaults=True)
+    return json.dumps(data, allow_nan=False, separators=(",", ":")).encode()
+
+
+def read_line(line: bytes | str) -> Record:
+    """Return the record of a line; raises NoRecord."""
+    try:
+        record: Record = adapter(Record).validate_json(line)
+    except ValidationError as error:
+        raise NoRecord(fault(error)) from error
+    if record.reference is None and record.failure is None:
+        raise NoRecord("reference: missing; expected one, or a failure")
+    return record
+
+
+def fault(error: ValidationError) -> str:
+    """Return the first fault of data: its key, its value and what was expected, in one line."""
+    first = error.errors(include_url=False)[0]
+    where = ".".join(map(str, first["loc"])) or "the line"
+    value = "missing" if first["type"] == "missing" else repr(first["input"])
+    return f"{where}: {value if len(value) <= 80 else value[:77] + '...'}; {first['msg'][0].lower()}{first['msg'][1:]}"
+
+
+def read_records(path: Path) -> Iterator[tuple[int, Record | Unreadable]]:
+    """Yield (line number, its record); nothing if there is no such file. One line is in memory at a time."""
     if not path.exists():
         return
     with path.open("rb") as lines:
         for number, line in enumerate(lines, 1):
             try:
-                yield number, line, Checked.model_validate_json(line)
-            except ValidationError as error:
-                first = error.errors(include_url=False, include_input=False)[0]
-                where = ".".join(map(str, first["loc"])) or "the line"
-                yield number, line, Unreadable(line=number, reason=f"{where}: {first['msg']}")
+                yield number, read_line(line)
+            except NoRecord as error:
+                yield number, Unreadable(number, str(error))

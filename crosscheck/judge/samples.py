@@ -1,50 +1,34 @@
-"""What a record keeps for pictures: the worst samples, the digits that rounding leaves, one sample for all engines.
+"""What a record keeps of a comparison: histograms of digits, what rounding leaves attainable, one common sample.
 
-All of it falls out of comparisons that are made anyway; errors are kept to a few figures. Every answer is kept by
-itself, so that a scene whose engines are asked one by one has the same record.
+All of it falls out of comparisons that are made anyway. Every answer is kept by itself, so that a scene whose engines
+are asked one by one has the same record.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import sys
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import QUANTITIES
 from crosscheck.judge.budget import SAFETY
-from crosscheck.judge.comparison import MOST_DIGITS, QuantityComparison, Reference, scales
-
-MOST_FRAMES = 24
-"""Frames of a moving picture."""
+from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, scales
+from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, By, Common, Histogram, Quantity
 
 
-def worst_samples(sigma: Any, found: QuantityComparison) -> dict[str, dict[str, Any]]:
-    """Return, for each decade of sigma_min, the sample with the fewest digits: which time, and how far off.
-
-    Parameters
-    ----------
-    sigma : (T,) array
-        The distance to a singular pose.
-
-    Returns
-    -------
-    dict
-        Decade -> {k, digits, off}: the number of the time, the digits, and the signed error per scaled coordinate of
-        the reference (answer - reference; None where the answer has no such body).
-    """
-    if found.difference is None:
-        return {}
-    seen = np.isfinite(found.digits) & np.isfinite(sigma) & (np.asarray(sigma) > 0.0)
-    kept = {}
-    decades = np.full(len(found.digits), 0)
-    decades[seen] = np.floor(np.log10(np.asarray(sigma)[seen]))
-    for decade in sorted(set(decades[seen].tolist())):
-        places = np.flatnonzero(seen & (decades == decade))
-        k = int(places[np.argmin(found.digits[places])])
-        off = [float(f"{x:.2g}") if np.isfinite(x) else None for x in found.difference[:, k]]
-        kept[str(decade)] = {"k": k, "digits": float(np.floor(found.digits[k] * 10) / 10), "off": off}
-    return kept
+def quantities(ref: Reference, comparison: Comparison) -> dict[str, Quantity]:
+    """Return what a record keeps of each quantity of a comparison."""
+    common = common_sample(ref)
+    return {
+        name: Quantity(
+            ratio=largest_ratio(q.ratio),
+            worst=q.worst,
+            digits_by_sigma=by_decade(ref.sigma_min, q.digits),
+            common=off_at(q, common),
+        )
+        for name, q in comparison.quantities.items()
+    }
 
 
 def attainable(ref: Reference) -> dict[str, Any]:
@@ -62,52 +46,55 @@ def attainable(ref: Reference) -> dict[str, Any]:
     return found
 
 
-def common_sample(ref: Reference) -> dict[str, Any] | None:
+def common_sample(ref: Reference) -> Common | None:
     """Return the one time per scene at which answers are compared with each other, and what their errors relate to.
 
-    Returns
-    -------
-    dict or None
-        {k, scale}: the middle one of the times at which a budget is derived, the scale of each quantity there; None if
-        there is no such time.
+    It is the middle one of the times at which a budget is derived; None if there is none.
     """
-    lanes = np.flatnonzero(ref.budget().judged)
-    if not lanes.size:
+    times = np.flatnonzero(ref.budget().judged)
+    if not times.size:
         return None
-    k = int(lanes[lanes.size // 2])
-    size = {q: float(scales(ref.levels[level], level)[k]) for level, q in enumerate(QUANTITIES)}
-    return {"k": k, "scale": size}
+    k = int(times[times.size // 2])
+    return Common(k=k, scale={q: float(scales(ref.levels[level], level)[k]) for level, q in enumerate(QUANTITIES)})
 
 
-def off_at(found: QuantityComparison, common: Mapping[str, Any] | None) -> list[float | None]:
+def off_at(q: QuantityComparison, common: Common | None) -> list[float | None]:
     """Return the signed error per scaled coordinate at the common time, to three figures; None where there is none."""
-    if common is None or found.difference is None:
+    if common is None or q.difference is None:
         return []
-    return [float(f"{x:.3g}") if np.isfinite(x) else None for x in found.difference[:, common["k"]]]
+    return [float(f"{x:.3g}") if np.isfinite(x) else None for x in q.difference[:, common.k]]
 
 
-def cycle(found: QuantityComparison) -> dict[str, Any] | None:
-    """Return the signed errors at up to `MOST_FRAMES` times of a scene, to two figures of the largest: to be drawn.
-
-    Returns
-    -------
-    dict or None
-        {unit, off}: off holds, per time, one whole number of units per scaled coordinate of the reference; None at a
-        time without answer. None if there is nothing to draw.
-    """
-    if found.difference is None:
-        return None
-    off = found.difference[:, :: frame_step(found.difference.shape[1])]
-    whole = np.all(np.isfinite(off), axis=0)
-    if not whole.any():
-        return None
-    unit = float(f"{np.max(np.abs(off[:, whole])) / 99:.3g}") or 1.0
-    return {
-        "unit": unit,
-        "off": [[round(x / unit) for x in row] if ok else None for row, ok in zip(off.T, whole, strict=True)],
-    }
+def histogram(digits: Iterable[float]) -> Histogram:
+    """Return how often each number of digits occurs, in whole tenths, rounded down; NaN is left out."""
+    counts: Histogram = {}
+    for value in np.asarray(list(digits)):
+        if np.isfinite(value):
+            tenths = int(np.floor(value * 10))
+            counts[tenths] = counts.get(tenths, 0) + 1
+    return counts
 
 
-def frame_step(times: int) -> int:
-    """Return every how manieth time is a frame of a moving picture."""
-    return max(1, -(-times // MOST_FRAMES))
+def by_decade(sigma: Any, digits: Any) -> By:
+    """Return the histogram of digits for each decade of sigma_min, the distance to a singular pose."""
+    seen = np.isfinite(sigma) & np.isfinite(digits) & (np.asarray(sigma) > 0)
+    decades = np.floor(np.log10(sigma[seen])).astype(int)
+    return {d: histogram(digits[seen][decades == d]) for d in sorted(set(decades.tolist()))}
+
+
+def largest(values: Any) -> float | None:
+    """Return the largest finite number; None if there is none."""
+    finite = np.asarray(values)[np.isfinite(values)]
+    return float(finite.max()) if finite.size else None
+
+
+def largest_ratio(ratios: Any) -> float | None:
+    """Return the largest ratio, an infinite one as the largest double; None if nothing was compared."""
+    compared = np.asarray(ratios)[~np.isnan(ratios)]
+    return min(float(compared.max()), sys.float_info.max) if compared.size else None
+
+
+def smallest(values: Any) -> float:
+    """Return the smallest finite number; 0 if there is none."""
+    finite = np.asarray(values)[np.isfinite(values)]
+    return float(finite.min()) if finite.size else 0.0

@@ -19,7 +19,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import QUANTITIES
-from crosscheck.judge.comparison import MOST_DIGITS, Reference, reference, scaled_difference
+from crosscheck.judge.comparison import Reference, reference, scaled_difference
+from crosscheck.judge.records import MOST_DIGITS
 from refkin.model import Evidence, Scene
 from refkin.motion import Status
 from refkin.proof.numbers.bounded import Times, bounded_system, box, read

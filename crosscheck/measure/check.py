@@ -1,7 +1,4 @@
-"""One scene through the reference and the engines: what a worker does, what `replay` shows, what the library offers.
-
-A `Record` is plain data, one JSON line: it is all that the report is built from.
-"""
+"""One scene through the reference and the engines: what a worker does, what `replay` shows, what the library offers."""
 
 from __future__ import annotations
 
@@ -9,33 +6,56 @@ import hashlib
 import json
 import sys
 import time
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import QUANTITIES, Engine, EngineError, Level, Term, load, refusals
+from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Term, load, refused_joints
 from crosscheck.judge.between import excuse
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import granted, undelivered
 from crosscheck.judge.hard_poses import scene_samples
-from crosscheck.judge.levels import Configuration, LevelComparison, compare_levels, configurations
-from crosscheck.judge.samples import attainable, common_sample, cycle, off_at, worst_samples
+from crosscheck.judge.levels import Configuration, compare_levels, configurations
+from crosscheck.judge.records import (
+    QUANTITIES,
+    Answer,
+    Disagreement,
+    Enclosure,
+    Kind,
+    LevelRow,
+    Record,
+    ReferenceRow,
+    RefusalRow,
+    RouteData,
+)
+from crosscheck.judge.samples import (
+    attainable,
+    by_decade,
+    common_sample,
+    histogram,
+    largest,
+    largest_ratio,
+    quantities,
+    smallest,
+)
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Route, Status
 from refkin.proof.pose.krawczyk import Verdict
 from refkin.scenes.files import to_dict
 from refkin.scenes.linkages.base import rough
 
-Record = dict[str, Any]
 CONFIGURATIONS = 2
 """Configurations per scene at which an engine's own rows are compared."""
 TURNED_ROUND = 4
-"""One time in this many is solved once more with the bodies in another order."""
-NOTHING = QuantityComparison(np.zeros(0), np.zeros(0), np.zeros(0), "")
+"""One scene in this many is solved once more with the bodies in another order, at one time in this many."""
+NOTHING = QuantityComparison(np.zeros(0), np.zeros(0), np.zeros(0), None)
 REGULAR = 1e-4
 """Smallest singular value above which an engine has no excuse for giving no answer."""
+ROWS = "rows"
+"""The route of an engine's own rows."""
 
 
 def key_of(scene: Scene) -> str:
@@ -45,9 +65,13 @@ def key_of(scene: Scene) -> str:
 
 
 def check(
-    scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any] | None = None, *, arbiter: bool = False
+    scene: Scene,
+    engines: Sequence[str | Engine],
+    about: Mapping[str, Any] | None = None,
+    *,
+    arbiter: bool = False,
 ) -> Record:
-    """Return everything that is found out about one scene.
+    """Return the record of one scene.
 
     Parameters
     ----------
@@ -60,32 +84,85 @@ def check(
     """
     start = time.perf_counter()
     ref = reference(scene)
-    record: Record = {
-        "key": key_of(scene),
-        "scene": scene.name,
-        "scene_file": to_dict(scene),
-        "about": dict(about or {}),
-        "reference": _reference_record(ref, time.perf_counter() - start),
-        "answers": [],
-        "levels": [],
-        "refusals": [],
-        "disagreements": [],
-    }
-    if ref.motion.verdict is not Status.OK:
-        told = {"engine": "refkin", "route": "newton", "quantity": "status", "ratio": None, "worst": ref.motion.message}
-        record["disagreements"].append({**told, "kind": str(ref.motion.verdict)})
-    at = _configurations(ref, record["key"])
-    scene = estimated(scene, ref)
-    for engine in (load(e) if isinstance(e, str) else e for e in engines):
-        reasons = refusals(engine, scene, Level.SOLVE)
-        record["refusals"] += reasons
-        for route in () if reasons else engine.routes():
-            motion = _check_route(engine, route, scene, ref, record)
-            if motion is not None:
-                record["answers"][-1]["certificate"] = _places(engine, scene, motion) if arbiter else None
-        if hasattr(engine, "constraints"):
-            _check_levels(engine, scene, at, record)
-    return record
+    subject = _Subject(ref, key_of(scene), estimated(scene, ref), arbiter)
+    row = _reference_row(ref, time.perf_counter() - start)
+    parts = [_of_engine(load(e) if isinstance(e, str) else e, subject) for e in engines]
+    return Record(
+        key=subject.key,
+        scene=scene.name,
+        about=dict(about or {}),
+        reference=replace(row, excuse=subject.excuse),
+        answers=[answer for part in parts for answer in part.answers],
+        levels=[level for part in parts for level in part.levels],
+        refusals=[refusal for part in parts for refusal in part.refusals],
+        disagreements=[*_of_reference(ref.motion), *(d for part in parts for d in part.disagreements)],
+    )
+
+
+def _of_reference(motion: Motion) -> Iterator[Disagreement]:
+    if motion.verdict is not Status.OK:
+        who: Any = {"engine": "refkin", "route": "newton", "quantity": "status"}
+        yield Disagreement(**who, kind=Kind.REFERENCE, how=motion.verdict.value, message=motion.message)
+
+
+@dataclass
+class _Subject:
+    """A scene that engines are asked: the reference's answer, and the scene as they are handed it."""
+
+    ref: Reference
+    key: str
+    scene: Scene
+    arbiter: bool
+    excuse: tuple[float, float] | None = None
+
+    @cached_property
+    def configurations(self) -> list[Configuration]:
+        """The configurations at which engines' own rows are compared; none if no pose was found to start from."""
+        ref = self.ref
+        lanes = np.flatnonzero(np.isfinite(ref.levels[0][0]))
+        if not lanes.size:
+            return []
+        near = ref.system.to_physical(ref.levels[0][:, lanes])
+        return configurations(ref.scene.mechanism, near, ref.motion.t[lanes], self.key, CONFIGURATIONS)
+
+    def excused(self, first: float) -> bool:
+        """Whether an engine may give no answer from a time on, because of a nearly singular pose; noted as `excuse`."""
+        found = excuse(self.ref, first, REGULAR)
+        self.excuse = found or self.excuse
+        return found is not None
+
+    @property
+    def turned_round(self) -> bool:
+        """Whether it is solved once more with its bodies in another order."""
+        return int(self.key, 16) % TURNED_ROUND == 0
+
+
+@dataclass
+class _Part:
+    """What one engine adds to a record."""
+
+    answers: list[Answer] = field(default_factory=list)
+    levels: list[LevelRow] = field(default_factory=list)
+    refusals: list[RefusalRow] = field(default_factory=list)
+    disagreements: list[Disagreement] = field(default_factory=list)
+
+
+def _of_engine(engine: Engine, subject: _Subject) -> _Part:
+    part = _Part()
+    refusals = _refusals(engine, subject.scene, Level.SOLVE)
+    part.refusals += refusals
+    for route in () if refusals else engine.routes():
+        _check_route(engine, route, subject, part)
+    if hasattr(engine, "constraints"):
+        _check_levels(engine, subject, part)
+    return part
+
+
+def _refusals(engine: Engine, scene: Scene, level: Level) -> list[RefusalRow]:
+    return [
+        RefusalRow(engine=engine.name, joint=key, name=name, level=level.value, reason=reason)
+        for key, name, reason in refused_joints(engine, scene, level)
+    ]
 
 
 def estimated(scene: Scene, ref: Reference) -> Scene:
@@ -103,21 +180,21 @@ def estimated(scene: Scene, ref: Reference) -> Scene:
     return replace(scene, mechanism=replace(m, bodies=bodies))
 
 
-def _reference_record(ref: Reference, seconds: float) -> dict[str, Any]:
+def _reference_row(ref: Reference, seconds: float) -> ReferenceRow:
     motion = ref.motion
     radius = motion.certified_radius
-    return {
-        "verdict": motion.verdict.value,
-        "message": motion.message,
-        "statuses": {s.value: motion.status.count(s) for s in set(motion.status)},
-        "sigma_min": _smallest(ref.sigma_min),
-        "sigma_per_step": _sigma_per_step(ref),
-        "residual": _largest(motion.residual),
-        "certified_radius": {q: _largest(getattr(radius, q)) for q in QUANTITIES},
-        "common": common_sample(ref),
-        "attainable_by_sigma": {q: by_decade(ref.sigma_min, digits) for q, digits in attainable(ref).items()},
-        "seconds": seconds,
-    }
+    return ReferenceRow(
+        verdict=motion.verdict.value,
+        message=motion.message,
+        statuses={s.value: motion.status.count(s) for s in dict.fromkeys(motion.status)},
+        sigma_min=smallest(ref.sigma_min),
+        sigma_per_step=_sigma_per_step(ref),
+        residual=largest(motion.residual),
+        certified_radius={q: largest(getattr(radius, q)) for q in QUANTITIES},
+        common=common_sample(ref),
+        attainable_by_sigma={q: by_decade(ref.sigma_min, digits) for q, digits in attainable(ref).items()},
+        seconds=seconds,
+    )
 
 
 def _sigma_per_step(ref: Reference) -> float | None:
@@ -125,69 +202,78 @@ def _sigma_per_step(ref: Reference) -> float | None:
     steps = np.max(np.abs(np.diff(ref.levels[0], axis=1)), axis=0)
     sigma = np.minimum(ref.sigma_min[1:], ref.sigma_min[:-1])
     moved = np.isfinite(sigma) & (steps > 0.0)
-    return _smallest(sigma[moved] / steps[moved]) if moved.any() else None
+    return smallest(sigma[moved] / steps[moved]) if moved.any() else None
 
 
-def _configurations(ref: Reference, key: str) -> list[Configuration]:
-    """Return the configurations at which engines' own rows are compared; none if no pose was found to start from."""
-    lanes = np.flatnonzero(np.isfinite(ref.levels[0][0]))
-    if not lanes.size:
-        return []
-    near = ref.system.to_physical(ref.levels[0][:, lanes])
-    return configurations(ref.scene.mechanism, near, ref.motion.t[lanes], key, CONFIGURATIONS)
-
-
-def _places(engine: Engine, scene: Scene, motion: Motion) -> dict[str, Any] | None:
+def _enclosure(engine: Engine, scene: Scene, motion: Motion) -> Enclosure | None:
     """Return at how many times a motion lies inside and outside of what is attainable, and how far; None for cams."""
     if any(joint.parameters for joint in scene.mechanism.joints):
         return None
-    found = scene_samples(scene, motion, engine.terms(scene, motion.producer.route))
-    judged = [sample.judgement for sample in found if sample.judgement is not None]
-    counts = {place.value: sum(j.verdict is place for j in judged) for place in Verdict}
-    return {**counts, "no answer": len(found) - len(judged), "radii": _largest([j.radii for j in judged])}
+    samples = scene_samples(scene, motion, engine.terms(scene, motion.producer.route))
+    judged = [sample.judgement for sample in samples if sample.judgement is not None]
+    inside, outside, undecidable = (
+        sum(j.verdict is verdict for j in judged) for verdict in (Verdict.INSIDE, Verdict.OUTSIDE, Verdict.UNDECIDABLE)
+    )
+    return Enclosure(
+        inside=inside,
+        outside=outside,
+        undecidable=undecidable,
+        no_answer=len(samples) - len(judged),
+        radii=largest([j.radii for j in judged]),
+    )
 
 
-def _check_route(engine: Engine, route: Route, scene: Scene, ref: Reference, record: Record) -> Motion | None:
-    """Compare one route's answer, and return it; None if there is none."""
-    told = {"engine": engine.name, "route": route.name}
+def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part) -> None:
+    """Compare one route's answer."""
+    ref, scene = subject.ref, subject.scene
+    who: Any = {"engine": engine.name, "route": route.name}
     try:
         terms, faults = granted(engine, scene, engine.terms(scene, route))
         start = time.perf_counter()
         motion = engine.solve(scene, route)
         seconds = time.perf_counter() - start
     except EngineError as error:
-        record["refusals"].append(str(error))
-        if not _is_refusal(error, scene) and not _excused(ref, ref.motion.t[-1], record):
-            record["disagreements"].append({**told, **_no_answer("no answer", str(error))})
-        return None
-    found = compare(ref, motion, terms)
-    record["answers"].append(_answer_record(engine, motion, found, ref, seconds))
-    record["disagreements"] += [{**told, **fault} for fault in (*faults, *undelivered(engine, scene, motion))]
-    turned_round = _turned_round(engine, route, scene, ref, terms) if route == engine.routes()[0] else None
-    for quantity, q in found.quantities.items():
+        part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
+        if not _is_refusal(error, scene) and not subject.excused(ref.motion.t[-1]):
+            part.disagreements.append(Disagreement(**who, quantity="status", kind=Kind.NO_ANSWER, message=str(error)))
+        return
+    compared = compare(ref, motion, terms)
+    part.answers.append(
+        Answer(
+            engine=engine.name,
+            version=motion.producer.version,
+            route=RouteData(**{k: str(v) for k, v in vars(motion.producer.route).items()}),
+            quantities=quantities(ref, compared),
+            missing=compared.missing,
+            judged=compared.judged,
+            times=len(motion.status),
+            seconds=seconds,
+            certificate=_enclosure(engine, scene, motion) if subject.arbiter else None,
+        )
+    )
+    part.disagreements += [Disagreement(**who, **fault) for fault in (*faults, *undelivered(engine, scene, motion))]
+    asked = subject.turned_round and route == engine.routes()[0]
+    turned_round = _turned_round(engine, route, scene, ref, terms) if asked else None
+    part.disagreements += _disagreements(who, compared, turned_round, subject)
+
+
+def _disagreements(
+    who: Mapping[str, Any], compared: Comparison, turned_round: Comparison | None, subject: _Subject
+) -> Iterator[Disagreement]:
+    """Yield in what one route's answer, or its answer to the same scene in another order, is beyond what is allowed."""
+    for quantity, q in compared.quantities.items():
         if not q.agrees:
-            kind = "other assembly" if found.other_assembly else "beyond the allowed error"
+            kind = Kind.OTHER_ASSEMBLY if compared.other_assembly else Kind.BEYOND
         elif turned_round is not None and not turned_round.quantities[quantity].agrees:
-            q, kind = turned_round.quantities[quantity], "depends on the order of bodies"
+            q, kind = turned_round.quantities[quantity], Kind.ORDER
         else:
             continue
-        kind = "status ok without a number" if np.isinf(q.error).any() else kind
-        at = {"quantity": quantity, "kind": kind, "ratio": _largest_ratio(q.ratio), "worst": q.worst}
-        record["disagreements"].append({**told, **at})
-    if found.missing and not _excused(ref, found.first_missing, record):
-        record["disagreements"].append({**told, **_no_answer("no answer", f"{found.missing} times without answer")})
-    elif turned_round is not None and turned_round.missing and not _excused(ref, turned_round.first_missing, record):
-        at = _no_answer("depends on the order of bodies", f"{turned_round.missing} times without answer")
-        record["disagreements"].append({**told, **at})
-    return motion
-
-
-def _excused(ref: Reference, first: float, record: Record) -> bool:
-    """Whether an engine may give no answer from a time on, because of a nearly singular pose; noted in the record."""
-    found = excuse(ref, first, REGULAR)
-    if found is not None:
-        record["reference"]["excuse"] = found
-    return found is not None
+        kind = Kind.NO_NUMBER if np.isinf(q.error).any() else kind
+        yield Disagreement(**who, quantity=quantity, kind=kind, ratio=largest_ratio(q.ratio), at=q.worst)
+    for found, kind in ((compared, Kind.NO_ANSWER), (turned_round, Kind.ORDER)):
+        if found is not None and found.missing and not subject.excused(found.first_missing):
+            yield Disagreement(**who, quantity="status", kind=kind, message=f"{found.missing} times without answer")
+            return
 
 
 def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, terms: Sequence[Term]) -> Comparison:
@@ -207,113 +293,48 @@ def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, te
 
 def _is_refusal(error: EngineError, scene: Scene) -> bool:
     """Whether an engine says what it cannot do, rather than that it failed at something it can."""
-    return "refuses" in str(error) or any(body.estimate is None for body in scene.mechanism.bodies)
+    return isinstance(error, EngineRefusal) or any(body.estimate is None for body in scene.mechanism.bodies)
 
 
-def _no_answer(kind: str, worst: str) -> dict[str, Any]:
-    return {"quantity": "status", "kind": kind, "ratio": None, "worst": worst}
-
-
-def _answer_record(engine: Engine, motion: Motion, found: Comparison, ref: Reference, seconds: float) -> dict[str, Any]:
-    route, common = motion.producer.route, common_sample(ref)
-    return {
-        "engine": engine.name,
-        "version": motion.producer.version,
-        "route": {k: str(v) for k, v in vars(route).items()},
-        "quantities": {
-            name: {
-                "ratio": _largest_ratio(q.ratio),
-                "worst": q.worst,
-                "digits_by_sigma": by_decade(ref.sigma_min, q.digits),
-                "samples": worst_samples(ref.sigma_min, q),
-                "common": off_at(q, common),
-                **({"cycle": cycle(q)} if name == "position" else {}),
-            }
-            for name, q in found.quantities.items()
-        },
-        "missing": found.missing,
-        "judged": found.judged,
-        "times": len(motion.status),
-        "seconds": seconds,
-    }
-
-
-def _check_levels(engine: Engine, scene: Scene, at: Sequence[Configuration], record: Record) -> None:
+def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
     """Compare the engine's own rows for the joints that it does not refuse; a refused joint is named, not skipped."""
-    reasons = refusals(engine, scene, Level.JACOBIAN)
-    record["refusals"] += reasons
-    if not at or len(reasons) == len(scene.mechanism.constraints):
+    scene, at = subject.scene, subject.configurations
+    refusals = _refusals(engine, scene, Level.JACOBIAN)
+    part.refusals += refusals
+    if not at or len(refusals) == len(scene.mechanism.constraints):
         return
+    who: Any = {"engine": engine.name, "route": ROWS}
     try:
         model = engine.constraints(scene)
         try:
-            found = compare_levels(engine, model, scene.mechanism, at, engine.terms(scene))
+            levels = compare_levels(engine, model, scene.mechanism, at, engine.terms(scene))
         finally:
             model.close()
     except EngineError as error:
-        record["refusals"].append(str(error))
+        part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene):
-            told = {"engine": engine.name, "route": "rows", **_no_answer("no answer", str(error))}
-            record["disagreements"].append(told)
+            part.disagreements.append(Disagreement(**who, quantity="status", kind=Kind.NO_ANSWER, message=str(error)))
         return
-    for level, comparison in found.items():
-        record["levels"].append(_level_record(engine, level, comparison))
-        if not comparison.agrees:
-            at_level = {
-                "engine": engine.name,
-                "route": "rows",
-                "quantity": level.value,
-                "kind": "model translated wrongly",
-            }
-            record["disagreements"].append({**at_level, "ratio": comparison.ratio, "worst": comparison.worst})
-
-
-def _level_record(engine: Engine, level: Level, found: LevelComparison) -> dict[str, Any]:
-    digits = histogram(found.digits)
-    return {
-        "engine": engine.name,
-        "level": level.value,
-        "ratio": found.ratio,
-        "digits": digits,
-        "rows": found.rows,
-        "worst": found.worst,
-    }
-
-
-def histogram(digits: Iterable[float]) -> dict[str, int]:
-    """Return how often each number of digits occurs, rounded down to a tenth; NaN is left out."""
-    counts: dict[str, int] = {}
-    for value in np.asarray(list(digits)):
-        if np.isfinite(value):
-            name = f"{np.floor(value * 10) / 10:.1f}"
-            counts[name] = counts.get(name, 0) + 1
-    return counts
-
-
-def by_decade(sigma: Any, digits: Any) -> dict[str, dict[str, int]]:
-    """Return the histogram of digits for each decade of sigma_min, the distance to a singular pose."""
-    seen = np.isfinite(sigma) & np.isfinite(digits) & (np.asarray(sigma) > 0)
-    decades = np.floor(np.log10(sigma[seen])).astype(int)
-    return {str(d): histogram(digits[seen][decades == d]) for d in sorted(set(decades.tolist()))}
+    for level, compared in levels.items():
+        ratio = compared.ratio if np.isfinite(compared.ratio) else sys.float_info.max
+        digits = histogram(compared.digits)
+        part.levels.append(
+            LevelRow(
+                engine=engine.name,
+                level=level.value,
+                ratio=ratio,
+                digits=digits,
+                rows=compared.rows,
+                worst=compared.worst,
+            )
+        )
+        if not compared.agrees:
+            part.disagreements.append(
+                Disagreement(**who, quantity=level.value, kind=Kind.TRANSLATED, ratio=ratio, at=compared.worst)
+            )
 
 
 def permuted(scene: Scene) -> Scene:
     """Return the same scene with its bodies, joints and drivers in reverse order."""
     m = scene.mechanism
     return replace(scene, mechanism=Mechanism(m.bodies[::-1], m.joints[::-1], m.drivers[::-1]))
-
-
-def _largest(values: Any) -> float | None:
-    finite = np.asarray(values)[np.isfinite(values)]
-    return float(finite.max()) if finite.size else None
-
-
-def _largest_ratio(ratios: Any) -> float | None:
-    """Return the largest ratio, an infinite one as the largest double; None if nothing was judged."""
-    judged = np.asarray(ratios)[~np.isnan(ratios)]
-    return min(float(judged.max()), sys.float_info.max) if judged.size else None
-
-
-def _smallest(values: Any) -> float:
-    finite = np.asarray(values)[np.isfinite(values)]
-    return float(finite.min()) if finite.size else 0.0

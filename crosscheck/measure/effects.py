@@ -7,11 +7,12 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
-from crosscheck.engines import PHYSICAL, EngineError, Term, load
+from crosscheck.engines import EngineError, Term, load
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, reference
 from crosscheck.measure.effects_benches import engine_benches, reference_bench
 from crosscheck.measure.effects_rows import Ablation, Bench, EffectRow
+from crosscheck.scenes.names import PHYSICAL
 from crosscheck.workers.timing import Timing, timed_in_turns
 from refkin.model import Scene
 from refkin.motion import Motion

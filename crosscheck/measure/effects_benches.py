@@ -7,8 +7,9 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
-from crosscheck.engines import PHYSICAL, Engine, Simulating
+from crosscheck.engines import Engine, Simulating
 from crosscheck.measure.effects_rows import Ablation, Bench, Work
+from crosscheck.scenes.names import PHYSICAL
 from refkin.model import Effect, Evidence, Point, Scene
 from refkin.motion import Route
 from refkin.solving.solve import solve

@@ -6,9 +6,9 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from crosscheck.engines import PHYSICAL
 from crosscheck.measure.effects import REFKIN, measured, task, unmeasured
 from crosscheck.measure.effects_rows import EffectRow
+from crosscheck.scenes.names import PHYSICAL
 from crosscheck.workers.processes import Failure, call_each
 from refkin.model import Scene
 from refkin.scenes.files import to_dict
@@ -71,7 +71,7 @@ def _one_by_one(data: Any, spec: str, first: Failure, within: float) -> list[Eff
     found: list[EffectRow] = []
     for effect, answer in answers.items():
         if isinstance(answer, Failure):
-            found.append(unmeasured(name, ANY, effect, f"{answer.kind}: {answer.text}", inert))
+            found.append(unmeasured(name, ANY, effect, f"{answer.name}: {answer.text}", inert))
         else:
             found += answer
     return found

@@ -63,7 +63,7 @@ def outcome_of(told: str) -> tuple[str, str]:
 
 def outcome_of_failure(failure: Failure) -> tuple[str, str]:
     """Return what it is that a process failed at a case: a hang, a crash, or an exception that is no refusal."""
-    return (Outcome.HANG if failure.kind == "hang" else Outcome.CRASH).value, f"{failure.kind}: {failure.text}"
+    return (Outcome.HANG if failure.kind == "hang" else Outcome.CRASH).value, f"{failure.name}: {failure.text}"
 
 
 def classed(found: Sequence[Sample], said: str = "") -> tuple[str, str]:

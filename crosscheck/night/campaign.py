@@ -5,106 +5,38 @@ from __future__ import annotations
 import json
 import platform
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict
 from importlib.metadata import version
-from itertools import count
 from pathlib import Path
 from typing import Any
 
-from crosscheck.engines import load
 from crosscheck.errors import UsageError
 from crosscheck.judge import known_gaps
-from crosscheck.judge.known_gaps import Gap, Tally
+from crosscheck.judge.budget import SAFETY
+from crosscheck.judge.known_gaps import Tally
+from crosscheck.judge.records import NewCase, Record, cell_of
 from crosscheck.measure.check import key_of
-from crosscheck.night.disagreements import SHRINKING_SECONDS, write_disagreements
+from crosscheck.measure.jobs import CHECK
+from crosscheck.night.disagreements import write_disagreements
 from crosscheck.night.golden import compare_night
-from crosscheck.scenes.drawing import describe, draw, is_chain
+from crosscheck.night.journal import Journal, replace_file
+from crosscheck.night.plan import ALWAYS, SAMPLED, SAMPLED_EVERY, Outcome, Plan, write_outcome
+from crosscheck.scenes.drawing import draw, is_chain, numbers_of, turn_of
 from crosscheck.workers.cluster import ClusterWorkers
-from crosscheck.workers.journal import Journal, replace_file
-from crosscheck.workers.pool import SECONDS_PER_SCENE, Pool, Workers
-from crosscheck.workers.processes import Failure, Job, call_each
-from refkin.scenes.files import to_dict
+from crosscheck.workers.installed import find_engines
+from crosscheck.workers.pool import Job, Pool, Workers
 
-ALWAYS = "closed_form"
-"""The engine that is always among the sources, and by itself makes no night."""
-SAMPLED = ("vector_loop", "refkin-lanes")
-"""Sources that are asked for all chains, of which few others know the joints, and for one in `SAMPLED_EVERY` of the
-other scenes: vector loops cost as much as the engines; the fast path is no peer, but one more producer of ours."""
-SAMPLED_EVERY = 40
+ROUND = 140
+"""Turns of a round. What a round prefers to draw is known from the records of all rounds but the one before it, so that
+it does not depend on which worker was faster."""
 
 Progress = Callable[[int, str], None]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Plan:
-    """What a night is asked to do; `minutes` and `scenes` end it, whichever comes first.
-
-    `engines` and `required` are names, or what else `crosscheck.engines.load` takes; `cluster` is where the workers are
-    if they are not processes of this run (see `crosscheck.workers.cluster`); `scene_seconds` is after how long on one
-    scene a worker is ended, `shrinking_seconds` how long the simplifying of disagreements may take in all;
-    `known_gaps` chooses the table of `crosscheck.judge.known_gaps.table`; `baseline` is the file of the golden set,
-    not looked at if None.
-    """
-
-    seed: int
-    out: Path
-    engines: tuple[str, ...]
-    required: tuple[str, ...] = ()
-    minutes: float | None = None
-    scenes: int | None = None
-    workers: int = 2
-    cluster: str | None = None
-    scene_seconds: float = SECONDS_PER_SCENE
-    shrinking_seconds: float = SHRINKING_SECONDS
-    baseline: Path | None = None
-    known_gaps: str = ""
-
-
-@dataclass
-class Outcome:
-    """How a night ended.
-
-    Attributes
-    ----------
-    versions : dict
-        Name of each engine that is there -> version.
-    missing : dict
-        What was asked for and cannot be loaded -> why.
-    checked : int
-        Scenes with a record, those of an earlier part of a resumed run included.
-    failed : list of str
-        What went wrong with the run itself.
-    new, known : list of dict, int
-        Disagreements that no known gap accounts for; how many others there are.
-    possibly_closed : list of Gap
-        Known gaps that did not show, although many scenes were of the kind in which they do.
-    shrinking_seconds : float
-        How long the simplifying of disagreements took.
-    required : list of str
-        What the night could not do without: the required engines, or all if not one was there.
-    found_again : list of (Gap, int or None)
-        Where another table than our own was chosen: every row of our own, and after how many scenes it showed.
-    """
-
-    versions: dict[str, str]
-    missing: dict[str, str]
-    checked: int = 0
-    failed: list[str] = field(default_factory=list)
-    new: list[dict[str, Any]] = field(default_factory=list)
-    known: int = 0
-    possibly_closed: list[Gap] = field(default_factory=list)
-    shrinking_seconds: float = 0.0
-    required: list[str] = field(default_factory=list)
-    found_again: list[tuple[Gap, int | None]] = field(default_factory=list)
-
-
 class OtherRun(UsageError):
     """The folder holds a run with another seed, other engines or other scenes, whose records would mix with these."""
-
-
-class SameName(UsageError):
-    """Two engines have the same name, so that their answers could not be told apart."""
 
 
 def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome:
@@ -121,38 +53,43 @@ def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome
         If two engines have the same name; if the table of known gaps makes no sense; if the cluster is not there.
     """
     gaps = known_gaps.table(plan.known_gaps)
-    found, missing = find_engines(plan.engines)
-    outcome = Outcome({name: told for name, (_, told) in found.items()}, missing)
-    names = {spec: name for name, (spec, _) in found.items()}
-    alone = missing and set(found) <= {ALWAYS, *SAMPLED}
+    engines, missing = find_engines(plan.engines)
+    outcome = Outcome({name: told for name, (_, told) in engines.items()}, missing, gaps=list(gaps))
+    outcome.engines = {name: spec for name, (spec, _) in engines.items()}
+    names = {spec: name for name, spec in outcome.engines.items()}
+    alone = missing and set(engines) <= {ALWAYS, *SAMPLED}
     outcome.required = list(missing) if alone else [names.get(spec, spec) for spec in plan.required]
-    if any(name in missing for name in outcome.required):
-        return outcome
-    with Journal(plan.out / "records.jsonl") as journal:
-        numbers = _numbers(journal)
-        _agree_with_what_is_there(plan, outcome, numbers)
-        outcome.checked = len(journal.keys)
-        with _pool(plan, {name: spec for spec, name in names.items()}, outcome.versions) as workers:
-            for record in _records(plan, workers, numbers, lambda: progress(outcome.checked, "checking")):
-                journal.append(record)
-                outcome.checked = len(journal.keys)
-            _judge(journal, gaps, outcome)
-            if plan.known_gaps:
-                own = known_gaps.read()
-                outcome.found_again = list(zip(own, known_gaps.found_again(own, journal), strict=True))
-            simplifying = lambda: progress(outcome.checked, "simplifying disagreements")  # noqa: E731
-            outcome.shrinking_seconds = write_disagreements(plan, outcome.new, workers, simplifying)
-            if plan.baseline is not None:
-                progress(outcome.checked, "comparing the golden set")
-                outcome.new += compare_night(plan.baseline, plan.out, workers)
-            outcome.failed += workers.unexplained
+    if not any(name in missing for name in outcome.required):
+        with Journal(plan.out / "records.jsonl") as journal:
+            _carry_out(plan, journal, outcome, progress)
+    write_outcome(plan.out, outcome)
     return outcome
+
+
+def _carry_out(plan: Plan, journal: Journal, outcome: Outcome, progress: Progress) -> None:
+    turns = Turns(journal)
+    _agree_with_what_is_there(plan, outcome, turns)
+    outcome.checked = len(journal.keys)
+    with _pool(plan, outcome.engines, outcome.versions) as workers:
+        for record in _records(plan, workers, turns, journal, lambda: progress(outcome.checked, "checking")):
+            journal.append(record)
+            outcome.checked = len(journal.keys)
+        _sort(journal, outcome)
+        if plan.known_gaps:
+            own = known_gaps.read()
+            outcome.found_again = list(zip(own, known_gaps.found_again(own, journal), strict=True))
+        simplifying = lambda: progress(outcome.checked, "simplifying disagreements")  # noqa: E731
+        outcome.shrinking_seconds = write_disagreements(plan, outcome.new, workers, simplifying)
+        if plan.baseline is not None:
+            progress(outcome.checked, "comparing the golden set")
+            outcome.new += compare_night(plan.baseline, plan.out, workers)
+        outcome.failed += workers.unexplained
 
 
 def _pool(plan: Plan, engines: dict[str, str], versions: dict[str, str]) -> Pool:
     if plan.cluster is None:
-        return Workers(plan.workers, engines, plan.scene_seconds)
-    return ClusterWorkers(plan.cluster, plan.workers, engines, versions, plan.scene_seconds)
+        return Workers(CHECK, plan.workers, engines, plan.scene_seconds)
+    return ClusterWorkers(CHECK, plan.cluster, plan.workers, engines, versions, plan.scene_seconds)
 
 
 def seed_of(out: Path, asked: int | None) -> int:
@@ -165,104 +102,125 @@ def seed_of(out: Path, asked: int | None) -> int:
     return int(time.strftime("%Y%m%d", time.gmtime())) if asked is None else asked
 
 
-def find_engines(specs: tuple[str, ...]) -> tuple[dict[str, tuple[str, str]], dict[str, str]]:
-    """Return the engines that can be loaded, as name -> (what loads it, version), and for the others why not.
+class Turns:
+    """Whose turn it is: which scenes a night has checked, which come next, and what they should add.
 
-    Each is loaded in a process of its own: one that crashes is missing, no more.
+    Parameters
+    ----------
+    journal : Journal
+        What an earlier part of the run has checked.
 
     Raises
     ------
-    SameName
-        If two have the same name.
+    OtherRun
+        If it holds anything but records of drawn scenes.
     """
-    found: dict[str, tuple[str, str]] = {}
-    missing = {}
-    for spec, told in zip(specs, call_each(name_and_version, specs), strict=True):
-        if isinstance(told, Failure):
-            missing[spec] = told.text.removeprefix("EngineError: ")
-        elif told[0] in found:
-            raise SameName(f"engines {found[told[0]][0]!r} and {spec!r} are both called {told[0]!r}")
-        else:
-            found[told[0]] = (spec, told[1])
-    return found, missing
+
+    def __init__(self, journal: Journal) -> None:
+        self.done: dict[int, str] = {}
+        self.numbers: dict[int, str] = {}
+        self.cells: dict[int, Counter[tuple[str, ...]]] = {}
+        self.pending: set[int] = set()
+        self.next = 0
+        for record in journal:
+            if not isinstance(record.about.get("shard"), int):
+                raise OtherRun(f"{journal.path} holds records of another kind: choose another folder")
+            self.settle(record)
+        if journal.unreadable and not self.done:
+            first = journal.unreadable[0]
+            told = f"{journal.path}, line {first.line}: {first.reason}"
+            raise OtherRun(f"{told}; it holds no records of ours: choose another folder")
+
+    def settle(self, record: Record) -> None:
+        """Note that a scene has its record."""
+        number = int(record.about["shard"] or 0)
+        turn = turn_of(number)
+        self.numbers[number] = record.key
+        self.done[turn] = record.key
+        self.pending.discard(turn)
+        cell = cell_of(record.about)
+        if cell is not None:
+            self.cells.setdefault(turn // ROUND, Counter())[cell] += 1
+
+    def take(self, most: int) -> list[int]:
+        """Return the next turns, at most so many: fewer, or none, if what they should add is not known yet."""
+        taken: list[int] = []
+        while len(taken) < most:
+            while self.next in self.done:
+                self.next += 1
+            if any(turn // ROUND < self.next // ROUND - 1 for turn in self.pending):
+                break
+            taken.append(self.next)
+            self.pending.add(self.next)
+            self.next += 1
+        return taken
+
+    def seen(self, turn: int) -> Counter[tuple[str, ...]]:
+        """Return how often each cell was met in all rounds but the last two, that of the turn and the one before."""
+        rounds = [cells for number, cells in self.cells.items() if number < turn // ROUND - 1]
+        return sum(rounds, Counter())
+
+    def give_back(self, turns: list[int]) -> None:
+        """Note that turns will not be taken."""
+        self.pending.difference_update(turns)
 
 
-def name_and_version(spec: str) -> tuple[str, str]:
-    """Return what an engine calls itself, and its version."""
-    engine = load(spec)
-    return engine.name, engine.version()
+def _records(plan: Plan, workers: Pool, turns: Turns, journal: Journal, tick: Callable[[], None]) -> Iterator[Record]:
+    """Yield records as they come in, while there is time or scenes are left.
 
-
-def _numbers(journal: Journal) -> dict[int, str]:
-    """Return the numbers of the scenes that have a record, each with its key."""
-    try:
-        return {int(record["about"]["shard"]): record["key"] for record in journal}
-    except (KeyError, TypeError) as error:
-        raise OtherRun(f"{journal.path} holds records of another kind: choose another folder") from error
-
-
-def _records(plan: Plan, workers: Pool, numbers: dict[int, str], tick: Callable[[], None]) -> Iterator[dict[str, Any]]:
-    """Yield records as they come in, while there is time or scenes are left."""
+    A scene that comes twice counts once, and one more is drawn for it.
+    """
     end = time.monotonic() + 60.0 * plan.minutes if plan.minutes is not None else float("inf")
-    batches = _batches(plan, numbers, workers.batch(plan.scenes))
-    going = True
-    while going or workers.pending:
-        while going and workers.hungry:
-            batch = next(batches, None) if time.monotonic() < end else None
-            going = batch is not None
-            for names, jobs in _by_engines(batch or [], tuple(workers.engines)):
+    size = workers.batch(min(plan.scenes or 2 * ROUND, 2 * ROUND))
+    while True:
+        while workers.hungry and time.monotonic() < end:
+            left = size if plan.scenes is None else plan.scenes - len(journal.keys) - len(turns.pending)
+            batch = turns.take(min(size, left))
+            if not batch:
+                break
+            for names, jobs in _by_engines(plan.seed, batch, turns, tuple(workers.engines)):
                 workers.submit(jobs, names)
         if time.monotonic() >= end:
             workers.drop_waiting()
-        yield from workers.results()
+        if not workers.pending:
+            return
+        for record in workers.results():
+            turns.settle(record)
+            yield record
         tick()
 
 
-def _by_engines(batch: list[Job], engines: tuple[str, ...]) -> Iterator[tuple[tuple[str, ...], list[Job]]]:
-    """Yield the scenes of a batch that are checked on the same engines, with those."""
+def _by_engines(
+    seed: int, batch: list[int], turns: Turns, engines: tuple[str, ...]
+) -> Iterator[tuple[tuple[str, ...], list[Job]]]:
+    """Yield the jobs of a batch that are done on the same engines, with those."""
     fewer = tuple(name for name in engines if name not in SAMPLED)
     for names, wanted in ((engines, True), (fewer, False)):
-        jobs = [job for job in batch if is_sampled(job["about"]["shard"]) is wanted]
+        jobs = [_job(seed, turn, turns) for turn in batch if is_sampled(turn) is wanted]
         if jobs:
             yield names, jobs
 
 
-def is_sampled(number: int) -> bool:
-    """Whether the scene of that number is checked on the sources that are not asked for all."""
-    return is_chain(number) or number % SAMPLED_EVERY == 0
+def _job(seed: int, turn: int, turns: Turns) -> Job:
+    numbers = numbers_of(turn)
+    return {"night": seed, "shards": numbers, "seen": dict(turns.seen(turn)) if len(numbers) > 1 else {}}
 
 
-def _batches(plan: Plan, numbers: dict[int, str], size: int) -> Iterator[list[Job]]:
-    """Yield batches of scenes that have no record yet; scenes that were drawn before count once."""
-    seen: set[str] = set()
-    batch: list[Job] = []
-    for number in count():
-        if plan.scenes is not None and len(seen) >= plan.scenes:
-            break
-        if number in numbers:
-            seen.add(numbers[number])
-            continue
-        drawn = draw(plan.seed, number)
-        key = key_of(drawn.scene)
-        if key not in seen:
-            seen.add(key)
-            batch.append({"scene": to_dict(drawn.scene), "about": {**describe(drawn), "shard": number}})
-        if len(batch) == size:
-            yield batch
-            batch = []
-    if batch:
-        yield batch
+def is_sampled(turn: int) -> bool:
+    """Whether the scene of that turn is checked on the sources that are not asked for all."""
+    return is_chain(numbers_of(turn)[0]) or turn % SAMPLED_EVERY == 0
 
 
-def _judge(journal: Journal, gaps: tuple[Gap, ...], outcome: Outcome) -> None:
+def _sort(journal: Journal, outcome: Outcome) -> None:
     """Sort the disagreements of all records, those of an earlier part of a resumed run included."""
-    tally = Tally(gaps)
+    tally = Tally(outcome.gaps)
     for record in journal:
-        fresh = tally.add(record)
-        outcome.known += len(record["disagreements"]) - len(fresh)
-        outcome.new += [{**told, "key": record["key"], "shard": record["about"]["shard"]} for told in fresh]
-        if "failure" in record:
-            outcome.failed.append(f"{record['key']}: {record['failure']}")
+        new = tally.add(record)
+        outcome.known += len(record.disagreements) - len(new)
+        shard = int(record.about["shard"] or 0)
+        outcome.new += [NewCase(disagreement=told, key=record.key, shard=shard) for told in new]
+        if record.failure is not None:
+            outcome.failed.append(f"{record.key}: {record.failure}")
     outcome.possibly_closed = tally.possibly_closed()
 
 
@@ -278,21 +236,23 @@ def _made(out: Path) -> dict[str, Any] | None:
         raise OtherRun(f"{path} does not say what run it belongs to: choose another folder") from error
 
 
-def _agree_with_what_is_there(plan: Plan, outcome: Outcome, numbers: dict[int, str]) -> None:
+def _agree_with_what_is_there(plan: Plan, outcome: Outcome, turns: Turns) -> None:
     """Write how the run is made, unless the folder holds one with other engines or other scenes."""
     before = _made(plan.out)
     if before is not None and before["versions"] != outcome.versions:
         raise OtherRun(
             f"{plan.out} holds a run with {before['versions']}, not {outcome.versions}: choose another folder"
         )
-    for number in sorted(numbers)[-1:]:
-        if key_of(draw(plan.seed, number).scene) != numbers[number]:
+    for number in sorted(turns.numbers)[-1:]:
+        if key_of(draw(plan.seed, number).scene) != turns.numbers[number]:
             raise OtherRun(f"{plan.out} holds a run whose scenes are not drawn any more: choose another folder")
     made = {
         **{k: v for k, v in asdict(plan).items() if k not in ("out", "baseline")},
         "required": outcome.required,
         "versions": outcome.versions,
         "missing": outcome.missing,
+        "safety_factor": SAFETY,
+        "refkin": version("refkin"),
         "hypothesis": version("hypothesis"),
         "python": platform.python_version(),
         "machine": f"{platform.system()} {platform.machine()}",

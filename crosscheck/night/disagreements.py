@@ -2,40 +2,34 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
 from crosscheck.judge.known_gaps import Gap, new_disagreements, table
+from crosscheck.judge.records import Disagreement, NewCase, plain
+from crosscheck.night.journal import replace_file
+from crosscheck.night.plan import Plan, engines_option
 from crosscheck.scenes.drawing import AnyDrawn, describe, draw, effort, shrink
-from crosscheck.workers.journal import replace_file
 from crosscheck.workers.pool import Pool
 from refkin.model import Scene
 from refkin.scenes.files import to_dict, to_toml
 
-if TYPE_CHECKING:
-    from crosscheck.night.campaign import Plan
-
-SHRINKING_SECONDS = 90.0
-"""How long all the simplifying of a night may take."""
 MOST_SHRUNK = 8
 """Kinds of disagreements of which one is simplified."""
 FOLDER = "disagreements"
+LONGEST_NAME = 80
+"""Characters of what a file's name says of a disagreement."""
 
-Signature = tuple[str, ...]
+Signature = tuple[str, str, str, str]
 """Engine, route, quantity and kind: what makes two disagreements one of a kind."""
 
 
-def signature(told: Mapping[str, Any]) -> Signature:
-    """Return what kind of disagreement it is."""
-    return tuple(told[key] for key in ("engine", "route", "quantity", "kind"))
-
-
 def write_disagreements(
-    plan: Plan, new: Sequence[dict[str, Any]], workers: Pool, tick: Callable[[], None] = lambda: None
+    plan: Plan, new: Sequence[NewCase], workers: Pool, tick: Callable[[], None] = lambda: None
 ) -> float:
     """Write the scenes of disagreements, note in each its `file`, and return how long shrinking took [s].
 
@@ -44,22 +38,23 @@ def write_disagreements(
 
     Parameters
     ----------
-    new : sequence of dict
-        Disagreements with the `key` and the number (`shard`) of their scenes.
+    new : sequence of NewCase
+        Each with the number (`shard`) of its scene.
     tick : callable
         Called between one scene and the next.
     """
-    by_scene: dict[str, list[dict[str, Any]]] = {}
-    first_of_kind: dict[Signature, dict[str, Any]] = {}
-    for told in new:
-        by_scene.setdefault(told["key"], []).append(told)
-        first_of_kind.setdefault(signature(told), told)
+    by_scene: dict[str, list[NewCase]] = {}
+    first_of_kind: dict[Signature, NewCase] = {}
+    for case in new:
+        by_scene.setdefault(case.key, []).append(case)
+        first_of_kind.setdefault(case.disagreement.signature, case)
     for key, of_scene in by_scene.items():
         path = plan.out / FOLDER / f"{key}.toml"
-        for told in of_scene:
-            told["file"] = f"{FOLDER}/{path.name}"
+        for case in of_scene:
+            case.file = f"{FOLDER}/{path.name}"
         if not path.exists():
-            _write(path, of_scene, draw(plan.seed, of_scene[0]["shard"]))
+            notes = [line for case in of_scene for line in _notes(case.disagreement, case)]
+            _write(path, notes, _drawn(plan, of_scene[0]), plan)
     start = time.monotonic()
     to_shrink = list(first_of_kind.values())[:MOST_SHRUNK]
     for k, told in enumerate(to_shrink):
@@ -68,56 +63,73 @@ def write_disagreements(
     return time.monotonic() - start
 
 
-def _shrink(plan: Plan, told: dict[str, Any], workers: Pool, seconds: float, tick: Callable[[], None]) -> None:
+def _drawn(plan: Plan, case: NewCase) -> AnyDrawn:
+    return draw(plan.seed, case.shard or 0)
+
+
+def _shrink(plan: Plan, case: NewCase, workers: Pool, seconds: float, tick: Callable[[], None]) -> None:
     """Write the minimal scene of a disagreement, if it shows once more and nobody has yet."""
-    path = plan.out / FOLDER / f"{told['key']}-minimal-{_slug(told)}.toml"
+    kind = case.disagreement.signature
+    path = plan.out / FOLDER / f"{case.key}-minimal-{slug(*kind)}.toml"
     if not path.exists():
         start = time.monotonic()
-        again: dict[Scene, Mapping[str, Any] | None] = {}
+        again: dict[Scene, Disagreement | None] = {}
         gaps = table(plan.known_gaps)
 
         def still_fails(drawn: AnyDrawn) -> bool:
             tick()
-            again[drawn.scene] = _again(signature(told), drawn, workers, gaps)
+            again[drawn.scene] = _again(kind, drawn, workers, gaps)
             return again[drawn.scene] is not None
 
-        simplest, tried = shrink(plan.seed, told["shard"], still_fails, seconds)
+        simplest, tried = shrink(plan.seed, case.shard or 0, still_fails, seconds)
         if simplest is None:
-            told["note"] = "it did not show again when its scene was checked by itself"
+            case.note = "it did not show again when its scene was checked by itself"
             return
         shorter = _at_its_time(simplest, again[simplest.scene])
         if still_fails(shorter):
             simplest = shorter
-        digits = effort(draw(plan.seed, told["shard"]).scene), effort(simplest.scene)
+        digits = effort(_drawn(plan, case).scene), effort(simplest.scene)
         took = time.monotonic() - start
         note = f"simplified from {digits[0]} to {digits[1]} digits: {tried} scenes in {took:.0f} s"
-        _write(path, [{**(again[simplest.scene] or {}), "found in": f"{told['key']}.toml", "note": note}], simplest)
-    told["file"], told["shrunk"] = f"{FOLDER}/{path.name}", True
+        shown = again[simplest.scene] or case.disagreement
+        _write(path, [*_notes(shown), f"found in: {case.key}.toml", f"note: {note}"], simplest, plan)
+    case.file, case.shrunk = f"{FOLDER}/{path.name}", True
 
 
-def _at_its_time(drawn: AnyDrawn, told: Mapping[str, Any] | None) -> AnyDrawn:
-    """Return the scene at its first time and at the one of its worst sample alone, if the disagreement names one."""
+def _at_its_time(drawn: AnyDrawn, shown: Disagreement | None) -> AnyDrawn:
+    """Return the scene at its first time and at the one of its worst sample alone, if the disagreement has one."""
+    if shown is None or shown.at is None or shown.at.time is None:
+        return drawn
     times = drawn.scene.times
-    named = re.search(r"at t = (\S+)$", told["worst"] if told else "")
-    kept = [t for t in times if t == times[0] or (named and t == float(named[1]))]
-    return replace(drawn, scene=replace(drawn.scene, times=tuple(kept))) if named else drawn
+    kept = tuple(t for t in times if t in (times[0], shown.at.time))
+    return replace(drawn, scene=replace(drawn.scene, times=kept))
 
 
-def _again(kind: Signature, drawn: AnyDrawn, workers: Pool, gaps: Sequence[Gap]) -> Mapping[str, Any] | None:
+def _again(kind: Signature, drawn: AnyDrawn, workers: Pool, gaps: Sequence[Gap]) -> Disagreement | None:
     """Return the disagreement of a kind that a scene shows, unless a known gap accounts for it."""
     job = {"scene": to_dict(drawn.scene), "about": describe(drawn)}
     record = workers.check_one(job, [name for name in workers.engines if name == kind[0]])
-    return next((told for told in new_disagreements(record, gaps) if signature(told) == kind), None)
+    return next((told for told in new_disagreements(record, gaps) if told.signature == kind), None)
 
 
-def _write(path: Path, of_scene: Sequence[Mapping[str, Any]], drawn: AnyDrawn) -> None:
+def _notes(shown: Disagreement, case: NewCase | None = None) -> list[str]:
+    """Return what a scene file says of a disagreement."""
+    told = {**plain(shown), "at": str(shown.at) if shown.at else None}
+    told |= {} if case is None else {"key": case.key, "shard": case.shard}
+    return [f"{key}: {value}" for key, value in told.items() if value not in (None, "")]
+
+
+def _write(path: Path, notes: Sequence[str], drawn: AnyDrawn, plan: Plan) -> None:
     """Write a scene with what disagrees on it as comments."""
-    lines = [f"{key}: {value}" for told in of_scene for key, value in told.items() if key not in ("file", "shrunk")]
-    told = "".join(f"# {line}\n" for text in lines for line in text.splitlines())
+    told = "".join(f"# {line}\n" for text in notes for line in text.splitlines())
     path.parent.mkdir(parents=True, exist_ok=True)
-    replace_file(path, f"{told}# Show it again: crosscheck replay {path.name}\n\n{to_toml(drawn.scene)}")
+    again = f"crosscheck replay {path.name}{engines_option(plan.engines)}"
+    replace_file(path, f"{told}# Show it again: {again}\n\n{to_toml(drawn.scene)}")
 
 
-def _slug(told: Mapping[str, Any]) -> str:
-    """Return engine, route, quantity and kind as part of a file's name."""
-    return re.sub(r"[^A-Za-z0-9]+", "-", "-".join(signature(told))).strip("-").lower()
+def slug(*words: str) -> str:
+    """Return words as part of a file's name, of bounded length: the end of a longer one tells it from others."""
+    plain_words = re.sub(r"[^A-Za-z0-9]+", "-", "-".join(words)).strip("-").lower()
+    if len(plain_words) <= LONGEST_NAME:
+        return plain_words
+    return f"{plain_words[: LONGEST_NAME - 9]}-{hashlib.sha256('-'.join(words).encode()).hexdigest()[:8]}"

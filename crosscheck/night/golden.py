@@ -19,9 +19,11 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import QUANTITIES
 from crosscheck.errors import UsageError
-from crosscheck.workers.journal import replace_file
+from crosscheck.judge.records import QUANTITIES, By, Disagreement, Kind, NewCase, Record, adapter
+from crosscheck.night.disagreements import FOLDER, slug
+from crosscheck.night.journal import replace_file
+from crosscheck.night.plan import GOLDEN, Golden
 from crosscheck.workers.pool import Pool
 from refkin.errors import RefkinError
 from refkin.model import Scene
@@ -41,7 +43,6 @@ DEFAULT = _INSTALLED if _INSTALLED.is_file() else Path(__file__).parents[2] / "r
 """The accepted baseline: in an installed package beside this module, in a checkout among the reports."""
 
 Case = Mapping[str, Any]
-Difference = dict[str, Any]
 
 
 class NoBaseline(UsageError):
@@ -77,10 +78,10 @@ def measure(scenes: Mapping[str, Scene], workers: Pool, engines: Sequence[str]) 
         job = {"scene": to_dict(scene), "about": {"golden": name}}
         workers.submit([job], engines)
         names[name] = scene
-    records: dict[str, Mapping[str, Any]] = {}
+    records: dict[str, Record] = {}
     while workers.pending:
         for record in workers.results():
-            records[record["about"]["golden"]] = record
+            records[str(record.about["golden"])] = record
     return {
         name: {"scene": to_dict(scene), "reference": _reference(solve(scene)), "routes": _routes(records[name])}
         for name, scene in names.items()
@@ -102,63 +103,67 @@ def _plain(values: Any) -> Any:
     return [_plain(row) for row in values] if np.ndim(values) else (float(values) if np.isfinite(values) else None)
 
 
-def _routes(record: Mapping[str, Any]) -> dict[str, Any]:
+def _routes(record: Record) -> dict[str, Any]:
     """Return {"engine · route": {quantity: [median, worst]}}; a quantity without a digit is None."""
     return {
-        f"{answer['engine']} · {answer['route']['name']}": {
-            "missing": answer["missing"],
-            **{name: _digits(told["digits_by_sigma"]) for name, told in answer["quantities"].items()},
+        f"{answer.engine} · {answer.route.name}": {
+            "missing": answer.missing,
+            **{name: _digits(q.digits_by_sigma) for name, q in answer.quantities.items()},
         }
-        for answer in record["answers"]
+        for answer in record.answers
     }
 
 
-def _digits(by_sigma: Mapping[str, Mapping[str, int]]) -> list[float] | None:
-    kept = sorted(float(d) for histogram in by_sigma.values() for d, count in histogram.items() for _ in range(count))
+def _digits(by_sigma: By) -> list[float] | None:
+    kept = sorted(d / 10 for histogram in by_sigma.values() for d, count in histogram.items() for _ in range(count))
     return [kept[(len(kept) - 1) // 2], kept[0]] if kept else None
 
 
-def differences(before: Mapping[str, Case], now: Mapping[str, Case], engines: Iterable[str]) -> list[Difference]:
+def differences(before: Mapping[str, Case], now: Mapping[str, Case], engines: Iterable[str]) -> list[NewCase]:
     """Return what is worse now, one entry per case and quantity, as a disagreement of a night.
 
     `engines` are those that were asked now; what others did before is not compared.
     """
-    found = []
+    worse = []
     for name, case in before.items():
-        found += [{**told, "case": name} for told in _reference_changed(case, now[name])]
+        lost = [*_reference_changed(case, now[name])]
         for who, digits in case["routes"].items():
             engine, _, route = who.partition(" · ")
             if engine in engines:
-                told = {"engine": engine, "route": route, "case": name, "ratio": None}
-                found += [{**told, **lost} for lost in _digits_lost(digits, now[name]["routes"].get(who))]
-    return found
+                lost += _digits_lost(engine, route, digits, now[name]["routes"].get(who))
+        worse += [NewCase(disagreement=told, key=f"golden-{slug(name)}", case=name) for told in lost]
+    return worse
 
 
-def _reference_changed(before: Case, now: Case) -> Iterator[Difference]:
+def _reference_changed(before: Case, now: Case) -> Iterator[Disagreement]:
     """Yield where two answers of the reference prove each other wrong."""
-    who = {"engine": "refkin", "route": "newton", "kind": "golden set: the reference has left its proof", "ratio": None}
+    who: dict[str, Any] = {"engine": "refkin", "route": "newton", "kind": Kind.LEFT_PROOF}
     old, new = before["reference"], now["reference"]
     if old["status"] != new["status"]:
-        yield {**who, "quantity": "status", "worst": f"{' '.join(old['status'])} became {' '.join(new['status'])}"}
+        became = f"{' '.join(old['status'])} became {' '.join(new['status'])}"
+        yield Disagreement(**who, quantity="status", message=became)
         return
     size = parse(dict(before["scene"])).mechanism.size()
     for quantity in QUANTITIES:
         a, b = (np.array(told[quantity] or [], float) for told in (old, new))
         if a.shape != b.shape:
-            yield {**who, "quantity": quantity, "worst": f"{a.shape} numbers became {b.shape}"}
+            yield Disagreement(**who, quantity=quantity, message=f"{a.shape} numbers became {b.shape}")
         elif a.size:
             radius = sum(np.array(told["certified_radius"][quantity], float)[:, None] for told in (old, new))
             scale = np.tile([size, size, 1.0], a.shape[1] // 3)
             allowed = scale * radius + 4 * 2.0**-53 * np.abs(a)  # handed over in metres: rounded once more on each side
             if not np.all((np.abs(a - b) <= allowed) | (a == b) | (np.isnan(a) & np.isnan(b))):
-                yield {**who, "quantity": quantity, "worst": f"apart by up to {np.nanmax(np.abs(a - b)):.2g}"}
+                apart = f"apart by up to {np.nanmax(np.abs(a - b)):.2g}"
+                yield Disagreement(**who, quantity=quantity, message=apart)
 
 
-def _digits_lost(before: Mapping[str, Any], now: Mapping[str, Any] | None) -> Iterator[Difference]:
+def _digits_lost(
+    engine: str, route: str, before: Mapping[str, Any], now: Mapping[str, Any] | None
+) -> Iterator[Disagreement]:
     """Yield the quantities in which a route is worse than it was."""
-    kind = {"kind": "golden set: digits lost"}
+    who: dict[str, Any] = {"engine": engine, "route": route, "kind": Kind.DIGITS_LOST}
     if now is None or now["missing"] > before["missing"]:
-        yield {**kind, "quantity": "status", "worst": "no answer any more"}
+        yield Disagreement(**who, quantity="status", message="no answer any more")
         return
     for quantity in QUANTITIES:
         old, new = before.get(quantity), now.get(quantity)
@@ -166,7 +171,8 @@ def _digits_lost(before: Mapping[str, Any], now: Mapping[str, Any] | None) -> It
             continue
         if new is None or any(min(a, EXACT) - min(b, EXACT) > LOST for a, b in zip(old, new, strict=True)):
             told = "none" if new is None else f"{new[0]:.1f} / {new[1]:.1f}"
-            yield {**kind, "quantity": quantity, "worst": f"digits {old[0]:.1f} / {old[1]:.1f} became {told}"}
+            became = f"digits {old[0]:.1f} / {old[1]:.1f} became {told}"
+            yield Disagreement(**who, quantity=quantity, message=became)
 
 
 def read(path: Path) -> dict[str, Any]:
@@ -196,20 +202,18 @@ def write(path: Path, cases: Mapping[str, Case], versions: Mapping[str, str]) ->
     replace_file(path, json.dumps(told, indent=1, allow_nan=False) + "\n")
 
 
-def compared(path: Path, workers: Pool) -> dict[str, Any]:
-    """Return the comparison with the baseline in a file, as `golden.json` of a night holds it."""
+def compared(path: Path, workers: Pool) -> Golden:
+    """Return the comparison with the baseline in a file."""
     baseline = read(path)
     engines = [name for name in workers.engines if any(_of(name, case) for case in baseline["cases"].values())]
     scenes = scenes_of(baseline["cases"])
-    found = differences(baseline["cases"], measure(scenes, workers, engines), engines)
-    without = [name for name in workers.engines if name not in engines]
-    return {
-        "cases": len(scenes),
-        "versions": baseline["versions"],
-        "engines": engines,
-        "without": without,
-        "found": found,
-    }
+    return Golden(
+        cases=len(scenes),
+        versions=baseline["versions"],
+        engines=engines,
+        without=[name for name in workers.engines if name not in engines],
+        found=differences(baseline["cases"], measure(scenes, workers, engines), engines),
+    )
 
 
 def scenes_of(cases: Mapping[str, Case]) -> dict[str, Scene]:
@@ -221,15 +225,13 @@ def _of(engine: str, case: Case) -> bool:
     return any(who.partition(" · ")[0] == engine for who in case["routes"])
 
 
-def compare_night(path: Path, out: Path, workers: Pool) -> list[Difference]:
+def compare_night(path: Path, out: Path, workers: Pool) -> list[NewCase]:
     """Compare the golden set, leave `golden.json` and scene files in the folder of a night, return what is worse."""
     told = compared(path, workers)
     cases = read(path)["cases"]
-    for difference in told["found"]:
-        slug = difference["case"].replace(" ", "-")
-        file = out / "disagreements" / f"golden-{slug}.toml"
-        file.parent.mkdir(parents=True, exist_ok=True)
-        replace_file(file, to_toml(parse(dict(cases[difference["case"]]["scene"]))))
-        difference |= {"key": f"golden-{slug}", "file": f"disagreements/{file.name}", "shrunk": False}
-    replace_file(out / "golden.json", json.dumps(told, indent=1) + "\n")
-    return list(told["found"])
+    for worse in told.found:
+        worse.file = f"{FOLDER}/{worse.key}.toml"
+        (out / FOLDER).mkdir(parents=True, exist_ok=True)
+        replace_file(out / worse.file, to_toml(parse(dict(cases[worse.case]["scene"]))))
+    replace_file(out / GOLDEN, adapter(Golden).dump_json(told, indent=1).decode() + "\n")
+    return told.found

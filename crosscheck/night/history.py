@@ -15,9 +15,13 @@ from typing import Any
 
 from crosscheck.errors import CannotRun
 from crosscheck.night.change_points import change_points
+from crosscheck.night.journal import replace_file
 
 SOLVED = ("position", "velocity", "acceleration")
 REFERENCE = "refkin"
+TRENDS = "trends.json"
+MOST_TRENDS = 24
+"""Series whose course is kept in a report, those that changed first; the history has all."""
 TABLES = """
 CREATE TABLE IF NOT EXISTS night (
     id INTEGER PRIMARY KEY, date TEXT NOT NULL, seed TEXT NOT NULL, verdict TEXT NOT NULL, scenes INTEGER NOT NULL,
@@ -34,6 +38,29 @@ CREATE TABLE IF NOT EXISTS cost (
 
 class HistoryError(CannotRun):
     """A file that is no history, or that cannot be read or written."""
+
+
+def remember(path: Path, report: Mapping[str, Any], folder: Path) -> dict[str, Any] | None:
+    """Add a night to the history in a file, and write the trends that it is now part of into its folder.
+
+    Returns
+    -------
+    dict or None
+        The trends; None if there is no history, because no night was worth keeping yet.
+
+    Raises
+    ------
+    HistoryError, OSError
+        If the file is no history, or cannot be written.
+    """
+    append(path, report)
+    if not path.is_file():
+        return None
+    known = trends(path)
+    series = [one for one in known["series"] if one["nights"][-1] == known["nights"][-1]]
+    told = {**known, "series": series[:MOST_TRENDS], "not_shown": max(0, len(series) - MOST_TRENDS)}
+    replace_file(folder / TRENDS, json.dumps(told, indent=1) + "\n")
+    return told
 
 
 def append(path: Path, report: Mapping[str, Any]) -> bool:

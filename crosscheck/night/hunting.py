@@ -1,6 +1,7 @@
 """The hunt for the worst error / allowed: Hypothesis `target()` over scenes in strata of distance to a singular pose.
 
-Each stratum takes its turn: some scenes at random, then such as Hypothesis derives from the worst of them. Every best
+It begins with the worst scenes of a night, and with what Hypothesis derives from each. Then each stratum takes its
+turn: some scenes at random, then such as Hypothesis derives from the worst of them. Every best
 route, at every level, is a target of its own, and so is its distance from the certificate's enclosure in attainable
 radii, which is known where a budget of first order says nothing. A ratio above 1 is a finding, or a budget that forgot
 something.
@@ -11,16 +12,19 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import suppress
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, field
+from functools import partial
+from itertools import count, zip_longest
+from pathlib import Path
+from typing import Protocol
 
 from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings, target
 
 from crosscheck.engines import load
-from crosscheck.scenes.drawing import describe
-from crosscheck.strategies import Drawn, Hardness, drawn_scenes
-from crosscheck.workers.pool import Workers
+from crosscheck.judge.records import ENDED, Record, Unreadable, read_records
+from crosscheck.measure.jobs import checkers
+from crosscheck.scenes.drawing import AnyDrawn, climb, describe
+from crosscheck.strategies import Hardness, drawn_scenes
 from refkin.model import Scene
 from refkin.scenes.files import to_dict
 
@@ -39,13 +43,17 @@ Target = tuple[str, str, str]
 """Engine, route, quantity."""
 
 
+MOST_STARTS = 12
+"""Scenes of a night from which a hunt starts."""
+
+
 @dataclass(frozen=True)
 class Catch:
-    """The worst that was found for a target: its ratio, in which scene of which stratum, after how many scenes."""
+    """The worst that was met for a target: its ratio, in which scene, from where, after how many scenes."""
 
     ratio: float
     scene: Scene
-    stratum: tuple[float, float]
+    origin: str
     number: int
 
 
@@ -60,26 +68,28 @@ class Bag:
     scenes : int
         How many were checked.
     failures : list of str
-        Scenes that could not be checked, engines that crashed or hung.
+        Scenes that could not be checked, engines that crashed or hung, turns that broke off.
     """
 
-    catches: dict[Target, Catch]
-    scenes: int
-    failures: list[str]
+    catches: dict[Target, Catch] = field(default_factory=dict)
+    scenes: int = 0
+    failures: list[str] = field(default_factory=list)
 
     def above(self, limit: float = 1.0) -> list[tuple[Target, Catch]]:
         """Return the catches with a ratio above a limit, the worst first."""
-        found = [(name, catch) for name, catch in self.catches.items() if catch.ratio > limit]
-        return sorted(found, key=lambda pair: -pair[1].ratio)
+        caught = [(name, catch) for name, catch in self.catches.items() if catch.ratio > limit]
+        return sorted(caught, key=lambda pair: -pair[1].ratio)
 
 
 def hunt(
     engines: Mapping[str, str],
     seconds: float,
-    night: int,
+    seed_of_hunt: int,
     *,
     scene_seconds: float,
     strata: Sequence[tuple[float, float]] = STRATA,
+    starts: Sequence[tuple[int, int]] = (),
+    bag: Bag | None = None,
     progress: Callable[[Bag], None] = lambda bag: None,
 ) -> Bag:
     """Hunt for some time.
@@ -90,34 +100,80 @@ def hunt(
         Name -> what `crosscheck.engines.load` takes for it.
     seconds : float
         After this long no further scene is checked.
-    night : int
-        The seed; the same one hunts in the same places, as far as its time goes.
+    seed_of_hunt : int
+        The same one hunts in the same places, as far as its time goes.
+    starts : sequence of (seed, number)
+        Scenes of nights to begin with.
+    bag : Bag, optional
+        Where the catches go: whoever breaks the hunt off still has them.
     """
-    bag, end = Bag({}, 0, []), time.monotonic() + seconds
+    bag, end = Bag() if bag is None else bag, time.monotonic() + seconds
     best = {name: load(spec).routes()[0].name for name, spec in engines.items()}
-    with Workers(1, engines, scene_seconds) as pool:
-        turn = 0
-        while time.monotonic() < end:
-            stratum = strata[turn % len(strata)]
+    with checkers(1, engines, scene_seconds) as pool:
 
-            def check(drawn: Drawn) -> None:
-                if time.monotonic() > end:
-                    raise _OutOfTime
-                record = pool.check_one({"scene": to_dict(drawn.scene), "about": describe(drawn), "arbiter": True})
-                _weigh(bag, best, record, drawn.scene, stratum)  # noqa: B023 - it is done with before the next turn
-                progress(bag)
+        def check(drawn: AnyDrawn, origin: str) -> None:
+            if time.monotonic() > end:
+                raise _OutOfTime
+            record = pool.check_one({"scene": to_dict(drawn.scene), "about": describe(drawn), "arbiter": True})
+            _weigh(bag, best, record, drawn.scene, origin)
+            progress(bag)
 
-            with suppress(_OutOfTime):
-                turn_of(check, stratum, night * 1000 + turn)
-            turn += 1
+        for origin, turn in _turns(check, seed_of_hunt, strata, starts):
+            try:
+                turn()
+            except _OutOfTime:
+                break
+            except Exception as error:  # one turn that breaks off, be it in Hypothesis, is told and costs no other
+                bag.failures.append(f"{origin}: {type(error).__name__}: {error}")
+            if time.monotonic() > end:
+                break
     return bag
 
 
-class _OutOfTime(Exception):
-    """Ends a turn."""
+class Check(Protocol):
+    """Checks a scene; `origin` says where it is from."""
+
+    def __call__(self, drawn: AnyDrawn, origin: str) -> None: ...
 
 
-def turn_of(check: Callable[[Drawn], None], stratum: tuple[float, float], number: int) -> None:
+def _turns(
+    check: Check, seed_of_hunt: int, strata: Sequence[tuple[float, float]], starts: Sequence[tuple[int, int]]
+) -> Iterator[tuple[str, Callable[[], None]]]:
+    """Yield what is hunted, and how: the scenes of nights and what lies near them, then strata without end."""
+    for night, number in starts:
+        origin = f"scene {number} of night {night}"
+        near = partial(check, origin=origin)
+        yield origin, lambda n=night, k=number, f=near: climb(n, k, f, A_TURN, SAMPLES)  # type: ignore[misc]
+    for turn in count():
+        stratum = strata[turn % len(strata)]
+        origin = f"1e-{stratum[0]:g} .. 1e-{stratum[1]:g}"
+        yield origin, partial(turn_of, partial(check, origin=origin), stratum, seed_of_hunt * 1000 + turn)
+
+
+class _OutOfTime(BaseException):
+    """Ends a turn at once: no Exception, which Hypothesis would take for a failure and try again."""
+
+
+def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) -> list[tuple[int, int]]:
+    """Return (seed, number) of the scenes of a night with the largest error / allowed, the worst of each target first.
+
+    Parameters
+    ----------
+    best : mapping
+        Name of each engine -> its best route: the others are not hunted.
+    """
+    worst: dict[Target, list[tuple[float, int]]] = {}
+    for _, record in read_records(folder / "records.jsonl"):
+        if isinstance(record, Unreadable) or not isinstance(record.about.get("shard"), int):
+            continue
+        for name, ratio in ratios(record, best):
+            worst.setdefault(name, []).append((ratio, int(record.about["shard"] or 0)))
+    ranked = [sorted(scenes, reverse=True) for scenes in worst.values()]
+    in_turn = [place[1] for places in zip_longest(*ranked) for place in sorted(filter(None, places), reverse=True)]
+    return [(seed_of_night, number) for number in list(dict.fromkeys(in_turn))[:MOST_STARTS]]
+
+
+def turn_of(check: Callable[[AnyDrawn], None], stratum: tuple[float, float], number: int) -> None:
     """Run Hypothesis once on scenes of a stratum: half of them at random, half near the worst of those."""
     hardness = (Hardness.LIMIT,) if stratum[1] > FINEST_SLACK else (Hardness.LIMIT, Hardness.CHANGE_POINT)
     hard = drawn_scenes(hardness=hardness, decades=stratum, samples=SAMPLES)
@@ -136,31 +192,27 @@ def turn_of(check: Callable[[Drawn], None], stratum: tuple[float, float], number
     seed(number)(made(given(hard)(check)))()
 
 
-def ratios(record: Mapping[str, Any], best: Mapping[str, str]) -> Iterator[tuple[Target, float]]:
+def ratios(record: Record, best: Mapping[str, str]) -> Iterator[tuple[Target, float]]:
     """Yield the largest error / allowed of each best route at each level, and its distance from the certificate."""
-    for answer in record["answers"]:
-        engine, route = answer["engine"], answer["route"]["name"]
+    for answer in record.answers:
+        engine, route = answer.engine, answer.route.name
         if best.get(engine) != route:
             continue
-        for quantity, told in answer["quantities"].items():
-            if told["ratio"] is not None:
-                yield (engine, route, quantity), told["ratio"]
-        told = answer.get("certificate")
-        if told is not None and told["radii"] is not None:
-            yield (engine, route, CERTIFICATE), told["radii"]
+        for quantity, told in answer.quantities.items():
+            if told.ratio is not None:
+                yield (engine, route, quantity), told.ratio
+        if answer.certificate is not None and answer.certificate.radii is not None:
+            yield (engine, route, CERTIFICATE), answer.certificate.radii
 
 
-def _weigh(
-    bag: Bag, best: Mapping[str, str], record: Mapping[str, Any], scene: Scene, stratum: tuple[float, float]
-) -> None:
+def _weigh(bag: Bag, best: Mapping[str, str], record: Record, scene: Scene, origin: str) -> None:
     """Tell Hypothesis how bad a scene is, and keep what is worse than anything before."""
     bag.scenes += 1
-    if "failure" in record:
-        bag.failures.append(f"{record['key']}: {record['failure']}")
+    if record.failure is not None:
+        bag.failures.append(f"{record.key}: {record.failure}")
         return
-    gone = [told for told in record["disagreements"] if told["kind"].startswith(("crash", "hang", "error"))]
-    bag.failures += [f"{record['key']}: {told['engine']}: {told['kind']}" for told in gone]
+    bag.failures += [f"{record.key}: {told.engine}: {told.name}" for told in record.disagreements if told.kind in ENDED]
     for name, ratio in ratios(record, best):
         target(math.log10(max(ratio, 1e-30)), label=" ".join(name))
         if name not in bag.catches or ratio > bag.catches[name].ratio:
-            bag.catches[name] = Catch(ratio, scene, stratum, bag.scenes)
+            bag.catches[name] = Catch(ratio, scene, origin, bag.scenes)

@@ -1,4 +1,4 @@
-"""What a night measures beside its scenes, for the report: hard cases, the price list, the ledger of effects.
+"""What a night measures beside its scenes, for the report: hard cases, prices, effects, and the source documents.
 
 Each is a file of plain rows in the night's folder (`report.measured` reads them). They are measured when the scenes are
 done, one after the other, so that nothing else disturbs their timings.
@@ -12,14 +12,15 @@ from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from crosscheck.documents.page import digits_by_iteration, documents, newton_histories, slopes
 from crosscheck.engines import available
 from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.measure.effects_ledger import effects_ledger
 from crosscheck.measure.hard_classing import OURS as REFERENCE
 from crosscheck.measure.hard_table import hard_case_rows
 from crosscheck.measure.price import price_list
+from crosscheck.night.journal import replace_file
 from crosscheck.scenes.priced import classes
-from crosscheck.workers.journal import replace_file
 from refkin.model import Point, Scene
 
 HARD, PRICE, EFFECTS = 0.25, 0.5, 0.25
@@ -59,6 +60,17 @@ def write_sections(
     for name, (doing, measure) in measures.items():
         tell(doing)
         replace_file(folder / f"{name}.json", json.dumps(measure(), indent=1, allow_nan=False) + "\n")
+
+
+def write_documents(folder: Path) -> None:
+    """Write documents.json: the source documents recomputed, and the experiments on convergence that they describe."""
+    recomputed = {
+        "newton_histories": newton_histories(),
+        "slopes": slopes(),
+        "documents": documents(),
+        "iterations": digits_by_iteration(),
+    }
+    replace_file(folder / "documents.json", json.dumps(recomputed, indent=1, allow_nan=False) + "\n")
 
 
 def _producers(engines: Sequence[str]) -> tuple[str, ...]:

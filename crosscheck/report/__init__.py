@@ -1,9 +1,5 @@
-"""The nightly report: `report.json` and one self-contained page `index.html`, from the records of a run alone.
+"""The nightly report: `report.json` and one self-contained page `index.html`, from the files of a run alone.
 
 `records` reads them, `digits` merges their histograms, `summary` sums them up in one pass, `verdict` says how the night
 ended, `figures` draws, `build` writes. The page shows nothing that is not in `report.json`.
 """
-
-from crosscheck.report.build import build
-
-__all__ = ["build"]

@@ -1,4 +1,7 @@
-"""Write `report.json` and `index.html` into the folder of a run. The page holds nothing that report.json does not."""
+"""Write `report.json` and `index.html` into the folder of a run. The page holds nothing that report.json does not.
+
+Both are a function of the files in the folder: nothing is solved here, and nothing is computed anew.
+"""
 
 from __future__ import annotations
 
@@ -6,9 +9,9 @@ import base64
 import hashlib
 import json
 import math
-import os
 import sys
-from collections.abc import Mapping, Sequence
+from collections import Counter
+from collections.abc import Mapping
 from functools import cache
 from importlib.resources import files
 from pathlib import Path
@@ -17,21 +20,17 @@ from typing import Any
 from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
-from crosscheck.documents.page import digits_by_iteration, documents, newton_histories, slopes
-from crosscheck.judge import known_gaps
-from crosscheck.judge.known_gaps import Gap
-from crosscheck.night.history import HistoryError, append
-from crosscheck.night.history import trends as trends_in
+from crosscheck.judge.records import QUANTITIES as SOLVED
+from crosscheck.night.journal import replace_file
+from crosscheck.night.plan import engines_option
 from crosscheck.report import front, wording
 from crosscheck.report.figures import digits_figure, looks_of, newton_figure
 from crosscheck.report.figures_more import agreement_matrices, slopes_figure, trends_figure
 from crosscheck.report.posed import first_pose, pose_picture, spoken, spoken_moving
 from crosscheck.report.prices import GOALS, cheapest_tables, effects_figure, iterations_of_notes, price_figure
-from crosscheck.report.summary import SOLVED, Ended, Summary
+from crosscheck.report.summary import Summary
 from crosscheck.report.svg import bar, power_of_ten
 
-MOST_TRENDS = 24
-"""Series whose course is kept in a report, those that changed first; the history has all."""
 GROUPS = {
     "position": "Position",
     "velocity": "Velocity",
@@ -41,8 +40,6 @@ GROUPS = {
     "residual": "The engine's own residual, phi",
     "constraint_velocity": "The engine's own constraint velocity, phi_q qd − nu",
 }
-HARD_CASES = "hard_cases.json"
-"""The file in a run's folder that holds the rows of `crosscheck.measure.hard_table.hard_case_rows`."""
 COVERAGE_NAMES = {
     "kind": "Linkage",
     "grashof": "Grashof class",
@@ -50,71 +47,42 @@ COVERAGE_NAMES = {
     "distance_decade": "Decade of the drawn distance to a limit position or change point",
     "sigma_min_decade": "Decade of the smallest singular value met",
     "hardness": "How it was drawn",
+    "joints": "Joints",
+    "driver": "Driver",
+    "law": "Motion law",
 }
 
 
-def build(
-    folder: Path,
-    outcome: Ended | None = None,
-    *,
-    required: Sequence[str] | None = None,
-    gaps: Sequence[Gap] | None = None,
-    history: Path | None = None,
-) -> Path:
+def build(folder: Path) -> Path:
     """Write `report.json` and `index.html` for the run in a folder, and return the path of the page.
 
     Parameters
     ----------
     folder : Path
-        Holds records.jsonl and run.json (both may be missing: then nothing ran), and disagreements/*.toml.
-    outcome : crosscheck.night.campaign.Outcome, optional
-        How the run ended. Its new disagreements and failures count in addition to those that the records hold.
-    required : sequence of str, optional
-        Engines without which the night fails; what run.json says by default.
-    gaps : sequence of Gap, optional
-        The table of known gaps by default.
-    history : Path, optional
-        The file that nights are kept in: this one is added to it, and its trends stand on the page.
+        Holds what a night wrote: records.jsonl, run.json, outcome.json, what was measured beside them, and
+        disagreements/*.toml. Whatever is missing was not done.
 
     Returns
     -------
     Path
-        index.html. The same records give the same bytes.
+        index.html. The same files give the same bytes.
     """
+    return write(folder, summarized(folder))
+
+
+def summarized(folder: Path) -> dict[str, Any]:
+    """Return the report of the run in a folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    summary = Summary(folder, known_gaps.read() if gaps is None else gaps, outcome)
-    computed = {
-        "newton_histories": newton_histories(),
-        "slopes": slopes(),
-        "documents": documents(),
-        "iterations": digits_by_iteration(),
-    }
-    described, trends = _remembered(summary, required, history)
-    report = plain({**described, **computed, "trends": trends})
-    _replace(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
+    described: dict[str, Any] = plain(Summary(folder).described())
+    return described
+
+
+def write(folder: Path, report: Mapping[str, Any]) -> Path:
+    """Write a report and its page, and return the path of the page."""
+    replace_file(folder / "report.json", json.dumps(report, indent=1, allow_nan=False) + "\n")
     page = folder / "index.html"
-    _replace(page, render(report))
+    replace_file(page, render(report))
     return page
-
-
-def _remembered(
-    summary: Summary, required: Sequence[str] | None, path: Path | None
-) -> tuple[dict[str, Any], dict[str, Any] | None]:
-    """Return the report, and the trends of the history that it was added to; a history that fails fails the night."""
-    described = summary.described(required)
-    if path is None:
-        return described, None
-    try:
-        append(path, plain(described))
-        if not path.is_file():
-            return described, None
-        found = trends_in(path)
-        series = [one for one in found["series"] if one["nights"][-1] == found["nights"][-1]]
-        shown = series[:MOST_TRENDS]
-        return described, {**found, "series": shown, "not_shown": len(series) - len(shown)}
-    except (HistoryError, OSError) as error:
-        summary.failures.append(f"the history cannot be kept: {error}")
-        return summary.described(required), None
 
 
 def plain(value: Any) -> Any:
@@ -149,6 +117,8 @@ def render(report: Mapping[str, Any]) -> str:
             hard=front.hard_matrix(report),
             glance=glance(report),
             coverage=coverage(report),
+            together=together(report["together"]),
+            replayed=replayed(report["run"]),
             certified=any(report["reference"]["largest_certified_radius"].values()),
             cheapest=cheapest_tables(report["price"] or []),
             goals=GOALS,
@@ -181,7 +151,7 @@ def _figures(report: Mapping[str, Any]) -> dict[str, Any]:
         "newton_figure": newton_figure(report),
         "slopes_figure": slopes_figure(report["slopes"]),
         "price_figure": price_figure(report["price"] or [], looks_of(report)),
-        "iterations_figure": iterations_of_notes(report["iterations"]),
+        "iterations_figure": iterations_of_notes(report["iterations"]) if report["iterations"] else None,
         "effects_figure": effects_figure(report["effects"] or []),
         "trends_figure": trends_figure((report["trends"] or {"series": ()})["series"]),
     }
@@ -248,14 +218,25 @@ def coverage(report: Mapping[str, Any]) -> list[dict[str, Any]]:
     return tables
 
 
+def together(report: Mapping[str, Any]) -> dict[str, Any]:
+    """Return how many scenes have which features at once: joints, and driver with hardness, by motion law."""
+    by_joints: dict[str, Counter[str]] = {}
+    by_driver: dict[str, Counter[str]] = {}
+    for joints, driver, law, _, hardness, _, scenes in report["rows"]:
+        by_joints.setdefault(joints, Counter())[law] += scenes
+        by_driver.setdefault(f"{driver} · {hardness}", Counter())[law] += scenes
+    laws = sorted({law for counts in by_joints.values() for law in counts})
+    tables = {"by_joints": by_joints, "by_driver": by_driver}
+    rows = {name: [(row, [t[row][law] for law in laws]) for row in sorted(t)] for name, t in tables.items()}
+    return {"laws": laws, "cells": report["cells"], "once": report["once"], **rows}
+
+
+def replayed(run: Mapping[str, Any]) -> str:
+    """Return what follows `crosscheck replay FILE` so that the engines of a run are asked."""
+    return engines_option([str(name) for name in run.get("engines", ())])
+
+
 def _value(name: str, value: str) -> str:
     if not name.endswith("_decade") or not value.lstrip("-").isdigit():
         return value.replace("_", " ")
     return f"{power_of_ten(int(value))} to {power_of_ten(int(value) + 1)}"
-
-
-def _replace(path: Path, text: str) -> None:
-    """Write a file so that a reader sees the old or the new one, never a part."""
-    part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
-    os.replace(part, path)

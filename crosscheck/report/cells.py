@@ -6,10 +6,10 @@ import math
 import sys
 from collections import Counter
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from crosscheck.judge.records import Answer, Cycle, Histogram, Quantity, RouteData, Sample
+from crosscheck.judge.records import Answer, At, Histogram, RouteData
 from crosscheck.report.digits import Digits
 
 
@@ -28,20 +28,23 @@ class WorstSample:
 
     ratio: float
     place: Place
-    sample: str
+    at: At | None
 
     def described(self) -> dict[str, Any]:
         """Return it as plain data."""
-        coordinate, _, time = self.sample.partition(" at t = ")
-        at = {"coordinate": coordinate, "time": time} if time else {"coordinate": None, "time": None}
-        return {"ratio": finite(self.ratio), **vars(self.place), "sample": self.sample, **at}
+        return {"ratio": finite(self.ratio), **vars(self.place), **sample(self.at)}
 
 
-def worse(so_far: WorstSample | None, ratio: float | None, place: Place, sample: str) -> WorstSample | None:
+def sample(at: At | None) -> dict[str, Any]:
+    """Return where a number was met as plain data: its component, and its time if it has one."""
+    return {"component": None, "time": None} if at is None else asdict(at)
+
+
+def worse(so_far: WorstSample | None, ratio: float | None, place: Place, at: At | None) -> WorstSample | None:
     """Return the larger of two ratios with its sample; NaN and None are no ratios."""
     if ratio is None or math.isnan(ratio) or (so_far is not None and ratio <= so_far.ratio):
         return so_far
-    return WorstSample(ratio, place, sample)
+    return WorstSample(ratio, place, at)
 
 
 def finite(ratio: float | None) -> float | None:
@@ -49,16 +52,6 @@ def finite(ratio: float | None) -> float | None:
     if ratio is None or math.isnan(ratio):
         return None
     return min(ratio, sys.float_info.max)
-
-
-@dataclass(frozen=True)
-class Picture:
-    """The worst sample of a decade, the errors around it, and the scene it is of."""
-
-    sample: Sample
-    cycle: Cycle | None
-    place: Place
-    scene_file: Mapping[str, Any]
 
 
 @dataclass
@@ -82,27 +75,19 @@ class Cell:
     known_gaps: int = 0
     worst: WorstSample | None = None
     least: tuple[float, Place] | None = None
-    pictures: dict[int, Picture] = field(default_factory=dict)
-
-    def depict(self, found: Quantity, place: Place, scene_file: Mapping[str, Any] | None) -> None:
-        """Keep the sample with the fewest digits of each decade."""
-        for decade, sample in found.samples.items() if scene_file else ():
-            kept = self.pictures.get(decade)
-            if scene_file and (kept is None or sample.digits < kept.sample.digits):
-                self.pictures[decade] = Picture(sample, found.cycle, place, scene_file)
 
     def add(self, histograms: Mapping[int, Histogram] | Mapping[None, Histogram], place: Place) -> None:
         """Count one scene's digits."""
         self.scenes += 1
         for decade, histogram in histograms.items():
             self.digits.add(decade, histogram)
-        least = min((digits for h in histograms.values() for digits, times in h.items() if times), default=None)
-        if least is not None and (self.least is None or least < self.least[0]):
-            self.least = (least, place)
+        least = min((tenths for h in histograms.values() for tenths, times in h.items() if times), default=None)
+        if least is not None and (self.least is None or least / 10 < self.least[0]):
+            self.least = (least / 10, place)
 
-    def meet(self, ratio: float | None, place: Place, sample: str) -> None:
+    def meet(self, ratio: float | None, place: Place, at: At | None) -> None:
         """Keep a ratio if it is the largest so far."""
-        self.worst = worse(self.worst, ratio, place, sample)
+        self.worst = worse(self.worst, ratio, place, at)
 
     def described(self) -> dict[str, Any]:
         """Return it as plain data."""
@@ -171,7 +156,7 @@ class RouteTotals:
         """Return it as plain data."""
         return {
             "version": self.version,
-            **self.made.model_dump(exclude={"name"}),
+            **{key: value for key, value in vars(self.made).items() if key != "name"},
             "scenes": self.scenes,
             "configurations": self.times,
             "judged": self.judged,

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import re
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from crosscheck.judge.records import ReferenceRow
+from crosscheck.judge.records import CELL, ReferenceRow, RefusalRow, cell_of
 
 MOST_VALUES = 60
 """Distinct values kept per property; what comes after is counted as "others"."""
@@ -54,26 +53,20 @@ class Coverage:
         return named
 
 
-REFUSAL = re.compile(
-    r"(?P<engine>\S+) refuses (?P<joint>.+?) (?:'.*?'|\".*?\") at (?P<level>\w+): (?P<reason>.*)", re.S
-)
-
-
 class Refusals:
-    """What engines refused, by engine, joint type, level and reason; what else they said for an answer, by its text."""
+    """What engines refused, by engine, joint type, level and reason."""
 
     def __init__(self) -> None:
         self.joints: Counter[tuple[str, ...]] = Counter()
         self.scenes: Counter[tuple[str, ...]] = Counter()
 
-    def add(self, texts: list[str]) -> None:
+    def add(self, rows: Sequence[RefusalRow]) -> None:
         """Count the refusals of one scene."""
-        found: Counter[tuple[str, ...]] = Counter(map(_named, texts))
-        for name, joints in found.items():
-            if name not in self.joints and len(self.joints) >= MOST_VALUES:
-                name = ("", "", "", OTHERS)
-            self.joints[name] += joints
-            self.scenes[name] += 1
+        refused = Counter((row.engine, row.joint, row.level, row.reason) for row in rows)
+        for name, joints in refused.items():
+            kept = name if name in self.joints or len(self.joints) < MOST_VALUES else ("", "", "", OTHERS)
+            self.joints[kept] += joints
+            self.scenes[kept] += 1
 
     def described(self) -> list[dict[str, Any]]:
         """Return one row per refusal, most frequent first."""
@@ -85,9 +78,23 @@ class Refusals:
         ]
 
 
-def _named(text: str) -> tuple[str, ...]:
-    found = REFUSAL.fullmatch(text)
-    return tuple(found.group("engine", "joint", "level", "reason")) if found else ("", "", "", text)
+class Together:
+    """How often the features of scenes were met together: the cells of the table of coverage."""
+
+    def __init__(self) -> None:
+        self.cells: Counter[tuple[str, ...]] = Counter()
+
+    def add(self, about: Mapping[str, Any]) -> None:
+        """Count one scene, if it was drawn."""
+        cell = cell_of(about)
+        if cell is not None:
+            self.cells[cell] += 1
+
+    def described(self) -> dict[str, Any]:
+        """Return the features, how many cells were met and how many only once, and every cell, the rarest last."""
+        rows = [[*cell, scenes] for cell, scenes in sorted(self.cells.items(), key=lambda item: (-item[1], item[0]))]
+        once = sum(scenes == 1 for scenes in self.cells.values())
+        return {"features": list(CELL), "cells": len(rows), "once": once, "rows": rows}
 
 
 def _count(counts: Counter[str], value: str) -> None:

@@ -19,11 +19,11 @@ class Digits:
     def __init__(self) -> None:
         self.by_decade: dict[int | None, Counter[int]] = {}
 
-    def add(self, decade: int | None, histogram: Mapping[float, int]) -> None:
+    def add(self, decade: int | None, histogram: Mapping[int, int]) -> None:
         """Merge a histogram of a record."""
         counts = self.by_decade.setdefault(decade, Counter())
-        for digits, times in histogram.items():
-            counts[round(10 * digits)] += times
+        for tenths, times in histogram.items():
+            counts[tenths] += times
 
     @property
     def samples(self) -> int:

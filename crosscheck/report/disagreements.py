@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
@@ -11,16 +10,13 @@ from pathlib import Path
 from typing import Any
 
 from crosscheck.judge.known_gaps import Gap
-from crosscheck.judge.records import Answer, Checked, Disagreement, LevelRow
-from crosscheck.report.cells import Place, WorstSample, worse
+from crosscheck.judge.records import Answer, Disagreement, Kind, LevelRow, NewCase, Record
+from crosscheck.report.cells import Place, WorstSample, sample, worse
 
 MOST_EXAMPLES = 5
 """Examples kept per kind; a night in which everything fails still fits a page."""
 MOST_TEXT = 20_000
 """Characters of a scene file that are shown."""
-
-SHRUNK = "# shrunk: True"
-"""A line that a run writes into the scene files that are minimal."""
 
 Identity = tuple[str, str, str, str, str]
 """Record key, engine, route, quantity, kind."""
@@ -39,8 +35,8 @@ class Group:
     def add(self, place: Place, told: Disagreement, extra: Mapping[str, Any]) -> None:
         """Count one more; a shrunk example goes first."""
         self.scenes += 1
-        self.worst = worse(self.worst, told.ratio, place, told.worst)
-        example = {**vars(place), "sample": told.worst, **extra}
+        self.worst = worse(self.worst, told.ratio, place, told.at)
+        example = {**vars(place), **sample(told.at), "message": told.message, **extra}
         if example.get("shrunk"):
             self.examples.insert(0, example)
         else:
@@ -66,24 +62,23 @@ class Disagreements:
     What either calls new is new: a disagreement is never lost between the two.
     """
 
-    def __init__(self, folder: Path, gaps: Sequence[Gap], told: Sequence[Mapping[str, Any]]) -> None:
+    def __init__(self, folder: Path, gaps: Sequence[Gap], new: Sequence[NewCase]) -> None:
         self.folder, self.gaps = folder, gaps
-        self.told: dict[Identity, Mapping[str, Any]] = {_identity(d): d for d in told}
+        self.told: dict[Identity, NewCase] = {(case.key, *case.disagreement.signature): case for case in new}
         self.seen: set[Identity] = set()
         self.groups: dict[tuple[Any, ...], Group] = {}
         self.covered = [0] * len(gaps)
         self.new: Counter[str] = Counter()
         self.known = 0
 
-    def add(self, place: Place, line: bytes, record: Checked) -> list[tuple[Disagreement, bool]]:
+    def add(self, place: Place, record: Record) -> list[tuple[Disagreement, bool]]:
         """Count the disagreements of one record and return each with whether it is new."""
         disagreements = [*record.disagreements, *implied(record)]
-        raw = json.loads(line) if disagreements else {}
         found = []
         for told in disagreements:
             identity = (record.key, *told.signature)
             self.seen.add(identity)
-            gap = None if identity in self.told or record.reference is None else self._gap(raw, told.model_dump())
+            gap = None if identity in self.told else self._gap(record, told)
             self._count(place, told, gap, self._files(identity))
             found.append((told, gap is None))
         return found
@@ -91,11 +86,10 @@ class Disagreements:
     def finish(self) -> list[Disagreement]:
         """Count and return what the run called new and no record holds."""
         rest = []
-        for identity, plain in self.told.items():
+        for identity, case in self.told.items():
             if identity not in self.seen:
-                told = Disagreement.model_validate(plain)
-                self._count(Place(identity[0], "", 0), told, None, self._files(identity))
-                rest.append(told)
+                self._count(Place(case.key, "", 0), case.disagreement, None, self._files(identity))
+                rest.append(case.disagreement)
         return rest
 
     def described(self) -> list[dict[str, Any]]:
@@ -104,13 +98,12 @@ class Disagreements:
         rows = [group.described() for group in order]
         for row in rows:
             for example in row["examples"][:1]:
-                text = example["toml"] = self._text(example.get("file"))
-                example["shrunk"] = bool(example["shrunk"] or (text and SHRUNK in text.splitlines()))
+                example["toml"] = self._text(example.get("file"))
         return rows
 
-    def _gap(self, raw: Mapping[str, Any], plain: Mapping[str, Any]) -> Gap | None:
+    def _gap(self, record: Record, told: Disagreement) -> Gap | None:
         for k, gap in enumerate(self.gaps):
-            if gap.covers(raw, plain):
+            if gap.covers(record, told):
                 self.covered[k] += 1
                 return gap
         return None
@@ -126,22 +119,25 @@ class Disagreements:
 
     def _files(self, identity: Identity) -> dict[str, Any]:
         """Return the scene file of a disagreement, as the run tells it or as it is named."""
-        told = self.told.get(identity, {})
-        name = told.get("file") or f"disagreements/{identity[0]}-{'-'.join(identity[1:4])}.toml"
+        case = self.told.get(identity)
+        name = (case.file if case else None) or f"disagreements/{identity[0]}.toml"
         held = self._path(name)
-        return {"file": name if held else None, "shrunk": bool(told.get("shrunk")) and held is not None}
+        return {"file": name if held else None, "shrunk": bool(case and case.shrunk and held)}
 
     def _path(self, name: str) -> Path | None:
         """Return a file inside the folder; None if there is none, or the name leads out of it."""
-        path = (self.folder / name).resolve()
-        return path if path.is_relative_to(self.folder.resolve()) and path.is_file() else None
+        try:
+            path = (self.folder / name).resolve()
+            return path if path.is_relative_to(self.folder.resolve()) and path.is_file() else None
+        except (OSError, ValueError):  # a name too long, or with a null character
+            return None
 
     def _text(self, name: str | None) -> str | None:
         path = self._path(name) if name else None
         return path.read_text(encoding="utf-8", errors="replace")[:MOST_TEXT] if path else None
 
 
-def implied(record: Checked) -> Iterator[Disagreement]:
+def implied(record: Record) -> Iterator[Disagreement]:
     """Yield what the numbers of a record say and its list of disagreements does not.
 
     Whoever wrote the record should have listed it; that a list is empty is no proof.
@@ -152,26 +148,22 @@ def implied(record: Checked) -> Iterator[Disagreement]:
     yield from (d for d in found if (d.engine, d.route, d.quantity) not in listed)
 
 
-def _of_reference(record: Checked) -> Iterator[Disagreement]:
+def _of_reference(record: Record) -> Iterator[Disagreement]:
     told = record.reference
     if told is not None and told.verdict != "ok":
-        who = {"engine": "refkin", "route": "newton", "quantity": "status"}
-        yield Disagreement(**who, kind=told.verdict, ratio=None, worst=told.message)
+        who: Any = {"engine": "refkin", "route": "newton", "quantity": "status"}
+        yield Disagreement(**who, kind=Kind.REFERENCE, how=told.verdict, message=told.message)
 
 
 def _of_answer(answer: Answer) -> Iterator[Disagreement]:
-    for name, found in answer.quantities.items():
-        ratio = math.nan if found.ratio is None else found.ratio
-        kind = "beyond the allowed error" if ratio > 1.0 else "status ok without a number"
+    for name, q in answer.quantities.items():
+        ratio = math.nan if q.ratio is None else q.ratio
+        kind = Kind.BEYOND if ratio > 1.0 else Kind.NO_NUMBER
         if ratio > 1.0 or (answer.judged and math.isnan(ratio)):
-            who = {"engine": answer.engine, "route": answer.route.name, "quantity": name}
-            yield Disagreement(**who, kind=kind, ratio=found.ratio, worst=found.worst)
+            who: Any = {"engine": answer.engine, "route": answer.route.name, "quantity": name}
+            yield Disagreement(**who, kind=kind, ratio=q.ratio, at=q.worst)
 
 
 def _of_level(row: LevelRow) -> Disagreement:
-    who = {"engine": row.engine, "route": "rows", "quantity": row.level}
-    return Disagreement(**who, kind="model translated wrongly", ratio=row.ratio, worst=row.worst)
-
-
-def _identity(told: Mapping[str, Any]) -> Identity:
-    return tuple(str(told[key]) for key in ("key", "engine", "route", "quantity", "kind"))  # type: ignore[return-value]
+    who: Any = {"engine": row.engine, "route": "rows", "quantity": row.level}
+    return Disagreement(**who, kind=Kind.TRANSLATED, ratio=row.ratio, at=row.worst)

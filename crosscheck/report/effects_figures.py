@@ -8,9 +8,9 @@ from xml.etree import ElementTree as ET
 
 from markupsafe import Markup
 
-from crosscheck.engines import PHYSICAL
 from crosscheck.measure.effects_rows import EffectRow
 from crosscheck.report.svg import COLOURS, Plot
+from crosscheck.scenes.names import PHYSICAL
 
 POSITION = "position"
 CALLED_FOR = (POSITION, "velocity", "acceleration", "points", "condition", "certificate", "other bodies")

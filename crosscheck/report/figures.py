@@ -9,7 +9,7 @@ from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
-from crosscheck.report.summary import SOLVED
+from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.report.svg import Mark, Plot, Style, band_swatch, power_of_ten, style, swatch
 
 Report = Mapping[str, Any]

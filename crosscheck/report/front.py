@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.report.measured import VERDICTS
 from crosscheck.report.prices import cheapest, main_class
-from crosscheck.report.summary import SOLVED
 from crosscheck.report.wording import count, number
 
 Report = Mapping[str, Any]
@@ -120,7 +120,7 @@ def folds(report: Report) -> dict[str, str]:
         "trends": f"{_golden_told(report['golden'])}; {_nights_told(nights, changed)}",
         "coverage": f"{count(report['scenes'])} scenes, by kind, class, branch and distance",
         "refusals": f"{len(refusals)} kinds" if refusals else "none",
-        "documents": report["documents"]["closing"],
+        "documents": (report["documents"] or {"closing": "not recomputed in this run"})["closing"],
         "method": "what is true, what is allowed, how it was timed, how to draw it again",
     }
 
@@ -150,6 +150,8 @@ def _hard_told(rows: Any) -> str:
 
 
 def _slopes_told(report: Report) -> str:
+    if not report["slopes"]:
+        return "not measured in this run"
     told = [f"{line['fitted']:.2f}" for line in report["slopes"] if line["fitted"] is not None]
     orders = [h["last_order"] for h in report["newton_histories"] if h["last_order"] is not None]
     newton = f"Newton's last order {max(orders):.2f}; " if orders else ""

@@ -1,7 +1,7 @@
-"""What other commands measured for a night: the price list, the effects, the engines at hard cases.
+"""What a night wrote beside its records: prices, effects, hard cases, the golden set, the documents, the pictures.
 
-Each is a file of plain rows beside the records (`price.json`, `effects.json`, `hard_cases.json`). A file that is not
-there was not measured; one that cannot be read is a failure of the night.
+Each is a file of plain rows. A file that is not there was not measured; one that cannot be read is a failure of the
+night.
 """
 
 from __future__ import annotations
@@ -12,8 +12,14 @@ from typing import Any, Literal
 
 from pydantic import AliasChoices, BaseModel, ConfigDict, Field, NonNegativeFloat, TypeAdapter, ValidationError
 
+from crosscheck.judge.records import adapter, fault
+
 Rows = list[dict[str, Any]]
 VERDICTS = ("correct", "warned", "refused", "wrong", "crash", "hang")
+
+
+PICTURES = {"width": 300, "height": 190, "scenes": [], "marks": []}
+"""No pictures."""
 
 
 class _Row(BaseModel):
@@ -70,9 +76,7 @@ def measured(folder: Path) -> tuple[dict[str, Rows | None], list[str]]:
             try:
                 found[name] = _rows(path.read_bytes(), kind)
             except ValidationError as error:
-                first = error.errors(include_url=False, include_input=False)[0]
-                where = ".".join(map(str, first["loc"])) or "the file"
-                faults.append(f"{path.name} cannot be read: {where}: {first['msg']}")
+                faults.append(f"{path.name} cannot be read: {fault(error)}")
     return found, faults
 
 
@@ -81,22 +85,38 @@ def _rows(text: bytes, kind: type[_Row]) -> Rows:
     return [row.model_dump() for row in rows]
 
 
-class Golden(_Row):
-    """How the golden set of a night compares with the accepted baseline."""
+class Documents(_Row):
+    """The source documents recomputed, and the experiments on convergence that they describe."""
 
-    cases: int
-    versions: dict[str, str]
-    engines: list[str]
-    without: list[str]
-    found: list[dict[str, Any]]
+    newton_histories: Rows
+    slopes: Rows
+    iterations: Rows
+    documents: dict[str, Any] | None
 
 
-def read_golden(folder: Path) -> tuple[dict[str, Any] | None, list[str]]:
-    """Return what `golden.json` holds (None: the set was not compared), and what is wrong with it."""
-    path = folder / "golden.json"
+class Trends(_Row):
+    """The nights that were kept, and the course of what they cost."""
+
+    nights: list[str]
+    series: Rows
+    not_shown: int = 0
+
+
+class Pictures(_Row):
+    """Scenes in motion, and the marks whose pictures they are."""
+
+    width: int
+    height: int
+    scenes: Rows
+    marks: Rows
+
+
+def read_file(folder: Path, name: str, kind: Any) -> tuple[Any, list[str]]:
+    """Return what a file of a night holds (None: there is none), and what is wrong with it."""
+    path = folder / name
     if not path.exists():
         return None, []
     try:
-        return Golden.model_validate_json(path.read_bytes()).model_dump(), []
+        return adapter(kind).validate_json(path.read_bytes()), []
     except ValidationError as error:
-        return None, [f"golden.json cannot be read: {error.errors(include_url=False)[0]['msg']}"]
+        return None, [f"{name} cannot be read: {fault(error)}"]

@@ -8,9 +8,7 @@ from collections.abc import Mapping
 from itertools import combinations
 from typing import Any
 
-from crosscheck.engines import QUANTITIES
-from crosscheck.judge.comparison import MOST_DIGITS
-from crosscheck.judge.records import Answer, Checked, Disagreement
+from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, Answer, Disagreement, Record
 from crosscheck.report.cells import Place
 from crosscheck.report.digits import Digits, describe
 
@@ -24,7 +22,7 @@ class Peers:
         self.pairs: dict[tuple[Who, Who], list[Counter[int]]] = {}
         self.attainable: dict[str, Digits] = {}
 
-    def add(self, record: Checked) -> None:
+    def add(self, record: Record) -> None:
         """Count one scene."""
         scale = record.reference.common.scale if record.reference and record.reference.common else {}
         for one, other in combinations(sorted(record.answers, key=lambda a: (a.engine, a.route.name)), 2):
@@ -81,7 +79,7 @@ class Silent:
     def add(self, place: Place, told: Disagreement) -> None:
         """Count a disagreement; having no answer, or being ended, is not silent."""
         if told.quantity != "status":
-            self.scenes.setdefault((told.engine, told.route), {}).setdefault(told.kind, set()).add(place.key)
+            self.scenes.setdefault((told.engine, told.route), {}).setdefault(told.name, set()).add(place.key)
 
     def of(self, engine: str, route: str) -> dict[str, int]:
         """Return {what is wrong: scenes}, most frequent first, with "any" for all of them together."""

@@ -8,8 +8,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from crosscheck.engines import QUANTITIES
 from crosscheck.report.svg import COLOURS, DASHES, MARKERS, Plot, Style, power_of_ten, style, swatch
+from crosscheck.scenes.names import QUANTITIES
 
 HIGHEST_DIGITS = 17.0
 Series = tuple[str, str]

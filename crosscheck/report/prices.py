@@ -9,11 +9,11 @@ from typing import Any
 
 from markupsafe import Markup
 
+from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.measure.effects_rows import EffectRow
 from crosscheck.report import effects_figures  # the module: it draws with `report.svg`, which imports this
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
 from crosscheck.report.price_figures import iteration_looks, iterations_figure
-from crosscheck.report.summary import SOLVED
 from crosscheck.report.svg import Mark, Plot, Style, power_of_ten, style, swatch
 from crosscheck.report.wording import number
 

@@ -5,27 +5,26 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from importlib.metadata import version
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any
 
-from crosscheck.judge.budget import SAFETY
 from crosscheck.judge.known_gaps import Gap
-from crosscheck.judge.records import Checked, Disagreement, Unreadable, read_records
+from crosscheck.judge.records import QUANTITIES as SOLVED
+from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_records
+from crosscheck.night.plan import GOLDEN, Golden, read_outcome
 from crosscheck.report.cells import Cell, Place, RouteTotals
-from crosscheck.report.coverage import Coverage, Refusals, decade
+from crosscheck.report.coverage import Coverage, Refusals, Together, decade
 from crosscheck.report.disagreements import Disagreements
-from crosscheck.report.measured import measured, read_golden
+from crosscheck.report.measured import PICTURES, Documents, Pictures, Trends, measured, read_file
 from crosscheck.report.peers import Peers, Silent
-from crosscheck.report.poses import poses
 from crosscheck.report.reference import ReferenceTotals
 from crosscheck.report.verdict import verdict
 
-SOLVED = ("position", "velocity", "acceleration")
 OWN_ROWS = ("residual", "jacobian", "constraint_velocity", "gamma")
 ROWS, ANY = "rows", "any"
 REFERENCE = "refkin"
 MOST_FAILURES = 50
+NO_DOCUMENTS: dict[str, Any] = {"newton_histories": [], "slopes": [], "documents": None, "iterations": []}
 ROWS_MADE = {
     "seeding": "configuration",
     "newton_by": "none",
@@ -35,46 +34,45 @@ ROWS_MADE = {
 """An engine's own rows are evaluated at a configuration that it is handed; nothing is solved."""
 
 
-class Ended(Protocol):
-    """What a run says at its end: `crosscheck.night.campaign.Outcome`."""
-
-    versions: dict[str, str]
-    missing: dict[str, str]
-    checked: int
-    failed: list[str]
-    new: list[dict[str, Any]]
-    known: int
-
-
 class Summary:
     """Adds up records; `described` gives the report."""
 
-    def __init__(self, folder: Path, gaps: Sequence[Gap], outcome: Ended | None) -> None:
-        self.gaps, self.outcome = gaps, outcome
+    def __init__(self, folder: Path) -> None:
         self.run, self.failures = read_run(folder)
         self.measured, faults = measured(folder)
-        self.golden, more_faults = read_golden(folder)
-        self.failures += [*faults, *more_faults]
+        self.failures += faults
+        self.outcome, faults = read_outcome(folder)
+        self.failures += faults
+        self.golden: Golden | None = self._read(folder, GOLDEN, Golden)
+        self.documents: Documents | None = self._read(folder, "documents.json", Documents)
+        self.pictures: Pictures | None = self._read(folder, "pictures.json", Pictures)
+        self.trends: Trends | None = self._read(folder, "trends.json", Trends)
+        self.gaps = self.outcome.gaps if self.outcome else []
         self.keys: set[str] = set()
         self.repeated = self.configurations = self.without_result = self.reference_failures = 0
         self.cells: dict[tuple[str, str, str], Cell] = {}
         self.routes: dict[tuple[str, str], RouteTotals] = {}
         self.versions: dict[str, Counter[str]] = {}
         self.reference = ReferenceTotals()
-        self.coverage, self.refusals = Coverage(), Refusals()
+        self.coverage, self.together, self.refusals = Coverage(), Together(), Refusals()
         self.peers, self.silent = Peers(), Silent()
-        called_new = [*(self.golden["found"] if self.golden else ()), *(outcome.new if outcome else ())]
-        self.disagreements = Disagreements(folder, gaps, called_new)
-        for line, text, record in read_records(folder / "records.jsonl"):
-            self._add(line, text, record)
+        called_new = [*(self.golden.found if self.golden else ()), *(self.outcome.new if self.outcome else ())]
+        self.disagreements = Disagreements(folder, self.gaps, called_new)
+        for line, record in read_records(folder / "records.jsonl"):
+            self._add(line, record)
         for told in self.disagreements.finish():
             self._blame({_blamed(told): True})
         held = set(self.failures)
-        self.failures += [text for text in (outcome.failed if outcome else ()) if text not in held]
+        self.failures += [text for text in (self.outcome.failed if self.outcome else ()) if text not in held]
 
-    def _add(self, line: int, text: bytes, record: Checked | Unreadable) -> None:
+    def _read(self, folder: Path, name: str, kind: Any) -> Any:
+        found, faults = read_file(folder, name, kind)
+        self.failures += faults
+        return found
+
+    def _add(self, line: int, record: Record | Unreadable) -> None:
         if isinstance(record, Unreadable):
-            self.failures.append(f"line {line} of records.jsonl is no record: {record.reason}")
+            self.failures.append(f"records.jsonl, line {line} is no record: {record.reason}")
             return
         if record.key in self.keys:
             self.repeated += 1
@@ -82,6 +80,7 @@ class Summary:
         self.keys.add(record.key)
         place = Place(record.key, record.scene, line)
         self.coverage.add(record.about, record.reference)
+        self.together.add(record.about)
         if record.failure is not None:
             self.without_result += 1
             self.failures.append(f"{record.key}: {record.failure}")
@@ -91,15 +90,15 @@ class Summary:
         self.peers.add(record)
         self.refusals.add(record.refusals)
         blamed: dict[tuple[str, str, str], bool] = {}
-        for told, is_new in self.disagreements.add(place, text, record):
+        for told, is_new in self.disagreements.add(place, record):
             who = _blamed(told)
             blamed[who] = blamed.get(who, False) or is_new
             if told.engine != REFERENCE and told.quantity != "status":
-                self._cell(*who).meet(told.ratio, place, told.worst)
+                self._cell(*who).meet(told.ratio, place, told.at)
             self.silent.add(place, told)
         self._blame(blamed)
 
-    def _add_answers(self, record: Checked, place: Place, sigma_decade: int | None) -> None:
+    def _add_answers(self, record: Record, place: Place, sigma_decade: int | None) -> None:
         for answer in record.answers:
             engine, route = answer.engine, answer.route.name
             self.versions.setdefault(engine, Counter())[answer.version] += 1
@@ -109,7 +108,6 @@ class Summary:
                 cell.add(found.digits_by_sigma, place)
                 cell.judged += answer.judged
                 cell.meet(found.ratio, place, found.worst)
-                cell.depict(found, place, record.scene_file)
         for row in record.levels:
             cell = self._cell(row.engine, ROWS, _quantity(row.level))
             cell.add({None: row.digits}, place)
@@ -133,15 +131,15 @@ class Summary:
                 cell.failures += is_new
                 cell.known_gaps += not is_new
 
-    def described(self, required: Sequence[str] | None) -> dict[str, Any]:
-        """Return the whole report; `required` engines are those that run.json names if None."""
+    def described(self, required: Sequence[str] | None = None) -> dict[str, Any]:
+        """Return the whole report; `required` engines are those that the run names if None."""
         run = self.run
         versions = dict(self.outcome.versions if self.outcome else run.get("versions", {}))
         missing = dict(self.outcome.missing if self.outcome else run.get("missing", {}))
         engines = sorted({*versions, *(engine for engine, *_ in self.cells)} - {REFERENCE})
         answering = {engine for engine, _ in self.routes}
         if required is None:
-            required = self._required(missing)
+            required = self.outcome.required if self.outcome else list(run.get("required", ()))
         found, why = verdict(
             required=required,
             missing=missing,
@@ -151,12 +149,12 @@ class Summary:
             scenes=len(self.keys),
         )
         return {
-            "schema": 1,
+            "schema": 2,
             "verdict": found,
             "why": why,
             "date": run.get("date"),
             "seed": run.get("seed"),
-            "versions": {"refkin": version("refkin"), **self._seen_versions(), **versions},
+            "versions": {"refkin": run.get("refkin", "not known"), **self._seen_versions(), **versions},
             "missing": missing,
             "required": list(required),
             "scenes": len(self.keys),
@@ -170,27 +168,24 @@ class Summary:
             "reference": {**self.reference.described(), "failures": self.reference_failures},
             "attainable": self.peers.attainable_described(),
             "agreement": self.peers.agreement_described(),
-            "poses": poses({name: cell.pictures for name, cell in self.cells.items()}),
+            "poses": self.pictures.model_dump() if self.pictures else PICTURES,
             "engines": {engine: self._engine(engine) for engine in engines},
             "routes": [
                 {"engine": e, "route": r, **t.described(), "silent": self.silent.of(e, r)}
                 for (e, r), t in sorted(self.routes.items())
             ],
-            "golden": self.golden,
+            "golden": plain(self.golden) if self.golden else None,
             **self.measured,
+            **(self.documents.model_dump() if self.documents else NO_DOCUMENTS),
+            "trends": self.trends.model_dump() if self.trends else None,
             "disagreements": self.disagreements.described(),
             "known_gaps": [_gap_row(g, n) for g, n in zip(self.gaps, self.disagreements.covered, strict=True)],
             "coverage": self.coverage.described(),
+            "together": self.together.described(),
             "refusals": self.refusals.described(),
-            "safety_factor": SAFETY,
+            "safety_factor": run.get("safety_factor"),
             "run": dict(run),
         }
-
-    def _required(self, missing: Mapping[str, str]) -> list[str]:
-        """Return the required engines; a run that stopped before its first scene did not write which it wanted."""
-        if self.outcome and self.outcome.missing and not self.outcome.checked and not self.keys:
-            return sorted(missing)
-        return list(self.run.get("required", ()))
 
     def _engine(self, engine: str) -> dict[str, Any]:
         """Return {route: {quantity: numbers}}: every quantity under every route; what nobody answered is None."""
@@ -199,7 +194,7 @@ class Summary:
         found: dict[str, Any] = {}
         for route in routes:
             made = self.routes.get((engine, route))
-            who = made.made.model_dump(include=set(ROWS_MADE)) if made else dict.fromkeys(ROWS_MADE)
+            who = {key: getattr(made.made, key) for key in ROWS_MADE} if made else dict.fromkeys(ROWS_MADE)
             speed = made.microseconds if made else {"microseconds_mean": None, "microseconds_median": None}
             unanswered = made.unanswered if made else 0
             found[route] = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import re
 import sys
+from collections.abc import Mapping
 from typing import Any
 
 from markupsafe import Markup
@@ -71,13 +72,11 @@ def whose(text: str | None, quantity: str) -> str:
     return clause if clause == bare else f"{clause} …"
 
 
-def sample(text: str) -> str:
-    """Return the place of a sample with its time to six figures; report.json has all seventeen."""
-    where, at, time = text.partition(" at t = ")
-    try:
-        return f"{where}{at}{float(time):.6g}" if at else text
-    except ValueError:
-        return text
+def sample(place: Mapping[str, Any]) -> str:
+    """Return where a number was met, its time to six figures, or else what is known; report.json has all digits."""
+    if place["component"] is None:
+        return str(place.get("message") or "not told by the record")
+    return str(place["component"]) if place["time"] is None else f"{place['component']} at t = {place['time']:.6g}"
 
 
 def words(value: Any) -> str:

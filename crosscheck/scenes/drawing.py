@@ -1,6 +1,6 @@
 """Drawing scenes for a night: Hypothesis under a seed derived from the night's seed and the scene's number.
 
-The parent draws and shrinks; workers solve. Every scene has a seed of its own, so any one of a night can be drawn
+Workers draw what they check; the parent shrinks. Every scene has a seed of its own, so any one of a night can be drawn
 again, bit for bit, from (seed, number): that is how a run is resumed, and how a failure re-enters Hypothesis as a
 property to shrink. Were a hundred drawn in one run of Hypothesis, most would be mutations of their neighbours, with a
 third as many different linkages.
@@ -18,12 +18,15 @@ from unittest import mock
 
 from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings
 from hypothesis import strategies as st
+from hypothesis.database import InMemoryExampleDatabase
 from hypothesis.internal.cache import LRUCache
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
 
 from crosscheck.strategies import Chain, Drawn, chains, drawn_scenes
+from refkin.joints import Driver
 from refkin.model import Scene
+from refkin.motion_laws import Integral
 from refkin.scenes.files import to_toml
 
 SAMPLES = 72
@@ -32,6 +35,9 @@ FEWER_SAMPLES = (2, 3, 5, 9, 18, 36)
 """Numbers of times with which a failing scene is tried before it is shrunk."""
 CHAINS_EVERY = 7
 """Every how manieth scene is no linkage but a geared five-bar, a rack, a cam or a six-bar (`strategies.chains`)."""
+WARM_UP = 210
+"""The first turns of a night check whatever is drawn; from then on one of `CANDIDATES` scenes, which adds most."""
+CANDIDATES = 2
 TICKETS = st.integers(0, 2**64 - 1)
 """Drawn before a scene. Hypothesis runs the simplest example first and makes the second differ from it in its first
 choice: without a ticket no scene but the simplest would be of the first kind."""
@@ -69,6 +75,23 @@ AnyDrawn = Drawn | Chain
 def is_chain(number: int) -> bool:
     """Whether the scene of that number is one of `strategies.chains`."""
     return number % CHAINS_EVERY == CHAINS_EVERY - 1
+
+
+def numbers_of(turn: int) -> tuple[int, ...]:
+    """Return the numbers of the scenes of which a night checks one in its turn 0, 1, 2 ...: all chains, or none."""
+    if turn < WARM_UP:
+        return (turn,)
+    block, place = divmod(turn - WARM_UP, CHAINS_EVERY)
+    first = WARM_UP + CANDIDATES * CHAINS_EVERY * block + place
+    return tuple(first + CHAINS_EVERY * k for k in range(CANDIDATES))
+
+
+def turn_of(number: int) -> int:
+    """Return the turn of a night in which the scene of that number may be checked."""
+    if number < WARM_UP:
+        return number
+    block, place = divmod(number - WARM_UP, CANDIDATES * CHAINS_EVERY)
+    return WARM_UP + CHAINS_EVERY * block + place % CHAINS_EVERY
 
 
 def draw(night: int, number: int, samples: int = SAMPLES) -> AnyDrawn:
@@ -126,20 +149,63 @@ def shrink(
     return best, len(fails)
 
 
+def climb(night: int, number: int, check: Callable[[AnyDrawn], None], examples: int, samples: int) -> None:
+    """Check scenes that Hypothesis derives from the one drawn under this number, at fewer times.
+
+    `check` says by `hypothesis.target` what makes a scene worse. The choices that drew the scene are kept as those of a
+    failure, which is where Hypothesis begins.
+    """
+    start = draw(night, number, samples).scene
+    kept = InMemoryExampleDatabase()
+    drawing = True
+
+    def scene_property(ticket: int, drawn: AnyDrawn) -> None:
+        if not drawing:
+            check(drawn)
+        elif drawn.scene == start:
+            raise _Found
+
+    run = given(TICKETS, _scenes_of(number, samples))(scene_property)
+    first = settings(profile((Phase.generate,)), database=kept)
+    then = settings(profile((Phase.reuse, Phase.generate, Phase.target)), database=kept, max_examples=examples)
+    with own_choices_only():
+        with suppress(_Found):
+            seed(seed_of_scene(night, number))(first(run))()
+        drawing = False
+        seed(seed_of_scene(night, number))(then(run))()
+
+
+def _scenes_of(number: int, samples: int) -> st.SearchStrategy[Any]:
+    return chains(samples=samples) if is_chain(number) else drawn_scenes(samples=samples)
+
+
 def effort(scene: Scene) -> int:
     """Return how much there is to read in a scene, which shrinking makes less: the digits of all its numbers."""
     return sum(len(digits) for digits in re.findall(r"\d+", to_toml(scene)))
 
 
 def describe(drawn: AnyDrawn) -> dict[str, Any]:
-    """Return what the generator knows of a scene, as plain data."""
+    """Return what the generator knows of a scene, as plain data: `crosscheck.judge.records.FEATURES` among it."""
+    mechanism = drawn.scene.mechanism
+    grashof = None if drawn.grashof is None else drawn.grashof.value
     return {
         "kind": drawn.kind,
-        "grashof": None if drawn.grashof is None else drawn.grashof.value,
+        "grashof": grashof,
+        "class": grashof or drawn.kind,
         "branch": drawn.branch.value,
         "hardness": drawn.hardness.value,
         "distance": drawn.distance,
+        "joints": ", ".join(sorted({joint.type for joint in mechanism.joints})),
+        "driver": ", ".join(driver.type for driver in mechanism.drivers),
+        "law": ", ".join(_law_of(driver) for driver in mechanism.drivers),
     }
+
+
+def _law_of(driver: Driver) -> str:
+    """Return the type of a driver's law, and whether it is given as a rate."""
+    law = driver.laws[0]
+    name = type(law.rate if isinstance(law, Integral) else law).__name__.lower()
+    return f"rate {name}" if isinstance(law, Integral) else name
 
 
 _permitted_constants: LRUCache[Any, Any] = LRUCache(1024)
@@ -158,7 +224,7 @@ def _run(night: int, number: int, samples: int, phases: tuple[Phase, ...], do: C
 
     @seed(seed_of_scene(night, number))
     @profile(phases)
-    @given(TICKETS, chains(samples=samples) if is_chain(number) else drawn_scenes(samples=samples))
+    @given(TICKETS, _scenes_of(number, samples))
     def scene_property(ticket: int, drawn: AnyDrawn) -> None:
         do(drawn)
 

@@ -19,15 +19,16 @@ from functools import lru_cache
 from typing import Any
 
 from crosscheck.errors import CannotRun
-from crosscheck.workers.pool import LONGEST_WAIT, MOST_KILLS, SECONDS_PER_SCENE, Workers
-from crosscheck.workers.processes import Failure, Job, Record, call_each
+from crosscheck.workers.installed import name_and_version
+from crosscheck.workers.pool import LONGEST_WAIT, MOST_KILLS, SECONDS_PER_SCENE, Job, Work, Workers
+from crosscheck.workers.processes import Failure, call_each
 
 LOCAL = "local"
 BATCH = 100
 """Scenes in a batch: some ten seconds of work, a thousand times what handing it over takes."""
 SECONDS_TO_CONNECT = 20.0
 """After this long without a scheduler, or without one worker, there is no cluster."""
-Batch = tuple[list[Record], list[str]]
+Batch = tuple[list[Any], list[str]]
 """The records of a batch, and failures that were none when their scenes were taken apart."""
 
 
@@ -40,6 +41,8 @@ class ClusterWorkers:
 
     Parameters
     ----------
+    work : Work
+        What they do.
     address : str
         "local" for a cluster of `count` processes of this machine's, else a scheduler's, as tcp://host:8786.
     count : int
@@ -59,13 +62,14 @@ class ClusterWorkers:
 
     def __init__(
         self,
+        work: Work,
         address: str,
         count: int,
         engines: Mapping[str, str],
         versions: Mapping[str, str],
         seconds: float = SECONDS_PER_SCENE,
     ) -> None:
-        self.engines, self.seconds = dict(engines), seconds
+        self.work, self.engines, self.seconds = work, dict(engines), seconds
         self.unexplained: list[str] = []
         self._waiting: dict[Any, tuple[tuple[Job, ...], tuple[str, ...], int]] = {}
         self._stack = ExitStack()
@@ -107,14 +111,14 @@ class ClusterWorkers:
             del self._waiting[future]
             future.cancel()
 
-    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Record:
+    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Any:
         """Return the record of one scene; nothing else may be pending."""
         self.submit([job], engines)
         while True:
             for record in self.results():
                 return record
 
-    def results(self) -> Iterator[Record]:
+    def results(self) -> Iterator[Any]:
         """Wait until something happens, and yield the records that came in, perhaps none."""
         end = time.monotonic() + LONGEST_WAIT
         while not (done := [f for f in self._waiting if f.done()]) and time.monotonic() < end:
@@ -134,7 +138,7 @@ class ClusterWorkers:
 
     def _submit(self, jobs: tuple[Job, ...], engines: tuple[str, ...], kills: int) -> None:
         specs = {name: self.engines[name] for name in engines}
-        future = self.client.submit(check_batch, jobs, specs, self.seconds, pure=False)
+        future = self.client.submit(check_batch, self.work, jobs, specs, self.seconds, pure=False)
         self._waiting[future] = (jobs, engines, kills)
 
     def _connected(self, address: str, count: int) -> Any:
@@ -167,11 +171,11 @@ class ClusterWorkers:
         return len(told)
 
 
-def check_batch(jobs: Sequence[Job], engines: Mapping[str, str], seconds: float) -> Batch:
+def check_batch(work: Work, jobs: Sequence[Job], engines: Mapping[str, str], seconds: float) -> Batch:
     """Return the records of scenes; this is what a worker of the cluster does, its engines in a child process."""
-    workers = _child(threading.get_ident(), tuple(engines.items()), seconds)
+    workers = _child(threading.get_ident(), work, tuple(engines.items()), seconds)
     workers.submit(jobs)
-    records: list[Record] = []
+    records: list[Any] = []
     while workers.pending:
         records += workers.results()
     unexplained, workers.unexplained = workers.unexplained, []
@@ -184,14 +188,12 @@ def versions_here(specs: Sequence[str]) -> dict[str, str] | str:
 
     if multiprocessing.current_process().daemon:
         return "is a daemon and may have no children: start it with DASK_DISTRIBUTED__WORKER__DAEMON=False"
-    from crosscheck.night.campaign import name_and_version
-
     told = call_each(name_and_version, specs)
     failures = [answer.text for answer in told if isinstance(answer, Failure)]
     return "; ".join(failures) if failures else dict(told)
 
 
 @lru_cache
-def _child(thread: int, engines: tuple[tuple[str, str], ...], seconds: float) -> Workers:
+def _child(thread: int, work: Work, engines: tuple[tuple[str, str], ...], seconds: float) -> Workers:
     """Return the child process of a thread of this worker; it ends with the worker."""
-    return Workers(1, dict(engines), seconds)
+    return Workers(work, 1, dict(engines), seconds)

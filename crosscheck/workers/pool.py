@@ -1,20 +1,21 @@
-"""Scenes for worker processes: engines may crash or hang on one, and take only their own process with them.
+"""Jobs for worker processes: engines may crash or hang on one, and take only their own process with them.
 
-A scene on which a process fails is taken apart: the reference by itself, then one engine at a time, each in a process
+A job on which a process fails is taken apart: without any engine, then with one engine at a time, each in a process
 that has nothing else to do. So the engine that fails is known by name, and what the others answer is kept. A process
-that was killed from outside proves nothing: its scene is done again.
+that was killed from outside proves nothing: its job is done again. What is done, and how the parts of a job become one
+result, is handed over as a `Work`.
 """
 
 from __future__ import annotations
 
 import time
 from collections import deque
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from multiprocessing import connection
 from typing import Any, Protocol, Self
 
-from crosscheck.workers.processes import Failure, Job, Record, SceneProcess
+from crosscheck.workers.processes import Child, Failure, Message, hang
 
 SECONDS_PER_SCENE = 30.0
 """After this long on one scene a process is ended: some hundred times what a scene takes."""
@@ -24,6 +25,29 @@ BATCH = 5
 """Scenes handed to a process at once: enough that it seldom waits, few enough that a night ends when it is over."""
 MOST_KILLS = 5
 """When a scene's process has been killed this often, something about the scene has it killed."""
+
+
+Job = Mapping[str, Any]
+"""What a worker does one thing about; it finds the specs of the engines to ask under `engines`."""
+Parts = Mapping[str, Any]
+"""What came of a job by engine, and under "" without any: a result, or a Failure."""
+
+
+@dataclass(frozen=True)
+class Work:
+    """What workers do, in functions that a process can import.
+
+    Attributes
+    ----------
+    do, prepare : callable
+        Return the result of a job, which has a `key`; load the engines of a job, before its time begins.
+    joined : callable
+        Return the result of a job from (job, engines in their order, parts).
+    """
+
+    do: Callable[[Job], Any]
+    prepare: Callable[[Job], None]
+    joined: Callable[[Job, Sequence[str], Parts], Any]
 
 
 @dataclass(frozen=True)
@@ -53,7 +77,7 @@ class Trial:
     job: Job
     engines: tuple[str, ...]
     first: Failure
-    parts: dict[str, Record | Failure] = field(default_factory=dict)
+    parts: dict[str, Any] = field(default_factory=dict)
 
     @property
     def complete(self) -> bool:
@@ -64,23 +88,6 @@ class Trial:
     def repeated(self) -> bool:
         """Whether something failed again."""
         return any(isinstance(part, Failure) for part in self.parts.values())
-
-    def record(self) -> Record:
-        """Return the record of the scene as if nothing had happened, but with what failed again."""
-        record = self.parts[""]
-        if isinstance(record, Failure):
-            return {**_bare(self.job), "failure": f"the reference itself: {record.kind}; {record.text}"}
-        of_reference = len(record["disagreements"])  # every part has these, too
-        for engine in self.engines:
-            part = self.parts[engine]
-            if isinstance(part, Failure):
-                told = {"engine": engine, "route": "any", "quantity": "status", "kind": part.kind}
-                record["disagreements"].append({**told, "ratio": None, "worst": part.text})
-                continue
-            for key in ("answers", "levels", "refusals"):
-                record[key] += part[key]
-            record["disagreements"] += part["disagreements"][of_reference:]
-        return record
 
 
 class Pool(Protocol):
@@ -98,8 +105,8 @@ class Pool(Protocol):
     def batch(self, scenes: int | None) -> int: ...
     def submit(self, jobs: Iterable[Job], engines: Iterable[str] | None = None) -> None: ...
     def drop_waiting(self) -> None: ...
-    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Record: ...
-    def results(self) -> Iterator[Record]: ...
+    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Any: ...
+    def results(self) -> Iterator[Any]: ...
 
 
 class Workers:
@@ -107,24 +114,26 @@ class Workers:
 
     Parameters
     ----------
+    work : Work
+        What they do.
     count : int
         How many processes.
     engines : mapping
         Name of each engine -> what `crosscheck.engines.load` takes for it.
     seconds : float
-        After this long on one scene a process is ended.
+        After this long on one job a process is ended.
 
     Attributes
     ----------
     unexplained : list of str
-        Failures that were none when their scenes were taken apart.
+        Failures that were none when their jobs were taken apart.
     """
 
-    def __init__(self, count: int, engines: Mapping[str, str], seconds: float = SECONDS_PER_SCENE) -> None:
-        self.count, self.engines, self.seconds = count, dict(engines), seconds
+    def __init__(self, work: Work, count: int, engines: Mapping[str, str], seconds: float = SECONDS_PER_SCENE) -> None:
+        self.work, self.count, self.engines, self.seconds = work, count, dict(engines), seconds
         self.waiting: deque[Task] = deque()
-        self.idle: list[SceneProcess] = []
-        self.busy: dict[SceneProcess, Task] = {}
+        self.idle: list[Child] = []
+        self.busy: dict[Child, Task] = {}
         self.unexplained: list[str] = []
 
     def __enter__(self) -> Workers:
@@ -159,14 +168,14 @@ class Workers:
         """Forget the scenes that no process has begun with, unless they are being taken apart."""
         self.waiting = deque(task for task in self.waiting if task.trial)
 
-    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Record:
+    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Any:
         """Return the record of one scene; nothing else may be pending."""
         self.submit([job], engines)
         while True:
             for record in self.results():
                 return record
 
-    def results(self) -> Iterator[Record]:
+    def results(self) -> Iterator[Any]:
         """Wait until something happens, and yield the records that came in, perhaps none."""
         self._hand_out()
         if not self.busy:
@@ -175,23 +184,26 @@ class Workers:
         ready = connection.wait([process.pipe for process in self.busy], timeout=min(max(0.0, left), LONGEST_WAIT))
         for process in list(self.busy):
             if process.pipe in ready:
-                answer = process.take(self.seconds)
-                if not isinstance(answer, str):
-                    yield from self._answered(process, process.end() if answer is None else answer, answer is None)
+                message = process.take(self.seconds)
+                if message is None:
+                    yield from self._answered(process, process.end(), True)
+                elif message[0] is Message.DONE:
+                    yield from self._answered(process, message[1], False)
             elif time.monotonic() > process.deadline:
                 process.end()
-                yield from self._answered(process, Failure("hang", f"no answer within {self.seconds:g} s"), True)
+                yield from self._answered(process, hang(self.seconds), True)
 
     def _hand_out(self) -> None:
         while self.waiting and (self.idle or len(self.busy) < self.count):
-            process = self.idle.pop() if self.idle else SceneProcess()
+            process = self.idle.pop() if self.idle else Child(self.work.do, self.work.prepare)
             task = self.waiting[0]
-            if process.give(task.jobs, [self.engines[name] for name in task.engines], self.seconds):
+            specs = tuple(self.engines[name] for name in task.engines)
+            if process.give([{**job, "engines": specs} for job in task.jobs], self.seconds):
                 self.busy[process] = self.waiting.popleft()
             else:
                 process.end()  # it was killed while it was idle
 
-    def _answered(self, process: SceneProcess, answer: Record | Failure, ended: bool) -> Iterator[Record]:
+    def _answered(self, process: Child, answer: Any, ended: bool) -> Iterator[Any]:
         """Note that a process is done with its first scene, or has ended at it; the others go on, or wait again."""
         task = self.busy.pop(process)
         rest = replace(task, jobs=task.jobs[1:], kills=0)
@@ -203,7 +215,7 @@ class Workers:
             self.idle.append(process)
         yield from self._settled(replace(task, jobs=task.jobs[:1]), answer)
 
-    def _settled(self, task: Task, answer: Record | Failure) -> Iterator[Record]:
+    def _settled(self, task: Task, answer: Any) -> Iterator[Any]:
         """Yield the record of a scene if this completes it, else see to it that it will be complete."""
         if isinstance(answer, Failure) and answer.from_outside and task.kills < MOST_KILLS:
             self.waiting.appendleft(replace(task, kills=task.kills + 1))
@@ -214,22 +226,12 @@ class Workers:
         else:
             yield answer
 
-    def _part_settled(self, trial: Trial, engines: tuple[str, ...], answer: Record | Failure) -> Iterator[Record]:
+    def _part_settled(self, trial: Trial, engines: tuple[str, ...], answer: Any) -> Iterator[Any]:
         trial.parts["".join(engines)] = answer
         if not engines and not isinstance(answer, Failure):
             self.waiting.extendleft(Task((trial.job,), (engine,), trial=trial) for engine in reversed(trial.engines))
         if trial.complete:
-            record = trial.record()
+            result = self.work.joined(trial.job, trial.engines, trial.parts)
             if not trial.repeated:
-                self.unexplained.append(f"{record['key']}: {trial.first.kind}, but not when it was done again")
-            yield record
-
-
-def _bare(job: Job) -> dict[str, Any]:
-    """Return the record of a scene of which nothing is known."""
-    from crosscheck.measure.check import key_of
-    from refkin.scenes.files import parse
-
-    scene = parse(job["scene"])
-    nothing: dict[str, Any] = {"answers": [], "levels": [], "refusals": [], "disagreements": []}
-    return {"key": key_of(scene), "scene": scene.name, "about": dict(job["about"]), **nothing}
+                self.unexplained.append(f"{result.key}: {trial.first.name}, but not when it was done again")
+            yield result

@@ -1,7 +1,10 @@
-"""Processes that check scenes one after the other, and how they begin and end.
+"""Processes that call a function for one argument after the other, and how they begin and end: the one mechanism.
 
-Each has a pipe of its own and hands in each record as soon as it has it. So a process that ends, be it in the middle of
-a write, costs the one scene it was at and cannot spoil what another hands in.
+Each has a pipe of its own and hands in each result as soon as it has it. So a process that ends, be it in the middle of
+a write, costs the one argument it was at and cannot spoil what another hands in. `start` begins any function in a
+process; a `Child` calls one again and again; `call_each` and `call_in_turn` are the two ways to have many arguments
+done; `crosscheck.workers.pool` has many children at once. Functions are handed over by whoever wants them called, and
+must be importable.
 """
 
 from __future__ import annotations
@@ -13,75 +16,114 @@ import sys
 import time
 import traceback
 import types
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import lru_cache
+from enum import StrEnum
+from functools import cache
 from typing import Any
 
-Job = Mapping[str, Any]
-"""A scene as the data of its file under `scene`, what the generator knows of it under `about`; perhaps `arbiter`."""
-Record = dict[str, Any]
-
 SECONDS_TO_START = 60.0
-"""How long a process may take to start and to load its engines."""
+"""How long a process may take to start and to prepare."""
 SERVER_DIES_WITHIN = (0.05, 0.2, 1.0)
 """How long to wait before a server that does not answer is asked again, or replaced [s]."""
-LOADED = "loaded"
-"""What comes before the first record of a task: the engines are loaded, the first scene begins."""
 FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "exit code 255")
 """Ends that come from outside: a person, a batch system, the kernel short of memory. (255 stands for a process of which
 nobody was left to tell how it ended.)"""
 
 
+class Fault(StrEnum):
+    """How a process failed at something."""
+
+    CRASH = "crash"
+    """It ended."""
+    HANG = "hang"
+    """It took too long, and was ended."""
+    ERROR = "error"
+    """It raised an exception."""
+
+
 @dataclass(frozen=True)
 class Failure:
-    """How a process failed at something: `kind` is crash, hang or error and which, `text` what is known of it."""
+    """How a process failed; `how` is the signal, the exit code or the exception, `text` what else is known."""
 
-    kind: str
+    kind: Fault
     text: str
+    how: str = ""
+
+    @property
+    def name(self) -> str:
+        """The kind with how it came."""
+        return f"{self.kind} ({self.how})" if self.how else str(self.kind)
 
     @property
     def from_outside(self) -> bool:
         """Whether somebody ended the process, rather than what it was doing."""
-        return any(name in self.kind for name in FROM_OUTSIDE)
+        return self.kind is Fault.CRASH and self.how in FROM_OUTSIDE
 
 
-class SceneProcess:
-    """A process that checks scenes, as its parent sees it.
+def hang(seconds: float) -> Failure:
+    """Return that no answer came in time."""
+    return Failure(Fault.HANG, f"no answer within {seconds:g} s")
+
+
+class Message(StrEnum):
+    """What a child sends: that it is ready for the first argument, or what came of one."""
+
+    READY = "ready"
+    DONE = "done"
+
+
+class Child:
+    """A process that calls a function, as its parent sees it.
+
+    Parameters
+    ----------
+    function : callable
+        Importable; called with one argument at a time.
+    prepare : callable, optional
+        Importable; called with the first of some arguments before its time begins. What it raises is the result of all.
 
     Attributes
     ----------
     pipe : Connection
-        Where records come in; it ends when the process does.
+        Where results come in; it ends when the process does.
     deadline : float
-        Until when, by `time.monotonic`, the next record has time.
+        Until when, by `time.monotonic`, the next result has time.
     """
 
-    def __init__(self) -> None:
-        self.pipe, theirs = _context().Pipe()
-        self.process = _context().Process(target=serve, args=(theirs,), daemon=True)
+    def __init__(self, function: Callable[[Any], Any], prepare: Callable[[Any], None] | None = None) -> None:
         self.deadline = 0.0
-        _begin(self.process)
-        theirs.close()
+        self.pipe, self.process = start(serve, function, prepare)
 
-    def give(self, jobs: Sequence[Job], engines: Sequence[str], seconds: float) -> bool:
-        """Hand over scenes, with `seconds` for each; return whether there still was a process to take them."""
+    def give(self, arguments: Sequence[Any], seconds: float, to_start: float = SECONDS_TO_START) -> bool:
+        """Hand over arguments, with `seconds` for each; return whether there still was a process to take them."""
         try:
-            self.pipe.send((tuple(jobs), tuple(engines), seconds))
+            self.pipe.send((tuple(arguments), seconds))
         except OSError:
             return False
-        self.deadline = time.monotonic() + SECONDS_TO_START
+        self.deadline = time.monotonic() + to_start
         return True
 
-    def take(self, seconds: float) -> Record | Failure | str | None:
-        """Return what came in: a record, what was raised, LOADED, None at the end; the next has `seconds` from now."""
+    def take(self, seconds: float) -> tuple[Message, Any] | None:
+        """Return what came in, None at the end; the next result has `seconds` from now."""
         try:
-            answer: Record | Failure | str = self.pipe.recv()
+            message: tuple[Message, Any] = self.pipe.recv()
         except (EOFError, OSError):
             return None
         self.deadline = time.monotonic() + seconds
-        return answer
+        return message
+
+    def result(self, seconds: float) -> Any:
+        """Wait for the next result, and return it or a Failure; after a crash or a hang the process is ended."""
+        while self.pipe.poll(max(0.0, self.deadline - time.monotonic())):
+            message = self.take(seconds)
+            if message is None:
+                return self.end()
+            if message[0] is Message.DONE:
+                return message[1]
+        self.end()
+        return hang(seconds)
 
     def end(self) -> Failure:
         """End the process, unless it has ended by itself; return how it had."""
@@ -89,32 +131,71 @@ class SceneProcess:
         return stop(self.process)
 
 
-def serve(pipe: Any) -> None:
-    """Check what comes through a pipe until its other end is closed; this is what a process does."""
+def serve(function: Callable[[Any], Any], prepare: Callable[[Any], None] | None, pipe: Any) -> None:
+    """Call a function with what comes through a pipe until its other end is closed; this is what a child does."""
     with suppress(EOFError, OSError):  # the parent is gone: there is nobody left to tell
         while True:
-            jobs, specs, seconds = pipe.recv()
+            arguments, seconds = pipe.recv()
             with ended_by_the_system(2 * SECONDS_TO_START):
-                engines = told_if_raised(_loaded, specs)
-            pipe.send(LOADED)
-            for job in jobs:
+                ready = told_if_raised(prepare, arguments[0]) if prepare else None
+            pipe.send((Message.READY, None))
+            for argument in arguments:
                 with ended_by_the_system(seconds + SECONDS_TO_START):
-                    answer = engines if isinstance(engines, Failure) else told_if_raised(_checked, job, engines)
-                pipe.send(answer)
+                    result = ready if isinstance(ready, Failure) else told_if_raised(function, argument)
+                pipe.send((Message.DONE, result))
 
 
-@lru_cache
-def _loaded(specs: tuple[str, ...]) -> list[Any]:
-    from crosscheck.engines import load
+def call_each(function: Callable[[Any], Any], arguments: Sequence[Any], seconds: float = SECONDS_TO_START) -> list[Any]:
+    """Return what an importable function returns for each argument, or a Failure, each in a process of its own.
 
-    return [load(spec) for spec in specs]
+    All are done at once; `seconds` are for the start as well.
+    """
+    children = []
+    for argument in arguments:
+        children.append(Child(function))
+        children[-1].give([argument], seconds, to_start=seconds)
+    end = time.monotonic() + seconds
+    results = []
+    for child in children:
+        child.deadline = end
+        results.append(child.result(seconds))
+        child.end()
+    return results
 
 
-def _checked(job: Job, engines: Sequence[Any]) -> Record:
-    from crosscheck.measure.check import check
-    from refkin.scenes.files import parse
+def call_in_turn(
+    function: Callable[[Any], Any], arguments: Sequence[Any], seconds: float = SECONDS_TO_START
+) -> Iterator[Any]:
+    """Yield what an importable function returns for each argument, or a Failure; one process does as many as it can.
 
-    return check(parse(job["scene"]), engines, job["about"], arbiter=job.get("arbiter", False))
+    A process that ends, or that takes longer than `seconds`, is replaced for the arguments that are left.
+    """
+    child = None
+    try:
+        for argument in arguments:
+            while child is None or not child.give([argument], seconds):
+                child = Child(function)
+            result = child.result(seconds)
+            if isinstance(result, Failure) and result.kind is not Fault.ERROR:
+                child.end()
+                child = None
+            yield result
+    finally:
+        if child is not None:
+            child.end()
+
+
+def start(function: Callable[..., None], *arguments: Any) -> tuple[Any, Any]:
+    """Start an importable function in a process of its own; return our end of a pipe, and the process.
+
+    The function takes the other end of the pipe as its last argument.
+    """
+    context = _context()
+    ours, theirs = context.Pipe()
+    process = context.Process(target=function, args=(*arguments, theirs), daemon=True)
+    _begin(process)
+    theirs.close()
+    return ours, process
 
 
 def told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -127,26 +208,7 @@ def told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
         name, file = type(error).__name__, os.path.basename(where.filename)
-        return Failure(f"error ({name})", f"{name}: {error} ({where.name}, {file}:{where.lineno})")
-
-
-def call_each(function: Callable[[str], Any], arguments: Sequence[str], seconds: float = SECONDS_TO_START) -> list[Any]:
-    """Return what an importable function returns for each argument, or a Failure, each in a process of its own."""
-    begun = [start(_call, function, argument) for argument in arguments]
-    end = time.monotonic() + seconds
-    return [_returned(ours, process, end, seconds) for ours, process in begun]
-
-
-def start(function: Callable[..., None], *arguments: Any) -> tuple[Any, Any]:
-    """Start an importable function in a process of its own; return a pipe to read from, and the process.
-
-    The function takes the other end of the pipe, to which it writes, as its last argument.
-    """
-    ours, theirs = _context().Pipe(duplex=False)
-    process = _context().Process(target=function, args=(*arguments, theirs), daemon=True)
-    _begin(process)
-    theirs.close()
-    return ours, process
+        return Failure(Fault.ERROR, f"{name}: {error} ({where.name}, {file}:{where.lineno})", name)
 
 
 def _begin(process: Any) -> None:
@@ -173,92 +235,13 @@ def stop(process: Any) -> Failure:
     return _crash(code)
 
 
-def call_in_turn(
-    function: Callable[[str], Any], arguments: Sequence[str], seconds: float = SECONDS_TO_START
-) -> Iterator[Any]:
-    """Yield what an importable function returns for each argument, or a Failure; one process does as many as it can.
-
-    A process that ends, or that takes longer than `seconds`, is replaced for the arguments that are left.
-    """
-    worker = None
-    try:
-        for argument in arguments:
-            worker = worker or _Caller(function)
-            answer = worker.call(argument, seconds)
-            if isinstance(answer, Failure) and not answer.kind.startswith("error"):
-                worker.end()
-                worker = None
-            yield answer
-    finally:
-        if worker is not None:
-            worker.end()
-
-
-class _Caller:
-    """A process that calls a function for one argument after the other."""
-
-    def __init__(self, function: Callable[[str], Any]) -> None:
-        self.pipe, theirs = _context().Pipe()
-        self.process = _context().Process(target=_call_each_that_comes, args=(function, theirs), daemon=True)
-        with _by_itself():
-            self.process.start()
-        theirs.close()
-        self.pipe.poll(SECONDS_TO_START)  # until it is there: `LOADED`, which the first call takes
-
-    def call(self, argument: str, seconds: float) -> Any:
-        try:
-            self.pipe.send((argument, seconds))
-            answer: Any = LOADED
-            while answer == LOADED:
-                if not self.pipe.poll(seconds):
-                    return Failure("hang", f"no answer within {seconds:g} s")
-                answer = self.pipe.recv()
-            return answer
-        except (EOFError, OSError):
-            self.process.join(5.0)
-            return _crash(self.process.exitcode)
-
-    def end(self) -> None:
-        self.pipe.close()
-        if self.process.exitcode is None:
-            self.process.kill()
-        self.process.join(5.0)
-
-
-def _call_each_that_comes(function: Callable[[str], Any], pipe: Any) -> None:
-    with suppress(EOFError, OSError):
-        pipe.send(LOADED)
-        while True:
-            argument, seconds = pipe.recv()
-            with ended_by_the_system(seconds + SECONDS_TO_START):
-                pipe.send(told_if_raised(function, argument))
-
-
-def _returned(pipe: Any, process: Any, end: float, seconds: float) -> Any:
-    with pipe:
-        if not pipe.poll(max(0.0, end - time.monotonic())):
-            process.kill()
-            process.join(5.0)
-            return Failure("hang", f"no answer within {seconds:g} s")
-        try:
-            return pipe.recv()
-        except (EOFError, OSError):
-            process.join(5.0)
-            return _crash(process.exitcode)
-
-
-def _call(function: Callable[[str], Any], argument: str, pipe: Any) -> None:
-    with ended_by_the_system(2 * SECONDS_TO_START):
-        pipe.send(told_if_raised(function, argument))
-
-
 def _crash(code: int | None) -> Failure:
     """Return the end of a process as data: the signal it got, or its exit code."""
     name = f"exit code {code}"
     if code is not None and code < 0:
         with suppress(ValueError):
             name = signal.Signals(-code).name
-    return Failure(f"crash ({name})", f"its process ended: {name}")
+    return Failure(Fault.CRASH, f"its process ended: {name}", name)
 
 
 @contextmanager
@@ -275,13 +258,21 @@ def ended_by_the_system(seconds: float) -> Iterator[None]:
         signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
-@lru_cache
+_preloaded: list[str] = []
+
+
+def preload(module: str) -> None:
+    """Have a module imported once for all processes, if none was started yet."""
+    _preloaded.append(module)
+
+
+@cache
 def _context() -> Any:
     """Return how processes are made: forked from a small server that has imported what they need, if there is one."""
     if "forkserver" not in multiprocessing.get_all_start_methods():
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
-    context.set_forkserver_preload(["crosscheck.measure.check"])
+    context.set_forkserver_preload(_preloaded)
     return context
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import subprocess
 import sys
@@ -10,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from crosscheck.judge.records import Record, plain, read_line
 from crosscheck.measure.check import key_of
 from crosscheck.scenes.drawing import describe, draw
 from refkin.scenes.files import to_dict
@@ -79,18 +79,24 @@ def key_of_drawn(night: int, number: int, samples: int = 6) -> str:
     return key_of(draw(night, number, samples).scene)
 
 
-def settled(record: Mapping[str, Any]) -> dict[str, Any]:
-    """Return a record without how long things took."""
+def settled(record: Any) -> dict[str, Any]:
+    """Return a record as plain data without how long things took."""
+    record = plain(record) if isinstance(record, Record) else record
     reference = {k: v for k, v in record["reference"].items() if k != "seconds"}
     answers = [{k: v for k, v in a.items() if k != "seconds"} for a in record["answers"]]
     return {**record, "reference": reference, "answers": answers}
 
 
+def kinds(told: Any) -> list[str]:
+    """Return the kinds of disagreements of a plain record as they are shown."""
+    return [d["kind"] + (f" ({d['how']})" if d["how"] else "") for d in told]
+
+
 def records_of(out: Path) -> dict[str, dict[str, Any]]:
     """Return the records of a run by key, and fail if a key is there twice."""
     lines = (out / "records.jsonl").read_text(encoding="utf-8").splitlines()
-    records = [json.loads(line) for line in lines]
-    by_key = {record["key"]: settled(record) for record in records}
+    records = [read_line(line) for line in lines]
+    by_key = {record.key: settled(record) for record in records}
     assert len(by_key) == len(records)
     return by_key
 

@@ -5,14 +5,18 @@ from __future__ import annotations
 import datetime
 import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from crosscheck.judge.known_gaps import Gap
-from crosscheck.night.campaign import Outcome
+from crosscheck.judge.records import At, Disagreement, Kind, NewCase, Record, plain, read_line
+from crosscheck.night.plan import Outcome, write_outcome
+from crosscheck.report.build import build
+from crosscheck.report.summary import read_run
 
 ROUTES = {"pinocchio": "joint tree", "mujoco": "newton", "exudyn": "static newton"}
 WHO = {
@@ -34,13 +38,22 @@ def floored(digits: Any) -> Any:
 def histogram(digits: Any) -> dict[str, int]:
     counts: dict[str, int] = {}
     for value in floored(digits):
-        counts[f"{value:.1f}"] = counts.get(f"{value:.1f}", 0) + 1
+        counts[f"{value * 10:.0f}"] = counts.get(f"{value * 10:.0f}", 0) + 1
     return counts
 
 
-def quantity(samples: Mapping[int, Any], ratio: float | None = 0.5, worst: str = "rocker.phi at t = 1.25") -> Any:
+AT = At("rocker.phi", 1.25)
+
+
+def quantity(samples: Mapping[int, Any], ratio: float | None = 0.5, worst: At | None = AT) -> Any:
     """Return a quantity from samples of digits by decade of sigma_min."""
-    return {"ratio": ratio, "worst": worst, "digits_by_sigma": {str(d): histogram(v) for d, v in samples.items()}}
+    digits = {str(d): histogram(v) for d, v in samples.items()}
+    return {"ratio": ratio, "worst": plain(worst) if worst else None, "digits_by_sigma": digits}
+
+
+def key(name: str) -> str:
+    """Return a key that is told from others by a name."""
+    return name.encode().hex().rjust(16, "0")[-16:]
 
 
 def answer(engine: str, quantities: Mapping[str, Any], **more: Any) -> dict[str, Any]:
@@ -65,10 +78,10 @@ def level(engine: str, name: str, digits: Any = (15.0, 15.5), ratio: float = 0.2
     return {"engine": engine, "level": name, "ratio": ratio, "digits": histogram(digits), "rows": 8}
 
 
-def record(key: str, *answers: Any, **more: Any) -> dict[str, Any]:
+def record(name: str, *answers: Any, **more: Any) -> dict[str, Any]:
     told = {
-        "key": key,
-        "scene": f"scene {key}",
+        "key": key(name),
+        "scene": f"scene {name}",
         "about": {"kind": "four_bar", "grashof": "crank-rocker", "branch": "open", "distance": 0.02, "shard": 0},
         "reference": {
             "verdict": "ok",
@@ -87,15 +100,40 @@ def record(key: str, *answers: Any, **more: Any) -> dict[str, Any]:
     return {**told, **more}
 
 
-def failed_record(key: str) -> dict[str, Any]:
+def typed(data: Mapping[str, Any]) -> Record:
+    """Return a planted record as it is read back."""
+    return read_line(json.dumps(data))
+
+
+def failed_record(name: str) -> dict[str, Any]:
     """Return the record of a scene that no worker brought to an end, as the workers write it."""
-    bare = record(key)
+    bare = record(name)
     return {**{k: v for k, v in bare.items() if k != "reference"}, "failure": "the reference itself: hang"}
 
 
 def disagreement(engine: str = "mujoco", quantity: str = "velocity", **more: Any) -> dict[str, Any]:
-    told = {"engine": engine, "route": ROUTES[engine], "quantity": quantity, "kind": "beyond the allowed error"}
-    return {**told, "ratio": 3.5, "worst": "rocker.phi at t = 0.5", **more}
+    """Return a disagreement as a record holds it."""
+    told = {"engine": engine, "route": ROUTES[engine], "quantity": quantity, "kind": Kind.BEYOND, "ratio": 3.5}
+    return plain(Disagreement(**{**told, "at": At("rocker.phi", 0.5), **more}))
+
+
+def case(told: Mapping[str, Any], name: str = "a", **more: Any) -> NewCase:
+    """Return what a run calls new of a planted disagreement."""
+    at = At(**told["at"]) if told["at"] else None
+    return NewCase(disagreement=Disagreement(**{**told, "kind": Kind(told["kind"]), "at": at}), key=key(name), **more)
+
+
+def built(folder: Path, ended: Outcome | None = None, gaps: Sequence[Gap] = ()) -> Path:
+    """Write how a run ended, and its report."""
+    told = ended or Outcome(**versions_of(folder))
+    write_outcome(folder, replace(told, gaps=list(gaps)))
+    return build(folder)
+
+
+def versions_of(folder: Path) -> Any:
+    """Return which engines the run in a folder had, and lacked, and which it required."""
+    run, _ = read_run(folder)
+    return {name: run.get(name, empty) for name, empty in (("versions", {}), ("missing", {}), ("required", []))}
 
 
 def write(

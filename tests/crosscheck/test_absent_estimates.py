@@ -25,5 +25,5 @@ def without_estimates(path: Path, *kept: str) -> Scene:
 def test_every_engine_answers_a_scene_without_estimates_and_agrees(path, kept):
     record = check(without_estimates(path, *kept), ["closed_form", "vector_loop", "exudyn", "pinocchio", "mujoco"])
 
-    assert record["disagreements"] == []
-    assert {a["engine"] for a in record["answers"]} == {"closed_form", "vector_loop", "exudyn", "pinocchio", "mujoco"}
+    assert record.disagreements == []
+    assert {a.engine for a in record.answers} == {"closed_form", "vector_loop", "exudyn", "pinocchio", "mujoco"}

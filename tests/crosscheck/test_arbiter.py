@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -17,15 +18,15 @@ JUMP = ROOT / "tests" / "corpus" / "exudyn-shipped-changes-assembly.toml"
 
 
 def places(record):
-    return {answer["route"]["name"]: answer["certificate"] for answer in record["answers"]}
+    return {answer.route.name: answer.certificate for answer in record.answers}
 
 
 def test_an_answer_on_the_other_assembly_is_outside_and_the_others_are_inside():
     found = places(check(refkin.load(JUMP), ["exudyn"], arbiter=True))
 
-    assert [found["static"][place] for place in PLACES] == [9, 0, 0, 0]
-    assert [found["shipped"][place] for place in PLACES] == [6, 3, 0, 0]
-    assert found["shipped"]["radii"] > 1e6 > 1.0 > found["static"]["radii"]
+    assert [getattr(found["static"], place) for place in PLACES] == [9, 0, 0, 0]
+    assert [getattr(found["shipped"], place) for place in PLACES] == [6, 3, 0, 0]
+    assert found["shipped"].radii > 1e6 > 1.0 > found["static"].radii
 
 
 def test_without_the_arbiter_nothing_is_enclosed():
@@ -43,7 +44,7 @@ def test_bodies_that_are_not_wanted_are_not_judged():
     fewer = refkin.model.Scene(mechanism=scene.mechanism, times=scene.times, bodies_wanted=("crank",))
 
     # The crank is where its driver has it, on whichever assembly.
-    assert places(check(fewer, ["exudyn"], arbiter=True))["shipped"]["outside"] == 0
+    assert places(check(fewer, ["exudyn"], arbiter=True))["shipped"].outside == 0
 
 
 def test_a_run_may_be_held_against_no_table_or_that_of_a_file(tmp_path):
@@ -65,7 +66,7 @@ def test_a_table_that_makes_no_sense_is_one_clear_error(tmp_path):
 def test_a_row_is_found_again_by_the_first_record_that_shows_it():
     (gap, *_) = known_gaps.read()
     shown = check(refkin.load(JUMP), [gap.engine])
-    quiet = {**shown, "disagreements": []}
+    quiet = replace(shown, disagreements=[])
 
     assert known_gaps.found_again([gap], [quiet, quiet, shown, shown]) == [3]
     assert known_gaps.found_again([gap], [quiet]) == [None]

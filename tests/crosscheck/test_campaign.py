@@ -6,19 +6,25 @@ import json
 import os
 import signal
 import time
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 import refkin
+from crosscheck.judge.records import FEATURES, At, Disagreement, Kind, NewCase, Record
 from crosscheck.night import campaign
-from crosscheck.night.campaign import SAMPLED, OtherRun, Plan, SameName, find_engines, run, seed_of
+from crosscheck.night.campaign import ROUND, OtherRun, Turns, _records, run, seed_of
 from crosscheck.night.disagreements import write_disagreements
-from crosscheck.scenes.drawing import draw, effort
+from crosscheck.night.journal import Journal
+from crosscheck.night.plan import SAMPLED, Plan
+from crosscheck.scenes.drawing import CHAINS_EVERY, WARM_UP, draw, effort, is_chain, numbers_of, turn_of
+from crosscheck.workers.installed import SameName, find_engines
 from crosscheck.workers.pool import BATCH
 
 from .fake_engines import EXIT, alive, crosscheck, engine_file, key_of_drawn, records_of, start
+from .report_records import record, typed
 
 NIGHT = 21
 SLOW = "Path({folder!r}, str(os.getpid())).touch(); time.sleep(0.1)"
@@ -153,11 +159,60 @@ def test_a_run_that_is_complete_passes_again_without_doing_anything(tmp_path):
     assert (outcome.checked, outcome.failed) == (2, [])
 
 
-def test_a_scene_that_is_drawn_twice_is_checked_and_counted_once(tmp_path, monkeypatch):
-    monkeypatch.setattr(campaign, "draw", lambda night, number: draw(night, number // 3))
-    run(plan(tmp_path, scenes=3))
+class Doubles:
+    """Workers for whom every third scene is the one before it."""
 
-    assert sorted(r["about"]["shard"] for r in records_of(tmp_path).values()) == [0, 3, 6]
+    engines: dict[str, str] = {"closed_form": "closed_form"}  # noqa: RUF012
+    hungry = True
+
+    def __init__(self) -> None:
+        self.waiting: list[Any] = []
+
+    @property
+    def pending(self) -> bool:
+        return bool(self.waiting)
+
+    def batch(self, scenes: int | None) -> int:
+        return 2
+
+    def submit(self, jobs: Any, engines: Any) -> None:
+        self.waiting += jobs
+
+    def results(self) -> Any:
+        job = self.waiting.pop(0)
+        (number,) = job["shards"]
+        scene = typed(record(str(number - (number % 3 == 1))))
+        yield replace(scene, about={"shard": number})
+
+
+def test_a_scene_that_is_drawn_twice_counts_once_and_one_more_is_drawn_for_it(tmp_path):
+    with Journal(tmp_path / "records.jsonl") as journal:
+        for met in _records(plan(tmp_path, scenes=5), Doubles(), Turns(journal), journal, lambda: None):  # type: ignore[arg-type]
+            journal.append(met)
+        shards = [met.about["shard"] for met in journal]
+
+    assert shards == [0, 2, 3, 5, 6]
+
+
+def test_what_is_drawn_does_not_depend_on_which_records_of_the_last_rounds_came_first(tmp_path):
+    with Journal(tmp_path / "records.jsonl") as journal:
+        turns = Turns(journal)
+        assert turns.take(3 * ROUND) == list(range(2 * ROUND))
+        seen = dict(turns.seen(2 * ROUND - 1))
+        for number in range(ROUND):
+            turns.settle(replace(typed(record(str(number))), about={"shard": number, **dict.fromkeys(FEATURES, "a")}))
+
+        assert (seen, turns.take(3 * ROUND)) == ({}, list(range(2 * ROUND, 3 * ROUND)))
+        assert dict(turns.seen(2 * ROUND)) == {(*["a"] * len(FEATURES), "none"): ROUND}
+
+
+def test_every_number_has_one_turn_and_chains_have_turns_of_their_own():
+    turns = range(WARM_UP + 40 * CHAINS_EVERY)
+    numbers = [number for turn in turns for number in numbers_of(turn)]
+
+    assert sorted(numbers) == list(range(len(numbers)))
+    assert all(turn_of(number) == turn for turn in turns for number in numbers_of(turn))
+    assert all(len({is_chain(number) for number in numbers_of(turn)}) == 1 for turn in turns)
 
 
 def test_a_folder_with_another_seed_is_refused(tmp_path):
@@ -203,7 +258,9 @@ def test_a_folder_whose_run_cannot_be_told_is_refused(tmp_path, text):
 def test_a_folder_with_records_of_another_kind_is_refused(tmp_path):
     (tmp_path / "records.jsonl").write_text('{"key": "a"}\n')
 
-    with pytest.raises(OtherRun, match="holds records of another kind: choose another folder"):
+    with pytest.raises(
+        OtherRun, match=r"records.jsonl, line 1: key: .*; it holds no records of ours: choose another folder"
+    ):
         run(plan(tmp_path, scenes=1))
 
 
@@ -273,23 +330,23 @@ def test_every_disagreement_of_a_wrong_engine_is_found_new_and_told_with_its_sce
     wrong = {key for key, record in records_of(out).items() if record["disagreements"]}
 
     assert len(wrong) >= 3
-    assert {d["key"] for d in outcome.new} == wrong
-    assert {(d["engine"], d["quantity"], d["kind"]) for d in outcome.new} == {
-        ("fake", "position", "beyond the allowed error")
+    assert {case.key for case in outcome.new} == wrong
+    assert {(d.engine, d.quantity, d.kind) for d in (case.disagreement for case in outcome.new)} == {
+        ("fake", "position", Kind.BEYOND)
     }
-    assert all((out / d["file"]).is_file() and (out / f"disagreements/{d['key']}.toml").is_file() for d in outcome.new)
+    assert all((out / c.file).is_file() and (out / f"disagreements/{c.key}.toml").is_file() for c in outcome.new)
 
 
 def test_of_many_disagreements_of_a_kind_only_the_first_is_simplified(disagreeing):
     _, _, outcome = disagreeing
 
-    assert [bool(d.get("shrunk")) for d in outcome.new] == [True] + [False] * (len(outcome.new) - 1)
+    assert [case.shrunk for case in outcome.new] == [True] + [False] * (len(outcome.new) - 1)
 
 
 def test_a_disagreement_becomes_a_minimal_scene_that_still_has_its_cause(disagreeing):
     _, out, outcome = disagreeing
     told = outcome.new[0]
-    scene, minimal = refkin.load(out / f"disagreements/{told['key']}.toml"), refkin.load(out / told["file"])
+    scene, minimal = refkin.load(out / f"disagreements/{told.key}.toml"), refkin.load(out / told.file)
 
     assert length(minimal, "coupler") > 2 * length(minimal, "crank")
     # By the digits of all numbers in the file; two times are enough, and lengths become round.
@@ -303,7 +360,7 @@ def test_the_time_for_simplifying_is_bounded_and_told(disagreeing):
 
 def test_a_minimal_scene_shows_the_disagreement_again_when_it_is_replayed(disagreeing):
     spec, out, outcome = disagreeing
-    told = crosscheck("replay", out / outcome.new[0]["file"], "--engines", spec)
+    told = crosscheck("replay", out / outcome.new[0].file, "--engines", spec)
 
     assert (told.returncode, "fake (made up), position: beyond the allowed error" in told.stdout) == (1, True)
 
@@ -312,7 +369,7 @@ def test_a_scene_as_it_was_drawn_is_the_scene_of_the_record(disagreeing):
     _, out, outcome = disagreeing
     last = outcome.new[-1]
 
-    assert refkin.load(out / last["file"]) == draw(NIGHT, last["shard"]).scene
+    assert refkin.load(out / last.file) == draw(NIGHT, last.shard).scene
 
 
 def test_a_resumed_run_simplifies_nothing_again(disagreeing):
@@ -321,7 +378,7 @@ def test_a_resumed_run_simplifies_nothing_again(disagreeing):
     again = run(plan(out, spec, scenes=40))
 
     assert {path: path.stat().st_mtime_ns for path in (out / "disagreements").iterdir()} == before
-    assert [d["file"] for d in again.new] == [d["file"] for d in outcome.new]
+    assert [case.file for case in again.new] == [case.file for case in outcome.new]
 
 
 def test_scenes_of_a_run_that_was_killed_before_it_told_its_disagreements_are_written_on_resumption(
@@ -332,27 +389,38 @@ def test_scenes_of_a_run_that_was_killed_before_it_told_its_disagreements_are_wr
         (tmp_path / name).write_bytes((out / name).read_bytes())
     again = run(plan(tmp_path, spec, scenes=1, shrinking_seconds=0.0))
 
-    assert [d["key"] for d in again.new] == [d["key"] for d in outcome.new]
-    assert all((tmp_path / d["file"]).is_file() for d in again.new)
+    assert [case.key for case in again.new] == [case.key for case in outcome.new]
+    assert all((tmp_path / case.file).is_file() for case in again.new)
+
+
+JUMP = Disagreement(
+    engine="exudyn",
+    route="shipped",
+    quantity="position",
+    kind=Kind.OTHER_ASSEMBLY,
+    ratio=2.0,
+    at=At("a.x", 0.0),
+)
 
 
 class Checking:
     """Workers whose only scene has a disagreement of a kind that is a known gap, or is none."""
 
-    def __init__(self, **reference: Any) -> None:
+    def __init__(self, sigma_per_step: float) -> None:
         self.engines = {"exudyn": "exudyn"}
-        self.reference = reference
+        scene = typed(record("a"))
+        assert scene.reference is not None
+        row = replace(scene.reference, sigma_per_step=sigma_per_step)
+        self.record = replace(scene, reference=row, disagreements=[JUMP])
         self.calls = 0
 
-    def check_one(self, job: Any, engines: Any) -> dict[str, Any]:
+    def check_one(self, job: Any, engines: Any) -> Record:
         self.calls += 1
-        told = {"engine": "exudyn", "route": "shipped", "quantity": "position", "kind": "other assembly"}
-        return {"reference": self.reference, "answers": [], "disagreements": [{**told, "ratio": 2.0, "worst": ""}]}
+        return self.record
 
 
-def jump() -> dict[str, Any]:
-    told = {"engine": "exudyn", "route": "shipped", "quantity": "position", "kind": "other assembly", "key": "a"}
-    return {**told, "shard": 0, "ratio": 2.0, "worst": ""}
+def jump() -> NewCase:
+    return NewCase(disagreement=JUMP, key="0123456789abcdef", shard=0)
 
 
 @pytest.mark.parametrize(("sigma_per_step", "shrunk"), [(0.1, False), (10.0, True)])
@@ -360,7 +428,7 @@ def test_a_new_disagreement_is_not_simplified_into_a_known_one(tmp_path, sigma_p
     new = [jump()]
     write_disagreements(plan(tmp_path), new, Checking(sigma_per_step=sigma_per_step))  # type: ignore[arg-type]
 
-    assert (new[0].get("shrunk", False), "note" in new[0]) == (shrunk, not shrunk)
+    assert (new[0].shrunk, bool(new[0].note)) == (shrunk, not shrunk)
 
 
 def test_simplifying_ends_when_its_time_is_over(tmp_path):

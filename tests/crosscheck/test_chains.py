@@ -9,7 +9,9 @@ import pytest
 from hypothesis import HealthCheck, Phase, given, seed, settings
 
 from crosscheck.measure.check import check
-from crosscheck.night.campaign import SAMPLED, SAMPLED_EVERY, _by_engines, is_sampled
+from crosscheck.night.campaign import Turns, _by_engines, is_sampled
+from crosscheck.night.journal import Journal
+from crosscheck.night.plan import SAMPLED, SAMPLED_EVERY
 from crosscheck.scenes.drawing import CHAINS_EVERY, draw, is_chain
 from crosscheck.strategies import Chain, cams, chains, geared_linkages, racks, six_bars
 from refkin.motion import Status
@@ -49,13 +51,13 @@ def checked(kind):
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_every_chain_assembles_at_every_time_on_one_branch(kind):
-    assert {record["reference"]["verdict"] for record in checked(kind)} == {Status.OK.value}
+    assert {record.reference.verdict for record in checked(kind)} == {Status.OK.value}
 
 
 @pytest.mark.parametrize("kind", KINDS)
 def test_vector_loops_answer_every_chain_and_agree(kind):
-    assert [record["disagreements"] for record in checked(kind)] == [[]] * len(drawn(kind))
-    assert {len(record["answers"]) for record in checked(kind)} == {1}
+    assert [record.disagreements for record in checked(kind)] == [[]] * len(drawn(kind))
+    assert {len(record.answers) for record in checked(kind)} == {1}
 
 
 @pytest.mark.parametrize("kind", KINDS)
@@ -79,16 +81,16 @@ def test_an_engine_that_knows_the_joints_agrees(kind, engine):
     pytest.importorskip(engine)
     records = [check(d.scene, [engine]) for d in sample(KINDS[kind](), 6)]
 
-    assert [record["disagreements"] for record in records] == [[]] * 6
-    assert all(record["answers"] for record in records)
+    assert [record.disagreements for record in records] == [[]] * 6
+    assert all(record.answers for record in records)
 
 
 @pytest.mark.parametrize(("kind", "joint"), [("rack and pinion", "rack_and_pinion"), ("disc cam", "cam")])
 def test_an_engine_that_does_not_know_a_joint_refuses_it_by_name_and_does_not_fail(kind, joint):
     record = check(drawn(kind)[0].scene, ["closed_form"])
 
-    assert (record["answers"], record["disagreements"]) == ([], [])
-    assert any(text.startswith(f"closed_form refuses {joint} ") for text in record["refusals"])
+    assert (record.answers, record.disagreements) == ([], [])
+    assert ("closed_form", joint) in {(row.engine, row.joint) for row in record.refusals}
 
 
 @pytest.mark.parametrize(("kinds", "samples"), [(["six-bar"], 0), (["gears"], 5)])
@@ -97,22 +99,23 @@ def test_impossible_bounds_are_an_error(kinds, samples):
         chains(kinds=kinds, samples=samples)
 
 
-def test_the_costly_source_is_asked_for_every_chain_and_few_others():
-    batch = [{"scene": {}, "about": {"shard": number}} for number in range(140)]
-    asked = {
-        job["about"]["shard"]
-        for names, jobs in _by_engines(batch, ("closed_form", *SAMPLED))
-        if SAMPLED[0] in names
-        for job in jobs
-    }
+@pytest.fixture
+def turns(tmp_path):
+    with Journal(tmp_path / "records.jsonl") as journal:
+        yield Turns(journal)
+
+
+def test_the_costly_source_is_asked_for_every_chain_and_few_others(turns):
+    batches = _by_engines(1, list(range(140)), turns, ("closed_form", *SAMPLED))
+    asked = {number for names, jobs in batches if SAMPLED[0] in names for job in jobs for number in job["shards"]}
 
     assert asked == {k for k in range(140) if is_chain(k) or k % SAMPLED_EVERY == 0}
     assert sum(is_chain(k) for k in range(140)) == 20
     assert all(is_sampled(k) for k in asked)
 
 
-def test_no_scene_is_lost_where_engines_differ():
-    batch = [{"scene": {}, "about": {"shard": number}} for number in range(3, 8)]
-    found = [(names, [job["about"]["shard"] for job in jobs]) for names, jobs in _by_engines(batch, ("a", *SAMPLED))]
+def test_no_scene_is_lost_where_engines_differ(turns):
+    batches = _by_engines(1, list(range(3, 8)), turns, ("a", *SAMPLED))
+    found = [(names, [number for job in jobs for number in job["shards"]]) for names, jobs in batches]
 
     assert found == [(("a", *SAMPLED), [6]), (("a",), [3, 4, 5, 7])]

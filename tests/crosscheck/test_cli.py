@@ -13,7 +13,7 @@ import pytest
 
 from crosscheck.cli import COMMANDS, main
 from crosscheck.night import progress
-from crosscheck.night.campaign import SAMPLED
+from crosscheck.night.plan import SAMPLED
 from crosscheck.night.progress import shown_progress
 
 from .fake_engines import RAISE, SEGFAULT, SHIFT, crosscheck, engine_file, key_of_drawn, records_of
@@ -260,7 +260,9 @@ def test_a_log_shows_no_bar(tmp_path, nightly):
     told = nightly(tmp_path, "--engines", "closed_form", scenes=2)
 
     assert told.stderr.splitlines() == [
+        "measuring pictures and documents",
         "2 scenes checked, 0 new and 0 known disagreements",
+        "pass: Every judged answer is within its derived budget, known gaps aside",
         f"report: {tmp_path / 'index.html'}",
     ]
 

@@ -12,9 +12,11 @@ from typing import Any
 
 import pytest
 
+from crosscheck.judge.records import read_line
+from crosscheck.measure.jobs import CHECK, checkers
 from crosscheck.workers import cluster
 from crosscheck.workers.cluster import BATCH, ClusterWorkers, NoCluster
-from crosscheck.workers.pool import Pool, Workers
+from crosscheck.workers.pool import Pool
 
 from .fake_engines import SEGFAULT, crosscheck, engine_file, jobs, key_of_drawn, settled
 
@@ -25,21 +27,21 @@ SPECS = {"closed_form": "closed_form"}
 
 def local(engines=SPECS, versions=None) -> ClusterWorkers:
     told = cluster.versions_here(tuple(engines.values())) if versions is None else versions
-    return ClusterWorkers("local", 2, engines, told)
+    return ClusterWorkers(CHECK, "local", 2, engines, told)
 
 
-def digests(records: list[dict[str, Any]]) -> list[str]:
+def digests(records: list[Any]) -> list[str]:
     """Return what stands in records, but for how long things took, as hashes in the order of their keys."""
-    whole = {record["key"]: json.dumps(settled(record), sort_keys=True) for record in records}
+    whole = {record.key: json.dumps(settled(record), sort_keys=True) for record in records}
     return [hashlib.sha256(whole[key].encode()).hexdigest() for key in sorted(whole)]
 
 
-def checked(pool: Pool, killed: bool = False) -> list[dict[str, Any]]:
+def checked(pool: Pool, killed: bool = False) -> list[Any]:
     """Return the records of the first scenes, in batches of two; with one of the workers killed in the middle."""
     todo = jobs(NIGHT, COUNT)
     for k in range(0, COUNT, 2):
         pool.submit(todo[k : k + 2])
-    records: list[dict[str, Any]] = []
+    records: list[Any] = []
     while pool.pending:
         records += list(pool.results())
         if killed and records:
@@ -51,7 +53,7 @@ def checked(pool: Pool, killed: bool = False) -> list[dict[str, Any]]:
 
 @pytest.fixture(scope="module")
 def embedded():
-    with Workers(2, SPECS) as pool:
+    with checkers(2, SPECS) as pool:
         return digests(checked(pool))
 
 
@@ -75,7 +77,7 @@ def test_an_engine_that_crashes_is_told_and_costs_neither_its_worker_nor_the_bat
     with local({**SPECS, "fake": engine_file(tmp_path, before=crash)}) as pool:
         before = set(pool.client.run(os.getpid).values())
         records = checked(pool)
-        kinds = [told["kind"] for record in records for told in record["disagreements"]]
+        kinds = [told.name for record in records for told in record.disagreements]
 
         assert (len(records), kinds) == (COUNT, ["crash (SIGSEGV)"])
         assert set(pool.client.run(os.getpid).values()) == before
@@ -116,7 +118,7 @@ def test_a_scheduler_that_does_not_answer_is_no_cluster(monkeypatch):
     start = time.monotonic()
 
     with pytest.raises(NoCluster, match=r"--cluster tcp://127\.0\.0\.1:1: "):
-        ClusterWorkers("tcp://127.0.0.1:1", 2, SPECS, {})
+        ClusterWorkers(CHECK, "tcp://127.0.0.1:1", 2, SPECS, {})
     assert time.monotonic() - start < 10.0
 
 
@@ -133,7 +135,7 @@ def test_a_night_on_a_cluster_is_the_night_on_this_machine(tmp_path):
     lines = [(tmp_path / name / "records.jsonl").read_text().splitlines() for name in ("pool", "dask")]
 
     assert [process.returncode for process in told] == [0, 0]
-    assert digests([json.loads(line) for line in lines[0]]) == digests([json.loads(line) for line in lines[1]])
+    assert digests([read_line(line) for line in lines[0]]) == digests([read_line(line) for line in lines[1]])
 
 
 def test_an_address_that_is_none_is_a_usage_error(tmp_path):

@@ -56,11 +56,11 @@ def test_what_an_engine_does_not_have_is_refused_by_name_and_the_rest_is_compare
     record = check(scene(name), [engine])
     unknown = [c for c in scene(name).mechanism.joints if table_key(c) not in load(engine).capabilities()]
 
-    assert record["disagreements"] == []
+    assert record.disagreements == []
     for joint in unknown:
-        assert any(repr(joint.name) in line for line in record["refusals"])
-    assert bool(record["answers"]) == (not refusals(load(engine), scene(name), Level.SOLVE))
-    assert engine == "closed_form" or record["levels"]
+        assert any(joint.name == row.name for row in record.refusals)
+    assert bool(record.answers) == (not refusals(load(engine), scene(name), Level.SOLVE))
+    assert engine == "closed_form" or record.levels
 
 
 def test_a_pin_with_an_offset_is_not_taken_for_a_pin():
@@ -80,6 +80,6 @@ def test_wheels_that_an_adapter_exchanges_are_seen_in_rows_and_motion(engine, mo
     right = exudyn_parts.ADD[RollingWheels], Plan._wheels
     monkeypatch.setitem(exudyn_parts.ADD, RollingWheels, lambda b, e: right[0](b, exchanged(e)))
     monkeypatch.setattr(Plan, "_wheels", lambda plan, name, e: right[1](plan, name, exchanged(e)))
-    seen = {d["quantity"] for d in check(scene("gear train"), [engine])["disagreements"]}
+    seen = {d.quantity for d in check(scene("gear train"), [engine]).disagreements}
 
     assert seen >= {"position", "velocity", "acceleration", "residual", "jacobian"}

@@ -13,13 +13,14 @@ import pytest
 
 from crosscheck.cli import main
 from crosscheck.commands.effects_shown import absent_lines, felt_lines, ledger_table, to_json
-from crosscheck.engines import PHYSICAL, load
+from crosscheck.engines import load
 from crosscheck.judge.comparison import reference
 from crosscheck.measure import effects_ledger as ledger
 from crosscheck.measure.effects import noise, rows
 from crosscheck.measure.effects_benches import engine_benches, reference_bench
 from crosscheck.measure.effects_ledger import effects_ledger
 from crosscheck.measure.effects_rows import EffectRow
+from crosscheck.scenes.names import PHYSICAL
 from refkin.model import Point
 from refkin.motion_laws import Sinusoid
 from refkin.scenes.linkages import FourBar

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
-from crosscheck.engines import PHYSICAL
 from crosscheck.measure.effects_rows import EffectRow
 from crosscheck.report.effects_figures import CALLED_FOR, effects_figure, look, parts
+from crosscheck.scenes.names import PHYSICAL
 
 SVG = "{http://www.w3.org/2000/svg}"
 

@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crosscheck.engines import PHYSICAL, load
+from crosscheck.engines import load
 from crosscheck.engines.exudyn.effects import EFFECTS as EXUDYN
 from crosscheck.engines.exudyn.engine import Exudyn
 from crosscheck.engines.exudyn.model import ExudynModel
@@ -19,6 +19,7 @@ from crosscheck.engines.pinocchio.effects import EFFORT, UNREAD, ForwardDynamics
 from crosscheck.engines.pinocchio.engine import PinocchioTree
 from crosscheck.engines.pinocchio.model import tree_model
 from crosscheck.engines.tree.joint_tree import joint_tree
+from crosscheck.scenes.names import PHYSICAL
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import FourBar
 

@@ -11,7 +11,7 @@ from flint import ctx
 
 from crosscheck.documents.ledger.digits import Printed, Written, correct_digits, printed_is
 from crosscheck.judge.comparison import compare, reference
-from crosscheck.measure.check import _largest_ratio
+from crosscheck.judge.samples import largest_ratio
 from crosscheck.measure.check import check as check_scene
 from refkin.joints import GROUND, AngleDriver, Gear, Prismatic, RackAndPinion, Revolute
 from refkin.model import Body, Mechanism, Scene
@@ -91,8 +91,8 @@ def test_formulations_agree_on_scenes():
         (geared(), ["vector_loop"]),
     ):
         record = check_scene(scene, engines)
-        assert not record["disagreements"], f"{scene.name}: {record['disagreements']}"
-        assert len(record["answers"]) == len(engines), f"{scene.name}: {record['refusals']}"
+        assert not record.disagreements, f"{scene.name}: {record['disagreements']}"
+        assert len(record.answers) == len(engines), f"{scene.name}: {record['refusals']}"
 
 
 def test_printed_digits_are_counted():
@@ -129,6 +129,6 @@ def test_digits_are_those_of_the_error_by_the_largest_rate():
 
 
 def test_the_largest_ratio_is_reported():
-    assert _largest_ratio(np.array([0.1, 7.0, np.nan, 3.0])) == 7.0
-    assert _largest_ratio(np.array([np.inf, 1.0])) == sys.float_info.max
-    assert _largest_ratio(np.array([np.nan])) is None
+    assert largest_ratio(np.array([0.1, 7.0, np.nan, 3.0])) == 7.0
+    assert largest_ratio(np.array([np.inf, 1.0])) == sys.float_info.max
+    assert largest_ratio(np.array([np.nan])) is None

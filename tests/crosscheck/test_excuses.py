@@ -31,7 +31,7 @@ class Mute(ClosedForm):
 
 
 def kinds(scene, engine) -> set[str]:
-    return {d["kind"] for d in check(scene, [engine])["disagreements"]}
+    return {d.kind for d in check(scene, [engine]).disagreements}
 
 
 def test_the_pose_between_two_times_is_certified_to_be_nearly_singular():

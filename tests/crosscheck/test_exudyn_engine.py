@@ -552,4 +552,4 @@ def test_the_row_of_a_distance_driver_stops_as_early_as_its_length_allows() -> N
     scene = refkin.load(Path(__file__).parents[1] / "corpus" / "exudyn-shipped-distance-driver.toml")
     record = check(scene, ["exudyn"])
 
-    assert [told for told in record["disagreements"] if told["route"] == SHIPPED.name] == []
+    assert [told for told in record.disagreements if told.route == SHIPPED.name] == []

@@ -11,11 +11,12 @@ import numpy as np
 import pytest
 
 from crosscheck.cli import main
+from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
-from crosscheck.night.campaign import Plan, run
+from crosscheck.night.campaign import run
 from crosscheck.night.golden import NoBaseline, differences
-from crosscheck.report import build
-from crosscheck.workers.pool import Workers
+from crosscheck.night.plan import Plan
+from crosscheck.report.build import build
 from refkin.motion import Status
 from refkin.scenes.files import to_dict
 
@@ -27,7 +28,7 @@ ENGINES = {"closed_form": "closed_form"}
 @pytest.fixture(scope="module")
 def cases() -> dict[str, Any]:
     scenes = {name: scene for name, scene in golden.golden_scenes().items() if name in FEW}
-    with Workers(1, ENGINES) as workers:
+    with checkers(1, ENGINES) as workers:
         return golden.measure(scenes, workers, list(ENGINES))
 
 
@@ -43,7 +44,8 @@ def file(tmp_path: Path, cases: Any) -> Path:
 
 
 def told(found: Any) -> list[tuple[str, ...]]:
-    return [(d["case"], d["engine"], d["quantity"], d["kind"].removeprefix("golden set: ")) for d in found]
+    cases = [(case.case, case.disagreement) for case in found]
+    return [(case, d.engine, d.quantity, d.name.removeprefix("golden set: ")) for case, d in cases]
 
 
 ROUTE = "closed_form · float"
@@ -123,7 +125,7 @@ def test_a_file_that_is_no_baseline_is_refused_with_its_name(tmp_path: Path, tex
 def night(out: Path, file: Path | None) -> tuple[Any, Any, str]:
     plan = Plan(seed=1, out=out, engines=("closed_form",), scenes=1, workers=1, baseline=file)
     outcome = run(plan)
-    page = build(out, outcome, gaps=()).read_text(encoding="utf-8")
+    page = build(out).read_text(encoding="utf-8")
     return outcome, json.loads((out / "report.json").read_text(encoding="utf-8")), page
 
 
@@ -145,9 +147,9 @@ def test_a_planted_loss_fails_the_night_with_its_scene_and_still_does_when_the_p
     lost = {d["quantity"] for d in report["disagreements"] if d["kind"] == "golden set: digits lost"}
 
     assert report["verdict"] == "new disagreements"
-    assert lost == {d["quantity"] for d in outcome.new} == {"velocity", "acceleration"}
+    assert lost == {case.disagreement.quantity for case in outcome.new} == {"velocity", "acceleration"}
     assert "crosscheck replay disagreements/golden-near-a-limit-position.toml" in page
-    build(tmp_path / "out", gaps=())
+    build(tmp_path / "out")
     assert json.loads((tmp_path / "out" / "report.json").read_text())["verdict"] == "new disagreements"
 
 
@@ -179,7 +181,7 @@ def test_the_accepted_reference_is_proved_at_every_time(accepted: Any) -> None:
 
 def test_the_reference_is_still_within_the_accepted_proof(accepted: Any) -> None:
     scenes = golden.scenes_of(accepted["cases"])
-    with Workers(1, {}) as workers:
+    with checkers(1, {}) as workers:
         now = golden.measure(scenes, workers, [])
 
     assert differences(accepted["cases"], now, ()) == []

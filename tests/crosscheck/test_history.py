@@ -12,9 +12,10 @@ import pytest
 
 from crosscheck.cli import main
 from crosscheck.night.change_points import change_points
-from crosscheck.night.history import HistoryError, append, nights, trends, warnings
-from crosscheck.report import build
+from crosscheck.night.history import HistoryError, append, nights, remember, trends, warnings
+from crosscheck.report.build import build, summarized
 
+from .fake_engines import crosscheck
 from .report_records import good_answer, record, write
 
 NIGHTS, SHIFT = 90, 60
@@ -71,7 +72,7 @@ def test_of_few_nights_nothing_is_said() -> None:
 def night(folder: Path, day: int, seconds: float = 0.0004, **more: Any) -> Any:
     """A report of one night: its date, and how long mujoco took for four configurations."""
     write(folder, record("a", good_answer("mujoco", seconds=seconds)))
-    build(folder, gaps=())
+    build(folder)
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     return {**report, "date": f"2026-10-{day:02d} 02:17", **more}
 
@@ -146,7 +147,8 @@ def test_an_engine_that_got_slower_is_warned_of_with_the_night_it_did(tmp_path: 
 def test_a_slower_engine_does_not_fail_the_night_and_stands_on_its_page(tmp_path: Path) -> None:
     a_slower_engine(tmp_path / "h.sqlite", tmp_path / "run")
     write(tmp_path / "run", record("a", good_answer("mujoco", seconds=0.0006)))
-    page = build(tmp_path / "run", gaps=(), history=tmp_path / "h.sqlite").read_text(encoding="utf-8")
+    remember(tmp_path / "h.sqlite", summarized(tmp_path / "run"), tmp_path / "run")
+    page = build(tmp_path / "run").read_text(encoding="utf-8")
     report = json.loads((tmp_path / "run" / "report.json").read_text(encoding="utf-8"))
 
     assert report["verdict"] == "pass"
@@ -156,11 +158,12 @@ def test_a_slower_engine_does_not_fail_the_night_and_stands_on_its_page(tmp_path
 
 def test_a_file_that_is_no_history_fails_the_night_and_keeps_its_report(tmp_path: Path) -> None:
     (tmp_path / "h.sqlite").write_text("not a database at all, but long enough to be looked at" * 20)
-    write(tmp_path / "run", record("a", good_answer("mujoco")))
-    build(tmp_path / "run", gaps=(), history=tmp_path / "h.sqlite")
+    night = ("nightly", "--scenes", 1, "--seed", 1, "--engines", "closed_form", "--out", tmp_path / "run")
+    told = crosscheck(*night, "--history", tmp_path / "h.sqlite")
     report = json.loads((tmp_path / "run" / "report.json").read_text(encoding="utf-8"))
 
-    assert report["verdict"] == "infrastructure"
+    assert (told.returncode, report["verdict"]) == (4, "infrastructure")
+    assert "failed: the history cannot be kept" in told.stderr
     assert "the history cannot be kept" in report["failures"][0]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import signal
 import subprocess
 import sys
@@ -11,19 +10,28 @@ from typing import Any
 
 import pytest
 
-from crosscheck.workers.journal import BLOCK, Journal, Occupied, replace_file
+from crosscheck.judge.records import Record, line_of, read_line
+from crosscheck.night.journal import BLOCK, Journal, Occupied, replace_file
 
 HOLD = """
 import pathlib, sys
-from crosscheck.workers.journal import Journal
+from crosscheck.night.journal import Journal
 journal = Journal(pathlib.Path(sys.argv[1]))
 print("held", flush=True)
 input()
 """
 
 
-def record(key: str, **more: Any) -> dict[str, Any]:
-    return {"key": key, "about": {"shard": int(key, 16)}, **more}
+def named(key: str) -> str:
+    return key.rjust(16, "0")
+
+
+def record(key: str, said: str = "", **about: Any) -> Record:
+    nothing: dict[str, Any] = {name: [] for name in ("answers", "levels", "refusals", "disagreements")}
+    return Record(key=named(key), scene=said, about={"shard": int(key, 16), **about}, failure="none", **nothing)
+
+
+ESCAPING = line_of(record("a")).decode().replace(named("a"), "../../../escaped")
 
 
 @pytest.fixture
@@ -35,21 +43,21 @@ def written(path: Path, *keys: str) -> list[str]:
     with Journal(path) as journal:
         for key in keys:
             journal.append(record(key))
-        return [r["key"] for r in journal]
+        return [r.key.lstrip("0") for r in journal]
 
 
 def test_a_record_is_on_disk_as_soon_as_it_is_appended(path):
     with Journal(path) as journal:
         journal.append(record("a"))
 
-        assert json.loads(path.read_text()) == record("a")
+        assert read_line(path.read_text()) == record("a")
 
 
 def test_the_first_record_of_a_key_counts(path):
     with Journal(path) as journal:
         told = [journal.append(record("a", said="first")), journal.append(record("a", said="second"))]
 
-        assert (told, [r["said"] for r in journal]) == ([True, False], ["first"])
+        assert (told, [r.scene for r in journal]) == ([True, False], ["first"])
 
 
 def test_a_key_that_stands_in_the_file_twice_is_read_once(path):
@@ -66,7 +74,7 @@ def test_a_line_that_a_kill_cut_short_is_removed_and_its_record_written_anew(pat
     path.write_bytes(first + second[: left if isinstance(left, int) else -1])
 
     with Journal(path) as journal:
-        kept = set(journal.keys)
+        kept = {key.lstrip("0") for key in journal.keys}
 
     assert (kept, written(path, "b")) == ({"a"}, ["a", "b"])
 
@@ -89,7 +97,7 @@ def test_a_file_of_nothing_but_a_torn_line_is_emptied(path):
     assert written(path, "b") == ["b"]
 
 
-@pytest.mark.parametrize("line", ["rubbish", "[1, 2]", '{"no": "key"}', '{"key": 3}'])
+@pytest.mark.parametrize("line", ["rubbish", "[1, 2]", '{"no": "key"}', '{"key": 3}', ESCAPING])
 def test_a_whole_line_that_is_no_record_stays_for_the_report_and_counts_as_none(path, line):
     written(path, "a")
     path.write_text(f"{line}\n" + path.read_text())

@@ -2,15 +2,19 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
 
 import pytest
 
 import refkin
 from crosscheck.judge import findings
 from crosscheck.judge.known_gaps import ENOUGH, PREDICATES, Gap, InvalidGap, Tally, new_disagreements, read, stale
+from crosscheck.judge.records import Disagreement, Kind, Record
 from crosscheck.measure.check import check
+
+from .report_records import WHO, answer, typed
+from .report_records import record as planted
 
 ROOT = Path(__file__).parent.parent.parent
 GAPS = read()
@@ -26,7 +30,7 @@ reproduction = "examples/crank-rocker.toml"
 """
 
 
-def record_of(path: str, engine: str) -> dict[str, Any]:
+def record_of(path: str, engine: str) -> Record:
     return check(refkin.load(ROOT / path), [engine])
 
 
@@ -79,17 +83,17 @@ def test_a_row_that_makes_no_sense_gets_one_clear_error(text, told):
     assert "\n" not in str(error.value)
 
 
-def record(*kinds: str, sigma_per_step: float | None = 0.1, route: str = "shipped") -> dict[str, Any]:
+def record(*kinds: Kind, sigma_per_step: float | None = 0.1, route: str = "shipped") -> Record:
     """Return a record in which exudyn answered by a route and has disagreements of some kinds."""
-    told = {"engine": "exudyn", "route": route, "quantity": "position", "ratio": 9.0, "worst": ""}
-    return {
-        "reference": {"sigma_per_step": sigma_per_step},
-        "answers": [{"engine": "exudyn", "route": {"name": route}}],
-        "disagreements": [{**told, "kind": kind} for kind in kinds],
-    }
+    scene = typed(planted("a", answer("exudyn", {}, route={**WHO, "name": route})))
+    told = {"engine": "exudyn", "route": route, "quantity": "position", "ratio": 9.0}
+    disagreements = [Disagreement(**told, kind=kind, how="SIGSEGV" * (kind is Kind.CRASH)) for kind in kinds]
+    assert scene.reference is not None
+    row = replace(scene.reference, sigma_per_step=sigma_per_step)
+    return replace(scene, reference=row, disagreements=disagreements)
 
 
-JUMP = "other assembly"
+JUMP = Kind.OTHER_ASSEMBLY
 
 
 @pytest.mark.parametrize(
@@ -99,25 +103,24 @@ JUMP = "other assembly"
         (record(JUMP, sigma_per_step=2.0), [JUMP]),
         (record(JUMP, sigma_per_step=None), [JUMP]),
         (record(JUMP, route="static"), [JUMP]),
-        (record("beyond the allowed error"), ["beyond the allowed error"]),
-        (record(JUMP, "crash (SIGSEGV)"), ["crash (SIGSEGV)"]),
+        (record(Kind.BEYOND), ["beyond the allowed error"]),
+        (record(JUMP, Kind.CRASH), ["crash (SIGSEGV)"]),
     ],
     ids=["covered", "step within Newton's reach", "one time", "best route", "another kind", "one of two"],
 )
 def test_a_row_covers_what_it_says_and_no_more(met, new):
-    assert [d["kind"] for d in new_disagreements(met, GAPS)] == new
+    assert [d.name for d in new_disagreements(met, GAPS)] == new
 
 
 def test_a_row_covers_nothing_of_another_engine():
     met = record(JUMP)
-    met["disagreements"][0]["engine"] = "mujoco"
+    met = replace(met, disagreements=[replace(met.disagreements[0], engine="mujoco")])
 
     assert len(new_disagreements(met, GAPS)) == 1
 
 
 def test_a_scene_of_which_nothing_is_known_is_covered_by_no_row():
-    met = record(JUMP)
-    del met["reference"]
+    met = replace(record(JUMP), reference=None, failure="none")
 
     assert len(new_disagreements(met, read(ROW))) == 1
 
@@ -153,7 +156,7 @@ def test_a_record_says_how_small_sigma_is_against_the_steps_beside_it():
         change = [abs(row[k + 1] - row[k]) / (1.0 if j % 3 == 2 else size) for j, row in enumerate(motion.q)]
         ratios.append(min(motion.sigma_min[k], motion.sigma_min[k + 1]) / max(change))
 
-    assert check(scene, [])["reference"]["sigma_per_step"] == pytest.approx(min(ratios), rel=1e-12)
+    assert check(scene, []).reference.sigma_per_step == pytest.approx(min(ratios), rel=1e-12)
 
 
 def test_a_gap_is_told_by_its_row():

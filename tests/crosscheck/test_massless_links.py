@@ -16,7 +16,7 @@ NEAR_LIMIT = Path(__file__).parents[1] / "corpus" / "massless-link-near-limit.to
 
 def disagreements():
     record = check(refkin.load(NEAR_LIMIT), engines=["pinocchio"])
-    return {(d["quantity"], d["kind"]) for d in record["disagreements"]}
+    return {(d.quantity, d.kind) for d in record.disagreements}
 
 
 def test_a_link_that_turns_fast_may_round_its_rates():

@@ -80,8 +80,8 @@ def test_guides_that_move_agree_with_vector_loops():
     """A slot in a lever, a guide and an offset pivot whose body i moves, as loops of vectors."""
     for scene in (slotted(), lifted(), shifted()):
         record = check_scene(scene, ["vector_loop"])
-        assert not record["disagreements"], f"{scene.name}: {record['disagreements']}"
-        assert len(record["answers"]) == 1, f"{scene.name}: {record['refusals']}"
+        assert not record.disagreements, f"{scene.name}: {record['disagreements']}"
+        assert len(record.answers) == 1, f"{scene.name}: {record['refusals']}"
 
 
 def test_a_lever_on_a_crank_pin_turns_as_its_triangle_does():

@@ -39,7 +39,7 @@ class Wrapped(ClosedForm):
 
 
 def found(engine, scene=SCENE) -> set[tuple[str, str]]:
-    return {(d["quantity"], d["kind"]) for d in check(scene, [engine])["disagreements"]}
+    return {(d.quantity, d.kind) for d in check(scene, [engine]).disagreements}
 
 
 def of_first_body(motion):
@@ -117,7 +117,7 @@ def test_a_documented_term_is_granted_no_further_than_its_documentation():
 
 def test_every_term_that_a_drawn_scene_calls_for_is_granted():
     engines = ["exudyn", "pinocchio", "mujoco", "closed_form", "vector_loop"]
-    kinds = [d["kind"] for k in range(8) for d in check(draw(5, k, 3).scene, engines)["disagreements"]]
+    kinds = [d.kind for k in range(8) for d in check(draw(5, k, 3).scene, engines).disagreements]
 
     assert [kind for kind in kinds if kind in ("undocumented error term", "not delivered")] == []
 

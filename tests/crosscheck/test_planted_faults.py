@@ -328,7 +328,7 @@ FAULTS = OF_REFERENCE | OF_ADAPTERS | OF_ROWS
 
 
 def disagreements(scene: Scene) -> list[dict[str, Any]]:
-    return list(check(scene, PEERS)["disagreements"])
+    return list(check(scene, PEERS).disagreements)
 
 
 @pytest.mark.parametrize("fault", FAULTS.values(), ids=FAULTS)
@@ -338,9 +338,9 @@ def test_a_planted_fault_is_caught_and_blamed_where_it_is(fault, monkeypatch):
     fault.plant(monkeypatch)
     found = disagreements(fault.scene)
 
-    assert {d["engine"] for d in found} - {"refkin"} == set(fault.engines)
-    assert {d["engine"] for d in found if d["quantity"] == fault.quantity} >= set(fault.engines)
-    assert not {d["quantity"] for d in found} & set(fault.spares)
+    assert {d.engine for d in found} - {"refkin"} == set(fault.engines)
+    assert {d.engine for d in found if d.quantity == fault.quantity} >= set(fault.engines)
+    assert not {d.quantity for d in found} & set(fault.spares)
 
 
 @pytest.mark.parametrize("name", ["a start on the other assembly", "exudyn: a start on the other assembly"])
@@ -348,7 +348,7 @@ def test_a_swapped_branch_is_told_as_one(name, monkeypatch):
     fault = FAULTS[name]
     fault.plant(monkeypatch)
 
-    kinds = {d["kind"] for d in disagreements(fault.scene) if d["quantity"] == "position"}
+    kinds = {d.kind for d in disagreements(fault.scene) if d.quantity == "position"}
     assert kinds == {"other assembly"}
 
 
@@ -363,7 +363,7 @@ def test_an_answer_that_depends_on_the_order_of_bodies_is_told_as_that(monkeypat
     monkeypatch.setattr(tree_motion, "body_levels", first_body_off)
     found = disagreements(FOUR_BAR)
 
-    assert {(d["engine"], d["quantity"], d["kind"]) for d in found} == {
+    assert {(d.engine, d.quantity, d.kind) for d in found} == {
         (engine, "position", "depends on the order of bodies") for engine in BY_TREE
     }
 
@@ -379,7 +379,7 @@ def test_an_engine_that_calls_nothing_an_answer_is_caught(monkeypatch):
     monkeypatch.setattr(tree_motion, "body_levels", one_missing)
     found = disagreements(FOUR_BAR)
 
-    assert {(d["engine"], d["quantity"], d["kind"]) for d in found} == {
+    assert {(d.engine, d.quantity, d.kind) for d in found} == {
         (engine, "velocity", "status ok without a number") for engine in BY_TREE
     }
 
@@ -388,9 +388,7 @@ def test_an_engine_that_gives_no_answer_to_a_regular_scene_is_caught(monkeypatch
     monkeypatch.setattr(march, "CAP", 1)
     found = disagreements(FOUR_BAR)
 
-    assert {(d["engine"], d["quantity"], d["kind"]) for d in found} == {
-        (engine, "status", "no answer") for engine in BY_TREE
-    }
+    assert {(d.engine, d.quantity, d.kind) for d in found} == {(engine, "status", "no answer") for engine in BY_TREE}
 
 
 TABLE = Table(argument=(0.0, 0.4, 0.7, 1.2, 1.6), value=(0.0, 0.5, 0.3, 0.9, 0.4))

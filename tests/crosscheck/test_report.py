@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import subprocess
 import sys
 import tracemalloc
 from collections import Counter
@@ -16,10 +17,15 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crosscheck.documents.page import newton_histories
+from crosscheck.judge.records import At, Kind, plain
 from crosscheck.measure import check
-from crosscheck.report import build
+from crosscheck.night.history import remember
+from crosscheck.night.pictures import pictures
+from crosscheck.night.sections import write_documents
+from crosscheck.report.build import summarized
 from crosscheck.report.digits import quantile
 from crosscheck.report.summary import Summary
+from refkin.scenes.files import to_dict
 from refkin.scenes.linkages import FourBar
 
 from .report_records import (
@@ -27,6 +33,8 @@ from .report_records import (
     ROUTES,
     WHO,
     answer,
+    built,
+    case,
     disagreement,
     failed_record,
     floored,
@@ -38,10 +46,13 @@ from .report_records import (
     record,
     write,
 )
+from .test_report_sections import EFFECTS, HARD, PRICES
+
+ROOT = Path(__file__).parent.parent.parent
 
 
 def reported(folder: Path, *arguments: Any, **more: Any) -> Any:
-    build(folder, *arguments, **{"gaps": (), **more})
+    built(folder, *arguments, **more)
     text = (folder / "report.json").read_text(encoding="utf-8")
     return json.loads(text, parse_constant=lambda name: pytest.fail(f"{name} is not JSON"))
 
@@ -60,10 +71,10 @@ def sampled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, dict[Any, An
                 samples = {int(d): draw.uniform(-1.0, 17.0, 7) for d in draw.choice([-6, -3, -1, 0], 2, replace=False)}
                 for decade, digits in samples.items():
                     raw.setdefault((engine, name, decade), []).extend(digits)
-                found[name] = quantity(samples, float(draw.uniform(0.0, 0.9)), f"crank.x at t = {k}")
+                found[name] = quantity(samples, float(draw.uniform(0.0, 0.9)), At("crank.x", float(k)))
             answers.append(answer(engine, found, judged=14, times=14, seconds=float(draw.uniform(1e-4, 1e-2))))
         levels = [level("mujoco", "drift", draw.uniform(10, 17, 2)), level("mujoco", "jacobian", [15.0, 16.0], 0.75)]
-        records.append(record(f"{k:016x}", *answers, levels=levels))
+        records.append(record(f"{k:04x}", *answers, levels=levels))
     folder = write(tmp_path_factory.mktemp("run"), *records)
     return reported(folder), raw, records
 
@@ -104,8 +115,7 @@ def test_worst_ratio_is_the_largest_of_the_records_and_names_its_record(sampled:
     cell = report["engines"]["mujoco"]["newton"]["velocity"]
     found = worst["answers"][1]["quantities"]["velocity"]
     place = {"key": worst["key"], "scene": worst["scene"], "line": records.index(worst) + 1}
-    sample = {"sample": found["worst"], "coordinate": "crank.x", "time": found["worst"].split()[-1]}
-    assert {"ratio": found["ratio"], **place, **sample} == cell["worst"]
+    assert {"ratio": found["ratio"], **place, **found["worst"]} == cell["worst"]
 
 
 def test_fewest_digits_name_a_record_that_has_them(sampled: Any) -> None:
@@ -114,12 +124,12 @@ def test_fewest_digits_name_a_record_that_has_them(sampled: Any) -> None:
     at = cell["digits_worst_at"]
     held = records[at["line"] - 1]["answers"][2]["quantities"]["acceleration"]["digits_by_sigma"]
 
-    assert cell["digits_worst"] == at["digits"] == min(float(d) for h in held.values() for d in h)
+    assert cell["digits_worst"] == at["digits"] == min(int(d) for h in held.values() for d in h) / 10
 
 
 def test_own_rows_stand_under_the_route_and_drift_is_called_gamma(sampled: Any) -> None:
     report, _, records = sampled
-    drift = [float(d) for r in records for d, n in r["levels"][0]["digits"].items() for _ in range(n)]
+    drift = [int(d) / 10 for r in records for d, n in r["levels"][0]["digits"].items() for _ in range(n)]
 
     cell = report["engines"]["mujoco"]["newton"]["gamma"]
     assert np.quantile(drift, 0.5, method="inverted_cdf") == cell["digits_median"]
@@ -181,7 +191,7 @@ def test_quantile_is_the_sample_of_its_rank(counts: dict[int, int], percent: int
 
 
 def test_infinite_ratio_stays_the_largest_and_the_file_stays_json(tmp_path: Path) -> None:
-    told = disagreement(ratio=math.inf)
+    told = disagreement(ratio=sys.float_info.max)
     report = reported(write(tmp_path, record("a", good_answer("mujoco"), disagreements=[told])))
 
     assert sys.float_info.max == report["engines"]["mujoco"]["newton"]["velocity"]["worst_over_allowed"]
@@ -205,14 +215,14 @@ def test_disagreement_of_a_record_is_new_even_if_the_run_did_not_say_so(tmp_path
 
 def test_disagreement_the_run_tells_is_new_even_if_no_record_holds_it(tmp_path: Path) -> None:
     folder = write(tmp_path, record("a", good_answer("mujoco")))
-    report = reported(folder, outcome(new=[{**disagreement(), "key": "b"}]))
+    report = reported(folder, outcome(new=[case(disagreement(), "b")]))
 
     assert (report["verdict"], report["new_disagreements"]) == ("new disagreements", 1)
 
 
 def test_disagreement_that_run_and_record_tell_counts_once(tmp_path: Path) -> None:
     folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=[disagreement()]))
-    report = reported(folder, outcome(new=[{**disagreement(), "key": "a"}]))
+    report = reported(folder, outcome(new=[case(disagreement())]))
 
     cell = report["engines"]["mujoco"]["newton"]["velocity"]
     assert (report["new_disagreements"], cell["failures"], cell["worst_over_allowed"]) == (1, 1, 3.5)
@@ -238,7 +248,7 @@ def test_known_gap_covers_nothing_but_its_own(tmp_path: Path) -> None:
     ) == ("new disagreements", 1, 1)
 
 
-@pytest.mark.parametrize("ratio", [1.0000001, 40.0, None, math.nan])
+@pytest.mark.parametrize("ratio", [1.0000001, 40.0, None])
 def test_answer_beyond_its_budget_is_a_disagreement_whether_listed_or_not(tmp_path: Path, ratio: float | None) -> None:
     bad = answer("mujoco", {"position": quantity({-1: [3.0]}, ratio)})
 
@@ -285,15 +295,70 @@ def test_torn_line_is_an_infrastructure_failure_with_its_line(tmp_path: Path) ->
     assert "line 2" in report["failures"][0]
 
 
-@pytest.mark.parametrize("key", ["key", "reference", "answers", "levels", "disagreements"])
-def test_record_that_lacks_a_part_is_an_infrastructure_failure(tmp_path: Path, key: str) -> None:
+@pytest.mark.parametrize("part", ["key", "reference", "answers", "levels", "disagreements"])
+def test_record_that_lacks_a_part_is_an_infrastructure_failure(tmp_path: Path, part: str) -> None:
     torn = record("b", good_answer("mujoco"))
     folder = write(tmp_path, record("a", good_answer("mujoco")), torn)
-    del torn[key]
+    del torn[part]
     lines = (folder / "records.jsonl").read_text().splitlines()
     (folder / "records.jsonl").write_text("\n".join([lines[0], json.dumps(torn)]) + "\n")
 
     assert reported(folder)["verdict"] == "infrastructure"
+
+
+WRONG = {
+    "a key that leads out of the folder": ("key", "../../../x", "key: '../../../x'; string should match pattern"),
+    "a number that is text": ("levels", [{**level("mujoco", "drift"), "ratio": "far"}], "levels.0.ratio: 'far'; input"),
+    "a key that nobody knows": ("colour", "red", "colour: 'red'; "),
+    "a kind that nobody knows": ("disagreements", [{**disagreement(), "kind": "bad"}], "disagreements.0.kind: 'bad'; "),
+    "answers that are none": ("answers", 3, "answers: 3; input should be a valid array"),
+    "a number that is infinite": ("reference", {**record("a")["reference"], "seconds": math.inf}, "seconds: inf; "),
+}
+
+
+@pytest.mark.parametrize(("part", "value", "told"), WRONG.values(), ids=WRONG)
+def test_a_record_of_a_wrong_shape_is_one_clear_error(tmp_path: Path, part: str, value: Any, told: str) -> None:
+    folder = write(tmp_path, record("a", good_answer("mujoco")))
+    with (folder / "records.jsonl").open("a", encoding="utf-8") as file:
+        file.write(json.dumps({**record("b", good_answer("mujoco")), part: value}) + "\n")
+    report = reported(folder)
+
+    assert (report["verdict"], report["scenes"], report["failures_total"]) == ("infrastructure", 1, 1)
+    assert report["failures"][0].startswith("records.jsonl, line 2 is no record: ")
+    assert told in report["failures"][0]
+
+
+PURE = """
+import sys
+
+class Blocked:
+    def find_spec(self, name, path=None, target=None):
+        parts = ("refkin.solving", "refkin.proof", "refkin.fast", "crosscheck.documents", "crosscheck.engines")
+        if any(name == part or name.startswith(part + ".") for part in parts):
+            raise ImportError(f"{name} is not there while the report is built")
+
+sys.meta_path.insert(0, Blocked())
+from pathlib import Path
+from crosscheck.report.build import build
+build(Path(sys.argv[1]))
+"""
+
+
+def test_the_report_solves_nothing_and_recomputes_nothing(tmp_path: Path) -> None:
+    """The whole of a night's folder, without solvers, proofs, engines and documents."""
+    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
+    real = check.check(scene, ["closed_form"], {"shard": 0})
+    write(tmp_path, plain(real), record("a", good_answer("mujoco"), disagreements=[disagreement()]))
+    drawn = pictures([real], lambda r: {"scene": to_dict(scene)}, {"closed_form": "closed_form"})
+    for name, rows in {"price": PRICES, "effects": EFFECTS, "hard_cases": HARD, "pictures": drawn}.items():
+        (tmp_path / f"{name}.json").write_text(json.dumps(rows))
+    write_documents(tmp_path)
+    remember(tmp_path / "history.sqlite", summarized(tmp_path), tmp_path)
+    built(tmp_path, gaps=[gap(quantity="velocity")])
+    before = [(tmp_path / name).read_bytes() for name in ("report.json", "index.html")]
+    subprocess.run([sys.executable, "-c", PURE, tmp_path], check=True, cwd=ROOT, timeout=60)
+
+    assert [(tmp_path / name).read_bytes() for name in ("report.json", "index.html")] == before
 
 
 def test_unreadable_run_file_is_an_infrastructure_failure(tmp_path: Path) -> None:
@@ -311,7 +376,7 @@ def test_required_engine_that_is_missing_is_the_verdict(tmp_path: Path) -> None:
 
 
 def test_run_that_stopped_before_its_first_scene_for_want_of_an_engine_says_so(tmp_path: Path) -> None:
-    ended = outcome(versions={}, missing={"exudyn": "no module named exudyn"}, checked=0)
+    ended = outcome(versions={}, missing={"exudyn": "no module"}, required=["exudyn"], checked=0)
 
     assert reported(tmp_path / "new", ended)["verdict"] == "engine missing"
 
@@ -347,22 +412,22 @@ def test_folder_without_records_is_nothing_ran(tmp_path: Path, text: str | None)
 
 
 def test_crash_counts_against_every_quantity_of_the_engine(tmp_path: Path) -> None:
-    crash = {"engine": "mujoco", "route": "any", "quantity": "status", "kind": "crash (exit code -11)"}
-    crashed = record("b", disagreements=[{**crash, "ratio": None, "worst": "Abnormal termination"}])
+    crash = {"engine": "mujoco", "route": "any", "quantity": "status", "kind": "crash", "how": "exit code -11"}
+    crashed = record("b", disagreements=[{**crash, "message": "Abnormal termination"}])
     report = reported(write(tmp_path, record("a", good_answer("mujoco")), crashed))
 
     assert [report["engines"]["mujoco"]["newton"][name]["failures"] for name in QUANTITIES] == [1, 1, 1]
 
 
 def test_engine_that_crashed_on_every_scene_still_has_its_failures(tmp_path: Path) -> None:
-    crash = {"engine": "mujoco", "route": "any", "quantity": "status", "kind": "hang", "ratio": None, "worst": ""}
+    crash = {"engine": "mujoco", "route": "any", "quantity": "status", "kind": "hang"}
     report = reported(write(tmp_path, record("b", disagreements=[crash])))
 
     assert report["engines"]["mujoco"]["any"]["position"]["failures"] == 1
 
 
 def test_no_answer_and_wrong_answer_in_one_scene_is_one_failing_scene(tmp_path: Path) -> None:
-    told = [disagreement(), disagreement(quantity="status", kind="no answer", ratio=None)]
+    told = [disagreement(), disagreement(quantity="status", kind=Kind.NO_ANSWER, ratio=None)]
     report = reported(write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=told)))
 
     cell = report["engines"]["mujoco"]["newton"]["velocity"]
@@ -370,7 +435,7 @@ def test_no_answer_and_wrong_answer_in_one_scene_is_one_failing_scene(tmp_path: 
 
 
 def test_route_without_an_answer_fails_in_every_quantity_it_owes(tmp_path: Path) -> None:
-    told = [disagreement(quantity="status", kind="no answer", ratio=None)]
+    told = [disagreement(quantity="status", kind=Kind.NO_ANSWER, ratio=None)]
     report = reported(write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=told)))
 
     assert [report["engines"]["mujoco"]["newton"][name]["failures"] for name in QUANTITIES] == [1, 1, 1]
@@ -405,16 +470,16 @@ def test_coverage_counts_scenes_by_property_and_decade(tmp_path: Path) -> None:
 
 
 def test_refusals_are_counted_by_joint_type_not_by_joint(tmp_path: Path) -> None:
-    texts = [f"mujoco refuses gear {name!r} at solve: no such joint in this engine" for name in ("A", "B", "it's")]
-    refusals = reported(write(tmp_path, record("a", good_answer("mujoco"), refusals=texts)))["refusals"]
-
     told = {"engine": "mujoco", "joint": "gear", "level": "solve", "reason": "no such joint in this engine"}
+    rows = [{**told, "name": name} for name in ("A", "B", "it's")]
+    refusals = reported(write(tmp_path, record("a", good_answer("mujoco"), refusals=rows)))["refusals"]
+
     assert [{**told, "scenes": 1, "joints": 3}] == refusals
 
 
 def test_same_records_give_the_same_bytes(tmp_path: Path) -> None:
     folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=[disagreement()]))
-    first, second = (build(folder, gaps=()).read_bytes() for _ in range(2))
+    first, second = (built(folder).read_bytes() for _ in range(2))
 
     assert first == second
 
@@ -422,10 +487,10 @@ def test_same_records_give_the_same_bytes(tmp_path: Path) -> None:
 def test_memory_does_not_grow_with_the_number_of_samples(tmp_path: Path) -> None:
     peaks = []
     for count in (200, 1600):
-        records = [record(f"{k:016x}", *(good_answer(e) for e in ROUTES)) for k in range(count)]
+        records = [record(f"{k:04x}", *(good_answer(e) for e in ROUTES)) for k in range(count)]
         folder = write(tmp_path / str(count), *records)
         tracemalloc.start()
-        Summary(folder, (), None)
+        Summary(folder)
         peaks.append(tracemalloc.get_traced_memory()[1])
         tracemalloc.stop()
 
@@ -437,9 +502,9 @@ def test_memory_does_not_grow_with_the_number_of_samples(tmp_path: Path) -> None
 def test_records_as_they_are_really_written_are_understood(tmp_path: Path) -> None:
     scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
     real = check.check(scene, ["closed_form"], {"kind": "four_bar", "distance": 1.0})
-    report = reported(write(tmp_path, real))
+    report = reported(write(tmp_path, plain(real)))
 
-    (told, *_) = real["answers"]
+    (told, *_) = plain(real)["answers"]
     cell = report["engines"]["closed_form"][told["route"]["name"]]["position"]
     assert (told["quantities"]["position"]["ratio"], told["judged"]) == (cell["worst_over_allowed"], cell["samples"])
 

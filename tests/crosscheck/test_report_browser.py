@@ -10,16 +10,20 @@ import json
 import os
 import shutil
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from crosscheck.judge.records import plain
 from crosscheck.measure.check import check
-from crosscheck.report import build
+from crosscheck.night.pictures import pictures
+from crosscheck.night.sections import write_documents
 from refkin import FourBar, SliderCrank
+from refkin.scenes.files import to_dict
 
-from .report_records import disagreement, outcome, write
+from .report_records import built, case, disagreement, outcome, write
 from .test_report_sections import EFFECTS, HARD, PRICES
 
 REQUIRED = os.environ.get("CROSSCHECK_REQUIRE_BROWSER") == "1"
@@ -56,7 +60,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     almost_a_change_point = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + 1e-6)
     linkages = (four_bar, almost_a_change_point, SliderCrank(crank=1.0, rod=3.0, offset=0.25))
     scenes = [linkage.scene(speed=2.0, turns=1, samples=25) for linkage in linkages]
-    records = [check(scene, ["closed_form"], {"kind": scene.name, "shard": k}) for k, scene in enumerate(scenes)]
+    typed = [check(scene, ["closed_form"], {"kind": scene.name, "shard": k}) for k, scene in enumerate(scenes)]
+    records = [plain(record) for record in typed]
     told = {**disagreement("mujoco"), "engine": "closed_form", "route": "float"}
     records[0]["disagreements"] = [told]
     made = write(tmp_path_factory.mktemp("run"), *records)
@@ -64,8 +69,11 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (made / "disagreements" / "a.toml").write_text('name = "minimal <scene>"\n')
     for name, rows in {"price": PRICES, "effects": EFFECTS, "hard_cases": HARD}.items():
         (made / f"{name}.json").write_text(json.dumps(rows))
-    new = [{**told, "key": records[0]["key"], "file": "disagreements/a.toml", "shrunk": True}]
-    build(made, outcome(new=new, versions={"closed_form": "0.1.0"}), gaps=())
+    new = [replace(case(told, file="disagreements/a.toml", shrunk=True), key=typed[0].key)]
+    poses = pictures(typed, lambda r: {"scene": to_dict(scenes[r.about["shard"]])}, {"closed_form": "closed_form"})
+    (made / "pictures.json").write_text(json.dumps(poses))
+    write_documents(made)
+    built(made, outcome(new=new, versions={"closed_form": "0.1.0"}))
     return made
 
 

@@ -9,12 +9,15 @@ import pytest
 
 from crosscheck.documents import page as documents
 from crosscheck.documents.ledger import all_rows, read
-from crosscheck.report import build
+from crosscheck.night.sections import write_documents
+from crosscheck.report.build import build
 
 
 @pytest.fixture(scope="module")
 def page(tmp_path_factory):
-    return build(tmp_path_factory.mktemp("night")).read_text(encoding="utf-8")
+    folder = tmp_path_factory.mktemp("night")
+    write_documents(folder)
+    return build(folder).read_text(encoding="utf-8")
 
 
 @pytest.fixture(scope="module")
@@ -50,6 +53,7 @@ def test_the_tables_are_folded_away(section):
 
 
 def test_the_page_shows_no_number_of_the_ledger_that_the_report_does_not_hold(tmp_path):
+    write_documents(tmp_path)
     build(tmp_path)
     held = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))["documents"]
 
@@ -59,6 +63,7 @@ def test_the_page_shows_no_number_of_the_ledger_that_the_report_does_not_hold(tm
 def test_a_row_that_fails_is_red_on_the_page(tmp_path, monkeypatch):
     wrong = [{**row, "status": "fail", "failures": ["x[2]: <off>"]} if row["id"] == "A3" else row for row in all_rows()]
     monkeypatch.setattr(documents, "all_rows", lambda: wrong)
+    write_documents(tmp_path)
     page = build(tmp_path).read_text(encoding="utf-8")
 
     assert "Row A3 fails: x[2]: &lt;off&gt;" in page

@@ -14,13 +14,17 @@ from typing import Any
 
 import pytest
 
-from crosscheck.report import build, wording
+from crosscheck.judge.records import At
+from crosscheck.report import wording
+from crosscheck.report.build import build
 from crosscheck.report.svg import COLOURS, style
 
 from .report_records import (
     QUANTITIES,
     ROUTES,
     answer,
+    built,
+    case,
     disagreement,
     failed_record,
     gap,
@@ -81,7 +85,7 @@ class Page(HTMLParser):
 
 
 def page_of(folder: Path, *arguments: Any, **more: Any) -> Page:
-    return Page(build(folder, *arguments, **{"gaps": (), **more}).read_text(encoding="utf-8"))
+    return Page(built(folder, *arguments, **more).read_text(encoding="utf-8"))
 
 
 def rich_run(folder: Path, text: str = "plain") -> tuple[Path, Any, Any]:
@@ -89,9 +93,10 @@ def rich_run(folder: Path, text: str = "plain") -> tuple[Path, Any, Any]:
     about = {"kind": text, "grashof": text, text: text, "distance": 1e-3, "shard": 0}
     nasty = good_answer("mujoco", version=text)
     nasty["route"] = {key: f"{key} {text}" for key in nasty["route"]}
-    told = [disagreement(), disagreement(quantity="position", kind=text, worst=text)]
+    told = [disagreement(), disagreement(quantity="position", how=text, at=At(text, 0.5), message=text)]
     levels = [level("mujoco", name) for name in ("residual", "jacobian", "constraint_velocity", "drift")]
-    refusals = [f"mujoco refuses gear 'A' at solve: {text}", text]
+    gear = {"joint": "gear", "name": "A", "level": "solve"}
+    refusals = [{"engine": "mujoco", "reason": text, **gear}, {"engine": text, "reason": text}]
     first = record("a", nasty, good_answer("pinocchio"), about=about, scene=text, disagreements=told, refusals=refusals)
     second = record("b", good_answer("mujoco", missing=1, judged=3), levels=levels, disagreements=told[:1])
     lost = {**failed_record("c"), "failure": text}
@@ -99,7 +104,7 @@ def rich_run(folder: Path, text: str = "plain") -> tuple[Path, Any, Any]:
     (folder / "disagreements").mkdir()
     file = "disagreements/a-mujoco-newton-velocity.toml"
     (folder / file).write_text(f'name = "{text}"\n', encoding="utf-8")
-    new = [{**told[0], "key": "a", "file": file, "shrunk": True}, {**told[1], "key": "a"}]
+    new = [case(told[0], file=file, shrunk=True), case(told[1])]
     ended = outcome(new=new, missing={"exudyn": text}, failed=[f"pool: {text}"], known=1)
     return folder, ended, [gap(kind="nothing"), gap(quantity="velocity")]
 
@@ -295,7 +300,7 @@ def test_new_disagreements_come_before_known_ones(rich: Any) -> None:
 def test_file_outside_the_folder_is_not_shown(tmp_path: Path) -> None:
     (tmp_path / "secret.toml").write_text("secret = 1")
     folder = write(tmp_path / "run", record("a", good_answer("mujoco"), disagreements=[disagreement()]))
-    page = page_of(folder, outcome(new=[{**disagreement(), "key": "a", "file": "../secret.toml"}]))
+    page = page_of(folder, outcome(new=[case(disagreement(), file="../secret.toml")]))
 
     assert "secret" not in page.source
 
@@ -358,9 +363,10 @@ def test_no_two_series_look_the_same() -> None:
 def test_scene_that_a_run_shrunk_is_called_minimal_when_the_page_is_made_again(tmp_path: Path) -> None:
     folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=[disagreement()]))
     (folder / "disagreements").mkdir()
-    (folder / "disagreements" / "a-mujoco-newton-velocity.toml").write_text("# engine: mujoco\n# shrunk: True\n")
+    (folder / "disagreements" / "minimal.toml").write_text("# engine: mujoco\n")
+    page_of(folder, outcome(new=[case(disagreement(), file="disagreements/minimal.toml", shrunk=True)]))
 
-    assert "Shrunk to a minimal scene" in page_of(folder).source
+    assert "Shrunk to a minimal scene" in build(folder).read_text(encoding="utf-8")
 
 
 @pytest.mark.parametrize(

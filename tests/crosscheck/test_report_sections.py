@@ -12,15 +12,20 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
+import refkin
 from crosscheck.documents.page import slopes
+from crosscheck.judge.records import Kind
 from crosscheck.measure.check import check
-from crosscheck.night.history import append
-from crosscheck.report import build
+from crosscheck.night.history import append, remember
+from crosscheck.night.pictures import Drawing, Sample, pictures
+from crosscheck.night.pictures import _factor as magnified
+from crosscheck.night.sections import write_documents
+from crosscheck.report.build import build, summarized
 from crosscheck.report.front import answer as sentence
 from crosscheck.report.front import first_table, hard_matrix
-from crosscheck.report.poses import _factor as magnified
 from crosscheck.report.prices import cheapest
 from refkin import FourBar
+from refkin.scenes.files import to_dict
 
 from .report_records import disagreement, good_answer, record, write
 
@@ -57,7 +62,7 @@ def reported(folder: Path, **files: Any) -> tuple[Any, str]:
     write(folder, record("a", good_answer("mujoco")))
     for name, rows in files.items():
         (folder / f"{name}.json").write_text(json.dumps(rows), encoding="utf-8")
-    page = build(folder, gaps=()).read_text(encoding="utf-8")
+    page = build(folder).read_text(encoding="utf-8")
     return json.loads((folder / "report.json").read_text(encoding="utf-8")), page
 
 
@@ -65,7 +70,7 @@ def test_what_was_not_measured_says_so_in_its_section(tmp_path: Path) -> None:
     report, page = reported(tmp_path)
 
     assert [report[name] for name in ("price", "effects", "hard_cases")] == [None] * 3
-    assert page.count('<p class="none">Not measured in this run.</p>') == 3
+    assert page.count('<p class="none">Not measured in this run.</p>') == 6
 
 
 def test_rows_that_were_measured_stand_in_the_report_as_they_came(tmp_path: Path) -> None:
@@ -157,7 +162,8 @@ def test_page_with_a_long_price_list_and_a_long_history_is_below_a_megabyte(tmp_
         if 0 < day < 29:
             append(history, {**report, "date": f"2026-10-{day + 1:02d} 02:17"})
         else:
-            page = build(tmp_path / "run", gaps=(), history=history)
+            remember(history, summarized(tmp_path / "run"), tmp_path / "run")
+            page = build(tmp_path / "run")
     told = json.loads((tmp_path / "run" / "report.json").read_text())["trends"]
 
     assert (len(told["nights"]), len(told["series"]), told["not_shown"]) == (30, 24, 98)
@@ -174,7 +180,7 @@ def test_every_setting_that_its_engine_does_not_beat_is_a_mark_and_a_row(tmp_pat
     for row in PRICES:
         mark = f"{row['engine']} · {row['method']}, {row['setting']}: {row['digits']:.1f} digits of acceleration for"
         assert page.count(f'aria-label="{mark}') == 1
-    section = page[page.index('<section id="price"') : page.index("What each Newton iteration buys")]
+    section = page[page.index('<section id="price"') : page.index('<section id="effects"')]
     assert section.count('<tr><th scope="row">') == len(PRICES) + 2  # and a line per route in the table of goals
 
 
@@ -201,16 +207,16 @@ def test_hard_case_that_is_wrong_in_silence_stands_in_the_first_table(tmp_path: 
 def test_scene_that_is_wrong_in_three_quantities_counts_once_as_silent(tmp_path: Path) -> None:
     told = [disagreement(quantity=q) for q in ("position", "velocity", "acceleration")]
     write(tmp_path, record("a", good_answer("mujoco"), disagreements=told), record("b", good_answer("mujoco")))
-    build(tmp_path, gaps=())
+    build(tmp_path)
     (route,) = json.loads((tmp_path / "report.json").read_text())["routes"]
 
     assert route["silent"] == {"any": 1, "beyond the allowed error": 1}
 
 
 def test_engine_that_gave_no_answer_was_not_silent(tmp_path: Path) -> None:
-    told = [disagreement(quantity="status", kind="no answer", ratio=None)]
+    told = [disagreement(quantity="status", kind=Kind.NO_ANSWER, ratio=None)]
     write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=told))
-    build(tmp_path, gaps=())
+    build(tmp_path)
     (route,) = json.loads((tmp_path / "report.json").read_text())["routes"]
 
     assert route["silent"] == {}
@@ -224,7 +230,7 @@ def test_two_that_are_wrong_alike_agree_and_the_odd_one_stands_out(tmp_path: Pat
 
     made = record("a", off("mujoco", 3e-7), off("exudyn", 3e-7 + 2 * math.pi), off("pinocchio", 0.0))
     made["reference"]["common"] = {"k": 0, "scale": {"position": 1.0}}
-    build(write(tmp_path, made), gaps=())
+    build(write(tmp_path, made))
     rows = json.loads((tmp_path / "report.json").read_text())["agreement"]
     digits = {tuple(row["engines"]): row["position"]["digits_median"] for row in rows}
 
@@ -233,60 +239,49 @@ def test_two_that_are_wrong_alike_agree_and_the_odd_one_stands_out(tmp_path: Pat
 
 
 @pytest.fixture(scope="module")
-def posed(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, Any]:
-    """A run of one real scene: its report and its record, with the rocker's angle off by 1e-9 at time 7."""
+def posed() -> tuple[Any, Any]:
+    """A picture of one real scene, with the rocker's angle off by 1e-9 at time 7: its scene and its mark."""
     linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
     scene = linkage.scene(speed=1.0, turns=1, samples=73, branch="open")
-    made = check(scene, ["closed_form"])
-    for sample in made["answers"][0]["quantities"]["position"]["samples"].values():
-        sample.update(k=7, digits=9.0, off=[0.0] * 8 + [1e-9])
-    frames = [[0] * 8 + [50], None, *[[0] * 8 + [99]] * 17]  # of 73 times, every fourth
-    made["answers"][0]["quantities"]["position"]["cycle"] = {"unit": 1e-11, "off": frames}
-    folder = write(tmp_path_factory.mktemp("posed"), made)
-    build(folder, gaps=())
-    return json.loads((folder / "report.json").read_text()), made
-
-
-def position_marks(report: Any) -> list[Any]:
-    return [m for m in report["poses"]["marks"] if m["quantity"] == "position"]
+    off = np.zeros((9, 73))
+    off[8] = 99e-11
+    off[8, :4], off[:, 4], off[8, 7] = 50e-11, np.nan, 1e-9
+    drawing = Drawing(scene, refkin.solve(scene))
+    return drawing.described("a", "b"), drawing.ghost(Sample(7, 9.0, off), 0)
 
 
 def test_ghost_differs_from_the_pose_by_the_error_times_the_stated_factor(posed: Any) -> None:
-    report, _ = posed
-    for mark in position_marks(report):
-        turned = mark["pose"][2][2] - mark["ghost"][2][2]  # degrees, clockwise in pixels
+    _, mark = posed
+    turned = mark["pose"][2][2] - mark["ghost"][2][2]  # degrees, clockwise in pixels
 
-        assert mark["factor"] * math.degrees(1e-9) == pytest.approx(turned, abs=0.11)
-        assert mark["pose"][:2] == mark["ghost"][:2]
+    assert mark["factor"] * math.degrees(1e-9) == pytest.approx(turned, abs=0.11)
+    assert mark["pose"][:2] == mark["ghost"][:2]
 
 
 def test_over_the_cycle_every_frame_has_its_own_error_times_one_factor(posed: Any) -> None:
-    report, _ = posed
-    (scene,) = report["poses"]["scenes"]
-    for mark in position_marks(report):
-        cycle = mark["cycle"]
-        turned = [
-            None if ghost is None else math.remainder(truth[2][2] - ghost[2][2], 360)
-            for truth, ghost in zip(scene["frames"], cycle["frames"], strict=True)
-        ]
-        full = math.degrees(cycle["factor"] * 99e-11)
+    scene, mark = posed
+    cycle = mark["cycle"]
+    turned = [
+        None if ghost is None else math.remainder(truth[2][2] - ghost[2][2], 360)
+        for truth, ghost in zip(scene["frames"], cycle["frames"], strict=True)
+    ]
+    full = math.degrees(cycle["factor"] * 99e-11)
 
-        assert turned[:3] == [pytest.approx(full * 50 / 99, abs=0.11), None, pytest.approx(full, abs=0.11)]
-        assert full > 1.0
+    assert turned[:3] == [pytest.approx(full * 50 / 99, abs=0.11), None, pytest.approx(full, abs=0.11)]
+    assert full > 1.0
 
 
 def test_pose_of_a_mark_is_the_one_at_its_time(posed: Any) -> None:
-    report, _ = posed
-    for mark in position_marks(report):
-        crank = mark["pose"][0][2]
+    _, mark = posed
+    crank = mark["pose"][0][2]
 
-        assert mark["time"] == pytest.approx(2 * np.pi * 7 / 72)
-        assert -math.degrees(mark["time"]) == pytest.approx(crank, abs=0.06)
+    assert mark["time"] == pytest.approx(2 * np.pi * 7 / 72)
+    assert -math.degrees(mark["time"]) == pytest.approx(crank, abs=0.06)
 
 
 def test_bars_of_a_picture_keep_together_in_every_frame(posed: Any) -> None:
     """Joint points of two bodies that a joint holds together are drawn at one place, to the tenths of the picture."""
-    (scene,) = posed[0]["poses"]["scenes"]
+    scene, _ = posed
 
     def place(part: Any, where: Any, pin: int) -> Any:
         x, y, degrees = where
@@ -320,11 +315,24 @@ def test_records_without_poses_make_a_page_without_pictures(tmp_path: Path) -> N
     assert "The records of this run hold no poses." in page
 
 
-def test_record_whose_scene_cannot_be_read_makes_no_picture(posed: Any, tmp_path: Path) -> None:
-    broken = {**posed[1], "scene_file": {"schema": 1}}
-    build(write(tmp_path, broken), gaps=())
+def test_the_worst_of_each_decade_is_pictured_once(tmp_path: Path) -> None:
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    scenes = [linkage.scene(speed=1.0, turns=1, samples=samples) for samples in (5, 7)]
+    made = [(check(scene, ["closed_form"]), {"scene": to_dict(scene)}) for scene in scenes]
+    jobs = {record.key: job for record, job in made}
+    found = pictures([record for record, _ in made], lambda r: jobs[r.key], {"closed_form": "closed_form"})
+    decades = {d for record, _ in made for d in record.answers[0].quantities["position"].digits_by_sigma}
 
-    assert json.loads((tmp_path / "report.json").read_text())["poses"]["marks"] == []
+    positions = [mark for mark in found["marks"] if mark["quantity"] == "position"]
+    assert sorted(mark["decade"] for mark in positions) == sorted(decades)
+    assert 1 <= len(found["scenes"]) <= 2
+
+
+def test_an_engine_that_is_not_there_any_more_is_not_pictured() -> None:
+    scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
+    found = pictures([check(scene, ["closed_form"])], lambda r: {"scene": to_dict(scene)}, {})
+
+    assert (found["scenes"], found["marks"]) == ([], [])
 
 
 def test_fitted_slopes_are_those_on_paper() -> None:
@@ -341,6 +349,7 @@ def test_fitted_slopes_are_those_on_paper() -> None:
 
 
 def test_page_says_how_many_of_the_digits_that_the_notes_print_are_right(tmp_path: Path) -> None:
+    write_documents(tmp_path)
     _, page = reported(tmp_path)
 
     assert "1.7 of velocity and 1.9 of acceleration are right" in page

@@ -1,4 +1,4 @@
-"""What a record keeps for pictures: the sample that is worst, how far off it is, what rounding leaves, who agrees."""
+"""What a record keeps of comparisons, and the sample that a picture is drawn of."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 
 from crosscheck.judge.comparison import compare, reference
-from crosscheck.judge.samples import attainable, common_sample, cycle, off_at, worst_samples
+from crosscheck.judge.records import line_of, read_line
+from crosscheck.judge.samples import attainable, common_sample, off_at
 from crosscheck.measure.check import check
+from crosscheck.night.pictures import worst_sample
 from refkin import FourBar, Polynomial, solve
 
 OFF = 3e-7
@@ -34,41 +36,25 @@ def shifted(scene, sample, by=OFF):
     return replace(motion, q=q)
 
 
-@pytest.mark.parametrize("sample", [0, 5, 11])
-def test_worst_sample_is_the_one_that_is_wrong(scene, ref, sample):
-    found = compare(ref, shifted(scene, sample)).quantities["position"]
-    decade = str(int(np.floor(np.log10(ref.sigma_min[sample]))))
-    kept = worst_samples(ref.sigma_min, found)[decade]
+@pytest.mark.parametrize("place", [0, 5, 11])
+def test_worst_sample_is_the_one_that_is_wrong(scene, ref, place):
+    found = compare(ref, shifted(scene, place)).quantities["position"]
+    kept = worst_sample(ref.sigma_min, found, int(np.floor(np.log10(ref.sigma_min[place]))))
 
-    assert (sample, 6.5) == (kept["k"], kept["digits"])
-    assert pytest.approx(kept["off"], rel=0.01) == [0.0] * 8 + [OFF]
+    assert (place, 6.5) == (kept.k, kept.digits)
+    assert pytest.approx(kept.off[:, place], rel=0.01) == [0.0] * 8 + [OFF]
 
 
-def test_answer_for_some_bodies_says_nothing_of_the_others(scene, ref):
-    motion = solve(replace(scene, bodies_wanted=("coupler",)))
-    kept = worst_samples(ref.sigma_min, compare(ref, motion).quantities["position"])
-
-    for sample in kept.values():
-        assert [value is None for value in sample["off"]] == [True] * 3 + [False] * 3 + [True] * 3
+def test_a_decade_without_a_sample_has_no_worst(scene, ref):
+    assert worst_sample(ref.sigma_min, compare(ref, solve(scene)).quantities["position"], -9) is None
 
 
 def test_common_sample_is_the_same_time_for_every_answer(scene, ref):
     common = common_sample(ref)
-    right, wrong = (
-        compare(ref, motion).quantities["position"] for motion in (solve(scene), shifted(scene, common["k"]))
-    )
+    right, wrong = (compare(ref, motion).quantities["position"] for motion in (solve(scene), shifted(scene, common.k)))
 
     assert off_at(right, common) == [0.0] * 9
     assert pytest.approx(off_at(wrong, common), rel=0.01) == [0.0] * 8 + [OFF]
-
-
-def test_errors_over_the_cycle_come_back_to_two_figures(scene, ref):
-    found = compare(ref, shifted(scene, slice(None, 3))).quantities["position"]
-    kept = cycle(found)
-
-    assert len(kept["off"]) == 12
-    angles = [kept["unit"] * row[8] for row in kept["off"]]
-    assert angles == pytest.approx([OFF] * 3 + [0.0] * 9, abs=OFF / 99)
 
 
 def test_attainable_digits_are_fewer_near_a_fold():
@@ -83,12 +69,8 @@ def test_attainable_digits_are_fewer_near_a_fold():
         assert far - near > 1.5
 
 
-def test_record_holds_its_scene_and_a_sample_for_each_decade_of_digits(scene):
-    record = check(scene, ["closed_form"])
-    (answer,) = record["answers"]
+def test_a_record_comes_back_from_its_line_as_it_was(scene):
+    record = check(scene, ["closed_form"], {"kind": "four-bar", "shard": 3}, arbiter=True)
 
-    assert record["scene_file"]["body"][0]["name"] == scene.mechanism.bodies[0].name
-    for quantity in answer["quantities"].values():
-        assert quantity["samples"].keys() == quantity["digits_by_sigma"].keys()
-        for decade, sample in quantity["samples"].items():
-            assert min(map(float, quantity["digits_by_sigma"][decade])) == pytest.approx(sample["digits"])
+    assert read_line(line_of(record)) == record
+    assert record.answers[0].certificate is not None

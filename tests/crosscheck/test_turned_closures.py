@@ -37,8 +37,8 @@ def drawn_telescope() -> Scene:
 def test_engines_agree_on_it(engine):
     record = check(drawn_telescope(), [engine])
 
-    assert record["reference"]["verdict"] == "ok"
-    assert [told for told in record["disagreements"] if told["route"] != "shipped"] == []
+    assert record.reference.verdict == "ok"
+    assert [told for told in record.disagreements if told.route != "shipped"] == []
 
 
 def test_a_turn_counted_with_the_wrong_sign_is_found(monkeypatch):
@@ -50,4 +50,4 @@ def test_a_turn_counted_with_the_wrong_sign_is_found(monkeypatch):
 
     monkeypatch.setattr(mujoco_model.Plan, "_angle", other_way)
 
-    assert check(drawn_telescope(), ["mujoco"])["disagreements"]
+    assert check(drawn_telescope(), ["mujoco"]).disagreements

@@ -135,8 +135,8 @@ def test_it_is_found_by_name_and_compared_without_disagreement():
     record = check(scene, ["vector_loop"])
 
     assert isinstance(load("vector_loop"), VectorLoop)
-    assert record["disagreements"] == []
-    assert record["answers"][0]["judged"] == 12
+    assert record.disagreements == []
+    assert record.answers[0].judged == 12
 
 
 def test_it_declares_that_it_has_no_rows():

@@ -30,6 +30,7 @@ from crosscheck.engines import (
     Capabilities,
     ConstraintModel,
     EngineError,
+    EngineRefusal,
     Level,
     Term,
     refusals,
@@ -235,7 +236,7 @@ def _floats(scene: Scene) -> Solution:
     try:
         return float_solution(scene)
     except NotDyadic as error:
-        raise EngineError(f"closed_form refuses {scene.name!r}: {error}") from error
+        raise EngineRefusal(f"closed_form refuses {scene.name!r}: {error}") from error
 
 
 def _motion(solution: Solution, route: Route) -> tuple[Motion, list[Array]]:

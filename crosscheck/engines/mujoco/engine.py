@@ -19,6 +19,7 @@ from crosscheck.engines import (
     Capability,
     ConstraintModel,
     EngineError,
+    EngineRefusal,
     Level,
     Support,
     Term,
@@ -206,7 +207,9 @@ class Mujoco:
         elements = (*tree.closures, *tree.driven)
         strange = dict.fromkeys(e.name for e in elements if not isinstance(e, HELD))
         if strange:
-            raise EngineError(f"mujoco refuses {FORWARD.name} with {', '.join(strange)}: its model does not hold them")
+            raise EngineRefusal(
+                f"mujoco refuses {FORWARD.name} with {', '.join(strange)}: its model does not hold them"
+            )
         return MujocoRows(affected(Plan(tree, elements), self.effect)).forward
 
 

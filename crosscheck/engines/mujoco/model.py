@@ -33,7 +33,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import EngineError
+from crosscheck.engines import EngineError, EngineRefusal
 from crosscheck.engines.frames import Length, through_its_point
 from crosscheck.engines.mujoco.parts import LINEAR, Driven, Guide, Source
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
@@ -145,7 +145,7 @@ class Plan:
         elif isinstance(e, RelativeAngle):
             self._angle(name, e)
         else:
-            raise EngineError(f"mujoco refuses {e.key} of {e.name!r}: it is not written for this element")
+            raise EngineRefusal(f"mujoco refuses {e.key} of {e.name!r}: it is not written for this element")
 
     def _ends(self, name: str, e: Any) -> tuple[str, str]:
         """Add the sites at an element's points and return their names, that on body j first: rows are j minus i."""
@@ -187,7 +187,7 @@ class Plan:
         offset = self.tree.angle_offsets[j] - self.tree.angle_offsets[i]
         if not turns.any():  # nothing turns one against the other: MuJoCo holds no such tendon, and none is needed
             if e.laws:
-                raise EngineError(f"mujoco refuses {e.key} of {e.name!r}: no joint of the tree turns its bodies")
+                raise EngineRefusal(f"mujoco refuses {e.key} of {e.name!r}: no joint of the tree turns its bodies")
             self.sources.append(Source(element=e, constant=offset - e.angle, unit=0))
             return
         first = self._turning(f"{name} angle", turns)

@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Array, EngineError, Term
+from crosscheck.engines import Array, EngineRefusal, Term
 from crosscheck.engines.march import March
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
@@ -68,7 +68,7 @@ def stepped(tree: JointTree, scene: Scene) -> March:
     """
     plan = Plan(tree, (*tree.closures, *tree.driven))
     if plan.guides:
-        raise EngineError(
+        raise EngineRefusal(
             f"mujoco refuses this scene on the route {STEPPED.name!r}: no equality constraint holds a point on a line"
         )
     simulation = Simulation(plan)

@@ -18,7 +18,18 @@ from importlib.metadata import version
 
 import numpy as np
 
-from crosscheck.engines import API, NATIVE, Capabilities, ConstraintModel, EngineError, Level, Term, refusals, refused
+from crosscheck.engines import (
+    API,
+    NATIVE,
+    Capabilities,
+    ConstraintModel,
+    EngineError,
+    EngineRefusal,
+    Level,
+    Term,
+    refusals,
+    refused,
+)
 from refkin.fast import attempt
 from refkin.joints import GROUND
 from refkin.model import Scene
@@ -97,7 +108,7 @@ class Lanes:
         motion = attempt(replace(scene, evidence=frozenset()))
         if motion is None:
             doubt = "a pose or the branch is in doubt, and left to the reference"
-            raise EngineError(f"{self.name} refuses {scene.name!r}: {doubt}")
+            raise EngineRefusal(f"{self.name} refuses {scene.name!r}: {doubt}")
         return replace(motion, producer=Producer(name=self.name, version=self.version(), route=ROUTE))
 
     def constraints(self, scene: Scene) -> ConstraintModel:

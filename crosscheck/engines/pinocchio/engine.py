@@ -20,6 +20,7 @@ from crosscheck.engines import (
     Array,
     Capabilities,
     EngineError,
+    EngineRefusal,
     Level,
     Term,
     derived,
@@ -148,7 +149,7 @@ class Pinocchio:
         """
         found = PinocchioConstraints(scene)
         if not found.rows:
-            raise EngineError("; ".join(refusals(self, scene, Level.RESIDUAL)))
+            raise EngineRefusal("; ".join(refusals(self, scene, Level.RESIDUAL)))
         return found
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:

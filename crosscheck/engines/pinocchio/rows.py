@@ -14,7 +14,7 @@ from typing import Any, Protocol
 import numpy as np
 import pinocchio as pin
 
-from crosscheck.engines import EngineError
+from crosscheck.engines import EngineRefusal
 from crosscheck.engines.frames import direction, through_its_point, unwrap_near
 from crosscheck.engines.pinocchio.model import WORLD_AXES, Frame, PlanarModel, Scaling, unit_vector
 from crosscheck.engines.tree.joint_tree import Array
@@ -139,7 +139,7 @@ def element_rows(planar: PlanarModel, e: Element, scaled: Scaling) -> Row:
         frame_i, frame_j = (planar.frames[body] for body in e.bodies)
         return EqualAngles(planar, frame_i.at((0.0, 0.0), unit_vector(e.angle)), frame_j, e)
     if e.laws or not isinstance(e, PointsCoincide | GuidedPoint):
-        raise EngineError(f"pinocchio refuses {e.key} of {e.name!r}: it is not written for this element")
+        raise EngineRefusal(f"pinocchio refuses {e.key} of {e.name!r}: it is not written for this element")
     along = (1.0, 0.0)
     if isinstance(e, GuidedPoint):
         e, along = through_its_point(e), direction(e.axis_i)

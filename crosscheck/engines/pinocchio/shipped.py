@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from crosscheck.engines import Array, EngineError, Term
+from crosscheck.engines import Array, EngineRefusal, Term
 from crosscheck.engines.march import March
 from crosscheck.engines.pinocchio.model import PlanarModel, shift, tree_model, turn, unit_vector
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
@@ -76,7 +76,7 @@ class _Chain:
 
     def _loop(self, e: Element) -> Any:
         if not isinstance(e, PointsCoincide):
-            raise EngineError(
+            raise EngineRefusal(
                 f"pinocchio refuses {e.key} of {e.name!r} on the route {CLOSED_CHAIN.name!r}: "
                 "its RigidConstraintModel closes loops at points or frames"
             )
@@ -124,7 +124,7 @@ class _Held:
         sliding = isinstance(element, PointCoordinate)
         wanted = Freedom.TURN if turning else Freedom.SLIDE if sliding else None
         if self.edge.parent != GROUND or self.edge.freedom is not wanted:
-            raise EngineError(
+            raise EngineRefusal(
                 f"pinocchio refuses {element.key} of {element.name!r} on the route {CLOSED_CHAIN.name!r}: "
                 "it holds no joint by which a body hangs on the ground"
             )
@@ -133,7 +133,7 @@ class _Held:
         """Return the joint by which the driven body hangs on another, and its edge."""
         found = [(k + 1, edge) for k, edge in enumerate(_moving(self.tree)) if edge.body == self.element.bodies[1]]
         if not found:
-            raise EngineError(
+            raise EngineRefusal(
                 f"pinocchio refuses {self.element.key} of {self.element.name!r}: its body is fixed to another"
             )
         return found[0]
@@ -167,7 +167,7 @@ def _moving(tree: JointTree) -> list[Edge]:
     found: list[Edge] = []
     for edge in tree.edges:
         if edge.freedom is Freedom.FREE:
-            raise EngineError(
+            raise EngineRefusal(
                 f"pinocchio refuses body {edge.body!r} on the route {CLOSED_CHAIN.name!r}: no joint ties it to the rest"
             )
         found += [edge] * (edge.freedom is not Freedom.NONE)

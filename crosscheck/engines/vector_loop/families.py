@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
-from crosscheck.engines import EngineError
+from crosscheck.engines import EngineRefusal
 from crosscheck.engines.vector_loop.vectors import Variable
 from refkin.joints import GROUND, Constraint, RelativeAngle, elements_of
 from refkin.model import Mechanism
@@ -67,7 +67,7 @@ def angle_families(mechanism: Mechanism) -> Families:
                 left.remove(tie)
                 other = str(tie.other(body))
                 if other in angles:
-                    raise EngineError(f"vector_loop refuses {tie.name!r}: redundant, the angle of {other!r} is given")
+                    raise EngineRefusal(f"vector_loop refuses {tie.name!r}: redundant, the angle of {other!r} is given")
                 angles[other] = tie.carry(body, angles[body])
                 family.append(other)
         if name is not None:

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import EngineError
+from crosscheck.engines import EngineError, EngineRefusal
 from crosscheck.engines.vector_loop.families import Families, angle_families
 from crosscheck.engines.vector_loop.system import LoopSystem
 from crosscheck.engines.vector_loop.vectors import Sums, Variable, Variables, Vector, combined
@@ -81,7 +81,7 @@ def read(scene: Scene) -> Reading:
 
 
 def _refuse(scene: Scene, why: str) -> EngineError:
-    return EngineError(f"vector_loop refuses {scene.name!r}: {why}")
+    return EngineRefusal(f"vector_loop refuses {scene.name!r}: {why}")
 
 
 def _tree(scene: Scene, ways: Sequence[Way], angles: Mapping[str, Variable]) -> tuple[Chains, list[Way]]:

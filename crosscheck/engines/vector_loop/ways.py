@@ -21,7 +21,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
-from crosscheck.engines import EngineError
+from crosscheck.engines import EngineRefusal
 from crosscheck.engines.vector_loop.system import Relation
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
 from refkin.joints import (
@@ -131,7 +131,9 @@ class Ways:
         if isinstance(e, RollingOnLine):
             return self._rack(e, gap)
         what = "a cam of general profile" if isinstance(e, Contact) else e.key
-        raise EngineError(f"vector_loop refuses {what} {e.name!r}: no vector of given or sliding length stands for it")
+        raise EngineRefusal(
+            f"vector_loop refuses {what} {e.name!r}: no vector of given or sliding length stands for it"
+        )
 
     def _link(self, e: Element, length: Variable, gap: complex) -> Vector:
         return Vector(1.0, length, self._unknown(f"direction of {e.name}", math.atan2(gap.imag, gap.real)))

@@ -47,8 +47,8 @@ def test_no_joint_or_driver_is_without_a_scene():
 def test_a_night_compares_it_like_any_other():
     record = check(ROCKER.scene(samples=20), [Lanes()])
 
-    assert [(a["engine"], a["judged"]) for a in record["answers"]] == [(Lanes.name, 20)]
-    assert record["disagreements"] == []
+    assert [(a.engine, a.judged) for a in record.answers] == [(Lanes.name, 20)]
+    assert record.disagreements == []
 
 
 def test_a_wrong_answer_is_a_disagreement(monkeypatch):
@@ -60,7 +60,7 @@ def test_a_wrong_answer_is_a_disagreement(monkeypatch):
     monkeypatch.setattr(module, "attempt", wrong)
     record = check(ROCKER.scene(samples=20), [Lanes()])
 
-    assert {d["engine"] for d in record["disagreements"]} == {Lanes.name}
+    assert {d.engine for d in record.disagreements} == {Lanes.name}
 
 
 def test_what_is_left_to_the_reference_gets_no_answer():
@@ -104,5 +104,5 @@ def test_near_a_change_point_a_night_has_a_refusal_and_no_disagreement():
     linkage = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
     record = check(linkage.scene(turns=1, samples=8, start=0.3), [Lanes()])
 
-    assert any(text.startswith("refkin-lanes refuses") for text in record["refusals"])
-    assert [d for d in record["disagreements"] if d["engine"] == Lanes.name] == []
+    assert any(row.reason.startswith("refkin-lanes refuses") for row in record.refusals)
+    assert [d for d in record.disagreements if d.engine == Lanes.name] == []

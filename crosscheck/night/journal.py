@@ -2,21 +2,19 @@
 
 from __future__ import annotations
 
-import json
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import Any
 
 from crosscheck.errors import UsageError
+from crosscheck.judge.records import Record, Unreadable, line_of, read_records
 
 try:
     import fcntl
 except ImportError:  # Windows, where the lock is not taken
     fcntl = None  # type: ignore[assignment]
 
-Record = dict[str, Any]
 BLOCK = 1 << 16
 """Bytes read at once while the end of the last whole line is looked for."""
 
@@ -31,6 +29,13 @@ class Journal:
     A line that a kill cut short is removed when the file is opened again; its scene is then checked anew. A whole line
     that is no record stays where it is, for the report to complain of, and counts as none.
 
+    Attributes
+    ----------
+    keys : set of str
+        Of the records.
+    unreadable : list of Unreadable
+        The whole lines that are no records.
+
     Raises
     ------
     Occupied
@@ -40,17 +45,18 @@ class Journal:
     def __init__(self, path: Path) -> None:
         self.path = path
         self.keys: set[str] = set()
+        self.unreadable: list[Unreadable] = []
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = path.open("ab")
         try:
             self._lock()
             self._cut_torn_line()
-            self.keys = {record["key"] for record in self}
+            self.keys = {record.key for record in self}
         except BaseException:
             self._file.close()
             raise
 
-    def append(self, record: Mapping[str, Any]) -> bool:
+    def append(self, record: Record) -> bool:
         """Write a record and hand it to the system; return whether it was new.
 
         Raises
@@ -58,24 +64,22 @@ class Journal:
         ValueError
             If the record holds a number that is not finite: JSON has none.
         """
-        if record["key"] in self.keys:
+        if record.key in self.keys:
             return False
-        self._file.write(json.dumps(record, allow_nan=False).encode() + b"\n")
+        self._file.write(line_of(record) + b"\n")
         self._file.flush()
-        self.keys.add(record["key"])
+        self.keys.add(record.key)
         return True
 
     def __iter__(self) -> Iterator[Record]:
         seen: set[str] = set()
-        with self.path.open("rb") as lines:
-            for line in lines:
-                try:
-                    record = json.loads(line)
-                except ValueError:
-                    continue
-                if isinstance(record, dict) and isinstance(record.get("key"), str) and record["key"] not in seen:
-                    seen.add(record["key"])
-                    yield record
+        self.unreadable = []
+        for _, record in read_records(self.path):
+            if isinstance(record, Unreadable):
+                self.unreadable.append(record)
+            elif record.key not in seen:
+                seen.add(record.key)
+                yield record
 
     def __enter__(self) -> Journal:
         return self

@@ -1,5 +1,8 @@
 """The mechanism behind a mark: the reference's motion as moving parts, the engine's answer with its error magnified.
 
+Records hold digits, not poses: the scenes that are worst in a decade are solved once more when the night is over, each
+in a process of its own, and what is drawn of them is written into the folder of the night.
+
 Everything is in pixels of one small picture, ready to be put into `transform` attributes: a part is a path in its own
 frame, a frame of the motion is one (x, y, degrees) per part. So page and script draw the same with no geometry of their
 own.
@@ -7,32 +10,156 @@ own.
 
 from __future__ import annotations
 
+import json
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, replace
+import time
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from crosscheck.judge.samples import frame_step
-from crosscheck.report.cells import Picture
-from refkin.errors import InvalidScene
+from crosscheck.engines import EngineError, load
+from crosscheck.judge.comparison import QuantityComparison, Reference, compare, reference
+from crosscheck.judge.records import QUANTITIES, Record, Unreadable, read_records
+from crosscheck.measure.check import estimated
+from crosscheck.measure.jobs import scene_of
+from crosscheck.night.journal import replace_file
+from crosscheck.workers.pool import Job
+from crosscheck.workers.processes import Failure, call_in_turn
 from refkin.joints import GROUND, Distance, PointOnLine, Prismatic
-from refkin.model import Effect, Mechanism, Scene
+from refkin.model import Mechanism, Scene
 from refkin.motion import Motion
-from refkin.scenes.files import parse
-from refkin.solving.solve import solve
 
+FILE = "pictures.json"
 WIDTH, HEIGHT, MARGIN = 300, 190, 26
 MOST_SCENES = 60
 """Scenes with a picture; marks of further ones have none. It bounds the page at some hundred kilobytes."""
+MOST_FRAMES = 24
+"""Frames of a moving picture."""
 VISIBLE = 0.12
 """How far a magnified error is to move something, as a part of the picture's width."""
 BEND = 0.35
 """How far it turns a part at most [rad]: beyond it, a magnified error is no picture of a small one."""
-LEVELS = {"position": 0, "velocity": 1, "acceleration": 2}
 
-Cells = Mapping[tuple[str, str, str], Mapping[int, Picture]]
+Mark = tuple[str, str, str, int]
+"""Engine, route, quantity, decade of sigma_min."""
+
+
+def write_pictures(folder: Path, seed: int, engines: Mapping[str, str], seconds: float) -> None:
+    """Write `pictures.json` for the records of a night, as far as its time goes.
+
+    Parameters
+    ----------
+    engines : mapping
+        Name -> what `crosscheck.engines.load` takes for it.
+    seconds : float
+        After this long no further scene is pictured.
+    """
+    records = (record for _, record in read_records(folder / "records.jsonl") if not isinstance(record, Unreadable))
+    drawn = (record for record in records if "shard" in record.about)
+    found = pictures(drawn, lambda r: {"night": seed, "shards": [r.about["shard"]]}, engines, seconds)
+    replace_file(folder / FILE, json.dumps(found, allow_nan=False) + "\n")
+
+
+def pictures(
+    records: Iterable[Record], job_of: Callable[[Record], Job], engines: Mapping[str, str], seconds: float = math.inf
+) -> dict[str, Any]:
+    """Return the scenes with their motion, and one mark per engine, route, quantity and decade that has a picture.
+
+    Of each the scene with the fewest digits is pictured; those with the fewest of all go first.
+    """
+    end = time.monotonic() + seconds
+    jobs = list(_jobs(records, job_of, engines))[:MOST_SCENES]
+    scenes: list[dict[str, Any]] = []
+    marks: list[dict[str, Any]] = []
+    for answer in call_in_turn(pictured, jobs):
+        if not isinstance(answer, Failure) and answer is not None:
+            marks += [{**mark, "scene": len(scenes)} for mark in answer["marks"]]
+            scenes.append(answer["scene"])
+        if time.monotonic() > end:
+            break
+    marks.sort(key=lambda m: (m["digits"], m["engine"], m["route"], m["quantity"], m["decade"]))
+    return {"width": WIDTH, "height": HEIGHT, "scenes": scenes, "marks": marks}
+
+
+def _jobs(records: Iterable[Record], job_of: Callable[[Record], Job], engines: Mapping[str, str]) -> Iterator[Job]:
+    """Yield what `pictured` takes: a scene and the marks that are worst there."""
+    worst: dict[Mark, tuple[int, str]] = {}
+    jobs: dict[str, Job] = {}
+    for record in records:
+        for mark, tenths in _digits(record):
+            if mark[0] in engines and (mark not in worst or tenths < worst[mark][0]):
+                worst[mark] = (tenths, record.key)
+                jobs[record.key] = {**job_of(record), "key": record.key}
+    wanted: dict[str, list[Mark]] = {}
+    for mark, (_, key) in sorted(worst.items(), key=lambda item: (item[1][0], item[0])):
+        wanted.setdefault(key, []).append(mark)
+    for key, marks in wanted.items():
+        yield {**jobs[key], "marks": marks, "specs": {mark[0]: engines[mark[0]] for mark in marks}}
+
+
+def _digits(record: Record) -> Iterator[tuple[Mark, int]]:
+    """Yield the fewest digits of each answer, quantity and decade, in tenths."""
+    for answer in record.answers:
+        for quantity, q in answer.quantities.items():
+            for decade, histogram in q.digits_by_sigma.items():
+                if histogram:
+                    yield (answer.engine, answer.route.name, quantity, decade), min(histogram)
+
+
+def pictured(job: Job) -> dict[str, Any] | None:
+    """Return the scene of a job as parts and frames, and its marks; None if it has no motion to show."""
+    scene, _ = scene_of(job)
+    ref = reference(scene)
+    drawing = Drawing(ref.scene, ref.motion)
+    if not drawing.shown.size:
+        return None
+    marks = []
+    for name, spec in job["specs"].items():
+        wanted = [mark for mark in job["marks"] if mark[0] == name]
+        for route, compared in _answers(spec, {mark[1] for mark in wanted}, ref):
+            for _, _, quantity, decade in (mark for mark in wanted if mark[1] == route):
+                sample = worst_sample(ref.sigma_min, compared[quantity], decade)
+                ghost = None if sample is None else drawing.ghost(sample, QUANTITIES.index(quantity))
+                if ghost is not None:
+                    who = {"engine": name, "route": route, "quantity": quantity, "decade": decade}
+                    marks.append({**who, **ghost})
+    return {"scene": drawing.described(scene.name, job["key"]), "marks": marks}
+
+
+def _answers(spec: str, routes: set[str], ref: Reference) -> Iterator[tuple[str, Mapping[str, QuantityComparison]]]:
+    """Yield what routes of an engine answer to a scene, compared with the reference."""
+    engine = load(spec)
+    scene = estimated(ref.scene, ref)
+    for route in engine.routes():
+        if route.name in routes:
+            try:
+                yield route.name, compare(ref, engine.solve(scene, route), engine.terms(scene, route)).quantities
+            except EngineError:
+                continue
+
+
+@dataclass(frozen=True)
+class Sample:
+    """The sample with the fewest digits of a decade: the number of its time, its digits, signed errors (n, T)."""
+
+    k: int
+    digits: float
+    off: Any
+
+
+def worst_sample(sigma: Any, q: QuantityComparison, decade: int) -> Sample | None:
+    """Return the sample of a comparison with the fewest digits of a decade of sigma_min; None if it has none there."""
+    if q.difference is None:
+        return None
+    with np.errstate(divide="ignore", invalid="ignore"):
+        places = np.flatnonzero(np.isfinite(q.digits) & (np.floor(np.log10(sigma)) == decade))
+    if not places.size:
+        return None
+    k = int(places[np.argmin(q.digits[places])])
+    return Sample(k, float(np.floor(q.digits[k] * 10) / 10), q.difference)
 
 
 @dataclass(frozen=True)
@@ -48,46 +175,6 @@ class View:
         return WIDTH / 2 + (x - self.x) * self.scale, HEIGHT / 2 - (y - self.y) * self.scale
 
 
-def poses(cells: Cells) -> dict[str, Any]:
-    """Return the scenes with their motion, and one mark per (engine, route, quantity, decade) that has a picture.
-
-    Scenes are solved again by the reference, positions and rates alone; those with the fewest digits go first.
-    """
-    wanted = [(*name, decade, picture) for name, kept in cells.items() for decade, picture in kept.items()]
-    wanted.sort(key=lambda item: (item[4].sample.digits, item[:4]))
-    numbers: dict[str, int | None] = {}
-    scenes: list[dict[str, Any]] = []
-    drawn: list[Drawing] = []
-    marks = []
-    for engine, route, quantity, decade, picture in wanted:
-        key = picture.place.key
-        if key not in numbers:
-            drawing = _drawing(picture) if len(drawn) < MOST_SCENES else None
-            numbers[key] = None if drawing is None else len(drawn)
-            if drawing is not None:
-                drawn.append(drawing)
-                scenes.append(drawing.described(picture.place.scene, key))
-        number = numbers[key]
-        if number is None:
-            continue
-        ghost = drawn[number].ghost(picture, LEVELS[quantity])
-        if ghost is not None:
-            who = {"engine": engine, "route": route, "quantity": quantity, "decade": decade}
-            marks.append({**who, "digits": picture.sample.digits, "scene": number, **ghost})
-    return {"width": WIDTH, "height": HEIGHT, "scenes": scenes, "marks": marks}
-
-
-def _drawing(picture: Picture) -> Drawing | None:
-    """Return the scene of a picture in motion; None if it cannot be read or has no motion to show."""
-    try:
-        scene = parse(dict(picture.scene_file))
-    except InvalidScene:
-        return None
-    whole = replace(scene, bodies_wanted=None, points=(), effects=frozenset(Effect), evidence=frozenset())
-    drawing = Drawing(whole, solve(whole))
-    return drawing if drawing.shown.size else None
-
-
 class Drawing:
     """A scene's mechanism as parts, its motion as frames."""
 
@@ -97,9 +184,8 @@ class Drawing:
         self.shown = np.flatnonzero(np.all(np.isfinite(motion.q), axis=0))
         self.points = _points(scene.mechanism)
         self.links = [tuple(c.points()) for c in scene.mechanism.joints if isinstance(c, Distance)]
-        step = frame_step(motion.t.size)
+        step = max(1, -(-motion.t.size // MOST_FRAMES))
         self.frames = [k for k in range(0, motion.t.size, step) if k in self.shown]
-        self.step = step
         if self.shown.size:
             self.view = self._view()
 
@@ -164,22 +250,21 @@ class Drawing:
             places.append(_short(xi, yi, math.degrees(math.atan2(yj - yi, xj - xi))))
         return places
 
-    def ghost(self, picture: Picture, level: int) -> dict[str, Any] | None:
+    def ghost(self, sample: Sample, level: int) -> dict[str, Any] | None:
         """Return the pose of a sample, the engine's answer in it, and by which factor its error is magnified.
 
         A wrong position is another pose; wrong rates are arrows (from, truth's head, engine's head) at the bodies.
         """
-        k, size = picture.sample.k, self.scene.mechanism.size()
-        off = np.array([0.0 if x is None else x for x in picture.sample.off])
-        if k >= self.motion.t.size or k not in self.shown or off.size != 3 * len(self.names):
+        k = sample.k
+        if k not in self.shown:
             return None
-        off[0::3], off[1::3] = off[0::3] * size, off[1::3] * size
-        q = self.motion.q[:, k]
-        told = {"time": float(self.motion.t[k]), "pose": self._frame(q)}
+        errors = self._in_metres(sample.off)
+        off, q = np.nan_to_num(errors[:, k]), self.motion.q[:, k]
+        told = {"digits": sample.digits, "time": float(self.motion.t[k]), "pose": self._frame(q)}
         if level == 0:
             factor = self._visible(q, off)
             ghost = self._frame(q + factor * off)
-            return {**told, "factor": factor, "ghost": ghost, "arrows": [], "cycle": self._cycle(picture, size)}
+            return {**told, "factor": factor, "ghost": ghost, "arrows": [], "cycle": self._cycle(errors)}
         rate = (self.motion.qd, self.motion.qdd)[level - 1]
         if rate is None or not np.all(np.isfinite(rate[:, k])):
             return None
@@ -191,16 +276,16 @@ class Drawing:
         bent = max(np.max(np.abs(off[2::3])), 1e-300)
         return _factor(VISIBLE * WIDTH / max(self._moved(q, off), 1e-300), BEND / bent)
 
-    def _cycle(self, picture: Picture, size: float) -> dict[str, Any] | None:
+    def _in_metres(self, off: Any) -> Any:
+        """Return signed errors in scaled coordinates in metres and rad."""
+        size = self.scene.mechanism.size()
+        return off * np.tile([size, size, 1.0], len(self.names))[:, None]
+
+    def _cycle(self, errors: Any) -> dict[str, Any] | None:
         """Return the engine's answer in every frame, one factor for all: the smallest of those that suit a frame."""
-        found = picture.cycle
-        if found is None or len(found.off) != -(-self.motion.t.size // self.step):
+        off = {k: errors[:, k] if np.all(np.isfinite(errors[:, k])) else None for k in self.frames}
+        if all(error is None for error in off.values()):
             return None
-        scale = np.tile([size, size, 1.0], len(self.names)) * found.unit
-        errors = {k: found.off[k // self.step] for k in self.frames}
-        if any(whole is not None and len(whole) != scale.size for whole in errors.values()):
-            return None
-        off = {k: None if whole is None else scale * np.array(whole) for k, whole in errors.items()}
         wrong = {k: error for k, error in off.items() if error is not None and error.any()}
         factor = min((self._visible(self.motion.q[:, k], error) for k, error in wrong.items()), default=1.0)
         frames = [

@@ -1,0 +1,82 @@
+"""What the workers of a night do: check a scene that they are handed, or one that they draw by its number."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from functools import lru_cache
+from typing import Any
+
+from crosscheck.engines import Engine, load
+from crosscheck.judge.records import Disagreement, Kind, Record, cell_of
+from crosscheck.measure.check import check, key_of
+from crosscheck.scenes.drawing import describe, draw
+from crosscheck.workers.pool import SECONDS_PER_SCENE, Parts, Work, Workers
+from crosscheck.workers.processes import Failure, preload
+from refkin.model import Scene
+from refkin.scenes.files import parse
+
+
+def scene_of(job: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
+    """Return the scene of a job and what the generator knows of it.
+
+    A job holds the data of a scene's file under `scene`, and perhaps `about`; or the seed of a night under `night` and
+    the numbers of scenes under `shards`. Of those the one is drawn whose features were met together least often, as
+    `seen` (cell -> how often) has it.
+    """
+    if "scene" in job:
+        return parse(job["scene"]), dict(job.get("about", {}))
+    scenes = [(draw(job["night"], number), number) for number in job["shards"]]
+    seen = job.get("seen", {})
+    about = [{**describe(drawn), "shard": number} for drawn, number in scenes]
+    least = min(range(len(scenes)), key=lambda k: seen.get(cell_of(about[k]), 0))
+    return scenes[least][0].scene, about[least]
+
+
+def check_job(job: Mapping[str, Any]) -> Record:
+    """Return the record of a job, as workers are handed it: with the specs of its `engines`, and perhaps `arbiter`."""
+    scene, about = scene_of(job)
+    return check(scene, _loaded(tuple(job["engines"])), about, arbiter=job.get("arbiter", False))
+
+
+@lru_cache
+def _loaded(specs: tuple[str, ...]) -> list[Engine]:
+    return [load(spec) for spec in specs]
+
+
+def load_engines(job: Mapping[str, Any]) -> None:
+    """Load the engines of a job: what a worker does before the first scene, with more time than a scene has."""
+    _loaded(tuple(job["engines"]))
+
+
+def joined(job: Mapping[str, Any], engines: Sequence[str], parts: Parts) -> Record:
+    """Return the record of a scene that was taken apart, as if nothing had happened, but with what failed again."""
+    whole: Record | Failure = parts[""]
+    if isinstance(whole, Failure):
+        scene, about = scene_of(job)
+        lost: dict[str, Any] = {name: [] for name in ("answers", "levels", "refusals", "disagreements")}
+        text = f"the reference itself: {whole.name}; {whole.text}"
+        return Record(key=key_of(scene), scene=scene.name, about=about, failure=text, **lost)
+    of_reference = len(whole.disagreements)  # every part has these, too
+    answers, levels, refusals, disagreements = [], [], [], [*whole.disagreements]
+    for engine in engines:
+        part = parts[engine]
+        if isinstance(part, Failure):
+            who: Any = {"engine": engine, "route": "any", "quantity": "status"}
+            kind = Kind(part.kind.value)
+            disagreements.append(Disagreement(**who, kind=kind, how=part.how, message=part.text))
+            continue
+        answers += part.answers
+        levels += part.levels
+        refusals += part.refusals
+        disagreements += part.disagreements[of_reference:]
+    return replace(whole, answers=answers, levels=levels, refusals=refusals, disagreements=disagreements)
+
+
+CHECK = Work(check_job, load_engines, joined)
+preload(__name__)
+
+
+def checkers(count: int, engines: Mapping[str, str], seconds: float = SECONDS_PER_SCENE) -> Workers:
+    """Return worker processes that check scenes; parameters as those of `crosscheck.workers.pool.Workers`."""
+    return Workers(CHECK, count, engines, seconds)
