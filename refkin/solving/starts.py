@@ -57,8 +57,9 @@ def find_start(system: System, scene: Scene) -> Start:
         if not missing and contracted and closes(system, first.q, t) and _leads_to_one(system, first, t):
             return Start(Status.OK, first.q)
         found = assemblies(system, t)
+        own = None if missing or found.complete or not (first.converged and _is_root(system, first.q, t)) else first.q
         if found.poses:
-            return Start(Status.OK, *_choice(system, found, estimate, missing, t))
+            return Start(Status.OK, *_choice(system, found, own, estimate, missing, t))
         rounding = found.gap is not None and found.gap <= A_FEW_ROUNDINGS.relative
         if found.gap is not None and not rounding:
             return Start(Status.UNASSEMBLABLE, message=unassemblable(system, found))
@@ -117,19 +118,28 @@ def unassemblable(system: System, found: Assemblies) -> str:
     return f"{found.message} (gap at least {found.gap:.3g} of the size {system.unit.size:g} m)"
 
 
-def _choice(system: System, found: Assemblies, estimate: Any, missing: list[str], t: float) -> tuple[Any, str]:
-    """Return an assembly and what to say of the choice: the nearest to what estimates there are, else the first."""
+def _choice(
+    system: System, found: Assemblies, own: Any, estimate: Any, missing: list[str], t: float
+) -> tuple[Any, str]:
+    """Return an assembly and what to say of the choice: the nearest to what estimates there are, else the first.
+
+    Where not all assemblies are known, that to which Newton's method went, `own`, is one of them. A singular one is
+    chosen only where it is much nearer than all others: no motion starts there.
+    """
     held = np.zeros(system.n, bool)
     for body in system.mechanism.bodies:
         held[system.columns(body.name)] = body.name not in missing
     for cam in (j for j in system.mechanism.joints if isinstance(j, Cam)):
         held[system.parameter(cam.name)] = cam.contact_estimate is not None
-    poses = [_turned_to(system, q, estimate, held, t) for q in found.poses]
+    poses = [_turned_to(system, q, estimate, held, t) for q in (*found.poses, *([] if own is None else [own]))]
+    regular = [sigma_min(system.phi_q(q, t)) > SINGULAR for q in poses]
     distances = [float(np.linalg.norm((q - estimate)[held])) for q in poses]
-    nearest = int(np.argmin(distances))
-    which = f"assembly {nearest + 1} of {len(poses)}{'' if found.complete else ' found'}"
-    sides = f", sides {found.branches[nearest]}" if found.branches[nearest] else ""
+    nearest = min(range(len(poses)), key=lambda k: (distances[k] * (1 if regular[k] else APART), not regular[k]))
     why = f"no estimate for {', '.join(missing)}" if missing else "more than one assembly may be near the estimate"
+    if nearest == len(found.poses):
+        return poses[nearest], f"{why}: Newton's, nearer than {len(found.poses)} others found"
+    which = f"assembly {nearest + 1} of {len(found.poses)}{'' if found.complete else ' found'}"
+    sides = f", sides {found.branches[nearest]}" if found.branches[nearest] else ""
     return poses[nearest], f"{why}: {which}{sides}"
 
 

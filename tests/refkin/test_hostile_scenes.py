@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import fast
+from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, fast
 from refkin.motion_laws import Polynomial, Sinusoid
 
 CORPUS = Path(__file__).parents[1] / "corpus"
@@ -205,3 +205,59 @@ def test_a_coupler_that_turns_with_the_crank_is_wound_as_often(monkeypatch):
     assert motion.verdict is OK
     assert motion["rocker"].phi[-1] - motion["rocker"].phi[0] == pytest.approx(2 * np.pi * 5000, abs=1e-9)
     assert motion["crank"].phi[-1] == pytest.approx(0.3 + 2 * np.pi * 5000, abs=1e-9)
+
+
+@pytest.mark.parametrize("turns", [0, 1, 500])
+def test_branches_that_never_cross_are_no_bifurcation_at_any_turn(turns):
+    start = scene("follow-false-bifurcation.toml")
+    (driver,) = start.mechanism.drivers
+    turned = replace(driver, law=Polynomial(coefficients=(3.0 + 2 * np.pi * turns, 1.0)))
+    before = replace(start, mechanism=replace(start.mechanism, drivers=(turned,)))
+    path = refkin.follow(before, until=(-0.1, 0.5))
+
+    assert not path.bifurcations
+    assert path.t[-1] == 0.5
+
+
+@pytest.mark.parametrize("turns", [0, 1, 500])
+def test_branches_that_cross_are_a_bifurcation_at_every_turn(turns):
+    linkage, first = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.0, rocker=2.0), 3.0 + 2 * np.pi * turns
+    crossing = linkage.scene(law=Polynomial(coefficients=(first, 1.0)), times=(0.0,))
+    path = refkin.follow(crossing, until=(-0.1, 0.5))
+
+    assert [b.t for b in path.bifurcations] == pytest.approx([np.pi - 3.0], abs=1e-9)
+
+
+def peaucellier(noise, seed):
+    """Peaucellier's inversor, two loops of rhombus and arms on a crank, from estimates that are off by some noise."""
+    crank, arm, side, phi = 1.0, 3.0, 1.2, 0.4
+    d = crank + crank * np.exp(1j * phi)
+    along = (arm**2 - side**2 + abs(d) ** 2) / (2 * abs(d))
+    b, c = ((along + sign * 1j * np.sqrt(arm**2 - along**2)) * d / abs(d) for sign in (1, -1))
+    e = 2 * along * d / abs(d) - d
+    ends = {"AD": (crank, d), "OB": (0, b), "OC": (0, c), "DB": (d, b), "DC": (d, c), "BE": (b, e), "CE": (c, e)}
+    poses = {name: np.array([np.real(p), np.imag(p), np.angle(q - p)]) for name, (p, q) in ends.items()}
+    rng = np.random.default_rng(seed)
+    bodies = tuple(Body(name=n, estimate=tuple((x + noise * rng.normal(size=3)).tolist())) for n, x in poses.items())
+    length = {"AD": crank, "OB": arm, "OC": arm} | dict.fromkeys(("DB", "DC", "BE", "CE"), side)
+    pins = [("AD", 1, "DB", 0), ("AD", 1, "DC", 0), ("OB", 1, "DB", 1), ("OB", 1, "BE", 0)]
+    pins += [("OC", 1, "DC", 1), ("OC", 1, "CE", 0), ("BE", 1, "CE", 1)]
+    joints = [
+        Revolute(name=n, body_i="ground", point_i=(x, 0.0), body_j=n, point_j=(0.0, 0.0))
+        for n, x in (("AD", crank), ("OB", 0.0), ("OC", 0.0))
+    ]
+    joints += [
+        Revolute(name=i + j, body_i=i, point_i=(m * length[i], 0.0), body_j=j, point_j=(n * length[j], 0.0))
+        for i, m, j, n in pins
+    ]
+    driver = AngleDriver(name="d", body="AD", law=Polynomial(coefficients=(phi, 0.3)))
+    return Scene(mechanism=Mechanism(bodies, tuple(joints), (driver,)), times=(0.0, 0.1))
+
+
+@pytest.mark.parametrize("noise", [0.2, 0.4])
+def test_peaucellier_starts_from_usable_estimates_in_a_regular_assembly(noise):
+    for seed in range(6):
+        motion = refkin.solve(peaucellier(noise, seed))
+
+        assert motion.verdict is OK, (seed, motion.message)
+        assert motion.sigma_min[0] > 1e-3

@@ -5,8 +5,9 @@ The system in x = (q, t), psi and mu (after Werner and Spence, SIAM J. Numer. An
 
     phi(x) + mu psi = 0     [phi_q, phi_t]^T psi = 0     psi . psi = 1
 
-is regular there, so Newton's method finds the point to round-off. mu tells what it is: 0 at a bifurcation; elsewhere it
-says by how much the curves pass by each other (for a four-bar near its change point, about its slack).
+is regular there, so Newton's method finds the point to round-off. mu tells what it is: 0 at a bifurcation, up to what a
+few roundings of the mechanism's lengths explain; elsewhere it says by how much the curves pass by each other (for a
+four-bar near its change point, about its slack).
 
 With z = N a in the plane of null vectors N, phi = 0 asks to second order that psi . phi_xx[z, z] = a^T B a = 0: two
 real directions a if det B < 0, none if det B > 0 (an isolated pose), and no answer to second order if det B = 0.
@@ -18,13 +19,17 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from flint import arb, ctx
 
 from refkin.differences import EPS
 from refkin.newton import newton
+from refkin.proof.numbers.exact import exact_system
 from refkin.proof.path.curve import Curve
 
-ROUND_OFF = 64 * EPS
-"""|mu| up to which curves are taken to cross: what rounding of phi explains, in units of the largest coordinate."""
+ROUND_OFF = 16 * EPS
+"""|mu| up to which curves are taken to cross: what a few roundings of the mechanism's lengths explain [sizes]."""
+BITS = 113
+"""Precision in which mu is computed: at an angle of many turns float64 would only give the rounding of the angle."""
 FLAT = 1e-6
 """det B in units of |B|^2 up to which tangents are not decided to second order."""
 
@@ -41,7 +46,7 @@ class Crossing:
     @property
     def is_bifurcation(self) -> bool:
         """Whether the curves cross, to round-off."""
-        return abs(self.mu) <= ROUND_OFF * max(1.0, float(np.max(np.abs(self.x))))
+        return abs(self.mu) <= ROUND_OFF
 
     @property
     def tangents(self) -> tuple[Any, ...]:
@@ -73,7 +78,22 @@ def crossing(curve: Curve, guess: Any) -> Crossing | None:
         return None
     x, psi = found.q[: n + 1], found.q[n + 1 : -1]
     null = np.linalg.svd(curve.slope(x)[rows])[2][-2:].T
-    return Crossing(x, float(found.q[-1]), null.T @ curve.bend(x, psi, rows) @ null, null)
+    return Crossing(x, _mu(curve, x, psi, rows), null.T @ curve.bend(x, psi, rows) @ null, null)
+
+
+def _mu(curve: Curve, x: Any, psi: Any, rows: Any) -> float:
+    """Return mu = -psi . phi(x), in balls: to first order it feels no error of x, and of psi only mu times as much."""
+    q, t = curve.pose(x)
+    with ctx.workprec(BITS):
+        phi = exact_system(curve.system, BITS).phi(_objects(q), arb(t))[rows]
+        return float(-sum((arb(float(w)) * p for w, p in zip(psi, phi, strict=True)), arb(0)))
+
+
+def _objects(q: Any) -> Any:
+    """Return numbers as an object array of exact balls."""
+    out = np.empty(len(q), object)
+    out[:] = [arb(v) for v in q.tolist()]
+    return out
 
 
 def roots(form: Any) -> tuple[Any, ...]:
