@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from crosscheck.cli import main
 from crosscheck.documents.ledger import all_rows, check_row, ledger_rows, read
 from crosscheck.documents.ledger.arithmetic import Balls, Binary64, NoRoot, Undecided, count_roots, excludes_zero
-from crosscheck.documents.ledger.digits import Printed, Written, correct_digits, printed_is
+from crosscheck.documents.ledger.digits import Written, correct_digits
 from crosscheck.documents.ledger.rows import Erratum, Ledger, Value
 from crosscheck.documents.systems import me451, me581
 
@@ -171,11 +171,6 @@ def test_what_is_no_decimal_number_is_refused(text):
 )
 def test_significant_digits_are_counted(text, digits):
     assert Written.read(text).digits == digits
-
-
-def test_a_tie_may_be_rounded_either_way():
-    with ctx.workprec(200):
-        assert {printed_is(Written.read(p), arb("0.38125")) for p in ("0.3812", "0.3813")} == {Printed.RIGHT}
 
 
 def test_no_more_digits_are_right_than_are_printed():

@@ -19,9 +19,9 @@ from refkin.solving.solve import solve
 from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import compile_system
 from tests.claims import U, assert_near
-from tests.refkin.test_contact_motions import PROFILE
 
 ORIGIN = (0.0, 0.0)
+PROFILE = Sinusoid(offset=1.0, amplitude=0.15, angular_frequency=2.0, phase=0.3)
 PIVOT = (3.0, -2.0)
 TIMES = (0.0, 0.3, 0.6, 0.9)
 LAW = Polynomial(coefficients=(0.4, 1.3, -0.6))

@@ -114,7 +114,7 @@ def compiled(function: types.FunctionType, definition: ast.AST) -> types.Functio
 def forget_caches() -> None:
     """Empty the caches of this project's functions: what other formulas gave must not be found again."""
     for name, module in list(sys.modules.items()):
-        if name.partition(".")[0] in ("refkin", "crosscheck"):
+        if name.partition(".")[0] in ("refkin", "crosscheck", "tests"):
             for value in list(vars(module).values()):
                 clear = getattr(value, "cache_clear", None)
                 if callable(clear) and hasattr(value, "__wrapped__"):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 import inspect
 import time
 
@@ -9,8 +10,10 @@ import pytest
 
 from crosscheck.documents.ledger import read
 from refkin.newton import CorrectionNorm, newton
-from tests.mutation.change import DoesNotFit, changed_function, mutated, resolve
+from tests.mutation.change import DoesNotFit, changed_function, compiled, mutated, resolve, switched
 from tests.mutation.mutants import Mutant, cases, killer, mutants, red
+from tests.mutation.operators import change, places, probed
+from tests.mutation.sample import verdicts
 
 MUTANTS = mutants()
 SLOPE = "solve_linear(slope, -residuals[-1])", "solve_linear(slope, residuals[-1])"
@@ -135,3 +138,26 @@ def endless(wait):
 def test_a_test_that_does_not_end_is_ended():
     """A mutant may loop for ever: that is found, in time."""
     assert "no end" in red("mutation/test_mutants.py::endless", seconds=0.2)
+
+
+def test_random_mutants_are_other_programs_and_their_probes_are_not(monkeypatch):
+    """Of every change of a function the text differs; a probe before its statement tells that it was reached."""
+    definition = ast.parse(inspect.getsource(newton)).body[0]
+    found = [what for place in places(definition) if (what := change("refkin.newton:newton", definition, place)[0])]
+    reached = set()
+    monkeypatch.setattr("builtins.__reached__", reached.add, raising=False)
+    probes = compiled(newton, probed(definition, [(what.place, k) for k, what in enumerate(found)]))
+    with switched({newton: probes}):
+        result = newton(lambda x: x * x - 4, lambda x: 2 * x, 3.0)
+
+    assert len(found) > 20
+    assert all(what.old != what.new for what in found)
+    assert result.converged
+    assert {"if damped:"} < {what.old for k, what in enumerate(found) if k in reached}
+    assert len(reached) < len(found)
+
+
+def test_every_survivor_has_a_verdict_with_a_reason():
+    for key, survivor in verdicts().items():
+        assert survivor["verdict"] in ("equivalent", "costs only time", "to kill"), key
+        assert len(survivor["why"]) > 20, key

@@ -9,10 +9,11 @@ import pytest
 
 import refkin
 from refkin.errors import InvalidScene
-from refkin.joints import JOINT_TYPES
+from refkin.joints import JOINT_TYPES, AngleDriver, XDriver, YDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
-from refkin.solving.mobility import COORDINATES, FREEDOMS, count, gruebler, mobility, rank_of
+from refkin.solving.mobility import COORDINATES, FREEDOMS, count, gruebler, kind_of, mobility, rank_of
+from tests.claims import assert_near
 
 RSSR = (
     ("revolute", "ground", "crank"),
@@ -184,3 +185,41 @@ def test_a_pose_of_another_mechanism_is_refused():
     mechanism, q = parallelogram(third_crank=False)
     with pytest.raises(InvalidScene, match="q: expected 9 coordinates"):
         mobility(mechanism, q[:6])
+
+
+STILL = Polynomial(coefficients=(0.0,))
+
+
+def test_dependences_reproduce_their_rows():
+    """Each row that is named is the sum of the others times its factors, with as many names as rows beyond the rank."""
+    rows = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, -1.0], [2.0, 5.0, -1.0], [3.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
+    names = ["a", "b", "c", "d", "e"]
+    found = rank_of(rows, names)
+    assert (found.rank, found.freedoms, len(found.dependent)) == (3, 0, 2), f"{found}"
+    sigma = np.linalg.svd(rows, compute_uv=False)
+    assert_near([found.kept, found.dropped], [sigma[2], 0.0], 1e-14, "values kept and dropped")
+    assert [d.row for d in found.dependent] == ["d", "e"] or [d.row for d in found.dependent] == ["c", "e"], f"{found}"
+    for d in found.dependent:
+        total = sum((f * rows[names.index(n)] for n, f in d.factors.items()), np.zeros(3))
+        assert_near(total, rows[names.index(d.row)], 1e-13, f"{d}")
+        assert d.row not in d.factors, f"{d} depends on itself"
+    nothing = rank_of(np.zeros((0, 3)), [])
+    assert (nothing.rank, nothing.freedoms, nothing.kept, nothing.dropped) == (0, 3, 0.0, 0.0), f"{nothing}"
+    free = Mechanism(
+        (Body(name="b"),), (), tuple(k(name=k.__name__, body="b", law=STILL) for k in (XDriver, YDriver, AngleDriver))
+    )
+    found_free = mobility(free, np.zeros(3))
+    assert (found_free.mobility, found_free.driven.freedoms) == (3, 0), f"{found_free}"
+
+
+def test_kinds_have_their_names():
+    """A structure, a mechanism with so many freedoms, and by how much a system is overconstrained."""
+    for mobility_, words in (
+        (0, "structure"),
+        (1, "one freedom"),
+        (3, "3 freedoms"),
+        (-1, "1 equation more"),
+        (-2, "2 equations more"),
+    ):
+        assert words in kind_of(mobility_), f"{mobility_}: {kind_of(mobility_)}"
+    assert math.prod("freedom" in kind_of(k) for k in (1, 2)) == 1, "a mechanism without freedoms"
