@@ -407,7 +407,7 @@ def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, r
     count, m, n = jacobian.shape
     inverse, qd = np.full((count, n, m), np.nan), np.full((count, n), np.nan)
     some = np.isfinite(residual)
-    inverse[some] = _inverse(jacobian[some])
+    inverse[some] = inverses(jacobian[some])
     regular = some.copy()
     regular[some] = _regular(jacobian[some], inverse[some])
     if regular.any():
@@ -431,7 +431,7 @@ def solve(matrix: Array, right: Array) -> Array:
     """
     _, m, n = matrix.shape
     if n != m:
-        x = (_inverse(matrix) @ right[:, :, None])[:, :, 0]
+        x = (inverses(matrix) @ right[:, :, None])[:, :, 0]
     else:
         x = _each(lambda a, b: np.linalg.solve(a, b[:, :, None])[:, :, 0], matrix, right, out=right)
     if not np.isfinite(x).all():
@@ -439,7 +439,7 @@ def solve(matrix: Array, right: Array) -> Array:
     return x
 
 
-def _inverse(matrix: Array) -> Array:
+def inverses(matrix: Array) -> Array:
     """Return inverses (B, n, m) of matrices (B, m, n), pseudo-inverses if rows are redundant; NaN where singular."""
     _, m, n = matrix.shape
     if m == n:
@@ -488,9 +488,14 @@ class Tabulated:
     def __init__(self, law: Callable[..., Any]) -> None:
         self.law, self.known = law, dict[int, dict[float, float]]()
 
-    def __call__(self, t: Array, order: int) -> Array:
-        """Return the derivative of the given order at times (B,)."""
-        known, times = self.known.setdefault(order, {}), t.tolist()
+    def __call__(self, t: Any, order: int) -> Any:
+        """Return the derivative of the given order at a time, or at times (B,)."""
+        known = self.known.setdefault(order, {})
+        if isinstance(t, float):
+            if t not in known:
+                known[t] = float(self.law(t, order))
+            return known[t]
+        times = t.tolist()
         missing = [at for at in times if at not in known]
         if missing:
             values = np.broadcast_to(np.asarray(self.law(np.array(missing), order), float), len(missing))

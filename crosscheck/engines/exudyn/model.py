@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import exudyn as exu
@@ -99,7 +99,20 @@ class ExudynModel:
     def jacobian(self, q: Array, t: float) -> Array:
         """Return exudyn's constraint Jacobian, (m, n); raises as `residual` does."""
         self.set_state(q, t)
-        distances = self._driven_distances()
+        return self._jacobian(self._driven_distances())
+
+    def at_rest(self, q: Array, t: float) -> tuple[Array, Array, Array]:
+        """Return residual, Jacobian, and velocity of the rows while the bodies rest; raises as `residual` does."""
+        self.set_state(q, t, np.zeros(self.n))
+        rows, velocity = (self._algebraic_equations(velocity_level=level) for level in (False, True))
+        cylinders = self._cylinders()
+        jacobian = self._jacobian({row: rows[row] + f for row, f, _ in cylinders})
+        for row, f, fd in cylinders:
+            velocity[row] = (rows[row] + f) * velocity[row] - f * fd
+            rows[row] *= 0.5 * (rows[row] + 2.0 * f)
+        return rows, jacobian, velocity
+
+    def _jacobian(self, distances: Mapping[int, float]) -> Array:
         try:
             # The first call only clears the matrix, to which the second adds.
             self.solver.ComputeJacobianODE2RHS(

@@ -25,6 +25,7 @@ class Readings:
 
     def __init__(self, mbs: Any, bodies: Mapping[str, Any], unit: Unit) -> None:
         self.output, self.bodies, self.unit = mbs.GetObjectOutputBody, bodies, unit
+        self._local: dict[tuple[str, Pair], list[float]] = {}
 
     def local(self, body: str, point: Pair) -> list[float]:
         """Return a point of a body as exudyn wants it: in the model's unit, three components."""

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import exudyn as exu
@@ -12,11 +13,11 @@ import numpy as np
 from crosscheck.engines import Array, EngineError
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
+from crosscheck.engines.march import EPS, SINGULAR, Tabulated, connected, inverses, solve
 from refkin.joints import RelativeAngle, elements_of
 from refkin.model import Effect, Scene
 from refkin.motion import Status
 
-EPS = float(np.finfo(float).eps)
 TOLERANCES = (1e-14, 1e-13, 1e-12)
 """Norms of the residual, in sizes of the mechanism, at which exudyn's Newton may stop: the first that it reaches."""
 STALLED = 1e-9
@@ -25,10 +26,12 @@ ASTRAY, NEAR = 0.25, 0.01
 """A pose may differ from its prediction by this part of the way from the last pose, or by this much [sizes, rad]."""
 APART = 8.0
 """Two assemblies near each other are about sigma_min apart: a pose moved by less than this part of it is the nearer."""
-SINGULAR = 8.0 * math.sqrt(EPS)
-"""Smallest singular value of the scaled Jacobian up to which rounding decides which assembly a pose is on."""
 SMALLEST_STEP = 2.0**-24
 """Smallest part of the way to the next time that a march goes at once."""
+
+
+AT_ONCE = 12
+"""Poses that are found before they are looked at."""
 
 
 class BranchLostError(EngineError):
@@ -141,17 +144,18 @@ class ShippedSolve:
 
 @dataclass(frozen=True)
 class Pose:
-    """A pose with exudyn's residual (largest component) and, where they are needed, its Jacobian and the rate.
+    """A pose with exudyn's residual (largest component) and, where they are needed, Jacobian, right side and rate.
 
-    Residual and Jacobian are scaled by the mechanism's size. The rate is NaN where the Jacobian is singular. `sign` is
-    that of the Jacobian's determinant, 0 if it is not square.
+    All are scaled by the mechanism's size. The right side is that of the velocities, the rate NaN where the Jacobian is
+    singular. `sign` is that of the Jacobian's determinant, 0 if it is not square.
     """
 
     t: float
     q: Array
     residual: float
-    jacobian: Array | None = None
-    rate: Array | None = None
+    jacobian: Any = None
+    right: Any = None
+    rate: Any = None
     sign: float = 0.0
 
 
@@ -165,6 +169,9 @@ class Marcher:
     if exudyn's Newton moved the prediction by less than assemblies lie apart; where no step does that, and where a pose
     that is singular to rounding is left, the branch is lost, for all later times too. Any other time without an answer
     is marked, and the next one is tried from the last good pose.
+
+    Several poses are found at once, each started where those before it point, and only then looked at, together
+    (`_several`). What is not as plain as can be is found once more, one pose after another.
     """
 
     def __init__(self, model: ExudynModel, scene: Scene, solver: StaticNewton | ShippedSolve) -> None:
@@ -173,56 +180,96 @@ class Marcher:
         self.velocity = self.acceleration or Effect.VELOCITY in scene.effects
         self.row_scale = solver.size**model.powers
         self.column_scale = np.tile([solver.size, solver.size, 1.0], model.n // 3)
-        self.still = np.zeros(model.n)
         columns = {body.name: 3 * k + 2 for k, body in enumerate(scene.mechanism.bodies)}
         joints = [tuple(elements_of([joint])) for joint in scene.mechanism.joints]
         held: list[Any] = [elements[1] for elements in joints if is_slider(elements)]
         self.slides = [(angle, *map(columns.get, angle.bodies)) for angle in held]
         self.last: Pose | None = None
         self.sign = 0.0
+        self.at_once = AT_ONCE
+        for k, (law, shift, size) in enumerate(model.clock.laws):
+            table: Any = Tabulated(law)
+            for order in range(3):
+                table(np.array(scene.times), order)
+            model.clock.laws[k] = (table, shift, size)
 
     def run(self, start: Array) -> Poses:
         """Return the poses at all times of the scene, from an estimate of the first."""
-        count = len(self.scene.times)
-        q, qd, qdd = (np.full((self.model.n, count), np.nan) for _ in range(3))
-        poses = Poses(q, qd, qdd, np.full(count, np.nan), [Status.NOT_CONVERGED] * count)
+        times, found = self.scene.times, list[Pose | EngineError]()
         start = self._on_the_turn_meant(start)
-        lost = False
-        for k, t in enumerate(self.scene.times):
-            if Status.BRANCH_LOST in poses.status:
-                poses.status[k] = Status.BRANCH_LOST
-                continue
+        lost = True
+        while len(found) < len(times):
+            t = times[len(found)]
             try:
                 if self.last is None or lost or not self.solver.predicts:
-                    self.last = self._pose(t, start if self.last is None else self.last.q)
+                    poses = [self._pose(t, start if self.last is None else self.last.q)]
                 else:
-                    self.last = self._advanced(self.last, t)
+                    poses = self._several(found, self.last, times[len(found) : len(found) + self.at_once])
+                    self.at_once = min(2 * self.at_once, AT_ONCE) if poses else max(self.at_once // 2, 1)
+                    poses = poses or [self._advanced(self.last, t)]
+            except BranchLostError as error:
+                found += [error] * (len(times) - len(found))
             except EngineError as error:
-                poses.reason = poses.reason or str(error)
+                found.append(error)
                 lost = True
-                if isinstance(error, BranchLostError):
-                    poses.status[k] = Status.BRANCH_LOST
             else:
-                self._record(poses, k, self.last)
-                self.sign = self.sign or self.last.sign
-                lost = False
-        return poses
+                found += poses
+                self.last, self.sign, lost = poses[-1], self.sign or poses[-1].sign, False
+        return self._with_rates(found)
 
-    def _record(self, poses: Poses, k: int, pose: Pose) -> None:
-        poses.q[:, k], poses.residual[k], poses.status[k] = pose.q, pose.residual, Status.OK
-        for rates, rate in zip((poses.qd, poses.qdd), self._rates(pose), strict=True):
-            if rate is not None:
-                rates[:, k] = rate
-                if not np.all(np.isfinite(rate)):
-                    poses.status[k] = Status.SINGULAR
+    def _with_rates(self, found: Sequence[Pose | EngineError]) -> Poses:
+        """Return what was found at the times, with velocity and acceleration as far as the scene calls for them."""
+        q, qd, qdd = (np.full((self.model.n, len(found)), np.nan) for _ in range(3))
+        residual, status, reason = np.full(len(found), np.nan), [Status.NOT_CONVERGED] * len(found), ""
+        there = [k for k, pose in enumerate(found) if isinstance(pose, Pose)]
+        poses = [pose for pose in found if isinstance(pose, Pose)]
+        for k, pose in enumerate(found):
+            if isinstance(pose, Pose):
+                q[:, k], residual[k], status[k] = pose.q, pose.residual, Status.OK
+            else:
+                reason = reason or str(pose)
+                status[k] = Status.BRANCH_LOST if isinstance(pose, BranchLostError) else status[k]
+        if self.velocity and poses:
+            jacobians, rights = (np.array([getattr(pose, name) for pose in poses]) for name in ("jacobian", "right"))
+            qd[:, there] = (self.column_scale * solved(jacobians, rights)).T
+            if self.acceleration:
+                drifts = [self.model.drift(pose.q, qd[:, k], pose.t) for k, pose in zip(there, poses, strict=True)]
+                rights = np.array(drifts)[:, self.model.live] / self.row_scale
+                qdd[:, there] = (self.column_scale * solved(jacobians, rights)).T
+            for k in there:
+                rates = qdd[:, k] if self.acceleration else qd[:, k]
+                status[k] = Status.OK if np.isfinite(rates).all() and np.isfinite(qd[:, k]).all() else Status.SINGULAR
+        return Poses(q, qd, qdd, residual, status, reason)
 
-    def _rates(self, pose: Pose) -> tuple[Array | None, Array | None]:
-        """Return velocity and acceleration as far as the scene calls for them."""
-        if pose.rate is None or pose.jacobian is None or not self.velocity:
-            return None, None
-        if not self.acceleration:
-            return pose.rate, None
-        return pose.rate, self._solved(pose.jacobian, self.model.drift(pose.q, pose.rate, pose.t))
+    def _several(self, found: Sequence[Pose | EngineError], last: Pose, times: Sequence[float]) -> list[Pose]:
+        """Return poses at the first of the next times: those that plainly continue the motion one after another.
+
+        Each starts on the polynomial through the poses before it. Then the tests of `_pose` are made on all of them;
+        beyond these, no pose may be near a singular one, and no singular one may lie between two of them.
+        """
+        before = [pose for pose in found[-4:] if isinstance(pose, Pose)]
+        poses = [last]
+        if not self.sign:
+            return []
+        try:
+            for t in times:
+                known = [*before[:-1], *poses][-4:]
+                start = self._predicted(last, t) if len(known) == 1 else _extrapolated(known, t)
+                poses.append(self._seen(t, self.solver(t, start)))
+        except EngineError:
+            pass
+        at, q, jacobian, right = (
+            np.array([getattr(p, name) for p in poses]) for name in ("t", "q", "jacobian", "right")
+        )
+        rate = self.column_scale * solved(jacobian, right)
+        inverse, sign = inverses(jacobian), np.linalg.slogdet(jacobian)[0]
+        off = np.abs(q[1:] - q[:-1] - np.diff(at)[:, None] * rate[:-1]).max(axis=1)
+        with np.errstate(invalid="ignore"):
+            plain = off <= np.maximum(ASTRAY * np.abs(np.diff(q, axis=0)).max(axis=1), NEAR)
+            plain &= (np.linalg.norm(inverse, axis=(1, 2)) < 1.0 / SINGULAR)[1:] & (sign[1:] * self.sign > 0.0)
+            plain &= connected(inverse[:-1], jacobian[1:]) & np.isfinite(rate[1:]).all(axis=1)
+        good = int(np.argmin(np.append(plain, False)))
+        return [replace(poses[k], rate=rate[k], sign=sign[k]) for k in range(1, good + 1)]
 
     def _advanced(self, last: Pose, t: float) -> Pose:
         """Return the pose at time t, reached in as many steps as it takes to stay on the branch."""
@@ -243,39 +290,37 @@ class Marcher:
         return last
 
     def _predicted(self, last: Pose, t: float) -> Array:
-        if last.rate is None or not np.all(np.isfinite(last.rate)):
-            return last.q
-        return last.q + (t - last.t) * last.rate
+        return last.q + (t - last.t) * last.rate if np.isfinite(last.rate).all() else last.q
+
+    def _seen(self, t: float, q: Array) -> Pose:
+        """Return exudyn's rows at what its solver found; EngineError says why it is not believed."""
+        live, wanted = self.model.live, self.solver.predicts or self.velocity
+        residual, jacobian, velocity = self.model.at_rest(q, t) if wanted else (self.model.residual(q, t), None, None)
+        gap = _largest(residual[live] / self.row_scale)
+        if not gap <= self.solver.accepted * max(1.0, _largest(q / self.column_scale)):
+            raise EngineError(f"it reported success with a residual of {gap:.1e}")
+        self._check_turns(q)
+        if jacobian is None or velocity is None:
+            return Pose(t, q, gap)
+        scaled = jacobian[live] * self.column_scale / self.row_scale[:, None]
+        return Pose(t, q, gap, scaled, -velocity[live] / self.row_scale)
 
     def _pose(self, t: float, start: Array, last: Pose | None = None, crossing: bool = False) -> Pose:
         """Return the pose that the solver finds from a start; EngineError says why it is not believed."""
-        q = self.solver(t, start)
-        residual = _largest(self.model.residual(q, t)[self.model.live] / self.row_scale)
-        if not residual <= self.solver.accepted * max(1.0, _largest(q / self.column_scale)):
-            raise EngineError(f"it reported success with a residual of {residual:.1e}")
-        self._check_turns(q)
+        pose = self._seen(t, self.solver(t, start))
+        if not self.solver.predicts:
+            return pose
+        q, jacobian = pose.q, pose.jacobian
         if last is not None and _largest(q - start) > max(ASTRAY * _largest(q - last.q), NEAR):
             raise EngineError("no step is small enough for its Newton to stay near the motion predicted")
-        if not (self.solver.predicts or self.velocity):
-            return Pose(t, q, residual)
-        jacobian = self.model.jacobian(q, t)[self.model.live] * self.column_scale / self.row_scale[:, None]
         sign = float(np.linalg.slogdet(jacobian)[0]) if len(jacobian) == self.model.n else 0.0
-        if self.solver.predicts and sign * self.sign < 0.0:
+        if sign * self.sign < 0.0:
             raise BranchLostError("the determinant of its Jacobian changed sign: another branch")
-        if (
-            last is not None
-            and last.jacobian is not None
-            and _sigma_min(last.jacobian) <= SINGULAR < _sigma_min(jacobian)
-        ):
+        if last is not None and _sigma_min(last.jacobian) <= SINGULAR < _sigma_min(jacobian):
             raise BranchLostError("from a singular pose the motion may go on in two ways")
         if crossing and _largest((q - start) / self.column_scale) > _sigma_min(jacobian) / APART:
             raise BranchLostError("two assemblies are too near each other to tell which of them continues the motion")
-        rate = self._solved(jacobian, -self.model.constraint_velocity(q, self.still, t))
-        return Pose(t, q, residual, jacobian, rate, sign)
-
-    def _solved(self, jacobian: Array, right: Array) -> Array:
-        """Return the rates that the scaled Jacobian and exudyn's rows give, in the model's unit."""
-        return self.column_scale * solved(jacobian, right[self.model.live] / self.row_scale)
+        return replace(pose, rate=self.column_scale * solved(jacobian, pose.right), sign=sign)
 
     def _turned(self, q: Array) -> list[tuple[RelativeAngle, int | None, float]]:
         """Return for each held angle of a slider how far body j is turned from it against body i, turns included."""
@@ -299,21 +344,32 @@ class Marcher:
                 raise EngineError(f"it holds only the sine of {held.name!r}, and settled {off:.2f} rad off its angle")
 
 
+def _extrapolated(poses: Sequence[Pose], t: float) -> Array:
+    """Return where the polynomial through poses is at t (Lagrange)."""
+    weights = [math.prod((t - b.t) / (a.t - b.t) for b in poses if b is not a) for a in poses]
+    return np.asarray(weights @ np.array([pose.q for pose in poses]))
+
+
 def solved(jacobian: Array, right: Array) -> Array:
     """Return x of jacobian x = right, of redundant rows by least squares; NaN where the matrix is singular.
 
     Singular also means: x outgrows the right side by so much that the rounding of the matrix alone makes up for it.
+
+    Parameters
+    ----------
+    jacobian, right : (m, n) and (m,) array, or (B, m, n) and (B, m)
     """
-    rows, n = jacobian.shape
-    if rows == n:
-        try:
-            x: Array = np.asarray(np.linalg.solve(jacobian, right), np.float64)
-        except np.linalg.LinAlgError:
-            return np.full(n, np.nan)
-        rounding = n * EPS * _largest(jacobian) * _largest(x)
-        return x if rounding <= _largest(right) else np.full(n, np.nan)
-    least, _, rank, _ = np.linalg.lstsq(jacobian, right)
-    return np.asarray(least, np.float64) if rank == n else np.full(n, np.nan)
+    if jacobian.ndim == 2:
+        return solved(jacobian[None], right[None])[0]
+    _, m, n = jacobian.shape
+    x = solve(jacobian, right)
+    if m == n:
+        rounding = n * EPS * np.abs(jacobian).max(axis=(1, 2)) * np.abs(x).max(axis=1)
+        sound = rounding <= np.abs(right).max(axis=1)
+    else:
+        sigma = np.linalg.svd(jacobian, compute_uv=False)
+        sound = sigma[:, -1] > EPS * max(m, n) * sigma[:, 0]
+    return np.where(sound[:, None], x, np.nan)
 
 
 def _largest(x: Array) -> float:
