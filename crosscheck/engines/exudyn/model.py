@@ -138,10 +138,11 @@ class ExudynModel:
     def drift(self, q: Array, qd: Array, t: float) -> Array:
         """Return gamma, (m,): phi_q qdd = gamma; from exudyn's accelerations of points at qdd = 0."""
         self.set_state(q, t, qd, order=2)
-        rows = np.zeros(self.m)
+        rows = [0.0] * self.m
         for engine_rows, block in self.blocks:
-            rows[engine_rows] = tuple(block.drift())
-        return rows
+            for row, value in zip(engine_rows, block.drift(), strict=True):
+                rows[row] = value
+        return np.array(rows)
 
     def close(self) -> None:
         """Free what exudyn holds."""

@@ -29,8 +29,10 @@ class Readings:
 
     def local(self, body: str, point: Pair) -> list[float]:
         """Return a point of a body as exudyn wants it: in the model's unit, three components."""
-        ox, oy = self.unit.origin if body == GROUND else ZERO
-        return [(point[0] - ox) / self.unit.size, (point[1] - oy) / self.unit.size, 0.0]
+        if (body, point) not in self._local:
+            ox, oy = self.unit.origin if body == GROUND else ZERO
+            self._local[body, point] = [(point[0] - ox) / self.unit.size, (point[1] - oy) / self.unit.size, 0.0]
+        return self._local[body, point]
 
     def point_jet(self, body: str, point: Pair) -> Jet:
         """Return exudyn's position, velocity and acceleration of a point at the present state."""

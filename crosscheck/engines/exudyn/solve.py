@@ -30,7 +30,7 @@ SMALLEST_STEP = 2.0**-24
 """Smallest part of the way to the next time that a march goes at once."""
 
 
-AT_ONCE = 12
+AT_ONCE = 36
 """Poses that are found before they are looked at."""
 
 
@@ -80,9 +80,12 @@ class StaticNewton:
         model.set_state(start, t)
         extent = max(1.0, _largest(start))
         for tolerance in TOLERANCES:
-            if self._newton(tolerance * extent):
-                return self._corrected_once_more(tolerance * extent)
-            if not _largest(model.solver.GetSystemResidual()[model.n :]) < STALLED * extent:
+            done = self._newton(tolerance * extent)
+            left = _largest(model.solver.GetSystemResidual()[model.n :])
+            if done:
+                found: Array = model.data.GetODE2Coordinates(CURRENT)
+                return found if left <= 2.0 * EPS * extent else self._corrected_once_more(found, tolerance * extent)
+            if not left < STALLED * extent:
                 break
         raise EngineError("its Newton did not converge")
 
@@ -94,9 +97,8 @@ class StaticNewton:
         q: Array = self.model.data.GetODE2Coordinates(CURRENT)
         return q
 
-    def _corrected_once_more(self, tolerance: float) -> Array:
+    def _corrected_once_more(self, q: Array, tolerance: float) -> Array:
         """Return the pose without what the tolerance left: exudyn accepts no first residual without a correction."""
-        q: Array = self.model.data.GetODE2Coordinates(CURRENT)
         try:
             better = self._newton(tolerance)
         except EngineError:
@@ -247,29 +249,42 @@ class Marcher:
         Each starts on the polynomial through the poses before it. Then the tests of `_pose` are made on all of them;
         beyond these, no pose may be near a singular one, and no singular one may lie between two of them.
         """
-        before = [pose for pose in found[-4:] if isinstance(pose, Pose)]
-        poses = [last]
         if not self.sign:
             return []
+        known = [(pose.t, pose.q) for pose in found[-4:] if isinstance(pose, Pose)] or [(last.t, last.q)]
+        first, rows, model = len(known), list[tuple[Array, Array, Array]](), self.model
         try:
             for t in times:
-                known = [*before[:-1], *poses][-4:]
-                start = self._predicted(last, t) if len(known) == 1 else _extrapolated(known, t)
-                poses.append(self._seen(t, self.solver(t, start)))
+                start = self._predicted(last, t) if len(known) == 1 else _extrapolated(known[-4:], t)
+                q = self.solver(t, start)
+                rows.append(model.at_rest(q, t))
+                known.append((t, q))
         except EngineError:
             pass
-        at, q, jacobian, right = (
-            np.array([getattr(p, name) for p in poses]) for name in ("t", "q", "jacobian", "right")
-        )
+        if not rows:
+            return []
+        at, q = (np.array(part) for part in zip(*known[first - 1 :], strict=True))
+        residual, jacobian, right = self._scaled(*(np.array(part) for part in zip(*rows, strict=True)))
         rate = self.column_scale * solved(jacobian, right)
-        inverse, sign = inverses(jacobian), np.linalg.slogdet(jacobian)[0]
-        off = np.abs(q[1:] - q[:-1] - np.diff(at)[:, None] * rate[:-1]).max(axis=1)
+        jacobian, rates = np.concatenate([last.jacobian[None], jacobian]), np.concatenate([last.rate[None], rate])
+        inverse, sign, gap = inverses(jacobian), np.linalg.slogdet(jacobian[1:])[0], np.abs(residual).max(axis=1)
+        off = np.abs(np.diff(q, axis=0) - np.diff(at)[:, None] * rates[:-1]).max(axis=1)
         with np.errstate(invalid="ignore"):
             plain = off <= np.maximum(ASTRAY * np.abs(np.diff(q, axis=0)).max(axis=1), NEAR)
-            plain &= (np.linalg.norm(inverse, axis=(1, 2)) < 1.0 / SINGULAR)[1:] & (sign[1:] * self.sign > 0.0)
-            plain &= connected(inverse[:-1], jacobian[1:]) & np.isfinite(rate[1:]).all(axis=1)
+            plain &= gap <= self.solver.accepted * np.maximum(1.0, np.abs(q[1:] / self.column_scale).max(axis=1))
+            plain &= (np.linalg.norm(inverse, axis=(1, 2)) < 1.0 / SINGULAR)[1:] & (sign * self.sign > 0.0)
+            plain &= connected(inverse[:-1], jacobian[1:]) & np.isfinite(rate).all(axis=1)
+        for _, _, turned in self._turned(q[1:].T):
+            plain &= np.abs(turned) <= 1.0
         good = int(np.argmin(np.append(plain, False)))
-        return [replace(poses[k], rate=rate[k], sign=sign[k]) for k in range(1, good + 1)]
+        whole = zip(at[1:].tolist(), q[1:], gap, jacobian[1:], right, rate, sign, strict=True)
+        return [Pose(*parts) for parts in list(whole)[:good]]
+
+    def _scaled(self, residual: Array, jacobian: Array, velocity: Array) -> tuple[Array, Array, Array]:
+        """Return residual, Jacobian and right side of the velocities scaled, rows (..., L) without empty ones."""
+        live, units = self.model.live, self.row_scale
+        scaled = jacobian[..., live, :] * self.column_scale / units[:, None]
+        return residual[..., live] / units, scaled, -velocity[..., live] / units
 
     def _advanced(self, last: Pose, t: float) -> Pose:
         """Return the pose at time t, reached in as many steps as it takes to stay on the branch."""
@@ -294,16 +309,15 @@ class Marcher:
 
     def _seen(self, t: float, q: Array) -> Pose:
         """Return exudyn's rows at what its solver found; EngineError says why it is not believed."""
-        live, wanted = self.model.live, self.solver.predicts or self.velocity
-        residual, jacobian, velocity = self.model.at_rest(q, t) if wanted else (self.model.residual(q, t), None, None)
-        gap = _largest(residual[live] / self.row_scale)
+        if self.solver.predicts or self.velocity:
+            rows: tuple[Array, ...] = self._scaled(*self.model.at_rest(q, t))
+        else:
+            rows = (self.model.residual(q, t)[self.model.live] / self.row_scale,)
+        gap = _largest(rows[0])
         if not gap <= self.solver.accepted * max(1.0, _largest(q / self.column_scale)):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
         self._check_turns(q)
-        if jacobian is None or velocity is None:
-            return Pose(t, q, gap)
-        scaled = jacobian[live] * self.column_scale / self.row_scale[:, None]
-        return Pose(t, q, gap, scaled, -velocity[live] / self.row_scale)
+        return Pose(t, q, gap, *rows[1:])  # type: ignore[arg-type]
 
     def _pose(self, t: float, start: Array, last: Pose | None = None, crossing: bool = False) -> Pose:
         """Return the pose that the solver finds from a start; EngineError says why it is not believed."""
@@ -344,10 +358,11 @@ class Marcher:
                 raise EngineError(f"it holds only the sine of {held.name!r}, and settled {off:.2f} rad off its angle")
 
 
-def _extrapolated(poses: Sequence[Pose], t: float) -> Array:
-    """Return where the polynomial through poses is at t (Lagrange)."""
-    weights = [math.prod((t - b.t) / (a.t - b.t) for b in poses if b is not a) for a in poses]
-    return np.asarray(weights @ np.array([pose.q for pose in poses]))
+def _extrapolated(known: Sequence[tuple[float, Array]], t: float) -> Array:
+    """Return where the polynomial through coordinates at times is at t (Lagrange)."""
+    times = [at for at, _ in known]
+    weights = [math.prod([(t - b) / (a - b) for b in times if b != a]) for a in times]
+    return np.asarray(weights @ np.array([q for _, q in known]))
 
 
 def solved(jacobian: Array, right: Array) -> Array:
