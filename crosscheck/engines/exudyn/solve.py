@@ -84,7 +84,7 @@ class StaticNewton:
             left = _largest(model.solver.GetSystemResidual()[model.n :])
             if done:
                 found: Array = model.data.GetODE2Coordinates(CURRENT)
-                return found if left <= 2.0 * EPS * extent else self._corrected_once_more(found, tolerance * extent)
+                return found if left <= 2.0 * EPS else self._corrected_once_more(found, tolerance * extent)
             if not left < STALLED * extent:
                 break
         raise EngineError("its Newton did not converge")
