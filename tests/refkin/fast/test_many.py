@@ -11,9 +11,21 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import Distance, Effect, Evidence, Mechanism, Polynomial, RefkinError, Revolute, Sinusoid, Status, Table
+from refkin import (
+    Distance,
+    DistanceDriver,
+    Effect,
+    Evidence,
+    Mechanism,
+    Polynomial,
+    RefkinError,
+    Revolute,
+    Sinusoid,
+    Status,
+    Table,
+)
 from refkin.errors import InvalidScene, UnknownName
-from refkin.fast import solve_many, sweep
+from refkin.fast import solve_many, sweep, turning
 from refkin.fast.family import family
 from refkin.fast.lanes.symbols import Leaf
 from refkin.proof.pose.krawczyk import krawczyk
@@ -537,3 +549,21 @@ def test_where_there_is_no_proof_for_many_there_is_no_radius():
 
     assert many.ok.all()
     assert np.isnan(many.radii).all()
+
+
+def test_a_polynomial_of_rows_changes_by_no_more_than_its_taylor_terms():
+    """By so much in the first lane, whose terms all have one sign; by less in the second."""
+    law = Polynomial(coefficients=(np.array([0.2, 0.2]), np.array([1.0, -4.0]), np.array([0.5, 0.5]), 0.25))
+    change = turning._change(law, 1.0, 0.5)
+    moved = np.max(np.abs([law(t) - law(1.0) for t in np.linspace(0.5, 1.5, 9)]), axis=0)
+
+    assert change[0] == pytest.approx(moved[0], rel=1e-14)
+    assert change[1] > moved[1]
+
+
+def test_a_distance_that_passes_nothing_in_one_mechanism_is_seen_there():
+    """Its row depends on the square: 0.5 - t has a zero between 0 and 1, 2 - t has none."""
+    ends = {"body_i": "ground", "point_i": (0.0, 0.0), "body_j": "b", "point_j": (0.0, 0.0)}
+    driver = DistanceDriver(name="d", **ends, law=Polynomial(coefficients=(np.array([0.5, 2.0]), -1.0)))
+
+    assert turning.may_turn((driver,), 0.0, 1.0, 2).tolist() == [True, False]

@@ -274,6 +274,13 @@ def test_evidence_is_that_of_the_reference():
     assert np.all(np.max(np.abs(system.to_unit(motion.q) - system.to_unit(ref.q)), axis=0) <= radius)
 
 
+@pytest.mark.parametrize(("size", "closes"), [(1.0, False), (1000.0, True)])
+def test_a_residual_is_round_off_by_the_largest_coordinate(size, closes):
+    residual, q = np.array([0.0, 1e-13]), np.array([[0.3, 0.3], [0.4, size]])
+
+    assert answer._closed(residual, q) is closes
+
+
 def test_a_singular_pose_among_regular_ones_is_not_answered_without_a_proof():
     """A parallelogram, flat at the second of two times."""
     linkage = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
