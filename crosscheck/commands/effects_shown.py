@@ -11,12 +11,12 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from crosscheck.measure.effects import REFKIN
+from crosscheck.judge.effects_rows import EffectRow
+from crosscheck.measure.effects_ablations import REFKIN
 from crosscheck.measure.effects_ledger import effects_ledger
-from crosscheck.measure.effects_rows import EffectRow
 from refkin.model import Scene
 
-SCHEMA = 1
+SCHEMA = 2
 
 
 def run(scene: Scene, engines: Sequence[str], missing: Sequence[str], as_json: bool) -> bool:
@@ -38,10 +38,15 @@ def to_json(scene: str, rows: Sequence[EffectRow], missing: Sequence[str] = ()) 
     return {"schema": SCHEMA, "scene": scene, "rows": [asdict(row) for row in rows], "missing": list(missing)}
 
 
+def named(row: EffectRow) -> str:
+    """Return engine, method and setting of a row."""
+    return ", ".join(filter(None, (row.engine, row.method, row.setting)))
+
+
 def ledger_table(scene: str, rows: Sequence[EffectRow]) -> Table:
-    """Return the rows as a table, route by route; times are per configuration."""
+    """Return the rows as a table, method by method; times are per configuration."""
     table = Table(title=f"{escape(scene)}: what each effect costs per configuration, and whether it is inert")
-    table.add_column("engine, route")
+    table.add_column("engine, method")
     table.add_column("effect")
     for name in ("adds\nmicroseconds", "noise\nmicroseconds", "to\nmicroseconds"):
         table.add_column(name, justify="right")
@@ -50,7 +55,7 @@ def ledger_table(scene: str, rows: Sequence[EffectRow]) -> Table:
     table.add_column("note")
     last = ""
     for row in (row for row in rows if row.inert is not None):
-        name = f"{row.engine}, {row.route}"
+        name = named(row)
         if name != last and last:
             table.add_section()
         inert = "yes" if row.inert else "[bold red]no[/]"
@@ -69,21 +74,21 @@ def felt_lines(rows: Sequence[EffectRow]) -> list[str]:
     for row in rows:
         if row.inert is False:
             what = row.note if row.largest_change is None else f"changes {row.worst} by {row.largest_change:.2g}"
-            lines.append(f"not inert: {row.effect} in {row.engine}, {row.route}: {what}")
+            lines.append(f"not inert: {row.effect} in {named(row)}: {what}")
     return lines or ["every effect that was measured is inert where it is not called for"]
 
 
 def absent_lines(rows: Sequence[EffectRow]) -> list[str]:
-    """Return a line for each reason why effects have no price: in which engine, by which routes, and which they are."""
+    """Return a line for each reason why effects have no price: in which engine, by which methods, and which."""
     reasons: dict[tuple[str, str], tuple[list[str], list[str]]] = {}
     for row in rows:
         if row.inert is None:
-            routes, effects = reasons.setdefault((row.engine, row.note), ([], []))
-            routes += [row.route] if row.route not in routes else []
+            by, effects = reasons.setdefault((row.engine, row.note), ([], []))
+            by += [row.method] if row.method not in by else []
             effects += [row.effect] if row.effect not in effects else []
     return [
-        f"no price in {engine} ({', '.join(routes)}): {', '.join(effects)}: {why}"
-        for (engine, why), (routes, effects) in reasons.items()
+        f"no price in {engine} ({', '.join(by)}): {', '.join(effects)}: {why}"
+        for (engine, why), (by, effects) in reasons.items()
     ]
 
 

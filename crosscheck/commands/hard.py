@@ -5,23 +5,21 @@ from __future__ import annotations
 import json
 import math
 import sys
-from collections.abc import Collection, Iterable, Sequence
-from pathlib import Path
+from collections.abc import Sequence
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from crosscheck.engines import EngineError, available
+from crosscheck.engines import PEERS, EngineError, available
 from crosscheck.errors import UsageError
 from crosscheck.judge.hard_poses import Outcome
-from crosscheck.measure.hard_classing import OURS
 from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
-from crosscheck.night.journal import replace_file
 from crosscheck.scenes.hard import HardCase, hard_cases
 
-ENGINES = (OURS, "exudyn", "pinocchio", "mujoco")
+OURS = "refkin"
+ENGINES = (OURS, *PEERS)
 PASS, UNEXPLAINED, ENGINE_MISSING = 0, 1, 3
 
 
@@ -37,7 +35,7 @@ def hard(
     case_seconds: float = SECONDS,
     as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
 ) -> int:
-    """Send the hard scenes through every route of the engines, those of their shipped defaults included.
+    """Send the hard scenes through every method of the engines, those of their shipped defaults included.
 
     Verdicts: correct; warned (right, but called doubtful); refused; wrong (and called right); crash; hang.
     Exit codes: 0 whatever is wrong is explained by a finding, 1 something is not, 2 usage, 3 engine missing.
@@ -49,9 +47,9 @@ def hard(
     case
         Kinds of hard scenes, all by default.
     within
-        Seconds after which no further scene is begun.
+        Seconds after which no further scene is begun, for any engine: all are asked the same ones.
     case_seconds
-        After this long on one scene a route is said to hang.
+        After this long on one scene a method is said to hang.
     as_json
         Print one JSON array of rows instead of a table.
     """
@@ -75,13 +73,6 @@ def hard(
     return UNEXPLAINED if unexplained(rows) else PASS
 
 
-def write_rows(path: Path, engines: Iterable[str], left_out: Collection[str], seconds: float) -> None:
-    """Write the rows of the hard cases that registered engines, and the reference, get done in some time."""
-    if seconds > 0:
-        asked = [OURS, *(name for name in engines if name in available() and name not in left_out)]
-        replace_file(path, json.dumps(hard_case_rows(asked, seconds), indent=1, allow_nan=False) + "\n")
-
-
 def _cases(kinds: Sequence[str]) -> list[HardCase]:
     every = hard_cases()
     known = list(dict.fromkeys(case.case for case in every))
@@ -92,20 +83,22 @@ def _cases(kinds: Sequence[str]) -> list[HardCase]:
 
 
 def _print(rows: Sequence[dict[str, Any]]) -> None:
-    """Print case x route with the verdicts, how many of each, and what is wrong with its explanation."""
+    """Print case x method with the verdicts, how many of each, and what is wrong with its explanation."""
     console = Console(width=None if sys.stdout.isatty() else 200)
-    names = list(dict.fromkeys((row["engine"], row["route"]) for row in rows))
-    table = Table("case", "distance", *(f"{engine}\n{route}" for engine, route in names), title="Hard cases")
+    names = list(dict.fromkeys((row["engine"], row["method"]) for row in rows))
+    count, of = len({(row["case"], row["distance"]) for row in rows}), max((row["of"] for row in rows), default=0)
+    asked = f"all {of}" if count == of else f"{count} of {of}, the same for all engines"
+    table = Table("case", "distance", *("\n".join(name) for name in names), title=f"Hard cases: {asked}")
     by_case: dict[tuple[str, float | None], dict[tuple[str, str], str]] = {}
     for row in rows:
         verdicts = by_case.setdefault((row["case"], row["distance"]), {})
-        verdicts[row["engine"], row["route"]] = row["verdict"]
+        verdicts[row["engine"], row["method"]] = row["verdict"]
     for (case, distance), verdicts in by_case.items():
         told = "" if distance is None else f"{distance:.3g}"
         table.add_row(case, told, *(verdicts.get(name, "") for name in names))
     table.add_section()
     for verdict in Outcome:
-        counts = [sum((r["engine"], r["route"], r["verdict"]) == (*name, verdict) for r in rows) for name in names]
+        counts = [sum((r["engine"], r["method"], r["verdict"]) == (*name, verdict) for r in rows) for name in names]
         table.add_row(f"all: {verdict}", "", *map(str, counts))
     console.print(table)
     _print_wrong(console, rows)
@@ -117,8 +110,8 @@ def _print_wrong(console: Console, rows: Sequence[dict[str, Any]]) -> None:
     for row in rows:
         if row["verdict"] in BAD:
             reason = f"{row['class']}: {row['quote']}" if row["class"] else "no finding explains this"
-            by_reason.setdefault((row["engine"], row["route"], row["verdict"], reason), []).append(row)
-    for (engine, route, verdict, reason), found in by_reason.items():
-        console.print(f"\n{engine} ({route}), {verdict}: {reason}", markup=False, highlight=False)
+            by_reason.setdefault((row["engine"], row["method"], row["verdict"], reason), []).append(row)
+    for (engine, name, verdict, reason), found in by_reason.items():
+        console.print(f"\n{engine} ({name}), {verdict}: {reason}", markup=False, highlight=False)
         for row in found:
             console.print(f"  {row['case']}, {row['distance']:.3g}: {row['note']}", markup=False, highlight=False)

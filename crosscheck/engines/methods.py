@@ -247,12 +247,11 @@ def methods(engine: str | Engine, use: Use | None = None) -> list[Method]:
 
 
 def _listed(engine: str | Engine) -> list[Method]:
-    name = engine if isinstance(engine, str) else engine.name
-    if name in MODULES:
+    if isinstance(engine, str) and engine in MODULES:
         try:
-            return list(import_module(f"crosscheck.engines.{MODULES[name]}").methods())
+            return list(import_module(f"crosscheck.engines.{MODULES[engine]}").methods())
         except ImportError as error:
-            raise EngineError(f"{name} is not installed: {error}") from error
+            raise EngineError(f"{engine} is not installed: {error}") from error
     loaded: Any = load(engine) if isinstance(engine, str) else engine
     return list(loaded.methods()) if hasattr(loaded, "methods") else of_routes(loaded)
 

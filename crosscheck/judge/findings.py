@@ -78,8 +78,8 @@ def finding_of(known: Sequence[Finding], engine: str, route: str, case: str, ver
 
 def closed(known: Sequence[Finding], rows: Sequence[Mapping[str, Any]]) -> list[tuple[Finding, str]]:
     """Return the findings, each with a case, that the table shows no more although the engine was asked."""
-    asked = {(row["engine"], row["route"], row["case"]) for row in rows}
-    shown = {(row["engine"], row["route"], row["case"], row["verdict"]) for row in rows}
+    asked = {(row["engine"], row["method"], row["case"]) for row in rows}
+    shown = {(row["engine"], row["method"], row["case"], row["verdict"]) for row in rows}
     return [
         (f, case)
         for f in known

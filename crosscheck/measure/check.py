@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Term, load, refused_joints
+from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.between import excuse
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import granted, undelivered
@@ -151,7 +152,8 @@ def _of_engine(engine: Engine, subject: _Subject) -> _Part:
     part = _Part()
     refusals = _refusals(engine, subject.scene, Level.SOLVE)
     part.refusals += refusals
-    for route in () if refusals else engine.routes():
+    compared = () if refusals else methods(engine, Use.COMPARE)
+    for route in (method.asked[1] for method in compared if method.asked):
         _check_route(engine, route, subject, part)
     if hasattr(engine, "constraints"):
         _check_levels(engine, subject, part)

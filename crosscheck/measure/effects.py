@@ -3,22 +3,22 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
-from crosscheck.engines import EngineError, Term, load
+from crosscheck.engines import EngineError, Term
+from crosscheck.engines.methods import Method, Use, methods
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, reference
-from crosscheck.measure.effects_benches import engine_benches, reference_bench
-from crosscheck.measure.effects_rows import Ablation, Bench, EffectRow
+from crosscheck.judge.effects_rows import EffectRow
+from crosscheck.measure.effects_ablations import Ablation, Ablations, ablations
 from crosscheck.scenes.names import PHYSICAL
 from crosscheck.workers.timing import Timing, timed_in_turns
 from refkin.model import Scene
 from refkin.motion import Motion
 from refkin.scenes.files import parse
 
-REFKIN = "refkin"
 MOST_TIMES = 37
 """Configurations of a scene that are measured, the first ones: a march depends on the times before it."""
 
@@ -38,42 +38,31 @@ def measured(text: str) -> list[dict[str, Any]]:
     asked = json.loads(text)
     scene = parse(asked["scene"])
     scene = replace(scene, times=scene.times[:MOST_TIMES])
-    benches = list(_benches(asked["spec"], scene))
+    found = [ablations(method, scene) for method in methods(asked["spec"], Use.EFFECTS)]
     if asked["effect"]:
-        benches = [_alone(bench, asked["effect"]) for bench in benches]
+        found = [_alone(each, asked["effect"]) for each in found]
     ref = reference(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
-    share = asked["within"] / len(benches)
-    return [asdict(row) for bench in benches for row in rows(bench, ref, share, _terms(asked, bench, scene))]
+    share = asked["within"] / max(len(found), 1)
+    return [asdict(row) for each in found for row in rows(each, ref, share, _terms(each.method, scene))]
 
 
-def _benches(spec: str, scene: Scene) -> Iterator[Bench]:
-    if spec == REFKIN:
-        yield reference_bench(scene)
-    else:
-        yield from engine_benches(load(spec), scene)
+def _alone(found: Ablations, effect: str) -> Ablations:
+    effects = tuple(a for a in found.effects if a.effect == effect)
+    names = {name for a in effects for name in (a.off, a.on)}
+    absent = {name: why for name, why in found.absent.items() if name == effect}
+    return replace(found, effects=effects, works={name: found.works[name] for name in names}, absent=absent)
 
 
-def _alone(bench: Bench, effect: str) -> Bench:
-    ablations = tuple(a for a in bench.ablations if a.effect == effect)
-    names = {name for a in ablations for name in (a.off, a.on)}
-    absent = {name: why for name, why in bench.absent.items() if name == effect}
-    return replace(bench, ablations=ablations, works={name: bench.works[name] for name in names}, absent=absent)
-
-
-def _terms(asked: Mapping[str, Any], bench: Bench, scene: Scene) -> Sequence[Term]:
-    """Return what the engine adds to the allowed error by a route; a route through dynamics is given no more."""
-    if asked["spec"] == REFKIN:
-        return ()
-    engine = load(asked["spec"])
-    route = next((r for r in engine.routes() if r.name == bench.route), None)
+def _terms(method: Method, scene: Scene) -> Sequence[Term]:
+    """Return what the method adds to the allowed error; what refuses the scene adds nothing."""
     try:
-        return engine.terms(scene, route)
+        return method.terms(scene)
     except EngineError:
         return ()
 
 
-def rows(bench: Bench, ref: Reference, within: float, terms: Sequence[Term] = ()) -> list[EffectRow]:
-    """Return a row for each effect of a bench.
+def rows(found: Ablations, ref: Reference, within: float, terms: Sequence[Term] = ()) -> list[EffectRow]:
+    """Return a row for each effect of a method.
 
     Parameters
     ----------
@@ -82,11 +71,11 @@ def rows(bench: Bench, ref: Reference, within: float, terms: Sequence[Term] = ()
     within : float
         How long to measure [s].
     """
-    answers: dict[str, Motion | str] = {name: _answer(work) for name, work in bench.works.items()}
-    works = {name: work for name, work in bench.works.items() if not isinstance(answers[name], str)}
+    answers: dict[str, Motion | str] = {name: _answer(work) for name, work in found.works.items()}
+    works = {name: work for name, work in found.works.items() if not isinstance(answers[name], str)}
     timings = timed_in_turns(works, rounds=ROUNDS, within=within) if works else {}
-    there = [_row(bench, a, answers, timings, ref, terms) for a in bench.ablations]
-    return there + [unmeasured(bench.engine, bench.route, effect, why) for effect, why in bench.absent.items()]
+    there = [_row(found, a, answers, timings, ref, terms) for a in found.effects]
+    return there + [unmeasured(found.method.key, effect, why) for effect, why in found.absent.items()]
 
 
 def _answer(work: Any) -> Motion | str:
@@ -98,25 +87,26 @@ def _answer(work: Any) -> Motion | str:
 
 
 def _row(
-    bench: Bench,
+    ablated: Ablations,
     a: Ablation,
     answers: Mapping[str, Motion | str],
     timings: Mapping[str, Timing],
     ref: Reference,
     terms: Sequence[Term],
 ) -> EffectRow:
-    off, on = answers[a.off], answers[a.on]
+    off, on, key = answers[a.off], answers[a.on], ablated.method.key
     if isinstance(off, str):
-        return unmeasured(bench.engine, bench.route, a.effect, f"no answer without it: {off}")
+        return unmeasured(key, a.effect, f"no answer without it: {off}")
     if isinstance(on, str):
-        return unmeasured(bench.engine, bench.route, a.effect, f"{a.note}: {on}", inert=False)
+        return unmeasured(key, a.effect, f"{a.note}: {on}", inert=False)
     if a.on == "points" and not on.points:
-        return unmeasured(bench.engine, bench.route, a.effect, "the adapter reports no motion of points")
-    found = change(ref, off, on, terms, exact=bench.exact)
+        return unmeasured(key, a.effect, "the adapter reports no motion of points")
+    found = change(ref, off, on, terms, exact=ablated.exact)
     before, after, per = timings[a.off], timings[a.on], 1e6 / len(off.t)
     return EffectRow(
-        engine=bench.engine,
-        route=bench.route,
+        engine=key[0],
+        method=key[1],
+        setting=key[2],
         effect=a.effect,
         microseconds=(after.seconds - before.seconds) * per,
         without=before.seconds * per,
@@ -153,11 +143,12 @@ def noise(before: Sequence[float], after: Sequence[float], per: float = 1.0) -> 
     return max(max(found) - min(found), min(before) - min(after)) * per
 
 
-def unmeasured(engine: str, route: str, effect: str, note: str, inert: bool | None = None) -> EffectRow:
+def unmeasured(key: tuple[str, str, str], effect: str, note: str, inert: bool | None = None) -> EffectRow:
     """Return the row of an effect without a price: not known to be inert, or known not to be."""
     return EffectRow(
-        engine=engine,
-        route=route,
+        engine=key[0],
+        method=key[1],
+        setting=key[2],
         effect=effect,
         microseconds=None,
         without=None,

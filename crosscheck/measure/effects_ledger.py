@@ -6,8 +6,9 @@ import time
 from collections.abc import Sequence
 from typing import Any
 
-from crosscheck.measure.effects import REFKIN, measured, task, unmeasured
-from crosscheck.measure.effects_rows import EffectRow
+from crosscheck.judge.effects_rows import EffectRow
+from crosscheck.measure.effects import measured, task, unmeasured
+from crosscheck.measure.effects_ablations import REFKIN
 from crosscheck.scenes.names import PHYSICAL
 from crosscheck.workers.processes import Failure, call_each
 from refkin.model import Scene
@@ -18,9 +19,9 @@ WITHIN = 30.0
 START = 15.0
 """How long a process may take on top: to start, to load an engine, to solve everything once [s]."""
 EFFECTS = ("velocity", "acceleration", "points", "other bodies", "condition", "certificate", *PHYSICAL)
-"""Each has a row for every route, be it one that says why it has no price."""
+"""Each has a row for every method, be it one that says why it has no price."""
 ANY = "any"
-"""The route in a row about a process that failed."""
+"""The method in a row about a process that failed."""
 
 
 def effects_ledger(scene: Scene, engines: Sequence[str] = (), within: float = WITHIN) -> list[EffectRow]:
@@ -38,7 +39,7 @@ def effects_ledger(scene: Scene, engines: Sequence[str] = (), within: float = WI
     Returns
     -------
     list of EffectRow
-        refkin's first; of each route all of `EFFECTS`. An effect with which an engine's process ends, or hangs, has a
+        refkin's first; of each method all of `EFFECTS`. An effect with which an engine's process ends, or hangs, has a
         row that says so, and so has what an engine has not. `dataclasses.asdict` makes a row plain data.
     """
     data, share = to_dict(scene), within / (1 + len(engines))
@@ -71,7 +72,7 @@ def _one_by_one(data: Any, spec: str, first: Failure, within: float) -> list[Eff
     found: list[EffectRow] = []
     for effect, answer in answers.items():
         if isinstance(answer, Failure):
-            found.append(unmeasured(name, ANY, effect, f"{answer.name}: {answer.text}", inert))
+            found.append(unmeasured((name, ANY, ""), effect, f"{answer.name}: {answer.text}", inert))
         else:
             found += answer
     return found

@@ -1,4 +1,4 @@
-"""One route of one engine on one hard scene: the worst it did at any time, in a word and in words."""
+"""One method of one engine on one hard scene: the worst it did at any time, in a word and in words."""
 
 from __future__ import annotations
 
@@ -7,53 +7,35 @@ import warnings
 from collections.abc import Sequence
 from functools import lru_cache
 
-from crosscheck.engines import Engine, EngineError, load
+from crosscheck.engines import EngineError
+from crosscheck.engines.methods import Method, Use, methods
 from crosscheck.judge.hard_poses import Outcome, Sample, Truth, samples, truths
 from crosscheck.scenes.hard import HardCase, hard_cases
 from crosscheck.workers.processes import Failure
-from refkin.analysis import ROUTE as OWN_ROUTE
-from refkin.motion import Route
 from refkin.proof.pose.krawczyk import Verdict
-from refkin.solving.solve import solve
 from refkin.system import System
 
-OURS = "refkin"
+
+def listed(spec: str) -> list[tuple[str, str, str]]:
+    """Return engine, name and setting of each method that hard cases are sent through, of shipped defaults as well."""
+    return [method.key for method in _methods(spec)]
 
 
-def routes_of(spec: str) -> tuple[str, str, tuple[str, ...]]:
-    """Return an engine's name, its version, and the names of all its routes, those of its shipped defaults included."""
-    if spec == OURS:
-        from importlib.metadata import version
-
-        return OURS, version("refkin"), (OWN_ROUTE.name,)
-    engine = load(spec)
-    return engine.name, engine.version(), tuple(route.name for route in all_routes(engine))
-
-
-def all_routes(engine: Engine) -> tuple[Route, ...]:
-    """Return an engine's routes, then those that only hard cases are sent through."""
-    more = getattr(engine, "discovery", None)
-    return (*engine.routes(), *(more() if more is not None else ()))
-
-
-def job(spec: str, route: str, case: str) -> str:
+def job(spec: str, name: str, case: str, setting: str = "") -> str:
     """Return what `outcome_of` takes."""
-    return json.dumps([spec, route, case])
+    return json.dumps([spec, name, setting, case])
 
 
-def outcome_of(told: str) -> tuple[str, str]:
-    """Return the outcome of one route on one case, and what there is to say of it. Runs in a process of its own."""
-    spec, name, key = json.loads(told)
+def outcome_of(text: str) -> tuple[str, str]:
+    """Return the outcome of one method on one case, and what there is to say of it. Runs in a process of its own."""
+    spec, name, setting, key = json.loads(text)
     case, system, truth = _known(key)
-    if spec == OURS:
-        return classed(samples(system, truth, case.scene, solve(case.scene), ()))
-    engine = _engine(spec)
-    route = next(r for r in all_routes(engine) if r.name == name)
+    method = next(m for m in _methods(spec) if (m.name, m.setting) == (name, setting))
     with warnings.catch_warnings(record=True) as heard:
         warnings.simplefilter("always")
         try:
-            terms = engine.terms(case.scene, route)
-            motion = engine.solve(case.scene, route)
+            terms = method.terms(case.scene)
+            motion = method.solve(case.scene)
         except EngineError as error:
             return Outcome.REFUSED.value, _rightly(truth) + str(error)
     found = samples(system, truth, case.scene, motion, terms)
@@ -119,5 +101,5 @@ def _known(key: str) -> tuple[HardCase, System, tuple[Truth, ...]]:
 
 
 @lru_cache(maxsize=8)
-def _engine(spec: str) -> Engine:
-    return load(spec)
+def _methods(spec: str) -> list[Method]:
+    return methods(spec, Use.HARD)

@@ -1,4 +1,7 @@
-"""The table of hard cases: engine, route, case, distance, verdict; of what is wrong the class and the quotation."""
+"""The table of hard cases: engine, method, case, distance, verdict; of what is wrong the class and the quotation.
+
+`of` is how many cases there were: where time did not suffice for all, all methods were asked the same ones.
+"""
 
 from __future__ import annotations
 
@@ -9,13 +12,13 @@ from typing import Any
 from crosscheck.engines import EngineError
 from crosscheck.judge.findings import Finding, finding_of, read
 from crosscheck.judge.hard_poses import Outcome
-from crosscheck.measure.hard_classing import job, outcome_of, outcome_of_failure, routes_of
+from crosscheck.measure.hard_classing import job, listed, outcome_of, outcome_of_failure
 from crosscheck.scenes.hard import HardCase, hard_cases
 from crosscheck.workers.processes import Failure, call_each, call_in_turn
 
 SECONDS = 20.0
-"""After this long on one scene a route is said to hang: the slowest takes about three."""
-KEYS = ("engine", "route", "case", "distance", "verdict", "class", "quote", "note")
+"""After this long on one scene a method is said to hang: the slowest takes about three."""
+KEYS = ("engine", "method", "setting", "case", "distance", "of", "verdict", "class", "quote", "note")
 BAD = (Outcome.WRONG, Outcome.CRASH, Outcome.HANG)
 """Verdicts that need an explanation: `findings.toml`."""
 
@@ -30,20 +33,21 @@ def hard_case_rows(
     findings: Sequence[Finding] | None = None,
     seconds: float = SECONDS,
 ) -> list[Row]:
-    """Return one row per engine, route and case, with the keys `KEYS`, all of them plain data.
+    """Return one row per engine, method and case, with the keys `KEYS`, all of them plain data.
 
     Parameters
     ----------
     engines : sequence of str
         What `crosscheck.engines.load` takes, or "refkin" for the reference itself.
     within : float, optional
-        After this many seconds no further case is begun; of each kind the nearest come last, and so are left out.
+        After this many seconds no further case is begun, for any engine; of each kind the nearest come last, and so
+        are left out.
     cases : sequence of HardCase, optional
         All by default; each must be one of them.
     findings : sequence of Finding, optional
         What classes and quotes wrong answers; `findings.toml` by default.
     seconds : float
-        After this long on one case a route is said to hang.
+        After this long on one case a method is said to hang.
 
     Raises
     ------
@@ -55,39 +59,51 @@ def hard_case_rows(
     known = read() if findings is None else findings
     rows = list(_rows(engines, chosen, known, seconds, end))
     order = {case.key: k for k, case in enumerate(hard_cases())}
-    names = list(dict.fromkeys((row["engine"], row["route"]) for row in rows))
-    rows.sort(key=lambda row: (order[row.pop("key")], names.index((row["engine"], row["route"]))))
+    names = list(dict.fromkeys(_name(row) for row in rows))
+    rows.sort(key=lambda row: (order[row.pop("key")], names.index(_name(row))))
     return rows
+
+
+def _name(row: Mapping[str, Any]) -> tuple[str, ...]:
+    return row["engine"], row["method"], row["setting"]
 
 
 def _rows(
     engines: Sequence[str], cases: Sequence[HardCase], known: Sequence[Finding], seconds: float, end: float | None
 ) -> Iterator[Row]:
-    """Yield rows; engine by engine each gets its part of the time."""
-    found = call_each(routes_of, engines)
-    for k, (spec, told) in enumerate(zip(engines, found, strict=True)):
-        if isinstance(told, Failure):
-            raise EngineError(told.text.removeprefix("EngineError: "))
-        name, _, routes = told
-        until = None if end is None else time.monotonic() + (end - time.monotonic()) / (len(engines) - k)
-        asked = [(case, route) for case in cases for route in routes]
-        answers = call_in_turn(outcome_of, [job(spec, route, case.key) for case, route in asked], seconds)
-        for case, route in asked:
-            if until is not None and time.monotonic() > until:
-                break
-            yield _row(name, route, case, next(answers), known)
-        answers.close()  # type: ignore[attr-defined]
+    """Yield rows, case by case: where time is up, all engines have been asked the same cases."""
+    found = dict(zip(engines, call_each(listed, engines), strict=True))
+    for answer in found.values():
+        if isinstance(answer, Failure):
+            raise EngineError(answer.text.removeprefix("EngineError: "))
+    answers = {
+        spec: call_in_turn(
+            outcome_of, [job(spec, name, case.key, setting) for case in cases for _, name, setting in keys], seconds
+        )
+        for spec, keys in found.items()
+    }
+    for case in cases:
+        if end is not None and time.monotonic() > end:
+            break
+        for spec, keys in found.items():
+            for key in keys:
+                yield _row(key, case, next(answers[spec]), len(cases), known)
+    for left in answers.values():
+        left.close()  # type: ignore[attr-defined]
 
 
-def _row(engine: str, route: str, case: HardCase, answer: Any, known: Sequence[Finding]) -> Row:
+def _row(key: tuple[str, str, str], case: HardCase, answer: Any, of: int, known: Sequence[Finding]) -> Row:
+    engine, name, setting = key
     verdict, note = outcome_of_failure(answer) if isinstance(answer, Failure) else answer
-    finding = finding_of(known, engine, route, case.case, verdict) if verdict in BAD else None
+    finding = finding_of(known, engine, name, case.case, verdict) if verdict in BAD else None
     return {
         "key": case.key,
         "engine": engine,
-        "route": route,
+        "method": name,
+        "setting": setting,
         "case": case.case,
         "distance": case.distance,
+        "of": of,
         "verdict": verdict,
         "class": None if finding is None else finding.kind,
         "quote": None if finding is None else f"{finding.quote} ({finding.source})",

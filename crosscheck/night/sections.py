@@ -15,8 +15,8 @@ from typing import Any
 from crosscheck.documents.page import digits_by_iteration, documents, newton_histories, slopes
 from crosscheck.engines import available
 from crosscheck.engines.methods import OURS, PRICED
+from crosscheck.measure.effects_ablations import REFKIN
 from crosscheck.measure.effects_ledger import effects_ledger
-from crosscheck.measure.hard_classing import OURS as REFERENCE
 from crosscheck.measure.hard_table import hard_case_rows
 from crosscheck.measure.price import price_list
 from crosscheck.night.journal import replace_file
@@ -53,7 +53,7 @@ def write_sections(
         return
     named = [name for name in engines if name in available() and name not in left_out]
     measures: dict[str, tuple[str, Callable[[], Sequence[Any]]]] = {
-        "hard_cases": ("hard cases", lambda: hard_case_rows([REFERENCE, *named], HARD * seconds)),
+        "hard_cases": ("hard cases", lambda: hard_case_rows([REFKIN, *named], HARD * seconds)),
         "price": ("the price list", lambda: price_list(PRICE * seconds, _producers(named))),
         "effects": ("the ledger of effects", lambda: _effects(named, EFFECTS * seconds)),
     }

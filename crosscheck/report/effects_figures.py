@@ -1,4 +1,4 @@
-"""What effects cost, drawn: one bar per engine and route, stacked from position up to what nobody called for."""
+"""What effects cost, drawn: one bar per engine and method, stacked from position up to what nobody called for."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from xml.etree import ElementTree as ET
 
 from markupsafe import Markup
 
-from crosscheck.measure.effects_rows import EffectRow
+from crosscheck.judge.effects_rows import EffectRow
 from crosscheck.report.svg import COLOURS, Plot
 from crosscheck.scenes.names import PHYSICAL
 
@@ -23,7 +23,7 @@ Part = tuple[str, float, bool]
 
 
 def parts(rows: Sequence[EffectRow]) -> dict[tuple[str, str], list[Part]]:
-    """Return per engine and route the parts of its bar: effect, microseconds, and whether a scene may call for it.
+    """Return per engine and method the parts of its bar: effect, microseconds, and whether a scene may call for it.
 
     The first is position alone. What is noise is no part of a bar.
     """
@@ -31,11 +31,11 @@ def parts(rows: Sequence[EffectRow]) -> dict[tuple[str, str], list[Part]]:
     for row in rows:
         if row.microseconds is None or row.without is None:
             continue
-        of_route = found.setdefault((row.engine, row.route), [])
-        if not of_route:
-            of_route.append((POSITION, row.without, True))
+        of_method = found.setdefault((row.engine, row.method), [])
+        if not of_method:
+            of_method.append((POSITION, row.without, True))
         if not row.within_noise:
-            of_route.append((row.effect, row.microseconds, row.called_for))
+            of_method.append((row.effect, row.microseconds, row.called_for))
     return found
 
 
@@ -54,7 +54,7 @@ def effects_figure(rows: Sequence[EffectRow], ident: str = "effects") -> Markup:
     step = _step(longest)
     top = step * math.ceil(longest / step)
     names = list(dict.fromkeys(effect for bar in bars.values() for effect, _, _ in bar))
-    told = "; ".join(f"{engine}, {route}: {_words(bar)}" for (engine, route), bar in bars.items())
+    told = "; ".join(f"{engine}, {method}: {_words(bar)}" for (engine, method), bar in bars.items())
     plot = Plot(
         ident,
         "What effects cost",
@@ -66,9 +66,9 @@ def effects_figure(rows: Sequence[EffectRow], ident: str = "effects") -> Markup:
         left=LEFT,
         bottom=46 + 20 * math.ceil(len(names) / 5),
     )
-    for k, ((engine, route), bar) in enumerate(bars.items()):
+    for k, ((engine, method), bar) in enumerate(bars.items()):
         y = plot.py(len(bars) - k - 0.5) - BAR / 2
-        plot.text(LEFT - 8, y + 13, f"{engine}, {route}", anchor="end")
+        plot.text(LEFT - 8, y + 13, f"{engine}, {method}", anchor="end")
         _bar(plot, bar, y)
     ticks = [(step * k, f"{step * k:g}") for k in range(round(top / step) + 1)]
     floor = plot.height - plot.bottom

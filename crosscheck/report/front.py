@@ -62,7 +62,7 @@ def _silent(report: Report, engine: str, route: str, made: Mapping[str, Any]) ->
     cases = (
         row["case"]
         for row in report["hard_cases"] or ()
-        if (row["engine"], row["route"], row["verdict"]) == (engine, route, "wrong")
+        if (row["engine"], row["method"], row["verdict"]) == (engine, route, "wrong")
     )
     wrong = list(dict.fromkeys(cases))
     if wrong:
@@ -92,10 +92,10 @@ def _paid(who: tuple[str, str], row: Mapping[str, Any]) -> str:
 def hard_matrix(report: Report) -> dict[str, Any]:
     """Return case x engine and route -> verdict; where a case has several for one route, the worst."""
     rows = report["hard_cases"] or []
-    names = list(dict.fromkeys((r["engine"], r["route"]) for r in rows))
+    names = list(dict.fromkeys((r["engine"], r["method"]) for r in rows))
     verdicts: dict[tuple[str, tuple[str, str]], str] = {}
     for r in rows:
-        place = (r["case"], (r["engine"], r["route"]))
+        place = (r["case"], (r["engine"], r["method"]))
         verdicts[place] = max(verdicts.get(place, VERDICTS[0]), r["verdict"], key=VERDICTS.index)
     cases = dict.fromkeys(r["case"] for r in rows)
     lines = [(case, [verdicts.get((case, name)) for name in names]) for case in cases]
@@ -146,7 +146,9 @@ def _hard_told(rows: Any) -> str:
     if not rows:
         return "not measured in this run"
     counts = [(verdict, sum(r["verdict"] == verdict for r in rows)) for verdict in VERDICTS]
-    return ", ".join(f"{n} {verdict}" for verdict, n in counts if n)
+    verdicts = ", ".join(f"{n} {verdict}" for verdict, n in counts if n)
+    asked, of = len({(r["case"], r.get("distance")) for r in rows}), max(r.get("of", 0) for r in rows)
+    return f"{asked} of {of} cases, the same for all: {verdicts}" if asked < of else verdicts
 
 
 def _slopes_told(report: Report) -> str:

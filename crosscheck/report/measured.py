@@ -44,6 +44,7 @@ class EffectRow(_Row):
     """What one effect adds to the time of an engine, and whether it changes what was called for."""
 
     engine: str
+    method: str = Field(validation_alias=AliasChoices("method", "route"))
     effect: str
     microseconds: float | None
     inert: bool | None
@@ -54,7 +55,7 @@ class HardCaseRow(_Row):
     """What one route made of one hard case."""
 
     engine: str
-    route: str
+    method: str = Field(validation_alias=AliasChoices("method", "route"))
     case: str
     verdict: Literal["correct", "warned", "refused", "wrong", "crash", "hang"]
     # `class` is a word of Python's; what a file says under it is kept as it is.

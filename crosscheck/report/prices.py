@@ -9,8 +9,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from crosscheck.judge.effects_rows import EffectRow
 from crosscheck.judge.records import QUANTITIES as SOLVED
-from crosscheck.measure.effects_rows import EffectRow
 from crosscheck.report import effects_figures  # the module: it draws with `report.svg`, which imports this
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
 from crosscheck.report.price_figures import iteration_looks, iterations_figure
@@ -166,16 +166,16 @@ def iterations_of_notes(rows: Sequence[Row]) -> Figure:
 
 
 def effects_figure(rows: Sequence[Row]) -> Figure:
-    """Return one stacked bar per engine and route, a part per effect; and all rows as a table."""
+    """Return one stacked bar per engine and method, a part per effect; and all rows as a table."""
     panels = (effects_figures.effects_figure([_of_ledger(row) for row in rows], "effects-bars"),) if rows else ()
-    head = ("engine", "route", "effect", "µs", "changes what was called for", "largest change", "note")
+    head = ("engine", "method", "effect", "µs", "changes what was called for", "largest change", "note")
     told = {True: "no", False: "yes", None: "–"}
-    keys = ("engine", "route", "effect", "microseconds", "inert", "largest_change", "note")
+    keys = ("engine", "method", "effect", "microseconds", "inert", "largest_change", "note")
     lines = tuple(tuple(told[r[k]] if k == "inert" else r.get(k, "") for k in keys) for r in rows)
     return Figure(panels, (), head, lines)
 
 
 def _of_ledger(row: Row) -> EffectRow:
     """Return a row as the ledger has it; what a file leaves out is not known."""
-    unknown = {"route": "", "without": 0.0, "spread": None, "worst": "", "called_for": True, "note": ""}
+    unknown = {"method": "", "setting": "", "without": 0.0, "spread": None, "worst": "", "called_for": True, "note": ""}
     return EffectRow(**{name: row.get(name, unknown.get(name)) for name in (f.name for f in fields(EffectRow))})

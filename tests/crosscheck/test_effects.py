@@ -14,12 +14,13 @@ import pytest
 from crosscheck.cli import main
 from crosscheck.commands.effects_shown import absent_lines, felt_lines, ledger_table, to_json
 from crosscheck.engines import load
+from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.comparison import reference
+from crosscheck.judge.effects_rows import EffectRow
 from crosscheck.measure import effects_ledger as ledger
 from crosscheck.measure.effects import noise, rows
-from crosscheck.measure.effects_benches import engine_benches, reference_bench
+from crosscheck.measure.effects_ablations import ablations
 from crosscheck.measure.effects_ledger import effects_ledger
-from crosscheck.measure.effects_rows import EffectRow
 from crosscheck.scenes.names import PHYSICAL
 from refkin.model import Point
 from refkin.motion_laws import Sinusoid
@@ -65,7 +66,12 @@ def only(found, effect, engine=None):
 def rows_of(spec, scene=SCENE):
     """Return the rows of an engine in this process, with one round each."""
     ref = reference(scene)
-    return [row for bench in engine_benches(load(spec), scene) for row in rows(bench, ref, 0.0)]
+    return [row for method in methods(spec, Use.EFFECTS) for row in rows(ablations(method, scene), ref, 0.0)]
+
+
+def of_refkin(scene=SCENE):
+    (method,) = methods("refkin", Use.EFFECTS)
+    return ablations(method, scene)
 
 
 @pytest.fixture(scope="module")
@@ -86,19 +92,19 @@ def test_the_command_prints_one_object_with_the_promised_keys(command):
     code, told = command
 
     assert code == 0
-    assert (told["schema"], told["scene"]) == (1, "crank-rocker")
+    assert (told["schema"], told["scene"]) == (2, "crank-rocker")
     assert all(set(row) >= KEYS for row in told["rows"])
     assert {row["engine"] for row in told["rows"]} == {"refkin", "exudyn", "mujoco", "pinocchio"}
 
 
-def test_every_effect_has_one_row_by_every_route(command):
+def test_every_effect_has_one_row_by_every_method(command):
     _, told = command
-    by_route = Counter((row["engine"], row["route"]) for row in told["rows"])
-    effects = {(row["engine"], row["route"], row["effect"]) for row in told["rows"]}
+    by_method = Counter((row["engine"], row["method"]) for row in told["rows"])
+    effects = {(row["engine"], row["method"], row["effect"]) for row in told["rows"]}
 
     assert len(effects) == len(told["rows"])
     assert {effect for _, _, effect in effects} == CALLED_FOR | set(PHYSICAL)
-    assert set(by_route.values()) == {len(CALLED_FOR) + len(PHYSICAL)}
+    assert set(by_method.values()) == {len(CALLED_FOR) + len(PHYSICAL)}
 
 
 def test_a_row_without_a_price_says_why(command):
@@ -114,10 +120,10 @@ def test_nothing_that_refkin_computes_in_addition_changes_a_bit_of_the_rest(comm
     assert [(row["inert"], row["largest_change"]) for row in ours] == [(True, 0.0)] * len(CALLED_FOR)
 
 
-def test_no_effect_is_felt_by_a_route_that_answers_the_crank_rocker(command):
+def test_no_effect_is_felt_by_a_method_that_answers_the_crank_rocker(command):
     _, told = command
 
-    assert not [row for row in told["rows"] if row["inert"] is False and row["route"] != "forward dynamics"]
+    assert not [row for row in told["rows"] if row["inert"] is False and row["method"] != "forward dynamics"]
 
 
 def test_ablation_sees_the_effects_where_soft_dynamics_feel_them(command):
@@ -180,9 +186,9 @@ def test_an_engine_that_simulates_nothing_is_told_to_have_none(tmp_path):
 
 def bitwise(effect, nudge):
     """Return refkin's rows where the answer with one effect is nudged."""
-    bench = reference_bench(SCENE)
-    plain = bench.works[effect]
-    return rows(replace(bench, works={**bench.works, effect: lambda: nudge(plain())}), reference(SCENE), 0.0)
+    found = of_refkin()
+    plain = found.works[effect]
+    return rows(replace(found, works={**found.works, effect: lambda: nudge(plain())}), reference(SCENE), 0.0)
 
 
 def test_one_bit_that_an_uncalled_effect_changes_in_refkin_is_named():
@@ -230,7 +236,8 @@ def test_an_engine_that_always_ends_its_process_is_known_for_nothing(tmp_path):
 def priced(microseconds, spread, effect="gravity"):
     return EffectRow(
         engine="made up",
-        route="newton",
+        method="newton",
+        setting="",
         effect=effect,
         microseconds=microseconds,
         without=10.0,
@@ -279,7 +286,7 @@ def test_a_ledger_is_plain_data_that_json_takes():
 def test_points_of_the_scene_are_what_is_priced():
     scene = replace(SCENE, points=tuple(Point(name=f"P{k}", body="crank", position=(0.1 * k, 0.0)) for k in range(2)))
 
-    assert only(rows(reference_bench(scene), reference(scene), 0.0), "points").note.startswith("2 of them")
+    assert only(rows(of_refkin(scene), reference(scene), 0.0), "points").note.startswith("2 of them")
 
 
 def usage(capsys, *arguments):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
-from crosscheck.measure.effects_rows import EffectRow
+from crosscheck.judge.effects_rows import EffectRow
 from crosscheck.report.effects_figures import CALLED_FOR, effects_figure, look, parts
 from crosscheck.scenes.names import PHYSICAL
 
@@ -14,7 +14,8 @@ SVG = "{http://www.w3.org/2000/svg}"
 def row(effect: str, microseconds: float | None, spread: float = 0.1) -> EffectRow:
     return EffectRow(
         engine="an engine",
-        route="a route",
+        method="a method",
+        setting="",
         effect=effect,
         microseconds=microseconds,
         without=50.0,
@@ -43,7 +44,7 @@ def test_an_effect_looks_the_same_whatever_else_is_drawn():
 def test_a_bar_begins_with_the_cost_of_positions_and_leaves_noise_out():
     rows = [row("velocity", 5.0), row("gravity", 0.05), row("contact", None)]
 
-    assert parts(rows) == {("an engine", "a route"): [("position", 50.0, True), ("velocity", 5.0, True)]}
+    assert parts(rows) == {("an engine", "a method"): [("position", 50.0, True), ("velocity", 5.0, True)]}
 
 
 def test_an_effect_of_an_engine_that_nobody_knows_is_drawn():

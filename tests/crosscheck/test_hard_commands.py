@@ -10,7 +10,6 @@ import pytest
 
 import refkin
 from crosscheck.cli import main
-from crosscheck.commands.hard import write_rows
 from crosscheck.measure.hard_table import KEYS, hard_case_rows
 from crosscheck.night.hunting import CERTIFICATE, STRATA, Bag, Catch, hunt, ratios, turn_of
 from crosscheck.report.build import HARD_CASES
@@ -64,23 +63,37 @@ def test_an_engine_that_cannot_be_loaded_is_missing(capsys):
     assert "there is no file nowhere.py" in capsys.readouterr().err
 
 
-def rows_in(folder):
-    rows, faults = measured(folder)
+def test_the_rows_of_a_night_are_read_by_the_report(tmp_path):
+    rows = hard_case_rows(["refkin"], 2.0)
+    (tmp_path / HARD_CASES).write_text(json.dumps(rows, allow_nan=False), encoding="utf-8")
+    found, faults = measured(tmp_path)
+
     assert faults == []
-    return rows["hard_cases"]
+    assert [row["method"] for row in found["hard_cases"]] == ["solve"] * len(rows)
 
 
-def test_the_rows_of_a_night_stand_in_its_folder(tmp_path):
-    write_rows(tmp_path / HARD_CASES, ["closed_form"], {"closed_form"}, 2.0)
-
-    assert rows_in(tmp_path)
-    assert {row["engine"] for row in rows_in(tmp_path)} == {"refkin"}
+SLOW = """
+from hard_engines import *
 
 
-def test_a_night_without_time_for_hard_cases_has_no_rows(tmp_path):
-    write_rows(tmp_path / HARD_CASES, ["exudyn"], (), 0.0)
+class Slow(Right):
+    name = "slow"
 
-    assert rows_in(tmp_path) is None
+    def solve(self, scene, route=None):
+        time.sleep(0.4)
+        return super().solve(scene)
+"""
+
+
+def test_where_time_is_up_all_engines_have_been_asked_the_same_cases(tmp_path):
+    """Planted: of an engine that answers slowly, a share of the time left fewer cases than of the others."""
+    slow = tmp_path / "slow_engine.py"
+    slow.write_text(f"import sys\n\nsys.path.insert(0, {str(ENGINES.parent)!r})\n{SLOW}", encoding="utf-8")
+    rows = hard_case_rows([f"{ENGINES}:Right", f"{slow}:Slow"], within=6.0)
+    asked = [{(r["case"], r["distance"]) for r in rows if r["engine"] == name} for name in ("right", "slow")]
+
+    assert asked[0] == asked[1]
+    assert 0 < len(asked[0]) < rows[0]["of"]
 
 
 def test_rows_in_the_time_there_is_are_of_every_kind_first():

@@ -10,21 +10,22 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import load
+from crosscheck.engines import PEERS, load
+from crosscheck.engines.methods import method
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.shipped import Simulation
 from crosscheck.engines.tree.joint_tree import joint_tree
 from crosscheck.judge.findings import closed, finding_of, read
 from crosscheck.judge.hard_poses import Outcome, scene_samples
 from crosscheck.judge.known_gaps import InvalidGap
-from crosscheck.measure.hard_classing import OURS, all_routes, classed, job, outcome_of
+from crosscheck.measure.hard_classing import classed, job, listed, outcome_of
 from crosscheck.measure.hard_table import BAD, unexplained
 from crosscheck.scenes.hard import hard_cases
 from refkin.motion import Status
 
 ROOT = Path(__file__).parent.parent.parent
 FINDINGS = read()
-ROUTES = {name: tuple(route.name for route in all_routes(load(name))) for name in ("exudyn", "pinocchio", "mujoco")}
+ROUTES = {name: tuple(key[1] for key in listed(name)) for name in PEERS}
 IN_TABLE = [f for f in FINDINGS if f.route in ROUTES[f.engine]]
 SLOW = ("mujoco", "mj_step")
 FIRST = {case.case: case.key for case in reversed(hard_cases())}
@@ -73,10 +74,9 @@ WITH_SCENE = [f for f in IN_TABLE if f.scene]
 @pytest.mark.parametrize("finding", WITH_SCENE, ids=lambda f: f"{f.engine} {f.scene}")
 def test_the_minimal_scene_of_a_finding_shows_it(finding):
     scene = refkin.load(ROOT / finding.scene)
-    engine = load(finding.engine)
-    route = next(r for r in all_routes(engine) if r.name == finding.route)
+    found = method(finding.engine, finding.route)
 
-    assert classed(scene_samples(scene, engine.solve(scene, route), engine.terms(scene, route)))[0] == finding.verdict
+    assert classed(scene_samples(scene, found.solve(scene), found.terms(scene)))[0] == finding.verdict
 
 
 @pytest.mark.parametrize("key", [None, *(c.key for c in hard_cases() if c.case == "parallelogram, passed")])
@@ -149,7 +149,7 @@ def test_the_quotations_of_mujoco_stand_in_its_documentation():
 
 
 def row(verdict: str, kind: str | None = None) -> dict[str, object]:
-    return {"engine": "exudyn", "route": "shipped", "case": "toggle", "verdict": verdict, "class": kind}
+    return {"engine": "exudyn", "method": "shipped", "case": "toggle", "verdict": verdict, "class": kind}
 
 
 def test_a_finding_that_shows_no_more_is_closed():
@@ -185,4 +185,4 @@ def test_a_finding_that_makes_no_sense_gets_one_clear_error(text, told):
 def test_only_kinds_that_exist_are_named():
     assert {case for f in FINDINGS for case in f.cases} - {case.case for case in hard_cases()} == set()
     assert {f.verdict for f in FINDINGS} <= set(Outcome)
-    assert OURS not in {f.engine for f in FINDINGS}
+    assert "refkin" not in {f.engine for f in FINDINGS}

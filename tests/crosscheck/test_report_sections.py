@@ -40,20 +40,34 @@ PRICES = [
     for row in PRICES
 ]
 EFFECTS = [
-    {"engine": "refkin", "effect": "position", "microseconds": 20.0, "inert": True, "largest_change": 0.0},
-    {"engine": "mujoco", "effect": "gravity", "microseconds": 3.0, "inert": False, "largest_change": 1e-3},
-]
-HARD = [
-    {"engine": "mujoco", "route": "newton", "case": "dead centre", "verdict": "correct", "class": "", "quote": ""},
+    {
+        "engine": "refkin",
+        "method": "solve",
+        "effect": "position",
+        "microseconds": 20.0,
+        "inert": True,
+        "largest_change": 0.0,
+    },
     {
         "engine": "mujoco",
-        "route": "newton",
+        "method": "newton",
+        "effect": "gravity",
+        "microseconds": 3.0,
+        "inert": False,
+        "largest_change": 1e-3,
+    },
+]
+HARD = [
+    {"engine": "mujoco", "method": "newton", "case": "dead centre", "verdict": "correct", "class": "", "quote": ""},
+    {
+        "engine": "mujoco",
+        "method": "newton",
         "case": "dead centre",
         "verdict": "wrong",
         "class": "defect",
         "quote": "ok",
     },
-    {"engine": "mujoco", "route": "newton", "case": "change point", "verdict": "refused", "class": "", "quote": "no"},
+    {"engine": "mujoco", "method": "newton", "case": "change point", "verdict": "refused", "class": "", "quote": "no"},
 ]
 
 

@@ -173,10 +173,10 @@ def _solve_methods() -> Iterator[Method]:
     yield Method(
         engine="refkin",
         name="solve",
-        setting="as the scene calls",
         newton_by="refkin",
         uses=frozenset({Use.EFFECTS, Use.HARD}),
         asked=(Solving(), ROUTE),
+        note="with the evidence that the scene calls for",
         build=partial(_solving, None),
     )
     for setting, evidence in EVIDENCE.items():

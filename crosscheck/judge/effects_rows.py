@@ -1,18 +1,13 @@
-"""A row of the ledger of effects, and the two answers that it is about."""
+"""A row of the ledger of effects: what one effect costs with one method, and whether it changes anything."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
-
-from refkin.motion import Motion
-
-Work = Callable[[], Motion]
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True, kw_only=True)
 class EffectRow:
-    """What one effect costs in one engine by one route, and whether it changes anything.
+    """What one effect costs in one engine by one method, and whether it changes anything.
 
     Attributes
     ----------
@@ -37,7 +32,8 @@ class EffectRow:
     """
 
     engine: str
-    route: str
+    method: str
+    setting: str
     effect: str
     microseconds: float | None
     without: float | None
@@ -52,26 +48,3 @@ class EffectRow:
     def within_noise(self) -> bool:
         """Whether the price is no larger than what the measurement leaves open."""
         return self.microseconds is not None and self.microseconds <= (self.spread or 0.0)
-
-
-@dataclass(frozen=True)
-class Ablation:
-    """An effect as two works, by name: the answer without it and with it."""
-
-    effect: str
-    off: str = field(kw_only=True)
-    on: str = field(kw_only=True)
-    called_for: bool = field(kw_only=True)
-    note: str = field(kw_only=True)
-
-
-@dataclass(frozen=True)
-class Bench:
-    """What is measured of one route: its works by name, the effects as pairs of them, and why others are absent."""
-
-    engine: str
-    route: str
-    exact: bool
-    works: Mapping[str, Work]
-    ablations: tuple[Ablation, ...]
-    absent: Mapping[str, str] = field(default_factory=dict)

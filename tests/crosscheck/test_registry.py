@@ -1,0 +1,115 @@
+"""One registry: an engine of a user's own is in every table, rows name its methods, the best method is one."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from crosscheck.engines import PEERS
+from crosscheck.engines.methods import PRICED, Method, Use, methods
+from crosscheck.judge.comparison import reference
+from crosscheck.judge.prices import offers
+from crosscheck.measure import bench
+from crosscheck.measure.check import check
+from crosscheck.measure.effects import rows as effect_rows
+from crosscheck.measure.effects_ablations import ablations
+from crosscheck.measure.hard_classing import job, listed, outcome_of
+from crosscheck.measure.price import price
+from crosscheck.scenes import workloads
+from crosscheck.scenes.hard import hard_cases
+from refkin.scenes.files import load
+
+ROOT = Path(__file__).parents[2]
+OWN = f"{ROOT / 'examples' / 'own_engine.py'}:TwoCircles"
+KEY = ("two_circles", "two circles", "")
+SCENE = load(ROOT / "examples" / "crank-rocker.toml")
+FEW = replace(SCENE, times=SCENE.times[:4])
+
+
+def test_an_engine_of_ones_own_serves_every_measurement_by_its_routes_alone():
+    (method,) = methods(OWN)
+
+    assert method.key == KEY
+    assert method.uses == set(Use)
+
+
+def test_it_is_compared():
+    record = check(FEW, [OWN])
+
+    assert [(a.engine, a.route.name) for a in record.answers] == [KEY[:2]]
+
+
+def test_it_is_priced():
+    found = price(FEW, [OWN], within=2.0)
+    (row,) = found.rows  # it answers positions alone
+
+    assert (row.engine, row.method, row.setting) == KEY
+    assert row.quantity == "position"
+    assert row.digits > 13.0
+    assert row.microseconds > 0.0
+
+
+def test_its_effects_are_measured():
+    (method,) = methods(OWN, Use.EFFECTS)
+    found = effect_rows(ablations(method, FEW), reference(FEW), 0.0)
+
+    assert {(row.engine, row.method, row.setting) for row in found} == {KEY}
+    assert {row.effect for row in found} >= {"velocity", "points", "gravity"}
+
+
+def test_it_is_asked_hard_cases():
+    case = next(c for c in hard_cases() if c.case == "large offset")
+
+    assert listed(OWN) == [KEY]
+    assert outcome_of(job(OWN, KEY[1], case.key))[0] in ("correct", "warned", "refused", "wrong")
+
+
+def test_it_is_benchmarked():
+    work = workloads.sweep(12)
+    rows = bench.measured(work, [OWN], rounds=1)["rows"]
+
+    assert {tuple(row[key] for key in ("engine", "method", "setting")) for row in rows} == {KEY}
+    assert all(row["ranked"] for row in rows)
+
+
+@functools.cache
+def priced():
+    """The price list of the peers over a short part of the cycle."""
+    scene = workloads.sweep(24).scene()
+    return [row.to_json() for row in price(scene, PEERS, within=20.0).rows]
+
+
+@functools.cache
+def benched():
+    return bench.measured(workloads.sweep(24), PEERS, rounds=2)["rows"]
+
+
+@pytest.mark.parametrize("engine", PEERS)
+def test_the_best_method_of_an_engine_is_the_same_in_price_list_and_benchmark(engine):
+    ranked = [row for row in benched() if row["engine"] == engine and row["ranked"] and len(row["computes"]) == 3]
+    best = min(ranked, key=lambda row: row["nanoseconds_per_configuration"])
+    own = [row for row in priced() if row["engine"] == engine]
+    offer = offers(own, "cycle", "acceleration", 12)[0]
+
+    assert (offer.engine, offer.method, offer.setting) == tuple(best[key] for key in ("engine", "method", "setting"))
+
+
+def test_every_row_of_every_table_names_a_method_of_the_registry():
+    known = {m.key for spec in (*PRICED, "numpy", "c") for m in methods(spec)}
+    rows = [*priced(), *benched()]
+
+    assert {tuple(row[key] for key in ("engine", "method", "setting")) for row in rows} <= known
+    assert {key for spec in PEERS for key in listed(spec)} <= known
+
+
+@pytest.mark.parametrize("engine", PEERS)
+def test_what_is_best_in_the_benchmark_is_in_the_price_list(engine):
+    """Planted: the benchmark had methods of its own, ten times cheaper than the price list's."""
+    assert all(Use.PRICE in method.uses for method in methods(engine, Use.BENCH))
+
+
+def test_there_is_one_class_for_a_method():
+    assert {type(m) for spec in (*PRICED, "numpy", "c", OWN, "closed_form") for m in methods(spec)} == {Method}
