@@ -101,7 +101,7 @@ def test_rows_that_were_measured_stand_in_the_report_as_they_came(tmp_path: Path
         ("price", [{**PRICES[0], "microseconds": -1}], "0.microseconds"),
         ("price", {"engine": "mujoco"}, "array"),
         ("hard_cases", [{**HARD[0], "verdict": "fine"}], "0.verdict"),
-        ("effects", [{"engine": "mujoco"}], "0.effect"),
+        ("effects", [{"engine": "mujoco"}], "0.method"),
     ],
 )
 def test_file_that_cannot_be_read_fails_the_night_and_says_where(
@@ -201,7 +201,7 @@ def test_every_setting_that_its_engine_does_not_beat_is_a_mark_and_a_row(tmp_pat
 def test_effect_that_changes_what_was_called_for_is_named(tmp_path: Path) -> None:
     _, page = reported(tmp_path, effects=EFFECTS)
 
-    assert "mujoco: gravity changes what was called for, by up to 0.0010." in page
+    assert "mujoco (newton): gravity changes what was called for, by up to 0.0010." in page
     assert "refkin: position changes" not in page
 
 
