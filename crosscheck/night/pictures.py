@@ -28,7 +28,7 @@ from crosscheck.measure.jobs import scene_of
 from crosscheck.night.journal import replace_file
 from crosscheck.workers.pool import Job
 from crosscheck.workers.processes import Failure, call_in_turn
-from refkin.joints import GROUND, Distance, PointOnLine, Prismatic
+from refkin.joints import GROUND, GuidedPoint, PointDistance, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion
 
@@ -183,7 +183,8 @@ class Drawing:
         self.names = {body.name: k for k, body in enumerate(scene.mechanism.bodies)}
         self.shown = np.flatnonzero(np.all(np.isfinite(motion.q), axis=0))
         self.points = _points(scene.mechanism)
-        self.links = [tuple(c.points()) for c in scene.mechanism.joints if isinstance(c, Distance)]
+        self.elements = list(elements_of(scene.mechanism.joints))
+        self.links = [e for e in self.elements if isinstance(e, PointDistance) and not e.laws]
         step = max(1, -(-motion.t.size // MOST_FRAMES))
         self.frames = [k for k in range(0, motion.t.size, step) if k in self.shown]
         if self.shown.size:
@@ -213,11 +214,12 @@ class Drawing:
     def _guide(self, body: str | None) -> str:
         """Return the lines along which something slides on a body (None: the ground), two sizes to each side."""
         lines = []
-        for joint in self.scene.mechanism.joints:
-            if not isinstance(joint, Prismatic | PointOnLine) or joint.body_i != (body or GROUND):
+        for e in self.elements:
+            if not isinstance(e, GuidedPoint) or e.body_i != (body or GROUND):
                 continue
-            along = 2.0 * self.scene.mechanism.size() / math.hypot(*joint.axis_i)
-            (px, py), (ax, ay) = joint.point_i, joint.axis_i
+            length, (ax, ay) = math.hypot(*e.axis_i), e.axis_i
+            along, aside = 2.0 * self.scene.mechanism.size() / length, e.offset / length
+            px, py = e.point_i[0] - aside * ay, e.point_i[1] + aside * ax
             ends = [(px + way * ax, py + way * ay) for way in (-along, along)]
             s = self.view.scale
             placed = [(x * s, -y * s) if body else self.view.pixels(x, y) for x, y in ends]
@@ -231,9 +233,8 @@ class Drawing:
         for body in self.scene.mechanism.bodies:
             pins = [(x * s, -y * s) for x, y in self.points.get(body.name, ())]
             parts.append({"path": _path(pins), "pins": [_short(*pin) for pin in pins], "guide": self._guide(body.name)})
-        lengths = [c.length * s for c in self.scene.mechanism.joints if isinstance(c, Distance)]
-        for length in lengths:
-            pins = [(0.0, 0.0), (length, 0.0)]
+        for link in self.links:
+            pins = [(0.0, 0.0), (link.length * s, 0.0)]
             parts.append({"path": _path(pins), "pins": [_short(*pin) for pin in pins], "guide": ""})
         return parts
 
@@ -242,10 +243,9 @@ class Drawing:
         for k in range(len(self.names)):
             x, y = self.view.pixels(q[3 * k], q[3 * k + 1])
             places.append(_short(x, y, -math.degrees(math.remainder(q[3 * k + 2], math.tau))))
-        for (body_i, point_i), (body_j, point_j) in self.links:
+        for link in self.links:
             (xi, yi), (xj, yj) = (
-                self.view.pixels(*_place(q, self.names.get(body), point))
-                for body, point in ((body_i, point_i), (body_j, point_j))
+                self.view.pixels(*_place(q, self.names.get(body), point)) for body, point in link.ends
             )
             places.append(_short(xi, yi, math.degrees(math.atan2(yj - yi, xj - xi))))
         return places

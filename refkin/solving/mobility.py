@@ -126,8 +126,11 @@ def gruebler(joints: Sequence[Connection], dimension: str = "planar") -> Count:
 
 
 def count(mechanism: Mechanism) -> Count:
-    """Count the freedoms of a mechanism's joints, without its drivers."""
-    return gruebler([(joint.type, *joint.bodies) for joint in mechanism.joints])
+    """Count the freedoms of a mechanism's joints, without its drivers: what each takes are its rows."""
+    d, joints = COORDINATES["planar"], mechanism.joints
+    bodies = {GROUND, *(body for joint in joints for body in joint.bodies)}
+    taken = sum(joint.rows - joint.parameters for joint in joints)
+    return Count(bodies=len(bodies), equations=d + taken, coordinates=d, idle=())
 
 
 @dataclass(frozen=True)

@@ -1,12 +1,11 @@
 """A mechanism's constraints at one time, as ties, pins, lines and distances between bodies, their numbers as balls.
 
-======== ============================================== ===========================================================
-tie      phi_j - phi_i = angle                          angle driver; part of fixed, prismatic; gear *
-pin      two points coincide                            revolute (with an offset *); part of fixed
-line     a point of j stays on a line of i              point_on_line, x and y driver; part of prismatic; rack *;
-                                                        flat follower on a disc
-distance two points keep a distance                     distance joint, distance driver; point or roller on a disc
-======== ============================================== ===========================================================
+======== ============================================== =========================================================
+tie      phi_j - phi_i = angle                          angle; rolling wheels *
+pin      two points coincide                            points coincide (by a law *)
+line     a point of j stays on a line of i              point on line, coordinate of a point; rolling on a line *
+distance two points keep a distance                     distance
+======== ============================================== =========================================================
 
 * where the drivers give the angles that it takes: those of one wheel of a gear, of pinion and rack, of a body that an
 offset is seen from. Otherwise, and with other cams, the constraint is none of the kinds.
@@ -18,6 +17,7 @@ constraint is held against, since its numbers were rounded on the way.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from enum import Enum, auto
@@ -27,26 +27,22 @@ from flint import arb, ctx
 
 from refkin.joints import (
     GROUND,
-    AngleDriver,
-    Cam,
-    Constraint,
-    Disc,
-    Distance,
-    DistanceDriver,
-    Fixed,
-    Gear,
+    Element,
+    GuidedPoint,
     Pair,
-    PointOnLine,
-    Prismatic,
-    RackAndPinion,
-    Revolute,
+    PointCoordinate,
+    PointDistance,
+    PointsCoincide,
+    RelativeAngle,
+    RollingOnLine,
+    RollingWheels,
     Unit,
-    XDriver,
-    YDriver,
+    elements_of,
 )
+from refkin.joints.planar import direction, unit_normal
 from refkin.proof.assembly.loci import Ball
 from refkin.proof.numbers.exact import exact_system
-from refkin.system import Placed, System
+from refkin.system import System
 from refkin.vec import Vec
 
 
@@ -105,15 +101,16 @@ class Rows:
 def read_rows(system: System, t: float, spread: float = 0.0) -> Rows:
     """Return the rows of all constraints of a system at time t, in the precision in force; see the module."""
     exact = exact_system(system, ctx.prec)
-    readers = [
-        _Reader(given.constraint, placed, system.unit, arb(t), spread)
-        for given, placed in zip(system.placed, exact.placed, strict=True)
-    ]
+    given, balls = (elements_of(p.constraint for p in s.placed) for s in (system, exact))
+    readers = [_Reader(*pair, system.unit, arb(t), spread) for pair in zip(given, balls, strict=True)]
     ties = [tie for reader in readers for tie in reader.ties()]
-    angles = _angles(ties, [reader for reader in readers if isinstance(reader.given, Gear)])
+    angles = _angles(ties, [reader for reader in readers if isinstance(reader.e, RollingWheels)])
     rows = [row for reader in readers for row in reader.rows(angles)]
-    known = {tie.name for tie in ties} | {row.name for row in rows}
-    return Rows(tuple(ties), tuple(rows), tuple(r.given.name for r in readers if r.given.name not in known))
+    read = Counter([tie.name for tie in ties])
+    for row in rows:
+        read[row.name] += row.count
+    foreign = (p.constraint.name for p in system.placed if read[p.constraint.name] < p.constraint.rows)
+    return Rows(tuple(ties), tuple(rows), tuple(foreign))
 
 
 def _angles(ties: list[Tie], gears: list[_Reader]) -> dict[str, Ball]:
@@ -126,7 +123,7 @@ def _angles(ties: list[Tie], gears: list[_Reader]) -> dict[str, Ball]:
                     angles[tie.j] = angles[tie.i] + tie.angle
                 elif tie.j in angles and tie.i not in angles:
                     angles[tie.i] = angles[tie.j] - tie.angle
-        turned = next((gear for gear in gears if not angles.keys().isdisjoint(gear.given.bodies)), None)
+        turned = next((gear for gear in gears if not angles.keys().isdisjoint(gear.e.bodies)), None)
         if turned is None:
             return angles
         gears.remove(turned)
@@ -134,94 +131,80 @@ def _angles(ties: list[Tie], gears: list[_Reader]) -> dict[str, Ball]:
 
 
 class _Reader:
-    """Reads one constraint: its numbers are those of `placed`, its points' keys those of the constraint as given."""
+    """Reads one element: its numbers are those of `e`, balls; its points' keys those of the element as given."""
 
-    def __init__(self, given: Constraint, placed: Placed, unit: Unit, t: Ball, spread: float) -> None:
-        self.given, self.exact, self.g, self.spread = given, placed.constraint, placed.g, spread
-        self.unit, self.t = unit, t
+    def __init__(self, given: Element, e: Any, unit: Unit, t: Ball, spread: float) -> None:
+        self.given, self.e, self.unit, self.spread = given, e, unit, spread
+        self.laws = [arb(law(t, 0)) for law in e.laws]
         # Numbers of the ground were rounded at their distance from the scene's origin.
         self.offset = max(1.0, *(abs(c) / unit.size for c in unit.origin))
 
     def ties(self) -> Iterator[Tie]:
-        """Yield what the constraint says of angles alone."""
-        c = self.given
-        i, j = c.bodies
-        if isinstance(c, AngleDriver):
-            yield Tie(i, j, self._wide(self._law()), c.name)
-        elif isinstance(c, Fixed | Prismatic):
-            yield Tie(i, j, self._wide(self.g[-1]), c.name)
+        """Yield what the element says of angles alone."""
+        e = self.e
+        if isinstance(e, RelativeAngle):
+            yield Tie(e.body_i, e.body_j, self._wide(self.laws[0] if self.laws else e.angle), e.name)
 
     def gear(self, angles: dict[str, Ball]) -> Tie:
-        """Return the angle of the second wheel of a gear whose first is known, or the other way round."""
-        i, j = self.given.bodies
-        radius_i, radius_j, zero_i, zero_j = map(self._wide, self.g)
-        if i in angles:
-            return Tie(GROUND, j, zero_j - radius_i / radius_j * (angles[i] - zero_i), self.given.name)
-        return Tie(GROUND, i, zero_i - radius_j / radius_i * (angles[j] - zero_j), self.given.name)
+        """Return the angle of the second wheel of two whose first is known, or the other way round."""
+        e = self.e
+        radius_i, radius_j = (self._length(radius) for radius in (e.radius_i, e.radius_j))
+        zero_i, zero_j = self._wide(e.zero_i), self._wide(e.zero_j)
+        if e.body_i in angles:
+            return Tie(GROUND, e.body_j, zero_j - radius_i / radius_j * (angles[e.body_i] - zero_i), e.name)
+        return Tie(GROUND, e.body_i, zero_i - radius_j / radius_i * (angles[e.body_j] - zero_j), e.name)
 
     def rows(self, angles: dict[str, Ball]) -> Iterator[Row]:
-        """Yield what the constraint says of points; nothing if it is none of the kinds."""
-        c, g = self.given, self.g
-        if isinstance(c, Revolute) and c.offset_law:
-            yield from self._apart(angles)
-        elif isinstance(c, XDriver | YDriver):
-            yield self._coordinate(c)
-        elif isinstance(c, Revolute | Fixed):
-            yield self._row(Kind.PIN)
-        elif isinstance(c, PointOnLine | Prismatic):
-            yield self._row(Kind.LINE, normal=Vec(self._wide(g[4]), self._wide(g[5])))
-        elif isinstance(c, Distance):
-            yield self._row(Kind.DISTANCE, distance=self._wide(g[4]))
-        elif isinstance(c, DistanceDriver):
+        """Yield what the element says of points; nothing if it is none of the kinds."""
+        e = self.e
+        if isinstance(e, PointsCoincide):
+            yield from self._apart(angles) if self.laws else [self._row(Kind.PIN)]
+        elif isinstance(e, PointCoordinate):
+            yield self._coordinate()
+        elif isinstance(e, GuidedPoint):
+            row = self._row(Kind.LINE, normal=self._vector(unit_normal(e.axis_i)))
+            yield self._beside(row, self._length(e.offset)) if e.offset else row
+        elif isinstance(e, PointDistance):
             # d . d = f^2 holds for -f as well: the residual knows no sign.
-            yield self._row(Kind.DISTANCE, distance=abs(self._wide(self._law())))
-        elif isinstance(c, RackAndPinion):
-            yield from self._rack(c, angles)
-        elif isinstance(c, Cam) and isinstance(c.profile, Disc):
-            yield self._face(c) if c.follower == "flat" else self._row(Kind.DISTANCE, distance=self._wide(g[4]))
+            yield self._row(Kind.DISTANCE, distance=abs(self._length(self.laws[0] if self.laws else e.length)))
+        elif isinstance(e, RollingOnLine) and e.body_i in angles and e.body_j in angles:
+            turned = angles[e.body_j] - angles[e.body_i] - self._wide(e.phi0)
+            travel = self._length(e.s0) + self._length(e.radius) * turned
+            yield self._beside(self._row(Kind.LINE, normal=self._vector(direction(e.axis_i))), travel)
 
     def _apart(self, angles: dict[str, Ball]) -> Iterator[Row]:
         """Yield the pin of two points that are kept apart, if the offset is known in the frame of one of the bodies."""
         row = self._row(Kind.PIN)
-        apart = Vec(*(self._wide(law[0]) for law in self.exact.inputs(self.t, self.unit, 0)))
+        apart = Vec(*(self._length(value) for value in self.laws))
         if row.i in angles:
             yield replace(row, p=row.p + _seen_from(angles[row.i], apart), key_i=None)
         elif row.j in angles:
             yield replace(row, q=row.q - _seen_from(angles[row.j], apart), key_j=None)
 
-    def _rack(self, c: RackAndPinion, angles: dict[str, Ball]) -> Iterator[Row]:
-        """Yield the line across the rack on which the pinion's centre lies, if both angles are known."""
-        if c.body_i in angles and c.body_j in angles:
-            radius, s0, phi0 = map(self._wide, self.g[6:9])
-            axis = Vec(self._wide(self.g[4]), self._wide(self.g[5]))
-            travel = s0 + radius * (angles[c.body_j] - angles[c.body_i] - phi0)
-            row = self._row(Kind.LINE, normal=axis)
-            yield replace(row, p=row.p + axis * travel, key_i=None)
-
-    def _face(self, c: Cam) -> Row:
-        """Return the line of the follower, a radius behind its face, on which the centre of the disc lies."""
-        centre, face = self._point(c.body_i, 0), self._point(c.body_j, 2)
-        normal, radius = Vec(self._wide(self.g[4]), self._wide(self.g[5])), self._wide(self.g[6])
-        behind = face - normal * radius
-        return Row(Kind.LINE, c.body_j, c.body_i, behind, centre, c.name, normal, key_j=c.point_i)
+    def _beside(self, row: Row, away: Ball) -> Row:
+        """Return the row of a line that lies further along its normal."""
+        assert row.normal is not None
+        return replace(row, p=row.p + row.normal * away, key_i=None)
 
     def _row(self, kind: Kind, normal: Vec | None = None, distance: Ball | None = None) -> Row:
-        c: Any = self.given
-        p, q = self._point(c.body_i, 0), self._point(c.body_j, 2)
-        return Row(kind, c.body_i, c.body_j, p, q, c.name, normal, distance, c.point_i, c.point_j)
+        e, (key_i, key_j) = self.e, (point for _, point in self.given.ends)
+        p, q = (self._point(*end) for end in e.ends)
+        return Row(kind, e.body_i, e.body_j, p, q, e.name, normal, distance, key_i, key_j)
 
-    def _coordinate(self, c: XDriver | YDriver) -> Row:
-        at = self._wide(self._law(), self.offset)
-        zero, one = arb(0), arb(1)
-        p, normal = (Vec(at, zero), Vec(one, zero)) if isinstance(c, XDriver) else (Vec(zero, at), Vec(zero, one))
-        return Row(Kind.LINE, GROUND, c.body, p, self._point(c.body, 0), c.name, normal, key_j=c.point)
+    def _coordinate(self) -> Row:
+        e, ((_, key),) = self.e, self.given.ends
+        at = self._wide((self.laws[0] - self.unit.origin[e.axis]) / self.unit.size, self.offset)
+        along = Vec(arb(e.axis == 0), arb(e.axis == 1))
+        return Row(Kind.LINE, GROUND, e.body_j, along * at, self._point(*e.ends[0]), e.name, along, key_j=key)
 
-    def _point(self, body: str, first: int) -> Vec:
-        scale = self.offset if body == GROUND else 1.0
-        return Vec(*(self._wide(x, scale) for x in self.g[first : first + 2]))
+    def _point(self, body: str, u: Pair) -> Vec:
+        return self._vector(self.unit.point(body, u), self.offset if body == GROUND else 1.0)
 
-    def _law(self) -> Ball:
-        return arb(self.exact.inputs(self.t, self.unit, 0)[0][0])
+    def _vector(self, v: Pair, scale: float = 1.0) -> Vec:
+        return Vec(*(self._wide(x, scale) for x in v))
+
+    def _length(self, x: Any) -> Ball:
+        return self._wide(x / self.unit.size)
 
     def _wide(self, x: Any, scale: float = 1.0) -> Ball:
         """Return x as a ball of radius spread max(scale, |x|)."""

@@ -21,7 +21,7 @@ import numpy as np
 from flint import arb
 
 from refkin.analysis import position
-from refkin.joints import GROUND, Cam, Gear, Polar, RackAndPinion, initial_contacts
+from refkin.joints import GROUND, Cam, Polar, RollingOnLine, RollingWheels, elements_of, initial_contacts
 from refkin.motion import Array
 from refkin.newton import is_round_off
 from refkin.proof.assembly.clusters import Plan, headings, plan
@@ -207,7 +207,8 @@ class _Search:
         """Return the pose with each angle turned back into (-pi, pi], unless a driver, gear or profile counts it."""
         q = q.copy()
         joints = self.system.mechanism.joints
-        counted = {GROUND, *(body for c in joints if isinstance(c, Gear | RackAndPinion) for body in c.bodies)}
+        rolling = (e for e in elements_of(joints) if isinstance(e, RollingWheels | RollingOnLine))
+        counted = {GROUND, *(body for e in rolling for body in e.bodies)}
         free = [heading for heading in self._headings() if counted.isdisjoint(heading)]
         groups = [[self.system.columns(body).stop - 1 for body in self.names if body in heading] for heading in free]
         closed = [c.name for c in joints if isinstance(c, Cam) and isinstance(c.profile, Polar) and c.profile.closed]
