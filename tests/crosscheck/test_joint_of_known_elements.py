@@ -13,7 +13,7 @@ import pytest
 
 import refkin
 from crosscheck.measure.check import check
-from crosscheck.report.poses import Drawing
+from crosscheck.night.pictures import Drawing
 from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, Status
 from refkin.fast import attempt
 from refkin.joints import Element, GuidedPoint, Pair, PointOnLine, RelativeAngle
