@@ -13,11 +13,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
 from crosscheck.engines import Engine, Term
+from crosscheck.judge.comparison import Reference
 from crosscheck.judge.records import QUANTITIES, Kind
 from crosscheck.judge.running_error import U
 from refkin.model import Effect, Scene
-from refkin.motion import Motion
+from refkin.motion import Motion, Status
 
 ABSOLUTE, RELATIVE, OF_FORMULAS, OF_RATES = 2.0**10 * U, 2.0**10 * U, 4.0, 2.0**20 * U
 """Up to these a term is rounding: a thousand roundings of a residual, or of what stands in its equation; four times
@@ -79,6 +82,27 @@ def undelivered(engine: Engine, scene: Scene, motion: Motion) -> Iterator[dict[s
     absent = [body for body in scene.wanted if body not in motion.bodies]
     if absent:
         yield _not_delivered(QUANTITIES[0], f"no answer for {', '.join(absent)}")
+
+
+def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:
+    """Yield where an engine says ok and there is nothing: no assembly, or rates in a singular pose.
+
+    Only to be asked where the reference's verdict is the one that the scene was made for.
+    """
+    ok = np.array([s is Status.OK for s in motion.status])
+    nowhere = ok & np.array([s is Status.UNASSEMBLABLE for s in ref.motion.status])
+    if nowhere.any():
+        yield _at(motion, nowhere, QUANTITIES[0], Kind.NO_ASSEMBLY)
+    singular = ok & np.array([s is Status.SINGULAR for s in ref.motion.status])
+    for quantity, level in zip(QUANTITIES[1:], motion.levels[1:], strict=True):
+        rated = singular & (False if level is None else np.isfinite(level).all(axis=0))
+        if rated.any():
+            yield _at(motion, rated, quantity, Kind.SINGULAR_RATES)
+
+
+def _at(motion: Motion, lanes: Any, quantity: str, kind: Kind) -> dict[str, Any]:
+    times = f"{int(lanes.sum())} times, first t = {motion.t[lanes][0]:.17g}"
+    return {"quantity": quantity, "kind": kind, "message": times}
 
 
 def _not_delivered(quantity: str, what: str) -> dict[str, Any]:

@@ -31,12 +31,17 @@ def step_beyond_newton(record: Record) -> bool:
     return told is not None and told < 2.0
 
 
+def ends_in_a_singular_pose(record: Record) -> bool:
+    """Return whether the scene was made to end in a singular pose (`crosscheck.strategies.ended_scenes`)."""
+    return record.about.get("expected") == "singular"
+
+
 def anywhere(record: Record) -> bool:
     """Return True: the gap does not depend on the scene."""
     return True
 
 
-PREDICATES: dict[str, Predicate] = {f.__name__: f for f in (step_beyond_newton, anywhere)}
+PREDICATES: dict[str, Predicate] = {f.__name__: f for f in (step_beyond_newton, ends_in_a_singular_pose, anywhere)}
 CLASSES = ("contract violated", "documented limit", "our misuse")
 REQUIRED = ("engine", "predicate", "reason", "class", "date", "reproduction")
 MATCHED = ("route", "quantity", "kind")

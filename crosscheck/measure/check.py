@@ -17,7 +17,7 @@ from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Term, 
 from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.between import excuse
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
-from crosscheck.judge.delivery import granted, undelivered
+from crosscheck.judge.delivery import believed, granted, undelivered
 from crosscheck.judge.hard_poses import scene_samples
 from crosscheck.judge.levels import Configuration, compare_levels, configurations
 from crosscheck.judge.records import (
@@ -85,7 +85,8 @@ def check(
     """
     start = time.perf_counter()
     ref = reference(scene)
-    subject = _Subject(ref, key_of(scene), estimated(scene, ref), arbiter)
+    expected = str((about or {}).get("expected", Status.OK))
+    subject = _Subject(ref, key_of(scene), estimated(scene, ref), arbiter, ref.motion.verdict == expected)
     row = _reference_row(ref, time.perf_counter() - start)
     parts = [_of_engine(load(e) if isinstance(e, str) else e, subject) for e in engines]
     return Record(
@@ -96,12 +97,14 @@ def check(
         answers=[answer for part in parts for answer in part.answers],
         levels=[level for part in parts for level in part.levels],
         refusals=[refusal for part in parts for refusal in part.refusals],
-        disagreements=[*_of_reference(ref.motion), *(d for part in parts for d in part.disagreements)],
+        disagreements=[*_of_reference(subject), *(d for part in parts for d in part.disagreements)],
     )
 
 
-def _of_reference(motion: Motion) -> Iterator[Disagreement]:
-    if motion.verdict is not Status.OK:
+def _of_reference(subject: _Subject) -> Iterator[Disagreement]:
+    """Yield the reference's verdict if it is not the one that the scene was made for."""
+    motion = subject.ref.motion
+    if not subject.as_expected:
         who: Any = {"engine": "refkin", "route": "newton", "quantity": "status"}
         yield Disagreement(**who, kind=Kind.REFERENCE, how=motion.verdict.value, message=motion.message)
 
@@ -114,6 +117,7 @@ class _Subject:
     key: str
     scene: Scene
     arbiter: bool
+    as_expected: bool
     excuse: tuple[float, float] | None = None
 
     @cached_property
@@ -253,7 +257,8 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part) -
             certificate=_enclosure(engine, scene, motion) if subject.arbiter else None,
         )
     )
-    part.disagreements += [Disagreement(**who, **fault) for fault in (*faults, *undelivered(engine, scene, motion))]
+    faults += [*undelivered(engine, scene, motion), *(believed(ref, motion) if subject.as_expected else ())]
+    part.disagreements += [Disagreement(**who, **fault) for fault in faults]
     asked = subject.turned_round and route == engine.routes()[0]
     turned_round = _turned_round(engine, route, scene, ref, terms) if asked else None
     part.disagreements += _disagreements(who, compared, turned_round, subject)

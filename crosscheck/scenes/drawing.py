@@ -23,9 +23,10 @@ from hypothesis.internal.cache import LRUCache
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
 
-from crosscheck.strategies import Chain, Drawn, chains, drawn_scenes
+from crosscheck.strategies import Chain, Drawn, Ended, chains, drawn_scenes, ended_scenes, equal_linkages
 from refkin.joints import Driver
 from refkin.model import Scene
+from refkin.motion import Status
 from refkin.motion_laws import Integral
 from refkin.scenes.files import to_toml
 
@@ -35,6 +36,8 @@ FEWER_SAMPLES = (2, 3, 5, 9, 18, 36)
 """Numbers of times with which a failing scene is tried before it is shrunk."""
 CHAINS_EVERY = 7
 """Every how manieth scene is no linkage but a geared five-bar, a rack, a cam or a six-bar (`strategies.chains`)."""
+ENDED, EQUAL, SPECIAL_EVERY = 5, 19, 28
+"""Of so many scenes, which one ends in a singular pose or in none, and which has equal links: `strategies.verdicts`."""
 WARM_UP = 210
 """The first turns of a night check whatever is drawn; from then on one of `CANDIDATES` scenes, which adds most."""
 CANDIDATES = 2
@@ -69,7 +72,7 @@ def seed_of_scene(night: int, number: int) -> int:
     return int.from_bytes(hashlib.sha256(f"{night} {number}".encode()).digest()[:8], "big")
 
 
-AnyDrawn = Drawn | Chain
+AnyDrawn = Drawn | Chain | Ended
 
 
 def is_chain(number: int) -> bool:
@@ -176,7 +179,11 @@ def climb(night: int, number: int, check: Callable[[AnyDrawn], None], examples: 
 
 
 def _scenes_of(number: int, samples: int) -> st.SearchStrategy[Any]:
-    return chains(samples=samples) if is_chain(number) else drawn_scenes(samples=samples)
+    if is_chain(number):
+        return chains(samples=samples)
+    if number % SPECIAL_EVERY == ENDED:
+        return ended_scenes(samples=samples)
+    return equal_linkages(samples) if number % SPECIAL_EVERY == EQUAL else drawn_scenes(samples=samples)
 
 
 def effort(scene: Scene) -> int:
@@ -195,6 +202,7 @@ def describe(drawn: AnyDrawn) -> dict[str, Any]:
         "branch": drawn.branch.value,
         "hardness": drawn.hardness.value,
         "distance": drawn.distance,
+        "expected": (drawn.expected if isinstance(drawn, Ended) else Status.OK).value,
         "joints": ", ".join(sorted({joint.type for joint in mechanism.joints})),
         "driver": ", ".join(driver.type for driver in mechanism.drivers),
         "law": ", ".join(_law_of(driver) for driver in mechanism.drivers),

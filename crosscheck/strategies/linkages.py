@@ -61,12 +61,12 @@ def four_bars(
     if slack_decades and GrashofClass.TRIPLE_ROCKER in allowed:
         allowed += [GrashofClass.TRIPLE_ROCKER] * 3  # the one class below 0 as often as the four above
     grashof = draw(st.sampled_from(allowed), label="Grashof class")
-    size = _draw_size(draw, min_size, max_size)
+    size = draw_size(draw, min_size, max_size)
     lengths = _draw_lengths(draw, grashof, size, max_ratio, slack_decades)
     order = draw(ORDERS[grashof], label="links from short to long")
     link = dict(zip(order, lengths, strict=True))
     return FourBar(
-        link["ground"], link["crank"], link["coupler"], link["rocker"], **_draw_place(draw, max_offset * size)
+        link["ground"], link["crank"], link["coupler"], link["rocker"], **draw_place(draw, max_offset * size)
     )
 
 
@@ -88,9 +88,9 @@ def slider_cranks(
     Examples from this strategy shrink towards a central slider-crank of about one metre at the origin.
     """
     _check_bounds(min_size, max_size, max_ratio, max_offset, slack_decades)
-    size = _draw_size(draw, min_size, max_size)
+    size = draw_size(draw, min_size, max_size)
     crank, rod, offset = _draw_two_and_offset(draw, size, max_ratio, slack_decades)
-    return SliderCrank(crank, rod, offset, **_draw_place(draw, max_offset * size))
+    return SliderCrank(crank, rod, offset, **draw_place(draw, max_offset * size))
 
 
 @st.composite
@@ -110,9 +110,9 @@ def inverted_slider_cranks(
     Examples from this strategy shrink towards a line through the pivot, about one metre at the origin.
     """
     _check_bounds(min_size, max_size, max_ratio, max_offset, slack_decades)
-    size = _draw_size(draw, min_size, max_size)
+    size = draw_size(draw, min_size, max_size)
     crank, ground, offset = _draw_two_and_offset(draw, size, max_ratio, slack_decades)
-    return InvertedSliderCrank(ground, crank, offset, **_draw_place(draw, max_offset * size))
+    return InvertedSliderCrank(ground, crank, offset, **draw_place(draw, max_offset * size))
 
 
 def _draw_lengths(
@@ -165,12 +165,13 @@ def longest(linkage: AnyLinkage) -> float:
     return float(max(getattr(linkage, key) for key in linkage.LENGTHS))
 
 
-def _draw_size(draw: DrawFn, smallest: float, largest: float) -> float:
+def draw_size(draw: DrawFn, smallest: float, largest: float) -> float:
+    """Draw a length, evenly by its logarithm [m]."""
     exponent = draw(st.floats(math.log10(smallest), math.log10(largest)), label="decade of the size")
     return math.pow(10.0, exponent)
 
 
-def _draw_place(draw: DrawFn, radius: float) -> dict[str, Any]:
+def draw_place(draw: DrawFn, radius: float) -> dict[str, Any]:
     """Draw where a linkage stands."""
     x, y = draw(ORIGINS, label="origin")
     return {"origin": (x * radius, y * radius), "angle": draw(ANGLES, label="angle")}

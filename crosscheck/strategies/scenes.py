@@ -129,7 +129,7 @@ def drawn_scenes(
     if not made or samples < 1:
         raise ValueError(f"expected kinds, hardness, samples >= 1; got {kinds!r}, {hardness!r}, {samples!r}")
     linkages = {(h, k): KINDS[k](**bounds, **_class_bounds(k, h, decades)) for h, k in made}
-    return _drawn_scenes(linkages, decades, samples)
+    return scenes_of(linkages, decades, samples)
 
 
 def _class_bounds(kind: str, hard: Hardness, decades: Decades) -> dict[str, Any]:
@@ -142,9 +142,10 @@ def _class_bounds(kind: str, hard: Hardness, decades: Decades) -> dict[str, Any]
 
 
 @st.composite
-def _drawn_scenes(
+def scenes_of(
     draw: DrawFn, linkages: Mapping[tuple[Hardness, str], SearchStrategy[AnyLinkage]], decades: Decades, samples: int
 ) -> Drawn:
+    """Draw a scene of one of the linkages, each with how near to a singular pose it goes and the name of its kind."""
     hard, kind = draw(st.sampled_from(tuple(linkages)), label="hardness and kind")
     linkage = draw(linkages[hard, kind], label="linkage")
     inputs = limited_inputs(linkage) if hard is Hardness.LIMIT else linkage.INPUTS

@@ -241,6 +241,9 @@ class Marcher:
             for k in there:
                 rates = qdd[:, k] if self.acceleration else qd[:, k]
                 status[k] = Status.OK if np.isfinite(rates).all() and np.isfinite(qd[:, k]).all() else Status.SINGULAR
+        for k, pose in zip(there, poses, strict=True):
+            if pose.jacobian is not None and _sigma_min(pose.jacobian) <= SINGULAR:  # its rates would be rounding
+                status[k], qd[:, k], qdd[:, k] = Status.SINGULAR, np.nan, np.nan
         return Poses(q, qd, qdd, residual, status, reason)
 
     def _several(self, found: Sequence[Pose | EngineError], last: Pose, times: Sequence[float]) -> list[Pose]:
