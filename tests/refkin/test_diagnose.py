@@ -24,6 +24,7 @@ from refkin import (
     compile_system,
 )
 from refkin.proof.numbers.recentred import recentred
+from refkin.proof.pose.second_order import _common_roots
 from refkin.proof.pose.singularity import Kind
 from tests.refkin.test_sweep import three_cranks
 
@@ -325,3 +326,12 @@ def test_redundant_rows_that_contradict_each_other_are_refused_and_have_no_diagn
     assert refkin.solve(scene).verdict is Status.UNASSEMBLABLE
     with pytest.raises(ValueError, match="no first pose"):
         refkin.diagnose(scene)
+
+
+def test_common_roots_of_forms_are_all_found_once():
+    """a^2 = b^2 = c^2: the four lines through the corners of a cube."""
+    found = _common_roots([np.diag([1.0, -1.0, 0.0]), np.diag([0.0, 1.0, -1.0])])
+    signs = {tuple(np.sign(a * a[0])) for a in found}
+
+    assert len(found) == len(signs) == 4
+    assert np.max(np.abs(np.abs(found) - 3**-0.5)) < 1e-14

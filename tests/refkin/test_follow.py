@@ -269,3 +269,13 @@ def test_a_path_that_is_to_end_on_one_side_does_not_close_after_a_turn():
 
     assert path.end is not End.CLOSED
     assert path.t[-1] > 0.5 + math.tau
+
+
+def test_a_path_starts_at_the_t_that_it_is_given():
+    """Near the pose that is given, on the curve, at the same t."""
+    scene = driven(ROCKER)
+    q = refkin.solve(scene).q[:, 0] + 0.01
+    path = refkin.follow(compile_system(scene.mechanism), start=(q, 0.5), until=(0.4, 0.6))
+
+    assert path.t[0] == 0.5
+    assert path.residual[0] < 1e-14

@@ -6,6 +6,7 @@ import importlib
 import math
 import time
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -26,8 +27,10 @@ from refkin import (
 )
 from refkin.errors import InvalidScene, UnknownName
 from refkin.fast import solve_many, sweep, turning
+from refkin.fast.block import SMALL, Block
 from refkin.fast.family import family
 from refkin.fast.lanes.symbols import Leaf
+from refkin.newton import CONTRACTION
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import compile_system
 
@@ -567,3 +570,13 @@ def test_a_distance_that_passes_nothing_in_one_mechanism_is_seen_there():
     driver = DistanceDriver(name="d", **ends, law=Polynomial(coefficients=(np.array([0.5, 2.0]), -1.0)))
 
     assert turning.may_turn((driver,), 0.0, 1.0, 2).tolist() == [True, False]
+
+
+def test_a_lane_whose_corrections_do_not_shrink_enough_is_not_answered_at_once():
+    """Four lanes: one contracts, one does not, one does not but is there already, one is dead."""
+    late = np.zeros(4, bool)
+    first = np.array([0.1, 0.1, SMALL / 2, 0.1])
+    corrections = [first, CONTRACTION * first * np.array([0.9, 1.1, 1.1, 1.1])]
+    block = SimpleNamespace(alive=np.array([True, True, True, False]), _iterate=lambda most: (corrections, late))
+
+    assert Block._newton(block).tolist() == [False, True, False, False]
