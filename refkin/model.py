@@ -16,14 +16,21 @@ from refkin.joints import GROUND, Constraint, Driver, Pair, Unit
 from refkin.motion_laws import STRICT
 
 
-class Effect(StrEnum):
+class Member(StrEnum):
+    """A word that shows itself as a program writes it, so that a scene's text can be pasted back."""
+
+    def __repr__(self) -> str:
+        return f"{type(self).__name__}.{self.name}"
+
+
+class Effect(Member):
     """What a scene may call for beyond position, which is always there."""
 
     VELOCITY = "velocity"
     ACCELERATION = "acceleration"
 
 
-class Evidence(StrEnum):
+class Evidence(Member):
     """What a scene may ask as evidence beyond status and residual, which are always there."""
 
     CONDITION = "condition"

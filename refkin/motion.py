@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from enum import StrEnum
 from typing import Any
 
@@ -127,7 +127,7 @@ class BodyMotion:
         raise AttributeError(f"{name!r}: not a coordinate, or not called for by the scene")
 
 
-@dataclass(frozen=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True, eq=False, repr=False)
 class Motion:
     """Position, velocity and acceleration of the wanted bodies over the times of a scene.
 
@@ -159,6 +159,19 @@ class Motion:
         k = 3 * self.bodies.index(body)
         return BodyMotion(*(None if level is None else level[k : k + 3] for level in self.levels))  # type: ignore[arg-type]
 
+    def __repr__(self) -> str:
+        ok = sum(status is Status.OK for status in self.status)
+        levels = [name for name, level in zip(("q", "qd", "qdd"), self.levels, strict=True) if level is not None]
+        return (
+            f"<Motion by {self.producer.name} {self.producer.version}, {self.producer.route.name}\n"
+            f"times:   {len(self.t)}, {', '.join(f'{t:g}' for t in self.t[[0, -1]])} s\n"
+            f"bodies:  {', '.join(self.bodies)}\nholds:   {', '.join([*levels, *self.points])}\n"
+            f"verdict: {self.verdict}, {ok} times ok{self.message and f'; {self.message}'}>"
+        )
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Motion) and _same(asdict(self), asdict(other))
+
     @property
     def levels(self) -> tuple[Array, Array | None, Array | None]:
         return self.q, self.qd, self.qdd
@@ -167,6 +180,12 @@ class Motion:
     def verdict(self) -> Status:
         """The first status that is not ok, or ok."""
         return next((s for s in self.status if s is not Status.OK), Status.OK)
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
+    return np.array_equal(a, b, equal_nan=True) if isinstance(a, np.ndarray) else bool(a == b)
 
 
 def nowhere(times: int) -> Array:

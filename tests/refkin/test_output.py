@@ -145,3 +145,29 @@ def test_no_number_is_an_empty_cell(motion, tmp_path):
     write_csv(replace(motion, q=q), tmp_path / "motion.csv")
 
     assert (tmp_path / "motion.csv").read_text(encoding="utf-8").splitlines()[3].split(",")[2] == ""
+
+
+def test_a_motion_shows_itself_in_five_lines(motion):
+    shown = repr(motion).splitlines()
+
+    assert len(shown) == 5
+    assert shown[-1] == "verdict: ok, 9 times ok>"
+    assert "crank, coupler, rocker" in shown[2]
+
+
+def test_motions_are_equal_if_every_number_is(scene, motion):
+    q = motion.q.copy()
+    q[0, 3] = np.nextafter(q[0, 3], 10.0)
+
+    assert refkin.solve(scene) == motion
+    assert replace(motion, q=q) != motion
+    assert replace(motion, residual=motion.residual * np.nan) == replace(motion, residual=motion.residual * np.nan)
+
+
+def test_the_text_of_a_scene_is_a_program_that_makes_it(scene):
+    """So the text of a failing example can be pasted."""
+    names = {name: getattr(refkin, name) for name in refkin.__all__}  # what `from refkin import *` gives
+    linkage = refkin.SliderCrank(crank=1.0, rod=3.0)
+
+    assert eval(repr(scene), names) == scene
+    assert eval(repr(linkage), names) == linkage
