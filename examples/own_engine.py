@@ -36,7 +36,8 @@ class TwoCircles:
 
     def capabilities(self):
         solve = {Level.SOLVE: NATIVE}
-        return {"revolute": solve, "angle": solve, "prismatic": {Level.SOLVE: refused("two circles make no slider")}}
+        sliding = {Level.SOLVE: refused("two circles make no slider")}
+        return {"points coincide": solve, "angle by a law": solve, "point on line": sliding}
 
     def terms(self, scene, route=None):
         return ()

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from typing import Any
 
 from rich.table import Table
 
-from crosscheck.engines import Engine, Level, Support
+from crosscheck.engines import ELEMENTS, Engine, Level, Support
 from crosscheck.judge.known_gaps import Gap
 from crosscheck.judge.records import QUANTITIES, Disagreement, Quantity, Record
 from crosscheck.night.plan import Outcome
-from refkin.joints import DRIVER_TYPES, JOINT_TYPES, DistanceDriver
 
 MOST_LINES = 20
 """Disagreements, and failures, that are told on a terminal; the report has all."""
@@ -19,18 +17,15 @@ PLACES = ("inside", "outside", "undecidable", "no_answer")
 
 
 def capability_table(engines: Iterable[Engine]) -> Table:
-    """Return joint x engine x level: native, derived, or refused with its reason."""
-    table = Table(
-        "engine", "joint or driver", *(level.value for level in Level), "why not", title="What engines can do"
-    )
-    labels = {cls: type_name(cls) for cls in JOINT_TYPES} | {cls: f"{type_name(cls)} (driver)" for cls in DRIVER_TYPES}
+    """Return element x engine x level: native, derived, or refused with its reason."""
+    table = Table("engine", "element", *(level.value for level in Level), "why not", title="What engines can do")
     for engine in engines:
         known = engine.capabilities()
-        for cls, label in labels.items():
-            levels = _levels(known, cls)
+        for key in ELEMENTS:
+            levels = known.get(key, {})
             cells = [str(levels[level].support) if level in levels else Support.REFUSED.value for level in Level]
             reasons = {levels[level].reason for level in levels if levels[level].reason}
-            table.add_row(engine.name, label, *cells, "; ".join(sorted(reasons)))
+            table.add_row(engine.name, key, *cells, "; ".join(sorted(reasons)))
         table.add_section()
     return table
 
@@ -95,15 +90,6 @@ def outcome_lines(outcome: Outcome) -> list[str]:
         lines.append(f"simplifying disagreements took {outcome.shrinking_seconds:.0f} s")
     counted = f"{len(outcome.new)} new and {outcome.known} known disagreements"
     return [*lines, f"{outcome.checked} scenes checked, {counted}"]
-
-
-def type_name(cls: Any) -> str:
-    """Return the type of a joint or driver as it stands in a scene file."""
-    return str(cls.__dataclass_fields__["type"].default)
-
-
-def _levels(known: Any, cls: Any) -> Any:
-    return known.get("distance driver" if cls is DistanceDriver else type_name(cls), {})
 
 
 def _cells(quantity: Quantity | None) -> list[str]:

@@ -13,7 +13,7 @@ alone, and says so: `delivers = ("position",)`; without that attribute all three
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
@@ -29,7 +29,7 @@ from crosscheck.engines.frames import RowMap
 from crosscheck.scenes.names import PEERS as PEERS
 from crosscheck.scenes.names import PHYSICAL as PHYSICAL
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
-from refkin.joints import Constraint, DistanceDriver, Driver
+from refkin.joints import Constraint, elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Route
 
@@ -57,14 +57,22 @@ class Support(StrEnum):
 
 @dataclass(frozen=True)
 class Capability:
-    """How one engine treats one joint or driver type at one level, and why where it does not simply do it."""
+    """How one engine treats one element at one level, and why where it does not simply do it."""
 
     support: Support
     reason: str = ""
 
 
 Capabilities = Mapping[str, Mapping[Level, Capability]]
-"""Joint or driver type (`table_key`) -> level -> capability. A type that is absent is refused at every level."""
+"""Element of joints and drivers (one of `ELEMENTS`) -> level -> capability.
+
+What is absent is refused at every level, and with it every joint that consists of it.
+"""
+ELEMENTS = (
+    *("points coincide", "points coincide by a law", "point on line", "distance", "distance by a law"),
+    *("coordinate by a law", "angle", "angle by a law", "rolling wheels", "rolling on a line", "contact"),
+)
+"""The keys of a capability table (`refkin.joints.Element.key`); `refkin.joints.elements` says what they mean."""
 
 NATIVE = Capability(Support.NATIVE)
 
@@ -175,30 +183,32 @@ class Engine(Protocol):
         """Return its constraint rows for the joints that it does not refuse at level residual."""
 
 
-def table_key(constraint: Constraint) -> str:
-    """Return a constraint's key in a capability table: its type, but for two that are not what their type says.
-
-    These are the "distance driver", and a joint that a law moves, such as a "revolute with a law".
-    """
-    if isinstance(constraint, DistanceDriver):
-        return "distance driver"
-    moved = constraint.laws and not isinstance(constraint, Driver)
-    return f"{constraint.type} with a law" if moved else constraint.type
-
-
-def refused_joints(engine: Engine, scene: Scene, level: Level) -> list[tuple[str, str, str]]:
-    """Return (key in the capability table, name, reason) of each joint that `engine` refuses at `level`."""
-    table = engine.capabilities()
-    missing = refused("no such joint in this engine")
-    keys = [(constraint.name, table_key(constraint)) for constraint in scene.mechanism.constraints]
-    asked = [(key, name, table.get(key, {}).get(level, missing)) for name, key in keys]
-    return [(key, name, told.reason) for key, name, told in asked if told.support is Support.REFUSED]
+def refused_joints(engine: Engine, constraints: Iterable[Constraint], level: Level) -> list[tuple[str, str, str]]:
+    """Return (type, name, reason) of what `engine` does not have at `level`: once for each element that it refuses."""
+    table, found = engine.capabilities(), []
+    for constraint in constraints:
+        elements = list(elements_of([constraint]))
+        reasons = []
+        if sum(element.rows for element in elements) != constraint.rows:
+            reasons.append("no such joint in this engine: no elements say what it is")
+        for element in elements:
+            missing = refused(f"no such joint in this engine: {element.key}")
+            capability = table.get(element.key, {}).get(level, missing)
+            if capability.support is Support.REFUSED:
+                reasons.append(capability.reason)
+        found += [(constraint.type, constraint.name, reason) for reason in dict.fromkeys(reasons)]
+    return found
 
 
 def refusals(engine: Engine, scene: Scene, level: Level) -> list[str]:
     """Return why `engine` cannot answer `scene` at `level`, joint by joint; empty if it can."""
-    told = refused_joints(engine, scene, level)
-    return [f"{engine.name} refuses {key} {name!r} at {level}: {reason}" for key, name, reason in told]
+    told = refused_joints(engine, scene.mechanism.constraints, level)
+    return [f"{engine.name} refuses {kind} {name!r} at {level}: {reason}" for kind, name, reason in told]
+
+
+def expressed(engine: Engine, scene: Scene, level: Level) -> list[Constraint]:
+    """Return the joints and drivers that `engine` does not refuse at `level`."""
+    return [c for c in scene.mechanism.constraints if not refused_joints(engine, [c], level)]
 
 
 def available() -> dict[str, Any]:
@@ -224,6 +234,9 @@ def load(spec: str) -> Engine:
         raise EngineError(f"engine {spec!r} lacks: {', '.join(missing)}")
     if engine.api[0] != API[0]:
         raise EngineError(f"engine {spec!r} speaks interface {engine.api[0]}.x, this suite {API[0]}.x")
+    strange = [key for key in engine.capabilities() if key not in ELEMENTS]
+    if strange:
+        raise EngineError(f"engine {spec!r}: its capability table has {strange[0]!r}, not one of {', '.join(ELEMENTS)}")
     if engine.name != spec and ":" not in spec:
         raise EngineError(f"engine {spec!r} calls itself {engine.name!r}")
     if engine.name in available() and ":" in spec:

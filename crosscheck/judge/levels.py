@@ -16,11 +16,12 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, refused, table_key
+from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, refused
 from crosscheck.engines.frames import RowMap
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
 from crosscheck.judge.records import At
 from crosscheck.judge.running_error import Running, U, errors, running
+from refkin.joints import elements_of
 from refkin.model import Mechanism
 from refkin.system import System, compile_system
 
@@ -93,15 +94,14 @@ def compare_levels(
 ) -> dict[Level, LevelComparison]:
     """Compare every level that the engine declares for the joints; driver rows only if it owns the driver."""
     table = engine.capabilities()
-    kinds = {c.name: table_key(c) for c in mechanism.constraints}
-    drivers = {d.name for d in mechanism.drivers}
+    elements = {(e.name, e.row + k): e for e in elements_of(mechanism.constraints) for k in range(e.rows)}
     found = {}
     for level in LEVELS:
         maps = [
             m
             for m in model.rows
-            if table.get(kinds[m.constraint], {}).get(level, ABSENT).support is not Support.REFUSED
-            and (model.owns_driver or m.constraint not in drivers)
+            if table.get(elements[m.constraint, m.row].key, {}).get(level, ABSENT).support is not Support.REFUSED
+            and (model.owns_driver or not elements[m.constraint, m.row].laws)
         ]
         if maps:
             samples = [_compare_at(level, model, c, maps, terms) for c in at]

@@ -167,7 +167,7 @@ def _of_engine(engine: Engine, subject: _Subject) -> _Part:
 def _refusals(engine: Engine, scene: Scene, level: Level) -> list[RefusalRow]:
     return [
         RefusalRow(engine=engine.name, joint=key, name=name, level=level.value, reason=reason)
-        for key, name, reason in refused_joints(engine, scene, level)
+        for key, name, reason in refused_joints(engine, scene.mechanism.constraints, level)
     ]
 
 

@@ -21,11 +21,9 @@ from pathlib import Path
 import numpy as np
 import refkin
 from crosscheck.measure.check import key_of, permuted
-from crosscheck.engines import NATIVE, EngineError, Level
-from refkin.joints import DRIVER_TYPES, JOINT_TYPES
+from crosscheck.engines import ELEMENTS, NATIVE, EngineError, Level
 from refkin.motion import Producer, Route, Seeding, Status
 
-KEYS = [cls.__dataclass_fields__["type"].default for cls in (*JOINT_TYPES, *DRIVER_TYPES)]
 ROUTE = Route(name="made up", residual_by="test", jacobian_by="test", newton_by="test", linear_solve_by="test",
               drift_by="test", seeding=Seeding.NONE)
 
@@ -43,7 +41,7 @@ class Fake:
         return [ROUTE]
 
     def capabilities(self):
-        return {{key: {{Level.SOLVE: NATIVE}} for key in [*KEYS, "distance driver"]}}
+        return {{key: {{Level.SOLVE: NATIVE}} for key in ELEMENTS}}
 
     def terms(self, scene, route=None):
         return ()

@@ -38,7 +38,7 @@ class Right:
         return (ROUTE,)
 
     def capabilities(self):
-        return {key: dict.fromkeys(Level, NATIVE) for key in ("revolute", "angle")}
+        return {key: dict.fromkeys(Level, NATIVE) for key in ("points coincide", "angle by a law")}
 
     def terms(self, scene, route=None) -> Sequence[Term]:
         return ()

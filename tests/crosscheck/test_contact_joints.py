@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crosscheck.engines import Level, load, refusals, table_key
+from crosscheck.engines import Level, load, refusals, refused_joints
 from crosscheck.engines.exudyn import parts as exudyn_parts
 from crosscheck.engines.mujoco.model import Plan
 from crosscheck.judge.comparison import compare, reference
@@ -54,7 +54,7 @@ def test_a_profile_that_is_a_table_has_a_budget_too():
 @pytest.mark.parametrize("engine", ENGINES)
 def test_what_an_engine_does_not_have_is_refused_by_name_and_the_rest_is_compared(name, engine):
     record = check(scene(name), [engine])
-    unknown = [c for c in scene(name).mechanism.joints if table_key(c) not in load(engine).capabilities()]
+    unknown = [c for c in scene(name).mechanism.joints if refused_joints(load(engine), [c], Level.SOLVE)]
 
     assert record.disagreements == []
     for joint in unknown:
@@ -66,9 +66,11 @@ def test_what_an_engine_does_not_have_is_refused_by_name_and_the_rest_is_compare
 def test_a_pin_with_an_offset_is_not_taken_for_a_pin():
     ends = {"name": "A", "body_i": "a", "point_i": (0.0, 0.0), "body_j": "b", "point_j": (0.0, 0.0)}
 
-    assert table_key(Revolute(**ends)) == "revolute"
-    assert table_key(Revolute(**ends, offset_law=SHIFT)) == "revolute with a law"
-    assert all("revolute with a law" not in load(engine).capabilities() for engine in ENGINES)
+    refused = [("revolute", "A", "no such joint in this engine: points coincide by a law")]
+
+    for engine in ENGINES:
+        assert refused_joints(load(engine), [Revolute(**ends)], Level.SOLVE) == []
+        assert refused_joints(load(engine), [Revolute(**ends, offset_law=SHIFT)], Level.SOLVE) == refused
 
 
 def exchanged(wheels):

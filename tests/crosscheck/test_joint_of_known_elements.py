@@ -143,9 +143,9 @@ def test_its_guide_is_drawn():
 def test_every_engine_that_has_its_elements_answers_and_agrees(engine, first):
     record = check(slider_crank(first=first), [engine])
 
-    assert record["disagreements"] == []
-    assert {answer["judged"] for answer in record["answers"]} == {7}
-    assert bool(record["levels"]) == (engine in OWN_ROWS)
+    assert list(record.disagreements) == []
+    assert {answer.judged for answer in record.answers} == {7}
+    assert bool(record.levels) == (engine in OWN_ROWS)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -159,7 +159,7 @@ class ElsewhereSlider(BesideSlider):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_an_element_that_is_not_what_the_formulas_say_is_seen_in_every_engine(engine):
-    found = {d["quantity"] for d in check(slider_crank(ElsewhereSlider), [engine])["disagreements"]}
+    found = {d.quantity for d in check(slider_crank(ElsewhereSlider), [engine]).disagreements}
 
     assert "position" in found
     assert ("residual" in found) == (engine in OWN_ROWS)

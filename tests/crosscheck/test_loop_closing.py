@@ -15,8 +15,9 @@ from crosscheck.engines import EngineError
 from crosscheck.engines import march as continuation
 from crosscheck.engines.march import EPS, March, OneByOne, Poses, close, march, solve
 from crosscheck.engines.tree.tree_system import TreeSystem
-from refkin.joints import Revolute
+from refkin.joints import Revolute, elements_of
 from refkin.motion import Status
+from refkin.motion_laws import Polynomial
 
 OK, LOST, SINGULAR = Status.OK, Status.NOT_CONVERGED, Status.SINGULAR
 
@@ -231,14 +232,18 @@ def test_a_matrix_without_inverse_spoils_no_other_in_its_batch() -> None:
 
 
 def test_round_off_grows_with_the_turns() -> None:
-    system = TreeSystem(SimpleNamespace(tree=SimpleNamespace(depth=1)), [])  # type: ignore[arg-type]
+    system = TreeSystem(SimpleNamespace(tree=SimpleNamespace(depth=1, driven=())))  # type: ignore[arg-type]
     turned, still = system.round_off(np.array([[1000.0], [0.0]]), np.zeros(2))[:, 0]
 
     assert turned == 1001 * still
 
 
-def test_a_driver_of_another_type_is_refused_by_name() -> None:
-    joint = Revolute(name="odd", body_i="ground", point_i=(0.0, 0.0), body_j="b", point_j=(0.0, 0.0))
+STILL = Polynomial(coefficients=(0.5,))
 
-    with pytest.raises(EngineError, match="driver 'odd' of type revolute"):
-        TreeSystem(SimpleNamespace(tree=None), [joint])  # type: ignore[arg-type, list-item]
+
+def test_an_element_of_another_kind_is_refused_by_name() -> None:
+    ends = {"body_i": "ground", "point_i": (0.0, 0.0), "body_j": "b", "point_j": (0.0, 0.0)}
+    odd = Revolute(name="odd", **ends, offset_law=(STILL, STILL))
+
+    with pytest.raises(EngineError, match="points coincide by a law of 'odd'"):
+        TreeSystem(SimpleNamespace(tree=SimpleNamespace(driven=tuple(elements_of([odd])))))  # type: ignore[arg-type]

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 import pytest
 
-from crosscheck.engines import EngineError, Level, Support, table_key
+from crosscheck.engines import EngineError, Level, Support
 from crosscheck.engines.mujoco.engine import Mujoco
 from crosscheck.engines.mujoco.model import Plan
 from crosscheck.engines.mujoco.parts import Driven
@@ -29,6 +29,7 @@ from refkin.joints import (
     Revolute,
     XDriver,
     YDriver,
+    elements_of,
 )
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Sinusoid
@@ -246,9 +247,9 @@ def test_the_declared_term_of_the_drift_is_needed() -> None:
 
 
 def test_the_table_lists_every_joint_and_driver_type_at_every_level() -> None:
-    types = {table_key(c) for c in loose_scene(*KINDS).mechanism.constraints}
+    keys = {element.key for element in elements_of(loose_scene(*KINDS).mechanism.constraints)}
 
-    assert {kind: set(Level) for kind in types} == {k: set(v) for k, v in Mujoco().capabilities().items()}
+    assert {key: set(Level) for key in keys} == {k: set(v) for k, v in Mujoco().capabilities().items()}
 
 
 def test_every_derived_capability_names_what_the_adapter_supplies() -> None:

@@ -45,8 +45,11 @@ from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route,
 Array = NDArray[np.float64]
 
 NO_ROWS = refused("a closed form has no constraint rows")
-JOINTS = ("revolute", "fixed", "prismatic", "point_on_line", "distance", "angle", "x", "y", "distance driver")
-"""Keys of the joints and drivers in the capability table."""
+EXPRESSED = (
+    *("points coincide", "point on line", "distance", "distance by a law"),
+    *("coordinate by a law", "angle", "angle by a law"),
+)
+"""The elements that it has."""
 
 DOUBLINGS = 2
 """How often the precision of the balls is doubled where they decide nothing, or less than a double holds."""
@@ -132,9 +135,9 @@ class ClosedForm:
         return [_route("arb"), _route("float")] if self._balls_first else [_route("float")]
 
     def capabilities(self) -> Capabilities:
-        """Return: every planar joint and driver at level solve, no rows."""
+        """Return: lines, circles and angles at level solve, no rows."""
         levels = {level: NATIVE if level is Level.SOLVE else NO_ROWS for level in Level}
-        return {joint: levels for joint in JOINTS}
+        return dict.fromkeys(EXPRESSED, levels)
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of the jets that carry rates through the closed form."""

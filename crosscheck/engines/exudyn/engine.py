@@ -27,8 +27,8 @@ from crosscheck.engines import (
     Support,
     Term,
     derived,
+    expressed,
     refusals,
-    table_key,
 )
 from crosscheck.engines.exudyn.effects import EFFECTS
 from crosscheck.engines.exudyn.model import ExudynModel, quiet_settings
@@ -60,6 +60,8 @@ _SOLVED = Capability(Support.NATIVE, "positions; the linear systems of velocity 
 _ROWS = {Level.RESIDUAL: NATIVE, Level.JACOBIAN: NATIVE, Level.CONSTRAINT_VELOCITY: NATIVE, Level.SOLVE: _SOLVED}
 _FROM_POINTS = {**_ROWS, Level.DRIFT: derived("exudyn's point accelerations at qdd = 0, combined by the adapter")}
 _FROM_LAW = {**_ROWS, Level.DRIFT: derived("exudyn takes no second derivative of a driver: f'' by the adapter")}
+_OF_A_POINT = {**_ROWS, Level.DRIFT: derived("exudyn's point acceleration at qdd = 0; f'' by the adapter")}
+_LINEAR = {**_ROWS, Level.DRIFT: derived("a linear row: the adapter knows that nothing drifts")}
 _CYLINDER = {
     Level.RESIDUAL: derived("exudyn's |d| - f, f set by the adapter, turned into (d . d - f^2) / 2"),
     Level.JACOBIAN: derived("exudyn's row of |d|, scaled by the adapter"),
@@ -68,16 +70,14 @@ _CYLINDER = {
     Level.SOLVE: derived("exudyn's distance is set anew at each time and takes no rate: f' by the adapter"),
 }
 CAPABILITIES: Capabilities = {
-    "revolute": _FROM_POINTS,
-    "fixed": _FROM_POINTS,
-    "prismatic": _FROM_POINTS,
-    "point_on_line": _FROM_POINTS,
+    "points coincide": _FROM_POINTS,
+    "point on line": _FROM_POINTS,
     "distance": _FROM_POINTS,
-    "gear": {**_ROWS, Level.DRIFT: derived("a linear row: the adapter knows that nothing drifts")},
-    "angle": _FROM_LAW,
-    "x": {**_ROWS, Level.DRIFT: derived("exudyn's point acceleration at qdd = 0; f'' by the adapter")},
-    "y": {**_ROWS, Level.DRIFT: derived("exudyn's point acceleration at qdd = 0; f'' by the adapter")},
-    "distance driver": _CYLINDER,
+    "distance by a law": _CYLINDER,
+    "coordinate by a law": _OF_A_POINT,
+    "angle": _LINEAR,
+    "angle by a law": _FROM_LAW,
+    "rolling wheels": _LINEAR,
 }
 
 
@@ -139,7 +139,7 @@ class Exudyn:
 
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Return exudyn's rows of the joints and drivers that it does not refuse, in metres."""
-        known = [c for c in scene.mechanism.constraints if table_key(c) in CAPABILITIES]
+        known = expressed(self, scene, Level.RESIDUAL)
         return ExudynModel(scene.mechanism.bodies, known)
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:

@@ -24,8 +24,8 @@ from crosscheck.engines import (
     Support,
     Term,
     derived,
+    expressed,
     refusals,
-    table_key,
 )
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.mujoco.effects import EFFECTS, affected
@@ -99,16 +99,14 @@ _SQUARED = derived("MuJoCo's row is |d| - f; the adapter makes it (d . d - f^2) 
 _BIAS = derived("efc_aref lacks Jdot qd of a tendon: taken from the bias force of a tendon with armature")
 
 CAPABILITIES: Capabilities = {
-    "revolute": _levels(),
-    "fixed": _levels(),
-    "prismatic": _LINE,
-    "point_on_line": _LINE,
+    "points coincide": _levels(),
+    "point on line": _LINE,
     "distance": _levels(drift=_BIAS, solve=_BIAS),
-    "gear": _levels(),
-    "angle": _LAW,
-    "x": _LAW,
-    "y": _LAW,
-    "distance driver": {**dict.fromkeys(Level, _SQUARED), Level.SOLVE: _LAW[Level.SOLVE]},
+    "angle": _levels(),
+    "rolling wheels": _levels(),
+    "angle by a law": _LAW,
+    "coordinate by a law": _LAW,
+    "distance by a law": {**dict.fromkeys(Level, _SQUARED), Level.SOLVE: _LAW[Level.SOLVE]},
 }
 
 
@@ -172,7 +170,7 @@ class Mujoco:
         EngineError
             If it refuses all of them; the message names each and why.
         """
-        known = [c for c in scene.mechanism.constraints if table_key(c) in CAPABILITIES]
+        known = expressed(self, scene, Level.RESIDUAL)
         if not known:
             _refuse(refusals(self, scene, Level.RESIDUAL))
         return AbsoluteRows(scene.mechanism, known)

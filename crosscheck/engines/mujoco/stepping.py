@@ -157,7 +157,7 @@ class Stepper:
 
     def clockwork(self, steps: int) -> Clockwork:
         """Return the prescribed coordinates at so many steps between two times."""
-        return Clockwork.of(self.tree.system.tree, self.scene.mechanism.drivers, self.scene.times, steps)
+        return Clockwork.of(self.tree.system.tree, self.scene.times, steps)
 
     def _set(self, integrator: str, solver: str, solref: tuple[float, float], solimp: tuple[float, float]) -> None:
         option = self.model.opt

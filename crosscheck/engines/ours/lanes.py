@@ -20,6 +20,7 @@ import numpy as np
 
 from crosscheck.engines import (
     API,
+    ELEMENTS,
     NATIVE,
     Capabilities,
     ConstraintModel,
@@ -36,11 +37,6 @@ from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Seeding
 
 NO_ROWS = refused("its rows are the reference's own formulas")
-JOINTS = (
-    *("revolute", "revolute with a law", "fixed", "prismatic", "point_on_line", "distance", "gear", "rack_and_pinion"),
-    *("cam", "angle", "x", "y", "distance driver"),
-)
-"""Keys of the joints and drivers in the capability table."""
 U = 2.0**-53
 SINES = 4.0
 """The error of a sine or cosine by the tangent of half its angle, in units of U."""
@@ -70,9 +66,9 @@ class Lanes:
         return (ROUTE,)
 
     def capabilities(self) -> Capabilities:
-        """Return: every planar joint and driver at level solve; no rows."""
+        """Return: every element at level solve; no rows."""
         levels = {level: NATIVE if level is Level.SOLVE else NO_ROWS for level in Level}
-        return {joint: levels for joint in JOINTS}
+        return dict.fromkeys(ELEMENTS, levels)
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return what carrying positions from body to body leaves of closing a loop, whichever row closes it."""

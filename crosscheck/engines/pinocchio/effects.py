@@ -45,7 +45,7 @@ class ForwardDynamics:
     """
 
     def __init__(self, engine: TreeEngine, scene: Scene, effect: str | None) -> None:
-        self.system = TreeSystem(engine, scene.mechanism.drivers)
+        self.system = TreeSystem(engine)
         planar = tree_model(engine.tree)  # a model of its own: the kinematic one has no masses
         with_mass(planar, 1.0, (0.0, 0.0))
         self.model = affected(planar, effect).model

@@ -24,9 +24,9 @@ from crosscheck.engines import (
     Level,
     Term,
     derived,
+    expressed,
     refusals,
     refused,
-    table_key,
 )
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.pinocchio.effects import EFFECTS, MISSING, ForwardDynamics, affected
@@ -36,7 +36,7 @@ from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, closed_chai
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
 from crosscheck.engines.tree.tree_motion import CHAIN, link_terms, marched_motion, tree_motion
 from crosscheck.engines.tree.tree_system import Places
-from refkin.joints import elements_of
+from refkin.joints import Constraint, elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Seeding
 
@@ -56,10 +56,11 @@ LINK = derived("a massless link with a revolute joint at either end")
 OWN_ROW = derived("a row of the adapter's, on Pinocchio's motion of points or its joint angles")
 
 CAPABILITIES: Capabilities = {
-    **{joint: dict.fromkeys(Level, NATIVE) for joint in ("revolute", "fixed", "prismatic", "point_on_line")},
+    **{key: dict.fromkeys(Level, NATIVE) for key in ("points coincide", "point on line", "angle")},
     "distance": {**dict.fromkeys(Level, NO_DISTANCE), Level.SOLVE: LINK},
     **{
-        key: {**dict.fromkeys(Level, NO_DRIVER), Level.SOLVE: OWN_ROW} for key in ("angle", "x", "y", "distance driver")
+        key: {**dict.fromkeys(Level, NO_DRIVER), Level.SOLVE: OWN_ROW}
+        for key in ("angle by a law", "coordinate by a law", "distance by a law")
     },
 }
 
@@ -147,10 +148,10 @@ class Pinocchio:
         EngineError
             If it refuses all of them; the message says why, one by one.
         """
-        found = PinocchioConstraints(scene)
-        if not found.rows:
+        known = expressed(self, scene, Level.RESIDUAL)
+        if not known:
             raise EngineRefusal("; ".join(refusals(self, scene, Level.RESIDUAL)))
-        return found
+        return PinocchioConstraints(scene, known)
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
         """Return the motion that closes Pinocchio's joint tree, started at the bodies' estimates.
@@ -179,10 +180,8 @@ class PinocchioConstraints:
 
     owns_driver = False
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, joints: Sequence[Constraint]) -> None:
         bodies = [body.name for body in scene.mechanism.bodies]
-        native = {key for key, levels in CAPABILITIES.items() if levels.get(Level.RESIDUAL) == NATIVE}
-        joints = [joint for joint in scene.mechanism.joints if table_key(joint) in native]
         elements = tuple(elements_of(joints))
         self._rows = Rows(absolute_model(bodies), elements, lambda body, u: u)
         ours = [(e.name, e.row + k) for e in elements for k in range(e.rows)]

@@ -103,7 +103,7 @@ class Stepper:
 
     def clockwork(self, steps: int) -> Clockwork:
         """Return the prescribed coordinates at the beginning and the middle of so many steps between two times."""
-        return Clockwork.of(self.tree.system.tree, self.scene.mechanism.drivers, self.scene.times, 2 * steps)
+        return Clockwork.of(self.tree.system.tree, self.scene.times, 2 * steps)
 
     def solve(self, rule: Any, stabilised: bool, clock: Clockwork, order: int) -> list[Array]:
         """Return tree coordinates and rates up to an order at the scene's times."""

@@ -19,7 +19,7 @@ from crosscheck.engines.methods import Method, Model, Use
 from crosscheck.engines.tree.joint_tree import Array, JointTree
 from crosscheck.engines.tree.tree_motion import body_levels
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
-from refkin.joints import AngleDriver, Driver, PointsCoincide
+from refkin.joints import Element, PointsCoincide, RelativeAngle
 from refkin.model import Scene
 from refkin.motion import Status
 
@@ -42,7 +42,7 @@ class Tree:
     @classmethod
     def of(cls, engine: TreeEngine, scene: Scene) -> Tree:
         """Return a scene as a tree; raises EngineError if a body has no estimate, where every method starts."""
-        tree = cls(scene, engine, TreeSystem(engine, scene.mechanism.drivers))
+        tree = cls(scene, engine, TreeSystem(engine))
         tree.system.tree.start()
         return tree
 
@@ -121,24 +121,24 @@ def _newton(system: TreeSystem, q: Array, t: float, limit: float, most: int) -> 
     return q
 
 
-def prescribed(tree: JointTree, drivers: Sequence[Driver]) -> list[tuple[int, float, Driver]]:
-    """Return (column, offset, driver) for each driver: the tree coordinate that it holds is its law minus the offset.
+def prescribed(tree: JointTree) -> list[tuple[int, float, Element]]:
+    """Return (column, offset, element) for each that a law moves: the tree coordinate it holds is its law less offset.
 
     Raises
     ------
     EngineError
-        If a driver holds something else than one coordinate of the tree: stepping prescribes coordinates alone.
+        If one holds something else than one coordinate of the tree: stepping prescribes coordinates alone.
     """
     found = []
-    for driver in drivers:
+    for e in tree.driven:
         row, offset = None, 0.0
-        if isinstance(driver, AngleDriver):
-            i, j = driver.bodies
+        if isinstance(e, RelativeAngle):
+            i, j = e.bodies
             row = tree.angle_rows[j] - tree.angle_rows[i]
             offset = tree.angle_offsets[j] - tree.angle_offsets[i]
         if row is None or np.count_nonzero(row) != 1 or row.max() != 1.0:
-            raise EngineError(f"driver {driver.name!r} does not hold one coordinate of the tree, as stepping needs it")
-        found.append((int(np.argmax(row)), offset, driver))
+            raise EngineError(f"driver {e.name!r} does not hold one coordinate of the tree, as stepping needs it")
+        found.append((int(np.argmax(row)), offset, e))
     return found
 
 
@@ -161,16 +161,16 @@ class Clockwork:
     values: Array
 
     @classmethod
-    def of(cls, tree: JointTree, drivers: Sequence[Driver], times: Sequence[float], steps: int) -> Clockwork:
-        """Return the clockwork of a scene's drivers with so many steps between two times."""
-        held = prescribed(tree, drivers)
+    def of(cls, tree: JointTree, times: Sequence[float], steps: int) -> Clockwork:
+        """Return the clockwork of a tree's laws with so many steps between two times."""
+        held = prescribed(tree)
         t = np.asarray(times)
         length = np.append(np.diff(t), 0.0)
         at = t[:, None] + length[:, None] * (np.arange(steps) / steps)
         values = np.empty((3, *at.shape, len(held)))
-        for k, (_, offset, driver) in enumerate(held):
+        for k, (_, offset, e) in enumerate(held):
             for order in range(3):
-                law = np.array([float(driver.laws[0](float(x), order)) for x in at.ravel()])
+                law = np.array([float(e.laws[0](float(x), order)) for x in at.ravel()])
                 values[order, ..., k] = law.reshape(at.shape) - (offset if order == 0 else 0.0)
         return cls(np.array([column for column, _, _ in held], int), at, values)
 
@@ -210,7 +210,7 @@ class Loops:
         if other or not joints.closures:
             which = f"joint {other[0].name!r} closes a loop" if other else "no joint closes a loop"
             raise EngineError(f"{which}: it is made for loops that revolute joints close")
-        clock = Clockwork.of(joints, tree.scene.mechanism.drivers, tree.scene.times, 1)
+        clock = Clockwork.of(joints, tree.scene.times, 1)
         free = np.setdiff1d(np.arange(joints.width), clock.columns)
         if len(free) != 2 * len(joints.closures):
             raise EngineError(f"{2 * len(joints.closures)} equations of loops for {len(free)} coordinates")
@@ -218,8 +218,7 @@ class Loops:
 
     def prescribed(self, times: Any) -> Array:
         """Return value, rate and acceleration of the prescribed coordinates at other times, (3, T, d)."""
-        joints, drivers = self.tree.system.tree, self.tree.scene.mechanism.drivers
-        return Clockwork.of(joints, drivers, times, 1).values[:, :, 0]
+        return Clockwork.of(self.tree.system.tree, times, 1).values[:, :, 0]
 
 
 def solved_rows(matrix: Any, right: Any) -> Any:

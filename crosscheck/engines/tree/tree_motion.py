@@ -80,7 +80,7 @@ def tree_motion(
         If a body of the scene has no estimate.
     """
     order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
-    found = march(TreeSystem(engine, scene.mechanism.drivers), engine.tree.start(), scene.times, order)
+    found = march(TreeSystem(engine), engine.tree.start(), scene.times, order)
     if accelerations is not None and order == 2:
         q, qd, qdd = found.levels
         for k in np.flatnonzero(np.isfinite(qdd).all(axis=0)):

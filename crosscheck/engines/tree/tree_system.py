@@ -1,6 +1,6 @@
-"""The equations of a joint tree: an engine's rows for its loops, and the adapter's for the drivers.
+"""The equations of a joint tree: an engine's rows for its loops, and the adapter's for what laws move.
 
-An engine supplies rows for the joints that its tree leaves open, and the motion of points (`TreeEngine`). Driver rows
+An engine supplies rows for the joints that its tree leaves open, and the motion of points (`TreeEngine`). Driven rows
 are appended here, the same way for every engine; `march` solves the whole.
 """
 
@@ -14,7 +14,7 @@ import numpy as np
 from crosscheck.engines import EngineError
 from crosscheck.engines.march import EPS, Tabulated, extrema
 from crosscheck.engines.tree.joint_tree import Array, JointTree
-from refkin.joints import GROUND, AngleDriver, DistanceDriver, Driver, Pair, XDriver, YDriver
+from refkin.joints import GROUND, Element, Pair, PointCoordinate, PointDistance, RelativeAngle
 
 Places = Sequence[tuple[str, Pair]]
 """Points of bodies, each in its body's own frame."""
@@ -49,30 +49,31 @@ class TreeEngine(Protocol):
 
 
 class TreeSystem:
-    """The rows to be solved: the engine's closures, then the drivers, which the adapter appends; `march.Equations`.
+    """The rows to be solved: the engine's closures, then the driven elements, which the adapter appends.
 
-    A driver's row rests on the engine's motion of its points; an angle driver's on the sum of the joint angles alone.
-    A distance driver's is (d . d - f^2) / 2, divided by the number f (t is fixed while it is solved).
+    These are `march.Equations`. A driven row rests on the engine's motion of its points; that of an angle on the sum of
+    the joint angles alone. That of a distance is (d . d - f^2) / 2, divided by the number f (t is fixed while it is
+    solved).
     """
 
-    def __init__(self, engine: TreeEngine, drivers: Sequence[Driver]) -> None:
-        for driver in drivers:
-            if not isinstance(driver, AngleDriver | XDriver | YDriver | DistanceDriver):
-                raise EngineError(f"driver {driver.name!r} of type {driver.type}: a joint tree has no row for it")
-        self.engine, self.tree, self.drivers = engine, engine.tree, tuple(drivers)
-        self._laws = {id(driver): Tabulated(driver.laws[0]) for driver in drivers}
+    def __init__(self, engine: TreeEngine) -> None:
+        self.engine, self.tree, self.driven = engine, engine.tree, engine.tree.driven
+        for e in self.driven:
+            if not isinstance(e, RelativeAngle | PointCoordinate | PointDistance):
+                raise EngineError(f"{e.key} of {e.name!r}: a joint tree has no row for it")
+        self._tables = [Tabulated(e.laws[0]) for e in self.driven]
         self._places: list[tuple[str, Pair]] = []
-        self._ends = [list(self._read_ends(driver)) for driver in drivers]
+        self._ends = [list(self._read_ends(e)) for e in self.driven]
 
-    def _read_ends(self, driver: Driver) -> Iterator[tuple[float, int | Array]]:
-        """Yield, for each point of a driver, its sign in the driver's vector and its place, fixed or an index."""
-        for (body, u), sign in zip(reversed(list(driver.points())), (1.0, -1.0), strict=False):
+    def _read_ends(self, e: Element) -> Iterator[tuple[float, int | Array]]:
+        """Yield, for each point of an element, its sign in the element's vector and its place, fixed or an index."""
+        for (body, u), sign in zip(reversed(e.ends), (1.0, -1.0), strict=False):
             scaled = self.tree.scaled(body, u)
             yield sign, np.array(scaled) if body == GROUND else len(self._places)
             self._places += [] if body == GROUND else [(body, scaled)]
 
     def _vector(self, k: int, of_places: Array, *, fixed: bool = False) -> Array:
-        """Return the vector of driver k, a point or d = r_j - r_i, or what else is known of its points (B, P, ...).
+        """Return the vector of element k, a point or d = r_j - r_i, or what else is known of its points (B, P, ...).
 
         Positions alone know of a `fixed` point.
         """
@@ -82,49 +83,49 @@ class TreeSystem:
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
         """Return residual (B, m) and Jacobian (B, m, n)."""
         closures = self.engine.closure_rows
-        residual = np.empty((len(t), closures + len(self.drivers)))
+        residual = np.empty((len(t), closures + len(self.driven)))
         jacobian = np.empty((*residual.shape, self.tree.width))
         residual[:, :closures], jacobian[:, :closures], r, slopes = self.engine.closure(q, self._places)
-        for k, driver in enumerate(self.drivers):
-            f, row = self._law(driver, t, 0), closures + k
-            if isinstance(driver, AngleDriver):
-                i, j = driver.bodies
+        for k, e in enumerate(self.driven):
+            f, row = self._law(k, t, 0), closures + k
+            if isinstance(e, RelativeAngle):
+                i, j = e.bodies
                 jacobian[:, row] = self.tree.angle_rows[j] - self.tree.angle_rows[i]
                 residual[:, row] = self.tree.angle(j, q.T) - self.tree.angle(i, q.T) - f
                 continue
             d, slope = self._vector(k, r, fixed=True), self._vector(k, slopes)
-            if isinstance(driver, DistanceDriver):
+            if isinstance(e, PointCoordinate):
+                residual[:, row], jacobian[:, row] = d[:, e.axis] - f, slope[:, e.axis]
+            else:
                 scale = np.where(f == 0.0, 1.0, f)
                 residual[:, row] = (np.sum(d * d, axis=1) - f * f) / (2.0 * scale)
                 jacobian[:, row] = (d[:, None] @ slope)[:, 0] / np.reshape(scale, (-1, 1))
-            else:
-                residual[:, row], jacobian[:, row] = d[:, _component(driver)] - f, slope[:, _component(driver)]
         return residual, jacobian
 
     def nu(self, q: Array, t: Array) -> Array:
-        """Return the right side (B, m) of the velocities: zero for a closure, the law's rate for a driver."""
-        right = np.zeros((len(t), self.engine.closure_rows + len(self.drivers)))
-        for k, driver in enumerate(self.drivers, self.engine.closure_rows):
-            right[:, k] = self._law(driver, t, 1)
+        """Return the right side (B, m) of the velocities: zero for a closure, else the law's rate."""
+        right = np.zeros((len(t), self.engine.closure_rows + len(self.driven)))
+        for k in range(len(self.driven)):
+            right[:, self.engine.closure_rows + k] = self._law(k, t, 1)
         return right
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
         """Return the right side (B, m) of the accelerations."""
         closures = self.engine.closure_rows
-        right = np.empty((len(t), closures + len(self.drivers)))
+        right = np.empty((len(t), closures + len(self.driven)))
         right[:, :closures], bends = self.engine.closure_drift(q, qd, self._places)
-        for k, driver in enumerate(self.drivers):
-            f, fd, fdd = (self._law(driver, t, order) for order in range(3))
+        for k, e in enumerate(self.driven):
+            f, fd, fdd = (self._law(k, t, order) for order in range(3))
             row = closures + k
-            if isinstance(driver, AngleDriver):
+            if isinstance(e, RelativeAngle):
                 right[:, row] = fdd
-            elif isinstance(driver, DistanceDriver):
+            elif isinstance(e, PointCoordinate):
+                right[:, row] = fdd - self._vector(k, bends)[:, e.axis]
+            else:
                 r, v = self.engine.motion(q, qd, None, self._places)
                 d, rate = self._vector(k, r, fixed=True), self._vector(k, v)
                 bent = np.sum(rate * rate + d * self._vector(k, bends), axis=1)
                 right[:, row] = (fd * fd + f * fdd - bent) / np.where(f == 0.0, 1.0, f)
-            else:
-                right[:, row] = fdd - self._vector(k, bends)[:, _component(driver)]
         return right
 
     def round_off(self, q: Array, t: Array) -> Array:
@@ -139,16 +140,13 @@ class TreeSystem:
 
     def extrema(self, times: Array) -> Array:
         """Return times between those given at which a law turns back."""
-        return extrema([self._laws[id(driver)] for driver in self.drivers], times)
+        return extrema(self._tables, times)
 
-    def _law(self, driver: Driver, t: Array, order: int) -> Any:
-        value = self._laws[id(driver)](t, order)
-        if isinstance(driver, AngleDriver):
+    def _law(self, k: int, t: Array, order: int) -> Any:
+        """Return the law of driven element k, or a derivative of it, in the tree's unit and from its origin."""
+        e, value = self.driven[k], self._tables[k](t, order)
+        if isinstance(e, RelativeAngle):
             return value
-        if order == 0 and not isinstance(driver, DistanceDriver):
-            value = value - self.tree.origin[_component(driver)]
+        if order == 0 and isinstance(e, PointCoordinate):
+            value = value - self.tree.origin[e.axis]
         return value / self.tree.size
-
-
-def _component(driver: Driver) -> int:
-    return 1 if isinstance(driver, YDriver) else 0

@@ -16,6 +16,7 @@ import numpy as np
 
 from crosscheck.engines import (
     API,
+    ELEMENTS,
     NATIVE,
     Array,
     Capabilities,
@@ -23,7 +24,6 @@ from crosscheck.engines import (
     EngineError,
     Level,
     Term,
-    derived,
     refusals,
     refused,
 )
@@ -43,12 +43,7 @@ ROUTE = Route(
 )
 
 NO_ROWS = refused("its rows are loops of vectors, not joints in absolute coordinates")
-DISC = derived("a disc alone; a general profile is refused when the scene is read")
-JOINTS = (
-    *("revolute", "revolute with a law", "fixed", "prismatic", "point_on_line", "distance", "gear", "rack_and_pinion"),
-    *("angle", "x", "y", "distance driver"),
-)
-"""Keys of the joints and drivers in the capability table."""
+NO_CONTACT = refused("no vector of given or sliding length stands for a contact on a general profile")
 
 
 class VectorLoop:
@@ -66,9 +61,9 @@ class VectorLoop:
         return (ROUTE,)
 
     def capabilities(self) -> Capabilities:
-        """Return: every planar joint and driver at level solve, of cams the discs; no rows."""
+        """Return: every element but a contact at level solve; no rows."""
         rows = dict.fromkeys(Level, NO_ROWS)
-        return {**{key: {**rows, Level.SOLVE: NATIVE} for key in JOINTS}, "cam": {**rows, Level.SOLVE: DISC}}
+        return {key: {**rows, Level.SOLVE: NO_CONTACT if key == "contact" else NATIVE} for key in ELEMENTS}
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return nothing: Newton goes on to round-off, and a chain of vectors is one of frames, which budgets cover."""

@@ -26,7 +26,6 @@ from crosscheck.engines.vector_loop.system import Relation
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
 from refkin.joints import (
     GROUND,
-    Contact,
     Element,
     GuidedPoint,
     Pair,
@@ -130,9 +129,8 @@ class Ways:
             return (aside, slide) if e.offset else (slide,)
         if isinstance(e, RollingOnLine):
             return self._rack(e, gap)
-        what = "a cam of general profile" if isinstance(e, Contact) else e.key
         raise EngineRefusal(
-            f"vector_loop refuses {what} {e.name!r}: no vector of given or sliding length stands for it"
+            f"vector_loop refuses {e.key} of {e.name!r}: no vector of given or sliding length stands for it"
         )
 
     def _link(self, e: Element, length: Variable, gap: complex) -> Vector:
