@@ -52,6 +52,26 @@ def test_in_refkin_no_files_import_each_other_in_a_circle():
     assert circles({name: {other for other in others if other in inner} for name, others in inner.items()}) == []
 
 
+def folder_of(name):
+    """Return the layer of a module of refkin, in the proof its folder."""
+    layer, *rest = name.split(".")[1:]
+    return (
+        "reference"
+        if layer not in LAYERS or layer == "joints"
+        else f"{layer}.{rest[0]}"
+        if layer == "proof" and rest
+        else layer
+    )
+
+
+def test_in_refkin_no_folders_import_each_other_in_a_circle():
+    """Of the proof each folder counts for itself: numbers, pose, path, assembly, singularity."""
+    inner = {name: others for name, others in arrows().items() if name.startswith("refkin.")}
+    graph = {name: {other for other in others if other in inner} for name, others in inner.items()}
+
+    assert circles(folded(graph, folder_of)) == []
+
+
 LATER = {"cams.py", "contact_kinematics.py", "elements.py"}
 """Cams are the one chapter of the joints that may be left for another day; elements serve who solves no formula."""
 

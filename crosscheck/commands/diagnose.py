@@ -13,7 +13,7 @@ from cyclopts import Parameter
 from crosscheck.commands.solve import SCHEMA, numbers
 from refkin.model import Scene
 from refkin.motion import Motion, Status
-from refkin.proof.pose.singularity import Diagnosis, Kind
+from refkin.proof.singularity.diagnosis import Diagnosis, Kind
 from refkin.scenes.files import load
 from refkin.solving.diagnose import diagnose
 from refkin.solving.solve import solve

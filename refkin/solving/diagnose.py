@@ -1,4 +1,4 @@
-"""What kind of pose a scene starts from, or a given pose is: `proof.pose.singularity`, by the scene's own numbers."""
+"""What kind of pose a scene starts from, or a given pose is: `proof.singularity`, by the scene's own numbers."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from refkin.model import Scene
-from refkin.proof.pose.singularity import Diagnosis, diagnose_scaled
+from refkin.proof.singularity.diagnosis import Diagnosis, diagnose_scaled
 from refkin.solving.starts import find_start
 from refkin.system import System, compile_system
 

@@ -20,7 +20,7 @@ from refkin.proof.path.branch import first_gap, step_over_crossing
 from refkin.proof.pose.choices import over_all_choices
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import Enclosure
-from refkin.proof.pose.singularity import diagnose_scaled
+from refkin.proof.singularity.diagnosis import diagnose_scaled
 from refkin.solving.starts import find_start, unassemblable
 from refkin.solving.sweep import Arrival, Sweep, pose_between
 from refkin.system import System, compile_system

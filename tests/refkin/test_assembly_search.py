@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from refkin.joints import YDriver
 from refkin.newton import newton
-from refkin.proof.numbers.slopes import interval
+from refkin.proof.assembly.slopes import interval
 
 from .assembly_cases import ROUND_OFF, Assembled, constant, cylinder, distance, four_bar, solved
 

@@ -24,8 +24,8 @@ from refkin import (
     compile_system,
 )
 from refkin.proof.numbers.recentred import recentred
-from refkin.proof.pose.second_order import _common_roots
-from refkin.proof.pose.singularity import Kind
+from refkin.proof.singularity.diagnosis import Kind
+from refkin.proof.singularity.second_order import _common_roots
 from tests.refkin.test_sweep import three_cranks
 
 GROUND = "ground"

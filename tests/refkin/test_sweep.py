@@ -23,6 +23,7 @@ from refkin import (
     Scene,
     Sinusoid,
     Status,
+    Table,
     compile_system,
 )
 from refkin.newton import NewtonResult, NewtonStatus
@@ -343,3 +344,20 @@ def test_without_evidence_a_pose_whose_residual_is_more_than_round_off_is_not_ta
     monkeypatch.setattr(refkin.solving.solve, "find_start", start)
     motion = refkin.solve(scene)
     assert motion.verdict is not Status.OK or np.max(np.abs(motion.q - root)) < 1e-14
+
+
+@pytest.mark.parametrize("knot", [240, 248, 406])
+def test_a_pulse_of_a_table_between_two_times_is_not_stepped_over(knot):
+    """One knot of 1601 takes the crank beyond its limit and back: the rate looked at in 65 places did not show it."""
+    linkage = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
+    limit = linkage.input_range()[0][1]
+    argument, value = np.linspace(0.0, 2.0, 1601), np.full(1601, limit - 0.4)
+    value[knot] = limit + 0.3
+    first = linkage.assemble(limit - 0.4, "open")
+    scene = linkage.scene(law=Polynomial(coefficients=(limit - 0.4,)), times=(0.0, 1.0, 2.0))
+    m = scene.mechanism
+    driver = replace(m.drivers[0], law=Table(argument=tuple(argument.tolist()), value=tuple(value.tolist())))
+    bodies = tuple(replace(b, estimate=tuple(map(float, first[b.name]))) for b in m.bodies)
+    motion = refkin.solve(replace(scene, mechanism=replace(m, drivers=(driver,), bodies=bodies)))
+
+    assert [str(status) for status in motion.status] == ["ok", "branch_lost", "branch_lost"]

@@ -8,22 +8,23 @@ all meetings are proved, the assemblies found are all there are. What closed for
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
-from flint import ctx
+from flint import arb, ctx
 
 from refkin.analysis import position
 from refkin.motion import Array
 from refkin.proof.assembly.clusters import plan
-from refkin.proof.assembly.loci import above, below
-from refkin.proof.assembly.loops import open_loop
+from refkin.proof.assembly.loci import Ball, above, below, length
 from refkin.proof.assembly.placing import MOST_BRANCHES, Branch, End, Placement, place
-from refkin.proof.assembly.rows import Rows, read_rows
+from refkin.proof.assembly.rows import Kind, Row, Rows, read_rows
 from refkin.proof.assembly.search import closes, coordinates, search
 from refkin.system import System
 
 PRECISION = 113
+MOST_LOOPS, LONGEST_LOOP = 200, 8
+"""How many loops are looked at, of how many links, for one that is longer than all the others of its loop together."""
 SPREAD = 2.0**-50
 """Relative radius of the numbers that redundant constraints are held against: eight half-ulps, a few roundings."""
 
@@ -157,3 +158,57 @@ def _pose(system: System, t: float, branch: Branch) -> tuple[Array, float]:
         for exact, x in zip((pose.r.x, pose.r.y, pose.phi), q[columns], strict=True):
             radius = max(radius, above(abs(exact - float(x))))
     return q, radius
+
+
+def open_loop(rows: Rows, size: float) -> End | None:
+    """Return the proof that some loop of pins and distances never closes; None if there is none.
+
+    `size` [m] is the unit of length, for the message.
+    """
+    for count, loop in enumerate(_loops(rows.rows)):
+        if count == MOST_LOOPS:
+            break
+        lengths = [(name, x) for name, x in _lengths(loop) if not x.is_zero()]
+        for name, x in lengths:
+            others = sum((y for _, y in lengths), arb(0)) - x
+            if x > others:
+                return End(x - others, lambda n=name, x=x, y=others: _words(n, x * size, y * size))  # type: ignore[misc]
+    return None
+
+
+def _words(name: str, x: Ball, others: Ball) -> str:
+    long, rest = float(x.mid()), float(others.mid())
+    return f"{name} is longer ({long:.6g} m) than the rest of its loop ({rest:.6g} m): no angle closes it"
+
+
+Passage = tuple[Row, str, str]
+"""A row on the way around a loop, the body it is entered from and the body it leads to."""
+
+
+def _loops(rows: tuple[Row, ...]) -> Iterator[list[Passage]]:
+    """Yield closed ways over different bodies, each from its first row on."""
+    links = [row for row in rows if row.kind is not Kind.LINE]
+    for k, row in enumerate(links):
+        yield from _closed([(row, row.i, row.j)], links[k + 1 :])
+
+
+def _closed(passed: list[Passage], links: list[Row]) -> Iterator[list[Passage]]:
+    start, here = passed[0][1], passed[-1][2]
+    if here == start:
+        yield passed
+        return
+    visited = {leaving for _, leaving, _ in passed[1:]} | {here}
+    for row in links if len(passed) < LONGEST_LOOP else ():
+        for leaving, entering in ((row.i, row.j), (row.j, row.i)):
+            if leaving == here and entering not in visited and all(row is not r for r, _, _ in passed):
+                yield from _closed([*passed, (row, leaving, entering)], links)
+
+
+def _lengths(loop: list[Passage]) -> Iterator[tuple[str, Ball]]:
+    """Yield the links of a loop: bodies, from the point they are entered by to that they are left by, and distances."""
+    for (row, _, body), (following, _, _) in zip(loop, [*loop[1:], loop[0]], strict=True):
+        entered = row.q if row.j == body else row.p
+        left = following.p if following.i == body else following.q
+        yield body, length(left - entered)
+        if row.kind is Kind.DISTANCE:
+            yield row.name, row.distance

@@ -8,7 +8,7 @@ from flint import arb
 
 from refkin.proof.assembly.loci import Ball, Circle, Line, Locus, Meeting, length, meet
 from refkin.proof.assembly.rows import Kind
-from refkin.proof.numbers.slopes import whole
+from refkin.proof.assembly.slopes import whole
 from refkin.vec import Vec
 
 

@@ -29,7 +29,7 @@ from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
 from refkin.proof.assembly.loci import Ball, above, below
 from refkin.proof.assembly.placing import Branch, Placement, place
 from refkin.proof.assembly.rows import Rows, Tie
-from refkin.proof.numbers.slopes import interval, whole
+from refkin.proof.assembly.slopes import interval, whole
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import System
 

@@ -13,8 +13,7 @@ from refkin.proof.numbers.bounded import UP, U
 from refkin.proof.numbers.preconditioned import inverses
 from refkin.proof.path.branch_points import crossing
 from refkin.proof.path.curve import Curve
-from refkin.proof.path.linker import Between, Linker
-from refkin.proof.path.tube import Tubes
+from refkin.proof.path.tube import Between, ConnectionProof, Tubes
 from refkin.proof.pose.certificate import certify
 from refkin.system import System
 
@@ -77,9 +76,9 @@ def first_gap(system: System, t: Any, q: Any, between: Between, steps: Sequence[
     radii[:, poses] = _error_bounds(system, q[:, poses], t[poses])
     pieces = [Piece(t[k], t[k + 1], q[:, k], q[:, k + 1], radii[:, k], radii[:, k + 1], int(k)) for k in asked]
     left, gap = _left(system, pieces, between)
-    linker = Linker(system, MOST_TUBES if steps is None else FEW_TUBES, between)
+    proof = ConnectionProof(system, MOST_TUBES if steps is None else FEW_TUBES, between)
     for p in left:
-        if not linker.links(p.t_0, p.t_1, p.q_0, p.q_1):
+        if not proof.connects(p.t_0, p.t_1, p.q_0, p.q_1):
             return p.number
     return gap
 

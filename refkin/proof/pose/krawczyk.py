@@ -75,14 +75,14 @@ class Enclosure:
 
     def acceleration(self, qd: tuple[Any, ...] | None = None) -> tuple[Any, ...]:
         """Return balls that enclose the solution of phi_q qdd = gamma at the root."""
-        rates = _objects(self.velocity() if qd is None else qd)
+        rates = objects(self.velocity() if qd is None else qd)
         return self._solved(lambda s, q, t: s.gamma(q, rates, t))
 
     def _solved(self, right: Any) -> tuple[Any, ...]:
         with ctx.workprec(self.bits):
             equations = _Equations(self.system, self.t, self.rows, self.bits)
-            side = right(equations.system, _objects(self.q), equations.t)[self.rows]
-            return tuple(equations.slope(self.q).solve(_column(side), nonstop=True).entries())
+            side = right(equations.system, objects(self.q), equations.t)[self.rows]
+            return tuple(equations.slope(self.q).solve(column(side), nonstop=True).entries())
 
 
 class Verdict(StrEnum):
@@ -169,12 +169,12 @@ def excludes(system: System, q: Any, radii: Any, t: float, bits: int = 53) -> bo
         widths = [arb(0, float(w)) for w in np.broadcast_to(radii, np.shape(q))]
         middle = [arb(float(x)) for x in q]
         whole = [x + w for x, w in zip(middle, widths, strict=True)]
-        if any(not arb(x).contains(0) for x in equations.system.phi(_objects(whole), equations.t)):
+        if any(not arb(x).contains(0) for x in equations.system.phi(objects(whole), equations.t)):
             return True
         inverse = equations.inverse(middle)
         if inverse is None:
             return False
-        image = inverse * equations.phi(middle) + (inverse * equations.slope(whole)) * _column(widths)
+        image = inverse * equations.phi(middle) + (inverse * equations.slope(whole)) * column(widths)
         return any(x.is_finite() and not x.contains(0) for x in image.entries())
 
 
@@ -185,10 +185,10 @@ class _Equations:
         self.system, self.t, self.rows = exact_system(system, bits), arb(float(t)), rows
 
     def phi(self, q: Any) -> Any:
-        return _column(self.system.phi(_objects(q), self.t)[self.rows])
+        return column(self.system.phi(objects(q), self.t)[self.rows])
 
     def slope(self, q: Any) -> Any:
-        return arb_mat(self.system.phi_q(_objects(q), self.t)[self.rows].tolist())
+        return arb_mat(self.system.phi_q(objects(q), self.t)[self.rows].tolist())
 
     def inverse(self, q: Any) -> Any:
         """Return the midpoints of the inverse of phi_q at a point, None where it is singular."""
@@ -246,7 +246,7 @@ class _Equations:
             return None
         whole = [m + w for m, w in zip(middle, widths, strict=True)]
         identity = arb_mat(len(middle), len(middle), 1)
-        image = (identity - inverse * self.slope(whole)) * _column(widths) - inverse * self.phi(middle)
+        image = (identity - inverse * self.slope(whole)) * column(widths) - inverse * self.phi(middle)
         return list(image.entries())
 
 
@@ -254,14 +254,15 @@ def _one_lane(q: Any, t: float) -> tuple[Any, Any]:
     return np.asarray(q, float)[:, None], np.array([float(t)])
 
 
-def _objects(q: Any) -> Any:
+def objects(q: Any) -> Any:
     """Return balls as an object array, which NumPy would otherwise try to look into."""
     out = np.empty(len(q), object)
     out[:] = list(q)
     return out
 
 
-def _column(entries: Any) -> Any:
+def column(entries: Any) -> Any:
+    """Return balls as a matrix of one column."""
     return arb_mat([[x] for x in entries])
 
 

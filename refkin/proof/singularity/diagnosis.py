@@ -38,7 +38,7 @@ from refkin.proof.numbers.inputs import contradiction
 from refkin.proof.numbers.recentred import Recentred, recentred
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import krawczyk
-from refkin.proof.pose.second_order import advances, balanced, cone
+from refkin.proof.singularity.second_order import advances, balanced, cone
 from refkin.system import System
 
 VANISHING = 1e-6
