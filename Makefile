@@ -28,11 +28,10 @@ lint: $(READY)
 types: $(READY)
 	$(BIN)/mypy refkin crosscheck
 
-# A finished run makes room for a new one; one that was killed is resumed.
+# A finished run makes room for a new one (nothing else is removed); one that was killed is resumed.
 nightly: $(READY)
-	@if [ -f $(OUT)/report.json ]; then rm -rf $(OUT); fi
-	$(BIN)/crosscheck nightly --minutes $(MINUTES) $(if $(SEED),--seed $(SEED)) --engines $(ENGINES) \
-		--require-engines $(ENGINES) --out $(OUT)
+	$(BIN)/crosscheck nightly --fresh --minutes $(MINUTES) $(if $(SEED),--seed $(SEED)) --engines $(ENGINES) \
+		--require-engines $(ENGINES) --out "$(OUT)"
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)

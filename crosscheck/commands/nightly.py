@@ -6,13 +6,16 @@ import os
 import sys
 from dataclasses import replace
 from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
 
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.tables import outcome_lines
 from crosscheck.commands.usage import Whole, console, positive
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError
 from crosscheck.night import golden
-from crosscheck.night.campaign import run, seed_of
+from crosscheck.night.campaign import make_room, run, seed_of
 from crosscheck.night.history import HistoryError, remember, warnings
 from crosscheck.night.pictures import write_pictures
 from crosscheck.night.plan import ALWAYS, SAMPLED, Plan, write_outcome
@@ -42,6 +45,7 @@ def nightly(
     engines: str = ENGINES,
     require_engines: str = "",
     out: Path = Path("reports/latest"),
+    fresh: Annotated[bool, Parameter(negative="")] = False,
     workers: Whole | None = None,
     cluster: str | None = None,
     scene_seconds: float = SECONDS_PER_SCENE,
@@ -70,6 +74,8 @@ def nightly(
         Engines without which the night fails with exit code 3 before anything runs.
     out
         The folder of the run: records.jsonl, report.json, index.html, disagreements/*.toml.
+    fresh
+        Make room for a new night where the folder holds a finished one: what that night wrote is removed, no more.
     workers
         Worker processes; one per processor by default.
     cluster
@@ -89,6 +95,8 @@ def nightly(
     """
     if baseline is not None:
         golden.read(baseline)
+    if fresh:
+        make_room(out)
     accepted = baseline or (golden.DEFAULT if golden.DEFAULT.is_file() else None)
     plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers, cluster, scene_seconds, accepted)
     plan = replace(plan, known_gaps=known_gaps)

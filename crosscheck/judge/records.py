@@ -330,14 +330,19 @@ def cell_of(about: Mapping[str, Any]) -> tuple[str, ...] | None:
 
 @dataclass(frozen=True)
 class Unreadable:
-    """A line that is no record, and why: the key, its value and what was expected."""
+    """A line that is no record, and why: the key, its value and what was expected; or a `torn` one, that is no JSON."""
 
     line: int
     reason: str
+    torn: bool
 
 
 class NoRecord(ValueError):
-    """Data that is no record; the message names the key, its value and what was expected."""
+    """Data that is no record; the message names the key, its value and what was expected. `torn`: it is no JSON."""
+
+    def __init__(self, reason: str, torn: bool = False) -> None:
+        super().__init__(reason)
+        self.torn = torn
 
 
 @cache
@@ -369,7 +374,7 @@ def read_line(line: bytes | str) -> Record:
     try:
         record: Record = adapter(Record).validate_json(line)
     except ValidationError as error:
-        raise NoRecord(fault(error)) from error
+        raise NoRecord(fault(error), error.errors()[0]["type"] == "json_invalid") from error
     if record.reference is None and record.failure is None:
         raise NoRecord("reference: missing; expected one, or a failure")
     return record
@@ -392,4 +397,4 @@ def read_records(path: Path) -> Iterator[tuple[int, Record | Unreadable]]:
             try:
                 yield number, read_line(line)
             except NoRecord as error:
-                yield number, Unreadable(number, str(error))
+                yield number, Unreadable(number, str(error), error.torn)

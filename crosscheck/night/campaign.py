@@ -7,6 +7,7 @@ import platform
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
@@ -19,10 +20,22 @@ from crosscheck.judge.known_gaps import Tally
 from crosscheck.judge.records import NewCase, Record, cell_of
 from crosscheck.measure.check import key_of
 from crosscheck.measure.jobs import CHECK
-from crosscheck.night.disagreements import write_disagreements
+from crosscheck.night.disagreements import FOLDER, SCENE_FILE, write_disagreements
 from crosscheck.night.golden import compare_night
 from crosscheck.night.journal import Journal, replace_file
-from crosscheck.night.plan import ALWAYS, SAMPLED, SAMPLED_EVERY, Outcome, Plan, write_outcome
+from crosscheck.night.plan import (
+    ALWAYS,
+    GOLDEN,
+    OUTCOME,
+    PICTURES,
+    SAMPLED,
+    SAMPLED_EVERY,
+    TRENDS,
+    Outcome,
+    Plan,
+    read_outcome,
+    write_outcome,
+)
 from crosscheck.scenes.drawing import draw, is_chain, numbers_of, turn_of
 from crosscheck.workers.cluster import ClusterWorkers
 from crosscheck.workers.installed import find_engines
@@ -92,6 +105,38 @@ def _pool(plan: Plan, engines: dict[str, str], versions: dict[str, str]) -> Pool
     return ClusterWorkers(CHECK, plan.cluster, plan.workers, engines, versions, plan.scene_seconds)
 
 
+FILES = (
+    *("records.jsonl", "run.json", "report.json", "index.html", OUTCOME, GOLDEN, PICTURES, TRENDS, "documents.json"),
+    *("hard_cases.json", "price.json", "effects.json"),
+)
+"""What a night writes into its folder, beside the scenes of disagreements."""
+
+
+def make_room(out: Path) -> None:
+    """Remove what a finished night has written into a folder, and nothing else; one that was killed stays.
+
+    Raises
+    ------
+    OtherRun
+        If the folder holds a report that is none of a night.
+    """
+    report = out / "report.json"
+    if not report.exists():
+        return
+    ended, faults = read_outcome(out)
+    try:
+        ours = "verdict" in json.loads(report.read_text(encoding="utf-8"))
+    except (ValueError, TypeError):
+        ours = False
+    if not ours or faults or (ended is None and _made(out) is None):
+        raise OtherRun(f"--out {out} holds a report.json that no night has written: choose another folder")
+    scenes = [path for path in (out / FOLDER).glob("*.toml") if SCENE_FILE.fullmatch(path.name)]
+    for path in (*(out / name for name in FILES), *scenes):
+        path.unlink(missing_ok=True)
+    with suppress(OSError):  # no such folder, or something else is in it
+        (out / FOLDER).rmdir()
+
+
 def seed_of(out: Path, asked: int | None) -> int:
     """Return the seed of a night: what was asked, what the run in the folder has, or the day's date as a number."""
     made = _made(out)
@@ -126,8 +171,9 @@ class Turns:
             if not isinstance(record.about.get("shard"), int):
                 raise OtherRun(f"{journal.path} holds records of another kind: choose another folder")
             self.settle(record)
-        if journal.unreadable and not self.done:
-            first = journal.unreadable[0]
+        others = [line for line in journal.unreadable if not line.torn]
+        if others and not self.done:
+            first = others[0]
             told = f"{journal.path}, line {first.line}: {first.reason}"
             raise OtherRun(f"{told}; it holds no records of ours: choose another folder")
 

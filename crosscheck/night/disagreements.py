@@ -21,6 +21,8 @@ from refkin.scenes.files import to_dict, to_toml
 MOST_SHRUNK = 8
 """Kinds of disagreements of which one is simplified."""
 FOLDER = "disagreements"
+SCENE_FILE = re.compile(r"([0-9a-f]{16}|golden-)[a-z0-9-]*\.toml")
+"""The names of the files in it."""
 LONGEST_NAME = 80
 """Characters of what a file's name says of a disagreement."""
 

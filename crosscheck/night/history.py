@@ -16,10 +16,10 @@ from typing import Any
 from crosscheck.errors import CannotRun
 from crosscheck.night.change_points import change_points
 from crosscheck.night.journal import replace_file
+from crosscheck.night.plan import TRENDS
 
 SOLVED = ("position", "velocity", "acceleration")
 REFERENCE = "refkin"
-TRENDS = "trends.json"
 MOST_TRENDS = 24
 """Series whose course is kept in a report, those that changed first; the history has all."""
 TABLES = """

@@ -26,13 +26,13 @@ from crosscheck.judge.records import QUANTITIES, Record, Unreadable, read_record
 from crosscheck.measure.check import estimated
 from crosscheck.measure.jobs import scene_of
 from crosscheck.night.journal import replace_file
+from crosscheck.night.plan import PICTURES
 from crosscheck.workers.pool import Job
 from crosscheck.workers.processes import Failure, call_in_turn
 from refkin.joints import GROUND, GuidedPoint, PointDistance, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion
 
-FILE = "pictures.json"
 WIDTH, HEIGHT, MARGIN = 300, 190, 26
 MOST_SCENES = 60
 """Scenes with a picture; marks of further ones have none. It bounds the page at some hundred kilobytes."""
@@ -60,7 +60,7 @@ def write_pictures(folder: Path, seed: int, engines: Mapping[str, str], seconds:
     records = (record for _, record in read_records(folder / "records.jsonl") if not isinstance(record, Unreadable))
     drawn = (record for record in records if "shard" in record.about)
     found = pictures(drawn, lambda r: {"night": seed, "shards": [r.about["shard"]]}, engines, seconds)
-    replace_file(folder / FILE, json.dumps(found, allow_nan=False) + "\n")
+    replace_file(folder / PICTURES, json.dumps(found, allow_nan=False) + "\n")
 
 
 def pictures(

@@ -23,7 +23,7 @@ other scenes: vector loops cost as much as the engines; the fast path is no peer
 SAMPLED_EVERY = 40
 SHRINKING_SECONDS = 90.0
 """How long all the simplifying of a night may take."""
-OUTCOME, GOLDEN = "outcome.json", "golden.json"
+OUTCOME, GOLDEN, PICTURES, TRENDS = "outcome.json", "golden.json", "pictures.json", "trends.json"
 
 
 @dataclass(frozen=True, kw_only=True)

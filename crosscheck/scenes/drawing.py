@@ -168,14 +168,14 @@ def climb(night: int, number: int, check: Callable[[AnyDrawn], None], examples: 
         elif drawn.scene == start:
             raise _Found
 
-    run = given(TICKETS, _scenes_of(number, samples))(scene_property)
+    scenes, seeded = _scenes_of(number, samples), seed(seed_of_scene(night, number))  # a seed forgets a database
     first = settings(profile((Phase.generate,)), database=kept)
     then = settings(profile((Phase.reuse, Phase.generate, Phase.target)), database=kept, max_examples=examples)
     with own_choices_only():
         with suppress(_Found):
-            seed(seed_of_scene(night, number))(first(run))()
+            first(seeded(given(TICKETS, scenes)(scene_property)))()
         drawing = False
-        seed(seed_of_scene(night, number))(then(run))()
+        then(seeded(given(TICKETS, scenes)(scene_property)))()
 
 
 def _scenes_of(number: int, samples: int) -> st.SearchStrategy[Any]:

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 import refkin
-from crosscheck.engines import vector_loop as loops
+from crosscheck.documents import loops
 from refkin.joints import GROUND, AngleDriver, Cam, Disc, Gear, Prismatic, RackAndPinion
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial, Sinusoid

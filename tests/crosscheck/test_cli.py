@@ -20,7 +20,7 @@ from .fake_engines import RAISE, SEGFAULT, SHIFT, crosscheck, engine_file, key_o
 
 ROOT = Path(__file__).parent.parent.parent
 GOOD = ROOT / "examples" / "crank-rocker.toml"
-FRAMES = ROOT / "crosscheck" / "frames.py"
+FRAMES = ROOT / "crosscheck" / "engines" / "frames.py"
 NIGHT = 31
 ENGINES = "exudyn,pinocchio,mujoco"
 

@@ -7,9 +7,9 @@ import math
 import numpy as np
 import pytest
 
+from crosscheck.documents import loops
 from crosscheck.documents.stopping import BothLargest
 from crosscheck.engines import march
-from crosscheck.engines import vector_loop as loops
 from crosscheck.engines.march import connected
 from refkin.differences import EPS, Scheme, jacobian
 from refkin.motion import Status

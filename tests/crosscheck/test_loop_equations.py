@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from crosscheck.documents import loops
 from crosscheck.documents.systems import SquareSystem, me581, metu, shabana
-from crosscheck.engines import vector_loop as loops
 from crosscheck.engines.march import connected
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
 from refkin.differences import Scheme, jacobian

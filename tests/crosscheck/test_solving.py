@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from crosscheck.documents import loops
 from crosscheck.documents.moving_points import point_parts
-from crosscheck.engines import vector_loop as loops
 from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.errors import NotCalledFor

@@ -11,8 +11,8 @@ from hypothesis import event, given, settings
 from hypothesis import strategies as st
 
 import refkin
+from crosscheck.documents import loops
 from crosscheck.engines import EngineError, Level, Support, load
-from crosscheck.engines import vector_loop as loops
 from crosscheck.engines.vector_loop.engine import ROUTE, VectorLoop
 from crosscheck.engines.vector_loop.reading import read
 from crosscheck.judge.comparison import compare, reference

@@ -8,11 +8,11 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.documents import loops
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, NoRoot
 from crosscheck.documents.ledger.me451 import Found, Given
 from crosscheck.documents.stopping import ResidualOrCorrection
 from crosscheck.documents.systems import SquareSystem, me581, metu, printed
-from crosscheck.engines import vector_loop as loops
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Polynomial
 from refkin.newton import NewtonResult, newton

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.documents import loops
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.me451 import Found, Given
 from crosscheck.documents.moving_points import point_parts, rod_and_block
 from crosscheck.documents.systems import printed, shabana
-from crosscheck.engines import vector_loop as loops
 from refkin.analysis import acceleration, velocity
 from refkin.joints import GROUND, AngleDriver, Fixed, Revolute, XDriver
 from refkin.model import Body, Mechanism

@@ -2,43 +2,26 @@
 
 `vectors`    c r e^(i theta), and sums of them with two derivatives
 `system`     the equations: residual and Jacobian in real and in complex form, nu, gamma
-`catalogue`  the mechanisms of the source documents, in their own symbols
 `solving`    one pose: Newton, new estimates, least squares
 `marching`   a whole cycle, on one branch
 `families`, `ways`, `reading`  a scene as loops: what the engine `vector_loop` solves
 """
 
-from crosscheck.documents.loops import (
-    RAPIER_LENGTHS,
-    RapierReading,
-    four_bar,
-    inverted_slider_crank,
-    rapier,
-    slider_crank,
-    slotted,
-)
 from crosscheck.engines.vector_loop.marching import March, march
 from crosscheck.engines.vector_loop.solving import Minimum, MinimumStatus, close, minimise, with_new_estimates
 from crosscheck.engines.vector_loop.system import LoopSystem, Relation
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
 
 __all__ = [
-    "RAPIER_LENGTHS",
     "LoopSystem",
     "March",
     "Minimum",
     "MinimumStatus",
-    "RapierReading",
     "Relation",
     "Variable",
     "Vector",
     "close",
-    "four_bar",
-    "inverted_slider_crank",
     "march",
     "minimise",
-    "rapier",
-    "slider_crank",
-    "slotted",
     "with_new_estimates",
 ]

@@ -1,0 +1,208 @@
+"""Folders of strangers, names that act on a terminal or a file system, hunts that are cut short: nothing is lost."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from crosscheck.cli import main
+from crosscheck.commands.usage import Printable, printable
+from crosscheck.judge.records import Enclosure
+from crosscheck.night import hunting
+from crosscheck.night.campaign import OtherRun, make_room
+from crosscheck.night.disagreements import LONGEST_NAME, slug
+from crosscheck.night.golden import differences
+from crosscheck.night.hunting import Bag, hunt, worst_of_night
+from crosscheck.night.plan import engines_option
+from crosscheck.scenes.drawing import climb, draw
+
+from .report_records import answer, good_answer, outcome, quantity, record, typed, write
+from .report_records import built as report_of
+
+ROOT = Path(__file__).parent.parent.parent
+EVIL = "\x1b]0;owned\x07\x1b[2J"
+
+
+def test_a_new_night_removes_what_the_finished_one_wrote_and_nothing_else(tmp_path):
+    report_of(write(tmp_path, record("a", good_answer("mujoco"))), outcome())
+    (tmp_path / "disagreements").mkdir()
+    (tmp_path / "disagreements" / "0123456789abcdef.toml").write_text("")
+    kept = [tmp_path / "thesis.txt", tmp_path / "disagreements" / "mine.toml"]
+    for path in kept:
+        path.write_text("years of work")
+    make_room(tmp_path)
+
+    assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(kept)
+
+
+@pytest.mark.parametrize("text", ['{"sales": 3}', '{"verdict": "guilty"}', "[]", "no report at all", "3"])
+def test_a_folder_with_a_report_that_no_night_wrote_is_refused_and_left_as_it_is(tmp_path, text):
+    (tmp_path / "report.json").write_text(text)
+    (tmp_path / "thesis.txt").write_text("years of work")
+
+    with pytest.raises(OtherRun, match=r"holds a report.json that no night has written: choose another folder"):
+        make_room(tmp_path)
+    assert len(list(tmp_path.iterdir())) == 2
+
+
+def test_the_makefile_removes_no_folder_of_a_night():
+    text = (ROOT / "Makefile").read_text(encoding="utf-8")
+
+    assert "rm -rf $(OUT)" not in text
+    assert "crosscheck nightly --fresh" in text
+
+
+@pytest.mark.parametrize("command", ["solve", "mobility", "replay"])
+def test_names_with_escape_sequences_reach_no_terminal(tmp_path, capsys, command):
+    text = (ROOT / "examples" / "crank-rocker.toml").read_text(encoding="utf-8")
+    name = EVIL.replace("\x1b", "\\u001b").replace("\x07", "\\u0007")
+    scene = tmp_path / "scene.toml"
+    scene.write_text(text.replace('"crank"', f'"{name}"').replace('"crank-rocker"', f'"{name}"'), encoding="utf-8")
+    with pytest.raises(SystemExit):
+        main([command, str(scene), *(("--engines", "closed_form") if command == "replay" else ())])
+    told = capsys.readouterr()
+
+    assert "\x1b" not in told.out + told.err
+    assert "\x07" not in told.out + told.err
+
+
+def test_what_is_printed_keeps_lines_and_letters():
+    assert printable("a\tb\nä ü\u202e") == "a\tb\nä ü\\u202e"
+
+
+class Terminal:
+    """A stream that says it is a terminal."""
+
+    def __init__(self) -> None:
+        self.text = ""
+
+    def isatty(self) -> bool:
+        return True
+
+    def write(self, text: str) -> None:
+        self.text += text
+
+
+def test_a_terminal_gets_colours_and_nothing_that_moves_its_cursor():
+    stream = Terminal()
+    Printable(stream).write(f"\x1b[31mred\x1b[0m {EVIL}")  # type: ignore[arg-type]
+
+    assert stream.text == "\x1b[31mred\x1b[0m \\x1b]0;owned\\x07\\x1b[2J"
+
+
+def test_an_exception_of_our_own_ends_with_4_and_one_line(monkeypatch, capsys):
+    monkeypatch.setattr("crosscheck.commands.solve.load", lambda path: 1 / 0)
+    with pytest.raises(SystemExit) as ended:
+        main(["solve", "scene.toml"])
+    told = capsys.readouterr().err
+
+    assert (ended.value.code, told.count("\n"), "Traceback" in told) == (4, 1, False)
+    assert told.startswith("crosscheck itself failed: ZeroDivisionError: division by zero (")
+
+
+def test_a_long_name_makes_a_name_of_bounded_length_that_no_other_has():
+    one, other = slug("e" * 5000, "a"), slug("e" * 5000, "b")
+
+    assert max(len(one), len(other)) <= LONGEST_NAME
+    assert one != other
+    assert slug("../../x", "Newton") == "x-newton"
+
+
+def test_a_case_of_a_baseline_names_no_file_outside_of_the_folder():
+    told = {"status": ["ok"], "certified_radius": {}}
+    case = {"scene": {}, "reference": told, "routes": {}}
+    now = {**case, "reference": {**told, "status": ["singular"]}}
+    (worse,) = differences({"../../x": case}, {"../../x": now}, ())
+
+    assert worse.key == "golden-x"
+
+
+def test_a_line_to_replay_names_the_engines_that_are_not_asked_anyway():
+    assert engines_option(("closed_form", "exudyn", "mujoco")) == ""
+    assert engines_option(("closed_form", "exudyn", "my own.py:A")) == " --engines 'exudyn,my own.py:A'"
+
+
+class Pool:
+    """Workers that answer every scene the same way, or fail at the first one."""
+
+    def __init__(self, fails: bool = False) -> None:
+        self.fails, self.asked = fails, 0
+
+    def __enter__(self) -> Pool:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        pass
+
+    def check_one(self, job: Any) -> Any:
+        self.asked += 1
+        if self.fails and self.asked == 1:
+            raise RuntimeError("planted")
+        places = Enclosure(inside=1, outside=0, undecidable=0, no_answer=0, radii=0.1)
+        met = typed(record("a", answer("mujoco", {"position": quantity({-1: [15.0]}, 0.5)})))
+        return replace(met, answers=[replace(met.answers[0], certificate=places)])
+
+
+@pytest.fixture
+def hunted(monkeypatch):
+    """A hunt of some seconds with workers that are none."""
+
+    class Loaded:
+        def routes(self) -> Any:
+            return [type("Route", (), {"name": "newton"})]
+
+    def run(pool: Pool, seconds: float = 3.0, **more: Any) -> Bag:
+        monkeypatch.setattr(hunting, "load", lambda spec: Loaded())
+        monkeypatch.setattr(hunting, "checkers", lambda *_: pool)
+        return hunt({"mujoco": "mujoco"}, seconds, 1, scene_seconds=1.0, **more)
+
+    return run
+
+
+def test_a_hunt_that_is_out_of_time_in_the_middle_of_a_turn_keeps_its_catches_and_fails_in_nothing(hunted):
+    bag = hunted(Pool())
+
+    assert bag.scenes > 0
+    assert ({name for _, _, name in bag.catches}, bag.failures) == ({"position", "certificate"}, [])
+
+
+def test_a_turn_that_breaks_off_is_told_and_costs_no_other(hunted):
+    bag = hunted(Pool(fails=True))
+
+    assert bag.scenes > 0
+    assert len(bag.failures) == 1
+    assert "planted" in bag.failures[0]
+
+
+def test_a_hunt_starts_from_the_worst_scenes_of_a_night(tmp_path, hunted):
+    met = [
+        {**record(str(k), answer("mujoco", {"position": quantity({-1: [9.0]}, ratio)})), "about": {"shard": k}}
+        for k, ratio in enumerate((0.1, 0.9, 0.5))
+    ]
+    starts = worst_of_night(write(tmp_path, *met), {"mujoco": "newton"}, 5)
+    bag = hunted(Pool(), seconds=2.0, starts=starts)
+
+    assert starts == [(5, 1), (5, 2), (5, 0)]
+    assert {catch.origin for catch in bag.catches.values()} == {"scene 1 of night 5"}
+
+
+def test_climbing_begins_at_the_scene_that_was_drawn():
+    seen: list[Any] = []
+    climb(5, 3, lambda drawn: seen.append(drawn.scene), 4, 6)
+
+    assert seen[0] == draw(5, 3, 6).scene
+    assert len(set(seen)) > 1
+
+
+def test_every_command_of_the_line_has_a_reason_for_a_bad_end(tmp_path, capsys):
+    (tmp_path / "records.jsonl").write_text(json.dumps({"key": "../x"}) + "\n")
+    with pytest.raises(SystemExit) as ended:
+        main(["nightly", "--scenes", "1", "--engines", "closed_form", "--out", str(tmp_path)])
+    told = capsys.readouterr().err
+
+    assert ended.value.code == 2
+    assert "records.jsonl, line 1: key: '../x'; string should match pattern" in told
