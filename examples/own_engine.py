@@ -7,7 +7,7 @@ import cmath
 
 import numpy as np
 
-from crosscheck.engines import NATIVE, EngineError, Level, refused
+from crosscheck.engines import NATIVE, EngineRefusal, Level, refused
 from refkin.motion import Producer, Route, Seeding, Status, engine_motion
 
 ROUTE = Route(
@@ -46,7 +46,7 @@ class TwoCircles:
         joints = {j.name: j for j in scene.mechanism.joints}
         bodies = {body.name for body in scene.mechanism.bodies}
         if set(joints) != {"A0", "A", "B", "B0"} or bodies != {"crank", "coupler", "rocker"}:
-            raise EngineError(
+            raise EngineRefusal(
                 f"two_circles refuses {scene.name!r}: it knows the bodies and joints of refkin.FourBar alone"
             )
         q = np.array([self._pose(joints, float(scene.mechanism.drivers[0].laws[0](t))) for t in scene.times]).T

@@ -107,8 +107,8 @@ def nightly(
             told = f"interrupted; what was checked is kept in {plan.out}, and the same command goes on from there"
             raise KeyboardInterrupt(told) from None
     seconds = min(240.0, 60.0 * (plan.minutes or 0.0)) if sections_seconds is None else sections_seconds
-    write_sections(plan.out, outcome.versions, {ALWAYS, *SAMPLED}, seconds, _told)
     if outcome.checked:
+        write_sections(plan.out, outcome.versions, {ALWAYS, *SAMPLED}, seconds, _told)
         _told("pictures and documents")
         write_pictures(plan.out, plan.seed, outcome.engines, SECONDS_FOR_PICTURES)
         write_documents(plan.out)
