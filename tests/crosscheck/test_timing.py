@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import pytest
 
 from crosscheck.workers import timing
@@ -16,6 +18,8 @@ class Clock:
 
     def perf_counter(self) -> float:
         return self.now
+
+    process_time = perf_counter
 
 
 @pytest.fixture
@@ -54,6 +58,35 @@ def test_works_are_taken_in_turns(clock):
     timed_in_turns(works, rounds=3, at_least=0.0)
 
     assert "".join(order[-6:]) == "ababab"
+
+
+def routes(clock, cold):
+    """Return position, and position with rates, of two methods that find the other's caches; a cold call costs more."""
+    last = [""]
+
+    def solve(name, seconds):
+        clock.now += seconds + (cold if last[0] != name else 0.0)
+        last[0] = name
+
+    costs = {"position": 5e-4, "position and rates": 6e-4}
+    return {f"{m}: {what}": partial(solve, m, s) for m in ("one", "other") for what, s in costs.items()}
+
+
+@pytest.mark.parametrize("cold", [3e-4, 1e-3, 1e-2])
+def test_who_comes_after_another_method_does_not_pay_for_cold_caches(clock, cold):
+    """Planted: the timer that timed a turn's first call, too, had positions cost more than positions with rates."""
+    found = timed_in_turns(routes(clock, cold), rounds=3)
+
+    for name in ("one", "other"):
+        assert found[f"{name}: position"].seconds == pytest.approx(5e-4)
+        assert found[f"{name}: position and rates"].seconds == pytest.approx(6e-4)
+
+
+def test_what_a_call_takes_need_not_be_measured_where_it_is_known(clock):
+    calls = []
+    timed_in_turns({"a": lambda: (calls.append(1), lasting(clock, 1.0)())}, rounds=2, at_least=0.0, known={"a": 1.0})
+
+    assert len(calls) == 2  # so long a call needs none before it
 
 
 def test_no_round_is_begun_when_the_time_is_over(clock):
