@@ -71,6 +71,9 @@ def lines(result: Mapping[str, Any]) -> list[str]:
         out.append(f"priced are the first {times['priced']} of the scene's {times['asked']} times")
     if times["certified"] < times["priced"]:
         out.append(f"{times['priced'] - times['certified']} of them have no certified truth and are left out")
+    for poses, name in POSES.items():
+        if not any(row[f"microseconds{SUFFIX[poses]}"] for row in result["rows"]):
+            out.append(f"{name}: nothing was timed, for want of time or of several times in the scene")
     out += [f"{r['engine']}, {r['method']}: refused: {r['reason']}" for r in result["refused"]]
     silent = {(r["engine"], r["method"], r["setting"], r["note"]) for r in result["rows"] if r["digits"] is None}
     return out + [f"{', '.join(filter(None, row[:3]))}: {row[3]}" for row in sorted(silent)]
@@ -123,4 +126,5 @@ def _digits_and_price(row: Mapping[str, Any] | None) -> tuple[str, str]:
     if row is None:
         return "-", "-"
     prices = [row[f"microseconds{SUFFIX[poses]}"] for poses in POSES]
-    return f"{row['digits']:.1f}", "/".join("-" if price is None else f"{price:.3g}" for price in prices)
+    shown = "/".join("-" if x is None else f"{x:.{0 if x >= 100 else 1}f}" for x in prices)
+    return f"{row['digits']:.1f}", shown

@@ -21,7 +21,7 @@ from refkin.model import Scene
 from refkin.scenes.files import to_dict
 
 WITHIN = 50.0
-"""How long a price list may take [s], beside what a process takes to start and the truth to be proved."""
+"""How much of the processor a price list may take [s], beside the start of a process and the proof of the truth."""
 LEAST = 1.0
 """What a process gets at least where another has ended late [s]."""
 PATIENCE = 20.0
@@ -76,7 +76,8 @@ def price(
     producers : sequence of str
         What `crosscheck.engines.methods.methods` takes.
     within : float
-        How long answers and timings may take together [s]; what does not fit is timed once.
+        How much processor time answers and timings may take together [s]; what does not fit is timed once. On a busy
+        machine that lasts longer.
     patience : float
         After this long at one method it is given up [s].
 
@@ -88,7 +89,7 @@ def price(
     priced = replace(scene, times=scene.times[:CYCLE], points=(), bodies_wanted=None)
     found = _Found()
     while not found.done:
-        left = max(within - found.spent, LEAST)
+        left = max(within - found.spent, within / 4)
         pipe, process = start(measure, to_dict(priced), tuple(producers), {*found.failed}, left)
         with pipe:
             failure = _listen(pipe, found, patience)

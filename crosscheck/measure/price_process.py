@@ -98,13 +98,12 @@ def measure(scene: dict[str, Any], producers: Sequence[str], failed: set[Key], w
         return
     truth = asked["cycle"].scenes[0][1]
     pipe.send(("truth", truth.attainable, int(truth.known.sum())))
-    end, cpu = time.monotonic() + within, time.process_time()
+    end = time.process_time() + within
     runs = [run for method in _open(producers, failed, pipe) if (run := _answered(method, asked, order_of(read), pipe))]
-    begun = time.monotonic()
+    begun = time.process_time()
     for poses, share in SHARES.items():
         if poses in asked:
-            load = max(1.0, (time.monotonic() - end + within) / (time.process_time() - cpu))
-            _time(runs, poses, asked[poses], begun + share * (end - begun), load, pipe)
+            _time(runs, poses, asked[poses], begun + share * (end - begun), pipe)
     pipe.send(("done",))
 
 
@@ -147,7 +146,8 @@ def _answered(method: Method, asked: Mapping[str, Question], order: int, pipe: A
     told: dict[str, Any] = {"newton_by": method.newton_by, "note": method.note}
     run = _Run(method, min(order, method.highest), {}, {})
     try:
-        told["build"] = min(_seconds(partial(method.model, asked["cycle"].of(method)[0][0])) for _ in range(BUILDS))
+        took = min(_seconds(partial(method.model, asked["cycle"].of(method)[0][0])) for _ in range(BUILDS))
+        told["build"] = took if method.asked is None else None  # an engine that is asked anew builds in every call
     except EngineError as error:
         pipe.send(("refused", method.key, str(error)))
         return None
@@ -189,11 +189,8 @@ def _fewer(one: tuple[float | None, str] | None, other: tuple[float | None, str]
     return other if other[0] is None or other[0] < one[0] else one
 
 
-def _time(runs: Sequence[_Run], poses: str, question: Question, end: float, load: float, pipe: Any) -> None:
-    """Time the methods in turns; what does not fit into the time is left with the one call that answered.
-
-    `load` says how much longer everything takes by the clock than the processor works for this process.
-    """
+def _time(runs: Sequence[_Run], poses: str, question: Question, end: float, pipe: Any) -> None:
+    """Time the methods in turns; what does not fit into the time is left with the one call that answered."""
     if poses == "bulk":
         runs = list(_in_bulk(runs, question, end, pipe))
     calls: dict[tuple[Key, int], Callable[[], Any]] = {}
@@ -204,7 +201,7 @@ def _time(runs: Sequence[_Run], poses: str, question: Question, end: float, load
         pipe.send(("timed", key, poses, -1, once / (len(run.models[poses]) * question.poses), None))
         orders = [run.order] if run.method.at_once else list(range(run.order + 1))
         cost += (CALLS_NEEDED - 2) * len(orders) * max(once, AT_LEAST)
-        if load * cost <= end - time.monotonic():
+        if cost <= end - time.process_time():
             for order in orders:
                 calls[key, order] = partial(announcer.solve, run, poses, order)
                 calls[key, order]()
@@ -213,7 +210,8 @@ def _time(runs: Sequence[_Run], poses: str, question: Question, end: float, load
     counts = {run.method.key: len(run.models[poses]) * question.poses for run in runs}
     timed = timed_in_turns(
         {name: calls[at] for name, at in names.items()},
-        within=max(0.0, end - time.monotonic()),
+        within=max(0.0, end - time.process_time()),
+        clock=time.process_time,
         known={name: known[at] for name, at in names.items()},
     )
     for name, timing in timed.items():
@@ -224,9 +222,9 @@ def _time(runs: Sequence[_Run], poses: str, question: Question, end: float, load
 
 def _in_bulk(runs: Sequence[_Run], question: Question, end: float, pipe: Any) -> Iterator[_Run]:
     """Yield the methods that have answered in bulk; the cheapest go first, as long as there is time."""
-    until = end - (1.0 - BULK_ANSWERS) * (end - time.monotonic())
+    until = end - (1.0 - BULK_ANSWERS) * (end - time.process_time())
     for run in sorted(runs, key=lambda run: run.seconds["cycle"]):
-        if time.monotonic() > until:
+        if time.process_time() > until:
             return
         pipe.send(("at", run.method.key, run.method.newton_by))
         digits = told_if_raised(_digits, run, "bulk", question)

@@ -50,6 +50,7 @@ def timed_in_turns(
     at_least: float = AT_LEAST,
     within: float = math.inf,
     known: Mapping[str, float] | None = None,
+    clock: Callable[[], float] | None = None,
 ) -> dict[str, Timing]:
     """Return what one call of each costs.
 
@@ -65,13 +66,16 @@ def timed_in_turns(
         No round is begun after this long [s]; the first always is.
     known : mapping of str to float, optional
         What a call takes, about, where that is known already [s].
+    clock : callable, optional
+        By what `within` is measured; by default the clock on the wall.
     """
     known = known or {}
     repeats = {name: _repeats(work, at_least, known.get(name)) for name, work in works.items()}
     turns: dict[str, list[float]] = {name: [] for name in works}
-    end = time.perf_counter() + within
+    clock = clock or time.perf_counter
+    end = clock() + within
     for k in range(rounds):
-        if k and time.perf_counter() > end:
+        if k and clock() > end:
             break
         for name, work in works.items():
             count, long = repeats[name]
