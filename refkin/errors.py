@@ -20,16 +20,21 @@ def printable(text: str) -> str:
 
 @dataclass(frozen=True)
 class Fault:
-    """One thing that is wrong with a scene: where, as in its file (`joint[2].body_i`); what stands there, or None."""
+    """One thing that is wrong with a scene: the path, as in its file (`joint[2].body_i`); what stands there, or None.
+
+    `where` is that place in other words: "joint 'A', line 12".
+    """
 
     path: str
     value: object
     expected: str
+    where: str = ""
 
     def __str__(self) -> str:
         text = repr(self.value)
         short = text if len(text) <= LONGEST else f"{text[:LONGEST]} ..."
-        return printable(f"{self.path}: expected {self.expected}{'' if self.value is None else f', got {short}'}")
+        got = "" if self.value is None else f", got {short}"
+        return printable(f"{self.path}: expected {self.expected}{got}{f' ({self.where})' if self.where else ''}")
 
 
 class InvalidScene(RefkinError):

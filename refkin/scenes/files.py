@@ -7,9 +7,10 @@ from __future__ import annotations
 
 import json
 import math
+import re
 import sys
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import MISSING, fields
 from datetime import date, time
 from pathlib import Path
@@ -23,6 +24,7 @@ from pydantic_core import PydanticCustomError
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, Constraint, Driver
 from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene, mechanism_faults, scene_faults
+from refkin.scenes.explained import explained, unconnected
 
 SCHEMA = 1
 MOST_TIMES = 10_000_000
@@ -114,7 +116,7 @@ def load(path: str | Path) -> Scene:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        text = path.read_text(encoding="utf-8-sig")
         data = json.loads(text, object_pairs_hook=_once) if path.suffix == ".json" else tomllib.loads(text)
     except OSError as error:
         raise InvalidScene([Fault("file", str(path), f"a readable file ({error.strerror})")], str(path)) from error
@@ -126,7 +128,7 @@ def load(path: str | Path) -> Scene:
         ) from error
     except ValueError as error:  # of the format; or of a number with more digits than Python reads
         raise InvalidScene([Fault("file", str(error), "TOML (or JSON in a .json file)")], str(path)) from error
-    return parse(data, str(path))
+    return parse(data, str(path), "" if path.suffix == ".json" else text)
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
@@ -138,20 +140,24 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     return found
 
 
-def parse(data: Any, source: str = "scene") -> Scene:
-    """Return the scene that a parsed scene file describes; raises InvalidScene as `load` does."""
+def parse(data: Any, source: str = "scene", text: str = "") -> Scene:
+    """Return the scene that a parsed scene file describes; raises InvalidScene as `load` does.
+
+    With the `text` of a TOML file faults name their lines.
+    """
     found: list[Fault] = []
     data = _readable(data, "", found)
     told = {fault.path for fault in found}
     try:
         file = _read(data)
     except ValidationError as error:
-        found += [_fault(e) for e in error.errors(include_url=False)]
+        found += _lengths(_fault(e) for e in error.errors(include_url=False))
         found += _further_faults(data, error)
     else:
         found += _meaning(file)
     if found:
-        raise InvalidScene([f for k, f in enumerate(found) if k < len(told) or f.path not in told], source)
+        kept = [f for k, f in enumerate(found) if k < len(told) or f.path not in told]
+        raise InvalidScene(explained(kept, data, text), source)
     return Scene(
         mechanism=Mechanism(file.body, file.joint, file.driver),
         times=file.times.times(),
@@ -195,7 +201,8 @@ def _meaning(file: SceneFile) -> list[Fault]:
     mechanism = SimpleNamespace(bodies=file.body, joints=file.joint, drivers=file.driver)
     wanted = {"points": file.point, "bodies_wanted": file.bodies_wanted}
     scene = scene_faults(SimpleNamespace(mechanism=mechanism, times=times, **wanted))
-    found = [*grid, *mechanism_faults(mechanism), *scene]
+    loose = unconnected(file.body, (*file.joint, *file.driver))
+    found = [*grid, *mechanism_faults(mechanism), *loose, *scene]
     return [f for f in found if not (grid and f.path == "times")]
 
 
@@ -303,17 +310,32 @@ def _fault(error: Any) -> Fault:
     value = error.get("input")
     kind, context = error["type"], error.get("ctx", {})
     if kind == "missing":
-        return Fault(path, None, "this key, which is missing")
+        return Fault(path, None, MISSING_KEY)
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
         return Fault(path, value, "no such key")
     if kind in ("too_short", "too_long"):
-        return Fault(path, value, f"{context.get('min_length', context.get('max_length'))} numbers")
+        asked = context.get("min_length", context.get("max_length"))
+        return Fault(path, value, f"{asked} numbers, not {context.get('actual_length', 'these')}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         key = context["discriminator"].strip("'")
         return Fault(f"{path}.{key}", context.get("tag"), f"one of {context.get('expected_tags', 'the known ones')}")
     return Fault(path, value, error["msg"].removeprefix("Input should be ").removeprefix("a valid "))
 
 
+def _lengths(faults: Iterable[Fault]) -> Iterator[Fault]:
+    """Yield the faults, with one for all the numbers that a list lacks."""
+    lacking: dict[str, list[int]] = {}
+    for fault in faults:
+        place = re.fullmatch(r"(.*[a-z_])\[(\d)\]", fault.path)
+        if place and fault.expected == MISSING_KEY and place[1].rpartition(".")[2] not in _GROUPS:
+            lacking.setdefault(place[1], []).append(int(place[2]))
+        else:
+            yield fault
+    for path, places in lacking.items():
+        yield Fault(path, None, f"{max(places) + 1} numbers, not {min(places)}")
+
+
+MISSING_KEY = "this key, which is missing"
 _GROUPS = ("body", "joint", "driver", "point")
 _TAGS = {
     *(c.__dataclass_fields__["type"].default for c in (*JOINT_TYPES, *DRIVER_TYPES)),

@@ -1,0 +1,110 @@
+"""Faults of a scene file in the words of who wrote it: which joint, at which line, and what was perhaps meant."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import fields, replace
+from difflib import get_close_matches
+from typing import Any
+
+from refkin.errors import Fault
+from refkin.joints import DRIVER_TYPES, GROUND, JOINT_TYPES
+from refkin.model import Body, Point
+from refkin.motion_laws import Polynomial, Sinusoid, Table
+
+GROUPS = ("body", "joint", "driver", "point")
+KEYS = {
+    "": ("schema", "name", "dimension", "effects", "bodies_wanted", "evidence", "times", *GROUPS),
+    "times": ("start", "stop", "count", "values"),
+    "body": tuple(f.name for f in fields(Body)),
+    "joint": tuple({f.name for kind in JOINT_TYPES for f in fields(kind)}),
+    "driver": tuple({f.name for kind in DRIVER_TYPES for f in fields(kind)}),
+    "point": tuple(f.name for f in fields(Point)),
+    "law": tuple({f.name for law in (Polynomial, Sinusoid, Table) for f in fields(law)}),
+}
+"""The keys that may stand at a place of a scene file."""
+CLOSE = 0.6
+"""Similarity, of `difflib`, from which a word is taken for a misspelt one."""
+
+
+def explained(faults: Iterable[Fault], data: Any, text: str = "") -> list[Fault]:
+    """Return the faults with what was perhaps meant, the name of what they are in, and the line if the text tells it.
+
+    Parameters
+    ----------
+    data : dict
+        The file as it was read.
+    text : str
+        The file itself, if it is TOML.
+    """
+    lines = _lines(text, data) if text else {}
+    return [replace(_guessed(fault), where=_where(fault.path, data, lines)) for fault in faults]
+
+
+def unconnected(bodies: Sequence[Any], constraints: Sequence[Any]) -> Iterator[Fault]:
+    """Yield the bodies that no joint and no driver ties, by way of others or not, to the ground."""
+    tied = {GROUND}
+    pairs = [constraint.bodies for constraint in constraints]
+    for _ in bodies:
+        tied |= {body for pair in pairs if tied & set(pair) for body in pair}
+    for k, body in enumerate(bodies):
+        if body.name not in tied:
+            yield Fault(f"body[{k}]", body.name, "a body that joints or drivers tie to the ground")
+
+
+def _guessed(fault: Fault) -> Fault:
+    """Return the fault with the word that was perhaps meant."""
+    key = fault.path.rpartition(".")[2]
+    group = re.split(r"[.\[]", fault.path)[0]
+    if fault.expected == "no such key":
+        inner = re.search(r"(law|rate_law|profile)[^.]*\.[^.]*$", fault.path)
+        known = KEYS["law"] if inner else KEYS.get(group if "." in fault.path else "", ())
+        return _meant(fault, key, known)
+    if fault.value == GROUND and group == "body":
+        return replace(fault, expected=f"a name other than {GROUND!r}, which is reserved for the fixed frame")
+    if isinstance(fault.value, str):
+        listed = re.findall(r"[^\s,']+", fault.expected.partition("one of")[2] or fault.expected.partition(":")[2])
+        return _meant(fault, fault.value, listed)
+    return fault
+
+
+def _meant(fault: Fault, word: str, known: Sequence[str]) -> Fault:
+    close = get_close_matches(word, known, 1, CLOSE)
+    return replace(fault, expected=f"{fault.expected} (did you mean {close[0]!r}?)") if close else fault
+
+
+def _where(path: str, data: Any, lines: dict[tuple[str, int], dict[str, int]]) -> str:
+    """Return "joint 'A', line 12" for a path into it; as much of it as is known."""
+    found = re.match(r"(\w+)\[(\d+)\]\.?(\w*)", path)
+    if not found or found[1] not in GROUPS:
+        return ""
+    group, place, key = found[1], int(found[2]), found[3]
+    try:
+        name = data[group][place].get("name")
+    except (AttributeError, IndexError, KeyError, TypeError):
+        return ""
+    told = [f"{group} {name!r}"] if isinstance(name, str) else []
+    own = lines.get((group, place), {})
+    return ", ".join(told + ([f"line {own.get(key, own[''])}"] if own else []))
+
+
+def _lines(text: str, data: Any) -> dict[tuple[str, int], dict[str, int]]:
+    """Return for each table of a group the line of its header, under "", and those of its keys.
+
+    Nothing of a group of which the text shows another number of headers than there are tables: some are written inline.
+    """
+    found: dict[tuple[str, int], dict[str, int]] = {}
+    counts = dict.fromkeys(GROUPS, 0)
+    own: dict[str, int] = {}
+    for number, line in enumerate(text.splitlines(), 1):
+        header = re.match(r"\s*\[\[\s*(\w+)\s*\]\]", line)
+        if header and header[1] in counts:
+            own = found[header[1], counts[header[1]]] = {"": number}
+            counts[header[1]] += 1
+        elif re.match(r"\s*\[", line) and "=" not in line and not line.strip().endswith(","):
+            own = {}
+        elif key := re.match(r"\s*(\w+)\s*=", line):
+            own.setdefault(key[1], number)
+    whole = {group for group in GROUPS if isinstance(data, dict) and counts[group] == len(data.get(group, ()))}
+    return {place: keys for place, keys in found.items() if place[0] in whole}

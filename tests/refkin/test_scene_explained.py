@@ -1,0 +1,80 @@
+"""Scene files forgive and explain: what was perhaps meant, which joint it is in, at which line, and how many."""
+
+from __future__ import annotations
+
+import codecs
+
+import pytest
+
+from refkin.errors import InvalidScene
+from refkin.scenes.files import load
+
+from .test_scene_files import TEXT
+
+
+def told(tmp_path, text: str) -> str:
+    path = tmp_path / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(InvalidScene) as found:
+        load(path)
+    return str(found.value).replace(f"{path}: ", "")
+
+
+def test_a_byte_order_mark_is_no_fault(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_bytes(codecs.BOM_UTF8 + TEXT.encode())
+
+    assert load(path).name == "crank-rocker"
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "meant"),
+    [
+        ("bodies_wanted =", "body_wanted =", "body_wanted: expected no such key (did you mean 'bodies_wanted'?)"),
+        ("count = 3", "cuont = 3", "times.cuont: expected no such key (did you mean 'count'?)"),
+        ("point_j = [-1.75", "pont_j = [-1.75", "joint[1].pont_j: expected no such key (did you mean 'point_j'?)"),
+        ('kind = "polynomial", coefficients', 'kind = "polynomial", coeficients', "(did you mean 'coefficients'?)"),
+        ('type = "angle"', 'type = "angel"', "(did you mean 'angle'?)"),
+        ('body_j = "rocker"', 'body_j = "roker"', "(did you mean 'rocker'?)"),
+    ],
+)
+def test_a_misspelt_word_gets_the_one_that_was_perhaps_meant(tmp_path, right, wrong, meant):
+    assert meant in told(tmp_path, TEXT.replace(right, wrong, 1))
+
+
+def test_a_key_like_no_other_gets_no_guess(tmp_path):
+    assert "did you mean" not in told(tmp_path, TEXT.replace("count = 3", "count = 3\nzzz = 1"))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "number"),
+    [("[0.5]", "2 numbers, not 1"), ("[]", "2 numbers, not 0"), ("[1.0, 2.0, 3.0]", "2 numbers, not 3")],
+)
+def test_a_wrong_length_says_how_many(tmp_path, wrong, number):
+    text = TEXT.replace("point_i = [0.5, 0.0]", f"point_i = {wrong}")
+
+    assert f"joint[1].point_i: expected {number}" in told(tmp_path, text)
+    assert told(tmp_path, text).count("joint[1].point_i") == 1
+
+
+def test_the_name_of_the_fixed_frame_is_told_to_be_reserved(tmp_path):
+    assert "body[0].name: expected a name other than 'ground', which is reserved" in told(
+        tmp_path, TEXT.replace('name = "crank"', 'name = "ground"', 1)
+    )
+
+
+def test_a_fault_names_its_joint_and_its_line(tmp_path):
+    text = TEXT.replace('body_i = "coupler"', 'body_i = "elsewhere"')
+    line = 1 + text.splitlines().index('body_i = "elsewhere"')
+
+    assert f"(joint 'B', line {line})" in told(tmp_path, text)
+
+
+def test_a_body_that_nothing_ties_to_the_ground_is_named(tmp_path):
+    loose = TEXT + '\n[[body]]\nname = "loose"\n[[body]]\nname = "hanging"\n[[joint]]\nname = "C"\ntype = "fixed"\n'
+    loose += 'body_i = "loose"\npoint_i = [0.0, 0.0]\nbody_j = "hanging"\npoint_j = [0.0, 0.0]\n'
+    message = told(tmp_path, loose)
+
+    assert "body[3]: expected a body that joints or drivers tie to the ground, got 'loose'" in message
+    assert "got 'hanging'" in message
+    assert "got 'crank'" not in message
