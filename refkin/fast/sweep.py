@@ -35,7 +35,7 @@ CONTINUOUS = 1e-2
 """How far a lane may lie from the quintic between the marched poses [sizes, rad]: a guess so far off converges."""
 QUARTERINGS = 4
 """How often the step between marched poses is quartered for the lanes between them."""
-MOST_EXTREMA = 2000
+MOST_EXTREMA = 500
 """Extrema of laws from the first time to the last beyond which it is left to the reference what to do about them."""
 NEAR = 8.0
 """How many times further than the estimate every other solution must be for the estimate to decide the branch."""

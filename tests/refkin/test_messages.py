@@ -1,0 +1,182 @@
+"""Every sentence that a solve prints is a claim: here is a scene where each is printed, and one where it is not.
+
+The sentences are read from the sources, so that a new one asks for its two scenes.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin import AngleDriver, Body, Distance, FourBar, Mechanism, Polynomial, Scene, Sinusoid, XDriver, YDriver
+
+ROOT = Path(__file__).parents[2]
+CORPUS = ROOT / "tests" / "corpus"
+SPEAKING = ("solving/sweep", "solving/solve", "solving/starts", "proof/pose/choices")
+LONG = 12
+"""Characters from which a text is a sentence."""
+ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+
+
+def scene(name, **changes):
+    return replace(refkin.load(CORPUS / f"{name}.toml"), **changes)
+
+
+def moved(name, law, **changes):
+    """A scene of the corpus with another law for its only driver."""
+    given = scene(name, **changes)
+    (driver,) = given.mechanism.drivers
+    return replace(given, mechanism=replace(given.mechanism, drivers=(replace(driver, law=law),)))
+
+
+def shaken(frequency):
+    law = Sinusoid(amplitude=0.1, angular_frequency=frequency)
+    still = AngleDriver(name="phi", body="b", law=Polynomial(coefficients=(0.0,)))
+    drivers = (XDriver(name="x", body="b", law=law), YDriver(name="y", body="b", law=law), still)
+    body = Body(name="b", estimate=(0.0, 0.0, 0.0))
+    return Scene(mechanism=Mechanism((body,), (), drivers), times=(0.0, 1.0))
+
+
+def parallelogram(*times):
+    law = Polynomial(coefficients=(-0.5, 1.0))
+    return FourBar(ground=2.0, crank=1.0, coupler=2.0, rocker=1.0).scene(law=law, times=times, branch="open")
+
+
+def estimated(**estimates):
+    """A four-bar with estimates of its own; None is none."""
+    given = ROCKER.scene(law=Polynomial(coefficients=(0.5,)), times=(0.0,))
+    bodies = tuple(replace(b, estimate=estimates.get(b.name, b.estimate)) for b in given.mechanism.bodies)
+    return replace(given, mechanism=replace(given.mechanism, bodies=bodies))
+
+
+def held(*lengths):
+    """A point that is so far from (0, 0) and from (2, 0)."""
+    rods = tuple(
+        Distance(
+            name=f"rod {k}", body_i="ground", point_i=(2.0 * k, 0.0), body_j="b", point_j=(0.0, 0.0), length=length
+        )
+        for k, length in enumerate(lengths)
+    )
+    still = AngleDriver(name="phi", body="b", law=Polynomial(coefficients=(0.0,)))
+    body = Body(name="b", estimate=(1.0, 0.5, 0.0))
+    return Scene(mechanism=Mechanism((body,), rods, (still,)), times=(0.0,))
+
+
+FAST, SLOW = Polynomial(coefficients=(0.3, 1e9)), Polynomial(coefficients=(0.3, 1.0))
+FLAT = (-3.7219566330096985 + 1e-9, -1.889041898950115, 0.9445209494750575)
+SAID = {
+    "gave up at t = {}: the laws turn back {}": (shaken(1e4), shaken(1e2)),
+    "more than {} times before t = {}": (shaken(1e4), shaken(1e2)),
+    "the branch ends at a singular pose after t = {}": (
+        scene("fast-table-pulse"),
+        scene("fast-table-pulse", times=(0.0, 0.2)),
+    ),
+    "at t = {}, where a law turns back, no pose of the branch is proved to be alone": (
+        scene("limit-touched-1e-17"),
+        moved("limit-touched-1e-17", Polynomial(coefficients=FLAT)),
+    ),
+    "t has no more digits at t = {}: by its last one a law moves by {} [sizes, rad]": (
+        moved("time-resolution", FAST),
+        moved("time-resolution", SLOW, times=(0.0, 3e-7, 6e-7)),
+    ),
+    "the pose at t = {} is singular: how the branch goes on is not decided": (
+        parallelogram(0.0, 0.5, 0.6),
+        parallelogram(0.0, 0.4),
+    ),
+    "at t = {} redundant rows contradict each other in {}: {} times what rounding explains": (
+        scene("unassemblable-but-assembled"),
+        scene("redundant-one-ulp"),
+    ),
+    "assembly {} of {}{}": (estimated(rocker=None), estimated()),
+    "no estimate for {}": (estimated(rocker=None), estimated()),
+    "{} (gap at least {} of the size {} m)": (held(0.9, 0.9), held(1.2, 1.2)),
+}
+"""Sentence -> a scene where it is said, and one where it is not."""
+ELSEWHERE = {
+    "gave up at t = {} after {} steps": "test_sweep.py: a_sweep_that_gives_up_before_a_law_turns_back",
+    "no step from t = {} on, however small, is certain to stay on the branch": "test_messages.py: a_step_that_is_never",
+    "after t = {} it is not proved on which branch the motion goes on": "test_messages.py: a_branch_that_is_not_proved",
+    "the contact of {} leaves its profile after t = {}": "test_contact_profiles.py: profile",
+    "{}: Newton's, nearer than {} others found": "test_hostile_scenes.py: peaucellier_starts",
+    "redundant rows can be chosen in more than {} ways: no error bound covers all of them": (
+        "test_hostile_scenes.py: too_many_choices"
+    ),
+}
+"""Sentence -> the file, and a part of the name, of the test that is about it."""
+UNTRIED = {
+    "{}; smallest scaled residual {}",
+    "no assembly was found at t = {}: {}",
+    "the estimate was far: {} found an assembly at t = {}",
+    "{}: less than rounding of the numbers explains",
+    "damped Newton{}",
+    "least squares{}",
+}
+"""Sentences about starts that no enumeration reaches: no small scene is known yet. No other may join them."""
+
+
+def sentences():
+    """Yield the texts with numbers in them, with {} for each number, in the modules that speak."""
+    for name in SPEAKING:
+        tree = ast.parse((ROOT / "refkin" / f"{name}.py").read_text(encoding="utf-8"))
+        for node in ast.walk(tree):
+            if isinstance(node, ast.JoinedStr):
+                text = "".join(str(v.value) if isinstance(v, ast.Constant) else "{}" for v in node.values)
+                if len(text) > LONG:
+                    yield text
+
+
+def says(motion, sentence):
+    parts = [re.escape(part) for part in sentence.split("{}")]
+    return re.search(".+?".join(parts), motion.message) is not None
+
+
+def test_every_sentence_has_its_scenes_or_a_test():
+    assert set(sentences()) == {*SAID, *ELSEWHERE, *UNTRIED}
+    assert len(UNTRIED) <= 6
+
+
+@pytest.mark.parametrize("sentence", SAID)
+def test_a_sentence_is_said_where_it_holds_and_not_where_it_does_not(sentence):
+    true, false = (refkin.solve(given) for given in SAID[sentence])
+
+    assert says(true, sentence), true.message
+    assert not says(false, sentence), false.message
+    assert false.verdict is refkin.Status.OK
+
+
+@pytest.mark.parametrize("sentence", ELSEWHERE)
+def test_sentences_with_tests_elsewhere_have_them(sentence):
+    name, part = ELSEWHERE[sentence].split(": ")
+    defined = re.findall(r"^def (\w+)", (ROOT / "tests" / "refkin" / name).read_text(encoding="utf-8"), re.M)
+
+    assert any(part in function for function in defined if function.startswith("test_"))
+
+
+def test_a_step_that_is_never_certain_is_not_blamed_on_a_singular_pose(monkeypatch):
+    given = ROCKER.scene(speed=1.0, turns=0.1, samples=2)
+    sentence = "no step from t = {} on, however small, is certain to stay on the branch"
+    assert not says(refkin.solve(given), sentence)
+    monkeypatch.setattr("refkin.solving.sweep.Sweep._on_branch", lambda *_: False)
+
+    motion = refkin.solve(given)
+
+    assert motion.status[1] is refkin.Status.BRANCH_LOST
+    assert says(motion, sentence)
+
+
+def test_a_branch_that_is_not_proved_is_named_by_the_last_time_up_to_which_it_is(monkeypatch):
+    given = ROCKER.scene(law=Polynomial(coefficients=(0.3, 1.0)), times=(0.0, 0.1, 0.2))
+    sentence = "after t = {} it is not proved on which branch the motion goes on"
+    assert not says(refkin.solve(given, certified=True), sentence)
+    monkeypatch.setattr("refkin.solving.solve.first_gap", lambda _, t, *rest: len(t) - 2)
+
+    motion = refkin.solve(given, certified=True)
+
+    assert says(motion, sentence)
+    assert np.isnan(motion.q[0]).tolist() == [False, False, True]
