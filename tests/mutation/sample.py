@@ -237,7 +237,8 @@ def main():
     given = parser.parse_args()
     run = Run(given)
     quiet = ["-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist"]
-    pytest.main([*quiet, *given.tests], plugins=[run])
+    with suppress(pytest.PytestUnraisableExceptionWarning):  # of what was left open when tests were ended
+        pytest.main([*quiet, *given.tests], plugins=[run])
     return told(run)
 
 

@@ -140,3 +140,11 @@ def test_a_march_ends_after_so_many_steps():
 def test_a_move_is_that_of_the_coordinate_that_moves_most():
     assert _largest((0.0, 1.0, 0.25), (0.0, -2.0, 0.5)) == 3.0
     assert _largest((), ()) == 0.0
+
+
+def test_a_march_goes_by_way_of_the_times_at_which_laws_turn_back():
+    work = task()
+    start = work._start()
+    work.march.extrema = lambda a, b: [t for t in (0.0123,) if a < t < b]
+
+    assert 0.0123 in [pose.t for pose in work.march.to(0.1, start)]
