@@ -18,13 +18,15 @@ from refkin.errors import LONGEST, InvalidRequest
 
 CONTRACTION = 1 / 8
 """Largest ratio of Newton's second correction to its first: a quarter of what Newton-Kantorovich needs for a root."""
+ROUND_OFF = 32 * EPS
+"""What rounding leaves of phi at a root, in units of the largest coordinate or of 1."""
 TINY = 1e-6
 """First corrections below it are round-off of a good prediction, or too small to leave a regular branch."""
 
 
 def is_round_off(residual: Any, q: Any) -> Any:
-    """Return whether phi (m,) or (m, B) is what rounding leaves of it: 32 units of the largest coordinate or of 1."""
-    return np.max(np.abs(residual), axis=0) <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))
+    """Return whether phi (m,) or (m, B) at q (n,) or (n, B) is what rounding leaves of it at a root."""
+    return np.max(np.abs(residual), axis=0) <= ROUND_OFF * np.maximum(1.0, np.max(np.abs(q), axis=0))
 
 
 def contracts(sizes: Sequence[float], tiny: float = TINY) -> bool:

@@ -12,7 +12,6 @@ import numpy as np
 
 from refkin import __version__
 from refkin.analysis import SINGULAR
-from refkin.differences import EPS
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
 from refkin.model import Effect, Evidence, Scene
@@ -28,6 +27,7 @@ from refkin.motion import (
     nowhere,
     point_motion,
 )
+from refkin.newton import ROUND_OFF
 from refkin.proof.numbers.inputs import half_ulp
 from refkin.proof.pose.choices import over_all_choices
 from refkin.proof.pose.isolate import FLOAT64, isolate
@@ -79,9 +79,9 @@ def _closed(residual: Any, q: Any) -> bool:
 
     NaN is not below anything.
     """
-    if (residual <= 32 * EPS).all():
+    if (residual <= ROUND_OFF).all():
         return True
-    return bool((residual <= 32 * EPS * np.maximum(1.0, np.max(np.abs(q), axis=0))).all())
+    return bool((residual <= ROUND_OFF * np.maximum(1.0, np.max(np.abs(q), axis=0))).all())
 
 
 def _evidence(

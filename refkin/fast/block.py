@@ -6,7 +6,6 @@ from typing import Any
 
 import numpy as np
 
-from refkin.differences import EPS
 from refkin.errors import Fault, InvalidScene
 from refkin.fast.certify import FamilyProof
 from refkin.fast.compiled import Compiled
@@ -31,7 +30,7 @@ from refkin.fast.turning import common_extrema, may_turn
 from refkin.joints import initial_contacts
 from refkin.model import Evidence
 from refkin.motion import Status
-from refkin.newton import CONTRACTION
+from refkin.newton import CONTRACTION, ROUND_OFF
 from refkin.proof.numbers.extrema import extrema_of
 from refkin.proof.numbers.inputs import half_ulp
 from refkin.system import compile_system
@@ -272,10 +271,10 @@ class Block:
         q = self.space.level(0)
         phi = self.system.phi(q, t)
         self.residual = np.maximum.reduce(np.abs(phi, out=phi))
-        open_ = np.flatnonzero(self.alive & ~(self.residual <= 32 * EPS))
+        open_ = np.flatnonzero(self.alive & ~(self.residual <= ROUND_OFF))
         if open_.size:  # as `refkin.solve` has it: 32 units of the largest coordinate, or of the size
             scale = np.max(np.abs(q[:, open_]), axis=0)
-            self.codes[open_[~(self.residual[open_] <= 32 * EPS * scale)]] = code
+            self.codes[open_[~(self.residual[open_] <= ROUND_OFF * scale)]] = code
 
     def _remember(self, t: float) -> None:
         """Note the levels of the core; lanes that are lost are carried on at rest."""

@@ -13,13 +13,12 @@ from typing import Any
 
 import numpy as np
 
-from refkin.differences import EPS
 from refkin.errors import Fault, InvalidScene, RefkinError
 from refkin.fast.colouring import Colouring
 from refkin.joints import initial_contacts
 from refkin.model import Effect, Scene
 from refkin.motion import Status
-from refkin.newton import contracts
+from refkin.newton import ROUND_OFF, contracts
 from refkin.system import PROFILE_ORDER, Placed, System, compile_system
 from refkin.vec import BodyValues, ParameterValue, Vec, cosine_and_sine
 
@@ -246,7 +245,7 @@ def solve_at(sparse: SparseSystem, q0: Any, t: float) -> Large:
             Status.NOT_CONVERGED, None, None, None, float(np.max(np.abs(residual))), np.inf, np.inf, tuple(steps)
         )
     size = float(np.max(np.abs(residual)))
-    closes = size <= 32 * EPS * scale and steps[-1] <= ENOUGH * scale and contracts(steps)
+    closes = size <= ROUND_OFF * scale and steps[-1] <= ENOUGH * scale and contracts(steps)
     norm = inverse_norm(lu, len(q))
     h = LIPSCHITZ * norm * float(np.max(np.abs(lu.solve(residual))))
     status = Status.NOT_CONVERGED if not closes else Status.OK if h <= LARGEST_H else Status.SINGULAR
