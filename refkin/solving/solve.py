@@ -21,6 +21,7 @@ from refkin.proof.pose.choices import over_all_choices
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import Enclosure
 from refkin.proof.singularity.diagnosis import diagnose_scaled
+from refkin.solving.limits import check_size
 from refkin.solving.starts import find_start, unassemblable
 from refkin.solving.sweep import Arrival, Sweep, pose_between
 from refkin.system import System, compile_system
@@ -35,8 +36,10 @@ def solve(scene: Scene, *, certified: bool = False) -> Motion:
     """Return position and what else the scene calls for, with evidence, on the branch of its estimates.
 
     Numbers that fail are statuses in the result, never exceptions. With `certified` it is also proved that between the
-    times the branch was never changed (`proof.branch`); where that is not proved, the branch is lost.
+    times the branch was never changed (`proof.branch`); where that is not proved, the branch is lost. What would take
+    more than the limits (`solving.limits`) is refused.
     """
+    check_size(scene)
     implied = {Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set()
     system = compile_system(scene.mechanism, scene.effects | implied, scene.mechanism.unit())
     q, status, message = _positions(system, scene, certified)

@@ -1,0 +1,49 @@
+"""A solve that would take hours is refused at once, with what it would take, by a limit that can be raised."""
+
+from __future__ import annotations
+
+import time
+from itertools import pairwise
+
+import pytest
+
+import refkin
+from refkin import AngleDriver, Body, Mechanism, Polynomial, Revolute, Scene
+from refkin.errors import InvalidScene
+from refkin.solving import limits
+
+
+def chain(count: int) -> Scene:
+    """Return a chain of bodies, each turned against the one before."""
+    names = ["ground", *(f"b{k}" for k in range(count))]
+    pairs = list(pairwise(names))
+    joints = tuple(
+        Revolute(name=f"j{k}", body_i=i, point_i=(float(k > 0), 0.0), body_j=j, point_j=(0.0, 0.0))
+        for k, (i, j) in enumerate(pairs)
+    )
+    law = Polynomial(coefficients=(0.1,))
+    drivers = tuple(AngleDriver(name=f"d{k}", body=j, relative_to=i, law=law) for k, (i, j) in enumerate(pairs))
+    bodies = tuple(Body(name=name, estimate=(float(k), 0.0, 0.0)) for k, name in enumerate(names[1:]))
+    return Scene(mechanism=Mechanism(bodies, joints, drivers), times=(0.0,), name="chain")
+
+
+def test_a_chain_of_twenty_thousand_bodies_is_refused_in_a_second_with_what_it_would_take():
+    scene = chain(20_000)
+    start = time.process_time()
+    with pytest.raises(
+        InvalidScene, match=r"60000 coordinates at 1 times, would take about 28.8 GB and \d+ h; set REFKIN_LIMIT="
+    ):
+        refkin.solve(scene)
+
+    assert time.process_time() - start < 5.0
+
+
+def test_the_limit_can_be_raised_and_lowered(monkeypatch):
+    scene = chain(3)
+    assert refkin.solve(scene).verdict == "ok"
+
+    monkeypatch.setattr(limits, "MOST_BYTES", 8.0 * 9 * 9 / 2)
+    with pytest.raises(InvalidScene, match="REFKIN_LIMIT=2"):
+        refkin.solve(scene)
+    monkeypatch.setenv(limits.VARIABLE, "2.1")
+    assert refkin.solve(scene).verdict == "ok"
