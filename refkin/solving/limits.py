@@ -31,7 +31,7 @@ def check_size(scene: Scene) -> None:
         needed = max(size / MOST_BYTES, seconds / MOST_SECONDS)
         expected = (
             f"a scene that a dense solve can take: this one, of {columns} coordinates at {times} times, would take "
-            f"about {size / 1e9:.3g} GB and {seconds / 3600:.3g} h; set {VARIABLE}={1.05 * needed:.2g} to try, or ask for "
-            "fewer times"
+            f"about {size / 1e9:.3g} GB and {seconds / 3600:.3g} h; set {VARIABLE}={1.05 * needed:.2g} to try, or ask "
+            "for fewer times"
         )
         raise InvalidScene([Fault("body", len(mechanism.bodies), expected)], scene.name)
