@@ -206,7 +206,17 @@ def mobility(mechanism: Mechanism, q: Any, t: float = 0.0, tolerance: float = SI
 
 
 def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = SINGULAR) -> Mobility:
-    """Return the mobility at a pose in the coordinates of a system."""
+    """Return the mobility at a pose.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit.
+    q : (n,) array
+        The pose at time t [s], in the system's coordinates.
+    tolerance : float
+        Singular values of the scaled phi_q at or below this do not count.
+    """
     if np.shape(q) != (system.n,):
         raise InvalidScene([Fault("q", np.shape(q), f"{system.n} coordinates")], "mobility")
     # Small wheels turn each other as well as large ones do.
@@ -227,7 +237,17 @@ def row_names(system: System) -> tuple[str, ...]:
 
 
 def rank_of(matrix: Any, names: Sequence[str], tolerance: float = SINGULAR) -> Rank:
-    """Return the rank of a matrix (m, n) with rows of these names, and which of them depend on which."""
+    """Return the rank of a matrix, and which of its rows depend on which.
+
+    Parameters
+    ----------
+    matrix : (m, n) array
+        Rows of phi_q.
+    names : sequence of str
+        What the rows are called, m of them.
+    tolerance : float
+        Singular values at or below this do not count.
+    """
     m, n = matrix.shape
     if not m:
         return Rank(n, 0, 0.0, 0.0, ())

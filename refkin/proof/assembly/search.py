@@ -291,7 +291,17 @@ def radical_inverse(k: int, base: int) -> float:
 
 
 def closes(system: System, q: Array, t: float, allowed: float = 0.0) -> bool:
-    """Return whether the residual of a pose (n,) at time t [s] is round-off, or no more than is allowed."""
+    """Return whether the residual of a pose is round-off, or no more than is allowed.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit.
+    q : (n,) array
+        The pose at time t [s], in the system's coordinates.
+    allowed : float
+        The residual that is allowed in any case.
+    """
     residual = system.phi(q, t)
     return bool(is_round_off(residual, q)) or float(np.max(np.abs(residual))) <= allowed
 

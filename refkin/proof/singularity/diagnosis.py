@@ -95,7 +95,22 @@ class Diagnosis:
 
 
 def diagnose_scaled(system: System, q: Any, t: float) -> Diagnosis:
-    """Say what a pose is, in the coordinates of a system in its mechanism's own unit."""
+    """Say what a pose is.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit.
+    q : (n,) array
+        The pose, in the system's coordinates.
+    t : float
+        Its time [s].
+
+    Raises
+    ------
+    ValueError
+        If q does not close.
+    """
     # Far from their origin, x and y carry the rounding of their own size.
     residual, size = float(np.max(np.abs(system.phi(q, t)))), max(1.0, float(np.max(np.abs(q))))
     if not residual <= OPEN * size:
