@@ -324,3 +324,11 @@ def test_a_missing_drift_term_of_the_loop_is_seen_in_the_accelerations(monkeypat
     motion = Mujoco().solve(four_bar())
 
     assert error(motion, four_bar_rows(1.0), 2) > CLOSED[2]
+
+
+def test_a_tree_without_open_loops_has_no_rows_of_mujoco() -> None:
+    rows = TreeRows(replace(joint_tree(four_bar().mechanism), closures=()))
+    q = np.zeros((3, rows.tree.width))
+    residual, jacobian, *_ = rows.closure(q, [])
+
+    assert (residual.shape, jacobian.shape) == ((3, 0), (3, 0, rows.tree.width))

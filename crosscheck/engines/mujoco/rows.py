@@ -118,7 +118,7 @@ class MujocoRows:
             if more:
                 self._read_guides(m, d, guides[k])
                 points.read(m, d, k)
-        slopes = jacobian.reshape(-1, count, n)
+        slopes = jacobian.reshape(len(q), count, n)
         if guides.size or self._constants.size:
             none = np.zeros((len(q), len(self._constants), n))
             slopes = np.concatenate([slopes, guides[:, :, 1:], none], axis=1)
