@@ -7,6 +7,7 @@ import importlib
 
 import pytest
 
+from refkin.joints import DRIVER_TYPES, JOINT_TYPES, Disc, Driver, Polar
 from tests.houseplan import ROOT, arrows, circles, floors, folded, imported, module_of, sources
 
 ENGINE_PACKAGES = {"exudyn", "pinocchio", "mujoco", "coal"}
@@ -200,3 +201,30 @@ FILE_FLOORS = 12
 
 def test_at_most_three_modules_stand_at_the_top_of_crosscheck():
     assert len(list((ROOT / "crosscheck").glob("*.py"))) - 1 <= 3  # but for its face
+
+
+JOINT_NAMES = {cls.__name__ for cls in (*JOINT_TYPES, *DRIVER_TYPES, Driver, Disc, Polar)}
+MOST_QUESTIONS = 12
+"""How often a joint's type was asked for outside `refkin/joints` when this was written; 124 times at b3b28a8."""
+
+
+def questions(path):
+    """Yield where a file asks which type a joint is: by `isinstance`, by its `type`, or by a table of classes."""
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "isinstance":
+            asked = JOINT_NAMES & {name.id for name in ast.walk(node.args[1]) if isinstance(name, ast.Name)}
+        elif isinstance(node, ast.Compare):
+            asked = [x for x in (node.left, *node.comparators) if isinstance(x, ast.Attribute) and x.attr == "type"]
+        else:
+            keys = node.keys if isinstance(node, ast.Dict) else ()
+            asked = [key for key in keys if isinstance(key, ast.Name) and key.id in JOINT_NAMES]
+        if asked:
+            yield f"{path.relative_to(ROOT)}:{node.lineno}"
+
+
+def test_a_joint_is_built_from_its_elements_not_from_its_type():
+    paths = [path for package in ("refkin", "crosscheck") for path in sources(package) if path.parent.name != "joints"]
+    found = [where for path in paths for where in questions(path)]
+
+    assert len(found) <= MOST_QUESTIONS, found
+    assert not [where for where in found if where.startswith("crosscheck/engines")]

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from refkin.fast.given import rows_in
-from refkin.joints import Constraint, DistanceDriver
+from refkin.joints import Constraint, PointDistance
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid
 from refkin.proof.numbers.extrema import derivative, extrema, extrema_of, zeros
 
@@ -49,7 +49,9 @@ def may_turn(constraints: tuple[Constraint, ...], a: float, b: float, lanes: int
         for law in constraint.laws:
             if _common(law, a, b) is None:
                 found |= _turns(law, a, b)
-            if isinstance(constraint, DistanceDriver):  # its row depends on f^2
+            if any(
+                isinstance(element, PointDistance) and element.laws for element in constraint.elements()
+            ):  # its row depends on f^2
                 found |= ~_keeps_its_sign(law, a, b)
     return found
 

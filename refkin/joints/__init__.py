@@ -1,7 +1,7 @@
 """The joints and drivers: each one's formulas written once, in scalar arithmetic (see `base`)."""
 
 from refkin.joints.base import SI, Constraint, Unit
-from refkin.joints.cams import Cam, Disc, Polar, initial_contacts
+from refkin.joints.cams import Cam, Disc, Polar, initial_contacts, polar_cams
 from refkin.joints.drivers import DRIVER_TYPES, AngleDriver, DistanceDriver, Driver, XDriver, YDriver
 from refkin.joints.elements import (
     GROUND,
@@ -57,4 +57,5 @@ __all__ = [
     "YDriver",
     "elements_of",
     "initial_contacts",
+    "polar_cams",
 ]

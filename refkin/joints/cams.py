@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Annotated, Any, ClassVar, Literal
@@ -205,6 +205,11 @@ class Cam(Constraint):
 
     def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
         return self.contact.gamma(g, f, *at)  # type: ignore[no-any-return]
+
+
+def polar_cams(constraints: Iterable[Constraint]) -> list[Any]:
+    """Return the cams of polar profile: those that bring a contact parameter, with a `span` and a `profile`."""
+    return [c for c in constraints if isinstance(c, Cam) and c.parameters]
 
 
 def initial_contacts(system: Any, q: Any, t: float) -> Any:

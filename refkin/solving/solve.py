@@ -9,7 +9,7 @@ import numpy as np
 from refkin import __version__
 from refkin.analysis import ROUTE, SINGULAR, acceleration, motion_of, velocity
 from refkin.differences import EPS
-from refkin.joints import Cam, Polar
+from refkin.joints import polar_cams
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Producer, Status, no_radius, nowhere
 from refkin.newton import is_round_off
@@ -111,11 +111,10 @@ def _swept(sweep: Sweep, times: tuple[float, ...]) -> tuple[Any, int, str, Statu
 
 def end_of_profile(system: System, q: Any) -> str:
     """Return the joint whose contact is at an end of its open profile, "" if there is none."""
-    for joint in system.mechanism.joints:
-        if isinstance(joint, Cam) and isinstance(joint.profile, Polar):
-            (s,) = q[system.parameter(joint.name)]
-            if min(abs(s - end) for end in joint.profile.law.domain()) < AT_END:
-                return joint.name
+    for cam in polar_cams(system.mechanism.joints):
+        (s,) = q[system.parameter(cam.name)]
+        if min(abs(s - end) for end in cam.profile.law.domain()) < AT_END:
+            return str(cam.name)
     return ""
 
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from refkin.analysis import SINGULAR, estimated, position, sigma_min
-from refkin.joints import Cam
+from refkin.joints import polar_cams
 from refkin.model import Scene
 from refkin.motion import Status
 from refkin.newton import NewtonResult, contracts
@@ -129,7 +129,7 @@ def _choice(
     held = np.zeros(system.n, bool)
     for body in system.mechanism.bodies:
         held[system.columns(body.name)] = body.name not in missing
-    for cam in (j for j in system.mechanism.joints if isinstance(j, Cam)):
+    for cam in polar_cams(system.mechanism.joints):
         held[system.parameter(cam.name)] = cam.contact_estimate is not None
     poses = [_turned_to(system, q, estimate, held, t) for q in (*found.poses, *([] if own is None else [own]))]
     regular = [sigma_min(system.phi_q(q, t)) > SINGULAR for q in poses]

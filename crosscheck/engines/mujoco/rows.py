@@ -120,8 +120,8 @@ class MujocoRows:
                 points.read(m, d, k)
         slopes = jacobian.reshape(len(q), count, n)
         if guides.size or self._constants.size:
-            none = np.zeros((len(q), len(self._constants), n))
-            slopes = np.concatenate([slopes, guides[:, :, 1:], none], axis=1)
+            none = np.zeros((len(q), len(self._constants), 1 + n))  # n may be 0: all that moves is fixed
+            slopes = np.concatenate([slopes, guides[:, :, 1:], none[:, :, 1:]], axis=1)
             residual = np.concatenate([residual, guides[:, :, 0], none[:, :, 0] + self._constants], axis=1)
         slopes = slopes[:, self._pick[:, None], self._columns]
         return residual[:, self._pick], slopes, points.r, points.jacobian[..., self._columns]

@@ -21,7 +21,7 @@ import numpy as np
 from flint import arb
 
 from refkin.analysis import position
-from refkin.joints import GROUND, Cam, Polar, RollingOnLine, RollingWheels, elements_of, initial_contacts
+from refkin.joints import GROUND, RollingOnLine, RollingWheels, elements_of, initial_contacts, polar_cams
 from refkin.motion import Array
 from refkin.newton import is_round_off
 from refkin.proof.assembly.clusters import Plan, headings, plan
@@ -157,7 +157,7 @@ class _Search:
 
     def _halton(self) -> Iterator[tuple[float, ...]]:
         """Yield trial angles, and contact parameters after them."""
-        contacts = [c.span for c in self.system.mechanism.joints if isinstance(c, Cam) and c.parameters]
+        contacts = [cam.span for cam in polar_cams(self.system.mechanism.joints)]
         ranges = [(-math.pi, math.pi) for _ in self.turned] + contacts
         for k in range(1, MOST_STARTS + 1 if ranges else 2):
             point = [radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(len(ranges))]
@@ -211,7 +211,7 @@ class _Search:
         counted = {GROUND, *(body for e in rolling for body in e.bodies)}
         free = [heading for heading in self._headings() if counted.isdisjoint(heading)]
         groups = [[self.system.columns(body).stop - 1 for body in self.names if body in heading] for heading in free]
-        closed = [c.name for c in joints if isinstance(c, Cam) and isinstance(c.profile, Polar) and c.profile.closed]
+        closed = [cam.name for cam in polar_cams(joints) if cam.profile.closed]
         for group in (*groups, *([self.system.parameter(name).start] for name in closed)):
             q[group] -= math.tau * math.ceil(q[group[0]] / math.tau - 0.5)
         return q

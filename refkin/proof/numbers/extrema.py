@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.joints import Constraint, DistanceDriver
+from refkin.joints import Constraint, PointDistance
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
 
 MOST = 100_000
@@ -32,7 +32,7 @@ def extrema_of(constraints: Iterable[Constraint], a: float, b: float) -> list[fl
     for constraint in constraints:
         for law in constraint.laws:
             found.update(extrema(law, a, b))
-            if isinstance(constraint, DistanceDriver):
+            if any(isinstance(element, PointDistance) and element.laws for element in constraint.elements()):
                 found.update(zeros(law, a, b))
     return sorted(found)
 
