@@ -89,9 +89,14 @@ def largest(values: Any) -> float | None:
 
 
 def largest_ratio(ratios: Any) -> float | None:
-    """Return the largest ratio, an infinite one as the largest double; None if nothing was compared."""
+    """Return the largest ratio to six figures, an infinite one as the largest double; None if nothing was compared."""
     compared = np.asarray(ratios)[~np.isnan(ratios)]
-    return min(float(compared.max()), sys.float_info.max) if compared.size else None
+    return short(min(float(compared.max()), sys.float_info.max)) if compared.size else None
+
+
+def short(ratio: float) -> float:
+    """Return a ratio to six figures, but as it is where those might move it across 1, or to infinity."""
+    return ratio if abs(ratio - 1.0) < 1e-3 or ratio > 1e300 else float(f"{ratio:.6g}")
 
 
 def smallest(values: Any) -> float:

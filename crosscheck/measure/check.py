@@ -40,6 +40,7 @@ from crosscheck.judge.samples import (
     largest,
     largest_ratio,
     quantities,
+    short,
     smallest,
 )
 from refkin.model import Mechanism, Scene
@@ -253,7 +254,7 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part) -
             missing=compared.missing,
             judged=compared.judged,
             times=len(motion.status),
-            seconds=seconds,
+            seconds=float(f"{seconds:.4g}"),
             certificate=_enclosure(engine, scene, motion) if subject.arbiter else None,
         )
     )
@@ -323,7 +324,7 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
             part.disagreements.append(Disagreement(**who, quantity="status", kind=Kind.NO_ANSWER, message=str(error)))
         return
     for level, compared in levels.items():
-        ratio = compared.ratio if np.isfinite(compared.ratio) else sys.float_info.max
+        ratio = short(compared.ratio) if np.isfinite(compared.ratio) else sys.float_info.max
         digits = histogram(compared.digits)
         part.levels.append(
             LevelRow(

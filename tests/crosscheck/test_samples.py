@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,7 @@ import pytest
 
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.records import line_of, read_line
-from crosscheck.judge.samples import attainable, common_sample, off_at
+from crosscheck.judge.samples import attainable, common_sample, off_at, short
 from crosscheck.measure.check import check
 from crosscheck.night.pictures import worst_sample
 from refkin import FourBar, Polynomial, solve
@@ -74,3 +75,9 @@ def test_a_record_comes_back_from_its_line_as_it_was(scene):
 
     assert read_line(line_of(record)) == record
     assert record.answers[0].certificate is not None
+
+
+def test_a_ratio_that_is_shortened_stays_on_its_side_of_one():
+    assert [short(ratio) for ratio in (0.123456789, 41.23456789)] == [0.123457, 41.2346]
+    assert short(1.0 + 1e-9) > 1.0 > short(1.0 - 1e-9)
+    assert short(sys.float_info.max) == sys.float_info.max
