@@ -33,12 +33,13 @@ def closed_form(lengths, phi, sign=1):
 
 
 def geometry(lengths):
-    ground, crank, coupler, rocker = lengths
+    """The points of the joints along their links, whose middles are the bodies' own origins."""
+    ground, *links = lengths
+    crank, coupler, rocker = (x / 2 for x in links)
+    ends = {"A0": (None, -crank), "A": (crank, -coupler), "B": (coupler, rocker), "B0": (ground, -rocker)}
     return {
-        "A0": {"point_j": (-crank / 2, 0.0)},
-        "A": {"point_i": (crank / 2, 0.0), "point_j": (-coupler / 2, 0.0)},
-        "B": {"point_i": (coupler / 2, 0.0), "point_j": (rocker / 2, 0.0)},
-        "B0": {"point_i": (ground, 0.0), "point_j": (-rocker / 2, 0.0)},
+        name: {key: (x, 0.0) for key, x in zip(("point_i", "point_j"), pair, strict=True) if x is not None}
+        for name, pair in ends.items()
     }
 
 
