@@ -12,6 +12,7 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
+from crosscheck.commands.usage import console
 from crosscheck.engines import PEERS, EngineError, available
 from crosscheck.errors import UsageError
 from crosscheck.judge.hard_poses import Outcome
@@ -84,7 +85,7 @@ def _cases(kinds: Sequence[str]) -> list[HardCase]:
 
 def _print(rows: Sequence[dict[str, Any]]) -> None:
     """Print case x method with the verdicts, how many of each, and what is wrong with its explanation."""
-    console = Console(width=None if sys.stdout.isatty() else 200)
+    out = console(200)
     names = list(dict.fromkeys((row["engine"], row["method"]) for row in rows))
     count, of = len({(row["case"], row["distance"]) for row in rows}), max((row["of"] for row in rows), default=0)
     asked = f"all {of}" if count == of else f"{count} of {of}, the same for all engines"
@@ -100,11 +101,11 @@ def _print(rows: Sequence[dict[str, Any]]) -> None:
     for verdict in Outcome:
         counts = [sum((r["engine"], r["method"], r["verdict"]) == (*name, verdict) for r in rows) for name in names]
         table.add_row(f"all: {verdict}", "", *map(str, counts))
-    console.print(table)
-    _print_wrong(console, rows)
+    out.print(table)
+    _print_wrong(out, rows)
 
 
-def _print_wrong(console: Console, rows: Sequence[dict[str, Any]]) -> None:
+def _print_wrong(out: Console, rows: Sequence[dict[str, Any]]) -> None:
     """Print what is wrong with its explanation, the rows that share one together."""
     by_reason: dict[tuple[str, ...], list[dict[str, Any]]] = {}
     for row in rows:
@@ -112,6 +113,6 @@ def _print_wrong(console: Console, rows: Sequence[dict[str, Any]]) -> None:
             reason = f"{row['class']}: {row['quote']}" if row["class"] else "no finding explains this"
             by_reason.setdefault((row["engine"], row["method"], row["verdict"], reason), []).append(row)
     for (engine, name, verdict, reason), found in by_reason.items():
-        console.print(f"\n{engine} ({name}), {verdict}: {reason}", markup=False, highlight=False)
+        out.print(f"\n{engine} ({name}), {verdict}: {reason}", highlight=False)
         for row in found:
-            console.print(f"  {row['case']}, {row['distance']:.3g}: {row['note']}", markup=False, highlight=False)
+            out.print(f"  {row['case']}, {row['distance']:.3g}: {row['note']}", highlight=False)

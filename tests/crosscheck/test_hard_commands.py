@@ -12,7 +12,6 @@ import refkin
 from crosscheck.cli import main
 from crosscheck.measure.hard_table import KEYS, hard_case_rows
 from crosscheck.night.hunting import CERTIFICATE, STRATA, Bag, Catch, hunt, ratios, turn_of
-from crosscheck.report.build import HARD_CASES
 from crosscheck.report.measured import measured
 
 ENGINES = Path(__file__).parent / "hard_engines.py"
@@ -65,7 +64,7 @@ def test_an_engine_that_cannot_be_loaded_is_missing(capsys):
 
 def test_the_rows_of_a_night_are_read_by_the_report(tmp_path):
     rows = hard_case_rows(["refkin"], 2.0)
-    (tmp_path / HARD_CASES).write_text(json.dumps(rows, allow_nan=False), encoding="utf-8")
+    (tmp_path / "hard_cases.json").write_text(json.dumps(rows, allow_nan=False), encoding="utf-8")
     found, faults = measured(tmp_path)
 
     assert faults == []
