@@ -418,7 +418,8 @@ def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, r
 
 def _regular(jacobian: Array, inverse: Array) -> Any:
     """Return whether the columns are independent by more than `SINGULAR`, of which the inverse's norm is a bound."""
-    regular: Any = np.linalg.norm(inverse, axis=(1, 2)) <= 1.0 / SINGULAR
+    _, m, n = jacobian.shape
+    regular: Any = (np.linalg.norm(inverse, axis=(1, 2)) <= 1.0 / SINGULAR) & (m == n or n == 0)  # else truncated
     for k in np.flatnonzero(~regular):
         regular[k] = np.linalg.svd(jacobian[k], compute_uv=False)[-1] >= SINGULAR
     return regular

@@ -231,6 +231,18 @@ def test_a_matrix_without_inverse_spoils_no_other_in_its_batch() -> None:
     assert x[1].tolist() == [1.0, 1.0]
 
 
+def test_redundant_rows_do_not_hide_that_columns_depend_on_each_other() -> None:
+    """Three rows and two columns that are alike: a pseudo-inverse leaves the vanishing singular value out."""
+    flat = Toy(
+        start=[0.5, 0.5],
+        phi=lambda q, t: [q[0] + q[1] - 1.0] * 3,
+        phi_q=lambda q, t: [[1.0, 1.0]] * 3,
+        rate=lambda t: [0.0] * 3,
+    )
+
+    assert run(flat, [0.0]).status == (SINGULAR,)
+
+
 def test_round_off_grows_with_the_turns() -> None:
     system = TreeSystem(SimpleNamespace(tree=SimpleNamespace(depth=1, driven=())))  # type: ignore[arg-type]
     turned, still = system.round_off(np.array([[1000.0], [0.0]]), np.zeros(2))[:, 0]

@@ -365,7 +365,8 @@ def _extrapolated(known: Sequence[tuple[float, Array]], t: float) -> Array:
     """Return where the polynomial through coordinates at times is at t (Lagrange)."""
     times = [at for at, _ in known]
     weights = [math.prod([(t - b) / (a - b) for b in times if b != a]) for a in times]
-    return np.asarray(weights @ np.array([q for _, q in known]))
+    with np.errstate(all="ignore"):  # a start that is no number is no start
+        return np.asarray(weights @ np.array([q for _, q in known]))
 
 
 def solved(jacobian: Array, right: Array) -> Array:
