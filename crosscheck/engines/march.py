@@ -502,23 +502,3 @@ class Tabulated:
             values = np.broadcast_to(np.asarray(self.law(np.array(missing), order), float), len(missing))
             known.update(zip(missing, values.tolist(), strict=True))
         return np.array([known[at] for at in times])
-
-
-class OneByOne:
-    """Equations of an engine that is asked pose by pose: its functions of q (n,) and a time, lifted to batches."""
-
-    def __init__(self, position: Any, nu: Any, gamma: Any, round_off: Any, laws: Sequence[Any] = ()) -> None:
-        self.position, self.laws = position, laws
-        self.nu, self.gamma, self.round_off = lifted(nu), lifted(gamma), lifted(round_off)
-
-    def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
-        found = [self.position(*at) for at in zip(q, t.tolist(), strict=True)]
-        return np.array([residual for residual, _ in found]), np.array([jacobian for _, jacobian in found])
-
-    def extrema(self, times: Array) -> Array:
-        return extrema(self.laws, times)
-
-
-def lifted(function: Callable[..., Array]) -> Callable[..., Array]:
-    """Return a function of batches from one of poses."""
-    return lambda *given: np.array([function(*at) for at in zip(*given, strict=True)])

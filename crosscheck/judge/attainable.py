@@ -36,7 +36,7 @@ def residual_error(system: System, q: Any, t: float) -> Any:
     return BOTH_SIDES * SAFETY * errors(rows, ())
 
 
-def attainable(system: System, q: Any, t: float, e: Any = None) -> Any:
+def attainable(system: System, q: Any, t: float) -> Any:
     """Return the error (n,) that no float64 code can be blamed for, in scaled coordinates; inf where nothing is held.
 
     Parameters
@@ -45,10 +45,8 @@ def attainable(system: System, q: Any, t: float, e: Any = None) -> Any:
         Compiled in its mechanism's own unit.
     q : (n,) array
         The pose, in the system's coordinates.
-    e : (m,) array, optional
-        The error of the residual; by default `residual_error`.
     """
-    e = residual_error(system, q, t) if e is None else e
+    e = residual_error(system, q, t)
     u, s, vt = np.linalg.svd(system.phi_q(q, t), full_matrices=False)
     bend = _second_derivative(system, q, t, vt[-1])
     f = np.abs(u.T) @ e

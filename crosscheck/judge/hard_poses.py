@@ -47,7 +47,7 @@ class Outcome(StrEnum):
 
 
 @dataclass(frozen=True)
-class Truth:
+class Solutions:
     """What is proved of one time: `roots` as balls with what is attainable at each; none at all if `gap` is known."""
 
     roots: tuple[tuple[tuple[Any, ...], Any], ...]
@@ -65,14 +65,14 @@ class Sample:
     none: bool = False
 
 
-def truths(case: HardCase) -> tuple[System, tuple[Truth, ...]]:
+def truths(case: HardCase) -> tuple[System, tuple[Solutions, ...]]:
     """Return what is proved of every time of a case, in the system's scaled coordinates."""
     system = compile_system(case.scene.mechanism, unit=case.scene.mechanism.unit())
-    found: list[Truth] = []
+    found: list[Solutions] = []
     sides: tuple[int, ...] | None = None
     for t in case.scene.times:
         if case.exact:
-            found.append(Truth((_root(system, _given(system, case, t), t),)))
+            found.append(Solutions((_root(system, _given(system, case, t), t),)))
         else:
             truth, sides = _among_assemblies(system, case, t, sides)
             found.append(truth)
@@ -87,24 +87,24 @@ def _given(system: System, case: HardCase, t: float) -> Any:
 
 def _among_assemblies(
     system: System, case: HardCase, t: float, sides: tuple[int, ...] | None
-) -> tuple[Truth, tuple[int, ...] | None]:
+) -> tuple[Solutions, tuple[int, ...] | None]:
     """Return the truth among all assemblies in closed form, and the sides on which it is put together.
 
     A branch keeps its sides as long as it meets no fold, also where a pose in float64 is nearer to the other one.
     """
     found = assemblies(system, t, trying=False)
     if case.any_assembly:
-        return Truth(tuple(_root(system, q, t) for q in found.poses)), None
+        return Solutions(tuple(_root(system, q, t) for q in found.poses)), None
     if case.poses(t) is None:
-        return Truth((), found.gap), None
+        return Solutions((), found.gap), None
     near = _given(system, case, t)
     if found.unassemblable or not found.poses:
         hidden = (found.gap or 0.0) <= np.max(residual_error(system, near, t))
-        return (Truth((_singular(system, near, t),)) if hidden else Truth((), found.gap)), sides
+        return (Solutions((_singular(system, near, t),)) if hidden else Solutions((), found.gap)), sides
     at = next((k for k, there in enumerate(found.branches) if there == sides), None)
     if at is None:
         at = int(np.argmin([np.max(np.abs(_away(system, q, near))) for q in found.poses]))
-    return Truth((_root(system, found.poses[at], t),)), found.branches[at] if sides is None else sides
+    return Solutions((_root(system, found.poses[at], t),)), found.branches[at] if sides is None else sides
 
 
 def _away(system: System, q: Any, near: Any) -> Any:
@@ -126,7 +126,7 @@ def _singular(system: System, q: Any, t: float) -> tuple[tuple[Any, ...], Any]:
 
 
 def samples(
-    system: System, truth: Sequence[Truth], scene: Scene, motion: Motion, terms: Sequence[Term]
+    system: System, truth: Sequence[Solutions], scene: Scene, motion: Motion, terms: Sequence[Term]
 ) -> tuple[Sample, ...]:
     """Return where a motion lies, time by time; `terms` are what the engine adds by its own doing."""
     rows = np.concatenate([np.r_[system.columns(body)] for body in motion.bodies])
@@ -155,21 +155,21 @@ def scene_samples(scene: Scene, motion: Motion, terms: Sequence[Term]) -> tuple[
     return samples(system, scene_truths(system, scene), scene, motion, terms)
 
 
-def scene_truths(system: System, scene: Scene) -> tuple[Truth, ...]:
+def scene_truths(system: System, scene: Scene) -> tuple[Solutions, ...]:
     """Return what is proved of every time of a scene."""
     own = solve(replace(scene, bodies_wanted=None, effects=frozenset()))
     q = system.to_unit(own.q)
     found = []
     for k, t in enumerate(scene.times):
         if np.isfinite(q[:, k]).all():
-            found.append(Truth((_root(system, q[:, k], t),)))
+            found.append(Solutions((_root(system, q[:, k], t),)))
         else:
             there = assemblies(system, t, trying=False)
-            found.append(Truth(tuple(_root(system, x, t) for x in there.poses), there.gap))
+            found.append(Solutions(tuple(_root(system, x, t) for x in there.poses), there.gap))
     return tuple(found)
 
 
-def _sample(system: System, true: Truth, q: Any, rows: Any, t: float, ok: bool, granted: float) -> Sample:
+def _sample(system: System, true: Solutions, q: Any, rows: Any, t: float, ok: bool, granted: float) -> Sample:
     if not true.roots:
         gap = f"there is no assembly: {true.gap:.3g} sizes are missing" if true.gap else "no truth is known"
         verdict = Verdict.OUTSIDE if true.gap else Verdict.UNDECIDABLE

@@ -1,8 +1,8 @@
 """The table of what engines are known to get wrong: named predicates, reasons, dates. It is strict in both directions.
 
 A disagreement that no row covers is new and turns the night red. A row whose reproduction no longer disagrees has to
-go: `stale` names it, and the test suite fails until it is removed. A row that a whole night did not need, although
-scene after scene was of its kind, is shown as possibly closed.
+go: the test suite fails until it is removed. A row that a whole night did not need, although scene after scene was of
+its kind, is shown as possibly closed.
 """
 
 from __future__ import annotations
@@ -152,16 +152,6 @@ def read(text: str | None = None) -> tuple[Gap, ...]:
 def new_disagreements(record: Record, gaps: Sequence[Gap]) -> list[Disagreement]:
     """Return the disagreements of a record that no row covers."""
     return Tally(gaps).add(record)
-
-
-def stale(gaps: Sequence[Gap], check: Callable[[str, str], Record]) -> list[Gap]:
-    """Return the rows whose reproduction shows the gap no longer; `check(scene file, engine)` gives a record."""
-    found = []
-    for gap in gaps:
-        record = check(gap.reproduction, gap.engine)
-        if not any(gap.covers(record, told) for told in record.disagreements):
-            found.append(gap)
-    return found
 
 
 def _gap(k: int, row: Mapping[str, Any]) -> Gap:

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -20,7 +19,6 @@ from pydantic import ConfigDict, NonNegativeInt, StringConstraints, TypeAdapter,
 
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
 
-KEY = re.compile(r"[0-9a-f]{16}")
 """What names a scene, and its files: nothing else is a name."""
 MOST_DIGITS = 17.0
 """What a sample without any error is given: binary64 holds no more."""

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Use, methods
-from crosscheck.judge.hard_poses import Outcome, Sample, Truth, samples, truths
+from crosscheck.judge.hard_poses import Outcome, Sample, Solutions, samples, truths
 from crosscheck.scenes.hard import HardCase, hard_cases
 from crosscheck.workers.processes import Failure
 from refkin.proof.pose.krawczyk import Verdict
@@ -85,7 +85,7 @@ def _told(worst: Sample, count: int, of: int) -> str:
     return f"{note}{away}at t = {worst.t:g}; wrong at {count} of {of} times"
 
 
-def _rightly(truth: Sequence[Truth]) -> str:
+def _rightly(truth: Sequence[Solutions]) -> str:
     return "" if any(t.roots for t in truth) else "rightly, there is no assembly: "
 
 
@@ -95,7 +95,7 @@ def _cases() -> dict[str, HardCase]:
 
 
 @lru_cache(maxsize=4)
-def _known(key: str) -> tuple[HardCase, System, tuple[Truth, ...]]:
+def _known(key: str) -> tuple[HardCase, System, tuple[Solutions, ...]]:
     case = _cases()[key]
     return case, *truths(case)
 

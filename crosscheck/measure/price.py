@@ -104,22 +104,20 @@ def price(
     return PriceList(scene.name, rows, len(priced.times), found.known, len(scene.times), refused)
 
 
-def price_list(
-    within: float = 4 * WITHIN, producers: Sequence[str] = PRICED, patience: float = PATIENCE
-) -> list[dict[str, Any]]:
+def price_list(within: float = 4 * WITHIN, producers: Sequence[str] = PRICED) -> list[dict[str, Any]]:
     """Return the rows of all classes of priced scenes, each with its class under `class`.
 
     Parameters
     ----------
     within : float
         How long it may take [s], beside the start of processes and the proof of the truths.
-    producers, patience
+    producers
         As in `price`.
     """
     end, rows = time.monotonic() + within, list[dict[str, Any]]()
     for done, (name, scene) in enumerate(classes().items()):
         left = (end - time.monotonic()) / (len(classes()) - done)
-        found = price(scene, producers, max(left, LEAST), patience)
+        found = price(scene, producers, max(left, LEAST))
         rows += [{"class": name, **row.to_json()} for row in found.rows]
     return rows
 

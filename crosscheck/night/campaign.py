@@ -206,10 +206,6 @@ class Turns:
         rounds = [cells for number, cells in self.cells.items() if number < turn // ROUND - 1]
         return sum(rounds, Counter())
 
-    def give_back(self, turns: list[int]) -> None:
-        """Note that turns will not be taken."""
-        self.pending.difference_update(turns)
-
 
 def _records(plan: Plan, workers: Pool, turns: Turns, journal: Journal, tick: Callable[[], None]) -> Iterator[Record]:
     """Yield records as they come in, while there is time or scenes are left.

@@ -20,6 +20,8 @@ from crosscheck.night.plan import TRENDS
 
 SOLVED = ("position", "velocity", "acceleration")
 REFERENCE = "refkin"
+LATEST = 7
+"""Of so many nights a change of level is a warning."""
 MOST_TRENDS = 24
 """Series whose course is kept in a report, those that changed first; the history has all."""
 TABLES = """
@@ -159,14 +161,14 @@ def trends(path: Path) -> dict[str, Any]:
     return {"nights": dates, "series": order}
 
 
-def warnings(told: Mapping[str, Any], latest: int = 7) -> list[str]:
+def warnings(told: Mapping[str, Any]) -> list[str]:
     """Return one line per change of level within the latest nights."""
     return [
         f"time of {one['name']}, relative to refkin: {'up' if factor > 1 else 'down'} by {factor:.2f} times"
         f" since {one['nights'][int(k)]}"
         for one in told["series"]
         for k, factor in one["changes"].items()
-        if int(k) >= len(one["nights"]) - latest
+        if int(k) >= len(one["nights"]) - LATEST
     ]
 
 

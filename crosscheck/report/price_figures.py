@@ -33,21 +33,19 @@ def legend(rows: Iterable[Mapping[str, Any]]) -> list[tuple[Markup, str]]:
     return [(swatch(look), " · ".join(name)) for name, look in looks(rows).items()]
 
 
-def work_precision(rows: Sequence[Mapping[str, Any]], quantity: str, ident: str = "price") -> Markup:
+def work_precision(rows: Sequence[Mapping[str, Any]], quantity: str) -> Markup:
     """Return digits against microseconds: a line per method, its settings as marks, what is attainable as a level.
 
     Parameters
     ----------
     rows : sequence of mapping
         Rows of a price list, of one scene; rows of other quantities give the scale, so that panels compare.
-    ident : str
-        Unique on the page, together with the quantity.
     """
     shown = [row for row in rows if row["digits"] is not None and row["microseconds"]]
     span = _decades([row["microseconds"] for row in shown])
     title = f"{quantity.capitalize()}: digits against microseconds"
     description = f"{title} per configuration, by engine and method; upwards and to the left is better"
-    plot = Plot(f"{ident}-{quantity}", title, description, span, (0.0, HIGHEST_DIGITS))
+    plot = Plot(f"price-{quantity}", title, description, span, (0.0, HIGHEST_DIGITS))
     x_ticks = [(float(d), power_of_ten(d)) for d in range(math.ceil(span[0]), math.floor(span[1]) + 1)]
     plot.axes(x_ticks, [(float(y), str(y)) for y in range(0, 17, 3)], "microseconds per configuration")
     for name, look in looks(rows).items():
@@ -63,7 +61,7 @@ def work_precision(rows: Sequence[Mapping[str, Any]], quantity: str, ident: str 
     return plot.markup()
 
 
-def iterations_figure(rows: Sequence[Mapping[str, Any]], ident: str = "iterations") -> Markup:
+def iterations_figure(rows: Sequence[Mapping[str, Any]]) -> Markup:
     """Return digits after each Newton iteration, a line per quantity; what is printed as marks at its iteration.
 
     Parameters
@@ -75,7 +73,7 @@ def iterations_figure(rows: Sequence[Mapping[str, Any]], ident: str = "iteration
     last = max(int(row["iteration"]) for row in counted)
     title = "Digits after each Newton iteration"
     description = f"{title}: position, velocity and acceleration of a four-bar of the source documents"
-    plot = Plot(ident, title, description, (0, last), (0.0, HIGHEST_DIGITS))
+    plot = Plot("iterations", title, description, (0, last), (0.0, HIGHEST_DIGITS))
     ticks = [(float(k), str(k)) for k in range(last + 1)]
     plot.axes(ticks, [(float(y), str(y)) for y in range(0, 17, 3)], "iterations")
     for look, quantity in zip(iteration_looks(), QUANTITIES, strict=True):

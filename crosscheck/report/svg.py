@@ -158,8 +158,9 @@ class Plot:
         return Markup(ET.tostring(self.root, encoding="unicode"))
 
 
-def marker(parent: ET.Element, x: float, y: float, look: Style, r: float = 3.6) -> None:
+def marker(parent: ET.Element, x: float, y: float, look: Style) -> None:
     """Draw a marker at pixels."""
+    r = 3.6
     h = 0.87 * r
     lozenge = f"l{r:.1f} {1.25 * r:.1f}l{-r:.1f} {1.25 * r:.1f}l{-r:.1f} {-1.25 * r:.1f}z"
     paths = {

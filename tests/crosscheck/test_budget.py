@@ -8,12 +8,13 @@ from functools import cache
 import numpy as np
 import pytest
 
-from crosscheck.judge import bite as biting
-from crosscheck.judge.bite import attainable_by_inputs, bite
 from crosscheck.judge.comparison import QUANTITIES, compare, reference
 from crosscheck.scenes.drawing import draw
 from refkin import FourBar
 from refkin.motion_laws import Polynomial
+
+from . import bite as biting
+from .bite import attainable_by_inputs, bite
 
 NIGHT, SCENES, SAMPLES, DRAWS = 11, 100, 3, 3
 MEDIAN, LARGEST = 50.0, 1000.0

@@ -9,7 +9,7 @@ import pytest
 
 import refkin
 from crosscheck.judge import findings
-from crosscheck.judge.known_gaps import ENOUGH, PREDICATES, Gap, InvalidGap, Tally, new_disagreements, read, stale
+from crosscheck.judge.known_gaps import ENOUGH, PREDICATES, Gap, InvalidGap, Tally, new_disagreements, read
 from crosscheck.judge.records import Disagreement, Kind, Record
 from crosscheck.measure.check import check
 
@@ -36,9 +36,15 @@ def record_of(path: str, engine: str) -> Record:
     return check(refkin.load(ROOT / path), [engine], about)
 
 
+def shows(gap: Gap) -> bool:
+    """Whether a gap still shows on its reproduction."""
+    record = record_of(gap.reproduction, gap.engine)
+    return any(gap.covers(record, told) for told in record.disagreements)
+
+
 @pytest.mark.parametrize("gap", GAPS, ids=lambda gap: gap.reproduction)
 def test_the_reproduction_of_every_row_still_shows_its_gap(gap):
-    assert stale([gap], record_of) == []
+    assert shows(gap)
 
 
 @pytest.mark.parametrize("gap", GAPS, ids=lambda gap: gap.reproduction)
@@ -51,7 +57,7 @@ def test_the_best_route_is_free_of_what_a_row_about_another_route_says(gap):
 def test_a_row_whose_reproduction_shows_nothing_is_stale():
     (gap,) = read(ROW)
 
-    assert stale([gap], record_of) == [gap]
+    assert not shows(gap)
 
 
 def test_every_scene_of_the_corpus_belongs_to_a_row_or_to_a_test():

@@ -13,13 +13,32 @@ import pytest
 
 from crosscheck.engines import EngineError
 from crosscheck.engines import march as continuation
-from crosscheck.engines.march import EPS, March, OneByOne, Poses, close, march, solve
+from crosscheck.engines.march import EPS, March, Poses, close, march, solve
 from crosscheck.engines.tree.tree_system import TreeSystem
 from refkin.joints import Revolute, elements_of
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 
 OK, LOST, SINGULAR = Status.OK, Status.NOT_CONVERGED, Status.SINGULAR
+
+
+class OneByOne:
+    """Equations of poses (n,) and a time, lifted to batches."""
+
+    def __init__(self, toy: Toy) -> None:
+        self.position = toy.position
+        self.nu, self.gamma, self.round_off = lifted(toy.nu), lifted(toy.gamma), lifted(toy.round_off)
+
+    def rows(self, q: Any, t: Any) -> tuple[Any, Any]:
+        found = [self.position(*at) for at in zip(q, t.tolist(), strict=True)]
+        return np.array([residual for residual, _ in found]), np.array([jacobian for _, jacobian in found])
+
+    def extrema(self, times: Any) -> Any:
+        return continuation.extrema((), times)
+
+
+def lifted(function: Callable[..., Any]) -> Callable[..., Any]:
+    return lambda *given: np.array([function(*at) for at in zip(*given, strict=True)])
 
 
 @dataclass
@@ -50,7 +69,7 @@ class Toy:
 
     @property
     def equations(self) -> OneByOne:
-        return OneByOne(self.position, self.nu, self.gamma, self.round_off)
+        return OneByOne(self)
 
 
 def closed(toy: Toy, at: float, t: float, **more: Any) -> Poses:

@@ -110,12 +110,10 @@ def problem_356_fold(ground: Number, link: Number) -> SquareSystem:
     return SquareSystem(phi, phi_q)
 
 
-def problem_356_mechanism(
-    ground: float = 0.6, link: float = 0.25, reach: tuple[float, float] = (0.4, 0.1)
-) -> Mechanism:
+def problem_356_mechanism(ground: float = 0.6, link: float = 0.25) -> Mechanism:
     """Return Problem 3.5.6 in absolute coordinates: cylinder, rod and rocker, the cylinder's length a law of time.
 
-    The frame of the rod is the point (x2, y2), where it carries the rocker; `reach` are length at t = 0 and speed.
+    The frame of the rod is the point (x2, y2), where it carries the rocker; the length is 0.4 + 0.1 t.
     """
     pin, at_pin = (0.0, 0.0), (0.0, link)
     joints = (
@@ -126,7 +124,7 @@ def problem_356_mechanism(
         Revolute(name="pin", body_i="rod", point_i=pin, body_j="rocker", point_j=at_pin),
         Revolute(name="pivot", body_i=GROUND, point_i=(ground, 0.0), body_j="rocker", point_j=(0.0, 0.0)),
     )
-    law = Polynomial(coefficients=reach)
+    law = Polynomial(coefficients=(0.4, 0.1))
     stroke = DistanceDriver(name="stroke", body_i=GROUND, point_i=(0.0, 0.0), body_j="rod", point_j=pin, law=law)
     return Mechanism(tuple(Body(name=name) for name in ("cylinder", "rod", "rocker")), joints, (stroke,))
 

@@ -38,9 +38,9 @@ def metu_with_printed_residual(m: Slotted) -> SquareSystem:
     return SquareSystem(lambda q: metu_residual(m, q), slotted(m).phi_q)
 
 
-def stops_without_absolute_value(residual: Number, correction: Number, limit: float = 1e-8) -> bool:
-    """Return METU's test as printed, F < limit or x(k+1) - x(k) < limit: any negative number stops."""
-    return bool(residual < limit or correction < limit)
+def stops_without_absolute_value(residual: Number, correction: Number) -> bool:
+    """Return METU's test as printed, F < 1e-8 or x(k+1) - x(k) < 1e-8: any negative number stops."""
+    return bool(residual < 1e-8 or correction < 1e-8)
 
 
 def coriolis_terms(count: int, rate: Number, a_theta_ud: Any) -> Any:

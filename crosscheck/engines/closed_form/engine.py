@@ -82,7 +82,7 @@ JETS = (
 
 
 @dataclass(frozen=True, kw_only=True)
-class Truth:
+class TrueMotion:
     """A motion with proven radii: |motion.q - exact| <= radius_q, entry by entry, rounding to float included.
 
     Attributes
@@ -166,7 +166,7 @@ class ClosedForm:
         raise EngineError(f"closed_form: {NO_ROWS.reason}")
 
 
-def truth(scene: Scene, bits: int = 113) -> Truth:
+def truth(scene: Scene, bits: int = 113) -> TrueMotion:
     """Return a scene's motion in balls of at least `bits` bits: midpoints rounded, and proven radii.
 
     The precision is doubled, at most twice, if the balls leave open whether a dyad closes or are wider than doubles.
@@ -188,7 +188,7 @@ def truth(scene: Scene, bits: int = 113) -> Truth:
             break
     with ctx.workprec(bits << doubling):
         q, qd, qdd = (_numbers(_jets(solution), part, len(scene.times)) for part in ("v", "d", "a"))
-    return Truth(
+    return TrueMotion(
         motion=motion,
         radius_q=radii[0],
         radius_qd=radii[1],

@@ -15,7 +15,6 @@ import pinocchio as pin
 from crosscheck.engines.pinocchio.model import PlanarModel, tree_model
 from crosscheck.engines.tree.joint_tree import Array
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
-from refkin.model import Scene
 
 UNREAD = "which no algorithm called here reads"
 EFFORT = 10.0
@@ -44,7 +43,7 @@ class ForwardDynamics:
     Masses are 1 unless the effect brings others. Constraint rows and their right side are those of the kinematic route.
     """
 
-    def __init__(self, engine: TreeEngine, scene: Scene, effect: str | None) -> None:
+    def __init__(self, engine: TreeEngine, effect: str | None) -> None:
         self.system = TreeSystem(engine)
         planar = tree_model(engine.tree)  # a model of its own: the kinematic one has no masses
         with_mass(planar, 1.0, (0.0, 0.0))

@@ -171,7 +171,7 @@ class Pinocchio:
         producer = Producer(name=self.name, version=self.version(), route=route or TREE)
         if route == CLOSED_CHAIN:
             return marched_motion(tree, scene, closed_chain(tree.tree, scene), producer)
-        forward = ForwardDynamics(tree, scene, self.effect) if route == FORWARD else None
+        forward = ForwardDynamics(tree, self.effect) if route == FORWARD else None
         return tree_motion(tree, scene, producer, forward)
 
 

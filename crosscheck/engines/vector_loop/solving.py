@@ -111,7 +111,7 @@ class Minimum:
         return float(np.sqrt(self.sum_of_squares))
 
 
-def minimise(system: LoopSystem, q0: Any, t: float = 0.0, max_evaluations: int = 1000) -> Minimum:
+def minimise(system: LoopSystem, q0: Any, max_evaluations: int = 1000) -> Minimum:
     """Minimise the sum of squared closure errors from an estimate: the spreadsheet solver's way (METU 3.9).
 
     The answer is a root only if every closure error is at round-off there; any other minimum is called stalled. (Moré,
@@ -122,16 +122,16 @@ def minimise(system: LoopSystem, q0: Any, t: float = 0.0, max_evaluations: int =
     scale, weights = system.scale, system.weights
 
     def errors(z: Any) -> Any:
-        return system.residual(z / weights, t) / scale
+        return system.residual(z / weights, 0.0) / scale
 
     def slopes(z: Any) -> Any:
-        return system.jacobian(z / weights, t) / weights / scale
+        return system.jacobian(z / weights, 0.0) / weights / scale
 
     limits: dict[str, Any] = dict.fromkeys(("xtol", "ftol", "gtol"), EPS)
     start = np.asarray(q0, float) * weights
     found = least_squares(errors, start, jac=slopes, method="lm", max_nfev=max_evaluations, **limits)
     q = found.x / weights
-    residual = system.residual(q, t)
-    if (np.abs(residual) <= system.rounding(q, t)).all():
+    residual = system.residual(q, 0.0)
+    if (np.abs(residual) <= system.rounding(q, 0.0)).all():
         return Minimum(MinimumStatus.ROOT, q, residual)
     return Minimum(MinimumStatus.STALLED if found.status > 0 else MinimumStatus.ITERATION_LIMIT, q, residual)
