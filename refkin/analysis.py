@@ -216,6 +216,6 @@ def motion_of(system: System, scene: Scene, levels: Sequence[Any], **evidence: A
         if joint.parameters:
             s, sd, sdd = called_for(system.parameter(joint.name).start)
             contacts[joint.name] = ContactMotion(s=s, sd=sd, sdd=sdd)
-    q, qd, qdd = called_for(np.concatenate([np.r_[system.columns(body)] for body in scene.wanted]))
+    q, qd, qdd = called_for(np.concatenate([np.arange(system.n)[system.columns(body)] for body in scene.wanted]))
     t, bodies = np.array(scene.times), scene.wanted
     return Motion(t=t, bodies=bodies, q=q, qd=qd, qdd=qdd, points=points, contacts=contacts, **evidence)

@@ -11,23 +11,12 @@ from typing import Any
 import numpy as np
 
 from refkin import __version__
-from refkin.analysis import SINGULAR
+from refkin.analysis import SINGULAR, motion_of
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
-from refkin.model import Effect, Evidence, Scene
-from refkin.motion import (
-    CertifiedRadius,
-    ContactMotion,
-    Motion,
-    PointMotion,
-    Producer,
-    Route,
-    Seeding,
-    Status,
-    nowhere,
-    point_motion,
-)
-from refkin.newton import ROUND_OFF
+from refkin.model import Evidence, Scene
+from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, no_radius, nowhere
+from refkin.newton import is_round_off
 from refkin.proof.numbers.inputs import half_ulp
 from refkin.proof.pose.choices import over_all_choices
 from refkin.proof.pose.isolate import FLOAT64, isolate
@@ -64,24 +53,25 @@ def motion(
     pivot : (T,) array
         The smallest pivot of each lane.
     """
-    q = levels[0]
-    residual = np.maximum.reduce(np.abs(system.phi(q, t)))
-    if not _closed(residual, q) or not all(np.isfinite(level).all() for level in levels):
+    residual = np.maximum.reduce(np.abs(system.phi(levels[0], t)))
+    if not is_round_off(residual[None], levels[0]).all() or not all(np.isfinite(level).all() for level in levels):
         return None
     evidence = _evidence(scene, system, made, levels, t, pivot)
     if evidence is None:
         return None
-    return _written(scene, system, levels, t, residual, *evidence, message)
-
-
-def _closed(residual: Any, q: Any) -> bool:
-    """Say whether all residuals are below 32 units of the size, or of their largest coordinate, as in `refkin.solve`.
-
-    NaN is not below anything.
-    """
-    if (residual <= ROUND_OFF).all():
-        return True
-    return bool((residual <= ROUND_OFF * np.maximum(1.0, np.max(np.abs(q), axis=0))).all())
+    sigma_min, condition, radius = evidence
+    return motion_of(
+        system,
+        scene,
+        [*levels, None, None][:3],
+        status=(Status.OK,) * len(t),
+        residual=residual,
+        sigma_min=sigma_min,
+        condition=condition,
+        certified_radius=radius,
+        producer=Producer(name="refkin.fast", version=__version__, route=ROUTE),
+        message=message,
+    )
 
 
 def _evidence(
@@ -90,7 +80,6 @@ def _evidence(
     """Return smallest singular value, condition and certified radii; None if some pose is not isolated by them."""
     count = len(t)
     sigma_min, condition = nowhere(count), nowhere(count)
-    radius = CertifiedRadius(position=nowhere(count), velocity=nowhere(count), acceleration=nowhere(count))
     proved = Evidence.CERTIFICATE in scene.evidence
     asked = Evidence.CONDITION in scene.evidence
     near = np.arange(count) if asked else np.flatnonzero(~(pivot > CLEAR))
@@ -108,7 +97,7 @@ def _evidence(
     if proved:
         certified = _certified(system, made, levels, t)
         return None if certified is None else (sigma_min, condition, certified)
-    return sigma_min, condition, radius
+    return sigma_min, condition, no_radius(count)
 
 
 def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> CertifiedRadius | None:
@@ -126,60 +115,3 @@ def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> Cer
     if any(system.unit.origin):  # moving a pose back to where the scene has it rounds once more
         position = position + np.max(half_ulp(system, levels[0]), axis=0)
     return CertifiedRadius(position=position, velocity=rates[0], acceleration=rates[1])
-
-
-def _written(
-    scene: Scene,
-    system: System,
-    levels: list[Any],
-    t: Any,
-    residual: Any,
-    sigma_min: Any,
-    condition: Any,
-    radius: CertifiedRadius,
-    message: str,
-) -> Motion:
-    """Return the answer in metres, for the bodies and effects that the scene calls for."""
-    called = (True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects)
-    physical = [system.to_physical(level, order) for order, level in enumerate(levels)]
-    whole = scene.bodies_wanted is None and system.n == system.of_bodies
-    rows = np.s_[:] if whole else np.concatenate([np.r_[system.columns(b)] for b in scene.wanted])
-    q, qd, qdd = (physical[k][rows] if wanted else None for k, wanted in enumerate(called))
-    assert q is not None
-    return Motion(
-        t=t,
-        bodies=scene.wanted,
-        q=q,
-        qd=qd,
-        qdd=qdd,
-        status=(Status.OK,) * len(t),
-        residual=residual,
-        sigma_min=sigma_min,
-        condition=condition,
-        certified_radius=radius,
-        points=_of_points(scene, system, physical, called),
-        contacts=_of_contacts(system, physical, called),
-        message=message,
-        producer=Producer(name="refkin.fast", version=__version__, route=ROUTE),
-    )
-
-
-def _of_points(
-    scene: Scene, system: System, levels: list[Any], called: tuple[bool, bool, bool]
-) -> dict[str, PointMotion]:
-    found = {}
-    for point in scene.points:
-        moved = point_motion(point.position, *(level[system.columns(point.body)] for level in levels))
-        v, a = moved.v if called[1] else None, moved.a if called[2] else None
-        found[point.name] = PointMotion(r=moved.r, v=v, a=a)
-    return found
-
-
-def _of_contacts(system: System, levels: list[Any], called: tuple[bool, bool, bool]) -> dict[str, ContactMotion]:
-    found = {}
-    for joint in system.mechanism.joints:
-        if joint.parameters:
-            row = system.parameter(joint.name).start
-            sd, sdd = (levels[k][row] if called[k] else None for k in (1, 2))
-            found[joint.name] = ContactMotion(s=levels[0][row], sd=sd, sdd=sdd)
-    return found

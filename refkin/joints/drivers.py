@@ -84,7 +84,7 @@ class AngleDriver(Driver):
 
 @dataclass(frozen=True, kw_only=True)
 class CoordinateDriver(Driver):
-    """A coordinate of a point of a body in the ground frame follows f(t) [m]; `DIRECTION` says which."""
+    """A coordinate of a point of a body in the ground frame follows f(t) [m]."""
 
     body: str
     point: Pair = (0.0, 0.0)

@@ -13,7 +13,7 @@ import pytest
 import refkin
 from crosscheck.documents.stopping import BothLargest, ResidualOrCorrection, ScaledNorms
 from crosscheck.documents.systems import me581
-from refkin.newton import CorrectionNorm, NewtonStatus, RoundOff, StoppingTest, newton, solve_linear
+from refkin.newton import CorrectionNorm, NewtonStatus, RoundOff, StoppingTest, is_round_off, newton, solve_linear
 from tests.claims import assert_near
 
 
@@ -232,3 +232,8 @@ def test_where_one_equation_has_no_value_nothing_is_solved():
 
 def test_real_estimates_stay_real():
     assert newton(*QUADRATIC, 5).q.dtype == float
+
+
+@pytest.mark.parametrize(("size", "closes"), [(1.0, False), (1000.0, True)])
+def test_a_residual_is_round_off_by_the_largest_coordinate(size, closes):
+    assert is_round_off(np.array([0.0, 1e-13]), np.array([0.4, size])) == closes
