@@ -1,13 +1,22 @@
-"""The command `crosscheck effects`."""
+"""The command `crosscheck effects`: the ledger of effects on a scene, as a table or as one JSON object."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 
+from rich.table import Table
+
 from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.usage import Json
+from crosscheck.commands.usage import Json, console
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS
+from crosscheck.judge.effects_rows import EffectRow
+from crosscheck.measure.effects_ablations import REFKIN
+from crosscheck.measure.effects_ledger import effects_ledger
 from crosscheck.workers.installed import find_engines
+from refkin.model import Scene
 from refkin.scenes.files import load
 
 
@@ -25,11 +34,88 @@ def effects(scene: Path, *, engines: str = ENGINES, as_json: Json = False) -> in
     as_json
         Print one JSON object instead of a table.
     """
-    from crosscheck.commands.effects_shown import run as show  # here, because no other command needs it
-
     read_scene = load(scene)
     found, missing = find_engines(names(engines, always=()))
     inert = show(read_scene, [spec for spec, _ in found.values()], list(missing.values()), as_json)
     if missing:
         return ENGINE_MISSING
     return PASS if inert else DISAGREEMENT
+
+
+SCHEMA = 2
+
+
+def show(scene: Scene, engines: Sequence[str], missing: Sequence[str], as_json: bool) -> bool:
+    """Measure the effects on a scene and print them; return whether each leaves refkin's other numbers as they were."""
+    rows = effects_ledger(scene, engines)
+    if as_json:
+        print(json.dumps(to_json(scene.name, rows, missing)))
+    else:
+        out = console(180)
+        out.print(ledger_table(scene.name, rows))
+        for line in (*felt_lines(rows), *absent_lines(rows), *missing):
+            out.print(line)
+    ours = [row.inert for row in rows if row.engine == REFKIN]
+    return True in ours and False not in ours
+
+
+def to_json(scene: str, rows: Sequence[EffectRow], missing: Sequence[str] = ()) -> dict[str, object]:
+    """Return the ledger as plain data."""
+    return {"schema": SCHEMA, "scene": scene, "rows": [asdict(row) for row in rows], "missing": list(missing)}
+
+
+def named(row: EffectRow) -> str:
+    """Return engine, method and setting of a row."""
+    return ", ".join(filter(None, (row.engine, row.method, row.setting)))
+
+
+def ledger_table(scene: str, rows: Sequence[EffectRow]) -> Table:
+    """Return the rows as a table, method by method; times are per configuration."""
+    table = Table(title=f"{scene}: what each effect costs per configuration, and whether it is inert")
+    table.add_column("engine, method")
+    table.add_column("effect")
+    for name in ("adds\nmicroseconds", "noise\nmicroseconds", "to\nmicroseconds"):
+        table.add_column(name, justify="right")
+    table.add_column("inert")
+    table.add_column("largest change", justify="right")
+    table.add_column("note")
+    last = ""
+    for row in (row for row in rows if row.inert is not None):
+        name = named(row)
+        if name != last and last:
+            table.add_section()
+        price = "within noise" if row.within_noise else _number(row.microseconds)
+        numbers = (price, _number(row.spread), _number(row.without))
+        change = "-" if row.largest_change is None else f"{row.largest_change:.2g}"
+        cells = ("" if name == last else name, row.effect, *numbers, "yes" if row.inert else "no", change, row.note)
+        table.add_row(*cells, style=None if row.inert else "red")
+        last = name
+    return table
+
+
+def felt_lines(rows: Sequence[EffectRow]) -> list[str]:
+    """Return a line for each effect that is not inert: which, where it is felt, and how much."""
+    lines = []
+    for row in rows:
+        if row.inert is False:
+            what = row.note if row.largest_change is None else f"changes {row.worst} by {row.largest_change:.2g}"
+            lines.append(f"not inert: {row.effect} in {named(row)}: {what}")
+    return lines or ["every effect that was measured is inert where it is not called for"]
+
+
+def absent_lines(rows: Sequence[EffectRow]) -> list[str]:
+    """Return a line for each reason why effects have no price: in which engine, by which methods, and which."""
+    reasons: dict[tuple[str, str], tuple[list[str], list[str]]] = {}
+    for row in rows:
+        if row.inert is None:
+            by, effects = reasons.setdefault((row.engine, row.note), ([], []))
+            by += [row.method] if row.method not in by else []
+            effects += [row.effect] if row.effect not in effects else []
+    return [
+        f"no price in {engine} ({', '.join(by)}): {', '.join(effects)}: {why}"
+        for (engine, why), (by, effects) in reasons.items()
+    ]
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"

@@ -1,15 +1,28 @@
-"""The command `crosscheck price`."""
+"""The command `crosscheck price`: a price list on a terminal, as one object of data, or as a small page."""
 
 from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Mapping, Sequence
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+from jinja2 import Environment, StrictUndefined
+from markupsafe import Markup
+from rich.table import Table
+
 from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.usage import Json
+from crosscheck.commands.usage import Json, console
+from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.errors import DISAGREEMENT, PASS, USAGE
+from crosscheck.judge.prices import POSES, STEPS, SUFFIX, cheapest, repeated
+from crosscheck.judge.truth import NoTruth
+from crosscheck.measure.price import PriceList
+from crosscheck.measure.price import price as measured
+from crosscheck.report.price_figures import legend, work_precision
+from refkin.scenes.files import load
 
 SAME_WINNERS = 0.95
 """Of the cells whose winner is clear, so many are to have the same one when the list is measured anew."""
@@ -38,12 +51,6 @@ def price(
         What an earlier run printed with --json: measure anew, and say in what share of the cells that differ by more
         than the spread the winner is the same.
     """
-    from crosscheck.commands.price_shown import print_list, print_repeated, to_json  # here: no other command needs them
-    from crosscheck.engines.methods import OURS, PRICED
-    from crosscheck.judge.truth import NoTruth
-    from crosscheck.measure.price import price as measured
-    from refkin.scenes.files import load
-
     if page is not None and not page.parent.is_dir():
         print(f"--page: expected a file in a folder that exists, got {page}", file=sys.stderr)
         return USAGE
@@ -59,8 +66,6 @@ def price(
         return DISAGREEMENT
     result = to_json(found)
     if page is not None:
-        from crosscheck.commands.price_page import page as page_of
-
         page.write_text(page_of(result), encoding="utf-8")
     if before is not None:
         return PASS if print_repeated(before, result, as_json) >= SAME_WINNERS else DISAGREEMENT
@@ -78,3 +83,138 @@ def _earlier(file: Path) -> dict[str, Any] | None:
     except (OSError, ValueError):
         return None
     return found if isinstance(found, dict) and "cheapest" in found else None
+
+
+SCHEMA = 2
+WIDTH = 150
+"""Columns of output that goes to no terminal."""
+
+
+def to_json(found: PriceList) -> dict[str, Any]:
+    """Return the price list as plain data."""
+    rows = [row.to_json() for row in found.rows]
+    return {
+        "schema": SCHEMA,
+        "scene": found.scene,
+        "rows": rows,
+        "cheapest": cheapest(rows),
+        "cheapest_engine": cheapest([row for row in rows if row["engine"] not in OURS]),
+        "times": {"asked": found.asked, "priced": found.times, "certified": found.known},
+        "refused": [dict(zip(("engine", "method", "reason"), refused, strict=True)) for refused in found.refused],
+    }
+
+
+def print_list(result: Mapping[str, Any]) -> None:
+    """Print a price list (`to_json`)."""
+    out = console(WIDTH)
+    for poses, name in POSES.items():
+        for key, who in (("cheapest", ""), ("cheapest_engine", ", among the engines alone")):
+            title = f"{result['scene']}, {name}: the cheapest way to so many digits{who}"
+            out.print(cheapest_table(result[key][poses], title))
+    out.print(methods_table(result["rows"], "Every method at its best: most digits, and what they cost"))
+    for line in lines(result):
+        out.print(line)
+
+
+def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: bool) -> float:
+    """Print whether two lists have the same winners; return in what share of the cells (1 where none differs)."""
+    parts = {key: repeated(before[key], now[key]) for key in ("cheapest", "cheapest_engine")}
+    cells, same = sum(part[0] for part in parts.values()), sum(part[1] for part in parts.values())
+    share = same / cells if cells else 1.0
+    changed = [line for part in parts.values() for line in part[2]]
+    if as_json:
+        print(json.dumps({"cells": cells, "same": same, "share": share, "changed": changed, "again": now}))
+        return share
+    for line in changed:
+        print(line)
+    print(f"the same winner in {same} of {cells} cells that differ by more than the spread: {share:.1%}")
+    return share
+
+
+def lines(result: Mapping[str, Any]) -> list[str]:
+    """Return what is to be said of a price list beside its rows."""
+    times = result["times"]
+    out = [
+        f"one cycle: {times['priced']} configurations; digits are the fewest over them, prices are per configuration",
+        "one pose now: started at the pose before it, with the model built; bulk: 1,000 poses; all of processor time",
+        "a difference that exceeds the spread of both prices is marked by <, one that does not by ~",
+    ]
+    if times["priced"] < times["asked"]:
+        out.append(f"priced are the first {times['priced']} of the scene's {times['asked']} times")
+    if times["certified"] < times["priced"]:
+        out.append(f"{times['priced'] - times['certified']} of them have no certified truth and are left out")
+    for poses, name in POSES.items():
+        if not any(row[f"microseconds{SUFFIX[poses]}"] for row in result["rows"]):
+            out.append(f"{name}: nothing was timed, for want of time or of several times in the scene")
+    out += [f"{r['engine']}, {r['method']}: refused: {r['reason']}" for r in result["refused"]]
+    silent = {(r["engine"], r["method"], r["setting"], r["note"]) for r in result["rows"] if r["digits"] is None}
+    return out + [f"{', '.join(filter(None, row[:3]))}: {row[3]}" for row in sorted(silent)]
+
+
+def cheapest_table(found: Mapping[str, Mapping[str, Mapping[str, Any] | None]], title: str) -> Table:
+    """Return digits x quantity: who, how, for how many microseconds, and the second best."""
+    table = Table("digits", *found, title=title)
+    for step in STEPS:
+        cells = [_cell(for_quantity[str(step)]) for for_quantity in found.values()]
+        table.add_row(str(step), *cells, end_section=True)
+    return table
+
+
+def _cell(best: Mapping[str, Any] | None) -> str:
+    if best is None:
+        return "nobody"
+    second = best["second"]
+    if second is None:
+        return f"{_offer(best)}\nnobody else"
+    return f"{_offer(best)}\n{'<' if best['differs'] else '~'} {_offer(second)}"
+
+
+def _offer(offer: Mapping[str, Any]) -> str:
+    how = ", ".join(filter(None, (offer["method"], offer["setting"])))
+    return f"{offer['microseconds']:.1f} us ({offer['digits']:.1f} digits) {offer['engine']}: {how}"
+
+
+def methods_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
+    """Return for each method and quantity its setting of most digits: digits, and us of one pose, a cycle, in bulk."""
+    table = Table("engine", "method", "Newton by", title=title)
+    table.add_column("build\nms", justify="right")
+    quantities = list(dict.fromkeys(row["quantity"] for row in rows))
+    for quantity in quantities:
+        table.add_column(f"{quantity}\ndigits", justify="right")
+        table.add_column("us: one/\ncycle/bulk", justify="right")
+    best: dict[tuple[str, str, str], dict[str, Any]] = {}
+    for row in rows:
+        cells = best.setdefault((row["engine"], row["method"], row["newton_by"]), {"build": None})
+        cells["build"] = row["microseconds_to_build"]
+        if row["digits"] is not None and row["digits"] > cells.get(row["quantity"], {"digits": -1.0})["digits"]:
+            cells[row["quantity"]] = row
+    for name, cells in best.items():
+        build = "-" if cells["build"] is None else f"{cells['build'] / 1e3:.2g}"
+        table.add_row(*name, build, *(text for q in quantities for text in _digits_and_price(cells.get(q))))
+    return table
+
+
+def _digits_and_price(row: Mapping[str, Any] | None) -> tuple[str, str]:
+    if row is None:
+        return "-", "-"
+    prices = [row[f"microseconds{SUFFIX[poses]}"] for poses in POSES]
+    shown = "/".join("-" if x is None else f"{x:.{0 if x >= 100 else 1}f}" for x in prices)
+    return f"{row['digits']:.1f}", shown
+
+
+def page_of(result: Mapping[str, Any]) -> str:
+    """Return the page of a price list (`to_json`); whatever comes from a scene is escaped."""
+    environment = Environment(autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True)
+    text = files("crosscheck.commands").joinpath("price_page.html.j2").read_text(encoding="utf-8")
+    template = environment.from_string(text)
+    css = files("crosscheck.report").joinpath("page/page.css").read_text(encoding="utf-8")
+    rows = result["rows"]
+    quantities = list(dict.fromkeys(row["quantity"] for row in rows))
+    return template.render(
+        result=result,
+        poses=POSES,
+        css=Markup(css),  # our own file: nothing of a scene is in it
+        steps=[str(step) for step in STEPS],
+        panels=[work_precision(rows, quantity) for quantity in quantities],
+        legend=legend(rows),
+    )

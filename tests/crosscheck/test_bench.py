@@ -16,7 +16,7 @@ from rich.console import Console
 import refkin
 from crosscheck.cli import main
 from crosscheck.commands import bench as command
-from crosscheck.commands.bench_shown import print_results
+from crosscheck.commands.bench import print_results
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch, Use, method, methods
 from crosscheck.engines.ours import c_kernels

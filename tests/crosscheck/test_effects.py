@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from crosscheck.cli import main
-from crosscheck.commands.effects_shown import absent_lines, felt_lines, ledger_table, to_json
+from crosscheck.commands.effects import absent_lines, felt_lines, ledger_table, to_json
 from crosscheck.engines import load
 from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.comparison import reference
@@ -82,7 +82,7 @@ def command(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch, pytest.MonkeyPatch.context() as out:
         printed = []
         patch.setattr("builtins.print", lambda text: printed.append(text))
-        out.setattr("crosscheck.commands.effects_shown.effects_ledger", partial(effects_ledger, within=1.5))
+        out.setattr("crosscheck.commands.effects.effects_ledger", partial(effects_ledger, within=1.5))
         with pytest.raises(SystemExit) as ended:
             main(["effects", str(path), "--json"])
     return ended.value.code, json.loads("".join(printed))

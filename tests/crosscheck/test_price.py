@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from crosscheck.cli import main
-from crosscheck.commands.price_shown import lines, to_json
+from crosscheck.commands.price import lines, to_json
 from crosscheck.engines.methods import PRICED
 from crosscheck.judge.prices import Offer, Row, cheapest, ratios, repeated, with_suspicions
 from crosscheck.judge.truth import NoTruth

@@ -8,8 +8,7 @@ from xml.etree import ElementTree as ET
 import pytest
 from rich.console import Console
 
-from crosscheck.commands.price_page import page
-from crosscheck.commands.price_shown import cheapest_table, lines, methods_table, to_json
+from crosscheck.commands.price import cheapest_table, lines, methods_table, page_of, to_json
 from crosscheck.documents.page import digits_by_iteration
 from crosscheck.judge.prices import Row
 from crosscheck.measure.price import PriceList
@@ -93,7 +92,7 @@ def test_the_diagram_of_iterations_has_a_mark_per_iteration_and_quantity():
 
 
 def test_a_page_needs_nothing_from_elsewhere():
-    text = page(told())
+    text = page_of(told())
 
     assert "default-src 'none'" in text
     assert "http" not in text.replace("http-equiv", "").replace("http://www.w3.org/2000/svg", "")
@@ -101,14 +100,14 @@ def test_a_page_needs_nothing_from_elsewhere():
 
 
 def test_a_scene_cannot_write_into_the_page():
-    text = page(told(scene="<script>alert(1)</script>"))
+    text = page_of(told(scene="<script>alert(1)</script>"))
 
     assert "<script>" not in text
     assert "&lt;script&gt;" in text
 
 
 def test_a_page_shows_every_row_and_every_refusal():
-    text = page(told(refused=[("mujoco", "mj_step", "no such loop")]))
+    text = page_of(told(refused=[("mujoco", "mj_step", "no such loop")]))
 
     assert text.count("<td>exudyn</td>") + text.count("<td>mujoco</td>") == 2 * len(ROWS)  # engine, and Newton by
     assert "no such loop" in text
