@@ -303,9 +303,7 @@ OF_ROWS = {
         around(
             pin_engine.PinocchioConstraints,
             "__init__",
-            lambda right, self, scene: with_a_length_off(
-                lambda m: right(self, replace(scene, mechanism=m)), scene.mechanism
-            ),
+            lambda right, self, scene, joints: right(self, scene, [longer_by_a_billionth(joint) for joint in joints]),
         ),
         FOUR_BAR,
         ("pinocchio",),

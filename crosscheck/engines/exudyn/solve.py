@@ -189,9 +189,10 @@ class Marcher:
         self.last: Pose | None = None
         self.sign = 0.0
         self.at_once = AT_ONCE
+        highest = 2 if self.acceleration else int(self.velocity or solver.predicts)
         for k, (law, shift, size) in enumerate(model.clock.laws):
             table: Any = Tabulated(law)
-            for order in range(3):
+            for order in range(highest + 1):
                 table(np.array(scene.times), order)
             model.clock.laws[k] = (table, shift, size)
 
