@@ -1,4 +1,4 @@
-"""A positions-only engine of your own: the four-bar by two circles, in forty lines.
+"""A positions-only engine of your own: the four-bar by two circles, in fifty lines.
 
 Try it with `crosscheck replay examples/crank-rocker.toml --engines examples/own_engine.py:TwoCircles`.
 """
@@ -22,7 +22,7 @@ ROUTE = Route(
 
 
 class TwoCircles:
-    """Places the coupler pin where the circles about crank pin and rocker pivot meet, left of the line between them."""
+    """Places the coupler pin where the circles about crank pin and rocker pivot meet, on the side of the estimate."""
 
     name = "two_circles"
     api = (1, 0)
@@ -44,26 +44,41 @@ class TwoCircles:
 
     def solve(self, scene, route=None):
         joints = {j.name: j for j in scene.mechanism.joints}
-        bodies = {body.name for body in scene.mechanism.bodies}
-        if set(joints) != {"A0", "A", "B", "B0"} or bodies != {"crank", "coupler", "rocker"}:
+        estimates = {body.name: body.estimate for body in scene.mechanism.bodies}
+        driver = scene.mechanism.drivers[0]
+        known = set(joints) == {"A0", "A", "B", "B0"} and set(estimates) == {"crank", "coupler", "rocker"}
+        if not known or (driver.body, driver.relative_to) != ("crank", "ground") or estimates["coupler"] is None:
             raise EngineRefusal(
-                f"two_circles refuses {scene.name!r}: it knows the bodies and joints of refkin.FourBar alone"
+                f"two_circles refuses {scene.name!r}: it knows refkin.FourBar driven at the crank, by its estimates"
             )
-        q = np.array([self._pose(joints, float(scene.mechanism.drivers[0].laws[0](t))) for t in scene.times]).T
+        ends = (("A0", "crank", "A"), ("A", "coupler", "B"), ("B0", "rocker", "B"))
+        links = [(_at(joints[start], body), _at(joints[end], body)) for start, body, end in ends]
+        pivots = _at(joints["A0"], "ground"), _at(joints["B0"], "ground")
+        angles = [float(driver.laws[0](t)) for t in scene.times]
+        q = np.array([_pose(links, pivots, angle, angles[0], estimates["coupler"][2]) for angle in angles]).T
         status = tuple(Status.OK if np.isfinite(column).all() else Status.UNASSEMBLABLE for column in q.T)
         producer = Producer(name=self.name, version=self.version(), route=ROUTE)
         return engine_motion(scene.times, ("crank", "coupler", "rocker"), q, None, None, status, producer)
 
-    def _pose(self, joints, angle):
-        crank, coupler, rocker = (
-            2 * complex(*point) for point in (joints["A"].point_i, joints["B"].point_i, joints["B"].point_j)
-        )
-        pivots = [complex(*(j.point_i if j.body_i == "ground" else j.point_j)) for j in (joints["A0"], joints["B0"])]
-        pin = pivots[0] + crank * cmath.exp(1j * angle)
-        line = pivots[1] - pin
-        cosine = (abs(coupler) ** 2 + abs(line) ** 2 - abs(rocker) ** 2) / (2 * abs(coupler) * abs(line))
-        if abs(cosine) > 1:
-            return [np.nan] * 9
-        met = pin + abs(coupler) * cmath.exp(1j * (cmath.phase(line) + np.arccos(cosine)))
-        ends = [(pivots[0], pin), (pin, met), (pivots[1], met)]
-        return [c for a, b in ends for c in (((a + b) / 2).real, ((a + b) / 2).imag, cmath.phase(b - a))]
+
+def _at(joint, body):
+    """Where a joint is in the frame of a body, as a complex number."""
+    return complex(*(joint.point_i if joint.body_i == body else joint.point_j))
+
+
+def _pose(links, pivots, angle, first, turn):
+    """x, y, phi of the three bodies at a crank angle; at the first one the coupler is turned by about `turn`."""
+    crank, coupler, rocker = (end - start for start, end in links)
+    pin, before = (pivots[0] + crank * cmath.exp(1j * a) for a in (angle, first))
+    line = pivots[1] - pin
+    side = (coupler * cmath.exp(1j * turn) / (pivots[1] - before)).imag
+    cosine = (abs(coupler) ** 2 + abs(line) ** 2 - abs(rocker) ** 2) / (2 * abs(coupler) * abs(line))
+    if abs(cosine) > 1:
+        return [np.nan] * 9
+    met = pin + abs(coupler) * cmath.exp(1j * (cmath.phase(line) + np.copysign(np.arccos(cosine), side)))
+    pose = []
+    for (start, end), (a, b) in zip(links, ((pivots[0], pin), (pin, met), (pivots[1], met)), strict=True):
+        phi = cmath.phase((b - a) / (end - start))
+        origin = a - start * cmath.exp(1j * phi)
+        pose += [origin.real, origin.imag, phi]
+    return pose

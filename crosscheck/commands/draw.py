@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 from types import ModuleType
@@ -29,7 +31,8 @@ def draw(
 ) -> int:
     """Draw the mechanism of a scene in one pose, with the curves of its points.
 
-    Exit codes: 0 drawn, 2 the scene or the request is invalid, 4 there is no pose to draw, or no matplotlib.
+    Exit codes: 0 drawn, 2 the scene or the request is invalid, 4 there is no pose to draw, or nobody writes such a file
+    (matplotlib is missing, or does not know its ending).
 
     Parameters
     ----------
@@ -39,16 +42,19 @@ def draw(
         The file, .svg in the working folder by default; .png, .pdf need the extra `figures`.
     time
         The time of the pose [s]; the nearest of the scene's times is taken, the first by default.
-    velocity, acceleration
-        Show them by arrows at the joints and points.
+    velocity
+        Show velocities by arrows at the joints and points.
+    acceleration
+        Show accelerations so, too.
     """
     rates = [name for name, wanted in (("velocity", velocity), ("acceleration", acceleration)) if wanted]
-    drawing, file = _drawing(load(scene), rates), out or Path(f"{scene.stem}.svg")
-    k = 0 if time is None else int(np.argmin(np.abs(drawing.t - time)))
-    if file.suffix.lower() == ".svg":
-        file.write_text(still(drawing, k, rates), encoding="utf-8")
-    else:
-        _raster(file).save_still(drawing, file, k, rates)
+    with _one_line():
+        drawing, file = _drawing(load(scene), rates), out or Path(f"{scene.stem}.svg")
+        k = 0 if time is None else int(np.argmin(np.abs(drawing.t - time)))
+        if file.suffix.lower() == ".svg":
+            file.write_text(still(drawing, k, rates), encoding="utf-8")
+        else:
+            _raster(file).save_still(drawing, file, k, rates)
     print(f"{file}: {drawing.scene.name}, t = {drawing.t[k]:g} s, {drawing.status[k]}")
     return PASS
 
@@ -69,19 +75,27 @@ def animate(scene: Path, *, out: Path | None = None, seconds: float = 4.0) -> in
     """
     if not 0 < seconds < np.inf:
         raise UsageError(f"--seconds: expected a number above 0, got {seconds}")
-    drawing, file = _drawing(load(scene), []), out or Path(f"{scene.stem}-moving.svg")
-    if file.suffix.lower() == ".svg":
-        file.write_text(animated(drawing, seconds), encoding="utf-8")
-    else:
-        _raster(file).save_animation(drawing, file, seconds)
+    with _one_line():
+        drawing, file = _drawing(load(scene), []), out or Path(f"{scene.stem}-moving.svg")
+        if file.suffix.lower() == ".svg":
+            file.write_text(animated(drawing, seconds), encoding="utf-8")
+        else:
+            _raster(file).save_animation(drawing, file, seconds)
     print(f"{file}: {drawing.scene.name}, {len(drawing.t)} poses in {seconds:g} s")
     return PASS
 
 
 def _drawing(scene: Scene, rates: list[str]) -> Drawing:
-    asked = replace(scene, bodies_wanted=None, effects=frozenset(Effect(rate) for rate in rates), evidence=frozenset())
+    effects = frozenset(Effect) if Effect.ACCELERATION in rates else frozenset(map(Effect, rates))
+    asked = replace(scene, bodies_wanted=None, effects=effects, evidence=frozenset())
+    return Drawing(asked, solve(asked))
+
+
+@contextmanager
+def _one_line() -> Iterator[None]:
+    """End the command where there is nothing to draw, or no way to."""
     try:
-        return Drawing(asked, solve(asked))
+        yield
     except NothingToDraw as error:
         raise CannotRun(str(error)) from error
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.tables import agreement_table, arbiter_table, line_with_gap, rows_table
+from crosscheck.commands.tables import agreement_table, arbiter_table, line_with_gap, refusal_lines, rows_table
 from crosscheck.commands.usage import console, positive
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS
 from crosscheck.judge.known_gaps import read
@@ -39,11 +39,11 @@ def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECOND
         out.print(record.failure)
         return INFRASTRUCTURE
     told = record.reference
-    out.print(f"refkin: {told.verdict} {told.message}  smallest sigma {told.sigma_min:.3g}")
+    out.print(f"refkin: {told.verdict} {told.message}  smallest singular value {told.sigma_min:.3g}")
     out.print(agreement_table(record))
     out.print(arbiter_table(record))
     out.print(rows_table(record))
-    for line in [*map(str, record.refusals), *missing.values(), *pool.unexplained]:
+    for line in [*refusal_lines(record.refusals), *missing.values(), *pool.unexplained]:
         out.print(line)
     for disagreement in record.disagreements:
         out.print(line_with_gap(disagreement, record, read()))

@@ -31,7 +31,7 @@ def solve(scene: Path, *, as_json: Json = False, csv: Path | None = None) -> int
     as_json
         Print one JSON object instead of a table.
     csv
-        Write all that the scene calls for to this file, one row per time, instead of printing it.
+        Write all that the scene calls for to this file, one row per time, instead of printing a table.
     """
     read = load(scene)
     motion = solving.solve(read)
@@ -40,9 +40,9 @@ def solve(scene: Path, *, as_json: Json = False, csv: Path | None = None) -> int
 
         write_csv(motion, csv)
         print(f"{csv}: {len(motion.t)} times, verdict {motion.verdict}", file=sys.stderr)
-    elif as_json:
+    if as_json:
         print(json.dumps(to_json(read, motion)))
-    else:
+    elif csv is None:
         _print_motion(motion)
     return 0 if motion.verdict is Status.OK else 1
 

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from crosscheck.engines import ELEMENTS, Engine, Level, Support
 from crosscheck.judge.known_gaps import Gap
-from crosscheck.judge.records import QUANTITIES, Disagreement, Quantity, Record
+from crosscheck.judge.records import QUANTITIES, Disagreement, Quantity, Record, RefusalRow
 from crosscheck.night.plan import Outcome
 
 MOST_LINES = 20
@@ -67,6 +67,19 @@ def arbiter_table(record: Record) -> Table:
         worst = "-" if told is None or told.radii is None else f"{told.radii:.2g}"
         table.add_row(answer.engine, answer.route.name, *cells, worst)
     return table
+
+
+def refusal_lines(refusals: Iterable[RefusalRow]) -> list[str]:
+    """Return what engines refuse, in one line for each engine, level and reason."""
+    joints: dict[tuple[str, str, str], list[str]] = {}
+    for row in refusals:
+        joints.setdefault((row.engine, row.level, row.reason), []).append(
+            f"{row.joint} {row.name!r}" if row.joint else ""
+        )
+    return [
+        f"{engine} refuses {', '.join(names)} at {level}: {reason}" if all(names) else reason
+        for (engine, level, reason), names in joints.items()
+    ]
 
 
 def line_with_gap(told: Disagreement, record: Record, gaps: Sequence[Gap]) -> str:

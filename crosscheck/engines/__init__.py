@@ -192,7 +192,7 @@ def refused_joints(engine: Engine, constraints: Iterable[Constraint], level: Lev
         if sum(element.rows for element in elements) != constraint.rows:
             reasons.append("no such joint in this engine: no elements say what it is")
         for element in elements:
-            missing = refused(f"no such joint in this engine: {element.key}")
+            missing = refused(f"no such element in this engine: {element.key}")
             capability = table.get(element.key, {}).get(level, missing)
             if capability.support is Support.REFUSED:
                 reasons.append(capability.reason)

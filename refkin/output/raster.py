@@ -19,8 +19,16 @@ RESOLUTION = 110
 
 
 def save_still(drawing: Drawing, file: Path, k: int = 0, rates: Sequence[str] = ()) -> None:
-    """Write one pose in the format that the file's name ends in; parameters as in `svg.still`."""
+    """Write one pose in the format that the file's name ends in; parameters as in `svg.still`.
+
+    Raises
+    ------
+    NothingToDraw
+        If matplotlib has no such format.
+    """
     figure, axes = _page(drawing)
+    if file.suffix[1:].lower() not in figure.canvas.get_supported_filetypes():
+        raise NothingToDraw(f"{file}: expected a file of .svg, .png, .pdf or another that matplotlib writes")
     shapes = [*drawing.curves, *(shape for part in drawing.parts for shape in part.at(k))]
     for shape in (*shapes, *(arrow for rate in rates for arrow in drawing.arrows(k, rate))):
         _add(axes, shape)

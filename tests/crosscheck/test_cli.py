@@ -5,13 +5,16 @@ from __future__ import annotations
 import json
 import subprocess
 import sys
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
+import refkin
 from crosscheck.cli import COMMANDS, main
+from crosscheck.engines import EngineRefusal, load
 from crosscheck.night import progress
 from crosscheck.night.plan import SAMPLED
 from crosscheck.night.progress import shown_progress
@@ -20,6 +23,7 @@ from .fake_engines import RAISE, SEGFAULT, SHIFT, crosscheck, engine_file, key_o
 
 ROOT = Path(__file__).parent.parent.parent
 GOOD = ROOT / "examples" / "crank-rocker.toml"
+OWN = f"{ROOT / 'examples' / 'own_engine.py'}:TwoCircles"
 FRAMES = ROOT / "crosscheck" / "engines" / "frames.py"
 NIGHT = 31
 ENGINES = "exudyn,pinocchio,mujoco"
@@ -313,10 +317,24 @@ def test_a_known_gap_is_replayed_as_one(tmp_path, command):
 
 
 def test_an_engine_of_ones_own_needs_no_package(command):
-    own = ROOT / "examples" / "own_engine.py"
-    told = command("replay", GOOD, "--engines", f"{own}:TwoCircles")
+    told = command("replay", GOOD, "--engines", OWN)
 
     assert (told.returncode, "two circles" in told.stdout) == (0, True)
+
+
+@pytest.mark.parametrize("branch", ["open", "crossed"])
+def test_the_example_of_an_engine_stays_on_the_assembly_of_the_estimates(branch):
+    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5, branch=branch)
+    found, truth = load(OWN).solve(scene), refkin.solve(scene)
+
+    assert found.q == pytest.approx(truth.q + 2 * np.pi * np.round((found.q - truth.q) / (2 * np.pi)))
+
+
+def test_the_example_of_an_engine_refuses_another_driver():
+    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
+    driver = replace(scene.mechanism.drivers[0], body="rocker")
+    with pytest.raises(EngineRefusal, match="driven at the crank"):
+        load(OWN).solve(replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,))))
 
 
 def test_replaying_with_a_missing_engine_ends_with_3(tmp_path):
@@ -378,6 +396,39 @@ def test_a_scene_becomes_a_picture(command, tmp_path, capsys):
     assert end.value.code == 0
     assert "offset slider-crank" in capsys.readouterr().out
     assert (tmp_path / "picture.svg").read_text(encoding="utf-8").startswith("<svg")
+
+
+@pytest.mark.parametrize("rates", [("--acceleration",), ("--velocity", "--acceleration")], ids=" ".join)
+def test_arrows_are_drawn_of_each_rate_that_is_asked_for_alone(rates, command, tmp_path):
+    told = command("draw", GOOD, *rates, "--out", tmp_path / "picture.svg")
+    picture = (tmp_path / "picture.svg").read_text(encoding="utf-8")
+
+    assert (told.returncode, told.stderr) == (0, "")
+    assert [colour in picture for colour in ("#009E73", "#D55E00")] == [len(rates) == 2, True]
+
+
+@pytest.mark.parametrize("asked", ["draw", "animate"])
+def test_a_picture_that_nobody_can_write_ends_with_4_and_one_line(asked, command, tmp_path):
+    told = command(asked, GOOD, "--out", tmp_path / "picture.xyz")
+
+    assert told.returncode == 4
+    assert told.stderr.startswith(f"{tmp_path / 'picture.xyz'}: expected a file of ")
+    assert told.stderr.count("\n") == 1
+
+
+def test_a_refusal_is_one_line_for_all_joints_that_it_is_about(command):
+    told = command("replay", GOOD, "--engines", "exudyn")
+    line = "closed_form refuses revolute 'A0', revolute 'A', revolute 'B', revolute 'B0', angle 'driver' at jacobian: "
+
+    assert told.stdout.count("closed_form refuses ") == 1
+    assert line in " ".join(told.stdout.split())
+
+
+def test_a_table_in_a_file_and_one_object_are_had_at_once(command, tmp_path):
+    told = command("solve", GOOD, "--json", "--csv", tmp_path / "answer.csv")
+
+    assert json.loads(told.stdout)["verdict"] == "ok"
+    assert (tmp_path / "answer.csv").exists()
 
 
 def test_an_answer_is_written_as_a_table(tmp_path):

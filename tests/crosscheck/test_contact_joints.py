@@ -66,7 +66,7 @@ def test_what_an_engine_does_not_have_is_refused_by_name_and_the_rest_is_compare
 def test_a_pin_with_an_offset_is_not_taken_for_a_pin():
     ends = {"name": "A", "body_i": "a", "point_i": (0.0, 0.0), "body_j": "b", "point_j": (0.0, 0.0)}
 
-    refused = [("revolute", "A", "no such joint in this engine: points coincide by a law")]
+    refused = [("revolute", "A", "no such element in this engine: points coincide by a law")]
 
     for engine in ENGINES:
         assert refused_joints(load(engine), [Revolute(**ends)], Level.SOLVE) == []

@@ -516,7 +516,7 @@ def test_an_unknown_joint_is_refused_by_name_and_left_out_of_the_rows() -> None:
     engine = Exudyn()
 
     assert refusals(engine, scene, Level.RESIDUAL) == [
-        "exudyn refuses rack_and_pinion 'R' at residual: no such joint in this engine: rolling on a line"
+        "exudyn refuses rack_and_pinion 'R' at residual: no such element in this engine: rolling on a line"
     ]
     assert "R" not in {row.constraint for row in engine.constraints(scene).rows}
     with pytest.raises(EngineError, match="refuses rack_and_pinion 'R' at solve: no such joint"):
