@@ -5,12 +5,12 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any
 
 import numpy as np
-from cyclopts import Parameter
 
 from crosscheck.commands.solve import SCHEMA, numbers
+from crosscheck.commands.usage import Json
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.proof.singularity.diagnosis import Diagnosis, Kind
@@ -64,7 +64,7 @@ def to_json(scene: Scene, motion: Motion, k: int | None, found: Diagnosis | None
     }
 
 
-def print_diagnosis(scene: Path, *, as_json: Annotated[bool, Parameter(name="--json", negative="")] = False) -> int:
+def print_diagnosis(scene: Path, *, as_json: Json = False) -> int:
     """Say what the hardest pose of a scene is: regular, or by which kind of singularity it is not.
 
     Exit codes: 0 it is regular, or a structure, or has redundant rows that agree; 1 it is singular, or there is no

@@ -21,7 +21,7 @@ def print_engines() -> int:
     for name, (_, version) in found.items():
         out.print(f"{name} {version}")
     for reason in missing.values():
-        out.print(reason, markup=False)
+        out.print(reason)
     return PASS
 
 

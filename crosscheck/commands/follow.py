@@ -11,6 +11,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from crosscheck.commands.solve import SCHEMA, numbers
+from crosscheck.commands.usage import Json
 from refkin.errors import UnknownName
 from refkin.model import Scene
 from refkin.proof.path.tracing import End
@@ -96,7 +97,7 @@ def print_path(
     until: Annotated[tuple[float, float] | None, Parameter(negative="")] = None,
     through: Annotated[bool, Parameter(negative="")] = False,
     most_points: int = 2000,
-    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    as_json: Json = False,
 ) -> int:
     """Follow the poses of a scene from its first one: past limits of its driver, on to the other branch, and back.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import math
 import sys
 from collections.abc import Sequence
 from typing import Annotated, Any
@@ -12,20 +11,15 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
-from crosscheck.commands.usage import console
+from crosscheck.commands.usage import Json, console, positive
 from crosscheck.engines import PEERS, EngineError, available
-from crosscheck.errors import UsageError
+from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS, UsageError
 from crosscheck.judge.hard_poses import Outcome
 from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
 from crosscheck.scenes.hard import HardCase, hard_cases
 
 OURS = "refkin"
 ENGINES = (OURS, *PEERS)
-PASS, UNEXPLAINED, ENGINE_MISSING = 0, 1, 3
-
-
-class UnknownName(UsageError):
-    """An engine or a case that nobody knows, or a number that makes no sense."""
 
 
 def hard(
@@ -34,7 +28,7 @@ def hard(
     case: Annotated[tuple[str, ...], Parameter(negative="")] = (),
     within: float | None = None,
     case_seconds: float = SECONDS,
-    as_json: Annotated[bool, Parameter(name="--json", negative="")] = False,
+    as_json: Json = False,
 ) -> int:
     """Send the hard scenes through every method of the engines, those of their shipped defaults included.
 
@@ -55,13 +49,12 @@ def hard(
         Print one JSON array of rows instead of a table.
     """
     cases = _cases(case)
-    for key, value in (("within", within), ("case-seconds", case_seconds)):
-        if value is not None and not 0 < value < math.inf:
-            raise UnknownName(f"--{key}: expected a number above 0, got {value}")
+    positive("within", within)
+    positive("case-seconds", case_seconds)
     for name in engine:
         if name not in (OURS, *available()) and ":" not in name:
             known = ", ".join((OURS, *sorted(available())))
-            raise UnknownName(f"--engine: no engine is called {name!r}; there are: {known}, or file.py:Class")
+            raise UsageError(f"--engine: no engine is called {name!r}; there are: {known}, or file.py:Class")
     try:
         rows = hard_case_rows(engine, within, cases=cases, seconds=case_seconds)
     except EngineError as error:
@@ -71,7 +64,7 @@ def hard(
         print(json.dumps(rows, indent=1, allow_nan=False))
     else:
         _print(rows)
-    return UNEXPLAINED if unexplained(rows) else PASS
+    return DISAGREEMENT if unexplained(rows) else PASS
 
 
 def _cases(kinds: Sequence[str]) -> list[HardCase]:
@@ -79,7 +72,7 @@ def _cases(kinds: Sequence[str]) -> list[HardCase]:
     known = list(dict.fromkeys(case.case for case in every))
     for kind in kinds:
         if kind not in known:
-            raise UnknownName(f"--case: no hard scene is called {kind!r}; there are: {', '.join(known)}")
+            raise UsageError(f"--case: no hard scene is called {kind!r}; there are: {', '.join(known)}")
     return [case for case in every if not kinds or case.case in kinds]
 
 
@@ -113,6 +106,6 @@ def _print_wrong(out: Console, rows: Sequence[dict[str, Any]]) -> None:
             reason = f"{row['class']}: {row['quote']}" if row["class"] else "no finding explains this"
             by_reason.setdefault((row["engine"], row["method"], row["verdict"], reason), []).append(row)
     for (engine, name, verdict, reason), found in by_reason.items():
-        out.print(f"\n{engine} ({name}), {verdict}: {reason}", highlight=False)
+        out.print(f"\n{engine} ({name}), {verdict}: {reason}")
         for row in found:
-            out.print(f"  {row['case']}, {row['distance']:.3g}: {row['note']}", highlight=False)
+            out.print(f"  {row['case']}, {row['distance']:.3g}: {row['note']}")

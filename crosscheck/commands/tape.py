@@ -7,10 +7,9 @@ from typing import Annotated
 
 from cyclopts import Parameter
 
+from crosscheck.errors import DISAGREEMENT, PASS
 from refkin.errors import RefkinError
 from refkin.scenes.files import load
-
-DONE, NONE = 0, 1
 
 
 def tape(scene: Path, *, counts: Annotated[bool, Parameter(negative="")] = False) -> int:
@@ -32,16 +31,16 @@ def tape(scene: Path, *, counts: Annotated[bool, Parameter(negative="")] = False
         from refkin import fast  # here, because no other command needs it
     except ImportError as error:
         print(f"this installation has no fast path: {error}")
-        return NONE
+        return DISAGREEMENT
     try:
         found = fast.tape(read)
     except RefkinError as error:
         print(error)
-        return NONE
+        return DISAGREEMENT
     if not counts:
         print(fast.legend(read) + str(found))
     for segment, count in found.counts().items():
         kinds = ", ".join(f"{k} {op}" for op, k in found.operations(segment).most_common())
         print(f"{segment:9}  {count:5}  {kinds}".rstrip())
     print(f"all        {sum(found.counts().values()):5}")
-    return DONE
+    return PASS
