@@ -16,8 +16,7 @@ from typing import Any
 from crosscheck.engines import PEERS, QUANTITIES, EngineError
 from crosscheck.engines.methods import OURS, Batch, Method, Use, methods
 from crosscheck.engines.ours.c_kernels import compiler_version
-from crosscheck.judge import of_batches, of_chains
-from crosscheck.judge.of_batches import Accuracy
+from crosscheck.judge.workloads import Accuracy, of_chain, of_four_bars, sparse_system
 from crosscheck.measure.bench_aims import reached
 from crosscheck.measure.bench_first_use import first_use
 from crosscheck.scenes.workloads import Chain, Workload, workload
@@ -120,8 +119,8 @@ def row(work: Workload, entry: Entry, timing: Timing) -> dict[str, Any]:
 def accuracy_of(work: Workload, batch: Batch) -> Accuracy:
     """Return how right the answers to a workload are."""
     if isinstance(work, Chain):
-        return of_chains.judged(work, of_chains.sparse_system(work), batch.answers())
-    return of_batches.judged(work, batch.answers())
+        return of_chain(work, sparse_system(work), batch.answers())
+    return of_four_bars(work, batch.answers())
 
 
 def versions() -> dict[str, str]:

@@ -21,7 +21,7 @@ from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch, Use, method, methods
 from crosscheck.engines.ours import c_kernels
 from crosscheck.engines.ours.c_kernels import text_of
-from crosscheck.judge.of_batches import judged
+from crosscheck.judge.workloads import of_four_bars
 from crosscheck.measure import bench as measure
 from crosscheck.measure.bench_aims import key_of
 from crosscheck.scenes import workloads as works
@@ -192,7 +192,7 @@ def right(work):
 def test_right_answers_are_ranked():
     work = few()
 
-    found = judged(work, [answers(work, tuple(right(work)))])
+    found = of_four_bars(work, [answers(work, tuple(right(work)))])
 
     assert found.ranked
     assert found.configurations == work.configurations
@@ -205,7 +205,7 @@ def test_one_wrong_number_among_all_is_noticed(level):
     levels = right(work)
     levels[level][5, 77] *= 1.0 + 1e-11
 
-    found = judged(work, [answers(work, tuple(levels))])
+    found = of_four_bars(work, [answers(work, tuple(levels))])
 
     assert found.worst_over_allowed > 1.0
     assert found.max_error > 1e-12
@@ -219,7 +219,7 @@ def test_the_other_branch_is_noticed():
     q[1::3] *= -1.0
     q[2::3] *= -1.0
 
-    assert not judged(work, [answers(work, (q,))]).ranked
+    assert not of_four_bars(work, [answers(work, (q,))]).ranked
 
 
 def test_no_answer_is_no_rank_and_null_in_the_json():

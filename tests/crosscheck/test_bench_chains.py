@@ -12,8 +12,8 @@ import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import method
 from crosscheck.engines.ours import chains
-from crosscheck.judge import of_chains
 from crosscheck.judge.budget import derive
+from crosscheck.judge.workloads import allowed, of_chain, sparse_system
 from crosscheck.scenes import workloads as works
 
 FAST = importlib.util.find_spec("refkin.fast") is not None
@@ -26,15 +26,13 @@ def sparse():
         with pytest.raises(EngineError):
             chains.sparse(WORK, 0)
         return None
-    return of_chains.sparse_system(WORK)
+    return sparse_system(WORK)
 
 
 def test_what_is_allowed_is_less_than_the_budget_of_a_comparison_and_not_much_less():
     system = sparse()
     if system is None:
         return
-    from crosscheck.judge.of_chains import allowed
-
     motion = refkin.solve(WORK.scene)
     levels = [system.system.to_unit(level, order) for order, level in enumerate(motion.levels)]
     whole = derive(system.system, motion, *levels).position[:, 0]
@@ -48,23 +46,19 @@ def test_the_truth_is_ranked_and_one_wrong_coordinate_is_not():
     system = sparse()
     if system is None:
         return
-    from crosscheck.judge.of_chains import judged
-
     q = np.asarray(WORK.truth()[0], float)
-    assert judged(WORK, system, q).ranked
+    assert of_chain(WORK, system, q).ranked
     for coordinate in range(len(q)):
         wrong = q.copy()
         wrong[coordinate] += 1e-11
-        assert not judged(WORK, system, wrong).ranked
+        assert not of_chain(WORK, system, wrong).ranked
 
 
 def test_nan_is_not_ranked():
     system = sparse()
     if system is None:
         return
-    from crosscheck.judge.of_chains import judged
-
-    assert not judged(WORK, system, np.full(system.system.n, np.nan)).ranked
+    assert not of_chain(WORK, system, np.full(system.system.n, np.nan)).ranked
 
 
 LONG = {

@@ -1,4 +1,4 @@
-"""How far the answers of a method are from the truth, and how far they may be.
+"""How far a method's answers to a workload are from the truth, and how far they may be.
 
 The truth is the closed form in long double; where that is no longer than a double the truth errs as a row does, which
 the budgets cover: they count roundings on both sides. The error of a position is told in sizes and radians, that of a
@@ -6,9 +6,9 @@ rate as a part of the largest rate at that configuration. What is allowed is der
 (`crosscheck.judge.budget`), at the truth and component by component.
 
 Of four-bars every configuration's error is taken; budgets, which cost a hundred times more, are derived for a sample
-spread over all and for the configurations with the largest errors. Of a chain all coordinates are judged: its budget is
-that of `crosscheck.judge.budget` with sparse matrices, and |J^-1| e is taken from below (`from_below`), so that the
-ratio is told too large rather than too small.
+spread over all and for the configurations with the largest errors. Of a chain all coordinates are judged, with
+sparse matrices. |J^-1| has 4e9 entries for 10,000 loops, so |J^-1| e is taken from below, as the largest |J^-1 (s e)|
+over some random signs s: the ratio is told too large rather than too small.
 """
 
 from __future__ import annotations
@@ -20,15 +20,20 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines.frames import wrap
-from crosscheck.judge.budget import derive
+from crosscheck.judge.budget import SAFETY, derive, handed_over
+from crosscheck.judge.running_error import Running, U
 from crosscheck.scenes.four_bar_answers import four_bar
-from crosscheck.scenes.workloads import SPEED, FourBars, Piece, system_of, unit_of
+from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, system_of, unit_of
 from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
+from refkin.system import compile_system
+from refkin.vec import BodyValues
 
 SAMPLE, WORST = 20_000, 2000
 """Of how many configurations, spread over all and with the largest errors, the budgets are derived."""
 LANES = 2000
 """So many budgets are derived at once."""
+SIGNS = 32
+"""How many random signs bound |J^-1| e of a chain."""
 ROUTE = Route(
     name="closed form",
     **dict.fromkeys(("residual_by", "jacobian_by", "newton_by", "linear_solve_by", "drift_by"), "nobody"),
@@ -55,7 +60,7 @@ class Accuracy:
         return self.worst_over_allowed <= 1.0 and not self.unjudged
 
 
-def judged(work: FourBars, pieces: Iterable[Piece]) -> Accuracy:
+def of_four_bars(work: FourBars, pieces: Iterable[Piece]) -> Accuracy:
     """Return the accuracy of a method's answers to a workload of four-bars."""
     stride = max(1, work.configurations // SAMPLE)
     largest, count, levels = 0.0, 0, 0
@@ -146,3 +151,51 @@ def _as_motion(t: Any, levels: list[Any]) -> Motion:
     producer = Producer(name="closed form", version="", route=ROUTE)
     q, qd, qdd = levels
     return engine_motion(t, (), q, qd, qdd, (Status.OK,) * len(t), producer)
+
+
+def sparse_system(work: Chain) -> Any:
+    """Return the chain's `SparseSystem` in its own unit."""
+    from refkin.fast import SparseSystem  # here: the fast paths may be absent
+
+    mechanism = work.scene.mechanism
+    return SparseSystem(compile_system(mechanism, unit=mechanism.unit()))
+
+
+def of_chain(work: Chain, sparse: Any, q: Any) -> Accuracy:
+    """Return the accuracy of coordinates q (n,) in metres and radians; `sparse` is the chain's `SparseSystem`."""
+    system = sparse.system
+    truth = work.truth()[0]
+    error = np.asarray(np.asarray(q, np.longdouble) - truth, float)
+    error[2::3] = wrap(error[2::3])
+    error = np.abs(system.to_unit(error, 1))  # as a rate: a difference has no origin
+    error = np.where(np.isfinite(error), error, np.inf)
+    part = error / allowed(sparse, system.to_unit(np.asarray(truth, float)), work.scene.times[0])
+    return Accuracy(float(np.max(error)), float(np.max(part)), 1)
+
+
+def allowed(sparse: Any, q: Any, t: float) -> Any:
+    """Return the allowed errors of positions (n,) at a solution q (n,), in the system's scaled coordinates."""
+    from refkin.fast.sparse import factors  # here: the fast paths may be absent
+
+    e_phi = SAFETY * residual_error(sparse, q, t)
+    signs = np.random.default_rng(0).choice([-1.0, 1.0], (len(q), SIGNS))
+    lu = factors(sparse.phi_q(q, t))
+    carried = np.max(np.abs(np.stack([lu.solve(column * e_phi) for column in signs.T])), axis=0)
+    still = np.zeros((len(q), 1))
+    return carried + handed_over(sparse.system, q[:, None], still, still)[0][:, 0]
+
+
+def residual_error(sparse: Any, q: Any, t: float) -> Any:
+    """Return the running error (n,) of phi, with coordinates that are rounded to U |q|."""
+
+    def values(start: Any) -> BodyValues:
+        if start is None:
+            return BodyValues(0.0, 0.0, 0.0)
+        return BodyValues(*(Running(q[start + k], U * np.abs(q[start + k])) for k in range(3)))
+
+    out = np.zeros(len(q))
+    for group in sparse.groups:
+        found = group.formulas.residual(group.g, group.given(None, t, 0), *(values(start) for start in group.starts))
+        for row, value in zip(group.rows, found, strict=True):
+            out[row] = value.error
+    return out
