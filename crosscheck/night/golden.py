@@ -4,9 +4,11 @@ It is data (`reports/baseline.json`, scenes included) that only an explicit comm
 night cannot tell a loss of accuracy from bad luck; these can, case by case:
 
 * the reference may not leave its own proof: two answers whose certified radii do not overlap cannot both be right;
-* an engine may not lose more than half a digit, in the worst sample or in the median. Half a digit is a factor of
-  three: more than another processor's rounding does to a worst sample, less than any fault worth the name. Errors below
-  four units of rounding, which is where an answer is as good as exact, count as that.
+* an engine may not lose more than half a digit, in the worst sample or in the median, where its error is larger than
+  one evaluation of the formulas in float64 may leave. That is what is allowed without the safety factor
+  (`crosscheck.judge.budget`); below it another order of operations, or another start of a Newton iteration, moves a
+  worst sample by a digit and more, and says nothing about the engine. What an engine allows itself by a term of its own
+  counts as error here.
 """
 
 from __future__ import annotations
@@ -20,6 +22,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.errors import UsageError
+from crosscheck.judge.budget import SAFETY
 from crosscheck.judge.records import QUANTITIES, By, Disagreement, Kind, NewCase, Record, adapter
 from crosscheck.night.disagreements import FOLDER, slug
 from crosscheck.night.journal import replace_file
@@ -33,11 +36,11 @@ from refkin.scenes.files import parse, to_dict, to_toml
 from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
 from refkin.solving.solve import solve
 
-SCHEMA = 1
+SCHEMA = 2
 LOST = 0.5
 """Digits that an engine may lose in a case."""
-EXACT = -math.log10(4 * 2.0**-53)
-"""Digits beyond which an answer is as good as exact."""
+LUCK = 1 / SAFETY
+"""The part of what is allowed that one evaluation of the formulas may leave: the budget covers SAFETY of them."""
 _INSTALLED = Path(__file__).with_name("baseline.json")
 DEFAULT = _INSTALLED if _INSTALLED.is_file() else Path(__file__).parents[2] / "reports" / "baseline.json"
 """The accepted baseline: in an installed package beside this module, in a checkout among the reports."""
@@ -72,7 +75,7 @@ def golden_scenes() -> dict[str, Scene]:
 
 
 def measure(scenes: Mapping[str, Scene], workers: Pool, engines: Sequence[str]) -> dict[str, Case]:
-    """Return scene, reference and digits of every route, by the name of the case."""
+    """Return scene, reference, attainable digits and those of every route, by the name of the case."""
     names = {}
     for name, scene in scenes.items():
         job = {"scene": to_dict(scene), "about": {"golden": name}}
@@ -83,7 +86,7 @@ def measure(scenes: Mapping[str, Scene], workers: Pool, engines: Sequence[str]) 
         for record in workers.results():
             records[str(record.about["golden"])] = record
     return {
-        name: {"scene": to_dict(scene), "reference": _reference(solve(scene)), "routes": _routes(records[name])}
+        name: {"scene": to_dict(scene), "reference": _reference(solve(scene)), **_measured(records[name])}
         for name, scene in names.items()
     }
 
@@ -103,15 +106,21 @@ def _plain(values: Any) -> Any:
     return [_plain(row) for row in values] if np.ndim(values) else (float(values) if np.isfinite(values) else None)
 
 
-def _routes(record: Record) -> dict[str, Any]:
-    """Return {"engine · route": {quantity: [median, worst]}}; a quantity without a digit is None."""
-    return {
+def _measured(record: Record) -> dict[str, Any]:
+    """Return the digits {quantity: [median, worst]} that rounding leaves attainable, and those of each route.
+
+    A quantity without a digit is None; a route has its largest error / allowed as well.
+    """
+    left = record.reference.attainable_by_sigma if record.reference else {}
+    routes = {
         f"{answer.engine} · {answer.route.name}": {
             "missing": answer.missing,
+            "ratio": {name: q.ratio for name, q in answer.quantities.items()},
             **{name: _digits(q.digits_by_sigma) for name, q in answer.quantities.items()},
         }
         for answer in record.answers
     }
+    return {"attainable": {name: _digits(by_sigma) for name, by_sigma in left.items()}, "routes": routes}
 
 
 def _digits(by_sigma: By) -> list[float] | None:
@@ -130,7 +139,7 @@ def differences(before: Mapping[str, Case], now: Mapping[str, Case], engines: It
         for who, digits in case["routes"].items():
             engine, _, route = who.partition(" · ")
             if engine in engines:
-                lost += _digits_lost(engine, route, digits, now[name]["routes"].get(who))
+                lost += _digits_lost(engine, route, digits, now[name]["routes"].get(who), case["attainable"])
         worse += [NewCase(disagreement=told, key=f"golden-{slug(name)}", case=name) for told in lost]
     return worse
 
@@ -158,9 +167,9 @@ def _reference_changed(before: Case, now: Case) -> Iterator[Disagreement]:
 
 
 def _digits_lost(
-    engine: str, route: str, before: Mapping[str, Any], now: Mapping[str, Any] | None
+    engine: str, route: str, before: Case, now: Case | None, attainable: Mapping[str, Sequence[float] | None]
 ) -> Iterator[Disagreement]:
-    """Yield the quantities in which a route is worse than it was."""
+    """Yield the quantities in which a route is worse than it was, and than rounding alone may make it."""
     who: dict[str, Any] = {"engine": engine, "route": route, "kind": Kind.DIGITS_LOST}
     if now is None or now["missing"] > before["missing"]:
         yield Disagreement(**who, quantity="status", message="no answer any more")
@@ -169,10 +178,21 @@ def _digits_lost(
         old, new = before.get(quantity), now.get(quantity)
         if old is None:
             continue
-        if new is None or any(min(a, EXACT) - min(b, EXACT) > LOST for a, b in zip(old, new, strict=True)):
+        ratio = now["ratio"].get(quantity)
+        if new is None or _is_lost(old, new, attainable.get(quantity) or new, ratio):
             told = "none" if new is None else f"{new[0]:.1f} / {new[1]:.1f}"
             became = f"digits {old[0]:.1f} / {old[1]:.1f} became {told}"
             yield Disagreement(**who, quantity=quantity, message=became)
+
+
+def _is_lost(old: Sequence[float], new: Sequence[float], attainable: Sequence[float], ratio: float | None) -> bool:
+    """Whether half a digit went, in the median or the worst sample, that no luck in rounding accounts for.
+
+    The digits of a case hold an engine to rounding, whatever terms of its own it has. Its ratio is taken sample by
+    sample, and also tells where the digits of the sample that is hardest would hide the others.
+    """
+    beyond = ratio is not None and ratio > LUCK
+    return any(a - b > LOST and (beyond or b < least) for a, b, least in zip(old, new, attainable, strict=True))
 
 
 def read(path: Path) -> dict[str, Any]:
