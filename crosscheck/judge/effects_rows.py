@@ -17,7 +17,7 @@ class EffectRow:
         What a configuration costs without it [microseconds].
     spread : float or None
         How far apart that number is taken from different rounds [microseconds]: what is no larger is noise. It is never
-        less than what an effect seems to save. None if there was one round alone.
+        less than what an effect seems to save. None without a price.
     inert : bool or None
         Whether nothing else changes: no bit in refkin, nothing beyond the allowed error in an engine, no status. None
         if that is not known: the engine has no such effect, or no answer without it either.

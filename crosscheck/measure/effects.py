@@ -24,6 +24,8 @@ MOST_TIMES = 37
 
 ROUNDS = 25
 """An effect is a small difference of two large times: more rounds than elsewhere, as far as there is time."""
+FEWEST = 2
+"""Rounds there are however long they take: nothing is known of the noise of a price of one."""
 GROUPS = 3
 """Into how many parts the rounds are divided, to see how far a difference repeats."""
 
@@ -73,7 +75,7 @@ def rows(found: Ablations, ref: Reference, within: float, terms: Sequence[Term] 
     """
     answers: dict[str, Motion | str] = {name: _answer(work) for name, work in found.works.items()}
     works = {name: work for name, work in found.works.items() if not isinstance(answers[name], str)}
-    timings = timed_in_turns(works, rounds=ROUNDS, within=within) if works else {}
+    timings = timed_in_turns(works, rounds=ROUNDS, fewest=FEWEST, within=within) if works else {}
     there = [_row(found, a, answers, timings, ref, terms) for a in found.effects]
     return there + [unmeasured(found.method.key, effect, why) for effect, why in found.absent.items()]
 

@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import time
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
+from contextlib import closing
 from typing import Any
 
 from crosscheck.judge.effects_rows import EffectRow
 from crosscheck.measure.effects import measured, task, unmeasured
 from crosscheck.measure.effects_ablations import REFKIN
 from crosscheck.scenes.names import PHYSICAL
-from crosscheck.workers.processes import Failure, call_each
+from crosscheck.workers.processes import Failure, Fault, call_in_turn
 from refkin.model import Scene
 from refkin.scenes.files import to_dict
 
 WITHIN = 30.0
 """How long a ledger measures [s]."""
 START = 15.0
-"""How long a process may take on top: to start, to load an engine, to solve everything once [s]."""
+"""How long an answer may take on top: to load an engine, to solve everything and to make the fewest rounds [s]."""
+MOST_HANGS = 4
+"""How many effects of an engine may hang before the others are no longer tried."""
 EFFECTS = ("velocity", "acceleration", "points", "other bodies", "condition", "certificate", *PHYSICAL)
 """Each has a row for every method, be it one that says why it has no price."""
 ANY = "any"
@@ -45,27 +47,31 @@ def effects_ledger(scene: Scene, engines: Sequence[str] = (), within: float = WI
     data, share = to_dict(scene), within / (1 + len(engines))
     found: list[EffectRow] = []
     for spec in (REFKIN, *engines):
-        answer = _asked(data, spec, share, share + START)
-        found += _one_by_one(data, spec, answer, share + START) if isinstance(answer, Failure) else answer
+        (answer,) = _asked(data, spec, share, [""])
+        found += _one_by_one(data, spec, answer) if isinstance(answer, Failure) else answer
     return found
 
 
-def _asked(data: Any, spec: str, share: float, patience: float, effect: str = "") -> list[EffectRow] | Failure:
-    answer = call_each(measured, [task(data, spec, share, effect)], patience)[0]
-    return answer if isinstance(answer, Failure) else [EffectRow(**row) for row in answer]
+def _asked(data: Any, spec: str, share: float, effects: Sequence[str]) -> Generator[list[EffectRow] | Failure]:
+    """Yield the rows of some effects; a process that fails at one is replaced for those that are left."""
+    for answer in call_in_turn(measured, [task(data, spec, share, effect) for effect in effects], share + START):
+        yield answer if isinstance(answer, Failure) else [EffectRow(**row) for row in answer]
 
 
-def _one_by_one(data: Any, spec: str, first: Failure, within: float) -> list[EffectRow]:
-    """Return the rows of an engine whose process failed: each effect in a process of its own, as long as time allows.
+def _one_by_one(data: Any, spec: str, first: Failure) -> list[EffectRow]:
+    """Return the rows of an engine whose process failed, asked for one after the other, until too many hang.
 
-    Timings of an engine with such an effect are not what matters: each gets one round, and no more than its share of
-    the time that is left. An effect that fails where another one answers is felt.
+    Timings of an engine with such an effect are not what matters: each takes the fewest rounds. An effect that fails
+    where another one answers is felt.
     """
-    answers: dict[str, list[EffectRow] | Failure] = {}
-    end = time.monotonic() + within
-    for k, effect in enumerate(EFFECTS):
-        left = (end - time.monotonic()) / (len(EFFECTS) - k)
-        answers[effect] = _asked(data, spec, 0.0, left, effect) if left > 0 else first
+    answers: dict[str, list[EffectRow] | Failure] = dict.fromkeys(EFFECTS, first)
+    hung = 0
+    with closing(_asked(data, spec, 0.0, EFFECTS)) as asked:
+        for effect, answer in zip(EFFECTS, asked, strict=False):
+            answers[effect] = answer
+            hung += isinstance(answer, Failure) and answer.kind is Fault.HANG
+            if hung == MOST_HANGS:
+                break
     answered = [row for answer in answers.values() if not isinstance(answer, Failure) for row in answer]
     name = answered[0].engine if answered else spec
     inert = False if any(row.inert is not None for row in answered) else None

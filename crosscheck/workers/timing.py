@@ -47,6 +47,7 @@ def timed_in_turns(
     works: Mapping[str, Callable[[], object]],
     *,
     rounds: int = ROUNDS,
+    fewest: int = 1,
     at_least: float = AT_LEAST,
     within: float = math.inf,
     known: Mapping[str, float] | None = None,
@@ -60,10 +61,12 @@ def timed_in_turns(
         Each is called before it is timed.
     rounds : int
         How often each gets its turn.
+    fewest : int
+        How many rounds there are however long they take.
     at_least : float
         What one turn lasts at least [s].
     within : float
-        No round is begun after this long [s]; the first always is.
+        No other round is begun after this long [s].
     known : mapping of str to float, optional
         What a call takes, about, where that is known already [s].
     clock : callable, optional
@@ -75,7 +78,7 @@ def timed_in_turns(
     clock = clock or time.perf_counter
     end = clock() + within
     for k in range(rounds):
-        if k and clock() > end:
+        if k >= fewest and clock() > end:
             break
         for name, work in works.items():
             count, long = repeats[name]

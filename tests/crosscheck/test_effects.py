@@ -64,7 +64,7 @@ def only(found, effect, engine=None):
 
 
 def rows_of(spec, scene=SCENE):
-    """Return the rows of an engine in this process, with one round each."""
+    """Return the rows of an engine in this process, with the fewest rounds."""
     ref = reference(scene)
     return [row for method in methods(spec, Use.EFFECTS) for row in rows(ablations(method, scene), ref, 0.0)]
 
@@ -273,10 +273,18 @@ def test_a_price_no_larger_than_its_noise_is_shown_as_such(microseconds, spread,
 
 def test_no_price_of_the_command_is_a_saving_beyond_noise(command):
     _, told = command
-    priced_rows = [row for row in told["rows"] if row["microseconds"] is not None and row["spread"] is not None]
+    priced_rows = [row for row in told["rows"] if row["microseconds"] is not None]
 
     assert priced_rows
     assert all(row["microseconds"] >= -row["spread"] for row in priced_rows)
+
+
+def test_a_price_has_its_noise_however_little_time_there_is():
+    """A machine that is busy makes no more than the fewest rounds."""
+    prices = [row for row in rows(of_refkin(), reference(SCENE), 0.0) if row.microseconds is not None]
+
+    assert prices
+    assert all(row.spread is not None for row in prices)
 
 
 def test_a_ledger_is_plain_data_that_json_takes():
