@@ -58,8 +58,8 @@ class NotCalledFor(RefkinError):
 
     def __init__(self, effect: str, effects: frozenset[str]) -> None:
         self.effect, self.effects = effect, effects
-        told = f"this system was compiled for {sorted(map(str, effects))}"
-        super().__init__(f"{told}: {str(effect)!r} was not called for")
+        known = sorted(map(str, effects))
+        super().__init__(f"this system was compiled for {known}: {str(effect)!r} was not called for")
 
 
 class UnknownName(RefkinError):

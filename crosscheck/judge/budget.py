@@ -12,7 +12,7 @@ The rows err independently, so the largest move takes the absolute values of the
 pose that is wrong by one row's error is wrong in all its coordinates together, and what that does to the rates cancels
 for the most part. Taken factor by factor it does not, and allows up to 1e5 times too much. A frame far from its joints
 is no different: its large arms stand in A and S alike, and cancel in A S A, as they would in recentred frames. To this
-comes the rounding of the answer itself (`handed_over`).
+comes the rounding of the answer itself (`output_rounding`).
 
 The e are running-error bounds of the formulas (`running_error`) with coordinates that are rounded to u |q|: no float64
 code is told more. `SAFETY` covers that an engine evaluates the same closure by other formulas: in space (products of
@@ -155,7 +155,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         e=tuple(e + _table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma))),
         size=(e_phi, moving, bending),
         rates=(np.zeros_like(rate), rate, np.max(np.abs(qdd), axis=0) + rate**2),
-        rounding=handed_over(system, q, qd, qdd),
+        rounding=output_rounding(system, q, qd, qdd),
         radius=tuple(getattr(motion.certified_radius, level)[lanes] for level in LEVELS),
     )
 
@@ -250,7 +250,7 @@ def _table_error(system: System, t: Any, order: int) -> Any:
     return out
 
 
-def handed_over(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, Any]:
+def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, Any]:
     """Return the rounding of coordinates and rates that are composed of others, in metres and back.
 
     A pose at the end of a chain is a sum of arms of one size, one per body, and of the angles of other bodies, each
@@ -270,7 +270,7 @@ def handed_over(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any, An
 
 def _residual_error(system: System, q: Any, rate: Any, t: Any, shape: tuple[int, ...], qd: Any = None) -> Any:
     """Return the running error (m, T) of phi_q rate - nu, or of phi_q rate - gamma if qd is given, at this q."""
-    at, moving = running(q), running(rate)  # the rounding of the result itself is `handed_over`
+    at, moving = running(q), running(rate)  # the rounding of the result itself is `output_rounding`
     right = system.nu(at, t) if qd is None else system.gamma(at, running(qd), t)
     left = system.phi_q(at, t)
     rows = np.empty(system.m, object)

@@ -1,7 +1,7 @@
 """Certificates of all lanes at once, by a tape of their own; see `lanes.prove` for what is proved.
 
-The truth is that of `proof.exact`: the scene as it is written. What its numbers lost when they were scaled and rounded,
-and what laws lose when they are evaluated, comes as errors beside them.
+The truth is that of `proof.numbers.exact`: the scene as it is written. What its numbers lost when they were scaled and
+rounded, and what laws lose when they are evaluated, comes as errors beside them.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """From pose to pose along one branch, one lane at a time: what predicts all other lanes, and helps those that fail.
 
-The rules are those of `refkin.solving.sweep`, and stricter. The prediction is the quintic through the last two poses.
+The rules are those of `refkin.solving.steps`, and stricter. The prediction is the quintic through the last two poses.
 A step is taken only if Newton contracts at once, no block's determinant has changed its sign, no block is nearly
 singular, and the rates continue the prediction as the coordinates do: where two branches cross, the wrong one has a
 kink. Otherwise the step is shortened. No step goes over a time at which a law turns back (`extrema`): what the law
@@ -25,7 +25,7 @@ FAR = 3e-3
 FARTHEST = 0.2
 """A prediction further off than this is not corrected but made again, from nearer."""
 PART = 1 / 4
-"""Nor one that is further off than this part of the move from the last pose (as in `refkin.solving.sweep`)."""
+"""Nor one that is further off than this part of the move from the last pose (as in `refkin.solving.steps`)."""
 FURTHEST = 1.0
 """Largest change of a law's value in one step: predictions do not know what lies within a radian [sizes, rad]."""
 ENOUGH = 1e-8

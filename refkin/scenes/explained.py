@@ -84,9 +84,9 @@ def _where(path: str, data: Any, lines: dict[tuple[str, int], dict[str, int]]) -
         name = data[group][place].get("name")
     except (AttributeError, IndexError, KeyError, TypeError):
         return ""
-    told = [f"{group} {name!r}"] if isinstance(name, str) else []
+    parts = [f"{group} {name!r}"] if isinstance(name, str) else []
     own = lines.get((group, place), {})
-    return ", ".join(told + ([f"line {own.get(key, own[''])}"] if own else []))
+    return ", ".join(parts + ([f"line {own.get(key, own[''])}"] if own else []))
 
 
 def _lines(text: str, data: Any) -> dict[tuple[str, int], dict[str, int]]:

@@ -147,7 +147,7 @@ def parse(data: Any, source: str = "scene", text: str = "") -> Scene:
     """
     found: list[Fault] = []
     data = _readable(data, "", found)
-    told = {fault.path for fault in found}
+    paths = {fault.path for fault in found}
     try:
         file = _read(data)
     except ValidationError as error:
@@ -156,7 +156,7 @@ def parse(data: Any, source: str = "scene", text: str = "") -> Scene:
     else:
         found += _meaning(file)
     if found:
-        kept = [f for k, f in enumerate(found) if k < len(told) or f.path not in told]
+        kept = [f for k, f in enumerate(found) if k < len(paths) or f.path not in paths]
         raise InvalidScene(explained(kept, data, text), source)
     return Scene(
         mechanism=Mechanism(file.body, file.joint, file.driver),

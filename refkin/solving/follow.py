@@ -20,7 +20,7 @@ from refkin.joints import AngleDriver
 from refkin.model import Mechanism, Scene
 from refkin.motion import Array, BodyMotion
 from refkin.motion_laws import Polynomial
-from refkin.proof.numbers.inputs import handed_over
+from refkin.proof.numbers.inputs import output_rounding
 from refkin.proof.numbers.recentred import Recentred, recentred
 from refkin.proof.path.branch_points import Crossing
 from refkin.proof.path.curve import Curve
@@ -319,7 +319,7 @@ def _evidence(system: System, q: Any, t: Any) -> tuple[Any, Any]:
         return np.zeros(0), np.zeros(0)
     scaled = system.to_unit(q)
     residual = np.array([np.max(np.abs(system.phi(x, float(at)))) for x, at in zip(scaled.T, t, strict=True)])
-    return residual, isolate(system, scaled, t).position + np.max(handed_over(system, scaled), axis=0)
+    return residual, isolate(system, scaled, t).position + np.max(output_rounding(system, scaled), axis=0)
 
 
 def _cosine(a: Tangent, b: Tangent) -> float:

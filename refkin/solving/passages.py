@@ -48,6 +48,9 @@ class Way(Protocol):
     def arrives(self, target: float) -> bool:
         """Go to a time, and return whether that is certain, or proved, as it is to be."""
 
+    def walks(self, target: float) -> bool:
+        """Go to a time by steps alone, and return whether they lead there."""
+
 
 def moving_law(system: System, a: float, b: float) -> tuple[int, Law] | None:
     """Return the only driver whose law is not the same at all times from a to b, by number, and the law; else None."""
@@ -162,9 +165,29 @@ class Winding:
         result = newton(phi, lambda x: self.system.phi_q(whole(x), t)[np.ix_(rows, columns)], q[columns])
         return whole(result.q) if result.converged else np.full_like(q, np.nan)
 
-    def turns(self, q: Any, t: float, target: float) -> float:
-        """Return how many turns the angle makes from a pose to a time."""
-        return float((self.placed(q, target)[self.angle] - q[self.angle]) / math.tau)
+    def passed(self, sweep: Way, target: float) -> tuple[Any, float] | None:
+        """Return a pose many whole turns on, and its time before `target`; None if there are few, or none is known.
+
+        Until it is known whether loops come back after a turn, the sweep goes through one first.
+        """
+        moving = moving_law(self.system, sweep.t[-1], target)
+        if moving is None:
+            return None
+        _, law = moving
+        turns = float((self.placed(sweep.q[-1], target)[self.angle] - sweep.q[-1][self.angle]) / math.tau)
+        if not abs(turns) > 3:
+            return None
+        if self.closed is None:
+            start = sweep.q[-1]
+            if not sweep.walks(self.after(law, sweep.t[-1], target, 1.0 / abs(turns))):
+                return None
+            if not self.closes(start, sweep.q[-1]):
+                return None
+            turns -= np.sign(turns)
+        whole = int(turns)
+        t = self.after(law, sweep.t[-1], target, whole / turns)
+        q = self.wound(sweep.q[-1], t, whole) if sweep.t[-1] < t < target else None
+        return None if q is None else (q, t)
 
     def after(self, law: Law, t: float, target: float, part: float) -> float:
         """Return when a law that does not turn back has made a part of its way from one time to another."""

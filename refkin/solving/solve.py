@@ -14,7 +14,7 @@ from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Producer, Status, no_radius, nowhere
 from refkin.newton import is_round_off
 from refkin.proof.assembly.assembly import assemblies
-from refkin.proof.numbers.inputs import handed_over
+from refkin.proof.numbers.inputs import output_rounding
 from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.branch import first_gap, step_over_crossing
 from refkin.proof.pose.choices import over_all_choices
@@ -36,8 +36,8 @@ def solve(scene: Scene, *, certified: bool = False) -> Motion:
     """Return position and what else the scene calls for, with evidence, on the branch of its estimates.
 
     Numbers that fail are statuses in the result, never exceptions. With `certified` it is also proved that between the
-    times the branch was never changed (`proof.branch`); where that is not proved, the branch is lost. What would take
-    more than the limits (`solving.limits`) is refused.
+    times the branch was never changed (`proof.path.branch`); where that is not proved, the branch is lost. What would
+    take more than the limits (`solving.limits`) is refused.
     """
     check_size(scene)
     implied = {Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set()
@@ -63,7 +63,7 @@ def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list
     proving, first = Evidence.CERTIFICATE in scene.evidence, frames.inward(start.q)
     sweep = Sweep(frames.inner, [scene.times[0]], [first], proving=proving, certified=certified)
     q, done, why, rest = _swept(sweep, scene.times)
-    gap = _first_gap(sweep, scene) if certified or sweep.doubtful else None
+    gap = _first_gap(sweep, scene) if certified or sweep.uncertified else None
     q = np.stack([frames.outward(pose) for pose in q.T], axis=-1) if frames.shifts.any() else q
     if gap is not None:
         done = sum(t <= sweep.t[gap] for t in scene.times)
@@ -78,9 +78,9 @@ def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list
 
 def _first_gap(sweep: Sweep, scene: Scene) -> int | None:
     """Return the first step of a sweep that needs a proof and has none; None if all have one."""
-    full, t, q = compile_system(sweep.system.mechanism, unit=sweep.system.unit), np.array(sweep.t), np.array(sweep.q).T
+    full, t, q = sweep.full, np.array(sweep.t), np.array(sweep.q).T
     steps = sweep.unproved
-    crossed = step_over_crossing(full, t, q, sweep.doubtful)
+    crossed = step_over_crossing(full, t, q, sweep.uncertified)
     if crossed is not None:  # steps that lead to none of the times before it need no proof
         last = max(time for time in scene.times if time <= t[crossed])
         steps = [k for k in steps if t[k] < last]
@@ -214,7 +214,7 @@ class _Answer:
         for lane, enclosure in found.enclosures.items():
             self._take(lanes[lane], enclosure)
         self._contradicted(lanes, found.contradiction > 1.0, found.contradiction)
-        self.radius.position[lanes] += np.max(handed_over(self.system, self.q[:, lanes]), axis=0)
+        self.radius.position[lanes] += np.max(output_rounding(self.system, self.q[:, lanes]), axis=0)
         return found.ok
 
     def _contradicted(self, lanes: Any, where: Any, size: Any) -> None:
@@ -263,15 +263,15 @@ class _Answer:
 
     def prove_gaps(self) -> None:
         """Give the status UNASSEMBLABLE to poses that were not reached where that is proved; tell the first gap."""
-        told, searches = "", 0
+        message, searches = "", 0
         for k, t in enumerate(self.scene.times):
             if self.status[k] in (Status.BRANCH_LOST, Status.NOT_CONVERGED) and searches < MOST_SEARCHES:
                 found = assemblies(self.system, t, trying=False)
                 searches += found.searched
                 if found.unassemblable:
                     self.status[k] = Status.UNASSEMBLABLE
-                    told = told or f"at t = {t:g} {unassemblable(self.system, found)}"
-        self.messages.append(told)
+                    message = message or f"at t = {t:g} {unassemblable(self.system, found)}"
+        self.messages.append(message)
 
     def motion(self) -> Motion:
         """Return the answer in metres, for the bodies and effects that the scene calls for."""

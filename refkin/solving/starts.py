@@ -18,7 +18,7 @@ from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
 from refkin.proof.assembly.search import PRIMES, closes, radical_inverse
 from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS
 from refkin.proof.pose.isolate import isolate
-from refkin.solving.sweep import APART
+from refkin.solving.steps import APART
 from refkin.system import System
 
 USELESS = 1e12

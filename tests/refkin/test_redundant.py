@@ -97,8 +97,8 @@ def test_a_change_of_branch_is_seen_with_redundant_rows():
     system, _ = doubled(linkage.scene(law=law, times=TIMES))
     first, other = (system.to_unit(motion.q) for motion in poses)
     sweep = Sweep(system, [TIMES[0]], [first[:, 0]])
-    assert sweep._same_side(first[:, 1], TIMES[1]), "the next pose of the branch is taken for another branch"
-    assert not sweep._same_side(other[:, 1], TIMES[1]), "the other branch is taken for this one"
+    assert sweep._sides(first[:, 1], TIMES[1])[0], "the next pose of the branch is taken for another branch"
+    assert not sweep._sides(other[:, 1], TIMES[1])[0], "the other branch is taken for this one"
 
 
 def test_dependences_are_told_apart():

@@ -103,7 +103,7 @@ def test_a_first_step_that_moves_far_is_not_taken():
 
 
 def test_a_step_to_the_other_side_is_not_taken(monkeypatch):
-    monkeypatch.setattr("refkin.solving.sweep.FURTHEST", np.inf)
+    monkeypatch.setattr("refkin.solving.steps.FURTHEST", np.inf)
     sweep, _ = swept_to(0.2)
     q = mirrored(sweep, None, 0.2)
 
@@ -172,7 +172,7 @@ def test_without_proofs_a_flat_parallelogram_ends_the_branch(samples):
     assert all((s is Status.OK) == (t < np.pi - 1.0) for s, t in zip(motion.status, times, strict=True))
 
 
-def test_a_doubtful_step_that_is_not_proved_ends_the_branch(monkeypatch):
+def test_an_uncertified_step_that_is_not_proved_ends_the_branch(monkeypatch):
     """A pin that passes its slot's pivot at 1e-9: rounding hides there whether Newton contracts."""
     scene = InvertedSliderCrank(ground=1.0 + 1e-9, crank=1.0).scene(turns=1, samples=9)
     before = refkin.solve(scene)
@@ -297,12 +297,12 @@ def stepped(linkage, branches, times):
 
 
 @pytest.mark.parametrize(
-    ("certified", "doubtful", "gap"), [(True, [], 1), (False, [], None), (False, [1], 1), (False, [0], None)]
+    ("certified", "uncertified", "gap"), [(True, [], 1), (False, [], None), (False, [1], 1), (False, [0], None)]
 )
-def test_a_step_to_the_other_branch_is_a_gap_if_it_is_asked_for(certified, doubtful, gap):
+def test_a_step_to_the_other_branch_is_a_gap_if_it_is_asked_for(certified, uncertified, gap):
     """Every step where all are to be proved, else those in doubt."""
     sweep, scene = stepped(ROCKER, ("open", "open", "crossed"), (0.0, 0.1, 0.2))
-    sweep.doubtful[:], sweep.certified = doubtful, certified
+    sweep.uncertified[:], sweep.certified = uncertified, certified
 
     assert _first_gap(sweep, scene) == gap
 
@@ -318,7 +318,7 @@ def test_a_step_to_the_other_branch_is_a_gap_if_it_is_asked_for(certified, doubt
 def test_beside_a_crossing_only_steps_to_the_times_before_it_need_a_proof(branches, times, gap):
     """A parallelogram steps over its flat pose between t = 2 and 3; steps that lead to no time before it are free."""
     sweep, scene = stepped(PARALLELOGRAM, branches, (0.0, 1.0, 2.0, 3.0))
-    sweep.doubtful[:], sweep.certified = [2], True
+    sweep.uncertified[:], sweep.certified = [2], True
 
     assert _first_gap(sweep, replace(scene, times=times)) == gap
 

@@ -50,7 +50,7 @@ class Errors:
         errors = [self.done[a] for a in symbol.args]
         if symbol.op in ("neg", "abs"):
             return errors[0]
-        if symbol.op in ("cos", "sin"):  # slopes of at most 1, and within 2 ulp, as `proof.bounded` has it
+        if symbol.op in ("cos", "sin"):  # slopes of at most 1, and within 2 ulp, as `proof.numbers.bounded` has it
             return errors[0] + self._sine * abs(symbol)
         if symbol.op in ("add", "sub"):
             return errors[0] + errors[1] + self._u * abs(symbol)

@@ -1,7 +1,7 @@
 """The certificate as one more tape: exactly one solution is near these numbers, and it is no further than this.
 
-It is that of `proof.certificate`, block by block, on the equations that elimination leaves. For a block let z be its
-given core coordinates, F its open rows with the spanning tree seen through, M = dF/dz, R about the inverse of M, and
+It is that of `proof.pose.certificate`, block by block, on the equations that elimination leaves. For a block let z be
+its core coordinates, F its open rows with the spanning tree seen through, M = dF/dz, R about the inverse of M, and
 
     eta >= |R F(z)|     gamma >= sum of all |I - R M(x)|, |x - z| <= b,   b = 9/8 max eta.
 

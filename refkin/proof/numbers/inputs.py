@@ -48,7 +48,7 @@ def half_ulp(system: System, q: Any, order: int = 0) -> Any:
     return spacing / system.to_physical(np.ones_like(spacing), order=1)
 
 
-def handed_over(system: System, q: Any) -> Any:
+def output_rounding(system: System, q: Any) -> Any:
     """Return what `System.to_physical` adds to the error of coordinates (n, B), in the system's coordinates.
 
     Half an ulp where an origin is added; the size is a power of two, and angles stay.
@@ -107,6 +107,6 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
             spread = product(slope.spread + slope.rounding, np.abs(rate)) + right.spread + right.rounding
             spread += system.n * pose.dot * size  # of the inverse and of the products here
             radii = product(pose.size, spread[rows])
-            told = np.abs(product(slope.mid, rate) - right.mid) / (UP * (spread + product(np.abs(slope.mid), radii)))
-            found[order] = np.max(told[others], axis=0)
+            ratio = np.abs(product(slope.mid, rate) - right.mid) / (UP * (spread + product(np.abs(slope.mid), radii)))
+            found[order] = np.max(ratio[others], axis=0)
     return found

@@ -194,37 +194,37 @@ class _Examination:
         rows, bodies = self._rows(left[None]), self._bodies(free)
         other = self._other_driver(free)
         same = f"; driven by {other} the same pose is regular (an actuator singularity)" if other else ""
-        told = {"rows": rows, "bodies": bodies, "other_driver": other}
+        who = {"rows": rows, "bodies": bodies, "other_driver": other}
         held = f"with the drivers held {_and(bodies)} can still move"
         if free.shape[1] == 1 and abs(free[:, 0] @ self.all.bend(left) @ free[:, 0]) > self.vanishing:
             drivers = [r for r in rows if r in {d.name for d in self.system.mechanism.drivers}]
-            return self._of(Kind.TURNING_POINT, f"{held} to first order, and {_and(drivers)} turns back{same}", **told)
+            return self._of(Kind.TURNING_POINT, f"{held} to first order, and {_and(drivers)} turns back{same}", **who)
         if advances(self.system, self.q, self.t, free[:, 0]):
-            return self._of(Kind.IDLE, f"{held} on and on{same}", **told)
-        return self._of(Kind.ACTUATOR, f"{held} to first order{same}", **told)
+            return self._of(Kind.IDLE, f"{held} on and on{same}", **who)
+        return self._of(Kind.ACTUATOR, f"{held} to first order{same}", **who)
 
     def _mobile(self) -> Diagnosis:
         """The joints allow more motions than there are driven rows."""
         free, held = self.all.right_null(self.vanishing), self.joints
         found = cone(held, self.vanishing)
         rows, bodies = self._rows(held.left_null(self.system.n - self.mobility)), self._bodies(free)
-        told = {"rows": rows, "bodies": bodies}
+        who = {"rows": rows, "bodies": bodies}
         more = f"the joints allow {_counted(self.mobility)} to first order"
         if found.forms == 0:
             if advances(self.system, self.q, self.t, free[:, 0]):
                 return self._of(Kind.IDLE, f"no driver holds {_and(bodies)}", bodies=bodies)
-            return self._of(Kind.HIGHER, f"{more}; to second order nothing forbids one of them", **told)
+            return self._of(Kind.HIGHER, f"{more}; to second order nothing forbids one of them", **who)
         if len(found.tangents) > 1:
             tangents = tuple(self._outward(v) for v in found.tangents)
             some = f"{more}; to second order {len(tangents)} of them go on, and the path may take any"
-            return self._of(Kind.BIFURCATION, some, tangents=tangents, **told)
+            return self._of(Kind.BIFURCATION, some, tangents=tangents, **who)
         if found.tangents:
             return self._of(
-                Kind.HIGHER, f"{more}, of which one goes on: the rows are dependent, the path is not", **told
+                Kind.HIGHER, f"{more}, of which one goes on: the rows are dependent, the path is not", **who
             )
         if found.is_definite:
-            return self._of(Kind.STRUCTURE, f"{more}, to second order none: the pose is alone, and shaky", **told)
-        return self._of(Kind.HIGHER, f"{more}; the second order does not decide which of them go on", **told)
+            return self._of(Kind.STRUCTURE, f"{more}, to second order none: the pose is alone, and shaky", **who)
+        return self._of(Kind.HIGHER, f"{more}; the second order does not decide which of them go on", **who)
 
     def _other_driver(self, free: Any) -> str:
         """Return a driven angle, or coordinate, in place of one of the drivers, with which the pose is regular."""

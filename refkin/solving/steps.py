@@ -1,0 +1,193 @@
+"""One step along a branch: from the last poses to the next, and whether that is the next one.
+
+From the last poses the next is predicted by a polynomial in t, then Newton corrects it. The step is taken only if
+the correction is small against the move, Newton contracted at once (its second correction is a small part of the first:
+no other root is near) and the determinants of the blocks of phi_q have the signs they had. The first step has no
+prediction and must be short. These conditions are tests, no proofs. Of a step that is to be proved afterwards fewer
+are asked (`lenient`): it is noted as uncertified.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from refkin.analysis import SINGULAR, sigma_min
+from refkin.newton import TINY, NewtonResult, RoundOff, contracts, newton
+from refkin.proof.numbers.preconditioned import independent_rows
+from refkin.proof.path.blocks import Blocks, blocks
+from refkin.proof.pose.isolate import isolate
+from refkin.system import System
+
+NEAR = 1 / 4
+"""Largest correction of a prediction, in units of the move from the last pose."""
+FIRST = 0.1
+"""Largest first move, for which there is no prediction yet [sizes, rad].
+
+The last pose then is the estimate, from which Newton contracts at once: so it does for every smaller change of one law,
+and a law that does not turn back takes no other values on the way.
+"""
+SPREAD = 1 / 64
+"""Poses that lie closer together than this part of the next step would only add their rounding to its prediction."""
+LEAST = 2.0**-500
+"""Shorter steps [s] leave no digits in products with them."""
+CLEAR = 1e-2
+"""Determinant of a block above which no singular values are asked for."""
+SHORT = 1 / 8
+"""Steps shorter than this part of what was asked are short: they were halved."""
+APART = 64
+"""Corrections below sigma_min / APART lead to no other root: near a singular pose roots are sigma_min apart or so."""
+FURTHEST = 1.0
+"""Largest move of an angle in one step: predictions do not know what lies within a radian [rad]."""
+REACH = 0.25
+"""Largest distance to a singular pose from which it is approached in one step [sizes, rad]."""
+
+
+@dataclass
+class Steps:
+    """The poses q (n,) of a branch accepted so far, at their times, and the test of the next.
+
+    Attributes
+    ----------
+    asked : float
+        The length of the way that the steps are to cover [s]: much shorter ones were halved.
+    blocked : bool
+        Whether the branch is at a singular pose, where rounding could decide how it goes on.
+    lenient : bool
+        Whether fewer conditions are asked of steps, which are then noted as uncertified.
+    uncertified : list of int
+        The numbers of the poses from which such a step was taken: what rounding hides may have decided there.
+    tiny : float
+        First corrections below it are not looked at.
+    jumps : list of int
+        The numbers of the poses from which the next was found in a way of its own, proved as far as it must be.
+    """
+
+    system: System
+    t: list[float]
+    q: list[Any]
+    asked: float = np.inf
+    blocked: bool = False
+    lenient: bool = False
+    uncertified: list[int] = field(default_factory=list)
+    tiny: float = TINY
+    jumps: list[int] = field(default_factory=list)
+    _blocks: Blocks | None = field(default=None, init=False)
+    _signs: list[float] = field(default_factory=list, init=False)
+
+    def _take_back(self, count: int) -> None:
+        """Forget all poses but the first so many."""
+        del self.t[count:], self.q[count:]
+        self.uncertified = [k for k in self.uncertified if k < count - 1]
+
+    def _accept(self, q: Any, t: float) -> None:
+        if self.lenient:
+            self.uncertified.append(len(self.t) - 1)
+        self.t.append(t)
+        self.q.append(q)
+
+    def _before(self, t: float) -> list[int]:
+        """Return the numbers of the last poses, at most four, that say something of the pose at t, the last one first.
+
+        Those from before a jump do not, nor those that lie too close to another.
+        """
+        kept = [len(self.t) - 1]
+        first = self.jumps[-1] if self.jumps else -1
+        for k in range(len(self.t) - 2, max(len(self.t) - 8, first), -1):
+            if len(kept) < 4 and self.t[kept[-1]] - self.t[k] >= max(SPREAD * (t - self.t[-1]), LEAST):
+                kept.append(k)
+        return kept
+
+    def _predicted(self, t: float) -> Any:
+        """Extrapolate the last poses by the polynomial through them (Neville's scheme)."""
+        kept = self._before(t)[::-1]
+        times, poses = [self.t[k] for k in kept], [self.q[k] for k in kept]
+        for width in range(1, len(times)):
+            for k in range(len(times) - width):
+                a, b = times[k], times[k + width]
+                poses[k] = ((t - b) * poses[k] + (a - t) * poses[k + 1]) / (a - b)
+        return poses[0]
+
+    def _corrected(self, t: float) -> NewtonResult:
+        s, stop = self.system, _WhileContracting(tiny=self.tiny)
+        return newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), self._predicted(t), stop=stop)
+
+    def _on_branch(self, result: NewtonResult, t: float) -> bool:
+        sizes = np.max(np.abs(result.corrections), axis=1)
+        if not (result.converged and contracts(sizes, self.tiny)):
+            return False
+        move, off = (float(np.max(np.abs(result.q - q))) for q in (self.q[-1], result.iterates[0]))
+        turn = np.max(np.abs(result.q - self.q[-1])[self.system.angles], initial=0.0)
+        unled = len(self._before(t)) == 1
+        if turn > FURTHEST or (move > FIRST if unled else off > max(NEAR * move, self.tiny)):
+            return False
+        same, determinant = self._sides(result.q, t)
+        if not same or self.lenient:
+            return same
+        # Where something is near no step may end where rounding could decide which of two roots is the next.
+        decided = contracts(sizes, 0.0) and (unled or off <= NEAR * move)
+        if decided and determinant > np.log(CLEAR) and t - self.t[-1] >= SHORT * self.asked:
+            return True
+        sigma = sigma_min(self.system.phi_q(result.q, t))
+        return bool(sigma > SINGULAR and (decided or max(off, sizes[0]) <= sigma / APART))
+
+    def _sides(self, q: Any, t: float) -> tuple[bool, float]:
+        """Whether the determinants of the blocks of phi_q have the signs of the last pose; the smallest's logarithm."""
+        s, last = self.system, (self.q[-1], self.t[-1])
+        if s.m == s.n and self._blocks is None:
+            self._blocks = blocks(s, *last, np.arange(s.n))
+            self._signs = self._blocks.determinants(s.phi_q(*last))[0]
+        if self._blocks is not None:
+            signs, smallest = self._blocks.determinants(s.phi_q(q, t))
+            return signs == self._signs, smallest
+        found = blocks(s, *last, independent_rows(s, last[0][:, None], np.array(last[1:])))
+        signs, smallest = found.determinants(s.phi_q(q, t))
+        return found.determinants(s.phi_q(*last))[0] == signs, smallest
+
+    def _at_singular_pose(self, t: float) -> bool | None:
+        """Accept a pose with a tiny sigma_min, to which Newton comes slowly from the last pose; None if there is none.
+
+        True if it is proved to be alone and lies on this branch.
+        """
+        s, start = self.system, self.q[-1]
+        result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start, max_iterations=60)
+        if not result.converged or np.max(np.abs(result.q - start)) > REACH:
+            return None
+        if sigma_min(s.phi_q(result.q, t)) > SINGULAR:
+            return None
+        isolated = bool(isolate(s, result.q[:, None], [t]).ok[0])
+        if isolated and not (self._sides(result.q, t)[0] and self._meant(result.q, t)):
+            return None
+        self._accept(result.q, t)
+        self.blocked = True  # rounding could decide on which of two branches a step from here goes on
+        return isolated
+
+    def _meant(self, q: Any, t: float) -> bool:
+        """Whether the smooth continuation does not lead to another pose, beyond a bifurcation: there det changes sign.
+
+        It is asked only where it is told apart from q: where Newton moves the prediction by less than from it to q.
+        """
+        s, predicted = self.system, self._predicted(t)
+        other = newton(lambda x: s.phi(x, t), lambda x: s.phi_q(x, t), predicted, max_iterations=60)
+        if not other.converged:
+            return True
+        moved, apart = (float(np.max(np.abs(other.q - x))) for x in (predicted, q))
+        return apart <= moved or self._sides(other.q, t)[0]
+
+
+@dataclass
+class _WhileContracting(RoundOff):
+    """Goes on to round-off, but gives a step up at once that will not be taken.
+
+    Near a singular pose what is left at round-off may shrink slowly, by any factor: that takes iterations, no smaller
+    step.
+    """
+
+    tiny: float = TINY
+    sizes: list[float] = field(default_factory=list)
+
+    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
+        self.sizes.append(float(np.max(np.abs(correction))))
+        return super().__call__(residual, correction, q) or not contracts(self.sizes, self.tiny)
