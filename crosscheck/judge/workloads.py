@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines.frames import wrap
-from crosscheck.judge.budget import SAFETY, derive, handed_over
+from crosscheck.judge.budget import SAFETY, derive, output_rounding
 from crosscheck.judge.running_error import Running, U
 from crosscheck.scenes.four_bar_answers import four_bar
 from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, system_of, unit_of
@@ -182,7 +182,7 @@ def allowed(sparse: Any, q: Any, t: float) -> Any:
     lu = factors(sparse.phi_q(q, t))
     carried = np.max(np.abs(np.stack([lu.solve(column * e_phi) for column in signs.T])), axis=0)
     still = np.zeros((len(q), 1))
-    return carried + handed_over(sparse.system, q[:, None], still, still)[0][:, 0]
+    return carried + output_rounding(sparse.system, q[:, None], still, still)[0][:, 0]
 
 
 def residual_error(sparse: Any, q: Any, t: float) -> Any:
