@@ -206,6 +206,20 @@ def refusals(engine: Engine, scene: Scene, level: Level) -> list[str]:
     return [f"{engine.name} refuses {kind} {name!r} at {level}: {reason}" for kind, name, reason in told]
 
 
+def refuse(reasons: Sequence[str]) -> None:
+    """Raise EngineRefusal with the reasons, if there are any."""
+    if reasons:
+        raise EngineRefusal("; ".join(reasons))
+
+
+def refuse_joints(engine: Engine, scene: Scene, route: Route | None, routes: Sequence[Route]) -> None:
+    """Raise EngineRefusal if `engine` cannot solve `scene`, EngineError if `route` is none of `routes` and not None."""
+    if route is not None and route not in routes:
+        known = ", ".join(repr(r.name) for r in routes)
+        raise EngineError(f"{engine.name} has no route {route.name!r}; there are: {known}")
+    refuse(refusals(engine, scene, Level.SOLVE))
+
+
 def expressed(engine: Engine, scene: Scene, level: Level) -> list[Constraint]:
     """Return the joints and drivers that `engine` does not refuse at `level`."""
     return [c for c in scene.mechanism.constraints if not refused_joints(engine, [c], level)]

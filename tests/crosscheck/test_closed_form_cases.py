@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crosscheck.engines import Engine, EngineError, Level, Support, load
+from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Support, load
 from crosscheck.engines.closed_form.engine import ClosedForm, truth
 from crosscheck.engines.closed_form.jets import Floats
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
@@ -290,7 +290,7 @@ def triad():
 
 
 def test_a_group_of_class_three_is_refused_by_name():
-    with pytest.raises(EngineError, match=r"no dyad places '1', '2', '3', '4'"):
+    with pytest.raises(EngineRefusal, match=r"no dyad places '1', '2', '3', '4'"):
         ClosedForm().solve(triad())
 
 
@@ -299,7 +299,7 @@ def test_redundant_constraints_are_refused_by_name():
     twice = AngleDriver(name="again", body="rocker", law=LAW)
     m = scene.mechanism
 
-    with pytest.raises(EngineError, match="1 redundant constraint"):
+    with pytest.raises(EngineRefusal, match="1 redundant constraint"):
         ClosedForm().solve(replace(scene, mechanism=replace(m, drivers=(*m.drivers, twice))))
 
 
@@ -311,13 +311,13 @@ def test_an_angle_given_twice_is_refused_by_name():
     loose = (*m.joints[:3], PointOnLine(name="B0", body_i=GROUND, point_i=(4.0, 0.0), axis_i=(1.0, 0.0),
                                        body_j="rocker", point_j=(0.0, 0.0)))  # fmt: skip
 
-    with pytest.raises(EngineError, match="'again' gives an angle that is already given"):
+    with pytest.raises(EngineRefusal, match="'again' gives an angle that is already given"):
         ClosedForm().solve(replace(scene, mechanism=Mechanism(m.bodies, loose, (*m.drivers, twice))))
 
 
 def test_there_are_no_constraint_rows():
     engine = ClosedForm()
-    with pytest.raises(EngineError, match="no constraint rows"):
+    with pytest.raises(EngineRefusal, match="no constraint rows"):
         engine.constraints(linkage(LENGTHS))
 
     levels = {(lv, c.support) for joint in engine.capabilities().values() for lv, c in joint.items()}

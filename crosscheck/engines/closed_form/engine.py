@@ -34,6 +34,7 @@ from crosscheck.engines import (
     Level,
     Term,
     refusals,
+    refuse,
     refused,
 )
 from crosscheck.engines.closed_form.assemble import NotDyadic
@@ -163,7 +164,7 @@ class ClosedForm:
 
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Refuse: there are no rows."""
-        raise EngineError(f"closed_form: {NO_ROWS.reason}")
+        raise EngineRefusal(f"closed_form: {NO_ROWS.reason}")
 
 
 def truth(scene: Scene, bits: int = 113) -> TrueMotion:
@@ -231,8 +232,7 @@ def _refuse(scene: Scene) -> None:
     extra = sum(c.rows for c in scene.mechanism.constraints) - 3 * len(scene.mechanism.bodies)
     if extra > 0:
         found.append(f"closed_form refuses {scene.name!r}: {extra} redundant constraint{'s' * (extra > 1)}")
-    if found:
-        raise EngineError("\n".join(found))
+    refuse(found)
 
 
 def _floats(scene: Scene) -> Solution:

@@ -28,7 +28,7 @@ from crosscheck.engines import (
     Term,
     derived,
     expressed,
-    refusals,
+    refuse_joints,
 )
 from crosscheck.engines.exudyn.effects import EFFECTS
 from crosscheck.engines.exudyn.model import ExudynModel, quiet_settings
@@ -134,7 +134,8 @@ class Exudyn:
         """
         if route in (None, STATIC):
             return ()
-        self._refuse(scene)
+        refuse_joints(self, scene, route, self.routes())
+        _refuse_lost(scene)
         return (_shipped_stop(scene),)
 
     def constraints(self, scene: Scene) -> ConstraintModel:
@@ -151,10 +152,8 @@ class Exudyn:
             If exudyn cannot express a joint, a body has no estimate to start from, or the route is unknown.
         """
         route = STATIC if route is None else route
-        if route not in self.routes():
-            known = ", ".join(r.name for r in self.routes())
-            raise EngineError(f"exudyn has no route {route.name!r}; there are: {known}")
-        self._refuse(scene)
+        refuse_joints(self, scene, route, self.routes())
+        _refuse_lost(scene)
         unit = scene.mechanism.unit() if route == STATIC else SI
         more = None if self.effect is None else EFFECTS[self.effect].add
         model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit, more=more)
@@ -164,13 +163,11 @@ class Exudyn:
             model.close()
         return _motion(scene, poses, unit, Producer(name=self.name, version=self.version(), route=route))
 
-    def _refuse(self, scene: Scene) -> None:
-        reasons = refusals(self, scene, Level.SOLVE)
-        lost = [body.name for body in scene.mechanism.bodies if body.estimate is None]
-        if lost:
-            reasons.append(f"exudyn needs a start: no estimate for {', '.join(lost)}")
-        if reasons:
-            raise EngineError("; ".join(reasons))
+
+def _refuse_lost(scene: Scene) -> None:
+    lost = [body.name for body in scene.mechanism.bodies if body.estimate is None]
+    if lost:
+        raise EngineError(f"exudyn needs a start: no estimate for {', '.join(lost)}")
 
 
 def _shipped_stop(scene: Scene) -> Term:

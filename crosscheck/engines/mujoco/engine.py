@@ -18,7 +18,6 @@ from crosscheck.engines import (
     Capabilities,
     Capability,
     ConstraintModel,
-    EngineError,
     EngineRefusal,
     Level,
     Support,
@@ -26,6 +25,8 @@ from crosscheck.engines import (
     derived,
     expressed,
     refusals,
+    refuse,
+    refuse_joints,
 )
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.mujoco.effects import EFFECTS, affected
@@ -172,7 +173,7 @@ class Mujoco:
         """
         known = expressed(self, scene, Level.RESIDUAL)
         if not known:
-            _refuse(refusals(self, scene, Level.RESIDUAL))
+            refuse(refusals(self, scene, Level.RESIDUAL))
         return AbsoluteRows(scene.mechanism, known)
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
@@ -189,9 +190,7 @@ class Mujoco:
         EngineError
             If the scene has a joint that is refused or a body without estimate, or the route is unknown.
         """
-        _refuse(refusals(self, scene, Level.SOLVE))
-        if route not in (None, NEWTON, STEPPED, FORWARD):
-            raise EngineError(f"mujoco knows no route {route.name!r}, only {NEWTON.name!r} and {STEPPED.name!r}")
+        refuse_joints(self, scene, route, (NEWTON, STEPPED, FORWARD))
         tree = joint_tree(scene.mechanism)
         rows = TreeRows(tree, self.effect)
         producer = Producer(name=self.name, version=self.version(), route=route or NEWTON)
@@ -317,8 +316,3 @@ def _absolute_tree(mechanism: Mechanism) -> JointTree:
         estimates={},
         links={},
     )
-
-
-def _refuse(reasons: Sequence[str]) -> None:
-    if reasons:
-        raise EngineError("; ".join(reasons))

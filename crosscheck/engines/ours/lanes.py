@@ -24,11 +24,10 @@ from crosscheck.engines import (
     NATIVE,
     Capabilities,
     ConstraintModel,
-    EngineError,
     EngineRefusal,
     Level,
     Term,
-    refusals,
+    refuse_joints,
     refused,
 )
 from refkin.fast import attempt
@@ -96,11 +95,7 @@ class Lanes:
         EngineError
             If a joint is unknown, or the tape leaves the scene to the reference.
         """
-        if route is not None and route != ROUTE:
-            raise EngineError(f"{self.name} has no route {route.name!r}; there is: {ROUTE.name!r}")
-        found = refusals(self, scene, Level.SOLVE)
-        if found:
-            raise EngineError("\n".join(found))
+        refuse_joints(self, scene, route, (ROUTE,))
         motion = attempt(replace(scene, evidence=frozenset()))
         if motion is None:
             doubt = "a pose or the branch is in doubt, and left to the reference"
@@ -109,4 +104,4 @@ class Lanes:
 
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Refuse: the rows are the reference's."""
-        raise EngineError(f"{self.name}: {NO_ROWS.reason}")
+        raise EngineRefusal(f"{self.name}: {NO_ROWS.reason}")

@@ -19,13 +19,13 @@ from crosscheck.engines import (
     NATIVE,
     Array,
     Capabilities,
-    EngineError,
-    EngineRefusal,
     Level,
     Term,
     derived,
     expressed,
     refusals,
+    refuse,
+    refuse_joints,
     refused,
 )
 from crosscheck.engines.frames import RowMap
@@ -150,7 +150,7 @@ class Pinocchio:
         """
         known = expressed(self, scene, Level.RESIDUAL)
         if not known:
-            raise EngineRefusal("; ".join(refusals(self, scene, Level.RESIDUAL)))
+            refuse(refusals(self, scene, Level.RESIDUAL))
         return PinocchioConstraints(scene, known)
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
@@ -161,12 +161,7 @@ class Pinocchio:
         EngineError
             If a joint or the route is refused, or a body has no estimate; the message names it.
         """
-        reasons = refusals(self, scene, Level.SOLVE)
-        if reasons:
-            raise EngineError("; ".join(reasons))
-        if route not in (None, TREE, CLOSED_CHAIN, FORWARD):
-            known = f"{TREE.name!r}, {CLOSED_CHAIN.name!r}"
-            raise EngineError(f"pinocchio has no route {route.name!r}; there are: {known}")
+        refuse_joints(self, scene, route, (TREE, CLOSED_CHAIN, FORWARD))
         tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)
         producer = Producer(name=self.name, version=self.version(), route=route or TREE)
         if route == CLOSED_CHAIN:

@@ -21,10 +21,10 @@ from crosscheck.engines import (
     Array,
     Capabilities,
     ConstraintModel,
-    EngineError,
+    EngineRefusal,
     Level,
     Term,
-    refusals,
+    refuse_joints,
     refused,
 )
 from crosscheck.engines.vector_loop.marching import March, march
@@ -71,7 +71,7 @@ class VectorLoop:
 
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Refuse: there are no rows."""
-        raise EngineError(f"vector_loop: {NO_ROWS.reason}")
+        raise EngineRefusal(f"vector_loop: {NO_ROWS.reason}")
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
         """Return the motion of a scene.
@@ -81,11 +81,7 @@ class VectorLoop:
         EngineError
             If a joint is refused, or the scene makes no square set of loops with an estimate of each unknown.
         """
-        if route is not None and route != ROUTE:
-            raise EngineError(f"vector_loop has no route {route.name!r}; there is: {ROUTE.name!r}")
-        found = refusals(self, scene, Level.SOLVE)
-        if found:
-            raise EngineError("\n".join(found))
+        refuse_joints(self, scene, route, (ROUTE,))
         reading = read(scene)
         moved = march(reading.system, scene.times, reading.q0, reading.distance)
         places = _places(reading, moved)
