@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -17,13 +18,16 @@ from crosscheck.measure.effects_ablations import REFKIN
 from crosscheck.measure.effects_ledger import effects_ledger
 from crosscheck.workers.installed import find_engines
 from refkin.model import Scene
+from refkin.motion import Status
 from refkin.scenes.files import load
+from refkin.solving.solve import solve
 
 
 def effects(scene: Path, *, engines: str = ENGINES, as_json: Json = False) -> int:
     """Show what every effect costs on a scene, and whether one that is not called for changes anything.
 
-    Exit codes: 0 done, 1 an effect changes another number of the reference, 2 usage or invalid scene, 3 engine missing.
+    Exit codes: 0 done, 1 an effect changes another number of the reference, or no pose of the scene is found, 2 usage or
+    invalid scene, 3 engine missing.
 
     Parameters
     ----------
@@ -35,6 +39,10 @@ def effects(scene: Path, *, engines: str = ENGINES, as_json: Json = False) -> in
         Print one JSON object instead of a table.
     """
     read_scene = load(scene)
+    motion = solve(read_scene)
+    if Status.OK not in motion.status:
+        print(f"{read_scene.name}: no pose is found, so no effect has a price: {motion.message}", file=sys.stderr)
+        return DISAGREEMENT
     found, missing = find_engines(names(engines, always=()))
     inert = show(read_scene, [spec for spec, _ in found.values()], list(missing.values()), as_json)
     if missing:

@@ -340,3 +340,12 @@ def test_no_engine_evaluates_a_law_beyond_the_rate_that_its_march_predicts_by(sp
     load(spec).solve(scene)
 
     assert orders == set(range(3 if spec == "vector_loop" else highest + 1))
+
+
+def test_a_scene_without_a_pose_is_told_in_one_line_and_nobody_is_asked(tmp_path, capsys):
+    path = tmp_path / "apart.toml"
+    path.write_text(EXAMPLE.read_text(encoding="utf-8").replace("[4.0, 0.0]", "[40.0, 0.0]"), encoding="utf-8")
+    code, out, err = usage(capsys, path)
+
+    assert (code, out) == (1, "")
+    assert "no pose is found, so no effect has a price: coupler and rocker cannot meet" in err
