@@ -26,8 +26,8 @@ from refkin.solving.solve import solve
 def effects(scene: Path, *, engines: str = ENGINES, as_json: Json = False) -> int:
     """Show what every effect costs on a scene, and whether one that is not called for changes anything.
 
-    Exit codes: 0 done, 1 an effect changes another number of the reference, or no pose of the scene is found, 2 usage or
-    invalid scene, 3 engine missing.
+    Exit codes: 0 done, 1 an effect changes another number of the reference, or no pose of the scene is found, 2 usage
+    or invalid scene, 3 engine missing.
 
     Parameters
     ----------
