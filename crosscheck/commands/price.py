@@ -93,10 +93,10 @@ WIDTH = 150
 def to_json(found: PriceList) -> dict[str, Any]:
     """Return the price list as plain data.
 
-    A row has `engine`, `method`, `setting`, `quantity`, `newton_by`, `note`, `digits_attainable`, `microseconds_to_build`,
-    and of one cycle `digits`, `microseconds`, `spread`; the same of one pose ends in `_one`, and in bulk in `_bulk`.
-    `cheapest` and `cheapest_engine` hold, by `one`, `cycle` and `bulk`, quantity and digits, the best offer, its `second`
-    and whether it `differs` from that by more than the spread.
+    A row has `engine`, `method`, `setting`, `quantity`, `newton_by`, `note`, `digits_attainable`,
+    `microseconds_to_build`, and of one cycle `digits`, `microseconds`, `spread`; the same of one pose ends in `_one`,
+    and in bulk in `_bulk`. `cheapest` and `cheapest_engine` hold, by `one`, `cycle` and `bulk`, quantity and digits,
+    the best offer, its `second` and whether it `differs` from that by more than the spread.
     """
     rows = [row.to_json() for row in found.rows]
     return {
