@@ -14,7 +14,7 @@ from refkin.motion_laws import Polynomial
 from refkin.proof.numbers.inputs import half_ulp
 from refkin.proof.pose.certificate import certify
 from refkin.proof.pose.isolate import isolate
-from refkin.proof.pose.krawczyk import excludes, refine
+from refkin.proof.pose.krawczyk import refine
 from refkin.system import System, compile_system
 
 from .assembled import Draw
@@ -59,20 +59,6 @@ def test_what_cannot_be_assembled_has_no_proof_of_a_pose(phi: float) -> None:
 def test_an_answer_between_two_branches_is_not_isolated(part: float) -> None:
     phi = 2 * np.arcsin(np.sqrt(2.0**-21))
     assert not isolate(bar(1 - 2.0**-20), at_angle(part * phi), [0.0]).ok[0]
-
-
-@pytest.mark.parametrize(
-    ("tip", "phi", "radii", "excluded"),
-    [
-        (np.cos(1.0), 0.5, (0.01, 0.01, 0.4), True),
-        (np.cos(1.0), 0.5, (0.01, 0.01, 0.6), False),
-        (np.cos(1.0), 1.0, (0.01, 0.01, 0.05), False),
-        (1.1, 0.0, (0.01, 0.01, 0.05), True),  # phi_q is singular at the middle: a row as it stands
-        (np.cos(0.8), 0.5, (0.3, 0.3, 0.1), True),  # each row may be 0, their difference may not
-    ],
-)
-def test_a_box_is_excluded_only_if_it_holds_no_root(tip: float, phi: float, radii: Any, excluded: bool) -> None:
-    assert excludes(bar(float(tip)), at_angle(phi)[:, 0], radii, 0.0) is excluded
 
 
 def test_balls_take_over_where_float64_proves_nothing() -> None:

@@ -7,35 +7,13 @@ from typing import Any
 import numpy as np
 
 from refkin.proof.numbers.bounded import UP, InputError, Times, U, bounded_system, box, read
-from refkin.proof.numbers.preconditioned import Nearly, Preconditioned, independent_rows, product
+from refkin.proof.numbers.preconditioned import Nearly, Preconditioned, product
 from refkin.system import System
 
 HALF_ULP = InputError(U)
 """What one rounding leaves of a number."""
 A_FEW_ROUNDINGS = InputError(2.0**-50, least=1.0)
 """Eight half-ulps of a number, at least of the size: what is left of one that was computed before it was written."""
-
-
-def attainable(system: System, q: Any, t: Any, rows: Any = None) -> Any:
-    """Return the error (n, B) that any float64 code may have with these inputs, to first order.
-
-    Half an ulp of every number of the geometry, of the time and of the laws' values, carried by |J^-1|, and half an ulp
-    of the answer in metres and radians. NaN where phi_q is singular.
-
-    Parameters
-    ----------
-    system : System
-        Compiled in its mechanism's own unit.
-    q : (n, B) array
-        Poses in the system's coordinates, at the times t (B,).
-    rows : (n,) array of int, optional
-        The rows that are solved where there are more than n.
-    """
-    q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
-    rows = independent_rows(system, q, t) if rows is None else rows
-    with np.errstate(all="ignore"):
-        pose = Preconditioned(system, rows, q, t, 0)
-        return product(pose.size, input_effect(system, q, t, HALF_ULP)[rows]) + half_ulp(system, q)
 
 
 def half_ulp(system: System, q: Any, order: int = 0) -> Any:

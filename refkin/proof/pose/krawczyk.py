@@ -159,25 +159,6 @@ def refine(system: System, q: Any, t: float, bits: int = 200) -> Enclosure | Non
         return None if found is None else Enclosure(system, t, bits, found[0], np.full(len(q), np.nan), equations.rows)
 
 
-def excludes(system: System, q: Any, radii: Any, t: float, bits: int = 53) -> bool:
-    """Return whether the box |x - q| <= radii certainly holds no root: there some combination of rows is never 0.
-
-    Rows are tried as they are, and in the mean value form phi(q) + phi_q(X) (X - q) preconditioned by an inverse.
-    """
-    with ctx.workprec(bits):
-        equations = _Equations(system, t, independent_rows(system, *_one_lane(q, t)), bits)
-        widths = [arb(0, float(w)) for w in np.broadcast_to(radii, np.shape(q))]
-        middle = [arb(float(x)) for x in q]
-        whole = [x + w for x, w in zip(middle, widths, strict=True)]
-        if any(not arb(x).contains(0) for x in equations.system.phi(objects(whole), equations.t)):
-            return True
-        inverse = equations.inverse(middle)
-        if inverse is None:
-            return False
-        image = inverse * equations.phi(middle) + (inverse * equations.slope(whole)) * column(widths)
-        return any(x.is_finite() and not x.contains(0) for x in image.entries())
-
-
 class _Equations:
     """n rows of a system's equations at one time, in the precision in force."""
 
