@@ -20,7 +20,7 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import Any, Protocol, runtime_checkable
+from typing import Any, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -129,6 +129,34 @@ class Simulating(Protocol):
 
     def dynamic_routes(self) -> Sequence[Route]:
         """Return the routes through the engine's dynamics, which answer no scene but may feel an effect."""
+
+
+class WithEffects:
+    """An adapter in whose models one physical effect may be switched on, for the ledger of effects.
+
+    Parameters
+    ----------
+    effect : str, optional
+        One of the adapter's `effects`, switched on in every model that solves.
+    """
+
+    api = API
+    effects: Mapping[str, Any]
+
+    def __init__(self, effect: str | None = None) -> None:
+        self.effect = effect
+
+    def physical_effects(self) -> Mapping[str, str]:
+        """Return what the engine can simulate beside kinematics, and how it is switched on."""
+        return {name: effect.told for name, effect in self.effects.items()}
+
+    def missing_effects(self) -> Mapping[str, str]:
+        """Return nothing: the engine has them all."""
+        return {}
+
+    def with_effect(self, effect: str) -> Self:
+        """Return the engine with an effect switched on."""
+        return type(self)(effect)
 
 
 class ConstraintModel(Protocol):

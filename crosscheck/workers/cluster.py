@@ -3,7 +3,7 @@
 A worker of the cluster checks a batch in an embedded child process of its own (`crosscheck.workers.pool`), so that an
 engine that crashes or hangs takes neither the worker nor the batch with it. A worker that ends in the middle of a
 batch has it done again elsewhere: a scene may be checked twice, and its first record counts
-(`crosscheck.workers.journal`).
+(`crosscheck.night.journal`).
 
 Workers need `distributed.worker.daemon` to be false, or they may have no children; a local cluster is started that way.
 """

@@ -113,7 +113,7 @@ def test_switch_of_mujoco_changes_the_quantity_that_it_acts_by(effect):
 def falling(effect):
     """Return Pinocchio's accelerations of the tree with nothing that holds it, under the efforts of an effect."""
     tree = joint_tree(SCENE.mechanism, massless_links=True)
-    effort = ForwardDynamics(PinocchioTree(tree), SCENE, effect).effort
+    effort = ForwardDynamics(PinocchioTree(tree), effect).effort
     planar = tree_model(tree)
     with_mass(planar, 1.0, (0.0, 0.0))
     planar = affected(planar, effect)
@@ -137,8 +137,8 @@ def test_switch_that_no_algorithm_of_pinocchio_reads_changes_its_model_all_the_s
 def test_effort_limits_alone_are_no_actuation():
     tree = joint_tree(SCENE.mechanism, massless_links=True)
 
-    assert set(ForwardDynamics(PinocchioTree(tree), SCENE, "actuation").effort) == {EFFORT}
-    assert set(ForwardDynamics(PinocchioTree(tree), SCENE, None).effort) == {0.0}
+    assert set(ForwardDynamics(PinocchioTree(tree), "actuation").effort) == {EFFORT}
+    assert set(ForwardDynamics(PinocchioTree(tree), None).effort) == {0.0}
 
 
 @pytest.mark.parametrize("effect", [None, "gravity", "contact"])

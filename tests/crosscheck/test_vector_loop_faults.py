@@ -99,7 +99,7 @@ REFUSED = {
         ),
         "'P2': redundant, the angle of 'slider' is given",
     ),
-    "a cam of general profile": (general_cam, "a cam of general profile 'c'"),
+    "a cam of general profile": (general_cam, "refuses cam 'c' at solve: no vector .* a contact on a general profile"),
     "a body that hangs on nothing": (floating, "no joint leads from the ground to free"),
 }
 
@@ -138,7 +138,7 @@ FAULTS = {
     "a link longer by 1e-9": (
         Ways,
         "_link",
-        lambda f: lambda self, c, length, gap: f(self, c, length.plus(1e-9), gap),
+        lambda f: lambda self, c, length, gap: f(self, c, replace(length, constant=length.constant + 1e-9), gap),
     ),
     "a constant angle the wrong way round": (
         families.Tie,

@@ -11,13 +11,12 @@ exudyn does no velocity or acceleration analysis and exposes no linear solver, s
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import exudyn as exu
 import numpy as np
 
 from crosscheck.engines import (
-    API,
     NATIVE,
     Capabilities,
     Capability,
@@ -26,6 +25,7 @@ from crosscheck.engines import (
     Level,
     Support,
     Term,
+    WithEffects,
     derived,
     expressed,
     refuse_joints,
@@ -81,32 +81,11 @@ CAPABILITIES: Capabilities = {
 }
 
 
-class Exudyn:
-    """exudyn 1.13, two-dimensional rigid bodies and joints.
-
-    Parameters
-    ----------
-    effect : str, optional
-        One of `exudyn_effects.EFFECTS`, switched on in every model that solves: for the ledger of effects.
-    """
+class Exudyn(WithEffects):
+    """exudyn 1.13, two-dimensional rigid bodies and joints."""
 
     name = "exudyn"
-    api = API
-
-    def __init__(self, effect: str | None = None) -> None:
-        self.effect = effect
-
-    def physical_effects(self) -> Mapping[str, str]:
-        """Return what exudyn can simulate beside kinematics, and how it is switched on."""
-        return {name: effect.told for name, effect in EFFECTS.items()}
-
-    def missing_effects(self) -> Mapping[str, str]:
-        """Return nothing: exudyn has them all."""
-        return {}
-
-    def with_effect(self, effect: str) -> Exudyn:
-        """Return exudyn with an effect switched on."""
-        return Exudyn(effect)
+    effects = EFFECTS
 
     def dynamic_routes(self) -> Sequence[Route]:
         """Return none: its static solver feels forces as it is."""

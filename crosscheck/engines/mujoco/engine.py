@@ -1,19 +1,18 @@
 """MuJoCo as an engine: its own residual, Jacobian and drift term, in absolute coordinates and in a joint tree.
 
 MuJoCo closes loops by soft forces, never exactly. Its constraint rows are exact all the same, so that the adapter runs
-Newton on them. MuJoCo's dynamics and solver are used on the route of its shipped defaults (`mujoco_shipped`), and by
+Newton on them. MuJoCo's dynamics and solver are used on the route of its shipped defaults (`shipped`), and by
 the route through mj_forward, which answers no scene: it is for the ledger of effects, to show what is felt there.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
 
 from crosscheck.engines import (
-    API,
     NATIVE,
     Capabilities,
     Capability,
@@ -22,6 +21,7 @@ from crosscheck.engines import (
     Level,
     Support,
     Term,
+    WithEffects,
     derived,
     expressed,
     refusals,
@@ -116,32 +116,11 @@ HELD = (PointsCoincide, RelativeAngle, RollingWheels)
 """What MuJoCo's dynamics hold as they are: the rows of the others are read beside the model, or idle within it."""
 
 
-class Mujoco:
-    """MuJoCo, through its Python package; every scene gets a model of its own.
-
-    Parameters
-    ----------
-    effect : str, optional
-        One of `mujoco_effects.EFFECTS`, switched on in every model that solves: for the ledger of effects.
-    """
+class Mujoco(WithEffects):
+    """MuJoCo, through its Python package; every scene gets a model of its own."""
 
     name = "mujoco"
-    api = API
-
-    def __init__(self, effect: str | None = None) -> None:
-        self.effect = effect
-
-    def physical_effects(self) -> Mapping[str, str]:
-        """Return what MuJoCo can simulate beside kinematics, and how it is switched on."""
-        return {name: effect.told for name, effect in EFFECTS.items()}
-
-    def missing_effects(self) -> Mapping[str, str]:
-        """Return nothing: MuJoCo has them all."""
-        return {}
-
-    def with_effect(self, effect: str) -> Mujoco:
-        """Return MuJoCo with an effect switched on."""
-        return Mujoco(effect)
+    effects = EFFECTS
 
     def dynamic_routes(self) -> Sequence[Route]:
         """Return the route whose accelerations are those of mj_forward."""

@@ -15,12 +15,12 @@ import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines import (
-    API,
     NATIVE,
     Array,
     Capabilities,
     Level,
     Term,
+    WithEffects,
     derived,
     expressed,
     refusals,
@@ -88,32 +88,15 @@ SPATIAL = (
 FORWARD = replace(TREE, name="forward dynamics", linear_solve_by="acceleration: pinocchio")
 
 
-class Pinocchio:
-    """The engine of the package `pin`.
-
-    Parameters
-    ----------
-    effect : str, optional
-        One of `pinocchio_effects.EFFECTS`, switched on in every model that solves: for the ledger of effects.
-    """
+class Pinocchio(WithEffects):
+    """The engine of the package `pin`."""
 
     name = "pinocchio"
-    api = API
-
-    def __init__(self, effect: str | None = None) -> None:
-        self.effect = effect
-
-    def physical_effects(self) -> Mapping[str, str]:
-        """Return what Pinocchio can simulate beside kinematics, and how it is switched on."""
-        return {name: effect.told for name, effect in EFFECTS.items()}
+    effects = EFFECTS
 
     def missing_effects(self) -> Mapping[str, str]:
         """Return what Pinocchio's models do not hold."""
         return MISSING
-
-    def with_effect(self, effect: str) -> Pinocchio:
-        """Return Pinocchio with an effect switched on."""
-        return Pinocchio(effect)
 
     def dynamic_routes(self) -> Sequence[Route]:
         """Return the route whose accelerations are those of forwardDynamics."""

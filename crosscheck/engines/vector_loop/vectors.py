@@ -37,11 +37,6 @@ class Variable:
     unknown: str | None = None
     laws: tuple[tuple[float, Law], ...] = ()
 
-    def plus(self, constant: float = 0.0, law: Law | None = None, factor: float = 1.0) -> Variable:
-        """Return the variable with a constant, or a factor times a law, added."""
-        added = () if law is None else ((factor, law),)
-        return Variable(self.constant + constant, self.unknown, (*self.laws, *added))
-
 
 ONE = Variable(1.0)
 ZERO = Variable(0.0)
