@@ -87,7 +87,8 @@ def nightly(
         after how many scenes it was found again.
     sections_seconds
         How long to measure what the report shows beside the scenes, hard cases, prices and effects, when the scenes are
-        done; by default as long as `minutes`, four minutes at most, and not at all for a night of `scenes` alone.
+        done; not at all in less than eight. By default as long as `minutes`, four minutes at most, and not at all for
+        a night of `scenes` alone.
     history
         The file that nights are kept in; `history.sqlite` beside the folder by default.
     baseline

@@ -18,7 +18,7 @@ from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.measure.effects_ablations import REFKIN
 from crosscheck.measure.effects_ledger import effects_ledger
 from crosscheck.measure.hard_table import hard_case_rows
-from crosscheck.measure.price import price_list
+from crosscheck.measure.price import LEAST, price_list
 from crosscheck.night.journal import replace_file
 from crosscheck.scenes.priced import classes
 from refkin.model import Point, Scene
@@ -45,11 +45,12 @@ def write_sections(
     engines : iterable of str
         Names; those that are not registered are left out, as are those of `left_out`.
     seconds : float
-        How long it may take in all, beside the start of processes; nothing is written if it is 0.
+        How long it may take in all, beside the start of processes. Nothing is written where the price list cannot keep
+        to its share, since it gives each class of scenes its least.
     tell : callable
         Is told what is being measured.
     """
-    if not seconds > 0:
+    if not PRICE * seconds >= LEAST * len(classes()):
         return
     named = [name for name in engines if name in available() and name not in left_out]
     measures: dict[str, tuple[str, Callable[[], Sequence[Any]]]] = {

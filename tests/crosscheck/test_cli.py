@@ -245,7 +245,9 @@ def test_a_folder_that_cannot_be_made_ends_with_4_and_one_line(nightly):
 
 
 def test_a_night_without_time_for_a_scene_ends_with_5(tmp_path, nightly):
-    told = nightly(tmp_path, "--engines", "closed_form", "--minutes", "0.00001", scenes=None)
+    told = nightly(
+        tmp_path, "--engines", "closed_form", "--minutes", "1e-12", scenes=None
+    )  # over before any worker has begun
 
     assert (told.returncode, verdict(tmp_path)) == (5, "nothing ran")
 

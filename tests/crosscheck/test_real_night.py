@@ -4,6 +4,10 @@ from __future__ import annotations
 
 import json
 
+import pytest
+
+from crosscheck.night.sections import write_sections
+
 from .fake_engines import crosscheck
 
 ENGINES = ("exudyn", "pinocchio", "mujoco")
@@ -21,3 +25,11 @@ def test_a_real_night_of_one_scene_passes_with_answers_of_every_engine(tmp_path)
     assert (record["reference"]["verdict"], record["disagreements"]) == ("ok", [])
     assert (out / "index.html").exists()
     assert json.loads((out / "golden.json").read_text(encoding="utf-8"))["found"] == []
+
+
+@pytest.mark.parametrize("seconds", [0.0, 1e-9, 7.9, float("nan")])
+def test_without_time_for_them_nothing_is_measured_beside_the_scenes(tmp_path, seconds):
+    told = []
+    write_sections(tmp_path, ENGINES, (), seconds, told.append)
+
+    assert (told, list(tmp_path.iterdir())) == ([], [])
