@@ -20,7 +20,7 @@ That is the reference. It runs alone; what stands above it is imported when it i
 `refkin.scenes`   scene files (`load`), four-bars and slider-cranks by their lengths
 `refkin.proof`    certificates, enclosures, singularities, paths, assemblies
 `refkin.solving`  `solve`: the sweep that finds its start, keeps its branch and proves each pose; `follow`, `diagnose`
-`refkin.fast`     the same answers in microseconds
+`refkin.fast`     the same answers in microseconds; `refkin.output` draws them, and writes tables
 ================= ==================================================================================
 
 Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockwise in rad):
