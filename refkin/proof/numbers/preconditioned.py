@@ -72,10 +72,14 @@ def independent_rows(system: System, q: Any, t: Any) -> Any:
     finite = np.flatnonzero(np.isfinite(q).all(axis=0))
     if system.m == system.n or not finite.size:
         return np.arange(system.n)
+    return leading_rows(system.phi_q(q[:, finite[0]], t[finite[0]]), system.n)
+
+
+def leading_rows(matrix: Any, count: int) -> Any:
+    """Return the numbers, in order, of so many rows of a matrix that are independent, by pivoted QR."""
     from scipy.linalg import qr  # here, because importing it costs more than the rest of refkin
 
-    pivots = qr(system.phi_q(q[:, finite[0]], t[finite[0]]).T, mode="r", pivoting=True)[1]
-    return np.sort(pivots[: system.n])
+    return np.sort(qr(matrix.T, mode="r", pivoting=True)[1][:count])
 
 
 def inverses(stacked: Any) -> Any:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from refkin.newton import NewtonResult, contracts, newton
+from refkin.proof.numbers.preconditioned import leading_rows
 from refkin.system import System
 
 STEP = 1e-100
@@ -73,11 +74,8 @@ class Curve:
 
     def rows(self, x: Any) -> Any:
         """Return n rows that are independent at a point."""
-        if self.system.m == self.system.n:
-            return np.arange(self.system.n)
-        from scipy.linalg import qr  # here, because importing it costs more than the rest of refkin
-
-        return np.sort(qr(self.slope(x).T, mode="r", pivoting=True)[1][: self.system.n])
+        n = self.system.n
+        return np.arange(n) if self.system.m == n else leading_rows(self.slope(x), n)
 
     def determinant(self, x: Any, tangent: Any, rows: Any) -> tuple[float, float]:
         """Return sign and logarithm of det [phi_q, phi_t; tangent]: the sign cannot change along a smooth curve."""
