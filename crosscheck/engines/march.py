@@ -47,6 +47,8 @@ SINGULAR = 8.0 * math.sqrt(EPS)
 """The least singular value of a regular pose, lengths in sizes: rates err by EPS over its square, there by 1/64."""
 STRIDE, ROUGH, MOST_ROUGH = 18, 1e-2, 6
 """Every how manieth time has a rough pose, the last correction [rad, sizes] that it needs, and how many it may take."""
+FEW = 8
+"""So many times are worth finding all at once; fewer are found sooner one after another."""
 DEFECT, NEAR = 0.1, 1e-3
 """The part of a step, and the length [rad, sizes], by which it may miss what its two velocities say (trapezoid)."""
 GUESSED_WELL = 1e-9
@@ -134,7 +136,7 @@ def march(equations: Equations, start: Array | Callable[[float], Poses], times: 
             if last is None:
                 pose = start(t[k]) if callable(start) else close(equations, start[None], t[k : k + 1])
             else:
-                if ahead is None and halvings == HALVINGS:
+                if ahead is None and halvings == HALVINGS and len(t) - k >= FEW:
                     (ahead, kept), origin = _all_at_once(equations, last, t[k:]), k
                 if ahead is not None:
                     count = int(np.argmin(np.append(kept[k - origin :], False)))
@@ -317,7 +319,8 @@ def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVING
         now = float(last.t[0])
         target = min(t, now + step)
         pose = close(equations, last.q + (target - now) * last.qd, np.array([target]), near=True)
-        joined = bool(pose.found[0] and connected(last.inverse, pose.jacobian)[0])
+        off = 0.0 if pose.regular[0] else SINGULAR
+        joined = bool(pose.found[0] and connected(last.inverse, pose.jacobian, off)[0])
         if joined and target == t:
             return pose
         if joined and pose.regular[0]:
@@ -341,13 +344,13 @@ def nowhere(like: Poses, t: float) -> Poses:
     return Poses(**{**nothing, "t": np.array([t]), "regular": np.zeros(1, bool)})
 
 
-def connected(inverse: Array, other: Array) -> Any:
+def connected(inverse: Array, other: Array, off: float = 0.0) -> Any:
     """Return whether every matrix on the straight line from a Jacobian to another is regular, for B of them.
 
     Another branch lies beyond a singular pose, where an eigenvalue of J changes its sign. Where branches nearly meet,
     Newton contracts towards either, and only this tells them apart: (1 - s) J + s J' = J ((1 - s) I + s J^-1 J') is
     regular for all s in [0, 1] if no eigenvalue of J^-1 J' lies in the left half plane; so it is if J^-1 J' differs
-    from I by less than 1.
+    from I by less than 1. Of a singular pose the sign of that eigenvalue is rounding.
 
     Parameters
     ----------
@@ -355,11 +358,13 @@ def connected(inverse: Array, other: Array) -> Any:
         Inverses of the ones.
     other : (B, m, n) array
         The others.
+    off : float
+        How far the others may be off: as much may an eigenvalue lie left of zero.
     """
     change = inverse @ other
     near = np.linalg.norm(change - np.eye(change.shape[1]), axis=(1, 2)) < 1.0
     for k in np.flatnonzero(~near & np.isfinite(change).all(axis=(1, 2))):
-        near[k] = (np.linalg.eigvals(change[k]).real > 0.0).all()
+        near[k] = (np.linalg.eigvals(change[k]).real > -off * np.linalg.norm(inverse[k])).all()
     return near
 
 

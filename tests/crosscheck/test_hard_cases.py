@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import refkin
+from crosscheck.engines import load
 from crosscheck.judge.attainable import attainable, fold, residual_error
 from crosscheck.judge.hard_poses import GRANTED, Outcome, samples, truths
 from crosscheck.measure.hard_classing import classed, job, outcome_of
@@ -232,3 +233,13 @@ def test_what_is_attainable_is_near_round_off_at_a_regular_pose():
     q = np.array([float(x) for x in truth[0].roots[0][0]])
 
     assert 1e-15 < np.max(attainable(system, q, EASY.scene.times[0])[system.angles]) < 1e-12
+
+
+@pytest.mark.parametrize("engine", ["mujoco", "pinocchio"])
+@pytest.mark.parametrize("case", [case for case in CASES.values() if case.case.startswith("isosceles")])
+def test_a_pose_next_to_two_branches_that_cross_is_singular_and_not_missing(engine, case):
+    """Within a root of rounding of their crossing the sign of the determinant is rounding, and says nothing."""
+    told = load(engine).solve(case.scene).status
+
+    assert set(told) <= {Status.OK, Status.SINGULAR}
+    assert list(told) == sorted(told, key=lambda status: status is Status.SINGULAR)

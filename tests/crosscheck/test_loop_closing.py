@@ -178,7 +178,7 @@ def test_without_shorter_steps_it_would_jump(monkeypatch: pytest.MonkeyPatch) ->
     """Shows that the test before can fail: Newton from the prediction alone lands on the lower branch."""
     for name in ("TRUST", "CONTRACTION", "NEAR"):
         monkeypatch.setattr(continuation, name, math.inf)
-    monkeypatch.setattr(continuation, "connected", lambda inverse, other: np.ones(len(other), bool))
+    monkeypatch.setattr(continuation, "connected", lambda inverse, other, off=0.0: np.ones(len(other), bool))
 
     assert run(tracked(two_tracks()), [0.0, 1.0]).levels[0][0, 1] == pytest.approx(4.9, abs=1e-12)
 

@@ -84,7 +84,7 @@ def test_a_cycle_stays_in_its_assembly_where_another_is_near(sign):
 
 def test_contraction_alone_would_not_keep_it_there(monkeypatch):
     """Shows that the test before can fail."""
-    monkeypatch.setattr(march, "connected", lambda inverse, other: np.ones(len(other), bool))
+    monkeypatch.setattr(march, "connected", lambda inverse, other, off=0.0: np.ones(len(other), bool))
     kept = [signs_of_a_cycle_near_a_change_point(sign) == {sign} for sign in (1, -1)]
 
     assert not all(kept)

@@ -62,7 +62,7 @@ def test_it_stays_on_its_branch_where_another_is_close(branch: int, double: bool
 
 def test_contraction_alone_would_not_hold_it_there(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shows that the test before can fail."""
-    monkeypatch.setattr(march, "connected", lambda inverse, other: np.ones(len(other), bool))
+    monkeypatch.setattr(march, "connected", lambda inverse, other, off=0.0: np.ones(len(other), bool))
     cases = [four_bar(branch=branch, lengths=NEARLY_FLAT) for branch in (1, -1)]
 
     assert max(excess(case, Pinocchio().solve(case.scene)) for case in cases) > 1e6
