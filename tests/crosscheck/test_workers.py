@@ -76,7 +76,7 @@ def faulty(request, tmp_path_factory):
     """A run in which one engine does one of the faults on the scene number 1: its kind, and the records."""
     folder = tmp_path_factory.mktemp("faulty")
     before = on_scene(1, as_expression(FAULTS[request.param]))
-    records, workers = run_with(folder, before, seconds=2.0 if request.param == "hang" else 30.0)
+    records, workers = run_with(folder, before, seconds=6.0 if request.param == "hang" else 30.0)
     return request.param, records, workers
 
 
