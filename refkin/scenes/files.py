@@ -315,11 +315,15 @@ def _fault(error: Any) -> Fault:
         return Fault(path, value, "no such key")
     if kind in ("too_short", "too_long"):
         asked = context.get("min_length", context.get("max_length"))
-        return Fault(path, value, f"{asked} numbers, not {context.get('actual_length', 'these')}")
+        return Fault(path, value, f"{asked} {_items(path)}, not {context.get('actual_length', 'these')}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         key = context["discriminator"].strip("'")
         return Fault(f"{path}.{key}", context.get("tag"), f"one of {context.get('expected_tags', 'the known ones')}")
     return Fault(path, value, error["msg"].removeprefix("Input should be ").removeprefix("a valid "))
+
+
+def _items(path: str) -> str:
+    return "laws" if path.endswith("law") else "numbers"
 
 
 def _lengths(faults: Iterable[Fault]) -> Iterator[Fault]:
@@ -332,7 +336,7 @@ def _lengths(faults: Iterable[Fault]) -> Iterator[Fault]:
         else:
             yield fault
     for path, places in lacking.items():
-        yield Fault(path, None, f"{max(places) + 1} numbers, not {min(places)}")
+        yield Fault(path, None, f"{max(places) + 1} {_items(path)}, not {min(places)}")
 
 
 MISSING_KEY = "this key, which is missing"

@@ -57,7 +57,7 @@ BROKEN = {
     "a wheel of no radius": (("gear train", 3, {"radius_j": 0.0}), "joint[3].radius_j: "),
     "a pinion of no radius": (("rack above", 2, {"radius": 0.0}), "joint[2].radius: "),
     "a rack without direction": (("rack above", 2, {"axis_i": [0.0, 0.0]}), "joint[2].axis_i: "),
-    "half an offset": (("shifted rocker", 1, {"offset_law": [BAD_LAW]}), "joint[1].offset_law[1]: "),
+    "half an offset": (("shifted rocker", 1, {"offset_law": [BAD_LAW]}), "joint[1].offset_law: expected 2 laws, not 1"),
     "an offset that is no table": (
         ("shifted rocker", 1, {"offset_law": [{"kind": "polynomial", "coefficients": [0.0]}, BAD_LAW]}),
         "joint[1].offset_law[1].value: ",
