@@ -16,8 +16,8 @@ from refkin.motion_laws import Polynomial
 from . import bite as biting
 from .bite import attainable_by_inputs, bite
 
-NIGHT, SCENES, SAMPLES, DRAWS = 11, 100, 3, 3
-MEDIAN, LARGEST = 50.0, 1000.0
+NIGHT, SCENES, SAMPLES = 11, 100, 3
+MEDIAN, LARGEST = 50.0, 500.0
 PLANTED = 10.0
 """Times the attainable error."""
 
@@ -30,7 +30,7 @@ def references():
 
 @cache
 def bites():
-    found = [bite(ref, range(SAMPLES), DRAWS) for ref in references()]
+    found = [bite(ref, range(SAMPLES)) for ref in references()]
     return {q: np.concatenate([b[q].largest for b in found]) for q in QUANTITIES}
 
 
@@ -39,7 +39,7 @@ def seen(ref, quantity: str, times_attainable: float) -> bool:
     lanes = np.flatnonzero(ref.budget().judged)
     order = QUANTITIES.index(quantity)
     off = np.zeros_like(ref.levels[order])
-    off[:, lanes] = times_attainable * attainable_by_inputs(ref, lanes, DRAWS)[order]
+    off[:, lanes] = times_attainable * attainable_by_inputs(ref, lanes)[order]
     off = ref.system.to_physical(off, 1)[: ref.system.of_bodies]  # as a rate: a difference has no origin
     key = ("q", "qd", "qdd")[order]
     return not compare(ref, replace(ref.motion, **{key: getattr(ref.motion, key) + off})).agrees
