@@ -9,7 +9,7 @@ import numpy as np
 
 import refkin
 from crosscheck.documents import loops
-from refkin.joints import GROUND, AngleDriver, Cam, Disc, Gear, Prismatic, RackAndPinion
+from refkin.joints import GROUND, AngleDriver, Cam, Disc, Gear, Polar, Prismatic, RackAndPinion
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial, Sinusoid
 
@@ -86,3 +86,11 @@ def touching():
 
 
 TOUCHING = dict(touching())
+
+
+def general_cam():
+    """Return a scene with a cam that is no disc, of which an engine can know no distance of two points."""
+    scene = TOUCHING["point"]
+    *rest, cam = scene.mechanism.joints
+    general = replace(cam, profile=Polar(law=Sinusoid(amplitude=0.1, angular_frequency=1.0, offset=1.0)))
+    return replace(scene, mechanism=replace(scene.mechanism, joints=(*rest, general)))

@@ -15,13 +15,13 @@ from crosscheck.engines.vector_loop import families, system
 from crosscheck.engines.vector_loop.engine import VectorLoop
 from crosscheck.engines.vector_loop.vectors import Sums
 from crosscheck.engines.vector_loop.ways import Ways
-from refkin.joints import GROUND, AngleDriver, Polar, Prismatic
+from refkin.joints import GROUND, AngleDriver, Prismatic
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
-from refkin.motion_laws import Polynomial, Sinusoid
+from refkin.motion_laws import Polynomial
 
 from .exact_linkages import CASES, cylinder, excess, four_bar, pair, pin, scotch_yoke, slider_crank
-from .loop_scenes import TOUCHING
+from .loop_scenes import general_cam
 
 
 def out_of_reach(stop):
@@ -60,13 +60,6 @@ def without_estimate(scene, name):
 
 def with_joint(scene, joint):
     return replace(scene, mechanism=replace(scene.mechanism, joints=(*scene.mechanism.joints, joint)))
-
-
-def general_cam():
-    scene = TOUCHING["point"]
-    *rest, cam = scene.mechanism.joints
-    general = replace(cam, profile=Polar(law=Sinusoid(amplitude=0.1, angular_frequency=1.0, offset=1.0)))
-    return replace(scene, mechanism=replace(scene.mechanism, joints=(*rest, general)))
 
 
 def floating():
