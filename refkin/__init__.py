@@ -36,8 +36,6 @@ Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockw
 ========= ======================================= ==============================================================
 """
 
-__version__ = "0.1.0"
-
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -49,7 +47,7 @@ from refkin.joints.drivers import AngleDriver, DistanceDriver, XDriver, YDriver
 from refkin.joints.planar import Distance, Fixed, PointOnLine, Prismatic, Revolute
 from refkin.joints.rolling import Gear, RackAndPinion
 from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene
-from refkin.motion import Motion, Seeding, Status
+from refkin.motion import Motion, Seeding, Status, __version__
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
 from refkin.newton import NewtonResult, NewtonStatus, newton
 from refkin.system import System, compile_system
@@ -67,8 +65,8 @@ __all__ = [
     "FourBar", "Gear", "Integral", "InvalidRequest", "InvalidScene", "InvertedSliderCrank", "Mechanism", "Motion",
     "NewtonResult", "NewtonStatus", "Point", "PointOnLine", "Polar", "Polynomial", "Prismatic", "RackAndPinion",
     "RefkinError", "Revolute", "Scene", "Seeding", "Sinusoid", "SliderCrank", "Status", "System", "Table", "Unit",
-    "XDriver", "YDriver", "acceleration", "compile_system", "diagnose", "follow", "load", "newton", "position",
-    "solve", "velocity",
+    "XDriver", "YDriver", "__version__", "acceleration", "compile_system", "diagnose", "follow", "load", "newton",
+    "position", "solve", "velocity",
 ]
 # fmt: on
 

@@ -20,11 +20,10 @@ from typing import Any
 
 import numpy as np
 
-from refkin import __version__
 from refkin.differences import EPS
 from refkin.joints import initial_contacts
 from refkin.model import Effect, Scene
-from refkin.motion import ContactMotion, Motion, Producer, Route, Seeding, Status, no_radius, point_motion
+from refkin.motion import ContactMotion, Motion, Producer, Route, Seeding, Status, __version__, no_radius, point_motion
 from refkin.newton import TINY, NewtonResult, contracts, is_round_off, newton
 from refkin.system import System, compile_system
 

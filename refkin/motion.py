@@ -14,6 +14,7 @@ from refkin.errors import UnknownName
 from refkin.vec import BodyValues, Vec
 
 Array = NDArray[np.float64]
+__version__ = "0.1.0"
 
 
 class Status(StrEnum):

@@ -10,12 +10,11 @@ from typing import Any
 
 import numpy as np
 
-from refkin import __version__
 from refkin.analysis import SINGULAR, motion_of
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
 from refkin.model import Evidence, Scene
-from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, no_radius, nowhere
+from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, __version__, no_radius, nowhere
 from refkin.newton import is_round_off
 from refkin.proof.numbers.inputs import half_ulp
 from refkin.proof.pose.choices import over_all_choices

@@ -6,12 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from refkin import __version__
 from refkin.analysis import ROUTE, SINGULAR, acceleration, motion_of, velocity
 from refkin.differences import EPS
 from refkin.joints import polar_cams
 from refkin.model import Effect, Evidence, Scene
-from refkin.motion import Motion, Producer, Status, no_radius, nowhere
+from refkin.motion import Motion, Producer, Status, __version__, no_radius, nowhere
 from refkin.newton import is_round_off
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.numbers.inputs import output_rounding
