@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace as Plain
 
 import pytest
 
@@ -138,9 +139,12 @@ def test_the_worst_comes_first():
 
 
 def test_only_best_routes_are_hunted():
-    told = {"quantities": {"position": {"ratio": 3.0}, "velocity": {"ratio": None}}, "certificate": {"radii": 2.0}}
-    answers = [{"engine": "e", "route": {"name": name}, **told} for name in ("best", "shipped")]
+    quantities = {"position": Plain(ratio=3.0), "velocity": Plain(ratio=None)}
+    answers = [
+        Plain(engine="e", route=Plain(name=name), quantities=quantities, certificate=Plain(radii=2.0))
+        for name in ("best", "shipped")
+    ]
 
-    found = dict(ratios({"answers": answers}, {"e": "best"}))
+    found = dict(ratios(Plain(answers=answers), {"e": "best"}))
 
     assert found == {("e", "best", "position"): 3.0, ("e", "best", CERTIFICATE): 2.0}
