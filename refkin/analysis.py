@@ -183,9 +183,10 @@ def _stays(system: System, q: Any, t: float, result: NewtonResult, to: float) ->
     if not (result.converged and contracts(sizes) and sizes[0] <= max(NEAR * move, TINY) and move <= FURTHEST):
         return False
     before, after = system.phi_q(q, t), system.phi_q(result.q, to)
-    if system.m > system.n:  # there is no determinant whose sign could tell
-        return bool(sigma_min(after) > SINGULAR)
-    return bool(np.linalg.slogdet(before)[0] == np.linalg.slogdet(after)[0])
+    kink = (to - t) * np.max(np.abs(velocity(system, result.q, to) - velocity(system, q, t)))
+    if sigma_min(after) <= SINGULAR or kink > move / 2:  # where branches cross, rounding would choose between them
+        return False
+    return bool(system.m > system.n or np.linalg.slogdet(before)[0] == np.linalg.slogdet(after)[0])
 
 
 def motion_of(system: System, scene: Scene, levels: Sequence[Any], **evidence: Any) -> Motion:

@@ -154,6 +154,15 @@ def test_a_coarse_march_stays_on_its_branch():
     assert np.max(np.abs(poses - fine.q[:, ::90])) < 1e-13
 
 
+def test_where_branches_cross_between_two_times_no_branch_is_chosen():
+    """A parallelogram that is flat between two times: Newton's method with the sign of det alone takes the kink."""
+    scene = FourBar(ground=2.0, crank=1.0, coupler=2.0, rocker=1.0).scene(turns=1, samples=13, start=0.5)
+    motion = analysis.sweep(scene)
+
+    assert motion.status == (Status.OK,) * 6 + (Status.BRANCH_LOST,) * 7
+    assert motion["rocker"].phi[:6] == pytest.approx(motion["crank"].phi[:6])
+
+
 def test_what_is_not_called_for_is_not_reported():
     motion = analysis.sweep(replace(ROCKER.scene(samples=3), effects=frozenset(), bodies_wanted=("rocker",)))
 
