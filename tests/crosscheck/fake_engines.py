@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 import subprocess
 import sys
 from collections.abc import Mapping, Sequence
@@ -109,9 +110,16 @@ def crosscheck(*arguments: Any, env: Mapping[str, str] | None = None) -> subproc
     return subprocess.run(command(*arguments), capture_output=True, text=True, timeout=100, env=whole, check=False)
 
 
+def hear_interrupts() -> None:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
+
+
 def start(*arguments: Any) -> subprocess.Popen[str]:
-    """Start the command line in a group of its own, as a terminal does."""
-    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True}
+    """Start the command line in a group of its own that hears Ctrl-C, as a terminal does.
+
+    A suite that was itself started in the background ignores Ctrl-C and would hand that on.
+    """
+    streams = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE, "text": True, "preexec_fn": hear_interrupts}
     return subprocess.Popen(command(*arguments), start_new_session=True, **streams)  # type: ignore[call-overload, no-any-return]
 
 
