@@ -35,6 +35,6 @@ def compare(
     if show:
         out = console(140)
         out.print(agreement_table(record))
-        for told in record.disagreements:
-            out.print(str(told))
+        for disagreement in record.disagreements:
+            out.print(str(disagreement))
     return plain(record)

@@ -104,8 +104,8 @@ def measured_apart(name: str, producers: Sequence[str]) -> dict[str, Any]:
         if ended.returncode or not file.exists():
             last = "\n".join(ended.stderr.strip().splitlines()[-LINES:])
             raise Failed(f"{name}: its process ended with code {ended.returncode}\n{last}")
-        found: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        return found
+        results: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
+        return results
 
 
 RIVALS: dict[Key, str] = {
@@ -129,10 +129,10 @@ def print_results(results: dict[str, Any], out: Console) -> None:
         out.print(f"absent: {named(absent)} ({absent['workload']}): {absent['reason']}")
     for line in aim_lines(results.get("aims", [])):
         out.print(line)
-    told = [f"{name} {value}" for name, value in results["versions"].items()]
+    setup = [f"{name} {value}" for name, value in results["versions"].items()]
     machine = results["machine"]
-    told += [f"{machine['processor']}, {machine['system']}, threads: {machine['threads']} of {machine['cores']}"]
-    out.print(", ".join(told))
+    setup += [f"{machine['processor']}, {machine['system']}, threads: {machine['threads']} of {machine['cores']}"]
+    out.print(", ".join(setup))
 
 
 def named(row: Mapping[str, Any]) -> str:
@@ -161,23 +161,23 @@ def table(name: str, rows: list[dict[str, Any]]) -> Table:
 
 def aim_lines(aims: Iterable[dict[str, Any]]) -> list[str]:
     """Return what the run says of each aim."""
-    found = []
+    lines = []
     for aim in aims:
         word, bound = ("at most", aim["at_most"]) if "at_most" in aim else ("at least", aim["at_least"])
         measured = "not measured" if aim["measured"] is None else f"{aim['measured']:.3g}"
         verdict = "reached" if aim["reached"] else "MISSED"
-        found.append(f"{verdict}: {aim['aim']}: {measured} ({word} {bound:g})")
-    return found
+        lines.append(f"{verdict}: {aim['aim']}: {measured} ({word} {bound:g})")
+    return lines
 
 
 def notes(rows: Iterable[dict[str, Any]]) -> list[str]:
     """Return what each method does, and of how much of the workload, where that is a part of it."""
-    found = []
+    lines = []
     for row in rows:
         judged = f"; judged {row['judged']:,}" if row["unit"] == "configuration" else ""
         without = f", no budget holds at {row['unjudged']} of the sample" if row["unjudged"] else ""
-        found.append(f"  {named(row)}: {row['note']} (timed {row['timed']:,}{judged}{without})")
-    return list(dict.fromkeys(found))
+        lines.append(f"  {named(row)}: {row['note']} (timed {row['timed']:,}{judged}{without})")
+    return list(dict.fromkeys(lines))
 
 
 def claims(rows: Iterable[dict[str, Any]]) -> list[str]:
@@ -185,7 +185,7 @@ def claims(rows: Iterable[dict[str, Any]]) -> list[str]:
     ranked = sorted((row for row in rows if row["ranked"]), key=lambda row: len(row["computes"]))
     times = {key_of(row): row["nanoseconds_per_configuration"] for row in ranked}
     engines = {key: times[key] for key in times if key[0] not in OURS}
-    found = []
+    sentences = []
     for ours in CLAIMED:
         if ours not in times:
             continue
@@ -195,8 +195,8 @@ def claims(rows: Iterable[dict[str, Any]]) -> list[str]:
             first = min(engines, key=lambda key: engines[key])
             words.append(f"{ratio(times[ours] / engines[first])} times {', '.join(first[:2])}, the fastest engine")
         if words:
-            found.append(f"{', '.join(ours[:2])} takes {', '.join(words)}.")
-    return found
+            sentences.append(f"{', '.join(ours[:2])} takes {', '.join(words)}.")
+    return sentences
 
 
 def allowed(row: dict[str, Any]) -> float | None:

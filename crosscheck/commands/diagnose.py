@@ -27,39 +27,39 @@ def hardest(motion: Motion) -> int | None:
     return int(np.argmin(np.where(reached, motion.sigma_min, np.inf))) if reached.any() else None
 
 
-def lines(motion: Motion, t: float, found: Diagnosis) -> list[str]:
+def lines(motion: Motion, t: float, diagnosis: Diagnosis) -> list[str]:
     """Return a diagnosis as lines to print."""
-    told = [
+    text = [
         f"verdict: {motion.verdict.value}",
         f"t = {t:.17g}",
-        found.message,
-        f"smallest singular value of the balanced Jacobian: {found.sigma:.3g}",
+        diagnosis.message,
+        f"smallest singular value of the balanced Jacobian: {diagnosis.sigma:.3g}",
     ]
-    if found.rows:
-        told.append(f"rows: {', '.join(found.rows)}")
-    if found.bodies:
-        told.append(f"bodies: {', '.join(found.bodies)}")
-    return told + [f"tangent: {np.array2string(tangent, precision=6)}" for tangent in found.tangents]
+    if diagnosis.rows:
+        text.append(f"rows: {', '.join(diagnosis.rows)}")
+    if diagnosis.bodies:
+        text.append(f"bodies: {', '.join(diagnosis.bodies)}")
+    return text + [f"tangent: {np.array2string(tangent, precision=6)}" for tangent in diagnosis.tangents]
 
 
-def to_json(scene: Scene, motion: Motion, k: int | None, found: Diagnosis | None) -> dict[str, Any]:
+def to_json(scene: Scene, motion: Motion, k: int | None, diagnosis: Diagnosis | None) -> dict[str, Any]:
     """Return a diagnosis as plain data; null where there is no pose."""
-    told: dict[str, Any] = {"schema": SCHEMA, "scene": scene.name, "verdict": motion.verdict.value}
-    if k is None or found is None:
-        return {**told, "message": motion.message, "t": None, "kind": None}
+    header: dict[str, Any] = {"schema": SCHEMA, "scene": scene.name, "verdict": motion.verdict.value}
+    if k is None or diagnosis is None:
+        return {**header, "message": motion.message, "t": None, "kind": None}
     names = [body.name for body in scene.mechanism.bodies]
     return {
-        **told,
-        "message": found.message,
+        **header,
+        "message": diagnosis.message,
         "t": float(motion.t[k]),
-        "kind": found.kind.value,
-        "sigma": found.sigma,
-        "rows": list(found.rows),
-        "bodies": list(found.bodies),
-        "other_driver": found.other_driver or None,
+        "kind": diagnosis.kind.value,
+        "sigma": diagnosis.sigma,
+        "rows": list(diagnosis.rows),
+        "bodies": list(diagnosis.bodies),
+        "other_driver": diagnosis.other_driver or None,
         "tangents": [
             {name: numbers(v[3 * k : 3 * k + 3]) for k, name in enumerate(names)}
-            for v in map(np.asarray, found.tangents)
+            for v in map(np.asarray, diagnosis.tangents)
         ],
     }
 
@@ -85,8 +85,8 @@ def print_diagnosis(scene: Path, *, as_json: Json = False) -> int:
         print(json.dumps(to_json(read, motion, None, None)) if as_json else none)
         return 1
     contacts = [contact.s[k] for contact in motion.contacts.values()]
-    found = diagnose(read, np.append(motion.q[:, k], contacts), float(motion.t[k]))
-    told = json.dumps(to_json(read, motion, k, found)) if as_json else "\n".join(lines(motion, motion.t[k], found))
-    print(told)
-    ended = motion.status[k] is Status.OK and found.kind in (Kind.REGULAR, Kind.STRUCTURE, Kind.REDUNDANT)
+    answer = diagnose(read, np.append(motion.q[:, k], contacts), float(motion.t[k]))
+    text = json.dumps(to_json(read, motion, k, answer)) if as_json else "\n".join(lines(motion, motion.t[k], answer))
+    print(text)
+    ended = motion.status[k] is Status.OK and answer.kind in (Kind.REGULAR, Kind.STRUCTURE, Kind.REDUNDANT)
     return 0 if ended else 1

@@ -36,12 +36,12 @@ def ledger(*rows: str, as_json: Json = False) -> int:
     if unknown:
         print(f"no row is called {unknown[0]!r}; there are: {', '.join(known)}", file=sys.stderr)
         return USAGE
-    found = ledger_rows(rows)
+    checked = ledger_rows(rows)
     if as_json:
-        print(json.dumps({"schema": 1, "documents": dict(read().documents), "rows": found}))
+        print(json.dumps({"schema": 1, "documents": dict(read().documents), "rows": checked}))
     else:
-        print_ledger(console(200), found)
-    return DISAGREEMENT if any(row["status"] == "fail" for row in found) else PASS
+        print_ledger(console(200), checked)
+    return DISAGREEMENT if any(row["status"] == "fail" for row in checked) else PASS
 
 
 def print_ledger(out: Console, rows: Sequence[dict[str, Any]]) -> None:

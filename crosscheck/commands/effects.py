@@ -43,8 +43,8 @@ def effects(scene: Path, *, engines: str = ENGINES, as_json: Json = False) -> in
     if Status.OK not in motion.status:
         print(f"{read_scene.name}: no pose is found, so no effect has a price: {motion.message}", file=sys.stderr)
         return DISAGREEMENT
-    found, missing = find_engines(names(engines, always=()))
-    inert = show(read_scene, [spec for spec, _ in found.values()], list(missing.values()), as_json)
+    installed, missing = find_engines(names(engines, always=()))
+    inert = show(read_scene, [spec for spec, _ in installed.values()], list(missing.values()), as_json)
     if missing:
         return ENGINE_MISSING
     return PASS if inert else DISAGREEMENT

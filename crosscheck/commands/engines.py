@@ -15,10 +15,10 @@ ENGINES = ",".join(PEERS)
 
 def print_engines() -> int:
     """Print what each engine can do: joint x engine x level, and why not where it refuses."""
-    found, missing = find_engines(tuple(sorted(available())))
+    installed, missing = find_engines(tuple(sorted(available())))
     out = console(160)
-    out.print(capability_table(load_engine(spec) for spec, _ in found.values()))
-    for name, (_, version) in found.items():
+    out.print(capability_table(load_engine(spec) for spec, _ in installed.values()))
+    for name, (_, version) in installed.items():
         out.print(f"{name} {version}")
     for reason in missing.values():
         out.print(reason)

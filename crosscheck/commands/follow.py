@@ -66,18 +66,18 @@ def lines(parameter: str, path: Path) -> list[str]:
         return [path.message]
     proved = np.isfinite(path.radius)
     worst = f", worst radius {np.max(path.radius[proved]):.3g}" if proved.any() else ""
-    told = [
+    text = [
         f"{path.t.size} poses, {parameter} from {path.t[0]:.17g}",
         f"{proved.sum()} of them proved to be alone{worst}; worst scaled residual {np.max(path.residual):.3g}",
     ]
     for event in path.events:
         if isinstance(event, TurningPoint):
             how = "largest" if event.is_maximum else "smallest"
-            told.append(f"pose {event.index}: {parameter} turns at its {how} value {event.t:.17g}")
+            text.append(f"pose {event.index}: {parameter} turns at its {how} value {event.t:.17g}")
         else:
-            told.append(f"pose {event.index}: {len(event.tangents)} branches cross at {parameter} = {event.t:.17g}")
-            told += [f"    tangent: {_direction(path, parameter, tangent)}" for tangent in event.tangents]
-    return [*told, f"pose {path.t.size - 1}: {path.message}, at {parameter} = {path.t[-1]:.17g}"]
+            text.append(f"pose {event.index}: {len(event.tangents)} branches cross at {parameter} = {event.t:.17g}")
+            text += [f"    tangent: {_direction(path, parameter, tangent)}" for tangent in event.tangents]
+    return [*text, f"pose {path.t.size - 1}: {path.message}, at {parameter} = {path.t[-1]:.17g}"]
 
 
 def _direction(path: Path, parameter: str, tangent: Tangent) -> str:

@@ -88,8 +88,8 @@ def _print(rows: Sequence[dict[str, Any]]) -> None:
         verdicts = by_case.setdefault((row["case"], row["distance"]), {})
         verdicts[row["engine"], row["method"]] = row["verdict"]
     for (case, distance), verdicts in by_case.items():
-        told = "" if distance is None else f"{distance:.3g}"
-        table.add_row(case, told, *(verdicts.get(name, "") for name in names))
+        shown_distance = "" if distance is None else f"{distance:.3g}"
+        table.add_row(case, shown_distance, *(verdicts.get(name, "") for name in names))
     table.add_section()
     for verdict in Outcome:
         counts = [sum((r["engine"], r["method"], r["verdict"]) == (*name, verdict) for r in rows) for name in names]
@@ -105,7 +105,7 @@ def _print_wrong(out: Console, rows: Sequence[dict[str, Any]]) -> None:
         if row["verdict"] in BAD:
             reason = f"{row['class']}: {row['quote']}" if row["class"] else "no finding explains this"
             by_reason.setdefault((row["engine"], row["method"], row["verdict"], reason), []).append(row)
-    for (engine, name, verdict, reason), found in by_reason.items():
+    for (engine, name, verdict, reason), rows_of in by_reason.items():
         out.print(f"\n{engine} ({name}), {verdict}: {reason}")
-        for row in found:
+        for row in rows_of:
             out.print(f"  {row['case']}, {row['distance']:.3g}: {row['note']}")

@@ -58,11 +58,11 @@ def hunt_worst(
     """
     positive("minutes", minutes)
     positive("scene-seconds", scene_seconds)
-    found, missing = find_engines(names(",".join(engine), always=(ALWAYS,)))
+    installed, missing = find_engines(names(",".join(engine), always=(ALWAYS,)))
     if missing:
         print("\n".join(missing.values()), file=sys.stderr)
         return ENGINE_MISSING
-    specs = {name: spec for name, (spec, _) in found.items()}
+    specs = {name: spec for name, (spec, _) in installed.items()}
     today = int(time.strftime("%Y%m%d", time.gmtime())) if seed is None else seed
     bag, starts = Bag(), _starts(night, specs)
     print(f"starting from {len(starts)} scenes of {night}" if starts else "starting from no night", file=sys.stderr)
@@ -91,9 +91,9 @@ def _write(bag: Bag, out: Path, engines: Sequence[str]) -> None:
     out.mkdir(parents=True, exist_ok=True)
     for name, catch in bag.catches.items():
         file = f"{slug(*name)}.toml"
-        told = f"# {' '.join(name)}: {catch.ratio:.3g} times the allowed error, the worst of {bag.scenes} scenes\n"
+        comment = f"# {' '.join(name)}: {catch.ratio:.3g} times the allowed error, the worst of {bag.scenes} scenes\n"
         again = f"# Show it again: crosscheck replay {file}{engines_option(engines)}\n\n"
-        replace_file(out / file, printable(told) + again + to_toml(catch.scene))
+        replace_file(out / file, printable(comment) + again + to_toml(catch.scene))
 
 
 def _print(bag: Bag, out: Path) -> None:

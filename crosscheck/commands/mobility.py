@@ -43,11 +43,11 @@ def mobility_lines(scene: Scene) -> tuple[list[str], bool]:
     return [*lines, *_of_pose(mobility_of(system, start.q, scene.times[0]), scene.times[0])], True
 
 
-def _of_pose(found: Mobility, t: float) -> Iterator[str]:
-    joints, driven = found.joints, found.driven
+def _of_pose(mobility: Mobility, t: float) -> Iterator[str]:
+    joints, driven = mobility.joints, mobility.driven
     yield (
         f"by rank at t = {t:g}: {joints.coordinates} coordinates - rank {joints.rank}"
-        f" = {found.mobility}, {kind_of(found.mobility)}   ({_clear(joints)})"
+        f" = {mobility.mobility}, {kind_of(mobility.mobility)}   ({_clear(joints)})"
     )
     for row in joints.dependent:
         yield f"redundant: {row}"

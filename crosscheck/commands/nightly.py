@@ -105,8 +105,8 @@ def nightly(
         try:
             outcome = run(plan, progress)
         except KeyboardInterrupt:
-            told = f"interrupted; what was checked is kept in {plan.out}, and the same command goes on from there"
-            raise KeyboardInterrupt(told) from None
+            message = f"interrupted; what was checked is kept in {plan.out}, and the same command goes on from there"
+            raise KeyboardInterrupt(message) from None
     seconds = min(240.0, 60.0 * (plan.minutes or 0.0)) if sections_seconds is None else sections_seconds
     if outcome.checked:
         write_sections(plan.out, outcome.versions, {ALWAYS, *SAMPLED}, seconds, _told)

@@ -48,18 +48,18 @@ def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, a
     if last < 1:
         print(f"--last: expected a number above 0, got {last}", file=sys.stderr)
         return USAGE
-    kept, told = nights(history), trends(history)
+    kept, course = nights(history), trends(history)
     if as_json:
-        print(json.dumps({"schema": 1, "nights": kept, "series": told["series"], "warnings": warnings(told)}))
+        print(json.dumps({"schema": 1, "nights": kept, "series": course["series"], "warnings": warnings(course)}))
         return PASS
     out = console(140)
     out.print(_night_table(kept[-last:]))
     out.print(_digit_table(kept[-last:]))
-    out.print(_cost_table(told["series"]))
-    quiet = sum(not one["changes"] and PRICED in one["name"] for one in told["series"])
+    out.print(_cost_table(course["series"]))
+    quiet = sum(not one["changes"] and PRICED in one["name"] for one in course["series"])
     if quiet:
         out.print(f"{quiet} series of the price list without a change: --json has them")
-    for line in warnings(told):
+    for line in warnings(course):
         out.print(f"warning: {line}")
     return PASS
 
@@ -83,7 +83,7 @@ def baseline(
     file
         The baseline.
     """
-    found, missing = find_engines(tuple(name.strip() for name in engines.split(",") if name.strip()))
+    installed, missing = find_engines(tuple(name.strip() for name in engines.split(",") if name.strip()))
     if missing:
         print("\n".join(f"{name}: {why}" for name, why in missing.items()), file=sys.stderr)
         return ENGINE_MISSING
@@ -94,14 +94,14 @@ def baseline(
             print(error, file=sys.stderr)
             return USAGE
         before = {}
-    with checkers(1, {name: spec for name, (spec, _) in found.items()}) as workers:
+    with checkers(1, {name: spec for name, (spec, _) in installed.items()}) as workers:
         scenes = golden.golden_scenes() if accept else golden.scenes_of(before)
-        now = golden.measure(scenes, workers, list(found))
-    worse = golden.differences({k: v for k, v in before.items() if k in now}, now, found)
-    for told in worse:
-        print(f"{told.case}: {told.disagreement}")
+        now = golden.measure(scenes, workers, list(installed))
+    worse = golden.differences({k: v for k, v in before.items() if k in now}, now, installed)
+    for case in worse:
+        print(f"{case.case}: {case.disagreement}")
     if accept:
-        golden.write(file, now, {name: version for name, (_, version) in found.items()})
+        golden.write(file, now, {name: version for name, (_, version) in installed.items()})
         print(f"accepted: {len(now)} cases in {file}")
         return PASS
     print(f"{len(now)} cases, {len(worse)} of their numbers are worse than the baseline")

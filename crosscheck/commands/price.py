@@ -60,11 +60,11 @@ def price(
         return USAGE
     ours = [name for name in PRICED if name in OURS]
     try:
-        found = measured(load(scene), (*ours, *names(engines, always=())))
+        prices = measured(load(scene), (*ours, *names(engines, always=())))
     except NoTruth as error:
         print(error, file=sys.stderr)
         return DISAGREEMENT
-    result = to_json(found)
+    result = to_json(prices)
     if page is not None:
         page.write_text(page_of(result), encoding="utf-8")
     if before is not None:
@@ -79,10 +79,10 @@ def price(
 def _earlier(file: Path) -> dict[str, Any] | None:
     """Return an earlier list; None if the file is none."""
     try:
-        found = json.loads(file.read_text(encoding="utf-8"))
+        earlier = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
         return None
-    return found if isinstance(found, dict) and "cheapest" in found else None
+    return earlier if isinstance(earlier, dict) and "cheapest" in earlier else None
 
 
 SCHEMA = 2
@@ -90,7 +90,7 @@ WIDTH = 150
 """Columns of output that goes to no terminal."""
 
 
-def to_json(found: PriceList) -> dict[str, Any]:
+def to_json(prices: PriceList) -> dict[str, Any]:
     """Return the price list as plain data.
 
     A row has `engine`, `method`, `setting`, `quantity`, `newton_by`, `note`, `digits_attainable`,
@@ -98,15 +98,15 @@ def to_json(found: PriceList) -> dict[str, Any]:
     and in bulk in `_bulk`. `cheapest` and `cheapest_engine` hold, by `one`, `cycle` and `bulk`, quantity and digits,
     the best offer, its `second` and whether it `differs` from that by more than the spread.
     """
-    rows = [row.to_json() for row in found.rows]
+    rows = [row.to_json() for row in prices.rows]
     return {
         "schema": SCHEMA,
-        "scene": found.scene,
+        "scene": prices.scene,
         "rows": rows,
         "cheapest": cheapest(rows),
         "cheapest_engine": cheapest([row for row in rows if row["engine"] not in OURS]),
-        "times": {"asked": found.asked, "priced": found.times, "certified": found.known},
-        "refused": [dict(zip(("engine", "method", "reason"), refused, strict=True)) for refused in found.refused],
+        "times": {"asked": prices.asked, "priced": prices.times, "certified": prices.known},
+        "refused": [dict(zip(("engine", "method", "reason"), refused, strict=True)) for refused in prices.refused],
     }
 
 
@@ -157,11 +157,11 @@ def lines(result: Mapping[str, Any]) -> list[str]:
     return out + [f"{', '.join(filter(None, row[:3]))}: {row[3]}" for row in sorted(silent)]
 
 
-def cheapest_table(found: Mapping[str, Mapping[str, Mapping[str, Any] | None]], title: str) -> Table:
+def cheapest_table(cheapest: Mapping[str, Mapping[str, Mapping[str, Any] | None]], title: str) -> Table:
     """Return digits x quantity: who, how, for how many microseconds, and the second best."""
-    table = Table("digits", *found, title=title)
+    table = Table("digits", *cheapest, title=title)
     for step in STEPS:
-        cells = [_cell(for_quantity[str(step)]) for for_quantity in found.values()]
+        cells = [_cell(for_quantity[str(step)]) for for_quantity in cheapest.values()]
         table.add_row(str(step), *cells, end_section=True)
     return table
 

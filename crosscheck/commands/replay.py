@@ -31,15 +31,15 @@ def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECOND
     """
     job = {"scene": to_dict(load(scene)), "about": {}, "arbiter": True}
     positive("scene-seconds", scene_seconds)
-    found, missing = find_engines(names(engines))
-    with checkers(1, {name: spec for name, (spec, _) in found.items()}, scene_seconds) as pool:
+    installed, missing = find_engines(names(engines))
+    with checkers(1, {name: spec for name, (spec, _) in installed.items()}, scene_seconds) as pool:
         record = pool.check_one(job)
     out = console(160)
     if record.reference is None:
         out.print(record.failure)
         return INFRASTRUCTURE
-    told = record.reference
-    out.print(f"refkin: {told.verdict} {told.message}  smallest singular value {told.sigma_min:.3g}")
+    reference = record.reference
+    out.print(f"refkin: {reference.verdict} {reference.message}  smallest singular value {reference.sigma_min:.3g}")
     out.print(agreement_table(record))
     out.print(arbiter_table(record))
     out.print(rows_table(record))

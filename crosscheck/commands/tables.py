@@ -62,9 +62,9 @@ def arbiter_table(record: Record) -> Table:
     for place in (*PLACES, "worst, radii"):
         table.add_column(place.replace("_", " "), justify="right")
     for answer in record.answers:
-        told = answer.certificate
-        cells = [str(getattr(told, place)) for place in PLACES] if told else ["-"] * len(PLACES)
-        worst = "-" if told is None or told.radii is None else f"{told.radii:.2g}"
+        certificate = answer.certificate
+        cells = [str(getattr(certificate, place)) for place in PLACES] if certificate else ["-"] * len(PLACES)
+        worst = "-" if certificate is None or certificate.radii is None else f"{certificate.radii:.2g}"
         table.add_row(answer.engine, answer.route.name, *cells, worst)
     return table
 
@@ -82,10 +82,10 @@ def refusal_lines(refusals: Iterable[RefusalRow]) -> list[str]:
     ]
 
 
-def line_with_gap(told: Disagreement, record: Record, gaps: Sequence[Gap]) -> str:
+def line_with_gap(disagreement: Disagreement, record: Record, gaps: Sequence[Gap]) -> str:
     """Return the line of a disagreement with the known gap that accounts for it, if any."""
-    gap = next((gap for gap in gaps if gap.covers(record, told)), None)
-    return str(told) if gap is None else f"{told} [known since {gap.date}: {gap.reason}]"
+    gap = next((gap for gap in gaps if gap.covers(record, disagreement)), None)
+    return str(disagreement) if gap is None else f"{disagreement} [known since {gap.date}: {gap.reason}]"
 
 
 def outcome_lines(outcome: Outcome) -> list[str]:
@@ -94,8 +94,8 @@ def outcome_lines(outcome: Outcome) -> list[str]:
     lines += [f"failed: {text}" for text in outcome.failed[:MOST_LINES]]
     lines += [f"missing: {name}: {reason}" for name, reason in outcome.missing.items()]
     for gap in outcome.possibly_closed:
-        told = f"the gap of {gap.engine} known since {gap.date} ({gap.predicate}) showed in no scene of its kind"
-        lines.append(f"possibly closed: {told}")
+        sentence = f"the gap of {gap.engine} known since {gap.date} ({gap.predicate}) showed in no scene of its kind"
+        lines.append(f"possibly closed: {sentence}")
     for gap, scenes in outcome.found_again:
         when = f"found again by scene {scenes}" if scenes else "not found again"
         lines.append(f"known gap {when}: {gap.engine}, {gap.reproduction}")

@@ -33,14 +33,14 @@ def tape(scene: Path, *, counts: Annotated[bool, Parameter(negative="")] = False
         print(f"this installation has no fast path: {error}")
         return DISAGREEMENT
     try:
-        found = fast.tape(read)
+        compiled = fast.tape(read)
     except RefkinError as error:
         print(error)
         return DISAGREEMENT
     if not counts:
-        print(fast.legend(read) + str(found))
-    for segment, count in found.counts().items():
-        kinds = ", ".join(f"{k} {op}" for op, k in found.operations(segment).most_common())
+        print(fast.legend(read) + str(compiled))
+    for segment, count in compiled.counts().items():
+        kinds = ", ".join(f"{k} {op}" for op, k in compiled.operations(segment).most_common())
         print(f"{segment:9}  {count:5}  {kinds}".rstrip())
-    print(f"all        {sum(found.counts().values()):5}")
+    print(f"all        {sum(compiled.counts().values()):5}")
     return PASS

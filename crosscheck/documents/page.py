@@ -78,13 +78,13 @@ def tally(row: dict[str, Any]) -> dict[str, int]:
 def digits_told(row: dict[str, Any], erratum: dict[str, Any]) -> str:
     """Return the printed numbers of an erratum with their digits: "2.7109 for 2.701942 (2.4 of 5 digits)"."""
     by_name = {v["name"]: v for v in row["values"]}
-    told = []
+    parts = []
     for path in erratum["at"]:
         v = by_name[path]
-        told.append(
+        parts.append(
             f"{path}: {v['printed']} for {v['truth']} ({v['digits_correct']:g} of {v['digits_printed']} digits)"
         )
-    return "; ".join(told)
+    return "; ".join(parts)
 
 
 def closing(rows: Sequence[dict[str, Any]]) -> str:
@@ -92,8 +92,8 @@ def closing(rows: Sequence[dict[str, Any]]) -> str:
     counts = {status: sum(row["status"] == status for row in rows) for status in STATUSES}
     errata = sum(e["counts"] for row in rows for e in row["errata"])
     checked = sum(len(row["values"]) for row in rows)
-    told = ", ".join(f"{n} {status}" for status, n in counts.items())
-    return f"{len(rows)} rows: {told}; {checked} numbers and facts recomputed, {errata} errata of the documents"
+    by_status = ", ".join(f"{n} {status}" for status, n in counts.items())
+    return f"{len(rows)} rows: {by_status}; {checked} numbers and facts recomputed, {errata} errata of the documents"
 
 
 # ---- Newton, iteration by iteration
@@ -244,10 +244,10 @@ def digits_by_iteration() -> list[dict[str, Any]]:
     """
     row = next(row for row in read().row if row.id == ROW)
     truth = _truth(row.inputs)
-    found = [(str(k), at) for k, at in enumerate(_iterates(Binary64(), row.inputs))]
+    answers = [(str(k), at) for k, at in enumerate(_iterates(Binary64(), row.inputs))]
     rows = [
         {"iteration": name, "quantity": quantity, "digits": _fewest(level, right)}
-        for name, levels in found
+        for name, levels in answers
         for quantity, level, right in zip(QUANTITIES, levels, truth, strict=True)
     ]
     values = {value.name: value for value in row.values}

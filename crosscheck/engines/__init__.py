@@ -148,7 +148,7 @@ class WithEffects:
 
     def physical_effects(self) -> Mapping[str, str]:
         """Return what the engine can simulate beside kinematics, and how it is switched on."""
-        return {name: effect.told for name, effect in self.effects.items()}
+        return {name: effect.description for name, effect in self.effects.items()}
 
     def missing_effects(self) -> Mapping[str, str]:
         """Return nothing: the engine has them all."""
@@ -213,7 +213,7 @@ class Engine(Protocol):
 
 def refused_joints(engine: Engine, constraints: Iterable[Constraint], level: Level) -> list[tuple[str, str, str]]:
     """Return (type, name, reason) of what `engine` does not have at `level`: once for each element that it refuses."""
-    table, found = engine.capabilities(), []
+    table, unsupported = engine.capabilities(), []
     for constraint in constraints:
         elements = list(elements_of([constraint]))
         reasons = []
@@ -224,14 +224,14 @@ def refused_joints(engine: Engine, constraints: Iterable[Constraint], level: Lev
             capability = table.get(element.key, {}).get(level, missing)
             if capability.support is Support.REFUSED:
                 reasons.append(capability.reason)
-        found += [(constraint.type, constraint.name, reason) for reason in dict.fromkeys(reasons)]
-    return found
+        unsupported += [(constraint.type, constraint.name, reason) for reason in dict.fromkeys(reasons)]
+    return unsupported
 
 
 def refusals(engine: Engine, scene: Scene, level: Level) -> list[str]:
     """Return why `engine` cannot answer `scene` at `level`, joint by joint; empty if it can."""
-    told = refused_joints(engine, scene.mechanism.constraints, level)
-    return [f"{engine.name} refuses {kind} {name!r} at {level}: {reason}" for kind, name, reason in told]
+    refused = refused_joints(engine, scene.mechanism.constraints, level)
+    return [f"{engine.name} refuses {kind} {name!r} at {level}: {reason}" for kind, name, reason in refused]
 
 
 def refuse(reasons: Sequence[str]) -> None:
@@ -308,10 +308,10 @@ def _module_of_file(where: str) -> Any:
     if not path.is_file():
         raise EngineError(f"there is no file {where}")
     name = f"crosscheck_engine_{path.stem}"
-    found = spec_from_file_location(name, path)
-    assert found is not None
-    assert found.loader is not None
-    module = module_from_spec(found)
+    spec = spec_from_file_location(name, path)
+    assert spec is not None
+    assert spec.loader is not None
+    module = module_from_spec(spec)
     sys.modules[name] = module  # dataclasses look their module up
-    found.loader.exec_module(module)
+    spec.loader.exec_module(module)
     return module

@@ -91,7 +91,7 @@ class Poses:
     regular: Any
 
     @property
-    def found(self) -> Any:
+    def known(self) -> Any:
         """Which of them there are, (B,)."""
         return np.isfinite(self.residual)
 
@@ -146,7 +146,7 @@ def march(equations: Equations, start: Array | Callable[[float], Poses], times: 
                     break
                 pose = advance(equations, last, t[k], halvings)
             path.append(pose)
-            halvings = HALVINGS if pose.found[0] else HALVINGS_AFTER_FAILURE
+            halvings = HALVINGS if pose.known[0] else HALVINGS_AFTER_FAILURE
             last = pose if pose.regular[0] else last
             if ahead is not None and not _same(ahead[k - origin : k - origin + 1], pose):
                 ahead = None
@@ -170,7 +170,7 @@ def _motion(equations: Equations, t: Array, path: Sequence[Poses], order: int) -
         ok = ok & np.isfinite(levels[2]).all(axis=1)
         levels[1] = np.where(ok[:, None], levels[1], np.nan)
     known = (Status.NOT_CONVERGED, Status.SINGULAR, Status.OK)
-    status = tuple(known[at] for at in (poses.found.astype(int) + ok).tolist())
+    status = tuple(known[at] for at in (poses.known.astype(int) + ok).tolist())
     return March(tuple(np.ascontiguousarray(level.T) for level in levels), status, poses.residual)
 
 
@@ -320,7 +320,7 @@ def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVING
         target = min(t, now + step)
         pose = close(equations, last.q + (target - now) * last.qd, np.array([target]), near=True)
         off = 0.0 if pose.regular[0] else SINGULAR
-        joined = bool(pose.found[0] and connected(last.inverse, pose.jacobian, off)[0])
+        joined = bool(pose.known[0] and connected(last.inverse, pose.jacobian, off)[0])
         if joined and target == t:
             return pose
         if joined and pose.regular[0]:
@@ -474,7 +474,7 @@ def extrema(laws: Sequence[Callable[..., Any]], times: Array) -> Array:
 
     The sample is near the extremum, not at it: the law is flat there.
     """
-    found = [np.zeros(0)]
+    pieces = [np.zeros(0)]
     for law in laws:
         rate = np.broadcast_to(np.asarray(law(times, 1), float), times.shape)
         k = np.flatnonzero(rate[:-1] * rate[1:] < 0.0)
@@ -484,8 +484,8 @@ def extrema(laws: Sequence[Callable[..., Any]], times: Array) -> Array:
             for _ in range(2):
                 t = t - law(t, 1) / law(t, 2)
                 t = np.where((t > a) & (t < b), t, 0.5 * (a + b))
-            found.append(t)
-    return np.concatenate(found)
+            pieces.append(t)
+    return np.concatenate(pieces)
 
 
 class Tabulated:

@@ -173,8 +173,8 @@ class Method:
         """Return what it adds to the allowed error of a scene by its own doing."""
         if self.asked is None or not hasattr(self.asked[0], "terms"):
             return ()
-        found: Sequence[Term] = self.asked[0].terms(scene, self.asked[1])
-        return found
+        terms: Sequence[Term] = self.asked[0].terms(scene, self.asked[1])
+        return terms
 
     @property
     def simulating(self) -> Simulating | None:
@@ -242,8 +242,8 @@ def methods(engine: str | Engine, use: Use | None = None) -> list[Method]:
     EngineError
         If there is no such producer, or its package is missing.
     """
-    found = _listed(engine)
-    return [method for method in found if use is None or use in method.uses]
+    listed = _listed(engine)
+    return [method for method in listed if use is None or use in method.uses]
 
 
 def _listed(engine: str | Engine) -> list[Method]:
@@ -258,19 +258,19 @@ def _listed(engine: str | Engine) -> list[Method]:
 
 def method(engine: str | Engine, name: str, setting: str = "") -> Method:
     """Return one method of a producer; raises EngineError if there is none of that name and setting."""
-    for found in methods(engine):
-        if (found.name, found.setting) == (name, setting):
-            return found
+    for candidate in methods(engine):
+        if (candidate.name, candidate.setting) == (name, setting):
+            return candidate
     raise EngineError(f"{engine} has no method {name!r} with setting {setting!r}")
 
 
 def of_routes(engine: Engine, uses: frozenset[Use] = ALL) -> list[Method]:
     """Return a method for each route of an engine, and for those that only hard cases, or effects, are sent through."""
-    found = [_of_route(engine, route, uses) for route in engine.routes()]
+    listed = [_of_route(engine, route, uses) for route in engine.routes()]
     discovery = getattr(engine, "discovery", None)
-    found += [_of_route(engine, route, frozenset({Use.HARD})) for route in (discovery() if discovery else ())]
+    listed += [_of_route(engine, route, frozenset({Use.HARD})) for route in (discovery() if discovery else ())]
     dynamic = engine.dynamic_routes() if isinstance(engine, Simulating) else ()
-    return found + [_of_route(engine, route, frozenset({Use.EFFECTS})) for route in dynamic]
+    return listed + [_of_route(engine, route, frozenset({Use.EFFECTS})) for route in dynamic]
 
 
 def _of_route(engine: Engine, route: Route, uses: frozenset[Use]) -> Method:

@@ -178,11 +178,11 @@ def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
 
 def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Sequence[Term] = ()) -> ErrorBudget:
     """Return the budget at a solution of the reference; parameters as in `propagation`."""
-    found = propagation(system, motion, q, qd, qdd)
-    if found is None:
+    errors = propagation(system, motion, q, qd, qdd)
+    if errors is None:
         blank = np.full(q.shape, np.nan)
         return ErrorBudget(blank, blank, blank, np.zeros(q.shape[1], bool))
-    return found.budget(terms)
+    return errors.budget(terms)
 
 
 def _spread(values: Any, lanes: Any, count: int) -> Any:

@@ -48,12 +48,12 @@ def change(ref: Reference, off: Motion, on: Motion, terms: Sequence[Term] = (), 
         Whether every bit counts. Otherwise a change is inert up to the error that one of the two answers may have:
         whoever is within it without the effect and further off with it has felt the effect.
     """
-    found = list(_levels(ref, off, on, terms))
-    largest, worst = max(((size, where) for size, _, where in found), default=(0.0, ""))
+    sizes = list(_levels(ref, off, on, terms))
+    largest, worst = max(((size, where) for size, _, where in sizes), default=(0.0, ""))
     if off.status != on.status:
         k = next(k for k, (a, b) in enumerate(zip(off.status, on.status, strict=True)) if a is not b)
         return Change(False, largest, f"{off.status[k]} becomes {on.status[k]} at t = {off.t[k]:.17g}")
-    inert = same_bits(off, on) if exact else all(ratio <= 1.0 for _, ratio, _ in found)
+    inert = same_bits(off, on) if exact else all(ratio <= 1.0 for _, ratio, _ in sizes)
     return Change(inert, largest, worst if largest else "")
 
 

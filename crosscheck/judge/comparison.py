@@ -40,8 +40,10 @@ class Reference:
         """Return the allowed errors against another answer."""
         key = tuple(terms)
         if key not in self._budgets:
-            found = self.propagation
-            self._budgets[key] = derive(self.system, self.motion, *self.levels) if found is None else found.budget(key)
+            errors = self.propagation
+            self._budgets[key] = (
+                derive(self.system, self.motion, *self.levels) if errors is None else errors.budget(key)
+            )
         return self._budgets[key]
 
 
@@ -124,7 +126,7 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     names = [f"{body}.{c}" for body in motion.bodies for c in ("x", "y", "phi")]
     answered = np.array([s is Status.OK for s in motion.status])
     lanes = budget.judged[at] & answered
-    found = {}
+    compared = {}
     for k, quantity in enumerate(QUANTITIES):
         level = motion.levels[k]
         if level is None:
@@ -134,12 +136,12 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
         judged = _judge(np.abs(difference), allowed, ours, lanes, k, names, motion.t)
         signed = np.full((ref.system.of_bodies, len(lanes)), np.nan)
         signed[np.ix_(rows, lanes)] = difference[:, lanes]
-        found[quantity] = replace(judged, difference=signed)
+        compared[quantity] = replace(judged, difference=signed)
     reference_ok = np.array([s is Status.OK for s in ref.motion.status])[at]
     missing = np.flatnonzero(reference_ok & ~answered)
     first = float(motion.t[missing[0]]) if missing.size else np.inf
-    other = _other_assembly(ref, motion, found, lanes, at)
-    return Comparison(found, len(missing), int(lanes.sum()), other, first)
+    other = _other_assembly(ref, motion, compared, lanes, at)
+    return Comparison(compared, len(missing), int(lanes.sum()), other, first)
 
 
 def scales(ours: Any, level: int) -> Any:
@@ -194,20 +196,20 @@ def _judge(
 
 
 def _other_assembly(
-    ref: Reference, motion: Motion, found: Mapping[str, QuantityComparison], lanes: Any, at: Any
+    ref: Reference, motion: Motion, compared: Mapping[str, QuantityComparison], lanes: Any, at: Any
 ) -> bool:
     """Whether a wrong position is another solution of the constraints: the same linkage, put together another way.
 
     It is if its own residual, carried by |J^-1|, accounts for less than a tenth of its error: to first order the two
     are equal, and no second order is ten times as large but where it leads to the next solution.
     """
-    if "position" not in found or found["position"].agrees or len(motion.bodies) * 3 != ref.system.n:
+    if "position" not in compared or compared["position"].agrees or len(motion.bodies) * 3 != ref.system.n:
         return False
-    wrong = lanes & (found["position"].ratio > 1.0) & np.isfinite(found["position"].error)
+    wrong = lanes & (compared["position"].ratio > 1.0) & np.isfinite(compared["position"].error)
     starts = [3 * motion.bodies.index(b.name) for b in ref.scene.mechanism.bodies]
     order = np.concatenate([np.arange(start, start + 3) for start in starts])
     q, t = ref.system.to_unit(motion.q[order][:, wrong]), motion.t[wrong]
     stacked = np.moveaxis(ref.system.phi_q(ref.levels[0][:, at][:, wrong], t), -1, 0)
     residual = np.moveaxis(np.abs(ref.system.phi(q, t)), -1, 0)[..., None]
     carried = np.abs(np.linalg.pinv(stacked)) @ residual
-    return bool(np.any(np.max(carried, axis=(1, 2)) < 0.1 * found["position"].error[wrong]))
+    return bool(np.any(np.max(carried, axis=(1, 2)) < 0.1 * compared["position"].error[wrong]))

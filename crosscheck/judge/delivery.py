@@ -67,8 +67,8 @@ def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[T
             kept.append(term)
             continue
         size = max(term.absolute, term.relative, term.of_rates)
-        told = f"{term.name!r} of {size:.3g}: no documentation of {engine.name} states more than {most:.3g}"
-        faults.append({"quantity": term.level, "kind": Kind.UNDOCUMENTED, "message": told})
+        message = f"{term.name!r} of {size:.3g}: no documentation of {engine.name} states more than {most:.3g}"
+        faults.append({"quantity": term.level, "kind": Kind.UNDOCUMENTED, "message": message})
     return kept, faults
 
 

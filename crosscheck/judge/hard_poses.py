@@ -68,15 +68,15 @@ class Sample:
 def truths(case: HardCase) -> tuple[System, tuple[Solutions, ...]]:
     """Return what is proved of every time of a case, in the system's scaled coordinates."""
     system = compile_system(case.scene.mechanism, unit=case.scene.mechanism.unit())
-    found: list[Solutions] = []
+    solutions: list[Solutions] = []
     sides: tuple[int, ...] | None = None
     for t in case.scene.times:
         if case.exact:
-            found.append(Solutions((_root(system, _given(system, case, t), t),)))
+            solutions.append(Solutions((_root(system, _given(system, case, t), t),)))
         else:
             truth, sides = _among_assemblies(system, case, t, sides)
-            found.append(truth)
-    return system, tuple(found)
+            solutions.append(truth)
+    return system, tuple(solutions)
 
 
 def _given(system: System, case: HardCase, t: float) -> Any:
@@ -92,19 +92,19 @@ def _among_assemblies(
 
     A branch keeps its sides as long as it meets no fold, also where a pose in float64 is nearer to the other one.
     """
-    found = assemblies(system, t, trying=False)
+    search = assemblies(system, t, trying=False)
     if case.any_assembly:
-        return Solutions(tuple(_root(system, q, t) for q in found.poses)), None
+        return Solutions(tuple(_root(system, q, t) for q in search.poses)), None
     if case.poses(t) is None:
-        return Solutions((), found.gap), None
+        return Solutions((), search.gap), None
     near = _given(system, case, t)
-    if found.unassemblable or not found.poses:
-        hidden = (found.gap or 0.0) <= np.max(residual_error(system, near, t))
-        return (Solutions((_singular(system, near, t),)) if hidden else Solutions((), found.gap)), sides
-    at = next((k for k, there in enumerate(found.branches) if there == sides), None)
+    if search.unassemblable or not search.poses:
+        hidden = (search.gap or 0.0) <= np.max(residual_error(system, near, t))
+        return (Solutions((_singular(system, near, t),)) if hidden else Solutions((), search.gap)), sides
+    at = next((k for k, there in enumerate(search.branches) if there == sides), None)
     if at is None:
-        at = int(np.argmin([np.max(np.abs(_away(system, q, near))) for q in found.poses]))
-    return Solutions((_root(system, found.poses[at], t),)), found.branches[at] if sides is None else sides
+        at = int(np.argmin([np.max(np.abs(_away(system, q, near))) for q in search.poses]))
+    return Solutions((_root(system, search.poses[at], t),)), search.branches[at] if sides is None else sides
 
 
 def _away(system: System, q: Any, near: Any) -> Any:
@@ -135,15 +135,15 @@ def samples(
     q = system.to_unit(q)
     rows.sort()
     granted = GRANTED * sum(term.absolute for term in terms if term.level == "position")
-    found = []
+    made = []
     for k, (t, true) in enumerate(zip(scene.times, truth, strict=True)):
         ok = motion.status[k] is Status.OK
         if not np.isfinite(q[rows, k]).all():
             note = "called ok without a number" if ok else motion.status[k].value
-            found.append(Sample(t, None, ok, note, none=true.gap is not None))
+            made.append(Sample(t, None, ok, note, none=true.gap is not None))
         else:
-            found.append(_sample(system, true, q[:, k], rows, t, ok, granted))
-    return tuple(found)
+            made.append(_sample(system, true, q[:, k], rows, t, ok, granted))
+    return tuple(made)
 
 
 def scene_samples(scene: Scene, motion: Motion, terms: Sequence[Term]) -> tuple[Sample, ...]:
@@ -159,14 +159,14 @@ def scene_truths(system: System, scene: Scene) -> tuple[Solutions, ...]:
     """Return what is proved of every time of a scene."""
     own = solve(replace(scene, bodies_wanted=None, effects=frozenset()))
     q = system.to_unit(own.q)
-    found = []
+    solutions = []
     for k, t in enumerate(scene.times):
         if np.isfinite(q[:, k]).all():
-            found.append(Solutions((_root(system, q[:, k], t),)))
+            solutions.append(Solutions((_root(system, q[:, k], t),)))
         else:
             there = assemblies(system, t, trying=False)
-            found.append(Solutions(tuple(_root(system, x, t) for x in there.poses), there.gap))
-    return tuple(found)
+            solutions.append(Solutions(tuple(_root(system, x, t) for x in there.poses), there.gap))
+    return tuple(solutions)
 
 
 def _sample(system: System, true: Solutions, q: Any, rows: Any, t: float, ok: bool, granted: float) -> Sample:
@@ -182,11 +182,11 @@ def _sample(system: System, true: Solutions, q: Any, rows: Any, t: float, ok: bo
 
 def _on_other_assembly(system: System, balls: tuple[Any, ...], q: Any, t: float) -> bool:
     """Return whether an answer is next to another root, by proof: ten times nearer to it than to the right one."""
-    found = krawczyk(system, q, t)
-    if found is None:
+    enclosure = krawczyk(system, q, t)
+    if enclosure is None:
         return False
     away = np.max(np.abs(_away(system, q, np.array([float(x) for x in balls]))))
-    return bool(np.max(found.distance(q)) < 0.1 * away)
+    return bool(np.max(enclosure.distance(q)) < 0.1 * away)
 
 
 def _judged(system: System, balls: tuple[Any, ...], allowed: Any, q: Any, rows: Any, granted: float) -> Judgement:

@@ -27,8 +27,8 @@ def step_beyond_newton(record: Record) -> bool:
     Newton-Kantorovich binds it while |J^-1| K step <= 1/2. In scaled coordinates the Jacobian changes by about one per
     unit (K = 1), and |J^-1| is 1 / sigma: so there is no bond where a step is longer than sigma_min / 2 at its ends.
     """
-    told = None if record.reference is None else record.reference.sigma_per_step
-    return told is not None and told < 2.0
+    distance = None if record.reference is None else record.reference.sigma_per_step
+    return distance is not None and distance < 2.0
 
 
 def ends_in_a_singular_pose(record: Record) -> bool:
@@ -95,12 +95,12 @@ class Tally:
         new = []
         for k, gap in enumerate(self.gaps):
             self.chances[k] += gap.could_show(record)
-        for told in record.disagreements:
-            rows = [k for k, gap in enumerate(self.gaps) if gap.covers(record, told)]
+        for disagreement in record.disagreements:
+            rows = [k for k, gap in enumerate(self.gaps) if gap.covers(record, disagreement)]
             for k in rows:
                 self.covered[k] += 1
             if not rows:
-                new.append(told)
+                new.append(disagreement)
         return new
 
     def possibly_closed(self) -> list[Gap]:
@@ -130,7 +130,7 @@ def found_again(gaps: Sequence[Gap], records: Iterable[Record]) -> list[int | No
     first: list[int | None] = [None] * len(gaps)
     for number, record in enumerate(records, start=1):
         for k, gap in enumerate(gaps):
-            if first[k] is None and any(gap.covers(record, told) for told in record.disagreements):
+            if first[k] is None and any(gap.covers(record, disagreement) for disagreement in record.disagreements):
                 first[k] = number
     return first
 

@@ -76,13 +76,13 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
     system = compile_system(mechanism)
     size = mechanism.size()
     scale = np.tile([size, size, 1.0], len(mechanism.bodies))
-    found = []
+    samples = []
     for _ in range(count):
         lane = draw.randrange(len(t))
         move, rate = (np.array([draw.uniform(-1.0, 1.0) for _ in scale]) * scale for _ in range(2))
         bodies, contacts = np.split(near[:, lane], [system.of_bodies])
-        found.append(Configuration(system, bodies + move, 3.0 * rate, float(t[lane]), contacts))
-    return found
+        samples.append(Configuration(system, bodies + move, 3.0 * rate, float(t[lane]), contacts))
+    return samples
 
 
 def compare_levels(
@@ -95,7 +95,7 @@ def compare_levels(
     """Compare every level that the engine declares for the joints; driver rows only if it owns the driver."""
     table = engine.capabilities()
     elements = {(e.name, e.row + k): e for e in elements_of(mechanism.constraints) for k in range(e.rows)}
-    found = {}
+    compared = {}
     for level in LEVELS:
         maps = [
             m
@@ -105,8 +105,8 @@ def compare_levels(
         ]
         if maps:
             samples = [_compare_at(level, model, c, maps, terms) for c in at]
-            found[level] = _worst_of(samples, maps)
-    return found
+            compared[level] = _worst_of(samples, maps)
+    return compared
 
 
 def _worst_of(samples: Sequence[tuple[Any, Any]], maps: Sequence[RowMap]) -> LevelComparison:
@@ -168,10 +168,10 @@ def _ours(system: System, at: Configuration) -> dict[Any, Any]:
         rate[m] = sum((qd[k] * slope[m, k] for k in range(system.n)), Running(0.0)) - nu[m]
     of_bodies = slope[:, : system.of_bodies]
     values = {"x": system.phi(rounded, at.t), "x_q": of_bodies, "x'": rate, "gamma": system.gamma(q, qd, at.t)}
-    found: dict[Any, Any] = {key: (_values(v), errors(v, ())) for key, v in values.items()}
+    ours: dict[Any, Any] = {key: (_values(v), errors(v, ())) for key, v in values.items()}
     largest = {Level.RESIDUAL: "x", Level.JACOBIAN: "x_q", Level.CONSTRAINT_VELOCITY: "x'", Level.DRIFT: "gamma"}
-    found["scale"] = {level: float(np.max(np.abs(found[key][0]))) for level, key in largest.items()}
-    return found
+    ours["scale"] = {level: float(np.max(np.abs(ours[key][0]))) for level, key in largest.items()}
+    return ours
 
 
 def _mapped(level: Level, m: RowMap, row: int, ours: dict[Any, Any]) -> tuple[Any, Any]:

@@ -121,12 +121,12 @@ def cheapest(rows: Sequence[Mapping[str, Any]], steps: Sequence[int] = STEPS) ->
     }
 
 
-def _best(found: Sequence[Offer]) -> dict[str, Any] | None:
-    if not found:
+def _best(offers: Sequence[Offer]) -> dict[str, Any] | None:
+    if not offers:
         return None
-    second = found[1] if len(found) > 1 else None
-    told = None if second is None else asdict(second)
-    return {**asdict(found[0]), "second": told, "differs": second is not None and found[0].differs(second)}
+    second = offers[1] if len(offers) > 1 else None
+    second_best = None if second is None else asdict(second)
+    return {**asdict(offers[0]), "second": second_best, "differs": second is not None and offers[0].differs(second)}
 
 
 def repeated(first: Cheapest, again: Cheapest) -> tuple[int, int, list[str]]:
@@ -188,6 +188,6 @@ def with_suspicions(rows: Sequence[Row]) -> list[Row]:
             if a.digits is None or b.digits is None or b.digits_attainable is None:
                 continue
             if b.digits < min(a.digits, b.digits_attainable) - LOOSER:
-                told = f"fewer digits than at the looser setting {a.setting!r}"
-                noted[after] = replace(b, note="; ".join(filter(None, (b.note, told))))
+                suspicion = f"fewer digits than at the looser setting {a.setting!r}"
+                noted[after] = replace(b, note="; ".join(filter(None, (b.note, suspicion))))
     return noted

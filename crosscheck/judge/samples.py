@@ -37,13 +37,13 @@ def attainable(ref: Reference) -> dict[str, Any]:
     It is the budget of an engine that adds nothing, without the safety factor; NaN where no budget is derived.
     """
     budget = ref.budget()
-    found = {}
+    attained = {}
     for level, quantity in enumerate(QUANTITIES):
         allowed = np.max(getattr(budget, quantity), axis=0) / SAFETY
         with np.errstate(divide="ignore", invalid="ignore"):
             digits = np.minimum(MOST_DIGITS, -np.log10(allowed / scales(ref.levels[level], level)))
-        found[quantity] = np.where(budget.judged, digits, np.nan)
-    return found
+        attained[quantity] = np.where(budget.judged, digits, np.nan)
+    return attained
 
 
 def common_sample(ref: Reference) -> Common | None:

@@ -127,5 +127,5 @@ def _digits(errors: Any) -> float:
 
 def levels_or_nothing(levels: Sequence[Any], shape: tuple[int, int], order: int) -> list[Any]:
     """Return the levels up to an order; NaN for one that was not delivered."""
-    found = [np.asarray(level, float) for level in levels[: order + 1]]
-    return found + [np.full(shape, np.nan)] * (order + 1 - len(found))
+    known = [np.asarray(level, float) for level in levels[: order + 1]]
+    return known + [np.full(shape, np.nan)] * (order + 1 - len(known))

@@ -77,8 +77,8 @@ def of_four_bars(work: FourBars, pieces: Iterable[Piece]) -> Accuracy:
             worst = [_worst_of(worst)]
     ratio, unjudged = 0.0, 0
     for piece in _in_lanes([*sample, _worst_of(worst)[1]]):
-        found, without = _over_allowed(work, piece)
-        ratio, unjudged = max(ratio, found), unjudged + without
+        of_piece, without = _over_allowed(work, piece)
+        ratio, unjudged = max(ratio, of_piece), unjudged + without
     return Accuracy(largest, ratio, count, unjudged, levels)
 
 
@@ -104,14 +104,14 @@ def _errors(work: FourBars, piece: Piece, truth: tuple[Any, ...]) -> Iterator[tu
 
 def _relative_errors(work: FourBars, piece: Piece) -> Any:
     """Return the largest error of each configuration, of all levels."""
-    found = [np.max(error, axis=0) / part for error, part in _errors(work, piece, _truth(work, piece))]
-    return np.maximum.reduce(found)
+    errors = [np.max(error, axis=0) / part for error, part in _errors(work, piece, _truth(work, piece))]
+    return np.maximum.reduce(errors)
 
 
-def _worst_of(found: list[tuple[Any, Piece]]) -> tuple[Any, Piece]:
-    errors = np.concatenate([e for e, _ in found])
+def _worst_of(pieces: list[tuple[Any, Piece]]) -> tuple[Any, Piece]:
+    errors = np.concatenate([e for e, _ in pieces])
     top = np.argsort(errors)[-WORST:]
-    return errors[top], _joined([piece for _, piece in found]).of(top)
+    return errors[top], _joined([piece for _, piece in pieces]).of(top)
 
 
 def _joined(pieces: list[Piece]) -> Piece:
@@ -195,7 +195,7 @@ def residual_error(sparse: Any, q: Any, t: float) -> Any:
 
     out = np.zeros(len(q))
     for group in sparse.groups:
-        found = group.formulas.residual(group.g, group.given(None, t, 0), *(values(start) for start in group.starts))
-        for row, value in zip(group.rows, found, strict=True):
+        residual = group.formulas.residual(group.g, group.given(None, t, 0), *(values(start) for start in group.starts))
+        for row, value in zip(group.rows, residual, strict=True):
             out[row] = value.error
     return out

@@ -67,7 +67,7 @@ def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome
     """
     gaps = known_gaps.table(plan.known_gaps)
     engines, missing = find_engines(plan.engines)
-    outcome = Outcome({name: told for name, (_, told) in engines.items()}, missing, gaps=list(gaps))
+    outcome = Outcome({name: version for name, (_, version) in engines.items()}, missing, gaps=list(gaps))
     outcome.engines = {name: spec for name, (spec, _) in engines.items()}
     names = {spec: name for name, spec in outcome.engines.items()}
     alone = missing and set(engines) <= {ALWAYS, *SAMPLED}
@@ -174,8 +174,8 @@ class Turns:
         others = [line for line in journal.unreadable if not line.torn]
         if others and not self.done:
             first = others[0]
-            told = f"{journal.path}, line {first.line}: {first.reason}"
-            raise OtherRun(f"{told}; it holds no records of ours: choose another folder")
+            where = f"{journal.path}, line {first.line}: {first.reason}"
+            raise OtherRun(f"{where}; it holds no records of ours: choose another folder")
 
     def settle(self, record: Record) -> None:
         """Note that a scene has its record."""
@@ -260,7 +260,7 @@ def _sort(journal: Journal, outcome: Outcome) -> None:
         new = tally.add(record)
         outcome.known += len(record.disagreements) - len(new)
         shard = int(record.about["shard"] or 0)
-        outcome.new += [NewCase(disagreement=told, key=record.key, shard=shard) for told in new]
+        outcome.new += [NewCase(disagreement=disagreement, key=record.key, shard=shard) for disagreement in new]
         if record.failure is not None:
             outcome.failed.append(f"{record.key}: {record.failure}")
     outcome.possibly_closed = tally.possibly_closed()

@@ -59,9 +59,9 @@ def write_disagreements(
             _write(path, notes, _drawn(plan, of_scene[0]), plan)
     start = time.monotonic()
     to_shrink = list(first_of_kind.values())[:MOST_SHRUNK]
-    for k, told in enumerate(to_shrink):
+    for k, disagreement in enumerate(to_shrink):
         left = plan.shrinking_seconds - (time.monotonic() - start)
-        _shrink(plan, told, workers, left / (len(to_shrink) - k), tick)
+        _shrink(plan, disagreement, workers, left / (len(to_shrink) - k), tick)
     return time.monotonic() - start
 
 
@@ -111,22 +111,22 @@ def _again(kind: Signature, drawn: AnyDrawn, workers: Pool, gaps: Sequence[Gap])
     """Return the disagreement of a kind that a scene shows, unless a known gap accounts for it."""
     job = {"scene": to_dict(drawn.scene), "about": describe(drawn)}
     record = workers.check_one(job, [name for name in workers.engines if name == kind[0]])
-    return next((told for told in new_disagreements(record, gaps) if told.signature == kind), None)
+    return next((d for d in new_disagreements(record, gaps) if d.signature == kind), None)
 
 
 def _notes(shown: Disagreement, case: NewCase | None = None) -> list[str]:
     """Return what a scene file says of a disagreement."""
-    told = {**plain(shown), "at": str(shown.at) if shown.at else None}
-    told |= {} if case is None else {"key": case.key, "shard": case.shard}
-    return [f"{key}: {value}" for key, value in told.items() if value not in (None, "")]
+    fields = {**plain(shown), "at": str(shown.at) if shown.at else None}
+    fields |= {} if case is None else {"key": case.key, "shard": case.shard}
+    return [f"{key}: {value}" for key, value in fields.items() if value not in (None, "")]
 
 
 def _write(path: Path, notes: Sequence[str], drawn: AnyDrawn, plan: Plan) -> None:
     """Write a scene with what disagrees on it as comments."""
-    told = "".join(f"# {line}\n" for text in notes for line in text.splitlines())
+    comments = "".join(f"# {line}\n" for text in notes for line in text.splitlines())
     path.parent.mkdir(parents=True, exist_ok=True)
     again = f"crosscheck replay {path.name}{engines_option(plan.engines)}"
-    replace_file(path, f"{told}# Show it again: {again}\n\n{to_toml(drawn.scene)}")
+    replace_file(path, f"{comments}# Show it again: {again}\n\n{to_toml(drawn.scene)}")
 
 
 def slug(*words: str) -> str:

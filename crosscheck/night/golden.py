@@ -140,7 +140,7 @@ def differences(before: Mapping[str, Case], now: Mapping[str, Case], engines: It
             engine, _, route = who.partition(" · ")
             if engine in engines:
                 lost += _digits_lost(engine, route, digits, now[name]["routes"].get(who), case["attainable"])
-        worse += [NewCase(disagreement=told, key=f"golden-{slug(name)}", case=name) for told in lost]
+        worse += [NewCase(disagreement=disagreement, key=f"golden-{slug(name)}", case=name) for disagreement in lost]
     return worse
 
 
@@ -154,11 +154,11 @@ def _reference_changed(before: Case, now: Case) -> Iterator[Disagreement]:
         return
     size = parse(dict(before["scene"])).mechanism.size()
     for quantity in QUANTITIES:
-        a, b = (np.array(told[quantity] or [], float) for told in (old, new))
+        a, b = (np.array(case[quantity] or [], float) for case in (old, new))
         if a.shape != b.shape:
             yield Disagreement(**who, quantity=quantity, message=f"{a.shape} numbers became {b.shape}")
         elif a.size:
-            radius = sum(np.array(told["certified_radius"][quantity], float)[:, None] for told in (old, new))
+            radius = sum(np.array(case["certified_radius"][quantity], float)[:, None] for case in (old, new))
             scale = np.tile([size, size, 1.0], a.shape[1] // 3)
             allowed = scale * radius + 4 * 2.0**-53 * np.abs(a)  # handed over in metres: rounded once more on each side
             if not np.all((np.abs(a - b) <= allowed) | (a == b) | (np.isnan(a) & np.isnan(b))):
@@ -180,8 +180,8 @@ def _digits_lost(
             continue
         ratio = now["ratio"].get(quantity)
         if new is None or _is_lost(old, new, attainable.get(quantity) or new, ratio):
-            told = "none" if new is None else f"{new[0]:.1f} / {new[1]:.1f}"
-            became = f"digits {old[0]:.1f} / {old[1]:.1f} became {told}"
+            digits_now = "none" if new is None else f"{new[0]:.1f} / {new[1]:.1f}"
+            became = f"digits {old[0]:.1f} / {old[1]:.1f} became {digits_now}"
             yield Disagreement(**who, quantity=quantity, message=became)
 
 
@@ -204,22 +204,22 @@ def read(path: Path) -> dict[str, Any]:
         If there is none, or it cannot be read.
     """
     try:
-        found = json.loads(path.read_text(encoding="utf-8"))
-        if found["schema"] != SCHEMA or not found["cases"]:
+        baseline = json.loads(path.read_text(encoding="utf-8"))
+        if baseline["schema"] != SCHEMA or not baseline["cases"]:
             raise NoBaseline(f"{path}: expected a baseline of schema {SCHEMA} with cases")
-        for case in found["cases"].values():
+        for case in baseline["cases"].values():
             parse(dict(case["scene"]))
     except FileNotFoundError as error:
         raise NoBaseline(f"there is no baseline {path}: crosscheck baseline --accept makes one") from error
     except (ValueError, KeyError, TypeError, AttributeError, RefkinError) as error:
         raise NoBaseline(f"{path} is no baseline: {error}") from error
-    return dict(found)
+    return dict(baseline)
 
 
 def write(path: Path, cases: Mapping[str, Case], versions: Mapping[str, str]) -> None:
     """Accept what was measured as the baseline."""
-    told = {"schema": SCHEMA, "versions": dict(versions), "cases": dict(cases)}
-    replace_file(path, json.dumps(told, indent=1, allow_nan=False) + "\n")
+    baseline = {"schema": SCHEMA, "versions": dict(versions), "cases": dict(cases)}
+    replace_file(path, json.dumps(baseline, indent=1, allow_nan=False) + "\n")
 
 
 def compared(path: Path, workers: Pool) -> Golden:
@@ -247,11 +247,11 @@ def _of(engine: str, case: Case) -> bool:
 
 def compare_night(path: Path, out: Path, workers: Pool) -> list[NewCase]:
     """Compare the golden set, leave `golden.json` and scene files in the folder of a night, return what is worse."""
-    told = compared(path, workers)
+    comparison = compared(path, workers)
     cases = read(path)["cases"]
-    for worse in told.found:
+    for worse in comparison.found:
         worse.file = f"{FOLDER}/{worse.key}.toml"
         (out / FOLDER).mkdir(parents=True, exist_ok=True)
         replace_file(out / worse.file, to_toml(parse(dict(cases[worse.case]["scene"]))))
-    replace_file(out / GOLDEN, adapter(Golden).dump_json(told, indent=1).decode() + "\n")
-    return told.found
+    replace_file(out / GOLDEN, adapter(Golden).dump_json(comparison, indent=1).decode() + "\n")
+    return comparison.found

@@ -60,9 +60,9 @@ def remember(path: Path, report: Mapping[str, Any], folder: Path) -> dict[str, A
         return None
     known = trends(path)
     series = [one for one in known["series"] if one["nights"][-1] == known["nights"][-1]]
-    told = {**known, "series": series[:MOST_TRENDS], "not_shown": max(0, len(series) - MOST_TRENDS)}
-    replace_file(folder / TRENDS, json.dumps(told, indent=1) + "\n")
-    return told
+    course = {**known, "series": series[:MOST_TRENDS], "not_shown": max(0, len(series) - MOST_TRENDS)}
+    replace_file(folder / TRENDS, json.dumps(course, indent=1) + "\n")
+    return course
 
 
 def append(path: Path, report: Mapping[str, Any]) -> bool:
@@ -88,11 +88,11 @@ def append(path: Path, report: Mapping[str, Any]) -> bool:
                 db.execute(f"DELETE FROM {table} WHERE {key} = ?", (night,))
         keys = ("scenes", "configurations", "new_disagreements", "known_disagreements")
         numbers = [report[key] for key in keys]
-        told = [report["date"], str(report["seed"]), report["verdict"], *numbers, json.dumps(report["versions"])]
+        row = [report["date"], str(report["seed"]), report["verdict"], *numbers, json.dumps(report["versions"])]
         night = db.execute(
             "INSERT INTO night (date, seed, verdict, scenes, configurations, new, known, versions)"
             " VALUES (?, ?, ?, ?, ?, ?, ?, ?)",
-            told,
+            row,
         ).lastrowid
         db.executemany("INSERT INTO accuracy VALUES (?, ?, ?, ?, ?, ?, ?, ?)", _accuracies(night, report))
         db.executemany("INSERT INTO cost VALUES (?, ?, ?, ?)", _costs(night, report))
@@ -132,15 +132,15 @@ def nights(path: Path) -> list[dict[str, Any]]:
     with _opened(path, must_exist=True) as db:
         rows = db.execute("SELECT id, date, seed, verdict, scenes, new, known FROM night ORDER BY date, id").fetchall()
         keys = ("id", "date", "seed", "verdict", "scenes", "new", "known")
-        found = [dict(zip(keys, row, strict=True)) for row in rows]
-        for night in found:
+        kept = [dict(zip(keys, row, strict=True)) for row in rows]
+        for night in kept:
             worst = db.execute(
                 "SELECT engine, route, quantity, digits_median, digits_worst FROM accuracy WHERE night = ?",
                 (night.pop("id"),),
             )
             names = ("engine", "route", "quantity", "digits_median", "digits_worst")
             night["accuracy"] = [dict(zip(names, row, strict=True)) for row in worst]
-        return found
+        return kept
 
 
 def trends(path: Path) -> dict[str, Any]:
@@ -161,12 +161,12 @@ def trends(path: Path) -> dict[str, Any]:
     return {"nights": dates, "series": order}
 
 
-def warnings(told: Mapping[str, Any]) -> list[str]:
+def warnings(course: Mapping[str, Any]) -> list[str]:
     """Return one line per change of level within the latest nights."""
     return [
         f"time of {one['name']}, relative to refkin: {'up' if factor > 1 else 'down'} by {factor:.2f} times"
         f" since {one['nights'][int(k)]}"
-        for one in told["series"]
+        for one in course["series"]
         for k, factor in one["changes"].items()
         if int(k) >= len(one["nights"]) - LATEST
     ]

@@ -206,9 +206,9 @@ def ratios(record: Record, best: Mapping[str, str]) -> Iterator[tuple[Target, fl
         engine, route = answer.engine, answer.route.name
         if best.get(engine) != route:
             continue
-        for quantity, told in answer.quantities.items():
-            if told.ratio is not None:
-                yield (engine, route, quantity), told.ratio
+        for quantity, compared in answer.quantities.items():
+            if compared.ratio is not None:
+                yield (engine, route, quantity), compared.ratio
         if answer.certificate is not None and answer.certificate.radii is not None:
             yield (engine, route, CERTIFICATE), answer.certificate.radii
 
@@ -219,7 +219,7 @@ def _weigh(bag: Bag, best: Mapping[str, str], record: Record, scene: Scene, orig
     if record.failure is not None:
         bag.failures.append(f"{record.key}: {record.failure}")
         return
-    bag.failures += [f"{record.key}: {told.engine}: {told.name}" for told in record.disagreements if told.kind in ENDED]
+    bag.failures += [f"{record.key}: {d.engine}: {d.name}" for d in record.disagreements if d.kind in ENDED]
     for name, ratio in ratios(record, best):
         target(math.log10(max(ratio, 1e-30)), label=" ".join(name))
         if name not in bag.catches or ratio > bag.catches[name].ratio:

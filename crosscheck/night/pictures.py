@@ -59,8 +59,8 @@ def write_pictures(folder: Path, seed: int, engines: Mapping[str, str], seconds:
     """
     records = (record for _, record in read_records(folder / "records.jsonl") if not isinstance(record, Unreadable))
     drawn = (record for record in records if "shard" in record.about)
-    found = pictures(drawn, lambda r: {"night": seed, "shards": [r.about["shard"]]}, engines, seconds)
-    replace_file(folder / PICTURES, json.dumps(found, allow_nan=False) + "\n")
+    drawings = pictures(drawn, lambda r: {"night": seed, "shards": [r.about["shard"]]}, engines, seconds)
+    replace_file(folder / PICTURES, json.dumps(drawings, allow_nan=False) + "\n")
 
 
 def pictures(
@@ -205,8 +205,8 @@ class Drawing:
     def described(self, name: str, key: str) -> dict[str, Any]:
         """Return parts and frames."""
         frames = [self._frame(self.motion.q[:, k]) for k in self.frames]
-        told = {"name": name, "key": key, "ground": self._ground(), "guide": self._guide(None)}
-        return {**told, "parts": self._parts(), "frames": frames}
+        picture = {"name": name, "key": key, "ground": self._ground(), "guide": self._guide(None)}
+        return {**picture, "parts": self._parts(), "frames": frames}
 
     def _ground(self) -> list[list[float]]:
         return [_short(*self.view.pixels(x, y)) for x, y in self.points.get(GROUND, ())]
@@ -260,16 +260,16 @@ class Drawing:
             return None
         errors = self._in_metres(sample.off)
         off, q = np.nan_to_num(errors[:, k]), self.motion.q[:, k]
-        told = {"digits": sample.digits, "time": float(self.motion.t[k]), "pose": self._frame(q)}
+        picture = {"digits": sample.digits, "time": float(self.motion.t[k]), "pose": self._frame(q)}
         if level == 0:
             factor = self._visible(q, off)
             ghost = self._frame(q + factor * off)
-            return {**told, "factor": factor, "ghost": ghost, "arrows": [], "cycle": self._cycle(errors)}
+            return {**picture, "factor": factor, "ghost": ghost, "arrows": [], "cycle": self._cycle(errors)}
         rate = (self.motion.qd, self.motion.qdd)[level - 1]
         if rate is None or not np.all(np.isfinite(rate[:, k])):
             return None
         factor, arrows = self._arrows(q, rate[:, k], off)
-        return {**told, "factor": factor, "ghost": [], "arrows": arrows, "cycle": None}
+        return {**picture, "factor": factor, "ghost": [], "arrows": arrows, "cycle": None}
 
     def _visible(self, q: Any, off: Any) -> float:
         """Return the factor by which an error of a pose can be seen and is still a small one."""
@@ -328,13 +328,13 @@ class Drawing:
 
 def _points(mechanism: Mechanism) -> dict[str, list[tuple[float, float]]]:
     """Return the joint points per body, each once, in the body's own frame."""
-    found: dict[str, list[tuple[float, float]]] = {}
+    points: dict[str, list[tuple[float, float]]] = {}
     for constraint in mechanism.joints:
         for body, point in constraint.points():
-            of_body = found.setdefault(body, [])
+            of_body = points.setdefault(body, [])
             if point not in of_body:
                 of_body.append(point)
-    return found
+    return points
 
 
 def _place(q: Any, body: int | None, point: tuple[float, float]) -> tuple[Any, Any]:

@@ -46,8 +46,8 @@ class Coverage:
         """Return {property: {value: scenes}}, most frequent first, and decades from the smallest on."""
         named = {name: dict(counts.most_common()) for name, counts in sorted(self.counts.items())}
         for name, counts in sorted(self.decades.items()):
-            found = sorted(d for d in counts if d is not None)
-            named[f"{name}_decade"] = {str(d): counts[d] for d in found}
+            known = sorted(d for d in counts if d is not None)
+            named[f"{name}_decade"] = {str(d): counts[d] for d in known}
             if counts[None]:
                 named[f"{name}_decade"]["no decade"] = counts[None]
         return named

@@ -32,11 +32,11 @@ class Group:
     worst: WorstSample | None = None
     examples: list[dict[str, Any]] = field(default_factory=list)
 
-    def add(self, place: Place, told: Disagreement, extra: Mapping[str, Any]) -> None:
+    def add(self, place: Place, disagreement: Disagreement, extra: Mapping[str, Any]) -> None:
         """Count one more; a shrunk example goes first."""
         self.scenes += 1
-        self.worst = worse(self.worst, told.ratio, place, told.at)
-        example = {**vars(place), **sample(told.at), "message": told.message, **extra}
+        self.worst = worse(self.worst, disagreement.ratio, place, disagreement.at)
+        example = {**vars(place), **sample(disagreement.at), "message": disagreement.message, **extra}
         if example.get("shrunk"):
             self.examples.insert(0, example)
         else:
@@ -45,9 +45,9 @@ class Group:
 
     def described(self) -> dict[str, Any]:
         """Return it as plain data."""
-        told = dict(zip(("engine", "route", "quantity", "kind"), self.signature, strict=True))
+        signature = dict(zip(("engine", "route", "quantity", "kind"), self.signature, strict=True))
         return {
-            **told,
+            **signature,
             "known": self.gap is not None,
             "reason": self.gap.reason if self.gap else None,
             "scenes": self.scenes,
@@ -64,7 +64,7 @@ class Disagreements:
 
     def __init__(self, folder: Path, gaps: Sequence[Gap], new: Sequence[NewCase]) -> None:
         self.folder, self.gaps = folder, gaps
-        self.told: dict[Identity, NewCase] = {(case.key, *case.disagreement.signature): case for case in new}
+        self.reported: dict[Identity, NewCase] = {(case.key, *case.disagreement.signature): case for case in new}
         self.seen: set[Identity] = set()
         self.groups: dict[tuple[Any, ...], Group] = {}
         self.covered = [0] * len(gaps)
@@ -74,19 +74,19 @@ class Disagreements:
     def add(self, place: Place, record: Record) -> list[tuple[Disagreement, bool]]:
         """Count the disagreements of one record and return each with whether it is new."""
         disagreements = [*record.disagreements, *implied(record)]
-        found = []
-        for told in disagreements:
-            identity = (record.key, *told.signature)
+        sorted_out = []
+        for disagreement in disagreements:
+            identity = (record.key, *disagreement.signature)
             self.seen.add(identity)
-            gap = None if identity in self.told else self._gap(record, told)
-            self._count(place, told, gap, self._files(identity))
-            found.append((told, gap is None))
-        return found
+            gap = None if identity in self.reported else self._gap(record, disagreement)
+            self._count(place, disagreement, gap, self._files(identity))
+            sorted_out.append((disagreement, gap is None))
+        return sorted_out
 
     def finish(self) -> list[Disagreement]:
         """Count and return what the run called new and no record holds."""
         rest = []
-        for identity, case in self.told.items():
+        for identity, case in self.reported.items():
             if identity not in self.seen:
                 self._count(Place(case.key, "", 0), case.disagreement, None, self._files(identity))
                 rest.append(case.disagreement)
@@ -101,25 +101,25 @@ class Disagreements:
                 example["toml"] = self._text(example.get("file"))
         return rows
 
-    def _gap(self, record: Record, told: Disagreement) -> Gap | None:
+    def _gap(self, record: Record, disagreement: Disagreement) -> Gap | None:
         for k, gap in enumerate(self.gaps):
-            if gap.covers(record, told):
+            if gap.covers(record, disagreement):
                 self.covered[k] += 1
                 return gap
         return None
 
-    def _count(self, place: Place, told: Disagreement, gap: Gap | None, extra: Mapping[str, Any]) -> None:
+    def _count(self, place: Place, disagreement: Disagreement, gap: Gap | None, extra: Mapping[str, Any]) -> None:
         which = None if gap is None else self.gaps.index(gap)
-        group = self.groups.setdefault((told.signature, which), Group(told.signature, gap))
-        group.add(place, told, extra)
+        group = self.groups.setdefault((disagreement.signature, which), Group(disagreement.signature, gap))
+        group.add(place, disagreement, extra)
         if gap is None:
-            self.new[told.engine] += 1
+            self.new[disagreement.engine] += 1
         else:
             self.known += 1
 
     def _files(self, identity: Identity) -> dict[str, Any]:
         """Return the scene file of a disagreement, as the run tells it or as it is named."""
-        case = self.told.get(identity)
+        case = self.reported.get(identity)
         name = (case.file if case else None) or f"disagreements/{identity[0]}.toml"
         held = self._path(name)
         return {"file": name if held else None, "shrunk": bool(case and case.shrunk and held)}
@@ -143,16 +143,16 @@ def implied(record: Record) -> Iterator[Disagreement]:
     Whoever wrote the record should have listed it; that a list is empty is no proof.
     """
     listed = {(d.engine, d.route, d.quantity) for d in record.disagreements}
-    found = [*_of_reference(record), *(d for answer in record.answers for d in _of_answer(answer))]
-    found += [_of_level(row) for row in record.levels if row.ratio is None or not row.ratio <= 1.0]
-    yield from (d for d in found if (d.engine, d.route, d.quantity) not in listed)
+    implied_ones = [*_of_reference(record), *(d for answer in record.answers for d in _of_answer(answer))]
+    implied_ones += [_of_level(row) for row in record.levels if row.ratio is None or not row.ratio <= 1.0]
+    yield from (d for d in implied_ones if (d.engine, d.route, d.quantity) not in listed)
 
 
 def _of_reference(record: Record) -> Iterator[Disagreement]:
-    told = record.reference
-    if told is not None and told.verdict != record.about.get("expected", "ok"):
+    reference = record.reference
+    if reference is not None and reference.verdict != record.about.get("expected", "ok"):
         who: Any = {"engine": "refkin", "route": "newton", "quantity": "status"}
-        yield Disagreement(**who, kind=Kind.REFERENCE, how=told.verdict, message=told.message)
+        yield Disagreement(**who, kind=Kind.REFERENCE, how=reference.verdict, message=reference.message)
 
 
 def _of_answer(answer: Answer) -> Iterator[Disagreement]:

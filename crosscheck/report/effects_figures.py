@@ -27,16 +27,16 @@ def parts(rows: Sequence[EffectRow]) -> dict[tuple[str, str], list[Part]]:
 
     The first is position alone. What is noise is no part of a bar.
     """
-    found: dict[tuple[str, str], list[Part]] = {}
+    bars: dict[tuple[str, str], list[Part]] = {}
     for row in rows:
         if row.microseconds is None or row.without is None:
             continue
-        of_method = found.setdefault((row.engine, row.method), [])
+        of_method = bars.setdefault((row.engine, row.method), [])
         if not of_method:
             of_method.append((POSITION, row.without, True))
         if not row.within_noise:
             of_method.append((row.effect, row.microseconds, row.called_for))
-    return found
+    return bars
 
 
 def effects_figure(rows: Sequence[EffectRow], ident: str = "effects") -> Markup:
@@ -54,11 +54,11 @@ def effects_figure(rows: Sequence[EffectRow], ident: str = "effects") -> Markup:
     step = _step(longest)
     top = step * math.ceil(longest / step)
     names = list(dict.fromkeys(effect for bar in bars.values() for effect, _, _ in bar))
-    told = "; ".join(f"{engine}, {method}: {_words(bar)}" for (engine, method), bar in bars.items())
+    described = "; ".join(f"{engine}, {method}: {_words(bar)}" for (engine, method), bar in bars.items())
     plot = Plot(
         ident,
         "What effects cost",
-        f"Microseconds per configuration, stacked. {told}",
+        f"Microseconds per configuration, stacked. {described}",
         (0.0, top),
         (0.0, float(max(len(bars), 1))),
         width=744,

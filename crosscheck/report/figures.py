@@ -34,7 +34,7 @@ class Bin(NamedTuple):
     name: tuple[str, str]
     quantity: str
     decade: int
-    told: Mapping[str, Any]
+    digits: Mapping[str, Any]
 
 
 def looks_of(report: Report) -> dict[tuple[str, str], Style]:
@@ -49,7 +49,7 @@ def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
     """
     looks = looks_of(report)
     bins, blanks = _bins(report), _blanks(report)
-    lowest = min((b.told[line] for b in bins), default=0.0)
+    lowest = min((b.digits[line] for b in bins), default=0.0)
     floor = 4.0 if lowest >= 4 else min(0.0, math.floor(lowest))
     span = _decades([b.decade for b in bins] + [decade for _, decade in blanks])
     marks = report["poses"]["marks"] if line == "digits_worst" else ()
@@ -63,7 +63,7 @@ def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
             aside = 0.5 + 0.6 * ((k + 0.5) / len(looks) - 0.5)
             of_line = [b for b in bins if b.quantity == quantity and b.name == name]
             shown = [
-                Mark(b.decade + aside, b.told[line], _spoken(b, line), pictures.get((*name, quantity, b.decade)))
+                Mark(b.decade + aside, b.digits[line], _spoken(b, line), pictures.get((*name, quantity, b.decade)))
                 for b in of_line
             ]
             plot.marks(shown, look)
@@ -99,14 +99,14 @@ def _digits_rows(report: Report, bins: Sequence[Bin]) -> list[tuple[Any, ...]]:
     rows = []
     for b in bins:
         attainable = report["attainable"].get(b.quantity, {}).get(str(b.decade), {}).get("digits_median")
-        rows.append((" · ".join(b.name), b.quantity, _range(b.decade), *(b.told[key] for key in keys), attainable))
+        rows.append((" · ".join(b.name), b.quantity, _range(b.decade), *(b.digits[key] for key in keys), attainable))
     return rows
 
 
 def _spoken(b: Bin, line: str) -> str:
     """Return what a mark says to whoever cannot see it."""
     where = f"{' · '.join(b.name)}: {b.quantity}, sigma min {_range(b.decade)}"
-    return f"{where}: {LINES[line]} {b.told[line]:.1f} digits of {b.told['samples']} samples"
+    return f"{where}: {LINES[line]} {b.digits[line]:.1f} digits of {b.digits['samples']} samples"
 
 
 def _digits_axes(quantity: str, line: str, span: tuple[int, int], floor: float) -> Plot:
@@ -129,12 +129,12 @@ def _digits_axes(quantity: str, line: str, span: tuple[int, int], floor: float) 
     return plot
 
 
-def _attainable_band(plot: Plot, told: Mapping[str, Any], floor: float) -> None:
+def _attainable_band(plot: Plot, band: Mapping[str, Any], floor: float) -> None:
     """Shade, decade by decade, from the attainable digits of one sample in a hundred to those of the median one.
 
     The very worst is that of a rate that passes through zero, where no relative error says anything.
     """
-    edges = sorted((int(d), max(v["digits_p01"], floor), v["digits_median"]) for d, v in told.items() if v["samples"])
+    edges = sorted((int(d), max(v["digits_p01"], floor), v["digits_median"]) for d, v in band.items() if v["samples"])
     x = [edge for decade, _, _ in edges for edge in (decade, decade + 1)]
     low, high = ([v for edge in edges for v in (edge[k], edge[k])] for k in (1, 2))
     shown = [k for k, v in enumerate(x) if plot.x[0] <= v <= plot.x[1]]
@@ -151,12 +151,12 @@ def _no_answers(plot: Plot, places: Sequence[float], look: Style, floor: float) 
 def _bins(report: Report) -> list[Bin]:
     """Return every bin that holds a sample."""
     return [
-        Bin((engine, route), quantity, int(decade), told)
+        Bin((engine, route), quantity, int(decade), digits)
         for engine, routes in report["engines"].items()
         for route, quantities in routes.items()
         for quantity in SOLVED
-        for decade, told in quantities[quantity]["digits_by_sigma"].items()
-        if told["samples"]
+        for decade, digits in quantities[quantity]["digits_by_sigma"].items()
+        if digits["samples"]
     ]
 
 
@@ -169,10 +169,10 @@ def _blanks(report: Report) -> list[tuple[tuple[str, str], int]]:
     ]
 
 
-def _decades(found: Sequence[int]) -> tuple[int, int]:
+def _decades(decades: Sequence[int]) -> tuple[int, int]:
     """Return the decades to show: those that were met, at least four."""
-    high = max(found, default=0) + 1
-    return min(min(found, default=0), high - 4), high
+    high = max(decades, default=0) + 1
+    return min(min(decades, default=0), high - 4), high
 
 
 def _range(decade: int) -> str:

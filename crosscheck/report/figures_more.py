@@ -22,12 +22,12 @@ def slopes_figure(lines: Sequence[Mapping[str, Any]]) -> Figure:
         _log_panel(f"slopes-{k}", over, [line for line in lines if line["over"] == over], looks)
         for k, over in enumerate(dict.fromkeys(line["over"] for line in lines))
     ]
-    legend = tuple((swatch(looks[line["name"]]), _slope_told(line)) for line in lines)
+    legend = tuple((swatch(looks[line["name"]]), _slope_label(line)) for line in lines)
     rows = tuple((line["name"], x, y) for line in lines for x, y in zip(line["x"], line["y"], strict=True))
     return Figure(tuple(panels), legend, ("line", "abscissa", "value"), rows)
 
 
-def _slope_told(line: Mapping[str, Any]) -> str:
+def _slope_label(line: Mapping[str, Any]) -> str:
     if line["fitted"] is None:
         return f"{line['name']}: {'no slope: exact to round-off' if line['expected'] is None else 'inconclusive'}"
     spread = f"± {line['spread']:.3f}"
@@ -63,8 +63,8 @@ def agreement_matrices(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]
         known = {}
         for row in rows:
             a, b = zip(row["engines"], row["routes"], strict=True)
-            told = row[quantity]
-            met = (told["digits_median"], told["digits_worst"]) if told["scenes"] else None
+            agreement = row[quantity]
+            met = (agreement["digits_median"], agreement["digits_worst"]) if agreement["scenes"] else None
             known[a, b] = known[b, a] = met
         lines = [(" · ".join(a), [known.get((a, b)) for b in names]) for a in names]
         tables.append({"quantity": quantity, "names": [" · ".join(n) for n in names], "lines": lines})
@@ -91,9 +91,19 @@ def _trend_panel(ident: str, one: Mapping[str, Any]) -> Any:
     values = one["values"]
     top = max(values) * 1.15 or 1.0
     span = (0.0, float(max(len(values) - 1, 1)))
-    told = f"{one['name']}: time relative to refkin over {len(values)} nights"
+    text = f"{one['name']}: time relative to refkin over {len(values)} nights"
     plot = Plot(
-        ident, one["name"], told, span, (0.0, top), width=300, height=140, left=40, right=34, bottom=30, role="group"
+        ident,
+        one["name"],
+        text,
+        span,
+        (0.0, top),
+        width=300,
+        height=140,
+        left=40,
+        right=34,
+        bottom=30,
+        role="group",
     )
     plot.axes([(0.0, one["nights"][0][:10]), (span[1], one["nights"][-1][:10])], [(0.0, "0"), (top, f"{top:.2g}")], "")
     look = Style("#0072B2", "none", "circle")

@@ -44,13 +44,13 @@ def first_table(report: Report) -> list[dict[str, Any]]:
     return rows
 
 
-def _cell(told: Mapping[str, Any]) -> dict[str, Any]:
-    beyond = told["worst_over_allowed"] is not None and told["worst_over_allowed"] > 1.0
-    seriousness = ("gap" if told["known_gaps"] and not told["failures"] else "bad") if beyond else ""
+def _cell(cell: Mapping[str, Any]) -> dict[str, Any]:
+    beyond = cell["worst_over_allowed"] is not None and cell["worst_over_allowed"] > 1.0
+    seriousness = ("gap" if cell["known_gaps"] and not cell["failures"] else "bad") if beyond else ""
     return {
-        "median": told["digits_median"],
-        "worst": told["digits_worst"],
-        "samples": told["samples"],
+        "median": cell["digits_median"],
+        "worst": cell["digits_worst"],
+        "samples": cell["samples"],
         "class": seriousness,
     }
 
@@ -74,15 +74,15 @@ def _silent(report: Report, engine: str, route: str, made: Mapping[str, Any]) ->
 def answer(report: Report) -> str:
     """Return the sentence that names the cheapest way to nine digits of acceleration; empty without a price list."""
     prices = report["price"] or []
-    found = cheapest(prices, "acceleration", GOAL, main_class(prices))
-    if not found:
+    paid = cheapest(prices, "acceleration", GOAL, main_class(prices))
+    if not paid:
         return "No route reaches nine digits of acceleration." if prices else ""
-    ordered = sorted(found.items(), key=lambda item: float(item[1]["microseconds"]))
-    told = _paid(*ordered[0])
+    ordered = sorted(paid.items(), key=lambda item: float(item[1]["microseconds"]))
+    cheapest_method = _paid(*ordered[0])
     others = [item for item in ordered if item[0][0] in report["engines"]]
     if others and others[0] != ordered[0]:
-        told += f"; of the engines compared here, with {_paid(*others[0])}"
-    return f"Nine digits of acceleration cost least with {told} ({main_class(prices)} scenes)."
+        cheapest_method += f"; of the engines compared here, with {_paid(*others[0])}"
+    return f"Nine digits of acceleration cost least with {cheapest_method} ({main_class(prices)} scenes)."
 
 
 def _paid(who: tuple[str, str], row: Mapping[str, Any]) -> str:
@@ -108,16 +108,16 @@ def folds(report: Report) -> dict[str, str]:
     nights = len(trends["nights"]) if trends else 0
     changed = sum(len(series["changes"]) for series in trends["series"]) if trends else 0
     return {
-        "price": _rows_told(report["price"], "settings priced"),
-        "effects": _rows_told(report["effects"], "effects priced"),
-        "hard_cases": _hard_told(report["hard_cases"]),
+        "price": _rows_line(report["price"], "settings priced"),
+        "effects": _rows_line(report["effects"], "effects priced"),
+        "hard_cases": _hard_line(report["hard_cases"]),
         "disagreements": f"{count(report['new_disagreements'])} new, {count(report['known_disagreements'])} known",
         "digits": "every engine, every decade",
         "agreement": f"{len(report['agreement'])} pairs" if report["agreement"] else "not in the records of this run",
-        "newton": _slopes_told(report),
+        "newton": _slopes_line(report),
         "glance": "percentiles, error / allowed, who solved what, own rows",
         "gaps": f"{len(gaps)} in the table, {sum(g['disagreements'] > 0 for g in gaps)} met",
-        "trends": f"{_golden_told(report['golden'])}; {_nights_told(nights, changed)}",
+        "trends": f"{_golden_line(report['golden'])}; {_nights_line(nights, changed)}",
         "coverage": f"{count(report['scenes'])} scenes, by kind, class, branch and distance",
         "refusals": f"{len(refusals)} kinds" if refusals else "none",
         "documents": (report["documents"] or {"closing": "not recomputed in this run"})["closing"],
@@ -125,24 +125,24 @@ def folds(report: Report) -> dict[str, str]:
     }
 
 
-def _golden_told(golden: Any) -> str:
+def _golden_line(golden: Any) -> str:
     if not golden:
         return "the golden set was not compared in this run"
     worse = len(golden["found"])
     return f"golden set of {golden['cases']} scenes: {f'{worse} numbers worse' if worse else 'nothing worse'}"
 
 
-def _nights_told(nights: int, changed: int) -> str:
+def _nights_line(nights: int, changed: int) -> str:
     if not nights:
         return "no history was kept with this run"
     return f"{nights} night{'s' * (nights != 1)}, {changed} change{'s' * (changed != 1)} of level"
 
 
-def _rows_told(rows: Any, what: str) -> str:
+def _rows_line(rows: Any, what: str) -> str:
     return "not measured in this run" if not rows else f"{len(rows)} {what}"
 
 
-def _hard_told(rows: Any) -> str:
+def _hard_line(rows: Any) -> str:
     if not rows:
         return "not measured in this run"
     counts = [(verdict, sum(r["verdict"] == verdict for r in rows)) for verdict in VERDICTS]
@@ -151,10 +151,10 @@ def _hard_told(rows: Any) -> str:
     return f"{asked} of {of} cases, the same for all: {verdicts}" if asked < of else verdicts
 
 
-def _slopes_told(report: Report) -> str:
+def _slopes_line(report: Report) -> str:
     if not report["slopes"]:
         return "not measured in this run"
-    told = [f"{line['fitted']:.2f}" for line in report["slopes"] if line["fitted"] is not None]
+    fitted = [f"{line['fitted']:.2f}" for line in report["slopes"] if line["fitted"] is not None]
     orders = [h["last_order"] for h in report["newton_histories"] if h["last_order"] is not None]
     newton = f"Newton's last order {max(orders):.2f}; " if orders else ""
-    return f"{newton}fitted slopes {', '.join(told)}"
+    return f"{newton}fitted slopes {', '.join(fitted)}"

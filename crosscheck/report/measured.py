@@ -68,17 +68,17 @@ KINDS: dict[str, type[_Row]] = {"price": PriceRow, "effects": EffectRow, "hard_c
 
 def measured(folder: Path) -> tuple[dict[str, Rows | None], list[str]]:
     """Return the rows of each kind (None: not measured), and what is wrong with the files."""
-    found: dict[str, Rows | None] = {}
+    rows: dict[str, Rows | None] = {}
     faults = []
     for name, kind in KINDS.items():
         path = folder / f"{name}.json"
-        found[name] = None
+        rows[name] = None
         if path.exists():
             try:
-                found[name] = _rows(path.read_bytes(), kind)
+                rows[name] = _rows(path.read_bytes(), kind)
             except ValidationError as error:
                 faults.append(f"{path.name} cannot be read: {fault(error)}")
-    return found, faults
+    return rows, faults
 
 
 def _rows(text: bytes, kind: type[_Row]) -> Rows:

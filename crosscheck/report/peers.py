@@ -76,13 +76,13 @@ class Silent:
     def __init__(self) -> None:
         self.scenes: dict[Who, dict[str, set[str]]] = {}
 
-    def add(self, place: Place, told: Disagreement) -> None:
+    def add(self, place: Place, wrong: Disagreement) -> None:
         """Count a disagreement; having no answer, or being ended, is not silent."""
-        if told.quantity != "status":
-            self.scenes.setdefault((told.engine, told.route), {}).setdefault(told.name, set()).add(place.key)
+        if wrong.quantity != "status":
+            self.scenes.setdefault((wrong.engine, wrong.route), {}).setdefault(wrong.name, set()).add(place.key)
 
     def of(self, engine: str, route: str) -> dict[str, int]:
         """Return {what is wrong: scenes}, most frequent first, with "any" for all of them together."""
         kinds = self.scenes.get((engine, route), {})
-        told = sorted(((kind, len(keys)) for kind, keys in kinds.items()), key=lambda item: (-item[1], item[0]))
-        return {"any": len(set().union(*kinds.values())), **dict(told)} if kinds else {}
+        counts = sorted(((kind, len(keys)) for kind, keys in kinds.items()), key=lambda item: (-item[1], item[0]))
+        return {"any": len(set().union(*kinds.values())), **dict(counts)} if kinds else {}

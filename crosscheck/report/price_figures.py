@@ -20,12 +20,12 @@ def looks(rows: Iterable[Mapping[str, Any]]) -> dict[Series, Style]:
     """Return how each engine and method looks: a colour for each engine, marker and dash for each of its methods."""
     series = dict.fromkeys((row["engine"], row["method"]) for row in rows)
     engines = dict.fromkeys(engine for engine, _ in series)
-    found = {}
+    look_of = {}
     for k, engine in enumerate(engines):
         for j, name in enumerate(name for name in series if name[0] == engine):
             dash = DASHES[(j + j // len(MARKERS)) % len(DASHES)]  # after seven the combinations shift
-            found[name] = Style(COLOURS[k % len(COLOURS)], dash, MARKERS[j % len(MARKERS)])
-    return found
+            look_of[name] = Style(COLOURS[k % len(COLOURS)], dash, MARKERS[j % len(MARKERS)])
+    return look_of
 
 
 def legend(rows: Iterable[Mapping[str, Any]]) -> list[tuple[Markup, str]]:

@@ -33,16 +33,16 @@ def main_class(rows: Sequence[Row]) -> str | None:
 
 def cheapest(rows: Sequence[Row], quantity: str, goal: float, scene_class: str | None) -> dict[tuple[str, str], Row]:
     """Return, per engine and method, the row of the least time that has at least `goal` digits."""
-    found: dict[tuple[str, str], Row] = {}
+    least: dict[tuple[str, str], Row] = {}
     for row in rows:
         if (row["quantity"], row["scene_class"]) != (quantity, scene_class) or (row["digits"] or 0.0) < goal:
             continue
         who = (row["engine"], row["method"])
         if row["microseconds"] is None:
             continue
-        if who not in found or row["microseconds"] < found[who]["microseconds"]:
-            found[who] = row
-    return found
+        if who not in least or row["microseconds"] < least[who]["microseconds"]:
+            least[who] = row
+    return least
 
 
 def frontier(rows: Sequence[Row]) -> list[Row]:
@@ -78,7 +78,7 @@ def cheapest_tables(rows: Sequence[Row]) -> list[dict[str, Any]]:
             engines = dict.fromkeys(
                 r["engine"] for r in rows if (r["quantity"], r["scene_class"]) == (quantity, scene_class)
             )
-            least = {g: min((r["microseconds"] for r in found.values()), default=None) for g, found in best.items()}
+            least = {g: min((r["microseconds"] for r in paid.values()), default=None) for g, paid in best.items()}
             lines = [(engine, [(best[g].get(engine), least[g]) for g in GOALS]) for engine in engines]
             if lines:
                 tables.append({"scene_class": scene_class, "quantity": quantity, "lines": lines})
@@ -86,11 +86,11 @@ def cheapest_tables(rows: Sequence[Row]) -> list[dict[str, Any]]:
 
 
 def _cheapest_of_engines(rows: Sequence[Row], quantity: str, goal: float, scene_class: str) -> dict[str, Row]:
-    found: dict[str, Row] = {}
+    least: dict[str, Row] = {}
     for (engine, _), row in cheapest(rows, quantity, goal, scene_class).items():
-        if engine not in found or row["microseconds"] < found[engine]["microseconds"]:
-            found[engine] = row
-    return found
+        if engine not in least or row["microseconds"] < least[engine]["microseconds"]:
+            least[engine] = row
+    return least
 
 
 def price_figure(rows: Sequence[Row], looks: Mapping[tuple[str, str], Style]) -> Figure:
@@ -118,11 +118,11 @@ def price_figure(rows: Sequence[Row], looks: Mapping[tuple[str, str], Style]) ->
 
 def _looks(engines: Sequence[str], looks: Mapping[tuple[str, str], Style]) -> dict[str, Style]:
     """Return what each engine looks like: as its best route in the other figures, if it has one there."""
-    found: dict[str, Style] = {}
+    look_of: dict[str, Style] = {}
     for engine in engines:
         known = [look for (name, route), look in looks.items() if name == engine and route != SHIPPED]
-        found[engine] = known[0] if known else style(len(looks) + len(found))
-    return found
+        look_of[engine] = known[0] if known else style(len(looks) + len(look_of))
+    return look_of
 
 
 def _price_panel(
@@ -154,8 +154,8 @@ def _price_panel(
 
 
 def _spoken(row: Row) -> str:
-    told = f"{row['engine']} · {row['method']}, {row['setting']}: {row['digits']:.1f} digits of {row['quantity']}"
-    return f"{told} for {number(row['microseconds'])} µs"
+    digits = f"{row['engine']} · {row['method']}, {row['setting']}: {row['digits']:.1f} digits of {row['quantity']}"
+    return f"{digits} for {number(row['microseconds'])} µs"
 
 
 def iterations_of_notes(rows: Sequence[Row]) -> Figure:
@@ -169,9 +169,9 @@ def effects_figure(rows: Sequence[Row]) -> Figure:
     """Return one stacked bar per engine and method, a part per effect; and all rows as a table."""
     panels = (effects_figures.effects_figure([_of_ledger(row) for row in rows], "effects-bars"),) if rows else ()
     head = ("engine", "method", "effect", "µs", "changes what was called for", "largest change", "note")
-    told = {True: "no", False: "yes", None: "–"}
+    changes = {True: "no", False: "yes", None: "–"}
     keys = ("engine", "method", "effect", "microseconds", "inert", "largest_change", "note")
-    lines = tuple(tuple(told[r[k]] if k == "inert" else r.get(k, "") for k in keys) for r in rows)
+    lines = tuple(tuple(changes[r[k]] if k == "inert" else r.get(k, "") for k in keys) for r in rows)
     return Figure(panels, (), head, lines)
 
 

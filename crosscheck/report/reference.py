@@ -44,12 +44,12 @@ class ReferenceTotals:
         return {
             "verdicts": dict(self.verdicts.most_common()),
             "statuses": dict(self.statuses.most_common()),
-            "largest_residual": _told(self.largest.get("residual")),
-            "smallest_sigma_min": _told(self.smallest_sigma),
-            "largest_certified_radius": {name: _told(found) for name, found in self.radii.items()},
+            "largest_residual": _with_place(self.largest.get("residual")),
+            "smallest_sigma_min": _with_place(self.smallest_sigma),
+            "largest_certified_radius": {name: _with_place(extreme) for name, extreme in self.radii.items()},
             "microseconds_mean": 1e6 * self.seconds / count if count else None,
         }
 
 
-def _told(found: tuple[float, Place] | None) -> dict[str, Any] | None:
-    return {"value": found[0], **vars(found[1])} if found else None
+def _with_place(extreme: tuple[float, Place] | None) -> dict[str, Any] | None:
+    return {"value": extreme[0], **vars(extreme[1])} if extreme else None

@@ -60,15 +60,15 @@ class Summary:
         self.disagreements = Disagreements(folder, self.gaps, called_new)
         for line, record in read_records(folder / "records.jsonl"):
             self._add(line, record)
-        for told in self.disagreements.finish():
-            self._blame({_blamed(told): True})
+        for disagreement in self.disagreements.finish():
+            self._blame({_blamed(disagreement): True})
         held = set(self.failures)
         self.failures += [text for text in (self.outcome.failed if self.outcome else ()) if text not in held]
 
     def _read(self, folder: Path, name: str, kind: Any) -> Any:
-        found, faults = read_file(folder, name, kind)
+        content, faults = read_file(folder, name, kind)
         self.failures += faults
-        return found
+        return content
 
     def _add(self, line: int, record: Record | Unreadable) -> None:
         if isinstance(record, Unreadable):
@@ -90,12 +90,12 @@ class Summary:
         self.peers.add(record)
         self.refusals.add(record.refusals)
         blamed: dict[tuple[str, str, str], bool] = {}
-        for told, is_new in self.disagreements.add(place, record):
-            who = _blamed(told)
+        for disagreement, is_new in self.disagreements.add(place, record):
+            who = _blamed(disagreement)
             blamed[who] = blamed.get(who, False) or is_new
-            if told.engine != REFERENCE and told.quantity != "status":
-                self._cell(*who).meet(told.ratio, place, told.at)
-            self.silent.add(place, told)
+            if disagreement.engine != REFERENCE and disagreement.quantity != "status":
+                self._cell(*who).meet(disagreement.ratio, place, disagreement.at)
+            self.silent.add(place, disagreement)
         self._blame(blamed)
 
     def _add_answers(self, record: Record, place: Place, sigma_decade: int | None) -> None:
@@ -103,11 +103,11 @@ class Summary:
             engine, route = answer.engine, answer.route.name
             self.versions.setdefault(engine, Counter())[answer.version] += 1
             self.routes.setdefault((engine, route), RouteTotals(answer.route, answer.version)).add(answer, sigma_decade)
-            for name, found in answer.quantities.items():
+            for name, compared in answer.quantities.items():
                 cell = self._cell(engine, route, name)
-                cell.add(found.digits_by_sigma, place)
+                cell.add(compared.digits_by_sigma, place)
                 cell.judged += answer.judged
-                cell.meet(found.ratio, place, found.worst)
+                cell.meet(compared.ratio, place, compared.worst)
         for row in record.levels:
             cell = self._cell(row.engine, ROWS, _quantity(row.level))
             cell.add({None: row.digits}, place)
@@ -140,7 +140,7 @@ class Summary:
         answering = {engine for engine, _ in self.routes}
         if required is None:
             required = self.outcome.required if self.outcome else list(run.get("required", ()))
-        found, why = verdict(
+        how, why = verdict(
             required=required,
             missing=missing,
             answering=answering,
@@ -150,7 +150,7 @@ class Summary:
         )
         return {
             "schema": 2,
-            "verdict": found,
+            "verdict": how,
             "why": why,
             "date": run.get("date"),
             "seed": run.get("seed"),
@@ -191,28 +191,28 @@ class Summary:
         """Return {route: {quantity: numbers}}: every quantity under every route; what nobody answered is None."""
         seen = {r for e, r in self.routes if e == engine} | {r for e, r, _ in self.cells if e == engine}
         routes = sorted(seen - {ROWS, ANY}) or [ANY]
-        found: dict[str, Any] = {}
+        of_routes: dict[str, Any] = {}
         for route in routes:
             made = self.routes.get((engine, route))
             who = {key: getattr(made.made, key) for key in ROWS_MADE} if made else dict.fromkeys(ROWS_MADE)
             speed = made.microseconds if made else {"microseconds_mean": None, "microseconds_median": None}
             unanswered = made.unanswered if made else 0
-            found[route] = {
+            of_routes[route] = {
                 quantity: {**self._solved(engine, route, quantity), **who, "unanswered": unanswered, **speed}
                 for quantity in SOLVED
             }
             for quantity in OWN_ROWS:
                 cell = self.cells.get((engine, ROWS, quantity), Cell())
-                found[route][quantity] = {**cell.described(), **ROWS_MADE}
-        return found
+                of_routes[route][quantity] = {**cell.described(), **ROWS_MADE}
+        return of_routes
 
     def _solved(self, engine: str, route: str, quantity: str) -> dict[str, Any]:
         """Return a cell, with the crashes and hangs, which count against every route of the engine."""
-        told = self.cells.get((engine, route, quantity), Cell()).described()
+        cell = self.cells.get((engine, route, quantity), Cell()).described()
         everywhere = self.cells.get((engine, ANY, "status"), Cell())
-        told["failures"] += everywhere.failures
-        told["known_gaps"] += everywhere.known_gaps
-        return told
+        cell["failures"] += everywhere.failures
+        cell["known_gaps"] += everywhere.known_gaps
+        return cell
 
     def _seen_versions(self) -> dict[str, str]:
         return {engine: ", ".join(sorted(seen)) for engine, seen in sorted(self.versions.items())}
@@ -244,18 +244,18 @@ def read_run(folder: Path) -> tuple[dict[str, Any], list[str]]:
     """Return what run.json says about how the run was made, empty if there is none, and what is wrong with it."""
     path = folder / "run.json"
     try:
-        found = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
+        run = json.loads(path.read_text(encoding="utf-8")) if path.exists() else {}
     except ValueError as error:
         return {}, [f"run.json cannot be read: {error}"]
-    return (found, []) if isinstance(found, dict) else ({}, ["run.json holds no object"])
+    return (run, []) if isinstance(run, dict) else ({}, ["run.json holds no object"])
 
 
 def _quantity(level: str) -> str:
     return "gamma" if level == "drift" else level
 
 
-def _blamed(told: Disagreement) -> tuple[str, str, str]:
-    return told.engine, told.route, _quantity(told.quantity)
+def _blamed(disagreement: Disagreement) -> tuple[str, str, str]:
+    return disagreement.engine, disagreement.route, _quantity(disagreement.quantity)
 
 
 def _gap_row(gap: Gap, covered: int) -> dict[str, Any]:

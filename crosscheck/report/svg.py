@@ -125,9 +125,9 @@ class Plot:
             self.line(placed, stroke=look.colour, stroke_dasharray=look.dash, stroke_width="1.5")
         for m, (x, y) in zip(points, placed, strict=True):
             first = not any("data-mark" in element.attrib for element in self.root)
-            told = {"role": "img", "aria-label": m.label, "tabindex": "0" if first else "-1", "data-mark": ""}
-            told |= {"data-pose": str(m.pose)} if m.pose is not None else {}
-            group = ET.SubElement(self.root, "g", told)
+            attributes = {"role": "img", "aria-label": m.label, "tabindex": "0" if first else "-1", "data-mark": ""}
+            attributes |= {"data-pose": str(m.pose)} if m.pose is not None else {}
+            group = ET.SubElement(self.root, "g", attributes)
             ET.SubElement(group, "title").text = m.label
             around = {"cx": f"{x:.1f}", "cy": f"{y:.1f}", "r": "8", "fill": "transparent"}
             ET.SubElement(group, "circle", around)
@@ -142,16 +142,16 @@ class Plot:
 
     def line(self, placed: Sequence[tuple[float, float]], **attributes: str) -> None:
         """Draw a polyline through pixels."""
-        told = {name.replace("_", "-"): value for name, value in attributes.items()}
+        drawn = {name.replace("_", "-"): value for name, value in attributes.items()}
         points = " ".join(f"{x:.1f},{y:.1f}" for x, y in placed)
-        ET.SubElement(self.root, "polyline", {"points": points, "fill": "none", "stroke-width": "1", **told})
+        ET.SubElement(self.root, "polyline", {"points": points, "fill": "none", "stroke-width": "1", **drawn})
 
     def text(
         self, x: float, y: float, text: str, anchor: str = "middle", weight: str = "400", size: str = "11"
     ) -> None:
         """Write text at pixels."""
-        told = {"x": f"{x:.1f}", "y": f"{y:.1f}", "text-anchor": anchor, "font-weight": weight, "font-size": size}
-        ET.SubElement(self.root, "text", told).text = text
+        attributes = {"x": f"{x:.1f}", "y": f"{y:.1f}", "text-anchor": anchor, "font-weight": weight, "font-size": size}
+        ET.SubElement(self.root, "text", attributes).text = text
 
     def markup(self) -> Markup:
         """Return the drawing as text that a page can hold."""

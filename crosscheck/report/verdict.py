@@ -39,10 +39,10 @@ def verdict(
     if absent:
         return ENGINE_MISSING, "; ".join(f"{name} is required and missing: {missing[name]}" for name in absent)
     if new:
-        told = ", ".join(
+        by_engine = ", ".join(
             f"{engine} {count}" for engine, count in sorted(new.items(), key=lambda item: (-item[1], item[0]))
         )
-        return NEW_DISAGREEMENTS, f"No known gap accounts for them. By engine: {told}"
+        return NEW_DISAGREEMENTS, f"No known gap accounts for them. By engine: {by_engine}"
     if failures:
         return (
             INFRASTRUCTURE,

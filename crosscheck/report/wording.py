@@ -66,8 +66,8 @@ def whose(text: str | None, quantity: str) -> str:
     if text is None:
         return NO_ANSWER
     parts = [part.partition(": ") for part in text.split("; ")]
-    told = {name.strip(): who for names, colon, who in parts if colon for name in names.split(",")}
-    bare = re.sub(r" \([^)]*\)", "", told.get(quantity, text))
+    by_quantity = {name.strip(): who for names, colon, who in parts if colon for name in names.split(",")}
+    bare = re.sub(r" \([^)]*\)", "", by_quantity.get(quantity, text))
     clause = re.split("[,;]", bare)[0]
     return clause if clause == bare else f"{clause} …"
 

@@ -99,9 +99,9 @@ def turn_of(number: int) -> int:
 
 def draw(night: int, number: int, samples: int = SAMPLES) -> AnyDrawn:
     """Return the scene of that number, 0, 1, 2 ..., in a night; the same linkage and motion for any `samples`."""
-    found: list[AnyDrawn] = []
-    _run(night, number, samples, (Phase.generate,), found.append)
-    return found[-1]
+    scenes: list[AnyDrawn] = []
+    _run(night, number, samples, (Phase.generate,), scenes.append)
+    return scenes[-1]
 
 
 def shrink(
@@ -136,7 +136,7 @@ def shrink(
                 raise _OutOfTime
             fails[drawn.scene] = still_fails(drawn)
         if fails[drawn.scene]:
-            best = min(drawn, best, key=lambda found: effort(found.scene))
+            best = min(drawn, best, key=lambda one: effort(one.scene))
             raise _Found
 
     try:

@@ -220,12 +220,12 @@ class Chain:
         phi, omega, alpha = (np.longdouble(self.law(0.0, order)) for order in range(3))
         for k, (coupler, crank, rocker) in enumerate(zip(self.couplers, self.rockers, self.rockers[1:], strict=False)):
             lengths = tuple(np.longdouble(x) for x in (SPACING, crank, coupler, rocker))
-            found = four_bar(lengths, phi, omega, alpha)
+            levels = four_bar(lengths, phi, omega, alpha)
             bodies = [k, count + k, k + 1]
-            for level, values in zip(out, found, strict=True):
+            for level, values in zip(out, levels, strict=True):
                 level[bodies] = values.reshape(3, 3)
             out[0][bodies, 0] += SPACING * k
-            phi, omega, alpha = (values[8] for values in found)
+            phi, omega, alpha = (values[8] for values in levels)
         return out[0].ravel(), out[1].ravel(), out[2].ravel()
 
 
@@ -271,14 +271,14 @@ def grashof(count: int, margin: float) -> Any:
     The slack is above `margin` times the longest length; with 0 it is only above 0, and some are next to it.
     """
     draw = np.random.default_rng(SEED)
-    found = np.empty((4, 0))
-    while found.shape[1] < count:
+    four_bars = np.empty((4, 0))
+    while four_bars.shape[1] < count:
         lengths = draw.uniform(SHORTEST, LONGEST, (4, 4 * count))
         in_order = np.sort(lengths, axis=0)
         slack = in_order[1] + in_order[2] - in_order[0] - in_order[3]
         turns = (in_order[0] == lengths[1]) | (in_order[0] == lengths[0])
-        found = np.concatenate([found, lengths[:, turns & (slack > margin * in_order[3])]], axis=1)
-    return found[:, :count]
+        four_bars = np.concatenate([four_bars, lengths[:, turns & (slack > margin * in_order[3])]], axis=1)
+    return four_bars[:, :count]
 
 
 def _pin(name: str, i: str, at_i: Pair, j: str, at_j: Pair) -> Revolute:

@@ -127,11 +127,11 @@ def _between_flat_poses(linkage: AnyLinkage, pair: Input) -> list[Interval]:
     flat = critical_input(linkage, pair)
     if intervals == ANYWHERE:
         return [(flat, flat + math.tau)]
-    found = []
+    spans = []
     for low, high in intervals:
         inside = flat + math.tau * math.floor((high - flat) / math.tau)
-        found += [(low, inside), (inside, high)] if low < inside < high else [(low, high)]
-    return found
+        spans += [(low, inside), (inside, high)] if low < inside < high else [(low, high)]
+    return spans
 
 
 def _shifted_over(value: float, interval: Interval) -> Interval:

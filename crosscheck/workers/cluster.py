@@ -162,13 +162,13 @@ class ClusterWorkers:
 
     def _workers(self, versions: Mapping[str, str]) -> int:
         """Return how many workers there are, all with the engines of these versions."""
-        told = self.client.run(versions_here, tuple(self.engines.values()))
-        for worker, found in told.items():
-            if isinstance(found, str):
-                raise NoCluster(f"worker {worker}: {found}")
-            if found != dict(versions):
-                raise NoCluster(f"worker {worker} has {found}, this machine {dict(versions)}")
-        return len(told)
+        by_worker = self.client.run(versions_here, tuple(self.engines.values()))
+        for worker, versions_there in by_worker.items():
+            if isinstance(versions_there, str):
+                raise NoCluster(f"worker {worker}: {versions_there}")
+            if versions_there != dict(versions):
+                raise NoCluster(f"worker {worker} has {versions_there}, this machine {dict(versions)}")
+        return len(by_worker)
 
 
 def check_batch(work: Work, jobs: Sequence[Job], engines: Mapping[str, str], seconds: float) -> Batch:
@@ -188,9 +188,9 @@ def versions_here(specs: Sequence[str]) -> dict[str, str] | str:
 
     if multiprocessing.current_process().daemon:
         return "is a daemon and may have no children: start it with DASK_DISTRIBUTED__WORKER__DAEMON=False"
-    told = call_each(name_and_version, specs)
-    failures = [answer.text for answer in told if isinstance(answer, Failure)]
-    return "; ".join(failures) if failures else dict(told)
+    answers = call_each(name_and_version, specs)
+    failures = [answer.text for answer in answers if isinstance(answer, Failure)]
+    return "; ".join(failures) if failures else dict(answers)
 
 
 @lru_cache

@@ -40,13 +40,13 @@ def wide(motion: Motion) -> dict[str, Any]:
 
 def long(motion: Motion) -> dict[str, Any]:
     """Return header -> column with one row per number: t [s], status, name, quantity, level, unit, value."""
-    found = list(columns(motion))
+    written = list(columns(motion))
     count, status = len(motion.t), np.array([str(s) for s in motion.status])
     texts = {
-        key: np.repeat([c[k] for c in found], count) for k, key in enumerate(("name", "quantity", "level", "unit"))
+        key: np.repeat([c[k] for c in written], count) for k, key in enumerate(("name", "quantity", "level", "unit"))
     }
-    value = np.concatenate([c[4] for c in found])
-    return {"t [s]": np.tile(motion.t, len(found)), "status": np.tile(status, len(found)), **texts, "value": value}
+    value = np.concatenate([c[4] for c in written])
+    return {"t [s]": np.tile(motion.t, len(written)), "status": np.tile(status, len(written)), **texts, "value": value}
 
 
 def write_csv(motion: Motion, file: str | Path) -> None:

@@ -187,8 +187,8 @@ def follow(
     elif start is not None:
         q, t = walk.frames.system.to_unit(np.asarray(start[0], float)), float(start[1])
     elif isinstance(given, Scene):
-        found = find_start(walk.frames.system, given)
-        q, t, message = found.q, given.times[0], found.message
+        first = find_start(walk.frames.system, given)
+        q, t, message = first.q, given.times[0], first.message
         if until is None and len(given.times) > 1:
             limits = given.times[0], given.times[-1]
     else:
@@ -244,9 +244,9 @@ class _Walk:
         tracer = Tracer(self.curve, (limits[0] / unit, limits[1] / unit), max_step, most_points, endless)
         vector = None if along is None else self.inward(along, inner)
 
-        def chooser(number: int, found: Crossing, incoming: Any) -> Any:
-            tangent = choose(self.bifurcation(number, found, incoming)) if choose else None
-            return None if tangent is None else self.inward(tangent, found.x[:-1])
+        def chooser(number: int, branch_point: Crossing, incoming: Any) -> Any:
+            tangent = choose(self.bifurcation(number, branch_point, incoming)) if choose else None
+            return None if tangent is None else self.inward(tangent, branch_point.x[:-1])
 
         return tracer.run(self.curve.point(inner, t), vector, direction, chooser)
 
@@ -266,11 +266,11 @@ class _Walk:
         rate = self.frames.inward_rate(q, self.frames.system.to_unit(tangent.q, order=1))
         return np.append(rate, tangent.t) / self.curve.scale
 
-    def bifurcation(self, number: int, found: Crossing, incoming: Any) -> Bifurcation:
+    def bifurcation(self, number: int, branch_point: Crossing, incoming: Any) -> Bifurcation:
         """Return a crossing of the trace as a bifurcation of the path."""
-        q, t = self.pose(found.x)
-        tangents = tuple(self.tangent(found.x, v) for v in found.tangents)
-        return Bifurcation(t, q, tangents, None if incoming is None else self.tangent(found.x, incoming), number)
+        q, t = self.pose(branch_point.x)
+        tangents = tuple(self.tangent(branch_point.x, v) for v in branch_point.tangents)
+        return Bifurcation(t, q, tangents, None if incoming is None else self.tangent(branch_point.x, incoming), number)
 
     def path(self, trace: Trace, message: str) -> Path:
         """Return a trace as a path, each of its poses with its certificate."""
@@ -287,7 +287,7 @@ class _Walk:
             radius=radius,
             bodies=tuple(body.name for body in system.mechanism.bodies),
             turning_points=tuple(TurningPoint(float(t[k]), q[:, k], k, up) for k, up in trace.turning),
-            bifurcations=tuple(self.bifurcation(*found) for found in trace.crossings),
+            bifurcations=tuple(self.bifurcation(*branch_point) for branch_point in trace.crossings),
             end=trace.end,
             message="; ".join(filter(None, (message, str(trace.end)))),
         )
@@ -295,14 +295,14 @@ class _Walk:
     def directions(self, trace: Trace) -> list[Any]:
         """Return the unit tangents at the points of a trace, in its direction; NaN for a point alone at a crossing."""
         points, incoming = trace.points, {number: tangent for number, _, tangent in trace.crossings}
-        found = []
+        vectors = []
         for k, x in enumerate(points):
             near = points[max(0, k - 1)], points[min(k + 1, len(points) - 1)]
             if k not in incoming:
-                found.append(self.curve.tangent(x, near[1] - near[0]) if len(points) > 1 else self.curve.tangent(x))
+                vectors.append(self.curve.tangent(x, near[1] - near[0]) if len(points) > 1 else self.curve.tangent(x))
             else:
-                found.append(np.full_like(x, np.nan) if incoming[k] is None else incoming[k])
-        return found
+                vectors.append(np.full_like(x, np.nan) if incoming[k] is None else incoming[k])
+        return vectors
 
 
 def _is_driven_angle(mechanism: Mechanism) -> bool:

@@ -77,10 +77,10 @@ def over_a_range(sweep: Way, target: float, turning: list[float]) -> Any:
     turning : list of float
         The extrema of the law before the time, in order.
     """
-    found = moving_law(sweep.system, sweep.t[-1], target)
-    if found is None:
+    moving = moving_law(sweep.system, sweep.t[-1], target)
+    if moving is None:
         return None
-    driver, law = found
+    driver, law = moving
     values = [float(law(t)) for t in (sweep.t[-1], *turning, target)]
     way, at = sweep, values[0]
     for value in (max(values), min(values), values[-1]):

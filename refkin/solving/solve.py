@@ -204,17 +204,17 @@ class _Answer:
             return np.zeros(0, bool)
         rates = [level[:, lanes] if np.isfinite(level[:, lanes]).all() else None for level in (self.qd, self.qdd)]
         answers = (self.system, self.q[:, lanes], self.t[lanes], *rates)
-        found = isolate(*answers)
-        if found.ok.any():
-            found = over_all_choices(self.system, found, *answers[1:])
-            self.messages.append(found.why)
+        isolation = isolate(*answers)
+        if isolation.ok.any():
+            isolation = over_all_choices(self.system, isolation, *answers[1:])
+            self.messages.append(isolation.why)
         for name in ("position", "velocity", "acceleration"):
-            getattr(self.radius, name)[lanes] = getattr(found, name)
-        for lane, enclosure in found.enclosures.items():
+            getattr(self.radius, name)[lanes] = getattr(isolation, name)
+        for lane, enclosure in isolation.enclosures.items():
             self._take(lanes[lane], enclosure)
-        self._contradicted(lanes, found.contradiction > 1.0, found.contradiction)
+        self._contradicted(lanes, isolation.contradiction > 1.0, isolation.contradiction)
         self.radius.position[lanes] += np.max(output_rounding(self.system, self.q[:, lanes]), axis=0)
-        return found.ok
+        return isolation.ok
 
     def _contradicted(self, lanes: Any, where: Any, size: Any) -> None:
         """Give the status of poses, and of rates, at which redundant rows contradict each other (3, B)."""
@@ -265,11 +265,11 @@ class _Answer:
         message, searches = "", 0
         for k, t in enumerate(self.scene.times):
             if self.status[k] in (Status.BRANCH_LOST, Status.NOT_CONVERGED) and searches < MOST_SEARCHES:
-                found = assemblies(self.system, t, trying=False)
-                searches += found.searched
-                if found.unassemblable:
+                searched = assemblies(self.system, t, trying=False)
+                searches += searched.searched
+                if searched.unassemblable:
                     self.status[k] = Status.UNASSEMBLABLE
-                    message = message or f"at t = {t:g} {unassemblable(self.system, found)}"
+                    message = message or f"at t = {t:g} {unassemblable(self.system, searched)}"
         self.messages.append(message)
 
     def motion(self) -> Motion:

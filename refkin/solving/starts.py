@@ -56,21 +56,21 @@ def find_start(system: System, scene: Scene) -> Start:
         contracted = first.converged and contracts(np.max(np.abs(first.corrections), axis=1))
         if not missing and contracted and closes(system, first.q, t) and _leads_to_one(system, first, t):
             return Start(Status.OK, first.q)
-        found = assemblies(system, t)
-        own = None if missing or found.complete or not (first.converged and _is_root(system, first.q, t)) else first.q
-        if found.poses:
-            return Start(Status.OK, *_choice(system, found, own, estimate, missing, t))
-        rounding = found.gap is not None and found.gap <= A_FEW_ROUNDINGS.relative
-        if found.gap is not None and not rounding:
-            return Start(Status.UNASSEMBLABLE, message=unassemblable(system, found))
+        search = assemblies(system, t)
+        own = None if missing or search.complete or not (first.converged and _is_root(system, first.q, t)) else first.q
+        if search.poses:
+            return Start(Status.OK, *_choice(system, search, own, estimate, missing, t))
+        rounding = search.gap is not None and search.gap <= A_FEW_ROUNDINGS.relative
+        if search.gap is not None and not rounding:
+            return Start(Status.UNASSEMBLABLE, message=unassemblable(system, search))
         q, how, smallest = _far(system, t, estimate, first)
-    if q is None and found.gap is not None:
-        return Start(Status.UNASSEMBLABLE, message=unassemblable(system, found))
+    if q is None and search.gap is not None:
+        return Start(Status.UNASSEMBLABLE, message=unassemblable(system, search))
     if q is None:
-        why = f"{found.message}; smallest scaled residual {smallest:.3g}"
+        why = f"{search.message}; smallest scaled residual {smallest:.3g}"
         return Start(Status.NOT_CONVERGED, message=f"no assembly was found at t = {t:g}: {why}")
     if rounding:
-        return Start(Status.OK, q, f"{found.message}: less than rounding of the numbers explains")
+        return Start(Status.OK, q, f"{search.message}: less than rounding of the numbers explains")
     return Start(Status.OK, q, f"the estimate was far: {how} found an assembly at t = {t:g}")
 
 
@@ -113,13 +113,13 @@ def _is_root(system: System, q: Any, t: float) -> bool:
     return closes(system, q, t) or bool(isolate(system, q[:, None], [t]).ok[0])
 
 
-def unassemblable(system: System, found: Assemblies) -> str:
+def unassemblable(system: System, search: Assemblies) -> str:
     """Return the proof in words, with the gap in metres where it is a length."""
-    return f"{found.message} (gap at least {found.gap:.3g} of the size {system.unit.size:g} m)"
+    return f"{search.message} (gap at least {search.gap:.3g} of the size {system.unit.size:g} m)"
 
 
 def _choice(
-    system: System, found: Assemblies, own: Any, estimate: Any, missing: list[str], t: float
+    system: System, search: Assemblies, own: Any, estimate: Any, missing: list[str], t: float
 ) -> tuple[Any, str]:
     """Return an assembly and what to say of the choice: the nearest to what estimates there are, else the first.
 
@@ -131,15 +131,15 @@ def _choice(
         held[system.columns(body.name)] = body.name not in missing
     for cam in polar_cams(system.mechanism.joints):
         held[system.parameter(cam.name)] = cam.contact_estimate is not None
-    poses = [_turned_to(system, q, estimate, held, t) for q in (*found.poses, *([] if own is None else [own]))]
+    poses = [_turned_to(system, q, estimate, held, t) for q in (*search.poses, *([] if own is None else [own]))]
     regular = [sigma_min(system.phi_q(q, t)) > SINGULAR for q in poses]
     distances = [float(np.linalg.norm((q - estimate)[held])) for q in poses]
     nearest = min(range(len(poses)), key=lambda k: (distances[k] * (1 if regular[k] else APART), not regular[k]))
     why = f"no estimate for {', '.join(missing)}" if missing else "more than one assembly may be near the estimate"
-    if nearest == len(found.poses):
-        return poses[nearest], f"{why}: Newton's, nearer than {len(found.poses)} others found"
-    which = f"assembly {nearest + 1} of {len(found.poses)}{'' if found.complete else ' found'}"
-    sides = f", sides {found.branches[nearest]}" if found.branches[nearest] else ""
+    if nearest == len(search.poses):
+        return poses[nearest], f"{why}: Newton's, nearer than {len(search.poses)} others found"
+    which = f"assembly {nearest + 1} of {len(search.poses)}{'' if search.complete else ' found'}"
+    sides = f", sides {search.branches[nearest]}" if search.branches[nearest] else ""
     return poses[nearest], f"{why}: {which}{sides}"
 
 

@@ -142,9 +142,9 @@ class Steps:
         if self._blocks is not None:
             signs, smallest = self._blocks.determinants(s.phi_q(q, t))
             return signs == self._signs, smallest
-        found = blocks(s, *last, independent_rows(s, last[0][:, None], np.array(last[1:])))
-        signs, smallest = found.determinants(s.phi_q(q, t))
-        return found.determinants(s.phi_q(*last))[0] == signs, smallest
+        block_form = blocks(s, *last, independent_rows(s, last[0][:, None], np.array(last[1:])))
+        signs, smallest = block_form.determinants(s.phi_q(q, t))
+        return block_form.determinants(s.phi_q(*last))[0] == signs, smallest
 
     def _at_singular_pose(self, t: float) -> bool | None:
         """Accept a pose with a tiny sigma_min, to which Newton comes slowly from the last pose; None if there is none.

@@ -126,7 +126,7 @@ def test_switch_of_pinocchio_is_felt_where_no_constraint_holds_the_tree(effect):
     assert np.abs(falling(effect) - falling(None)).max() > 0.01
 
 
-@pytest.mark.parametrize("effect", [name for name, told in PINOCCHIO.items() if UNREAD in told.told])
+@pytest.mark.parametrize("effect", [name for name, effect in PINOCCHIO.items() if UNREAD in effect.description])
 def test_switch_that_no_algorithm_of_pinocchio_reads_changes_its_model_all_the_same(effect):
     tree = joint_tree(SCENE.mechanism, massless_links=True)
 

@@ -235,7 +235,7 @@ def test_noise_that_shrinks_ever_so_little_is_the_end_of_newton() -> None:
     toy = straight(phi=lambda q, t: [noise[toy.calls - 1]], phi_q=lambda q, t: [[1.0]])
     pose = closed(toy, 0.5, 0.0, near=True)
 
-    assert pose.found[0]
+    assert pose.known[0]
     assert toy.calls == 3
 
 

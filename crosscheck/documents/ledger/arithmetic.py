@@ -134,9 +134,9 @@ class Balls:
         middle = self._approximated(system, q0)
         for bits in range(self.bits - GUARD, self.bits // 2, -GUARD // 2):
             width = arb(2) ** -bits
-            found = self._proved(system, middle, _objects([arb(0, width * (1 + abs(x))) for x in middle]))
-            if found is not None:
-                return found
+            enclosure = self._proved(system, middle, _objects([arb(0, width * (1 + abs(x))) for x in middle]))
+            if enclosure is not None:
+                return enclosure
         raise NoRoot(f"no root is proved near {[float(x) for x in middle]}")
 
     def _approximated(self, system: SquareSystem, q0: Any) -> Any:

@@ -85,5 +85,5 @@ def correct_digits(printed: Written, truth: Any) -> float:
     size = abs(float(truth))
     if size == 0.0:
         return 0.0
-    found = -math.log10(abs(float(printed.value - truth)) / size)
-    return math.floor(10 * min(max(found, 0.0), printed.digits)) / 10
+    digits = -math.log10(abs(float(printed.value - truth)) / size)
+    return math.floor(10 * min(max(digits, 0.0), printed.digits)) / 10

@@ -36,11 +36,11 @@ def computed(row: Row) -> tuple[Sources, dict[str, Any]]:
         for bits in (JUDGE_BITS, ROUNDING_BITS):
             balls = Balls(bits)
             with balls.at_precision():
-                found = _flat(compute(balls, row.inputs))
+                values = _flat(compute(balls, row.inputs))
             if bits == JUDGE_BITS:
-                sources[TRUTH] = found
+                sources[TRUTH] = values
             else:
-                radii = {path: x.rad() for path, x in found.items() if isinstance(x, arb)}
+                radii = {path: x.rad() for path, x in values.items() if isinstance(x, arb)}
     for name in row.also:
         sources[name.partition(":")[2].partition("_")[0]] = _flat(_function(name)(row.inputs))
     return sources, radii
@@ -50,15 +50,15 @@ def check_row(row: Row) -> dict[str, Any]:
     """Return a row with what was found out about it, as plain data; `status` is pass, fail or open."""
     with ctx.workprec(JUDGE_BITS):
         sources, radii = computed(row)
-        told = [found for value in row.values for found in _judged(value, sources, radii)]
-        failures = [f"{t['name']}: {text}" for t in told for text in t.pop("failures")]
-        stated = {path for t in told for path in (t["name"],)}
-        unstated = sorted({path for found in sources.values() for path in found} - stated)
+        checked = [values for value in row.values for values in _judged(value, sources, radii)]
+        failures = [f"{t['name']}: {text}" for t in checked for text in t.pop("failures")]
+        stated = {path for t in checked for path in (t["name"],)}
+        unstated = sorted({path for values in sources.values() for path in values} - stated)
         failures += [f"{path}: computed, but not stated" for path in unstated]
-        errata = [_erratum(e, told, sources) for e in row.errata]
+        errata = [_erratum(e, checked, sources) for e in row.errata]
         failures += [text for e in errata for text in e.pop("failures")]
-        failures += _uncovered(row.errata, told)
-    if not told and not row.open:
+        failures += _uncovered(row.errata, checked)
+    if not checked and not row.open:
         failures.append("nothing is checked")
     status = "fail" if failures else "open" if row.open else "pass"
     plain = ("id", "document", "item", "computation", "inferred", "open", "note")
@@ -68,7 +68,7 @@ def check_row(row: Row) -> dict[str, Any]:
         "computed_by": list(sources),
         "status": status,
         "failures": failures,
-        "values": told,
+        "values": checked,
         "errata": errata,
     }
 
@@ -78,8 +78,8 @@ def _function(name: str) -> Callable[..., dict[str, Any]]:
     return getattr(importlib.import_module(f"crosscheck.documents.ledger.{module}"), function)  # type: ignore[no-any-return]
 
 
-def _flat(found: Mapping[str, Any]) -> dict[str, Any]:
-    trees = {name: _plain(tree) for name, tree in found.items()}
+def _flat(values: Mapping[str, Any]) -> dict[str, Any]:
+    trees = {name: _plain(tree) for name, tree in values.items()}
     return {path: leaf for name, tree in trees.items() for path, leaf in leaves(name, tree)}
 
 
@@ -95,35 +95,35 @@ def _plain(tree: Any) -> Any:
 def _judged(value: Value, sources: Sources, radii: Mapping[str, Any]) -> list[dict[str, Any]]:
     """Return what is found out about each leaf of a quantity."""
     if value.between is not None:
-        paths = [p for found in sources.values() for p in found if p == value.name or p.startswith(value.name + "[")]
+        paths = [p for values in sources.values() for p in values if p == value.name or p.startswith(value.name + "[")]
         leaf_truths: dict[str, Any] = dict.fromkeys(paths)
         leaf_truths = leaf_truths or {value.name: None}
     else:
         leaf_truths = dict(leaves(value.name, value.truth))
     printed = dict(leaves(value.name, value.printed)) if value.printed is not None else {}
-    told = [_leaf(value, path, truth, sources, radii, printed.pop(path, "")) for path, truth in leaf_truths.items()]
+    checked = [_leaf(value, path, truth, sources, radii, printed.pop(path, "")) for path, truth in leaf_truths.items()]
     if any(printed.values()):
-        told[-1]["failures"].append(f"printed, but without a truth: {sorted(k for k, v in printed.items() if v)}")
-    return told
+        checked[-1]["failures"].append(f"printed, but without a truth: {sorted(k for k, v in printed.items() if v)}")
+    return checked
 
 
 def _leaf(
     value: Value, path: str, truth: Any, sources: Sources, radii: Mapping[str, Any], printed: str
 ) -> dict[str, Any]:
     failures, by = [], {}
-    for source, found in sources.items():
-        if path in found:
-            by[source] = _shown(found[path])
-            failures += [f"{source}: {text}" for text in _compared(value, truth, found[path], source, radii.get(path))]
+    for source, values in sources.items():
+        if path in values:
+            by[source] = _shown(values[path])
+            failures += [f"{source}: {text}" for text in _compared(value, truth, values[path], source, radii.get(path))]
     if not by:
         failures.append("not computed")
     elif (
         isinstance(truth, str) and _is_number(truth) and Written.read(truth).digits > MOST_BINARY64 and TRUTH not in by
     ):
         failures.append(f"stated to {Written.read(truth).digits} digits, but not enclosed")
-    told = {"name": path, "truth": truth, "between": value.between, "computed": by, "failures": failures}
+    checked = {"name": path, "truth": truth, "between": value.between, "computed": by, "failures": failures}
     return {
-        **told,
+        **checked,
         **_printed(printed, truth, next((f[path] for s, f in sources.items() if s == TRUTH and path in f), None)),
     }
 
@@ -141,61 +141,61 @@ def _printed(printed: str, truth: Any, enclosed: Any) -> dict[str, Any]:
     }
 
 
-def _compared(value: Value, truth: Any, found: Any, source: str, radius: Any) -> list[str]:
+def _compared(value: Value, truth: Any, computed: Any, source: str, radius: Any) -> list[str]:
     """Return why a computed leaf is not what is stated, if it is not."""
     if value.between is not None:
         low, high = (arb(end) for end in value.between)
-        inside = isinstance(found, int | float | arb) and low <= arb(found) <= high
-        return [] if inside else [f"{_shown(found)} is not between {value.between[0]} and {value.between[1]}"]
+        inside = isinstance(computed, int | float | arb) and low <= arb(computed) <= high
+        return [] if inside else [f"{_shown(computed)} is not between {value.between[0]} and {value.between[1]}"]
     if not (isinstance(truth, str) and _is_number(truth)):
-        same = type(found) is type(truth) and found == truth
-        return [] if same else [f"{_shown(found)} is not {truth!r}"]
-    if isinstance(found, bool | str) or (isinstance(found, float) and not np.isfinite(found)):
-        return [f"{_shown(found)} is not {truth}"]
+        same = type(computed) is type(truth) and computed == truth
+        return [] if same else [f"{_shown(computed)} is not {truth!r}"]
+    if isinstance(computed, bool | str) or (isinstance(computed, float) and not np.isfinite(computed)):
+        return [f"{_shown(computed)} is not {truth}"]
     stated = Written.read(truth)
     allowed = stated.half * (1 + arb(2) ** -50)
     if source != TRUTH and radius is not None:
         allowed += SAFETY * radius
-    away = abs(arb(found) - stated.value)
+    away = abs(arb(computed) - stated.value)
     return (
         []
         if away <= allowed
-        else [f"{_shown(found)} is not {truth}: off by {float(away):.2g}, allowed {float(allowed):.2g}"]
+        else [f"{_shown(computed)} is not {truth}: off by {float(away):.2g}, allowed {float(allowed):.2g}"]
     )
 
 
-def _erratum(erratum: Erratum, told: list[dict[str, Any]], sources: Sources) -> dict[str, Any]:
+def _erratum(erratum: Erratum, rows: list[dict[str, Any]], sources: Sources) -> dict[str, Any]:
     """Return an erratum as plain data with what its printed numbers are, and what of it does not hold."""
-    failures, by_name = [], {t["name"]: t for t in told}
+    failures, by_name = [], {t["name"]: t for t in rows}
     where = ", ".join(erratum.at) or erratum.shown_by or erratum.cause[:40]
     for path in erratum.at:
-        found = by_name.get(path, {})
-        if found.get("verdict") != erratum.kind:
+        checked = by_name.get(path, {})
+        if checked.get("verdict") != erratum.kind:
             failures.append(
-                f"erratum {path}: stated as {erratum.kind}, but it is {found.get('verdict', 'not printed')}"
+                f"erratum {path}: stated as {erratum.kind}, but it is {checked.get('verdict', 'not printed')}"
             )
     if erratum.explained_by:
         for path, other in zip(erratum.at, erratum.explained_by, strict=True):
             failures += _explained(by_name.get(path, {}).get("printed") or "", other, sources)
     if erratum.kind in ("wrong", "truncated") and not erratum.at:
         failures.append(f"erratum {where}: names no printed number")
-    if erratum.kind in ("formula", "claim") and not any(t["name"].partition("[")[0] == erratum.shown_by for t in told):
+    if erratum.kind in ("formula", "claim") and not any(t["name"].partition("[")[0] == erratum.shown_by for t in rows):
         failures.append(f"erratum {where}: nothing shows it")
     keys = ("kind", "cause", "explained_by", "shown_by", "counts", "reading")
     return {"at": list(erratum.at), **{key: _plain(getattr(erratum, key)) for key in keys}, "failures": failures}
 
 
 def _explained(printed: str, path: str, sources: Sources) -> list[str]:
-    found = sources.get(TRUTH, {}).get(path, sources.get(Binary64.name, {}).get(path))
-    if found is None or not printed or printed_is(Written.read(printed), arb(found)) is Printed.WRONG:
-        return [f"erratum: {printed} is not {path}, {'which is not computed' if found is None else _shown(found)}"]
+    value = sources.get(TRUTH, {}).get(path, sources.get(Binary64.name, {}).get(path))
+    if value is None or not printed or printed_is(Written.read(printed), arb(value)) is Printed.WRONG:
+        return [f"erratum: {printed} is not {path}, {'which is not computed' if value is None else _shown(value)}"]
     return []
 
 
-def _uncovered(errata: tuple[Erratum, ...], told: list[dict[str, Any]]) -> list[str]:
+def _uncovered(errata: tuple[Erratum, ...], rows: list[dict[str, Any]]) -> list[str]:
     """Return the printed numbers that are not right and that no erratum names."""
     named = {path for erratum in errata for path in erratum.at}
-    off = [t for t in told if t.get("verdict") not in (None, Printed.RIGHT.value) and t["name"] not in named]
+    off = [t for t in rows if t.get("verdict") not in (None, Printed.RIGHT.value) and t["name"] not in named]
     return [f"{t['name']}: {t['printed']} is printed, which is {t['verdict']}: no erratum says so" for t in off]
 
 
@@ -207,9 +207,9 @@ def _is_number(text: str) -> bool:
     return True
 
 
-def _shown(found: Any) -> str:
+def _shown(value: Any) -> str:
     """Return a computed leaf as text: a float to the last bit, a ball to the digits that it proves, 30 at most."""
-    if isinstance(found, arb):
-        known = found.rad() < arb(2) ** -120 * (1 + abs(found))
-        return str(found.str(30, radius=False) if known else found.str(17))
-    return repr(found) if isinstance(found, float) else str(found)
+    if isinstance(value, arb):
+        known = value.rad() < arb(2) ** -120 * (1 + abs(value))
+        return str(value.str(30, radius=False) if known else value.str(17))
+    return repr(value) if isinstance(value, float) else str(value)

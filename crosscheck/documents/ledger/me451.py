@@ -15,32 +15,32 @@ from refkin.newton import CorrectionNorm, newton
 from refkin.system import compile_system
 
 Given = Mapping[str, Any]
-Found = dict[str, Any]
+Values = dict[str, Any]
 
 
-def a1(n: Arithmetic, given: Given) -> Found:
+def a1(n: Arithmetic, given: Given) -> Values:
     """sqrt(x) - sin(x): no root but 0, where the slope is unbounded; Newton leaves x > 0."""
     phi, phi_q = me451.root_minus_sine()
-    found: Found = {"slope near 0": phi_q(n.vector([given["near"]]))[0, 0]}
+    values: Values = {"slope near 0": phi_q(n.vector([given["near"]]))[0, 0]}
     low, high = given["no root between"]
     if isinstance(n, Balls):
-        found["no root between"] = excludes_zero(lambda x: phi([x])[0], float(low), float(high))
+        values["no root between"] = excludes_zero(lambda x: phi([x])[0], float(low), float(high))
     else:
         scanned = np.linspace(float(low), float(high), 4001)
         runs = [newton(phi, phi_q, float(x), max_iterations=30) for x in given["starts"]]
-        found["no root between"] = bool(np.min(phi([scanned])) > 0.0)
-        found["steps until x < 0"] = [int(np.argmax(r.iterates[:, 0] < 0.0)) for r in runs]
-        found["status"] = [r.status.name for r in runs]
-    return found
+        values["no root between"] = bool(np.min(phi([scanned])) > 0.0)
+        values["steps until x < 0"] = [int(np.argmax(r.iterates[:, 0] < 0.0)) for r in runs]
+        values["status"] = [r.status.name for r in runs]
+    return values
 
 
-def a2(n: Arithmetic, given: Given) -> Found:
+def a2(n: Arithmetic, given: Given) -> Values:
     """Roots of 3x + sin(xy) - 4, x - e^(cos y)."""
     system = me451.sine_and_exponential()
     return {"roots": [n.root(system, n.vector(start)) for start in given["starts"]]}
 
 
-def a3(n: Arithmetic, given: Given) -> Found:
+def a3(n: Arithmetic, given: Given) -> Values:
     """Newton's iterates of x^2 + sin(x) - 1.841471, and its two roots."""
     system = me451.square_and_sine(n(given["constant"]))
     history = n.newton(system, n.vector([given["start"]]), 4)
@@ -60,7 +60,7 @@ def a3(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def a4(n: Arithmetic, given: Given) -> Found:
+def a4(n: Arithmetic, given: Given) -> Values:
     """The pair x - e^y = 0, ln(1 + x) - cos y = 0; and with x - e^y = 1 as printed."""
     system, printed = me451.exponential_and_logarithm(), me451.exponential_and_logarithm(1)
     start = n.vector(given["start"])
@@ -72,7 +72,7 @@ def a4(n: Arithmetic, given: Given) -> Found:
         ),
         n.vector(["-0.3"]),
     )[0]
-    found: Found = {
+    values: Values = {
         "iterate": n.newton(system, start, 5).iterates,
         "root": n.root(system, start),
         "printed: least gap": np.log(2 + np.exp(lowest)) - np.cos(lowest),
@@ -81,19 +81,19 @@ def a4(n: Arithmetic, given: Given) -> Found:
     }
     low, high = given["printed: no root for y between"]
     if isinstance(n, Balls):
-        found["printed: no root for y between"] = excludes_zero(
+        values["printed: no root for y between"] = excludes_zero(
             lambda y: np.log(2 + np.exp(y)) - np.cos(y), float(low), float(high)
         )
     else:
         result = newton(*printed, start, max_iterations=40)
-        found["printed: status"] = result.status.name
-        found["printed: x <= -1 at iterate"] = int(np.argmax(result.iterates[:, 0] <= -1.0))
+        values["printed: status"] = result.status.name
+        values["printed: x <= -1 at iterate"] = int(np.argmax(result.iterates[:, 0] <= -1.0))
         scanned = np.linspace(float(low), float(high), 2001)
-        found["printed: no root for y between"] = bool(np.min(np.log(2 + np.exp(scanned)) - np.cos(scanned)) > 0.0)
-    return found
+        values["printed: no root for y between"] = bool(np.min(np.log(2 + np.exp(scanned)) - np.cos(scanned)) > 0.0)
+    return values
 
 
-def a5(n: Arithmetic, given: Given) -> Found:
+def a5(n: Arithmetic, given: Given) -> Values:
     """The residuals of the iterates 4 and 5 of A4, in millionths."""
     history = n.newton(me451.exponential_and_logarithm(), n.vector(given["start"]), 5)
     millionths = [[x * 1000000 for x in residual] for residual in history.residuals]
@@ -111,7 +111,7 @@ def estimate_356(n: Arithmetic) -> Any:
     return np.array([n("0.2"), n("0.2"), n.pi / 4])
 
 
-def a6(n: Arithmetic, given: Given) -> Found:
+def a6(n: Arithmetic, given: Given) -> Values:
     """Problem 3.5.6 at t = 0, iterate by iterate."""
     history = n.newton(problem_356(n, given), estimate_356(n), 6)
     return {
@@ -121,7 +121,7 @@ def a6(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def refkin_a6(given: Given) -> Found:
+def refkin_a6(given: Given) -> Values:
     """The same pose in absolute coordinates, with bodies and joints."""
     system = compile_system(me451.problem_356_mechanism(float(given["ground"]), float(given["link"])))
     return {"root": absolute_356(system, 0.0)}
@@ -134,7 +134,7 @@ def absolute_356(system: Any, t: float) -> Any:
     return np.array([q[3], q[4], q[8]])
 
 
-def a7(n: Arithmetic, given: Given) -> Found:
+def a7(n: Arithmetic, given: Given) -> Values:
     """The sweep of the "final form": t = 0 : 0.05 : 4, each pose from the one before."""
     if isinstance(n, Binary64):
         return _a7_sweep(given)
@@ -147,7 +147,7 @@ def a7(n: Arithmetic, given: Given) -> Found:
     return {"q": poses, "det at the last": n.det(problem_356(n, given, given["times"][-1]).phi_q(poses[-1]))}
 
 
-def _a7_sweep(given: Given) -> Found:
+def _a7_sweep(given: Given) -> Values:
     n, q = Binary64(), estimate_356(Binary64())
     times = np.linspace(0.0, 4.0, 81)
     iterations, poses = [], {}
@@ -165,7 +165,7 @@ def _a7_sweep(given: Given) -> Found:
     }
 
 
-def a8(n: Arithmetic, given: Given) -> Found:
+def a8(n: Arithmetic, given: Given) -> Values:
     """The limits of Problem 3.5.6: folds, where the closed form ends."""
     ground, link = n(given["ground"]), n(given["link"])
     at_fold = me451.problem_356_fold(ground, link)
@@ -173,14 +173,14 @@ def a8(n: Arithmetic, given: Given) -> Found:
     for start in (["0.8", "0", "-1.5", "0.8", "0", "1", "1"], ["0.4", "0", "1.5", "0.4", "0", "-1", "1"]):
         times.append((n.root(at_fold, n.vector(start))[3] - n(given["reach"])) / n(given["speed"]))
     reach = n(given["speed"]) + n(given["reach"])
-    found: Found = {
+    values: Values = {
         "t of the folds": times,
         "x2 at t = 1 in closed form": (ground * ground - link * link + reach * reach) / (2 * ground),
     }
-    return {**found, **(_a8_runs(n, given) if isinstance(n, Binary64) else {})}
+    return {**values, **(_a8_runs(n, given) if isinstance(n, Binary64) else {})}
 
 
-def _a8_runs(n: Binary64, given: Given) -> Found:
+def _a8_runs(n: Binary64, given: Given) -> Values:
     """Newton at the fold, and beyond it: with a cap, for there the slides' while loops never end."""
     phi, phi_q = problem_356(n, given, given["at fold"])
     exact = np.array([0.85, 0.0, -np.pi / 2])
@@ -201,19 +201,19 @@ def never(residual: Any, correction: Any, q: Any) -> bool:
     return False
 
 
-def a9(n: Arithmetic, given: Given) -> Found:
+def a9(n: Arithmetic, given: Given) -> Values:
     """The even function: its constant, its roots, how many there are."""
     system = me451.even_function(n(given["constant"]))
     at = n.vector([given["x"]])
-    found: Found = {
+    values: Values = {
         "f(-1.2)": system.phi(at)[0],
         "f'(-1.2)": system.phi_q(at)[0, 0],
         "inner root": n.root(system, n.vector(["0.85"]))[0],
         "outer root": n.root(system, n.vector(["1.2"]))[0],
     }
     if isinstance(n, Balls):
-        found["roots for |x| < 12"] = 2 * sum(count_roots(system, low, high) for low, high in _a9_pieces(12.0))
-    return found
+        values["roots for |x| < 12"] = 2 * sum(count_roots(system, low, high) for low, high in _a9_pieces(12.0))
+    return values
 
 
 def _a9_pieces(end: float) -> list[tuple[float, float]]:

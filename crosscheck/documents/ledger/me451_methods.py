@@ -9,26 +9,26 @@ from flint import arb
 
 from crosscheck.documents.convergence import newton_order
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, excludes_zero
-from crosscheck.documents.ledger.me451 import Found, Given, absolute_356, estimate_356, never, problem_356
+from crosscheck.documents.ledger.me451 import Given, Values, absolute_356, estimate_356, never, problem_356
 from crosscheck.documents.systems import me451
 from refkin.analysis import acceleration, velocity
 from refkin.newton import CorrectionNorm, newton
 from refkin.system import compile_system
 
 
-def a10(n: Arithmetic, given: Given) -> Found:
+def a10(n: Arithmetic, given: Given) -> Values:
     """x^2 + 4 has no real root, x^2 - 4 has two."""
     none, two = me451.square(4), me451.square(-4)
-    found: Found = {"roots of x^2 - 4": [n.root(two, n.vector([start]))[0] for start in ("1", "-3")]}
+    values: Values = {"roots of x^2 - 4": [n.root(two, n.vector([start]))[0] for start in ("1", "-3")]}
     if isinstance(n, Balls):
-        found["no root of x^2 + 4 for |x| < 1000"] = excludes_zero(lambda x: none.phi([x])[0], -1000.0, 1000.0)
+        values["no root of x^2 + 4 for |x| < 1000"] = excludes_zero(lambda x: none.phi([x])[0], -1000.0, 1000.0)
     else:
-        found["no root of x^2 + 4 for |x| < 1000"] = bool(np.min(none.phi([np.linspace(-1e3, 1e3, 9999)])) > 0.0)
-        found["status for x^2 + 4"] = newton(*none, 5.0).status.name
-    return found
+        values["no root of x^2 + 4 for |x| < 1000"] = bool(np.min(none.phi([np.linspace(-1e3, 1e3, 9999)])) > 0.0)
+        values["status for x^2 + 4"] = newton(*none, 5.0).status.name
+    return values
 
 
-def a11(n: Arithmetic, given: Given) -> Found:
+def a11(n: Arithmetic, given: Given) -> Values:
     """Velocity and acceleration of Problem 3.5.6 at t = 0."""
     system, speed = problem_356(n, given), n(given["speed"])
     q = n.root(system, estimate_356(n))
@@ -38,7 +38,7 @@ def a11(n: Arithmetic, given: Given) -> Found:
     return {"qd": qd, "qdd": qdd}
 
 
-def refkin_a11(given: Given) -> Found:
+def refkin_a11(given: Given) -> Values:
     """The same rates with bodies and joints."""
     system = compile_system(me451.problem_356_mechanism())
     reduced = absolute_356(system, 0.0)
@@ -56,7 +56,7 @@ def _whole(reduced: Any) -> Any:
     return np.array([0.0, 0.0, along, x, y, along, 0.6, 0.0, angle])
 
 
-def a12(n: Arithmetic, given: Given) -> Found:
+def a12(n: Arithmetic, given: Given) -> Values:
     """The five forms of the code end at one answer; a fold is regular with its null vector among the unknowns."""
     if isinstance(n, Balls):
         return {}
@@ -82,7 +82,7 @@ def a12(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def a13(n: Arithmetic, given: Given) -> Found:
+def a13(n: Arithmetic, given: Given) -> Values:
     """A certified delta of the implicit function theorem: q(t) exists, once, in a box for all |t - t_k| < delta.
 
     Krawczyk's operator on a box around q(t_k), with the whole interval of times in the equations; the largest power of
@@ -109,7 +109,7 @@ def _proved_for(n: Balls, given: Given, q: Any, delta: float, widths: list[float
     return n.proves(me451.problem_356(reach, n(given["ground"]), n(given["link"])), q, widths)
 
 
-def a14(n: Arithmetic, given: Given) -> Found:
+def a14(n: Arithmetic, given: Given) -> Values:
     """The slides' stopping test: the norm of the correction below 1e-8."""
     if isinstance(n, Balls):
         history = n.newton(problem_356(n, given), estimate_356(n), 6)

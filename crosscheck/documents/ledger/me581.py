@@ -10,7 +10,7 @@ import numpy as np
 from crosscheck.documents import loops
 from crosscheck.documents.convergence import slope
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, History
-from crosscheck.documents.ledger.me451 import Found, Given
+from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.stopping import BothLargest
 from crosscheck.documents.systems import SquareSystem, me581
 from refkin.differences import Scheme, jacobian
@@ -18,7 +18,7 @@ from refkin.newton import newton
 from refkin.scenes.linkages import FourBar
 
 
-def c1(n: Arithmetic, given: Given) -> Found:
+def c1(n: Arithmetic, given: Given) -> Values:
     """Newton's iterates of x^2 - 4x + 1 from the row's estimate, with residual, slope, and their ratio."""
     steps = int(given["steps"])
     history = n.newton(me581.quadratic(), n.vector([given["start"]]), steps)
@@ -33,16 +33,16 @@ def c1(n: Arithmetic, given: Given) -> Found:
 c2 = c1
 
 
-def c3(n: Arithmetic, given: Given) -> Found:
+def c3(n: Arithmetic, given: Given) -> Values:
     """From 1; and at x rounded to four decimals, where the notes take their last line; x = 2 has no slope."""
-    found = c1(n, given)
+    values = c1(n, given)
     system, rounded = me581.quadratic(), n.vector([given["rounded"]])
     f = system.phi(rounded)[0]
-    found["f(.2679)"] = f
-    found["f'(.2679)"] = system.phi_q(rounded)[0, 0]
-    found["f/f'(.2679)"] = f / found["f'(.2679)"]
-    found["f'(2)"] = system.phi_q(n.vector(["2"]))[0, 0]
-    return found
+    values["f(.2679)"] = f
+    values["f'(.2679)"] = system.phi_q(rounded)[0, 0]
+    values["f/f'(.2679)"] = f / values["f'(.2679)"]
+    values["f'(2)"] = system.phi_q(n.vector(["2"]))[0, 0]
+    return values
 
 
 def lengths(n: Arithmetic, given: Given) -> me581.FourBarLengths:
@@ -61,7 +61,7 @@ def estimate(n: Arithmetic) -> Any:
     return np.array([n("0"), n.pi / 2])
 
 
-def c4(n: Arithmetic, given: Given) -> Found:
+def c4(n: Arithmetic, given: Given) -> Values:
     """Every column of the notes' table, and the limit."""
     system = four_bar(n, given)
     history: History = n.newton(system, estimate(n), 5)
@@ -78,14 +78,14 @@ def c4(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def loops_c4(given: Given) -> Found:
+def loops_c4(given: Given) -> Values:
     """The limit with the loop as vectors."""
     r1, r2, r3, r4 = (float(r) for r in given["r"])
     system = loops.four_bar(r1, r2, r3, r4, math.radians(float(given["theta2"])))
     return {"limit": list(np.degrees(loops.close(system, estimate(Binary64())).q))}
 
 
-def refkin_c4(given: Given) -> Found:
+def refkin_c4(given: Given) -> Values:
     """The limit in absolute coordinates."""
     pose = _linkage(given).assemble(math.radians(float(given["theta2"])))
     return {"limit": [math.degrees(pose["coupler"][2]), math.degrees(pose["rocker"][2])]}
@@ -95,7 +95,7 @@ def _linkage(given: Given) -> FourBar:
     return FourBar(*(float(r) for r in given["r"]))
 
 
-def c5(n: Arithmetic, given: Given) -> Found:
+def c5(n: Arithmetic, given: Given) -> Values:
     """Determinant and transmission angle at the limit."""
     system = four_bar(n, given)
     q = n.root(system, n.vector(["0.23", "2"]))
@@ -108,12 +108,12 @@ def c5(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def refkin_c5(given: Given) -> Found:
+def refkin_c5(given: Given) -> Values:
     """The transmission angle of the linkage."""
     return {"gamma": math.degrees(_linkage(given).transmission_angle(math.radians(float(given["theta2"]))))}
 
 
-def c6(n: Arithmetic, given: Given) -> Found:
+def c6(n: Arithmetic, given: Given) -> Values:
     """With theta4 as the driver: the determinant is r2 r3 sin(theta3 - theta2)."""
     m, q = lengths(n, given), n.vector(given["q"])
     system = me581.four_bar_by_rocker(m, n("2"))
@@ -123,7 +123,7 @@ def c6(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def c7(n: Arithmetic, given: Given) -> Found:
+def c7(n: Arithmetic, given: Given) -> Values:
     """What the notes do not say: the class, the limits of theta2, the crossed assembly."""
     r1, r2, r3, r4 = (n(r) for r in given["r"])
     reach = r3 + r4
@@ -138,7 +138,7 @@ def c7(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def refkin_c7(given: Given) -> Found:
+def refkin_c7(given: Given) -> Values:
     """Class, range and crossed assembly of the linkage."""
     linkage = _linkage(given)
     pose = linkage.assemble(math.radians(float(given["theta2"])), "crossed")
@@ -149,12 +149,12 @@ def refkin_c7(given: Given) -> Found:
     }
 
 
-def c8(n: Arithmetic, given: Given) -> Found:
+def c8(n: Arithmetic, given: Given) -> Values:
     """Numerical partial derivatives with a step of 0.001, column by column, reset in between."""
     return _partials(n, given)
 
 
-def _partials(n: Arithmetic, given: Given) -> Found:
+def _partials(n: Arithmetic, given: Given) -> Values:
     system, q, h = four_bar(n, given), estimate(n), n(given["step"])
     moved = [system.phi(np.array([q[0] + h, q[1]])), system.phi(np.array([q[0], q[1] + h]))]
     base, exact = system.phi(q), system.phi_q(q)
@@ -167,57 +167,57 @@ def _partials(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def refkin_c8(given: Given) -> Found:
+def refkin_c8(given: Given) -> Values:
     """The same quotients by `refkin.differences.jacobian`."""
     n = Binary64()
     system = four_bar(n, given)
-    found = jacobian(system.phi, estimate(n), Scheme.FORWARD, float(given["step"]))
-    return {"J": found.tolist(), "error": (found - system.phi_q(estimate(n))).tolist()}
+    quotients = jacobian(system.phi, estimate(n), Scheme.FORWARD, float(given["step"]))
+    return {"J": quotients.tolist(), "error": (quotients - system.phi_q(estimate(n))).tolist()}
 
 
-def c9(n: Arithmetic, given: Given) -> Found:
+def c9(n: Arithmetic, given: Given) -> Values:
     """test_jac.m takes a step of 0.01."""
     return {"error": _partials(n, given)["error"]}
 
 
-def refkin_c9(given: Given) -> Found:
+def refkin_c9(given: Given) -> Values:
     """The same by `refkin.differences.jacobian`."""
     return {"error": refkin_c8(given)["error"]}
 
 
-def c10(n: Arithmetic, given: Given) -> Found:
+def c10(n: Arithmetic, given: Given) -> Values:
     """How the error of a difference quotient goes with its step."""
     if isinstance(n, Balls):
         return {}
     system, q = four_bar(n, given), n.vector(given["q"])
     exact = system.phi_q(q)
     steps = 10.0 ** -np.arange(1.0, 13.0)
-    found: Found = {}
+    values: Values = {}
     for scheme in (Scheme.FORWARD, Scheme.CENTRAL):
         errors = [float(np.max(np.abs(jacobian(system.phi, q, scheme, h) - exact))) for h in steps]
-        found[f"{scheme}: least error"] = min(errors)
-        found[f"{scheme}: best step"] = float(steps[int(np.argmin(errors))])
+        values[f"{scheme}: least error"] = min(errors)
+        values[f"{scheme}: best step"] = float(steps[int(np.argmin(errors))])
         truncated = slope(steps[:4], errors[:4], floor=0.0)
-        found[f"{scheme}: slope"] = truncated.value
+        values[f"{scheme}: slope"] = truncated.value
     stepped = np.max(np.abs(jacobian(system.phi, q, Scheme.COMPLEX_STEP) - exact))
-    found["complex step: error"] = float(stepped)
-    return found
+    values["complex step: error"] = float(stepped)
+    return values
 
 
-def c11(n: Arithmetic, given: Given) -> Found:
+def c11(n: Arithmetic, given: Given) -> Values:
     """Steps 1 to 8: without the reset, the second column holds what the first coordinate was moved by as well."""
-    found = _partials(n, given)
+    values = _partials(n, given)
     system, q, h = four_bar(n, given), estimate(n), n(given["step"])
     kept = (system.phi(np.array([q[0] + h, q[1] + h])) - system.phi(q)) / h
-    return {"J": found["J"], "second column without the reset": list(kept)}
+    return {"J": values["J"], "second column without the reset": list(kept)}
 
 
-def refkin_c11(given: Given) -> Found:
+def refkin_c11(given: Given) -> Values:
     """By `refkin.differences.jacobian`, which resets each coordinate."""
     return {"J": refkin_c8(given)["J"]}
 
 
-def c12(n: Arithmetic, given: Given) -> Found:
+def c12(n: Arithmetic, given: Given) -> Values:
     """Largest component of the residual and of the correction, both below their limits."""
     if isinstance(n, Balls):
         return {}

@@ -10,7 +10,7 @@ import numpy as np
 
 from crosscheck.documents import loops
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, NoRoot
-from crosscheck.documents.ledger.me451 import Found, Given
+from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.stopping import ResidualOrCorrection
 from crosscheck.documents.systems import SquareSystem, me581, metu, printed
 from refkin.differences import Scheme, jacobian
@@ -20,7 +20,7 @@ from refkin.scenes.linkages import FourBar
 from refkin.solving.solve import solve
 
 
-def b1(n: Arithmetic, given: Given) -> Found:
+def b1(n: Arithmetic, given: Given) -> Values:
     """The four sketches of how Newton's method goes, and the stopping test that is printed without absolute values."""
     if isinstance(n, Balls):
         return {}
@@ -54,7 +54,7 @@ def coupled(n: Arithmetic, given: Given) -> tuple[metu.Slotted, Any, Any]:
     return m, pose, pose + n.vector(given["estimate is off by"])
 
 
-def b2(n: Arithmetic, given: Given) -> Found:
+def b2(n: Arithmetic, given: Given) -> Values:
     """The coupled example: Newton with the right equations, and with the Jacobian and the right side as printed."""
     m, pose, start = coupled(n, given)
     system = metu.slotted(m)
@@ -62,23 +62,23 @@ def b2(n: Arithmetic, given: Given) -> Found:
         "printed Jacobian": printed.metu_with_printed_jacobian(m),
         "printed right side": printed.metu_with_printed_residual(m),
     }
-    found: Found = {
+    values: Values = {
         "error": [_largest(q - pose) for q in n.newton(system, start, 4).iterates],
         "b1, c1, a1": [m.b1, m.c1, m.a1],
     }
-    found["error in complex form"] = found["error"]
+    values["error in complex form"] = values["error"]
     for name, other in wrong.items():
-        found[f"error with the {name}"] = [_largest(q - pose) for q in n.newton(other, start, 4).iterates]
+        values[f"error with the {name}"] = [_largest(q - pose) for q in n.newton(other, start, 4).iterates]
     if isinstance(n, Binary64):
         exact = jacobian(system.phi, start, Scheme.COMPLEX_STEP)
         off = np.abs(exact - printed.metu_jacobian(m, start))
-        found["largest |J - printed J|"] = float(np.max(off))
-        found["wrong entries of the printed J"] = [[int(i) + 1, int(j) + 1] for i, j in np.argwhere(off > 1e-9)]
-        found["largest |J - right J|"] = float(np.max(np.abs(exact - system.phi_q(start))))
-    return found
+        values["largest |J - printed J|"] = float(np.max(off))
+        values["wrong entries of the printed J"] = [[int(i) + 1, int(j) + 1] for i, j in np.argwhere(off > 1e-9)]
+        values["largest |J - right J|"] = float(np.max(np.abs(exact - system.phi_q(start))))
+    return values
 
 
-def loops_b2(given: Given) -> Found:
+def loops_b2(given: Given) -> Values:
     """The same iteration with the loops as vectors, in real and in complex form."""
     n = Binary64()
     m, pose, start = coupled(n, given)
@@ -88,16 +88,16 @@ def loops_b2(given: Given) -> Found:
     return {"error": errors[0], "error in complex form": errors[1]}
 
 
-def b3(n: Arithmetic, given: Given) -> Found:
+def b3(n: Arithmetic, given: Given) -> Values:
     """The update: unknowns and their names, and the sign of E in A delta = E."""
     m, pose, start = coupled(n, given)
     system = metu.slotted(m)
     step = n.solve(system.phi_q(start), system.phi(start))
-    found: Found = {"error before": _largest(start - pose)}
-    found["error after delta = -A^-1 F"] = _largest(start - step - pose)
-    found["error after delta = +A^-1 F"] = _largest(start + step - pose)
-    found["unknowns"] = list(loops.slotted(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0).unknowns)
-    return found
+    values: Values = {"error before": _largest(start - pose)}
+    values["error after delta = -A^-1 F"] = _largest(start - step - pose)
+    values["error after delta = +A^-1 F"] = _largest(start + step - pose)
+    values["unknowns"] = list(loops.slotted(1.0, 1.0, 1.0, 1.0, 1.0, 1.0, 0.0).unknowns)
+    return values
 
 
 READINGS = list(product((-1, 1), (-1, 1), (-1, 1), (-1, 1)))
@@ -132,39 +132,39 @@ def guess(n: Arithmetic, given: Given) -> Any:
     return np.array([*(n(x) * degree for x in given["guess"][:3]), n(given["guess"][3])])
 
 
-def b5(n: Arithmetic, given: Given) -> Found:
+def b5(n: Arithmetic, given: Given) -> Values:
     """The rapier drive at theta12 = 60 degrees, in both readings of its lost figure."""
     degree = n.pi / 180
-    found: Found = {}
+    values: Values = {}
     for name, reading in (("R1", R1), ("R2", R2)):
         q = n.root(rapier(n, given, reading, n(given["theta12"]) * degree), guess(n, given))
-        found[name] = [*(angle / degree for angle in q[:3]), q[3]]
+        values[name] = [*(angle / degree for angle in q[:3]), q[3]]
     near = n.vector([*given["R2 stops near"], "1", "1", "-0.5", "-500"])
-    found["R2: the crank stops at"] = n.root(metu.rapier_fold(lengths(n, given, R2)), near)[4] / degree
-    return found
+    values["R2: the crank stops at"] = n.root(metu.rapier_fold(lengths(n, given, R2)), near)[4] / degree
+    return values
 
 
-def loops_b5(given: Given) -> Found:
+def loops_b5(given: Given) -> Values:
     """The same with the loops as vectors, and over the whole cycle."""
     n = Binary64()
     start, at = guess(n, given), math.radians(float(given["theta12"]))
-    found: Found = {}
+    values: Values = {}
     for name in ("R1", "R2"):
         result = loops.close(loops.rapier(name, at), start)
-        found[name] = [*np.degrees(result.q[:3]), result.q[3]]
-        found[f"{name}: iterations"] = result.iterations
+        values[name] = [*np.degrees(result.q[:3]), result.q[3]]
+        values[f"{name}: iterations"] = result.iterations
     turn = Polynomial(coefficients=(at, 1.0))
     times = np.linspace(0.0, math.tau, 721).tolist()
     whole = loops.march(loops.rapier("R1", turn), times, start)
-    found["R1: times reached of a turn"] = whole.reached
-    found["R1: stroke"] = float(np.ptp(whole.q[3]))
+    values["R1: times reached of a turn"] = whole.reached
+    values["R1: stroke"] = float(np.ptp(whole.q[3]))
     quarters = np.linspace(0.0, math.tau, 1441).tolist()
     part = loops.march(loops.rapier("R2", turn), quarters, start)
-    found["R2: last theta12 reached"] = math.degrees(at + quarters[part.reached - 1])
-    return found
+    values["R2: last theta12 reached"] = math.degrees(at + quarters[part.reached - 1])
+    return values
 
 
-def b4(n: Arithmetic, given: Given) -> Found:
+def b4(n: Arithmetic, given: Given) -> Values:
     """The guidance: fewer than ten iterations, steps below ten degrees, the previous pose as the guess; and too far."""
     if isinstance(n, Balls):
         return {}
@@ -191,7 +191,7 @@ def _assembly(q: Any) -> str:
     return "open" if math.sin(q[1] - q[0]) > 0 else "crossed"
 
 
-def refkin_b4(given: Given) -> Found:
+def refkin_b4(given: Given) -> Values:
     """A sweep over the same coarse times changes its step, and not the assembly."""
     linkage = FourBar(*(float(r) for r in given["r"]))
     samples = 360 // int(given["coarse step"]) + 1
@@ -204,7 +204,7 @@ def _largest(x: Any) -> Any:
     return max(abs(v) for v in x)
 
 
-def scan_b5(given: Given) -> Found:
+def scan_b5(given: Given) -> Values:
     """Of all readings of the lost figure: those within 45 degrees of the guess, and of them those that turn fully."""
     n, near, turning = Binary64(), [], []
     start, at = guess(n, given), float(given["theta12"])
@@ -233,7 +233,7 @@ def _turns(n: Binary64, given: Given, reading: Signs, q: Any) -> bool:
     return True
 
 
-def b6(n: Arithmetic, given: Given) -> Found:
+def b6(n: Arithmetic, given: Given) -> Values:
     """The three ways to end: a root, a new estimate where the slope vanishes, no solution after m steps."""
     if isinstance(n, Balls):
         return {}
@@ -249,21 +249,21 @@ def b6(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def b7(n: Arithmetic, given: Given) -> Found:
+def b7(n: Arithmetic, given: Given) -> Values:
     """Least squares from the guess of B5: the same root; at a crank angle that reading R2 cannot reach, a minimum."""
     degree = n.pi / 180
     q = n.root(rapier(n, given, R1, n(given["theta12"]) * degree), guess(n, given))
-    found: Found = {"R1": [*(angle / degree for angle in q[:3]), q[3]]}
+    values: Values = {"R1": [*(angle / degree for angle in q[:3]), q[3]]}
     if isinstance(n, Binary64):
         beyond = math.radians(float(given["beyond the limit of R2"]))
         stalled = loops.minimise(loops.rapier("R2", beyond), guess(n, given))
-        found["beyond the limit: status"] = stalled.status.name
-        found["beyond the limit: gap in mm"] = stalled.gap
-    return found
+        values["beyond the limit: status"] = stalled.status.name
+        values["beyond the limit: gap in mm"] = stalled.gap
+    return values
 
 
-def loops_b7(given: Given) -> Found:
+def loops_b7(given: Given) -> Values:
     """The same root by minimising the sum of squared closure errors of the loops as vectors."""
     n = Binary64()
-    found = loops.minimise(loops.rapier("R1", math.radians(float(given["theta12"]))), guess(n, given))
-    return {"R1": [*np.degrees(found.q[:3]), found.q[3]], "status": found.status.name}
+    minimum = loops.minimise(loops.rapier("R1", math.radians(float(given["theta12"]))), guess(n, given))
+    return {"R1": [*np.degrees(minimum.q[:3]), minimum.q[3]], "status": minimum.status.name}

@@ -9,7 +9,7 @@ import numpy as np
 
 from crosscheck.documents import loops
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
-from crosscheck.documents.ledger.me451 import Found, Given
+from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.moving_points import point_parts, rod_and_block
 from crosscheck.documents.systems import printed, shabana
 from refkin.analysis import acceleration, velocity
@@ -30,13 +30,13 @@ def radians(n: Arithmetic, given: Given, *keys: str) -> list[Any]:
     return [n(given[key]) * n.pi / 180 for key in keys]
 
 
-def d3(n: Arithmetic, given: Given) -> Found:
+def d3(n: Arithmetic, given: Given) -> Values:
     """At s + l = p + q the shortest link still turns fully: the law of Grashof is s + l <= p + q."""
     ground, crank, coupler, rocker = (n(x) for x in given["lengths"])
     return {"s + l": ground + crank, "p + q": coupler + rocker}
 
 
-def refkin_d3(given: Given) -> Found:
+def refkin_d3(given: Given) -> Values:
     """Class and range of a linkage at its change point."""
     linkage = FourBar(*(float(x) for x in given["lengths"]))
     farthest = linkage.closure_margin(math.pi)
@@ -47,7 +47,7 @@ def refkin_d3(given: Given) -> Found:
     }
 
 
-def d4(n: Arithmetic, given: Given) -> Found:
+def d4(n: Arithmetic, given: Given) -> Values:
     """Both assemblies of the offset slider-crank; what asin alone gives; the loop with its signs as first printed."""
     l2, l3, h = numbers(n, given, "l2", "l3", "h")
     (theta2,) = radians(n, given, "theta2")
@@ -64,7 +64,7 @@ def d4(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def refkin_d4(given: Given) -> Found:
+def refkin_d4(given: Given) -> Values:
     """Both assemblies of the linkage."""
     linkage = SliderCrank(*(float(given[key]) for key in ("l2", "l3", "h")))
     at = math.radians(float(given["theta2"]))
@@ -75,7 +75,7 @@ def refkin_d4(given: Given) -> Found:
     }
 
 
-def d5(n: Arithmetic, given: Given) -> Found:
+def d5(n: Arithmetic, given: Given) -> Values:
     """Velocity and acceleration of the slider-crank in closed form."""
     l2, l3, h, rate, second = numbers(n, given, "l2", "l3", "h", "theta2'", "theta2''")
     (theta2,) = radians(n, given, "theta2")
@@ -87,7 +87,7 @@ def d5(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def loops_d5(given: Given) -> Found:
+def loops_d5(given: Given) -> Values:
     """The same rates from the differentiated loop."""
     n = Binary64()
     at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
@@ -99,7 +99,7 @@ def loops_d5(given: Given) -> Found:
     return {"theta3', x'": qd, "theta3'', x''": system.acceleration(q, qd, 0.0)}
 
 
-def refkin_d5(given: Given) -> Found:
+def refkin_d5(given: Given) -> Values:
     """The same rates in absolute coordinates."""
     n = Binary64()
     linkage = SliderCrank(*numbers(n, given, "l2", "l3", "h"))
@@ -113,15 +113,15 @@ def refkin_d5(given: Given) -> Found:
     return {"theta3', x'": qd[wanted], "theta3'', x''": qdd[wanted]}
 
 
-def d6(n: Arithmetic, given: Given) -> Found:
+def d6(n: Arithmetic, given: Given) -> Values:
     """The determinant is l3 cos(theta3): at theta3 = 0 it is largest, at 90 degrees it vanishes."""
     l2, l3 = numbers(n, given, "l2", "l3")
     slopes = [shabana.slider_crank(l2, l3, n("0"), n("1")).phi_q(n.vector([angle, "1"])) for angle in ("0", "1")]
-    found: Found = {"det at theta3 = 0": n.det(slopes[0]), "det at theta3 = 1 rad": n.det(slopes[1])}
-    found["l3 cos(1 rad)"] = l3 * np.cos(n("1"))
+    values: Values = {"det at theta3 = 0": n.det(slopes[0]), "det at theta3 = 1 rad": n.det(slopes[1])}
+    values["l3 cos(1 rad)"] = l3 * np.cos(n("1"))
     if isinstance(n, Binary64):
-        found["rank of the loop in theta2, theta3, x for l2 = l3 at 90 degrees"] = _rank_at_bifurcation()
-    return found
+        values["rank of the loop in theta2, theta3, x for l2 = l3 at 90 degrees"] = _rank_at_bifurcation()
+    return values
 
 
 def _rank_at_bifurcation() -> int:
@@ -132,7 +132,7 @@ def _rank_at_bifurcation() -> int:
     return int(np.linalg.matrix_rank(np.column_stack([by_theta2, free.jacobian(q, 0.0)]), tol=1e-12))
 
 
-def d7(n: Arithmetic, given: Given) -> Found:
+def d7(n: Arithmetic, given: Given) -> Values:
     """The Coriolis example: rates, accelerations, and both with the terms that are printed."""
     l1, l2, rate, second = numbers(n, given, "l1", "l2", "theta2'", "theta2''")
     (theta2,) = radians(n, given, "theta2")
@@ -158,7 +158,7 @@ def turned(angle: Any, quarters: int) -> Any:
     return np.array([-s, c]) if quarters else np.array([c, s])
 
 
-def loops_d7(given: Given) -> Found:
+def loops_d7(given: Given) -> Values:
     """The same rates from the differentiated loop."""
     n = Binary64()
     at, rate, second = math.radians(float(given["theta2"])), *numbers(n, given, "theta2'", "theta2''")
@@ -170,7 +170,7 @@ def loops_d7(given: Given) -> Found:
     return {"theta3, x": q, "theta3', x'": qd, "theta3'', x''": system.acceleration(q, qd, 0.0)}
 
 
-def refkin_d7(given: Given) -> Found:
+def refkin_d7(given: Given) -> Values:
     """The rod from the motion of the pin that it guides, and the parts of the block's acceleration in it."""
     n = Binary64()
     l1, l2, rate, second = numbers(n, given, "l1", "l2", "theta2'", "theta2''")
@@ -189,7 +189,7 @@ def refkin_d7(given: Given) -> Found:
     }
 
 
-def d8(n: Arithmetic, given: Given) -> Found:
+def d8(n: Arithmetic, given: Given) -> Values:
     """The driven two-link arm: velocities, accelerations, C_t with nine entries."""
     l2, l3, w2, w3 = numbers(n, given, "l2", "l3", "omega2", "omega3")
     theta2, theta3 = radians(n, given, "theta2", "theta3")
@@ -197,7 +197,7 @@ def d8(n: Arithmetic, given: Given) -> Found:
     return {"R2', R3'": velocity_, "R2'', R3''": acceleration_, "C_t": [0, 0, 0, 0, 0, 0, 0, -w2, -w3]}
 
 
-def refkin_d8(given: Given) -> Found:
+def refkin_d8(given: Given) -> Values:
     """The same arm with bodies and joints, its link 1 a body that is fixed to the ground."""
     n = Binary64()
     l2, l3, w2, w3 = numbers(n, given, "l2", "l3", "omega2", "omega3")
@@ -229,12 +229,12 @@ def two_link(l2: float, l3: float, first: tuple[float, float], second: tuple[flo
     return Mechanism(tuple(Body(name=name) for name in "123"), joints, drivers)
 
 
-def d9(n: Arithmetic, given: Given) -> Found:
+def d9(n: Arithmetic, given: Given) -> Values:
     """Linear constraints whose Jacobian is singular: one of them twice."""
     return {} if isinstance(n, Balls) else {"constraints": 3}
 
 
-def refkin_d9(given: Given) -> Found:
+def refkin_d9(given: Given) -> Values:
     """Rank and determinant with bodies and drivers."""
     still = Polynomial(coefficients=(0.0,))
     drivers = (

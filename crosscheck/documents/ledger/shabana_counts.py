@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Binary64
-from crosscheck.documents.ledger.me451 import Found, Given
+from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.ledger.shabana import numbers
 from crosscheck.documents.ledger.shabana_four_bar import norm
 from crosscheck.documents.ledger.shabana_slider_crank import theta3_at
@@ -27,12 +27,12 @@ RSSR = (
 )
 
 
-def d1(n: Arithmetic, given: Given) -> Found:
+def d1(n: Arithmetic, given: Given) -> Values:
     """Gruebler's count of the slider-crank: 3 * 4 - 11."""
     return {"coordinates": 3 * int(given["bodies"]), "equations": sum(int(rows) for rows in given["rows"])}
 
 
-def refkin_d1(given: Given) -> Found:
+def refkin_d1(given: Given) -> Values:
     """Count and rank of the linkage."""
     n = Binary64()
     linkage = SliderCrank(crank=0.2, rod=0.35)
@@ -47,12 +47,12 @@ def refkin_d1(given: Given) -> Found:
     }
 
 
-def d2(n: Arithmetic, given: Given) -> Found:
+def d2(n: Arithmetic, given: Given) -> Values:
     """Gruebler's count of the RSSR: 6 * 4 - 22; the rank is open until there are spatial bodies."""
     return {"coordinates": 6 * int(given["bodies"]), "equations": sum(int(rows) for rows in given["rows"])}
 
 
-def refkin_d2(given: Given) -> Found:
+def refkin_d2(given: Given) -> Values:
     """The count by kinds of joints, with the spin that moves nothing else."""
     counted = gruebler(RSSR, "spatial")
     return {
@@ -63,12 +63,12 @@ def refkin_d2(given: Given) -> Found:
     }
 
 
-def d20(n: Arithmetic, given: Given) -> Found:
+def d20(n: Arithmetic, given: Given) -> Values:
     """The norms of the printed vectors, divided by the number of equations."""
     return {name: norm(n, n.vector(given[name])) for name in ("C(q1)", "dq1")}
 
 
-def refkin_d20(given: Given) -> Found:
+def refkin_d20(given: Given) -> Values:
     """`ScaledNorms` stops just above these norms, and not just below."""
     n = Binary64()
     residual, correction = n.vector(given["C(q1)"]), n.vector(given["dq1"])
@@ -79,7 +79,7 @@ def refkin_d20(given: Given) -> Found:
     }
 
 
-def d21(n: Arithmetic, given: Given) -> Found:
+def d21(n: Arithmetic, given: Given) -> Values:
     """theta_0 + the integral of a rate: polynomial, sinusoid, and the spline through a cubic, which is that cubic."""
     t, initial = n(given["t"]), n(given["initial"])
     a, w, p = numbers(n, given, "amplitude", "frequency", "phase")
@@ -92,7 +92,7 @@ def d21(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def refkin_d21(given: Given) -> Found:
+def refkin_d21(given: Given) -> Values:
     """The laws that drivers follow."""
     n = Binary64()
     t, initial = n(given["t"]), n(given["initial"])
@@ -108,13 +108,13 @@ def refkin_d21(given: Given) -> Found:
     return {name: float(law(t)) for name, law in laws.items()}
 
 
-def d22(n: Arithmetic, given: Given) -> Found:
+def d22(n: Arithmetic, given: Given) -> Values:
     """A spur pair and a rack with its pinion: what rolling without sliding makes of an input angle."""
     a_i, a_j, turned, radius = numbers(n, given, "a_i", "a_j", "theta_i", "radius")
     return {"spur: theta_j": -a_i / a_j * turned, "rack: travel": radius * turned}
 
 
-def refkin_d22(given: Given) -> Found:
+def refkin_d22(given: Given) -> Values:
     """The same with gear and rack as joints."""
     n = Binary64()
     a_i, a_j, turned, radius = numbers(n, given, "a_i", "a_j", "theta_i", "radius")
@@ -148,12 +148,12 @@ def _rack(radius: float, turned: float) -> float:
     return float(position(system, np.array([0.0, -radius, 0.0]), 0.0).q[0])
 
 
-def d24(n: Arithmetic, given: Given) -> Found:
+def d24(n: Arithmetic, given: Given) -> Values:
     """Mobility 0: three pins between two links and the ground; nothing but the count is to be computed."""
     return {}
 
 
-def refkin_d24(given: Given) -> Found:
+def refkin_d24(given: Given) -> Values:
     """The count, and what it is called."""
     counted = gruebler([tuple(joint) for joint in given["joints"]])
     return {"mobility": counted.mobility, "name": counted.kind}

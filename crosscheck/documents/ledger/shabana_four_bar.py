@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Binary64
-from crosscheck.documents.ledger.me451 import Found, Given
+from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.systems import SquareSystem, shabana
 from refkin.analysis import acceleration, velocity
 from refkin.motion_laws import Polynomial
@@ -33,7 +33,7 @@ def norm(n: Arithmetic, vector: Any) -> Any:
     return np.sqrt(sum(x * x for x in vector)) / len(vector)
 
 
-def d10(n: Arithmetic, given: Given) -> Found:
+def d10(n: Arithmetic, given: Given) -> Values:
     """Two Newton steps; and the first as it comes out of the matrices that are printed, with four digits."""
     history = n.newton(four_bar(n, given), estimate(n, given), 2)
     rows = [[n(x) for x in row] for row in given["printed C_q(q0)"]]
@@ -68,7 +68,7 @@ def rates(n: Arithmetic, given: Given, system: SquareSystem, q: Any) -> tuple[An
     return qd, right, n.solve(slope, right)
 
 
-def d11(n: Arithmetic, given: Given) -> Found:
+def d11(n: Arithmetic, given: Given) -> Values:
     """With theta_0 = 63 degrees the crank is at 63 degrees + omega t: another pose, and a third residual of -0.1."""
     start = estimate(n, given)
     turned = n(given["omega"]) * n(given["t"])
@@ -84,7 +84,7 @@ def d11(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def d12(n: Arithmetic, given: Given) -> Found:
+def d12(n: Arithmetic, given: Given) -> Values:
     """The converged pose and its rates, and the rates at the once-iterated pose."""
     system = four_bar(n, given)
     q = n.root(system, estimate(n, given))
@@ -105,15 +105,17 @@ def d12(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def _fewest(n: Arithmetic, found: Any, truth: Any) -> int:
+def _fewest(n: Arithmetic, levels: Any, truth: Any) -> int:
     """Return the whole number of correct digits that the worst of some vectors has."""
     worst = max(
-        float(abs(a - b) / abs(b)) for x, y in zip(found, truth, strict=True) for a, b in zip(x[1:], y[1:], strict=True)
+        float(abs(a - b) / abs(b))
+        for x, y in zip(levels, truth, strict=True)
+        for a, b in zip(x[1:], y[1:], strict=True)
     )
     return math.floor(-math.log10(worst))
 
 
-def refkin_d12(given: Given) -> Found:
+def refkin_d12(given: Given) -> Values:
     """Pose and rates in absolute coordinates; the notes' rocker points the other way."""
     n = Binary64()
     l1, l2, l3, l4 = (float(x) for x in given["l"])
@@ -132,7 +134,7 @@ def refkin_d12(given: Given) -> Found:
     }
 
 
-def d13(n: Arithmetic, given: Given) -> Found:
+def d13(n: Arithmetic, given: Given) -> Values:
     """C_q qdd = +Q_d: with the minus that is printed the accelerations change their sign."""
     system = four_bar(n, given)
     q = n.root(system, estimate(n, given))
@@ -146,7 +148,7 @@ def d13(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def d14(n: Arithmetic, given: Given) -> Found:
+def d14(n: Arithmetic, given: Given) -> Values:
     """The other assembly, and the class."""
     system = four_bar(n, given)
     q = n.root(system, np.array([n(x) * n.pi / 180 for x in given["near"]]))
@@ -154,7 +156,7 @@ def d14(n: Arithmetic, given: Given) -> Found:
     return {"theta3, theta4 in degrees": [x * 180 / n.pi for x in q[1:]], "s + l": l2 + l1, "p + q": l3 + l4}
 
 
-def refkin_d14(given: Given) -> Found:
+def refkin_d14(given: Given) -> Values:
     """The other assembly of the linkage; the notes' rocker points the other way."""
     l1, l2, l3, l4 = (float(x) for x in given["l"])
     linkage = FourBar(ground=l1, crank=l2, coupler=l3, rocker=l4)

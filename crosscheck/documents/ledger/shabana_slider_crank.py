@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
-from crosscheck.documents.ledger.me451 import Found, Given
+from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.ledger.shabana import numbers
 from crosscheck.documents.systems import shabana
 from crosscheck.documents.systems.twelve_coordinates import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
@@ -35,28 +35,28 @@ def mechanism(l2: float, l3: float, law: Polynomial | Sinusoid, slider_driven: b
     return Mechanism(tuple(Body(name=name) for name in "1234"), joints, (driver,))
 
 
-def d15(n: Arithmetic, given: Given) -> Found:
+def d15(n: Arithmetic, given: Given) -> Values:
     """Rates at crank angles of 0, 1 and pi: closed form, and the system of twelve equations."""
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
-    found: Found = {}
+    values: Values = {}
     for name, theta2 in (("0", n("0")), ("1", n("1")), ("pi", n.pi * 1)):
         sine, x = shabana.slider_crank_position(l2, l3, n("0"), theta2, 1)
         theta3 = n.arcsin(sine)
         w3, xd = shabana.slider_crank_velocity(l2, l3, theta2, theta3, omega)
         second = shabana.slider_crank_acceleration(l2, l3, theta2, theta3, (omega, w3), n("0"))
-        found[f"x, theta3 at {name}"] = [x, theta3]
-        found[f"x', theta3' at {name}"] = [xd, w3]
-        found[f"x'', theta3'' at {name}"] = [second[1], second[0]]
+        values[f"x, theta3 at {name}"] = [x, theta3]
+        values[f"x', theta3' at {name}"] = [xd, w3]
+        values[f"x'', theta3'' at {name}"] = [second[1], second[0]]
     system = twelve_coordinates(l2, l3, n("1"))
     q = pose(l2, l3, n("1"), theta3_at(n, l2, l3, n("1")))
-    found["|det C_q| at 1"] = abs(n.det(system.phi_q(q)))
-    found["l3 cos(theta3) at 1"] = l3 * np.cos(theta3_at(n, l2, l3, n("1")))
+    values["|det C_q| at 1"] = abs(n.det(system.phi_q(q)))
+    values["l3 cos(theta3) at 1"] = l3 * np.cos(theta3_at(n, l2, l3, n("1")))
     zero = n("0")
     qd = n.solve(system.phi_q(q), [zero] * 11 + [omega])
     qdd = n.solve(system.phi_q(q), right_side(l2, l3, q, qd, zero))
-    found["twelve equations: x', theta3' at 1"] = [qd[9], qd[8]]
-    found["twelve equations: x'', theta3'' at 1"] = [qdd[9], qdd[8]]
-    return found
+    values["twelve equations: x', theta3' at 1"] = [qd[9], qd[8]]
+    values["twelve equations: x'', theta3'' at 1"] = [qdd[9], qdd[8]]
+    return values
 
 
 def theta3_at(n: Arithmetic, l2: Any, l3: Any, theta2: Any) -> Any:
@@ -64,22 +64,22 @@ def theta3_at(n: Arithmetic, l2: Any, l3: Any, theta2: Any) -> Any:
     return n.arcsin(-l2 * np.sin(theta2) / l3)
 
 
-def refkin_d15(given: Given) -> Found:
+def refkin_d15(given: Given) -> Values:
     """The same rates with four bodies."""
     n = Binary64()
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
-    found: Found = {}
+    values: Values = {}
     for name, theta2 in (("0", 0.0), ("1", 1.0), ("pi", math.pi)):
         system = compile_system(mechanism(l2, l3, Polynomial(coefficients=(theta2, omega))))
         q = pose(l2, l3, theta2, theta3_at(n, l2, l3, theta2)).astype(float)
         qd = velocity(system, q, 0.0)
         qdd = acceleration(system, q, qd, 0.0)
-        found[f"x', theta3' at {name}"] = qd[[9, 8]]
-        found[f"x'', theta3'' at {name}"] = qdd[[9, 8]]
-    return found
+        values[f"x', theta3' at {name}"] = qd[[9, 8]]
+        values[f"x'', theta3'' at {name}"] = qdd[[9, 8]]
+    return values
 
 
-def d16(n: Arithmetic, given: Given) -> Found:
+def d16(n: Arithmetic, given: Given) -> Values:
     """The slider driven by f(t) = 0.35 - 0.8 l2 sin(150 t): its start, its determinant, its C_t."""
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
     x = n(given["offset"])
@@ -101,7 +101,7 @@ def d16(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def refkin_d16(given: Given) -> Found:
+def refkin_d16(given: Given) -> Values:
     """The same start with four bodies."""
     n = Binary64()
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
@@ -118,31 +118,31 @@ def refkin_d16(given: Given) -> Found:
     }
 
 
-def d17(n: Arithmetic, given: Given) -> Found:
+def d17(n: Arithmetic, given: Given) -> Values:
     """At theta2 = theta3 = 0 the slider's system is singular, the crank's is not: the same pose, another actuator."""
     l2, l3 = numbers(n, given, "l2", "l3")
     q = pose(l2, l3, n("0"), n("0"))
     slider = twelve_coordinates(l2, l3, l2 + l3, SLIDER_DRIVEN).phi_q(q)
     crank = twelve_coordinates(l2, l3, n("0")).phi_q(q)
     relation = [a + b + c - d for a, b, c, d in zip(slider[5], slider[7], slider[11], slider[3], strict=True)]
-    found: Found = {
+    values: Values = {
         "largest of rows 6 + 8 + 12 - 4": max(abs(x) for x in relation),
         "|det| with the crank driven": abs(n.det(crank)),
     }
     if isinstance(n, Balls):  # the minor that leaves out row 4 and the column of theta2
         keep_rows, keep_columns = [k for k in range(12) if k != 3], [k for k in range(12) if k != 5]
         minor = n.det(slider[np.ix_(keep_rows, keep_columns)])
-        found["rank with the slider driven"] = 11 if minor != 0 else 0
-        found["rank with the crank driven"] = 12 if n.det(crank) != 0 else 0
-        return found
-    found["rank with the slider driven"] = int(np.linalg.matrix_rank(slider.astype(float)))
-    found["rank with the crank driven"] = int(np.linalg.matrix_rank(crank.astype(float)))
-    found["smallest singular value with the slider driven"] = float(np.linalg.svd(slider.astype(float))[1][-1])
-    found["condition with the crank driven"] = float(np.linalg.cond(crank.astype(float)))
-    return found
+        values["rank with the slider driven"] = 11 if minor != 0 else 0
+        values["rank with the crank driven"] = 12 if n.det(crank) != 0 else 0
+        return values
+    values["rank with the slider driven"] = int(np.linalg.matrix_rank(slider.astype(float)))
+    values["rank with the crank driven"] = int(np.linalg.matrix_rank(crank.astype(float)))
+    values["smallest singular value with the slider driven"] = float(np.linalg.svd(slider.astype(float))[1][-1])
+    values["condition with the crank driven"] = float(np.linalg.cond(crank.astype(float)))
+    return values
 
 
-def refkin_d17(given: Given) -> Found:
+def refkin_d17(given: Given) -> Values:
     """The same ranks with four bodies."""
     n = Binary64()
     l2, l3 = numbers(n, given, "l2", "l3")
@@ -157,7 +157,7 @@ def refkin_d17(given: Given) -> Found:
     }
 
 
-def d18(n: Arithmetic, given: Given) -> Found:
+def d18(n: Arithmetic, given: Given) -> Values:
     """Newton on the way to that pose: x = l2 + l3 - e."""
     if isinstance(n, Balls):
         return {}
@@ -175,7 +175,7 @@ def d18(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def d19(n: Arithmetic, given: Given) -> Found:
+def d19(n: Arithmetic, given: Given) -> Values:
     """What the curves of figures 3.36 to 3.39 reach over a turn of the crank."""
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")
     zero = n("0")
@@ -192,7 +192,7 @@ def d19(n: Arithmetic, given: Given) -> Found:
     }
 
 
-def refkin_d19(given: Given) -> Found:
+def refkin_d19(given: Given) -> Values:
     """The curves themselves, over a turn."""
     n = Binary64()
     l2, l3, omega = numbers(n, given, "l2", "l3", "omega")

@@ -59,7 +59,7 @@ class Assembly:
     remarks: list[str] = field(default_factory=list)
     unsure_turns: Mask = field(init=False)
     turns_of: Callable[[int], np.ndarray] | None = None
-    angles_found: list[np.ndarray] = field(default_factory=list)
+    known_angles: list[np.ndarray] = field(default_factory=list)
     meetings: list[Meeting] = field(default_factory=list)
 
     def __post_init__(self) -> None:
@@ -274,14 +274,14 @@ class Assembly:
         count = len(self.scene.times)
         value, rate = (np.broadcast_to(midpoint(part), (count,)) for part in (angle.v, angle.d))
         if self.turns_of is not None:
-            near = self.turns_of(len(self.angles_found))
+            near = self.turns_of(len(self.known_angles))
             turns = np.where(np.isfinite(value) & np.isfinite(near), np.round((near - value) / math.tau), 0.0)
         else:
             in_g, in_x = self._angle_estimate(g), self._angle_estimate(x)
             start = None if in_g is None or in_x is None else in_x - in_g
             turns, unsure = count_turns(np.array(self.scene.times), value, rate, start)
             self.unsure_turns |= unsure
-        self.angles_found.append(value + math.tau * turns)
+        self.known_angles.append(value + math.tau * turns)
         if not turns.any():
             return angle
         whole = self.arithmetic.row(tuple(2.0 * turns)) * self.arithmetic.pi()

@@ -182,7 +182,7 @@ def truth(scene: Scene, bits: int = 113) -> TrueMotion:
         floats = _floats(scene)
     for doubling in range(DOUBLINGS + 1):
         with ctx.workprec(bits << doubling):
-            solution = solve(scene, Balls(), lambda k: floats.assembly.angles_found[k])
+            solution = solve(scene, Balls(), lambda k: floats.assembly.known_angles[k])
             solution = replace(solution, sure_until=floats.sure_until, lost_after=floats.lost_after)
             motion, radii = _motion(solution, _route("arb"))
         if _sharp(scene, motion, radii):
@@ -228,11 +228,11 @@ def _route(name: str) -> Route:
 
 
 def _refuse(scene: Scene) -> None:
-    found = refusals(ClosedForm(), scene, Level.SOLVE)
+    reasons = refusals(ClosedForm(), scene, Level.SOLVE)
     extra = sum(c.rows for c in scene.mechanism.constraints) - 3 * len(scene.mechanism.bodies)
     if extra > 0:
-        found.append(f"closed_form refuses {scene.name!r}: {extra} redundant constraint{'s' * (extra > 1)}")
-    refuse(found)
+        reasons.append(f"closed_form refuses {scene.name!r}: {extra} redundant constraint{'s' * (extra > 1)}")
+    refuse(reasons)
 
 
 def _floats(scene: Scene) -> Solution:
@@ -309,10 +309,10 @@ def _status(solution: Solution, levels: list[Array]) -> tuple[Status, ...]:
         )
     if unsure.any():
         assembly.remarks.append(f"the turns of an angle are unsure after t = {solution.sure_until:.17g} s")
-    found = np.where(unsure, Status.NOT_CONVERGED, Status.OK)
-    found = np.where(lost, Status.BRANCH_LOST, found)
-    found = np.where(assembly.singular | ~finite, Status.SINGULAR, found)
-    return tuple(Status(word) for word in np.where(assembly.absent, Status.UNASSEMBLABLE, found))
+    status = np.where(unsure, Status.NOT_CONVERGED, Status.OK)
+    status = np.where(lost, Status.BRANCH_LOST, status)
+    status = np.where(assembly.singular | ~finite, Status.SINGULAR, status)
+    return tuple(Status(word) for word in np.where(assembly.absent, Status.UNASSEMBLABLE, status))
 
 
 def _blank(levels: list[Array], radii: list[Array], status: tuple[Status, ...]) -> None:
@@ -354,7 +354,7 @@ def _certified(scene: Scene, radii: list[Array]) -> CertifiedRadius:
 
 def _points(solution: Solution, status: tuple[Status, ...]) -> dict[str, PointMotion]:
     scene, number = solution.scene, solution.assembly.arithmetic.number
-    found = {}
+    motions = {}
     for point in scene.points:
         local = Planar(*(Jet(number(c)) for c in point.position))
         place = solution.ground.bodies[point.body].point(local)
@@ -362,8 +362,8 @@ def _points(solution: Solution, status: tuple[Status, ...]) -> dict[str, PointMo
         _blank(levels, radii, status)
         v = levels[1] if Effect.VELOCITY in scene.effects else None
         a = levels[2] if Effect.ACCELERATION in scene.effects else None
-        found[point.name] = PointMotion(r=levels[0], v=v, a=a)
-    return found
+        motions[point.name] = PointMotion(r=levels[0], v=v, a=a)
+    return motions
 
 
 def _sharp(scene: Scene, motion: Motion, radii: list[Array]) -> bool:

@@ -147,13 +147,13 @@ def _nodes(scene: Scene, linkage: Linkage) -> dict[Place, int]:
         if isinstance(element, PointsCoincide) and members[places[0]] is not members[places[1]]:
             merged = members[places[0]] + members[places[1]]
             members.update(dict.fromkeys(merged, merged))
-    found: dict[Place, int] = {}
+    node: dict[Place, int] = {}
     for place, together in members.items():
-        if place not in found:
-            found.update(dict.fromkeys(together, len(linkage.places)))
+        if place not in node:
+            node.update(dict.fromkeys(together, len(linkage.places)))
             linkage.places.append(tuple(together))
             linkage.labels.append(f"the point of {names[place]!r}")
-    return found
+    return node
 
 
 def _read_rows(linkage: Linkage, e: Element, nodes: dict[Place, int], scene: Scene, arithmetic: Arithmetic) -> None:

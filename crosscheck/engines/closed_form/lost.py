@@ -53,11 +53,11 @@ def lost_after(times: tuple[float, ...], solve: Solve) -> float:
     if len(times) < 2:
         return np.inf
     fine = np.unique(np.concatenate([np.linspace(a, b, PIECES + 1) for a, b in pairwise(times)]))
-    found = _Slacks.of(solve(tuple(fine)))
-    met = _first(fine, found.value)
-    least = (found.rate[:, :-1] < 0.0) & (found.rate[:, 1:] > 0.0) & (fine[1:] < met)
+    slacks = _Slacks.of(solve(tuple(fine)))
+    met = _first(fine, slacks.value)
+    least = (slacks.rate[:, :-1] < 0.0) & (slacks.rate[:, 1:] > 0.0) & (fine[1:] < met)
     which, k = np.nonzero(least)
-    at = [(fine[i], found.value[which, i], found.rate[which, i]) for i in (k, k + 1)]
+    at = [(fine[i], slacks.value[which, i], slacks.rate[which, i]) for i in (k, k + 1)]
     return min(met, _least(times[0], which, at, solve))
 
 

@@ -69,7 +69,7 @@ def _with_turns(scene: Scene) -> Solution:
         solution = solve(replace(scene, times=times), Floats())
     if times == scene.times:
         return solution
-    near = [found[np.searchsorted(times, scene.times)] for found in solution.assembly.angles_found]
+    near = [angles[np.searchsorted(times, scene.times)] for angles in solution.assembly.known_angles]
     unsure = np.nonzero(solution.assembly.unsure_turns)[0]
     sure_until = times[unsure[0]] if len(unsure) else np.inf
     return replace(solve(scene, Floats(), lambda k: near[k]), sure_until=sure_until)
@@ -83,18 +83,18 @@ def _gaps(drawn: Linkage, ground: Cluster, scene: Scene) -> list[Any]:
         node: [poses[body].point(c.nodes[node]) for c in drawn.clusters for body in c.bodies if node in c.nodes]
         for node in range(len(drawn.places))
     }
-    found: list[Any] = []
+    gaps: list[Any] = []
     for points in held.values():
-        found += [part.v / size for other in points[1:] for gap in [other - points[0]] for part in (gap.x, gap.y)]
+        gaps += [part.v / size for other in points[1:] for gap in [other - points[0]] for part in (gap.x, gap.y)]
     for angle in drawn.angles:
-        found.append(poses[angle.body_j].angle.v - poses[angle.body_i].angle.v - angle.value.v)
+        gaps.append(poses[angle.body_j].angle.v - poses[angle.body_i].angle.v - angle.value.v)
     for line in drawn.lines:
         pose = poses[line.body_i]
         gap = held[line.node][0] - pose.point(line.anchor)
-        found.append(((pose.turn * line.normal).dot(gap).v - line.value.v) / size)
+        gaps.append(((pose.turn * line.normal).dot(gap).v - line.value.v) / size)
     for row in drawn.distances:
-        found.append(((held[row.node_b][0] - held[row.node_a][0]).length().v - row.value.v) / size)
-    return found
+        gaps.append(((held[row.node_b][0] - held[row.node_a][0]).length().v - row.value.v) / size)
+    return gaps
 
 
 def _still(pose: Pose) -> Pose:

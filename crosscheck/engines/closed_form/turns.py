@@ -17,13 +17,13 @@ def count_turns(t: np.ndarray, value: np.ndarray, rate: np.ndarray, start: float
     an angle are passed over: behind them the nearest turns are taken, as no motion leads there.
     """
     turns, unsure = np.zeros(len(t)), np.zeros(max(len(t) - 1, 0), bool)
-    (found,) = np.nonzero(np.isfinite(value))
-    if not len(found):
+    (finite,) = np.nonzero(np.isfinite(value))
+    if not len(finite):
         return turns, unsure
-    v, r = value[found], np.where(np.isfinite(rate[found]), rate[found], 0.0)
-    off = (0.5 * (r[1:] + r[:-1]) * np.diff(t[found]) - np.diff(v)) / math.tau
+    v, r = value[finite], np.where(np.isfinite(rate[finite]), rate[finite], 0.0)
+    off = (0.5 * (r[1:] + r[:-1]) * np.diff(t[finite]) - np.diff(v)) / math.tau
     first = 0.0 if start is None or not math.isfinite(start) else np.round((start - v[0]) / math.tau)
-    turns[found] = first + np.concatenate([[0.0], np.cumsum(np.round(off))])
-    swept = np.maximum(np.abs(r[1:]), np.abs(r[:-1])) * np.diff(t[found])
-    unsure[found[:-1]] = ((np.abs(off - np.round(off)) > 0.125) | (swept > math.pi)) & (np.diff(found) == 1)
+    turns[finite] = first + np.concatenate([[0.0], np.cumsum(np.round(off))])
+    swept = np.maximum(np.abs(r[1:]), np.abs(r[:-1])) * np.diff(t[finite])
+    unsure[finite[:-1]] = ((np.abs(off - np.round(off)) > 0.125) | (swept > math.pi)) & (np.diff(finite) == 1)
     return turns, unsure

@@ -22,7 +22,7 @@ MASS = 7.0
 class Effect:
     """What is added to a system, in words and as a function."""
 
-    told: str
+    description: str
     add: Callable[[Builder], None]
 
 

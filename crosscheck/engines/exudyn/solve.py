@@ -83,8 +83,8 @@ class StaticNewton:
             done = self._newton(tolerance * extent)
             left = _largest(model.solver.GetSystemResidual()[model.n :])
             if done:
-                found: Array = model.data.GetODE2Coordinates(CURRENT)
-                return found if left <= 2.0 * EPS else self._corrected_once_more(found, tolerance * extent)
+                q: Array = model.data.GetODE2Coordinates(CURRENT)
+                return q if left <= 2.0 * EPS else self._corrected_once_more(q, tolerance * extent)
             if not left < STALLED * extent:
                 break
         raise EngineError("its Newton did not converge")
@@ -198,35 +198,35 @@ class Marcher:
 
     def run(self, start: Array) -> Poses:
         """Return the poses at all times of the scene, from an estimate of the first."""
-        times, found = self.scene.times, list[Pose | EngineError]()
+        times, answers = self.scene.times, list[Pose | EngineError]()
         start = self._on_the_turn_meant(start)
         lost = True
-        while len(found) < len(times):
-            t = times[len(found)]
+        while len(answers) < len(times):
+            t = times[len(answers)]
             try:
                 if self.last is None or lost or not self.solver.predicts:
                     poses = [self._pose(t, start if self.last is None else self.last.q)]
                 else:
-                    poses = self._several(found, self.last, times[len(found) : len(found) + self.at_once])
+                    poses = self._several(answers, self.last, times[len(answers) : len(answers) + self.at_once])
                     self.at_once = min(2 * self.at_once, AT_ONCE) if poses else max(self.at_once // 2, 1)
                     poses = poses or [self._advanced(self.last, t)]
             except BranchLostError as error:
-                found += [error] * (len(times) - len(found))
+                answers += [error] * (len(times) - len(answers))
             except EngineError as error:
-                found.append(error)
+                answers.append(error)
                 lost = True
             else:
-                found += poses
+                answers += poses
                 self.last, self.sign, lost = poses[-1], self.sign or poses[-1].sign, False
-        return self._with_rates(found)
+        return self._with_rates(answers)
 
-    def _with_rates(self, found: Sequence[Pose | EngineError]) -> Poses:
+    def _with_rates(self, answers: Sequence[Pose | EngineError]) -> Poses:
         """Return what was found at the times, with velocity and acceleration as far as the scene calls for them."""
-        q, qd, qdd = (np.full((self.model.n, len(found)), np.nan) for _ in range(3))
-        residual, status, reason = np.full(len(found), np.nan), [Status.NOT_CONVERGED] * len(found), ""
-        there = [k for k, pose in enumerate(found) if isinstance(pose, Pose)]
-        poses = [pose for pose in found if isinstance(pose, Pose)]
-        for k, pose in enumerate(found):
+        q, qd, qdd = (np.full((self.model.n, len(answers)), np.nan) for _ in range(3))
+        residual, status, reason = np.full(len(answers), np.nan), [Status.NOT_CONVERGED] * len(answers), ""
+        there = [k for k, pose in enumerate(answers) if isinstance(pose, Pose)]
+        poses = [pose for pose in answers if isinstance(pose, Pose)]
+        for k, pose in enumerate(answers):
             if isinstance(pose, Pose):
                 q[:, k], residual[k], status[k] = pose.q, pose.residual, Status.OK
             else:
@@ -247,7 +247,7 @@ class Marcher:
                 status[k], qd[:, k], qdd[:, k] = Status.SINGULAR, np.nan, np.nan
         return Poses(q, qd, qdd, residual, status, reason)
 
-    def _several(self, found: Sequence[Pose | EngineError], last: Pose, times: Sequence[float]) -> list[Pose]:
+    def _several(self, answers: Sequence[Pose | EngineError], last: Pose, times: Sequence[float]) -> list[Pose]:
         """Return poses at the first of the next times: those that plainly continue the motion one after another.
 
         Each starts on the polynomial through the poses before it. Then the tests of `_pose` are made on all of them;
@@ -255,7 +255,7 @@ class Marcher:
         """
         if not self.sign:
             return []
-        known = [(pose.t, pose.q) for pose in found[-4:] if isinstance(pose, Pose)] or [(last.t, last.q)]
+        known = [(pose.t, pose.q) for pose in answers[-4:] if isinstance(pose, Pose)] or [(last.t, last.q)]
         first, rows, model = len(known), list[tuple[Array, Array, Array]](), self.model
         try:
             for t in times:

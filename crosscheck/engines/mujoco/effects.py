@@ -16,7 +16,7 @@ from crosscheck.engines.mujoco.model import Plan, mujoco, switch_on
 class Effect:
     """What is done to a plan, in words and as a function."""
 
-    told: str
+    description: str
     switch: Callable[[Plan], None]
 
 

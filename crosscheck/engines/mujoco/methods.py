@@ -106,22 +106,22 @@ class Samples:
                 break
         else:
             self.q[np.max(np.abs(step), axis=1) > self.limit] = np.nan
-        found = [self.q.copy()]
+        levels = [self.q.copy()]
         if order == 0:
-            return found
+            return levels
         _, jacobian = self._closure()
         self.v[:, held] = rates[0]
         self.v[:, free] = -solved_rows(jacobian[..., free], _times(jacobian[..., held], rates[0]))
-        found.append(self.v.copy())
+        levels.append(self.v.copy())
         if order == 1:
-            return found
+            return levels
         self.batch.forward()
         ends = self.sensed.reshape(self.count, -1, 2, 3)[..., :2]
         drift = (ends[:, :, 0] - ends[:, :, 1]).reshape(self.count, -1) - _times(jacobian, self.qacc)
-        a = np.empty_like(found[0])
+        a = np.empty_like(levels[0])
         a[:, held] = rates[1]
         a[:, free] = -solved_rows(jacobian[..., free], drift + _times(jacobian[..., held], rates[1]))
-        return [*found, a]
+        return [*levels, a]
 
     def _closure(self) -> tuple[Any, Any]:
         """Return the gaps of the loops (count, 2 L) and their Jacobians (count, 2 L, n)."""
@@ -136,9 +136,9 @@ class Samples:
 
     def from_tree(self, q: Any) -> Any:
         """Return tree coordinates (..., n) in the order of MuJoCo's joints."""
-        found = np.empty_like(q)
-        found[..., self.columns] = q
-        return found
+        coordinates = np.empty_like(q)
+        coordinates[..., self.columns] = q
+        return coordinates
 
 
 def _times(matrix: Any, vector: Any) -> Any:
@@ -162,8 +162,8 @@ class Sweep:
 
     def solve(self, order: int) -> list[Any]:
         """Return tree coordinates and rates (n, T) up to an order."""
-        found = self.samples.solved(self._guess(), self.values[1:], order)
-        return [level[:, self.samples.columns].T for level in found]
+        levels = self.samples.solved(self._guess(), self.values[1:], order)
+        return [level[:, self.samples.columns].T for level in levels]
 
     def _guess(self) -> Any:
         """Return guesses (T, n): the start where there is one time, else cubics between the coarse poses."""
@@ -231,16 +231,16 @@ class Many:
     def solve(self, order: int) -> list[Any]:
         """Return tree coordinates and rates (T, M, n) up to an order; guesses take all rates."""
         values, held = self.loops.clock.values[:, :, 0], self.samples.held
-        found: list[list[Any]] = []
+        poses: list[list[Any]] = []
         for k in range(len(self.t)):
             if k == 0:
                 guess = self.start.copy()
             else:
-                h, (q, v, a) = self.t[k] - self.t[k - 1], found[-1]
+                h, (q, v, a) = self.t[k] - self.t[k - 1], poses[-1]
                 guess = q + h * (v + 0.5 * h * a)
             guess[:, held] = values[0, k]
-            found.append(self.samples.solved(guess, values[1:, k, None], 2))
-        return [np.array([pose[level] for pose in found])[..., self.samples.columns] for level in range(order + 1)]
+            poses.append(self.samples.solved(guess, values[1:, k, None], 2))
+        return [np.array([pose[level] for pose in poses])[..., self.samples.columns] for level in range(order + 1)]
 
     def read(self, levels: list[Any]) -> Iterator[Any]:
         """Yield the answers, mechanism by mechanism."""

@@ -77,9 +77,9 @@ def stepped(tree: JointTree, scene: Scene) -> March:
     status = [Status.NOT_CONVERGED] * len(scene.times)
     q = tree.start()
     for k, t in enumerate(scene.times):
-        found = simulation.at_rest(q, t)
-        if found is not None:
-            q, status[k] = found, Status.OK
+        pose = simulation.at_rest(q, t)
+        if pose is not None:
+            q, status[k] = pose, Status.OK
             levels[:, k], residual[k] = q, simulation.violation()
     return March((levels,), tuple(status), residual)
 

@@ -78,8 +78,8 @@ def stepping_methods() -> Iterator[Method]:
         for setting in settings:
             yield _stepping(name, setting)
     for name, springs in SPRINGS.items():
-        for told, setting in springs.items():
-            yield _stepping(name, setting, told)
+        for wording, setting in springs.items():
+            yield _stepping(name, setting, wording)
     for count in RELAXATIONS:
         yield Method(
             engine="mujoco",
@@ -94,14 +94,14 @@ def stepping_methods() -> Iterator[Method]:
         )
 
 
-def _stepping(name: str, setting: Setting, told: str = "") -> Method:
+def _stepping(name: str, setting: Setting, wording: str = "") -> Method:
     """Return stepping at one setting, which is the number of steps unless it is something else."""
     steps = f"{setting.steps} step{'s' * (setting.steps > 1)} between times"
     spring = "default" if setting.timeconst is None else f"{setting.timeconst:g}h, solimp {setting.impedance:g}"
     return Method(
         engine="mujoco",
         name=name,
-        setting=told or steps,
+        setting=wording or steps,
         newton_by=NOBODY,
         uses=frozenset({Use.PRICE}),
         build=partial(_stepped, setting),
@@ -211,15 +211,15 @@ class Stepper:
         held, model, data = self._reset(clock, HEAVY), self.model, self.data
         model.opt.timestep, model.opt.tolerance = 1.0, 0.0
         model.opt.disableflags = self.flags | int(mujoco.mjtDisableBit.mjDSBL_REFSAFE)
-        found = np.empty((len(self.q), len(self.scene.times)))
+        q = np.empty((len(self.q), len(self.scene.times)))
         for k in range(len(self.scene.times)):
             data.qvel[:] = 0.0
             for _ in range(count):
                 data.qpos[held], data.qvel[held] = clock.values[0, k, 0], 0.0
                 mujoco.mj_step(model, data)
             data.qpos[held] = clock.values[0, k, 0]
-            found[:, k] = data.qpos[self.columns]
-        return self._restored([found])
+            q[:, k] = data.qpos[self.columns]
+        return self._restored([q])
 
     def _restored(self, levels: list[Array]) -> list[Array]:
         """Return the levels, the constraints being again as the rows are read: without any stabilisation."""

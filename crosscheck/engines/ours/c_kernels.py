@@ -36,16 +36,16 @@ def compiler() -> str:
     """
     wanted = os.environ.get("CC")
     for name in (wanted,) if wanted else COMPILERS:
-        found = shutil.which(name)
-        if found:
-            return found
+        path = shutil.which(name)
+        if path:
+            return path
     raise EngineError(f"no C compiler: looked for {wanted or ', '.join(COMPILERS)}")
 
 
 def compiler_version() -> str:
     """Return the first line of what the compiler says of itself, with the flags."""
-    told = subprocess.run([compiler(), "--version"], capture_output=True, text=True, check=False, timeout=SECONDS)
-    first = (told.stdout.strip().splitlines() or ["unknown"])[0]
+    process = subprocess.run([compiler(), "--version"], capture_output=True, text=True, check=False, timeout=SECONDS)
+    first = (process.stdout.strip().splitlines() or ["unknown"])[0]
     return f"{first} ({' '.join(FLAGS[:2])})"
 
 
@@ -72,11 +72,11 @@ def library(source: str, **generated: str) -> Any:
             (folder / f"{header}.h").write_text(text, encoding="utf-8")
         command = [compiler(), *FLAGS, "-o", str(folder / "kernel.so"), str(folder / source), "-lm"]
         try:
-            told = subprocess.run(command, capture_output=True, text=True, check=False, timeout=SECONDS)
+            process = subprocess.run(command, capture_output=True, text=True, check=False, timeout=SECONDS)
         except subprocess.TimeoutExpired as error:
             raise EngineError(f"the C compiler took more than {SECONDS:.0f} s for {source}") from error
-        if told.returncode:
-            raise EngineError(f"the C compiler refused {source}: {(told.stderr.strip().splitlines() or ['?'])[0]}")
+        if process.returncode:
+            raise EngineError(f"the C compiler refused {source}: {(process.stderr.strip().splitlines() or ['?'])[0]}")
         return ctypes.CDLL(str(folder / "kernel.so"))  # it stays loaded when its file is gone
 
 

@@ -60,11 +60,11 @@ def _inputs(tape: Any) -> list[str]:
 
 def _segments(tape: Any) -> list[str]:
     """Return a function for each segment."""
-    found = [_function("mechanism", "double *u", _statements(tape.segments["mechanism"]))]
+    functions = [_function("mechanism", "double *u", _statements(tape.segments["mechanism"]))]
     for name, segment in (("times", "time"), ("newton", "newton"), ("answer", "answer")):
         lines = ["    (void)u; (void)w; (void)m;", *_statements(tape.segments[segment])]
-        found.append(_function(name, "const double *u, double *w, int *m", lines))
-    return found
+        functions.append(_function(name, "const double *u, double *w, int *m", lines))
+    return functions
 
 
 def _outputs(tape: Any) -> list[str]:

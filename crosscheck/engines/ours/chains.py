@@ -118,10 +118,10 @@ def tape_of(scene: Scene) -> tuple[Any, tuple[int, ...]]:
         from refkin.fast.prepare import prepared
     except ImportError as error:
         raise EngineError(f"no fast paths here: {error}") from error
-    found = prepared(scene)
-    if found is None:
+    answer = prepared(scene)
+    if answer is None:
         raise EngineError("there is no program for this scene")
-    return found.made.lanes, found.made.core
+    return answer.made.lanes, answer.made.core
 
 
 def _system(work: Chain) -> System:

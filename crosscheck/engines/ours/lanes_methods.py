@@ -67,15 +67,15 @@ def _compiled(evidence: frozenset[Evidence], scene: Scene) -> Model:
 
     plain = replace(scene, evidence=evidence, points=(), bodies_wanted=None)
     forget()  # so that building the model is what it is for a topology that nobody has used yet
-    found = prepared(plain)
-    if found is None or not (found.made.lanes.counts() and found.made.march):
+    answer = prepared(plain)
+    if answer is None or not (answer.made.lanes.counts() and answer.made.march):
         raise EngineError("the compiled path leaves this scene to refkin.solve")
 
     def solve(order: int) -> Any:
-        found = attempt(replace(plain, effects=ORDERS[order]))
-        if found is None:
+        answer = attempt(replace(plain, effects=ORDERS[order]))
+        if answer is None:
             raise EngineError("the compiled path leaves this scene to refkin.solve")
-        return found
+        return answer
 
     return Model(solve, levels_of)
 

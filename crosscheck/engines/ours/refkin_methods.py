@@ -133,14 +133,14 @@ def _by_differences(scheme: Scheme, system: System, q: Any, t: float) -> Any:
 def _swept(given: Problem, rule: Callable[[], Any], order: int, *, slope: Slope = _analytic, **options: Any) -> Any:
     """Solve time by time, each started at the last pose; then the rates up to an order."""
     system, q = given.system, given.start
-    found = np.empty((system.n, len(given.times)))
+    poses = np.empty((system.n, len(given.times)))
     for k, t in enumerate(given.times):
         phi, phi_q = partial(_at, system.phi, t), partial(_at, partial(slope, system), t)
         result = newton(phi, phi_q, q, stop=rule(), **options)
-        q = found[:, k] = result.q
+        q = poses[:, k] = result.q
     if slope is _analytic:
-        return [found, *given.rates(found, order)]
-    return [found, *_rates_by(slope, given, found, order)]
+        return [poses, *given.rates(poses, order)]
+    return [poses, *_rates_by(slope, given, poses, order)]
 
 
 def _rates_by(slope: Slope, given: Problem, q: Any, order: int) -> list[Any]:

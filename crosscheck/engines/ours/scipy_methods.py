@@ -58,10 +58,10 @@ def _built(step: Any, tolerance: float, scene: Scene) -> Model:
 
 
 def _swept(given: Problem, step: Any, order: int) -> Any:
-    q, found = given.start, np.empty((given.system.n, len(given.times)))
+    q, poses = given.start, np.empty((given.system.n, len(given.times)))
     for k, t in enumerate(given.times):
-        q = found[:, k] = step(q, t)
-    return [found, *given.rates(found, order)]
+        q = poses[:, k] = step(q, t)
+    return [poses, *given.rates(poses, order)]
 
 
 def _root(given: Problem, tolerance: float, q: Any, t: float, analytic: bool = True) -> Any:

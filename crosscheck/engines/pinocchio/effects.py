@@ -25,7 +25,7 @@ EFFORT = 10.0
 class Effect:
     """What is done to a model, in words and as a function."""
 
-    told: str
+    description: str
     switch: Callable[[PlanarModel], None]
 
 

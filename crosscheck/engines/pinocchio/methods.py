@@ -76,8 +76,8 @@ class Direct:
             if order:
                 jacobian = self._closure(q)[1]
             before, v = v, self._velocity(jacobian, self.values[1, k])
-            for level, found in zip(out, (q, v), strict=False):
-                level[:, k] = found
+            for level, row in zip(out, (q, v), strict=False):
+                level[:, k] = row
             if order > 1:
                 out[2, :, k] = self._acceleration(jacobian, q, v, self.values[2, k])
         return list(out)
@@ -124,9 +124,9 @@ class Direct:
 
     def _drift(self) -> Any:
         """Return the accelerations of the gaps (2 L,) as the model moves."""
-        found = [self._bent(row.j) - self._bent(row.i) for row in self.ends]
-        return found[0] if len(found) == 1 else np.concatenate(found)
+        rows = [self._bent(row.j) - self._bent(row.i) for row in self.ends]
+        return rows[0] if len(rows) == 1 else np.concatenate(rows)
 
     def _bent(self, end: Any) -> Any:
-        found = pin.getFrameClassicalAcceleration(self.model, self.data, end.joint, end.placement, AXES)
-        return found.linear[:2]
+        acceleration = pin.getFrameClassicalAcceleration(self.model, self.data, end.joint, end.placement, AXES)
+        return acceleration.linear[:2]

@@ -75,9 +75,9 @@ class PlanarModel:
             return np.zeros((2, 0))
         return self.matrix(pin.getFrameJacobian(self.model, self.data, frame.joint, frame.placement, WORLD_AXES))[:2]
 
-    def matrix(self, found: Any) -> Array:
+    def matrix(self, jacobian: Any) -> Array:
         """Return a Jacobian with its columns: Pinocchio hands over a single column as a vector, and none as nothing."""
-        return found.reshape(-1, self.model.nv) if self.model.nv else np.zeros((6, 0))
+        return jacobian.reshape(-1, self.model.nv) if self.model.nv else np.zeros((6, 0))
 
     def point_velocity(self, frame: Frame) -> Array:
         """Return the velocity (2,) of a moving frame's point."""
@@ -85,8 +85,8 @@ class PlanarModel:
 
     def point_acceleration(self, frame: Frame) -> Array:
         """Return the acceleration (2,) of a moving frame's point: the classical one, not Pinocchio's spatial one."""
-        found = pin.getFrameClassicalAcceleration(self.model, self.data, frame.joint, frame.placement, WORLD_AXES)
-        return found.linear[:2]
+        motion = pin.getFrameClassicalAcceleration(self.model, self.data, frame.joint, frame.placement, WORLD_AXES)
+        return motion.linear[:2]
 
 
 def shift(u: Pair) -> Any:

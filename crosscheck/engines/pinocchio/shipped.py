@@ -57,9 +57,9 @@ def closed_chain(tree: JointTree, scene: Scene) -> March:
     residual = np.full(len(scene.times), np.nan)
     status = [Status.NOT_CONVERGED] * len(scene.times)
     for k, t in enumerate(scene.times):
-        found, gap = chain.closed(q, t)
-        if found is not None:
-            q, status[k], residual[k] = found, Status.OK, gap
+        pose, gap = chain.closed(q, t)
+        if pose is not None:
+            q, status[k], residual[k] = pose, Status.OK, gap
             levels[:, k] = q
     return March((levels,), tuple(status), residual)
 
@@ -131,12 +131,12 @@ class _Held:
 
     def _joint(self) -> tuple[int, Edge]:
         """Return the joint by which the driven body hangs on another, and its edge."""
-        found = [(k + 1, edge) for k, edge in enumerate(_moving(self.tree)) if edge.body == self.element.bodies[1]]
-        if not found:
+        joints = [(k + 1, edge) for k, edge in enumerate(_moving(self.tree)) if edge.body == self.element.bodies[1]]
+        if not joints:
             raise EngineRefusal(
                 f"pinocchio refuses {self.element.key} of {self.element.name!r}: its body is fixed to another"
             )
-        return found[0]
+        return joints[0]
 
     def constraint(self, model: Any, t: float) -> Any:
         """Return the constraint that holds the joint's frame where the law has it at a time."""
@@ -164,11 +164,11 @@ class _Held:
 
 def _moving(tree: JointTree) -> list[Edge]:
     """Return the edges that are joints of the model, in its order; a free body would be three of them."""
-    found: list[Edge] = []
+    edges: list[Edge] = []
     for edge in tree.edges:
         if edge.freedom is Freedom.FREE:
             raise EngineRefusal(
                 f"pinocchio refuses body {edge.body!r} on the route {CLOSED_CHAIN.name!r}: no joint ties it to the rest"
             )
-        found += [edge] * (edge.freedom is not Freedom.NONE)
-    return found
+        edges += [edge] * (edge.freedom is not Freedom.NONE)
+    return edges

@@ -114,8 +114,8 @@ class Stepper:
         for k in range(len(self.scene.times)):
             at = 2 * steps * k
             q[held], qd[held] = values[:2, at]
-            for level, found in zip(levels, (q, qd), strict=False):
-                level[:, k] = found
+            for level, row in zip(levels, (q, qd), strict=False):
+                level[:, k] = row
             if order > 1:
                 levels[2][:, k] = self._acceleration(held, values[2, at], q, qd)
             if k + 1 == len(self.scene.times):
@@ -137,8 +137,8 @@ class Stepper:
         force = np.zeros(self.model.nv)
         force[held] = FLYWHEEL * prescribed
         system = (self.model, self.data, q, qd, force, self.constraints, self.constraint_data, self.settings)
-        found: Array = pin.constraintDynamics(*system)
-        return found
+        acceleration: Array = pin.constraintDynamics(*system)
+        return acceleration
 
 
 def _euler(acceleration: Acceleration, prescribed: Array, q: Array, qd: Array, h: float) -> tuple[Array, Array]:

@@ -230,7 +230,7 @@ def joint_tree(mechanism: Mechanism, *, massless_links: bool = False) -> JointTr
 
 def _with_links(joints: Sequence[Joint], names: Sequence[str]) -> tuple[list[Joint], dict[str, PointDistance]]:
     """Return the joints with every distance replaced by two pins, and body name -> distance."""
-    found: list[Joint] = []
+    kept: list[Joint] = []
     links: dict[str, PointDistance] = {}
     for joint in joints:
         for distance in (element for element in joint if isinstance(element, PointDistance)):
@@ -241,9 +241,9 @@ def _with_links(joints: Sequence[Joint], names: Sequence[str]) -> tuple[list[Joi
             for side, (body, point), end in zip("ij", distance.ends, (0.0, distance.length), strict=True):
                 name = f"{distance.name}, end {side}"
                 pin = PointsCoincide(name=name, body_i=body, point_i=point, body_j=link, point_j=(end, 0.0))
-                found.append((pin,))
-        found.append(tuple(element for element in joint if not isinstance(element, PointDistance)))
-    return found, links
+                kept.append((pin,))
+        kept.append(tuple(element for element in joint if not isinstance(element, PointDistance)))
+    return kept, links
 
 
 def _span(tree: JointTree, bodies: Sequence[str], joints: Sequence[Joint]) -> tuple[list[Edge], set[int]]:

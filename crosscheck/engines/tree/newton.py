@@ -91,10 +91,10 @@ def newton_sweep(tree: Tree, order: int, *, limit: float = 0.0, most: int = CAP)
     levels = [np.full((len(q), len(times)), np.nan) for _ in range(order + 1)]
     with np.errstate(all="ignore"):  # an iterate that runs away has no digits, which is what the row will say
         for k, t in enumerate(times):
-            found = _newton(system, q, t, limit, most)
-            if found is None:
+            pose = _newton(system, q, t, limit, most)
+            if pose is None:
                 continue
-            q = levels[0][:, k] = found
+            q = levels[0][:, k] = pose
             if order:
                 _rates(system, levels, k, t)
     return levels
@@ -129,7 +129,7 @@ def prescribed(tree: JointTree) -> list[tuple[int, float, Element]]:
     EngineError
         If one holds something else than one coordinate of the tree: stepping prescribes coordinates alone.
     """
-    found = []
+    rows = []
     for e in tree.driven:
         row, offset = None, 0.0
         if isinstance(e, RelativeAngle):
@@ -138,8 +138,8 @@ def prescribed(tree: JointTree) -> list[tuple[int, float, Element]]:
             offset = tree.angle_offsets[j] - tree.angle_offsets[i]
         if row is None or np.count_nonzero(row) != 1 or row.max() != 1.0:
             raise EngineError(f"driver {e.name!r} does not hold one coordinate of the tree, as stepping needs it")
-        found.append((int(np.argmax(row)), offset, e))
-    return found
+        rows.append((int(np.argmax(row)), offset, e))
+    return rows
 
 
 @dataclass(frozen=True)

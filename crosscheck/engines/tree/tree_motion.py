@@ -80,25 +80,25 @@ def tree_motion(
         If a body of the scene has no estimate.
     """
     order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
-    found = march(TreeSystem(engine), engine.tree.start(), scene.times, order)
+    poses = march(TreeSystem(engine), engine.tree.start(), scene.times, order)
     if accelerations is not None and order == 2:
-        q, qd, qdd = found.levels
+        q, qd, qdd = poses.levels
         for k in np.flatnonzero(np.isfinite(qdd).all(axis=0)):
             qdd[:, k] = accelerations(q[:, k], qd[:, k], scene.times[k])
-    return marched_motion(engine, scene, found, producer)
+    return marched_motion(engine, scene, poses, producer)
 
 
-def marched_motion(engine: TreeEngine, scene: Scene, found: March, producer: Producer) -> Motion:
+def marched_motion(engine: TreeEngine, scene: Scene, poses: March, producer: Producer) -> Motion:
     """Return what a scene wants of tree coordinates that were found in whatever way, at the levels they have."""
-    places = point_levels(engine, found, [(p.body, p.position) for p in scene.points])
+    places = point_levels(engine, poses, [(p.body, p.position) for p in scene.points])
     points = {p.name: _reported(scene, [level[:, k] for level in places]) for k, p in enumerate(scene.points)}
     return engine_motion(
         scene.times,
         scene.wanted,
-        *_reported(scene, body_levels(engine, found, scene.wanted)),
-        found.status,
+        *_reported(scene, body_levels(engine, poses, scene.wanted)),
+        poses.status,
         producer,
-        residual=found.residual,
+        residual=poses.residual,
         points={name: PointMotion(r=r, v=v, a=a) for name, (r, v, a) in points.items()},
     )
 
@@ -109,12 +109,12 @@ def body_levels(engine: TreeEngine, march: March, bodies: Sequence[str]) -> list
     phi is the sum of the joint angles, with its turns; x and y are the engine's own.
     """
     origins = point_levels(engine, march, [(body, (0.0, 0.0)) for body in bodies])
-    found = [np.empty((3 * len(bodies), q.shape[1])) for q in march.levels]
-    for order, (rows, origin, q) in enumerate(zip(found, origins, march.levels, strict=True)):
+    levels = [np.empty((3 * len(bodies), q.shape[1])) for q in march.levels]
+    for order, (rows, origin, q) in enumerate(zip(levels, origins, march.levels, strict=True)):
         rows[0::3], rows[1::3] = origin
         for k, body in enumerate(bodies):
             rows[3 * k + 2] = engine.tree.angle(body, q) if order == 0 else engine.tree.angle_rows[body] @ q
-    return found
+    return levels
 
 
 def point_levels(engine: TreeEngine, march: March, places: Sequence[tuple[str, Pair]]) -> list[Array]:
@@ -123,7 +123,7 @@ def point_levels(engine: TreeEngine, march: March, places: Sequence[tuple[str, P
     NaN where there is none.
     """
     tree = engine.tree
-    found = [np.full((2, len(places), q.shape[1]), np.nan) for q in march.levels]
+    levels = [np.full((2, len(places), q.shape[1]), np.nan) for q in march.levels]
     scaled = [(body, tree.scaled(body, u)) for body, u in places]
     there = np.isfinite(march.levels[0]).all(axis=0)
     q, qd, qdd = ([level[:, there].T for level in march.levels] + [None, None])[:3]
@@ -131,8 +131,8 @@ def point_levels(engine: TreeEngine, march: March, places: Sequence[tuple[str, P
         assert q is not None
         for order, level in enumerate(engine.motion(q, qd, qdd, scaled)):
             shift = tree.origin if order == 0 else (0.0, 0.0)
-            found[order][:, :, there] = np.transpose(level * tree.size + shift, (2, 1, 0))
-    return found
+            levels[order][:, :, there] = np.transpose(level * tree.size + shift, (2, 1, 0))
+    return levels
 
 
 def _reported(scene: Scene, levels: list[Array]) -> tuple[Array, Array | None, Array | None]:

@@ -100,13 +100,13 @@ def march(system: LoopSystem, times: Sequence[float], q0: Any, distance: Distanc
         at = np.full((1, system.n), np.nan) if q is None else (q * system.weights)[None]
         return continuation.close(equations, at, np.array([t]))
 
-    found = continuation.march(equations, first, times, 2)
-    ok = [status is Status.OK for status in found.status]
+    poses = continuation.march(equations, first, times, 2)
+    ok = [status is Status.OK for status in poses.status]
     end = ok.index(False) + 1 if False in ok else len(ok)
-    status = found.status[:end] + (Status.NOT_CONVERGED,) * (len(ok) - end)
+    status = poses.status[:end] + (Status.NOT_CONVERGED,) * (len(ok) - end)
     known = np.where(np.arange(len(ok)) < end, 1.0, np.nan)
-    q, qd, qdd = (level * known / system.weights[:, None] for level in found.levels)
-    return March(np.asarray(times, float), q, qd, qdd, status, found.residual * known)
+    q, qd, qdd = (level * known / system.weights[:, None] for level in poses.levels)
+    return March(np.asarray(times, float), q, qd, qdd, status, poses.residual * known)
 
 
 def start(system: LoopSystem, q0: Any, t: float, distance: Distance | None = None) -> Any:

@@ -126,15 +126,15 @@ def _unknowns(scene: Scene, loops: Sequence[Sequence[Vector]], ways: Ways) -> li
 
 def _guesses(scene: Scene, unknowns: Sequence[str], families: Families, ways: Ways, estimates: Estimates) -> Any:
     """Return the unknowns as the estimates have them; for a family of angles any member will do."""
-    t0, found = float(scene.times[0]), dict(ways.guesses)
+    t0, guess_of = float(scene.times[0]), dict(ways.guesses)
     for name, members in families.members.items():
         apart = Variables([families.angles[body] for body in members], [name]).known(t0, 0)
         by_member = [estimates.frame(body)[1] - shift for body, shift in zip(members, apart, strict=True)]
-        found[name] = next((guess for guess in by_member if math.isfinite(guess)), math.nan)
-    missing = [name for name in unknowns if not math.isfinite(found[name])]
+        guess_of[name] = next((guess for guess in by_member if math.isfinite(guess)), math.nan)
+    missing = [name for name in unknowns if not math.isfinite(guess_of[name])]
     if missing:
         raise _refuse(scene, f"no body has an estimate of the {', the '.join(missing)}")
-    return np.array([found[name] for name in unknowns], float)
+    return np.array([guess_of[name] for name in unknowns], float)
 
 
 def _distance(

@@ -129,9 +129,9 @@ def minimise(system: LoopSystem, q0: Any, max_evaluations: int = 1000) -> Minimu
 
     limits: dict[str, Any] = dict.fromkeys(("xtol", "ftol", "gtol"), EPS)
     start = np.asarray(q0, float) * weights
-    found = least_squares(errors, start, jac=slopes, method="lm", max_nfev=max_evaluations, **limits)
-    q = found.x / weights
+    fit = least_squares(errors, start, jac=slopes, method="lm", max_nfev=max_evaluations, **limits)
+    q = fit.x / weights
     residual = system.residual(q, 0.0)
     if (np.abs(residual) <= system.rounding(q, 0.0)).all():
         return Minimum(MinimumStatus.ROOT, q, residual)
-    return Minimum(MinimumStatus.STALLED if found.status > 0 else MinimumStatus.ITERATION_LIMIT, q, residual)
+    return Minimum(MinimumStatus.STALLED if fit.status > 0 else MinimumStatus.ITERATION_LIMIT, q, residual)

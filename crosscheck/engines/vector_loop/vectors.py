@@ -64,11 +64,11 @@ class Vector:
 
 def combined(vectors: Sequence[Vector]) -> list[Vector]:
     """Return the sum of vectors with those of the same length and angle added up, and none that is zero."""
-    found: dict[tuple[Variable, Variable], complex] = {}
+    sums: dict[tuple[Variable, Variable], complex] = {}
     for v in vectors:
         key = v.length, v.angle
-        found[key] = found.get(key, 0.0) + v.coefficient
-    return [Vector(c, *key) for key, c in found.items() if c != 0.0]
+        sums[key] = sums.get(key, 0.0) + v.coefficient
+    return [Vector(c, *key) for key, c in sums.items() if c != 0.0]
 
 
 class Variables:

@@ -127,18 +127,18 @@ def _searched(system: System, t: float, rows: Rows, stuck: bool, trying: bool) -
         return _none([end])
     if rows.foreign and not trying:
         return Assemblies(message=f"there is no closed form of {', '.join(rows.foreign)}")
-    found = search(system, t, rows)
-    gap = None if found.gap is None else below(found.gap)
-    what = f"{len(found.poses)} assemblies were found by search" if found.poses else "no assembly was found"
+    result = search(system, t, rows)
+    gap = None if result.gap is None else below(result.gap)
+    what = f"{len(result.poses)} assemblies were found by search" if result.poses else "no assembly was found"
     why = "the outer joints of a dyad coincide, or its lines are parallel" if stuck else ""
     return Assemblies(
-        poses=found.poses,
-        branches=tuple(() for _ in found.poses),
-        radii=found.radii,
-        complete=found.complete or gap is not None,
+        poses=result.poses,
+        branches=tuple(() for _ in result.poses),
+        radii=result.radii,
+        complete=result.complete or gap is not None,
         gap=gap,
         searched=True,
-        message=found.note if gap is not None else "; ".join(filter(None, (what, why, found.note))),
+        message=result.note if gap is not None else "; ".join(filter(None, (what, why, result.note))),
     )
 
 

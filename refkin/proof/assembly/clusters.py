@@ -126,13 +126,13 @@ def _plan(items: tuple[_Item, ...], ties: Ties, bodies: tuple[str, ...]) -> Plan
 
 def headings(ties: Ties, bodies: Iterable[str]) -> list[set[str]]:
     """Return the sets of bodies whose angles against each other the ties give; the ground is in one of them."""
-    found = [{b} for b in dict.fromkeys((GROUND, *bodies))]
+    groups = [{b} for b in dict.fromkeys((GROUND, *bodies))]
     for i, j in ties:
-        first, second = (next(h for h in found if body in h) for body in (i, j))
+        first, second = (next(h for h in groups if body in h) for body in (i, j))
         if first is not second:
             first |= second
-            found.remove(second)
-    return found
+            groups.remove(second)
+    return groups
 
 
 Cluster = frozenset[str]

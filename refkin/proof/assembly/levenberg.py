@@ -96,10 +96,10 @@ def levenberg_marquardt(
     return LeastSquares(status, q, _largest(residual), max_iterations, False)
 
 
-def polished(found: LeastSquares, by_newton: NewtonResult) -> Any:
+def polished(fit: LeastSquares, by_newton: NewtonResult) -> Any:
     """Return where Newton's method ends from a root that was found, unless it leaves it: then the root as found."""
-    near = by_newton.converged and np.max(np.abs(by_newton.q - found.q)) <= 1e-3 * max(1.0, np.max(np.abs(found.q)))
-    return by_newton.q if near else found.q
+    near = by_newton.converged and np.max(np.abs(by_newton.q - fit.q)) <= 1e-3 * max(1.0, np.max(np.abs(fit.q)))
+    return by_newton.q if near else fit.q
 
 
 def _correction(slope: Any, residual: Any, weight: Any) -> Any:

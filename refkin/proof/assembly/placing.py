@@ -116,13 +116,13 @@ class _Worker:
         """Return the branches that one branch goes on to, and note in `placement` those that end."""
         for way in step.candidates:
             links = [self._link(r, step, branch) for r in way]
-            found = located(links) if step.locates else joined(links, bool(step.turning))
-            if found is None:
+            placed = located(links) if step.locates else joined(links, bool(step.turning))
+            if placed is None:
                 continue
-            if found.meeting.gap is not None:
-                placement.ends.append(self._cannot_meet(step, way, found.meeting, branch))
+            if placed.meeting.gap is not None:
+                placement.ends.append(self._cannot_meet(step, way, placed.meeting, branch))
                 return []
-            children = [self._child(step, way, branch, m, found.meeting.decided) for m in found.moves]
+            children = [self._child(step, way, branch, m, placed.meeting.decided) for m in placed.moves]
             return [c for c in children if not self._ends(step, way, c, placement)]
         placement.stuck.append(branch)
         return []

@@ -56,7 +56,7 @@ PRIMES = (2, 3, 5, 7, 11, 13, 17, 19)
 
 
 @dataclass(frozen=True)
-class Found:
+class Roots:
     """What a search came to.
 
     Attributes
@@ -88,7 +88,7 @@ class _Known:
     radius: float
 
 
-def search(system: System, t: float, rows: Rows) -> Found:
+def search(system: System, t: float, rows: Rows) -> Roots:
     """Look for all assemblies of a system that closed form does not place, or the proof that there is none."""
     return _Search(system, t, rows).run()
 
@@ -101,10 +101,10 @@ class _Search:
         self.known: list[_Known] = []
         self.failures = 0
 
-    def run(self) -> Found:
+    def run(self) -> Roots:
         if len(self.turned) != 1 or len(self.plan.clusters) > 1 or self.rows.foreign:
             self._try(self._halton())
-            return self._found("the group is larger than a triad: no proof was tried")
+            return self._result("the group is larger than a triad: no proof was tried")
         intervals = _Intervals(self)
         intervals.halve(PROBE)
         self._try(intervals.middles(most=8))
@@ -117,9 +117,9 @@ class _Search:
         if not self.exhausted:
             intervals.halve(0.0)
         if not intervals.open:
-            return self._found(complete=True) if self.known else self._none(intervals.gap)
+            return self._result(complete=True) if self.known else self._none(intervals.gap)
         left = f"{len(intervals.open)} intervals of {intervals.width:.2g} rad of the angle of {self.turned[0]}"
-        return self._found(f"{left} may hold more")
+        return self._result(f"{left} may hold more")
 
     def placed(self, angles: tuple[Any, ...], holding: bool = True) -> Placement:
         """Return the placement with the trial angles given."""
@@ -127,13 +127,13 @@ class _Search:
         rows = replace(self.rows, ties=(*self.rows.ties, *ties))
         return place(self.plan, rows, self.names, self.system.unit.size, holding)
 
-    def _found(self, note: str = "", complete: bool = False) -> Found:
+    def _result(self, note: str = "", complete: bool = False) -> Roots:
         poses = tuple(known.q for known in self.known)
-        return Found(poses, tuple(known.radius for known in self.known), complete, note=note)
+        return Roots(poses, tuple(known.radius for known in self.known), complete, note=note)
 
-    def _none(self, gap: Ball) -> Found:
+    def _none(self, gap: Ball) -> Roots:
         metres = below(gap) * self.system.unit.size
-        return Found(gap=gap, note=f"no angle of {self.turned[0]} closes it: at least {metres:.6g} m are missing")
+        return Roots(gap=gap, note=f"no angle of {self.turned[0]} closes it: at least {metres:.6g} m are missing")
 
     def _headings(self) -> list[set[str]]:
         return headings(tuple((tie.i, tie.j) for tie in self.rows.ties), self.names)

@@ -176,8 +176,8 @@ class Times:
         """Return per law its scaled value and derivatives up to `order` as `parts`, (order + 1, 3, B)."""
         if constraint.name not in self._values:
             with ctx.workprec(LAW_BITS):
-                found = [constraint.inputs(arb(t), unit, self.order) for t in self.t.tolist()]
-                laws = [[[parts(x) for x in at] for at in law] for law in zip(*found, strict=True)]
+                inputs = [constraint.inputs(arb(t), unit, self.order) for t in self.t.tolist()]
+                laws = [[[parts(x) for x in at] for at in law] for law in zip(*inputs, strict=True)]
             self._values[constraint.name] = [np.moveaxis(np.array(law), 0, -1) for law in laws]
         return self._values[constraint.name]
 
@@ -227,12 +227,12 @@ class _Rounded:
                 values.append([parts(x) for x in self.exact.profile_values(middle, unit, order)])
                 around = self.exact.profile_values(middle + arb(0, off), unit, order + 1)[1:]
                 slopes.append([float(abs(x).upper()) * UP + TINY for x in around])
-        found = []
+        rounded = []
         for near, slope in zip(np.moveaxis(np.array(values), 0, -1), np.array(slopes).T, strict=True):
             x = self.number.near(near.reshape(3, *at.shape))
             steep, own = slope.reshape(at.shape), self.error.of(near[0].reshape(at.shape))
-            found.append(self.number(x.mid, x.rounding + steep * s.rounding, own + steep * s.spread))
-        return tuple(found)
+            rounded.append(self.number(x.mid, x.rounding + steep * s.rounding, own + steep * s.spread))
+        return tuple(rounded)
 
     def _law(self, orders: Any, written: Any, t: Any) -> tuple[Bounded, ...]:
         if self.error is EXACT:

@@ -28,13 +28,13 @@ def extrema_of(constraints: Iterable[Constraint], a: float, b: float) -> list[fl
 
     The row of a distance depends on f^2: that turns back where f does, and where f is zero.
     """
-    found: set[float] = set()
+    times: set[float] = set()
     for constraint in constraints:
         for law in constraint.laws:
-            found.update(extrema(law, a, b))
+            times.update(extrema(law, a, b))
             if any(isinstance(element, PointDistance) and element.laws for element in constraint.elements()):
-                found.update(zeros(law, a, b))
-    return sorted(found)
+                times.update(zeros(law, a, b))
+    return sorted(times)
 
 
 def extrema(law: Law, a: float, b: float) -> list[float]:
@@ -151,11 +151,11 @@ def sign_changes(f: Callable[[float], float], places: Sequence[float]) -> list[f
     Each interval at whose ends the signs differ is halved until no float64 number is left in it.
     """
     signs = [float(np.sign(f(t))) for t in places]
-    found = [t for t, sign in zip(places[1:-1], signs[1:-1], strict=True) if sign == 0.0]
+    changes = [t for t, sign in zip(places[1:-1], signs[1:-1], strict=True) if sign == 0.0]
     for lo, hi, sign, other in zip(places, places[1:], signs, signs[1:], strict=False):
         if sign * other < 0.0:
-            found.append(_halved(f, lo, hi, sign))
-    return sorted(found)
+            changes.append(_halved(f, lo, hi, sign))
+    return sorted(changes)
 
 
 def _halved(f: Callable[[float], float], lo: float, hi: float, sign: float) -> float:
@@ -169,5 +169,5 @@ def _halved(f: Callable[[float], float], lo: float, hi: float, sign: float) -> f
 
 def _inside(times: Any, a: float, b: float) -> list[float]:
     """Return of times in order those between a and b."""
-    found: list[float] = times[(a < times) & (times < b)][:MOST].tolist()
-    return found
+    inside: list[float] = times[(a < times) & (times < b)][:MOST].tolist()
+    return inside

@@ -69,9 +69,9 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
     row: its own spread over what the pose may be off by, and, through the rates, that of the solved rows.
     """
     others, lanes = np.setdiff1d(np.arange(system.m), rows), np.shape(q)[1]
-    found = np.zeros((2, lanes))
+    excess = np.zeros((2, lanes))
     if not others.size:
-        return found
+        return excess
     with np.errstate(all="ignore"):
         pose, times = Preconditioned(system, rows, q, t, 0), Times(t, 3 if acceleration else 2)
         rough = bounded_system(system, error=A_FEW_ROUNDINGS)
@@ -86,5 +86,5 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
             spread += system.n * pose.dot * size  # of the inverse and of the products here
             radii = product(pose.size, spread[rows])
             ratio = np.abs(product(slope.mid, rate) - right.mid) / (UP * (spread + product(np.abs(slope.mid), radii)))
-            found[order] = np.max(ratio[others], axis=0)
-    return found
+            excess[order] = np.max(ratio[others], axis=0)
+    return excess

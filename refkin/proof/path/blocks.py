@@ -93,17 +93,17 @@ def _free_column(
     return None
 
 
-def _stacked(found: list[tuple[Any, Any]], n: int) -> Blocks:
+def _stacked(parts: list[tuple[Any, Any]], n: int) -> Blocks:
     """Return blocks as one stack of matrices of the largest size; smaller ones are continued by ones."""
-    size = max((len(r) for r, _ in found), default=0)
+    size = max((len(r) for r, _ in parts), default=0)
     entries = [
         (row * n + column, (k * size + i) * size + j)
-        for k, (rows, columns) in enumerate(found)
+        for k, (rows, columns) in enumerate(parts)
         for i, row in enumerate(rows)
         for j, column in enumerate(columns)
     ]
-    empty = np.zeros((len(found), size, size))
-    for k, (rows, _) in enumerate(found):
+    empty = np.zeros((len(parts), size, size))
+    for k, (rows, _) in enumerate(parts):
         beyond = np.arange(len(rows), size)
         empty[k, beyond, beyond] = 1.0
     here, there = np.array(entries, int).reshape(-1, 2).T

@@ -136,9 +136,9 @@ def _crossing_in(system: System, steps: list[Piece]) -> int | None:
     for p in (steps[0], steps[len(steps) // 2]):
         t, q = (p.t_0 + p.t_1) / 2, (p.q_0 + p.q_1) / 2
         curve = Curve.through(system, q, [t])
-        found = crossing(curve, curve.point(q, t))
-        if found is not None and abs(found.mu) <= CROSSED * max(1.0, float(np.max(np.abs(found.x)))):
-            at, time = curve.pose(found.x)
+        at_crossing = crossing(curve, curve.point(q, t))
+        if at_crossing is not None and abs(at_crossing.mu) <= CROSSED * max(1.0, float(np.max(np.abs(at_crossing.x)))):
+            at, time = curve.pose(at_crossing.x)
             for step in steps:
                 move, off = np.max(np.abs(step.q_1 - step.q_0)), np.max(np.abs(at - step.q_0))
                 if off <= 4 * move + BLURRED and step.t_0 <= time <= step.t_1:
@@ -165,9 +165,9 @@ def _halved(system: System, pieces: list[Piece], between: Between) -> tuple[list
         pose = between(system, q_0[:, k], t_0[k], t[k]) if t_0[k] < t[k] < t_1[k] else None
         if pose is not None:
             q[:, k] = pose
-    found = np.flatnonzero(np.isfinite(q[0]))
+    known = np.flatnonzero(np.isfinite(q[0]))
     halves = []
-    for k, radius in zip(found, _error_bounds(system, q[:, found], t[found]).T, strict=True):
+    for k, radius in zip(known, _error_bounds(system, q[:, known], t[known]).T, strict=True):
         halves.append(pieces[k]._replace(t_1=t[k], q_1=q[:, k], r_1=radius))
         halves.append(pieces[k]._replace(t_0=t[k], q_0=q[:, k], r_0=radius))
     return halves, [pieces[k] for k in np.flatnonzero(np.isnan(q[0]))]

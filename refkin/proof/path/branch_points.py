@@ -73,10 +73,10 @@ def crossing(curve: Curve, guess: Any) -> Crossing | None:
         middle = np.hstack([second, first.T, np.zeros((n + 1, 1))])
         return np.vstack([top, middle, np.hstack([row, 2 * psi[None], [[0.0]]])])
 
-    found = newton(equations, slope, start, max_iterations=25)
-    if not found.converged or found.residual > 1e-10:
+    result = newton(equations, slope, start, max_iterations=25)
+    if not result.converged or result.residual > 1e-10:
         return None
-    x, psi = found.q[: n + 1], found.q[n + 1 : -1]
+    x, psi = result.q[: n + 1], result.q[n + 1 : -1]
     null = np.linalg.svd(curve.slope(x)[rows])[2][-2:].T
     return Crossing(x, _mu(curve, x, psi, rows), null.T @ curve.bend(x, psi, rows) @ null, null)
 
@@ -103,5 +103,5 @@ def roots(form: Any) -> tuple[Any, ...]:
     if size == 0.0 or b * b - a * c <= FLAT * size * size:
         return ()
     root = b + np.copysign(np.sqrt(b * b - a * c), b)  # no cancellation
-    found = [np.array([-root, a]), np.array([c, -root])]
-    return tuple(v / np.linalg.norm(v) for v in found)
+    directions = [np.array([-root, a]), np.array([c, -root])]
+    return tuple(v / np.linalg.norm(v) for v in directions)

@@ -130,9 +130,9 @@ class Tracer:
                         return new, after, h
                     h /= 2
                     continue
-                found = self._crossing(x, new)
-                if found is not None:
-                    return found
+                end = self._crossing(x, new)
+                if end is not None:
+                    return end
             h /= 2
         return None
 
@@ -156,11 +156,11 @@ class Tracer:
         """Return the bifurcation between two points, if the curves do cross there and not only pass by each other."""
         chord = new - x
         for part in (0.5, 0.1, 0.9):
-            found = crossing(self.curve, x + part * chord)
-            if found is not None and found.is_bifurcation:
-                at = (found.x - x) @ chord / (chord @ chord)
-                if -0.01 <= at <= 1.01 and np.linalg.norm(found.x - x - at * chord) <= np.linalg.norm(chord):
-                    return found
+            branch_point = crossing(self.curve, x + part * chord)
+            if branch_point is not None and branch_point.is_bifurcation:
+                at = (branch_point.x - x) @ chord / (chord @ chord)
+                if -0.01 <= at <= 1.01 and np.linalg.norm(branch_point.x - x - at * chord) <= np.linalg.norm(chord):
+                    return branch_point
         return None
 
     def _passed(self, x: Any, tangent: Any, new: Any, after: Any, h: float) -> End | None:
@@ -224,8 +224,8 @@ class Tracer:
         y = self.curve.corrected(x + s * tangent, tangent).q
         return s if np.max(np.abs(y - x - back)) < SAME else None
 
-    def _crossed(self, found: Crossing, incoming: Any) -> Trace:
-        self.trace.crossings.append((len(self.trace.points) - 1, found, incoming))
+    def _crossed(self, branch_point: Crossing, incoming: Any) -> Trace:
+        self.trace.crossings.append((len(self.trace.points) - 1, branch_point, incoming))
         return self._ended(End.BIFURCATION)
 
     def _ended(self, end: End) -> Trace:

@@ -37,51 +37,6 @@ Between = Callable[[System, Any, float, float], Any]
 """Finds, from the pose q (n,) of a system at a time, the pose at a later time on the same branch; None if it cannot."""
 DEEPEST = 40
 """How often a step is halved before a proof is given up: at a bifurcation there is no end to it."""
-LONGEST = 64
-"""Half-widths of the interval of time that are tried: halvings of the first."""
-
-
-@dataclass(frozen=True)
-class CertifiedInterval:
-    """Around a time t_k: for |t - t_k| <= `delta` exactly one q(t) lies within `radii` of q_k + v (t - t_k).
-
-    Attributes
-    ----------
-    delta : float
-        Half the length of the interval [s]; 0 if nothing was proved.
-    radii : (n,) array
-        Half-widths of the tube, in the system's coordinates.
-    """
-
-    delta: float
-    radii: Any
-
-
-def certified_interval(system: System, q: Any, t: float, qd: Any) -> CertifiedInterval:
-    """Return an interval of time on which the implicit function theorem is proved to hold around a pose.
-
-    Parameters
-    ----------
-    system : System
-        Compiled in its mechanism's own unit, for velocity at least.
-    q, qd : (n,) array
-        A pose at time t in the system's coordinates and its velocity, which is the direction v of the tube.
-    """
-    q, qd = np.asarray(q, float), np.asarray(qd, float)
-    # A tube never reaches further than a radian or a size: the first interval is that of the fastest coordinate.
-    first = 1.0 / max(float(np.max(np.abs(qd))), 2.0**-30 * max(1.0, abs(t)))
-    best = CertifiedInterval(0.0, np.full(len(q), np.nan))
-    for factors in (0.5 ** np.arange(LONGEST), None):
-        if factors is None:  # between the one that is proved and its double, which is not
-            factors = best.delta / first * (2 - np.arange(1, 16) / 16)
-        lanes = [np.repeat(x[:, None], len(factors), axis=1) for x in (q, qd)]
-        tubes = Tubes(system, lanes[0], lanes[1], np.full(len(factors), t), first * factors)
-        proved = np.flatnonzero(tubes.proved & (first * factors > best.delta))
-        if proved.size:
-            best = CertifiedInterval(float(first * factors[proved[0]]), 2 * tubes.w[:, proved[0]])
-        if best.delta == 0.0:
-            break
-    return best
 
 
 class Tubes:
@@ -124,12 +79,12 @@ class _Spans(Times):
     def moves(self, constraint: Any, unit: Unit) -> Any:
         """Return bounds of |f(t + s) - f(t)| and |f'(t + s) - f'(t)| for each law, (laws, 2, B)."""
         with ctx.workprec(LAW_BITS):
-            found = []
+            widths = []
             for t, half in zip(self.t.tolist(), self.half.tolist(), strict=True):
                 middle, over = arb(t), arb(t, half)
                 at, around = constraint.inputs(middle, unit, 1), constraint.inputs(over, unit, 1)
-                found.append([[half * _above(b[1]), _above(b[1] - a[1])] for a, b in zip(at, around, strict=True)])
-        return np.moveaxis(np.array(found), 0, -1)
+                widths.append([[half * _above(b[1]), _above(b[1] - a[1])] for a, b in zip(at, around, strict=True)])
+        return np.moveaxis(np.array(widths), 0, -1)
 
 
 def _above(x: Any) -> float:

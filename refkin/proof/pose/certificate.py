@@ -199,11 +199,13 @@ def _joined(parts: list[Certificate]) -> Certificate:
     """Return the certificates of consecutive blocks of lanes as one."""
     values: dict[str, Any] = {}
     for field in fields(Certificate):
-        found = [getattr(part, field.name) for part in parts]
+        column = [getattr(part, field.name) for part in parts]
         if field.name == "root":
-            values["root"] = Nearly(*(np.concatenate(part, axis=-1) for part in zip(*map(astuple, found), strict=True)))
-        elif field.name == "rows" or found[0] is None:
-            values[field.name] = found[0]
+            values["root"] = Nearly(
+                *(np.concatenate(part, axis=-1) for part in zip(*map(astuple, column), strict=True))
+            )
+        elif field.name == "rows" or column[0] is None:
+            values[field.name] = column[0]
         else:
-            values[field.name] = np.concatenate(found, axis=-1)
+            values[field.name] = np.concatenate(column, axis=-1)
     return Certificate(**values)

@@ -36,14 +36,14 @@ NEAR = 2.0**-10
 """Distance up to which the pose of another choice is one of the same assembly [sizes, rad]."""
 
 
-def over_all_choices(system: System, found: Isolation, q: Any, t: Any, qd: Any = None, qdd: Any = None) -> Isolation:
+def over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any = None, qdd: Any = None) -> Isolation:
     """Return an isolation with bounds that hold for every choice of n rows that isolates a pose near the answer.
 
     Parameters
     ----------
     system : System
         Compiled in its mechanism's own unit.
-    found : Isolation
+    proof : Isolation
         What `isolate` proved of the same answers.
     q, qd, qdd : (n, B) array
         Answers in the system's coordinates, as for `isolate`.
@@ -53,19 +53,19 @@ def over_all_choices(system: System, found: Isolation, q: Any, t: Any, qd: Any =
     Isolation
         With NaN for all bounds, and `why`, where there are too many choices.
     """
-    if system.m == system.n or not found.ok.any():
-        return found
+    if system.m == system.n or not proof.ok.any():
+        return proof
     q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
-    choices = other_choices(system, found.rows, q[:, found.ok], t[found.ok])
+    choices = other_choices(system, proof.rows, q[:, proof.ok], t[proof.ok])
     if choices is None:
-        nothing = np.full_like(found.position, np.nan)
+        nothing = np.full_like(proof.position, np.nan)
         why = f"redundant rows can be chosen in more than {MOST_CHOICES} ways: no error bound covers all of them"
-        return replace(found, position=nothing, velocity=nothing, acceleration=nothing, why=why)
-    bounds = [found.position.copy(), found.velocity.copy(), found.acceleration.copy()]
+        return replace(proof, position=nothing, velocity=nothing, acceleration=nothing, why=why)
+    bounds = [proof.position.copy(), proof.velocity.copy(), proof.acceleration.copy()]
     for rows in choices:
-        for bound, of_choice in zip(bounds, _bounds(system, rows, found.ok, q, t, qd, qdd), strict=True):
+        for bound, of_choice in zip(bounds, _bounds(system, rows, proof.ok, q, t, qd, qdd), strict=True):
             np.maximum(bound, of_choice, out=bound)
-    return replace(found, position=bounds[0], velocity=bounds[1], acceleration=bounds[2])
+    return replace(proof, position=bounds[0], velocity=bounds[1], acceleration=bounds[2])
 
 
 def other_choices(system: System, rows: Any, q: Any, t: Any) -> list[Any] | None:
@@ -77,15 +77,15 @@ def other_choices(system: System, rows: Any, q: Any, t: Any) -> list[Any] | None
     some = np.unique(np.linspace(0, q.shape[1] - 1, LOOKED_AT).astype(int))
     slope = np.moveaxis(system.phi_q(q[:, some], t[some]), -1, 0)
     factors = np.nan_to_num(slope[:, others] @ inverses(slope[:, rows]))
-    found = []
+    choices = []
     for count in range(1, len(others) + 1):
         for new in combinations(range(len(others)), count):
             for old in combinations(range(system.n), count):
                 if np.max(np.abs(np.linalg.det(factors[:, new][:, :, old]))) > DEPENDENT:
-                    found.append(np.sort(np.append(np.delete(rows, old), others[list(new)])))
-                    if len(found) > MOST_CHOICES:
+                    choices.append(np.sort(np.append(np.delete(rows, old), others[list(new)])))
+                    if len(choices) > MOST_CHOICES:
                         return None
-    return found
+    return choices
 
 
 def _bounds(system: System, rows: Any, asked: Any, q: Any, t: Any, qd: Any, qdd: Any) -> list[Any]:

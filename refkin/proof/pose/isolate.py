@@ -75,7 +75,7 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
     q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
     proof = certify(system, q, t, qd, qdd)
     nothing = np.full(len(t), np.nan)
-    found = Isolation(
+    isolation = Isolation(
         ok=proof.ok.copy(),
         bits=np.where(proof.ok, FLOAT64, 0),
         position=proof.position,
@@ -85,10 +85,10 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
         contradiction=np.zeros((3, len(t))),
         rows=proof.rows,
     )
-    found.contradiction[0] = contradiction(system, proof.rows, proof.root, t)
+    isolation.contradiction[0] = contradiction(system, proof.rows, proof.root, t)
     frames = recentred(system)
-    sharp = (found.position <= BLURRED) & (frames.furthest <= FAR)
-    for bound, rate in ((found.velocity, qd), (found.acceleration, qdd)):
+    sharp = (isolation.position <= BLURRED) & (frames.furthest <= FAR)
+    for bound, rate in ((isolation.velocity, qd), (isolation.acceleration, qdd)):
         if rate is not None:
             sharp &= bound <= BLURRED_RATE * np.maximum(1.0, np.max(np.abs(rate), axis=0))
     for lane in np.flatnonzero(~sharp & np.isfinite(q).all(axis=0) & np.isfinite(t)):
@@ -97,10 +97,10 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
             enclosure = krawczyk(system, q[:, lane], t[lane], bits)
         if enclosure is not None:
             rates = [None if x is None else np.asarray(x, float)[:, lane] for x in (qd, qdd)]
-            _by_balls(found, lane, enclosure, q[:, lane], *rates)
+            _by_balls(isolation, lane, enclosure, q[:, lane], *rates)
     if qd is not None:
-        found.contradiction[1:] = rate_contradiction(system, proof.rows, q, t, qdd is not None)
-    return found
+        isolation.contradiction[1:] = rate_contradiction(system, proof.rows, q, t, qdd is not None)
+    return isolation
 
 
 def _in_moved_frames(frames: Recentred, q: Any, t: float, bits: int) -> Enclosure | None:
@@ -108,25 +108,25 @@ def _in_moved_frames(frames: Recentred, q: Any, t: float, bits: int) -> Enclosur
 
     The box of that proof is narrow where that in the given frames is long: turning a body far away shifts it as well.
     """
-    found = krawczyk(frames.inner, frames.inward(q), t, bits) if frames.shifts.any() else None
-    if found is None:
+    enclosure = krawczyk(frames.inner, frames.inward(q), t, bits) if frames.shifts.any() else None
+    if enclosure is None:
         return None
     with ctx.workprec(bits):
-        root = frames.outward_balls(found.q)
+        root = frames.outward_balls(enclosure.q)
     # All that is closer in the given coordinates is in the box: shifts turn with the angles.
-    radii = found.radii / (1.0 + np.sum(np.abs(frames.shifts)))
-    return Enclosure(frames.system, t, bits, root, radii, found.rows)
+    radii = enclosure.radii / (1.0 + np.sum(np.abs(frames.shifts)))
+    return Enclosure(frames.system, t, bits, root, radii, enclosure.rows)
 
 
-def _by_balls(found: Isolation, lane: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:
-    found.position[lane] = position = np.max(enclosure.distance(q))
-    if not found.ok[lane]:
+def _by_balls(bounds: Isolation, lane: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:
+    bounds.position[lane] = position = np.max(enclosure.distance(q))
+    if not bounds.ok[lane]:
         wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
-        found.unique[lane] = np.min(enclosure.radii) if wider is None else 2 * position
-    found.ok[lane], found.bits[lane], found.enclosures[int(lane)] = True, enclosure.bits, enclosure
-    found.contradiction[0, lane] = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])[0]
+        bounds.unique[lane] = np.min(enclosure.radii) if wider is None else 2 * position
+    bounds.ok[lane], bounds.bits[lane], bounds.enclosures[int(lane)] = True, enclosure.bits, enclosure
+    bounds.contradiction[0, lane] = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])[0]
     if qd is not None:
         velocity = enclosure.velocity()
-        found.velocity[lane] = np.max(enclosure.distance(qd, velocity))
+        bounds.velocity[lane] = np.max(enclosure.distance(qd, velocity))
         if qdd is not None:
-            found.acceleration[lane] = np.max(enclosure.distance(qdd, enclosure.acceleration(velocity)))
+            bounds.acceleration[lane] = np.max(enclosure.distance(qdd, enclosure.acceleration(velocity)))

@@ -137,17 +137,17 @@ def krawczyk(
         equations = _Equations(system, t, rows, bits)
         if radius is not None:
             around = np.broadcast_to(np.asarray(radius, float), np.shape(q))
-            found = equations.enclosed([arb(float(x)) for x in q], around, inflations=0)
-            return None if found is None else Enclosure(system, t, bits, found[0], around, equations.rows)
+            box = equations.enclosed([arb(float(x)) for x in q], around, inflations=0)
+            return None if box is None else Enclosure(system, t, bits, box[0], around, equations.rows)
         middle = equations.newton(q)
         if middle is None:
             return None
         # The box lies around the root and holds q: a smaller one proves as much as one that lies around q.
         distance = _above(middle, q, bits)
-        found = equations.enclosed(middle, 2 * distance)
-        if found is None:
+        box = equations.enclosed(middle, 2 * distance)
+        if box is None:
             return None
-        return Enclosure(system, t, bits, found[0], (found[1] - distance) * (1 - 2.0**-50), equations.rows)
+        return Enclosure(system, t, bits, box[0], (box[1] - distance) * (1 - 2.0**-50), equations.rows)
 
 
 def refine(system: System, q: Any, t: float, bits: int = 200) -> Enclosure | None:

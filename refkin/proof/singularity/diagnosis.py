@@ -206,23 +206,23 @@ class _Examination:
     def _mobile(self) -> Diagnosis:
         """The joints allow more motions than there are driven rows."""
         free, held = self.all.right_null(self.vanishing), self.joints
-        found = cone(held, self.vanishing)
+        tangent_cone = cone(held, self.vanishing)
         rows, bodies = self._rows(held.left_null(self.system.n - self.mobility)), self._bodies(free)
         who = {"rows": rows, "bodies": bodies}
         more = f"the joints allow {_counted(self.mobility)} to first order"
-        if found.forms == 0:
+        if tangent_cone.forms == 0:
             if advances(self.system, self.q, self.t, free[:, 0]):
                 return self._of(Kind.IDLE, f"no driver holds {_and(bodies)}", bodies=bodies)
             return self._of(Kind.HIGHER, f"{more}; to second order nothing forbids one of them", **who)
-        if len(found.tangents) > 1:
-            tangents = tuple(self._outward(v) for v in found.tangents)
+        if len(tangent_cone.tangents) > 1:
+            tangents = tuple(self._outward(v) for v in tangent_cone.tangents)
             some = f"{more}; to second order {len(tangents)} of them go on, and the path may take any"
             return self._of(Kind.BIFURCATION, some, tangents=tangents, **who)
-        if found.tangents:
+        if tangent_cone.tangents:
             return self._of(
                 Kind.HIGHER, f"{more}, of which one goes on: the rows are dependent, the path is not", **who
             )
-        if found.is_definite:
+        if tangent_cone.is_definite:
             return self._of(Kind.STRUCTURE, f"{more}, to second order none: the pose is alone, and shaky", **who)
         return self._of(Kind.HIGHER, f"{more}; the second order does not decide which of them go on", **who)
 

@@ -123,10 +123,10 @@ def cone(held: Balanced, tolerance: float) -> Cone:
         return Cone(0)
     definite = any(np.ptp(np.sign(values)) == 0 for values in (_eigenvalues(f, tolerance) for f in independent))
     if count == 2:
-        found = tuple(a for a in roots(independent[0]) if all(abs(a @ b @ a) <= SATISFIED for b in independent))
+        directions = tuple(a for a in roots(independent[0]) if all(abs(a @ b @ a) <= SATISFIED for b in independent))
     else:
-        found = _common_roots(independent) if len(independent) >= count - 1 else ()
-    return Cone(len(independent), tuple(free @ a for a in found), definite)
+        directions = _common_roots(independent) if len(independent) >= count - 1 else ()
+    return Cone(len(independent), tuple(free @ a for a in directions), definite)
 
 
 def _symmetric(entries: Any, count: int) -> Any:
@@ -143,7 +143,7 @@ def _eigenvalues(form: Any, tolerance: float) -> Any:
 def _common_roots(forms: list[Any]) -> tuple[Any, ...]:
     """Return the unit vectors a, up to sign, with a^T B a = 0 for all forms, by Newton from many directions."""
     count = len(forms[0])
-    found: list[Any] = []
+    directions: list[Any] = []
     for k in range(1, STARTS + 1):
         a = np.array([2 * radical_inverse(k, prime) - 1 for prime in (2, 3, 5, 7, 11, 13)[:count]])
         for _ in range(30):
@@ -154,10 +154,10 @@ def _common_roots(forms: list[Any]) -> tuple[Any, ...]:
             a = a - np.linalg.lstsq(slope, residual, rcond=None)[0]
         else:
             if np.max(np.abs(residual)) < SATISFIED and all(
-                min(abs(a - b).max(), abs(a + b).max()) > 1e-6 for b in found
+                min(abs(a - b).max(), abs(a + b).max()) > 1e-6 for b in directions
             ):
-                found.append(a)
-    return tuple(found)
+                directions.append(a)
+    return tuple(directions)
 
 
 def advances(system: System, q: Any, t: float, direction: Any) -> bool:
