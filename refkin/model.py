@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from enum import StrEnum
 from itertools import pairwise
 from typing import Any, ClassVar
@@ -128,6 +128,12 @@ class Scene:
     def wanted(self) -> tuple[str, ...]:
         return self.bodies_wanted if self.bodies_wanted is not None else tuple(b.name for b in self.mechanism.bodies)
 
+    def _repr_svg_(self) -> str | None:
+        import refkin  # a notebook asks for it; what draws stands above
+
+        asked = replace(self, bodies_wanted=None, effects=frozenset(), evidence=frozenset())
+        return refkin.solve(asked)._repr_svg_()
+
 
 def mechanism_faults(m: Any) -> Iterator[Fault]:
     """Yield all that is wrong with a mechanism, or with what has its attributes; paths are those of a scene file."""
@@ -137,10 +143,7 @@ def mechanism_faults(m: Any) -> Iterator[Fault]:
     groups: dict[str, Sequence[Any]] = {"body": bodies, "joint": joints, "driver": drivers}
     taken = {"body": [GROUND], "joint": [], "driver": [c.name for c in joints]}
     for kind, items in groups.items():
-        yield from _name_faults(kind, items, taken[kind])
-    for kind, items in groups.items():
-        for k, item in enumerate(items):
-            yield from _finite_faults(f"{kind}[{k}]", item)
+        yield from (*_name_faults(kind, items, taken[kind]), *_finite_faults(kind, tuple(items)))
     known = dict.fromkeys((GROUND, *(b.name for b in bodies)))
     for path, c in _paths(m):
         for key in ("body", "body_i", "body_j", "relative_to"):
@@ -175,8 +178,8 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
         elif body in bodies_wanted[:k]:
             yield Fault(f"bodies_wanted[{k}]", body, "each body once")
     yield from _name_faults("point", scene.points)
+    yield from _finite_faults("point", tuple(scene.points))
     for k, point in enumerate(scene.points):
-        yield from _finite_faults(f"point[{k}]", point)
         if point.body not in names:
             yield Fault(f"point[{k}].body", point.body, one_of)
     for path, c in _paths(scene.mechanism) if times and finite else ():

@@ -119,12 +119,12 @@ class BodyMotion:
     qd: Array | None
     qdd: Array | None
 
+    def __post_init__(self) -> None:
+        for rate, rows in (("", self.q), ("d", self.qd), ("dd", self.qdd)):
+            names = (f"{coordinate}{rate}" for coordinate in ("x", "y", "phi"))
+            vars(self).update({} if rows is None else zip(names, rows, strict=True))
+
     def __getattr__(self, name: str) -> Array:
-        level = {"": self.q, "d": self.qd, "dd": self.qdd}
-        for row, coordinate in enumerate(("x", "y", "phi")):
-            rows = level.get(name.removeprefix(coordinate))
-            if name.startswith(coordinate) and rows is not None:
-                return rows[row]  # type: ignore[no-any-return]
         raise AttributeError(f"{name!r}: not a coordinate, or not called for by the scene")
 
 

@@ -26,7 +26,7 @@ def test_refkin_imports_neither_crosscheck_nor_an_engine(path):
     assert not packages & (ENGINE_PACKAGES | {"crosscheck", "tests"})
 
 
-LAYERS = ("reference", "scenes", "proof", "solving", "fast")
+LAYERS = ("reference", "output", "scenes", "proof", "solving", "fast")
 """From below; what is in none of the folders is the reference. The fast paths fall back on `refkin.solve`."""
 
 

@@ -6,15 +6,15 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from types import ModuleType
 from typing import Annotated
 
 import numpy as np
 from cyclopts import Parameter
 
+from crosscheck.commands.usage import positive, writable
 from crosscheck.errors import PASS, CannotRun, UsageError
 from refkin.model import Effect, Scene
-from refkin.output import Drawing, NothingToDraw, animated, still
+from refkin.output import MissingPackage, NothingToDraw, SceneMotion
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
 
@@ -47,14 +47,15 @@ def draw(
     acceleration
         Show accelerations so, too.
     """
-    rates = [name for name, wanted in (("velocity", velocity), ("acceleration", acceleration)) if wanted]
+    if time is not None and not np.isfinite(time):
+        raise UsageError(f"--time: expected a finite number [s], got {time}")
+    file = out or Path(f"{scene.stem}.svg")
+    writable("out", file)
     with _one_line():
-        drawing, file = _drawing(load(scene), rates), out or Path(f"{scene.stem}.svg")
-        k = 0 if time is None else int(np.argmin(np.abs(drawing.t - time)))
-        if file.suffix.lower() == ".svg":
-            file.write_text(still(drawing, k, rates), encoding="utf-8")
-        else:
-            _raster(file).save_still(drawing, file, k, rates)
+        effects = frozenset(Effect) if acceleration else frozenset({Effect.VELOCITY} if velocity else ())
+        picture = _drawable(load(scene), effects).plot(time, velocity=velocity, acceleration=acceleration)
+        picture.save(file)
+    drawing, k = picture.drawing, picture.k
     print(f"{file}: {drawing.scene.name}, t = {drawing.t[k]:g} s, {drawing.status[k]}")
     return PASS
 
@@ -73,22 +74,19 @@ def animate(scene: Path, *, out: Path | None = None, seconds: float = 4.0) -> in
     seconds
         How long one run of the motion is shown [s].
     """
-    if not 0 < seconds < np.inf:
-        raise UsageError(f"--seconds: expected a number above 0, got {seconds}")
+    positive("seconds", seconds)
+    file = out or Path(f"{scene.stem}-moving.svg")
+    writable("out", file)
     with _one_line():
-        drawing, file = _drawing(load(scene), []), out or Path(f"{scene.stem}-moving.svg")
-        if file.suffix.lower() == ".svg":
-            file.write_text(animated(drawing, seconds), encoding="utf-8")
-        else:
-            _raster(file).save_animation(drawing, file, seconds)
-    print(f"{file}: {drawing.scene.name}, {len(drawing.t)} poses in {seconds:g} s")
+        picture = _drawable(load(scene), frozenset()).animate(seconds)
+        picture.save(file)
+    print(f"{file}: {picture.drawing.scene.name}, {len(picture.drawing.t)} poses in {seconds:g} s")
     return PASS
 
 
-def _drawing(scene: Scene, rates: list[str]) -> Drawing:
-    effects = frozenset(Effect) if Effect.ACCELERATION in rates else frozenset(map(Effect, rates))
-    asked = replace(scene, bodies_wanted=None, effects=effects, evidence=frozenset())
-    return Drawing(asked, solve(asked))
+def _drawable(scene: Scene, effects: frozenset[Effect]) -> SceneMotion:
+    """Return the motion of all bodies of a scene, unproved."""
+    return solve(replace(scene, bodies_wanted=None, effects=effects, evidence=frozenset()))
 
 
 @contextmanager
@@ -96,13 +94,5 @@ def _one_line() -> Iterator[None]:
     """End the command where there is nothing to draw, or no way to."""
     try:
         yield
-    except NothingToDraw as error:
+    except (NothingToDraw, MissingPackage) as error:
         raise CannotRun(str(error)) from error
-
-
-def _raster(file: Path) -> ModuleType:
-    try:
-        from refkin.output import raster
-    except ImportError as error:
-        raise CannotRun(f"{file}: matplotlib is needed for it: pip install 'refkin[figures]' ({error})") from error
-    return raster

@@ -11,9 +11,10 @@ import numpy as np
 from cyclopts import Parameter
 
 from crosscheck.commands.solve import SCHEMA, numbers
-from crosscheck.commands.usage import Json
+from crosscheck.commands.usage import Json, print_numbers, writable
 from refkin.errors import UnknownName
 from refkin.model import Scene
+from refkin.output.tables import wide
 from refkin.proof.path.tracing import End
 from refkin.scenes.files import load
 from refkin.solving.follow import Bifurcation, Path, Tangent, TurningPoint, driven_by, follow, straight_on
@@ -98,6 +99,7 @@ def print_path(
     through: Annotated[bool, Parameter(negative="")] = False,
     most_points: int = 2000,
     as_json: Json = False,
+    csv: File | None = None,
 ) -> int:
     """Follow the poses of a scene from its first one: past limits of its driver, on to the other branch, and back.
 
@@ -119,9 +121,12 @@ def print_path(
     most_points
         Number of poses after which the path ends.
     as_json
-        Print one JSON object instead of lines.
+        Print one JSON object instead of tables and lines.
+    csv
+        Write the poses to this file, one row per pose, instead of printing their table.
     """
     read = load(scene)
+    writable("csv", csv)
     parameter = parameter_of(read, driver)
     try:
         driven = read if parameter == TIME else driven_by(read, parameter)
@@ -130,8 +135,12 @@ def print_path(
         return 2
     choose = straight_on if through else None
     path = follow(driven, direction=-1 if backwards else 1, until=until, choose=choose, most_points=most_points)
+    if csv is not None:
+        path.to_csv(csv)
     if as_json:
         print(json.dumps(to_json(read, parameter, path)))
     else:
+        if csv is None:
+            print_numbers(wide(path), len(path.first_columns))
         print("\n".join(lines(parameter, path)))
     return 0 if path.end in (End.RANGE, End.CLOSED, End.BIFURCATION) else 1

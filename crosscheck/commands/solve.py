@@ -10,9 +10,10 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.commands.usage import Json, console
+from crosscheck.commands.usage import Json, print_numbers, writable
 from refkin.model import Scene
 from refkin.motion import Motion, Status
+from refkin.output import SceneMotion
 from refkin.scenes.files import load, schema
 from refkin.solving import solve as solving
 
@@ -34,11 +35,10 @@ def solve(scene: Path, *, as_json: Json = False, csv: Path | None = None) -> int
         Write all that the scene calls for to this file, one row per time, instead of printing a table.
     """
     read = load(scene)
+    writable("csv", csv)
     motion = solving.solve(read)
     if csv is not None:
-        from refkin.output.tables import write_csv
-
-        write_csv(motion, csv)
+        motion.to_csv(csv)
         print(f"{csv}: {len(motion.t)} times, verdict {motion.verdict}", file=sys.stderr)
     if as_json:
         print(json.dumps(to_json(read, motion)))
@@ -88,20 +88,15 @@ def _called_for(**levels: Any) -> dict[str, Any]:
     return {key: [numbers(row) for row in level.T] for key, level in levels.items() if level is not None}
 
 
-def _print_motion(motion: Motion) -> None:
-    from rich.table import Table  # an object in JSON needs none
-
+def _print_motion(motion: SceneMotion) -> None:
     from refkin.output.tables import wide
 
-    shown = wide(motion)
-    table = Table(*shown)
-    for time, status, *values in zip(*shown.values(), strict=True):
-        table.add_row(f"{time:.6g}", status, *(f"{value:.15g}" for value in values))
-    out = console(40 + 24 * len(shown))
-    out.print(table)
-    out.print(f"verdict: {motion.verdict.value}   worst scaled residual: {_worst(motion.residual)}")
+    if not print_numbers(wide(motion), len(motion.first_columns)):
+        counts = ", ".join(f"{motion.status.count(s)} {s}" for s in dict.fromkeys(motion.status))
+        print(f"no pose at any of {len(motion.t)} times: {counts}")
+    print(f"verdict: {motion.verdict.value}   worst scaled residual: {_worst(motion.residual)}")
     if motion.message:
-        out.print(motion.message)
+        print(motion.message)
 
 
 def _worst(values: object) -> str:

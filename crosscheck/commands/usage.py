@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from itertools import groupby
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 from cyclopts import Parameter
@@ -35,6 +37,12 @@ def positive(key: str, value: float | None) -> None:
         raise UsageError(f"--{key}: expected a number above 0, got {value}")
 
 
+def writable(key: str, file: Path | None) -> None:
+    """Refuse a file that cannot be written, before anything is computed for it; None was not given."""
+    if file is not None and (file.is_dir() or not file.absolute().parent.is_dir()):
+        raise UsageError(f"--{key}: expected a file in a folder that exists, got {file}")
+
+
 CONTROL = re.compile("[\x00-\x08\x0b-\x1f\x7f-\x9f\u061c\u200e\u200f\u202a-\u202e\u2066-\u2069]")
 """What moves a terminal's cursor, sets its title or turns the direction of text: everything but lines and tabs."""
 COLOUR = re.compile("(\x1b\\[[0-9;]*m)")
@@ -60,6 +68,44 @@ def console(width: int | None, stderr: bool = False) -> Console:
 
     stream = sys.stderr if stderr else sys.stdout
     return PrintableConsole(stderr=stderr, width=None if stream.isatty() else width, markup=False, highlight=False)
+
+
+def print_numbers(columns: Mapping[str, Any], first: int) -> bool:
+    """Print columns of numbers as a table, as wide as it is where standard output is no terminal.
+
+    Parameters
+    ----------
+    columns : mapping
+        Header -> values, (T,) each.
+    first : int
+        How many columns say which row it is. Rows that hold no number beyond those share one row while the last of
+        those columns, their status, stays the same.
+
+    Returns
+    -------
+    bool
+        Whether there was a number to print.
+    """
+    from rich.table import Table
+
+    def numbers(row: Sequence[Any]) -> bool:
+        return any(math.isfinite(x) for x in row[first:])
+
+    rows = list(zip(*columns.values(), strict=True))
+    if not any(map(numbers, rows)):
+        return False
+    table = Table(*columns)
+    for (some, _), run in groupby(rows, lambda row: (numbers(row), row[first - 1] if not numbers(row) else None)):
+        group = list(run)
+        if some:
+            for row in group:
+                table.add_row(*(x if isinstance(x, str) else f"{x:.15g}" for x in row))
+        else:
+            times = f"{group[0][0]:.6g} ... {group[-1][0]:.6g}" if len(group) > 1 else f"{group[0][0]:.6g}"
+            status = f"{group[0][first - 1]} ({len(group)} times)"
+            table.add_row(times, *[""] * (first - 2), status, *["-"] * (len(columns) - first))
+    console(console(10_000).measure(table).maximum).print(table)
+    return True
 
 
 class Printable:

@@ -3,23 +3,31 @@
 from __future__ import annotations
 
 import csv
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from refkin.motion import Motion
+from refkin.errors import InvalidRequest, RefkinError
 
 UNITS = (("m", "m", "rad"), ("m/s", "m/s", "rad/s"), ("m/s^2", "m/s^2", "rad/s^2"))
 NAMES = (("x", "y", "phi"), ("xd", "yd", "phid"), ("xdd", "ydd", "phidd"))
 LEVELS = ("position", "velocity", "acceleration")
 
 
-def columns(motion: Motion) -> Iterator[tuple[str, str, str, str, Any]]:
+class MissingPackage(RefkinError, ImportError):
+    """An optional package that is not installed; says which extra brings it."""
+
+
+def columns(motion: Any) -> Iterator[tuple[str, str, str, str, Any]]:
     """Yield what, quantity, level, unit and values (T,) of each column beyond time and status.
 
-    What is a body or a point, in the order of the motion; levels that were not called for have no columns.
+    What is a body, a point or a cam, in the order of the motion; levels that were not called for have no columns.
+
+    Parameters
+    ----------
+    motion : Motion or Path
     """
     for level, rows in enumerate(motion.levels):
         if rows is not None:
@@ -30,32 +38,77 @@ def columns(motion: Motion) -> Iterator[tuple[str, str, str, str, Any]]:
             if pair is not None:
                 for axis in range(2):
                     yield name, NAMES[level][axis], LEVELS[level], UNITS[level][axis], pair[axis]
+    for name, contact in motion.contacts.items():
+        for level, values in enumerate((contact.s, contact.sd, contact.sdd)):
+            if values is not None:
+                yield name, ("s", "sd", "sdd")[level], LEVELS[level], UNITS[level][2], values
 
 
-def wide(motion: Motion) -> dict[str, Any]:
-    """Return header -> column: time, status, then `body.x [m]` and so on, each (T,)."""
-    table: dict[str, Any] = {"t [s]": motion.t, "status": np.array([str(status) for status in motion.status])}
-    return table | {f"{what}.{name} [{unit}]": values for what, name, _, unit, values in columns(motion)}
+def wide(motion: Any) -> dict[str, Any]:
+    """Return header -> column: time and status (`first_columns`), then `body.x [m]` and so on, each (T,)."""
+    return {**motion.first_columns, **{f"{what}.{name} [{unit}]": x for what, name, _, unit, x in columns(motion)}}
 
 
-def long(motion: Motion) -> dict[str, Any]:
-    """Return header -> column with one row per number: t [s], status, name, quantity, level, unit, value."""
-    written = list(columns(motion))
-    count, status = len(motion.t), np.array([str(s) for s in motion.status])
-    texts = {
-        key: np.repeat([c[k] for c in written], count) for k, key in enumerate(("name", "quantity", "level", "unit"))
-    }
-    value = np.concatenate([c[4] for c in written])
-    return {"t [s]": np.tile(motion.t, len(written)), "status": np.tile(status, len(written)), **texts, "value": value}
+def long(motion: Any) -> dict[str, Any]:
+    """Return header -> column with one row per number: time, status, name, quantity, level, unit, value."""
+    listed = list(columns(motion))
+    count = len(motion.t)
+    keys = ("name", "quantity", "level", "unit")
+    texts = {key: np.repeat([column[k] for column in listed], count) for k, key in enumerate(keys)}
+    first = {key: np.tile(values, len(listed)) for key, values in motion.first_columns.items()}
+    return {**first, **texts, "value": np.concatenate([column[4] for column in listed])}
 
 
-def write_csv(motion: Motion, file: str | Path) -> None:
-    """Write the wide table; every number with the digits that give it back exactly, nothing where there is none."""
-    table = wide(motion)
-    with open(file, "w", newline="", encoding="utf-8") as out:
-        writer = csv.writer(out)
-        writer.writerow(table)
-        writer.writerows([_cell(x) for x in row] for row in zip(*table.values(), strict=True))
+class Tabled:
+    """What has times, bodies and levels, as tables and in files.
+
+    Attributes
+    ----------
+    first_columns : mapping
+        Header -> the columns that a row begins with, (T,) each.
+    """
+
+    t: Any
+    status: Any
+
+    @property
+    def first_columns(self) -> Mapping[str, Any]:
+        return {"t [s]": self.t, "status": np.array([str(status) for status in self.status])}
+
+    def to_dataframe(self, form: str = "wide") -> Any:
+        """Return a pandas data frame; headers name the units.
+
+        Parameters
+        ----------
+        form : {"wide", "long"}
+            One row per time with columns like `rocker.phi [rad]`, or one row per number with its name, quantity, level
+            and unit.
+
+        Raises
+        ------
+        MissingPackage
+            If pandas is not installed.
+        """
+        tables = {"wide": wide, "long": long}
+        if form not in tables:
+            raise InvalidRequest("form", " or ".join(map(repr, tables)), repr(form))
+        try:
+            import pandas
+        except ImportError as error:
+            raise MissingPackage(f"a data frame takes pandas: pip install 'refkin[tables]' ({error})") from error
+        return pandas.DataFrame(tables[form](self))
+
+    def to_csv(self, file: str | Path) -> None:
+        """Write the wide table; every number with the digits that give it back exactly, nothing where there is none."""
+        table = wide(self)
+        with open(file, "w", newline="", encoding="utf-8") as out:
+            writer = csv.writer(out)
+            writer.writerow(table)
+            writer.writerows([_cell(x) for x in row] for row in zip(*table.values(), strict=True))
+
+    def to_npz(self, file: str | Path) -> None:
+        """Write the columns of the wide table as arrays, each under its header; `numpy.load` reads them back."""
+        np.savez(file, **wide(self))
 
 
 def _cell(x: Any) -> str:

@@ -9,17 +9,18 @@ found; where curves cross, the *bifurcation*, with the tangents of both, and the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
 from refkin.errors import UnknownName
-from refkin.joints import AngleDriver
+from refkin.joints import AngleDriver, Driver, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Array, BodyMotion
 from refkin.motion_laws import Polynomial
+from refkin.output.tables import Tabled
 from refkin.proof.numbers.inputs import output_rounding
 from refkin.proof.numbers.recentred import Recentred, recentred
 from refkin.proof.path.branch_points import Crossing
@@ -87,8 +88,8 @@ class Bifurcation:
 Choice = Callable[[Bifurcation], Tangent | None]
 
 
-@dataclass(frozen=True, kw_only=True)
-class Path:
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Path(Tabled):
     """Poses one after another.
 
     Attributes
@@ -105,6 +106,8 @@ class Path:
         Proved bound of the error of a pose at its t, largest scaled coordinate; NaN where no pose is alone at its t.
     end : PathEnd
         Why the path ends.
+    parameter : str
+        What t is, with its unit.
     """
 
     t: Array
@@ -117,6 +120,17 @@ class Path:
     bifurcations: tuple[Bifurcation, ...]
     end: PathEnd
     message: str
+    parameter: str = "t [s]"
+    points: ClassVar[Mapping[str, Any]] = {}
+    contacts: ClassVar[Mapping[str, Any]] = {}
+
+    @property
+    def levels(self) -> tuple[Array]:
+        return (self.q,)
+
+    @property
+    def first_columns(self) -> Mapping[str, Any]:
+        return {"pose": np.arange(self.t.size), self.parameter: self.t, "proved radius": self.radius}
 
     @property
     def events(self) -> tuple[TurningPoint | Bifurcation, ...]:
@@ -290,6 +304,7 @@ class _Walk:
             bifurcations=tuple(self.bifurcation(*branch_point) for branch_point in trace.crossings),
             end=trace.end,
             message="; ".join(filter(None, (message, str(trace.end)))),
+            parameter=next((_with_unit(d) for d in system.mechanism.drivers if d.law is _ITSELF), "t [s]"),
         )
 
     def directions(self, trace: Trace) -> list[Any]:
@@ -303,6 +318,11 @@ class _Walk:
             else:
                 vectors.append(np.full_like(x, np.nan) if incoming[k] is None else incoming[k])
         return vectors
+
+
+def _with_unit(driver: Driver) -> str:
+    of_angle = any(element.key == "angle by a law" for element in elements_of([driver]))
+    return f"{driver.name} [{'rad' if of_angle else 'm'}]"
 
 
 def _is_driven_angle(mechanism: Mechanism) -> bool:

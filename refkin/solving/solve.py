@@ -12,6 +12,7 @@ from refkin.joints import polar_cams
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Producer, Status, __version__, no_radius, nowhere
 from refkin.newton import is_round_off
+from refkin.output.scene_motion import SceneMotion
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.numbers.inputs import output_rounding
 from refkin.proof.numbers.recentred import recentred
@@ -31,7 +32,7 @@ MOST_SEARCHES = 4
 """How many searches for a proof that poses do not exist, for mechanisms without a closed form: up to a second each."""
 
 
-def solve(scene: Scene, *, certified: bool = False) -> Motion:
+def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:
     """Return position and what else the scene calls for, with evidence, on the branch of its estimates.
 
     Numbers that fail are statuses in the result, never exceptions. With `certified` it is also proved that between the
@@ -48,7 +49,7 @@ def solve(scene: Scene, *, certified: bool = False) -> Motion:
         answer.judge(reached)
     answer.prove_gaps()
     answer.explain()
-    return answer.motion()
+    return SceneMotion.of(scene, answer.motion())
 
 
 def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list[Status], str]:

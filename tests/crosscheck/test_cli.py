@@ -18,6 +18,7 @@ from crosscheck.engines import EngineRefusal, load
 from crosscheck.night import progress
 from crosscheck.night.plan import SAMPLED
 from crosscheck.night.progress import shown_progress
+from refkin.scenes.files import to_toml
 
 from .fake_engines import RAISE, SEGFAULT, SHIFT, crosscheck, engine_file, key_of_drawn, records_of
 
@@ -439,3 +440,47 @@ def test_an_answer_is_written_as_a_table(tmp_path):
 
     assert end.value.code == 0
     assert (tmp_path / "answer.csv").read_text(encoding="utf-8").startswith("t [s],status,crank.x [m],")
+
+
+def test_a_wide_table_stays_whole_in_a_pipe(command):
+    lines = command("solve", GOOD).stdout.splitlines()
+    rows = [line for line in lines if line.startswith("│")]
+
+    assert len(rows) == 73
+    assert {len(line) for line in rows} == {len(lines[0])}
+    assert lines[1].count("[m]") == 6
+    assert lines[1].count("[rad/s^2]") == 3
+
+
+def test_times_without_a_pose_are_told_once_and_not_as_rows_of_nan(command, tmp_path):
+    far = GOOD.read_text(encoding="utf-8").replace("point_i = [4.0, 0.0]", "point_i = [40.0, 0.0]")
+    (tmp_path / "far.toml").write_text(far, encoding="utf-8")
+    apart = command("solve", tmp_path / "far.toml")
+    linkage = refkin.FourBar(ground=4.0, crank=3.0, coupler=2.0, rocker=2.5)
+    scene = linkage.scene(law=refkin.Polynomial(coefficients=(0.0, 0.1)), times=[0.0, 1.0, 2.0])
+    (tmp_path / "part.toml").write_text(to_toml(replace(scene, times=(0.0, 1.0, 50.0, 51.0))), encoding="utf-8")
+    part = command("solve", tmp_path / "part.toml").stdout.splitlines()
+
+    assert "nan" not in apart.stdout
+    assert apart.stdout.startswith("no pose at any of 73 times: ")
+    assert len([line for line in part if line.startswith("│")]) == 3
+    assert any("50 ... 51" in line and "(2 times)" in line for line in part)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("draw", GOOD, "--time", "nan"), "--time: expected a finite number [s], got nan"),
+        (("solve", GOOD, "--csv", "/no/x.csv"), "--csv: expected a file in a folder that exists, got /no/x.csv"),
+        (("follow", GOOD, "--csv", "/no/x.csv"), "--csv: expected a file in a folder that exists, got /no/x.csv"),
+        (("draw", GOOD, "--out", "/no/x.svg"), "--out: expected a file in a folder that exists, got /no/x.svg"),
+        (("animate", GOOD, "--seconds", "nan"), "--seconds: expected a number above 0, got nan"),
+    ],
+    ids=lambda value: value[0] if isinstance(value, tuple) else "",
+)
+def test_a_request_that_makes_no_sense_is_told_in_one_line_before_anything_is_computed(command, arguments, said):
+    ended = command(*arguments)
+
+    assert ended.returncode == 2
+    assert ended.stdout == ""
+    assert ended.stderr == f"{said}\n"

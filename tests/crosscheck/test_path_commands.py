@@ -37,7 +37,7 @@ def dead_centre():
 def test_a_path_is_told_by_its_turning_points(tmp_path, capsys):
     code, printed = told(tmp_path, capsys, limited(), "follow")
     limit = LIMITED.input_range()[0][1]
-    lines = printed.out.splitlines()
+    lines = printed.out.splitlines()[-5:]
 
     assert code == 0
     assert [line.split(":")[1].split(" value ")[0] for line in lines[2:4]] == [
@@ -46,6 +46,17 @@ def test_a_path_is_told_by_its_turning_points(tmp_path, capsys):
     ]
     assert [abs(float(line.split()[-1])) for line in lines[2:4]] == pytest.approx([limit, limit], abs=1e-14)
     assert lines[-1].endswith("the path closes, at driver = 0")
+
+
+def test_the_poses_of_a_path_are_a_table_or_a_file(tmp_path, capsys):
+    _, printed = told(tmp_path, capsys, limited(), "follow")
+    told(tmp_path, capsys, limited(), "follow", "--csv", str(tmp_path / "path.csv"))
+    header, *rows = (tmp_path / "path.csv").read_text(encoding="utf-8").splitlines()
+    poses = [line for line in printed.out.splitlines() if line.startswith("│")]
+
+    assert header.startswith("pose,driver [rad],proved radius,crank.x [m]")
+    assert len(rows) == len(poses)
+    assert float(rows[-1].split(",")[1]) == pytest.approx(0.0, abs=1e-15)
 
 
 def test_a_path_as_json_is_its_poses_with_tangents_events_and_radii(tmp_path, capsys):

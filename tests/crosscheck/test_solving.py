@@ -40,22 +40,22 @@ def motions() -> list[tuple[Scene, loops.LoopSystem, Any, Any]]:
             ROCKER.scene(law=LAW, times=TIMES),
             loops.four_bar(4.0, 1.0, 3.5, 3.0, LAW),
             [0.8, 1.9],
-            lambda m, level: [m[body].__getattr__("phi" + level) for body in ("coupler", "rocker")],
+            lambda m, level: [getattr(m[body], "phi" + level) for body in ("coupler", "rocker")],
         ),
         (
             slider.scene(law=LAW, times=TIMES),
             loops.slider_crank(1.0, 3.0, 0.4, LAW),
             [0.0, 3.9],
             lambda m, level: [
-                m["connecting_rod"].__getattr__("phi" + level),
-                m["slider"].__getattr__("x" + level),
+                getattr(m["connecting_rod"], "phi" + level),
+                getattr(m["slider"], "x" + level),
             ],
         ),
         (
             lever.scene(law=LAW, times=TIMES),
             loops.inverted_slider_crank(3.0, 1.2, 0.25, LAW),
             [2.8, 2.0],
-            lambda m, level: [m["lever"].__getattr__("phi" + level)],
+            lambda m, level: [getattr(m["lever"], "phi" + level)],
         ),
     ]
 

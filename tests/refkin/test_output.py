@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import csv
-import importlib
 import math
+import sys
 from dataclasses import replace
 from xml.etree import ElementTree as ET
 
@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 
 import refkin
+from refkin.motion import ContactMotion
 from refkin.output import Drawing, NothingToDraw, animated, still
-from refkin.output.tables import long, wide, write_csv
+from refkin.output.tables import MissingPackage, long, wide
+from refkin.solving.follow import driven_by
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -111,17 +113,15 @@ def test_a_motion_without_a_pose_or_a_body_is_no_picture(scene, motion):
 
 
 @pytest.mark.parametrize(("suffix", "first"), [(".png", b"\x89PNG"), (".gif", b"GIF8")])
-def test_matplotlib_writes_the_same_parts(scene, motion, tmp_path, suffix, first):
-    raster = importlib.import_module("refkin.output.raster")
+def test_matplotlib_writes_the_same_parts(motion, tmp_path, suffix, first):
     file = tmp_path / f"picture{suffix}"
-    save = raster.save_still if suffix == ".png" else raster.save_animation
-    save(Drawing(scene, motion), file)
+    (motion.plot() if suffix == ".png" else motion.animate()).save(file)
 
     assert file.read_bytes().startswith(first)
 
 
 def test_a_table_gives_every_number_back(scene, motion, tmp_path):
-    write_csv(motion, tmp_path / "motion.csv")
+    motion.to_csv(tmp_path / "motion.csv")
     with open(tmp_path / "motion.csv", newline="", encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
 
@@ -142,7 +142,7 @@ def test_a_long_table_has_one_row_per_number_with_its_unit(motion):
 def test_no_number_is_an_empty_cell(motion, tmp_path):
     q = motion.q.copy()
     q[:, 2] = np.nan
-    write_csv(replace(motion, q=q), tmp_path / "motion.csv")
+    replace(motion, q=q).to_csv(tmp_path / "motion.csv")
 
     assert (tmp_path / "motion.csv").read_text(encoding="utf-8").splitlines()[3].split(",")[2] == ""
 
@@ -171,3 +171,105 @@ def test_the_text_of_a_scene_is_a_program_that_makes_it(scene):
 
     assert eval(repr(scene), names) == scene
     assert eval(repr(linkage), names) == linkage
+
+
+def test_a_data_frame_has_the_units_in_its_headers_and_gives_every_number_back(motion):
+    pandas = pytest.importorskip("pandas")
+    frame, rows = motion.to_dataframe(), motion.to_dataframe("long")
+
+    assert list(frame.columns) == list(wide(motion))
+    assert frame["rocker.phid [rad/s]"].tolist() == motion["rocker"].phid.tolist()
+    assert frame["P.xdd [m/s^2]"].tolist() == motion.points["P"].a[0].tolist()
+    assert isinstance(rows, pandas.DataFrame)
+    assert rows.query("name == 'rocker' and quantity == 'phi'")["value"].tolist() == motion["rocker"].phi.tolist()
+    with pytest.raises(refkin.InvalidRequest, match="'wide' or 'long', got 'tall'"):
+        motion.to_dataframe("tall")
+
+
+def test_without_pandas_the_message_says_what_to_install(motion, monkeypatch):
+    monkeypatch.setitem(sys.modules, "pandas", None)
+
+    with pytest.raises(MissingPackage, match=r"pip install 'refkin\[tables\]'"):
+        motion.to_dataframe()
+
+
+def test_without_matplotlib_a_picture_says_what_to_install(motion, tmp_path, monkeypatch):
+    monkeypatch.delitem(sys.modules, "refkin.output.raster", raising=False)
+    monkeypatch.delattr("refkin.output.raster", raising=False)
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+
+    with pytest.raises(MissingPackage, match=r"pip install 'refkin\[figures\]'"):
+        motion.plot().save(tmp_path / "x.png")
+
+
+def test_arrays_in_a_file_stand_under_their_headers(motion, tmp_path):
+    motion.to_npz(tmp_path / "motion.npz")
+    with np.load(tmp_path / "motion.npz") as arrays:
+        assert {key: arrays[key].tolist() for key in arrays} == {k: list(v) for k, v in wide(motion).items()}
+
+
+def test_the_contact_of_a_cam_has_columns():
+    scene = refkin.load("tests/corpus/stretched.toml")
+    motion = refkin.solve(scene)
+    cam = replace(motion, contacts={"cam": ContactMotion(s=motion.t, sd=2 * motion.t)})
+
+    assert wide(cam)["cam.sd [rad/s]"].tolist() == (2 * motion.t).tolist()
+    assert "cam.sdd [rad/s^2]" not in wide(cam)
+
+
+def test_a_path_is_a_table_of_its_poses(scene, tmp_path):
+    path = refkin.follow(driven_by(scene, "driver"))
+    path.to_csv(tmp_path / "path.csv")
+    with open(tmp_path / "path.csv", newline="", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+
+    assert [float(row["driver [rad]"]) for row in rows] == path.t.tolist()
+    assert [float(row["rocker.phi [rad]"]) for row in rows] == path["rocker"].phi.tolist()
+    assert "t [s]" in wide(refkin.follow(scene))
+
+
+def test_coordinates_that_were_called_for_complete_on_tab(scene, motion):
+    positions = refkin.solve(replace(scene, effects=frozenset()))
+
+    assert {"x", "yd", "phidd"} <= set(dir(motion["rocker"]))
+    assert {"x", "y", "phi"} <= set(dir(positions["rocker"]))
+    assert "phid" not in dir(positions["rocker"])
+    assert motion._ipython_key_completions_() == ["crank", "coupler", "rocker"]
+    with pytest.raises(AttributeError, match="not called for by the scene"):
+        positions["rocker"].phid  # noqa: B018
+
+
+def test_scene_motion_and_linkage_show_themselves_in_a_notebook(scene, motion):
+    linkage = refkin.SliderCrank(crank=1.0, rod=3.0)
+
+    for shown in (scene, motion, motion.plot(), linkage):
+        assert ET.fromstring(shown._repr_svg_()).tag == f"{SVG}svg"
+    assert "verdict: ok" in motion._repr_html_()
+    assert "<svg" in motion._repr_html_()
+
+
+def test_what_has_no_pose_shows_no_picture_in_a_notebook(scene, motion):
+    apart = refkin.FourBar(ground=10.0, crank=1.0, coupler=1.0, rocker=1.0)
+    nowhere = replace(motion, q=np.full_like(motion.q, np.nan))
+
+    assert apart._repr_svg_() is None
+    assert nowhere._repr_svg_() is None
+    assert "<svg" not in nowhere._repr_html_()
+
+
+def test_a_plot_takes_the_pose_nearest_to_a_time(motion):
+    assert motion.plot(motion.t[4] + 0.01).k == 4
+    assert motion.plot().k == 0
+    for wrong in (math.nan, math.inf):
+        with pytest.raises(refkin.InvalidRequest, match="finite time"):
+            motion.plot(wrong)
+
+
+def test_a_linkage_is_plotted_in_the_pose_of_its_closed_form():
+    linkage = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0, origin=(1.0, -2.0), angle=0.3)
+    drawing = linkage.plot(1.2, "crossed").drawing
+    at = {part.name: part.poses[:, 0] for part in drawing.parts}
+    pose = linkage.assemble(1.2, "crossed")
+
+    assert {name: at[name].tolist() for name in pose} == {name: list(q) for name, q in pose.items()}
+    assert math.isfinite(linkage.plot().drawing.box.sum())

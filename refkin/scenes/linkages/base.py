@@ -21,12 +21,23 @@ import numpy as np
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import GROUND, AngleDriver, Constraint, Driver, Pair
 from refkin.model import Body, Effect, Evidence, Mechanism, Scene
+from refkin.motion import Producer, Route, Seeding, Status, __version__, engine_motion
 from refkin.motion_laws import Integral, Law, Polynomial
+from refkin.output import Drawing, Picture
 from refkin.scenes.linkages.closures import DoesNotAssemble, Interval, covers
 
 Pose = dict[str, tuple[float, float, float]]
 """Body -> (x [m], y [m], phi [rad]) in the ground frame."""
 
+CLOSED_FORM = Route(
+    name="closed form",
+    residual_by="closed form",
+    jacobian_by="none",
+    newton_by="none",
+    linear_solve_by="none",
+    drift_by="none",
+    seeding=Seeding.NONE,
+)
 Member = TypeVar("Member", bound=StrEnum)
 
 
@@ -190,6 +201,43 @@ class Linkage:
             effects=frozenset(member(Effect, effect, "effects") for effect in effects),
             evidence=frozenset(member(Evidence, kind, "evidence") for kind in evidence),
         )
+
+    def plot(
+        self,
+        value: float | None = None,
+        branch: Branch | str = Branch.OPEN,
+        *,
+        driven: str = "crank",
+        relative_to: str = GROUND,
+    ) -> Picture:
+        """Return a picture of the linkage at an input, by its closed form; a notebook shows it.
+
+        Parameters
+        ----------
+        value : float, optional
+            The input [rad, or m]; by default one of those at which the linkage assembles.
+        branch, driven, relative_to
+            As in `assemble`.
+
+        Raises
+        ------
+        DoesNotAssemble
+            With the gap [m].
+        """
+        self._check_input(driven, relative_to)
+        if value is None:
+            low, high = next(iter(self.input_range(driven, relative_to)), (0.0, 0.0))
+            value = math.pi / 3 if math.isinf(low) else (low + high) / 2
+        pose = self.assemble(value, branch, driven=driven, relative_to=relative_to)
+        mechanism = self.mechanism(self.driver(Polynomial(coefficients=(value,)), driven, relative_to), pose)
+        scene = Scene(mechanism=mechanism, times=(0.0,), name=type(self).__name__)
+        q = np.array([x for body in mechanism.bodies for x in pose[body.name]])[:, None]
+        producer = Producer(name="closed form", version=__version__, route=CLOSED_FORM)
+        motion = engine_motion(scene.times, scene.wanted, q, None, None, (Status.OK,), producer)
+        return Picture(Drawing(scene, motion))
+
+    def _repr_svg_(self) -> str | None:
+        return self.plot().svg if self.input_range() else None
 
     def _input(self, coordinate: float, driven: str) -> float:
         """Return the input at which the coordinate of its driver has this value."""
