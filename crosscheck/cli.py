@@ -37,6 +37,8 @@ COMMANDS = {
     "engines": ("engines:print_engines", "Print what each engine can do, and why not where it refuses."),
     "ledger": ("documents:ledger", "Recompute every printed number of the source documents."),
     "history": ("nights:history", "Show the nights that were kept, and what has changed."),
+    "problems export": ("problems:print_export", "Write the problem set: mechanisms with answers of 30 proved digits."),
+    "problems grade": ("problems:grade", "Grade answers to the problem set: correct digits."),
     "baseline": ("nights:baseline", "Compare the golden set with the accepted baseline."),
 }
 """Command -> where it is in `crosscheck.commands`, and what the list of commands says of it."""
@@ -48,8 +50,10 @@ app = cyclopts.App(
     version_flags=["--version"],
     version=__version__,
 )
+app.command(cyclopts.App(name="problems", help="The problem set: write it, grade answers to it."))
 for name, (place, what) in COMMANDS.items():
-    app.command(f"crosscheck.commands.{place}", name=name, help=what)
+    *group, own = name.split()
+    (app[group[0]] if group else app).command(f"crosscheck.commands.{place}", name=own, help=what)
 
 
 def main(arguments: Sequence[str] | None = None) -> None:

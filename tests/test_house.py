@@ -168,7 +168,7 @@ LAYERS = (
     {"scenes"},
     {"engines"},
     {"workers", "judge"},  # how a child process fails, and what an answer is worth, know nothing of each other
-    {"documents", "measure"},  # the ledger recomputes what others printed: it asks engines, and no worker
+    {"documents", "measure", "problems"},  # the ledger recomputes what others printed: it asks engines, and no worker
     {"night"},
     {"report"},
     {"commands"},

@@ -385,7 +385,7 @@ def test_solving_waits_for_nothing_that_it_does_not_use():
 @pytest.mark.parametrize("command", sorted(COMMANDS))
 def test_every_command_in_the_list_is_there(command, capsys):
     with pytest.raises(SystemExit) as end:
-        main([command, "--help"])
+        main([*command.split(), "--help"])
 
     assert end.value.code == 0
     assert f"crosscheck {command}" in capsys.readouterr().out

@@ -1,0 +1,94 @@
+"""`crosscheck problems export` and `crosscheck problems grade`: a set of mechanisms with proved answers."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from rich.progress import Progress
+
+from crosscheck.commands.usage import Json, Whole, console, positive
+from crosscheck.errors import DISAGREEMENT, PASS, UsageError
+from crosscheck.problems import SHA256, VERSION
+from crosscheck.problems.export import export
+from crosscheck.problems.grader import LEVELS, grade_all
+from crosscheck.problems.statement import drafts
+
+
+def print_export(folder: Path, *, only: str = "", processes: Whole = 1) -> int:
+    """Write the problem set: scenes, models for MuJoCo and exudyn, answers of 30 proved digits, a grader.
+
+    It takes about a minute of processor time. Exit codes: 0 written, 2 usage, 4 an answer is not proved.
+
+    Parameters
+    ----------
+    folder
+        Where; the files of a set that is there are overwritten.
+    only
+        Problems of the families whose name contains this text, as `six`; all by default.
+    processes
+        How many prove answers side by side.
+    """
+    positive("processes", processes)
+    with Progress(console=console(None, stderr=True), transient=True) as bar:
+        task = bar.add_task("proving", total=None)
+        found = export(
+            folder, list(drafts(only)), processes, lambda done, of: bar.update(task, completed=done, total=of)
+        )
+    count = len(json.loads((folder / "problems.json").read_text(encoding="utf-8"))["problems"])
+    whole = "" if only else f" ({'as' if found == SHA256 else 'NOT as'} published)"
+    print(f"{folder}: {count} problems, version {VERSION}, sha256 {found}{whole}")
+    return PASS
+
+
+def grade(answers: Path, *, problems: Path = Path("problems"), as_json: Json = False) -> int:
+    """Grade answers to the problem set: correct digits of position, velocity and acceleration (LRE, as NIST's StRD).
+
+    Exit codes: 0 graded, 1 an answer is of another assembly, or has not the form that is asked for, 2 usage.
+
+    Parameters
+    ----------
+    answers
+        A JSON file; `grade.py` in the folder of the set, which does the same without this package, says its form.
+    problems
+        The folder that `crosscheck problems export` has written.
+    as_json
+        Print one JSON object instead of a table.
+    """
+    try:
+        given = json.loads(answers.read_text(encoding="utf-8"), parse_float=str)
+        found = dict(grade_all(given, problems))
+        index = json.loads((problems / "problems.json").read_text(encoding="utf-8"))["problems"]
+    except OSError as error:
+        raise UsageError(f"{error.filename}: {error.strerror}") from error
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
+        raise UsageError(f"{answers}: not answers to the problems of {problems}: {error!r}") from error
+    if as_json:
+        print(json.dumps(found))
+    else:
+        _print(found, {entry["name"]: entry["attainable"] for entry in index})
+    return DISAGREEMENT if any("refused" in scores for scores in found.values()) else PASS
+
+
+def _print(found: dict[str, Any], attainable: dict[str, Any]) -> None:
+    from rich.table import Table
+
+    table = Table("problem", *(f"{level} (attainable)" for level in LEVELS.values()), "")
+    for name, scores in found.items():
+        cells = [_cell(scores.get(level), attainable[name][level]) for level in LEVELS.values()]
+        table.add_row(name, *cells, scores.get("refused") and f"refused: {scores['refused']}")
+    out = console(140)
+    out.print(table)
+    for level in LEVELS.values():
+        scored = sorted(scores[level] for scores in found.values() if level in scores)
+        if scored:
+            middle = scored[len(scored) // 2]
+            out.print(f"{level}: {len(scored)} answers, median {middle:.1f}, worst {scored[0]:.1f} digits")
+    refused = sum("refused" in scores for scores in found.values())
+    print(f"{len(found)} of {len(attainable)} problems answered, {refused} refused", file=sys.stderr)
+
+
+def _cell(score: float | None, attainable: float) -> str:
+    return "" if score is None else f"{score:.1f} ({attainable:.1f})"

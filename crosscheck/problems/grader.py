@@ -1,0 +1,90 @@
+"""Grade answers to this problem set: correct digits, as NIST counts them for its StRD (log relative error, LRE).
+
+    python grade.py ANSWERS.json [FOLDER OF THE SET]
+
+ANSWERS.json holds {"problems": {NAME: {"bodies": {BODY: {"q": [[x, y, phi], ...], "qd": [...], "qdd": [...]}}}}}, one
+row per time: what `crosscheck solve --json` prints of each. A number may be a string of more digits than a float has.
+
+The score of a level is -log10(|x - c| / |c|) in the maximum norm over all bodies, c the certified values, at the time
+where it is least; from 0 to 30. Lengths count in sizes of the mechanism, angles up to whole turns. |c| is 1 for poses,
+for rates the largest component at that time. Answers of another assembly are refused, and said by name.
+"""
+
+import json
+import sys
+from collections.abc import Iterator
+from decimal import Context, Decimal, setcontext
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+
+TURN, MOST = Decimal("6.2831853071795864769252867665590057683943387987502116"), Decimal(30)
+LEVELS = {"q": "position", "qd": "velocity", "qdd": "acceleration"}
+
+
+def distance(given: Any, right: Any, truth: Any, level: str, k: int) -> Decimal:
+    """Return the largest difference of one time, in sizes and rad; infinite if a number is missing."""
+    largest = Decimal(0)
+    for body, place in truth["columns"].items():
+        for x, c, unit in zip(
+            given[body][level][k], right[place : place + len(truth["units"])], truth["units"], strict=True
+        ):
+            value = Decimal("nan" if x is None else str(x))
+            if not value.is_finite():
+                return Decimal("inf")
+            off = value - Decimal(c)
+            if unit == "angle" and level == "q":
+                off -= (off / TURN).to_integral_value() * TURN
+            largest = max(largest, abs(off) / (Decimal(truth["size"]) if unit == "length" else 1))
+    return largest
+
+
+def digits(given: Any, truth: Any, level: str) -> float:
+    """Return the score of one level."""
+    scores = []
+    for k, right in enumerate(truth[level]):
+        sizes = [Decimal(truth["size"]) if unit == "length" else 1 for unit in truth["units"]] * len(truth["columns"])
+        scale = max(abs(Decimal(c)) / size for c, size in zip(right, sizes, strict=True))
+        relative = distance(given, right, truth, level, k) / (scale if level != "q" and scale else 1)
+        scores.append(-relative.log10() if relative else MOST)
+    return float(min(max(min(scores), Decimal(0)), MOST))
+
+
+def grade(given: Any, truth: Any) -> dict[str, Any]:
+    """Return the scores of an answer to one problem, or why it is refused."""
+    for body in truth["columns"]:
+        for level, rows in {"q": [], **given.get(body, {})}.items():
+            if level in LEVELS and [len(row) for row in rows] != [len(truth["units"])] * len(truth["t"]):
+                return {
+                    "refused": f"{level} of {body}: {len(truth['t'])} rows of {len(truth['units'])} numbers expected"
+                }
+    for k, others in enumerate(truth["others"]):
+        own = distance(given, truth["q"][k], truth, "q", k)
+        for name, pose in others.items():
+            if distance(given, pose, truth, "q", k) < own:
+                return {"refused": f"assembly '{name}' at t = {truth['t'][k]}, '{truth['assembly']}' is asked for"}
+    answered = [level for level in LEVELS if all(given[body].get(level) for body in truth["columns"])]
+    return {LEVELS[level]: digits(given, truth, level) for level in answered}
+
+
+def grade_all(answers: Any, folder: Path) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield name and grade of each problem that is answered; raise ValueError where the request makes no sense."""
+    setcontext(Context(prec=60))
+    index = json.loads((folder / "problems.json").read_text(encoding="utf-8"))
+    texts = {p["name"]: (folder / p["name"] / "certified.json").read_bytes() for p in index["problems"]}
+    if sha256(b"".join(sha256(text).digest() for text in texts.values())).hexdigest() != index["sha256"]:
+        raise ValueError(f"{folder}: the certified answers are not those of this set")
+    if unknown := set(answers["problems"]) - set(texts):
+        raise ValueError(f"no such problems: {', '.join(sorted(unknown))}")
+    for name in sorted(answers["problems"], key=list(texts).index):
+        yield name, grade(answers["problems"][name]["bodies"], json.loads(texts[name]))
+
+
+if __name__ == "__main__":
+    refused = 0
+    here = Path(sys.argv[2]) if len(sys.argv) > 2 else Path(__file__).parent
+    for name, found in grade_all(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"), parse_float=str), here):
+        refused += "refused" in found
+        shown = found.get("refused") or "  ".join(f"{level} {score:.1f}" for level, score in found.items())
+        print(f"{name}: {'REFUSED, ' * ('refused' in found)}{shown}")
+    sys.exit(refused > 0)

@@ -1,0 +1,198 @@
+"""A problem as MJCF, MuJoCo's model file: plain text, written from the elements of the joints.
+
+Each body stands on the ground by two slides and a hinge, so that its three entries of qpos are x, y [m], phi [rad], and
+each element is an equality. MuJoCo has none that keeps a point on a line: a carriage is added there, a body of its own
+that slides on body i, along the line and, where the line is a rack, across it. The model is at rest in qpos = 0, where
+all frames lie on the ground's; the key `start` has the estimates. MuJoCo takes two points that are less than 1e-6 apart
+for one: a model of a small mechanism is in units of its size, and says so in `metres per unit`.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from crosscheck.errors import CannotRun
+from crosscheck.problems.laws import formula
+from refkin.joints import (
+    GROUND,
+    Element,
+    GuidedPoint,
+    Pair,
+    PointCoordinate,
+    PointDistance,
+    PointsCoincide,
+    RelativeAngle,
+    RollingOnLine,
+    RollingWheels,
+    elements_of,
+)
+from refkin.model import Scene
+
+INERTIA = {"pos": "0 0 0", "mass": "1", "diaginertia": "1 1 1"}
+"""MuJoCo wants one on whatever moves; kinematics does not depend on it."""
+SMALL = 1e-3
+"""The size below which a model is in units of it [m]."""
+
+
+def to_mjcf(scene: Scene) -> str:
+    """Return the text of the model, at the first time of the scene."""
+    return _Model(scene).text()
+
+
+class _Model:
+    """The model in the making; `carriages` counts the bodies that are not the scene's."""
+
+    def __init__(self, scene: Scene) -> None:
+        self.t, size = scene.times[0], scene.mechanism.unit().size
+        self.unit = size if size < SMALL else 1.0
+        self.root = ET.Element("mujoco", {"model": scene.name})
+        ET.SubElement(self.root, "compiler", {"angle": "radian"})
+        option = ET.SubElement(self.root, "option", {"gravity": "0 0 0", "jacobian": "dense"})
+        ET.SubElement(option, "flag", {"contact": "disable"})
+        numeric = {"name": "metres per unit", "data": repr(self.unit)}
+        ET.SubElement(ET.SubElement(self.root, "custom"), "numeric", numeric)
+        world = ET.SubElement(self.root, "worldbody")
+        self.bodies = {GROUND: world}
+        self.tendons, self.equalities = ET.Element("tendon"), ET.Element("equality")
+        self.carriages = 0
+        for body in scene.mechanism.bodies:
+            self.bodies[body.name] = self._body(world, body.name, "xyh", (0.0, 0.0))
+        for element in elements_of(scene.mechanism.constraints):
+            name = element.name if not element.row else f"{element.name} {element.kind}"
+            ADD[type(element)](self, name, element)
+        self.root.extend(part for part in (self.tendons, self.equalities) if len(part))
+        estimates = [body.estimate or (0.0, 0.0, 0.0) for body in scene.mechanism.bodies]
+        places = [value for x, y, phi in estimates for value in (x / self.unit, y / self.unit, phi)]
+        key = ET.SubElement(self.root, "keyframe")
+        # Carriages are children of bodies, so their coordinates stand among those of bodies: by name, not by place.
+        order = [joint.get("name", "") for joint in world.iter("joint")]
+        own = [f"{body.name}.{axis}" for body in scene.mechanism.bodies for axis in ("x", "y", "phi")]
+        known = dict(zip(own, places, strict=True))
+        ET.SubElement(key, "key", {"name": "start", "qpos": " ".join(repr(known.get(name, 0.0)) for name in order)})
+
+    def text(self) -> str:
+        ET.indent(self.root)
+        return ET.tostring(self.root, encoding="unicode") + "\n"
+
+    def _body(self, parent: ET.Element, name: str, freedoms: str, at: Pair, turned: float = 0.0) -> ET.Element:
+        body = ET.SubElement(parent, "body", {"name": name, "pos": self.place(at), "euler": _numbers(0, 0, turned)})
+        ET.SubElement(body, "inertial", INERTIA)
+        for key, suffix, axis in (("x", "x", "1 0 0"), ("y", "y", "0 1 0"), ("h", "phi", "0 0 1")):
+            if key in freedoms:
+                kind = "hinge" if key == "h" else "slide"
+                ET.SubElement(body, "joint", {"name": f"{name}.{suffix}", "type": kind, "axis": axis})
+        return body
+
+    def place(self, point: Pair) -> str:
+        return _numbers(point[0] / self.unit, point[1] / self.unit, 0.0)
+
+    def site(self, name: str, body: str, point: Pair) -> str:
+        ET.SubElement(self.bodies[body], "site", {"name": name, "pos": self.place(point)})
+        return name
+
+    def sites(self, name: str, e: Any) -> tuple[str, str]:
+        """Add the sites at an element's points, i first."""
+        return self.site(f"{name} i", e.body_i, e.point_i), self.site(f"{name} j", e.body_j, e.point_j)
+
+    def connect(self, name: str, i: str, j: str) -> None:
+        ET.SubElement(self.equalities, "connect", {"name": name, "site1": j, "site2": i})
+
+    def couple(self, name: str, first: str, *polynomial: float, second: str = "") -> None:
+        """Hold joint `first` at a polynomial of joint `second`, or at a number."""
+        more = {"joint2": second} if second else {}
+        coefficients = _numbers(*polynomial, *(0.0,) * (5 - len(polynomial)))
+        ET.SubElement(self.equalities, "joint", {"name": name, "joint1": first, **more, "polycoef": coefficients})
+
+    def hold(self, name: str, tendon: str, length: float) -> None:
+        """Hold a tendon at a length above the one it has in qpos = 0."""
+        row = {"name": name, "tendon1": tendon, "polycoef": _numbers(length, 0, 0, 0, 0)}
+        ET.SubElement(self.equalities, "tendon", row)
+
+    def fixed_tendon(self, name: str, weights: dict[str, float]) -> str:
+        tendon = ET.SubElement(self.tendons, "fixed", {"name": name})
+        for joint, weight in weights.items():
+            ET.SubElement(tendon, "joint", {"joint": joint, "coef": repr(float(weight))})
+        return name
+
+    def carriage(self, e: Any, freedoms: str, at: Pair) -> str:
+        """Add a body that slides on body i along the element's axis, and across it if "xy", and return its name."""
+        self.carriages += 1
+        name = f"carriage {self.carriages}"
+        turned = math.atan2(e.axis_i[1], e.axis_i[0])
+        self.bodies[name] = self._body(self.bodies[e.body_i], name, freedoms, at, turned)
+        return name
+
+    def said(self, e: Element, unit: float = 1.0, shift: float = 0.0) -> float:
+        """Note in the file what a law prescribes, f / unit - shift, and return that at the first time."""
+        (law,) = e.laws
+        whole = formula(law) if unit == 1.0 else f"({formula(law)}) / {unit!r}"
+        self.equalities.append(ET.Comment(f" {e.name}: data[0] = {whole}{f' - {shift!r}' if shift else ''} "))
+        return float(law(self.t)) / unit - shift
+
+
+def _coincide(m: _Model, name: str, e: PointsCoincide) -> None:
+    if e.laws:
+        raise CannotRun(f"{name}: MJCF has no points kept apart by laws")
+    m.connect(name, *m.sites(name, e))
+
+
+def _guided(m: _Model, name: str, e: GuidedPoint) -> None:
+    length = math.hypot(*e.axis_i)
+    at = (e.point_i[0] - e.axis_i[1] / length * e.offset, e.point_i[1] + e.axis_i[0] / length * e.offset)
+    carriage = m.carriage(e, "x", at)
+    m.connect(name, m.site(f"{name} i", carriage, (0.0, 0.0)), m.site(f"{name} j", e.body_j, e.point_j))
+
+
+def _distance(m: _Model, name: str, e: PointDistance) -> None:
+    tendon = ET.SubElement(m.tendons, "spatial", {"name": f"{name} length"})
+    for site in m.sites(name, e):
+        ET.SubElement(tendon, "site", {"site": site})
+    at_rest = math.dist(e.point_i, e.point_j) / m.unit
+    m.hold(name, f"{name} length", m.said(e, m.unit, at_rest) if e.laws else e.length / m.unit - at_rest)
+
+
+def _coordinate(m: _Model, name: str, e: PointCoordinate) -> None:
+    if e.point_j != (0.0, 0.0):
+        raise CannotRun(f"{name}: MJCF drives coordinates of a body's origin alone")
+    m.couple(name, f"{e.body_j}.{'xy'[e.axis]}", m.said(e, m.unit))
+
+
+def _angle(m: _Model, name: str, e: RelativeAngle) -> None:
+    value = m.said(e) if e.laws else e.angle
+    if GROUND in e.bodies:
+        turned, sign = (e.body_j, 1.0) if e.body_i == GROUND else (e.body_i, -1.0)
+        m.couple(name, f"{turned}.phi", sign * value)
+    else:
+        m.couple(name, f"{e.body_j}.phi", value, 1.0, second=f"{e.body_i}.phi")
+
+
+def _wheels(m: _Model, name: str, e: RollingWheels) -> None:
+    ratio = -e.radius_i / e.radius_j
+    m.couple(name, f"{e.body_j}.phi", e.zero_j - ratio * e.zero_i, ratio, second=f"{e.body_i}.phi")
+
+
+def _rack(m: _Model, name: str, e: RollingOnLine) -> None:
+    carriage = m.carriage(e, "xy", e.point_i)
+    centre = f"{name} centre"
+    m.connect(centre, m.site(f"{centre} i", carriage, (0.0, 0.0)), m.site(f"{centre} j", e.body_j, e.point_j))
+    radius = e.radius / m.unit
+    weights = {f"{carriage}.x": 1.0, f"{e.body_j}.phi": -radius}
+    weights |= {} if e.body_i == GROUND else {f"{e.body_i}.phi": radius}
+    m.hold(name, m.fixed_tendon(f"{name} arc", weights), e.s0 / m.unit - radius * e.phi0)
+
+
+ADD: dict[type[Element], Any] = {
+    PointsCoincide: _coincide,
+    GuidedPoint: _guided,
+    PointDistance: _distance,
+    PointCoordinate: _coordinate,
+    RelativeAngle: _angle,
+    RollingWheels: _wheels,
+    RollingOnLine: _rack,
+}
+
+
+def _numbers(*values: float) -> str:
+    return " ".join(repr(float(x)) for x in values)
