@@ -15,7 +15,9 @@ from crosscheck.workers.pool import SECONDS_PER_SCENE
 from refkin.scenes.files import load, to_dict
 
 
-def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECONDS_PER_SCENE) -> int:
+def replay(
+    scene: Path, *, engines: str = ENGINES, features: bool = False, scene_seconds: float = SECONDS_PER_SCENE
+) -> int:
     """Show one scene on all engines.
 
     Exit codes: 0 all agree, 1 some disagree, 2 usage or invalid scene, 3 engine missing, 4 infrastructure.
@@ -26,10 +28,12 @@ def replay(scene: Path, *, engines: str = ENGINES, scene_seconds: float = SECOND
         A scene file, for instance one that a night wrote to its folder `disagreements`.
     engines
         Names, separated by commas, or `file.py:Class`; the closed form is always among the sources.
+    features
+        Ask the features of engines as well that a night asks by themselves.
     scene_seconds
         After this long an engine is ended, and said to hang.
     """
-    job = {"scene": to_dict(load(scene)), "about": {}, "arbiter": True}
+    job = {"scene": to_dict(load(scene)), "about": {"of_features": features}, "arbiter": True}
     positive("scene-seconds", scene_seconds)
     installed, missing = find_engines(names(engines))
     with checkers(1, {name: spec for name, (spec, _) in installed.items()}, scene_seconds) as pool:

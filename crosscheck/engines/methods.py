@@ -56,9 +56,11 @@ class Use(StrEnum):
     """Scenes at and near singular poses."""
     BENCH = "bench"
     """Large workloads, against C."""
+    FEATURE = "feature"
+    """Features of the engine that its other methods avoid, on the scenes that are drawn for them."""
 
 
-ALL = frozenset(Use)
+ALL = frozenset(Use) - {Use.FEATURE}
 
 
 @dataclass(frozen=True)
@@ -265,10 +267,11 @@ def method(engine: str | Engine, name: str, setting: str = "") -> Method:
 
 
 def of_routes(engine: Engine, uses: frozenset[Use] = ALL) -> list[Method]:
-    """Return a method for each route of an engine, and for those that only hard cases, or effects, are sent through."""
+    """Return a method for each route of an engine, and for those of hard cases, features and effects alone."""
     listed = [_of_route(engine, route, uses) for route in engine.routes()]
-    discovery = getattr(engine, "discovery", None)
-    listed += [_of_route(engine, route, frozenset({Use.HARD})) for route in (discovery() if discovery else ())]
+    for use, key in ((Use.HARD, "discovery"), (Use.FEATURE, "features")):
+        routes = getattr(engine, key, None)
+        listed += [_of_route(engine, route, frozenset({use})) for route in (routes() if routes else ())]
     dynamic = engine.dynamic_routes() if isinstance(engine, Simulating) else ()
     return listed + [_of_route(engine, route, frozenset({Use.EFFECTS})) for route in dynamic]
 

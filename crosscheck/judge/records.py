@@ -133,7 +133,10 @@ class Enclosure:
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """One engine's answer to one scene by one route; `missing` times have none, `judged` were compared."""
+    """One engine's answer to one scene by one route; `missing` times have none, `judged` were compared.
+
+    `feature`: by a feature of the engine that its other routes avoid.
+    """
 
     __pydantic_config__ = STRICT
 
@@ -146,6 +149,7 @@ class Answer:
     times: NonNegativeInt
     seconds: float
     certificate: Enclosure | None = None
+    feature: bool = False
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -87,7 +87,8 @@ def check(
     start = time.perf_counter()
     ref = reference(scene)
     expected = str((about or {}).get("expected", Status.OK))
-    subject = _Subject(ref, key_of(scene), estimated(scene, ref), arbiter, ref.motion.verdict == expected)
+    uses = (Use.COMPARE, Use.FEATURE) if (about or {}).get("of_features") else (Use.COMPARE,)
+    subject = _Subject(ref, key_of(scene), estimated(scene, ref), arbiter, ref.motion.verdict == expected, uses)
     row = _reference_row(ref, time.perf_counter() - start)
     parts = [_of_engine(load(e) if isinstance(e, str) else e, subject) for e in engines]
     return Record(
@@ -119,6 +120,7 @@ class _Subject:
     scene: Scene
     arbiter: bool
     as_expected: bool
+    uses: tuple[Use, ...] = (Use.COMPARE,)
     excuse: tuple[float, float] | None = None
 
     @cached_property
@@ -157,9 +159,10 @@ def _of_engine(engine: Engine, subject: _Subject) -> _Part:
     part = _Part()
     refusals = _refusals(engine, subject.scene, Level.SOLVE)
     part.refusals += refusals
-    compared = () if refusals else methods(engine, Use.COMPARE)
-    for route in (method.asked[1] for method in compared if method.asked):
-        _check_route(engine, route, subject, part)
+    compared = () if refusals else [method for use in subject.uses for method in methods(engine, use)]
+    for method in compared:
+        if method.asked:
+            _check_route(engine, method.asked[1], subject, part, feature=Use.FEATURE in method.uses)
     if hasattr(engine, "constraints"):
         _check_levels(engine, subject, part)
     return part
@@ -230,8 +233,8 @@ def _enclosure(engine: Engine, scene: Scene, motion: Motion) -> Enclosure | None
     )
 
 
-def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part) -> None:
-    """Compare one route's answer."""
+def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *, feature: bool = False) -> None:
+    """Compare one route's answer, or one feature's."""
     ref, scene = subject.ref, subject.scene
     who: Any = {"engine": engine.name, "route": route.name}
     try:
@@ -256,6 +259,7 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part) -
             times=len(motion.status),
             seconds=float(f"{seconds:.4g}"),
             certificate=_enclosure(engine, scene, motion) if subject.arbiter else None,
+            feature=feature,
         )
     )
     faults += [*undelivered(engine, scene, motion), *(believed(ref, motion) if subject.as_expected else ())]

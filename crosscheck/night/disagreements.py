@@ -14,6 +14,7 @@ from crosscheck.judge.records import Disagreement, NewCase, plain
 from crosscheck.night.journal import replace_file
 from crosscheck.night.plan import Plan, engines_option
 from crosscheck.scenes.drawing import AnyDrawn, describe, draw, effort, shrink
+from crosscheck.scenes.featured import Featured
 from crosscheck.workers.pool import Pool
 from refkin.model import Scene
 from refkin.scenes.files import to_dict, to_toml
@@ -125,7 +126,8 @@ def _write(path: Path, notes: Sequence[str], drawn: AnyDrawn, plan: Plan) -> Non
     """Write a scene with what disagrees on it as comments."""
     comments = "".join(f"# {line}\n" for text in notes for line in text.splitlines())
     path.parent.mkdir(parents=True, exist_ok=True)
-    again = f"crosscheck replay {path.name}{engines_option(plan.engines)}"
+    features = " --features" if isinstance(drawn, Featured) else ""
+    again = f"crosscheck replay {path.name}{engines_option(plan.engines)}{features}"
     replace_file(path, f"{comments}# Show it again: {again}\n\n{to_toml(drawn.scene)}")
 
 

@@ -111,6 +111,7 @@ def folds(report: Report) -> dict[str, str]:
         "price": _rows_line(report["price"], "settings priced"),
         "effects": _rows_line(report["effects"], "effects priced"),
         "hard_cases": _hard_line(report["hard_cases"]),
+        "features": _features_line(report["features"]),
         "disagreements": f"{count(report['new_disagreements'])} new, {count(report['known_disagreements'])} known",
         "digits": "every engine, every decade",
         "agreement": f"{len(report['agreement'])} pairs" if report["agreement"] else "not in the records of this run",
@@ -123,6 +124,13 @@ def folds(report: Report) -> dict[str, str]:
         "documents": (report["documents"] or {"closing": "not recomputed in this run"})["closing"],
         "method": "what is true, what is allowed, how it was timed, how to draw it again",
     }
+
+
+def _features_line(rows: Any) -> str:
+    if not rows:
+        return "not asked in this run"
+    wrong, new = sum(r["wrong"] > 0 for r in rows), sum(r["new"] > 0 for r in rows)
+    return f"{len(rows)} asked, {wrong} of them wrong, {new} of these new"
 
 
 def _golden_line(golden: Any) -> str:

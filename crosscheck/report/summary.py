@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +16,7 @@ from crosscheck.night.plan import GOLDEN, Golden, read_outcome
 from crosscheck.report.cells import Cell, Place, RouteTotals
 from crosscheck.report.coverage import Coverage, Refusals, Together, decade
 from crosscheck.report.disagreements import Disagreements
+from crosscheck.report.features import Features
 from crosscheck.report.measured import PICTURES, Documents, Pictures, Trends, measured, read_file
 from crosscheck.report.peers import Peers, Silent
 from crosscheck.report.reference import ReferenceTotals
@@ -55,7 +57,7 @@ class Summary:
         self.versions: dict[str, Counter[str]] = {}
         self.reference = ReferenceTotals()
         self.coverage, self.together, self.refusals = Coverage(), Together(), Refusals()
-        self.peers, self.silent = Peers(), Silent()
+        self.peers, self.silent, self.features = Peers(), Silent(), Features()
         called_new = [*(self.golden.found if self.golden else ()), *(self.outcome.new if self.outcome else ())]
         self.disagreements = Disagreements(folder, self.gaps, called_new)
         for line, record in read_records(folder / "records.jsonl"):
@@ -81,6 +83,9 @@ class Summary:
         place = Place(record.key, record.scene, line)
         self.coverage.add(record.about, record.reference)
         self.together.add(record.about)
+        self.features.add(record, place)
+        of_routes = self.features.blame(self.disagreements.add(place, record))
+        record = replace(record, answers=[answer for answer in record.answers if not answer.feature])
         if record.failure is not None:
             self.without_result += 1
             self.failures.append(f"{record.key}: {record.failure}")
@@ -90,7 +95,7 @@ class Summary:
         self.peers.add(record)
         self.refusals.add(record.refusals)
         blamed: dict[tuple[str, str, str], bool] = {}
-        for disagreement, is_new in self.disagreements.add(place, record):
+        for disagreement, is_new in of_routes:
             who = _blamed(disagreement)
             blamed[who] = blamed.get(who, False) or is_new
             if disagreement.engine != REFERENCE and disagreement.quantity != "status":
@@ -174,6 +179,7 @@ class Summary:
                 {"engine": e, "route": r, **t.described(), "silent": self.silent.of(e, r)}
                 for (e, r), t in sorted(self.routes.items())
             ],
+            "features": self.features.described(self.gaps),
             "golden": plain(self.golden) if self.golden else None,
             **self.measured,
             **(self.documents.model_dump() if self.documents else NO_DOCUMENTS),

@@ -23,6 +23,7 @@ from hypothesis.internal.cache import LRUCache
 from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
 
+from crosscheck.scenes.featured import Featured, featured_scenes
 from crosscheck.strategies import Chain, Drawn, Ended, chains, drawn_scenes, ended_scenes, equal_linkages
 from refkin.joints import Driver
 from refkin.model import Scene
@@ -36,8 +37,9 @@ FEWER_SAMPLES = (2, 3, 5, 9, 18, 36)
 """Numbers of times with which a failing scene is tried before it is shrunk."""
 CHAINS_EVERY = 7
 """Every how manieth scene is no linkage but a geared five-bar, a rack, a cam or a six-bar (`strategies.chains`)."""
-ENDED, EQUAL, SPECIAL_EVERY = 5, 19, 28
-"""Of so many scenes, which one ends in a singular pose or in none, and which has equal links: `strategies.verdicts`."""
+ENDED, FEATURED, EQUAL, SPECIAL_EVERY = 5, 12, 19, 28
+"""Of so many scenes, which one ends in a singular pose or in none, which is for features of engines, and which has
+equal links: `strategies.verdicts`, `scenes.featured`."""
 WARM_UP = 210
 """The first turns of a night check whatever is drawn; from then on one of `CANDIDATES` scenes, which adds most."""
 CANDIDATES = 2
@@ -72,7 +74,7 @@ def seed_of_scene(night: int, number: int) -> int:
     return int.from_bytes(hashlib.sha256(f"{night} {number}".encode()).digest()[:8], "big")
 
 
-AnyDrawn = Drawn | Chain | Ended
+AnyDrawn = Drawn | Chain | Ended | Featured
 
 
 def is_chain(number: int) -> bool:
@@ -183,6 +185,8 @@ def _scenes_of(number: int, samples: int) -> st.SearchStrategy[Any]:
         return chains(samples=samples)
     if number % SPECIAL_EVERY == ENDED:
         return ended_scenes(samples=samples)
+    if number % SPECIAL_EVERY == FEATURED:
+        return featured_scenes(samples=samples)
     return equal_linkages(samples) if number % SPECIAL_EVERY == EQUAL else drawn_scenes(samples=samples)
 
 
@@ -206,6 +210,7 @@ def describe(drawn: AnyDrawn) -> dict[str, Any]:
         "joints": ", ".join(sorted({joint.type for joint in mechanism.joints})),
         "driver": ", ".join(driver.type for driver in mechanism.drivers),
         "law": ", ".join(_law_of(driver) for driver in mechanism.drivers),
+        "of_features": isinstance(drawn, Featured),
     }
 
 

@@ -31,8 +31,8 @@ reproduction = "examples/crank-rocker.toml"
 
 
 def record_of(path: str, engine: str) -> Record:
-    """Return the record of a scene of the corpus; one whose name says so was made to end in a singular pose."""
-    about = {"expected": "singular" if "singular-in-the-end" in path else "ok"}
+    """Return the record of a scene of the corpus; its name says whether it ends in a singular pose, is for features."""
+    about = {"expected": "singular" if "singular-in-the-end" in path else "ok", "of_features": "/features-" in path}
     return check(refkin.load(ROOT / path), [engine], about)
 
 

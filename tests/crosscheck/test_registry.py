@@ -33,7 +33,7 @@ def test_an_engine_of_ones_own_serves_every_measurement_by_its_routes_alone():
     (method,) = methods(OWN)
 
     assert method.key == KEY
-    assert method.uses == set(Use)
+    assert method.uses == set(Use) - {Use.FEATURE}
 
 
 def test_it_is_compared():

@@ -12,6 +12,7 @@ exudyn does no velocity or acceleration analysis and exposes no linear solver, s
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import exudyn as exu
 import numpy as np
@@ -31,6 +32,7 @@ from crosscheck.engines import (
     refuse_joints,
 )
 from crosscheck.engines.exudyn.effects import EFFECTS
+from crosscheck.engines.exudyn.features import FEATURES, INITIAL, with_initial_accelerations
 from crosscheck.engines.exudyn.model import ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.solve import Marcher, Poses, ShippedSolve, StaticNewton
 from refkin.joints import SI, PointDistance, Unit, elements_of
@@ -99,6 +101,10 @@ class Exudyn(WithEffects):
         """Return the routes, best first."""
         return (STATIC, SHIPPED)
 
+    def features(self) -> Sequence[Route]:
+        """Return the routes through features that the adapter avoids elsewhere."""
+        return FEATURES
+
     def capabilities(self) -> Capabilities:
         """Return what exudyn can express."""
         return CAPABILITIES
@@ -111,7 +117,7 @@ class Exudyn(WithEffects):
         EngineError
             As `solve`: the rule of `shipped` depends on the start.
         """
-        if route in (None, STATIC):
+        if route in (None, STATIC, INITIAL):
             return ()
         refuse_joints(self, scene, route, self.routes())
         _refuse_lost(scene)
@@ -131,8 +137,11 @@ class Exudyn(WithEffects):
             If exudyn cannot express a joint, a body has no estimate to start from, or the route is unknown.
         """
         route = STATIC if route is None else route
-        refuse_joints(self, scene, route, self.routes())
+        refuse_joints(self, scene, route, (*self.routes(), *FEATURES))
         _refuse_lost(scene)
+        if route == INITIAL:
+            whole = replace(scene, bodies_wanted=None, effects=scene.effects | {Effect.VELOCITY})
+            return with_initial_accelerations(scene, self.solve(whole, STATIC), scene.mechanism.unit())
         unit = scene.mechanism.unit() if route == STATIC else SI
         more = None if self.effect is None else EFFECTS[self.effect].add
         model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit, more=more)

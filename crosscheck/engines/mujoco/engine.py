@@ -30,6 +30,7 @@ from crosscheck.engines import (
 )
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.mujoco.effects import EFFECTS, affected
+from crosscheck.engines.mujoco.features import FEATURES, SITES, SPARSE, Sites, SparseNewton
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import STEPPED, soft, stepped
@@ -138,6 +139,10 @@ class Mujoco(WithEffects):
         """Return the route with MuJoCo's own settings, which hard cases are sent through."""
         return (STEPPED,)
 
+    def features(self) -> Sequence[Route]:
+        """Return the routes through features that the adapter avoids elsewhere."""
+        return FEATURES
+
     def capabilities(self) -> Capabilities:
         """Return what MuJoCo can express."""
         return CAPABILITIES
@@ -169,12 +174,14 @@ class Mujoco(WithEffects):
         EngineError
             If the scene has a joint that is refused or a body without estimate, or the route is unknown.
         """
-        refuse_joints(self, scene, route, (NEWTON, STEPPED, FORWARD))
+        refuse_joints(self, scene, route, (NEWTON, STEPPED, FORWARD, *FEATURES))
         tree = joint_tree(scene.mechanism)
-        rows = TreeRows(tree, self.effect)
+        rows = ThroughSites(tree) if route == SITES else TreeRows(tree, self.effect)
         producer = Producer(name=self.name, version=self.version(), route=route or NEWTON)
         if route == STEPPED:
             return marched_motion(rows, scene, stepped(tree, scene), producer)
+        if route == SPARSE:
+            return tree_motion(rows, scene, producer, departing=SparseNewton(scene.mechanism).departure)
         accelerations = self._forward(tree) if route == FORWARD else None
         return tree_motion(rows, scene, producer, accelerations)
 
@@ -203,6 +210,22 @@ class TreeRows(MujocoRows):
     def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, Array]:
         """Return gamma of the closures, and accelerations of points at qdd = 0."""
         return self.rates(q, qd, places)[1:]
+
+
+class ThroughSites(TreeRows):
+    """The same, but for the places and velocities of bodies, which are read from sites."""
+
+    def __init__(self, tree: JointTree) -> None:
+        super().__init__(tree)
+        self.sites = Sites(tree)
+
+    def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
+        """Return the motion of the origins of bodies: position and velocity by sites, acceleration as elsewhere."""
+        levels = super().motion(q, qd, qdd, places)
+        for k, at in enumerate(q):
+            for level, read in zip(levels, self.sites.read(at, None if qd is None else qd[k], places), strict=False):
+                level[k] = read
+        return levels
 
 
 class AbsoluteRows:

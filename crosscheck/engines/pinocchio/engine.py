@@ -30,6 +30,7 @@ from crosscheck.engines import (
 )
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.pinocchio.effects import EFFECTS, MISSING, ForwardDynamics, affected
+from crosscheck.engines.pinocchio.features import FEATURES, with_feature
 from crosscheck.engines.pinocchio.model import Frame, absolute_model, tree_model
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, closed_chain
@@ -114,6 +115,10 @@ class Pinocchio(WithEffects):
         """Return the route with Pinocchio's own settings, which hard cases are sent through."""
         return (CLOSED_CHAIN,)
 
+    def features(self) -> Sequence[Route]:
+        """Return the routes through features that the adapter avoids elsewhere."""
+        return FEATURES
+
     def capabilities(self) -> Capabilities:
         """Return what Pinocchio can express."""
         return CAPABILITIES
@@ -144,7 +149,9 @@ class Pinocchio(WithEffects):
         EngineError
             If a joint or the route is refused, or a body has no estimate; the message names it.
         """
-        refuse_joints(self, scene, route, (TREE, CLOSED_CHAIN, FORWARD))
+        refuse_joints(self, scene, route, (TREE, CLOSED_CHAIN, FORWARD, *FEATURES))
+        if route in FEATURES:
+            return with_feature(scene, self.solve(replace(scene, bodies_wanted=None), TREE), route)
         tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)
         producer = Producer(name=self.name, version=self.version(), route=route or TREE)
         if route == CLOSED_CHAIN:

@@ -65,7 +65,11 @@ def link_terms(mechanism: Mechanism) -> tuple[Term, ...]:
 
 
 def tree_motion(
-    engine: TreeEngine, scene: Scene, producer: Producer, accelerations: Accelerations | None = None
+    engine: TreeEngine,
+    scene: Scene,
+    producer: Producer,
+    accelerations: Accelerations | None = None,
+    departing: Accelerations | None = None,
 ) -> Motion:
     """Return the motion of the bodies and points that a scene wants, at the levels it calls for.
 
@@ -73,6 +77,8 @@ def tree_motion(
     ----------
     accelerations : callable, optional
         What gives qdd (n,) from q, qd and t, instead of the constraints' own equations.
+    departing : callable, optional
+        What is added to qdd, likewise.
 
     Raises
     ------
@@ -81,10 +87,11 @@ def tree_motion(
     """
     order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
     poses = march(TreeSystem(engine), engine.tree.start(), scene.times, order)
-    if accelerations is not None and order == 2:
+    if (accelerations or departing) and order == 2:
         q, qd, qdd = poses.levels
         for k in np.flatnonzero(np.isfinite(qdd).all(axis=0)):
-            qdd[:, k] = accelerations(q[:, k], qd[:, k], scene.times[k])
+            at = q[:, k], qd[:, k], scene.times[k]
+            qdd[:, k] = accelerations(*at) if accelerations else qdd[:, k] + departing(*at)  # type: ignore[misc]
     return marched_motion(engine, scene, poses, producer)
 
 

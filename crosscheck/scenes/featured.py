@@ -1,0 +1,87 @@
+"""Small scenes of pins and one driven crank, for the features of engines (`Use.FEATURE`).
+
+A four-bar whose body frames stand beside their pins, by less than a thousandth of a millimetre; and dyads hung on any
+bodies, a branching tree with a loop each. The crank's law bends: its second derivative is nowhere zero.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from hypothesis import assume
+from hypothesis import strategies as st
+from hypothesis.strategies import DrawFn
+
+from crosscheck.scenes.hard_trees import dyads
+from crosscheck.strategies.spans import Hardness
+from refkin.joints import GROUND, AngleDriver, Pair, Revolute
+from refkin.model import Body, Mechanism, Scene
+from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import Branch, FourBar, Pose
+
+MOST_TIMES = 3
+"""Times of a scene: what a feature gets wrong it gets wrong at any."""
+TURN = 0.3
+"""How far the crank turns [rad]."""
+BENDS = st.floats(0.25, 1.0)
+"""Second derivative of the crank's angle [rad/s^2], either way."""
+
+
+@dataclass(frozen=True)
+class Featured:
+    """A scene for the features of engines, and what reports are binned by, as `scenes.Drawn` has it."""
+
+    scene: Scene
+    kind: str
+    branch: Branch = Branch.OPEN
+    distance: float = 0.0
+    hardness: Hardness = Hardness.REGULAR
+    grashof: None = None
+
+
+@st.composite
+def featured_scenes(draw: DrawFn, *, samples: int = 72) -> Featured:
+    """Return four-bars with frames beside their pins, and branching trees.
+
+    Examples from this strategy shrink towards a four-bar with a crank of an eighth of a metre.
+    """
+    kind = draw(st.sampled_from(("frames beside pins", "branching tree", "branching tree")), label="kind")
+    bend = draw(BENDS, label="bend") * draw(st.sampled_from((1.0, -1.0)), label="side")
+    times = tuple(k / 2.0 for k in range(min(samples, MOST_TIMES)))
+    begin = draw(st.floats(0.5, 1.5), label="angle at first")
+    law = Polynomial(coefficients=(begin, TURN, bend * TURN / 2.0))
+    if kind == "frames beside pins":
+        joints, pose = _beside(draw, begin)
+    else:
+        count, seed = draw(st.integers(5, 6), label="dyads"), draw(st.integers(0, 2**20), label="which")
+        pinned, poses = dyads(count, seed, [float(law(t)) for t in (0.0, 0.5, 1.0)])
+        joints, pose = tuple(pinned), poses[begin]
+    driver = AngleDriver(name="driver", body="crank", law=law)
+    bodies = tuple(Body(name=name, estimate=place) for name, place in pose.items())
+    return Featured(Scene(mechanism=Mechanism(bodies, joints, (driver,)), times=times, name=kind), kind)
+
+
+def _beside(draw: DrawFn, begin: float) -> tuple[tuple[Revolute, ...], Pose]:
+    size, beside = (math.ldexp(1.0, draw(st.integers(*span))) for span in ((-3, 3), (-30, -20)))
+    ground, coupler, rocker = (size * draw(st.floats(2.0, 3.0), label=key) for key in ("ground", "coupler", "rocker"))
+    assume(min(abs(ground - coupler), abs(ground - rocker), abs(coupler - rocker)) > size / 64.0)
+    linkage = FourBar(ground=ground, crank=size, coupler=coupler, rocker=rocker)
+    pose = {body: _moved(place, -beside) for body, place in linkage.assemble(begin).items()}
+    joints = (
+        _pin("A0", GROUND, 0.0, "crank", beside),
+        _pin("A", "crank", size + beside, "coupler", beside),
+        _pin("B", "coupler", coupler + beside, "rocker", rocker + beside),
+        _pin("B0", GROUND, ground, "rocker", beside),
+    )
+    return joints, pose
+
+
+def _moved(pose: tuple[float, float, float], along: float) -> tuple[float, float, float]:
+    x, y, phi = pose
+    return x + along * math.cos(phi), y + along * math.sin(phi), phi
+
+
+def _pin(name: str, i: str, x_i: float, j: str, x_j: float) -> Revolute:
+    point_i: Pair = (x_i, 0.0)
+    return Revolute(name=name, body_i=i, point_i=point_i, body_j=j, point_j=(x_j, 0.0))
