@@ -69,12 +69,12 @@ def truths(case: HardCase) -> tuple[System, tuple[Solutions, ...]]:
     """Return what is proved of every time of a case, in the system's scaled coordinates."""
     system = compile_system(case.scene.mechanism, unit=case.scene.mechanism.unit())
     solutions: list[Solutions] = []
-    sides: tuple[int, ...] | None = None
+    mode: tuple[int, ...] | None = None
     for t in case.scene.times:
         if case.exact:
             solutions.append(Solutions((_root(system, _given(system, case, t), t),)))
         else:
-            truth, sides = _among_assemblies(system, case, t, sides)
+            truth, mode = _among_assemblies(system, case, t, mode)
             solutions.append(truth)
     return system, tuple(solutions)
 
@@ -86,11 +86,11 @@ def _given(system: System, case: HardCase, t: float) -> Any:
 
 
 def _among_assemblies(
-    system: System, case: HardCase, t: float, sides: tuple[int, ...] | None
+    system: System, case: HardCase, t: float, mode: tuple[int, ...] | None
 ) -> tuple[Solutions, tuple[int, ...] | None]:
-    """Return the truth among all assemblies in closed form, and the sides on which it is put together.
+    """Return the truth among all assemblies in closed form, and the mode in which it is put together.
 
-    A branch keeps its sides as long as it meets no fold, also where a pose in float64 is nearer to the other one.
+    A branch keeps its mode as long as it meets no fold, also where a pose in float64 is nearer to the other one.
     """
     search = assemblies(system, t, trying=False)
     if case.any_assembly:
@@ -100,11 +100,11 @@ def _among_assemblies(
     near = _given(system, case, t)
     if search.unassemblable or not search.poses:
         hidden = (search.gap or 0.0) <= np.max(residual_error(system, near, t))
-        return (Solutions((_singular(system, near, t),)) if hidden else Solutions((), search.gap)), sides
-    at = next((k for k, there in enumerate(search.branches) if there == sides), None)
+        return (Solutions((_singular(system, near, t),)) if hidden else Solutions((), search.gap)), mode
+    at = next((k for k, there in enumerate(search.branches) if there == mode), None)
     if at is None:
         at = int(np.argmin([np.max(np.abs(_away(system, q, near))) for q in search.poses]))
-    return Solutions((_root(system, search.poses[at], t),)), search.branches[at] if sides is None else sides
+    return Solutions((_root(system, search.poses[at], t),)), search.branches[at] if mode is None else mode
 
 
 def _away(system: System, q: Any, near: Any) -> Any:

@@ -35,14 +35,14 @@ SAME = 1e-9
 """How far poses of one assembly may lie apart that were found by different ways [sizes, rad]."""
 
 
-class Way(Protocol):
-    """A sweep, as far as it is asked here to go another way."""
+class Continuation(Protocol):
+    """A sweep, as far as it is asked here to go on in another system."""
 
     system: System
     t: list[float]
     q: list[Any]
 
-    def branching_off(self, system: System) -> Way:
+    def branching_off(self, system: System) -> Continuation:
         """Return a sweep of the same kind, with another system, that starts at time 0 from the last pose."""
 
     def arrives(self, target: float) -> bool:
@@ -65,7 +65,7 @@ def moving_law(system: System, a: float, b: float) -> tuple[int, Law] | None:
     return (moving[0][0] - first, moving[0][1]) if len(moving) == 1 and moving[0][0] >= first else None
 
 
-def over_a_range(sweep: Way, target: float, turning: list[float]) -> Any:
+def over_a_range(sweep: Continuation, target: float, turning: list[float]) -> Any:
     """Return the pose at a time by way of the range of the only law that moves; None if it does not lead there.
 
     Parameters
@@ -82,15 +82,15 @@ def over_a_range(sweep: Way, target: float, turning: list[float]) -> Any:
         return None
     driver, law = moving
     values = [float(law(t)) for t in (sweep.t[-1], *turning, target)]
-    way, at = sweep, values[0]
+    turned, at = sweep, values[0]
     for value in (max(values), min(values), values[-1]):
         if value == at:
             continue
-        way = way.branching_off(_with_line(sweep.system, driver, at, value))
+        turned = turned.branching_off(_with_line(sweep.system, driver, at, value))
         length, at = abs(value - at), value
-        if not way.arrives(length) or sigma_min(way.system.phi_q(way.q[-1], length)) <= CLEAR:
+        if not turned.arrives(length) or sigma_min(turned.system.phi_q(turned.q[-1], length)) <= CLEAR:
             return None
-    q = way.q[-1]
+    q = turned.q[-1]
     end = position(sweep.system, q, target)
     near = end.converged and np.max(np.abs(end.q - q)) <= SAME * max(1.0, float(np.max(np.abs(q))))
     return end.q if near else None
@@ -165,7 +165,7 @@ class Winding:
         result = newton(phi, lambda x: self.system.phi_q(whole(x), t)[np.ix_(rows, columns)], q[columns])
         return whole(result.q) if result.converged else np.full_like(q, np.nan)
 
-    def passed(self, sweep: Way, target: float) -> tuple[Any, float] | None:
+    def passed(self, sweep: Continuation, target: float) -> tuple[Any, float] | None:
         """Return a pose many whole turns on, and its time before `target`; None if there are few, or none is known.
 
         Until it is known whether loops come back after a turn, the sweep goes through one first.

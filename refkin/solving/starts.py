@@ -139,8 +139,8 @@ def _choice(
     if nearest == len(search.poses):
         return poses[nearest], f"{why}: Newton's, nearer than {len(search.poses)} others found"
     which = f"assembly {nearest + 1} of {len(search.poses)}{'' if search.complete else ' found'}"
-    sides = f", sides {search.branches[nearest]}" if search.branches[nearest] else ""
-    return poses[nearest], f"{why}: {which}{sides}"
+    mode = f", mode {search.branches[nearest]}" if search.branches[nearest] else ""
+    return poses[nearest], f"{why}: {which}{mode}"
 
 
 def _turned_to(system: System, q: Any, estimate: Any, held: Any, t: float) -> Any:

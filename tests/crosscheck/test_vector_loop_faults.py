@@ -11,10 +11,10 @@ import pytest
 
 import refkin
 from crosscheck.engines import EngineError
-from crosscheck.engines.vector_loop import families, system
+from crosscheck.engines.vector_loop import chains, system
+from crosscheck.engines.vector_loop.chains import VectorChains
 from crosscheck.engines.vector_loop.engine import VectorLoop
 from crosscheck.engines.vector_loop.vectors import Sums
-from crosscheck.engines.vector_loop.ways import Ways
 from refkin.joints import GROUND, AngleDriver, Prismatic
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
@@ -122,19 +122,19 @@ FAULTS = {
     "driver rate forgotten": (system.Variables, "known", forgotten(1)),
     "driver acceleration forgotten": (system.Variables, "known", forgotten(2)),
     "a slide's axis turned by 1e-9": (
-        Ways,
+        VectorChains,
         "_slide",
         lambda f: (
             lambda self, name, body, axis, gap: f(self, name, body, pair(complex(*axis) * cmath.rect(1, 1e-9)), gap)
         ),
     ),
     "a link longer by 1e-9": (
-        Ways,
+        VectorChains,
         "_link",
         lambda f: lambda self, c, length, gap: f(self, c, replace(length, constant=length.constant + 1e-9), gap),
     ),
     "a constant angle the wrong way round": (
-        families.Tie,
+        chains.KnownAngle,
         "carry",
         lambda f: lambda self, body, angle: f(self, self.j, angle),
     ),

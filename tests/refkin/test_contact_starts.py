@@ -25,8 +25,8 @@ from refkin import (
 )
 from refkin.analysis import position
 from refkin.proof.assembly.assembly import assemblies
-from refkin.proof.assembly.clusters import plan
 from refkin.proof.assembly.placing import place
+from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import read_rows
 from refkin.proof.assembly.search import coordinates
 

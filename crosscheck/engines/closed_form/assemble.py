@@ -1,13 +1,13 @@
-"""Joins clusters until every body is on the ground.
+"""Joins rigid groups until every body is on the ground.
 
 Four deductions suffice for every group of class II:
 
-1. An angle row puts two clusters into one family: their angle against each other is known.
-2. Two clusters of one family that share a node are one cluster.
-3. Two clusters that share two nodes are one cluster: the nodes give the angle.
-4. Two clusters of one family with two rows between them are one cluster; two rows between a cluster and a lone node
-   put the node into the cluster. Each row is a line or a circle, so `groups` says where they meet. A row is a line row,
-   a distance row, or a *link*: a third cluster that shares a node with either side holds the two nodes at a distance.
+1. An angle row puts two groups into one family: their angle against each other is known.
+2. Two groups of one family that share a node are one group.
+3. Two groups that share two nodes are one group: the nodes give the angle.
+4. Two groups of one family with two rows between them are one group; two rows between a group and a lone node
+   put the node into the group. Each row is a line or a circle, so `groups` says where they meet. A row is a line row,
+   a distance row, or a *link*: a third group that shares a node with either side holds the two nodes at a distance.
 
 RRR: the inner pin is a lone node with two links. RRP: slider and guide are of one family, with a line row and a link.
 RPR: the two sliding bodies are of one family, with a line row, and what they are pinned to is their link. A point on a
@@ -25,7 +25,7 @@ import numpy as np
 
 from crosscheck.engines.closed_form.groups import Circle, Line, Locus, Meeting, meet
 from crosscheck.engines.closed_form.jets import Arithmetic, Jet, Mask, Planar, midpoint
-from crosscheck.engines.closed_form.linkage import AngleRow, Cluster, DistanceRow, LineRow, Linkage, Pose
+from crosscheck.engines.closed_form.linkage import AngleRow, DistanceRow, LineRow, Linkage, Pose, RigidGroup
 from crosscheck.engines.closed_form.turns import count_turns
 from refkin.joints import GROUND
 from refkin.model import Scene
@@ -40,7 +40,7 @@ class NotDyadic(Exception):
 
 @dataclass(frozen=True)
 class Row:
-    """A line or circle for the position of one cluster in another, and its gradient's direction in the estimates."""
+    """A line or circle for the position of one group in another, and its gradient's direction in the estimates."""
 
     locus: Locus
     gradient: complex | None
@@ -49,7 +49,7 @@ class Row:
 
 @dataclass
 class Assembly:
-    """The state of a solve: clusters so far, what failed when, and what was decided without an estimate."""
+    """The state of a solve: groups so far, what failed when, and what was decided without an estimate."""
 
     linkage: Linkage
     scene: Scene
@@ -69,12 +69,12 @@ class Assembly:
         self.estimates = {b.name: b.estimate for b in self.scene.mechanism.bodies if b.estimate is not None}
 
     @property
-    def clusters(self) -> list[Cluster]:
-        """The clusters that are left, the ground's first."""
-        return self.linkage.clusters
+    def groups(self) -> list[RigidGroup]:
+        """The groups that are left, the ground's first."""
+        return self.linkage.groups
 
-    def run(self) -> Cluster:
-        """Join everything to the ground and return that cluster.
+    def run(self) -> RigidGroup:
+        """Join everything to the ground and return that group.
 
         Raises
         ------
@@ -83,16 +83,16 @@ class Assembly:
         """
         for row in self.linkage.angles:
             self._join_families(row)
-        while len(self.clusters) > 1:
+        while len(self.groups) > 1:
             if not (self._share_node() or self._share_two_nodes() or self._meet_clusters() or self._meet_nodes()):
-                left = ", ".join(repr(name) for cluster in self.clusters[1:] for name in cluster.bodies)
+                left = ", ".join(repr(name) for group in self.groups[1:] for name in group.bodies)
                 raise NotDyadic(f"no dyad places {left}: a group of higher class, or bodies that are not held")
-        return self.clusters[0]
+        return self.groups[0]
 
     # the deductions
 
     def _join_families(self, row: AngleRow) -> None:
-        i, j = self._cluster_of(row.body_i), self._cluster_of(row.body_j)
+        i, j = self._group_of(row.body_i), self._group_of(row.body_j)
         if i.family == j.family:
             raise NotDyadic(f"{row.name!r} gives an angle that is already given")
         cos, sin = row.value.cos_sin()
@@ -101,7 +101,7 @@ class Assembly:
         )
 
     def _share_node(self) -> bool:
-        for g, x in combinations(self.clusters, 2):
+        for g, x in combinations(self.groups, 2):
             common = g.nodes.keys() & x.nodes.keys()
             if g.family == x.family and common:
                 node = min(common)
@@ -111,7 +111,7 @@ class Assembly:
         return False
 
     def _share_two_nodes(self) -> bool:
-        for g, x in combinations(self.clusters, 2):
+        for g, x in combinations(self.groups, 2):
             common = sorted(g.nodes.keys() & x.nodes.keys())
             if len(common) > 1:
                 n, m = common[0], common[1]
@@ -126,7 +126,7 @@ class Assembly:
         return False
 
     def _meet_clusters(self) -> bool:
-        for g, x in combinations(self.clusters, 2):
+        for g, x in combinations(self.groups, 2):
             if g.family == x.family:
                 rows = list(self._rows(g, x))
                 if len(rows) > 1:
@@ -136,11 +136,11 @@ class Assembly:
 
     def _meet_nodes(self) -> bool:
         zero = Jet(self.arithmetic.number(0.0))
-        for g in self.clusters:
+        for g in self.groups:
             for node, label in enumerate(self.linkage.labels):
                 if node in g.nodes:
                     continue
-                rows = list(self._rows(g, Cluster({}, {node: Planar(zero, zero)}, g.family, g.spin)))
+                rows = list(self._rows(g, RigidGroup({}, {node: Planar(zero, zero)}, g.family, g.spin)))
                 if len(rows) > 1:
                     g.nodes[node] = self._meeting_point(g, rows, label)
                     return True
@@ -148,27 +148,27 @@ class Assembly:
 
     # joining
 
-    def _cluster_of(self, body: str) -> Cluster:
-        return next(cluster for cluster in self.clusters if body in cluster.bodies)
+    def _group_of(self, body: str) -> RigidGroup:
+        return next(group for group in self.groups if body in group.bodies)
 
-    def _move_family(self, x: Cluster, angle: Jet, turn: Planar, family: int) -> None:
+    def _move_family(self, x: RigidGroup, angle: Jet, turn: Planar, family: int) -> None:
         """Turn the whole family of x by an angle, and rename it."""
         moved = x.family
-        for cluster in self.clusters:
-            if cluster.family == moved:
-                cluster.spin = (cluster.spin[0] + angle, turn * cluster.spin[1])
-                cluster.family = family
+        for group in self.groups:
+            if group.family == moved:
+                group.spin = (group.spin[0] + angle, turn * group.spin[1])
+                group.family = family
 
-    def _absorb(self, g: Cluster, x: Cluster, origin: Planar) -> None:
+    def _absorb(self, g: RigidGroup, x: RigidGroup, origin: Planar) -> None:
         """Put x, of g's family, into g with its frame's origin there."""
         frame = Pose(x.spin[0] - g.spin[0], _relative_turn(g, x), origin)
         g.bodies.update({name: pose.after(frame) for name, pose in x.bodies.items()})
         g.nodes = {**{node: frame.point(local) for node, local in x.nodes.items()}, **g.nodes}
-        self.clusters.remove(x)
+        self.groups.remove(x)
 
-    # rows between two clusters of one family, as loci of the origin of x in the frame of g
+    # rows between two groups of one family, as loci of the origin of x in the frame of g
 
-    def _rows(self, g: Cluster, x: Cluster) -> Iterator[Row]:
+    def _rows(self, g: RigidGroup, x: RigidGroup) -> Iterator[Row]:
         turn = _relative_turn(g, x)
         for line in self.linkage.lines:
             locus = _line_locus(line, g, x, turn)
@@ -178,12 +178,14 @@ class Assembly:
             for a, b in ((row.node_a, row.node_b), (row.node_b, row.node_a)):
                 if a in g.nodes and b in x.nodes:
                     yield self._circle_row(g, x, a, b, turn, row)
-        for link in self.clusters:
+        for link in self.groups:
             ends = [sorted(link.nodes.keys() & side.nodes.keys()) for side in (g, x)]
             if link is not g and link is not x and ends[0] and ends[1]:
                 yield self._circle_row(g, x, ends[0][0], ends[1][0], turn, link)
 
-    def _circle_row(self, g: Cluster, x: Cluster, a: int, b: int, turn: Planar, by: DistanceRow | Cluster) -> Row:
+    def _circle_row(
+        self, g: RigidGroup, x: RigidGroup, a: int, b: int, turn: Planar, by: DistanceRow | RigidGroup
+    ) -> Row:
         if isinstance(by, DistanceRow):
             radius, name = by.value, by.name
         else:
@@ -192,7 +194,7 @@ class Assembly:
         gradient = None if ends[0] is None or ends[1] is None else ends[1] - ends[0]
         return Row(Circle(g.nodes[a] - turn * x.nodes[b], radius), gradient, name)
 
-    def _meeting_point(self, g: Cluster, rows: Sequence[Row], what: str) -> Planar:
+    def _meeting_point(self, g: RigidGroup, rows: Sequence[Row], what: str) -> Planar:
         one, two = sorted(rows[:2], key=lambda row: isinstance(row.locus, Circle))
         meeting = meet(one.locus, two.locus, self.arithmetic)
         self.meetings.append(meeting)
@@ -215,7 +217,7 @@ class Assembly:
 
     # which assembly, by the estimates at the first time
 
-    def _sign(self, g: Cluster, meeting: Meeting, rows: tuple[Row, Row], what: str) -> float:
+    def _sign(self, g: RigidGroup, meeting: Meeting, rows: tuple[Row, Row], what: str) -> float:
         if meeting.chord is None:
             return 1.0
         first, second = rows[0].gradient, rows[1].gradient
@@ -227,7 +229,7 @@ class Assembly:
             return math.copysign(1.0, cross)
         return self._nearer(g, meeting, rows) or math.copysign(1.0, cross)
 
-    def _nearer(self, g: Cluster, meeting: Meeting, rows: tuple[Row, Row]) -> float:
+    def _nearer(self, g: RigidGroup, meeting: Meeting, rows: tuple[Row, Row]) -> float:
         """Return the sign of the assembly nearer the estimate, 0 if it is right between or nowhere."""
         angle, chord, circle = self._angle_estimate(g), meeting.chord, rows[1].locus
         if angle is None or chord is None or rows[1].gradient is None or not isinstance(circle, Circle):
@@ -246,7 +248,7 @@ class Assembly:
                 ex, ey, phi = self.estimates[body]
                 turned = complex(x, y) * complex(math.cos(phi), math.sin(phi))
                 return complex(ex, ey) + turned - complex(*self.linkage.origin)
-        placed = self.clusters[0].nodes.get(node)
+        placed = self.groups[0].nodes.get(node)
         return None if placed is None else _start(placed)
 
     def _normal_estimate(self, line: LineRow) -> complex | None:
@@ -256,12 +258,12 @@ class Assembly:
     def _body_angle(self, body: str) -> float | None:
         if body in self.estimates:
             return self.estimates[body][2]
-        placed = self.clusters[0].bodies.get(body)
+        placed = self.groups[0].bodies.get(body)
         return None if placed is None else _first(placed.angle)
 
-    def _angle_estimate(self, cluster: Cluster) -> float | None:
-        """Return the angle of a cluster's frame as the estimates see it."""
-        for body, pose in cluster.bodies.items():
+    def _angle_estimate(self, group: RigidGroup) -> float | None:
+        """Return the angle of a group's frame as the estimates see it."""
+        for body, pose in group.bodies.items():
             angle = 0.0 if body == GROUND else self._body_angle(body)
             if angle is not None:
                 return angle - _first(pose.angle)
@@ -269,7 +271,7 @@ class Assembly:
 
     # turns
 
-    def _unwrapped(self, angle: Jet, g: Cluster, x: Cluster) -> Jet:
+    def _unwrapped(self, angle: Jet, g: RigidGroup, x: RigidGroup) -> Jet:
         """Return the angle of x in g with its turns: nearest the estimate at first, then as its rate carries it."""
         count = len(self.scene.times)
         value, rate = (np.broadcast_to(midpoint(part), (count,)) for part in (angle.v, angle.d))
@@ -288,11 +290,11 @@ class Assembly:
         return Jet(angle.v + whole, angle.d, angle.a)
 
 
-def _relative_turn(g: Cluster, x: Cluster) -> Planar:
+def _relative_turn(g: RigidGroup, x: RigidGroup) -> Planar:
     return g.spin[1].conj() * x.spin[1]
 
 
-def _line_locus(line: LineRow, g: Cluster, x: Cluster, turn: Planar) -> Line | None:
+def _line_locus(line: LineRow, g: RigidGroup, x: RigidGroup, turn: Planar) -> Line | None:
     """Return the line on which the row holds the origin of x in the frame of g, if it is between these two."""
     if line.body_i in g.bodies and line.node in x.nodes:
         pose = g.bodies[line.body_i]

@@ -1,4 +1,4 @@
-"""A scene as a closed form sees it: rigid clusters, the nodes where their points meet, and rows between them.
+"""A scene as a closed form sees it: rigid groups, the nodes where their points meet, and rows between them.
 
 Points that coincide are no equation here: they become one *node*, which both bodies hold. Three rows remain:
 
@@ -82,10 +82,10 @@ class Pose:
 
 
 @dataclass(eq=False)
-class Cluster:
+class RigidGroup:
     """Bodies whose poses in one frame are known, with the nodes they hold, in that frame.
 
-    `family` numbers the clusters whose angles against each other are known; `spin` is the angle in the family and the
+    `family` numbers the groups whose angles against each other are known; `spin` is the angle in the family and the
     rotation by it.
     """
 
@@ -97,9 +97,9 @@ class Cluster:
 
 @dataclass
 class Linkage:
-    """A scene in clusters and rows; `places` are the points that make up each node, `labels` what to call it."""
+    """A scene in groups and rows; `places` are the points that make up each node, `labels` what to call it."""
 
-    clusters: list[Cluster] = field(default_factory=list)
+    groups: list[RigidGroup] = field(default_factory=list)
     angles: list[AngleRow] = field(default_factory=list)
     lines: list[LineRow] = field(default_factory=list)
     distances: list[DistanceRow] = field(default_factory=list)
@@ -109,14 +109,14 @@ class Linkage:
 
 
 def read_linkage(scene: Scene, arithmetic: Arithmetic) -> Linkage:
-    """Return the clusters (one per body, ground first), nodes and rows of a scene; lengths in metres."""
+    """Return the groups (one per body, ground first), nodes and rows of a scene; lengths in metres."""
     linkage = Linkage(origin=_origin(scene))
     nodes = _nodes(scene, linkage)
     for name in (GROUND, *(body.name for body in scene.mechanism.bodies)):
         held = {k: _local(linkage, place, arithmetic) for place, k in nodes.items() if place[0] == name}
         zero, one = Jet(arithmetic.number(0.0)), Jet(arithmetic.number(1.0))
         still = Pose(zero, Planar(one, zero), Planar(zero, zero))
-        linkage.clusters.append(Cluster({name: still}, held, len(linkage.clusters), (zero, still.turn)))
+        linkage.groups.append(RigidGroup({name: still}, held, len(linkage.groups), (zero, still.turn)))
     for element in elements_of(scene.mechanism.constraints):
         _read_rows(linkage, element, nodes, scene, arithmetic)
     return linkage

@@ -24,7 +24,7 @@ HALVINGS = 60
 """After so many no float64 time is left between."""
 
 Solve = Callable[[tuple[float, ...]], Assembly]
-"""Returns the clusters joined at times that begin with the scene's first: there the estimates tell the assembly."""
+"""Returns the groups joined at times that begin with the scene's first: there the estimates tell the assembly."""
 
 
 @dataclass(frozen=True)

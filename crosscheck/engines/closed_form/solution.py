@@ -10,7 +10,7 @@ import numpy as np
 
 from crosscheck.engines.closed_form.assemble import Assembly
 from crosscheck.engines.closed_form.jets import Arithmetic, Floats, Jet, Planar
-from crosscheck.engines.closed_form.linkage import Cluster, Linkage, Pose, read_linkage
+from crosscheck.engines.closed_form.linkage import Linkage, Pose, RigidGroup, read_linkage
 from crosscheck.engines.closed_form.lost import lost_after
 from refkin.model import Scene
 
@@ -23,7 +23,7 @@ class Solution:
     """Everything on the ground, what is left open of each row, (rows, T), and until when turns and branch are sure."""
 
     assembly: Assembly
-    ground: Cluster
+    ground: RigidGroup
     scene: Scene
     closure: Any
     sure_until: float = np.inf
@@ -75,12 +75,12 @@ def _with_turns(scene: Scene) -> Solution:
     return replace(solve(scene, Floats(), lambda k: near[k]), sure_until=sure_until)
 
 
-def _gaps(drawn: Linkage, ground: Cluster, scene: Scene) -> list[Any]:
+def _gaps(drawn: Linkage, ground: RigidGroup, scene: Scene) -> list[Any]:
     """Return what is left of every row and joint: lengths in sizes, angles in rad. Values only."""
     size = scene.mechanism.size()
     poses = {name: _still(pose) for name, pose in ground.bodies.items()}
     held = {
-        node: [poses[body].point(c.nodes[node]) for c in drawn.clusters for body in c.bodies if node in c.nodes]
+        node: [poses[body].point(c.nodes[node]) for c in drawn.groups for body in c.bodies if node in c.nodes]
         for node in range(len(drawn.places))
     }
     gaps: list[Any] = []

@@ -4,7 +4,7 @@
 `system`     the equations: residual and Jacobian in real and in complex form, nu, gamma
 `solving`    one pose: Newton, new estimates, least squares
 `marching`   a whole cycle, on one branch
-`families`, `ways`, `reading`  a scene as loops: what the engine `vector_loop` solves
+`chains`, `reading` a scene as loops: what the engine `vector_loop` solves
 """
 
 from crosscheck.engines.vector_loop.marching import March, march

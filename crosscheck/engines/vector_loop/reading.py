@@ -1,4 +1,4 @@
-"""A scene as vector loops: a spanning tree of ways to every body, and one loop for each way that is left.
+"""A scene as vector loops: a spanning tree of vector chains to every body, and one loop for each chain that is left.
 
 What the two ends of a loop have in common cancels, so no body's place is ever an unknown, and no body that only the
 input moves has an equation.
@@ -14,10 +14,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import EngineError, EngineRefusal
-from crosscheck.engines.vector_loop.families import Families, angle_families
+from crosscheck.engines.vector_loop.chains import Estimates, Families, VectorChain, VectorChains, angle_families
 from crosscheck.engines.vector_loop.system import LoopSystem
 from crosscheck.engines.vector_loop.vectors import Sums, Variable, Variables, Vector, combined
-from crosscheck.engines.vector_loop.ways import Estimates, Way, Ways
 from refkin.joints import GROUND
 from refkin.model import Scene
 
@@ -48,7 +47,7 @@ class Reading:
     origin: complex
 
 
-Chains = Mapping[str, Sequence[Vector]]
+Positions = Mapping[str, Sequence[Vector]]
 """Body -> the vectors that lead from the origin to its frame."""
 
 
@@ -62,19 +61,21 @@ def read(scene: Scene) -> Reading:
         unknown has no estimate.
     """
     families, estimates = angle_families(scene.mechanism), Estimates(scene)
-    ways = Ways(scene, families.angles, estimates)
-    chains, left = _tree(scene, ways.ways, families.angles)
-    loops = [combined([*_point(chains, families.angles, w), *w.gap, *_back(chains, families.angles, w)]) for w in left]
-    unknowns = _unknowns(scene, loops, ways)
+    chains = VectorChains(scene, families.angles, estimates)
+    positions, left = _tree(scene, chains.chains, families.angles)
+    loops = [
+        combined([*_point(positions, families.angles, w), *w.gap, *_back(positions, families.angles, w)]) for w in left
+    ]
+    unknowns = _unknowns(scene, loops, chains)
     points = [(point.body, estimates.local(point.body, point.position)) for point in scene.points]
-    rows = [chains[body] for body in scene.wanted]
-    rows += [combined([*chains[body], Vector(u, angle=families.angles[body])]) for body, u in points]
+    rows = [positions[body] for body in scene.wanted]
+    rows += [combined([*positions[body], Vector(u, angle=families.angles[body])]) for body, u in points]
     return Reading(
-        system=LoopSystem(unknowns, loops, ways.relations),
-        q0=_guesses(scene, unknowns, families, ways, estimates),
+        system=LoopSystem(unknowns, loops, chains.relations),
+        q0=_guesses(scene, unknowns, families, chains, estimates),
         places=Sums(rows, unknowns),
         angles=Variables([families.angles[body] for body in scene.wanted], unknowns),
-        distance=_distance(scene, chains, families, unknowns, estimates),
+        distance=_distance(scene, positions, families, unknowns, estimates),
         size=estimates.size,
         origin=estimates.origin,
     )
@@ -84,49 +85,53 @@ def _refuse(scene: Scene, why: str) -> EngineError:
     return EngineRefusal(f"vector_loop refuses {scene.name!r}: {why}")
 
 
-def _tree(scene: Scene, ways: Sequence[Way], angles: Mapping[str, Variable]) -> tuple[Chains, list[Way]]:
-    """Return the chains to all bodies, breadth first so that they are short, and the ways that are left over."""
-    chains: dict[str, Sequence[Vector]] = {GROUND: []}
-    left, reached = list(ways), [GROUND]
+def _tree(
+    scene: Scene, chains: Sequence[VectorChain], angles: Mapping[str, Variable]
+) -> tuple[Positions, list[VectorChain]]:
+    """Return the vectors to all bodies, breadth first so that they are short, and the chains that are left over."""
+    positions: dict[str, Sequence[Vector]] = {GROUND: []}
+    left, reached = list(chains), [GROUND]
     for body in reached:
-        for way in list(left):
-            if body not in (way.i, way.j) or (way.i in chains and way.j in chains):
+        for chain in list(left):
+            if body not in (chain.i, chain.j) or (chain.i in positions and chain.j in positions):
                 continue
-            left.remove(way)
-            out = way if way.i == body else way.turned_round()
+            left.remove(chain)
+            out = chain if chain.i == body else chain.turned_round()
             to_frame = Vector(-out.p_j, angle=angles[out.j])
-            chains[out.j] = combined([*_point(chains, angles, out), *out.gap, to_frame])
+            positions[out.j] = combined([*_point(positions, angles, out), *out.gap, to_frame])
             reached.append(out.j)
-    lost = [body.name for body in scene.mechanism.bodies if body.name not in chains]
+    lost = [body.name for body in scene.mechanism.bodies if body.name not in positions]
     if lost:
         raise _refuse(scene, f"no joint leads from the ground to {', '.join(lost)}")
-    return chains, left
+    return positions, left
 
 
-def _point(chains: Chains, angles: Mapping[str, Variable], way: Way) -> list[Vector]:
-    """Return what leads from the origin to the first point of a way."""
-    return [*chains[way.i], Vector(way.p_i, angle=angles[way.i])]
+def _point(positions: Positions, angles: Mapping[str, Variable], chain: VectorChain) -> list[Vector]:
+    """Return what leads from the origin to the first point of a chain."""
+    return [*positions[chain.i], Vector(chain.p_i, angle=angles[chain.i])]
 
 
-def _back(chains: Chains, angles: Mapping[str, Variable], way: Way) -> list[Vector]:
-    """Return what leads from the second point of a way to the origin."""
-    return [v.times(-1.0) for v in _point(chains, angles, way.turned_round())]
+def _back(positions: Positions, angles: Mapping[str, Variable], chain: VectorChain) -> list[Vector]:
+    """Return what leads from the second point of a chain to the origin."""
+    return [v.times(-1.0) for v in _point(positions, angles, chain.turned_round())]
 
 
-def _unknowns(scene: Scene, loops: Sequence[Sequence[Vector]], ways: Ways) -> list[str]:
+def _unknowns(scene: Scene, loops: Sequence[Sequence[Vector]], chains: VectorChains) -> list[str]:
     """Return the names of what the equations contain, as many as there are equations."""
     variables = [v for loop in loops for vector in loop for v in (vector.angle, vector.length)]
-    variables += [v for relation in ways.relations for _, v in relation.terms]
+    variables += [v for relation in chains.relations for _, v in relation.terms]
     names = list(dict.fromkeys(v.unknown for v in variables if v.unknown is not None))
-    free = len(names) - 2 * len(loops) - len(ways.relations)
+    free = len(names) - 2 * len(loops) - len(chains.relations)
     if free:
         raise _refuse(scene, f"{-free} redundant constraints" if free < 0 else f"its loops leave {free} unknowns free")
     return names
 
 
-def _guesses(scene: Scene, unknowns: Sequence[str], families: Families, ways: Ways, estimates: Estimates) -> Any:
+def _guesses(
+    scene: Scene, unknowns: Sequence[str], families: Families, chains: VectorChains, estimates: Estimates
+) -> Any:
     """Return the unknowns as the estimates have them; for a family of angles any member will do."""
-    t0, guess_of = float(scene.times[0]), dict(ways.guesses)
+    t0, guess_of = float(scene.times[0]), dict(chains.guesses)
     for name, members in families.members.items():
         apart = Variables([families.angles[body] for body in members], [name]).known(t0, 0)
         by_member = [estimates.frame(body)[1] - shift for body, shift in zip(members, apart, strict=True)]
@@ -138,11 +143,11 @@ def _guesses(scene: Scene, unknowns: Sequence[str], families: Families, ways: Wa
 
 
 def _distance(
-    scene: Scene, chains: Chains, families: Families, unknowns: Sequence[str], estimates: Estimates
+    scene: Scene, positions: Positions, families: Families, unknowns: Sequence[str], estimates: Estimates
 ) -> Callable[[Any], float]:
     t0 = float(scene.times[0])
     bodies = [body.name for body in scene.mechanism.bodies if body.estimate is not None]
-    places = Sums([chains[body] for body in bodies], unknowns)
+    places = Sums([positions[body] for body in bodies], unknowns)
     angles = Variables([families.angles[body] for body in bodies], unknowns)
     there = [estimates.frame(body) for body in bodies]
 

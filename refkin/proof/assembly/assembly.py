@@ -1,6 +1,6 @@
 """Every assembly of a mechanism at one time, or the proof that there is none.
 
-The mechanism is put together cluster by cluster (`clusters`), each step in closed form and in balls of 113 bits
+The mechanism is put together group by group (`rigid_groups`), each step in closed form and in balls of 113 bits
 (`placing`, `loci`), along every branch. A branch ends where loci certainly miss each other; if all of them end, the
 mechanism cannot be assembled, and the gap is the smallest distance that is missing. Where all steps can be taken and
 all meetings are proved, the assemblies found are all there are. What closed form does not reach is left to `search`.
@@ -15,9 +15,9 @@ from flint import arb, ctx
 
 from refkin.analysis import position
 from refkin.motion import Array
-from refkin.proof.assembly.clusters import plan
 from refkin.proof.assembly.loci import Ball, above, below, length
 from refkin.proof.assembly.placing import MOST_BRANCHES, Branch, End, Placement, place
+from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import Kind, Row, Rows, read_rows
 from refkin.proof.assembly.search import closes, coordinates, search
 from refkin.system import System
@@ -89,7 +89,7 @@ def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
         placement = place(scheme, rows, names, system.unit.size)
         if placement.impossible:
             return _none(placement.ends)
-        if len(scheme.clusters) == 1 and not (rows.foreign or placement.stuck):
+        if len(scheme.groups) == 1 and not (rows.foreign or placement.stuck):
             return _placed(system, t, placement)
         return _searched(system, t, rows, bool(placement.stuck), trying)
 
@@ -102,7 +102,7 @@ def _none(ends: Sequence[End]) -> Assemblies:
 
 def _placed(system: System, t: float, placement: Placement) -> Assemblies:
     """Return what closed form has placed."""
-    poses = [(*_pose(system, t, branch), branch.sides) for branch in placement.branches]
+    poses = [(*_pose(system, t, branch), branch.modes) for branch in placement.branches]
     # A pin is off by no more than 2 radii and 2 radii times its arms, about 1: that much a decided ball may leave open,
     # which is more than round-off where redundant rows were held against spread numbers.
     allowed = [8 * radius if b.decided else 0.0 for b, (_, radius, _) in zip(placement.branches, poses, strict=True)]
@@ -113,7 +113,7 @@ def _placed(system: System, t: float, placement: Placement) -> Assemblies:
         message = f"there are more than {MOST_BRANCHES} branches: not all were followed"
     return Assemblies(
         poses=tuple(q for q, _, _ in closed),
-        branches=tuple(sides for _, _, sides in closed),
+        branches=tuple(modes for _, _, modes in closed),
         radii=tuple(radius for _, radius, _ in closed),
         complete=decided and not placement.truncated and len(closed) == len(poses),
         message=message,

@@ -1,4 +1,4 @@
-"""How one cluster comes to another: the shift, and the turn if their headings differ, that close what joins them."""
+"""How one group comes to another: the shift, and the turn if their orientations differ, that close what joins them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from refkin.vec import Vec
 
 @dataclass(frozen=True)
 class Pose:
-    """Position and angle of a body in its cluster; clusters of one heading have parallel axes."""
+    """Position and angle of a body in its group; groups of one orientation have parallel axes."""
 
     r: Vec
     phi: Ball
@@ -35,14 +35,14 @@ class Pose:
         return Vec(self.c * d.x + self.s * d.y, self.c * d.y - self.s * d.x)
 
     def rotated(self, by: Pose) -> Pose:
-        """Return the pose with its cluster turned about the cluster's origin by the angle of `by`."""
+        """Return the pose with its group turned about the group's origin by the angle of `by`."""
         c, s = by.c * self.c - by.s * self.s, by.s * self.c + by.c * self.s
         return Pose(by.turned(self.r), self.phi + by.phi, c, s)
 
 
 @dataclass(frozen=True)
 class Link:
-    """A relation in numbers: p fixed in cluster A, q in cluster B."""
+    """A relation in numbers: p fixed in group A, q in group B."""
 
     kind: Kind
     p: Vec
@@ -54,9 +54,9 @@ class Link:
 
 @dataclass(frozen=True)
 class Move:
-    """How cluster B comes to A: turned (if it is), then shifted; and on which side of its meeting that is."""
+    """How group B comes to A: turned (if it is), then shifted; and in which assembly mode that is."""
 
-    side: int | None
+    mode: int | None
     turn: Pose | None
     shift: Vec
 
@@ -66,7 +66,7 @@ NO_CHOICE = Meeting()
 
 @dataclass(frozen=True)
 class Moves:
-    """Every way to join two clusters, or the meeting that fails."""
+    """Every move that joins two groups, or the meeting that fails."""
 
     moves: tuple[Move, ...]
     meeting: Meeting = NO_CHOICE
@@ -75,7 +75,7 @@ class Moves:
 def located(links: list[Link]) -> Moves | None:
     """Return where the point of B that two loci of A share can be; as shifts."""
     met = meet(*(Line(k.p, k.normal) if k.kind is Kind.LINE else Circle(k.p, k.distance) for k in links))
-    return None if met is None else Moves(tuple(Move(_side(met, side), None, x) for side, x in met.points), met)
+    return None if met is None else Moves(tuple(Move(_mode(met, mode), None, x) for mode, x in met.points), met)
 
 
 def joined(links: list[Link], turning: bool) -> Moves | None:
@@ -88,12 +88,12 @@ def joined(links: list[Link], turning: bool) -> Moves | None:
     for k in links:
         loci.append(Line(k.p - k.q, k.normal) if k.kind is Kind.LINE else Circle(k.p - k.q, k.distance))
     met = meet(*loci)
-    return None if met is None else Moves(tuple(Move(_side(met, side), None, x) for side, x in met.points), met)
+    return None if met is None else Moves(tuple(Move(_mode(met, mode), None, x) for mode, x in met.points), met)
 
 
-def _side(met: Meeting, side: int) -> int | None:
-    """Return the side to be noted: none where there was no choice."""
-    return side if side or not met.decided else None
+def _mode(met: Meeting, mode: int) -> int | None:
+    """Return the assembly mode to be noted: none where there was no choice."""
+    return mode if mode or not met.decided else None
 
 
 def _about_pin(pin: Link, other: Link) -> Moves | None:
@@ -109,19 +109,19 @@ def _about_pin(pin: Link, other: Link) -> Moves | None:
     if met is None:
         return None
     moves = []
-    for side, x in met.points:
+    for mode, x in met.points:
         if other.kind is Kind.LINE and other.on_b:
             turn = _turn(goal, x - pin.q)
         else:
             turn = _turn(goal if other.kind is Kind.PIN else x - pin.p, arm)
         if turn is None:
             return None
-        moves.append(Move(_side(met, side) if other.kind is not Kind.PIN else None, turn, pin.p - turn.turned(pin.q)))
+        moves.append(Move(_mode(met, mode) if other.kind is not Kind.PIN else None, turn, pin.p - turn.turned(pin.q)))
     return Moves(tuple(moves), met)
 
 
 def _from_three_lines(links: list[Link]) -> Moves | None:
-    """Lay three points of one cluster on three lines of the other (the elliptic trammel): a cos + b sin = d."""
+    """Lay three points of one group on three lines of the other (the elliptic trammel): a cos + b sin = d."""
     on_b = links[0].on_b
     points = [k.p if on_b else k.q for k in links]
     lines = [Line(k.q if on_b else k.p, k.normal) for k in links]
@@ -142,7 +142,7 @@ def _from_three_lines(links: list[Link]) -> Moves | None:
     if met is None:
         return None
     moves = []
-    for side, x in met.points:
+    for mode, x in met.points:
         turn = _turn(x, Vec(size, zero))
         if turn is None:
             return None
@@ -151,7 +151,7 @@ def _from_three_lines(links: list[Link]) -> Moves | None:
         if on_b:  # A was laid on B: B lies on A by the inverse
             turn = Pose(turn.r, -turn.phi, turn.c, -turn.s)
             shift = turn.turned(shift) * -1
-        moves.append(Move(_side(met, side), turn, shift))
+        moves.append(Move(_mode(met, mode), turn, shift))
     return Moves(tuple(moves), met)
 
 

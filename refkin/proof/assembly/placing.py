@@ -8,10 +8,10 @@ from dataclasses import dataclass, field, replace
 from flint import arb
 
 from refkin.joints import GROUND
-from refkin.proof.assembly.clusters import Form, Plan, Relation, Step, Way
 from refkin.proof.assembly.joining import Link, Move, Pose, joined, located
 from refkin.proof.assembly.loci import Ball, Meeting, length
-from refkin.proof.assembly.rows import Kind, Row, Rows, Tie
+from refkin.proof.assembly.rigid_groups import Closure, Form, Plan, Relation, Step
+from refkin.proof.assembly.rows import AngleConstraint, Kind, Row, Rows
 from refkin.vec import Vec
 
 MOST_BRANCHES = 256
@@ -19,19 +19,19 @@ MOST_BRANCHES = 256
 
 @dataclass(frozen=True)
 class Branch:
-    """What has been placed on the way to one assembly.
+    """What is placed so far in one assembly.
 
     Attributes
     ----------
-    sides : tuple of int
-        Which of the two points of each meeting was taken, in the order of the steps; 0 where they coincide.
+    modes : tuple of int
+        The assembly mode: which of the two points of each meeting was taken, step by step; 0 where they coincide.
     decided : bool
         Whether every meeting is proved to exist; if not, the balls still hold every assembly of this branch.
     """
 
     poses: dict[str, Pose]
     pins: tuple[Row, ...] = ()
-    sides: tuple[int, ...] = ()
+    modes: tuple[int, ...] = ()
     decided: bool = True
 
 
@@ -68,7 +68,7 @@ def place(plan: Plan, rows: Rows, bodies: Iterable[str], size: float, holding: b
     holding : bool
         Whether redundant rows end the branches that violate them.
     """
-    start, end = _headings(rows, (GROUND, *bodies))
+    start, end = _orientations(rows, (GROUND, *bodies))
     placement = Placement([Branch(start)] if end is None else [], [] if end is None else [end])
     worker = _Worker(rows.rows, size, holding)
     for step in plan.steps:
@@ -80,50 +80,50 @@ def place(plan: Plan, rows: Rows, bodies: Iterable[str], size: float, holding: b
     return placement
 
 
-def _headings(rows: Rows, bodies: tuple[str, ...]) -> tuple[dict[str, Pose], End | None]:
-    """Return each body at the origin of its own cluster, at the angle that ties give it; or the ties that disagree."""
+def _orientations(rows: Rows, bodies: tuple[str, ...]) -> tuple[dict[str, Pose], End | None]:
+    """Return each body at the origin of its own group, at the angle that is given; or the two that disagree."""
     angles: dict[str, Ball] = {}
     for body in bodies:
         waiting = [] if body in angles else [body]
         angles.setdefault(body, arb(0))
         while waiting:
             here = waiting.pop()
-            for tie in rows.ties:
-                if here not in (tie.i, tie.j):
+            for relative in rows.relative_angles:
+                if here not in (relative.i, relative.j):
                     continue
-                there = tie.j if here == tie.i else tie.i
-                angle = angles[here] + (tie.angle if here == tie.i else -tie.angle)
+                there = relative.j if here == relative.i else relative.i
+                angle = angles[here] + (relative.angle if here == relative.i else -relative.angle)
                 if there not in angles:
                     angles[there] = angle
                     waiting.append(there)
                 elif not (angle - angles[there]).contains(0):
-                    return {}, _disagreement(tie, abs(angle - angles[there]))
+                    return {}, _disagreement(relative, abs(angle - angles[there]))
     zero = arb(0)
     return {b: Pose(Vec(zero, zero), phi, phi.cos(), phi.sin()) for b, phi in angles.items()}, None
 
 
-def _disagreement(tie: Tie, gap: Ball) -> End:
-    return End(gap, lambda: f"{tie.name} asks for an angle of {tie.j} that is {_number(gap)} rad off")
+def _disagreement(relative: AngleConstraint, gap: Ball) -> End:
+    return End(gap, lambda: f"{relative.name} asks for an angle of {relative.j} that is {_number(gap)} rad off")
 
 
 class _Worker:
-    """Takes steps; `holding` says whether rows that are not needed to join clusters must agree."""
+    """Takes steps; `holding` says whether rows that are not needed to join groups must agree."""
 
     def __init__(self, rows: tuple[Row, ...], size: float, holding: bool) -> None:
         self.rows, self.size, self.holding = rows, size, holding
 
     def take(self, step: Step, branch: Branch, placement: Placement) -> list[Branch]:
         """Return the branches that one branch goes on to, and note in `placement` those that end."""
-        for way in step.candidates:
-            links = [self._link(r, step, branch) for r in way]
+        for closure in step.candidates:
+            links = [self._link(r, step, branch) for r in closure]
             placed = located(links) if step.locates else joined(links, bool(step.turning))
             if placed is None:
                 continue
             if placed.meeting.gap is not None:
-                placement.ends.append(self._cannot_meet(step, way, placed.meeting, branch))
+                placement.ends.append(self._cannot_meet(step, closure, placed.meeting, branch))
                 return []
-            children = [self._child(step, way, branch, m, placed.meeting.decided) for m in placed.moves]
-            return [c for c in children if not self._ends(step, way, c, placement)]
+            children = [self._child(step, closure, branch, m, placed.meeting.decided) for m in placed.moves]
+            return [c for c in children if not self._ends(step, closure, c, placement)]
         placement.stuck.append(branch)
         return []
 
@@ -147,10 +147,10 @@ class _Worker:
         q = q - (c_second - c_first)
         return Link(relation.kind, *((p, q) if on_b else (q, p)), normal, on_b, distance)
 
-    def _child(self, step: Step, way: Way, branch: Branch, move: Move, decided: bool) -> Branch:
+    def _child(self, step: Step, closure: Closure, branch: Branch, move: Move, decided: bool) -> Branch:
         poses, pins = dict(branch.poses), branch.pins
         if step.locates:
-            second = self._row(way[0].second, branch)
+            second = self._row(closure[0].second, branch)
             body, q = (second.i, second.p) if second.i in step.b else (second.j, second.q)
             base = min(step.a)
             pins = (*pins, Row(Kind.PIN, base, body, poses[base].local(move.shift), q, second.name))
@@ -159,13 +159,13 @@ class _Worker:
                 poses[body] = poses[body].rotated(move.turn)  # type: ignore[arg-type]
             for body in step.b:
                 poses[body] = replace(poses[body], r=poses[body].r + move.shift)
-        sides = branch.sides if move.side is None else (*branch.sides, move.side)
-        return Branch(poses, pins, sides, branch.decided and decided)
+        modes = branch.modes if move.mode is None else (*branch.modes, move.mode)
+        return Branch(poses, pins, modes, branch.decided and decided)
 
-    def _ends(self, step: Step, way: Way, branch: Branch, placement: Placement) -> bool:
-        """Hold the rows between the joined clusters that were not needed to join them."""
-        used = {r.first for r in way[:1] if r.form is Form.DIRECT}
-        used |= {r.first for r in way if r.form is Form.DIRECT and r.kind is not Kind.PIN}
+    def _ends(self, step: Step, closure: Closure, branch: Branch, placement: Placement) -> bool:
+        """Hold the rows between the joined groups that were not needed to join them."""
+        used = {r.first for r in closure[:1] if r.form is Form.DIRECT}
+        used |= {r.first for r in closure if r.form is Form.DIRECT and r.kind is not Kind.PIN}
         for k in step.held if self.holding else ():
             if k in used:
                 continue
@@ -179,11 +179,11 @@ class _Worker:
     def _cannot_close(self, row: Row, gap: Ball) -> End:
         return End(gap, lambda: f"{row.name} cannot close: {row.i} and {row.j} miss by {self._metres(gap)}")
 
-    def _cannot_meet(self, step: Step, way: Way, meeting: Meeting, branch: Branch) -> End:
+    def _cannot_meet(self, step: Step, closure: Closure, meeting: Meeting, branch: Branch) -> End:
         def words() -> str:
-            who = " and ".join(self._involved(step, way, branch))
+            who = " and ".join(self._involved(step, closure, branch))
             apart, reach, gap = (self._metres(x) for x in (meeting.apart, meeting.reach, meeting.gap))
-            lines = sum(r.kind is Kind.LINE for r in way)
+            lines = sum(r.kind is Kind.LINE for r in closure)
             if lines >= 2:
                 return f"{who} cannot meet: {gap} are missing between their lines"
             if lines:
@@ -193,10 +193,10 @@ class _Worker:
 
         return End(meeting.gap, words)
 
-    def _involved(self, step: Step, way: Way, branch: Branch) -> list[str]:
-        """Return the names of the moving bodies that a way joins, and of the lines and distances."""
+    def _involved(self, step: Step, closure: Closure, branch: Branch) -> list[str]:
+        """Return the names of the moving bodies that a closure joins, and of the lines and distances."""
         names: list[str] = []
-        for relation in way:
+        for relation in closure:
             rows = [self._row(k, branch) for k in dict.fromkeys((relation.first, relation.second))]
             names += [end for row in rows for end in (row.i, row.j) if end in step.b or end not in step.a]
             names += [row.name for row in rows if row.kind is not Kind.PIN]
@@ -206,14 +206,14 @@ class _Worker:
         return f"{_number(x * self.size)} m"
 
 
-def _ends_of(row: Row, cluster: frozenset[str], poses: dict[str, Pose]) -> tuple[Vec, Vec]:
-    """Return the row's point in a cluster, and its other point, each in the frame of its own cluster."""
+def _ends_of(row: Row, group: frozenset[str], poses: dict[str, Pose]) -> tuple[Vec, Vec]:
+    """Return the row's point in a group, and its other point, each in the frame of its own group."""
     at_i, at_j = poses[row.i].point(row.p), poses[row.j].point(row.q)
-    return (at_i, at_j) if row.i in cluster else (at_j, at_i)
+    return (at_i, at_j) if row.i in group else (at_j, at_i)
 
 
 def _missing(row: Row, poses: dict[str, Pose]) -> Ball:
-    """Return by how much a row between bodies of one cluster is violated."""
+    """Return by how much a row between bodies of one group is violated."""
     d = poses[row.j].point(row.q) - poses[row.i].point(row.p)
     if row.kind is Kind.LINE:
         return abs(poses[row.i].turned(row.normal).dot(d))  # type: ignore[arg-type]

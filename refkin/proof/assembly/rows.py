@@ -1,7 +1,7 @@
-"""A mechanism's constraints at one time, as ties, pins, lines and distances between bodies, their numbers as balls.
+"""A mechanism's constraints at one time, as relative angles, pins, lines and distances of two bodies, in balls.
 
 ======== ============================================== =========================================================
-tie      phi_j - phi_i = angle                          angle; rolling wheels *
+angle    phi_j - phi_i = angle                          angle; rolling wheels *
 pin      two points coincide                            points coincide (by a law *)
 line     a point of j stays on a line of i              point on line, coordinate of a point; rolling on a line *
 distance two points keep a distance                     distance
@@ -55,7 +55,7 @@ class Kind(Enum):
 
 
 @dataclass(frozen=True)
-class Tie:
+class AngleConstraint:
     """phi_j - phi_i = angle."""
 
     i: str
@@ -93,7 +93,7 @@ class Row:
 class Rows:
     """All constraints at one time; `foreign` names those that are none of the four kinds."""
 
-    ties: tuple[Tie, ...]
+    relative_angles: tuple[AngleConstraint, ...]
     rows: tuple[Row, ...]
     foreign: tuple[str, ...]
 
@@ -103,31 +103,31 @@ def read_rows(system: System, t: float, spread: float = 0.0) -> Rows:
     exact = exact_system(system, ctx.prec)
     given, balls = (elements_of(p.constraint for p in s.placed) for s in (system, exact))
     readers = [_Reader(*pair, system.unit, arb(t), spread) for pair in zip(given, balls, strict=True)]
-    ties = [tie for reader in readers for tie in reader.ties()]
-    angles = _angles(ties, [reader for reader in readers if isinstance(reader.e, RollingWheels)])
+    relative_angles = [relative for reader in readers for relative in reader.relative_angles()]
+    angles = _angles(relative_angles, [reader for reader in readers if isinstance(reader.e, RollingWheels)])
     rows = [row for reader in readers for row in reader.rows(angles)]
-    read = Counter([tie.name for tie in ties])
+    read = Counter([relative.name for relative in relative_angles])
     for row in rows:
         read[row.name] += row.count
     foreign = (p.constraint.name for p in system.placed if read[p.constraint.name] < p.constraint.rows)
-    return Rows(tuple(ties), tuple(rows), tuple(foreign))
+    return Rows(tuple(relative_angles), tuple(rows), tuple(foreign))
 
 
-def _angles(ties: list[Tie], gears: list[_Reader]) -> dict[str, Ball]:
-    """Return the angle of each body that follows from the ties; a gear with one known wheel is one more tie, added."""
+def _angles(relative_angles: list[AngleConstraint], gears: list[_Reader]) -> dict[str, Ball]:
+    """Return the angle of each body that follows from those given; a gear with one known wheel gives one more."""
     angles: dict[str, Ball] = {GROUND: arb(0)}
     while True:
-        for _ in ties:
-            for tie in ties:
-                if tie.i in angles and tie.j not in angles:
-                    angles[tie.j] = angles[tie.i] + tie.angle
-                elif tie.j in angles and tie.i not in angles:
-                    angles[tie.i] = angles[tie.j] - tie.angle
+        for _ in relative_angles:
+            for relative in relative_angles:
+                if relative.i in angles and relative.j not in angles:
+                    angles[relative.j] = angles[relative.i] + relative.angle
+                elif relative.j in angles and relative.i not in angles:
+                    angles[relative.i] = angles[relative.j] - relative.angle
         turned = next((gear for gear in gears if not angles.keys().isdisjoint(gear.e.bodies)), None)
         if turned is None:
             return angles
         gears.remove(turned)
-        ties.append(turned.gear(angles))
+        relative_angles.append(turned.gear(angles))
 
 
 class _Reader:
@@ -139,20 +139,20 @@ class _Reader:
         # Numbers of the ground were rounded at their distance from the scene's origin.
         self.offset = max(1.0, *(abs(c) / unit.size for c in unit.origin))
 
-    def ties(self) -> Iterator[Tie]:
+    def relative_angles(self) -> Iterator[AngleConstraint]:
         """Yield what the element says of angles alone."""
         e = self.e
         if isinstance(e, RelativeAngle):
-            yield Tie(e.body_i, e.body_j, self._wide(self.laws[0] if self.laws else e.angle), e.name)
+            yield AngleConstraint(e.body_i, e.body_j, self._wide(self.laws[0] if self.laws else e.angle), e.name)
 
-    def gear(self, angles: dict[str, Ball]) -> Tie:
+    def gear(self, angles: dict[str, Ball]) -> AngleConstraint:
         """Return the angle of the second wheel of two whose first is known, or the other way round."""
         e = self.e
         radius_i, radius_j = (self._length(radius) for radius in (e.radius_i, e.radius_j))
         zero_i, zero_j = self._wide(e.zero_i), self._wide(e.zero_j)
         if e.body_i in angles:
-            return Tie(GROUND, e.body_j, zero_j - radius_i / radius_j * (angles[e.body_i] - zero_i), e.name)
-        return Tie(GROUND, e.body_i, zero_i - radius_j / radius_i * (angles[e.body_j] - zero_j), e.name)
+            return AngleConstraint(GROUND, e.body_j, zero_j - radius_i / radius_j * (angles[e.body_i] - zero_i), e.name)
+        return AngleConstraint(GROUND, e.body_i, zero_i - radius_j / radius_i * (angles[e.body_j] - zero_j), e.name)
 
     def rows(self, angles: dict[str, Ball]) -> Iterator[Row]:
         """Yield what the element says of points; nothing if it is none of the kinds."""

@@ -24,11 +24,11 @@ from refkin.analysis import position
 from refkin.joints import GROUND, RollingOnLine, RollingWheels, elements_of, initial_contacts, polar_cams
 from refkin.motion import Array
 from refkin.newton import is_round_off
-from refkin.proof.assembly.clusters import Plan, headings, plan
 from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
 from refkin.proof.assembly.loci import Ball, above, below
 from refkin.proof.assembly.placing import Branch, Placement, place
-from refkin.proof.assembly.rows import Rows, Tie
+from refkin.proof.assembly.rigid_groups import Plan, orientations, plan
+from refkin.proof.assembly.rows import AngleConstraint, Rows
 from refkin.proof.assembly.slopes import interval, whole
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import System
@@ -102,7 +102,7 @@ class _Search:
         self.failures = 0
 
     def run(self) -> Roots:
-        if len(self.turned) != 1 or len(self.plan.clusters) > 1 or self.rows.foreign:
+        if len(self.turned) != 1 or len(self.plan.groups) > 1 or self.rows.foreign:
             self._try(self._halton())
             return self._result("the group is larger than a triad: no proof was tried")
         intervals = _Intervals(self)
@@ -123,8 +123,8 @@ class _Search:
 
     def placed(self, angles: tuple[Any, ...], holding: bool = True) -> Placement:
         """Return the placement with the trial angles given."""
-        ties = tuple(Tie(GROUND, body, a, NAME) for body, a in zip(self.turned, angles, strict=True))
-        rows = replace(self.rows, ties=(*self.rows.ties, *ties))
+        trial = (AngleConstraint(GROUND, body, a, NAME) for body, a in zip(self.turned, angles, strict=True))
+        rows = replace(self.rows, relative_angles=(*self.rows.relative_angles, *trial))
         return place(self.plan, rows, self.names, self.system.unit.size, holding)
 
     def _result(self, note: str = "", complete: bool = False) -> Roots:
@@ -135,25 +135,25 @@ class _Search:
         metres = below(gap) * self.system.unit.size
         return Roots(gap=gap, note=f"no angle of {self.turned[0]} closes it: at least {metres:.6g} m are missing")
 
-    def _headings(self) -> list[set[str]]:
-        return headings(tuple((tie.i, tie.j) for tie in self.rows.ties), self.names)
+    def _orientations(self) -> list[set[str]]:
+        return orientations(tuple((relative.i, relative.j) for relative in self.rows.relative_angles), self.names)
 
     def _trial_angles(self) -> tuple[tuple[str, ...], Plan]:
         """Return the bodies whose angles, if known, let closed form go furthest, one after another."""
         turned: tuple[str, ...] = ()
         best = plan(self.rows, self.names)
-        given = next(h for h in self._headings() if GROUND in h)
-        while not turned or len(best.clusters) > 1:
+        given = next(h for h in self._orientations() if GROUND in h)
+        while not turned or len(best.groups) > 1:
             plans = [(b, self._plan((*turned, b))) for b in self.names if b not in (*turned, *given)]
             if not plans:
                 break
-            body, best = min(plans, key=lambda p: len(p[1].clusters))
+            body, best = min(plans, key=lambda p: len(p[1].groups))
             turned = (*turned, body)
         return turned, best
 
     def _plan(self, turned: tuple[str, ...]) -> Plan:
-        ties = (Tie(GROUND, body, arb(0), NAME) for body in turned)
-        return plan(replace(self.rows, ties=(*self.rows.ties, *ties)), self.names)
+        trial = (AngleConstraint(GROUND, body, arb(0), NAME) for body in turned)
+        return plan(replace(self.rows, relative_angles=(*self.rows.relative_angles, *trial)), self.names)
 
     def _halton(self) -> Iterator[tuple[float, ...]]:
         """Yield trial angles, and contact parameters after them."""
@@ -209,8 +209,8 @@ class _Search:
         joints = self.system.mechanism.joints
         rolling = (e for e in elements_of(joints) if isinstance(e, RollingWheels | RollingOnLine))
         counted = {GROUND, *(body for e in rolling for body in e.bodies)}
-        free = [heading for heading in self._headings() if counted.isdisjoint(heading)]
-        groups = [[self.system.columns(body).stop - 1 for body in self.names if body in heading] for heading in free]
+        free = [bodies for bodies in self._orientations() if counted.isdisjoint(bodies)]
+        groups = [[self.system.columns(body).stop - 1 for body in self.names if body in bodies] for bodies in free]
         closed = [cam.name for cam in polar_cams(joints) if cam.profile.closed]
         for group in (*groups, *([self.system.parameter(name).start] for name in closed)):
             q[group] -= math.tau * math.ceil(q[group[0]] / math.tau - 0.5)

@@ -1,4 +1,6 @@
-"""The elements of joints as ways from body to body: how the point of one leads to the point of the other.
+"""The elements of joints as vector chains from body to body, and as relations between the angles of bodies.
+
+A chain leads from the point of one body to the point of the other:
 
 r_j + p_j e^(i phi_j) = r_i + p_i e^(i phi_i) + gap, with this gap:
 
@@ -10,15 +12,16 @@ coordinate            from the ground's origin: the law along one axis, an unkno
 rolling on a line     an unknown length along the line, another across
 ===================== =================================================================================
 
-Angles and rolling wheels make no way, they relate angles; rolling on a line also relates its length to angles. A
-contact on a general profile is refused: it moves along a curve.
+Angles and rolling wheels make no chain, they relate angles; rolling on a line also relates its length to angles. A
+contact on a general profile is refused: it moves along a curve. Bodies whose relative angle is known share one unknown
+angle; the angle of those that the ground belongs to is none.
 """
 
 from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 from crosscheck.engines import EngineRefusal
@@ -26,6 +29,7 @@ from crosscheck.engines.vector_loop.system import Relation
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
 from refkin.joints import (
     GROUND,
+    Constraint,
     Element,
     GuidedPoint,
     Pair,
@@ -37,7 +41,7 @@ from refkin.joints import (
     RollingWheels,
     elements_of,
 )
-from refkin.model import Scene
+from refkin.model import Mechanism, Scene
 from refkin.motion_laws import Law
 
 NOWHERE = complex(math.nan, math.nan)
@@ -46,7 +50,7 @@ Frame = tuple[complex, float]
 
 
 @dataclass(frozen=True)
-class Way:
+class VectorChain:
     """From point p_i of body i by the gap to point p_j of body j; points in the bodies' own frames."""
 
     i: str
@@ -55,9 +59,9 @@ class Way:
     p_j: complex
     gap: tuple[Vector, ...]
 
-    def turned_round(self) -> Way:
-        """Return the way back."""
-        return Way(self.j, self.p_j, self.i, self.p_i, tuple(v.times(-1.0) for v in self.gap))
+    def turned_round(self) -> VectorChain:
+        """Return the chain back."""
+        return VectorChain(self.j, self.p_j, self.i, self.p_i, tuple(v.times(-1.0) for v in self.gap))
 
 
 class Estimates:
@@ -79,22 +83,22 @@ class Estimates:
         """Return origin and angle of a body."""
         return self._frames[body]
 
-    def gap(self, way: Way) -> complex:
-        """Return the estimated gap of a way."""
-        (r_i, phi_i), (r_j, phi_j) = self.frame(way.i), self.frame(way.j)
-        return r_j + way.p_j * cmath.exp(1j * phi_j) - r_i - way.p_i * cmath.exp(1j * phi_i)
+    def gap(self, chain: VectorChain) -> complex:
+        """Return the estimated gap of a chain."""
+        (r_i, phi_i), (r_j, phi_j) = self.frame(chain.i), self.frame(chain.j)
+        return r_j + chain.p_j * cmath.exp(1j * phi_j) - r_i - chain.p_i * cmath.exp(1j * phi_i)
 
 
-class Ways:
-    """The ways and relations of a scene's joints; `guesses` has each unknown of theirs with its estimate."""
+class VectorChains:
+    """The vector chains and relations of a scene's joints; `guesses` has each unknown of theirs with its estimate."""
 
     def __init__(self, scene: Scene, angles: Mapping[str, Variable], estimates: Estimates) -> None:
         self._angles, self._estimates, self._t0 = angles, estimates, float(scene.times[0])
         self.guesses: dict[str, float] = {}
         self.relations: list[Relation] = []
-        self.ways = [way for e in elements_of(scene.mechanism.constraints) for way in self._read(e)]
+        self.chains = [chain for e in elements_of(scene.mechanism.constraints) for chain in self._read(e)]
 
-    def _read(self, e: Element) -> Iterator[Way]:
+    def _read(self, e: Element) -> Iterator[VectorChain]:
         if isinstance(e, RelativeAngle):
             return
         if isinstance(e, RollingWheels):
@@ -105,8 +109,8 @@ class Ways:
         ends = [(GROUND, 0j)] if isinstance(e, PointCoordinate) else []
         ends += [(body, self._estimates.local(body, u)) for body, u in e.ends]
         (i, p_i), (j, p_j) = ends
-        open_way = Way(i, p_i, j, p_j, ())
-        yield Way(i, p_i, j, p_j, self._gap(e, self._estimates.gap(open_way)))
+        open_chain = VectorChain(i, p_i, j, p_j, ())
+        yield VectorChain(i, p_i, j, p_j, self._gap(e, self._estimates.gap(open_chain)))
 
     def _gap(self, e: Element, gap: complex) -> tuple[Vector, ...]:
         """Return what leads from point i to point j; `gap` is the estimated one."""
@@ -158,3 +162,69 @@ class Ways:
     def _unknown(self, name: str, guess: float) -> Variable:
         self.guesses[name] = guess
         return Variable(unknown=name)
+
+
+@dataclass(frozen=True)
+class KnownAngle:
+    """phi_j = phi_i + value."""
+
+    name: str
+    i: str
+    j: str
+    value: Variable
+
+    def other(self, body: str) -> str | None:
+        """Return the body whose angle this one gives, if any."""
+        return self.j if body == self.i else self.i if body == self.j else None
+
+    def carry(self, body: str, angle: Variable) -> Variable:
+        """Return the angle of the other body from that of `body`."""
+        sign = 1.0 if body == self.i else -1.0
+        laws = tuple((sign * factor, law) for factor, law in self.value.laws)
+        return Variable(angle.constant + sign * self.value.constant, angle.unknown, (*angle.laws, *laws))
+
+
+@dataclass(frozen=True)
+class Families:
+    """The angle of each body, ground included; and the bodies that share an unknown, by its name."""
+
+    angles: Mapping[str, Variable]
+    members: Mapping[str, tuple[str, ...]]
+
+
+def known_angles(constraints: Sequence[Constraint]) -> Iterator[KnownAngle]:
+    """Yield what joints and drivers say of two angles."""
+    for e in elements_of(constraints):
+        if isinstance(e, RelativeAngle):
+            yield KnownAngle(e.name, e.body_i, e.body_j, Variable(e.angle, laws=tuple((1.0, law) for law in e.laws)))
+
+
+def angle_families(mechanism: Mechanism) -> Families:
+    """Return the angles of a mechanism's bodies.
+
+    Raises
+    ------
+    EngineError
+        If the difference of two angles is given twice.
+    """
+    left = list(known_angles(mechanism.constraints))
+    angles: dict[str, Variable] = {}
+    members: dict[str, tuple[str, ...]] = {}
+    for root in (GROUND, *(body.name for body in mechanism.bodies)):
+        if root in angles:
+            continue
+        name = None if root == GROUND else f"angle of {root}"
+        angles[root], family = Variable(unknown=name), [root]
+        for body in family:
+            for known in [known for known in left if known.other(body)]:
+                left.remove(known)
+                other = str(known.other(body))
+                if other in angles:
+                    raise EngineRefusal(
+                        f"vector_loop refuses {known.name!r}: redundant, the angle of {other!r} is given"
+                    )
+                angles[other] = known.carry(body, angles[body])
+                family.append(other)
+        if name is not None:
+            members[name] = tuple(family)
+    return Families(angles, members)
