@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-__all__ = ["compare"]
+if TYPE_CHECKING:
+    from crosscheck.judge.agreement import assert_agrees
+
+__all__ = ["assert_agrees", "compare"]
 
 
 def compare(
@@ -38,3 +41,11 @@ def compare(
         for disagreement in record.disagreements:
             out.print(str(disagreement))
     return plain(record)
+
+
+def __getattr__(name: str) -> Any:
+    if name != "assert_agrees":
+        raise AttributeError(f"module 'crosscheck' has no attribute {name!r}")
+    from crosscheck.judge.agreement import assert_agrees
+
+    return assert_agrees

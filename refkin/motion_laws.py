@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from typing import Annotated, Any, ClassVar, Literal, Protocol
+from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
 from pydantic import Field
@@ -36,7 +36,7 @@ class Law(Protocol):
 class _Everywhere:
     """A law without gaps: every finite set of its numbers is one."""
 
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+    __pydantic_config__ = STRICT
 
     def domain(self) -> tuple[float, float]:
         return (-np.inf, np.inf)
@@ -98,7 +98,7 @@ class Table:
     value: tuple[float, ...]
     periodic: bool = False
     kind: Literal["table"] = "table"
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+    __pydantic_config__ = STRICT
 
     @cached_property
     def _spline(self) -> Any:

@@ -255,8 +255,8 @@ class Disagreement:
 
     @property
     def worst(self) -> str:
-        """Where it is, or else what is known of it, as it is shown."""
-        return str(self.at) if self.at else self.message
+        """Where it is, and what else is known of it, as it is shown."""
+        return "; ".join(filter(None, (str(self.at or ""), self.message)))
 
     def __str__(self) -> str:
         ratio = "" if self.ratio is None else f", {self.ratio:.3g} times the allowed error"

@@ -43,6 +43,7 @@ from crosscheck.judge.samples import (
     short,
     smallest,
 )
+from crosscheck.judge.violations import violations
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Route, Status
 from refkin.proof.pose.krawczyk import Verdict
@@ -266,22 +267,26 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *
     part.disagreements += [Disagreement(**who, **fault) for fault in faults]
     asked = subject.turned_round and route == engine.routes()[0]
     turned_round = _turned_round(engine, route, scene, ref, terms) if asked else None
-    part.disagreements += _disagreements(who, compared, turned_round, subject)
+    part.disagreements += _disagreements(who, compared, turned_round, subject, motion)
 
 
 def _disagreements(
-    who: Mapping[str, Any], compared: Comparison, turned_round: Comparison | None, subject: _Subject
+    who: Mapping[str, Any], compared: Comparison, turned_round: Comparison | None, subject: _Subject, motion: Motion
 ) -> Iterator[Disagreement]:
     """Yield in what one route's answer, or its answer to the same scene in another order, is beyond what is allowed."""
     for quantity, q in compared.quantities.items():
+        violated = ""
         if not q.agrees:
             kind = Kind.OTHER_ASSEMBLY if compared.other_assembly else Kind.BEYOND
+            if q.worst is not None and q.worst.time is not None and kind is Kind.BEYOND:
+                violated = violations(subject.ref, motion, QUANTITIES.index(quantity), q.worst.time)
         elif turned_round is not None and not turned_round.quantities[quantity].agrees:
             q, kind = turned_round.quantities[quantity], Kind.ORDER
         else:
             continue
         kind = Kind.NO_NUMBER if np.isinf(q.error).any() else kind
-        yield Disagreement(**who, quantity=quantity, kind=kind, ratio=largest_ratio(q.ratio), at=q.worst)
+        ratio = largest_ratio(q.ratio)
+        yield Disagreement(**who, quantity=quantity, kind=kind, ratio=ratio, at=q.worst, message=violated)
     for found, kind in ((compared, Kind.NO_ANSWER), (turned_round, Kind.ORDER)):
         if found is not None and found.missing and not subject.excused(found.first_missing):
             yield Disagreement(**who, quantity="status", kind=kind, message=f"{found.missing} times without answer")

@@ -22,7 +22,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any
 
 from refkin.errors import Fault
 from refkin.joints.elements import GROUND, Element, Pair
@@ -69,7 +69,7 @@ class Constraint:
 
     name: str
     type: str = field(init=False)
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+    __pydantic_config__ = STRICT
 
     @property
     def rows(self) -> int:

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
-from typing import Annotated, Any, ClassVar, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import Field
@@ -32,7 +32,7 @@ class Disc:
 
     radius: float
     kind: Literal["disc"] = "disc"
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+    __pydantic_config__ = STRICT
 
     def faults(self, path: str) -> Iterator[Fault]:
         """Yield whether the radius is none."""
@@ -50,7 +50,7 @@ class Polar:
 
     law: AnyLaw
     kind: Literal["polar"] = "polar"
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
+    __pydantic_config__ = STRICT
 
     @property
     def closed(self) -> bool:

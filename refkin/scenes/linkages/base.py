@@ -236,6 +236,10 @@ class Linkage:
         motion = engine_motion(scene.times, scene.wanted, q, None, None, (Status.OK,), producer)
         return Picture(Drawing(scene, motion))
 
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        """Show the text that can be pasted, where IPython and Hypothesis would show class variables as arguments."""
+        printer.text(repr(self))
+
     def _repr_svg_(self) -> str | None:
         return self.plot().svg if self.input_range() else None
 

@@ -1,0 +1,132 @@
+"""What a test of an own solver asserts: that its answer is the reference's, within what rounding may take."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import Term
+from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
+from crosscheck.judge.delivery import believed
+from crosscheck.judge.records import QUANTITIES
+from crosscheck.judge.violations import violations
+from refkin.errors import RefkinError
+from refkin.model import Scene
+from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
+from refkin.output.tables import NAMES, UNITS
+
+OWN = Producer(
+    name="own solver",
+    version="",
+    route=Route(
+        name="own",
+        residual_by="own",
+        jacobian_by="own",
+        newton_by="own",
+        linear_solve_by="own",
+        drift_by="own",
+        seeding=Seeding.NONE,
+    ),
+)
+
+
+class NothingToCompare(RefkinError):
+    """A scene of which the reference knows no pose and proves none away, or an answer without a number."""
+
+
+def assert_agrees(motion: Motion | Mapping[str, Mapping[str, Any]], scene: Scene, *, residual: float = 0.0) -> None:
+    """Assert that an answer to a scene is the reference's, within the error that double precision may make.
+
+    What is allowed is derived for each coordinate and time from the rounding of the formulas and how near a singular
+    pose is (`crosscheck.judge.budget`); angles may differ by full turns. Where no such bound holds, next to a singular
+    pose, nothing is compared.
+
+    Parameters
+    ----------
+    motion : Motion or mapping
+        The answer: a `refkin.Motion`; or, for some bodies, what was computed of x, y [m], phi [rad] and their rates
+        xd ... phidd, each (T,), as in `{"rocker": {"phi": ..., "phid": ...}}`. NaN: no answer at that time.
+    scene : Scene
+        What was asked.
+    residual : float
+        What the solver leaves of the constraint equations where it stops, in sizes of the mechanism and radians; by
+        default rounding alone.
+
+    Raises
+    ------
+    AssertionError
+        Which coordinate, by how much, at which time, of what allowed, and which joint it violates.
+    NothingToCompare
+        If there is nothing that could be wrong.
+    """
+    ref = reference(scene)
+    answer = motion if isinstance(motion, Motion) else _completed(ref, motion)
+    terms = [Term(name="own stopping rule", level="position", reason="said by the caller", absolute=residual)]
+    compared = compare(ref, answer, terms if residual else ())
+    faults = [*_wrong(ref, answer, compared, terms if residual else ()), *_unanswered(ref, answer, compared)]
+    if faults:
+        raise AssertionError(f"{scene.name}: " + "\n".join(faults))
+    proved = {Status.UNASSEMBLABLE, Status.LOCKED} >= set(ref.motion.status)
+    if not compared.judged and not proved:
+        raise NothingToCompare(f"{scene.name}: nothing to compare: the reference is {ref.motion.verdict}")
+
+
+def _completed(ref: Reference, given: Mapping[str, Mapping[str, Any]]) -> Motion:
+    """Return the coordinates that were given as a motion; what was not given is the reference's own."""
+    t = ref.motion.t
+    levels = [np.array(level) for level in ref.motion.levels]
+    answered = np.array([status is Status.OK for status in ref.motion.status])
+    if not any(given.values()):
+        raise NothingToCompare(f"{ref.scene.name}: the answer has no number")
+    for body, coordinates in given.items():
+        ref.motion[body]  # raises UnknownName
+        for name, values in coordinates.items():
+            order, row = next(((k, n.index(name)) for k, n in enumerate(NAMES) if name in n), (None, None))
+            if order is None or row is None:
+                known = ", ".join(n for names in NAMES for n in names)
+                raise RefkinError(f"{body}: no coordinate is called {name!r}; there are: {known}")
+            column = np.asarray(values, float)
+            if column.shape != t.shape:
+                raise RefkinError(f"{body}.{name}: expected {len(t)} values, one per time, got shape {column.shape}")
+            levels[order][len(NAMES[0]) * ref.motion.bodies.index(body) + row] = column
+            answered &= np.isfinite(column)
+    status = tuple(Status.OK if ok else Status.NOT_CONVERGED for ok in answered)
+    q, qd, qdd = levels
+    return engine_motion(t, ref.motion.bodies, q, qd, qdd, status, OWN)
+
+
+def _wrong(ref: Reference, motion: Motion, compared: Comparison, terms: Any) -> Iterator[str]:
+    for order, name in enumerate(QUANTITIES):
+        quantity = compared.quantities.get(name)
+        if quantity is not None and not quantity.agrees and quantity.worst is not None:
+            yield _sentence(ref, motion, order, quantity, terms)
+    if compared.other_assembly:
+        yield "it is the other assembly: the joints are satisfied, but the linkage is put together another way"
+
+
+def _sentence(ref: Reference, motion: Motion, order: int, quantity: QuantityComparison, terms: Any) -> str:
+    at = quantity.worst
+    assert at is not None
+    assert at.time is not None
+    body, _, name = at.component.rpartition(".")
+    axis, k = NAMES[0].index(name), int(np.flatnonzero(ref.motion.t == at.time)[0])
+    row = len(NAMES[0]) * ref.motion.bodies.index(body) + axis
+    unit, size = UNITS[order][axis], 1.0 if name == "phi" else ref.system.unit.size
+    allowed = float(getattr(ref.budget(terms), QUANTITIES[order])[row, k]) * size
+    off = abs(float(quantity.difference[row, k])) * size
+    place = f"{body}.{NAMES[order][axis]}"
+    violated = violations(ref, motion, order, at.time)
+    return (
+        f"{place} is off by {off:.3g} {unit} at t = {at.time:.17g} s, {off / allowed:.3g} times the allowed "
+        f"{allowed:.3g} {unit}{f'; {violated}' if violated else ''}"
+    )
+
+
+def _unanswered(ref: Reference, motion: Motion, compared: Comparison) -> Iterator[str]:
+    if compared.missing:
+        of = f"{compared.missing} of {len(motion.status)} times"
+        yield f"no answer at {of}, the first t = {compared.first_missing:.17g} s, where there is one, by proof"
+    for fault in believed(ref, motion):
+        yield f"{fault['quantity']}: {fault['kind']}: {fault['message']}"

@@ -1,0 +1,77 @@
+"""Which constraints an answer violates: the joint that a wrong answer does not satisfy, level by level.
+
+At the answer's own coordinates: position by phi(q, t), velocity by phi_q qd - nu, acceleration by phi_q qdd - gamma. An
+engine that takes one joint for another satisfies all the others; one that leaves a term out satisfies all equations
+below that level.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from crosscheck.judge.comparison import Reference
+from refkin.differences import EPS
+from refkin.motion import Motion
+
+SHARE = 0.02
+"""A row with so much of the largest residual is named with it."""
+ROUNDING = 1e4 * EPS
+"""Of the largest coordinate or rate: a residual below that says nothing."""
+MOST = 3
+"""Joints that are named."""
+
+
+def violations(ref: Reference, motion: Motion, order: int, t: float) -> str:
+    """Return in words which joints and drivers an answer violates at a time; "" if it has not all bodies or numbers.
+
+    Parameters
+    ----------
+    motion : Motion
+        An answer in metres and radians, its bodies in any order.
+    order : {0, 1, 2}
+        Position, velocity or acceleration.
+    t : float
+        One of its times [s].
+    """
+    found = _levels(ref, motion, order, t)
+    if found is None:
+        return ""
+    residual, scale = found
+    worst = float(np.max(np.abs(residual)))
+    if worst <= ROUNDING * scale:
+        other = "is it put together another way?" if order == 0 else "does its position belong to another pose?"
+        return f"every joint and driver is satisfied there to rounding: {other}"
+    named = {}
+    for placed in ref.system.placed:
+        c = placed.constraint
+        largest = float(np.max(np.abs(residual[placed.row : placed.row + c.rows])))
+        if largest >= SHARE * worst:
+            kind = "driver" if c in ref.scene.mechanism.drivers else "joint"
+            named[f"{kind} {c.name!r} ({c.type})"] = largest
+    listed = sorted(named, key=lambda name: -named[name])
+    more = f" and {len(listed) - MOST} more" if len(listed) > MOST else ""
+    what = ("", "velocity of ", "acceleration of ")[order]
+    return f"it violates the {what}{', '.join(listed[:MOST])}{more}: scaled residual {worst:.2g}"
+
+
+def _levels(ref: Reference, motion: Motion, order: int, t: float) -> tuple[Any, float] | None:
+    """Return the residual (m,) of a level at a time, and the size of what stands in its equation."""
+    names = [body.name for body in ref.scene.mechanism.bodies]
+    if set(names) - set(motion.bodies):
+        return None
+    theirs, ours = (int(np.flatnonzero(m.t == t)[0]) for m in (motion, ref.motion))
+    width, of_bodies = len(motion.q) // len(motion.bodies), ref.system.of_bodies
+    rows = np.concatenate([np.arange(width) + width * motion.bodies.index(name) for name in names])
+    state = []
+    for k, level in enumerate(motion.levels[: order + 1]):
+        if level is None or not np.isfinite(level[:, theirs]).all():
+            return None
+        contacts = ref.levels[k][of_bodies:, ours]  # an answer has none: the reference's
+        state.append(np.concatenate([ref.system.to_unit(level[rows, theirs], k), contacts]))
+    if order == 0:
+        return ref.system.phi(state[0], t), max(1.0, float(np.max(np.abs(state[0]))))
+    right = ref.system.nu(state[0], t) if order == 1 else ref.system.gamma(state[0], state[1], t)
+    left = ref.system.phi_q(state[0], t)
+    return left @ state[order] - right, float(np.max(np.abs(left) @ np.abs(state[order]) + np.abs(right)))

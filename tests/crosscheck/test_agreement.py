@@ -1,0 +1,190 @@
+"""`assert_agrees` says which coordinate is wrong, by how much, when, of what allowed, and which joint it violates."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+import tomllib
+from dataclasses import replace
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis.internal.cache import LRUCache
+from hypothesis.internal.conjecture import providers
+from hypothesis.internal.constants_ast import Constants
+from hypothesis.vendor.pretty import pretty
+
+import crosscheck
+import refkin
+from crosscheck.judge.agreement import NothingToCompare
+from crosscheck.judge.comparison import reference
+from crosscheck.judge.violations import violations
+from crosscheck.scenes.drawing import draw
+from refkin.errors import RefkinError
+from refkin.model import Mechanism
+
+ROOT = Path(__file__).parent.parent.parent
+EXAMPLE = ROOT / "examples" / "test_own_solver.py"
+LAW = refkin.Sinusoid(offset=1.0, amplitude=0.8, angular_frequency=1.3, phase=0.4)
+TIMES = tuple(float(t) for t in np.linspace(0.0, 2.0, 9))
+FOUR_BAR = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=LAW, times=TIMES)
+SLIDER = refkin.SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(law=LAW, times=TIMES)
+
+
+def wrong(scene: Any, level: str = "q", row: int = 8, k: int = 3, by: float = 1e-9) -> Any:
+    motion = refkin.solve(scene)
+    rows = getattr(motion, level).copy()
+    rows[row, k] += by
+    return replace(motion, **{level: rows})
+
+
+def test_the_reference_agrees_with_itself_and_so_does_a_part_of_it():
+    motion = refkin.solve(FOUR_BAR)
+
+    crosscheck.assert_agrees(motion, FOUR_BAR)
+    crosscheck.assert_agrees({"rocker": {"phi": motion["rocker"].phi + 4 * np.pi}}, FOUR_BAR)
+    crosscheck.assert_agrees({"crank": {"xdd": motion["crank"].xdd}, "coupler": {"y": motion["coupler"].y}}, FOUR_BAR)
+
+
+@pytest.mark.parametrize(
+    ("level", "row", "place", "unit"),
+    [("q", 8, "rocker.phi", "rad"), ("qd", 3, "coupler.xd", "m/s"), ("qdd", 5, "coupler.phidd", "rad/s^2")],
+)
+def test_what_is_off_is_said_with_place_size_time_and_allowance(level, row, place, unit):
+    with pytest.raises(AssertionError) as told:
+        crosscheck.assert_agrees(wrong(FOUR_BAR, level, row), FOUR_BAR)
+    number, unit = r"([\d.e+-]+)", re.escape(unit)
+    found = re.search(
+        rf"{place} is off by {number} {unit} at t = {number} s, {number} times the allowed {number} {unit}; it",
+        str(told.value),
+    )
+
+    assert found, told.value
+    off, time, times, allowed = map(float, found.groups())
+    assert off == pytest.approx(1e-9, rel=1e-3)
+    assert time == TIMES[3]
+    assert times == pytest.approx(off / allowed, rel=0.02)
+    assert 1e3 < times < 1e8
+
+
+def test_no_answer_a_wrong_ok_and_the_other_assembly_are_said():
+    crossed = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(
+        law=LAW, times=TIMES, branch="crossed"
+    )
+    rocker = refkin.solve(FOUR_BAR)["rocker"].phi.copy()
+    rocker[5:] = np.nan
+    apart = replace(FOUR_BAR, mechanism=longer(FOUR_BAR.mechanism, "B0", point_i=(40.0, 0.0)))
+
+    with pytest.raises(AssertionError, match=r"no answer at 4 of 9 times, the first t = 1\.25 s"):
+        crosscheck.assert_agrees({"rocker": {"phi": rocker}}, FOUR_BAR)
+    with pytest.raises(AssertionError, match="it is the other assembly"):
+        crosscheck.assert_agrees(refkin.solve(crossed), FOUR_BAR)
+    with pytest.raises(AssertionError, match="ok where there is no assembly: 9 times, first t = 0"):
+        crosscheck.assert_agrees(refkin.solve(FOUR_BAR), apart)
+    crosscheck.assert_agrees(refkin.solve(apart), replace(apart, times=TIMES[:1]))
+
+
+def test_what_cannot_be_compared_is_no_agreement():
+    with pytest.raises(NothingToCompare, match="the answer has no number"):
+        crosscheck.assert_agrees({"rocker": {}}, FOUR_BAR)
+    with pytest.raises(RefkinError, match="no body is called 'lever'"):
+        crosscheck.assert_agrees({"lever": {"phi": np.zeros(9)}}, FOUR_BAR)
+    with pytest.raises(RefkinError, match="no coordinate is called 'angle'; there are: x, y, phi, xd"):
+        crosscheck.assert_agrees({"rocker": {"angle": np.zeros(9)}}, FOUR_BAR)
+    with pytest.raises(RefkinError, match="expected 9 values, one per time"):
+        crosscheck.assert_agrees({"rocker": {"phi": np.zeros(8)}}, FOUR_BAR)
+
+
+def test_a_stopping_rule_is_granted_as_far_as_it_goes():
+    answer = wrong(FOUR_BAR, by=1e-9)
+
+    crosscheck.assert_agrees(answer, FOUR_BAR, residual=1e-8)
+    with pytest.raises(AssertionError):
+        crosscheck.assert_agrees(answer, FOUR_BAR, residual=1e-12)
+
+
+def longer(mechanism: Mechanism, name: str, **keys: Any) -> Mechanism:
+    """Return the mechanism with one joint or driver changed."""
+    joints = tuple(replace(j, **keys) if j.name == name else j for j in mechanism.joints)
+    drivers = tuple(replace(d, **keys) if d.name == name else d for d in mechanism.drivers)
+    return replace(mechanism, joints=joints, drivers=drivers)
+
+
+@pytest.mark.parametrize(
+    ("scene", "name", "keys"),
+    [
+        (FOUR_BAR, "joint 'B' (revolute)", {"point_j": (1.500001, 0.0)}),
+        (FOUR_BAR, "driver 'driver' (angle)", {"law": replace(LAW, amplitude=0.800001)}),
+        (SLIDER, "joint 'guide' (prismatic)", {"point_i": (0.0, 0.400001)}),
+    ],
+    ids=["revolute", "driver", "prismatic"],
+)
+def test_an_answer_to_another_joint_violates_that_joint_alone(scene, name, keys):
+    """The answer solves the same mechanism with that one joint changed."""
+    kind, joint = name.split("'")[0].strip(), name.split("'")[1]
+    group = scene.mechanism.joints if kind == "joint" else scene.mechanism.drivers
+    assert joint in [c.name for c in group], [c.name for c in group]
+    motion = refkin.solve(replace(scene, mechanism=longer(scene.mechanism, joint, **keys)))
+    said = violations(reference(scene), motion, 0, TIMES[4])
+
+    assert said.startswith(f"it violates the {name}: scaled residual ")
+
+
+def test_a_wrong_level_violates_that_level_alone():
+    ref, motion = reference(FOUR_BAR), refkin.solve(FOUR_BAR)
+    stale = replace(motion, qdd=motion.qdd * 0.5)
+
+    assert violations(ref, stale, 2, TIMES[4]).startswith("it violates the acceleration of ")
+    assert violations(ref, stale, 1, TIMES[4]).startswith("every joint and driver is satisfied there to rounding")
+    assert violations(ref, replace(motion, bodies=("crank",), q=motion.q[:3]), 0, TIMES[4]) == ""
+
+
+def run_example(source: str, folder: Path) -> str:
+    file = folder / "test_it.py"
+    file.write_text(source, encoding="utf-8")
+    options = ["-q", "-x", "-n", "0", "-p", "no:cacheprovider", "-c", str(ROOT / "pyproject.toml")]
+    command = [sys.executable, "-m", "pytest", *options, f"--rootdir={folder}", str(file)]
+    return subprocess.run(command, capture_output=True, text=True, check=False, cwd=folder, timeout=280).stdout
+
+
+def test_the_example_passes(tmp_path):
+    assert "1 passed" in run_example(EXAMPLE.read_text(encoding="utf-8"), tmp_path)
+
+
+def test_the_example_fails_with_a_linkage_that_can_be_pasted_where_a_fault_is_planted(tmp_path):
+    """The fault: sine for cosine in the rocker's rate."""
+    right = EXAMPLE.read_text(encoding="utf-8")
+    planted = right.replace("np.sin(angle - coupler)", "np.cos(angle - coupler)")
+    assert planted != right
+    shown = run_example(planted, tmp_path)
+    lines = [re.sub(r"^E ? ?", "", line).strip() for line in shown.splitlines()]
+    pasted = re.search(r"linkage=(FourBar\([^()]*(?:\([^()]*\)[^()]*)*\))", " ".join(lines))
+
+    assert "1 failed" in shown
+    assert "rocker.phid is off by" in shown
+    assert pasted, shown
+    assert isinstance(eval(pasted[1], {"FourBar": refkin.FourBar}), refkin.FourBar)
+
+
+@pytest.mark.parametrize("number", [0, 1, 6, 13, 20])
+def test_a_scene_that_hypothesis_shows_can_be_pasted(number):
+    names = {name: getattr(refkin, name) for name in refkin.__all__}
+    scene = draw(20261122, number, 3).scene
+
+    assert eval(pretty(scene), names) == scene
+
+
+def test_what_is_patched_of_hypothesis_is_there_in_the_versions_that_are_allowed():
+    """`own_choices_only` puts `Constants` in place of `_get_local_constants`, and a cache of its own beside it."""
+    asked = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["dependencies"]
+    (hypothesis,) = [line for line in asked if line.startswith("hypothesis")]
+    low, high = (tuple(map(int, part.split("."))) for part in re.findall(r"[\d.]+", hypothesis))
+
+    assert low <= tuple(map(int, version("hypothesis").split("."))) < high
+    assert isinstance(providers._get_local_constants(), Constants)
+    assert isinstance(providers.CONSTANTS_CACHE, LRUCache)
+    assert not any(vars(Constants()).values())
