@@ -1,11 +1,11 @@
-"""Kinematics of planar mechanisms in absolute coordinates, to be read in one sitting.
+"""Kinematics of planar and spatial mechanisms in absolute coordinates, to be read in one sitting.
 
 In this order:
 
 ================= ==================================================================================
-`vec`             vectors and the values of one body, in any arithmetic
+`vec`             vectors and the values of one body, in any arithmetic (of space: `joints.spatial_vectors`)
 `motion_laws`     f, f', f'': polynomial, sinusoid, table; as a value or as a rate
-`joints`          every joint and driver: residual, Jacobian, nu, gamma, each written once
+`joints`          every joint and driver: residual, Jacobian, nu, gamma, each written once (of space: `spatial...`)
 `model`           Body, Mechanism, Scene: what is asked
 `system`          phi(q, t) = 0, phi_q qd = nu, phi_q qdd = gamma
 `differences`     Jacobians by forward and central differences and by complex steps
@@ -26,8 +26,9 @@ That is the reference. It runs alone; what stands above it is imported when it i
 Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockwise in rad):
 
 ========= ======================================= ==============================================================
-`q`       coordinates, (x, y, phi) per body,      `qd`, `qdd` their rates
-          then contact parameters
+`q`       coordinates, (x, y, phi) per body, in   `qd`, `qdd` their rates
+          space (x, y, z, e0, e1, e2, e3); then
+          parameters of joints that bring some
 `phi`     constraint residual, Shabana's C        phi(q, t) = 0
 `phi_q`   constraint Jacobian
 `nu`      velocity right side                     nu = -phi_t,  phi_q qd = nu
@@ -46,6 +47,21 @@ from refkin.joints.cams import Cam, Disc, Polar
 from refkin.joints.drivers import AngleDriver, DistanceDriver, XDriver, YDriver
 from refkin.joints.planar import Distance, Fixed, PointOnLine, Prismatic, Revolute
 from refkin.joints.rolling import Gear, RackAndPinion
+from refkin.joints.spatial import (
+    Cylindrical,
+    Parallel,
+    Perpendicular,
+    PointOnPlane,
+    Screw,
+    SpatialDistance,
+    SpatialFixed,
+    SpatialPointOnLine,
+    SpatialPrismatic,
+    SpatialRevolute,
+    Spherical,
+    Universal,
+)
+from refkin.joints.spatial_drivers import DisplacementDriver, SpatialAngleDriver, SpatialDistanceDriver
 from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene
 from refkin.motion import Motion, Seeding, Status, __version__
 from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
@@ -61,12 +77,14 @@ if TYPE_CHECKING:
 
 # fmt: off
 __all__ = [
-    "AngleDriver", "Body", "Cam", "Disc", "Distance", "DistanceDriver", "Effect", "Evidence", "Fault", "Fixed",
-    "FourBar", "Gear", "Integral", "InvalidRequest", "InvalidScene", "InvertedSliderCrank", "Mechanism", "Motion",
-    "NewtonResult", "NewtonStatus", "Point", "PointOnLine", "Polar", "Polynomial", "Prismatic", "RackAndPinion",
-    "RefkinError", "Revolute", "Scene", "Seeding", "Sinusoid", "SliderCrank", "Status", "System", "Table", "Unit",
-    "XDriver", "YDriver", "__version__", "acceleration", "compile_system", "diagnose", "follow", "load", "newton",
-    "position", "solve", "velocity",
+    "AngleDriver", "Body", "Cam", "Cylindrical", "Disc", "DisplacementDriver", "Distance", "DistanceDriver", "Effect",
+    "Evidence", "Fault", "Fixed", "FourBar", "Gear", "Integral", "InvalidRequest", "InvalidScene",
+    "InvertedSliderCrank", "Mechanism", "Motion", "NewtonResult", "NewtonStatus", "Parallel", "Perpendicular",
+    "Point", "PointOnLine", "PointOnPlane", "Polar", "Polynomial", "Prismatic", "RackAndPinion", "RefkinError",
+    "Revolute", "Scene", "Screw", "Seeding", "Sinusoid", "SliderCrank", "SpatialAngleDriver", "SpatialDistance",
+    "SpatialDistanceDriver", "SpatialFixed", "SpatialPointOnLine", "SpatialPrismatic", "SpatialRevolute", "Spherical",
+    "Status", "System", "Table", "Unit", "Universal", "XDriver", "YDriver", "__version__", "acceleration",
+    "compile_system", "diagnose", "follow", "load", "newton", "position", "solve", "velocity",
 ]
 # fmt: on
 

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from refkin.differences import EPS
-from refkin.joints import initial_contacts
+from refkin.joints import initial_contacts, polar_cams
 from refkin.model import Effect, Scene
 from refkin.motion import ContactMotion, Motion, Producer, Route, Seeding, Status, __version__, no_radius, point_motion
 from refkin.newton import TINY, NewtonResult, contracts, is_round_off, newton
@@ -130,7 +130,7 @@ def estimated(system: System, scene: Scene) -> Any:
     """Return the scene's estimates in the system's coordinates (n,), 0 where there is none; contacts: where likely."""
     q = np.zeros(system.n)
     for body in scene.mechanism.bodies:
-        q[system.columns(body.name)] = body.estimate or (0.0, 0.0, 0.0)
+        q[system.columns(body.name)] = body.estimate or system.kind.still
     return initial_contacts(system, system.to_unit(q), scene.times[0])
 
 
@@ -212,10 +212,9 @@ def motion_of(system: System, scene: Scene, levels: Sequence[Any], **evidence: A
         at = system.columns(point.body)
         moved = point_motion(point.position, *(None if level is None else level[at] for level in levels))
         points[point.name] = replace(moved, v=moved.v if wanted[1] else None, a=moved.a if wanted[2] else None)
-    for joint in scene.mechanism.joints:
-        if joint.parameters:
-            s, sd, sdd = called_for(system.parameter(joint.name).start)
-            contacts[joint.name] = ContactMotion(s=s, sd=sd, sdd=sdd)
+    for cam in polar_cams(scene.mechanism.joints):
+        s, sd, sdd = called_for(system.parameter(cam.name).start)
+        contacts[cam.name] = ContactMotion(s=s, sd=sd, sdd=sdd)
     q, qd, qdd = called_for(np.concatenate([np.arange(system.n)[system.columns(body)] for body in scene.wanted]))
     t, bodies = np.array(scene.times), scene.wanted
     return Motion(t=t, bodies=bodies, q=q, qd=qd, qdd=qdd, points=points, contacts=contacts, **evidence)

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from refkin.errors import UnknownName
-from refkin.vec import BodyValues, Vec
+from refkin.joints import PLANE, SPACE, Kind
 
 Array = NDArray[np.float64]
 __version__ = "0.1.0"
@@ -75,7 +75,7 @@ class CertifiedRadius:
 
 @dataclass(frozen=True)
 class PointMotion:
-    """Position [m], velocity [m/s] and acceleration [m/s^2] of a point, each (2, T); None if not called for."""
+    """Position [m], velocity [m/s] and acceleration [m/s^2] of a point, each (2, T) or (3, T); None: not called for."""
 
     r: Array
     v: Array | None = None
@@ -83,23 +83,22 @@ class PointMotion:
 
 
 def point_motion(u: Any, q: Any, qd: Any = None, qdd: Any = None) -> PointMotion:
-    """Return the motion of a point of one body: r = R + A u, v = R' + omega x A u, a = R'' + alpha x A u - omega^2 A u.
+    """Return the motion of a point of one body: r = R + A u, v = R' + omega x A u, and a = v'.
 
     Parameters
     ----------
-    u : pair of float
+    u : tuple of float
         The point in the body's own frame [m].
-    q, qd, qdd : (3, T) array
-        The body's coordinates (x, y, phi) and their rates; qdd only with qd. What is None has no part in it.
+    q, qd, qdd : (3, T) or (7, T) array
+        The body's coordinates and their rates; qdd only with qd. What is None has no part in it.
     """
-    body = BodyValues(*q)
-    arm = body.turned(Vec(*u))
-    r, v, a = body.r + arm, None, None
-    if qd is not None:
-        v = Vec(qd[0], qd[1]) + arm.perp() * qd[2]
-    if qd is not None and qdd is not None:
-        a = Vec(qdd[0], qdd[1]) + arm.perp() * qdd[2] + arm * -(qd[2] * qd[2])
-    return PointMotion(*(None if x is None else np.array([x.x, x.y]) for x in (r, v, a)))  # type: ignore[arg-type]
+    levels = kind_of(len(q)).values(*q).point_motion(u, qd, None if qd is None else qdd)
+    return PointMotion(*(None if x is None else np.array(x) for x in levels))  # type: ignore[arg-type]
+
+
+def kind_of(width: int) -> Kind:
+    """Return what a body of so many coordinates is one of."""
+    return SPACE if width == SPACE.width else PLANE
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -113,7 +112,11 @@ class ContactMotion:
 
 @dataclass(frozen=True)
 class BodyMotion:
-    """One body's rows of a motion, by name: x, y, phi and their rates xd ... phidd, each (T,)."""
+    """One body's rows of a motion, by name: x, y, phi and their rates xd ... phidd, each (T,).
+
+    In space x, y, z, e0 ... e3 and their rates; and in the ground frame `omega` [rad/s] and `alpha` [rad/s^2], (3, T),
+    and `rotation`, (3, 3, T), the matrix A of r + A u.
+    """
 
     q: Array
     qd: Array | None
@@ -121,10 +124,15 @@ class BodyMotion:
 
     def __post_init__(self) -> None:
         for rate, rows in (("", self.q), ("d", self.qd), ("dd", self.qdd)):
-            names = (f"{coordinate}{rate}" for coordinate in ("x", "y", "phi"))
+            names = (f"{coordinate}{rate}" for coordinate in kind_of(len(self.q)).coordinates)
             vars(self).update({} if rows is None else zip(names, rows, strict=True))
 
     def __getattr__(self, name: str) -> Array:
+        kind = kind_of(len(self.q))
+        if kind is SPACE and name in ("omega", "alpha", "rotation"):
+            values: Array | None = getattr(SPACE.values(*self.q), name)(self.qd if name == "omega" else self.qdd)
+            if values is not None:
+                return values
         raise AttributeError(f"{name!r}: not a coordinate, or not called for by the scene")
 
 
@@ -133,9 +141,10 @@ class Motion:
     """Position, velocity and acceleration of the wanted bodies over the times of a scene.
 
     `q`, `qd`, `qdd` (n, T) hold three rows, x [m], y [m], phi [rad] and their rates, for each of `bodies` at times `t`
-    (T,) [s]. None: not called for; NaN: no answer, which never has status ok. `residual`, `sigma_min`, `condition` (T,)
-    are the largest component of phi, the smallest singular value and the condition number of phi_q, of the scaled
-    system. `points` and `contacts` say by name how the wanted points move, and where cams are touched.
+    (T,) [s]; in space seven, x, y, z, e0, e1, e2, e3. None: not called for; NaN: no answer, which never has status ok.
+    `residual`, `sigma_min`, `condition` (T,) are the largest component of phi, the smallest singular value and the
+    condition number of phi_q, of the scaled system. `points` and `contacts` say by name how the wanted points move, and
+    where cams are touched.
     """
 
     t: Array
@@ -157,8 +166,9 @@ class Motion:
         """Return the motion of one body; raise UnknownName if it is not among those that were wanted."""
         if body not in self.bodies:
             raise UnknownName("body", body, self.bodies)
-        k = 3 * self.bodies.index(body)
-        return BodyMotion(*(None if level is None else level[k : k + 3] for level in self.levels))  # type: ignore[arg-type]
+        width = self.kind.width
+        k = width * self.bodies.index(body)
+        return BodyMotion(*(None if level is None else level[k : k + width] for level in self.levels))  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
         ok = sum(status is Status.OK for status in self.status)
@@ -172,6 +182,11 @@ class Motion:
 
     def __eq__(self, other: object) -> bool:
         return isinstance(other, Motion) and _same(asdict(self), asdict(other))
+
+    @property
+    def kind(self) -> Kind:
+        """Whether the bodies are of the plane or of space."""
+        return kind_of(len(self.q) // len(self.bodies))
 
     @property
     def levels(self) -> tuple[Array, Array | None, Array | None]:

@@ -1,8 +1,8 @@
 """A mechanism's equations: phi(q, t) = 0, phi_q qd = nu, phi_q qdd = gamma.
 
-`compile_system` alone knows where coordinates sit in q: three for each body, then the contact parameters of joints that
-bring some. Coordinates come first, a batch comes last: q has shape (n,) or (n, B), t is a number or (B,), and so are
-all results. The dtype of q decides the arithmetic: float, complex, or object (balls, symbols).
+`compile_system` alone knows where coordinates sit in q: three for each body, or seven in space, then the parameters of
+joints that bring some. Coordinates come first, a batch comes last: q has shape (n,) or (n, B), t is a number or (B,),
+and so are all results. The dtype of q decides the arithmetic: float, complex, or object (balls, symbols).
 """
 
 from __future__ import annotations
@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 
 from refkin.errors import NotCalledFor
-from refkin.joints import GROUND, SI, Constraint, Unit
+from refkin.joints import GROUND, SI, Constraint, Kind, Unit
 from refkin.model import Effect, Mechanism
-from refkin.vec import BodyValues, ParameterValue
+from refkin.vec import ParameterValue
 
 EVERYTHING = frozenset(Effect)
 PROFILE_ORDER = 3
@@ -45,10 +45,15 @@ class System:
     m: int
     _kept: dict[tuple[int, int], tuple[float, Any]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
+    @property
+    def kind(self) -> Kind:
+        """Whether the bodies are of the plane or of space."""
+        return self.mechanism.kind
+
     def columns(self, body: str) -> slice:
-        """Return where (x, y, phi) of a body sit in q."""
-        start = 3 * [b.name for b in self.mechanism.bodies].index(body)
-        return slice(start, start + 3)
+        """Return where the coordinates of a body sit in q."""
+        start = self.kind.width * [b.name for b in self.mechanism.bodies].index(body)
+        return slice(start, start + self.kind.width)
 
     def parameter(self, joint: str) -> slice:
         """Return where the parameter of a joint sits in q; an empty slice if it has none."""
@@ -58,12 +63,18 @@ class System:
     @property
     def of_bodies(self) -> int:
         """The number of coordinates that belong to bodies; those of parameters come after them."""
-        return 3 * len(self.mechanism.bodies)
+        return self.kind.width * len(self.mechanism.bodies)
+
+    @property
+    def turns(self) -> Any:
+        """The turn [rad] that a change of each coordinate by 1 is, (n,): 1 for angles, as all parameters are."""
+        own = np.ones(self.n - self.of_bodies)
+        return np.append(np.tile(self.kind.turns, len(self.mechanism.bodies)), own)
 
     @property
     def angles(self) -> Any:
-        """Which coordinates are angles, (n,) of bool: phi of each body, and all parameters; the others are lengths."""
-        return (np.arange(self.n) % 3 == 2) | (np.arange(self.n) >= self.of_bodies)
+        """Which coordinates are angles, (n,) of bool: phi of each body of the plane, and all parameters."""
+        return self.turns == 1.0
 
     def phi(self, q: Any, t: Any) -> Any:
         """Return the constraint residual, (m,) or (m, B)."""
@@ -104,7 +115,7 @@ class System:
         """Return coordinates (order 0) or rates (1, 2) in m and rad as those of this system: all n, or the bodies'."""
         out = np.array(q, copy=True)
         for k, shift in enumerate(self.unit.origin):
-            at = slice(k, self.of_bodies, 3)
+            at = slice(k, self.of_bodies, self.kind.width)
             out[at] = (out[at] - (0.0 if order else shift)) / self.unit.size
         return out
 
@@ -112,7 +123,7 @@ class System:
         """Return coordinates (order 0) or rates (1, 2) of this system in m and rad: all n, or the bodies'."""
         out = np.array(q, np.result_type(np.asarray(q), float))
         for k, shift in enumerate(self.unit.origin):
-            axis = out[k : self.of_bodies : 3]
+            axis = out[k : self.of_bodies : self.kind.width]
             axis *= self.unit.size
             if not order:
                 axis += shift
@@ -121,15 +132,17 @@ class System:
     def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:
         """Return the values of each body and parameter by the place where it starts in q; None is the ground."""
         numbers = q.tolist() if q.ndim == 1 else q
-        values: dict[int | None, Any] = {None: BodyValues(0.0, 0.0, 0.0)}
-        values |= {k: BodyValues(*numbers[k : k + 3]) for k in range(0, self.of_bodies, 3)}
-        values |= {k: ParameterValue(numbers[k]) for k in range(self.of_bodies, self.n)}
+        kind, of_bodies = self.kind, self.of_bodies
+        bodies = range(0, of_bodies, kind.width)
+        values: dict[int | None, Any] = {None: kind.values(*kind.still)}
+        values |= {k: kind.values(*numbers[k : k + kind.width]) for k in bodies}
+        values |= {k: ParameterValue(numbers[k]) for k in range(of_bodies, self.n)}
         if qd is not None:
             rates = qd.tolist() if qd.ndim == 1 else qd
-            values[None].moving(0.0, 0.0, 0.0)
-            for k in range(0, self.of_bodies, 3):
-                values[k].moving(*rates[k : k + 3])
-            for k in range(self.of_bodies, self.n):
+            values[None].moving(*(0.0,) * kind.width)
+            for k in bodies:
+                values[k].moving(*rates[k : k + kind.width])
+            for k in range(of_bodies, self.n):
                 values[k].moving(rates[k])
         return values
 
@@ -165,18 +178,21 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     Parameters
     ----------
     mechanism : Mechanism
-        Rows come in the order of joints, then drivers; columns in that of bodies, then of joints with parameters.
+        Rows come in the order of joints, drivers, then what bodies bring; columns in that of bodies, then of joints
+        with parameters.
     effects : frozenset of Effect
         What may be asked beyond phi and phi_q.
     unit : Unit
         Length and origin of the coordinates: metres by default; `mechanism.unit()` for those every solve runs in.
     """
-    starts: dict[str, int | None] = {GROUND: None, **{body.name: 3 * k for k, body in enumerate(mechanism.bodies)}}
-    placed = []
-    row, n = 0, 3 * len(mechanism.bodies)
-    for constraint in mechanism.constraints:
+    kind, bodies = mechanism.kind, mechanism.bodies
+    starts: dict[str, int | None] = {GROUND: None, **{body.name: kind.width * k for k, body in enumerate(bodies)}}
+    placed: list[Placed] = []
+    row, n = 0, kind.width * len(bodies)
+    for constraint in (*mechanism.constraints, *kind.own_rows(bodies, mechanism.constraints)):
         own = range(n, n + constraint.parameters)
-        where = (*(starts[body] for body in constraint.bodies), *own)
+        shared = (p.starts[2] for p in placed if p.constraint.name == constraint.shares)
+        where = (*(starts[body] for body in constraint.bodies), *own, *shared)
         placed.append(Placed(constraint, constraint.constants(unit), row, where))
         row, n = row + constraint.rows, n + len(own)
     return System(mechanism, effects, unit, tuple(placed), n, row)

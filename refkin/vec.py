@@ -7,6 +7,7 @@ symbols. Nothing here branches on a value or makes an array, so a formula writte
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -61,6 +62,16 @@ class BodyValues:
     def turned(self, u: Vec) -> Vec:
         """Return A(phi) u: a body-fixed vector in the ground frame."""
         return Vec(self.c * u.x - self.s * u.y, self.s * u.x + self.c * u.y)
+
+    def point_motion(self, u: tuple[float, ...], qd: Any, qdd: Any) -> Iterator[tuple[Scalar, Scalar] | None]:
+        """Yield r = R + A u, v = R' + omega x A u, a = R'' + alpha x A u - omega^2 A u; None for rates not given."""
+        arm, v, a = self.turned(Vec(*u)), None, None
+        if qd is not None:
+            v = Vec(qd[0], qd[1]) + arm.perp() * qd[2]
+        if qdd is not None:
+            a = Vec(qdd[0], qdd[1]) + arm.perp() * qdd[2] + arm * -(qd[2] * qd[2])
+        for x in (self.r + arm, v, a):
+            yield None if x is None else (x.x, x.y)
 
 
 class ParameterValue:

@@ -74,7 +74,7 @@ def test_in_refkin_no_folders_import_each_other_in_a_circle():
 
 
 LATER = {"cams.py", "contact_kinematics.py", "elements.py"}
-"""Cams are the one chapter of the joints that may be left for another day; elements serve who solves no formula."""
+"""Cams are a chapter of the joints that may be left for another day; elements serve who solves no formula."""
 
 
 def lines(paths):
@@ -86,9 +86,11 @@ def test_the_reference_is_read_in_one_sitting():
     """Its spine is all but the joints."""
     spine = [p for p in sources("refkin") if p.parent == ROOT / "refkin"]
     joints = [path for path in sources("refkin/joints") if path.name not in LATER]
+    of_space = [path for path in joints if path.name.startswith("spatial")]
 
     assert lines(spine) <= 1200
-    assert lines(spine) + lines(joints) <= 2000
+    assert lines(spine) + lines(joints) - lines(of_space) <= 2000
+    assert lines(of_space) <= 1150  # the second chapter that may be left for another day: bodies of space
 
 
 @pytest.mark.parametrize("path", sources("crosscheck"), ids=lambda p: str(p.relative_to(ROOT)))

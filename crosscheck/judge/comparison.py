@@ -203,11 +203,12 @@ def _other_assembly(
     It is if its own residual, carried by |J^-1|, accounts for less than a tenth of its error: to first order the two
     are equal, and no second order is ten times as large but where it leads to the next solution.
     """
-    if "position" not in compared or compared["position"].agrees or len(motion.bodies) * 3 != ref.system.n:
+    if "position" not in compared or compared["position"].agrees or ref.system.of_bodies != ref.system.n:
         return False
     wrong = lanes & (compared["position"].ratio > 1.0) & np.isfinite(compared["position"].error)
-    starts = [3 * motion.bodies.index(b.name) for b in ref.scene.mechanism.bodies]
-    order = np.concatenate([np.arange(start, start + 3) for start in starts])
+    width = motion.kind.width
+    starts = [width * motion.bodies.index(b.name) for b in ref.scene.mechanism.bodies]
+    order = np.concatenate([np.arange(start, start + width) for start in starts])
     q, t = ref.system.to_unit(motion.q[order][:, wrong]), motion.t[wrong]
     stacked = np.moveaxis(ref.system.phi_q(ref.levels[0][:, at][:, wrong], t), -1, 0)
     residual = np.moveaxis(np.abs(ref.system.phi(q, t)), -1, 0)[..., None]

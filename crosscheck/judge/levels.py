@@ -75,7 +75,7 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
     draw = random.Random(seed)
     system = compile_system(mechanism)
     size = mechanism.size()
-    scale = np.tile([size, size, 1.0], len(mechanism.bodies))
+    scale = np.tile([size if turn == 0.0 else 1.0 for turn in system.kind.turns], len(mechanism.bodies))
     samples = []
     for _ in range(count):
         lane = draw.randrange(len(t))

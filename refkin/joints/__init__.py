@@ -1,6 +1,6 @@
 """The joints and drivers: each one's formulas written once, in scalar arithmetic (see `base`)."""
 
-from refkin.joints.base import SI, Constraint, Unit
+from refkin.joints.base import PLANE, SI, Constraint, Kind, Unit
 from refkin.joints.cams import Cam, Disc, Polar, initial_contacts, polar_cams
 from refkin.joints.drivers import DRIVER_TYPES, AngleDriver, DistanceDriver, Driver, XDriver, YDriver
 from refkin.joints.elements import (
@@ -15,47 +15,64 @@ from refkin.joints.elements import (
     RelativeAngle,
     RollingOnLine,
     RollingWheels,
+    Triple,
     elements_of,
 )
 from refkin.joints.planar import Distance, Fixed, PointOnLine, Prismatic, Revolute
 from refkin.joints.rolling import Gear, RackAndPinion
+from refkin.joints.spatial import (
+    SPACE,
+    SPATIAL_JOINT_TYPES,
+    Cylindrical,
+    Parallel,
+    Perpendicular,
+    PointOnPlane,
+    Screw,
+    SpatialDistance,
+    SpatialFixed,
+    SpatialPointOnLine,
+    SpatialPrismatic,
+    SpatialRevolute,
+    Spherical,
+    Universal,
+    idle_spins,
+    with_unit_length,
+)
+from refkin.joints.spatial_drivers import (
+    SPATIAL_DRIVER_TYPES,
+    DisplacementDriver,
+    SpatialAngleDriver,
+    SpatialDistanceDriver,
+)
+from refkin.joints.spatial_elements import (
+    AxesParallel,
+    AxesPerpendicular,
+    PointInPlane,
+    PointOnAxis,
+    PointsMeet,
+    ScrewMotion,
+    ShiftAlongAxis,
+    SpatialPointDistance,
+    TurnAboutAxis,
+)
 
 JOINT_TYPES: tuple[type[Constraint], ...]
 JOINT_TYPES = (Revolute, Fixed, PointOnLine, Prismatic, Distance, Gear, RackAndPinion, Cam)
 
+KINDS = {kind.name: kind for kind in (PLANE, SPACE)}
+"""Bodies are of the plane or of space, all those of a mechanism alike."""
+
+# fmt: off
 __all__ = [
-    "DRIVER_TYPES",
-    "GROUND",
-    "JOINT_TYPES",
-    "SI",
-    "AngleDriver",
-    "Cam",
-    "Constraint",
-    "Contact",
-    "Disc",
-    "Distance",
-    "DistanceDriver",
-    "Driver",
-    "Element",
-    "Fixed",
-    "Gear",
-    "GuidedPoint",
-    "Pair",
-    "PointCoordinate",
-    "PointDistance",
-    "PointOnLine",
-    "PointsCoincide",
-    "Polar",
-    "Prismatic",
-    "RackAndPinion",
-    "RelativeAngle",
-    "Revolute",
-    "RollingOnLine",
-    "RollingWheels",
-    "Unit",
-    "XDriver",
-    "YDriver",
-    "elements_of",
-    "initial_contacts",
-    "polar_cams",
+    "DRIVER_TYPES", "GROUND", "JOINT_TYPES", "KINDS", "PLANE", "SI", "SPACE", "SPATIAL_DRIVER_TYPES",
+    "SPATIAL_JOINT_TYPES", "AngleDriver", "AxesParallel", "AxesPerpendicular", "Cam", "Constraint", "Contact",
+    "Cylindrical", "Disc", "DisplacementDriver", "Distance", "DistanceDriver", "Driver", "Element", "Fixed", "Gear",
+    "GuidedPoint", "Kind", "Pair", "Parallel", "Perpendicular", "PointCoordinate", "PointDistance", "PointInPlane",
+    "PointOnAxis", "PointOnLine", "PointOnPlane", "PointsCoincide", "PointsMeet", "Polar", "Prismatic",
+    "RackAndPinion", "RelativeAngle", "Revolute", "RollingOnLine", "RollingWheels", "Screw", "ScrewMotion",
+    "ShiftAlongAxis", "SpatialAngleDriver", "SpatialDistance", "SpatialDistanceDriver", "SpatialFixed",
+    "SpatialPointDistance", "SpatialPointOnLine", "SpatialPrismatic", "SpatialRevolute", "Spherical", "Triple",
+    "TurnAboutAxis", "Unit", "Universal", "XDriver", "YDriver", "elements_of", "idle_spins", "initial_contacts",
+    "polar_cams", "with_unit_length",
 ]
+# fmt: on

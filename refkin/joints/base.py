@@ -20,12 +20,13 @@ A constraint may bring coordinates of its own (`parameters`), such as where a ca
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from typing import Any
 
 from refkin.errors import Fault
-from refkin.joints.elements import GROUND, Element, Pair
+from refkin.joints.elements import GROUND, Element
 from refkin.motion_laws import STRICT, Law
 from refkin.vec import BodyValues, Scalar, Vec
 
@@ -42,21 +43,68 @@ class Unit:
     ----------
     size : float
         Length of one unit [m]; a power of two, so that scaling rounds nothing.
-    origin : pair of float
-        The ground point that becomes the origin [m], so that a mechanism far from its origin loses no digits.
+    origin : tuple of float
+        The ground point that becomes the origin [m], so that a mechanism far from its origin loses no digits; it has
+        two coordinates or three.
     """
 
     size: float = 1.0
-    origin: Pair = (0.0, 0.0)
+    origin: Any = (0.0, 0.0)
 
-    def point(self, body: str, u: Pair) -> Pair:
+    def point(self, body: str, u: Sequence[float]) -> tuple[float, ...]:
         """Return the scaled coordinates of a point of a body, in the body's own frame."""
-        ox, oy = self.origin if body == GROUND else (0.0, 0.0)
-        return (u[0] - ox) / self.size, (u[1] - oy) / self.size
+        away = self.origin if body == GROUND else (0.0,) * len(u)
+        return tuple((x - o) / self.size for x, o in zip_longest(u, away, fillvalue=0.0))
 
 
 SI = Unit()
 """Metres and the scene's own origin."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Kind:
+    """What depends on whether bodies are of the plane or of space.
+
+    Attributes
+    ----------
+    coordinates : tuple of str
+        The names of a body's coordinates; those of its origin come first.
+    freedoms, dimension : int
+        How many ways a free body has to move, and how many coordinates a point.
+    turns : tuple of float
+        For each coordinate the turn [rad] that goes with a change of 1: 0 for lengths, 1 for an angle.
+    still : tuple of float
+        The coordinates of the ground.
+    values : class
+        The values of one body, made of its coordinates; `point_motion` says how a point of it moves.
+    own_rows : callable
+        Yields the constraints that bodies bring of their own, beyond the given ones.
+    """
+
+    name: str
+    coordinates: tuple[str, ...]
+    freedoms: int
+    dimension: int
+    turns: tuple[float, ...]
+    still: tuple[float, ...]
+    values: Any
+    own_rows: Callable[[Any, Any], Iterable[Any]] = field(default=lambda bodies, constraints: (), repr=False)
+
+    @property
+    def width(self) -> int:
+        """The number of coordinates of a body."""
+        return len(self.coordinates)
+
+
+PLANE = Kind(
+    name="planar",
+    coordinates=("x", "y", "phi"),
+    freedoms=3,
+    dimension=2,
+    turns=(0.0, 0.0, 1.0),
+    still=(0.0, 0.0, 0.0),
+    values=BodyValues,
+)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,6 +117,7 @@ class Constraint:
 
     name: str
     type: str = field(init=False)
+    kind = PLANE
     __pydantic_config__ = STRICT
 
     @property
@@ -80,6 +129,15 @@ class Constraint:
     def parameters(self) -> int:
         """The number of coordinates that the constraint itself brings, all angles."""
         return 0
+
+    @property
+    def shares(self) -> str:
+        """The joint whose own coordinates enter this constraint too; "" if there is none."""
+        return ""
+
+    def among(self, joints: Sequence[Constraint]) -> Constraint:
+        """Return the constraint with what it names of the mechanism's joints looked up."""
+        return self
 
     @property
     def bodies(self) -> tuple[str, str]:
@@ -96,7 +154,7 @@ class Constraint:
         """Where each of the laws stands in a scene file."""
         return ()
 
-    def points(self) -> Iterator[tuple[str, Pair]]:
+    def points(self) -> Iterator[tuple[str, Any]]:
         """Yield (body, point in its frame) for each joint point."""
         for body, point in (("body_i", "point_i"), ("body_j", "point_j")):
             at = getattr(self, point, None)

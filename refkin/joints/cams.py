@@ -226,7 +226,7 @@ def initial_contacts(system: Any, q: Any, t: float) -> Any:
     """
     q = np.array(q, float)
     for p in system.placed:
-        if isinstance(p.constraint, Cam) and p.constraint.parameters:
+        if p.constraint.parameters:
             q[p.starts[2]] = p.constraint.initial_contact(partial(_misses, system, p, q, t))
     return q
 

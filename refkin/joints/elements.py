@@ -17,8 +17,8 @@ Contact          those of `contact_kinematics`                          cam of g
 ================ ===================================================== =============================================
 
 d = r_j - r_i leads from the point of body i to that of body j; a is the unit vector along `axis_i`, which turns with
-body i, and n is a turned by a quarter turn counter-clockwise. A joint of space adds elements of its own (axes that are
-parallel, say), no second scheme. Elements hold no formula: a reader states them anew.
+body i, and n is a turned by a quarter turn counter-clockwise. The joints of space add elements of their own
+(`spatial_elements`), no second scheme. Elements hold no formula: a reader states them anew.
 """
 
 from __future__ import annotations
@@ -33,6 +33,7 @@ GROUND = "ground"
 """The name of the fixed frame at the origin."""
 
 Pair = tuple[float, float]
+Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -66,7 +67,7 @@ class Element:
         return self.body_i, self.body_j  # type: ignore[attr-defined]
 
     @property
-    def ends(self) -> tuple[tuple[str, Pair], ...]:
+    def ends(self) -> tuple[tuple[str, Any], ...]:
         """Body and point of each point that it is about: none, that of j, or those of i and j."""
         return ()
 

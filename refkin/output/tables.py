@@ -11,8 +11,10 @@ import numpy as np
 
 from refkin.errors import InvalidRequest, RefkinError
 
-UNITS = (("m", "m", "rad"), ("m/s", "m/s", "rad/s"), ("m/s^2", "m/s^2", "rad/s^2"))
-NAMES = (("x", "y", "phi"), ("xd", "yd", "phid"), ("xdd", "ydd", "phidd"))
+UNITS = {
+    "planar": (("m", "m", "rad"), ("m/s", "m/s", "rad/s"), ("m/s^2", "m/s^2", "rad/s^2")),
+    "spatial": tuple(("m" + per,) * 3 + (unit,) * 4 for per, unit in (("", "1"), ("/s", "1/s"), ("/s^2", "1/s^2"))),
+}
 LEVELS = ("position", "velocity", "acceleration")
 
 
@@ -29,19 +31,21 @@ def columns(motion: Any) -> Iterator[tuple[str, str, str, str, Any]]:
     ----------
     motion : Motion or Path
     """
+    names, units, width = motion.kind.coordinates, UNITS[motion.kind.name], motion.kind.width
     for level, rows in enumerate(motion.levels):
         if rows is not None:
             for k, values in enumerate(rows):
-                yield motion.bodies[k // 3], NAMES[level][k % 3], LEVELS[level], UNITS[level][k % 3], values
+                own = k % width
+                yield motion.bodies[k // width], names[own] + "d" * level, LEVELS[level], units[level][own], values
     for name, point in motion.points.items():
-        for level, pair in enumerate((point.r, point.v, point.a)):
-            if pair is not None:
-                for axis in range(2):
-                    yield name, NAMES[level][axis], LEVELS[level], UNITS[level][axis], pair[axis]
+        for level, parts in enumerate((point.r, point.v, point.a)):
+            if parts is not None:
+                for axis, values in enumerate(parts):
+                    yield name, names[axis] + "d" * level, LEVELS[level], units[level][axis], values
     for name, contact in motion.contacts.items():
         for level, values in enumerate((contact.s, contact.sd, contact.sdd)):
             if values is not None:
-                yield name, ("s", "sd", "sdd")[level], LEVELS[level], UNITS[level][2], values
+                yield name, ("s", "sd", "sdd")[level], LEVELS[level], UNITS["planar"][level][2], values
 
 
 def wide(motion: Any) -> dict[str, Any]:

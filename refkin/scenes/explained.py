@@ -9,7 +9,7 @@ from difflib import get_close_matches
 from typing import Any
 
 from refkin.errors import Fault
-from refkin.joints import DRIVER_TYPES, GROUND, JOINT_TYPES
+from refkin.joints import DRIVER_TYPES, GROUND, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
 from refkin.model import Body, Point
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 
@@ -18,8 +18,8 @@ KEYS = {
     "": ("schema", "name", "dimension", "effects", "bodies_wanted", "evidence", "times", *GROUPS),
     "times": ("start", "stop", "count", "values"),
     "body": tuple(f.name for f in fields(Body)),
-    "joint": tuple({f.name for kind in JOINT_TYPES for f in fields(kind)}),
-    "driver": tuple({f.name for kind in DRIVER_TYPES for f in fields(kind)}),
+    "joint": tuple({f.name for kind in (*JOINT_TYPES, *SPATIAL_JOINT_TYPES) for f in fields(kind)}),
+    "driver": tuple({f.name for kind in (*DRIVER_TYPES, *SPATIAL_DRIVER_TYPES) for f in fields(kind)}),
     "point": tuple(f.name for f in fields(Point)),
     "law": tuple({f.name for law in (Polynomial, Sinusoid, Table) for f in fields(law)}),
 }

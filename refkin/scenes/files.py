@@ -18,12 +18,21 @@ from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, field_validator
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, field_validator
 from pydantic_core import PydanticCustomError
 
 from refkin.errors import Fault, InvalidScene
-from refkin.joints import DRIVER_TYPES, JOINT_TYPES, Constraint, Driver
-from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene, mechanism_faults, scene_faults
+from refkin.joints import (
+    DRIVER_TYPES,
+    JOINT_TYPES,
+    KINDS,
+    SPATIAL_DRIVER_TYPES,
+    SPATIAL_JOINT_TYPES,
+    Constraint,
+    Driver,
+)
+from refkin.joints.checks import mechanism_faults, scene_faults
+from refkin.model import Body, Effect, Evidence, Mechanism, Point, Scene
 from refkin.scenes.explained import explained, unconnected
 
 SCHEMA = 1
@@ -34,9 +43,13 @@ DEEPEST = 20
 if TYPE_CHECKING:
     AnyJoint = Constraint
     AnyDriver = Driver
+    SpatialJoint = Constraint
+    SpatialDriver = Driver
 else:
     AnyJoint = Annotated[Union[JOINT_TYPES], Field(discriminator="type")]  # noqa: UP007 (a union of a tuple)
     AnyDriver = Annotated[Union[DRIVER_TYPES], Field(discriminator="type")]  # noqa: UP007
+    SpatialJoint = Annotated[Union[SPATIAL_JOINT_TYPES], Field(discriminator="type")]  # noqa: UP007
+    SpatialDriver = Annotated[Union[SPATIAL_DRIVER_TYPES], Field(discriminator="type")]  # noqa: UP007
 
 
 class _Strict(BaseModel):
@@ -83,7 +96,7 @@ class TimeGrid(_Strict):
 
 
 class SceneFile(_Strict):
-    """The keys of a scene file."""
+    """The keys of a scene file, with the joints and drivers of the plane."""
 
     schema_: Literal[1] = Field(alias="schema")
     name: str = "scene"
@@ -104,6 +117,22 @@ class SceneFile(_Strict):
         if isinstance(value, bool | float):
             raise PydanticCustomError("schema", "Input should be {known}", {"known": SCHEMA})
         return value
+
+    @field_validator("dimension", mode="before")
+    @classmethod
+    def _known(cls, value: Any) -> Any:
+        """Refuse what is neither; `_read` has taken the class of the other."""
+        if not (isinstance(value, str) and value in KINDS):
+            raise PydanticCustomError("dimension", "Input should be {known}", {"known": " or ".join(map(repr, KINDS))})
+        return value
+
+
+class SpatialSceneFile(SceneFile):
+    """The same, with the joints and drivers of space."""
+
+    dimension: Literal["spatial"]  # type: ignore[assignment]
+    joint: tuple[SpatialJoint, ...] = ()
+    driver: tuple[SpatialDriver, ...] = ()
 
 
 def load(path: str | Path) -> Scene:
@@ -171,7 +200,8 @@ def parse(data: Any, source: str = "scene", text: str = "") -> Scene:
 
 def _read(data: Any) -> SceneFile:
     # Through JSON, because there a list may stand for a tuple although the reading is strict.
-    return SceneFile.model_validate_json(json.dumps(data))
+    spatial = isinstance(data, dict) and data.get("dimension") == "spatial"
+    return (SpatialSceneFile if spatial else SceneFile).model_validate_json(json.dumps(data))
 
 
 def _readable(data: Any, path: str, found: list[Fault], depth: int = 0) -> Any:
@@ -239,7 +269,7 @@ def to_dict(scene: Scene) -> dict[str, Any]:
     data: dict[str, Any] = {
         "schema": SCHEMA,
         "name": scene.name,
-        "dimension": "planar",
+        "dimension": scene.mechanism.kind.name,
         "effects": sorted(scene.effects),
         "evidence": sorted(scene.evidence),
     }
@@ -268,7 +298,8 @@ def to_toml(scene: Scene) -> str:
 
 def schema() -> dict[str, Any]:
     """Return the JSON schema of scene files, for editors."""
-    return SceneFile.model_json_schema(by_alias=True)
+    both: Any = TypeAdapter(SceneFile | SpatialSceneFile)
+    return both.json_schema(by_alias=True)  # type: ignore[no-any-return]
 
 
 def _plain(item: Any) -> Any:
@@ -343,6 +374,7 @@ MISSING_KEY = "this key, which is missing"
 _GROUPS = ("body", "joint", "driver", "point")
 _TAGS = {
     *(c.__dataclass_fields__["type"].default for c in (*JOINT_TYPES, *DRIVER_TYPES)),
+    *(c.__dataclass_fields__["type"].default for c in (*SPATIAL_JOINT_TYPES, *SPATIAL_DRIVER_TYPES)),
     "polynomial",
     "sinusoid",
     "table",

@@ -16,9 +16,9 @@ from typing import Any, ClassVar
 import numpy as np
 
 from refkin.errors import UnknownName
-from refkin.joints import AngleDriver, Driver, elements_of
+from refkin.joints import AngleDriver, Driver, Kind, elements_of
 from refkin.model import Mechanism, Scene
-from refkin.motion import Array, BodyMotion
+from refkin.motion import Array, BodyMotion, kind_of
 from refkin.motion_laws import Polynomial
 from refkin.output.tables import Tabled
 from refkin.proof.numbers.inputs import output_rounding
@@ -137,12 +137,18 @@ class Path(Tabled):
         """The turning points and bifurcations in the order of the path."""
         return tuple(sorted((*self.turning_points, *self.bifurcations), key=lambda event: event.index))
 
+    @property
+    def kind(self) -> Kind:
+        """Whether the bodies are of the plane or of space."""
+        return kind_of(len(self.q) // len(self.bodies))
+
     def __getitem__(self, body: str) -> BodyMotion:
         """Return the coordinates of one body, as those of a motion."""
         if body not in self.bodies:
             raise UnknownName("body", body, self.bodies)
-        k = 3 * self.bodies.index(body)
-        return BodyMotion(self.q[k : k + 3], None, None)
+        width = self.kind.width
+        k = width * self.bodies.index(body)
+        return BodyMotion(self.q[k : k + width], None, None)
 
 
 def straight_on(bifurcation: Bifurcation) -> Tangent | None:

@@ -23,8 +23,9 @@ def check_size(scene: Scene) -> None:
         With what it would take, and how the limits are raised.
     """
     mechanism, times = scene.mechanism, len(scene.times)
-    rows = sum(c.rows for c in mechanism.constraints)
-    columns = 3 * len(mechanism.bodies) + sum(c.parameters for c in mechanism.constraints)
+    kind, bodies = mechanism.kind, mechanism.bodies
+    rows = sum(c.rows for c in (*mechanism.constraints, *kind.own_rows(bodies, mechanism.constraints)))
+    columns = kind.width * len(bodies) + sum(c.parameters for c in mechanism.constraints)
     size, seconds = 8.0 * rows * columns * times, FLOPS * SECONDS_PER_FLOP * rows * columns**2 * times
     factor = float(os.environ.get(VARIABLE, "1"))
     if size > factor * MOST_BYTES or seconds > factor * MOST_SECONDS:

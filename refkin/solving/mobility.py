@@ -17,7 +17,8 @@ import numpy as np
 
 from refkin.analysis import SINGULAR
 from refkin.errors import Fault, InvalidScene
-from refkin.joints import GROUND
+from refkin.joints import GROUND, SPACE, idle_spins
+from refkin.joints.spatial_vectors import Quaternion
 from refkin.model import Mechanism
 from refkin.system import System, compile_system
 
@@ -127,10 +128,11 @@ def gruebler(joints: Sequence[Connection], dimension: str = "planar") -> Count:
 
 def count(mechanism: Mechanism) -> Count:
     """Count the freedoms of a mechanism's joints, without its drivers: what each takes are its rows."""
-    d, joints = COORDINATES["planar"], mechanism.joints
+    d, joints = mechanism.kind.freedoms, mechanism.joints
     bodies = {GROUND, *(body for joint in joints for body in joint.bodies)}
     taken = sum(joint.rows - joint.parameters for joint in joints)
-    return Count(bodies=len(bodies), equations=d + taken, coordinates=d, idle=())
+    idle = tuple(body.name for body, _, _ in idle_spins(mechanism.bodies, mechanism.constraints))
+    return Count(bodies=len(bodies), equations=d + taken, coordinates=d, idle=idle)
 
 
 @dataclass(frozen=True)
@@ -222,9 +224,33 @@ def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = SINGU
     # Small wheels turn each other as well as large ones do.
     sizes = [p.constraint.row_size(p.g) for p in system.placed for _ in range(p.constraint.rows)]
     phi_q, names = system.phi_q(q, t) / np.array(sizes)[:, None], row_names(system)
+    phi_q = common_columns(system, q, phi_q)
     kinematic = sum(joint.rows for joint in system.mechanism.joints)
-    of_joints, of_all = (rank_of(phi_q[:m], names[:m], tolerance) for m in (kinematic, system.m))
+    driven = sum(constraint.rows for constraint in system.mechanism.constraints)
+    of_joints, of_all = (rank_of(phi_q[:m], names[:m], tolerance) for m in (kinematic, driven))
     return Mobility(of_joints, of_all)
+
+
+def common_columns(system: System, q: Any, phi_q: Any) -> Any:
+    """Return phi_q with the columns that all who compute it share: of space phi_q T, T = diag(I, E^T / 2).
+
+    There a body has six: of its velocity and its angular velocity in the ground frame; p . p = 1 then says nothing. Of
+    the plane, and of parameters, the columns are as they are.
+
+    Parameters
+    ----------
+    q : (n,) array
+        The pose, its Euler parameters of length 1.
+    phi_q : (rows, n) array
+    """
+    if system.kind is not SPACE:
+        return phi_q
+    blocks = []
+    for start in range(0, system.of_bodies, SPACE.width):
+        p = Quaternion.of(*q[start + 3 : start + 7])
+        turning = [Quaternion.of(0.0, *axis).times(p).parts for axis in np.eye(3).tolist()]  # 2 p' of omega along each
+        blocks += [phi_q[:, start : start + 3], phi_q[:, start + 3 : start + 7] @ np.array(turning).T / 2]
+    return np.hstack([*blocks, phi_q[:, system.of_bodies :]])
 
 
 def row_names(system: System) -> tuple[str, ...]:

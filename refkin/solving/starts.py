@@ -9,13 +9,14 @@ from typing import Any
 import numpy as np
 
 from refkin.analysis import SINGULAR, estimated, position, sigma_min
-from refkin.joints import polar_cams
+from refkin.joints import SPACE, polar_cams
 from refkin.model import Scene
 from refkin.motion import Status
 from refkin.newton import NewtonResult, contracts
 from refkin.proof.assembly.assembly import Assemblies, assemblies
 from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
 from refkin.proof.assembly.search import PRIMES, closes, radical_inverse
+from refkin.proof.assembly.spatial import signed, starts
 from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS
 from refkin.proof.pose.isolate import isolate
 from refkin.solving.steps import APART
@@ -84,8 +85,7 @@ def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[
         return first.q, "Newton", first.residual
     smallest = np.nanmin(np.append(np.max(np.abs(first.residuals), axis=1), np.inf))
     for k in range(NEW_ESTIMATES + 1):
-        turned = np.array([radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(system.n)]) * system.angles
-        start, new = estimate + math.tau * turned, " from a new estimate" if k else ""
+        start, new = _new_estimate(system, estimate, k, t) if k else estimate, " from a new estimate" if k else ""
         damped = position(system, start, t, damped=True, max_iterations=30)
         least = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start)
         if damped.converged and _is_root(system, damped.q, t):
@@ -96,6 +96,14 @@ def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[
                 return q, f"least squares{new}", least.residual
         smallest = np.nanmin([smallest, damped.residual, least.residual])
     return None, "", float(smallest)
+
+
+def _new_estimate(system: System, estimate: Any, k: int, t: float) -> Any:
+    """Return the k-th estimate that is made up: the angles turned by a fixed sequence; in space one of its own."""
+    if system.kind is SPACE:
+        return next(starts(system, t, 1, k))
+    turned = np.array([radical_inverse(k, PRIMES[n % len(PRIMES)]) for n in range(system.n)]) * system.angles
+    return estimate + math.tau * turned
 
 
 def _leads_to_one(system: System, result: NewtonResult, t: float) -> bool:
@@ -148,6 +156,8 @@ def _turned_to(system: System, q: Any, estimate: Any, held: Any, t: float) -> An
 
     Turns that a driver, gear or profile counts are not ours to choose: none are added that break a constraint.
     """
+    if system.kind is SPACE:
+        return signed(system, q, estimate)
     turns = math.tau * np.where(system.angles & held, np.round((estimate - q) / math.tau), 0.0)
     for some in (turns, *np.diag(turns)):
         if some.any() and np.max(np.abs(system.phi(q + some, t))) < COUNTED:

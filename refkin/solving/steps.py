@@ -119,7 +119,7 @@ class Steps:
         if not (result.converged and contracts(sizes, self.tiny)):
             return False
         move, off = (float(np.max(np.abs(result.q - q))) for q in (self.q[-1], result.iterates[0]))
-        turn = np.max(np.abs(result.q - self.q[-1])[self.system.angles], initial=0.0)
+        turn = np.max(np.abs(result.q - self.q[-1]) * self.system.turns, initial=0.0)
         unled = len(self._before(t)) == 1
         if turn > FURTHEST or (move > FIRST if unled else off > max(NEAR * move, self.tiny)):
             return False

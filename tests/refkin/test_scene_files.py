@@ -91,7 +91,8 @@ BROKEN = {
     "another schema": (put("schema", 2), "schema: expected 1, got 2"),
     "schema as a truth value": (put("schema", True), "schema: expected 1, got True"),
     "schema as a float": (put("schema", 1.0), "schema: expected 1, got 1.0"),
-    "spatial": (put("dimension", "spatial"), "dimension: expected 'planar', got 'spatial'"),
+    "no such dimension": (put("dimension", "solid"), "dimension: expected 'planar' or 'spatial', got 'solid'"),
+    "planar joints in space": (put("dimension", "spatial"), "driver[0].joint: expected this key"),
     "unknown key": (put("bodys", 1), "bodys: expected no such key"),
     "unknown effect": (put("effects", ["velocty"]), "effects[0]: "),
     "unknown evidence": (put("evidence", ["proof"]), "evidence[0]: "),
@@ -158,7 +159,7 @@ def test_each_broken_scene_gets_one_clear_message(change, told):
 def test_all_faults_of_a_file_are_told_at_once():
     """Of keys, types, references and numbers, also where one item cannot be read at all."""
     data = copy.deepcopy(GOOD)
-    for name in ("spatial", "unknown joint type", "unknown law", "point of no body", "stop before start"):
+    for name in ("no such dimension", "unknown joint type", "unknown law", "point of no body", "stop before start"):
         BROKEN[name][0](data)
     data["joint"][3]["body_i"] = "rcker"
     told = "\n".join(messages(data))

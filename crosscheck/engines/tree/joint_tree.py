@@ -220,7 +220,7 @@ def joint_tree(mechanism: Mechanism, *, massless_links: bool = False) -> JointTr
         driven=tuple(e for e in elements_of(mechanism.constraints) if e.laws),
         size=unit.size,
         origin=unit.origin,
-        estimates={body.name: body.estimate for body in mechanism.bodies},
+        estimates={body.name: body.estimate for body in mechanism.bodies},  # type: ignore[misc]
         links=links,
     )
     edges, used = _span(bare, [*names, *links], joints)

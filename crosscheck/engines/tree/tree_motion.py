@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from math import hypot, sqrt
+from typing import Any
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from crosscheck.engines import Term
 from crosscheck.engines.march import March, march
 from crosscheck.engines.tree.joint_tree import Array
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
-from refkin.joints import GROUND, Pair, PointDistance, elements_of
+from refkin.joints import GROUND, PointDistance, elements_of
 from refkin.model import Effect, Mechanism, Scene
 from refkin.motion import Motion, PointMotion, Producer, engine_motion
 
@@ -124,7 +125,7 @@ def body_levels(engine: TreeEngine, march: March, bodies: Sequence[str]) -> list
     return levels
 
 
-def point_levels(engine: TreeEngine, march: March, places: Sequence[tuple[str, Pair]]) -> list[Array]:
+def point_levels(engine: TreeEngine, march: March, places: Sequence[tuple[str, Any]]) -> list[Array]:
     """Return per level position [m] of P points of bodies (each [m] in its body's frame), or its derivative, (2, P, T).
 
     NaN where there is none.

@@ -23,6 +23,7 @@ import cmath
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from crosscheck.engines import EngineRefusal
 from crosscheck.engines.vector_loop.system import Relation
@@ -75,7 +76,7 @@ class Estimates:
             e = body.estimate
             self._frames[body.name] = (NOWHERE, math.nan) if e is None else (self.local(GROUND, e[:2]), e[2])
 
-    def local(self, body: str, u: Pair) -> complex:
+    def local(self, body: str, u: Any) -> complex:
         """Return a point of a body in its frame; on the ground counted from the origin."""
         return (complex(*u) - (self.origin if body == GROUND else 0.0)) / self.size
 

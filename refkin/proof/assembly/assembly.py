@@ -8,18 +8,21 @@ all meetings are proved, the assemblies found are all there are. What closed for
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 from flint import arb, ctx
 
 from refkin.analysis import position
+from refkin.joints import SPACE
 from refkin.motion import Array
 from refkin.proof.assembly.loci import Ball, above, below, length
 from refkin.proof.assembly.placing import MOST_BRANCHES, Branch, End, Placement, place
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import Kind, Row, Rows, read_rows
 from refkin.proof.assembly.search import closes, coordinates, search
+from refkin.proof.assembly.spatial import assemblies_in_space
 from refkin.system import System
 
 PRECISION = 113
@@ -80,6 +83,8 @@ def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
     trying : bool
         Whether to look for assemblies also where none could be proved to be the only ones, nor that there are none.
     """
+    if system.kind is SPACE:
+        return _in_space(system, t, trying)
     with ctx.workprec(PRECISION):
         names = [body.name for body in system.mechanism.bodies]
         rows = read_rows(system, t)
@@ -92,6 +97,21 @@ def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
         if len(scheme.groups) == 1 and not (rows.foreign or placement.stuck):
             return _placed(system, t, placement)
         return _searched(system, t, rows, bool(placement.stuck), trying)
+
+
+def _in_space(system: System, t: float, trying: bool) -> Assemblies:
+    """Return what many starts lead to, and no proof."""
+    if not trying:
+        return Assemblies(message="no closed form")
+    poses = assemblies_in_space(system, t, lambda q: closes(system, q, t))
+    what = f"{len(poses)} assemblies were found by search" if poses else "no assembly was found"
+    return Assemblies(
+        poses=tuple(poses),
+        branches=tuple(() for _ in poses),
+        radii=(math.nan,) * len(poses),
+        searched=True,
+        message=what,
+    )
 
 
 def _none(ends: Sequence[End]) -> Assemblies:

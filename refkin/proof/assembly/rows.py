@@ -200,7 +200,7 @@ class _Reader:
     def _point(self, body: str, u: Pair) -> Vec:
         return self._vector(self.unit.point(body, u), self.offset if body == GROUND else 1.0)
 
-    def _vector(self, v: Pair, scale: float = 1.0) -> Vec:
+    def _vector(self, v: Any, scale: float = 1.0) -> Vec:
         return Vec(*(self._wide(x, scale) for x in v))
 
     def _length(self, x: Any) -> Ball:

@@ -31,9 +31,10 @@ def output_rounding(system: System, q: Any) -> Any:
 
     Half an ulp where an origin is added; the size is a power of two, and angles stay.
     """
-    origin = np.array([*system.unit.origin, 0.0])
+    origin = np.zeros(system.kind.width)
+    origin[: len(system.unit.origin)] = system.unit.origin
     moved = np.zeros(system.n, bool)
-    moved[: system.of_bodies] = np.tile(origin != 0.0, system.of_bodies // 3)
+    moved[: system.of_bodies] = np.tile(origin != 0.0, len(system.mechanism.bodies))
     return np.where(moved[:, None], half_ulp(system, q), 0.0)
 
 

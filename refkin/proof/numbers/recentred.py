@@ -8,12 +8,15 @@ the differences of points from it need no digits that the points do not have.
 
 from __future__ import annotations
 
+import math
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from refkin.joints import GROUND, Constraint
+from refkin.joints.spatial_vectors import Quaternion, SpatialValues
 from refkin.model import Mechanism
 from refkin.system import System, compile_system
 
@@ -23,7 +26,7 @@ FAR = 4.0
 
 @dataclass(frozen=True)
 class Recentred:
-    """A system in its own unit, `inner` with its frames moved, and by how much: (bodies, 2), scaled, in each frame."""
+    """A system in its own unit, `inner` with its frames moved, and by how much: (bodies, dimension), scaled."""
 
     system: System
     inner: System
@@ -45,10 +48,16 @@ class Recentred:
     def outward_balls(self, q: Any) -> tuple[Any, ...]:
         """Return balls (n,) that enclose the coordinates of `inner` as those of the system."""
         out = list(q)
-        for k, (u, v) in enumerate(self.shifts.tolist()):
-            c, s = q[3 * k + 2].cos(), q[3 * k + 2].sin()
-            out[3 * k], out[3 * k + 1] = q[3 * k] - (c * u - s * v), q[3 * k + 1] - (s * u + c * v)
+        for at, shift in self._bodies():
+            for k, x in enumerate(_turned(q[at], shift.tolist()), at.start):
+                out[k] = q[k] - x
         return tuple(out)
+
+    def _bodies(self) -> Iterator[tuple[slice, Any]]:
+        """Yield where the coordinates of each body sit, and its shift."""
+        width = self.system.kind.width
+        for k, shift in enumerate(self.shifts):
+            yield slice(width * k, width * (k + 1)), shift
 
     def inward_rate(self, q: Any, rate: Any) -> Any:
         """Return the change (n,) of the coordinates of `inner`, at its q, that goes with one of the system's."""
@@ -60,28 +69,39 @@ class Recentred:
 
     def _swept(self, q: Any, rate: Any, sign: float) -> Any:
         rate = np.array(rate, float)
-        for k, (u, v) in enumerate(self.shifts):
-            c, s, turn = np.cos(q[3 * k + 2]), np.sin(q[3 * k + 2]), sign * rate[3 * k + 2]
-            rate[3 * k] -= (s * u + c * v) * turn
-            rate[3 * k + 1] += (c * u - s * v) * turn
+        for at, shift in self._bodies():
+            own = rate[at]
+            if len(shift) == 2:
+                x, y = _turned(q[at], shift)
+                swept: Any = (-y * (sign * own[2]), x * (sign * own[2]))
+            else:
+                arm = SpatialValues(*q[at]).arm(*shift)
+                swept = (arm.along(Quaternion.of(*own[3:])) * sign).parts
+            rate[at.start : at.start + len(shift)] += swept
         return rate
 
     def _moved(self, q: Any, sign: float) -> Any:
         q = np.array(q, float)
-        for k, (u, v) in enumerate(self.shifts):
-            c, s = np.cos(q[3 * k + 2]), np.sin(q[3 * k + 2])
-            q[3 * k] += sign * (c * u - s * v)
-            q[3 * k + 1] += sign * (s * u + c * v)
+        for at, shift in self._bodies():
+            q[at.start : at.start + len(shift)] += [sign * x for x in _turned(q[at], shift)]
         return q
+
+
+def _turned(q: Any, u: Any) -> Any:
+    """Return a vector of a body in the ground frame."""
+    if len(u) == 3:
+        return SpatialValues(*q).arm(*u).at.parts
+    c, s = (q[2].cos(), q[2].sin()) if hasattr(q[2], "cos") else (np.cos(q[2]), np.sin(q[2]))
+    return c * u[0] - s * u[1], s * u[0] + c * u[1]
 
 
 def recentred(system: System) -> Recentred:
     """Return a system, compiled in its mechanism's own unit, and in it frames far from their joints moved to one."""
     mechanism, size = system.mechanism, system.unit.size
-    shifts = np.zeros((len(mechanism.bodies), 2))
+    shifts = np.zeros((len(mechanism.bodies), system.kind.dimension))
     for k, body in enumerate(mechanism.bodies):
         points = [u for c in mechanism.constraints for b, u in c.points() if b == body.name]
-        if points and min(np.hypot(*u) for u in points) > FAR * size:
+        if points and min(math.hypot(*u) for u in points) > FAR * size:
             shifts[k] = [size * round(x / size) if abs(x) > FAR * size else 0.0 for x in points[0]]
     if not shifts.any():
         return Recentred(system, system, shifts)

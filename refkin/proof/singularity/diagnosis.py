@@ -229,11 +229,14 @@ class _Examination:
     def _other_driver(self, free: Any) -> str:
         """Return a driven angle, or coordinate, in place of one of the drivers, with which the pose is regular."""
         names = [body.name for body in self.system.mechanism.bodies]
-        size = np.max(np.abs(free), axis=1)[: self.system.of_bodies].reshape(-1, 3)
-        candidates = [(size[k, 2], f"the angle of {name}", 3 * k + 2) for k, name in enumerate(names)]
-        candidates += [
-            (1e-3 * size[k, c], f"{'xy'[c]} of {name}", 3 * k + c) for k, name in enumerate(names) for c in (0, 1)
-        ]
+        kind = self.system.kind
+        size = np.max(np.abs(free), axis=1)[: self.system.of_bodies].reshape(-1, kind.width)
+        candidates = []
+        for k, name in enumerate(names):
+            for c, coordinate in enumerate(kind.coordinates):
+                words = "the angle" if coordinate == "phi" else coordinate
+                weight = 1.0 if kind.turns[c] else 1e-3
+                candidates.append((weight * size[k, c], f"{words} of {name}", kind.width * k + c))
         for _, words, column in sorted(candidates, reverse=True)[:4]:
             for driver in range(self.of_joints, self.system.m):
                 if self.all.with_row(driver, column).rank(1e3 * VANISHING) == self.system.n:
@@ -254,7 +257,7 @@ class _Examination:
 
     def _bodies(self, free: Any) -> tuple[str, ...]:
         """Return the bodies that move in the motions (n, k)."""
-        size = np.max(np.abs(free), axis=1)[: self.system.of_bodies].reshape(-1, 3).max(axis=1)
+        size = np.max(np.abs(free), axis=1)[: self.system.of_bodies].reshape(-1, self.system.kind.width).max(axis=1)
         names = [body.name for body in self.system.mechanism.bodies]
         return tuple(name for name, x in zip(names, size, strict=True) if x > INVOLVED * size.max() and name != GROUND)
 

@@ -1,0 +1,118 @@
+"""What is wrong with a mechanism, or with a scene: all of it at once, in the paths of a scene file."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+from dataclasses import fields
+from itertools import pairwise
+from typing import Any
+
+from refkin.errors import Fault
+from refkin.joints.base import PLANE, Constraint, Kind
+from refkin.joints.elements import GROUND
+
+
+def kind_of(m: Any) -> Kind:
+    """Return what the bodies of a mechanism are: what its first joint is for."""
+    return next((c.kind for c in (*m.joints, *m.drivers)), PLANE)
+
+
+def mechanism_faults(m: Any) -> Iterator[Fault]:
+    """Yield all that is wrong with a mechanism, or with what has its attributes; paths are those of a scene file."""
+    bodies, joints, drivers = m.bodies, m.joints, m.drivers
+    if not bodies:
+        yield Fault("body", None, "at least one body")
+    groups: dict[str, Sequence[Any]] = {"body": bodies, "joint": joints, "driver": drivers}
+    taken = {"body": [GROUND], "joint": [], "driver": [c.name for c in joints]}
+    for kind, items in groups.items():
+        yield from (*_name_faults(kind, items, taken[kind]), *_finite_faults(kind, tuple(items)))
+    own, constraints = kind_of(m), _paths(m)
+    for k, body in enumerate(bodies):
+        yield from _estimate_faults(f"body[{k}].estimate", body.estimate, own)
+    known = dict.fromkeys((GROUND, *(b.name for b in bodies)))
+    for path, c in constraints:
+        if c.kind is not own:
+            yield Fault(f"{path}.type", str(c.type), f"one of a {own.name} mechanism, as the others are")
+            return
+        for key in ("body", "body_i", "body_j", "relative_to"):
+            body = getattr(c, key, None)
+            if body is not None and body not in known:
+                yield Fault(f"{path}.{key}", body, f"a body of the scene: {', '.join(known)}")
+        if c.bodies[0] == c.bodies[1]:
+            yield Fault(path, c.bodies[0], "two different bodies")
+        yield from c.faults(path)
+    rows = [c for _, c in constraints]
+    missing = own.width * len(bodies) - sum(c.rows - c.parameters for c in (*rows, *own.own_rows(bodies, rows)))
+    if bodies and missing > 0:
+        yield Fault("driver", None, f"{missing} more constraint{'s' * (missing > 1)}: add drivers")
+
+
+def scene_faults(scene: Any) -> Iterator[Fault]:
+    """Yield all that is wrong with a scene, or with what has its attributes, beyond its mechanism."""
+    times, bodies_wanted, bodies = scene.times, scene.bodies_wanted, scene.mechanism.bodies
+    names = tuple(b.name for b in bodies)
+    one_of = f"a body of the scene: {', '.join(names)}"
+    finite = all(math.isfinite(t) for t in times)
+    if not times:
+        yield Fault("times", [], "at least one time")
+    if not finite:
+        yield Fault("times", list(times), "finite times")
+    elif any(b <= a for a, b in pairwise(times)):
+        yield Fault("times", list(times), "strictly increasing times")
+    if bodies_wanted is not None and not bodies_wanted:
+        yield Fault("bodies_wanted", [], "at least one body, or no such key for all of them")
+    for k, body in enumerate(bodies_wanted or ()):
+        if body not in names:
+            yield Fault(f"bodies_wanted[{k}]", body, one_of)
+        elif body in bodies_wanted[:k]:
+            yield Fault(f"bodies_wanted[{k}]", body, "each body once")
+    yield from _name_faults("point", scene.points)
+    yield from _finite_faults("point", tuple(scene.points))
+    for k, point in enumerate(scene.points):
+        yield from _count_faults(f"point[{k}].position", point.position, kind_of(scene.mechanism).dimension)
+        if point.body not in names:
+            yield Fault(f"point[{k}].body", point.body, one_of)
+    for path, c in _paths(scene.mechanism) if times and finite else ():
+        for key, law in zip(c.law_keys, c.laws, strict=True):
+            low, high = (-math.inf, math.inf) if list(law.faults("")) else law.domain()
+            if not (low <= times[0] and times[-1] <= high):
+                yield Fault(f"{path}.{key}.argument", [low, high], f"a table from {times[0]} to {times[-1]}")
+
+
+def _paths(m: Any) -> list[tuple[str, Constraint]]:
+    groups = (("joint", m.joints), ("driver", m.drivers))
+    return [(f"{kind}[{k}]", c.among(m.joints)) for kind, group in groups for k, c in enumerate(group)]
+
+
+def _name_faults(kind: str, items: Sequence[Any], taken: Sequence[str] = ()) -> Iterator[Fault]:
+    used = set(taken)
+    for k, item in enumerate(items):
+        if not item.name or item.name in used:
+            expected = "a name not used before" if item.name else "a name that is not empty"
+            yield Fault(f"{kind}[{k}].name", item.name, expected)
+        used.add(item.name)
+
+
+def _finite_faults(path: str, item: Any) -> Iterator[Fault]:
+    """Yield every number in a dataclass, at any depth, that is not finite."""
+    if isinstance(item, float) and not math.isfinite(item):
+        yield Fault(path, item, "a finite number")
+    elif isinstance(item, tuple):
+        for k, part in enumerate(item):
+            yield from _finite_faults(f"{path}[{k}]", part)
+    elif hasattr(item, "__dataclass_fields__"):
+        for key in fields(item):
+            yield from _finite_faults(f"{path}.{key.name}", getattr(item, key.name))
+
+
+def _estimate_faults(path: str, estimate: Sequence[float] | None, kind: Kind) -> Iterator[Fault]:
+    if estimate is not None:
+        yield from _count_faults(path, estimate, kind.width)
+        if len(estimate) == kind.width and any(kind.still) and not any(estimate[kind.dimension :]):
+            yield Fault(path, list(estimate), "Euler parameters that are not all 0")
+
+
+def _count_faults(path: str, numbers: Sequence[float], count: int) -> Iterator[Fault]:
+    if len(numbers) != count:
+        yield Fault(path, list(numbers), f"{count} numbers, not {len(numbers)}")

@@ -1,0 +1,571 @@
+"""The spatial joints, and what a body of space brings along: seven coordinates, and a row for its unit length.
+
+To add a joint: write a dataclass like these (its fields are its keys in a scene file), say which `terms` it consists
+of, and name it in `SPATIAL_JOINT_TYPES` of the package. Its rows come in one of three forms where these differ:
+
+========= ========================================================================================================
+`half`    of full rank and without false roots: half angles (`spatial_terms`)
+`dot`     of full rank, by dot products; zero as well where an axis is reversed
+`printed` cross products, as Shabana prints them (Computational Dynamics, 7): more rows than are independent
+========= ========================================================================================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property
+from typing import Any, ClassVar, Literal
+
+import numpy as np
+
+from refkin.errors import Fault
+from refkin.joints.base import Blocks, Constraint, Kind, Rows, Unit
+from refkin.joints.elements import GROUND, Element, Triple
+from refkin.joints.planar import ends_of
+from refkin.joints.spatial_elements import (
+    AxesParallel,
+    AxesPerpendicular,
+    PointInPlane,
+    PointOnAxis,
+    PointsMeet,
+    ScrewMotion,
+    SpatialPointDistance,
+    TurnAboutAxis,
+)
+from refkin.joints.spatial_terms import Across, Angle, Crossed, Frames, Guide, Meet, Span, Term, Turn, blocks_of
+from refkin.joints.spatial_vectors import Quaternion, SpatialValues, Vec3
+from refkin.vec import Scalar
+
+Form = Literal["half", "dot", "printed"]
+PARALLEL: dict[str, tuple[Term, ...]] = {
+    "half": (Turn("12"),),
+    "dot": (Across("fi gi", "hj"),),
+    "printed": (Crossed(),),
+}
+ON_AXIS: dict[str, tuple[Term, ...]] = {
+    "half": (Guide("fi gi"),),
+    "dot": (Guide("fi gi"),),
+    "printed": (Crossed(gap=True),),
+}
+UNTURNED: dict[str, tuple[Term, ...]] = {"half": (Turn("3"),), "dot": (Across("fi", "gj"),)}
+UNTURNED["printed"] = UNTURNED["dot"]
+
+
+def own_rows(bodies: Sequence[Any], constraints: Sequence[Constraint]) -> Iterator[Constraint]:
+    """Yield the rows that bodies of space bring: that of each one's unit length, and one for each idle spin."""
+    for body in bodies:
+        yield UnitLength(name=body.name, body=body.name)
+    for body, through, line in idle_spins(bodies, constraints):
+        reference: Any = (body.estimate or SPACE.still)[3:]
+        yield IdleSpin(name=body.name, body=body.name, through=through, line=line, reference=reference)
+
+
+def with_unit_length(estimate: Any) -> Any:
+    """Return the coordinates of a body with its Euler parameters, if it has any, scaled to length 1."""
+    if estimate is None or len(estimate) != SPACE.width:
+        return estimate
+    length = math.hypot(*estimate[3:])
+    if length == 0.0 or not math.isfinite(length) or abs(length - 1) <= 2.0**-50:
+        return tuple(estimate)
+    return (*estimate[:3], *(x / length for x in estimate[3:]))
+
+
+SPACE = Kind(
+    name="spatial",
+    coordinates=("x", "y", "z", "e0", "e1", "e2", "e3"),
+    freedoms=6,
+    dimension=3,
+    turns=(0.0, 0.0, 0.0, 2.0, 2.0, 2.0, 2.0),
+    still=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
+    values=SpatialValues,
+    own_rows=own_rows,
+)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialConstraint(Constraint):
+    """A constraint between bodies of space: rows that are those of its `terms`, one term after another."""
+
+    kind = SPACE
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        """What the constraint consists of."""
+        raise NotImplementedError
+
+    @property
+    def rows(self) -> int:
+        return sum(term.rows for term in self.terms)
+
+    @cached_property
+    def _placed(self) -> list[tuple[Term, slice]]:
+        """The terms, and where each one's numbers stand in the geometry."""
+        ends = [0]
+        for term in self.terms:
+            ends.append(ends[-1] + term.size)
+        return [(term, slice(*ends[k : k + 2])) for k, term in enumerate(self.terms)]
+
+    def constants(self, unit: Unit) -> tuple[float, ...]:
+        at = Frames(self, unit)
+        return tuple(number for term in self.terms for number in term.constants(at))
+
+    def elements(self) -> Iterator[Element]:
+        yield from ()
+
+    def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+        return tuple(row for term, own in self._placed for row in term.residual(g[own], f, *at))
+
+    def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
+        return blocks_of([row for term, own in self._placed for row in term.jacobian(g[own], f, *at)])
+
+    def nu(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+        return tuple(row for term, own in self._placed for row in term.nu(g[own], f, *at))
+
+    def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+        return tuple(row for term, own in self._placed for row in term.gamma(g[own], f, *at))
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        yield from super().faults(path)
+        for body in "ij":
+            axis, zero = (getattr(self, f"{key}_{body}", None) for key in ("axis", "zero"))
+            if axis is not None and not any(axis):
+                yield Fault(f"{path}.axis_{body}", list(axis), "a vector that is not zero")
+            elif axis is not None and zero is not None and not _across(axis, zero):
+                yield Fault(f"{path}.zero_{body}", list(zero), "a vector that is not zero and not along the axis")
+
+
+def names_of(cls: Any) -> set[str]:
+    """Return the names of the fields of a dataclass."""
+    return {field.name for field in fields(cls)}
+
+
+def _across(axis: Triple, zero: Triple) -> bool:
+    """Return whether a zero has a part across its axis that is more than rounding; numbers that are none pass."""
+    sizes = [max(map(abs, v)) for v in (axis, zero)]
+    if not all(map(math.isfinite, sizes)) or 0.0 in sizes:
+        return 0.0 not in sizes
+    a, b = (Vec3(*(x / size for x in v)) for v, size in zip((axis, zero), sizes, strict=True))
+    return bool(max(map(abs, a.cross(b).parts)) > 2.0**-40)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spherical(SpatialConstraint):
+    """A ball joint: two points coincide, d = 0."""
+
+    body_i: str
+    point_i: Triple
+    body_j: str
+    point_j: Triple
+    type: Literal["spherical"] = "spherical"
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return (Meet(),)
+
+    def elements(self) -> Iterator[Element]:
+        yield PointsMeet(**ends_of(self))
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfAxes(SpatialConstraint):
+    """What is said of an axis of body i and one of body j, both directed [any length]."""
+
+    body_i: str
+    axis_i: Triple
+    body_j: str
+    axis_j: Triple
+
+    def _elements(self, *types: type[Element]) -> Iterator[Element]:
+        """Yield elements of the types, each with what of the joint it asks for."""
+        for element in types:
+            keys = names_of(element) & names_of(type(self)) - {"name"}
+            yield element(**{key: getattr(self, key) for key in keys})
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfFrames(OfAxes):
+    """Axes with a direction across each, `zero`, of which the part across the axis counts; and the form of the rows."""
+
+    zero_i: Triple | None = None
+    zero_j: Triple | None = None
+    form: Form = "half"
+    needs_zeros: ClassVar[bool] = False
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        yield from super().faults(path)
+        for key in ("zero_i", "zero_j"):
+            if self.needs_zeros and getattr(self, key) is None:
+                yield Fault(f"{path}.{key}", None, f"`{key}`, a vector across the axis: a {self.type} joint needs it")
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfLines(OfFrames):
+    """Axes through points."""
+
+    point_i: Triple
+    point_j: Triple
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialRevolute(OfLines):
+    """A hinge: two points coincide, and their axes have one direction.
+
+    As printed: h_i x h_j = 0, h_i x s = 0 and s . s = c, s from one point of the axis to another, `spacing` [m] from
+    point j (by default the unit of length). With a spacing of 0 the gradient 2 s vanishes: a singular formulation.
+    """
+
+    spacing: float | None = None
+    type: Literal["revolute"] = "revolute"
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return (Crossed(), _Spaced()) if self.form == "printed" else (Meet(), *PARALLEL[self.form])
+
+    def elements(self) -> Iterator[Element]:
+        yield from self._elements(PointsMeet, AxesParallel)
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        yield from super().faults(path)
+        if self.spacing is not None and (self.form != "printed" or self.spacing < 0):
+            yield Fault(f"{path}.spacing", self.spacing, "a distance of at least 0, and only in the form 'printed'")
+
+
+class _Spaced(Term):
+    """h_i x s = 0 and (s . s - c) / 2 = 0, s from point i to the point at a distance from point j along its axis."""
+
+    rows, size = 4, 10
+    crossed, span = Crossed(gap=True), Span(law=True)
+
+    def constants(self, at: Frames) -> tuple[Scalar, ...]:
+        spacing = 1.0 if at.c.spacing is None else at.c.spacing / at.unit.size
+        points, h = at.points(), at.axes("hj")
+        return (*points[:3], *(x + spacing * y for x, y in zip(points[3:], h, strict=True)), *at.axes("hi"), spacing)
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        return (*self.crossed.residual(g[:9], f, i, j), *self.span.residual(g[:6], ((g[9], 0, 0),), i, j))
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Any]:
+        return [*self.crossed.jacobian(g[:9], f, i, j), *self.span.jacobian(g[:6], f, i, j)]
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        return (*self.crossed.gamma(g[:9], f, i, j), *self.span.gamma(g[:6], ((g[9], 0, 0),), i, j))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cylindrical(OfLines):
+    """Two axes are in line: body j turns about them and slides along them."""
+
+    type: Literal["cylindrical"] = "cylindrical"
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return (*PARALLEL[self.form], *ON_AXIS[self.form])
+
+    def elements(self) -> Iterator[Element]:
+        yield from self._elements(AxesParallel, PointOnAxis)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialPrismatic(OfLines):
+    """A slide: a cylindrical joint that does not turn, its zeros in one direction."""
+
+    needs_zeros = True
+    type: Literal["prismatic"] = "prismatic"
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return (*PARALLEL[self.form], *ON_AXIS[self.form], *UNTURNED[self.form])
+
+    def elements(self) -> Iterator[Element]:
+        yield from self._elements(AxesParallel, PointOnAxis, TurnAboutAxis)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialFixed(OfLines):
+    """Two bodies move as one: their points, axes and zeros are the same."""
+
+    needs_zeros = True
+    type: Literal["fixed"] = "fixed"
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return (Meet(), *PARALLEL[self.form], *UNTURNED[self.form])
+
+    def elements(self) -> Iterator[Element]:
+        yield from self._elements(PointsMeet, AxesParallel, TurnAboutAxis)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Screw(OfLines):
+    """A cylindrical joint whose shift h_i . d is `shift` [m] and `pitch` [m/rad] times the angle from zero i to zero j.
+
+    The angle theta counts turns, so theta / 2 is a coordinate of the joint's own; which turn is meant at the first time
+    follows from the estimates of the bodies along the axis.
+    """
+
+    needs_zeros = True
+    pitch: float
+    shift: float = 0.0
+    type: Literal["screw"] = "screw"
+
+    @property
+    def parameters(self) -> int:
+        return 1
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return (*PARALLEL[self.form], *ON_AXIS[self.form], _Thread(), Angle(counted=True))
+
+    def elements(self) -> Iterator[Element]:
+        yield from self._elements(AxesParallel, PointOnAxis, ScrewMotion)
+
+    def reach(self) -> float:
+        return abs(self.pitch)
+
+    def profile_values(self, s: Scalar, unit: Unit, order: int) -> tuple[Scalar, ...]:
+        return ()
+
+    def initial_contact(self, rows: Callable[[Any], Any]) -> Any:
+        """Return theta / 2 where the row of the thread, which is linear in it, is 0."""
+        at_0, at_1 = rows(np.array([0.0, 1.0]))[-2]
+        return at_0 / (at_0 - at_1)
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        yield from super().faults(path)
+        if self.pitch == 0.0:
+            yield Fault(f"{path}.pitch", self.pitch, "a pitch other than 0 (a revolute joint does not shift)")
+
+
+class _Thread(Term):
+    """h_i . d - 2 pitch s - shift = 0, s half the angle."""
+
+    size = 11
+    guide = Guide("hi")
+
+    def constants(self, at: Frames) -> tuple[Scalar, ...]:
+        return (*self.guide.constants(at), at.c.pitch / at.unit.size, at.c.shift / at.unit.size)
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        (height,) = self.guide.residual(g[:9], f, i, j)
+        return (height - own[0].value * (2 * g[9]) - g[10],)
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Any]:
+        return [(*self.guide.jacobian(g[:9], f, i, j)[0], (-2 * g[9],))]
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        return self.guide.gamma(g[:9], f, i, j)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Universal(OfAxes):
+    """Hooke's joint: two points coincide, and the pin along axis i is perpendicular to that along axis j."""
+
+    point_i: Triple
+    point_j: Triple
+    type: Literal["universal"] = "universal"
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return (Meet(), Across("hi", "hj"))
+
+    def elements(self) -> Iterator[Element]:
+        yield from self._elements(PointsMeet, AxesPerpendicular)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Parallel(OfFrames):
+    """Two axes have one direction."""
+
+    type: Literal["parallel"] = "parallel"
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return PARALLEL[self.form]
+
+    def elements(self) -> Iterator[Element]:
+        yield from self._elements(AxesParallel)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Perpendicular(OfAxes):
+    """Two axes are perpendicular: h_i . h_j = 0."""
+
+    type: Literal["perpendicular"] = "perpendicular"
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return (Across("hi", "hj"),)
+
+    def elements(self) -> Iterator[Element]:
+        yield from self._elements(AxesPerpendicular)
+
+
+@dataclass(frozen=True, kw_only=True)
+class OfPoints(SpatialConstraint):
+    """What an axis of body i through a point of it says of a point of body j."""
+
+    body_i: str
+    point_i: Triple
+    axis_i: Triple
+    body_j: str
+    point_j: Triple
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialPointOnLine(OfPoints):
+    """A point of body j stays on the line along `axis_i`."""
+
+    type: Literal["point_on_line"] = "point_on_line"
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return ON_AXIS["half"]
+
+    def elements(self) -> Iterator[Element]:
+        yield PointOnAxis(**ends_of(self), axis_i=self.axis_i)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PointOnPlane(OfPoints):
+    """A point of body j stays in the plane across `axis_i`: h_i . d = 0."""
+
+    type: Literal["point_on_plane"] = "point_on_plane"
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return (Guide("hi"),)
+
+    def elements(self) -> Iterator[Element]:
+        yield PointInPlane(**ends_of(self), axis_i=self.axis_i)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialDistance(SpatialConstraint):
+    """Two points keep a distance, as the ends of a massless link do: (d . d - length^2) / (2 length) = 0."""
+
+    body_i: str
+    point_i: Triple
+    body_j: str
+    point_j: Triple
+    length: float
+    type: Literal["distance"] = "distance"
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return (Span(),)
+
+    def elements(self) -> Iterator[Element]:
+        yield SpatialPointDistance(**ends_of(self), length=self.length)
+
+    def reach(self) -> float:
+        return self.length
+
+    def faults(self, path: str) -> Iterator[Fault]:
+        if not self.length > 0:
+            yield Fault(f"{path}.length", self.length, "a length above 0 (a spherical joint keeps two points together)")
+
+
+@dataclass(frozen=True, kw_only=True)
+class UnitLength(SpatialConstraint):
+    """The Euler parameters of a body have length 1: (p . p - 1) / 2 = 0."""
+
+    rows = 1
+    body: str
+    type: str = "unit_length"
+
+    @property
+    def bodies(self) -> tuple[str, str]:
+        return GROUND, self.body
+
+    def constants(self, unit: Unit) -> tuple[float, ...]:
+        return ()
+
+    def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+        return ((at[1].p.dot(at[1].p) - 1) * 0.5,)
+
+    def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
+        return ((0,) * 7,), ((0, 0, 0, *at[1].p.parts),)
+
+    def nu(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+        return (0,)
+
+    def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+        return (-at[1].pd.dot(at[1].pd),)
+
+
+@dataclass(frozen=True, kw_only=True)
+class IdleSpin(UnitLength):
+    """A body that nothing keeps from spinning about a line in it is held as far turned as at a pose: 2 s . p = 0.
+
+    s = p0 (0, u), p0 the pose (`reference`), u the line. Where the line has any direction but that opposite to its own
+    at p0, p and -p alone solve it; at p0 itself the rates are those without spin, omega . u = alpha . u = 0.
+    """
+
+    through: Triple
+    line: Triple
+    reference: tuple[float, float, float, float]
+    type: str = "idle_spin"
+
+    def constants(self, unit: Unit) -> tuple[float, ...]:
+        length = sum(x * x for x in self.line)
+        p0 = Quaternion.of(*self.reference)
+        size = p0.dot(p0) * length
+        scale = 2 / (size.sqrt() if hasattr(size, "sqrt") else math.sqrt(size))
+        return tuple(x * scale for x in p0.times(Quaternion(0, Vec3(*self.line))).parts)
+
+    def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+        return (sum((x * y for x, y in zip(g[1:], at[1].p.parts[1:], strict=True)), g[0] * at[1].p.a),)
+
+    def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
+        return ((0,) * 7,), ((0, 0, 0, *g),)
+
+    def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+        return (0,)
+
+
+def idle_spins(bodies: Sequence[Any], constraints: Sequence[Constraint]) -> Iterator[tuple[Any, Triple, Triple]]:
+    """Yield (body, a point of it, a line of it) for each body that is held by points of one line of it alone.
+
+    So is a coupler on two spherical joints, a rod between a spherical joint and a distance. What a body holds of others
+    by more than a point of its own (an axis, a plane) holds it too.
+    """
+    for body in bodies:
+        ends = [end for c in constraints if body.name in c.bodies for end in _held_by(c, body.name)]
+        points = list(dict.fromkeys(end for end in ends if end is not None))
+        if None in ends or len(points) < 2:
+            continue
+        first = points[0]
+        away = [Vec3(*(x - y for x, y in zip(p, first, strict=True))) for p in points[1:]]
+        line = max(away, key=lambda v: v.dot(v))
+        limit = 2.0**-40 * line.dot(line)
+        if all(max(map(abs, line.cross(v).parts)) <= limit for v in away):
+            yield body, first, line.parts
+
+
+def _held_by(c: Any, body: str) -> Iterator[Triple | None]:
+    """Yield the point of a body by which a constraint holds it; None if by more than that."""
+    for element in c.elements():
+        by_point = isinstance(element, PointsMeet | SpatialPointDistance)
+        by_point = by_point or (isinstance(element, PointOnAxis | PointInPlane) and element.body_j == body)
+        yield (dict(element.ends)[body] if by_point else None)
+    if c.rows and not list(c.elements()):
+        yield None
+
+
+SPATIAL_JOINT_TYPES: tuple[type[Constraint], ...]
+SPATIAL_JOINT_TYPES = (
+    Spherical,
+    SpatialRevolute,
+    SpatialPrismatic,
+    Cylindrical,
+    Universal,
+    Screw,
+    SpatialFixed,
+    SpatialDistance,
+    Parallel,
+    Perpendicular,
+    PointOnPlane,
+    SpatialPointOnLine,
+)

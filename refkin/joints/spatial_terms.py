@@ -1,0 +1,446 @@
+"""The terms that every spatial joint and driver is made of: gaps, vectors across each other, half angles, lengths.
+
+A joint's frame on a body has h along `axis`, f along the part of `zero` across it, and g = h x f, all of length 1. d
+leads from the point of body i to that of body j. With (e0, e) the Euler parameters that lead from the frame on body i
+to that on body j, conj(p_i c_i) (p_j c_j), c the parameters of a frame in its body:
+
+========== ================================= =========================================================================
+term       rows                              gamma, with ' at constant rates and ^ for a vector's drift
+========== ================================= =========================================================================
+`Meet`     d                                 -d^
+`Across`   a . b, a on body i, b on body j   -(a^ . b + 2 a' . b' + a . b^)
+`Guide`    n . d, n on body i                -(n^ . d + 2 n' . d' + n . d^)
+`Crossed`  a x b;  h x d                     as for the dot products of its components
+`Turn`     2 e_k                             -4 (conj(p_i' c_i) (p_j' c_j))_k
+`Angle`    2 (e3 cos s - e0 sin s)           s half an angle: a law's, or a coordinate; 2 sin((theta - 2 s) / 2)
+`Sine`     sin(theta - f)                    the same angle by dot products
+`Span`     (d . d - L^2) / 2, over L         -(d' . d' + d . d^), over L
+========== ================================= =========================================================================
+
+Half angles: e1 = e2 = 0 only where the axes h are one and the same, while f_i . h_j = g_i . h_j = 0 also where one is
+reversed; e3 cos s = e0 sin s only at the angle itself, while sin(theta - f) = 0 half a turn off as well. The dot rows
+are the half-angle rows turned: f_i . h_j = e3 x1 + e0 x2 and g_i . h_j = e3 x2 - e0 x1 with x = 2 (e1, e2), for any p.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from refkin.joints.base import Blocks, Rows, Unit
+from refkin.joints.elements import Triple
+from refkin.joints.spatial_vectors import Arm, Quaternion, SpatialValues, Vec3
+from refkin.vec import Scalar, cosine_and_sine
+
+AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
+AT_REST = (0, 0, 0)
+NO_TURN = (0, 0, 0, 0)
+CLEAR = 0.7
+"""Part of the largest of some numbers from which on one of them is large enough to divide by: no tie is decided."""
+
+
+def root(square: Scalar) -> Scalar:
+    """Return the square root of a float or a ball."""
+    return square.sqrt() if hasattr(square, "sqrt") else math.sqrt(square)
+
+
+def unit_vector(v: Triple) -> Vec3:
+    """Return a vector scaled to length 1."""
+    x, y, z = v
+    is_ball = any(hasattr(u, "sqrt") for u in v)
+    length: Any = root(x * x + y * y + z * z) if is_ball else math.hypot(*v)
+    return Vec3(x / length, y / length, z / length)
+
+
+def frame(axis: Triple, zero: Triple | None) -> tuple[Vec3, Vec3, Vec3]:
+    """Return (f, g, h); without a zero f lies across the axis somewhere, which no row but an angle's asks for."""
+    h = unit_vector(axis)
+    if zero is None:
+        sizes = [abs(float(x)) for x in axis]
+        k = next(k for k in range(3) if sizes[k] <= min(sizes) / CLEAR)
+        zero = tuple(float(n == k) for n in range(3))  # type: ignore[assignment]
+    z = Vec3(*zero)  # type: ignore[misc]
+    f = unit_vector((z - h * h.dot(z)).parts)
+    return f, h.cross(f), h
+
+
+def parameters_of(f: Vec3, g: Vec3, h: Vec3) -> tuple[Scalar, ...]:
+    """Return the Euler parameters c of a frame: 4 c c^T is the matrix below, of which the longest row is taken."""
+    (a, d, k), (b, e, m), (c, n, i) = f.parts, g.parts, h.parts
+    rows = (
+        (1 + a + e + i, m - n, c - k, d - b),
+        (m - n, 1 + a - e - i, d + b, c + k),
+        (c - k, d + b, 1 - a + e - i, m + n),
+        (d - b, c + k, m + n, 1 - a - e + i),
+    )
+    sizes = [float(row[k]) for k, row in enumerate(rows)]
+    place = next(k for k in range(4) if sizes[k] >= CLEAR * max(sizes))
+    length = 2 * root(rows[place][place])
+    return tuple(x / length for x in rows[place])
+
+
+class Frames:
+    """What a joint's terms may take as constants, scaled: points, axes and the parameters of its frames."""
+
+    def __init__(self, c: Any, unit: Unit) -> None:
+        self.c, self.unit = c, unit
+
+    def points(self) -> tuple[Scalar, ...]:
+        c = self.c
+        return (*self.unit.point(c.body_i, c.point_i), *self.unit.point(c.body_j, c.point_j))
+
+    def axes(self, names: str) -> tuple[Scalar, ...]:
+        """Return the vectors of names such as "fi hj", each by its frame's letter and its body's."""
+        found: list[Scalar] = []
+        for name in names.split():
+            letter, body = name[0], name[1]
+            vectors = frame(getattr(self.c, f"axis_{body}"), getattr(self.c, f"zero_{body}", None))
+            found += vectors["fgh".index(letter)].parts
+        return tuple(found)
+
+    def turns(self) -> tuple[Scalar, ...]:
+        """Return the parameters of both frames."""
+        c = self.c
+        return (*parameters_of(*frame(c.axis_i, c.zero_i)), *parameters_of(*frame(c.axis_j, c.zero_j)))
+
+
+class Gap:
+    """What leads from one point to another, and how it moves."""
+
+    def __init__(self, g: Any, i: SpatialValues, j: SpatialValues) -> None:
+        self.i, self.j, self.from_, self.to = i, j, i.arm(*g[:3]), j.arm(*g[3:6])
+        self.d = j.r + self.to.at - i.r - self.from_.at
+
+    def slopes(self, n: Vec3) -> tuple[tuple[Scalar, ...], tuple[Scalar, ...]]:
+        """Return the gradient of n . d with n held fixed, for body i and for body j."""
+        i, j = (-n), n
+        return (*i.parts, *self.from_.slope(i)), (*j.parts, *self.to.slope(j))
+
+    @property
+    def rate(self) -> Vec3:
+        return self.j.v + self.to.rate - self.i.v - self.from_.rate
+
+    @property
+    def drift(self) -> Vec3:
+        return self.to.drift - self.from_.drift
+
+
+Row = tuple[tuple[Scalar, ...], ...]
+"""One row of a Jacobian: a block for each body, and one for a coordinate of the joint's own."""
+
+
+class Term:
+    """Some rows; `size` numbers of the geometry are theirs."""
+
+    rows = 1
+    size = 0
+
+    def constants(self, at: Frames) -> tuple[Scalar, ...]:
+        """Return these numbers."""
+        raise NotImplementedError
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        raise NotImplementedError
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
+        raise NotImplementedError
+
+    def nu(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        return (0,) * self.rows
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        raise NotImplementedError
+
+
+class Meet(Term):
+    """The points coincide."""
+
+    rows, size = 3, 6
+
+    def constants(self, at: Frames) -> tuple[Scalar, ...]:
+        return at.points()
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        d: Vec3 = Gap(g, i, j).d
+        return d.parts
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
+        of_i, of_j = i.arm(*g[:3]).slopes(), j.arm(*g[3:6]).slopes()
+        return [((*(-n).parts, *(-x for x in a)), (*n.parts, *b)) for n, a, b in zip(AXES, of_i, of_j, strict=True)]
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        return (-Gap(g, i, j).drift).parts
+
+
+class Across(Term):
+    """Vectors of body i are perpendicular to one of body j: names such as "fi gi" and "hj"."""
+
+    def __init__(self, on_i: str, on_j: str) -> None:
+        self.names, self.rows = f"{on_i} {on_j}", len(on_i.split())
+        self.size = 3 * self.rows + 3
+
+    def constants(self, at: Frames) -> tuple[Scalar, ...]:
+        return at.axes(self.names)
+
+    def _arms(self, g: Any, i: Any, j: Any) -> tuple[list[Arm], Arm]:
+        return [i.arm(*g[3 * k : 3 * k + 3]) for k in range(self.rows)], j.arm(*g[3 * self.rows :])
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        ours, b = self._arms(g, i, j)
+        return tuple(a.at.dot(b.at) for a in ours)
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
+        ours, b = self._arms(g, i, j)
+        return [((*AT_REST, *a.slope(b.at)), (*AT_REST, *b.slope(a.at))) for a in ours]
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        ours, b = self._arms(g, i, j)
+        return tuple(-second(a, b.at, b.rate, b.drift) for a in ours)
+
+
+def second(a: Arm, b: Vec3, rate: Vec3, drift: Vec3) -> Scalar:
+    """Return the part of (a . b)'' that holds no acceleration."""
+    return a.drift.dot(b) + 2 * a.rate.dot(rate) + a.at.dot(drift)
+
+
+class Guide(Term):
+    """The other point stays in planes through this one: their normals are vectors of body i, "fi gi" or "hi".
+
+    With a law it moves out of the plane by it.
+    """
+
+    def __init__(self, normals: str, law: bool = False) -> None:
+        self.normals, self.rows, self.law = normals, len(normals.split()), law
+        self.size = 6 + 3 * self.rows
+
+    def constants(self, at: Frames) -> tuple[Scalar, ...]:
+        return (*at.points(), *at.axes(self.normals))
+
+    def _arms(self, g: Any, i: Any) -> list[Arm]:
+        return [i.arm(*g[k : k + 3]) for k in range(6, self.size, 3)]
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        d = Gap(g, i, j).d
+        heights = tuple(n.at.dot(d) for n in self._arms(g, i))
+        return (heights[0] - f[0][0],) if self.law else heights
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
+        gap = Gap(g, i, j)
+        return [guided(n, n.at, gap) for n in self._arms(g, i)]
+
+    def nu(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        return (f[0][1],) if self.law else (0,) * self.rows
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        gap = Gap(g, i, j)
+        rows = tuple(-second(n, gap.d, gap.rate, gap.drift) for n in self._arms(g, i))
+        return (rows[0] + f[0][2],) if self.law else rows
+
+
+def guided(n: Arm, direction: Vec3, gap: Gap, towards: Vec3 | None = None) -> Row:
+    """Return the gradient of a product of a vector of body i and d: by d along `direction`, by the vector `towards`."""
+    block_i, block_j = gap.slopes(direction)
+    by_n = n.slope(gap.d if towards is None else towards)
+    return (*block_i[:3], *(x + y for x, y in zip(block_i[3:], by_n, strict=True))), block_j
+
+
+class Crossed(Term):
+    """h_i x h_j = 0, or h_i x d = 0: three rows of which two are independent."""
+
+    rows = 3
+
+    def __init__(self, gap: bool = False) -> None:
+        self.gap, self.size = gap, 9 if gap else 6
+
+    def constants(self, at: Frames) -> tuple[Scalar, ...]:
+        return (*at.points(), *at.axes("hi")) if self.gap else at.axes("hi hj")
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        other = Gap(g, i, j).d if self.gap else j.arm(*g[3:]).at
+        crossed: Vec3 = i.arm(*g[-3:] if self.gap else g[:3]).at.cross(other)
+        return crossed.parts
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
+        if self.gap:
+            gap, h = Gap(g, i, j), i.arm(*g[6:])
+            return [guided(h, e.cross(h.at), gap, gap.d.cross(e)) for e in AXES]
+        a, b = i.arm(*g[:3]), j.arm(*g[3:])
+        return [((*AT_REST, *a.slope(b.at.cross(e))), (*AT_REST, *b.slope(e.cross(a.at)))) for e in AXES]
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        other = Gap(g, i, j) if self.gap else j.arm(*g[3:])
+        h, at = i.arm(*g[-3:] if self.gap else g[:3]), other.d if isinstance(other, Gap) else other.at
+        bias: Vec3 = h.drift.cross(at) + h.rate.cross(other.rate) * 2 + h.at.cross(other.drift)
+        return (-bias).parts
+
+
+def relative(g: Any, i: SpatialValues, j: SpatialValues) -> Quaternion:
+    """Return the Euler parameters that lead from the frame on body i to that on body j."""
+    return _turned(i.p, g[:4]).after_inverse(_turned(j.p, g[4:8]))
+
+
+def _turned(p: Quaternion, c: Any) -> Quaternion:
+    return p.times(Quaternion.of(*c))
+
+
+def _of_rates(g: Any, i: SpatialValues, j: SpatialValues) -> tuple[Quaternion, Quaternion]:
+    """Return the rate of the relative parameters, and half of what of their second rate holds no acceleration."""
+    a, b, ad, bd = _turned(i.p, g[:4]), _turned(j.p, g[4:8]), _turned(i.pd, g[:4]), _turned(j.pd, g[4:8])
+    one, two = ad.after_inverse(b), a.after_inverse(bd)
+    return Quaternion(one.a + two.a, one.v + two.v), ad.after_inverse(bd)
+
+
+class Turn(Term):
+    """Parts of the relative Euler parameters are zero: "12" keeps the axes in one direction, "3" the turn about it."""
+
+    size = 8
+
+    def __init__(self, parts: str) -> None:
+        self.places = [int(part) - 1 for part in parts]
+        self.rows = len(parts)
+
+    def constants(self, at: Frames) -> tuple[Scalar, ...]:
+        return at.turns()
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        e = relative(g, i, j).v.parts
+        return tuple(2 * e[k] for k in self.places)
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
+        return turn_slopes(g, i, j, [lambda x, sign, k=k: x.times_axis(k) for k in self.places])
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        e = _of_rates(g, i, j)[1].v.parts
+        return tuple(-4 * e[k] for k in self.places)
+
+
+def turn_slopes(g: Any, i: SpatialValues, j: SpatialValues, directions: Any) -> list[Row]:
+    """Return the gradients of 2 <w, e> of the relative parameters e = conj(a) b, a = p_i c_i, b = p_j c_j.
+
+    <w, e> is <a w conj(c_j), p_j> and <b conj(w) conj(c_i), p_i>. Each of the directions gives x w of (x, 1), and
+    -x conj(w) of (x, -1).
+    """
+    a, b = _turned(i.p, g[:4]), _turned(j.p, g[4:8])
+    c_i, c_j = Quaternion.of(*g[:4]), Quaternion.of(*g[4:8])
+    rows: list[Row] = []
+    for product in directions:
+        of_i, of_j = product(b, -1).before_inverse(c_i), product(a, 1).before_inverse(c_j)
+        rows.append(((*AT_REST, *(-2 * x for x in of_i.parts)), (*AT_REST, *(2 * x for x in of_j.parts))))
+    return rows
+
+
+class Angle(Term):
+    """The turn about the axis is a law's, by half its value; or twice a coordinate of the joint's own (`counted`)."""
+
+    size = 8
+
+    def __init__(self, counted: bool = False) -> None:
+        self.counted = counted
+
+    def constants(self, at: Frames) -> tuple[Scalar, ...]:
+        return at.turns()
+
+    def _half(self, f: Any, own: Any) -> tuple[Scalar, Scalar]:
+        """Return cosine and sine of half the angle."""
+        return (own[0].c, own[0].s) if self.counted else cosine_and_sine(f[0][0] * 0.5)
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        e, (c, s) = relative(g, i, j), self._half(f, own)
+        return (2 * (e.v.z * c - e.a * s),)
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
+        c, s = self._half(f, own)
+
+        def towards(x: Quaternion, sign: int) -> Quaternion:
+            z = x.times_axis(2)
+            return Quaternion(z.a * c - x.a * (s * sign), z.v * c - x.v * (s * sign))
+
+        rows = turn_slopes(g, i, j, [towards])
+        if not self.counted:
+            return rows
+        e = relative(g, i, j)
+        return [(*rows[0], (-2 * (e.v.z * s + e.a * c),))]
+
+    def nu(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        if self.counted:
+            return (0,)
+        e, (c, s) = relative(g, i, j), self._half(f, own)
+        return ((e.v.z * s + e.a * c) * f[0][1],)
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        e, (c, s), (rate, bias) = relative(g, i, j), self._half(f, own), _of_rates(g, i, j)
+        half = own[0].rate if self.counted else f[0][1] * 0.5
+        turning = 2 * (rate.v.z * s + rate.a * c) * half + (e.v.z * c - e.a * s) * (half * half)
+        right = 2 * turning - 4 * (bias.v.z * c - bias.a * s)
+        return (right,) if self.counted else (right + (e.v.z * s + e.a * c) * f[0][2],)
+
+
+class Sine(Term):
+    """sin(theta - f) of a law f: g_i . f_j cos f - f_i . f_j sin f."""
+
+    size = 9
+
+    def constants(self, at: Frames) -> tuple[Scalar, ...]:
+        return at.axes("fi gi fj")
+
+    def _arms(self, g: Any, i: Any, j: Any) -> tuple[Arm, Arm, Arm]:
+        return i.arm(*g[:3]), i.arm(*g[3:6]), j.arm(*g[6:])
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        (along, left, b), (c, s) = self._arms(g, i, j), cosine_and_sine(f[0][0])
+        return (left.at.dot(b.at) * c - along.at.dot(b.at) * s,)
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
+        (along, left, b), (c, s) = self._arms(g, i, j), cosine_and_sine(f[0][0])
+        of_i = (x * c - y * s for x, y in zip(left.slope(b.at), along.slope(b.at), strict=True))
+        return [((*AT_REST, *of_i), (*AT_REST, *b.slope(left.at * c - along.at * s)))]
+
+    def nu(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        (along, left, b), (c, s) = self._arms(g, i, j), cosine_and_sine(f[0][0])
+        return ((left.at.dot(b.at) * s + along.at.dot(b.at) * c) * f[0][1],)
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        (along, left, b), (c, s) = self._arms(g, i, j), cosine_and_sine(f[0][0])
+        values = [(a.at.dot(b.at), a.rate.dot(b.at) + a.at.dot(b.rate)) for a in (along, left)]
+        (x, x_rate), (y, y_rate) = values
+        bias = second(left, b.at, b.rate, b.drift) * c - second(along, b.at, b.rate, b.drift) * s
+        turning = 2 * (y_rate * s + x_rate * c) * f[0][1] + (y * c - x * s) * (f[0][1] * f[0][1])
+        return (turning + (y * s + x * c) * f[0][2] - bias,)
+
+
+class Span(Term):
+    """The points keep a distance L: (d . d - L^2) / (2 L), L the joint's; or (d . d - L^2) / 2 with L a law's."""
+
+    size = 8
+
+    def __init__(self, law: bool = False) -> None:
+        self.law, self.size = law, 6 if law else 8
+
+    def constants(self, at: Frames) -> tuple[Scalar, ...]:
+        if self.law:
+            return at.points()
+        length = at.c.length / at.unit.size
+        return (*at.points(), length, 1 / length)
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        d, length = Gap(g, i, j).d, f[0][0] if self.law else g[6]
+        off = (d.dot(d) - length * length) * 0.5
+        return (off if self.law else off * g[7],)
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
+        gap = Gap(g, i, j)
+        return [gap.slopes(gap.d if self.law else gap.d * g[7])]
+
+    def nu(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        return (f[0][0] * f[0][1],) if self.law else (0,)
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        gap = Gap(g, i, j)
+        bias = gap.rate.dot(gap.rate) + gap.d.dot(gap.drift)
+        return (f[0][1] * f[0][1] + f[0][0] * f[0][2] - bias if self.law else bias * -g[7],)
+
+
+def blocks_of(rows: list[Row]) -> Blocks:
+    """Return rows of blocks as blocks of rows; a coordinate of the joint's own is missing from rows that lack it."""
+    width = max(map(len, rows))
+    return tuple(tuple(row[k] if k < len(row) else (0,) for row in rows) for k in range(width))

@@ -1,0 +1,215 @@
+"""Each spatial joint and driver against complex steps, and against rotation matrices."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from refkin.differences import jacobian
+from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, elements_of
+from refkin.joints.spatial_terms import frame, relative
+from refkin.joints.spatial_vectors import SpatialValues
+from refkin.solving.mobility import common_columns
+from tests.refkin.space.cases import BETWEEN, CASES, FORMS, NAMES, alone, anywhere, drivers, joints
+
+U = 2.0**-53
+T = 0.37
+EACH = pytest.mark.parametrize("constraint", CASES, ids=NAMES)
+LENGTHS = (None, 1.0)
+
+
+def test_every_type_has_a_case():
+    types = {(type(c).__name__, c.type) for c in joints(BETWEEN)}
+    assert types == {(t.__name__, t.__dataclass_fields__["type"].default) for t in SPATIAL_JOINT_TYPES}
+    assert {c.type for c in drivers(BETWEEN)} == {t.__dataclass_fields__["type"].default for t in SPATIAL_DRIVER_TYPES}
+
+
+@EACH
+@pytest.mark.parametrize("length", LENGTHS)
+def test_the_jacobian_is_the_derivative_of_the_residual_on_and_off_the_unit_length(constraint, length):
+    system = alone(constraint)
+    q, _ = anywhere(system, 1, length)
+
+    exact = jacobian(lambda x: system.phi(x, T), q)
+
+    np.testing.assert_allclose(system.phi_q(q, T), exact, rtol=0, atol=64 * U * max(1.0, np.max(np.abs(exact))))
+
+
+@EACH
+@pytest.mark.parametrize("length", LENGTHS)
+def test_nu_and_gamma_are_derivatives_of_the_residual_on_and_off_the_unit_length(constraint, length):
+    system = alone(constraint)
+    q, qd = anywhere(system, 2, length)
+    h = 1e-100
+
+    def rate(s):
+        at, t = q + s * qd, T + s
+        return system.phi_q(at, t) @ qd - system.nu(at, t)
+
+    nu, gamma = -np.imag(system.phi(q, T + 1j * h)) / h, -np.imag(rate(1j * h)) / h
+
+    scale = max(1.0, np.max(np.abs(qd)) ** 2 * np.max(np.abs(system.phi_q(q, T))))
+    np.testing.assert_allclose(system.nu(q, T), nu, rtol=0, atol=64 * U * max(1.0, np.max(np.abs(nu))))
+    np.testing.assert_allclose(system.gamma(q, qd, T), gamma, rtol=0, atol=64 * U * 8 * scale)
+
+
+def matrix(p):
+    return Rotation.from_quat(p, scalar_first=True).as_matrix()
+
+
+def frames(c, q, unit):
+    """Return d, and the vectors (f, g, h) of a joint on both bodies in the ground frame; None for what it has not."""
+    bodies = {"ground": (np.zeros(3), np.eye(3)), "a": (q[:3], matrix(q[3:7])), "b": (q[7:10], matrix(q[10:14]))}
+    (r_i, a_i), (r_j, a_j) = (bodies[b] for b in c.bodies)
+    d, vectors = None, []
+    if hasattr(c, "point_i"):
+        p_i, p_j = (np.array(unit.point(b, p)) for b, p in zip(c.bodies, (c.point_i, c.point_j), strict=True))
+        d = r_j + a_j @ p_j - r_i - a_i @ p_i
+    for body, a in (("i", a_i), ("j", a_j)):
+        axis, zero = (getattr(c, f"{key}_{body}", None) for key in ("axis", "zero"))
+        vectors.append(None if axis is None else [a @ v.parts for v in frame(axis, zero)])
+    return d, *vectors
+
+
+def stated(c, q, unit, e):
+    """Return the rows of a joint by rotation matrices, with e the Euler parameters from frame to frame."""
+    d, of_i, of_j = frames(c, q, unit)
+    f, g, h = (None, None, None) if of_i is None else of_i
+    f_j, g_j, h_j = (None, None, None) if of_j is None else of_j
+    form, law = getattr(c, "form", "half"), c.inputs(T, unit, 0)[0][0] if c.laws else None
+
+    def parallel():
+        return {"half": lambda: 2 * e[1:3], "dot": lambda: [f @ h_j, g @ h_j], "printed": lambda: np.cross(h, h_j)}[
+            form
+        ]()
+
+    def on_axis(d=d):
+        return np.cross(h, d) if form == "printed" else [f @ d, g @ d]
+
+    def unturned():
+        return [2 * e[3] if form == "half" else f @ g_j]
+
+    def hinge():
+        return [*on_axis(d + h_j), ((d + h_j) @ (d + h_j) - 1) / 2] if form == "printed" else []
+
+    def thread():
+        shift = (2 * q[-1] * c.pitch + c.shift) / unit.size
+        return [h @ d - shift, 2 * (e[3] * np.cos(q[-1]) - e[0] * np.sin(q[-1]))]
+
+    def angle():
+        if c.shares:
+            return [2 * q[-1] - law]
+        if form == "dot":
+            return [g @ f_j * np.cos(law) - f @ f_j * np.sin(law)]
+        return [2 * (e[3] * np.cos(law / 2) - e[0] * np.sin(law / 2))]
+
+    rows = {
+        "spherical": lambda: d,
+        "universal": lambda: [*d, h @ h_j],
+        "perpendicular": lambda: [h @ h_j],
+        "point_on_plane": lambda: [h @ d],
+        "point_on_line": lambda: [f @ d, g @ d],
+        "parallel": parallel,
+        "cylindrical": lambda: [*parallel(), *on_axis()],
+        "prismatic": lambda: [*parallel(), *on_axis(), *unturned()],
+        "fixed": lambda: [*d, *parallel(), *unturned()],
+        "revolute": lambda: [*([] if form == "printed" else d), *parallel(), *hinge()],
+        "screw": lambda: [*parallel(), *on_axis(), *thread()],
+        "distance": lambda: [(d @ d - law**2) / 2 if c.laws else (d @ d - 2.6**2) / 5.2],
+        "displacement": lambda: [h @ d - law],
+        "angle": angle,
+    }
+    return np.array(rows[c.type]())
+
+
+@EACH
+def test_the_residual_is_what_rotation_matrices_say(constraint):
+    """Euler parameters and their negatives are one pose: half angles have one sign or the other."""
+    system = alone(constraint)
+    q, _ = anywhere(system, 3, 1.0)
+    _, of_i, of_j = frames(constraint, q, system.unit)
+    e = np.zeros(4)
+    if of_i is not None and of_j is not None:
+        e = Rotation.from_matrix(np.array(of_i) @ np.array(of_j).T).as_quat(scalar_first=True)
+
+    phi = system.phi(q, T)
+
+    away = min(np.max(np.abs(phi - stated(constraint, q, system.unit, sign * e))) for sign in (1, -1))
+    assert away < 64 * U * max(1.0, np.max(np.abs(q)) ** 2)
+
+
+def in_form(form, kind):
+    """Return a joint of a type in a form."""
+    return next(c for c in joints(BETWEEN) if c.type == kind and getattr(c, "form", form) == form)
+
+
+@pytest.mark.parametrize("length", LENGTHS)
+def test_dot_rows_are_the_half_angle_rows_turned_and_printed_rows_the_dot_rows_in_the_ground_frame(length):
+    half, dot, printed = (alone(in_form(form, "parallel")) for form in FORMS)
+    q, _ = anywhere(half, 4, length)
+    f, g, _ = (half_arm.at.parts for half_arm in arms(in_form("half", "parallel"), q))
+    e0, e3 = relative_parameters(half, q)
+
+    x1, x2 = half.phi(q, T)
+    u, v = dot.phi(q, T)
+
+    assert [u, v] == pytest.approx([e3 * x1 + e0 * x2, e3 * x2 - e0 * x1], abs=1e-13 * np.max(np.abs(q)) ** 4)
+    size = q[3:7] @ q[3:7]  # of the homogeneous rotation of body i
+    crossed = size * printed.phi(q, T)
+    assert crossed == pytest.approx(u * np.array(g) - v * np.array(f), abs=1e-12 * np.max(np.abs(q)) ** 6)
+
+
+def arms(c, q):
+    """Return (f, g, h) of body i as vectors of the homogeneous rotation."""
+    body = SpatialValues(*q[:7])
+    return [body.arm(*v.parts) for v in frame(c.axis_i, c.zero_i)]
+
+
+def relative_parameters(system, q):
+    """Return e0 and e3 from the frame on body i to that on body j."""
+    e = relative(system.placed[0].g, SpatialValues(*q[:7]), SpatialValues(*q[7:14]))
+    return e.a, e.v.z
+
+
+RANKS = {"cylindrical": (6, 4), "prismatic": (7, 5), "revolute": (7, 5), "screw": (8, 6), "universal": (4, 4)}
+
+
+@pytest.mark.parametrize("kind", RANKS)
+def test_printed_rows_have_the_rank_of_the_freedoms_they_take(kind):
+    """At a pose that closes: bodies that coincide, with one frame. A screw's rows hold its own angle as well."""
+    same = {"point_i": (0.3, -0.2, 0.7), "axis_i": (0.3, 2.0, -0.5), "zero_i": (1.0, 0.2, 0.3)}
+    c = in_form("printed", kind)
+    mirrored = {key.replace("_i", "_j"): value for key, value in same.items()}
+    own = {key: value for key, value in {**same, **mirrored}.items() if hasattr(c, key)}
+    if kind == "universal":
+        own["axis_j"] = (2.0, -0.3, 0.0)
+    own |= {"shift": 0.0} if kind == "screw" else {}
+    system = alone(replace(c, **own))
+    q = np.zeros(system.n)
+    q[3] = q[10] = 1.0
+
+    assert np.max(np.abs(system.phi(q, T))) < 1e-15
+    assert (system.m, np.linalg.matrix_rank(in_six_columns(system, q), 1e-9)) == RANKS[kind]
+
+
+def test_a_printed_revolute_joint_without_spacing_is_a_singular_formulation():
+    c = in_form("printed", "revolute")
+    system = alone(replace(c, spacing=0.0, point_j=c.point_i, axis_j=c.axis_i, zero_j=c.zero_i))
+    q = np.zeros(14)
+    q[3] = q[10] = 1.0
+
+    assert np.linalg.matrix_rank(in_six_columns(system, q), 1e-9) == 4
+
+
+def in_six_columns(system, q):
+    """Return phi_q in velocity and angular velocity of each body."""
+    return common_columns(system, q, system.phi_q(q, T))
+
+
+@pytest.mark.parametrize("form", ["half", "dot"])
+def test_the_elements_of_a_joint_have_its_rows(form):
+    for c in (c for c in CASES if getattr(c, "form", form) == form):
+        assert sum(element.rows for element in elements_of([c])) == c.rows
