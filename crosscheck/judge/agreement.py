@@ -15,7 +15,7 @@ from crosscheck.judge.violations import violations
 from refkin.errors import RefkinError
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
-from refkin.output.tables import NAMES, UNITS
+from refkin.output.tables import UNITS
 
 OWN = Producer(
     name="own solver",
@@ -111,12 +111,13 @@ def _sentence(ref: Reference, motion: Motion, order: int, quantity: QuantityComp
     assert at is not None
     assert at.time is not None
     body, _, name = at.component.rpartition(".")
-    axis, k = NAMES[0].index(name), int(np.flatnonzero(ref.motion.t == at.time)[0])
-    row = len(NAMES[0]) * ref.motion.bodies.index(body) + axis
-    unit, size = UNITS[order][axis], 1.0 if name == "phi" else ref.system.unit.size
+    kind = ref.motion.kind
+    axis, k = kind.coordinates.index(name), int(np.flatnonzero(ref.motion.t == at.time)[0])
+    row = kind.width * ref.motion.bodies.index(body) + axis
+    unit, size = UNITS[kind.name][order][axis], 1.0 if kind.turns[axis] else ref.system.unit.size
     allowed = float(getattr(ref.budget(terms), QUANTITIES[order])[row, k]) * size
     off = abs(float(quantity.difference[row, k])) * size
-    place = f"{body}.{NAMES[order][axis]}"
+    place = f"{body}.{name}{'d' * order}"
     violated = violations(ref, motion, order, at.time)
     return (
         f"{place} is off by {off:.3g} {unit} at t = {at.time:.17g} s, {off / allowed:.3g} times the allowed "
