@@ -80,17 +80,18 @@ def _completed(ref: Reference, given: Mapping[str, Mapping[str, Any]]) -> Motion
     answered = np.array([status is Status.OK for status in ref.motion.status])
     if not any(given.values()):
         raise NothingToCompare(f"{ref.scene.name}: the answer has no number")
+    names = [[coordinate + "d" * order for coordinate in ref.motion.kind.coordinates] for order in range(3)]
     for body, coordinates in given.items():
         ref.motion[body]  # raises UnknownName
         for name, values in coordinates.items():
-            order, row = next(((k, n.index(name)) for k, n in enumerate(NAMES) if name in n), (None, None))
+            order, row = next(((k, n.index(name)) for k, n in enumerate(names) if name in n), (None, None))
             if order is None or row is None:
-                known = ", ".join(n for names in NAMES for n in names)
+                known = ", ".join(n for of_level in names for n in of_level)
                 raise RefkinError(f"{body}: no coordinate is called {name!r}; there are: {known}")
             column = np.asarray(values, float)
             if column.shape != t.shape:
                 raise RefkinError(f"{body}.{name}: expected {len(t)} values, one per time, got shape {column.shape}")
-            levels[order][len(NAMES[0]) * ref.motion.bodies.index(body) + row] = column
+            levels[order][len(names[0]) * ref.motion.bodies.index(body) + row] = column
             answered &= np.isfinite(column)
     status = tuple(Status.OK if ok else Status.NOT_CONVERGED for ok in answered)
     q, qd, qdd = levels
