@@ -8,10 +8,15 @@ SEED ?=
 OUT ?= reports/latest
 ENGINES := exudyn,pinocchio,mujoco
 
-.PHONY: test mutants mutation nightly lint types sample clean
+.PHONY: test docs mutants mutation nightly lint types sample clean
 
 test: $(READY) lint types
 	$(BIN)/python -m pytest -n auto tests
+
+# The book, in docs/_build/html/index.html; a warning is a failure.
+docs: $(READY)
+	$(BIN)/python -m sphinx -q -W --keep-going -b html docs docs/_build/html
+	@echo "docs/_build/html/index.html"
 
 # Each wrong formula of the documents, and more of their kinds, put in: a test has to see it. Part of `make test`.
 mutants: $(READY)
@@ -35,7 +40,7 @@ nightly: $(READY)
 
 $(READY): pyproject.toml constraints.txt
 	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[engines,cluster,dev]"
+	$(BIN)/pip install --quiet --disable-pip-version-check -c constraints.txt -e ".[engines,cluster,docs,dev]"
 	@touch $@
 
 clean:

@@ -33,7 +33,7 @@ Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockw
 `phi_q`   constraint Jacobian
 `nu`      velocity right side                     nu = -phi_t,  phi_q qd = nu
 `gamma`   acceleration right side                 gamma = -(phi_q qd)_q qd - 2 phi_qt qd - phi_tt,  phi_q qdd = gamma
-`size`    power of two nearest the largest distance of two joint points on one body; every solve is scaled by it
+`size`    power of two nearest the largest        distance of two joint points on one body; every solve is scaled by it
 ========= ======================================= ==============================================================
 """
 

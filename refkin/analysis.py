@@ -1,9 +1,9 @@
 """Kinematic analysis: position, velocity and acceleration, at one time and over the times of a scene.
 
 ============ ====================== ====================================
-position     phi(q, t) = 0          by Newton's method from an estimate
-velocity     phi_q qd = nu          linear in qd
-acceleration phi_q qdd = gamma      linear in qdd
+position     phi(q, t) = 0 (K2)     by Newton's method from an estimate
+velocity     phi_q qd = nu (K3)     linear in qd
+acceleration phi_q qdd = gamma (K4) linear in qdd
 ============ ====================== ====================================
 
 `sweep` solves a scene so, from one time to the next, and calls a pose `ok` by two numbers: its residual is what

@@ -2,9 +2,11 @@
 
 An engine is found by name among the entry points of group `crosscheck.engines`. It answers two questions:
 
-`solve(scene, route)`   position, velocity, acceleration in its natural form, as a `Motion`;
-`constraints(scene)`    its own residual, Jacobian, constraint velocity and drift term in a model whose coordinates are
-                        (x, y, phi) per body, at configurations that need not be assembled.
+`solve(scene, route)`
+    position, velocity, acceleration in its natural form, as a `Motion`;
+`constraints(scene)`
+    its own residual, Jacobian, constraint velocity and drift term in a model whose coordinates are (x, y, phi) per
+    body, at configurations that need not be assembled.
 
 What it cannot do it refuses by name (`refusals`), it never skips in silence. A positions-only engine needs `solve`
 alone, and says so: `delivers = ("position",)`; without that attribute all three are owed.

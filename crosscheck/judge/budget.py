@@ -4,9 +4,9 @@ First-order propagation through the equations of the reference, at its solution 
 A = phi_q^-1, S = d(phi_q qd - nu)/dq, T = d(phi_q qdd - gamma)/dq and C = d gamma/d qd, errors e of the three residuals
 move the three levels by
 
-    dq   = A e_phi
-    dqd  = A (e_nu - S dq)               = A e_nu - A S A e_phi
-    dqdd = A (e_gamma - T dq + C dqd)    = A e_gamma + A C A e_nu - A (T + C A S) A e_phi
+    dq   = A e_phi                                                    (B1)
+    dqd  = A (e_nu - S dq)               = A e_nu - A S A e_phi       (B2)
+    dqdd = A (e_gamma - T dq + C dqd)    = A e_gamma + A C A e_nu - A (T + C A S) A e_phi (B3)
 
 The rows err independently, so the largest move takes the absolute values of these products, not of their factors: a
 pose that is wrong by one row's error is wrong in all its coordinates together, and what that does to the rates cancels

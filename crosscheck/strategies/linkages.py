@@ -83,7 +83,7 @@ def slider_cranks(
     """Return slider-cranks: central and offset, the crank shorter or longer than the rod, turning fully or not.
 
     Bounds are those of `four_bars`, with the shorter of crank and rod for the shortest link; the slack is
-    |rod - crank| - |offset|.
+    ``|rod - crank| - |offset|``.
 
     Examples from this strategy shrink towards a central slider-crank of about one metre at the origin.
     """
@@ -105,7 +105,7 @@ def inverted_slider_cranks(
 ) -> InvertedSliderCrank:
     """Return inverted slider-cranks: the lever's line through its pivot or beside it, the crank turning fully or not.
 
-    Bounds are those of `slider_cranks`; the slack is |ground - crank| - |offset|.
+    Bounds are those of `slider_cranks`; the slack is ``|ground - crank| - |offset|``.
 
     Examples from this strategy shrink towards a line through the pivot, about one metre at the origin.
     """

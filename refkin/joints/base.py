@@ -11,7 +11,8 @@ A formula takes ``g``, the numbers of the geometry (`constants`), ``f``, the val
 =========== ============================================================== =======================================
 
 Only `+ - *`: no array, no branch on a value, no root. So the same text runs on floats, complex numbers, NumPy rows,
-balls and symbols, and what is read is what is run, batched, compiled and proved.
+balls and symbols, and what is read is what is run, batched, compiled and proved. Equation numbers as (K4) and (J7) are
+those of the book's theory, docs/theory.md.
 
 A constraint may bring coordinates of its own (`parameters`), such as where a cam is touched: its formulas then take a
 `ParameterValue` after the bodies, `jacobian` returns a block of 1-tuples for it, and the last of ``f`` is what
@@ -220,13 +221,13 @@ class Constraint:
 
 
 def arms(g: Any, i: BodyValues, j: BodyValues) -> tuple[Vec, Vec, Vec]:
-    """Return a_i = A_i point_i, a_j = A_j point_j and d = r_j + a_j - r_i - a_i; the points are the first four of g."""
+    """Return a_i = A_i point_i, a_j = A_j point_j and d = r_j + a_j - r_i - a_i (J1); the points stand first in g."""
     a_i, a_j = i.turned(Vec(g[0], g[1])), j.turned(Vec(g[2], g[3]))
     return a_i, a_j, j.r + a_j - i.r - a_i
 
 
 def drift(a_i: Vec, a_j: Vec, i: BodyValues, j: BodyValues) -> Vec:
-    """Return the part of d'' that holds no acceleration: omega_i^2 a_i - omega_j^2 a_j."""
+    """Return the part of d'' that holds no acceleration: omega_i^2 a_i - omega_j^2 a_j (J2)."""
     bias: Vec = a_i * (i.omega * i.omega) - a_j * (j.omega * j.omega)
     return bias
 

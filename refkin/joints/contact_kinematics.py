@@ -8,10 +8,10 @@ the joint and w = d - A u(s) what is missing from the profile to the follower's 
 ============ ================================================ ===================================
 follower     rows                                             geometry `g` after the two points
 ============ ================================================ ===================================
-point        w = 0
-flat         n . w = 0, n . A t = 0                           n, the unit normal of the face
-roller       w . A t / rho = 0, (w . w - rho^2) / (2 rho) = 0 rho, 1 / rho
-flat on disc n . d - radius = 0                               n, radius
+point        w = 0 (J11)
+flat         n . w = 0, n . A t = 0 (J12)                     n, the unit normal of the face
+roller       w . A t / rho = 0, (w . w - rho^2) / (2 rho) = 0 rho, 1 / rho (J13)
+flat on disc n . d - radius = 0 (J10)                         n, radius
 ============ ================================================ ===================================
 
 A point or roller on a disc keeps a distance from its centre: those are the formulas of `planar.Distance`.

@@ -52,7 +52,7 @@ class Driver(Constraint):
 
 @dataclass(frozen=True, kw_only=True)
 class AngleDriver(Driver):
-    """The angle of a body, absolute or against another body: phi - phi_relative_to - f(t) = 0 [rad]."""
+    """The angle of a body, absolute or against another body: phi - phi_relative_to - f(t) = 0 (J14) [rad]."""
 
     body: str
     relative_to: str = GROUND
@@ -84,7 +84,7 @@ class AngleDriver(Driver):
 
 @dataclass(frozen=True, kw_only=True)
 class CoordinateDriver(Driver):
-    """A coordinate of a point of a body in the ground frame follows f(t) [m]."""
+    """A coordinate of a point of a body in the ground frame follows f(t) (J15) [m]."""
 
     body: str
     point: Pair = (0.0, 0.0)
@@ -157,7 +157,7 @@ class YDriver(CoordinateDriver):
 
 @dataclass(frozen=True, kw_only=True)
 class DistanceDriver(Driver):
-    """The distance of two points follows f(t) [m], as a hydraulic cylinder does: (d . d - f^2) / 2 = 0."""
+    """The distance of two points follows f(t) [m], as a hydraulic cylinder does: (d . d - f^2) / 2 = 0 (J16)."""
 
     body_i: str
     point_i: Pair

@@ -1,7 +1,7 @@
 """The planar joints: revolute, fixed, prismatic, point_on_line, distance.
 
 To add a joint: write a dataclass like these (its fields are its keys in a scene file) and name it in `JOINT_TYPES` of
-the package. r_P = r + A(phi) u is a point of a body, d = r_Pj - r_Pi the gap between the two points of a joint
+the package. r_P = r + A(phi) u is a point of a body (K1), d = r_Pj - r_Pi the gap of the two points of a joint (J1)
 (Shabana, Computational Dynamics, section 3; Haug, Computer Aided Kinematics and Dynamics, section 3.3).
 """
 
@@ -21,7 +21,7 @@ from refkin.vec import BodyValues, Vec
 
 @dataclass(frozen=True, kw_only=True)
 class Revolute(Constraint):
-    """Two points coincide: d = 0; or, with an `offset_law`, are kept apart by two functions of time: d - f(t) = 0 [m].
+    """Two points coincide, d = 0; or, by an `offset_law`, two functions of time keep them apart: d - f(t) = 0 (J3) [m].
 
     The offset leads from point i to point j, in the ground frame. (The source has the bodies the other way round:
     R^i + A^i u^i - R^j - A^j u^j = f(t).)
@@ -74,7 +74,7 @@ class Revolute(Constraint):
 
 @dataclass(frozen=True, kw_only=True)
 class Fixed(Constraint):
-    """Two bodies move as one: d = 0 and phi_j - phi_i = angle [rad]."""
+    """Two bodies move as one: d = 0 and phi_j - phi_i = angle (J4) [rad]."""
 
     rows = 3
     body_i: str
@@ -111,7 +111,7 @@ class Fixed(Constraint):
 
 @dataclass(frozen=True, kw_only=True)
 class PointOnLine(Constraint):
-    """A point of body j stays on a line of body i: axis_i x d = n . d = 0 with n the unit normal of the axis."""
+    """A point of body j stays on a line of body i: axis_i x d = n . d = 0 (J5) with n the unit normal of the axis."""
 
     rows = 1
     body_i: str
@@ -156,7 +156,7 @@ class PointOnLine(Constraint):
 
 @dataclass(frozen=True, kw_only=True)
 class Prismatic(Constraint):
-    """Body j slides along an axis of body i and does not turn against it: n . d = 0 and phi_j - phi_i = angle [rad]."""
+    """Body j slides along an axis of body i and does not turn on it: n . d = 0, phi_j - phi_i = angle (J6) [rad]."""
 
     rows = 2
     body_i: str
@@ -197,7 +197,7 @@ class Prismatic(Constraint):
 
 @dataclass(frozen=True, kw_only=True)
 class Distance(Constraint):
-    """Two points keep a distance, as the ends of a massless link do: (d . d - length^2) / (2 length) = 0."""
+    """Two points keep a distance, as the ends of a massless link do: (d . d - length^2) / (2 length) = 0 (J7)."""
 
     rows = 1
     body_i: str

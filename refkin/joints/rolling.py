@@ -15,7 +15,7 @@ from refkin.vec import BodyValues, Scalar
 
 @dataclass(frozen=True, kw_only=True)
 class Gear(Constraint):
-    """Two wheels roll on each other: radius_i (phi_i - phi0_i) + radius_j (phi_j - phi0_j) = 0.
+    """Two wheels roll on each other: radius_i (phi_i - phi0_i) + radius_j (phi_j - phi0_j) = 0 (J8).
 
     Both angles are measured against the ground, so the centres are held by other joints, at rest. Only the ratio of the
     radii matters; opposite signs are an internal gear (or a belt): both wheels then turn the same way.
@@ -70,7 +70,7 @@ class Gear(Constraint):
 
 @dataclass(frozen=True, kw_only=True)
 class RackAndPinion(Constraint):
-    """A wheel rolls on a straight rack: axis_i . d - s0 - radius (phi_j - phi_i - phi0) = 0.
+    """A wheel rolls on a straight rack: axis_i . d - s0 - radius (phi_j - phi_i - phi0) = 0 (J9).
 
     Body i is the rack, and carries the axis (in its own frame, of any length); body j is the pinion, with its centre at
     point_j. So axis_i . d says how far along the rack the pinion's centre is. The radius is positive for a pinion that

@@ -241,7 +241,9 @@ def _features(element: Element, name: str, size: float, points: Any) -> Iterator
         radius = element.radius_i if element.body_i == name else element.radius_j
         yield Shape("wheel", points[:, :1] if points.shape[1] else np.zeros((2, 1)), abs(radius))
     if isinstance(element, Contact) and element.body_i == name:
-        first, last = np.clip(element.profile.law.domain(), -math.pi, math.pi)
+        first, last = np.clip(element.profile.domain(), -math.pi, math.pi)
         s = np.linspace(first, last, PROFILE_POINTS)
-        d = np.array([float(element.profile.law(angle)) for angle in s])
+        d = np.array([float(element.profile(angle)) for angle in s])
         yield Shape("wheel", np.array(element.point_i, float)[:, None] + d * np.array([np.cos(s), np.sin(s)]))
+    if isinstance(element, Contact) and element.body_j == name and element.roller_radius:
+        yield Shape("wheel", np.array(element.point_j, float)[:, None], element.roller_radius)

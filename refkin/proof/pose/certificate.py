@@ -4,9 +4,9 @@ Newton and Kantorovich's theorem in the form of Rump and of the radii polynomial
 inverse of J = phi_q(q). T(x) = x - R phi(x) has the roots of phi as its fixed points if R is regular, and its
 derivative is I - R phi_q(x). In the norm |v| = max_k |v_k| / w_k, w the first-order errors of the coordinates, let
 
-    eta >= |R phi(q)|     Z0 >= |I - R J|     Z2 r >= |R (phi_q(x) - J)| for all |x - q| <= r <= r_box.
+    eta >= |R phi(q)|     Z0 >= |I - R J|     Z2 r >= |R (phi_q(x) - J)| for all |x - q| <= r <= r_box (C1).
 
-If eta + Z0 r + Z2 r^2 / 2 <= r <= r_box, then T maps the ball of radius r into itself, so phi has a root in it
+If eta + Z0 r + Z2 r^2 / 2 <= r <= r_box (C2), then T maps the ball of radius r into itself, so phi has a root in it
 (Brouwer); if Z0 + Z2 r < 1, only one, for two would be closer to each other than they are. R and J are regular because
 Z0 < 1. Such an r exists if h = Z2 eta / (1 - Z0)^2 < 1/2: Kantorovich's h = beta K eta, with beta K in one number.
 

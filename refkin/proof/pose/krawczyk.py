@@ -2,7 +2,7 @@
 
 Krawczyk's operator on a box X around m, with R about the inverse of phi_q(m),
 
-    K(X) = m - R phi(m) + (I - R phi_q(X)) (X - m),
+    K(X) = m - R phi(m) + (I - R phi_q(X)) (X - m) (C3),
 
 encloses the image of X under x - R phi(x). If K(X) lies inside X, then X holds exactly one root, and K(X) holds it too.
 The balls are `flint.arb`, the formulas the joints' own, the numbers those of `exact`: the truth is the scene as it is
