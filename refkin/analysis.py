@@ -121,9 +121,9 @@ def sweep(scene: Scene) -> Motion:
     qd[:, ok] = velocity(system, q[:, ok], t[ok])
     qdd[:, ok] = acceleration(system, q[:, ok], qd[:, ok], t[ok])
     evidence = {"residual": residual, "sigma_min": sigma, "condition": condition, "certified_radius": no_radius(len(t))}
-    producer = Producer(name="refkin.analysis", version=__version__, route=ROUTE)
+    made_by = Producer(name="refkin.analysis", version=__version__, route=ROUTE)
     message = "" if first.converged else f"no pose was found at t = {t[0]:g}: {first.status}"
-    return motion_of(system, scene, (q, qd, qdd), status=tuple(status), producer=producer, message=message, **evidence)
+    return motion_of(system, scene, t, (q, qd, qdd), status=tuple(status), producer=made_by, message=message, **evidence)
 
 
 def estimated(system: System, scene: Scene) -> Any:
@@ -189,13 +189,13 @@ def _stays(system: System, q: Any, t: float, result: NewtonResult, to: float) ->
     return bool(system.m > system.n or np.linalg.slogdet(before)[0] == np.linalg.slogdet(after)[0])
 
 
-def motion_of(system: System, scene: Scene, levels: Sequence[Any], **evidence: Any) -> Motion:
+def motion_of(system: System, scene: Scene, t: Any, levels: Sequence[Any], **evidence: Any) -> Motion:
     """Return an answer in metres and radians, for the bodies and effects that the scene calls for.
 
     Parameters
     ----------
-    system, scene
-        What was solved.
+    system, scene, t
+        What was solved, and its times (T,) [s].
     levels : sequence of (n, T) array or None
         q, qd, qdd in the system's coordinates; None where not computed.
     **evidence
@@ -215,6 +215,6 @@ def motion_of(system: System, scene: Scene, levels: Sequence[Any], **evidence: A
     for cam in polar_cams(scene.mechanism.joints):
         s, sd, sdd = called_for(system.parameter(cam.name).start)
         contacts[cam.name] = ContactMotion(s=s, sd=sd, sdd=sdd)
-    q, qd, qdd = called_for(np.concatenate([np.arange(system.n)[system.columns(body)] for body in scene.wanted]))
-    t, bodies = np.array(scene.times), scene.wanted
-    return Motion(t=t, bodies=bodies, q=q, qd=qd, qdd=qdd, points=points, contacts=contacts, **evidence)
+    every = scene.bodies_wanted is None
+    q, qd, qdd = called_for(np.s_[: system.of_bodies] if every else np.r_[*map(system.columns, scene.wanted)])
+    return Motion(t=t, bodies=scene.wanted, q=q, qd=qd, qdd=qdd, points=points, contacts=contacts, **evidence)

@@ -125,7 +125,7 @@ class System:
         for k, shift in enumerate(self.unit.origin):
             axis = out[k : self.of_bodies : self.kind.width]
             axis *= self.unit.size
-            if not order:
+            if shift and not order:
                 axis += shift
         return out
 

@@ -3,6 +3,7 @@
 ============ =======================================================================================================
 `sweep`      a scene, all times at once: what `refkin.solve` answers, in microseconds per pose
 `attempt`    the same, or None where `sweep` would leave the scene to `refkin.solve`
+`prepared`   a scene made ready for `attempt`, to be solved again and again
 `solve_many` many mechanisms of one topology, all at once
 `solve_large` one configuration of a mechanism with up to 100,000 coordinates
 `Colouring`  sparse Jacobians by differences
@@ -15,7 +16,7 @@ reorders arithmetic and has sines of its own: so every pose is checked afterward
 
 from refkin.fast.colouring import Colouring, pattern_of
 from refkin.fast.many import Many, Slice, solve_many
-from refkin.fast.prepare import legend, tape
+from refkin.fast.prepare import legend, prepared, tape
 from refkin.fast.sparse import Large, SparseSystem, solve_large
 from refkin.fast.sweep import attempt, sweep
 
@@ -28,6 +29,7 @@ __all__ = [
     "attempt",
     "legend",
     "pattern_of",
+    "prepared",
     "solve_large",
     "solve_many",
     "sweep",

@@ -6,6 +6,7 @@ from `refkin.proof`, all with the library's sines; the pose and the rates are wh
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
 from refkin.model import Evidence, Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, __version__, no_radius, nowhere
-from refkin.newton import is_round_off
+from refkin.newton import ROUND_OFF, is_round_off
 from refkin.proof.numbers.inputs import half_ulp
 from refkin.proof.pose.choices import over_all_choices
 from refkin.proof.pose.isolate import FLOAT64, isolate
@@ -53,7 +54,8 @@ def motion(
         The smallest pivot of each lane.
     """
     residual = np.maximum.reduce(np.abs(system.phi(levels[0], t)))
-    if not is_round_off(residual[None], levels[0]).all() or not all(np.isfinite(level).all() for level in levels):
+    closed = (residual <= ROUND_OFF).all() or is_round_off(residual[None], levels[0]).all()
+    if not closed or not all(math.isfinite(level.sum()) for level in levels):
         return None
     evidence = _evidence(scene, system, made, levels, t, pivot)
     if evidence is None:
@@ -62,6 +64,7 @@ def motion(
     return motion_of(
         system,
         scene,
+        t.copy(),
         [*levels, None, None][:3],
         status=(Status.OK,) * len(t),
         residual=residual,

@@ -114,8 +114,9 @@ class March:
         if before is not None and last.t - before.t < max(SHORT * (t - last.t), LEAST):
             before = None
         f = self.laws(t) if f is None else f
-        if any(abs(f[k] - last.laws[k]) > FURTHEST for k in self.values):
-            return None
+        for k in self.values:
+            if abs(f[k] - last.laws[k]) > FURTHEST:
+                return None
         guess, rates = predicted(t, last, before)
         found = self._newton(f, guess)
         if found is None or not (_converged(found.steps) and contracts(found.steps) and self._regular(found)):
@@ -127,8 +128,10 @@ class March:
 
     def _regular(self, found: Answer) -> bool:
         """Whether no determinant has changed its sign, or is nearly 0."""
-        same = all(d * s > 0 for d, s in zip(found.determinants, self.signs, strict=True))
-        return same and all(p > SMALLEST_PIVOT for p in found.pivots)
+        for determinant, sign, pivot in zip(found.determinants, self.signs, found.pivots, strict=True):
+            if not (determinant * sign > 0.0 and pivot > SMALLEST_PIVOT):
+                return False
+        return True
 
     def to(self, t: float, last: Pose, before: Pose | None = None, h: float = math.inf) -> list[Pose] | None:
         """Return the poses of as many steps as it takes to t; None if the branch cannot be followed there.

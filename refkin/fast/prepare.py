@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from refkin.fast.lanes.tape import Tape
 from refkin.joints import GROUND
 from refkin.model import Effect, Evidence, Mechanism, Scene
 from refkin.motion import Status
+from refkin.proof.numbers.extrema import extrema_of
 from refkin.proof.numbers.preconditioned import independent_rows
 from refkin.solving.starts import Start, find_start
 from refkin.system import System, compile_system
@@ -22,13 +24,37 @@ from refkin.system import System, compile_system
 class Prepared:
     """A scene, reduced to what is wanted, with its system and what is compiled of it.
 
-    `start` is the first pose where it had to be found for that: to choose independent rows.
+    `start` is the first pose where it had to be found for that: to choose independent rows. Solving it changes nothing
+    in it, so that it can be solved again and again: what its times alone decide is computed once.
     """
 
     scene: Scene
     system: System
     made: Compiled
     start: Start | None = None
+
+    @cached_property
+    def t(self) -> Any:
+        """The times (T,) [s]."""
+        return np.fromiter(self.scene.times, float, len(self.scene.times))
+
+    @cached_property
+    def laws(self) -> dict[int, Any]:
+        """The laws' values at all times, by constraint, law and order: (T,) each."""
+        order = 2  # the march predicts by rates, whatever is called for
+        placed = enumerate(self.system.placed)
+        return {k: p.constraint.inputs(self.t, self.system.unit, order) for k, p in placed if p.constraint.laws}
+
+    @cached_property
+    def extrema(self) -> list[float]:
+        """The times between the first and the last at which a law turns back."""
+        return extrema_of(self.system.mechanism.constraints, self.scene.times[0], self.scene.times[-1])
+
+    @cached_property
+    def u(self) -> tuple[float, ...]:
+        """What the steps from pose to pose take from the geometry."""
+        geometry = [p.g for p in self.system.placed]
+        return self.made.march.prepare([geometry[c][k] for c, k in self.made.march.geometry])
 
 
 def prepared(scene: Scene) -> Prepared | None:

@@ -25,7 +25,6 @@ from refkin.fast.prepare import Prepared, prepared
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.newton import CONTRACTION, contracts
-from refkin.proof.numbers.extrema import extrema_of
 from refkin.solving.solve import solve
 from refkin.solving.starts import find_start
 
@@ -55,9 +54,12 @@ def sweep(scene: Scene) -> Motion:
     return attempt(scene) or solve(scene)
 
 
-def attempt(scene: Scene) -> Motion | None:
-    """Return what `sweep` does without ever asking the reference: None where a time is in doubt."""
-    found = prepared(scene)
+def attempt(scene: Scene | Prepared) -> Motion | None:
+    """Return what `sweep` does without ever asking the reference: None where a time is in doubt.
+
+    A scene that is solved again and again may be `prepared` once.
+    """
+    found = prepared(scene) if isinstance(scene, Scene) else scene
     return None if found is None else _Task(found).motion()
 
 
@@ -66,15 +68,9 @@ class _Task:
 
     def __init__(self, found: Prepared) -> None:
         self.scene, self.system, self.made, self.first = found.scene, found.system, found.made, found.start
-        self.t = np.fromiter(self.scene.times, float, len(self.scene.times))
+        self.t, self.laws, self.extrema = found.t, found.laws, found.extrema
         self.geometry = [p.g for p in self.system.placed]
-        order = 2  # the march predicts by rates, whatever is called for
-        placed = enumerate(self.system.placed)
-        self.laws = {k: p.constraint.inputs(self.t, self.system.unit, order) for k, p in placed if p.constraint.laws}
-        single = self.made.march
-        u = single.prepare([self.geometry[c][k] for c, k in single.geometry])
-        self.extrema = extrema_of(self.system.mechanism.constraints, float(self.t[0]), float(self.t[-1]))
-        self.march = March(single, u, self._laws_at, self._profile, self._extrema)
+        self.march = March(self.made.march, found.u, self._laws_at, self._profile, self._extrema)
         self.message = ""
 
     def motion(self) -> Motion | None:

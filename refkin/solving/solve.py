@@ -282,6 +282,7 @@ class _Answer:
         return motion_of(
             self.system,
             self.scene,
+            self.t,
             [level if has else None for level, has in zip(levels, computed, strict=True)],
             status=tuple(self.status),
             residual=self.residual,

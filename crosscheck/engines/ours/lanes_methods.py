@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import replace
-from functools import partial
+from functools import cache, partial
 from typing import Any
 
 import numpy as np
@@ -65,14 +65,18 @@ def _compiled(evidence: frozenset[Evidence], scene: Scene) -> Model:
     from refkin.fast.compiled import forget
     from refkin.fast.prepare import prepared
 
-    plain = replace(scene, evidence=evidence, points=(), bodies_wanted=None)
     forget()  # so that building the model is what it is for a topology that nobody has used yet
-    answer = prepared(plain)
-    if answer is None or not (answer.made.lanes.counts() and answer.made.march):
+    plain = replace(scene, evidence=evidence, points=(), bodies_wanted=None)
+    ready = prepared(plain)
+    if ready is None or not (ready.made.lanes.counts() and ready.made.march):
         raise EngineError("the compiled path leaves this scene to refkin.solve")
 
+    @cache
+    def made(order: int) -> Any:
+        return prepared(replace(plain, effects=ORDERS[order]))
+
     def solve(order: int) -> Any:
-        answer = attempt(replace(plain, effects=ORDERS[order]))
+        answer = attempt(made(order))
         if answer is None:
             raise EngineError("the compiled path leaves this scene to refkin.solve")
         return answer
@@ -87,14 +91,12 @@ def _batched(evidence: frozenset[Evidence], workload: Workload, order: int) -> B
         return chains.by_tape(workload)
     if workload.mechanisms == 1:
         return one_by_one(partial(_compiled, evidence), workload, order)
-    if evidence:
-        raise EngineError("certificates are for scenes, one mechanism at a time")
-    return _many(workload, order)
+    return _many(evidence, workload, order)
 
 
-def _many(work: FourBars, order: int) -> Batch:
+def _many(evidence: frozenset[Evidence], work: FourBars, order: int) -> Batch:
     package = fast()
-    scene = replace(work.scene(), effects=ORDERS[order])
+    scene = replace(work.scene(), effects=ORDERS[order], evidence=evidence)
 
     def solved(part: FourBars, reducer: Callable[[Any], Any]) -> Any:
         estimates = {body: part.starts[3 * k : 3 * k + 3] for k, body in enumerate(scene.wanted)}
