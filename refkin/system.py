@@ -79,7 +79,7 @@ class System:
     def phi(self, q: Any, t: Any) -> Any:
         """Return the constraint residual, (m,) or (m, B)."""
         q = np.asarray(q)
-        rows = self._rows(self._values(q), t, 0, lambda c: c.residual)
+        rows = self.rows(self._values(q), t, 0, lambda c: c.residual)
         return _stack(rows, self.m, q, t)
 
     def phi_q(self, q: Any, t: Any) -> Any:
@@ -101,14 +101,14 @@ class System:
         """Return the velocity right side nu = -phi_t, (m,) or (m, B)."""
         self._called_for(Effect.VELOCITY, Effect.ACCELERATION)
         q = np.asarray(q)
-        rows = self._rows(self._values(q), t, 1, lambda c: c.nu)
+        rows = self.rows(self._values(q), t, 1, lambda c: c.nu)
         return _stack(rows, self.m, q, t)
 
     def gamma(self, q: Any, qd: Any, t: Any) -> Any:
         """Return the acceleration right side gamma = -(phi_q qd)_q qd - 2 phi_qt qd - phi_tt, (m,) or (m, B)."""
         self._called_for(Effect.ACCELERATION)
         q, qd = np.asarray(q), np.asarray(qd)
-        rows = self._rows(self._values(q, qd), t, 2, lambda c: c.gamma)
+        rows = self.rows(self._values(q, qd), t, 2, lambda c: c.gamma)
         return _stack(rows, self.m, q + qd, t)
 
     def to_unit(self, q: Any, order: int = 0) -> Any:
@@ -162,7 +162,7 @@ class System:
             kept = self._kept[p.row, order] = (t, p.constraint.inputs(t, self.unit, order))
         return kept[1]
 
-    def _rows(self, values: Any, t: Any, order: int, formula: Callable[[Constraint], Any]) -> Iterable[Any]:
+    def rows(self, values: Any, t: Any, order: int, formula: Callable[[Constraint], Any]) -> Iterable[Any]:
         """Yield the rows of one formula; laws are evaluated up to `order`, no further."""
         for p in self.placed:
             yield from formula(p.constraint)(p.g, self._given(p, values, t, order), *(values[s] for s in p.starts))

@@ -1,7 +1,7 @@
 """From coordinates of every lane to a `Motion`, judged by the formulas a person reads.
 
-Nothing here trusts the tape. Residual and singular values come from `System`, certificates from a tape of their own, or
-from `refkin.proof`, all with the library's sines; the pose and the rates are what they are asked about.
+Nothing here trusts the tape. Residuals come from the formulas (`residual`), singular values from `System`, certificates
+from a tape of their own, or from `refkin.proof`; the pose and the rates are what they are asked about.
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ import numpy as np
 from refkin.analysis import SINGULAR, motion_of
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
+from refkin.fast.residual import residual
 from refkin.model import Evidence, Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, __version__, no_radius, nowhere
 from refkin.newton import ROUND_OFF, is_round_off
@@ -53,8 +54,8 @@ def motion(
     pivot : (T,) array
         The smallest pivot of each lane.
     """
-    residual = np.maximum.reduce(np.abs(system.phi(levels[0], t)))
-    closed = (residual <= ROUND_OFF).all() or is_round_off(residual[None], levels[0]).all()
+    off = residual(system, levels[0], t)
+    closed = (off <= ROUND_OFF).all() or is_round_off(off[None], levels[0]).all()
     if not closed or not all(math.isfinite(level.sum()) for level in levels):
         return None
     evidence = _evidence(scene, system, made, levels, t, pivot)
@@ -67,7 +68,7 @@ def motion(
         t.copy(),
         [*levels, None, None][:3],
         status=(Status.OK,) * len(t),
-        residual=residual,
+        residual=off,
         sigma_min=sigma_min,
         condition=condition,
         certified_radius=radius,

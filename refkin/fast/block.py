@@ -25,6 +25,7 @@ from refkin.fast.march import (
     Pose,
 )
 from refkin.fast.quintic import weights
+from refkin.fast.residual import residual
 from refkin.fast.sweep import NEAR
 from refkin.fast.turning import common_extrema, may_turn
 from refkin.joints import initial_contacts
@@ -150,6 +151,8 @@ class Block:
 
     def _steps(self, asked: Any) -> int:
         """Return how many steps all lanes make, so that they, and those alone that ask for more, cost the least."""
+        if (asked <= 1.0).all():
+            return 1
         together = PRICE_OF_A_STEP + PRICE_OF_A_LANE * self.count
         alone = np.minimum(np.nan_to_num(asked, nan=1.0), MOST_STEPS_ALONE) * PRICE_ALONE
         counts: set[int] = {1, *np.unique(asked[asked <= MOST_BETWEEN]).astype(int).tolist()}
@@ -269,8 +272,7 @@ class Block:
     def _check(self, t: float, code: int) -> None:
         """Give a code to the lanes that the formulas a person reads do not accept."""
         q = self.space.level(0)
-        phi = self.system.phi(q, t)
-        self.residual = np.maximum.reduce(np.abs(phi, out=phi))
+        self.residual = residual(self.system, q, t)
         open_ = np.flatnonzero(self.alive & ~(self.residual <= ROUND_OFF))
         if open_.size:  # as `refkin.solve` has it: 32 units of the largest coordinate, or of the size
             scale = np.max(np.abs(q[:, open_]), axis=0)

@@ -184,7 +184,7 @@ class _Result:
         self.orders = [order for order, wanted in enumerate(called) if wanted]
         self.rows = np.concatenate([np.r_[group.system.columns(b)] for b in group.scene.wanted])
         times, lanes = len(self.t), group.size
-        self.codes = np.full((lanes, times), NEVER_FOUND, np.uint8)
+        self.codes = np.full((times, lanes), NEVER_FOUND, np.uint8)
         self.reduced: list[Any] = []
         # Time before lanes in memory: one time of a block is written in one piece.
         kept = self.orders if reducer is None else []
@@ -209,7 +209,7 @@ class _Result:
         for order in self.orders:
             level = block.levels(order)
             levels[order] = level[self.rows] if len(self.rows) < len(level) else level
-        self.codes[lanes, k] = block.codes
+        self.codes[k, lanes] = block.codes
         if self.reducer is not None:
             q, qd, qdd = levels
             codes, residual = block.codes.copy(), block.residual
@@ -227,4 +227,4 @@ class _Result:
         residual = None if self.residual is None else self.residual.T
         radii = None if self.radii is None else np.swapaxes(self.radii, 1, 2)
         wanted = self.group.scene.wanted
-        return Many(self.group, self.t, wanted, self.codes, q, qd, qdd, residual, radii, self.reduced)
+        return Many(self.group, self.t, wanted, self.codes.T, q, qd, qdd, residual, radii, self.reduced)
