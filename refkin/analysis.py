@@ -197,12 +197,12 @@ def motion_of(system: System, scene: Scene, t: Any, levels: Sequence[Any], **evi
     system, scene, t
         What was solved, and its times (T,) [s].
     levels : sequence of (n, T) array or None
-        q, qd, qdd in the system's coordinates; None where not computed.
+        q, qd, qdd in the system's coordinates, which are overwritten; None where not computed.
     **evidence
         The other attributes of `Motion`.
     """
     wanted = (True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects)
-    levels = [None if level is None else system.to_physical(level, order) for order, level in enumerate(levels)]
+    levels = [None if x is None else system.to_physical(x, order, copy=None) for order, x in enumerate(levels)]
 
     def called_for(rows: Any) -> list[Any]:
         return [level[rows] if want else None for level, want in zip(levels, wanted, strict=True)]

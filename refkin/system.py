@@ -119,9 +119,9 @@ class System:
             out[at] = (out[at] - (0.0 if order else shift)) / self.unit.size
         return out
 
-    def to_physical(self, q: Any, order: int = 0) -> Any:
-        """Return coordinates (order 0) or rates (1, 2) of this system in m and rad: all n, or the bodies'."""
-        out = np.array(q, np.result_type(np.asarray(q), float))
+    def to_physical(self, q: Any, order: int = 0, copy: bool | None = True) -> Any:
+        """Return coordinates (order 0) or rates (1, 2) in m and rad: all n, or the bodies'; in place if copy is None."""
+        out = np.array(q, np.result_type(np.asarray(q), float), copy=copy)
         for k, shift in enumerate(self.unit.origin):
             axis = out[k : self.of_bodies : self.kind.width]
             axis *= self.unit.size

@@ -1,0 +1,71 @@
+"""The check of every pose of the fast paths: the residual by the formulas, with sines of its own."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin.fast import attempt, prepared
+from refkin.fast.prepare import Prepared
+from refkin.fast.residual import residual
+from refkin.newton import ROUND_OFF
+
+SCENES = {
+    "four_bar": refkin.FourBar(crank=1.0, coupler=3.5, rocker=3.0, ground=4.0).scene(samples=40),
+    "inverted": refkin.InvertedSliderCrank(crank=1.0, ground=3.0).scene(samples=40),
+}
+
+
+@pytest.fixture(params=SCENES)
+def ready(request: pytest.FixtureRequest) -> Prepared:
+    found = prepared(replace(SCENES[request.param], evidence=frozenset()))
+    assert found is not None
+    return found
+
+
+def poses(ready: Prepared) -> np.ndarray:
+    motion = attempt(ready)
+    assert motion is not None
+    return ready.system.to_unit(motion.q)
+
+
+@pytest.mark.parametrize("turns", [0.0, 1.0, -30.0, 1e6])
+def test_it_is_that_of_the_readable_formulas_to_a_few_units_however_far_an_angle_has_turned(
+    ready: Prepared, turns: float
+) -> None:
+    q = poses(ready)
+    q[2::3] += 2.0 * np.pi * turns
+    expected = np.max(np.abs(ready.system.phi(q, ready.t)), axis=0)
+    assert np.max(np.abs(residual(ready.system, q, ready.t) - expected)) <= ROUND_OFF / 4
+
+
+def test_every_coordinate_that_is_off_is_seen_at_its_time_alone(ready: Prepared) -> None:
+    q = poses(ready)
+    for coordinate in range(ready.system.n):
+        off = q.copy()
+        off[coordinate, 7] += 1e-12
+        seen = residual(ready.system, off, ready.t) > ROUND_OFF
+        assert np.flatnonzero(seen).tolist() == [7]
+
+
+def test_a_number_that_is_none_is_none_in_the_residual_of_its_time(ready: Prepared) -> None:
+    q = poses(ready)
+    q[2, 3] = np.nan
+    assert np.flatnonzero(np.isnan(residual(ready.system, q, ready.t))).tolist() == [3]
+
+
+def test_a_prepared_scene_is_solved_again_and_again_to_the_same_bits_whatever_is_done_to_an_answer(
+    ready: Prepared,
+) -> None:
+    first = attempt(ready)
+    assert first is not None
+    kept = [level.copy() for level in first.levels if level is not None]
+    for level in (*first.levels, first.t, first.residual):
+        assert level is not None
+        level[:] = 0.0
+    again = attempt(ready)
+    assert again is not None and again == attempt(ready.scene)
+    assert all(np.array_equal(a, b) for a, b in zip(again.levels, kept, strict=True))
