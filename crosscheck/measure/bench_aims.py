@@ -64,7 +64,7 @@ class Aim:
 
 
 AIMS = (
-    Aim("one four-bar: fast path / dense C", (SWEEP,), lambda t: t(SWEEP, LANES) / t(SWEEP, DENSE), at_most=0.7),
+    Aim("one four-bar: fast path / dense C", (SWEEP,), lambda t: t(SWEEP, LANES) / t(SWEEP, DENSE), at_most=0.6),
     Aim(
         "one four-bar: fastest engine / fast path",
         (SWEEP,),
@@ -77,7 +77,7 @@ AIMS = (
         lambda t: t(SWEEP, CERTIFICATE) / t(SWEEP, LANES),
         at_most=5.0,
     ),
-    Aim("10,000 four-bars, 2 % margin: fast path [ns]", (MANY,), lambda t: t(MANY, LANES), at_most=250.0),
+    Aim("10,000 four-bars, 2 % margin: fast path [ns]", (MANY,), lambda t: t(MANY, LANES), at_most=200.0),
     Aim(
         "10,000 four-bars, 2 % margin: dense C / fast path",
         (MANY,),

@@ -12,7 +12,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from operator import sub
 from typing import Any, NamedTuple
 
 from refkin.differences import EPS
@@ -20,8 +19,8 @@ from refkin.fast.lanes.single import Answer, Single
 from refkin.fast.quintic import at, coefficients, slope
 from refkin.newton import contracts
 
-FAR = 3e-3
-"""How far off a prediction may be [sizes, rad] for steps to grow: the quintic between the poses then errs by 6e-6."""
+FAR = 1e-2
+"""How far off a prediction may be [sizes, rad] for steps to grow: the quintic between the poses then errs by 2e-5."""
 FARTHEST = 0.2
 """A prediction further off than this is not corrected but made again, from nearer."""
 PART = 1 / 4
@@ -196,4 +195,9 @@ def _converged(steps: Sequence[float]) -> bool:
 
 def _largest(a: Sequence[float], b: Sequence[float]) -> float:
     """Return the largest difference."""
-    return max(map(abs, map(sub, a, b)), default=0.0)
+    largest = 0.0
+    for x, y in zip(a, b, strict=True):
+        off = abs(x - y)
+        if off > largest or off != off:  # NaN is the largest of all
+            largest = off
+    return largest

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -11,6 +12,7 @@ import numpy as np
 from refkin.errors import RefkinError
 from refkin.fast.compiled import Compiled, compiled
 from refkin.fast.lanes.tape import Tape
+from refkin.fast.march import FURTHEST
 from refkin.joints import GROUND
 from refkin.model import Effect, Evidence, Mechanism, Scene
 from refkin.motion import Status
@@ -44,6 +46,13 @@ class Prepared:
         order = 2  # the march predicts by rates, whatever is called for
         placed = enumerate(self.system.placed)
         return {k: p.constraint.inputs(self.t, self.system.unit, order) for k, p in placed if p.constraint.laws}
+
+    @cached_property
+    def longest(self) -> float:
+        """How many times of the scene a step may go ahead, by what laws change from one to the next; inf if unknown."""
+        values = [law[0] for laws in self.laws.values() for law in laws if np.ndim(law[0])]
+        change = max((float(np.max(np.abs(np.diff(x)), initial=0.0)) for x in values), default=0.0)
+        return max(1.0, FURTHEST / change) if change > 0.0 else math.inf
 
     @cached_property
     def extrema(self) -> list[float]:

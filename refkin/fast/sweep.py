@@ -1,8 +1,8 @@
 """One mechanism, many times: few poses one after another, all others at once.
 
 1. March (`march`): few poses, each predicted from the last two and corrected by Newton, by the branch-safe rules of the
-   reference. Steps grow until the prediction is off by about 3e-3, and end where a law turns back.
-2. Guess: for every time the quintic between the poses around it, which is right to about 1e-5.
+   reference. Steps grow until the prediction is off by about 1e-2, and end where a law turns back.
+2. Guess: for every time the quintic between the poses around it, which is right to about 2e-5.
 3. Newton, twice or more, on all times at once; then the answer: coordinates, velocities, accelerations.
 4. Check, lane by lane: Newton contracted, no determinant changed its sign, the pose lies on the quintic between the
    marched poses (continuity), and the formulas a person reads are satisfied to round-off (`answer`).
@@ -71,7 +71,7 @@ class _Task:
         self.t, self.laws, self.extrema = found.t, found.laws, found.extrema
         self.geometry = [p.g for p in self.system.placed]
         self.march = March(self.made.march, found.u, self._laws_at, self._profile, self._extrema)
-        self.message = ""
+        self.longest, self.message = found.longest, ""
 
     def motion(self) -> Motion | None:
         start = self._start() if len(self.extrema) < MOST_EXTREMA else None
@@ -138,7 +138,7 @@ class _Task:
         poses, k, last = [start], 0, len(self.t) - 1
         stride = max(1.0, last / 16)
         while k < last:
-            ahead = min(last, k + max(1, int(stride)))
+            ahead = min(last, k + max(1, int(min(stride, self.longest))))
             before = poses[-2] if len(poses) > 1 else None
             if turning := self._extrema(poses[-1].t, self.scene.times[ahead]):
                 between = self.march.to(turning[0], poses[-1], before)
@@ -241,12 +241,13 @@ class Guesses:
         self.polynomials: Any = np.array([p.path for p in self.poses[1:]]).T  # (6, core, intervals)
 
     def at(self, t: Any) -> Any:
-        """Return the core coordinates at times (B,), (core, B)."""
+        """Return the core coordinates at times (B,) in order, (core, B)."""
         if len(self.poses) == 1:
             return np.repeat(np.array(self.poses[0].levels[0])[:, None], len(t), axis=1)
-        k = self._interval(t)
-        s = (t - self.t[k]) / self.width[k]
-        c = np.take(self.polynomials, k, axis=2)
+        ends = [0, *t.searchsorted(self.t[1:-1]), len(t)]  # t is in order, as the poses are
+        counts = np.subtract(ends[1:], ends[:-1])
+        s = (t - self.t[:-1].repeat(counts)) / self.width.repeat(counts)
+        c = self.polynomials.repeat(counts, axis=2)
         value = c[5]
         for power in (4, 3, 2, 1, 0):
             value *= s
