@@ -121,9 +121,9 @@ def sweep(scene: Scene) -> Motion:
     qd[:, ok] = velocity(system, q[:, ok], t[ok])
     qdd[:, ok] = acceleration(system, q[:, ok], qd[:, ok], t[ok])
     evidence = {"residual": residual, "sigma_min": sigma, "condition": condition, "certified_radius": no_radius(len(t))}
-    made_by = Producer(name="refkin.analysis", version=__version__, route=ROUTE)
+    made = Producer(name="refkin.analysis", version=__version__, route=ROUTE)
     message = "" if first.converged else f"no pose was found at t = {t[0]:g}: {first.status}"
-    return motion_of(system, scene, t, (q, qd, qdd), status=tuple(status), producer=made_by, message=message, **evidence)
+    return motion_of(system, scene, t, (q, qd, qdd), status=tuple(status), producer=made, message=message, **evidence)
 
 
 def estimated(system: System, scene: Scene) -> Any:

@@ -120,7 +120,7 @@ class System:
         return out
 
     def to_physical(self, q: Any, order: int = 0, copy: bool | None = True) -> Any:
-        """Return coordinates (order 0) or rates (1, 2) in m and rad: all n, or the bodies'; in place if copy is None."""
+        """Return coordinates (order 0) or rates (1, 2) in m, rad: all n, or the bodies'; in place if copy is None."""
         out = np.array(q, np.result_type(np.asarray(q), float), copy=copy)
         for k, shift in enumerate(self.unit.origin):
             axis = out[k : self.of_bodies : self.kind.width]
