@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from refkin.system import System
-from refkin.vec import BodyValues, ParameterValue
+from refkin.vec import ParameterValue
 
 
 def residual(system: System, q: Any, t: Any) -> Any:
@@ -26,9 +26,11 @@ def residual(system: System, q: Any, t: Any) -> Any:
     t : float or (B,) array
         Time [s].
     """
-    values: dict[int | None, Any] = {None: BodyValues(0.0, 0.0, 0.0)}
-    values |= {k: BodyValues(q[k], q[k + 1], q[k + 2].view(_Angle)) for k in range(0, system.of_bodies, 3)}
-    values |= {k: ParameterValue(q[k].view(_Angle)) for k in range(system.of_bodies, system.n)}
+    kind, bodies = system.kind, range(0, system.of_bodies, system.kind.width)
+    rows = [row.view(_Angle) if turns else row for row, turns in zip(q, system.angles, strict=True)]
+    values: dict[int | None, Any] = {None: kind.values(*kind.still)}
+    values |= {k: kind.values(*rows[k : k + kind.width]) for k in bodies}
+    values |= {k: ParameterValue(rows[k]) for k in range(system.of_bodies, system.n)}
     largest = np.zeros(q.shape[1])
     for row in system.rows(values, t, 0, lambda constraint: constraint.residual):
         np.maximum(largest, np.abs(row), out=largest)
