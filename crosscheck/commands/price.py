@@ -21,7 +21,8 @@ from crosscheck.judge.prices import POSES, STEPS, SUFFIX, cheapest, repeated
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.price import PriceList
 from crosscheck.measure.price import price as measured
-from crosscheck.report.price_figures import legend, work_precision
+from crosscheck.report.prices import looks_of_methods, methods_figure
+from crosscheck.report.svg import swatch
 from refkin.scenes.files import load
 
 SAME_WINNERS = 0.95
@@ -221,6 +222,6 @@ def page_of(result: Mapping[str, Any]) -> str:
         poses=POSES,
         css=Markup(css),  # our own file: nothing of a scene is in it
         steps=[str(step) for step in STEPS],
-        panels=[work_precision(rows, quantity) for quantity in quantities],
-        legend=legend(rows),
+        panels=[methods_figure(rows, quantity) for quantity in quantities],
+        legend=[(swatch(look), " · ".join(name)) for name, look in looks_of_methods(rows).items()],
     )

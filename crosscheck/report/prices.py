@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import fields
 from typing import Any
 
@@ -11,10 +11,9 @@ from markupsafe import Markup
 
 from crosscheck.judge.effects_rows import EffectRow
 from crosscheck.judge.records import QUANTITIES as SOLVED
-from crosscheck.report import effects_figures  # the module: it draws with `report.svg`, which imports this
+from crosscheck.report.effects_figures import effects_figure as effects_bars
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
-from crosscheck.report.price_figures import iteration_looks, iterations_figure
-from crosscheck.report.svg import Mark, Plot, Style, power_of_ten, style, swatch
+from crosscheck.report.svg import COLOURS, DASHES, MARKERS, Mark, Plot, Style, power_of_ten, style, swatch
 from crosscheck.report.wording import number
 
 Row = Mapping[str, Any]
@@ -97,17 +96,15 @@ def price_figure(rows: Sequence[Row], looks: Mapping[tuple[str, str], Style]) ->
     """Return digits against microseconds: a panel per class of scenes and quantity, the frontier of each engine."""
     rows = frontier(rows)
     of_engines = _looks(list(dict.fromkeys(r["engine"] for r in rows)), looks)
-    times = [math.log10(r["microseconds"]) for r in rows if r["microseconds"]]
-    span = (
-        math.floor(min(times, default=0.0)),
-        max(math.floor(min(times, default=0.0)) + 1, math.ceil(max(times, default=1.0))),
-    )
+    span = _decades(rows)
     panels: list[Markup] = []
     for scene_class in dict.fromkeys(row["scene_class"] for row in rows):
         for quantity in SOLVED:
             shown = [r for r in rows if (r["quantity"], r["scene_class"]) == (quantity, scene_class)]
+            lines = [(look, [r for r in shown if r["engine"] == engine]) for engine, look in of_engines.items()]
             if shown:
-                panels.append(_price_panel(f"price-{len(panels)}", scene_class, quantity, shown, of_engines, span))
+                title, ident = f"{quantity.capitalize()}, {scene_class} scenes", f"price-{len(panels)}"
+                panels.append(_panel(ident, title, shown, lines, span, width=300, height=226, left=30))
     legend = tuple((swatch(look), engine) for engine, look in of_engines.items())
     head = ("engine · method", "setting", "scenes", "quantity", "digits", "attainable", "µs", "spread")
     keys = ("setting", "scene_class", "quantity", "digits", "digits_attainable", "microseconds", "spread")
@@ -125,32 +122,62 @@ def _looks(engines: Sequence[str], looks: Mapping[tuple[str, str], Style]) -> di
     return look_of
 
 
-def _price_panel(
+def _decades(rows: Sequence[Row]) -> tuple[int, int]:
+    """Return the decades between which the prices lie, at least one."""
+    times = [math.log10(row["microseconds"]) for row in rows if row["microseconds"]]
+    low = math.floor(min(times, default=0.0))
+    return low, max(low + 1, math.ceil(max(times, default=0.0)))
+
+
+def _panel(
     ident: str,
-    scene_class: str,
-    quantity: str,
+    title: str,
     rows: Sequence[Row],
-    looks: Mapping[str, Style],
+    series: Iterable[tuple[Style, Sequence[Row]]],
     span: tuple[int, int],
+    **size: int,
 ) -> Markup:
-    title = f"{quantity.capitalize()}, {scene_class} scenes"
-    described = f"Digits against microseconds per configuration: {title}"
-    plot = Plot(ident, title, described, span, (0.0, HIGHEST_DIGITS), width=300, height=226, left=30, role="group")
+    """Return digits against microseconds: a line per series, a mark per setting, what is attainable as a level."""
+    described = f"{title}: digits against microseconds per configuration; upwards and to the left is better"
+    plot = Plot(ident, title, described, span, (0.0, HIGHEST_DIGITS), role="group", **size)
     x_ticks = [(float(d), power_of_ten(d)) for d in range(span[0], span[1] + 1)]
     plot.axes(x_ticks, [(float(v), str(v)) for v in range(0, 17, 4)], "µs per configuration · cheaper on the left")
     best = [r["digits_attainable"] for r in rows if r["digits_attainable"] is not None]
     if best:
         level = plot.py(min(max(best), HIGHEST_DIGITS))
         plot.line([(plot.px(span[0]), level), (plot.px(span[1]), level)], stroke="currentColor", stroke_dasharray="1 3")
-    for engine, look in looks.items():
-        of_line = [r for r in rows if r["engine"] == engine and r["microseconds"]]
+        plot.text(plot.px(span[1]) - 2, level - 4, "attainable", anchor="end", size="10")
+    for look, of_line in series:
+        priced = [r for r in of_line if r["microseconds"] and r["digits"] is not None]
         marks = [
             Mark(math.log10(r["microseconds"]), min(max(r["digits"], 0.0), HIGHEST_DIGITS), _spoken(r))
-            for r in sorted(of_line, key=lambda r: r["microseconds"])
-            if r["digits"] is not None
+            for r in sorted(priced, key=lambda r: float(r["microseconds"]))
         ]
         plot.marks(marks, look)
+    if not any(r["digits"] is not None for r in rows):
+        plot.text(plot.px(sum(span) / 2), plot.py(HIGHEST_DIGITS / 2), "nothing was measured", size="13")
     return plot.markup()
+
+
+def methods_figure(rows: Sequence[Row], quantity: str) -> Markup:
+    """Return the panel of one quantity of one scene's price list: a line per method; panels have one scale."""
+    shown = [row for row in rows if row["quantity"] == quantity]
+    series = [
+        (look, [row for row in shown if (row["engine"], row["method"]) == name])
+        for name, look in looks_of_methods(rows).items()
+    ]
+    return _panel(f"price-{quantity}", quantity.capitalize(), shown, series, _decades(rows))
+
+
+def looks_of_methods(rows: Iterable[Row]) -> dict[tuple[str, str], Style]:
+    """Return how each engine and method looks: a colour for each engine, marker and dash for each of its methods."""
+    methods = dict.fromkeys((row["engine"], row["method"]) for row in rows)
+    look_of = {}
+    for k, engine in enumerate(dict.fromkeys(engine for engine, _ in methods)):
+        for j, name in enumerate(name for name in methods if name[0] == engine):
+            dash = DASHES[(j + j // len(MARKERS)) % len(DASHES)]  # after seven the combinations shift
+            look_of[name] = Style(COLOURS[k % len(COLOURS)], dash, MARKERS[j % len(MARKERS)])
+    return look_of
 
 
 def _spoken(row: Row) -> str:
@@ -160,14 +187,25 @@ def _spoken(row: Row) -> str:
 
 def iterations_of_notes(rows: Sequence[Row]) -> Figure:
     """Return the digits after each Newton iteration of a four-bar of the source documents, and of what they print."""
-    legend = tuple((swatch(look), quantity) for look, quantity in zip(iteration_looks(), SOLVED, strict=True))
+    looks = [style(k) for k in range(1, 1 + len(SOLVED))]
+    legend = tuple((swatch(look), quantity) for look, quantity in zip(looks, SOLVED, strict=True))
     lines = tuple((row["iteration"], row["quantity"], row["digits"]) for row in rows)
-    return Figure((iterations_figure(rows),), legend, ("iterations", "quantity", "digits"), lines)
+    counted = [row for row in rows if row["iteration"] != "printed"]
+    last = max(int(row["iteration"]) for row in counted)
+    title = "Digits after each Newton iteration"
+    description = f"{title}: position, velocity and acceleration of a four-bar of the source documents"
+    plot = Plot("iterations", title, description, (0, last), (0.0, HIGHEST_DIGITS))
+    ticks = [(float(k), str(k)) for k in range(last + 1)]
+    plot.axes(ticks, [(float(y), str(y)) for y in range(0, 17, 3)], "iterations")
+    for look, quantity in zip(looks, SOLVED, strict=True):
+        at = [(int(row["iteration"]), max(0.0, row["digits"])) for row in counted if row["quantity"] == quantity]
+        plot.series(at, look)
+    return Figure((plot.markup(),), legend, ("iterations", "quantity", "digits"), lines)
 
 
 def effects_figure(rows: Sequence[Row]) -> Figure:
     """Return one stacked bar per engine and method, a part per effect; and all rows as a table."""
-    panels = (effects_figures.effects_figure([_of_ledger(row) for row in rows], "effects-bars"),) if rows else ()
+    panels = (effects_bars([_of_ledger(row) for row in rows], "effects-bars"),) if rows else ()
     head = ("engine", "method", "effect", "µs", "changes what was called for", "largest change", "note")
     changes = {True: "no", False: "yes", None: "–"}
     keys = ("engine", "method", "effect", "microseconds", "inert", "largest_change", "note")
