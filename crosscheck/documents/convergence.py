@@ -1,7 +1,9 @@
-"""Observed orders and rates of convergence, from the part of a history that shows them.
+"""Observed orders and rates of convergence, from the part of a history that shows them; stopping tests.
 
 An order is read off between the basin, where the error is not yet small, and round-off, where it no longer is error. A
 history that leaves too few points there is inconclusive, which is not a pass.
+
+The stopping tests are those of the source documents; that of ME451 is `refkin.newton.CorrectionNorm`.
 """
 
 from __future__ import annotations
@@ -98,3 +100,38 @@ def _trimmed(errors: Sequence[float], floor: float, basin: float) -> Any:
     e = e[started[0] :]
     ended = np.flatnonzero(~(e > floor))
     return e[: ended[0]] if ended.size else e
+
+
+@dataclass(frozen=True)
+class ResidualOrCorrection:
+    """Stop when |phi| < residual_limit or |dq| < correction_limit (METU 3.9; printed there without absolute values)."""
+
+    residual_limit: float = 1e-8
+    correction_limit: float = 1e-8
+
+    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
+        small_residual = np.linalg.norm(residual) < self.residual_limit
+        return bool(small_residual or np.linalg.norm(correction) < self.correction_limit)
+
+
+@dataclass(frozen=True)
+class BothLargest:
+    """Stop when the largest components of phi and of dq are both below their limits (ME581 notes)."""
+
+    residual_limit: float = 1e-8
+    correction_limit: float = 1e-8
+
+    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
+        small_residual = np.max(np.abs(residual)) < self.residual_limit
+        return bool(small_residual and np.max(np.abs(correction)) < self.correction_limit)
+
+
+@dataclass(frozen=True)
+class ScaledNorms:
+    """Stop when |dq| / n or |phi| / m is below the limit, n and m the numbers of components (notes on Shabana)."""
+
+    limit: float = 1e-8
+
+    def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
+        scaled = (np.linalg.norm(v) / np.size(v) for v in (correction, residual))
+        return bool(min(scaled) < self.limit)

@@ -25,7 +25,7 @@ import numpy as np
 from crosscheck.documents.convergence import Kind, slope
 from crosscheck.documents.ledger import all_rows, read
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
-from crosscheck.documents.ledger.digits import Printed
+from crosscheck.documents.ledger.rows import Printed
 from crosscheck.documents.ledger.shabana_four_bar import estimate, four_bar, rates
 from crosscheck.engines import QUANTITIES
 from crosscheck.judge.records import MOST_DIGITS

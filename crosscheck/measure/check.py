@@ -15,9 +15,8 @@ import numpy as np
 
 from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Term, load, refused_joints
 from crosscheck.engines.methods import Use, methods
-from crosscheck.judge.between import excuse
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
-from crosscheck.judge.delivery import believed, granted, undelivered
+from crosscheck.judge.delivery import believed, excuse, granted, undelivered
 from crosscheck.judge.hard_poses import scene_samples
 from crosscheck.judge.levels import Configuration, compare_levels, configurations
 from crosscheck.judge.records import (

@@ -14,12 +14,10 @@ from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_records
 from crosscheck.night.plan import GOLDEN, Golden, read_outcome
 from crosscheck.report.cells import Cell, Place, RouteTotals
-from crosscheck.report.coverage import Coverage, Refusals, Together, decade
 from crosscheck.report.disagreements import Disagreements
 from crosscheck.report.features import Features
 from crosscheck.report.measured import PICTURES, Documents, Pictures, Trends, measured, read_file
-from crosscheck.report.peers import Peers, Silent
-from crosscheck.report.reference import ReferenceTotals
+from crosscheck.report.totals import Coverage, Peers, ReferenceTotals, Refusals, Silent, Together, decade
 from crosscheck.report.verdict import verdict
 
 OWN_ROWS = ("residual", "jacobian", "constraint_velocity", "gamma")

@@ -15,11 +15,10 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
-from crosscheck.strategies.chain_kinds import KINDS, SIGNS
+from crosscheck.strategies.chain_kinds import KINDS, SIGNS, Frames
 from crosscheck.strategies.driving import moved
 from crosscheck.strategies.laws import draw_law
 from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS
-from crosscheck.strategies.plans import Frames
 from crosscheck.strategies.spans import Hardness
 from refkin.joints import GROUND, AngleDriver, Driver
 from refkin.model import Body, Mechanism, Scene

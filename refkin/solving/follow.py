@@ -23,8 +23,7 @@ from refkin.motion_laws import Polynomial
 from refkin.output.tables import Tabled
 from refkin.proof.numbers.inputs import output_rounding
 from refkin.proof.numbers.recentred import Recentred, recentred
-from refkin.proof.path.branch_points import Crossing
-from refkin.proof.path.curve import Curve
+from refkin.proof.path.curve import Crossing, Curve
 from refkin.proof.path.tracing import End as PathEnd
 from refkin.proof.path.tracing import Trace, Tracer
 from refkin.proof.pose.isolate import isolate

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from flint import ctx
 
-from crosscheck.documents.ledger.digits import Printed, Written, correct_digits, printed_is
+from crosscheck.documents.ledger.rows import Printed, Written, correct_digits, printed_is
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.samples import largest_ratio
 from crosscheck.measure.check import check as check_scene

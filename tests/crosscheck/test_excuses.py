@@ -11,7 +11,7 @@ import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.tree import joint_tree
-from crosscheck.judge.between import singular_between
+from crosscheck.judge.delivery import singular_between
 from crosscheck.measure.check import REGULAR, check
 from refkin import FourBar
 

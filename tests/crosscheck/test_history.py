@@ -11,8 +11,7 @@ import numpy as np
 import pytest
 
 from crosscheck.cli import main
-from crosscheck.night.change_points import change_points
-from crosscheck.night.history import HistoryError, append, nights, remember, trends, warnings
+from crosscheck.night.history import HistoryError, append, change_points, nights, remember, trends, warnings
 from crosscheck.report.build import build, summarized
 
 from .fake_engines import crosscheck

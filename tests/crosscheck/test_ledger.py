@@ -12,8 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from crosscheck.cli import main
 from crosscheck.documents.ledger import all_rows, check_row, ledger_rows, read
 from crosscheck.documents.ledger.arithmetic import Balls, Binary64, NoRoot, Undecided, count_roots, excludes_zero
-from crosscheck.documents.ledger.digits import Written, correct_digits
-from crosscheck.documents.ledger.rows import Erratum, Ledger, Value
+from crosscheck.documents.ledger.rows import Erratum, Ledger, Value, Written, correct_digits
 from crosscheck.documents.systems import me451, me581
 
 ROWS = {row.id: row for row in read().row}

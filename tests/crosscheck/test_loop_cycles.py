@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from crosscheck.documents import loops
-from crosscheck.documents.stopping import BothLargest
+from crosscheck.documents.convergence import BothLargest
 from crosscheck.engines import march
 from crosscheck.engines.march import connected
 from refkin.differences import EPS, Scheme, jacobian

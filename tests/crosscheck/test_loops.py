@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 
 import crosscheck.engines.vector_loop
 from crosscheck.documents import loops
-from crosscheck.documents.convergence import newton_order
-from crosscheck.documents.stopping import BothLargest, ResidualOrCorrection
+from crosscheck.documents.convergence import BothLargest, ResidualOrCorrection, newton_order
 from crosscheck.engines.vector_loop.solving import MinimumStatus
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Sinusoid

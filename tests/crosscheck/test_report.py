@@ -23,7 +23,7 @@ from crosscheck.night.history import remember
 from crosscheck.night.pictures import pictures
 from crosscheck.night.sections import write_documents
 from crosscheck.report.build import summarized
-from crosscheck.report.digits import quantile
+from crosscheck.report.cells import quantile
 from crosscheck.report.summary import Summary
 from refkin.scenes.files import to_dict
 from refkin.scenes.linkages import FourBar

@@ -11,7 +11,7 @@ from flint import arb
 from crosscheck.documents import loops
 from crosscheck.documents.convergence import Kind, linear_rate, newton_order, slope
 from crosscheck.documents.systems import me451, me581, metu, printed, shabana
-from crosscheck.documents.systems.twelve_coordinates import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
+from crosscheck.documents.systems.shabana import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
 from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Polynomial

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.documents.stopping import BothLargest, ResidualOrCorrection, ScaledNorms
+from crosscheck.documents.convergence import BothLargest, ResidualOrCorrection, ScaledNorms
 from crosscheck.documents.systems import me581
 from refkin.newton import CorrectionNorm, NewtonStatus, RoundOff, StoppingTest, is_round_off, newton, solve_linear
 from tests.claims import assert_near

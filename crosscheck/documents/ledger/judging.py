@@ -10,8 +10,7 @@ import numpy as np
 from flint import arb, ctx
 
 from crosscheck.documents.ledger.arithmetic import Balls, Binary64
-from crosscheck.documents.ledger.digits import Printed, Written, correct_digits, printed_is
-from crosscheck.documents.ledger.rows import Erratum, Row, Value, leaves
+from crosscheck.documents.ledger.rows import Erratum, Printed, Row, Value, Written, correct_digits, leaves, printed_is
 
 JUDGE_BITS = 256
 """Bits of the balls that enclose the truth, and of every comparison."""

@@ -8,10 +8,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents import loops
-from crosscheck.documents.convergence import slope
+from crosscheck.documents.convergence import BothLargest, slope
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, History
 from crosscheck.documents.ledger.me451 import Given, Values
-from crosscheck.documents.stopping import BothLargest
 from crosscheck.documents.systems import SquareSystem, me581
 from refkin.differences import Scheme, jacobian
 from refkin.newton import newton

@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.documents import loops
+from crosscheck.documents.convergence import ResidualOrCorrection
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, NoRoot
 from crosscheck.documents.ledger.me451 import Given, Values
-from crosscheck.documents.stopping import ResidualOrCorrection
 from crosscheck.documents.systems import SquareSystem, me581, metu, printed
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Polynomial

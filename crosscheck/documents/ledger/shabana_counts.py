@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import numpy as np
 
+from crosscheck.documents.convergence import ScaledNorms
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Binary64
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.ledger.shabana import numbers
 from crosscheck.documents.ledger.shabana_four_bar import norm
 from crosscheck.documents.ledger.shabana_slider_crank import theta3_at
-from crosscheck.documents.stopping import ScaledNorms
-from crosscheck.documents.systems.twelve_coordinates import pose
+from crosscheck.documents.systems.shabana import pose
 from refkin.analysis import position
 from refkin.joints import GROUND, AngleDriver, Gear, RackAndPinion, Revolute, YDriver
 from refkin.model import Body, Mechanism

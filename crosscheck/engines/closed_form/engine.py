@@ -4,7 +4,7 @@ It iterates on nothing and has no constraint rows, so it is the arbiter of the o
 `crosscheck.engines.closed_form`. Of the scene's estimates it takes the assembly of each dyad (the sign of the dyad's
 loop Jacobian) and the whole turns of each angle at the first time, and nothing else; the sign is kept over all times.
 Once a motion has met a pose where the sign can change, or that it cannot reach, also between two times, the branch is
-lost (`crosscheck.engines.closed_form.lost`). A dyad without an estimate gets the positive orientation, and the message
+lost (`.solution`). A dyad without an estimate gets the positive orientation, and the message
 says so.
 
 Every number is a jet of value and two derivatives, so velocities and accelerations are computed of every scene, and

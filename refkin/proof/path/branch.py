@@ -11,8 +11,7 @@ import numpy as np
 from refkin.differences import EPS
 from refkin.proof.numbers.bounded import UP, U
 from refkin.proof.numbers.preconditioned import inverses
-from refkin.proof.path.branch_points import crossing
-from refkin.proof.path.curve import Curve
+from refkin.proof.path.curve import Curve, crossing
 from refkin.proof.path.tube import Between, ConnectionProof, Tubes
 from refkin.proof.pose.certificate import certify
 from refkin.system import System
@@ -32,7 +31,7 @@ MOST_TUBES, FEW_TUBES = 4000, 400
 BLURRED = 1e-7
 """How far from their places poses may lie that are found near a crossing: the root of round-off, and more."""
 CROSSED = EPS
-"""|mu| of a singular point (`branch_points`) up to which branches cross there, and no proof is tried."""
+"""|mu| of a singular point (`curve`) up to which branches cross there, and no proof is tried."""
 
 
 class Piece(NamedTuple):

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 
 from refkin.proof.path.blocks import Blocks, blocks
-from refkin.proof.path.branch_points import Crossing, crossing
-from refkin.proof.path.curve import Curve
+from refkin.proof.path.curve import Crossing, Curve, crossing
 
 FIRST_STEP = 1e-2
 SHORTEST = 1e-11

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from refkin.proof.assembly.search import closes, radical_inverse
-from refkin.proof.path.branch_points import roots
+from refkin.proof.path.curve import roots
 from refkin.system import System
 
 ROUNDS = 24

@@ -1,0 +1,235 @@
+"""What a run adds up to: what its scenes were, what engines refused, what the reference says, how far engines agree."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from typing import Any
+
+from crosscheck.judge.records import (
+    CELL,
+    MOST_DIGITS,
+    QUANTITIES,
+    Answer,
+    Disagreement,
+    Record,
+    ReferenceRow,
+    RefusalRow,
+    cell_of,
+)
+from crosscheck.report.cells import Digits, Place, describe
+
+MOST_VALUES = 60
+"""Distinct values kept per property; what comes after is counted as "others"."""
+NOT_PROPERTIES = ("shard",)
+"""What the generator says about a scene to find it again, not to describe it."""
+OTHERS = "others"
+
+
+def decade(value: float | None) -> int | None:
+    """Return the decade [10^d, 10^(d+1)) of a positive number; None for anything else."""
+    if value is None or not math.isfinite(value) or value <= 0:
+        return None
+    return math.floor(math.log10(value))
+
+
+class Coverage:
+    """Counts of scenes by what the generator knows of them; numbers are counted by decade."""
+
+    def __init__(self) -> None:
+        self.counts: dict[str, Counter[str]] = {}
+        self.decades: dict[str, Counter[int | None]] = {}
+
+    def add(self, about: Mapping[str, Any], reference: ReferenceRow | None) -> None:
+        """Count one scene."""
+        for name, value in about.items():
+            if name in NOT_PROPERTIES:
+                continue
+            if isinstance(value, int | float) and not isinstance(value, bool):
+                self.decades.setdefault(name, Counter())[decade(value)] += 1
+            else:
+                _count(self.counts.setdefault(name, Counter()), "not applicable" if value is None else str(value))
+        if reference is not None:
+            self.decades.setdefault("sigma_min", Counter())[decade(reference.sigma_min)] += 1
+
+    def described(self) -> dict[str, Any]:
+        """Return {property: {value: scenes}}, most frequent first, and decades from the smallest on."""
+        named = {name: dict(counts.most_common()) for name, counts in sorted(self.counts.items())}
+        for name, counts in sorted(self.decades.items()):
+            known = sorted(d for d in counts if d is not None)
+            named[f"{name}_decade"] = {str(d): counts[d] for d in known}
+            if counts[None]:
+                named[f"{name}_decade"]["no decade"] = counts[None]
+        return named
+
+
+class Refusals:
+    """What engines refused, by engine, joint type, level and reason."""
+
+    def __init__(self) -> None:
+        self.joints: Counter[tuple[str, ...]] = Counter()
+        self.scenes: Counter[tuple[str, ...]] = Counter()
+
+    def add(self, rows: Sequence[RefusalRow]) -> None:
+        """Count the refusals of one scene."""
+        refused = Counter((row.engine, row.joint, row.level, row.reason) for row in rows)
+        for name, joints in refused.items():
+            kept = name if name in self.joints or len(self.joints) < MOST_VALUES else ("", "", "", OTHERS)
+            self.joints[kept] += joints
+            self.scenes[kept] += 1
+
+    def described(self) -> list[dict[str, Any]]:
+        """Return one row per refusal, most frequent first."""
+        keys = ("engine", "joint", "level", "reason")
+        order = sorted(self.joints, key=lambda name: (name[0], -self.scenes[name], name))
+        return [
+            {**dict(zip(keys, name, strict=True)), "scenes": self.scenes[name], "joints": self.joints[name]}
+            for name in order
+        ]
+
+
+class Together:
+    """How often the features of scenes were met together: the cells of the table of coverage."""
+
+    def __init__(self) -> None:
+        self.cells: Counter[tuple[str, ...]] = Counter()
+
+    def add(self, about: Mapping[str, Any]) -> None:
+        """Count one scene, if it was drawn."""
+        cell = cell_of(about)
+        if cell is not None:
+            self.cells[cell] += 1
+
+    def described(self) -> dict[str, Any]:
+        """Return the features, how many cells were met and how many only once, and every cell, the rarest last."""
+        rows = [[*cell, scenes] for cell, scenes in sorted(self.cells.items(), key=lambda item: (-item[1], item[0]))]
+        once = sum(scenes == 1 for scenes in self.cells.values())
+        return {"features": list(CELL), "cells": len(rows), "once": once, "rows": rows}
+
+
+def _count(counts: Counter[str], value: str) -> None:
+    counts[value if value in counts or len(counts) < MOST_VALUES else OTHERS] += 1
+
+
+Who = tuple[str, str]
+
+
+class Peers:
+    """Digits to which each two answers agree (one number per scene), and the attainable digits by decade."""
+
+    def __init__(self) -> None:
+        self.pairs: dict[tuple[Who, Who], list[Counter[int]]] = {}
+        self.attainable: dict[str, Digits] = {}
+
+    def add(self, record: Record) -> None:
+        """Count one scene."""
+        scale = record.reference.common.scale if record.reference and record.reference.common else {}
+        for one, other in combinations(sorted(record.answers, key=lambda a: (a.engine, a.route.name)), 2):
+            names = ((one.engine, one.route.name), (other.engine, other.route.name))
+            counts = self.pairs.setdefault(names, [Counter() for _ in QUANTITIES])
+            for quantity, of_quantity in zip(QUANTITIES, counts, strict=True):
+                digits = _agreeing(one, other, quantity, scale)
+                if digits is not None:
+                    of_quantity[math.floor(10 * digits)] += 1
+        for quantity, histograms in (record.reference.attainable_by_sigma if record.reference else {}).items():
+            for decade, histogram in histograms.items():
+                self.attainable.setdefault(quantity, Digits()).add(decade, histogram)
+
+    def attainable_described(self) -> dict[str, Any]:
+        """Return {quantity: {decade: median, 1st percentile, worst}}."""
+        return {quantity: digits.described_by_sigma() for quantity, digits in self.attainable.items()}
+
+    def agreement_described(self) -> list[dict[str, Any]]:
+        """Return one row per pair: for each quantity the median over scenes and the worst scene."""
+        return [
+            {
+                "engines": [first[0], second[0]],
+                "routes": [first[1], second[1]],
+                **{
+                    quantity: {"scenes": of_quantity.total(), **describe(of_quantity)}
+                    for quantity, of_quantity in zip(QUANTITIES, counts, strict=True)
+                },
+            }
+            for (first, second), counts in sorted(self.pairs.items())
+            if any(counts)
+        ]
+
+
+def _agreeing(one: Answer, other: Answer, quantity: str, scale: Mapping[str, float]) -> float | None:
+    """Return the digits to which two answers agree at the common sample; None if one of them has nothing there."""
+    if quantity not in scale or quantity not in one.quantities or quantity not in other.quantities:
+        return None
+    both = zip(one.quantities[quantity].common, other.quantities[quantity].common, strict=False)
+    apart = [a - b for a, b in both if a is not None and b is not None]
+    if not apart:
+        return None
+    if quantity == "position":  # angles are the same modulo full turns
+        apart[2::3] = [math.remainder(x, math.tau) for x in apart[2::3]]
+    largest = max(map(abs, apart)) / scale[quantity]
+    return MOST_DIGITS if largest == 0.0 else min(MOST_DIGITS, -math.log10(largest))
+
+
+class Silent:
+    """In how many scenes each route gave an answer that is wrong, by what is wrong with it: each scene counts once."""
+
+    def __init__(self) -> None:
+        self.scenes: dict[Who, dict[str, set[str]]] = {}
+
+    def add(self, place: Place, wrong: Disagreement) -> None:
+        """Count a disagreement; having no answer, or being ended, is not silent."""
+        if wrong.quantity != "status":
+            self.scenes.setdefault((wrong.engine, wrong.route), {}).setdefault(wrong.name, set()).add(place.key)
+
+    def of(self, engine: str, route: str) -> dict[str, int]:
+        """Return {what is wrong: scenes}, most frequent first, with "any" for all of them together."""
+        kinds = self.scenes.get((engine, route), {})
+        counts = sorted(((kind, len(keys)) for kind, keys in kinds.items()), key=lambda item: (-item[1], item[0]))
+        return {"any": len(set().union(*kinds.values())), **dict(counts)} if kinds else {}
+
+
+class ReferenceTotals:
+    """Statuses, and the extremes with the record they were met at."""
+
+    def __init__(self) -> None:
+        self.verdicts: Counter[str] = Counter()
+        self.statuses: Counter[str] = Counter()
+        self.seconds = 0.0
+        self.largest: dict[str, tuple[float, Place]] = {}
+        self.radii: dict[str, tuple[float, Place]] = {}
+        self.smallest_sigma: tuple[float, Place] | None = None
+
+    @property
+    def configurations(self) -> int:
+        """How many configurations the scenes ask for."""
+        return self.statuses.total()
+
+    def add(self, row: ReferenceRow, place: Place) -> None:
+        """Count one scene."""
+        self.verdicts[row.verdict] += 1
+        self.statuses.update(row.statuses)
+        self.seconds += row.seconds
+        if row.residual is not None and row.residual > self.largest.get("residual", (-1.0, place))[0]:
+            self.largest["residual"] = (row.residual, place)
+        for name, radius in row.certified_radius.items():
+            if radius is not None and radius > self.radii.get(name, (-1.0, place))[0]:
+                self.radii[name] = (radius, place)
+        if self.smallest_sigma is None or row.sigma_min < self.smallest_sigma[0]:
+            self.smallest_sigma = (row.sigma_min, place)
+
+    def described(self) -> dict[str, Any]:
+        """Return it as plain data."""
+        count = self.configurations
+        return {
+            "verdicts": dict(self.verdicts.most_common()),
+            "statuses": dict(self.statuses.most_common()),
+            "largest_residual": _with_place(self.largest.get("residual")),
+            "smallest_sigma_min": _with_place(self.smallest_sigma),
+            "largest_certified_radius": {name: _with_place(extreme) for name, extreme in self.radii.items()},
+            "microseconds_mean": 1e6 * self.seconds / count if count else None,
+        }
+
+
+def _with_place(extreme: tuple[float, Place] | None) -> dict[str, Any] | None:
+    return {"value": extreme[0], **vars(extreme[1])} if extreme else None
