@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import tomllib
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
 from typing import Any
+
+from rich.console import Console
 
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES
 from refkin.model import Scene
@@ -57,6 +61,7 @@ def make(docs: Path) -> None:
         _write(docs / "_static" / "made" / f"{file.stem}.svg", still(drawn(load(file))))
     _write(out / "joints.md", "\n".join(section(cls, "joint") for cls in JOINT_TYPES))
     _write(out / "drivers.md", "\n".join(section(cls, "driver") for cls in DRIVER_TYPES))
+    _write(out / "commands.md", "\n".join(commands()))
     _write(out / "findings.md", "\n".join(findings()))
     _write(out / "gallery.md", "\n".join(gallery(docs)))
 
@@ -133,6 +138,20 @@ def findings() -> Iterator[str]:
             yield f"> {' '.join(finding['quote'].split())}\n>\n> — {finding['source']}\n"
             shown = [f"`{finding[key]}`" for key in ("script", "scene") if key in finding]
             yield f"Seen on {finding['date']}; to see it again: {', '.join(shown)}.\n"
+
+
+def commands() -> Iterator[str]:
+    """Yield what the command line prints of itself, command by command."""
+    from crosscheck.cli import COMMANDS, app
+
+    yield "| command | does |\n|---|---|"
+    yield from (f"| [`{name}`](#{name.replace(' ', '-')}) | {what} |" for name, (_, what) in COMMANDS.items())
+    for name in COMMANDS:
+        printed = io.StringIO()
+        with contextlib.redirect_stdout(printed):
+            console = Console(file=printed, width=110, force_terminal=False, color_system=None)
+            app([*name.split(), "--help"], console=console, exit_on_error=False, result_action="return_value")
+        yield f"\n({name.replace(' ', '-')})=\n\n## {name}\n\n```text\n{printed.getvalue().strip()}\n```"
 
 
 def gallery(docs: Path) -> Iterator[str]:

@@ -32,7 +32,10 @@ def test_the_record_of_the_readme_has_no_disagreement():
     assert {answer["engine"] for answer in names["record"]["answers"]} == {"exudyn", "pinocchio", "mujoco"}
 
 
-@pytest.mark.parametrize("path", sorted(set(re.findall(r"(?:examples|reports|crosscheck|refkin)/[\w./-]*\w", TEXT))))
+NAMED = sorted(set(re.findall(r"(?:examples|reports|crosscheck|refkin|docs)/[\w./-]*\w", TEXT)))
+
+
+@pytest.mark.parametrize("path", NAMED)
 def test_files_that_are_named_exist(path):
     assert path.startswith("reports/latest") or (ROOT / path).exists()
 
