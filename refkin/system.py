@@ -43,7 +43,7 @@ class System:
     placed: tuple[Placed, ...]
     n: int
     m: int
-    _kept: dict[tuple[int, int], tuple[float, Any]] = field(default_factory=dict, init=False, repr=False, compare=False)
+    _kept: dict[Any, tuple[Any, Any]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def kind(self) -> Kind:
@@ -154,12 +154,13 @@ class System:
         return (*f, p.constraint.profile_values(values[p.starts[2]].value, self.unit, min(order + 2, PROFILE_ORDER)))
 
     def _laws_at(self, p: Placed, t: Any, order: int) -> Any:
-        """Return the values of a constraint's laws; Newton asks for those of one time again and again."""
-        if not isinstance(t, float):
+        """Return the values of a constraint's laws; Newton asks for those of the same times again and again."""
+        alone = isinstance(t, float)
+        if not alone and not (isinstance(t, np.ndarray) and t.dtype == float):
             return p.constraint.inputs(t, self.unit, order)
-        kept = self._kept.get((p.row, order))
-        if kept is None or kept[0] != t:
-            kept = self._kept[p.row, order] = (t, p.constraint.inputs(t, self.unit, order))
+        kept = self._kept.get(key := (p.row, order, alone))
+        if kept is None or not (kept[0] == t if alone else np.array_equal(kept[0], t)):
+            kept = self._kept[key] = (t if alone else t.copy(), p.constraint.inputs(t, self.unit, order))
         return kept[1]
 
     def rows(self, values: Any, t: Any, order: int, formula: Callable[[Constraint], Any]) -> Iterable[Any]:

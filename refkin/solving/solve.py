@@ -21,6 +21,7 @@ from refkin.proof.pose.choices import over_all_choices
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import Enclosure
 from refkin.proof.singularity.diagnosis import diagnose_scaled
+from refkin.solving.ahead import Leaps
 from refkin.solving.limits import check_size
 from refkin.solving.starts import find_start, unassemblable
 from refkin.solving.sweep import Arrival, Sweep, pose_between
@@ -95,7 +96,12 @@ def _swept(sweep: Sweep, times: tuple[float, ...]) -> tuple[Any, int, str, Statu
     """
     q = np.full((len(sweep.q[0]), len(times)), np.nan)
     q[:, 0] = sweep.q[0]
-    for done in range(1, len(times)):
+    done, leaps = 1, Leaps(sweep, times)
+    while done < len(times):
+        poses = leaps.over(done)
+        q[:, done : done + len(poses)], done = np.reshape(poses, (-1, len(q))).T, done + len(poses)
+        if done == len(times):
+            break
         arrival = sweep.to(times[done])
         if arrival is Arrival.OUT_OF_STEPS:
             return q, done, sweep.why, Status.NOT_CONVERGED
@@ -106,6 +112,7 @@ def _swept(sweep: Sweep, times: tuple[float, ...]) -> tuple[Any, int, str, Statu
         q[:, done] = sweep.q[-1]
         if arrival is Arrival.AT_SINGULAR_POSE:
             return q, done + 1, _undecided(sweep.t[-1]), Status.BRANCH_LOST
+        done += 1
     return q, len(times), "", Status.OK
 
 

@@ -9,6 +9,7 @@ are asked (`lenient`): it is noted as uncertified.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import Any
 
@@ -93,22 +94,12 @@ class Steps:
 
         Those from before a jump do not, nor those that lie too close to another.
         """
-        kept = [len(self.t) - 1]
-        first = self.jumps[-1] if self.jumps else -1
-        for k in range(len(self.t) - 2, max(len(self.t) - 8, first), -1):
-            if len(kept) < 4 and self.t[kept[-1]] - self.t[k] >= max(SPREAD * (t - self.t[-1]), LEAST):
-                kept.append(k)
-        return kept
+        return before(self.t, len(self.t) - 1, t, self.jumps[-1] if self.jumps else -1)
 
     def _predicted(self, t: float) -> Any:
         """Extrapolate the last poses by the polynomial through them (Neville's scheme)."""
         kept = self._before(t)[::-1]
-        times, poses = [self.t[k] for k in kept], [self.q[k] for k in kept]
-        for width in range(1, len(times)):
-            for k in range(len(times) - width):
-                a, b = times[k], times[k + width]
-                poses[k] = ((t - b) * poses[k] + (a - t) * poses[k + 1]) / (a - b)
-        return poses[0]
+        return neville([self.t[k] for k in kept], [self.q[k] for k in kept], t)
 
     def _corrected(self, t: float) -> NewtonResult:
         s, stop = self.system, _WhileContracting(tiny=self.tiny)
@@ -146,6 +137,14 @@ class Steps:
         signs, smallest = block_form.determinants(s.phi_q(q, t))
         return block_form.determinants(s.phi_q(*last))[0] == signs, smallest
 
+    def sides_of(self, phi_q: Any) -> tuple[Any, Any]:
+        """Return what `_sides` does of a batch of phi_q (n, n, B), (B,) each; of equations as many as coordinates."""
+        if self._blocks is None:
+            self._sides(self.q[-1], self.t[-1])
+        assert self._blocks is not None
+        signs, smallest = self._blocks.of_batch(phi_q)
+        return (signs == self._signs).all(axis=1), smallest
+
     def _at_singular_pose(self, t: float) -> bool | None:
         """Accept a pose with a tiny sigma_min, to which Newton comes slowly from the last pose; None if there is none.
 
@@ -175,6 +174,28 @@ class Steps:
             return True
         moved, apart = (float(np.max(np.abs(other.q - x))) for x in (predicted, q))
         return apart <= moved or self._sides(other.q, t)[0]
+
+
+def before(times: Sequence[float], last: int, t: float, first: int = -1) -> list[int]:
+    """Return the numbers of at most four times that say something of t, `last` and others between `first` and it.
+
+    The last one comes first; those that lie too close to another say nothing.
+    """
+    kept = [last]
+    for k in range(last - 1, max(last - 7, first), -1):
+        if len(kept) < 4 and times[kept[-1]] - times[k] >= max(SPREAD * (t - times[last]), LEAST):
+            kept.append(k)
+    return kept
+
+
+def neville(times: Sequence[Any], poses: list[Any], t: Any) -> Any:
+    """Return where the polynomial through poses at times is at t; all of them may be rows of a batch."""
+    poses = list(poses)
+    for width in range(1, len(times)):
+        for k in range(len(times) - width):
+            a, b = times[k], times[k + width]
+            poses[k] = ((t - b) * poses[k] + (a - t) * poses[k + 1]) / (a - b)
+    return poses[0]
 
 
 @dataclass

@@ -126,6 +126,11 @@ class Sweep(Steps):
         steps = range(len(self.t) - 1) if self.certified else self.uncertified
         return [k for k in steps if k not in self.jumps]
 
+    @property
+    def winds(self) -> bool:
+        """Whether it has left out whole turns, or was about to."""
+        return self._winding is not None
+
     def branching_off(self, system: System) -> Sweep:
         """Return a sweep of the same kind, with another system, that starts at time 0 from the last pose."""
         return Sweep(system, [0.0], [self.q[-1]], proving=self.proving, certified=self.certified)

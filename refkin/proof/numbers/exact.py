@@ -13,7 +13,7 @@ from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import pairwise
 from typing import Any
 
@@ -100,9 +100,12 @@ class ExactSpline:
     def __call__(self, t: Any, order: int = 0) -> Any:
         """Return the derivative of the given order at t, or over it if t is a ball; NaN where there is no value."""
         low, high = _ends(t)
-        if not self._covers(low, high) or (self.periodic and high - low > self._length):
+        if not self._covers(low, high):
             return arb.nan()
-        (turn, k), last = self._place(low), self._place(high)
+        if self.periodic and low != high and Fraction(high) - Fraction(low) > self._length:
+            return arb.nan()
+        turn, k = self._place(low)
+        last = (turn, k) if low == high else self._place(high)
         if order > CUBIC and (turn, k) != last:
             return arb.nan()
         value = self._on_piece(t, turn, k, order)
@@ -125,7 +128,7 @@ class ExactSpline:
     def _on_piece(self, t: Any, turn: int, k: int, order: int) -> Any:
         return arb(self.pieces[k](t - self._start(turn, k), order))
 
-    @property
+    @cached_property
     def _length(self) -> Fraction:
         return Fraction(self.knots[-1]) - Fraction(self.knots[0])
 
@@ -133,28 +136,37 @@ class ExactSpline:
         inside = self.periodic or self.continued or (self.knots[0] <= low and high <= self.knots[-1])
         return bool(inside and math.isfinite(high) and math.isfinite(low))
 
-    def _place(self, t: Fraction) -> tuple[int, int]:
+    def _place(self, t: float | Fraction) -> tuple[int, int]:
         """Return the whole periods before t, and the piece it then lies in; a knot belongs to the piece that begins."""
-        first = Fraction(self.knots[0])
-        turn, since = divmod(t - first, self._length) if self.periodic else (0, t - first)
-        return int(turn), min(max(bisect_right(self.knots, first + since), 1), len(self.pieces)) - 1
+        turn, x = 0, t
+        if self.periodic:
+            first = Fraction(self.knots[0])
+            turn, since = divmod(Fraction(t) - first, self._length)
+            x = first + since
+        near = float(x)  # comparing rational numbers would cost more than all the rest
+        count = bisect_right(self.knots, near)
+        if count and self.knots[count - 1] == near and x < near:
+            count -= 1
+        return int(turn), min(max(count, 1), len(self.pieces)) - 1
 
     def _start(self, turn: int, k: int) -> Any:
-        return _rational(turn * self._length + Fraction(self.knots[k]))
+        return _rational(turn * self._length + Fraction(self.knots[k])) if turn else arb(self.knots[k])
 
 
 def _ends(t: Any) -> tuple[Any, Any]:
-    """Return rational numbers that a ball lies between: itself, twice, if it is exact; NaN if it has no end."""
+    """Return exact numbers that a ball lies between: itself, twice, if it is exact; NaN if it has no end."""
     ball = arb(t)
     if not ball.is_finite():
         return math.nan, math.nan
     if ball.is_exact():
+        if ball == (near := float(ball)):
+            return near, near
         mantissa, exponent = ball.man_exp()
         whole = Fraction(int(mantissa)) * Fraction(2) ** int(exponent)
         return whole, whole
     # The nearest floats of the ends, one step further out.
     low, high = float(ball.lower()), float(ball.upper())
-    return Fraction(math.nextafter(low, -math.inf)), Fraction(math.nextafter(high, math.inf))
+    return math.nextafter(low, -math.inf), math.nextafter(high, math.inf)
 
 
 def _rational(x: Fraction) -> Any:

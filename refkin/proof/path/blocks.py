@@ -31,6 +31,14 @@ class Blocks:
         signs, logarithms = np.linalg.slogdet(stack)
         return signs.tolist(), float(np.min(logarithms, initial=0.0))
 
+    def of_batch(self, phi_q: Any) -> tuple[Any, Any]:
+        """Return the same of a batch of phi_q (m, n, B): signs (B, K), and logarithms (B,)."""
+        count = phi_q.shape[-1]
+        stack = np.repeat(self.empty[None], count, axis=0)
+        stack.reshape(count, -1)[:, self.places] = phi_q.reshape(-1, count)[self.entries].T
+        signs, logarithms = np.linalg.slogdet(stack)
+        return signs, np.min(logarithms, axis=1, initial=0.0)
+
 
 def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
     """Return the blocks of n rows of phi_q.

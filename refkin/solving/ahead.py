@@ -1,0 +1,289 @@
+"""The poses ahead of a sweep, all times at once: found as one batch, each step between them tested as one alone is.
+
+Rough poses at a few of the times, cubics (Hermite) between them and Newton's method on all times together give poses
+of which none is believed yet. Then each step from one to the next has to pass the test of `steps`: Newton's method is
+started at what the polynomial through the poses before it predicts, and must contract at once, and to the pose that is
+there. If it does, the sweep would have taken this step by itself. Steps that fail are divided, all at once; what is
+left of them is left to it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from refkin.analysis import SINGULAR
+from refkin.differences import EPS
+from refkin.newton import CONTRACTION, TINY, is_round_off
+from refkin.proof.numbers.extrema import extrema_of
+from refkin.solving.passages import OFTEN
+from refkin.solving.steps import APART, CLEAR, FIRST, FURTHEST, NEAR, SHORT, before, neville
+from refkin.solving.sweep import ALONE, Sweep
+
+DIVISIONS, MOST_DIVIDED, PARTS, SHRINKING = 4, 4, 10, 0.7
+"""How often steps may be divided, how many together, into how many parts on either side, and how these shrink."""
+FEW = 8
+"""Fewer times than this are found sooner one after another."""
+STRIDE, ROUGH, MOST_ROUGH = 18, 1e-2, 4
+"""Every how manieth time has a rough pose, its last correction [sizes, rad], and how many it may take."""
+MOST_CORRECTIONS = 30
+"""Corrections after which a guess that has not come to round-off is given up; at a limit the error halves."""
+MOST = 4
+"""Batches that are begun for one sweep; one that it leaves is of no use any more."""
+SAME = 1e-9
+"""Poses nearer to each other than this are one [sizes, rad]."""
+
+
+class Leaps:
+    """What of the way over the times of a scene a sweep goes at once.
+
+    Parameters
+    ----------
+    sweep : Sweep
+    times : sequence of float
+        All times of the scene [s].
+    """
+
+    def __init__(self, sweep: Sweep, times: Sequence[float]) -> None:
+        self.sweep, self.times, self.left = sweep, times, MOST
+        self.ahead: Ahead | None = None
+
+    def over(self, done: int) -> list[Any]:
+        """Take the sweep on from the last of the times that are done; return the poses (n,) at the next ones."""
+        poses, sweep, rest = None if self.ahead is None else self.ahead.follow(), self.sweep, self.times[done:]
+        alone = sweep.blocked or sweep.winds or sweep.system.m > sweep.system.n
+        if poses is None and self.left and len(rest) >= FEW and not alone:
+            self.ahead, self.left = Ahead(sweep, rest), self.left - 1
+            poses = self.ahead.follow()
+        return poses or []
+
+
+class Ahead:
+    """Poses at times after the last one of a sweep, and which of the steps to them it may take as they are.
+
+    Parameters
+    ----------
+    sweep : Sweep
+        Its equations are as many as its coordinates.
+    times : sequence of float
+        Those asked for, in order; extrema of the laws between them become steps of their own, as in a sweep.
+    """
+
+    def __init__(self, sweep: Sweep, times: Sequence[float]) -> None:
+        self.sweep, self.system = sweep, sweep.full
+        with np.errstate(all="ignore"):  # guesses may lie anywhere
+            here, (asked, between) = sweep.t[-1], _targets(sweep, times)
+            t = np.union1d(asked, between)
+            knots = self._rough(t)
+            t = t[t <= knots[0][-1]]
+            self.t, self.q = np.append(here, t), np.empty((len(sweep.q[-1]), 1 + len(t)))
+            self.q[:, 0], self.q[:, 1:] = sweep.q[-1], self._closed(_cubic(*knots, t), t)
+            self.stops, self.asked, self.turning = self.t, np.isin(self.t, asked), np.isin(self.t, between)
+            self.sure = np.zeros(len(t), bool)
+            if len(t):
+                self._test(np.arange(len(t)))
+            for _ in range(DIVISIONS):
+                if not self._divide():
+                    break
+
+    def follow(self) -> list[Any] | None:
+        """Take the steps that are sure, on from where the sweep is, and return the poses (n,) at the times asked for.
+
+        None if the sweep has gone elsewhere, or to the end of these poses.
+        """
+        sweep, k = self.sweep, int(np.searchsorted(self.t, self.sweep.t[-1]))
+        if k >= len(self.sure) or not np.max(np.abs(self.q[:, k] - sweep.q[-1])) <= SAME:
+            return None
+        steps = range(k, k + int(np.argmin(np.append(self.sure[k:], False))))
+        for j in steps:
+            sweep.t.append(float(self.t[j + 1]))
+            sweep.q.append(self.q[:, j + 1].copy())
+            sweep.step = 2 * (sweep.t[-1] - sweep.t[-2])
+        return [self.q[:, j + 1] for j in steps if self.asked[j + 1]]
+
+    def _rough(self, t: Any) -> tuple[Any, Any, Any]:
+        """Return times (K,), poses and velocities (n, K), the sweep's last first, as far as Newton's method leads."""
+        s, first, start = self.system, self.sweep.q[-1], self.sweep.t[-1]
+        knots = [(start, first, _solve(s.phi_q(first, start), s.nu(first, start)))]
+        bend, k, stride = np.zeros_like(first), -1, STRIDE
+        while k < len(t) - 1 and stride:
+            aim = min(k + stride, len(t) - 1)
+            (last, at, rate), now = knots[-1], float(t[aim])
+            h = now - last
+            q = predicted = at + h * (rate + 0.5 * h * bend)
+            for _ in range(MOST_ROUGH if stride > 1 else MOST_CORRECTIONS):  # the next time may be at a limit
+                jacobian = s.phi_q(q, now)
+                correction = _solve(jacobian, -s.phi(q, now))
+                q = q + correction
+                size = np.max(np.abs(correction))
+                if not ROUGH < size <= 1.0:
+                    break
+            qd = _solve(jacobian, s.nu(q, now))
+            if size <= ROUGH and (stride == 1 or np.max(np.abs(q - predicted)) <= NEAR) and np.isfinite(qd).all():
+                bend, k, stride = (qd - rate) / h, aim, min(2 * stride, STRIDE)
+                knots.append((now, q, qd))
+            else:
+                stride //= 2
+        times, poses, rates = zip(*knots, strict=True)
+        return np.array(times), np.array(poses).T, np.array(rates).T
+
+    def _closed(self, q: Any, t: Any) -> Any:
+        """Return the poses (n, B) that Newton's method finds from guesses, to round-off; NaN where it finds none."""
+        s, previous, open_ = self.system, np.full(len(t), np.inf), np.arange(len(t))
+        q, out = q.copy(), np.full_like(q, np.nan)
+        for _ in range(MOST_CORRECTIONS):
+            if not open_.size:
+                break
+            at, now = q[:, open_], t[open_]
+            residual = s.phi(at, now)
+            at = at + _solve(s.phi_q(at, now), -residual)
+            size, scale = np.max(np.abs(at - q[:, open_]), axis=0), np.maximum(1.0, np.max(np.abs(at), axis=0))
+            stalled = (size <= 1e-6 * scale) & is_round_off(residual, at) & (size > 0.6 * previous[open_])
+            done = (size <= EPS * scale) | stalled
+            q[:, open_], previous[open_] = at, size
+            out[:, open_[done]] = at[:, done]
+            open_ = open_[~done & np.isfinite(size)]
+        return out
+
+    def _divide(self) -> bool:
+        """Put poses into the first of the steps that failed; return whether there are any."""
+        bad = np.flatnonzero(~self.sure & np.isfinite(np.diff(self.q, axis=1)).all(axis=0))[:MOST_DIVIDED]
+        if not bad.size:
+            return False
+        ends = np.stack([bad, bad + 1])
+        q, t = self.q[:, ends], self.t[ends]
+        slopes = self.system.phi_q(q.reshape(len(q), -1), t.ravel())
+        rates = _solve(slopes, self.system.nu(q.reshape(len(q), -1), t.ravel())).reshape(q.shape)
+        same, _ = self.sweep.sides_of(slopes)
+        fastest = np.max(np.abs(rates), axis=(0, 1), initial=0.0)
+        near = _largest(q[:, 1] - q[:, 0]) <= 2.0 * (t[1] - t[0]) * fastest + SAME
+        count = int(np.argmin(np.append(near & same.reshape(2, -1).all(axis=0), False)))
+        if not count:  # another branch: what follows is of no use
+            return False
+        regular = np.moveaxis(slopes.reshape(*slopes.shape[:2], *t.shape)[..., :count], (2, 3), (0, 1))
+        sizes = np.linalg.norm(np.linalg.inv(regular), axis=(2, 3))
+        worst = sizes[1] / (sizes[0] + sizes[1])
+        return self._insert(*_parts(t[:, :count], q[..., :count], rates[..., :count], worst))
+
+    def _insert(self, guesses: Any, t: Any) -> bool:
+        """Add the poses that Newton's method finds from guesses, and test the steps to and from them."""
+        q = self._closed(guesses, t)
+        there = np.isfinite(q).all(axis=0)
+        t, q = t[there], q[:, there]
+        at = np.searchsorted(self.t, t)
+        self.t, self.q = np.insert(self.t, at, t), np.insert(self.q, at, q, axis=1)
+        self.asked, self.turning = np.insert(self.asked, at, False), np.insert(self.turning, at, False)
+        self.sure = np.insert(self.sure, at - 1, False)
+        new = at + np.arange(len(t))
+        steps = np.union1d(new - 1, new)
+        self.sure[steps] = False
+        if steps.size:
+            self._test(steps)
+        return bool(steps.size)
+
+    def _test(self, steps: Any) -> None:
+        """Note which of the steps, by the number of the pose that they start from, pass the test."""
+        sweep, s, ends = self.sweep, self.system, steps + 1
+        t, q, moved = self.t[ends], self.q[:, ends], np.abs(self.q[:, ends] - self.q[:, steps])
+        predicted, unled = self._predicted(ends)
+        once = predicted + (first := _solve(s.phi_q(predicted, t), -s.phi(predicted, t)))
+        twice = once + (second := _solve(s.phi_q(once, t), -s.phi(once, t)))
+        first, second, move, off, left = map(_largest, (first, second, moved, q - predicted, q - twice))
+        contracted, led = second <= CONTRACTION * first, off <= NEAR * move
+        sure = (contracted | (first < TINY)) & (left <= np.maximum(CONTRACTION * second, SAME))
+        sure &= np.where(unled, move <= FIRST, led | (off <= TINY)) & (_largest(moved[s.angles]) <= FURTHEST)
+        jacobian = s.phi_q(q, t)
+        same, determinant = sweep.sides_of(jacobian)
+        decided, k = contracted & (unled | led), np.searchsorted(self.stops, t)
+        clear = decided & (determinant > np.log(CLEAR)) & ~self.turning[ends]
+        clear &= t - self.t[steps] >= SHORT * (self.stops[k] - self.stops[k - 1])
+        sure &= same
+        doubtful = np.flatnonzero(sure & ~clear)
+        if doubtful.size:
+            sigma = np.linalg.svd(np.moveaxis(jacobian[..., doubtful], -1, 0), compute_uv=False)[:, -1]
+            near = np.maximum(off, first)[doubtful] <= sigma / APART
+            least = np.where(self.turning[ends[doubtful]], ALONE, SINGULAR)
+            sure[doubtful] = (sigma > least) & (decided[doubtful] | near)
+        sure &= (steps > 0) | (t - self.t[steps] <= sweep.step)  # a sweep may be to set out with a short step
+        self.sure[steps] = sure
+
+    def _predicted(self, ends: Any) -> tuple[Any, Any]:
+        """Return what the poses before each of some predict for it (n, B), and where that is one pose alone, (B,)."""
+        sweep = self.sweep
+        first = max(len(sweep.t) - 8, sweep.jumps[-1] + 1 if sweep.jumps else 0)
+        times = np.append(sweep.t[first:-1], self.t)
+        poses = np.concatenate([np.array(sweep.q[first:]).T, self.q[:, 1:]], axis=1)
+        numbers, listed = ends + len(times) - len(self.t), times.tolist()
+        kept = [before(listed, k - 1, listed[k]) for k in numbers.tolist()]
+        counts, out = np.array([len(these) for these in kept]), np.empty((len(poses), len(ends)))
+        for count in np.unique(counts):
+            some = np.flatnonzero(counts == count)
+            these = np.array([kept[k] for k in some])[:, ::-1].T
+            out[:, some] = neville([times[k] for k in these], [poses[:, k] for k in these], self.t[ends[some]])
+        return out, counts == 1
+
+
+def _targets(sweep: Sweep, times: Sequence[float]) -> tuple[Any, Any]:
+    """Return the times up to where laws turn back often, and where they do between them, not next to one of them."""
+    ends = np.append(sweep.t[-1], times)
+    close = 4 * EPS * np.abs(ends).max()
+    constraints = sweep.system.mechanism.constraints
+    turning = np.array(extrema_of(constraints, ends[0] + close, ends[-1] - close))
+    interval = np.searchsorted(ends, turning) - 1
+    turning = turning[np.minimum(turning - ends[interval], ends[interval + 1] - turning) > close]
+    often = np.flatnonzero(np.bincount(interval, minlength=1) > OFTEN)
+    end = ends[often[0]] if often.size else ends[-1]
+    return ends[1:][ends[1:] <= end], turning[turning < end]
+
+
+def _cubic(knots: Any, q: Any, qd: Any, t: Any) -> Any:
+    """Return poses (n, B) at t by the cubics through knots (K,), with poses and velocities (n, K) there."""
+    if len(knots) == 1:
+        return np.repeat(q, len(t), axis=1)
+    k = np.clip(np.searchsorted(knots, t) - 1, 0, len(knots) - 2)
+    h = knots[k + 1] - knots[k]
+    s, rise = (t - knots[k]) / h, q[:, k + 1] - q[:, k]
+    one, other = h * qd[:, k] - rise, rise - h * qd[:, k + 1]
+    return q[:, k] + s * (rise + (1.0 - s) * (one * (1.0 - s) + other * s))
+
+
+def _parts(t: Any, q: Any, rates: Any, worst: Any) -> tuple[Any, Any]:
+    """Return guesses (n, P) and times (P,) within steps between two poses, ends of (n, 2, B).
+
+    A step fails where a singular pose is near, and the inverse of phi_q goes about as the inverse of the way that is
+    left to it: that is the part `worst` (B,) of the step. So parts become smaller towards there, from either side, on
+    cubics in the space of q and t, because towards a limit q goes as the root of the time that is left.
+    """
+    h = t[1] - t[0]
+    unit = np.maximum(_largest(q[:, 1] - q[:, 0]), EPS) / h
+    way = np.append(q[:, 1] - q[:, 0], (unit * h)[None], axis=0)
+    tangents = np.append(rates, np.stack([unit, unit])[None], axis=0)
+    tangents *= np.linalg.norm(way, axis=0) / np.linalg.norm(tangents, axis=0)
+    left = SHRINKING ** np.arange(1.0, PARTS + 1)[:, None]
+    u = np.append(worst * (1.0 - left), 1.0 - (1.0 - worst) * (1.0 - left), axis=0)
+    one, other = (tangents[:, 0] - way)[:, None], (way - tangents[:, 1])[:, None]
+    x = u * (way[:, None] + (1.0 - u) * (one * (1.0 - u) + other * u))
+    at = t[0] + x[-1] / unit
+    inside = (at > t[0]) & (at < t[1]) & np.isfinite(x).all(axis=0)
+    at, first = np.unique(at[inside], return_index=True)
+    return (q[:, :1] + x[:-1])[:, inside][:, first], at
+
+
+def _solve(matrix: Any, right: Any) -> Any:
+    """Return x of a system (n, n), (n,), or of a batch (n, n, B), (n, B); NaN where a matrix is singular."""
+    if matrix.ndim == 2:
+        return _solve(matrix[..., None], right[:, None])[:, 0]
+    stacked, columns = np.moveaxis(matrix, -1, 0), right.T[..., None]
+    try:
+        return np.linalg.solve(stacked, columns)[..., 0].T
+    except np.linalg.LinAlgError:  # one of them spoils the batch
+        x, regular = np.full_like(right, np.nan), np.linalg.slogdet(stacked)[0] != 0.0
+        x[:, regular] = np.linalg.solve(stacked[regular], columns[regular])[..., 0].T
+        return x
+
+
+def _largest(values: Any) -> Any:
+    """Return the largest component (B,) of vectors (n, B)."""
+    return np.max(np.abs(values), axis=0, initial=0.0)
