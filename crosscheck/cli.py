@@ -34,6 +34,7 @@ COMMANDS = {
     "effects": ("effects:effects", "Show what every effect costs on a scene."),
     "bench": ("bench:bench", "Measure time and error against C, the engines, SciPy and the closed form."),
     "tape": ("tape:tape", "Print the operations that the fast path runs for a scene."),
+    "conform": ("conform:conform", "Ask an engine everything, and say what it gets wrong."),
     "engines": ("engines:print_engines", "Print what each engine can do, and why not where it refuses."),
     "ledger": ("documents:ledger", "Recompute every printed number of the source documents."),
     "history": ("nights:history", "Show the nights that were kept, and what has changed."),

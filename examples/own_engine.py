@@ -54,6 +54,9 @@ class TwoCircles:
         ends = (("A0", "crank", "A"), ("A", "coupler", "B"), ("B0", "rocker", "B"))
         links = [(_at(joints[start], body), _at(joints[end], body)) for start, body, end in ends]
         pivots = _at(joints["A0"], "ground"), _at(joints["B0"], "ground")
+        lengths = sorted([abs(pivots[1] - pivots[0]), *(abs(end - start) for start, end in links)])
+        if abs(lengths[0] + lengths[3] - lengths[1] - lengths[2]) < 1e-6 * lengths[3]:
+            raise EngineRefusal(f"two_circles refuses {scene.name!r}: where all links may lie in line no side is kept")
         angles = [float(driver.laws[0](t)) for t in scene.times]
         q = np.array([_pose(links, pivots, angle, angles[0], estimates["coupler"][2]) for angle in angles]).T
         status = tuple(Status.OK if np.isfinite(column).all() else Status.UNASSEMBLABLE for column in q.T)
@@ -69,16 +72,17 @@ def _at(joint, body):
 def _pose(links, pivots, angle, first, turn):
     """x, y, phi of the three bodies at a crank angle; at the first one the coupler is turned by about `turn`."""
     crank, coupler, rocker = (end - start for start, end in links)
-    pin, before = (pivots[0] + crank * cmath.exp(1j * a) for a in (angle, first))
-    line = pivots[1] - pin
-    side = (coupler * cmath.exp(1j * turn) / (pivots[1] - before)).imag
+    ground = pivots[1] - pivots[0]  # seen from the crank's pivot: far from the origin digits would be lost
+    pin, before = (crank * cmath.exp(1j * a) for a in (angle, first))
+    line = ground - pin
+    side = (coupler * cmath.exp(1j * turn) / (ground - before)).imag
     cosine = (abs(coupler) ** 2 + abs(line) ** 2 - abs(rocker) ** 2) / (2 * abs(coupler) * abs(line))
     if abs(cosine) > 1:
         return [np.nan] * 9
     met = pin + abs(coupler) * cmath.exp(1j * (cmath.phase(line) + np.copysign(np.arccos(cosine), side)))
     pose = []
-    for (start, end), (a, b) in zip(links, ((pivots[0], pin), (pin, met), (pivots[1], met)), strict=True):
+    for (start, end), (a, b) in zip(links, ((0, pin), (pin, met), (ground, met)), strict=True):
         phi = cmath.phase((b - a) / (end - start))
-        origin = a - start * cmath.exp(1j * phi)
+        origin = pivots[0] + (a - start * cmath.exp(1j * phi))
         pose += [origin.real, origin.imag, phi]
     return pose

@@ -119,7 +119,7 @@ def _sentence(ref: Reference, motion: Motion, order: int, quantity: QuantityComp
     allowed = float(getattr(ref.budget(terms), QUANTITIES[order])[row, k]) * size
     off = abs(float(quantity.difference[row, k])) * size
     place = f"{body}.{name}{'d' * order}"
-    violated = violations(ref, motion, order, at.time)
+    violated = violations(ref, motion, order, at.time).text
     return (
         f"{place} is off by {off:.3g} {unit} at t = {at.time:.17g} s, {off / allowed:.3g} times the allowed "
         f"{allowed:.3g} {unit}{f'; {violated}' if violated else ''}"

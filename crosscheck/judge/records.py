@@ -235,6 +235,8 @@ class Disagreement:
         Error / allowed, and where it is largest.
     message : str
         What else is known.
+    violated : tuple of str
+        The joints and drivers that the answer violates, by name, the most violated first.
     """
 
     __pydantic_config__ = STRICT
@@ -247,6 +249,7 @@ class Disagreement:
     ratio: float | None = None
     at: At | None = None
     message: str = ""
+    violated: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:

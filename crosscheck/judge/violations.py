@@ -7,6 +7,7 @@ below that level.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,8 +24,19 @@ MOST = 3
 """Joints that are named."""
 
 
-def violations(ref: Reference, motion: Motion, order: int, t: float) -> str:
-    """Return in words which joints and drivers an answer violates at a time; "" if it has not all bodies or numbers.
+@dataclass(frozen=True)
+class Violation:
+    """What an answer violates: constraints by name, the most violated first; and the same in words."""
+
+    names: tuple[str, ...] = ()
+    text: str = ""
+
+
+NOT_KNOWN = Violation()
+
+
+def violations(ref: Reference, motion: Motion, order: int, t: float) -> Violation:
+    """Return which joints and drivers an answer violates at a time; `NOT_KNOWN` if it has not all bodies or numbers.
 
     Parameters
     ----------
@@ -37,23 +49,22 @@ def violations(ref: Reference, motion: Motion, order: int, t: float) -> str:
     """
     found = _levels(ref, motion, order, t)
     if found is None:
-        return ""
+        return NOT_KNOWN
     residual, scale = found
     worst = float(np.max(np.abs(residual)))
     if worst <= ROUNDING * scale:
         other = "is it put together another way?" if order == 0 else "does its position belong to another pose?"
-        return f"every joint and driver is satisfied there to rounding: {other}"
-    named = {}
+        return Violation((), f"every joint and driver is satisfied there to rounding: {other}")
+    largest, words = {}, {}
     for placed in ref.system.placed:
         c = placed.constraint
-        largest = float(np.max(np.abs(residual[placed.row : placed.row + c.rows])))
-        if largest >= SHARE * worst:
-            kind = "driver" if c in ref.scene.mechanism.drivers else "joint"
-            named[f"{kind} {c.name!r} ({c.type})"] = largest
-    listed = sorted(named, key=lambda name: -named[name])
-    more = f" and {len(listed) - MOST} more" if len(listed) > MOST else ""
+        largest[c.name] = float(np.max(np.abs(residual[placed.row : placed.row + c.rows])))
+        words[c.name] = f"{'driver' if c in ref.scene.mechanism.drivers else 'joint'} {c.name!r} ({c.type})"
+    names = sorted((name for name in largest if largest[name] >= SHARE * worst), key=lambda name: -largest[name])
+    listed = ", ".join(words[name] for name in names[:MOST])
+    more = f" and {len(names) - MOST} more" if len(names) > MOST else ""
     what = ("", "velocity of ", "acceleration of ")[order]
-    return f"it violates the {what}{', '.join(listed[:MOST])}{more}: scaled residual {worst:.2g}"
+    return Violation(tuple(names), f"it violates the {what}{listed}{more}: scaled residual {worst:.2g}")
 
 
 def _levels(ref: Reference, motion: Motion, order: int, t: float) -> tuple[Any, float] | None:

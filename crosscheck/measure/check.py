@@ -42,7 +42,7 @@ from crosscheck.judge.samples import (
     short,
     smallest,
 )
-from crosscheck.judge.violations import violations
+from crosscheck.judge.violations import NOT_KNOWN, violations
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Route, Status
 from refkin.proof.pose.krawczyk import Verdict
@@ -274,7 +274,7 @@ def _disagreements(
 ) -> Iterator[Disagreement]:
     """Yield in what one route's answer, or its answer to the same scene in another order, is beyond what is allowed."""
     for quantity, q in compared.quantities.items():
-        violated = ""
+        violated = NOT_KNOWN
         if not q.agrees:
             kind = Kind.OTHER_ASSEMBLY if compared.other_assembly else Kind.BEYOND
             if q.worst is not None and q.worst.time is not None and kind is Kind.BEYOND:
@@ -285,7 +285,8 @@ def _disagreements(
             continue
         kind = Kind.NO_NUMBER if np.isinf(q.error).any() else kind
         ratio = largest_ratio(q.ratio)
-        yield Disagreement(**who, quantity=quantity, kind=kind, ratio=ratio, at=q.worst, message=violated)
+        seen: Any = {"kind": kind, "ratio": ratio, "at": q.worst, "message": violated.text, "violated": violated.names}
+        yield Disagreement(**who, quantity=quantity, **seen)
     for found, kind in ((compared, Kind.NO_ANSWER), (turned_round, Kind.ORDER)):
         if found is not None and found.missing and not subject.excused(found.first_missing):
             yield Disagreement(**who, quantity="status", kind=kind, message=f"{found.missing} times without answer")

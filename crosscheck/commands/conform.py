@@ -1,0 +1,74 @@
+"""`crosscheck conform`: what an engine gets wrong, in words."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict
+
+from rich.table import Table
+
+from crosscheck.commands.usage import Json, console
+from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, NOTHING_RAN, PASS
+from crosscheck.measure.conform import LEVELS, Fault, Reply, hard_replies, replies, summary
+from crosscheck.workers.installed import find_engines
+
+
+def conform(engine: str, *, as_json: Json = False) -> int:
+    """Ask an engine everything: each joint and driver at each level, statuses, orders of bodies, hard cases.
+
+    Exit codes: 0 all that it answers is right, 1 something is wrong, 2 usage, 3 engine missing, 5 it answers nothing.
+
+    Parameters
+    ----------
+    engine
+        A name, or `file.py:Class`.
+    as_json
+        Print one JSON object instead of tables.
+    """
+    found, missing = find_engines((engine,))
+    if missing:
+        print(*missing.values(), sep="\n")
+        return ENGINE_MISSING
+    ((name, (spec, version)),) = found.items()
+    replied = [*replies(spec), *hard_replies(spec)]
+    if as_json:
+        told = {"replies": [asdict(reply) for reply in replied], "summary": summary(replied)}
+        print(json.dumps({"engine": name, "version": version, **told}))
+    else:
+        _print(f"{name} {version}", replied)
+    if any(reply.faults for reply in replied):
+        return DISAGREEMENT
+    return PASS if any(reply.answered for reply in replied) else NOTHING_RAN
+
+
+def _print(who: str, replied: Sequence[Reply]) -> None:
+    table = Table("asked about", "held against the reference", "wrong", title=f"{who}: what it was asked")
+    for reply in replied:
+        wrong = ", ".join(dict.fromkeys(fault.level for fault in reply.faults))
+        held = ", ".join(reply.levels) if reply.answered else "refused"
+        table.add_row(reply.about, held, wrong or ("nothing" if reply.answered else ""))
+    console(150).print(table)
+    for line in lines(replied):
+        print(line)
+
+
+def lines(replied: Sequence[Reply]) -> list[str]:
+    """Return in words what is wrong: each kind of fault once, with where it was met and an example."""
+    kinds: dict[tuple[str, str, tuple[str, ...]], list[tuple[str, Fault]]] = {}
+    for reply in replied:
+        for fault in reply.faults:
+            kinds.setdefault((fault.level, fault.what, fault.types), []).append((reply.about, fault))
+    out = []
+    for (_, what, types), met in sorted(kinds.items(), key=lambda item: (LEVELS.index(item[0][0]), item[0][1:])):
+        joints = f": {', '.join(types)}" if types else ""
+        out.append(f"WRONG: {what}{joints}")
+        out.append(f"    asked about {'; '.join(about for about, _ in met)}")
+        out += [f"    for instance {met[0][1].example}"] if met[0][1].example else []
+    refusals = Counter(text for reply in replied if not reply.answered for text in reply.refusals)
+    out += [f"refused: {text}{f' ({count} questions)' if count > 1 else ''}" for text, count in refusals.items()]
+    answered = sum(reply.answered for reply in replied)
+    wrong = sum(bool(reply.faults) for reply in replied)
+    counted = f"{answered} of {len(replied)} questions answered, {len(replied) - answered} refused, {wrong} wrong"
+    return [*out, *summary(replied), counted]

@@ -1,0 +1,198 @@
+"""Whether an engine keeps its promises: it is asked each joint at each level; what it gets wrong is said in words."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import QUANTITIES, Engine, Level, load
+from crosscheck.judge.hard_poses import Outcome
+from crosscheck.judge.records import Disagreement, Kind, Record
+from crosscheck.measure.check import check, permuted
+from crosscheck.measure.hard_table import BAD, hard_case_rows
+from crosscheck.scenes.conformance import Question, questions
+from crosscheck.scenes.hard import hard_cases
+from crosscheck.workers.processes import Failure, call_in_turn, preload
+from refkin.model import Scene
+from refkin.motion import Motion
+
+SECONDS = 60.0
+"""After this long at one question an engine is said to hang."""
+HARD_WITHIN = 60.0
+"""After so long no further hard case is asked [s]."""
+FORM = "form"
+"""The level of what is wrong with an answer before any number is looked at."""
+ROUTES, STATUS, ROWS = "routes", "status", "own rows"
+LEVELS = (*QUANTITIES, STATUS, FORM, ROWS)
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something that an engine got wrong.
+
+    Attributes
+    ----------
+    level : str
+        One of `LEVELS`.
+    what : str
+        In words, the same for faults of one kind.
+    example : str
+        Where, and by how much.
+    types : tuple of str
+        Types of the joints and drivers that the answer violates.
+    """
+
+    level: str
+    what: str
+    example: str = ""
+    types: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Reply:
+    """What came of one question: what is wrong with the answers, or why there is none.
+
+    `levels` are those that were held against the reference, own rows among them.
+    """
+
+    about: str
+    faults: tuple[Fault, ...] = ()
+    refusals: tuple[str, ...] = ()
+    levels: tuple[str, ...] = ()
+
+    @property
+    def answered(self) -> bool:
+        """Whether there was anything to be right or wrong."""
+        return bool(self.levels or self.faults)
+
+
+def ask(engine: Engine, question: Question) -> Reply:
+    """Ask an engine one question, also with bodies, joints and drivers in reverse order.
+
+    For a test of an engine of your own: `assert not ask(MyEngine(), question).faults`, for each of `questions()`.
+    """
+    faults = list(_form_faults(engine, question.scene))
+    if faults:
+        return Reply(question.about, tuple(faults))
+    about = {"expected": str(question.expected)}
+    record = check(question.scene, [engine], about)
+    faults = list(_faults_of(record, question.scene))
+    if not faults:
+        again = check(permuted(question.scene), [engine], about)
+        told = [replace(d, kind=Kind.ORDER) for d in again.disagreements]
+        faults = list(_faults_of(replace(again, disagreements=told), question.scene))
+    levels = {q for answer in record.answers for q in answer.quantities} | ({ROWS} if record.levels else set())
+    asked = [row for row in record.refusals if row.level in ("", Level.SOLVE)]
+    refused = tuple(dict.fromkeys(f"{row.joint}: {row.reason}" if row.joint else row.reason for row in asked))
+    return Reply(question.about, tuple(faults), refused, tuple(level for level in LEVELS if level in levels))
+
+
+def _faults_of(record: Record, scene: Scene) -> Iterator[Fault]:
+    """Yield what a record says against an engine, of each route the first level alone: the others follow from it."""
+    types = {c.name: c.type for c in scene.mechanism.constraints}
+    beyond: set[str] = set()
+    for told in record.disagreements:
+        level = told.quantity if told.quantity in QUANTITIES else STATUS if told.quantity == STATUS else ROWS
+        if level in QUANTITIES and told.kind in (Kind.BEYOND, Kind.OTHER_ASSEMBLY, Kind.NO_NUMBER, Kind.ORDER):
+            if told.route in beyond:
+                continue
+            beyond.add(told.route)
+        yield Fault(level, _words(told), _example(told), tuple(dict.fromkeys(types[n] for n in told.violated)))
+
+
+def _words(told: Disagreement) -> str:
+    if told.kind is Kind.TRANSLATED:
+        return f"its own rows at level {told.quantity} are not those of the scene"
+    words = {Kind.BEYOND: "is wrong", Kind.NOT_DELIVERED: f"is {told.message}", Kind.NO_ANSWER: "no answer"}
+    text = words.get(told.kind, told.name)
+    subject = "" if told.quantity == STATUS else f"{told.quantity} "
+    return f"{subject}{text} (route {told.route!r})"
+
+
+def _example(told: Disagreement) -> str:
+    ratio = "" if told.ratio is None else f"{told.ratio:.3g} times the allowed error"
+    return "; ".join(filter(None, (told.worst if told.kind is not Kind.NOT_DELIVERED else "", ratio)))
+
+
+def _form_faults(engine: Engine, scene: Scene) -> Iterator[Fault]:
+    """Yield what is wrong with the form of an engine's answers; nothing if it refuses or fails, which `check` says."""
+    names = [route.name for route in engine.routes()]
+    if not names or len(set(names)) < len(names):
+        yield Fault(FORM, f"routes(): expected one or more, each with a name of its own, got {names}")
+        return
+    if not isinstance(engine.version(), str):
+        yield Fault(FORM, f"version(): expected a text, got {engine.version()!r}")
+    try:
+        motion: Any = engine.solve(scene, engine.routes()[0])
+    except Exception:  # a refusal, or what `check` meets again and names
+        return
+    if not isinstance(motion, Motion):
+        yield Fault(FORM, f"solve(): expected a refkin.motion.Motion, got {type(motion).__name__}")
+        return
+    count, width = len(scene.times), scene.mechanism.kind.width
+    shape = (width * len(motion.bodies), count)
+    if not np.array_equal(motion.t, scene.times):
+        yield Fault(FORM, "solve(): its times are not those of the scene")
+    if len(motion.status) != count:
+        yield Fault(FORM, f"solve(): expected a status for each of {count} times, got {len(motion.status)}")
+    for name, level in zip(("q", "qd", "qdd"), motion.levels, strict=True):
+        if level is not None and np.shape(level) != shape:
+            yield Fault(FORM, f"solve(): {name} has shape {np.shape(level)}, not {shape}: {width} rows a body")
+    strange = [body for body in motion.bodies if body not in [b.name for b in scene.mechanism.bodies]]
+    if strange:
+        yield Fault(FORM, f"solve(): it answers for {', '.join(strange)}, which the scene has not")
+
+
+@lru_cache(maxsize=1)
+def _asked() -> dict[str, Question]:
+    return {question.about: question for question in questions()}
+
+
+def reply(job: tuple[str, str]) -> Reply:
+    """Return what came of one question (engine as `load` takes it, what it is about), in a process of its own."""
+    return ask(load(job[0]), _asked()[job[1]])
+
+
+preload(__name__)
+
+
+def replies(spec: str) -> Iterator[Reply]:
+    """Yield what comes of each question; an engine that crashes or hangs at one is asked the next all the same."""
+    jobs = [(spec, about) for about in _asked()]
+    for (_, about), answer in zip(jobs, call_in_turn(reply, jobs, SECONDS), strict=True):
+        if isinstance(answer, Failure):
+            answer = Reply(about, (Fault(STATUS, f"{answer.kind}", f"{answer.name}: {answer.text}"),))
+        yield answer
+
+
+def hard_replies(spec: str, within: float = HARD_WITHIN) -> Iterator[Reply]:
+    """Yield what comes of one hard case of each kind: what matters there is that nothing wrong is called right."""
+    first = {case.case: case for case in reversed(hard_cases())}
+    for row in hard_case_rows([spec], within, cases=list(reversed(first.values()))):
+        about = f"hard case: {row['case']}"
+        if row["verdict"] == Outcome.REFUSED:
+            yield Reply(about, refusals=(row["note"],))
+            continue
+        wrong = row["verdict"] in BAD and row["class"] is None
+        what = {Outcome.WRONG: "a wrong pose is called ok at a hard case"}.get(row["verdict"], row["verdict"])
+        faults = (Fault(STATUS, f"{what} (method {row['method']!r})", row["note"]),) if wrong else ()
+        yield Reply(about, faults, levels=(QUANTITIES[0],))
+
+
+def summary(replied: Sequence[Reply]) -> list[str]:
+    """Return what all wrong answers have in common: a level, and the type of a joint."""
+    wrong = [fault for reply in replied for fault in reply.faults if fault.types]
+    if not wrong:
+        return []
+    lines = []
+    common = set.intersection(*(set(fault.types) for fault in wrong))
+    if common:
+        lines.append(f"every answer with a wrong number violates a {' or a '.join(sorted(common))}")
+    levels = {fault.level for fault in wrong}
+    if len(levels) == 1 and (level := levels.pop()) != QUANTITIES[0]:
+        lines.append(f"whatever the joint, numbers are right up to the {level}, which is the first that is wrong")
+    return lines

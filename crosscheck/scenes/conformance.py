@@ -1,0 +1,196 @@
+"""What an engine is asked before anything is drawn: each joint and driver in the plainest mechanism that has it.
+
+What is not asked about in a scene are pins and a driven angle, which an engine needs for any mechanism; so a wrong
+answer says which joint it is. Then the same four-bar in other frames, sizes and orders, and scenes that have no answer.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from refkin.joints import (
+    GROUND,
+    AngleDriver,
+    Cam,
+    Constraint,
+    Disc,
+    Distance,
+    DistanceDriver,
+    Driver,
+    Fixed,
+    Gear,
+    PointOnLine,
+    Polar,
+    Prismatic,
+    RackAndPinion,
+    Revolute,
+    XDriver,
+    YDriver,
+)
+from refkin.model import Body, Mechanism, Scene
+from refkin.motion import Status
+from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
+from refkin.scenes.linkages import FourBar, InvertedSliderCrank, SliderCrank
+
+TIMES = tuple(np.linspace(0.0, 1.2, 7).tolist())
+WAVE = Sinusoid(offset=0.9, amplitude=0.6, angular_frequency=1.3, phase=0.4)
+"""Neither its rate nor its acceleration vanishes at any of the times."""
+FOUR_BAR = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+LIMITED = FourBar(ground=4.0, crank=3.0, coupler=2.0, rocker=2.5)
+
+
+@dataclass(frozen=True)
+class Question:
+    """A scene to ask an engine, and what it is about.
+
+    Attributes
+    ----------
+    about : str
+        What is asked, in a few words.
+    expected : Status
+        The reference's verdict.
+    """
+
+    about: str
+    scene: Scene
+    expected: Status = Status.OK
+
+
+def questions() -> tuple[Question, ...]:
+    """Return all questions, the plainest first; no two are about the same."""
+    return (*_joints(), *_drivers_and_laws(), *_ways_to_say_it(), *_without_answer())
+
+
+def _pin(name: str, i: str, at_i: tuple[float, float], j: str, at_j: tuple[float, float]) -> Revolute:
+    return Revolute(name=name, body_i=i, point_i=at_i, body_j=j, point_j=at_j)
+
+
+CRANK = _pin("O", GROUND, (0.0, 0.0), "crank", (-0.5, 0.0))
+"""The pivot of a crank of 1 m, whose frame is in its middle."""
+
+
+MOTOR = AngleDriver(name="motor", body="crank", law=WAVE)
+
+
+def _scene(poses: dict[str, tuple[float, float, float]], *joints: Constraint, driver: Driver = MOTOR) -> Scene:
+    """Return a scene; poses are rough."""
+    bodies = tuple(Body(name=name, estimate=pose) for name, pose in poses.items())
+    return Scene(mechanism=Mechanism(bodies, joints, (driver,)), times=TIMES, name="conformance")
+
+
+def _joints() -> Iterator[Question]:
+    crank = {"crank": (0.21, 0.45, 1.13)}
+    guide: dict[str, Any] = {"body_i": GROUND, "axis_i": (0.6, 0.8)}
+    yield Question("revolute", FOUR_BAR.scene(law=WAVE, times=TIMES))
+    yield Question("prismatic", SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(law=WAVE, times=TIMES))
+    slot = Prismatic(
+        name="slot",
+        body_i="lever",
+        point_i=(0.0, 0.3),
+        axis_i=(1.0, 0.2),
+        body_j="block",
+        point_j=(0.1, 0.0),
+        angle=0.4,
+    )
+    pins = (_pin("A", "crank", (0.5, 0.0), "block", (0.0, 0.0)), _pin("B0", GROUND, (3.0, 0.0), "lever", (0.0, 0.0)))
+    moving = {**crank, "block": (0.42, 0.91, 2.9), "lever": (3.0, 0.0, 2.5)}
+    yield Question("prismatic between moving bodies", _scene(moving, CRANK, *pins, slot))
+    on_line = PointOnLine(name="line", **guide, point_i=(0.3, -0.2), body_j="rod", point_j=(2.5, 0.1))
+    inverted = InvertedSliderCrank(ground=3.0, crank=1.0, offset=0.3).scene(law=WAVE, times=TIMES)
+    yield Question("point_on_line of a moving body", inverted)
+    rod = {**crank, "rod": (0.42, 0.91, 0.66)}
+    yield Question("point_on_line", _scene(rod, CRANK, _pin("A", "crank", (0.5, 0.0), "rod", (0.0, 0.0)), on_line))
+    link = Distance(name="link", body_i="crank", point_i=(0.5, 0.0), body_j="rocker", point_j=(1.5, 0.0), length=3.5)
+    pivot = _pin("B0", GROUND, (4.0, 0.0), "rocker", (-1.5, 0.0))
+    yield Question("distance", _scene({**crank, "rocker": (3.6, 1.45, 1.84)}, CRANK, pivot, link))
+    plate = Fixed(name="weld", body_i="crank", point_i=(0.5, 0.1), body_j="plate", point_j=(-0.3, 0.2), angle=0.4)
+    yield Question("fixed", _scene({**crank, "plate": (0.54, 1.24, 1.53)}, CRANK, plate))
+    wheel = {**crank, "wheel": (2.0, 0.5, -1.7)}
+    axle = _pin("W", GROUND, (2.0, 0.5), "wheel", (0.0, 0.0))
+    mesh = Gear(name="mesh", body_i="crank", radius_i=1.2, body_j="wheel", radius_j=0.8, phi0_i=0.2, phi0_j=-0.3)
+    yield Question("gear", _scene(wheel, CRANK, axle, mesh))
+    yield Question(
+        "internal gear", _scene({**wheel, "wheel": (2.0, 0.5, 1.1)}, CRANK, axle, replace(mesh, radius_j=-0.8))
+    )
+    rack_guide = Prismatic(name="guide", **guide, point_i=(0.0, 1.4), body_j="rack", point_j=(0.0, 0.0), angle=0.2)
+    teeth: dict[str, Any] = {"axis_i": (0.6, 0.8), "point_i": (0.1, 0.0), "body_j": "crank", "point_j": (-0.5, 0.0)}
+    rack = RackAndPinion(name="teeth", body_i="rack", **teeth, radius=0.7, phi0=0.3, s0=0.2)
+    yield Question("rack_and_pinion", _scene({**crank, "rack": (-1.2, -0.21, 0.2)}, CRANK, rack_guide, rack))
+    for about, cam, height in _cams():
+        lift = Prismatic(
+            name="guide", body_i=GROUND, point_i=(0.2, 0.0), axis_i=(0.0, 1.0), body_j="follower", point_j=(0.0, 0.0)
+        )
+        yield Question(about, _scene({**crank, "follower": (0.2, height, 0.0)}, CRANK, lift, cam))
+
+
+def _cams() -> Iterator[tuple[str, Cam, float]]:
+    """Yield each follower on a disc off its pivot, and on a profile of its own, and how high it is at first [m]."""
+    ends: dict[str, Any] = {"name": "cam", "body_i": "crank", "body_j": "follower", "point_j": (0.0, 0.0)}
+    law = Sinusoid(offset=1.0, amplitude=0.1, angular_frequency=1.0)
+    disc: dict[str, Any] = {"point_i": (-0.3, 0.1), "profile": Disc(radius=1.1)}
+    general: dict[str, Any] = {"point_i": (-0.5, 0.0), "profile": Polar(law=law)}
+    for name, shape, heights in (("disc", disc, (1.32, 1.3, 1.58)), ("profile", general, (1.05, 1.0, 1.26))):
+        yield f"cam: flat on a {name}", Cam(**ends, **shape, follower="flat", normal_j=(0.0, 1.0)), heights[0]
+        yield f"cam: point on a {name}", Cam(**ends, **shape, follower="point"), heights[1]
+        yield f"cam: roller on a {name}", Cam(**ends, **shape, follower="roller", roller_radius=0.25), heights[2]
+
+
+def _drivers_and_laws() -> Iterator[Question]:
+    slider = SliderCrank(crank=1.0, rod=3.0, offset=0.4)
+    travel = replace(WAVE, offset=3.2, amplitude=0.3)
+    relative = FOUR_BAR.scene(law=replace(WAVE, offset=-0.4), times=TIMES, driven="coupler", relative_to="crank")
+    yield Question("angle between bodies, driven", relative)
+    yield Question("x driven", slider.scene(law=travel, times=TIMES, driven="slider"))
+    upright = replace(slider, angle=math.pi / 2)
+    yield Question("y driven", upright.scene(law=travel, times=TIMES, driven="slider"))
+    ends: dict[str, Any] = {"body_i": GROUND, "point_i": (2.0, 0.0), "body_j": "crank", "point_j": (0.5, 0.0)}
+    piston = DistanceDriver(name="piston", **ends, law=replace(WAVE, offset=2.0, amplitude=0.4))
+    yield Question("distance driven", _scene({"crank": (0.04, 0.5, 1.48)}, CRANK, driver=piston))
+    held: dict[str, Any] = {"body": "crank", "point": (0.5, 0.1), "law": replace(WAVE, offset=0.1, amplitude=0.3)}
+    yield Question(
+        "x of a point driven", _scene({"crank": (0.16, 0.47, 1.25)}, CRANK, driver=XDriver(name="x", **held))
+    )
+    yield Question("y of a point driven", _scene({"crank": (0.5, 0.06, 0.12)}, CRANK, driver=YDriver(name="y", **held)))
+    argument = np.linspace(-1.0, 3.0, 9)
+    table = Table(argument=tuple(argument.tolist()), value=tuple(np.sin(argument).tolist()))
+    laws: dict[str, Any] = {
+        "polynomial": Polynomial(coefficients=(0.3, 1.1, -0.4, 0.2)),
+        "table": table,
+        "rate": Integral(rate=WAVE, initial=0.3),
+    }
+    for name, law in laws.items():
+        yield Question(f"law: {name}", FOUR_BAR.scene(law=law, times=TIMES))
+    moved = replace(CRANK, offset_law=(replace(WAVE, amplitude=0.2), Polynomial(coefficients=(0.1, 0.3))))
+    yield Question("revolute with an offset by a law", _scene({"crank": (1.19, 0.55, 1.13)}, moved))
+
+
+def _ways_to_say_it() -> Iterator[Question]:
+    plain = FOUR_BAR.scene(law=WAVE, times=TIMES)
+    m = plain.mechanism
+    pins: Any = m.joints
+    turned = tuple(_pin(j.name, j.body_j, j.point_j, j.body_i, j.point_i) for j in pins)
+    yield Question("the ground as second body", replace(plain, mechanism=replace(m, joints=turned)))
+    yield Question("the other assembly", FOUR_BAR.scene(law=WAVE, times=TIMES, branch="crossed"))
+    small = FourBar(ground=0.004, crank=0.001, coupler=0.0035, rocker=0.003, origin=(0.05, -0.02), angle=0.7)
+    yield Question("millimetres, away from the origin, turned", small.scene(law=WAVE, times=TIMES))
+    apart = tuple(replace(j, point_j=(j.point_j[0], 0.4)) if j.body_j == "rocker" else j for j in pins)
+    yield Question("a frame beside its joints", replace(plain, mechanism=replace(m, joints=apart)))
+    yield Question("positions alone", replace(plain, effects=frozenset()))
+    yield Question("some of the bodies", replace(plain, bodies_wanted=("rocker",)))
+    yield Question("one time", replace(plain, times=TIMES[:1]))
+
+
+def _without_answer() -> Iterator[Question]:
+    plain = FOUR_BAR.scene(law=WAVE, times=TIMES)
+    m = plain.mechanism
+    far = tuple(replace(j, point_i=(8.5, 0.0)) if j.name == "B0" else j for j in m.joints)  # type: ignore[call-arg]
+    yield Question("parts that do not meet", replace(plain, mechanism=replace(m, joints=far)), Status.UNASSEMBLABLE)
+    (_, limit), *_ = LIMITED.input_range()
+    law = Polynomial(coefficients=(limit - 0.5, 0.1))
+    ends = replace(LIMITED.scene(law=law, times=TIMES), times=(0.0, 1.0, 2.0, 7.0))
+    yield Question("driven beyond its limit", ends, Status.UNASSEMBLABLE)

@@ -1,0 +1,182 @@
+"""`crosscheck conform` says in words what an engine gets wrong: which joint, which level, which promise."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import refkin
+from crosscheck.cli import main
+from crosscheck.commands.conform import lines
+from crosscheck.engines import load
+from crosscheck.measure.conform import ask, hard_replies, replies, summary
+from crosscheck.scenes.conformance import questions
+
+from .fake_engines import HANG, SEGFAULT, engine_file
+
+ROOT = Path(__file__).parent.parent.parent
+OWN = f"{ROOT / 'examples' / 'own_engine.py'}:TwoCircles"
+ASKED = {question.about: question for question in questions()}
+CHANGED = """m = scene.mechanism
+        scene = replace(scene, mechanism=replace(m, joints=tuple(
+            replace(j, {keys}) if j.type == {type!r} else j for j in m.joints), drivers=tuple(
+            replace(j, {keys}) if j.type == {type!r} else j for j in m.drivers)))"""
+"""Solves another scene: all joints of a type are taken for others."""
+
+
+def changed(kind: str, **keys: str) -> str:
+    return CHANGED.format(type=kind, keys=", ".join(f"{key}={value}" for key, value in keys.items()))
+
+
+def told(spec: str, *about: str) -> str:
+    """Return what is said of an engine that is asked some questions in this process."""
+    engine = load(spec)
+    return "\n".join(lines([ask(engine, ASKED[name]) for name in about or ASKED]))
+
+
+def test_every_joint_driver_and_status_is_asked_and_the_reference_answers_as_expected():
+    types = {c.type for q in ASKED.values() for c in q.scene.mechanism.constraints}
+    profiles = {
+        (j.follower, j.profile.kind) for q in ASKED.values() for j in q.scene.mechanism.joints if j.type == "cam"
+    }
+
+    assert types == {kind.type for kind in (*refkin.joints.JOINT_TYPES, *refkin.joints.DRIVER_TYPES)}
+    assert profiles == {(f, p) for f in ("flat", "point", "roller") for p in ("disc", "polar")}
+    for question in ASKED.values():
+        motion = refkin.solve(question.scene)
+        assert motion.verdict == question.expected, question.about
+        assert question.expected == "ok" or not np.isfinite(motion.q[0, -1])
+        assert "more than one assembly" not in motion.message
+
+
+def test_an_engine_that_answers_all_right_is_told_nothing(tmp_path):
+    """The reference itself, in the guise of an engine."""
+    said = told(engine_file(tmp_path))
+
+    assert said == f"{len(ASKED)} of {len(ASKED)} questions answered, 0 refused, 0 wrong"
+
+
+def test_the_example_is_right_where_it_answers_and_says_what_it_refuses(capsys):
+    with pytest.raises(SystemExit) as ended:
+        main(["conform", OWN])
+    shown = capsys.readouterr().out
+
+    assert ended.value.code == 0
+    assert "WRONG" not in shown
+    assert "refused: gear: no such element in this engine: rolling wheels (2 questions)" in shown
+    assert shown.splitlines()[-1].endswith(" refused, 0 wrong")
+
+
+WRONG_JOINTS = {
+    "prismatic": (changed("prismatic", angle="j.angle + 1e-9"), "prismatic"),
+    "gear": (changed("gear", radius_j="j.radius_j * (1 + 1e-9)"), "internal gear"),
+    "distance": (changed("distance", length="j.length + 1e-9"), "distance"),
+    "cam": (changed("cam", point_i="(j.point_i[0], j.point_i[1] + 1e-9)"), "cam: point on a disc"),
+    "x": (changed("x", point="(j.point[0], j.point[1] + 1e-9)"), "x of a point driven"),
+}
+
+
+@pytest.mark.parametrize("kind", WRONG_JOINTS)
+def test_an_engine_with_one_wrong_joint_is_told_which(kind, tmp_path):
+    before, about = WRONG_JOINTS[kind]
+    said = told(engine_file(tmp_path, before=before), "revolute", about)
+
+    assert f"WRONG: position is wrong (route 'made up'): {kind}\n    asked about {about}\n" in said
+    assert f"every answer with a wrong number violates a {kind}\n" in said
+    assert "2 of 2 questions answered, 0 refused, 1 wrong" in said
+
+
+@pytest.mark.parametrize(
+    ("after", "said"),
+    [
+        ("motion = replace(motion, qdd=motion.qdd * (1 + 1e-9))", "WRONG: acceleration is wrong (route 'made up')"),
+        ("motion = replace(motion, qd=motion.qd * (1 + 1e-9))", "WRONG: velocity is wrong (route 'made up')"),
+        ("motion = replace(motion, qd=None)", "WRONG: velocity is not delivered at any time (route 'made up')"),
+        (
+            "motion = replace(motion, bodies=motion.bodies[:1], q=motion.q[:3], qd=motion.qd[:3], qdd=motion.qdd[:3])",
+            "WRONG: position is no answer for coupler, rocker (route 'made up')",
+        ),
+        ("motion = replace(motion, q=motion.q[:, :-1])", "WRONG: solve(): q has shape (9, 6), not (9, 7)"),
+        ("motion = motion.q", "WRONG: solve(): expected a refkin.motion.Motion, got ndarray"),
+    ],
+    ids=["acceleration", "velocity", "no velocity", "one body", "shape", "no motion"],
+)
+def test_an_engine_with_one_wrong_level_is_told_which(after, said, tmp_path):
+    shown = told(engine_file(tmp_path, after=after), "revolute")
+
+    assert said in shown
+    assert shown.count("WRONG") == 1
+
+
+def test_a_level_that_is_wrong_whatever_the_joint_is_told_as_such(tmp_path):
+    spec = engine_file(tmp_path, after="motion = replace(motion, qdd=motion.qdd * (1 + 1e-9))")
+    asked = [ask(load(spec), ASKED[name]) for name in ("revolute", "prismatic", "gear")]
+
+    assert summary(asked)[-1] == (
+        "whatever the joint, numbers are right up to the acceleration, which is the first that is wrong"
+    )
+
+
+def test_an_engine_that_lies_about_its_status_is_told_where(tmp_path):
+    numbers = ", ".join(f"{level}=np.nan_to_num(motion.{level})" for level in ("q", "qd", "qdd"))
+    lying = f"motion = replace(motion, status=(Status.OK,) * len(motion.t), {numbers})"
+    said = told(engine_file(tmp_path, after=lying), "revolute", "parts that do not meet", "driven beyond its limit")
+
+    assert "ok where there is no assembly (route 'made up')" in said
+    assert "asked about parts that do not meet; driven beyond its limit" in said
+    assert "1 of 1" not in said
+    assert said.endswith("3 of 3 questions answered, 0 refused, 2 wrong")
+
+
+def test_an_engine_that_depends_on_the_order_of_bodies_is_told_so(tmp_path):
+    """It takes the first body for the crank."""
+    ordered = "motion = motion if scene.mechanism.bodies[0].name == 'crank' else replace(motion, q=motion.q + 1e-9)"
+    said = told(engine_file(tmp_path, after=ordered), "revolute", "law: table", "law: polynomial")
+
+    assert "position depends on the order of bodies (route 'made up')" in said
+    assert "3 wrong" in said
+
+
+def test_an_engine_that_crashes_or_hangs_at_a_question_is_asked_the_next(tmp_path, monkeypatch):
+    monkeypatch.setattr("crosscheck.measure.conform.SECONDS", 4.0)
+    monkeypatch.setattr(
+        "crosscheck.measure.conform._asked", lambda: {k: ASKED[k] for k in ("fixed", "gear", "distance")}
+    )
+    at = "if any(j.type == {!r} for j in scene.mechanism.joints): {}"
+    spec = engine_file(tmp_path, before=at.format("fixed", SEGFAULT) + "\n        " + at.format("gear", HANG))
+    fixed, gear, distance = replies(spec)
+
+    assert fixed.faults[0].what == "crash"
+    assert gear.faults[0].what == "hang"
+    assert distance.faults == ()
+
+
+def test_hard_cases_are_asked_and_what_is_wrong_there_is_told(tmp_path):
+    shifted = engine_file(tmp_path, after="motion = replace(motion, q=motion.q + 1e-6)")
+    asked = list(hard_replies(shifted, within=10.0))
+
+    assert len(asked) >= 10
+    assert any("a wrong pose is called ok at a hard case" in f.what for reply in asked for f in reply.faults)
+
+
+def test_an_engine_that_is_not_there_is_named_and_one_that_answers_nothing_passes_nothing(
+    tmp_path, capsys, monkeypatch
+):
+    monkeypatch.setattr("crosscheck.commands.conform.hard_replies", lambda spec: iter(()))
+    monkeypatch.setattr("crosscheck.measure.conform._asked", lambda: {"fixed": ASKED["fixed"]})
+    refuses = engine_file(
+        tmp_path, name="no", before="raise __import__('crosscheck.engines').engines.EngineRefusal('never')"
+    )
+    codes = []
+    for spec in ("nobody", refuses):
+        with pytest.raises(SystemExit) as ended:
+            main(["conform", spec, "--json"])
+        codes.append(ended.value.code)
+    shown = capsys.readouterr().out
+
+    assert codes == [3, 5]
+    assert "no engine is called 'nobody'" in shown
+    assert json.loads(shown.splitlines()[-1])["replies"][0]["refusals"] == ["never"]
