@@ -12,7 +12,7 @@ from typing import Any
 
 from rich.console import Console
 
-from refkin.joints import DRIVER_TYPES, JOINT_TYPES
+from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
 from refkin.model import Scene
 from refkin.output import Drawing, animated, still
 from refkin.scenes.files import load
@@ -29,6 +29,14 @@ KEYS = {
     "point_j": "a point of body j, in its frame [m]",
     "point": "a point of the body, in its frame [m]",
     "axis_i": "a direction in the frame of body i; any vector but zero",
+    "axis_j": "the same direction in the frame of body j",
+    "zero_i": "a direction across the axis in the frame of body i, from which the angle counts",
+    "zero_j": "the same in the frame of body j, to which the angle counts",
+    "pitch": "shift for each radian [m/rad]",
+    "shift": "shift where the angle is 0 [m]",
+    "spacing": "of the form `printed`: distance of two points of the axis [m]; by default the size of the mechanism",
+    "form": 'which rows state it: `"half"`, `"dot"` or `"printed"` ([theory](theory.md#joints-of-space))',
+    "joint": "the name of the joint that is driven",
     "angle": "how far body j is turned against body i [rad]",
     "length": "distance of the two points [m], above 0",
     "offset_law": "two laws, x and y [m]: what leads from point i to point j, in the ground frame",
@@ -61,6 +69,8 @@ def make(docs: Path) -> None:
         _write(docs / "_static" / "made" / f"{file.stem}.svg", still(drawn(load(file))))
     _write(out / "joints.md", "\n".join(section(cls, "joint") for cls in JOINT_TYPES))
     _write(out / "drivers.md", "\n".join(section(cls, "driver") for cls in DRIVER_TYPES))
+    _write(out / "spatial_joints.md", "\n".join(section(cls, "joint", "spatial-") for cls in SPATIAL_JOINT_TYPES))
+    _write(out / "spatial_drivers.md", "\n".join(section(cls, "driver", "spatial-") for cls in SPATIAL_DRIVER_TYPES))
     _write(out / "commands.md", "\n".join(commands()))
     _write(out / "findings.md", "\n".join(findings()))
     _write(out / "gallery.md", "\n".join(gallery(docs)))
@@ -79,10 +89,10 @@ def drawn(scene: Scene) -> Drawing:
     return Drawing(asked, solve(asked))
 
 
-def section(cls: Any, kind: str) -> str:
+def section(cls: Any, kind: str, prefix: str = "") -> str:
     """Return the section of a joint or driver: what it says, its picture, its keys, a scene."""
     name = cls.__dataclass_fields__["type"].default
-    stem = name if kind == "joint" else f"{name}-driver"
+    stem = prefix + (name if kind == "joint" else f"{name}-driver")
     rows = "\n".join(key_rows(cls))
     said = " ".join((cls.__doc__ or "").split("\n\n")[0].split())
     return f"""

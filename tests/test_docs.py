@@ -10,7 +10,7 @@ import sys
 import pytest
 
 from crosscheck.cli import main
-from refkin.joints import DRIVER_TYPES, JOINT_TYPES
+from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
 from tests.houseplan import ROOT, sources
@@ -57,9 +57,11 @@ def test_the_scenes_of_the_book_are_solved(file):
 
 
 def test_every_joint_and_driver_has_a_scene_that_shows_it():
-    for kind, types in (("joint", JOINT_TYPES), ("driver", DRIVER_TYPES)):
-        for cls in types:
-            name = cls.__dataclass_fields__["type"].default
+    joints = [("", cls) for cls in JOINT_TYPES] + [("spatial-", cls) for cls in SPATIAL_JOINT_TYPES]
+    drivers = [("", cls) for cls in DRIVER_TYPES] + [("spatial-", cls) for cls in SPATIAL_DRIVER_TYPES]
+    for kind, types in (("joint", joints), ("driver", drivers)):
+        for prefix, cls in types:
+            name = prefix + cls.__dataclass_fields__["type"].default
             scene = load(DOCS / "scenes" / (f"{name}.toml" if kind == "joint" else f"{name}-driver.toml"))
 
             assert cls in {type(c) for c in getattr(scene.mechanism, f"{kind}s")}
@@ -67,9 +69,9 @@ def test_every_joint_and_driver_has_a_scene_that_shows_it():
 
 def test_equations_that_docstrings_cite_exist():
     theory = (DOCS / "theory.md").read_text(encoding="utf-8")
-    numbers = re.findall(r"\(([KJCBS]\d+)\)", theory)
+    numbers = re.findall(r"\(([KJCBSM]\d+)\)", theory)
     texts = [path.read_text(encoding="utf-8") for package in ("refkin", "crosscheck") for path in sources(package)]
-    cited = {number for text in texts for number in re.findall(r"\(([KJCB]\d+)\)", text)}
+    cited = {number for text in texts for number in re.findall(r"\(([KJCBM]\d+)\)", text)}
 
     assert cited >= {f"J{k}" for k in range(1, 17)}
     assert cited <= set(numbers)

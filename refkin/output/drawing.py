@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 from refkin.errors import RefkinError
+from refkin.joints import SPACE, SpatialPointDistance
 from refkin.joints.elements import (
     GROUND,
     Contact,
@@ -25,7 +26,9 @@ from refkin.joints.elements import (
     elements_of,
 )
 from refkin.model import Scene
-from refkin.motion import Motion
+from refkin.motion import Motion, point_motion
+from refkin.output.shapes import Shape
+from refkin.output.spatial import VIEW, block, features_of_joints, triad
 
 RATES = ("velocity", "acceleration")
 LONGEST = 0.25
@@ -38,25 +41,6 @@ class NothingToDraw(RefkinError):
 
 
 @dataclass(frozen=True)
-class Shape:
-    """A line, an outline or a circle.
-
-    Attributes
-    ----------
-    role : str
-        What it shows: ground, guide, body, slider, link, wheel, pin, curve, velocity or acceleration.
-    points : (2, K) array
-        [m], in the frame of the part, or in the ground frame.
-    radius : float
-        Of a circle around the one point [m].
-    """
-
-    role: str
-    points: Any
-    radius: float = 0.0
-
-
-@dataclass(frozen=True)
 class Part:
     """Shapes that move as one.
 
@@ -66,8 +50,8 @@ class Part:
         The body's or massless link's.
     shapes : tuple of Shape
         In the part's own frame.
-    poses : (3, T) array
-        x, y [m] and angle [rad] of that frame at each time that is shown.
+    poses : (3, T) or (7, T) array
+        The coordinates of that frame at each time that is shown.
     """
 
     name: str
@@ -75,9 +59,24 @@ class Part:
     poses: Any
 
     def at(self, k: int) -> Iterator[Shape]:
-        """Yield the shapes in the ground frame at the k-th time that is shown."""
+        """Yield the shapes as they are seen at the k-th time that is shown."""
         for shape in self.shapes:
-            yield Shape(shape.role, placed(self.poses[:, k], shape.points), shape.radius)
+            yield Shape(shape.role, seen(placed(self.poses[:, k], shape.points)), shape.radius)
+
+
+@dataclass(frozen=True)
+class Link:
+    """A massless link of space, by the paths (3, T) of its ends; a `Part` would have a spin of its own."""
+
+    name: str
+    ends: tuple[Any, Any]
+
+    def at(self, k: int) -> Iterator[Shape]:
+        """Yield the link and its pins as they are seen at the k-th time that is shown."""
+        points = seen(np.stack([end[:, k] for end in self.ends], axis=1))
+        yield Shape("link", points)
+        for point in points.T:
+            yield Shape("pin", point[:, None])
 
 
 class Drawing:
@@ -98,10 +97,10 @@ class Drawing:
     ----------
     t : (T,) array
         The times that are shown [s]: those with a pose.
-    parts : list of Part
+    parts : list of Part or Link
         The ground first.
     box : (2, 2) array
-        Least and largest x and y of all that is shown at any time [m].
+        Least and largest of all that is seen at any time, across and up [m].
     """
 
     def __init__(self, scene: Scene, motion: Motion) -> None:
@@ -114,33 +113,40 @@ class Drawing:
         self.scene, self.t, self.status = scene, motion.t[shown], [motion.status[k] for k in shown]
         self._rates = [None if rate is None else rate[:, shown] for rate in (motion.qd, motion.qdd)]
         self._names = list(motion.bodies)
-        still = np.zeros((3, len(shown)))
-        self._poses = {GROUND: still} | {name: motion.q[3 * k :, shown][:3] for k, name in enumerate(self._names)}
+        self._kind = motion.kind
+        still = np.repeat(np.array(self._kind.still)[:, None], len(shown), axis=1)
+        self._poses = {GROUND: still} | {name: motion[name].q[:, shown] for name in self._names}
         self._size = scene.mechanism.size()
         elements = list(elements_of(scene.mechanism.joints))
         self._points = _points_of(scene, elements)
-        self.parts = [Part(name, tuple(self._shapes(name, elements)), self._poses[name]) for name in (GROUND, *names)]
-        self.parts += [self._link(e) for e in elements if isinstance(e, PointDistance)]
-        self.curves = [Shape("curve", self._path(point.body, point.position)) for point in scene.points]
+        self.parts: list[Part | Link] = []
+        self.parts += [Part(name, tuple(self._shapes(name, elements)), self._poses[name]) for name in (GROUND, *names)]
+        self.parts += [self._link(e) for e in elements if isinstance(e, PointDistance | SpatialPointDistance)]
+        self.curves = [Shape("curve", seen(self._path(point.body, point.position))) for point in scene.points]
         self.box = self._box()
 
     def _shapes(self, name: str, elements: list[Element]) -> Iterator[Shape]:
-        points = np.array(self._points[name], float).reshape(-1, 2).T
+        points = np.array(self._points[name], float).reshape(-1, self._kind.dimension).T
         if name != GROUND:
             yield _outline(points, self._size)
+        elif self._kind is SPACE:
+            yield from triad(self._size)
+        if self._kind is SPACE:
+            yield from features_of_joints(elements, name, self._size)
         for element in elements:
             yield from _features(element, name, self._size, points)
         for point in points.T:
             yield Shape("ground" if name == GROUND else "pin", point[:, None])
 
     def _path(self, body: str, point: Any) -> Any:
-        """Return the path (2, T) of a point of a body [m]."""
-        x, y, angle = self._poses[body]
-        c, s = np.cos(angle), np.sin(angle)
-        return np.array([x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]])
+        """Return the path (2, T) or (3, T) of a point of a body [m]."""
+        return point_motion(point, self._poses[body]).r
 
-    def _link(self, element: PointDistance) -> Part:
-        (xi, yi), (xj, yj) = (self._path(body, point) for body, point in element.ends)
+    def _link(self, element: Element) -> Part | Link:
+        first, last = (self._path(body, point) for body, point in element.ends)
+        if self._kind is SPACE:
+            return Link(element.name, (first, last))
+        (xi, yi), (xj, yj) = first, last
         poses = np.array([xi, yi, np.unwrap(np.arctan2(yj - yi, xj - xi))])
         ends = np.array([[0.0, math.hypot(xj[0] - xi[0], yj[0] - yi[0])], [0.0, 0.0]])
         pins = [Shape("pin", end[:, None]) for end in ends.T]
@@ -148,14 +154,11 @@ class Drawing:
 
     def _box(self) -> Any:
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
-        for part in self.parts:
-            for shape in part.shapes:
-                if shape.role == "guide":
-                    continue
-                for k in range(len(self.t)):
-                    points = placed(part.poses[:, k], shape.points)
-                    low = np.minimum(low, points.min(axis=1) - shape.radius)
-                    high = np.maximum(high, points.max(axis=1) + shape.radius)
+        every = (shape for k in range(len(self.t)) for part in self.parts for shape in part.at(k))
+        for shape in every:
+            if shape.role != "guide" or self._kind is SPACE:
+                low = np.minimum(low, shape.points.min(axis=1) - shape.radius)
+                high = np.maximum(high, shape.points.max(axis=1) + shape.radius)
         for curve in self.curves:
             low, high = np.minimum(low, curve.points.min(axis=1)), np.maximum(high, curve.points.max(axis=1))
         return np.array([low, high])
@@ -185,28 +188,30 @@ class Drawing:
         ]
 
     def _vectors(self, rate: str) -> list[tuple[Any, Any]]:
-        """Return the path (2, T) and the vectors (2, T) of each point of a moving body."""
+        """Return the path (2, T) and the vectors (2, T) of each point of a moving body, as they are seen."""
         qd, qdd = self._rates
         order = RATES.index(rate)
         if qd is None or (order and qdd is None):
             raise NothingToDraw(f"the motion holds no {rate}: name it among the effects of the scene")
-        vectors = []
+        width, vectors = self._kind.width, []
         for number, name in enumerate(self._names):
-            rows = slice(3 * number, 3 * number + 3)
+            rows = slice(width * number, width * (number + 1))
             for point in self._points[name]:
-                path = self._path(name, point)
-                arm, turn = path - self._poses[name][:2], np.array([[0.0, -1.0], [1.0, 0.0]])
-                vector = qd[rows][:2] + qd[rows][2] * (turn @ arm)
-                if order and qdd is not None:
-                    vector = qdd[rows][:2] + qdd[rows][2] * (turn @ arm) - qd[rows][2] ** 2 * arm
-                vectors.append((path, vector))
+                moves = point_motion(
+                    point, self._poses[name], qd[rows], qdd[rows] if order and qdd is not None else None
+                )
+                vectors.append((seen(moves.r), seen(moves.a if order else moves.v)))
         return vectors
 
 
+def seen(points: Any) -> Any:
+    """Return points (2, K) of a picture: those of the plane themselves, those of space by the view of `spatial`."""
+    return VIEW @ points if len(points) == len(VIEW[0]) else points
+
+
 def placed(pose: Any, points: Any) -> Any:
-    """Return points (2, K) of a frame at x, y, angle in the ground frame."""
-    c, s = math.cos(pose[2]), math.sin(pose[2])
-    return np.array([[c, -s], [s, c]]) @ points + np.asarray(pose[:2])[:, None]
+    """Return points (2, K) or (3, K) of a frame, which has the coordinates of a body, in the ground frame."""
+    return point_motion(tuple(points), np.repeat(np.asarray(pose)[:, None], points.shape[1], axis=1)).r
 
 
 def _points_of(scene: Scene, elements: list[Element]) -> dict[str, list[Any]]:
@@ -223,6 +228,8 @@ def _outline(points: Any, size: float) -> Shape:
     """Return a bar through two points, a plate through more, a small block around one or none."""
     if points.shape[1] > 1:
         return Shape("body", points)
+    if len(points) == SPACE.dimension:
+        return block(points, size)
     x, y = points[:, 0] if points.shape[1] else (0.0, 0.0)
     w, h = 0.06 * size, 0.035 * size
     return Shape("slider", np.array([[x - w, x + w, x + w, x - w], [y - h, y - h, y + h, y + h]]))

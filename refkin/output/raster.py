@@ -11,7 +11,8 @@ from matplotlib.figure import Figure  # not pyplot: it wants a screen, and leave
 from matplotlib.markers import CARETUP
 from matplotlib.patches import Circle, Polygon
 
-from refkin.output.drawing import Drawing, NothingToDraw, Shape
+from refkin.output.drawing import Drawing, NothingToDraw
+from refkin.output.shapes import Shape
 from refkin.output.svg import STYLES, frames_of
 
 RESOLUTION = 110

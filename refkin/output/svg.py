@@ -8,7 +8,9 @@ from xml.etree import ElementTree as ET
 
 import numpy as np
 
-from refkin.output.drawing import Drawing, Part, Shape
+from refkin.joints import PLANE
+from refkin.output.drawing import Drawing, Link, Part
+from refkin.output.shapes import Shape
 
 WIDTH, MARGIN, TALLEST = 640, 36, 720
 """Pixels: of the picture, around the mechanism, and of the height at most."""
@@ -18,6 +20,7 @@ LINE = {"fill": "none", "stroke-linecap": "round", "stroke-linejoin": "round"}
 STYLES: dict[str, dict[str, str]] = {
     "ground": {"fill": "#555", "stroke": "#555"},
     "guide": {**LINE, "stroke": "#999", "stroke-width": "1.5", "stroke-dasharray": "6 4"},
+    "axis": {**LINE, "stroke": "#E69F00", "stroke-width": "5"},
     "body": {**LINE, "fill": "#0072B233", "stroke": "#0072B2", "stroke-width": "5"},
     "slider": {**LINE, "fill": "#0072B255", "stroke": "#0072B2", "stroke-width": "3"},
     "link": {**LINE, "stroke": "#56B4E9", "stroke-width": "3"},
@@ -115,9 +118,12 @@ def animated(drawing: Drawing, seconds: float = 4.0) -> str:
     for curve in drawing.curves:
         sheet.add(curve, sheet.root)
     for part in drawing.parts:
-        inner = _moving(part, sheet, frames, timing) if len(frames) > 1 else ET.SubElement(sheet.root, "g")
-        for shape in part.shapes if len(frames) > 1 else part.at(0):
-            sheet.add(shape, inner, local=len(frames) > 1)
+        if isinstance(part, Part) and len(part.poses) == PLANE.width and len(frames) > 1:
+            inner = _moving(part, sheet, frames, timing)
+            for shape in part.shapes:
+                sheet.add(shape, inner, local=True)
+        else:
+            _reshaped(part, sheet, frames, timing)
     return sheet.text()
 
 
@@ -133,6 +139,23 @@ def _moving(part: Part, sheet: _Sheet, frames: Sequence[int], timing: dict[str, 
         ET.SubElement(group, "animateTransform", animation)
     ET.SubElement(group, "title").text = part.name
     return group
+
+
+def _reshaped(part: Part | Link, sheet: _Sheet, frames: Sequence[int], timing: dict[str, str]) -> None:
+    """Put a part of space on the page: its lines change, where those of the plane are moved and turned."""
+    group = ET.SubElement(sheet.root, "g")
+    ET.SubElement(group, "title").text = part.name
+    poses = []
+    for k in frames:
+        poses.append(ET.Element("g"))
+        for shape in part.at(k):
+            sheet.add(shape, poses[-1])
+    for looks in zip(*poses, strict=True):
+        group.append(looks[0])
+        for name in list(looks[0].attrib):
+            values = [look.get(name, "") for look in looks]
+            if len(set(values)) > 1:
+                ET.SubElement(looks[0], "animate", {"attributeName": name, "values": ";".join(values), **timing})
 
 
 def frames_of(drawing: Drawing) -> list[int]:

@@ -1,0 +1,88 @@
+"""Mechanisms of space are seen from one place: parts where the bodies are, arrows along their motion, moving lines."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+
+from refkin.model import Effect
+from refkin.motion import point_motion
+from refkin.output import Drawing, animated, still
+from refkin.output.drawing import seen
+from refkin.output.spatial import VIEW
+from refkin.scenes.files import load
+from refkin.solving.solve import solve
+
+SCENES = Path(__file__).parents[2] / "docs" / "scenes"
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.fixture(scope="module")
+def scene():
+    found = replace(load(SCENES / "spatial-screw.toml"), effects=frozenset(Effect), evidence=frozenset())
+    return replace(found, times=found.times[:9])
+
+
+@pytest.fixture(scope="module")
+def motion(scene):
+    return solve(scene)
+
+
+def test_the_view_is_a_right_handed_projection():
+    across, up = VIEW
+
+    assert pytest.approx(np.eye(2)) == VIEW @ VIEW.T
+    assert pytest.approx([0.0, up[2]]) == VIEW @ [0.0, 0.0, 1.0]
+    assert up[2] > 0
+    assert np.cross(across, up) @ [1.0, 0.0, 0.0] > 0 > np.cross(across, up) @ [0.0, 1.0, 0.0]
+
+
+def test_parts_are_seen_where_the_bodies_are():
+    found = replace(load(SCENES / "spatial-distance.toml"), evidence=frozenset())
+    answer = solve(replace(found, times=found.times[:5]))
+    drawing = Drawing(answer.scene, answer)
+    ends = [point_motion(u, answer[body].q).r for body, u in (("crank", (1.0, 0.0, 0.0)), ("rocker", (2.0, 0.0, 0.0)))]
+    link = next(part for part in drawing.parts if part.name == "coupler")
+    for k in range(5):
+        points = np.stack([end[:, k] for end in ends], axis=1)
+
+        assert np.linalg.norm(points[:, 1] - points[:, 0]) == pytest.approx(3.0)
+        assert next(shape for shape in link.at(k) if shape.role == "link").points == pytest.approx(VIEW @ points)
+        crank = next(part for part in drawing.parts if part.name == "crank")
+        assert any(np.allclose(shape.points[:, -1], VIEW @ points[:, 0]) for shape in crank.at(k))
+
+
+@pytest.mark.parametrize("rate", ["velocity", "acceleration"])
+def test_an_arrow_is_seen_along_the_motion_of_its_point(scene, motion, rate):
+    handle = motion.points["handle"]
+    for k in range(9):
+        truth = VIEW @ getattr(handle, rate[0])[:, k]
+        arrows = [a.points for a in Drawing(scene, motion).arrows(k, rate)]
+        (arrow,) = [points for points in arrows if np.allclose(points[:, 0], VIEW @ handle.r[:, k])]
+        shown = arrow[:, 1] - arrow[:, 0]
+
+        assert shown / np.linalg.norm(shown) == pytest.approx(truth / np.linalg.norm(truth))
+
+
+def test_the_lines_of_an_animation_go_through_the_stills(scene, motion):
+    drawing = Drawing(scene, motion)
+    moving = ET.fromstring(animated(drawing))
+    paths = [a.get("values").split(";") for a in moving.iter(f"{SVG}animate") if a.get("attributeName") == "d"]
+
+    assert paths
+    for k in range(9):
+        still_paths = {path.get("d") for path in ET.fromstring(still(drawing, k)).iter(f"{SVG}path")}
+        assert {values[k] for values in paths} <= still_paths
+
+
+@pytest.mark.parametrize("file", sorted(SCENES.glob("spatial-*.toml")), ids=lambda file: file.stem)
+def test_every_joint_of_space_can_be_drawn(file):
+    found = replace(load(file), evidence=frozenset())
+    answer = solve(replace(found, times=found.times[:2]))
+
+    assert seen(np.zeros((3, 1))).shape == (2, 1)
+    assert still(Drawing(answer.scene, answer)).startswith("<svg")
