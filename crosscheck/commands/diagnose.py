@@ -13,7 +13,7 @@ from crosscheck.commands.solve import SCHEMA, numbers
 from crosscheck.commands.usage import Json
 from refkin.model import Scene
 from refkin.motion import Motion, Status
-from refkin.proof.singularity.diagnosis import Diagnosis, Kind
+from refkin.proof.singularity.diagnosis import Diagnosis, PoseKind
 from refkin.scenes.files import load
 from refkin.solving.diagnose import diagnose
 from refkin.solving.solve import solve
@@ -88,5 +88,5 @@ def print_diagnosis(scene: Path, *, as_json: Json = False) -> int:
     answer = diagnose(read, np.append(motion.q[:, k], contacts), float(motion.t[k]))
     text = json.dumps(to_json(read, motion, k, answer)) if as_json else "\n".join(lines(motion, motion.t[k], answer))
     print(text)
-    ended = motion.status[k] is Status.OK and answer.kind in (Kind.REGULAR, Kind.STRUCTURE, Kind.REDUNDANT)
+    ended = motion.status[k] is Status.OK and answer.kind in (PoseKind.REGULAR, PoseKind.STRUCTURE, PoseKind.REDUNDANT)
     return 0 if ended else 1

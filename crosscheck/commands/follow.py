@@ -15,7 +15,7 @@ from crosscheck.commands.usage import Json, print_numbers, writable
 from refkin.errors import UnknownName
 from refkin.model import Scene
 from refkin.output.tables import wide
-from refkin.proof.path.tracing import End
+from refkin.proof.path.tracing import TraceEnd
 from refkin.scenes.files import load
 from refkin.solving.follow import Bifurcation, Path, Tangent, TurningPoint, driven_by, follow, straight_on
 
@@ -143,4 +143,4 @@ def print_path(
         if csv is None:
             print_numbers(wide(path), len(path.first_columns))
         print("\n".join(lines(parameter, path)))
-    return 0 if path.end in (End.RANGE, End.CLOSED, End.BIFURCATION) else 1
+    return 0 if path.end in (TraceEnd.RANGE, TraceEnd.CLOSED, TraceEnd.BIFURCATION) else 1

@@ -14,7 +14,7 @@ from rich.table import Table
 from crosscheck.commands.usage import Json, console, positive
 from crosscheck.engines import PEERS, EngineError, available
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS, UsageError
-from crosscheck.judge.hard_poses import Outcome
+from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
 from crosscheck.scenes.hard import HardCase, hard_cases
 
@@ -91,7 +91,7 @@ def _print(rows: Sequence[dict[str, Any]]) -> None:
         shown_distance = "" if distance is None else f"{distance:.3g}"
         table.add_row(case, shown_distance, *(verdicts.get(name, "") for name in names))
     table.add_section()
-    for verdict in Outcome:
+    for verdict in HardOutcome:
         counts = [sum((r["engine"], r["method"], r["verdict"]) == (*name, verdict) for r in rows) for name in names]
         table.add_row(f"all: {verdict}", "", *map(str, counts))
     out.print(table)

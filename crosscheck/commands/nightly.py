@@ -18,7 +18,7 @@ from crosscheck.night import golden
 from crosscheck.night.campaign import make_room, run, seed_of
 from crosscheck.night.history import HistoryError, remember, warnings
 from crosscheck.night.pictures import write_pictures
-from crosscheck.night.plan import ALWAYS, SAMPLED, Plan, write_outcome
+from crosscheck.night.plan import ALWAYS, SAMPLED, NightPlan, write_outcome
 from crosscheck.night.progress import shown_progress
 from crosscheck.night.sections import write_documents, write_sections
 from crosscheck.report import verdict
@@ -143,7 +143,7 @@ def _plan(
     cluster: str | None,
     scene_seconds: float,
     baseline: Path | None,
-) -> Plan:
+) -> NightPlan:
     numbers = {"minutes": minutes, "scenes": scenes, "workers": workers, "scene-seconds": scene_seconds}
     for key, value in numbers.items():
         positive(key, value)
@@ -156,7 +156,7 @@ def _plan(
     if minutes is None and scenes is None:
         minutes = 3.0
     required = names(require_engines, always=())
-    return Plan(
+    return NightPlan(
         seed=seed_of(out, seed),
         out=out,
         engines=tuple(dict.fromkeys((*names(engines), *required))),

@@ -7,9 +7,9 @@ from collections.abc import Iterable, Sequence
 from rich.table import Table
 
 from crosscheck.engines import ELEMENTS, Engine, Level, Support
-from crosscheck.judge.known_gaps import Gap
+from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import QUANTITIES, Disagreement, Quantity, Record, RefusalRow
-from crosscheck.night.plan import Outcome
+from crosscheck.night.plan import NightOutcome
 
 MOST_LINES = 20
 """Disagreements, and failures, that are told on a terminal; the report has all."""
@@ -82,13 +82,13 @@ def refusal_lines(refusals: Iterable[RefusalRow]) -> list[str]:
     ]
 
 
-def line_with_gap(disagreement: Disagreement, record: Record, gaps: Sequence[Gap]) -> str:
+def line_with_gap(disagreement: Disagreement, record: Record, gaps: Sequence[KnownGap]) -> str:
     """Return the line of a disagreement with the known gap that accounts for it, if any."""
     gap = next((gap for gap in gaps if gap.covers(record, disagreement)), None)
     return str(disagreement) if gap is None else f"{disagreement} [known since {gap.date}: {gap.reason}]"
 
 
-def outcome_lines(outcome: Outcome) -> list[str]:
+def outcome_lines(outcome: NightOutcome) -> list[str]:
     """Return how a night ended, in lines that a log can hold."""
     lines = [f"new: {case.disagreement}  ({case.file})" for case in outcome.new[:MOST_LINES]]
     lines += [f"failed: {text}" for text in outcome.failed[:MOST_LINES]]

@@ -11,11 +11,11 @@ from collections.abc import Mapping
 from enum import StrEnum
 
 from crosscheck.engines.vector_loop import (
+    AngleRelation,
+    LoopMarch,
     LoopSystem,
-    March,
     Minimum,
     MinimumStatus,
-    Relation,
     Variable,
     Vector,
     close,
@@ -28,12 +28,12 @@ from refkin.motion_laws import Law
 
 __all__ = [
     "RAPIER_LENGTHS",
+    "AngleRelation",
+    "LoopMarch",
     "LoopSystem",
-    "March",
     "Minimum",
     "MinimumStatus",
     "RapierReading",
-    "Relation",
     "Variable",
     "Vector",
     "close",

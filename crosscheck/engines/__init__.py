@@ -15,14 +15,14 @@ alone, and says so: `delivers = ("position",)`; without that attribute all three
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 from importlib import import_module
 from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import Any, Protocol, Self, runtime_checkable
+from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -133,6 +133,13 @@ class Simulating(Protocol):
         """Return the routes through the engine's dynamics, which answer no scene but may feel an effect."""
 
 
+class Switch(NamedTuple):
+    """An effect beside kinematics: what switches it on in a model, in words and as a function."""
+
+    description: str
+    switch: Callable[[Any], None]
+
+
 class WithEffects:
     """An adapter in whose models one physical effect may be switched on, for the ledger of effects.
 
@@ -143,7 +150,7 @@ class WithEffects:
     """
 
     api = API
-    effects: Mapping[str, Any]
+    effects: Mapping[str, Switch]
 
     def __init__(self, effect: str | None = None) -> None:
         self.effect = effect

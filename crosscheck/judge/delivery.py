@@ -22,7 +22,7 @@ import numpy as np
 
 from crosscheck.engines import Engine, Term
 from crosscheck.judge.comparison import Reference
-from crosscheck.judge.records import QUANTITIES, Kind
+from crosscheck.judge.records import QUANTITIES, Cause
 from crosscheck.judge.running_error import U
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Status
@@ -74,7 +74,7 @@ def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[T
             continue
         size = max(term.absolute, term.relative, term.of_rates)
         message = f"{term.name!r} of {size:.3g}: no documentation of {engine.name} states more than {most:.3g}"
-        faults.append({"quantity": term.level, "kind": Kind.UNDOCUMENTED, "message": message})
+        faults.append({"quantity": term.level, "kind": Cause.UNDOCUMENTED, "message": message})
     return kept, faults
 
 
@@ -98,21 +98,21 @@ def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:
     ok = np.array([s is Status.OK for s in motion.status])
     nowhere = ok & np.array([s is Status.UNASSEMBLABLE for s in ref.motion.status])
     if nowhere.any():
-        yield _at(motion, nowhere, QUANTITIES[0], Kind.NO_ASSEMBLY)
+        yield _at(motion, nowhere, QUANTITIES[0], Cause.NO_ASSEMBLY)
     singular = ok & np.array([s is Status.SINGULAR for s in ref.motion.status])
     for quantity, level in zip(QUANTITIES[1:], motion.levels[1:], strict=True):
         rated = singular & (False if level is None else np.isfinite(level).all(axis=0))
         if rated.any():
-            yield _at(motion, rated, quantity, Kind.SINGULAR_RATES)
+            yield _at(motion, rated, quantity, Cause.SINGULAR_RATES)
 
 
-def _at(motion: Motion, lanes: Any, quantity: str, kind: Kind) -> dict[str, Any]:
+def _at(motion: Motion, lanes: Any, quantity: str, kind: Cause) -> dict[str, Any]:
     times = f"{int(lanes.sum())} times, first t = {motion.t[lanes][0]:.17g}"
     return {"quantity": quantity, "kind": kind, "message": times}
 
 
 def _not_delivered(quantity: str, what: str) -> dict[str, Any]:
-    return {"quantity": quantity, "kind": Kind.NOT_DELIVERED, "message": what}
+    return {"quantity": quantity, "kind": Cause.NOT_DELIVERED, "message": what}
 
 
 def _most(engine: str, scene: Scene, term: Term) -> float:

@@ -35,7 +35,7 @@ TOO_WIDE = 0.1
 """An attainable error above this says nothing [rad, sizes]: a linkage that folds up is idle there."""
 
 
-class Outcome(StrEnum):
+class HardOutcome(StrEnum):
     """How an engine did on a scene."""
 
     CORRECT = "correct"
@@ -55,7 +55,7 @@ class Solutions:
 
 
 @dataclass(frozen=True)
-class Sample:
+class PoseSample:
     """An answer at one time: where it lies, whether it was called ok, what was proved there; `none`: no assembly."""
 
     t: float
@@ -127,7 +127,7 @@ def _singular(system: System, q: Any, t: float) -> tuple[tuple[Any, ...], Any]:
 
 def samples(
     system: System, truth: Sequence[Solutions], scene: Scene, motion: Motion, terms: Sequence[Term]
-) -> tuple[Sample, ...]:
+) -> tuple[PoseSample, ...]:
     """Return where a motion lies, time by time; `terms` are what the engine adds by its own doing."""
     rows = np.concatenate([np.r_[system.columns(body)] for body in motion.bodies])
     q = np.full((system.n, len(scene.times)), np.nan)
@@ -140,13 +140,13 @@ def samples(
         ok = motion.status[k] is Status.OK
         if not np.isfinite(q[rows, k]).all():
             note = "called ok without a number" if ok else motion.status[k].value
-            made.append(Sample(t, None, ok, note, none=true.gap is not None))
+            made.append(PoseSample(t, None, ok, note, none=true.gap is not None))
         else:
             made.append(_sample(system, true, q[:, k], rows, t, ok, granted))
     return tuple(made)
 
 
-def scene_samples(scene: Scene, motion: Motion, terms: Sequence[Term]) -> tuple[Sample, ...]:
+def scene_samples(scene: Scene, motion: Motion, terms: Sequence[Term]) -> tuple[PoseSample, ...]:
     """Return where a motion lies for a scene that is no hard case: the reference says which branch is meant.
 
     Where it has no pose of its own every assembly will do; where it proves that there is none, none will.
@@ -169,15 +169,15 @@ def scene_truths(system: System, scene: Scene) -> tuple[Solutions, ...]:
     return tuple(solutions)
 
 
-def _sample(system: System, true: Solutions, q: Any, rows: Any, t: float, ok: bool, granted: float) -> Sample:
+def _sample(system: System, true: Solutions, q: Any, rows: Any, t: float, ok: bool, granted: float) -> PoseSample:
     if not true.roots:
         gap = f"there is no assembly: {true.gap:.3g} sizes are missing" if true.gap else "no truth is known"
         verdict = Verdict.OUTSIDE if true.gap else Verdict.UNDECIDABLE
-        return Sample(t, Judgement(verdict, np.inf if true.gap else np.nan), ok, gap)
+        return PoseSample(t, Judgement(verdict, np.inf if true.gap else np.nan), ok, gap)
     best = min((_judged(system, *root, q, rows, granted) for root in true.roots), key=lambda j: j.radii)
     whole = len(rows) == system.n
     other = whole and best.verdict is Verdict.OUTSIDE and _on_other_assembly(system, true.roots[0][0], q, t)
-    return Sample(t, best, ok, "on the other assembly" if other else "")
+    return PoseSample(t, best, ok, "on the other assembly" if other else "")
 
 
 def _on_other_assembly(system: System, balls: tuple[Any, ...], q: Any, t: float) -> bool:

@@ -54,7 +54,7 @@ class InvalidGap(CannotRun):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Gap:
+class KnownGap:
     """One row: whose gap, where (`predicate`), why, since when, and a scene that shows it."""
 
     engine: str
@@ -85,7 +85,7 @@ class Gap:
 class Tally:
     """Sorts disagreements into known and new, record by record, and counts what each row of the table was good for."""
 
-    def __init__(self, gaps: Sequence[Gap]) -> None:
+    def __init__(self, gaps: Sequence[KnownGap]) -> None:
         self.gaps = tuple(gaps)
         self.chances = [0] * len(self.gaps)
         self.covered = [0] * len(self.gaps)
@@ -103,13 +103,13 @@ class Tally:
                 new.append(disagreement)
         return new
 
-    def possibly_closed(self) -> list[Gap]:
+    def possibly_closed(self) -> list[KnownGap]:
         """Return the rows that covered nothing although many scenes were of their kind."""
         counted = zip(self.gaps, self.chances, self.covered, strict=True)
         return [gap for gap, chances, covered in counted if chances >= ENOUGH and not covered]
 
 
-def table(choice: str = "") -> tuple[Gap, ...]:
+def table(choice: str = "") -> tuple[KnownGap, ...]:
     """Return the table that a run is held against: our own, that of a file, or for "none" one without rows.
 
     Raises
@@ -122,7 +122,7 @@ def table(choice: str = "") -> tuple[Gap, ...]:
     return read(Path(choice).read_text(encoding="utf-8") if choice else None)
 
 
-def found_again(gaps: Sequence[Gap], records: Iterable[Record]) -> list[int | None]:
+def found_again(gaps: Sequence[KnownGap], records: Iterable[Record]) -> list[int | None]:
     """Return for each row how many records it took until one showed it; None if none did.
 
     For a run against an empty table: it should find every row of our own that the installed engines still have.
@@ -135,7 +135,7 @@ def found_again(gaps: Sequence[Gap], records: Iterable[Record]) -> list[int | No
     return first
 
 
-def read(text: str | None = None) -> tuple[Gap, ...]:
+def read(text: str | None = None) -> tuple[KnownGap, ...]:
     """Return the rows of the table; raises InvalidGap naming the row and key that is wrong."""
     if text is None:
         text = files("crosscheck.judge").joinpath("known_gaps.toml").read_text(encoding="utf-8")
@@ -149,12 +149,12 @@ def read(text: str | None = None) -> tuple[Gap, ...]:
     return tuple(_gap(k, row) for k, row in enumerate(table.get("gap", [])))
 
 
-def new_disagreements(record: Record, gaps: Sequence[Gap]) -> list[Disagreement]:
+def new_disagreements(record: Record, gaps: Sequence[KnownGap]) -> list[Disagreement]:
     """Return the disagreements of a record that no row covers."""
     return Tally(gaps).add(record)
 
 
-def _gap(k: int, row: Mapping[str, Any]) -> Gap:
+def _gap(k: int, row: Mapping[str, Any]) -> KnownGap:
     for key in REQUIRED:
         if key not in row:
             raise InvalidGap(f"gap[{k}].{key} is missing")
@@ -168,7 +168,7 @@ def _gap(k: int, row: Mapping[str, Any]) -> Gap:
         raise InvalidGap(f"gap[{k}].predicate: {row['predicate']!r}; there are: {', '.join(PREDICATES)}")
     if row["class"] not in CLASSES:
         raise InvalidGap(f"gap[{k}].class: {row['class']!r}; there are: {', '.join(CLASSES)}")
-    return Gap(
+    return KnownGap(
         engine=row["engine"],
         predicate=row["predicate"],
         reason=row["reason"],

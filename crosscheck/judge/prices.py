@@ -20,7 +20,7 @@ YARDSTICK = ("refkin", "Newton, analytic Jacobian", "to round-off")
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class PriceRow:
     """One method at one setting, for one quantity: over one cycle, for `_one` pose now, in `_bulk`.
 
     Attributes
@@ -158,7 +158,7 @@ def repeated(first: Cheapest, again: Cheapest) -> tuple[int, int, list[str]]:
     return cells, same, changed
 
 
-def ratios(rows: Sequence[Row]) -> dict[tuple[str, str, str, str], float]:
+def ratios(rows: Sequence[PriceRow]) -> dict[tuple[str, str, str, str], float]:
     """Return (engine, method, setting, quantity) -> its price in units of refkin's Newton to round-off.
 
     Microseconds are those of a machine and its load; ratios are what is compared over nights.
@@ -171,7 +171,7 @@ def ratios(rows: Sequence[Row]) -> dict[tuple[str, str, str, str], float]:
     }
 
 
-def with_suspicions(rows: Sequence[Row]) -> list[Row]:
+def with_suspicions(rows: Sequence[PriceRow]) -> list[PriceRow]:
     """Return the rows, with a note on each setting that has fewer digits than the looser one before it.
 
     Digits are measured, never taken from a setting; so one that is not what it says shows here. What lies within a

@@ -1,6 +1,6 @@
 """The one `Record` of a scene: written by measurement as a line of JSON, read by judgement and report.
 
-Everything that is decided later is a field of its own: what a comparison failed at is a `Kind`, a place is a component
+Everything that is decided later is a field of its own: what a comparison failed at is a `Cause`, a place is a component
 and a time, a refusal names engine, joint and level. No text is ever taken apart again.
 """
 
@@ -32,7 +32,7 @@ By = dict[int, Histogram]
 STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
-class Kind(StrEnum):
+class Cause(StrEnum):
     """In what an answer is not what it must be."""
 
     BEYOND = "beyond the allowed error"
@@ -61,7 +61,7 @@ class Kind(StrEnum):
     DIGITS_LOST = "golden set: digits lost"
 
 
-ENDED = (Kind.CRASH, Kind.HANG, Kind.ERROR)
+ENDED = (Cause.CRASH, Cause.HANG, Cause.ERROR)
 """Kinds in which an engine gave no answer because something ended it."""
 
 
@@ -118,7 +118,7 @@ class RouteData:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Enclosure:
+class EnclosedTimes:
     """At how many times an answer lies inside and outside of what is attainable, by the certificate at 113 bits."""
 
     __pydantic_config__ = STRICT
@@ -148,7 +148,7 @@ class Answer:
     judged: NonNegativeInt
     times: NonNegativeInt
     seconds: float
-    certificate: Enclosure | None = None
+    certificate: EnclosedTimes | None = None
     feature: bool = False
 
 
@@ -244,7 +244,7 @@ class Disagreement:
     engine: str
     route: str
     quantity: str
-    kind: Kind
+    kind: Cause
     how: str = ""
     ratio: float | None = None
     at: At | None = None

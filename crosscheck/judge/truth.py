@@ -32,7 +32,7 @@ class NoTruth(Exception):
     """A scene of which no pose is certified: there is nothing to hold an answer against."""
 
 
-class Truth:
+class CertifiedTruth:
     """What answers to a scene are held against.
 
     Attributes

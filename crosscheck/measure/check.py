@@ -22,9 +22,9 @@ from crosscheck.judge.levels import Configuration, compare_levels, configuration
 from crosscheck.judge.records import (
     QUANTITIES,
     Answer,
+    Cause,
     Disagreement,
-    Enclosure,
-    Kind,
+    EnclosedTimes,
     LevelRow,
     Record,
     ReferenceRow,
@@ -108,7 +108,7 @@ def _of_reference(subject: _Subject) -> Iterator[Disagreement]:
     motion = subject.ref.motion
     if not subject.as_expected:
         who: Any = {"engine": "refkin", "route": "newton", "quantity": "status"}
-        yield Disagreement(**who, kind=Kind.REFERENCE, how=motion.verdict.value, message=motion.message)
+        yield Disagreement(**who, kind=Cause.REFERENCE, how=motion.verdict.value, message=motion.message)
 
 
 @dataclass
@@ -215,7 +215,7 @@ def _sigma_per_step(ref: Reference) -> float | None:
     return smallest(sigma[moved] / steps[moved]) if moved.any() else None
 
 
-def _enclosure(engine: Engine, scene: Scene, motion: Motion) -> Enclosure | None:
+def _enclosure(engine: Engine, scene: Scene, motion: Motion) -> EnclosedTimes | None:
     """Return at how many times a motion lies inside and outside of what is attainable, and how far; None for cams."""
     if any(joint.parameters for joint in scene.mechanism.joints):
         return None
@@ -224,7 +224,7 @@ def _enclosure(engine: Engine, scene: Scene, motion: Motion) -> Enclosure | None
     inside, outside, undecidable = (
         sum(j.verdict is verdict for j in judged) for verdict in (Verdict.INSIDE, Verdict.OUTSIDE, Verdict.UNDECIDABLE)
     )
-    return Enclosure(
+    return EnclosedTimes(
         inside=inside,
         outside=outside,
         undecidable=undecidable,
@@ -245,7 +245,7 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene) and not subject.excused(ref.motion.t[-1]):
-            part.disagreements.append(Disagreement(**who, quantity="status", kind=Kind.NO_ANSWER, message=str(error)))
+            part.disagreements.append(Disagreement(**who, quantity="status", kind=Cause.NO_ANSWER, message=str(error)))
         return
     compared = compare(ref, motion, terms)
     part.answers.append(
@@ -276,18 +276,18 @@ def _disagreements(
     for quantity, q in compared.quantities.items():
         violated = NOT_KNOWN
         if not q.agrees:
-            kind = Kind.OTHER_ASSEMBLY if compared.other_assembly else Kind.BEYOND
-            if q.worst is not None and q.worst.time is not None and kind is Kind.BEYOND:
+            kind = Cause.OTHER_ASSEMBLY if compared.other_assembly else Cause.BEYOND
+            if q.worst is not None and q.worst.time is not None and kind is Cause.BEYOND:
                 violated = violations(subject.ref, motion, QUANTITIES.index(quantity), q.worst.time)
         elif turned_round is not None and not turned_round.quantities[quantity].agrees:
-            q, kind = turned_round.quantities[quantity], Kind.ORDER
+            q, kind = turned_round.quantities[quantity], Cause.ORDER
         else:
             continue
-        kind = Kind.NO_NUMBER if np.isinf(q.error).any() else kind
+        kind = Cause.NO_NUMBER if np.isinf(q.error).any() else kind
         ratio = largest_ratio(q.ratio)
         seen: Any = {"kind": kind, "ratio": ratio, "at": q.worst, "message": violated.text, "violated": violated.names}
         yield Disagreement(**who, quantity=quantity, **seen)
-    for found, kind in ((compared, Kind.NO_ANSWER), (turned_round, Kind.ORDER)):
+    for found, kind in ((compared, Cause.NO_ANSWER), (turned_round, Cause.ORDER)):
         if found is not None and found.missing and not subject.excused(found.first_missing):
             yield Disagreement(**who, quantity="status", kind=kind, message=f"{found.missing} times without answer")
             return
@@ -330,7 +330,7 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene):
-            part.disagreements.append(Disagreement(**who, quantity="status", kind=Kind.NO_ANSWER, message=str(error)))
+            part.disagreements.append(Disagreement(**who, quantity="status", kind=Cause.NO_ANSWER, message=str(error)))
         return
     for level, compared in levels.items():
         ratio = short(compared.ratio) if np.isfinite(compared.ratio) else sys.float_info.max
@@ -347,7 +347,7 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
         )
         if not compared.agrees:
             part.disagreements.append(
-                Disagreement(**who, quantity=level.value, kind=Kind.TRANSLATED, ratio=ratio, at=compared.worst)
+                Disagreement(**who, quantity=level.value, kind=Cause.TRANSLATED, ratio=ratio, at=compared.worst)
             )
 
 

@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import QUANTITIES, Engine, Level, load
-from crosscheck.judge.hard_poses import Outcome
-from crosscheck.judge.records import Disagreement, Kind, Record
+from crosscheck.judge.hard_poses import HardOutcome
+from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check, permuted
 from crosscheck.measure.hard_table import BAD, hard_case_rows
 from crosscheck.scenes.conformance import Question, questions
@@ -83,7 +83,7 @@ def ask(engine: Engine, question: Question) -> Reply:
     faults = list(_faults_of(record, question.scene))
     if not faults:
         again = check(permuted(question.scene), [engine], about)
-        told = [replace(d, kind=Kind.ORDER) for d in again.disagreements]
+        told = [replace(d, kind=Cause.ORDER) for d in again.disagreements]
         faults = list(_faults_of(replace(again, disagreements=told), question.scene))
     levels = {q for answer in record.answers for q in answer.quantities} | ({ROWS} if record.levels else set())
     asked = [row for row in record.refusals if row.level in ("", Level.SOLVE)]
@@ -97,7 +97,7 @@ def _faults_of(record: Record, scene: Scene) -> Iterator[Fault]:
     beyond: set[str] = set()
     for told in record.disagreements:
         level = told.quantity if told.quantity in QUANTITIES else STATUS if told.quantity == STATUS else ROWS
-        if level in QUANTITIES and told.kind in (Kind.BEYOND, Kind.OTHER_ASSEMBLY, Kind.NO_NUMBER, Kind.ORDER):
+        if level in QUANTITIES and told.kind in (Cause.BEYOND, Cause.OTHER_ASSEMBLY, Cause.NO_NUMBER, Cause.ORDER):
             if told.route in beyond:
                 continue
             beyond.add(told.route)
@@ -105,9 +105,9 @@ def _faults_of(record: Record, scene: Scene) -> Iterator[Fault]:
 
 
 def _words(told: Disagreement) -> str:
-    if told.kind is Kind.TRANSLATED:
+    if told.kind is Cause.TRANSLATED:
         return f"its own rows at level {told.quantity} are not those of the scene"
-    words = {Kind.BEYOND: "is wrong", Kind.NOT_DELIVERED: f"is {told.message}", Kind.NO_ANSWER: "no answer"}
+    words = {Cause.BEYOND: "is wrong", Cause.NOT_DELIVERED: f"is {told.message}", Cause.NO_ANSWER: "no answer"}
     text = words.get(told.kind, told.name)
     subject = "" if told.quantity == STATUS else f"{told.quantity} "
     return f"{subject}{text} (route {told.route!r})"
@@ -115,7 +115,7 @@ def _words(told: Disagreement) -> str:
 
 def _example(told: Disagreement) -> str:
     ratio = "" if told.ratio is None else f"{told.ratio:.3g} times the allowed error"
-    return "; ".join(filter(None, (told.worst if told.kind is not Kind.NOT_DELIVERED else "", ratio)))
+    return "; ".join(filter(None, (told.worst if told.kind is not Cause.NOT_DELIVERED else "", ratio)))
 
 
 def _form_faults(engine: Engine, scene: Scene) -> Iterator[Fault]:
@@ -174,11 +174,11 @@ def hard_replies(spec: str, within: float = HARD_WITHIN) -> Iterator[Reply]:
     first = {case.case: case for case in reversed(hard_cases())}
     for row in hard_case_rows([spec], within, cases=list(reversed(first.values()))):
         about = f"hard case: {row['case']}"
-        if row["verdict"] == Outcome.REFUSED:
+        if row["verdict"] == HardOutcome.REFUSED:
             yield Reply(about, refusals=(row["note"],))
             continue
         wrong = row["verdict"] in BAD and row["class"] is None
-        what = {Outcome.WRONG: "a wrong pose is called ok at a hard case"}.get(row["verdict"], row["verdict"])
+        what = {HardOutcome.WRONG: "a wrong pose is called ok at a hard case"}.get(row["verdict"], row["verdict"])
         faults = (Fault(STATUS, f"{what} (method {row['method']!r})", row["note"]),) if wrong else ()
         yield Reply(about, faults, levels=(QUANTITIES[0],))
 

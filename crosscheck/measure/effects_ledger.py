@@ -10,7 +10,7 @@ from crosscheck.judge.effects_rows import EffectRow
 from crosscheck.measure.effects import measured, task, unmeasured
 from crosscheck.measure.effects_ablations import REFKIN
 from crosscheck.scenes.names import PHYSICAL
-from crosscheck.workers.processes import Failure, Fault, call_in_turn
+from crosscheck.workers.processes import Failure, FailureKind, call_in_turn
 from refkin.model import Scene
 from refkin.scenes.files import to_dict
 
@@ -69,7 +69,7 @@ def _one_by_one(data: Any, spec: str, first: Failure) -> list[EffectRow]:
     with closing(_asked(data, spec, 0.0, EFFECTS)) as asked:
         for effect, answer in zip(EFFECTS, asked, strict=False):
             answers[effect] = answer
-            hung += isinstance(answer, Failure) and answer.kind is Fault.HANG
+            hung += isinstance(answer, Failure) and answer.kind is FailureKind.HANG
             if hung == MOST_HANGS:
                 break
     answered = [row for answer in answers.values() if not isinstance(answer, Failure) for row in answer]

@@ -9,7 +9,7 @@ from functools import lru_cache
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Use, methods
-from crosscheck.judge.hard_poses import Outcome, Sample, Solutions, samples, truths
+from crosscheck.judge.hard_poses import HardOutcome, PoseSample, Solutions, samples, truths
 from crosscheck.scenes.hard import HardCase, hard_cases
 from crosscheck.workers.processes import Failure
 from refkin.proof.pose.krawczyk import Verdict
@@ -37,7 +37,7 @@ def outcome_of(text: str) -> tuple[str, str]:
             terms = method.terms(case.scene)
             motion = method.solve(case.scene)
         except EngineError as error:
-            return Outcome.REFUSED.value, _rightly(truth) + str(error)
+            return HardOutcome.REFUSED.value, _rightly(truth) + str(error)
     found = samples(system, truth, case.scene, motion, terms)
     said = " ".join(str(w.message) for w in heard if not issubclass(w.category, DeprecationWarning))
     return classed(found, said)
@@ -45,10 +45,10 @@ def outcome_of(text: str) -> tuple[str, str]:
 
 def outcome_of_failure(failure: Failure) -> tuple[str, str]:
     """Return what it is that a process failed at a case: a hang, a crash, or an exception that is no refusal."""
-    return (Outcome.HANG if failure.kind == "hang" else Outcome.CRASH).value, f"{failure.name}: {failure.text}"
+    return (HardOutcome.HANG if failure.kind == "hang" else HardOutcome.CRASH).value, f"{failure.name}: {failure.text}"
 
 
-def classed(found: Sequence[Sample], said: str = "") -> tuple[str, str]:
+def classed(found: Sequence[PoseSample], said: str = "") -> tuple[str, str]:
     """Return the worst of an engine's answers at the times of a scene, in a word and in words.
 
     Wrong: an answer called ok lies outside. Refused: at a time there is no answer, or none that is called ok and right.
@@ -58,12 +58,12 @@ def classed(found: Sequence[Sample], said: str = "") -> tuple[str, str]:
     wrong = [s for s in found if s.called_ok and (s.judgement is None or s.judgement.verdict is Verdict.OUTSIDE)]
     if wrong:
         worst = _told(max(wrong, key=_radii), len(wrong), len(found))
-        return Outcome.WRONG.value, f"{worst}; it warned: {said}" if said else worst
+        return HardOutcome.WRONG.value, f"{worst}; it warned: {said}" if said else worst
     lost = [s for s in found if s.judgement is None or (not s.called_ok and s.judgement.verdict is Verdict.OUTSIDE)]
     if lost:
         rightly = "rightly, there is no assembly: " if all(s.none for s in lost) else ""
         return (
-            Outcome.REFUSED.value,
+            HardOutcome.REFUSED.value,
             f"{rightly}no answer at {len(lost)} of {len(found)} times, first t = {lost[0].t:g}",
         )
     doubted = [s for s in found if not s.called_ok]
@@ -71,15 +71,15 @@ def classed(found: Sequence[Sample], said: str = "") -> tuple[str, str]:
     note = f"undecidable at {open_} of {len(found)} times" if open_ else ""
     if doubted or said:
         told = f"called {'not ok' if doubted else 'ok'} at {len(doubted) or len(found)} of {len(found)} times"
-        return Outcome.WARNED.value, "; ".join(filter(None, (told, said, note)))
-    return Outcome.CORRECT.value, note
+        return HardOutcome.WARNED.value, "; ".join(filter(None, (told, said, note)))
+    return HardOutcome.CORRECT.value, note
 
 
-def _radii(sample: Sample) -> float:
+def _radii(sample: PoseSample) -> float:
     return float("inf") if sample.judgement is None else sample.judgement.radii
 
 
-def _told(worst: Sample, count: int, of: int) -> str:
+def _told(worst: PoseSample, count: int, of: int) -> str:
     note = f"{worst.note}: " if worst.note else ""
     away = "" if worst.judgement is None else f"{worst.judgement.radii:.2g} radii outside "
     return f"{note}{away}at t = {worst.t:g}; wrong at {count} of {of} times"

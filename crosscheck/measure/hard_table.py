@@ -11,7 +11,7 @@ from typing import Any
 
 from crosscheck.engines import EngineError
 from crosscheck.judge.findings import Finding, finding_of, read
-from crosscheck.judge.hard_poses import Outcome
+from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.measure.hard_classing import job, listed, outcome_of, outcome_of_failure
 from crosscheck.scenes.hard import HardCase, hard_cases
 from crosscheck.workers.processes import Failure, call_each, call_in_turn
@@ -19,7 +19,7 @@ from crosscheck.workers.processes import Failure, call_each, call_in_turn
 SECONDS = 20.0
 """After this long on one scene a method is said to hang: the slowest takes about three."""
 KEYS = ("engine", "method", "setting", "case", "distance", "of", "verdict", "class", "quote", "note")
-BAD = (Outcome.WRONG, Outcome.CRASH, Outcome.HANG)
+BAD = (HardOutcome.WRONG, HardOutcome.CRASH, HardOutcome.HANG)
 """Verdicts that need an explanation: `findings.toml`."""
 
 Row = dict[str, Any]

@@ -8,7 +8,7 @@ from functools import lru_cache
 from typing import Any
 
 from crosscheck.engines import Engine, load
-from crosscheck.judge.records import Disagreement, Kind, Record, cell_of
+from crosscheck.judge.records import Cause, Disagreement, Record, cell_of
 from crosscheck.measure.check import check, key_of
 from crosscheck.scenes.drawing import describe, draw
 from crosscheck.workers.pool import SECONDS_PER_SCENE, Parts, Work, Workers
@@ -63,7 +63,7 @@ def joined(job: Mapping[str, Any], engines: Sequence[str], parts: Parts) -> Reco
         part = parts[engine]
         if isinstance(part, Failure):
             who: Any = {"engine": engine, "route": "any", "quantity": "status"}
-            kind = Kind(part.kind.value)
+            kind = Cause(part.kind.value)
             disagreements.append(Disagreement(**who, kind=kind, how=part.how, message=part.text))
             continue
         answers += part.answers

@@ -12,7 +12,7 @@ from typing import Any
 
 from crosscheck.engines import QUANTITIES
 from crosscheck.engines.methods import PRICED, quantities
-from crosscheck.judge.prices import POSES, SUFFIX, Row, with_suspicions
+from crosscheck.judge.prices import POSES, SUFFIX, PriceRow, with_suspicions
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.price_process import CYCLE, Key, measure
 from crosscheck.scenes.priced import classes
@@ -59,7 +59,7 @@ class PriceList:
     """
 
     scene: str
-    rows: list[Row]
+    rows: list[PriceRow]
     times: int
     known: int
     asked: int
@@ -193,7 +193,7 @@ _HANDLERS: dict[str, Callable[..., None]] = {
 }
 
 
-def _rows(scene: Scene, found: _Found) -> Iterator[Row]:
+def _rows(scene: Scene, found: _Found) -> Iterator[PriceRow]:
     """Yield a row per method, setting and quantity."""
     for key, answer in found.answered.items():
         engine, name, setting = key
@@ -213,7 +213,7 @@ def _rows(scene: Scene, found: _Found) -> Iterator[Row]:
                 if seconds is not None and spread is None:
                     notes.append(f"{POSES[poses]} timed once")
             build = answer.get("build")
-            yield Row(
+            yield PriceRow(
                 engine=engine,
                 method=name,
                 setting=setting,

@@ -16,7 +16,7 @@ import numpy as np
 
 from crosscheck.engines import QUANTITIES, EngineError
 from crosscheck.engines.methods import Method, Model, Use, methods, order_of
-from crosscheck.judge.truth import NoTruth, Truth, levels_or_nothing
+from crosscheck.judge.truth import CertifiedTruth, NoTruth, levels_or_nothing
 from crosscheck.workers.processes import Failure, told_if_raised
 from crosscheck.workers.timing import AT_LEAST, LONG, timed_in_turns
 from refkin.model import Scene
@@ -49,19 +49,19 @@ class Question:
     `poses` is how many configurations of each scene are new: what a price is divided by; one in `judged` has a truth.
     """
 
-    scenes: tuple[tuple[Scene, Truth], ...]
-    stepped: tuple[tuple[Scene, Truth], ...]
+    scenes: tuple[tuple[Scene, CertifiedTruth], ...]
+    stepped: tuple[tuple[Scene, CertifiedTruth], ...]
     poses: int
     judged: int = 1
 
-    def of(self, method: Method) -> tuple[tuple[Scene, Truth], ...]:
+    def of(self, method: Method) -> tuple[tuple[Scene, CertifiedTruth], ...]:
         """Return the scenes that a method is asked."""
         return self.stepped if method.steps else self.scenes
 
 
 def questions(scene: Scene) -> dict[str, Question]:
     """Return what is asked for a cycle, for one pose and in bulk; the latter two where the scene has several times."""
-    truth = Truth(scene)
+    truth = CertifiedTruth(scene)
     asked = {"cycle": Question(((scene, truth),), ((scene, truth),), len(scene.times))}
     after = np.flatnonzero(truth.known[1:] & truth.known[:-1]) + 1
     if len(after):
@@ -70,16 +70,16 @@ def questions(scene: Scene) -> dict[str, Question]:
         stepped = [_with_truth(_from(scene, truth, k, scene.times[k - 1 : k + 1])) for k in chosen]
         asked["one"] = Question(tuple(from_last), tuple(stepped), 1)
         times = np.linspace(scene.times[0], scene.times[-1], BULK).tolist()
-        bulk = replace(scene, times=tuple(times)), Truth(replace(scene, times=tuple(times[::JUDGED])))
+        bulk = replace(scene, times=tuple(times)), CertifiedTruth(replace(scene, times=tuple(times[::JUDGED])))
         asked["bulk"] = Question((bulk,), (bulk,), BULK, JUDGED)
     return asked
 
 
-def _with_truth(scene: Scene) -> tuple[Scene, Truth]:
-    return scene, Truth(scene)
+def _with_truth(scene: Scene) -> tuple[Scene, CertifiedTruth]:
+    return scene, CertifiedTruth(scene)
 
 
-def _from(scene: Scene, truth: Truth, k: int, times: tuple[float, ...]) -> Scene:
+def _from(scene: Scene, truth: CertifiedTruth, k: int, times: tuple[float, ...]) -> Scene:
     """Return a scene at other times, its estimates being the poses at the time before the k-th."""
     q = truth.ref.motion.q[:, k - 1].tolist()
     bodies = tuple(

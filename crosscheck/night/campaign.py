@@ -31,8 +31,8 @@ from crosscheck.night.plan import (
     SAMPLED,
     SAMPLED_EVERY,
     TRENDS,
-    Outcome,
-    Plan,
+    NightOutcome,
+    NightPlan,
     read_outcome,
     write_outcome,
 )
@@ -52,7 +52,7 @@ class OtherRun(UsageError):
     """The folder holds a run with another seed, other engines or other scenes, whose records would mix with these."""
 
 
-def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome:
+def run(plan: NightPlan, progress: Progress = lambda checked, doing: None) -> NightOutcome:
     """Carry out a plan; records go to `records.jsonl` in its folder, what is already there is not done again.
 
     If a required engine is missing, or all that were asked for are, nothing is run. `progress` is called about once a
@@ -67,7 +67,7 @@ def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome
     """
     gaps = known_gaps.table(plan.known_gaps)
     engines, missing = find_engines(plan.engines)
-    outcome = Outcome({name: version for name, (_, version) in engines.items()}, missing, gaps=list(gaps))
+    outcome = NightOutcome({name: version for name, (_, version) in engines.items()}, missing, gaps=list(gaps))
     outcome.engines = {name: spec for name, (spec, _) in engines.items()}
     names = {spec: name for name, spec in outcome.engines.items()}
     alone = missing and set(engines) <= {ALWAYS, *SAMPLED}
@@ -79,7 +79,7 @@ def run(plan: Plan, progress: Progress = lambda checked, doing: None) -> Outcome
     return outcome
 
 
-def _carry_out(plan: Plan, journal: Journal, outcome: Outcome, progress: Progress) -> None:
+def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progress: Progress) -> None:
     turns = Turns(journal)
     _agree_with_what_is_there(plan, outcome, turns)
     outcome.checked = len(journal.keys)
@@ -99,7 +99,7 @@ def _carry_out(plan: Plan, journal: Journal, outcome: Outcome, progress: Progres
         outcome.failed += workers.unexplained
 
 
-def _pool(plan: Plan, engines: dict[str, str], versions: dict[str, str]) -> Pool:
+def _pool(plan: NightPlan, engines: dict[str, str], versions: dict[str, str]) -> Pool:
     if plan.cluster is None:
         return Workers(CHECK, plan.workers, engines, plan.scene_seconds)
     return ClusterWorkers(CHECK, plan.cluster, plan.workers, engines, versions, plan.scene_seconds)
@@ -207,7 +207,9 @@ class Turns:
         return sum(rounds, Counter())
 
 
-def _records(plan: Plan, workers: Pool, turns: Turns, journal: Journal, tick: Callable[[], None]) -> Iterator[Record]:
+def _records(
+    plan: NightPlan, workers: Pool, turns: Turns, journal: Journal, tick: Callable[[], None]
+) -> Iterator[Record]:
     """Yield records as they come in, while there is time or scenes are left.
 
     A scene that comes twice counts once, and one more is drawn for it.
@@ -253,7 +255,7 @@ def is_sampled(turn: int) -> bool:
     return is_chain(numbers_of(turn)[0]) or turn % SAMPLED_EVERY == 0
 
 
-def _sort(journal: Journal, outcome: Outcome) -> None:
+def _sort(journal: Journal, outcome: NightOutcome) -> None:
     """Sort the disagreements of all records, those of an earlier part of a resumed run included."""
     tally = Tally(outcome.gaps)
     for record in journal:
@@ -278,7 +280,7 @@ def _made(out: Path) -> dict[str, Any] | None:
         raise OtherRun(f"{path} does not say what run it belongs to: choose another folder") from error
 
 
-def _agree_with_what_is_there(plan: Plan, outcome: Outcome, turns: Turns) -> None:
+def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Turns) -> None:
     """Write how the run is made, unless the folder holds one with other engines or other scenes."""
     before = _made(plan.out)
     if before is not None and before["versions"] != outcome.versions:

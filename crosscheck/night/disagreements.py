@@ -9,10 +9,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from crosscheck.judge.known_gaps import Gap, new_disagreements, table
+from crosscheck.judge.known_gaps import KnownGap, new_disagreements, table
 from crosscheck.judge.records import Disagreement, NewCase, plain
 from crosscheck.night.journal import replace_file
-from crosscheck.night.plan import Plan, engines_option
+from crosscheck.night.plan import NightPlan, engines_option
 from crosscheck.scenes.drawing import AnyDrawn, describe, draw, effort, shrink
 from crosscheck.scenes.featured import Featured
 from crosscheck.workers.pool import Pool
@@ -32,7 +32,7 @@ Signature = tuple[str, str, str, str]
 
 
 def write_disagreements(
-    plan: Plan, new: Sequence[NewCase], workers: Pool, tick: Callable[[], None] = lambda: None
+    plan: NightPlan, new: Sequence[NewCase], workers: Pool, tick: Callable[[], None] = lambda: None
 ) -> float:
     """Write the scenes of disagreements, note in each its `file`, and return how long shrinking took [s].
 
@@ -66,11 +66,11 @@ def write_disagreements(
     return time.monotonic() - start
 
 
-def _drawn(plan: Plan, case: NewCase) -> AnyDrawn:
+def _drawn(plan: NightPlan, case: NewCase) -> AnyDrawn:
     return draw(plan.seed, case.shard or 0)
 
 
-def _shrink(plan: Plan, case: NewCase, workers: Pool, seconds: float, tick: Callable[[], None]) -> None:
+def _shrink(plan: NightPlan, case: NewCase, workers: Pool, seconds: float, tick: Callable[[], None]) -> None:
     """Write the minimal scene of a disagreement, if it shows once more and nobody has yet."""
     kind = case.disagreement.signature
     path = plan.out / FOLDER / f"{case.key}-minimal-{slug(*kind)}.toml"
@@ -108,7 +108,7 @@ def _at_its_time(drawn: AnyDrawn, shown: Disagreement | None) -> AnyDrawn:
     return replace(drawn, scene=replace(drawn.scene, times=kept))
 
 
-def _again(kind: Signature, drawn: AnyDrawn, workers: Pool, gaps: Sequence[Gap]) -> Disagreement | None:
+def _again(kind: Signature, drawn: AnyDrawn, workers: Pool, gaps: Sequence[KnownGap]) -> Disagreement | None:
     """Return the disagreement of a kind that a scene shows, unless a known gap accounts for it."""
     job = {"scene": to_dict(drawn.scene), "about": describe(drawn)}
     record = workers.check_one(job, [name for name in workers.engines if name == kind[0]])
@@ -122,7 +122,7 @@ def _notes(shown: Disagreement, case: NewCase | None = None) -> list[str]:
     return [f"{key}: {value}" for key, value in fields.items() if value not in (None, "")]
 
 
-def _write(path: Path, notes: Sequence[str], drawn: AnyDrawn, plan: Plan) -> None:
+def _write(path: Path, notes: Sequence[str], drawn: AnyDrawn, plan: NightPlan) -> None:
     """Write a scene with what disagrees on it as comments."""
     comments = "".join(f"# {line}\n" for text in notes for line in text.splitlines())
     path.parent.mkdir(parents=True, exist_ok=True)

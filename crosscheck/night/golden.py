@@ -23,7 +23,7 @@ import numpy as np
 
 from crosscheck.errors import UsageError
 from crosscheck.judge.budget import SAFETY
-from crosscheck.judge.records import QUANTITIES, By, Disagreement, Kind, NewCase, Record, adapter
+from crosscheck.judge.records import QUANTITIES, By, Cause, Disagreement, NewCase, Record, adapter
 from crosscheck.night.disagreements import FOLDER, slug
 from crosscheck.night.journal import replace_file
 from crosscheck.night.plan import GOLDEN, Golden
@@ -146,7 +146,7 @@ def differences(before: Mapping[str, Case], now: Mapping[str, Case], engines: It
 
 def _reference_changed(before: Case, now: Case) -> Iterator[Disagreement]:
     """Yield where two answers of the reference prove each other wrong."""
-    who: dict[str, Any] = {"engine": "refkin", "route": "newton", "kind": Kind.LEFT_PROOF}
+    who: dict[str, Any] = {"engine": "refkin", "route": "newton", "kind": Cause.LEFT_PROOF}
     old, new = before["reference"], now["reference"]
     if old["status"] != new["status"]:
         became = f"{' '.join(old['status'])} became {' '.join(new['status'])}"
@@ -170,7 +170,7 @@ def _digits_lost(
     engine: str, route: str, before: Case, now: Case | None, attainable: Mapping[str, Sequence[float] | None]
 ) -> Iterator[Disagreement]:
     """Yield the quantities in which a route is worse than it was, and than rounding alone may make it."""
-    who: dict[str, Any] = {"engine": engine, "route": route, "kind": Kind.DIGITS_LOST}
+    who: dict[str, Any] = {"engine": engine, "route": route, "kind": Cause.DIGITS_LOST}
     if now is None or now["missing"] > before["missing"]:
         yield Disagreement(**who, quantity="status", message="no answer any more")
         return

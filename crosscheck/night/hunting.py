@@ -23,7 +23,7 @@ from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings, tar
 from crosscheck.engines import load
 from crosscheck.judge.records import ENDED, Record, Unreadable, read_records
 from crosscheck.measure.jobs import checkers
-from crosscheck.scenes.drawing import AnyDrawn, climb, describe
+from crosscheck.scenes.drawing import AnyDrawn, OutOfTime, climb, describe
 from crosscheck.strategies import Hardness, drawn_scenes
 from refkin.model import Scene
 from refkin.scenes.files import to_dict
@@ -113,7 +113,7 @@ def hunt(
 
         def check(drawn: AnyDrawn, origin: str) -> None:
             if time.monotonic() > end:
-                raise _OutOfTime
+                raise OutOfTime
             try:
                 record = pool.check_one({"scene": to_dict(drawn.scene), "about": describe(drawn), "arbiter": True})
             except Exception as error:  # told here: Hypothesis would try it again, and say that it is flaky
@@ -125,7 +125,7 @@ def hunt(
         for origin, turn in _turns(check, seed_of_hunt, strata, starts):
             try:
                 turn()
-            except _OutOfTime:
+            except OutOfTime:
                 break
             except Exception as error:  # one turn that breaks off, be it in Hypothesis, is told and costs no other
                 bag.failures.append(f"{origin}: {type(error).__name__}: {error}")
@@ -152,10 +152,6 @@ def _turns(
         stratum = strata[turn % len(strata)]
         origin = f"1e-{stratum[0]:g} .. 1e-{stratum[1]:g}"
         yield origin, partial(turn_of, partial(check, origin=origin), stratum, seed_of_hunt * 1000 + turn)
-
-
-class _OutOfTime(BaseException):
-    """Ends a turn at once: no Exception, which Hypothesis would take for a failure and try again."""
 
 
 def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) -> list[tuple[int, int]]:

@@ -113,7 +113,7 @@ def pictured(job: Job) -> dict[str, Any] | None:
     """Return the scene of a job as parts and frames, and its marks; None if it has no motion to show."""
     scene, _ = scene_of(job)
     ref = reference(scene)
-    drawing = Drawing(ref.scene, ref.motion)
+    drawing = SceneDrawing(ref.scene, ref.motion)
     if not drawing.shown.size:
         return None
     marks = []
@@ -142,7 +142,7 @@ def _answers(spec: str, routes: set[str], ref: Reference) -> Iterator[tuple[str,
 
 
 @dataclass(frozen=True)
-class Sample:
+class DrawnSample:
     """The sample with the fewest digits of a decade: the number of its time, its digits, signed errors (n, T)."""
 
     k: int
@@ -150,7 +150,7 @@ class Sample:
     off: Any
 
 
-def worst_sample(sigma: Any, q: QuantityComparison, decade: int) -> Sample | None:
+def worst_sample(sigma: Any, q: QuantityComparison, decade: int) -> DrawnSample | None:
     """Return the sample of a comparison with the fewest digits of a decade of sigma_min; None if it has none there."""
     if q.difference is None:
         return None
@@ -159,7 +159,7 @@ def worst_sample(sigma: Any, q: QuantityComparison, decade: int) -> Sample | Non
     if not places.size:
         return None
     k = int(places[np.argmin(q.digits[places])])
-    return Sample(k, float(np.floor(q.digits[k] * 10) / 10), q.difference)
+    return DrawnSample(k, float(np.floor(q.digits[k] * 10) / 10), q.difference)
 
 
 @dataclass(frozen=True)
@@ -175,7 +175,7 @@ class View:
         return WIDTH / 2 + (x - self.x) * self.scale, HEIGHT / 2 - (y - self.y) * self.scale
 
 
-class Drawing:
+class SceneDrawing:
     """A scene's mechanism as parts, its motion as frames."""
 
     def __init__(self, scene: Scene, motion: Motion) -> None:
@@ -250,7 +250,7 @@ class Drawing:
             places.append(_short(xi, yi, math.degrees(math.atan2(yj - yi, xj - xi))))
         return places
 
-    def ghost(self, sample: Sample, level: int) -> dict[str, Any] | None:
+    def ghost(self, sample: DrawnSample, level: int) -> dict[str, Any] | None:
         """Return the pose of a sample, the engine's answer in it, and by which factor its error is magnified.
 
         A wrong position is another pose; wrong rates are arrows (from, truth's head, engine's head) at the bodies.

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from pydantic import TypeAdapter, ValidationError
 
-from crosscheck.judge.known_gaps import Gap
+from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import STRICT, NewCase, fault
 from crosscheck.night.journal import replace_file
 from crosscheck.scenes.names import PEERS
@@ -27,7 +27,7 @@ OUTCOME, GOLDEN, PICTURES, TRENDS = "outcome.json", "golden.json", "pictures.jso
 
 
 @dataclass(frozen=True, kw_only=True)
-class Plan:
+class NightPlan:
     """What a night is asked to do; `minutes` and `scenes` end it, whichever comes first.
 
     `engines` and `required` are names, or what else `crosscheck.engines.load` takes; `cluster` is where the workers are
@@ -52,7 +52,7 @@ class Plan:
 
 
 @dataclass
-class Outcome:
+class NightOutcome:
     """How a night ended.
 
     Attributes
@@ -89,11 +89,11 @@ class Outcome:
     failed: list[str] = field(default_factory=list)
     new: list[NewCase] = field(default_factory=list)
     known: int = 0
-    possibly_closed: list[Gap] = field(default_factory=list)
+    possibly_closed: list[KnownGap] = field(default_factory=list)
     shrinking_seconds: float = 0.0
     required: list[str] = field(default_factory=list)
-    found_again: list[tuple[Gap, int | None]] = field(default_factory=list)
-    gaps: list[Gap] = field(default_factory=list)
+    found_again: list[tuple[KnownGap, int | None]] = field(default_factory=list)
+    gaps: list[KnownGap] = field(default_factory=list)
     engines: dict[str, str] = field(default_factory=dict)
 
 
@@ -110,19 +110,19 @@ class Golden:
     found: list[NewCase]
 
 
-def write_outcome(folder: Path, outcome: Outcome) -> None:
+def write_outcome(folder: Path, outcome: NightOutcome) -> None:
     """Write how a night ended into its folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    replace_file(folder / OUTCOME, TypeAdapter(Outcome).dump_json(outcome, indent=1).decode() + "\n")
+    replace_file(folder / OUTCOME, TypeAdapter(NightOutcome).dump_json(outcome, indent=1).decode() + "\n")
 
 
-def read_outcome(folder: Path) -> tuple[Outcome | None, list[str]]:
+def read_outcome(folder: Path) -> tuple[NightOutcome | None, list[str]]:
     """Return how the night of a folder ended, None if nobody wrote it; and what is wrong with the file."""
     path = folder / OUTCOME
     if not path.exists():
         return None, []
     try:
-        return TypeAdapter(Outcome).validate_json(path.read_bytes()), []
+        return TypeAdapter(NightOutcome).validate_json(path.read_bytes()), []
     except ValidationError as error:
         return None, [f"{OUTCOME} cannot be read: {fault(error)}"]
 

@@ -21,7 +21,7 @@ from hashlib import sha256
 from pathlib import Path
 from typing import Any
 
-from crosscheck.judge.truth import Truth
+from crosscheck.judge.truth import CertifiedTruth
 from crosscheck.problems import VERSION, grader
 from crosscheck.problems.exudyn_script import to_exudyn
 from crosscheck.problems.mjcf import to_mjcf
@@ -86,7 +86,7 @@ def written(draft: Draft) -> tuple[dict[str, Any], dict[str, str]]:
         "exudyn_model.py": to_exudyn(problem.scene, problem.title),
         "certified.json": json.dumps(_certified(problem, scene), indent=1) + "\n",
     }
-    attainable = {level: round(digits, 1) for level, digits in Truth(problem.scene).attainable.items()}
+    attainable = {level: round(digits, 1) for level, digits in CertifiedTruth(problem.scene).attainable.items()}
     about = {"name": problem.name, "family": problem.family, "title": problem.title, "assembly": problem.assembly}
     return {**about, "attainable": attainable}, files
 

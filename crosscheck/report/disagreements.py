@@ -9,8 +9,8 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from crosscheck.judge.known_gaps import Gap
-from crosscheck.judge.records import Answer, Disagreement, Kind, LevelRow, NewCase, Record
+from crosscheck.judge.known_gaps import KnownGap
+from crosscheck.judge.records import Answer, Cause, Disagreement, LevelRow, NewCase, Record
 from crosscheck.report.cells import Place, WorstSample, sample, worse
 
 MOST_EXAMPLES = 5
@@ -23,11 +23,11 @@ Identity = tuple[str, str, str, str, str]
 
 
 @dataclass
-class Group:
+class DisagreementGroup:
     """The disagreements that share engine, route, quantity and kind, and the gap that accounts for them, if any."""
 
     signature: tuple[str, str, str, str]
-    gap: Gap | None
+    gap: KnownGap | None
     scenes: int = 0
     worst: WorstSample | None = None
     examples: list[dict[str, Any]] = field(default_factory=list)
@@ -62,11 +62,11 @@ class Disagreements:
     What either calls new is new: a disagreement is never lost between the two.
     """
 
-    def __init__(self, folder: Path, gaps: Sequence[Gap], new: Sequence[NewCase]) -> None:
+    def __init__(self, folder: Path, gaps: Sequence[KnownGap], new: Sequence[NewCase]) -> None:
         self.folder, self.gaps = folder, gaps
         self.reported: dict[Identity, NewCase] = {(case.key, *case.disagreement.signature): case for case in new}
         self.seen: set[Identity] = set()
-        self.groups: dict[tuple[Any, ...], Group] = {}
+        self.groups: dict[tuple[Any, ...], DisagreementGroup] = {}
         self.covered = [0] * len(gaps)
         self.new: Counter[str] = Counter()
         self.known = 0
@@ -101,16 +101,16 @@ class Disagreements:
                 example["toml"] = self._text(example.get("file"))
         return rows
 
-    def _gap(self, record: Record, disagreement: Disagreement) -> Gap | None:
+    def _gap(self, record: Record, disagreement: Disagreement) -> KnownGap | None:
         for k, gap in enumerate(self.gaps):
             if gap.covers(record, disagreement):
                 self.covered[k] += 1
                 return gap
         return None
 
-    def _count(self, place: Place, disagreement: Disagreement, gap: Gap | None, extra: Mapping[str, Any]) -> None:
+    def _count(self, place: Place, disagreement: Disagreement, gap: KnownGap | None, extra: Mapping[str, Any]) -> None:
         which = None if gap is None else self.gaps.index(gap)
-        group = self.groups.setdefault((disagreement.signature, which), Group(disagreement.signature, gap))
+        group = self.groups.setdefault((disagreement.signature, which), DisagreementGroup(disagreement.signature, gap))
         group.add(place, disagreement, extra)
         if gap is None:
             self.new[disagreement.engine] += 1
@@ -152,13 +152,13 @@ def _of_reference(record: Record) -> Iterator[Disagreement]:
     reference = record.reference
     if reference is not None and reference.verdict != record.about.get("expected", "ok"):
         who: Any = {"engine": "refkin", "route": "newton", "quantity": "status"}
-        yield Disagreement(**who, kind=Kind.REFERENCE, how=reference.verdict, message=reference.message)
+        yield Disagreement(**who, kind=Cause.REFERENCE, how=reference.verdict, message=reference.message)
 
 
 def _of_answer(answer: Answer) -> Iterator[Disagreement]:
     for name, q in answer.quantities.items():
         ratio = math.nan if q.ratio is None else q.ratio
-        kind = Kind.BEYOND if ratio > 1.0 else Kind.NO_NUMBER
+        kind = Cause.BEYOND if ratio > 1.0 else Cause.NO_NUMBER
         if ratio > 1.0 or (answer.judged and math.isnan(ratio)):
             who: Any = {"engine": answer.engine, "route": answer.route.name, "quantity": name}
             yield Disagreement(**who, kind=kind, ratio=q.ratio, at=q.worst)
@@ -166,4 +166,4 @@ def _of_answer(answer: Answer) -> Iterator[Disagreement]:
 
 def _of_level(row: LevelRow) -> Disagreement:
     who: Any = {"engine": row.engine, "route": "rows", "quantity": row.level}
-    return Disagreement(**who, kind=Kind.TRANSLATED, ratio=row.ratio, at=row.worst)
+    return Disagreement(**who, kind=Cause.TRANSLATED, ratio=row.ratio, at=row.worst)

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 from typing import Any
 
-from crosscheck.judge.known_gaps import Gap
+from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import Disagreement, Record
 from crosscheck.report.cells import Place, WorstSample, worse
 
@@ -60,7 +60,7 @@ class Features:
             self.rows[who].known += not is_new
         return rest
 
-    def described(self, gaps: Iterable[Gap]) -> list[dict[str, Any]]:
+    def described(self, gaps: Iterable[KnownGap]) -> list[dict[str, Any]]:
         """Return the rows, each with what the table of known gaps says of it."""
         known = {(gap.engine, gap.match.get("route")): gap for gap in gaps}
         return [

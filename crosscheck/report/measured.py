@@ -26,7 +26,7 @@ class _Row(BaseModel):
     model_config = ConfigDict(extra="allow", allow_inf_nan=False)
 
 
-class PriceRow(_Row):
+class _PriceFile(_Row):
     """What one setting of one method costs per configuration, and to how many digits it is right."""
 
     engine: str
@@ -40,7 +40,7 @@ class PriceRow(_Row):
     scene_class: str = Field(validation_alias=AliasChoices("scene_class", "class"))
 
 
-class EffectRow(_Row):
+class _EffectFile(_Row):
     """What one effect adds to the time of an engine, and whether it changes what was called for."""
 
     engine: str
@@ -51,7 +51,7 @@ class EffectRow(_Row):
     largest_change: float | None = None
 
 
-class HardCaseRow(_Row):
+class _HardCaseFile(_Row):
     """What one route made of one hard case."""
 
     engine: str
@@ -63,7 +63,7 @@ class HardCaseRow(_Row):
     note: str | None = ""
 
 
-KINDS: dict[str, type[_Row]] = {"price": PriceRow, "effects": EffectRow, "hard_cases": HardCaseRow}
+KINDS: dict[str, type[_Row]] = {"price": _PriceFile, "effects": _EffectFile, "hard_cases": _HardCaseFile}
 
 
 def measured(folder: Path) -> tuple[dict[str, Rows | None], list[str]]:

@@ -9,7 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from crosscheck.judge.known_gaps import Gap
+from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_records
 from crosscheck.night.plan import GOLDEN, Golden, read_outcome
@@ -262,7 +262,7 @@ def _blamed(disagreement: Disagreement) -> tuple[str, str, str]:
     return disagreement.engine, disagreement.route, _quantity(disagreement.quantity)
 
 
-def _gap_row(gap: Gap, covered: int) -> dict[str, Any]:
+def _gap_row(gap: KnownGap, covered: int) -> dict[str, Any]:
     return {
         "engine": gap.engine,
         "match": dict(gap.match),

@@ -135,21 +135,21 @@ def shrink(
         nonlocal best
         if drawn.scene not in fails:
             if time.monotonic() > end:
-                raise _OutOfTime
+                raise OutOfTime
             fails[drawn.scene] = still_fails(drawn)
         if fails[drawn.scene]:
             best = min(drawn, best, key=lambda one: effort(one.scene))
-            raise _Found
+            raise _FailingScene
 
     try:
         for fewer in FEWER_SAMPLES:
-            with suppress(_Found):
+            with suppress(_FailingScene):
                 property_to_shrink(draw(night, number, fewer))
             if len(best.scene.times) == fewer:
                 samples = fewer
                 break
         _run(night, number, samples, (Phase.generate, Phase.shrink), property_to_shrink)
-    except (_Found, _OutOfTime):
+    except (_FailingScene, OutOfTime):
         pass
     return best, len(fails)
 
@@ -168,13 +168,13 @@ def climb(night: int, number: int, check: Callable[[AnyDrawn], None], examples: 
         if not drawing:
             check(drawn)
         elif drawn.scene == start:
-            raise _Found
+            raise _FailingScene
 
     scenes, seeded = _scenes_of(number, samples), seed(seed_of_scene(night, number))  # a seed forgets a database
     first = settings(profile((Phase.generate,)), database=kept)
     then = settings(profile((Phase.reuse, Phase.generate, Phase.target)), database=kept, max_examples=examples)
     with own_choices_only():
-        with suppress(_Found):
+        with suppress(_FailingScene):
             first(seeded(given(TICKETS, scenes)(scene_property)))()
         drawing = False
         then(seeded(given(TICKETS, scenes)(scene_property)))()
@@ -224,11 +224,11 @@ def _law_of(driver: Driver) -> str:
 _permitted_constants: LRUCache[Any, Any] = LRUCache(1024)
 
 
-class _Found(Exception):
+class _FailingScene(Exception):
     """The property's failure: the scene still shows the disagreement."""
 
 
-class _OutOfTime(BaseException):
+class OutOfTime(BaseException):
     """Ends a run of Hypothesis at once: no Exception, which it would take for one more failure."""
 
 

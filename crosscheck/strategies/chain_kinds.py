@@ -23,7 +23,7 @@ Place = tuple[complex, float]
 
 
 @dataclass(frozen=True)
-class Plan:
+class ChainPlan:
     """A mechanism in its own plane: joints by their maker, poses by the angle of `driven`, and the closures' margin."""
 
     driven: str
@@ -84,7 +84,7 @@ FLAT = 1j
 """Normal of a flat follower in its own frame."""
 
 
-def _five_bar(draw: DrawFn, size: float, side: int) -> Plan:
+def _five_bar(draw: DrawFn, size: float, side: int) -> ChainPlan:
     """Draw two cranks that a gear turns together, and two couplers that meet whatever the cranks do.
 
     The crank pins are d - a - b to d + a + b apart; c + e is above that, |c - e| below.
@@ -116,10 +116,10 @@ def _five_bar(draw: DrawFn, size: float, side: int) -> Plan:
             f.pin("P", "left", c + 0j, "right", -e + 0j),
         ]
 
-    return Plan("crank", joints, poses, min(c + e - far, near - abs(c - e)), max(c, e, d))
+    return ChainPlan("crank", joints, poses, min(c + e - far, near - abs(c - e)), max(c, e, d))
 
 
-def _rack(draw: DrawFn, size: float, side: int) -> Plan:
+def _rack(draw: DrawFn, size: float, side: int) -> ChainPlan:
     """Draw a slider-crank whose slider is a rack, which turns a pinion on the ground."""
     offset = size * draw(st.floats(-0.5, 0.5), label="offset")
     rod = (size + abs(offset)) * draw(st.floats(1.25, 3.0), label="rod")
@@ -150,10 +150,10 @@ def _rack(draw: DrawFn, size: float, side: int) -> Plan:
             ),
         ]
 
-    return Plan("crank", joints, poses, rod - size - abs(offset), rod + size)
+    return ChainPlan("crank", joints, poses, rod - size - abs(offset), rod + size)
 
 
-def _cam(draw: DrawFn, size: float, side: int) -> Plan:
+def _cam(draw: DrawFn, size: float, side: int) -> ChainPlan:
     """Draw a disc on a pivot beside its centre; a flat follower, a roller or a knife edge; on a guide or a lever."""
     radius = size * draw(st.floats(1.25, 4.0), label="radius")
     form = draw(st.sampled_from(("roller", "point", "flat")), label="follower")
@@ -171,7 +171,7 @@ def _touch(f: Frames, size: float, radius: float, rho: float, form: str, at: com
     return Cam(name="touch", **ends, profile=Disc(radius=radius), follower=form, **more)  # type: ignore[arg-type]
 
 
-def _lifted(draw: DrawFn, size: float, radius: float, rho: float, form: str, side: int) -> Plan:
+def _lifted(draw: DrawFn, size: float, radius: float, rho: float, form: str, side: int) -> ChainPlan:
     """The guide runs along y at an offset; a face on it is level, so that it may only be above."""
     length = radius + rho
     offset = (length - size) * draw(st.floats(-0.75, 0.75), label="offset")
@@ -189,10 +189,10 @@ def _lifted(draw: DrawFn, size: float, radius: float, rho: float, form: str, sid
         return [f.pin("A0", GROUND, 0j, "cam"), guide, _touch(f, size, radius, rho, form, 0j)]
 
     margin = length - size - abs(offset)
-    return Plan("cam", joints, poses, radius - size if form == "flat" else margin, length + size)
+    return ChainPlan("cam", joints, poses, radius - size if form == "flat" else margin, length + size)
 
 
-def _levered(draw: DrawFn, size: float, radius: float, rho: float, form: str, side: int) -> Plan:
+def _levered(draw: DrawFn, size: float, radius: float, rho: float, form: str, side: int) -> ChainPlan:
     """The lever's pivot is outside of all the cam sweeps; cam centre, pivot and follower make a triangle."""
     length = radius + rho
     pivot = (length + size) * draw(st.floats(1.75, 3.5), label="pivot")
@@ -213,10 +213,10 @@ def _levered(draw: DrawFn, size: float, radius: float, rho: float, form: str, si
         return [f.pin("A0", GROUND, 0j, "cam"), f.pin("P0", GROUND, pivot + 0j, "follower"), touch]
 
     margin = pivot - size - abs(radius - height) if form == "flat" else length - size - abs(pivot - arm)
-    return Plan("cam", joints, poses, margin, pivot + arm)
+    return ChainPlan("cam", joints, poses, margin, pivot + arm)
 
 
-def _six_bar(draw: DrawFn, size: float, side: int) -> Plan:
+def _six_bar(draw: DrawFn, size: float, side: int) -> ChainPlan:
     """Draw a crank-rocker, and on its rocker two more links, or a link and a slider."""
     ground, coupler, rocker, first = _draw_crank_rocker(draw, size)
     tip = rocker * complex(*draw(st.tuples(st.floats(0.5, 1.5), COORDINATES), label="tip of the rocker"))
@@ -260,7 +260,7 @@ def _six_bar(draw: DrawFn, size: float, side: int) -> Plan:
         return [*four, f.pin("C", "rocker", tip, "link"), end, f.pin("E0", GROUND, base, "last")]
 
     second = rod - reach - abs(level) if sliding else min(link + last - apart - reach, apart - reach - abs(link - last))
-    return Plan("crank", joints, poses, min(first, second), max(coupler, rocker, ground, apart + reach))
+    return ChainPlan("crank", joints, poses, min(first, second), max(coupler, rocker, ground, apart + reach))
 
 
 def _draw_crank_rocker(draw: DrawFn, size: float) -> tuple[float, float, float, float]:
@@ -273,7 +273,7 @@ def _draw_crank_rocker(draw: DrawFn, size: float) -> tuple[float, float, float, 
     return ground, coupler, rocker, min(coupler + rocker - far, near - abs(coupler - rocker))
 
 
-KINDS: Mapping[str, Callable[[DrawFn, float, int], Plan]] = {
+KINDS: Mapping[str, Callable[[DrawFn, float, int], ChainPlan]] = {
     "geared five-bar": _five_bar,
     "rack and pinion": _rack,
     "disc cam": _cam,

@@ -32,7 +32,7 @@ FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "exit code 255")
 nobody was left to tell how it ended.)"""
 
 
-class Fault(StrEnum):
+class FailureKind(StrEnum):
     """How a process failed at something."""
 
     CRASH = "crash"
@@ -47,7 +47,7 @@ class Fault(StrEnum):
 class Failure:
     """How a process failed; `how` is the signal, the exit code or the exception, `text` what else is known."""
 
-    kind: Fault
+    kind: FailureKind
     text: str
     how: str = ""
 
@@ -59,12 +59,12 @@ class Failure:
     @property
     def from_outside(self) -> bool:
         """Whether somebody ended the process, rather than what it was doing."""
-        return self.kind is Fault.CRASH and self.how in FROM_OUTSIDE
+        return self.kind is FailureKind.CRASH and self.how in FROM_OUTSIDE
 
 
 def hang(seconds: float) -> Failure:
     """Return that no answer came in time."""
-    return Failure(Fault.HANG, f"no answer within {seconds:g} s")
+    return Failure(FailureKind.HANG, f"no answer within {seconds:g} s")
 
 
 class Message(StrEnum):
@@ -176,7 +176,7 @@ def call_in_turn(
             while child is None or not child.give([argument], seconds):
                 child = Child(function)
             result = child.result(seconds)
-            if isinstance(result, Failure) and result.kind is not Fault.ERROR:
+            if isinstance(result, Failure) and result.kind is not FailureKind.ERROR:
                 child.end()
                 child = None
             yield result
@@ -208,7 +208,7 @@ def told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
         name, file = type(error).__name__, os.path.basename(where.filename)
-        return Failure(Fault.ERROR, f"{name}: {error} ({where.name}, {file}:{where.lineno})", name)
+        return Failure(FailureKind.ERROR, f"{name}: {error} ({where.name}, {file}:{where.lineno})", name)
 
 
 def _begin(process: Any) -> None:
@@ -241,7 +241,7 @@ def _crash(code: int | None) -> Failure:
     if code is not None and code < 0:
         with suppress(ValueError):
             name = signal.Signals(-code).name
-    return Failure(Fault.CRASH, f"its process ended: {name}", name)
+    return Failure(FailureKind.CRASH, f"its process ended: {name}", name)
 
 
 @contextmanager

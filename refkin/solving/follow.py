@@ -24,8 +24,8 @@ from refkin.output.tables import Tabled
 from refkin.proof.numbers.inputs import output_rounding
 from refkin.proof.numbers.recentred import Recentred, recentred
 from refkin.proof.path.curve import Crossing, Curve
-from refkin.proof.path.tracing import End as PathEnd
 from refkin.proof.path.tracing import Trace, Tracer
+from refkin.proof.path.tracing import TraceEnd as PathEnd
 from refkin.proof.pose.isolate import isolate
 from refkin.solving.starts import find_start
 from refkin.system import System, compile_system

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.judge.known_gaps import Gap
-from crosscheck.judge.records import At, Disagreement, Kind, NewCase, Record, plain, read_line
-from crosscheck.night.plan import Outcome, write_outcome
+from crosscheck.judge.known_gaps import KnownGap
+from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, plain, read_line
+from crosscheck.night.plan import NightOutcome, write_outcome
 from crosscheck.report.build import build
 from crosscheck.report.summary import read_run
 
@@ -113,19 +113,19 @@ def failed_record(name: str) -> dict[str, Any]:
 
 def disagreement(engine: str = "mujoco", quantity: str = "velocity", **more: Any) -> dict[str, Any]:
     """Return a disagreement as a record holds it."""
-    told = {"engine": engine, "route": ROUTES[engine], "quantity": quantity, "kind": Kind.BEYOND, "ratio": 3.5}
+    told = {"engine": engine, "route": ROUTES[engine], "quantity": quantity, "kind": Cause.BEYOND, "ratio": 3.5}
     return plain(Disagreement(**{**told, "at": At("rocker.phi", 0.5), **more}))
 
 
 def case(told: Mapping[str, Any], name: str = "a", **more: Any) -> NewCase:
     """Return what a run calls new of a planted disagreement."""
     at = At(**told["at"]) if told["at"] else None
-    return NewCase(disagreement=Disagreement(**{**told, "kind": Kind(told["kind"]), "at": at}), key=key(name), **more)
+    return NewCase(disagreement=Disagreement(**{**told, "kind": Cause(told["kind"]), "at": at}), key=key(name), **more)
 
 
-def built(folder: Path, ended: Outcome | None = None, gaps: Sequence[Gap] = ()) -> Path:
+def built(folder: Path, ended: NightOutcome | None = None, gaps: Sequence[KnownGap] = ()) -> Path:
     """Write how a run ended, and its report."""
-    told = ended or Outcome(**versions_of(folder))
+    told = ended or NightOutcome(**versions_of(folder))
     write_outcome(folder, replace(told, gaps=list(gaps)))
     return build(folder)
 
@@ -157,15 +157,15 @@ def write(
     return folder
 
 
-def outcome(**more: Any) -> Outcome:
-    return Outcome(**{"versions": {"mujoco": "1.0"}, "missing": {}, "checked": 1, **more})
+def outcome(**more: Any) -> NightOutcome:
+    return NightOutcome(**{"versions": {"mujoco": "1.0"}, "missing": {}, "checked": 1, **more})
 
 
-def gap(**match: str) -> Gap:
+def gap(**match: str) -> KnownGap:
     told = {
         "engine": "mujoco",
         "predicate": "anywhere",
         "reason": "soft constraints",
         "kind_of_gap": "documented limit",
     }
-    return Gap(**told, date=datetime.date(2026, 11, 20), reproduction="tests/corpus/a.toml", match=match)
+    return KnownGap(**told, date=datetime.date(2026, 11, 20), reproduction="tests/corpus/a.toml", match=match)

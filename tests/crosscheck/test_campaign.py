@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 
 import refkin
-from crosscheck.judge.records import FEATURES, At, Disagreement, Kind, NewCase, Record
+from crosscheck.judge.records import FEATURES, At, Cause, Disagreement, NewCase, Record
 from crosscheck.night import campaign
 from crosscheck.night.campaign import ROUND, OtherRun, Turns, _records, run, seed_of
 from crosscheck.night.disagreements import write_disagreements
 from crosscheck.night.journal import Journal
-from crosscheck.night.plan import SAMPLED, Plan
+from crosscheck.night.plan import SAMPLED, NightPlan
 from crosscheck.scenes.drawing import CHAINS_EVERY, WARM_UP, draw, effort, is_chain, numbers_of, turn_of
 from crosscheck.workers.installed import SameName, find_engines
 from crosscheck.workers.pool import BATCH
@@ -32,9 +32,9 @@ SHRINKING = 60.0
 SLOW = "Path({folder!r}, str(os.getpid())).touch(); time.sleep(0.1)"
 
 
-def plan(out: Path, *specs: str, **more: Any) -> Plan:
+def plan(out: Path, *specs: str, **more: Any) -> NightPlan:
     told = {"seed": NIGHT, "out": out, "engines": ("closed_form", *SAMPLED, *specs), "workers": 2, "scenes": 12}
-    return Plan(**{**told, **more})
+    return NightPlan(**{**told, **more})
 
 
 @pytest.fixture(scope="module")
@@ -334,7 +334,7 @@ def test_every_disagreement_of_a_wrong_engine_is_found_new_and_told_with_its_sce
     assert len(wrong) >= 3
     assert {case.key for case in outcome.new} == wrong
     assert {(d.engine, d.quantity, d.kind) for d in (case.disagreement for case in outcome.new)} == {
-        ("fake", "position", Kind.BEYOND)
+        ("fake", "position", Cause.BEYOND)
     }
     assert all((out / c.file).is_file() and (out / f"disagreements/{c.key}.toml").is_file() for c in outcome.new)
 
@@ -399,7 +399,7 @@ JUMP = Disagreement(
     engine="exudyn",
     route="shipped",
     quantity="position",
-    kind=Kind.OTHER_ASSEMBLY,
+    kind=Cause.OTHER_ASSEMBLY,
     ratio=2.0,
     at=At("a.x", 0.0),
 )

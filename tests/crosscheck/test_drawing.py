@@ -12,7 +12,7 @@ import pytest
 
 from crosscheck.measure.check import key_of
 from crosscheck.scenes import drawing
-from crosscheck.scenes.drawing import _OutOfTime, draw, effort, seed_of_scene, shrink
+from crosscheck.scenes.drawing import OutOfTime, draw, effort, seed_of_scene, shrink
 from crosscheck.strategies import Chain, Drawn, Ended, Hardness
 from crosscheck.strategies.linkages import longest
 from refkin.motion import Status
@@ -146,7 +146,7 @@ def test_shrinking_ends_when_its_time_is_over_with_the_simplest_so_far(monkeypat
 
 
 def test_only_the_end_of_the_time_ends_a_run_of_hypothesis_at_once():
-    assert not issubclass(_OutOfTime, Exception)
+    assert not issubclass(OutOfTime, Exception)
 
 
 def test_a_failing_chain_becomes_a_simple_one_of_its_kind():

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -41,7 +39,7 @@ def test_every_physical_effect_is_offered_or_refused_with_a_reason(name):
 def exudyn_state(effect):
     """Largest force on the bodies as the static Newton sees it, largest mass, number of sensors."""
     mechanism = SCENE.mechanism
-    more = None if effect is None else EXUDYN[effect].add
+    more = None if effect is None else EXUDYN[effect].switch
     model = ExudynModel(mechanism.bodies, mechanism.constraints, more=more)
     model.set_state(np.array([body.estimate for body in mechanism.bodies]).ravel(), 0.1, np.ones(model.n))
     model.solver.ComputeODE2RHS(model.mbs)
@@ -146,11 +144,11 @@ def test_exudyn_solves_with_the_effect_that_is_switched_on_and_no_other(effect, 
     added = []
     for name, switch in EXUDYN.items():
 
-        def add(*given, name=name, right=switch.add):
+        def add(*given, name=name, right=switch.switch):
             added.append(name)
             return right(*given)
 
-        monkeypatch.setitem(EXUDYN, name, replace(switch, add=add))
+        monkeypatch.setitem(EXUDYN, name, switch._replace(switch=add))
     Exudyn(effect).solve(SCENE)
 
     assert set(added) == {effect} - {None}

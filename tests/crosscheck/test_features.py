@@ -19,7 +19,7 @@ from crosscheck.judge.known_gaps import Tally, read
 from crosscheck.measure.check import check
 from crosscheck.night.campaign import run
 from crosscheck.night.journal import Journal
-from crosscheck.night.plan import Plan
+from crosscheck.night.plan import NightPlan
 from crosscheck.report.build import build, summarized
 from crosscheck.scenes.drawing import FEATURED, SPECIAL_EVERY, describe, draw
 
@@ -45,7 +45,7 @@ def test_with_the_table_emptied_a_night_sees_every_feature_that_is_known_to_be_w
 
 
 def test_a_night_asks_features_of_the_scenes_drawn_for_them_and_shows_them_by_themselves(tmp_path):
-    plan = Plan(seed=3, out=tmp_path, engines=PEERS, scenes=FEATURED + 1, workers=1, shrinking_seconds=0.0)
+    plan = NightPlan(seed=3, out=tmp_path, engines=PEERS, scenes=FEATURED + 1, workers=1, shrinking_seconds=0.0)
     outcome = run(plan)
     report, page = summarized(tmp_path), build(tmp_path).read_text(encoding="utf-8")
     with Journal(tmp_path / "records.jsonl") as journal:

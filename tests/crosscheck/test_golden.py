@@ -16,7 +16,7 @@ from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
 from crosscheck.night.campaign import run
 from crosscheck.night.golden import NoBaseline, differences
-from crosscheck.night.plan import Plan
+from crosscheck.night.plan import NightPlan
 from crosscheck.report.build import build
 from refkin.motion import Status
 from refkin.scenes.files import to_dict
@@ -131,7 +131,7 @@ def test_a_file_that_is_no_baseline_is_refused_with_its_name(tmp_path: Path, tex
 
 
 def night(out: Path, file: Path | None, *specs: str) -> tuple[Any, Any, str]:
-    plan = Plan(seed=1, out=out, engines=("closed_form", *specs), scenes=1, workers=1, baseline=file)
+    plan = NightPlan(seed=1, out=out, engines=("closed_form", *specs), scenes=1, workers=1, baseline=file)
     outcome = run(plan)
     page = build(out).read_text(encoding="utf-8")
     return outcome, json.loads((out / "report.json").read_text(encoding="utf-8")), page

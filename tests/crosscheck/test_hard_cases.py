@@ -11,7 +11,7 @@ import pytest
 import refkin
 from crosscheck.engines import load
 from crosscheck.judge.attainable import attainable, fold, residual_error
-from crosscheck.judge.hard_poses import GRANTED, Outcome, samples, truths
+from crosscheck.judge.hard_poses import GRANTED, HardOutcome, samples, truths
 from crosscheck.measure.hard_classing import classed, job, outcome_of
 from crosscheck.measure.hard_table import KEYS, hard_case_rows
 from crosscheck.scenes.hard import DISTANCES, GAPS, KINDS, hard_cases
@@ -103,7 +103,7 @@ def test_a_gap_is_proved_and_is_the_one_that_was_made(gap):
 def test_two_attainable_radii_off_is_wrong_and_half_of_one_is_not(case):
     system, truth = truths(case)
     motion = refkin.solve(case.scene)
-    for factor, verdict in ((0.5, Outcome.CORRECT), (2.0, Outcome.WRONG)):
+    for factor, verdict in ((0.5, HardOutcome.CORRECT), (2.0, HardOutcome.WRONG)):
         q = motion.q.copy()
         balls, allowed = truth[-1].roots[0]
         q[:, -1] = system.to_physical(np.array([float(x) for x in balls]))
@@ -198,7 +198,7 @@ def test_full_turns_are_no_error():
     q = motion.q.copy()
     q[2::3] += 2 * np.pi
 
-    assert classed(samples(system, truth, EASY.scene, replace(motion, q=q), ()))[0] == Outcome.CORRECT
+    assert classed(samples(system, truth, EASY.scene, replace(motion, q=q), ()))[0] == HardOutcome.CORRECT
 
 
 def test_an_answer_where_there_is_no_assembly_is_wrong_and_no_answer_is_right():
@@ -207,15 +207,15 @@ def test_an_answer_where_there_is_no_assembly_is_wrong_and_no_answer_is_right():
     motion = refkin.solve(case.scene)
     answered = replace(motion, q=np.zeros_like(motion.q), status=(Status.OK,))
 
-    assert classed(samples(system, truth, case.scene, answered, ()))[0] == Outcome.WRONG
+    assert classed(samples(system, truth, case.scene, answered, ()))[0] == HardOutcome.WRONG
     outcome, note = classed(samples(system, truth, case.scene, motion, ()))
-    assert (outcome, note.startswith("rightly, there is no assembly")) == (Outcome.REFUSED, True)
+    assert (outcome, note.startswith("rightly, there is no assembly")) == (HardOutcome.REFUSED, True)
 
 
 def test_the_reference_is_nowhere_wrong():
     outcomes = {key: outcome_of(job("refkin", "solve", key))[0] for key in CASES if "branching" not in key}
 
-    assert {key for key, outcome in outcomes.items() if outcome == Outcome.WRONG} == set()
+    assert {key for key, outcome in outcomes.items() if outcome == HardOutcome.WRONG} == set()
 
 
 def test_the_enclosure_is_the_certificate_of_113_bits():

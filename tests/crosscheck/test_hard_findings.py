@@ -16,7 +16,7 @@ from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.shipped import Simulation
 from crosscheck.engines.tree.joint_tree import joint_tree
 from crosscheck.judge.findings import closed, finding_of, read
-from crosscheck.judge.hard_poses import Outcome, scene_samples
+from crosscheck.judge.hard_poses import HardOutcome, scene_samples
 from crosscheck.judge.known_gaps import InvalidGap
 from crosscheck.measure.hard_classing import classed, job, listed, outcome_of
 from crosscheck.measure.hard_table import BAD, unexplained
@@ -184,5 +184,5 @@ def test_a_finding_that_makes_no_sense_gets_one_clear_error(text, told):
 
 def test_only_kinds_that_exist_are_named():
     assert {case for f in FINDINGS for case in f.cases} - {case.case for case in hard_cases()} == set()
-    assert {f.verdict for f in FINDINGS} <= set(Outcome)
+    assert {f.verdict for f in FINDINGS} <= set(HardOutcome)
     assert "refkin" not in {f.engine for f in FINDINGS}

@@ -11,7 +11,7 @@ import pytest
 
 from crosscheck.cli import main
 from crosscheck.commands.usage import Printable, printable
-from crosscheck.judge.records import Enclosure
+from crosscheck.judge.records import EnclosedTimes
 from crosscheck.night import hunting
 from crosscheck.night.campaign import OtherRun, make_room
 from crosscheck.night.disagreements import LONGEST_NAME, slug
@@ -142,7 +142,7 @@ class Pool:
         self.asked += 1
         if self.fails and self.asked == 1:
             raise RuntimeError("planted")
-        places = Enclosure(inside=1, outside=0, undecidable=0, no_answer=0, radii=0.1)
+        places = EnclosedTimes(inside=1, outside=0, undecidable=0, no_answer=0, radii=0.1)
         met = typed(record("a", answer("mujoco", {"position": quantity({-1: [15.0]}, 0.5)})))
         return replace(met, answers=[replace(met.answers[0], certificate=places)])
 

@@ -13,7 +13,7 @@ import pytest
 
 import refkin
 from crosscheck.measure.check import check
-from crosscheck.night.pictures import Drawing
+from crosscheck.night.pictures import SceneDrawing
 from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, Status
 from refkin.fast import attempt
 from refkin.joints import Element, GuidedPoint, Pair, PointOnLine, RelativeAngle
@@ -132,7 +132,7 @@ def test_it_goes_through_a_scene_file(registered):
 
 def test_its_guide_is_drawn():
     scene = slider_crank()
-    drawing = Drawing(scene, refkin.solve(scene))
+    drawing = SceneDrawing(scene, refkin.solve(scene))
     (_, y), _ = drawing.view.pixels(0.0, 0.2), None
 
     assert drawing.described("scene", "key")["guide"].count(f" {y:.1f}") == 2

@@ -9,8 +9,8 @@ import pytest
 
 import refkin
 from crosscheck.judge import findings
-from crosscheck.judge.known_gaps import ENOUGH, PREDICATES, Gap, InvalidGap, Tally, new_disagreements, read
-from crosscheck.judge.records import Disagreement, Kind, Record
+from crosscheck.judge.known_gaps import ENOUGH, PREDICATES, InvalidGap, KnownGap, Tally, new_disagreements, read
+from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check
 
 from .report_records import WHO, answer, typed
@@ -36,7 +36,7 @@ def record_of(path: str, engine: str) -> Record:
     return check(refkin.load(ROOT / path), [engine], about)
 
 
-def shows(gap: Gap) -> bool:
+def shows(gap: KnownGap) -> bool:
     """Whether a gap still shows on its reproduction."""
     record = record_of(gap.reproduction, gap.engine)
     return any(gap.covers(record, told) for told in record.disagreements)
@@ -91,17 +91,17 @@ def test_a_row_that_makes_no_sense_gets_one_clear_error(text, told):
     assert "\n" not in str(error.value)
 
 
-def record(*kinds: Kind, sigma_per_step: float | None = 0.1, route: str = "shipped") -> Record:
+def record(*kinds: Cause, sigma_per_step: float | None = 0.1, route: str = "shipped") -> Record:
     """Return a record in which exudyn answered by a route and has disagreements of some kinds."""
     scene = typed(planted("a", answer("exudyn", {}, route={**WHO, "name": route})))
     told = {"engine": "exudyn", "route": route, "quantity": "position", "ratio": 9.0}
-    disagreements = [Disagreement(**told, kind=kind, how="SIGSEGV" * (kind is Kind.CRASH)) for kind in kinds]
+    disagreements = [Disagreement(**told, kind=kind, how="SIGSEGV" * (kind is Cause.CRASH)) for kind in kinds]
     assert scene.reference is not None
     row = replace(scene.reference, sigma_per_step=sigma_per_step)
     return replace(scene, reference=row, disagreements=disagreements)
 
 
-JUMP = Kind.OTHER_ASSEMBLY
+JUMP = Cause.OTHER_ASSEMBLY
 
 
 @pytest.mark.parametrize(
@@ -111,8 +111,8 @@ JUMP = Kind.OTHER_ASSEMBLY
         (record(JUMP, sigma_per_step=2.0), [JUMP]),
         (record(JUMP, sigma_per_step=None), [JUMP]),
         (record(JUMP, route="static"), [JUMP]),
-        (record(Kind.BEYOND), ["beyond the allowed error"]),
-        (record(JUMP, Kind.CRASH), ["crash (SIGSEGV)"]),
+        (record(Cause.BEYOND), ["beyond the allowed error"]),
+        (record(JUMP, Cause.CRASH), ["crash (SIGSEGV)"]),
     ],
     ids=["covered", "step within Newton's reach", "one time", "best route", "another kind", "one of two"],
 )
@@ -170,5 +170,5 @@ def test_a_record_says_how_small_sigma_is_against_the_steps_beside_it():
 def test_a_gap_is_told_by_its_row():
     (gap,) = read(ROW)
 
-    assert isinstance(gap, Gap)
+    assert isinstance(gap, KnownGap)
     assert (gap.engine, gap.match, gap.kind_of_gap) == ("exudyn", {"route": "shipped"}, "our misuse")

@@ -14,7 +14,7 @@ import pytest
 from crosscheck.engines import QUANTITIES, EngineError
 from crosscheck.engines.methods import PRICED, Use, method, methods
 from crosscheck.judge.prices import YARDSTICK
-from crosscheck.judge.truth import Truth
+from crosscheck.judge.truth import CertifiedTruth
 from refkin.joints import AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial, Sinusoid
@@ -36,7 +36,7 @@ def answer(found, scene, order):
 @cache
 def digits(producer):
     """Return (method, setting, quantity) -> digits on the scene, in the order of the settings."""
-    truth, found = Truth(SCENE), {}
+    truth, found = CertifiedTruth(SCENE), {}
     for one in methods(producer, Use.PRICE):
         for order, level in enumerate(answer(one, SCENE, one.highest)):
             found[one.name, one.setting, QUANTITIES[order]] = truth.digits(level, order)[0]
@@ -149,7 +149,7 @@ def test_what_is_relaxed_has_no_velocity():
 def test_a_driver_that_speeds_up_is_followed(producer):
     law = Sinusoid(amplitude=0.8, angular_frequency=2.0, offset=0.5)
     scene = LINKAGE.scene(law=law, times=np.linspace(0.0, 1.0, 11).tolist())
-    truth = Truth(scene)
+    truth = CertifiedTruth(scene)
     stepped = ("SolveDynamic", "mj_step, Euler", "constraintDynamics, RK4")
     found = [
         truth.digits(answer(one, scene, 0)[0], 0)[0]
@@ -162,7 +162,7 @@ def test_a_driver_that_speeds_up_is_followed(producer):
 
 @pytest.mark.parametrize("producer", PRICED)
 def test_a_slider_crank_has_its_positions(producer):
-    truth = Truth(SLIDER)
+    truth = CertifiedTruth(SLIDER)
     found = [truth.digits(answer(one, SLIDER, 0)[0], 0)[0] for one in methods(producer, Use.PRICE)]
 
     assert max(d for d in found if d is not None) > 14.0
@@ -194,7 +194,7 @@ def parallelogram():
     ],
 )
 def test_redundant_rows_cost_no_digits(producer, name):
-    truth = Truth(parallelogram())
+    truth = CertifiedTruth(parallelogram())
     last = [one for one in methods(producer, Use.PRICE) if one.name == name][-1]
 
     assert min(truth.digits(level, k)[0] for k, level in enumerate(answer(last, parallelogram(), 2))) > 13.0
@@ -280,6 +280,6 @@ def test_the_fastest_method_of_an_engine_is_as_right_as_double_precision_allows(
 @pytest.mark.parametrize(("producer", "name"), FASTEST)
 def test_the_fastest_method_of_an_engine_takes_any_loops_of_revolute_joints_and_slides(producer, name):
     last = [one for one in methods(producer, Use.PRICE) if one.name == name][-1]
-    truth = Truth(SLIDER)
+    truth = CertifiedTruth(SLIDER)
 
     assert min(truth.digits(level, k)[0] for k, level in enumerate(answer(last, SLIDER, 2))) > 13.0

@@ -11,7 +11,7 @@ import pytest
 from crosscheck.cli import main
 from crosscheck.commands.price import lines, to_json
 from crosscheck.engines.methods import PRICED
-from crosscheck.judge.prices import Offer, Row, cheapest, ratios, repeated, with_suspicions
+from crosscheck.judge.prices import Offer, PriceRow, cheapest, ratios, repeated, with_suspicions
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.price import price
 from refkin.motion_laws import Polynomial
@@ -160,7 +160,7 @@ def test_a_scene_without_a_certified_pose_has_no_prices():
 
 
 def priced(digits, microseconds, method="newton", engine="made up", quantity="position", attainable=15.0, setting="-"):
-    return Row(
+    return PriceRow(
         engine=engine,
         method=method,
         setting=setting,

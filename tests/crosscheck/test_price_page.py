@@ -10,13 +10,13 @@ from rich.console import Console
 
 from crosscheck.commands.price import cheapest_table, lines, methods_table, page_of, to_json
 from crosscheck.documents.page import digits_by_iteration
-from crosscheck.judge.prices import Row
+from crosscheck.judge.prices import PriceRow
 from crosscheck.measure.price import PriceList
 from crosscheck.report.prices import iterations_of_notes, looks_of_methods, methods_figure
 
 
 def row(engine="exudyn", method="static", setting="1e-3", digits=3.0, microseconds=10.0, quantity="position", note=""):
-    return Row(
+    return PriceRow(
         engine=engine,
         method=method,
         setting=setting,

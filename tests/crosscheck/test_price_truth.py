@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from crosscheck.documents.page import digits_by_iteration
-from crosscheck.judge.truth import Truth, attainable_levels
+from crosscheck.judge.truth import CertifiedTruth, attainable_levels
 from crosscheck.measure.price import price_list
 from crosscheck.scenes.priced import AWAY, REGULAR, classes
 from refkin.motion_laws import Polynomial
@@ -39,7 +39,7 @@ def enclosed(system, q):
 def test_an_ulp_of_the_lengths_moves_each_level_by_what_attainable_says_at_most(seed):
     rng = np.random.default_rng(seed)
     beside = {k: float(np.nextafter(x, x + rng.choice([-1.0, 1.0]))) for k, x in LENGTHS.items()}
-    one, two = (Truth(linkage_scene(lengths)) for lengths in (LENGTHS, beside))
+    one, two = (CertifiedTruth(linkage_scene(lengths)) for lengths in (LENGTHS, beside))
     q = one.ref.levels[0][:, 0]
     pairs = zip(enclosed(one.ref.system, q), enclosed(two.ref.system, q), strict=True)
     for order, ((allowed, level), (a, b)) in enumerate(zip(attainable_levels(one.ref, one.known), pairs, strict=True)):
@@ -53,7 +53,7 @@ def test_an_ulp_of_the_lengths_moves_each_level_by_what_attainable_says_at_most(
 
 @cache
 def attainable(name):
-    return Truth(classes()[name]).attainable
+    return CertifiedTruth(classes()[name]).attainable
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
@@ -70,7 +70,7 @@ def test_far_from_the_origin_positions_in_metres_lose_the_digits_that_the_offset
 
 
 def test_a_truth_far_from_the_origin_is_not_called_better_than_its_rounding_to_metres():
-    truth = Truth(classes()["far from the origin"])
+    truth = CertifiedTruth(classes()["far from the origin"])
     digits, note = truth.digits(truth.ref.motion.q, 0)
 
     assert digits == pytest.approx(truth.attainable["position"], abs=0.5)
@@ -79,16 +79,16 @@ def test_a_truth_far_from_the_origin_is_not_called_better_than_its_rounding_to_m
 
 @pytest.mark.parametrize("name", ["regular", "near a change point", "near a dead centre", "far from the origin"])
 def test_every_pose_of_the_fixed_scenes_is_certified(name):
-    assert Truth(classes()[name]).known.all()
+    assert CertifiedTruth(classes()[name]).known.all()
 
 
 def test_a_body_that_is_not_wanted_costs_no_digits():
     scene = REGULAR.scene(turns=0.1, samples=3)
-    motion = Truth(scene).ref.motion
+    motion = CertifiedTruth(scene).ref.motion
     off = np.array(motion.q)
     off[0] += 1e-3
-    assert Truth(scene).digits(off, 0)[0] < 5.0
-    assert Truth(replace(scene, bodies_wanted=("rocker",))).digits(off, 0)[0] > 14.0
+    assert CertifiedTruth(scene).digits(off, 0)[0] < 5.0
+    assert CertifiedTruth(replace(scene, bodies_wanted=("rocker",))).digits(off, 0)[0] > 14.0
 
 
 def test_the_price_list_has_the_class_of_each_row():

@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from crosscheck.documents.page import newton_histories
-from crosscheck.judge.records import At, Kind, plain
+from crosscheck.judge.records import At, Cause, plain
 from crosscheck.measure import check
 from crosscheck.night.history import remember
 from crosscheck.night.pictures import pictures
@@ -427,7 +427,7 @@ def test_engine_that_crashed_on_every_scene_still_has_its_failures(tmp_path: Pat
 
 
 def test_no_answer_and_wrong_answer_in_one_scene_is_one_failing_scene(tmp_path: Path) -> None:
-    told = [disagreement(), disagreement(quantity="status", kind=Kind.NO_ANSWER, ratio=None)]
+    told = [disagreement(), disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
     report = reported(write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=told)))
 
     cell = report["engines"]["mujoco"]["newton"]["velocity"]
@@ -435,7 +435,7 @@ def test_no_answer_and_wrong_answer_in_one_scene_is_one_failing_scene(tmp_path: 
 
 
 def test_route_without_an_answer_fails_in_every_quantity_it_owes(tmp_path: Path) -> None:
-    told = [disagreement(quantity="status", kind=Kind.NO_ANSWER, ratio=None)]
+    told = [disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
     report = reported(write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=told)))
 
     assert [report["engines"]["mujoco"]["newton"][name]["failures"] for name in QUANTITIES] == [1, 1, 1]

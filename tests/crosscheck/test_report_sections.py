@@ -14,10 +14,10 @@ from hypothesis import strategies as st
 
 import refkin
 from crosscheck.documents.page import slopes
-from crosscheck.judge.records import Kind
+from crosscheck.judge.records import Cause
 from crosscheck.measure.check import check
 from crosscheck.night.history import append, remember
-from crosscheck.night.pictures import Drawing, Sample, pictures
+from crosscheck.night.pictures import DrawnSample, SceneDrawing, pictures
 from crosscheck.night.pictures import _factor as magnified
 from crosscheck.night.sections import write_documents
 from crosscheck.report.build import build, summarized
@@ -228,7 +228,7 @@ def test_scene_that_is_wrong_in_three_quantities_counts_once_as_silent(tmp_path:
 
 
 def test_engine_that_gave_no_answer_was_not_silent(tmp_path: Path) -> None:
-    told = [disagreement(quantity="status", kind=Kind.NO_ANSWER, ratio=None)]
+    told = [disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
     write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=told))
     build(tmp_path)
     (route,) = json.loads((tmp_path / "report.json").read_text())["routes"]
@@ -260,8 +260,8 @@ def posed() -> tuple[Any, Any]:
     off = np.zeros((9, 73))
     off[8] = 99e-11
     off[8, :4], off[:, 4], off[8, 7] = 50e-11, np.nan, 1e-9
-    drawing = Drawing(scene, refkin.solve(scene))
-    return drawing.described("a", "b"), drawing.ghost(Sample(7, 9.0, off), 0)
+    drawing = SceneDrawing(scene, refkin.solve(scene))
+    return drawing.described("a", "b"), drawing.ghost(DrawnSample(7, 9.0, off), 0)
 
 
 def test_ghost_differs_from_the_pose_by_the_error_times_the_stated_factor(posed: Any) -> None:

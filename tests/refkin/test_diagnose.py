@@ -24,7 +24,7 @@ from refkin import (
     compile_system,
 )
 from refkin.proof.numbers.recentred import recentred
-from refkin.proof.singularity.diagnosis import Kind
+from refkin.proof.singularity.diagnosis import PoseKind
 from refkin.proof.singularity.second_order import _common_roots
 from tests.refkin.test_sweep import three_cranks
 
@@ -114,14 +114,14 @@ def limit():
 
 
 ONE = {
-    Kind.REGULAR: lambda: (at(LIMITED, 0.5),),
-    Kind.REDUNDANT: lambda: (three_cranks(0.0),),
-    Kind.STRUCTURE: lambda: (links(2.0, 1.5),),
-    Kind.FORMULATION: lambda: (reaching(0.0), (0.0, 0.0, 0.0), 0.0),
-    Kind.TURNING_POINT: limit,
-    Kind.ACTUATOR: lambda: (beside(dead_centre(), dead_centre()),),
-    Kind.IDLE: lambda: (with_wheel(three_cranks(0.0)),),
-    Kind.BIFURCATION: lambda: (at(CHANGE_POINT, math.pi),),
+    PoseKind.REGULAR: lambda: (at(LIMITED, 0.5),),
+    PoseKind.REDUNDANT: lambda: (three_cranks(0.0),),
+    PoseKind.STRUCTURE: lambda: (links(2.0, 1.5),),
+    PoseKind.FORMULATION: lambda: (reaching(0.0), (0.0, 0.0, 0.0), 0.0),
+    PoseKind.TURNING_POINT: limit,
+    PoseKind.ACTUATOR: lambda: (beside(dead_centre(), dead_centre()),),
+    PoseKind.IDLE: lambda: (with_wheel(three_cranks(0.0)),),
+    PoseKind.BIFURCATION: lambda: (at(CHANGE_POINT, math.pi),),
 }
 
 
@@ -140,7 +140,7 @@ def test_change_points_have_two_tangents_that_satisfy_the_equations_to_first_ord
     system = compile_system(scene.mechanism)
     q = refkin.solve(scene).q[:, 0]
 
-    assert found.kind is Kind.BIFURCATION
+    assert found.kind is PoseKind.BIFURCATION
     assert len(found.tangents) == 2
     for tangent in found.tangents:
         moved = system.phi_q(q, 0.0)[:-1] @ tangent
@@ -153,14 +153,14 @@ def test_change_points_have_two_tangents_that_satisfy_the_equations_to_first_ord
 def test_a_dead_centre_names_rows_bodies_and_a_driver_that_would_hold():
     found = refkin.diagnose(dead_centre())
 
-    assert found.kind is Kind.TURNING_POINT
+    assert found.kind is PoseKind.TURNING_POINT
     assert found.rows == ("A0", "A", "B", "driver")
     assert found.bodies == ("crank", "connecting_rod")
     assert found.other_driver == "the angle of crank"
 
 
 def test_with_the_other_driver_the_same_pose_is_regular():
-    assert refkin.diagnose(at(SliderCrank(0.25, 0.5), 0.0)).kind is Kind.REGULAR
+    assert refkin.diagnose(at(SliderCrank(0.25, 0.5), 0.0)).kind is PoseKind.REGULAR
 
 
 def test_an_idle_wheel_is_named_alone():
@@ -170,7 +170,7 @@ def test_an_idle_wheel_is_named_alone():
 def test_a_driver_that_repeats_what_a_joint_holds_leaves_an_idle_motion():
     found = refkin.diagnose(held_by_height())
 
-    assert found.kind is Kind.IDLE
+    assert found.kind is PoseKind.IDLE
     assert "height" in found.rows
     assert found.bodies == ("crank", "connecting_rod", "slider")
 
@@ -190,7 +190,7 @@ def test_a_flat_triangle_is_a_structure_that_can_move_to_first_order_only():
     )
     found = refkin.diagnose(replace(scene, mechanism=replace(scene.mechanism, bodies=bodies)))
 
-    assert found.kind is Kind.STRUCTURE
+    assert found.kind is PoseKind.STRUCTURE
     assert "shaky" in found.message
     assert found.bodies == ("left", "right")
 
@@ -198,7 +198,7 @@ def test_a_flat_triangle_is_a_structure_that_can_move_to_first_order_only():
 def test_a_pin_on_the_pivot_of_its_slot_is_a_bifurcation_of_the_lever():
     found = refkin.diagnose(at(InvertedSliderCrank(ground=1.0, crank=1.0), 0.0))
 
-    assert found.kind is Kind.BIFURCATION
+    assert found.kind is PoseKind.BIFURCATION
     assert found.bodies == ("lever",)
 
 
@@ -214,7 +214,7 @@ def test_units_change_no_diagnosis(factor):
 def test_lengths_of_very_different_size_are_no_singularity(ratio):
     found = refkin.diagnose(at(FourBar(ground=1.0, crank=ratio, coupler=1.0, rocker=max(1.0, ratio)), 1.0))
 
-    assert found.kind is Kind.REGULAR
+    assert found.kind is PoseKind.REGULAR
     assert "nearly" not in found.message
 
 
@@ -245,7 +245,7 @@ def moved_frame(scene, body, shift):
 def test_a_body_frame_far_away_is_no_singularity(far):
     found = refkin.diagnose(moved_frame(at(LIMITED, 0.5), "coupler", (far, -far)))
 
-    assert found.kind is Kind.REGULAR
+    assert found.kind is PoseKind.REGULAR
     assert "nearly" not in found.message
 
 
@@ -303,7 +303,7 @@ def test_changes_of_coordinates_and_of_moved_frames_go_together():
 def test_near_a_singularity_a_regular_pose_says_which_one(distance):
     found = refkin.diagnose(at(CHANGE_POINT, math.pi - distance))
 
-    assert found.kind is Kind.REGULAR
+    assert found.kind is PoseKind.REGULAR
     assert "nearly singular" in found.message
     assert "bifurcation" in found.message
 

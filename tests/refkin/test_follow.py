@@ -10,7 +10,7 @@ import pytest
 
 import refkin
 from refkin import FourBar, Polynomial, SliderCrank, compile_system
-from refkin.proof.path.tracing import End
+from refkin.proof.path.tracing import TraceEnd
 from refkin.solving.follow import Bifurcation, TurningPoint, driven_by, straight_on
 
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
@@ -49,7 +49,7 @@ def test_a_crank_with_limits_passes_both_and_comes_back_on_the_other_branch(dire
     by_open, by_crossed = sides(LIMITED, replace_within(path, 0.999 * limit))
     inside = np.flatnonzero(np.abs(path.t) < 0.999 * limit)
 
-    assert path.end is End.CLOSED
+    assert path.end is TraceEnd.CLOSED
     assert [event.t for event in path.events] == pytest.approx([direction * limit, -direction * limit], abs=1e-14)
     assert [event.is_maximum for event in path.events] == [direction > 0, direction < 0]
     between = (inside > first) & (inside < second)
@@ -69,7 +69,7 @@ def test_a_crank_pulled_by_its_slider_goes_through_both_dead_centres_around(dire
     path = refkin.follow(scene, direction=direction)
     turn = np.diff(path["crank"].phi)
 
-    assert path.end is End.CLOSED
+    assert path.end is TraceEnd.CLOSED
     assert sorted(event.t for event in path.events) == pytest.approx([0.25, 0.75], abs=1e-15)
     assert np.all(turn > 0) or np.all(turn < 0)
     assert abs(path["crank"].phi[-1] - path["crank"].phi[0]) == pytest.approx(2 * np.pi, abs=1e-12)
@@ -85,7 +85,7 @@ def test_a_crank_pulled_by_its_slider_goes_through_both_dead_centres_around(dire
 def test_a_crank_without_limits_comes_back_after_a_turn(direction):
     path = refkin.follow(driven(ROCKER), direction=direction)
 
-    assert path.end is End.CLOSED
+    assert path.end is TraceEnd.CLOSED
     assert path.t[-1] - path.t[0] == pytest.approx(direction * 2 * np.pi, abs=1e-12)
     assert path["rocker"].phi[-1] == path["rocker"].phi[0]
     assert path.events == ()
@@ -138,7 +138,7 @@ def test_a_change_point_is_found_with_the_tangents_of_both_branches(linkage):
         rates.append((a - 8 * b + 8 * c - d) / 0.12)
 
     assert isinstance(found, Bifurcation)
-    assert path.end is End.BIFURCATION
+    assert path.end is TraceEnd.BIFURCATION
     assert found.t == pytest.approx(np.pi, abs=1e-14)
     assert sorted(v.rate[8] for v in found.tangents) == pytest.approx(sorted(rates), abs=1e-6)
 
@@ -154,7 +154,7 @@ def test_from_a_change_point_each_branch_can_be_followed_in_both_directions(whic
     parallel = abs(chosen.rate[8] - 1.0) < 1e-6
     away = off(path["rocker"].phi, path["crank"].phi)
 
-    assert path.end is End.RANGE
+    assert path.end is TraceEnd.RANGE
     assert path.t[-1] == np.pi + np.sign(chosen.t)
     assert (np.max(away) < 1e-12) == parallel
     assert np.all((np.diff(path.t) > 0) == (chosen.t > 0))
@@ -174,7 +174,7 @@ def test_near_a_change_point_the_path_stays_on_its_curve(slack):
     path = refkin.follow(driven(linkage), until=(0.0, 6.0), most_points=500)
 
     if slack > 0:
-        assert path.end is End.RANGE
+        assert path.end is TraceEnd.RANGE
         assert path.t[-1] == 6.0
         assert np.max(sides(linkage, path)[0]) < 1e-8
     else:
@@ -197,7 +197,7 @@ def test_two_linkages_that_pass_a_near_change_point_together_stay_on_their_curve
     twice = replace(m, bodies=(*m.bodies, *bodies), joints=(*m.joints, *joints))
     path = refkin.follow(replace(driven(linkage), mechanism=twice), until=(0.0, 6.0), max_step=0.5)
 
-    assert path.end is End.RANGE
+    assert path.end is TraceEnd.RANGE
     assert np.max(sides(linkage, path)[0]) < 1e-8
 
 
@@ -231,7 +231,7 @@ def test_without_a_first_pose_there_is_no_path():
     driver = replace(scene.mechanism.drivers[0], law=Polynomial(coefficients=(2.5,)))
     path = refkin.follow(replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,))))
 
-    assert path.end is End.NO_START
+    assert path.end is TraceEnd.NO_START
     assert path.t.size == 0
     assert "cannot meet" in path.message
 
@@ -248,7 +248,7 @@ def test_a_path_of_a_linkage_far_from_its_origin_is_the_same():
     there = replace(LIMITED, origin=(1e8, -1e8))
     here, path = (refkin.follow(driven(x)) for x in (LIMITED, there))
 
-    assert path.end is End.CLOSED
+    assert path.end is TraceEnd.CLOSED
     assert [e.t for e in path.events] == pytest.approx([e.t for e in here.events], abs=1e-7)
 
 
@@ -259,7 +259,7 @@ def test_tangents_point_along_the_path_all_around():
     moves = (x[:, 2:] - x[:, :-2]).T
     tangents = [np.append(tangent.q, tangent.t) for tangent in path.tangents[1:-1]]
 
-    assert path.end is End.CLOSED
+    assert path.end is TraceEnd.CLOSED
     assert all(np.dot(move, tangent) > 0.0 for move, tangent in zip(moves, tangents, strict=True))
 
 
@@ -267,7 +267,7 @@ def test_a_path_that_is_to_end_on_one_side_does_not_close_after_a_turn():
     """A crank's angle that has one limit is a number, not a direction: it goes on until that or for ever."""
     path = refkin.follow(driven(ROCKER), until=(0.0, math.inf), most_points=120)
 
-    assert path.end is not End.CLOSED
+    assert path.end is not TraceEnd.CLOSED
     assert path.t[-1] > 0.5 + math.tau
 
 

@@ -12,9 +12,9 @@ from functools import cache
 from typing import Any
 
 from crosscheck.documents.ledger.judging import check_row
-from crosscheck.documents.ledger.rows import Ledger, Row, read
+from crosscheck.documents.ledger.rows import Ledger, LedgerRow, read
 
-__all__ = ["Ledger", "Row", "check_row", "ledger_rows", "read"]
+__all__ = ["Ledger", "LedgerRow", "check_row", "ledger_rows", "read"]
 
 
 def ledger_rows(ids: Sequence[str] = ()) -> list[dict[str, Any]]:

@@ -10,7 +10,16 @@ import numpy as np
 from flint import arb, ctx
 
 from crosscheck.documents.ledger.arithmetic import Balls, Binary64
-from crosscheck.documents.ledger.rows import Erratum, Printed, Row, Value, Written, correct_digits, leaves, printed_is
+from crosscheck.documents.ledger.rows import (
+    Erratum,
+    LedgerRow,
+    Printed,
+    Value,
+    Written,
+    correct_digits,
+    leaves,
+    printed_is,
+)
 
 JUDGE_BITS = 256
 """Bits of the balls that enclose the truth, and of every comparison."""
@@ -25,7 +34,7 @@ Sources = dict[str, dict[str, Any]]
 """What each source has computed: path -> number, word, or yes and no."""
 
 
-def computed(row: Row) -> tuple[Sources, dict[str, Any]]:
+def computed(row: LedgerRow) -> tuple[Sources, dict[str, Any]]:
     """Return what each source makes of a row, and the radius of each number on balls of 53 bits."""
     sources: Sources = {}
     radii: dict[str, Any] = {}
@@ -45,7 +54,7 @@ def computed(row: Row) -> tuple[Sources, dict[str, Any]]:
     return sources, radii
 
 
-def check_row(row: Row) -> dict[str, Any]:
+def check_row(row: LedgerRow) -> dict[str, Any]:
     """Return a row with what was found out about it, as plain data; `status` is pass, fail or open."""
     with ctx.workprec(JUDGE_BITS):
         sources, radii = computed(row)

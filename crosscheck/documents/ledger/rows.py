@@ -159,7 +159,7 @@ class Erratum:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Row:
+class LedgerRow:
     """One system, algorithm or printed number of the source documents.
 
     Attributes
@@ -193,7 +193,7 @@ class Ledger:
     """The whole file; `documents` are title and place by key."""
 
     documents: Mapping[str, str]
-    row: tuple[Row, ...]
+    row: tuple[LedgerRow, ...]
     __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
 

@@ -25,7 +25,7 @@ import numpy as np
 
 from crosscheck.engines.closed_form.groups import Circle, Line, Locus, Meeting, meet
 from crosscheck.engines.closed_form.jets import Arithmetic, Jet, Mask, Planar, midpoint
-from crosscheck.engines.closed_form.linkage import AngleRow, DistanceRow, LineRow, Linkage, Pose, RigidGroup
+from crosscheck.engines.closed_form.linkage import AngleRow, DistanceRow, GroupedScene, JetPose, LineRow, RigidGroup
 from crosscheck.engines.closed_form.turns import count_turns
 from refkin.joints import GROUND
 from refkin.model import Scene
@@ -39,7 +39,7 @@ class NotDyadic(Exception):
 
 
 @dataclass(frozen=True)
-class Row:
+class LocusRow:
     """A line or circle for the position of one group in another, and its gradient's direction in the estimates."""
 
     locus: Locus
@@ -51,7 +51,7 @@ class Row:
 class Assembly:
     """The state of a solve: groups so far, what failed when, and what was decided without an estimate."""
 
-    linkage: Linkage
+    linkage: GroupedScene
     scene: Scene
     arithmetic: Arithmetic
     absent: Mask = field(init=False)
@@ -161,19 +161,19 @@ class Assembly:
 
     def _absorb(self, g: RigidGroup, x: RigidGroup, origin: Planar) -> None:
         """Put x, of g's family, into g with its frame's origin there."""
-        frame = Pose(x.spin[0] - g.spin[0], _relative_turn(g, x), origin)
+        frame = JetPose(x.spin[0] - g.spin[0], _relative_turn(g, x), origin)
         g.bodies.update({name: pose.after(frame) for name, pose in x.bodies.items()})
         g.nodes = {**{node: frame.point(local) for node, local in x.nodes.items()}, **g.nodes}
         self.groups.remove(x)
 
     # rows between two groups of one family, as loci of the origin of x in the frame of g
 
-    def _rows(self, g: RigidGroup, x: RigidGroup) -> Iterator[Row]:
+    def _rows(self, g: RigidGroup, x: RigidGroup) -> Iterator[LocusRow]:
         turn = _relative_turn(g, x)
         for line in self.linkage.lines:
             locus = _line_locus(line, g, x, turn)
             if locus is not None:
-                yield Row(locus, self._normal_estimate(line), line.name)
+                yield LocusRow(locus, self._normal_estimate(line), line.name)
         for row in self.linkage.distances:
             for a, b in ((row.node_a, row.node_b), (row.node_b, row.node_a)):
                 if a in g.nodes and b in x.nodes:
@@ -185,16 +185,16 @@ class Assembly:
 
     def _circle_row(
         self, g: RigidGroup, x: RigidGroup, a: int, b: int, turn: Planar, by: DistanceRow | RigidGroup
-    ) -> Row:
+    ) -> LocusRow:
         if isinstance(by, DistanceRow):
             radius, name = by.value, by.name
         else:
             radius, name = (by.nodes[b] - by.nodes[a]).length(), "link " + ", ".join(by.bodies)
         ends = self._estimate(a), self._estimate(b)
         gradient = None if ends[0] is None or ends[1] is None else ends[1] - ends[0]
-        return Row(Circle(g.nodes[a] - turn * x.nodes[b], radius), gradient, name)
+        return LocusRow(Circle(g.nodes[a] - turn * x.nodes[b], radius), gradient, name)
 
-    def _meeting_point(self, g: RigidGroup, rows: Sequence[Row], what: str) -> Planar:
+    def _meeting_point(self, g: RigidGroup, rows: Sequence[LocusRow], what: str) -> Planar:
         one, two = sorted(rows[:2], key=lambda row: isinstance(row.locus, Circle))
         meeting = meet(one.locus, two.locus, self.arithmetic)
         self.meetings.append(meeting)
@@ -217,7 +217,7 @@ class Assembly:
 
     # which assembly, by the estimates at the first time
 
-    def _sign(self, g: RigidGroup, meeting: Meeting, rows: tuple[Row, Row], what: str) -> float:
+    def _sign(self, g: RigidGroup, meeting: Meeting, rows: tuple[LocusRow, LocusRow], what: str) -> float:
         if meeting.chord is None:
             return 1.0
         first, second = rows[0].gradient, rows[1].gradient
@@ -229,7 +229,7 @@ class Assembly:
             return math.copysign(1.0, cross)
         return self._nearer(g, meeting, rows) or math.copysign(1.0, cross)
 
-    def _nearer(self, g: RigidGroup, meeting: Meeting, rows: tuple[Row, Row]) -> float:
+    def _nearer(self, g: RigidGroup, meeting: Meeting, rows: tuple[LocusRow, LocusRow]) -> float:
         """Return the sign of the assembly nearer the estimate, 0 if it is right between or nowhere."""
         angle, chord, circle = self._angle_estimate(g), meeting.chord, rows[1].locus
         if angle is None or chord is None or rows[1].gradient is None or not isinstance(circle, Circle):

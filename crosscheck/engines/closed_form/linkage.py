@@ -65,7 +65,7 @@ class DistanceRow:
 
 
 @dataclass(frozen=True)
-class Pose:
+class JetPose:
     """A frame in another: its angle, the rotation by that angle, its origin."""
 
     angle: Jet
@@ -76,9 +76,9 @@ class Pose:
         """Return a point of the frame in the other."""
         return self.origin + self.turn * local
 
-    def after(self, outer: Pose) -> Pose:
+    def after(self, outer: JetPose) -> JetPose:
         """Return this frame in the frame in which `outer` is given."""
-        return Pose(outer.angle + self.angle, outer.turn * self.turn, outer.point(self.origin))
+        return JetPose(outer.angle + self.angle, outer.turn * self.turn, outer.point(self.origin))
 
 
 @dataclass(eq=False)
@@ -89,14 +89,14 @@ class RigidGroup:
     rotation by it.
     """
 
-    bodies: dict[str, Pose]
+    bodies: dict[str, JetPose]
     nodes: dict[int, Planar]
     family: int
     spin: tuple[Jet, Planar]
 
 
 @dataclass
-class Linkage:
+class GroupedScene:
     """A scene in groups and rows; `places` are the points that make up each node, `labels` what to call it."""
 
     groups: list[RigidGroup] = field(default_factory=list)
@@ -108,14 +108,14 @@ class Linkage:
     origin: Pair = (0.0, 0.0)
 
 
-def read_linkage(scene: Scene, arithmetic: Arithmetic) -> Linkage:
+def read_linkage(scene: Scene, arithmetic: Arithmetic) -> GroupedScene:
     """Return the groups (one per body, ground first), nodes and rows of a scene; lengths in metres."""
-    linkage = Linkage(origin=_origin(scene))
+    linkage = GroupedScene(origin=_origin(scene))
     nodes = _nodes(scene, linkage)
     for name in (GROUND, *(body.name for body in scene.mechanism.bodies)):
         held = {k: _local(linkage, place, arithmetic) for place, k in nodes.items() if place[0] == name}
         zero, one = Jet(arithmetic.number(0.0)), Jet(arithmetic.number(1.0))
-        still = Pose(zero, Planar(one, zero), Planar(zero, zero))
+        still = JetPose(zero, Planar(one, zero), Planar(zero, zero))
         linkage.groups.append(RigidGroup({name: still}, held, len(linkage.groups), (zero, still.turn)))
     for element in elements_of(scene.mechanism.constraints):
         _read_rows(linkage, element, nodes, scene, arithmetic)
@@ -128,14 +128,14 @@ def _origin(scene: Scene) -> Pair:
     return next(on_ground, (0.0, 0.0))
 
 
-def _local(linkage: Linkage, place: Place, arithmetic: Arithmetic) -> Planar:
+def _local(linkage: GroupedScene, place: Place, arithmetic: Arithmetic) -> Planar:
     body, (x, y) = place
     ox, oy = linkage.origin if body == GROUND else (0.0, 0.0)
     number = arithmetic.number
     return Planar(Jet(number(x) - number(ox)), Jet(number(y) - number(oy)))
 
 
-def _nodes(scene: Scene, linkage: Linkage) -> dict[Place, int]:
+def _nodes(scene: Scene, linkage: GroupedScene) -> dict[Place, int]:
     """Return the node of every joint point; points that coincide share one."""
     members: dict[Place, list[Place]] = {}
     names: dict[Place, str] = {}
@@ -156,7 +156,9 @@ def _nodes(scene: Scene, linkage: Linkage) -> dict[Place, int]:
     return node
 
 
-def _read_rows(linkage: Linkage, e: Element, nodes: dict[Place, int], scene: Scene, arithmetic: Arithmetic) -> None:
+def _read_rows(
+    linkage: GroupedScene, e: Element, nodes: dict[Place, int], scene: Scene, arithmetic: Arithmetic
+) -> None:
     """Append the row of one element, if it is one."""
     number, name = arithmetic.number, e.name
     law = law_jet(e.laws[0], scene.times, arithmetic) if e.laws else None

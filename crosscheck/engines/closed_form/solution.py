@@ -18,7 +18,7 @@ import numpy as np
 
 from crosscheck.engines.closed_form.assemble import Assembly
 from crosscheck.engines.closed_form.jets import Arithmetic, Floats, Jet, Planar, midpoint
-from crosscheck.engines.closed_form.linkage import Linkage, Pose, RigidGroup, read_linkage
+from crosscheck.engines.closed_form.linkage import GroupedScene, JetPose, RigidGroup, read_linkage
 from refkin.model import Scene
 
 REFINEMENTS = 8
@@ -82,7 +82,7 @@ def _with_turns(scene: Scene) -> Solution:
     return replace(solve(scene, Floats(), lambda k: near[k]), sure_until=sure_until)
 
 
-def _gaps(drawn: Linkage, ground: RigidGroup, scene: Scene) -> list[Any]:
+def _gaps(drawn: GroupedScene, ground: RigidGroup, scene: Scene) -> list[Any]:
     """Return what is left of every row and joint: lengths in sizes, angles in rad. Values only."""
     size = scene.mechanism.size()
     poses = {name: _still(pose) for name, pose in ground.bodies.items()}
@@ -104,11 +104,11 @@ def _gaps(drawn: Linkage, ground: RigidGroup, scene: Scene) -> list[Any]:
     return gaps
 
 
-def _still(pose: Pose) -> Pose:
+def _still(pose: JetPose) -> JetPose:
     def planar(vector: Planar) -> Planar:
         return Planar(Jet(vector.x.v), Jet(vector.y.v))
 
-    return Pose(Jet(pose.angle.v), planar(pose.turn), planar(pose.origin))
+    return JetPose(Jet(pose.angle.v), planar(pose.turn), planar(pose.origin))
 
 
 PIECES = 16

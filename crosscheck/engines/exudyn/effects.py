@@ -5,25 +5,17 @@ exudyn simulates what is added and nothing else. Forces are in the model's own u
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator
 from typing import Any
 
 import exudyn as exu
 from exudyn import itemInterface as item
 
+from crosscheck.engines import Switch
 from crosscheck.engines.exudyn.parts import Builder
 from refkin.joints import GROUND
 
 MASS = 7.0
-
-
-@dataclass(frozen=True)
-class Effect:
-    """What is added to a system, in words and as a function."""
-
-    description: str
-    add: Callable[[Builder], None]
 
 
 def _bodies(b: Builder) -> Iterator[tuple[str, Any]]:
@@ -82,15 +74,15 @@ def _sensors(b: Builder) -> None:
 
 
 EFFECTS = {
-    "gravity": Effect(f"masses of {MASS:g} and 9.81 down the y axis", _gravity),
-    "contact": Effect("the angle of each body pressed against a stop of stiffness 1", _contact),
-    "friction": Effect("a friction torque of 1 on each body", _friction),
-    "joint limits": Effect("stops of stiffness 10 at angles of 1e-3", _limits),
-    "passive forces": Effect(
+    "gravity": Switch(f"masses of {MASS:g} and 9.81 down the y axis", _gravity),
+    "contact": Switch("the angle of each body pressed against a stop of stiffness 1", _contact),
+    "friction": Switch("a friction torque of 1 on each body", _friction),
+    "joint limits": Switch("stops of stiffness 10 at angles of 1e-3", _limits),
+    "passive forces": Switch(
         "stiffness 10 and damping 1 on each body's angle",
         lambda b: _on_angles(b, item.CoordinateSpringDamper, stiffness=10.0, damping=1.0),
     ),
-    "actuation": Effect("a torque of 10 on each body", _actuation),
-    "sensors": Effect("a sensor of position on each body, stored", _sensors),
-    "inertia": Effect(f"masses and inertias of {MASS:g}", _inertia),
+    "actuation": Switch("a torque of 10 on each body", _actuation),
+    "sensors": Switch("a sensor of position on each body, stored", _sensors),
+    "inertia": Switch(f"masses and inertias of {MASS:g}", _inertia),
 }

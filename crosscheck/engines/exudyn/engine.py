@@ -143,7 +143,7 @@ class Exudyn(WithEffects):
             whole = replace(scene, bodies_wanted=None, effects=scene.effects | {Effect.VELOCITY})
             return with_initial_accelerations(scene, self.solve(whole, STATIC), scene.mechanism.unit())
         unit = scene.mechanism.unit() if route == STATIC else SI
-        more = None if self.effect is None else EFFECTS[self.effect].add
+        more = None if self.effect is None else EFFECTS[self.effect].switch
         model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit, more=more)
         try:
             poses = _march(model, scene, route, unit)

@@ -5,19 +5,10 @@ Everything is in the model's unit of length, in which links are of order 1, so t
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Any
 
+from crosscheck.engines import Switch
 from crosscheck.engines.mujoco.model import Plan, mujoco, switch_on
-
-
-@dataclass(frozen=True)
-class Effect:
-    """What is done to a plan, in words and as a function."""
-
-    description: str
-    switch: Callable[[Plan], None]
 
 
 def affected(plan: Plan, effect: str | None) -> Plan:
@@ -82,12 +73,12 @@ def _inertia(plan: Plan) -> None:
 
 
 EFFECTS = {
-    "gravity": Effect("9.81 across the plane's x axis", _gravity),
-    "contact": Effect("a sphere of half a size on each body and on the ground", _contact),
-    "friction": Effect("frictionloss 1 in every joint", _friction),
-    "joint limits": Effect("every joint limited to 1e-3 about zero", _limits),
-    "passive forces": Effect("stiffness 10 and damping 1 in every joint", _passive),
-    "actuation": Effect("a position servo of gain 10 on every joint", _actuation),
-    "sensors": Effect("position and velocity sensors on every joint", _sensors),
-    "inertia": Effect("seven times the mass, off the joints", _inertia),
+    "gravity": Switch("9.81 across the plane's x axis", _gravity),
+    "contact": Switch("a sphere of half a size on each body and on the ground", _contact),
+    "friction": Switch("frictionloss 1 in every joint", _friction),
+    "joint limits": Switch("every joint limited to 1e-3 about zero", _limits),
+    "passive forces": Switch("stiffness 10 and damping 1 in every joint", _passive),
+    "actuation": Switch("a position servo of gain 10 on every joint", _actuation),
+    "sensors": Switch("position and velocity sensors on every joint", _sensors),
+    "inertia": Switch("seven times the mass, off the joints", _inertia),
 }

@@ -6,12 +6,10 @@ algorithm that is called here does. Switching them on shows just that.
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
-
 import numpy as np
 import pinocchio as pin
 
+from crosscheck.engines import Switch
 from crosscheck.engines.pinocchio.model import PlanarModel, tree_model
 from crosscheck.engines.tree.joint_tree import Array
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
@@ -19,14 +17,6 @@ from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
 UNREAD = "which no algorithm called here reads"
 EFFORT = 10.0
 """What each joint is pushed with where actuation is on."""
-
-
-@dataclass(frozen=True)
-class Effect:
-    """What is done to a model, in words and as a function."""
-
-    description: str
-    switch: Callable[[PlanarModel], None]
 
 
 def affected(planar: PlanarModel, effect: str | None) -> PlanarModel:
@@ -85,12 +75,12 @@ def _actuation(planar: PlanarModel) -> None:
 
 
 EFFECTS = {
-    "gravity": Effect("9.81 across the plane's x axis", _gravity),
-    "friction": Effect(f"dry friction limits of 1 in every joint, {UNREAD}", _friction),
-    "joint limits": Effect(f"every joint limited to 1e-3 about zero, {UNREAD}", _limits),
-    "passive forces": Effect(f"damping 1 in every joint, {UNREAD}", _passive),
-    "actuation": Effect("an effort of 10 in every joint, where a route takes efforts", _actuation),
-    "inertia": Effect("seven times the mass, off the joints", lambda planar: with_mass(planar, 7.0, (0.3, 0.1))),
+    "gravity": Switch("9.81 across the plane's x axis", _gravity),
+    "friction": Switch(f"dry friction limits of 1 in every joint, {UNREAD}", _friction),
+    "joint limits": Switch(f"every joint limited to 1e-3 about zero, {UNREAD}", _limits),
+    "passive forces": Switch(f"damping 1 in every joint, {UNREAD}", _passive),
+    "actuation": Switch("an effort of 10 in every joint, where a route takes efforts", _actuation),
+    "inertia": Switch("seven times the mass, off the joints", lambda planar: with_mass(planar, 7.0, (0.3, 0.1))),
 }
 
 MISSING = {

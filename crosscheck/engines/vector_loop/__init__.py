@@ -7,17 +7,17 @@
 `chains`, `reading` a scene as loops: what the engine `vector_loop` solves
 """
 
-from crosscheck.engines.vector_loop.marching import March, march
+from crosscheck.engines.vector_loop.marching import LoopMarch, march
 from crosscheck.engines.vector_loop.solving import Minimum, MinimumStatus, close, minimise, with_new_estimates
-from crosscheck.engines.vector_loop.system import LoopSystem, Relation
+from crosscheck.engines.vector_loop.system import AngleRelation, LoopSystem
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
 
 __all__ = [
+    "AngleRelation",
+    "LoopMarch",
     "LoopSystem",
-    "March",
     "Minimum",
     "MinimumStatus",
-    "Relation",
     "Variable",
     "Vector",
     "close",

@@ -26,7 +26,7 @@ from dataclasses import dataclass
 from typing import Any
 
 from crosscheck.engines import EngineRefusal
-from crosscheck.engines.vector_loop.system import Relation
+from crosscheck.engines.vector_loop.system import AngleRelation
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
 from refkin.joints import (
     GROUND,
@@ -96,7 +96,7 @@ class VectorChains:
     def __init__(self, scene: Scene, angles: Mapping[str, Variable], estimates: Estimates) -> None:
         self._angles, self._estimates, self._t0 = angles, estimates, float(scene.times[0])
         self.guesses: dict[str, float] = {}
-        self.relations: list[Relation] = []
+        self.relations: list[AngleRelation] = []
         self.chains = [chain for e in elements_of(scene.mechanism.constraints) for chain in self._read(e)]
 
     def _read(self, e: Element) -> Iterator[VectorChain]:
@@ -105,7 +105,7 @@ class VectorChains:
         if isinstance(e, RollingWheels):
             size = self._estimates.size
             turning = ((e.radius_i / size, self._angles[e.body_i]), (e.radius_j / size, self._angles[e.body_j]))
-            self.relations.append(Relation(turning, -(e.radius_i * e.zero_i + e.radius_j * e.zero_j) / size))
+            self.relations.append(AngleRelation(turning, -(e.radius_i * e.zero_i + e.radius_j * e.zero_j) / size))
             return
         ends = [(GROUND, 0j)] if isinstance(e, PointCoordinate) else []
         ends += [(body, self._estimates.local(body, u)) for body, u in e.ends]
@@ -154,7 +154,7 @@ class VectorChains:
         across = self._slide(f"distance from {e.name}", e.body_i, (-y, x), gap)
         radius = e.radius / size
         turning = ((-radius, self._angles[e.body_j]), (radius, self._angles[e.body_i]))
-        self.relations.append(Relation(((1.0, along.length), *turning), radius * e.phi0 - e.s0 / size))
+        self.relations.append(AngleRelation(((1.0, along.length), *turning), radius * e.phi0 - e.s0 / size))
         return along, across
 
     def _law(self, law: Law, shift: float = 0.0) -> Variable:

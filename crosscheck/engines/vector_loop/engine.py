@@ -27,7 +27,7 @@ from crosscheck.engines import (
     refuse_joints,
     refused,
 )
-from crosscheck.engines.vector_loop.marching import March, march
+from crosscheck.engines.vector_loop.marching import LoopMarch, march
 from crosscheck.engines.vector_loop.reading import Reading, read
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, PointMotion, Producer, Route, Seeding, Status, engine_motion
@@ -100,7 +100,7 @@ class VectorLoop:
         )
 
 
-def _message(moved: March) -> str:
+def _message(moved: LoopMarch) -> str:
     if moved.reached == len(moved.t):
         return ""
     if not moved.reached:
@@ -108,7 +108,7 @@ def _message(moved: March) -> str:
     return f"the branch was not followed beyond t = {moved.t[moved.reached - 1]:.17g}"
 
 
-def _places(reading: Reading, moved: March) -> list[Any]:
+def _places(reading: Reading, moved: LoopMarch) -> list[Any]:
     """Return origins of bodies, then points, as complex numbers [m] with two derivatives; NaN where none is known."""
     sums, t = reading.places, moved.t
     levels = [
@@ -121,7 +121,7 @@ def _places(reading: Reading, moved: March) -> list[Any]:
     return levels
 
 
-def _rows(reading: Reading, moved: March, place: Any, order: int) -> Array:
+def _rows(reading: Reading, moved: LoopMarch, place: Any, order: int) -> Array:
     """Return x, y [m], phi [rad] of the wanted bodies, or their derivatives, (3 n, T)."""
     count = len(reading.angles.variables)
     rows = np.empty((3 * count, len(moved.t)))
@@ -131,7 +131,7 @@ def _rows(reading: Reading, moved: March, place: Any, order: int) -> Array:
     return rows
 
 
-def _unknown(moved: March, order: int) -> Any:
+def _unknown(moved: LoopMarch, order: int) -> Any:
     """Return at which times a level has no answer: a body that only the input moves has none there, either."""
     with_answer = (Status.OK, Status.SINGULAR) if order == 0 else (Status.OK,)
     return np.array([status not in with_answer for status in moved.status])

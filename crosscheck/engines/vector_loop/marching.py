@@ -55,7 +55,7 @@ class LoopEquations:
 
 
 @dataclass(frozen=True)
-class March:
+class LoopMarch:
     """Unknowns and rates over the times.
 
     Attributes
@@ -87,7 +87,7 @@ Distance = Callable[[Any], float]
 """How far unknowns lie from an estimate."""
 
 
-def march(system: LoopSystem, times: Sequence[float], q0: Any, distance: Distance | None = None) -> March:
+def march(system: LoopSystem, times: Sequence[float], q0: Any, distance: Distance | None = None) -> LoopMarch:
     """Close the loops at each time: at the first from the estimate q0, then from pose to pose, as far as they close.
 
     `distance` says which of several assemblies is meant, where the estimate is far from all: by default the one whose
@@ -106,7 +106,7 @@ def march(system: LoopSystem, times: Sequence[float], q0: Any, distance: Distanc
     status = poses.status[:end] + (Status.NOT_CONVERGED,) * (len(ok) - end)
     known = np.where(np.arange(len(ok)) < end, 1.0, np.nan)
     q, qd, qdd = (level * known / system.weights[:, None] for level in poses.levels)
-    return March(np.asarray(times, float), q, qd, qdd, status, poses.residual * known)
+    return LoopMarch(np.asarray(times, float), q, qd, qdd, status, poses.residual * known)
 
 
 def start(system: LoopSystem, q0: Any, t: float, distance: Distance | None = None) -> Any:

@@ -2,7 +2,7 @@
 
 In complex form each loop gives F = sum c r e^(i theta) = 0 and its conjugate F* = sum c* r e^(-i theta) = 0; in real
 form the two are replaced by x = (F + F*)/2 and y = (F - F*)/(2i). The unknowns, angles and lengths, are the same real
-numbers. Where links touch otherwise (gears, racks), a `Relation` between unknowns is one more equation. (METU,
+numbers. Where links touch otherwise (gears, racks), a `AngleRelation` between unknowns is one more equation. (METU,
 Mechanisms, 3.9.)
 
 Velocity and acceleration follow by differentiating the loops: phi_q qd = nu, phi_q qdd = gamma.
@@ -23,7 +23,7 @@ EPS = float(np.finfo(float).eps)
 
 
 @dataclass(frozen=True)
-class Relation:
+class AngleRelation:
     """sum of factor * variable + constant = 0."""
 
     terms: tuple[tuple[float, Variable], ...]
@@ -57,7 +57,7 @@ class LoopSystem:
     """
 
     def __init__(
-        self, unknowns: Sequence[str], loops: Sequence[Sequence[Vector]], relations: Sequence[Relation] = ()
+        self, unknowns: Sequence[str], loops: Sequence[Sequence[Vector]], relations: Sequence[AngleRelation] = ()
     ) -> None:
         self.unknowns, self.loops, self.relations = tuple(unknowns), tuple(map(tuple, loops)), tuple(relations)
         equations = 2 * len(self.loops) + len(self.relations)

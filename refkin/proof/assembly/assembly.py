@@ -18,9 +18,9 @@ from refkin.analysis import position
 from refkin.joints import SPACE
 from refkin.motion import Array
 from refkin.proof.assembly.loci import Ball, above, below, length
-from refkin.proof.assembly.placing import MOST_BRANCHES, Branch, End, Placement, place
+from refkin.proof.assembly.placing import MOST_BRANCHES, DeadEnd, PlacedBranch, Placement, place
 from refkin.proof.assembly.rigid_groups import plan
-from refkin.proof.assembly.rows import Kind, Row, Rows, read_rows
+from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind, read_rows
 from refkin.proof.assembly.search import closes, coordinates, search
 from refkin.proof.assembly.spatial import assemblies_in_space
 from refkin.system import System
@@ -114,7 +114,7 @@ def _in_space(system: System, t: float, trying: bool) -> Assemblies:
     )
 
 
-def _none(ends: Sequence[End]) -> Assemblies:
+def _none(ends: Sequence[DeadEnd]) -> Assemblies:
     """Return the proof that there is no assembly: the end that misses least speaks for all."""
     least = min(ends, key=lambda end: below(end.gap))
     return Assemblies(complete=True, gap=max(0.0, below(least.gap)), message=least.words())
@@ -140,7 +140,7 @@ def _placed(system: System, t: float, placement: Placement) -> Assemblies:
     )
 
 
-def _searched(system: System, t: float, rows: Rows, stuck: bool, trying: bool) -> Assemblies:
+def _searched(system: System, t: float, rows: AssemblyRows, stuck: bool, trying: bool) -> Assemblies:
     """Return what a search finds, or proves."""
     end = open_loop(rows, system.unit.size)
     if end is not None:
@@ -162,7 +162,7 @@ def _searched(system: System, t: float, rows: Rows, stuck: bool, trying: bool) -
     )
 
 
-def _pose(system: System, t: float, branch: Branch) -> tuple[Array, float]:
+def _pose(system: System, t: float, branch: PlacedBranch) -> tuple[Array, float]:
     """Return a branch's coordinates as floats, and how far they may be from the true ones.
 
     The middles of the balls are better than what Newton in floats can make of them, unless the balls are wide (where
@@ -180,7 +180,7 @@ def _pose(system: System, t: float, branch: Branch) -> tuple[Array, float]:
     return q, radius
 
 
-def open_loop(rows: Rows, size: float) -> End | None:
+def open_loop(rows: AssemblyRows, size: float) -> DeadEnd | None:
     """Return the proof that some loop of pins and distances never closes; None if there is none.
 
     `size` [m] is the unit of length, for the message.
@@ -192,7 +192,7 @@ def open_loop(rows: Rows, size: float) -> End | None:
         for name, x in lengths:
             others = sum((y for _, y in lengths), arb(0)) - x
             if x > others:
-                return End(x - others, lambda n=name, x=x, y=others: _words(n, x * size, y * size))  # type: ignore[misc]
+                return DeadEnd(x - others, lambda n=name, x=x, y=others: _words(n, x * size, y * size))  # type: ignore[misc]
     return None
 
 
@@ -201,18 +201,18 @@ def _words(name: str, x: Ball, others: Ball) -> str:
     return f"{name} is longer ({long:.6g} m) than the rest of its loop ({rest:.6g} m): no angle closes it"
 
 
-Passage = tuple[Row, str, str]
+Passage = tuple[PointRow, str, str]
 """A row on the way around a loop, the body it is entered from and the body it leads to."""
 
 
-def _loops(rows: tuple[Row, ...]) -> Iterator[list[Passage]]:
+def _loops(rows: tuple[PointRow, ...]) -> Iterator[list[Passage]]:
     """Yield closed ways over different bodies, each from its first row on."""
-    links = [row for row in rows if row.kind is not Kind.LINE]
+    links = [row for row in rows if row.kind is not RowKind.LINE]
     for k, row in enumerate(links):
         yield from _closed([(row, row.i, row.j)], links[k + 1 :])
 
 
-def _closed(passed: list[Passage], links: list[Row]) -> Iterator[list[Passage]]:
+def _closed(passed: list[Passage], links: list[PointRow]) -> Iterator[list[Passage]]:
     start, here = passed[0][1], passed[-1][2]
     if here == start:
         yield passed
@@ -230,5 +230,5 @@ def _lengths(loop: list[Passage]) -> Iterator[tuple[str, Ball]]:
         entered = row.q if row.j == body else row.p
         left = following.p if following.i == body else following.q
         yield body, length(left - entered)
-        if row.kind is Kind.DISTANCE:
+        if row.kind is RowKind.DISTANCE:
             yield row.name, row.distance

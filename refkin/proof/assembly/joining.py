@@ -7,13 +7,13 @@ from dataclasses import dataclass
 from flint import arb
 
 from refkin.proof.assembly.loci import Ball, Circle, Line, Locus, Meeting, length, meet
-from refkin.proof.assembly.rows import Kind
+from refkin.proof.assembly.rows import RowKind
 from refkin.proof.assembly.slopes import whole
 from refkin.vec import Vec
 
 
 @dataclass(frozen=True)
-class Pose:
+class GroupPose:
     """Position and angle of a body in its group; groups of one orientation have parallel axes."""
 
     r: Vec
@@ -34,17 +34,17 @@ class Pose:
         d = x - self.r
         return Vec(self.c * d.x + self.s * d.y, self.c * d.y - self.s * d.x)
 
-    def rotated(self, by: Pose) -> Pose:
+    def rotated(self, by: GroupPose) -> GroupPose:
         """Return the pose with its group turned about the group's origin by the angle of `by`."""
         c, s = by.c * self.c - by.s * self.s, by.s * self.c + by.c * self.s
-        return Pose(by.turned(self.r), self.phi + by.phi, c, s)
+        return GroupPose(by.turned(self.r), self.phi + by.phi, c, s)
 
 
 @dataclass(frozen=True)
 class Link:
     """A relation in numbers: p fixed in group A, q in group B."""
 
-    kind: Kind
+    kind: RowKind
     p: Vec
     q: Vec
     normal: Vec
@@ -57,7 +57,7 @@ class Move:
     """How group B comes to A: turned (if it is), then shifted; and in which assembly mode that is."""
 
     mode: int | None
-    turn: Pose | None
+    turn: GroupPose | None
     shift: Vec
 
 
@@ -74,7 +74,7 @@ class Moves:
 
 def located(links: list[Link]) -> Moves | None:
     """Return where the point of B that two loci of A share can be; as shifts."""
-    met = meet(*(Line(k.p, k.normal) if k.kind is Kind.LINE else Circle(k.p, k.distance) for k in links))
+    met = meet(*(Line(k.p, k.normal) if k.kind is RowKind.LINE else Circle(k.p, k.distance) for k in links))
     return None if met is None else Moves(tuple(Move(_mode(met, mode), None, x) for mode, x in met.points), met)
 
 
@@ -82,11 +82,11 @@ def joined(links: list[Link], turning: bool) -> Moves | None:
     """Return how B comes to A by the given relations, B turning or not; None where loci run along each other."""
     if turning:
         return _from_three_lines(links) if len(links) == 3 else _about_pin(*links)
-    if links[0].kind is Kind.PIN:
+    if links[0].kind is RowKind.PIN:
         return Moves((Move(None, None, links[0].p - links[0].q),))
     loci: list[Locus] = []
     for k in links:
-        loci.append(Line(k.p - k.q, k.normal) if k.kind is Kind.LINE else Circle(k.p - k.q, k.distance))
+        loci.append(Line(k.p - k.q, k.normal) if k.kind is RowKind.LINE else Circle(k.p - k.q, k.distance))
     met = meet(*loci)
     return None if met is None else Moves(tuple(Move(_mode(met, mode), None, x) for mode, x in met.points), met)
 
@@ -100,23 +100,24 @@ def _about_pin(pin: Link, other: Link) -> Moves | None:
     """Turn B about a pin until a second pin, line or distance closes."""
     arm, goal = other.q - pin.q, other.p - pin.p
     met: Meeting | None = Meeting(((0, goal),))
-    if other.kind is Kind.LINE and other.on_b:
+    if other.kind is RowKind.LINE and other.on_b:
         met = meet(Circle(pin.q, length(goal)), Line(other.q, other.normal))
-    elif other.kind is Kind.LINE:
+    elif other.kind is RowKind.LINE:
         met = meet(Circle(pin.p, length(arm)), Line(other.p, other.normal))
-    elif other.kind is Kind.DISTANCE:
+    elif other.kind is RowKind.DISTANCE:
         met = meet(Circle(pin.p, length(arm)), Circle(other.p, other.distance))
     if met is None:
         return None
     moves = []
     for mode, x in met.points:
-        if other.kind is Kind.LINE and other.on_b:
+        if other.kind is RowKind.LINE and other.on_b:
             turn = _turn(goal, x - pin.q)
         else:
-            turn = _turn(goal if other.kind is Kind.PIN else x - pin.p, arm)
+            turn = _turn(goal if other.kind is RowKind.PIN else x - pin.p, arm)
         if turn is None:
             return None
-        moves.append(Move(_mode(met, mode) if other.kind is not Kind.PIN else None, turn, pin.p - turn.turned(pin.q)))
+        chosen = None if other.kind is RowKind.PIN else _mode(met, mode)
+        moves.append(Move(chosen, turn, pin.p - turn.turned(pin.q)))
     return Moves(tuple(moves), met)
 
 
@@ -149,13 +150,13 @@ def _from_three_lines(links: list[Link]) -> Moves | None:
         heights = [line.normal.dot(line.through - turn.turned(q)) for line, q in zip(lines, points, strict=True)]
         shift = Vec((heights[0] * n2.y - heights[1] * n1.y) / det, (n1.x * heights[1] - n2.x * heights[0]) / det)
         if on_b:  # A was laid on B: B lies on A by the inverse
-            turn = Pose(turn.r, -turn.phi, turn.c, -turn.s)
+            turn = GroupPose(turn.r, -turn.phi, turn.c, -turn.s)
             shift = turn.turned(shift) * -1
         moves.append(Move(_mode(met, mode), turn, shift))
     return Moves(tuple(moves), met)
 
 
-def _turn(to: Vec, arm: Vec) -> Pose | None:
+def _turn(to: Vec, arm: Vec) -> GroupPose | None:
     """Return the rotation that turns one vector into the direction of another; None if a vector may be zero."""
     size = length(to) * length(arm)
     if size.contains(0):
@@ -166,7 +167,7 @@ def _turn(to: Vec, arm: Vec) -> Pose | None:
     phi = arb.atan2(s_all, c_all) if c_all > -0.5 else arb.atan2(-s_all, -c_all) + arb.pi()
     if phi > arb.pi():
         phi = phi - 2 * arb.pi()
-    return Pose(Vec(arb(0), arb(0)), phi, c, s)
+    return GroupPose(Vec(arb(0), arb(0)), phi, c, s)
 
 
 def _cross(a: Vec, b: Vec) -> Ball:

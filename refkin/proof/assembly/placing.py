@@ -8,17 +8,17 @@ from dataclasses import dataclass, field, replace
 from flint import arb
 
 from refkin.joints import GROUND
-from refkin.proof.assembly.joining import Link, Move, Pose, joined, located
+from refkin.proof.assembly.joining import GroupPose, Link, Move, joined, located
 from refkin.proof.assembly.loci import Ball, Meeting, length
-from refkin.proof.assembly.rigid_groups import Closure, Form, Plan, Relation, Step
-from refkin.proof.assembly.rows import AngleConstraint, Kind, Row, Rows
+from refkin.proof.assembly.rigid_groups import AssemblyPlan, Closure, Relation, RelationForm, Step
+from refkin.proof.assembly.rows import AngleConstraint, AssemblyRows, PointRow, RowKind
 from refkin.vec import Vec
 
 MOST_BRANCHES = 256
 
 
 @dataclass(frozen=True)
-class Branch:
+class PlacedBranch:
     """What is placed so far in one assembly.
 
     Attributes
@@ -29,14 +29,14 @@ class Branch:
         Whether every meeting is proved to exist; if not, the balls still hold every assembly of this branch.
     """
 
-    poses: dict[str, Pose]
-    pins: tuple[Row, ...] = ()
+    poses: dict[str, GroupPose]
+    pins: tuple[PointRow, ...] = ()
     modes: tuple[int, ...] = ()
     decided: bool = True
 
 
 @dataclass(frozen=True)
-class End:
+class DeadEnd:
     """The proof that a branch cannot go on: what is missing, in scaled units (or rad), and what that means in words."""
 
     gap: Ball
@@ -47,9 +47,9 @@ class End:
 class Placement:
     """All branches: those that passed every step, those that ended by proof, those whose loci run along each other."""
 
-    branches: list[Branch]
-    ends: list[End] = field(default_factory=list)
-    stuck: list[Branch] = field(default_factory=list)
+    branches: list[PlacedBranch]
+    ends: list[DeadEnd] = field(default_factory=list)
+    stuck: list[PlacedBranch] = field(default_factory=list)
     truncated: bool = False
 
     @property
@@ -58,7 +58,9 @@ class Placement:
         return bool(self.ends) and not (self.branches or self.stuck or self.truncated)
 
 
-def place(plan: Plan, rows: Rows, bodies: Iterable[str], size: float, holding: bool = True) -> Placement:
+def place(
+    plan: AssemblyPlan, rows: AssemblyRows, bodies: Iterable[str], size: float, holding: bool = True
+) -> Placement:
     """Carry out a plan.
 
     Parameters
@@ -69,10 +71,10 @@ def place(plan: Plan, rows: Rows, bodies: Iterable[str], size: float, holding: b
         Whether redundant rows end the branches that violate them.
     """
     start, end = _orientations(rows, (GROUND, *bodies))
-    placement = Placement([Branch(start)] if end is None else [], [] if end is None else [end])
+    placement = Placement([PlacedBranch(start)] if end is None else [], [] if end is None else [end])
     worker = _Worker(rows.rows, size, holding)
     for step in plan.steps:
-        reached: list[Branch] = []
+        reached: list[PlacedBranch] = []
         for branch in placement.branches:
             reached += worker.take(step, branch, placement)
         placement.truncated |= len(reached) > MOST_BRANCHES
@@ -80,7 +82,7 @@ def place(plan: Plan, rows: Rows, bodies: Iterable[str], size: float, holding: b
     return placement
 
 
-def _orientations(rows: Rows, bodies: tuple[str, ...]) -> tuple[dict[str, Pose], End | None]:
+def _orientations(rows: AssemblyRows, bodies: tuple[str, ...]) -> tuple[dict[str, GroupPose], DeadEnd | None]:
     """Return each body at the origin of its own group, at the angle that is given; or the two that disagree."""
     angles: dict[str, Ball] = {}
     for body in bodies:
@@ -99,20 +101,20 @@ def _orientations(rows: Rows, bodies: tuple[str, ...]) -> tuple[dict[str, Pose],
                 elif not (angle - angles[there]).contains(0):
                     return {}, _disagreement(relative, abs(angle - angles[there]))
     zero = arb(0)
-    return {b: Pose(Vec(zero, zero), phi, phi.cos(), phi.sin()) for b, phi in angles.items()}, None
+    return {b: GroupPose(Vec(zero, zero), phi, phi.cos(), phi.sin()) for b, phi in angles.items()}, None
 
 
-def _disagreement(relative: AngleConstraint, gap: Ball) -> End:
-    return End(gap, lambda: f"{relative.name} asks for an angle of {relative.j} that is {_number(gap)} rad off")
+def _disagreement(relative: AngleConstraint, gap: Ball) -> DeadEnd:
+    return DeadEnd(gap, lambda: f"{relative.name} asks for an angle of {relative.j} that is {_number(gap)} rad off")
 
 
 class _Worker:
     """Takes steps; `holding` says whether rows that are not needed to join groups must agree."""
 
-    def __init__(self, rows: tuple[Row, ...], size: float, holding: bool) -> None:
+    def __init__(self, rows: tuple[PointRow, ...], size: float, holding: bool) -> None:
         self.rows, self.size, self.holding = rows, size, holding
 
-    def take(self, step: Step, branch: Branch, placement: Placement) -> list[Branch]:
+    def take(self, step: Step, branch: PlacedBranch, placement: Placement) -> list[PlacedBranch]:
         """Return the branches that one branch goes on to, and note in `placement` those that end."""
         for closure in step.candidates:
             links = [self._link(r, step, branch) for r in closure]
@@ -127,45 +129,45 @@ class _Worker:
         placement.stuck.append(branch)
         return []
 
-    def _row(self, k: int, branch: Branch) -> Row:
+    def _row(self, k: int, branch: PlacedBranch) -> PointRow:
         return self.rows[k] if k < len(self.rows) else branch.pins[k - len(self.rows)]
 
-    def _link(self, relation: Relation, step: Step, branch: Branch) -> Link:
+    def _link(self, relation: Relation, step: Step, branch: PlacedBranch) -> Link:
         """Return a relation in numbers."""
         first, second = self._row(relation.first, branch), self._row(relation.second, branch)
         zero = arb(0)
         poses, on_b = branch.poses, relation.line_on_b
         normal = poses[second.i].turned(second.normal) if second.normal else Vec(zero, zero)
         distance = zero if second.distance is None else second.distance
-        if relation.form is Form.DIRECT:
+        if relation.form is RelationForm.DIRECT:
             (p, _), (q, _) = _ends_of(second, step.a, poses), _ends_of(second, step.b, poses)
             return Link(relation.kind, p, q, normal, on_b, distance)
-        near, far = (step.a, step.b) if relation.form is Form.LINK or on_b else (step.b, step.a)
+        near, far = (step.a, step.b) if relation.form is RelationForm.LINK or on_b else (step.b, step.a)
         (p, c_first), (q, c_second) = _ends_of(first, near, poses), _ends_of(second, far, poses)
-        if relation.form is Form.LINK:
+        if relation.form is RelationForm.LINK:
             return Link(relation.kind, p, q, normal, on_b, length(c_second - c_first))
         q = q - (c_second - c_first)
         return Link(relation.kind, *((p, q) if on_b else (q, p)), normal, on_b, distance)
 
-    def _child(self, step: Step, closure: Closure, branch: Branch, move: Move, decided: bool) -> Branch:
+    def _child(self, step: Step, closure: Closure, branch: PlacedBranch, move: Move, decided: bool) -> PlacedBranch:
         poses, pins = dict(branch.poses), branch.pins
         if step.locates:
             second = self._row(closure[0].second, branch)
             body, q = (second.i, second.p) if second.i in step.b else (second.j, second.q)
             base = min(step.a)
-            pins = (*pins, Row(Kind.PIN, base, body, poses[base].local(move.shift), q, second.name))
+            pins = (*pins, PointRow(RowKind.PIN, base, body, poses[base].local(move.shift), q, second.name))
         else:
             for body in step.turning:
                 poses[body] = poses[body].rotated(move.turn)  # type: ignore[arg-type]
             for body in step.b:
                 poses[body] = replace(poses[body], r=poses[body].r + move.shift)
         modes = branch.modes if move.mode is None else (*branch.modes, move.mode)
-        return Branch(poses, pins, modes, branch.decided and decided)
+        return PlacedBranch(poses, pins, modes, branch.decided and decided)
 
-    def _ends(self, step: Step, closure: Closure, branch: Branch, placement: Placement) -> bool:
+    def _ends(self, step: Step, closure: Closure, branch: PlacedBranch, placement: Placement) -> bool:
         """Hold the rows between the joined groups that were not needed to join them."""
-        used = {r.first for r in closure[:1] if r.form is Form.DIRECT}
-        used |= {r.first for r in closure if r.form is Form.DIRECT and r.kind is not Kind.PIN}
+        used = {r.first for r in closure[:1] if r.form is RelationForm.DIRECT}
+        used |= {r.first for r in closure if r.form is RelationForm.DIRECT and r.kind is not RowKind.PIN}
         for k in step.held if self.holding else ():
             if k in used:
                 continue
@@ -176,14 +178,14 @@ class _Worker:
                 return True
         return False
 
-    def _cannot_close(self, row: Row, gap: Ball) -> End:
-        return End(gap, lambda: f"{row.name} cannot close: {row.i} and {row.j} miss by {self._metres(gap)}")
+    def _cannot_close(self, row: PointRow, gap: Ball) -> DeadEnd:
+        return DeadEnd(gap, lambda: f"{row.name} cannot close: {row.i} and {row.j} miss by {self._metres(gap)}")
 
-    def _cannot_meet(self, step: Step, closure: Closure, meeting: Meeting, branch: Branch) -> End:
+    def _cannot_meet(self, step: Step, closure: Closure, meeting: Meeting, branch: PlacedBranch) -> DeadEnd:
         def words() -> str:
             who = " and ".join(self._involved(step, closure, branch))
             apart, reach, gap = (self._metres(x) for x in (meeting.apart, meeting.reach, meeting.gap))
-            lines = sum(r.kind is Kind.LINE for r in closure)
+            lines = sum(r.kind is RowKind.LINE for r in closure)
             if lines >= 2:
                 return f"{who} cannot meet: {gap} are missing between their lines"
             if lines:
@@ -191,33 +193,33 @@ class _Worker:
             can = "cannot come closer than" if meeting.inside else "reach"
             return f"{who} cannot meet: their pins are {apart} apart, their lengths {can} {reach}; {gap} are missing"
 
-        return End(meeting.gap, words)
+        return DeadEnd(meeting.gap, words)
 
-    def _involved(self, step: Step, closure: Closure, branch: Branch) -> list[str]:
+    def _involved(self, step: Step, closure: Closure, branch: PlacedBranch) -> list[str]:
         """Return the names of the moving bodies that a closure joins, and of the lines and distances."""
         names: list[str] = []
         for relation in closure:
             rows = [self._row(k, branch) for k in dict.fromkeys((relation.first, relation.second))]
             names += [end for row in rows for end in (row.i, row.j) if end in step.b or end not in step.a]
-            names += [row.name for row in rows if row.kind is not Kind.PIN]
+            names += [row.name for row in rows if row.kind is not RowKind.PIN]
         return [name for name in dict.fromkeys(names) if name != GROUND]
 
     def _metres(self, x: Ball) -> str:
         return f"{_number(x * self.size)} m"
 
 
-def _ends_of(row: Row, group: frozenset[str], poses: dict[str, Pose]) -> tuple[Vec, Vec]:
+def _ends_of(row: PointRow, group: frozenset[str], poses: dict[str, GroupPose]) -> tuple[Vec, Vec]:
     """Return the row's point in a group, and its other point, each in the frame of its own group."""
     at_i, at_j = poses[row.i].point(row.p), poses[row.j].point(row.q)
     return (at_i, at_j) if row.i in group else (at_j, at_i)
 
 
-def _missing(row: Row, poses: dict[str, Pose]) -> Ball:
+def _missing(row: PointRow, poses: dict[str, GroupPose]) -> Ball:
     """Return by how much a row between bodies of one group is violated."""
     d = poses[row.j].point(row.q) - poses[row.i].point(row.p)
-    if row.kind is Kind.LINE:
+    if row.kind is RowKind.LINE:
         return abs(poses[row.i].turned(row.normal).dot(d))  # type: ignore[arg-type]
-    return length(d) if row.kind is Kind.PIN else abs(length(d) - row.distance)
+    return length(d) if row.kind is RowKind.PIN else abs(length(d) - row.distance)
 
 
 def _number(x: Ball) -> str:

@@ -29,7 +29,7 @@ from functools import lru_cache
 from itertools import combinations
 
 from refkin.joints import GROUND
-from refkin.proof.assembly.rows import Kind, Row, Rows
+from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind
 
 AnglePairs = tuple[tuple[str, str], ...]
 """The pairs of bodies whose angle against each other is given."""
@@ -37,7 +37,7 @@ MOST_CANDIDATES = 8
 """How many closures of the same two groups are kept, in case some meet at a bad angle (parallel guides)."""
 
 
-class Form(Enum):
+class RelationForm(Enum):
     """How a relation follows from rows; see the module."""
 
     DIRECT = auto()
@@ -53,8 +53,8 @@ class Relation:
     independent.
     """
 
-    form: Form
-    kind: Kind
+    form: RelationForm
+    kind: RowKind
     first: int
     second: int
     line_on_b: bool
@@ -90,7 +90,7 @@ class Step:
 
 
 @dataclass(frozen=True)
-class Plan:
+class AssemblyPlan:
     """The steps, the groups that remain after them, and whether rows are redundant."""
 
     steps: tuple[Step, ...]
@@ -102,26 +102,26 @@ class Plan:
 class _Item:
     """A row, or a pin that was located, as far as structure goes."""
 
-    kind: Kind
+    kind: RowKind
     i: str
     j: str
     keys: tuple[object, object]
     uses: frozenset[int]
 
 
-def plan(rows: Rows, bodies: Iterable[str]) -> Plan:
+def plan(rows: AssemblyRows, bodies: Iterable[str]) -> AssemblyPlan:
     """Return the steps that put a mechanism together as far as they can."""
     relative_angles = tuple((relative.i, relative.j) for relative in rows.relative_angles)
     return _plan(tuple(_item(k, row) for k, row in enumerate(rows.rows)), relative_angles, (GROUND, *bodies))
 
 
 @lru_cache(maxsize=256)
-def _plan(items: tuple[_Item, ...], relative_angles: AnglePairs, bodies: tuple[str, ...]) -> Plan:
+def _plan(items: tuple[_Item, ...], relative_angles: AnglePairs, bodies: tuple[str, ...]) -> AssemblyPlan:
     structure = _Structure(items, relative_angles, bodies)
     steps = []
     while (step := structure.next_step()) is not None:
         steps.append(step)
-    return Plan(tuple(steps), tuple(structure.groups), structure.redundant(items, relative_angles))
+    return AssemblyPlan(tuple(steps), tuple(structure.groups), structure.redundant(items, relative_angles))
 
 
 def orientations(relative_angles: AnglePairs, bodies: Iterable[str]) -> list[set[str]]:
@@ -166,7 +166,7 @@ class _Structure:
         inside = len(relative_angles)
         for item in items:
             if any({item.i, item.j} <= c for c in self.groups):
-                inside += 2 if item.kind is Kind.PIN else 1
+                inside += 2 if item.kind is RowKind.PIN else 1
         bodies = sum(len(c) for c in self.groups)
         return inside > 3 * bodies - 2 * len(self.groups) - len(self.orientations)
 
@@ -218,21 +218,23 @@ class _Structure:
         for relation in self._relations(a, b):
             item = self.items[relation.second]
             body, key = (item.i, item.keys[0]) if item.i in b else (item.j, item.keys[1])
-            fixed_in_a = relation.form is not Form.SLIDE and not relation.line_on_b and relation.kind is not Kind.PIN
+            fixed_in_a = (
+                relation.form is not RelationForm.SLIDE and not relation.line_on_b and relation.kind is not RowKind.PIN
+            )
             if fixed_in_a and key is not None:
                 loci.setdefault((body, key), []).append(relation)
         for (body, key), through in loci.items():
             for closure in _independent(through, 2):
                 if not any(_uses(closure) <= pin for pin in located):
-                    self.items.append(_Item(Kind.PIN, min(a), body, (None, key), _uses(closure)))
+                    self.items.append(_Item(RowKind.PIN, min(a), body, (None, key), _uses(closure)))
                     return Step(a, b, frozenset(), (closure,), (), locates=True)
         return None
 
     def _relations(self, a: Group, b: Group) -> Iterator[Relation]:
         for k in self._between(a, b):
             item = self.items[k]
-            line_on_b = item.kind is Kind.LINE and item.i in b
-            yield Relation(Form.DIRECT, item.kind, k, k, line_on_b, item.uses)
+            line_on_b = item.kind is RowKind.LINE and item.i in b
+            yield Relation(RelationForm.DIRECT, item.kind, k, k, line_on_b, item.uses)
         for c in self.joined[a]:
             if c is not b and b in self.joined[c]:
                 yield from self._links(a, c, b)
@@ -242,40 +244,40 @@ class _Structure:
     def _links(self, a: Group, c: Group, b: Group) -> Iterator[Relation]:
         """Yield the distances that c keeps between its pins to a and to b."""
         for first, second, uses in self._both(a, c, b):
-            if self.items[second].kind is Kind.PIN:
-                yield Relation(Form.LINK, Kind.DISTANCE, first, second, False, uses)
+            if self.items[second].kind is RowKind.PIN:
+                yield Relation(RelationForm.LINK, RowKind.DISTANCE, first, second, False, uses)
 
     def _slides(self, a: Group, c: Group, b: Group, line_on_b: bool) -> Iterator[Relation]:
         """Yield what a line or distance of c and b says of a, which is pinned to c; c has the orientation of b."""
         if self.orientation[c] is self.orientation[b]:
             for first, second, uses in self._both(a, c, b):
-                if self.items[second].kind is not Kind.PIN:
-                    yield Relation(Form.SLIDE, self.items[second].kind, first, second, line_on_b, uses)
+                if self.items[second].kind is not RowKind.PIN:
+                    yield Relation(RelationForm.SLIDE, self.items[second].kind, first, second, line_on_b, uses)
 
     def _both(self, a: Group, c: Group, b: Group) -> Iterator[tuple[int, int, frozenset[int]]]:
         """Yield the pairs of a pin between a and c and a row between c and b."""
         for first in self._between(a, c):
             for second in self._between(c, b):
                 one, two = self.items[first], self.items[second]
-                if one.kind is Kind.PIN and not one.uses & two.uses:
+                if one.kind is RowKind.PIN and not one.uses & two.uses:
                     yield first, second, one.uses | two.uses
 
 
-def _item(k: int, row: Row) -> _Item:
+def _item(k: int, row: PointRow) -> _Item:
     return _Item(row.kind, row.i, row.j, (row.key_i, row.key_j), frozenset({k}))
 
 
 def _sufficient(relations: list[Relation], same_orientation: bool) -> tuple[Closure, ...]:
     """Return the sets of relations that fix one group in the other, those without a detour first."""
-    pins = [r for r in relations if r.kind is Kind.PIN]
-    loci = sorted((r for r in relations if r.kind is not Kind.PIN), key=lambda r: r.form is not Form.DIRECT)
+    pins = [r for r in relations if r.kind is RowKind.PIN]
+    loci = sorted((r for r in relations if r.kind is not RowKind.PIN), key=lambda r: r.form is not RelationForm.DIRECT)
     closures: list[Closure] = []
     if same_orientation:
         closures += [(pin,) for pin in pins] or _independent(loci, 2)
     else:
         closures += [(pin, other) for pin in pins for other in (*loci, *pins) if not pin.uses & other.uses]
         for carried in (False, True):
-            closures += _independent([r for r in loci if r.kind is Kind.LINE and r.line_on_b is carried], 3)
+            closures += _independent([r for r in loci if r.kind is RowKind.LINE and r.line_on_b is carried], 3)
     return tuple(closures[:MOST_CANDIDATES])
 
 

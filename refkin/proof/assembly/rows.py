@@ -46,7 +46,7 @@ from refkin.system import System
 from refkin.vec import Vec
 
 
-class Kind(Enum):
+class RowKind(Enum):
     """What a row says of two points."""
 
     PIN = auto()
@@ -65,14 +65,14 @@ class AngleConstraint:
 
 
 @dataclass(frozen=True)
-class Row:
+class PointRow:
     """What joins point `p` of body i and point `q` of body j, both in their body's frame.
 
     `number` is the unit normal of the line (in the frame of i) or the distance. `key_i`, `key_j` are the points as the
     scene gives them: the same key is the same point.
     """
 
-    kind: Kind
+    kind: RowKind
     i: str
     j: str
     p: Vec
@@ -86,19 +86,19 @@ class Row:
     @property
     def count(self) -> int:
         """How many scalar equations the row stands for."""
-        return 2 if self.kind is Kind.PIN else 1
+        return 2 if self.kind is RowKind.PIN else 1
 
 
 @dataclass(frozen=True)
-class Rows:
+class AssemblyRows:
     """All constraints at one time; `foreign` names those that are none of the four kinds."""
 
     relative_angles: tuple[AngleConstraint, ...]
-    rows: tuple[Row, ...]
+    rows: tuple[PointRow, ...]
     foreign: tuple[str, ...]
 
 
-def read_rows(system: System, t: float, spread: float = 0.0) -> Rows:
+def read_rows(system: System, t: float, spread: float = 0.0) -> AssemblyRows:
     """Return the rows of all constraints of a system at time t, in the precision in force; see the module."""
     exact = exact_system(system, ctx.prec)
     given, balls = (elements_of(p.constraint for p in s.placed) for s in (system, exact))
@@ -110,7 +110,7 @@ def read_rows(system: System, t: float, spread: float = 0.0) -> Rows:
     for row in rows:
         read[row.name] += row.count
     foreign = (p.constraint.name for p in system.placed if read[p.constraint.name] < p.constraint.rows)
-    return Rows(tuple(relative_angles), tuple(rows), tuple(foreign))
+    return AssemblyRows(tuple(relative_angles), tuple(rows), tuple(foreign))
 
 
 def _angles(relative_angles: list[AngleConstraint], gears: list[_Reader]) -> dict[str, Ball]:
@@ -154,48 +154,48 @@ class _Reader:
             return AngleConstraint(GROUND, e.body_j, zero_j - radius_i / radius_j * (angles[e.body_i] - zero_i), e.name)
         return AngleConstraint(GROUND, e.body_i, zero_i - radius_j / radius_i * (angles[e.body_j] - zero_j), e.name)
 
-    def rows(self, angles: dict[str, Ball]) -> Iterator[Row]:
+    def rows(self, angles: dict[str, Ball]) -> Iterator[PointRow]:
         """Yield what the element says of points; nothing if it is none of the kinds."""
         e = self.e
         if isinstance(e, PointsCoincide):
-            yield from self._apart(angles) if self.laws else [self._row(Kind.PIN)]
+            yield from self._apart(angles) if self.laws else [self._row(RowKind.PIN)]
         elif isinstance(e, PointCoordinate):
             yield self._coordinate()
         elif isinstance(e, GuidedPoint):
-            row = self._row(Kind.LINE, normal=self._vector(unit_normal(e.axis_i)))
+            row = self._row(RowKind.LINE, normal=self._vector(unit_normal(e.axis_i)))
             yield self._beside(row, self._length(e.offset)) if e.offset else row
         elif isinstance(e, PointDistance):
             # d . d = f^2 holds for -f as well: the residual knows no sign.
-            yield self._row(Kind.DISTANCE, distance=abs(self._length(self.laws[0] if self.laws else e.length)))
+            yield self._row(RowKind.DISTANCE, distance=abs(self._length(self.laws[0] if self.laws else e.length)))
         elif isinstance(e, RollingOnLine) and e.body_i in angles and e.body_j in angles:
             turned = angles[e.body_j] - angles[e.body_i] - self._wide(e.phi0)
             travel = self._length(e.s0) + self._length(e.radius) * turned
-            yield self._beside(self._row(Kind.LINE, normal=self._vector(direction(e.axis_i))), travel)
+            yield self._beside(self._row(RowKind.LINE, normal=self._vector(direction(e.axis_i))), travel)
 
-    def _apart(self, angles: dict[str, Ball]) -> Iterator[Row]:
+    def _apart(self, angles: dict[str, Ball]) -> Iterator[PointRow]:
         """Yield the pin of two points that are kept apart, if the offset is known in the frame of one of the bodies."""
-        row = self._row(Kind.PIN)
+        row = self._row(RowKind.PIN)
         apart = Vec(*(self._length(value) for value in self.laws))
         if row.i in angles:
             yield replace(row, p=row.p + _seen_from(angles[row.i], apart), key_i=None)
         elif row.j in angles:
             yield replace(row, q=row.q - _seen_from(angles[row.j], apart), key_j=None)
 
-    def _beside(self, row: Row, away: Ball) -> Row:
+    def _beside(self, row: PointRow, away: Ball) -> PointRow:
         """Return the row of a line that lies further along its normal."""
         assert row.normal is not None
         return replace(row, p=row.p + row.normal * away, key_i=None)
 
-    def _row(self, kind: Kind, normal: Vec | None = None, distance: Ball | None = None) -> Row:
+    def _row(self, kind: RowKind, normal: Vec | None = None, distance: Ball | None = None) -> PointRow:
         e, (key_i, key_j) = self.e, (point for _, point in self.given.ends)
         p, q = (self._point(*end) for end in e.ends)
-        return Row(kind, e.body_i, e.body_j, p, q, e.name, normal, distance, key_i, key_j)
+        return PointRow(kind, e.body_i, e.body_j, p, q, e.name, normal, distance, key_i, key_j)
 
-    def _coordinate(self) -> Row:
+    def _coordinate(self) -> PointRow:
         e, ((_, key),) = self.e, self.given.ends
         at = self._wide((self.laws[0] - self.unit.origin[e.axis]) / self.unit.size, self.offset)
         along = Vec(arb(e.axis == 0), arb(e.axis == 1))
-        return Row(Kind.LINE, GROUND, e.body_j, along * at, self._point(*e.ends[0]), e.name, along, key_j=key)
+        return PointRow(RowKind.LINE, GROUND, e.body_j, along * at, self._point(*e.ends[0]), e.name, along, key_j=key)
 
     def _point(self, body: str, u: Pair) -> Vec:
         return self._vector(self.unit.point(body, u), self.offset if body == GROUND else 1.0)

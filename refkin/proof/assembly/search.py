@@ -26,9 +26,9 @@ from refkin.motion import Array
 from refkin.newton import is_round_off
 from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
 from refkin.proof.assembly.loci import Ball, above, below
-from refkin.proof.assembly.placing import Branch, Placement, place
-from refkin.proof.assembly.rigid_groups import Plan, orientations, plan
-from refkin.proof.assembly.rows import AngleConstraint, Rows
+from refkin.proof.assembly.placing import PlacedBranch, Placement, place
+from refkin.proof.assembly.rigid_groups import AssemblyPlan, orientations, plan
+from refkin.proof.assembly.rows import AngleConstraint, AssemblyRows
 from refkin.proof.assembly.slopes import interval, whole
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import System
@@ -88,13 +88,13 @@ class _Known:
     radius: float
 
 
-def search(system: System, t: float, rows: Rows) -> Roots:
+def search(system: System, t: float, rows: AssemblyRows) -> Roots:
     """Look for all assemblies of a system that closed form does not place, or the proof that there is none."""
     return _Search(system, t, rows).run()
 
 
 class _Search:
-    def __init__(self, system: System, t: float, rows: Rows) -> None:
+    def __init__(self, system: System, t: float, rows: AssemblyRows) -> None:
         self.system, self.t, self.rows = system, t, rows
         self.names = [body.name for body in system.mechanism.bodies]
         self.turned, self.plan = self._trial_angles()
@@ -138,7 +138,7 @@ class _Search:
     def _orientations(self) -> list[set[str]]:
         return orientations(tuple((relative.i, relative.j) for relative in self.rows.relative_angles), self.names)
 
-    def _trial_angles(self) -> tuple[tuple[str, ...], Plan]:
+    def _trial_angles(self) -> tuple[tuple[str, ...], AssemblyPlan]:
         """Return the bodies whose angles, if known, let closed form go furthest, one after another."""
         turned: tuple[str, ...] = ()
         best = plan(self.rows, self.names)
@@ -151,7 +151,7 @@ class _Search:
             turned = (*turned, body)
         return turned, best
 
-    def _plan(self, turned: tuple[str, ...]) -> Plan:
+    def _plan(self, turned: tuple[str, ...]) -> AssemblyPlan:
         trial = (AngleConstraint(GROUND, body, arb(0), NAME) for body in turned)
         return plan(replace(self.rows, relative_angles=(*self.rows.relative_angles, *trial)), self.names)
 
@@ -260,7 +260,7 @@ class _Intervals:
         self.gap = min([self.gap, *(whole(end.gap) for end in placement.ends)], key=below)
         return all(self._is_known(branch) for branch in placement.branches)
 
-    def _is_known(self, branch: Branch) -> bool:
+    def _is_known(self, branch: PlacedBranch) -> bool:
         """Whether all of a branch lies where a known assembly is the only one."""
         names, system = self.search.names, self.search.system
         for known in self.search.known:
@@ -306,7 +306,7 @@ def closes(system: System, q: Array, t: float, allowed: float = 0.0) -> bool:
     return bool(is_round_off(residual, q)) or float(np.max(np.abs(residual))) <= allowed
 
 
-def coordinates(system: System, branch: Branch) -> Array:
+def coordinates(system: System, branch: PlacedBranch) -> Array:
     """Return the middles of a branch's balls as coordinates."""
     q = np.zeros(system.n)
     for body in system.mechanism.bodies:

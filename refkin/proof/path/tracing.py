@@ -26,7 +26,7 @@ SAME = 1e-7
 """Distance at which a trace has come back to its start."""
 
 
-class End(StrEnum):
+class TraceEnd(StrEnum):
     """Why a path ends."""
 
     RANGE = "t leaves its range"
@@ -44,7 +44,7 @@ class Trace:
     points: list[Any] = field(default_factory=list)
     turning: list[tuple[int, bool]] = field(default_factory=list)
     crossings: list[tuple[int, Crossing, Any]] = field(default_factory=list)
-    end: End = End.NO_START
+    end: TraceEnd = TraceEnd.NO_START
 
 
 Chooser = Callable[[int, Crossing, Any], Any]
@@ -93,7 +93,7 @@ class Tracer:
                 x, tangent, h = outcome.x, chosen / np.linalg.norm(chosen), FIRST_STEP
                 continue
             if outcome is None:
-                return self._ended(End.STOPPED)
+                return self._ended(TraceEnd.STOPPED)
             new, after, h = outcome
             end = self._passed(x, tangent, new, after, h)
             if end is not None:
@@ -101,7 +101,7 @@ class Tracer:
             self.trace.points.append(new)
             straight = float(tangent @ after) > math.cos(BEND / 2)
             x, tangent, h = new, after, min(h * FASTER, self.max_step) if straight else h
-        return self._ended(End.POINTS)
+        return self._ended(TraceEnd.POINTS)
 
     def _first(self, start: Any) -> Any:
         """Return the point of the curve at the same t as a point near it, or, at a singular pose, near it; or None."""
@@ -162,7 +162,7 @@ class Tracer:
                     return branch_point
         return None
 
-    def _passed(self, x: Any, tangent: Any, new: Any, after: Any, h: float) -> End | None:
+    def _passed(self, x: Any, tangent: Any, new: Any, after: Any, h: float) -> TraceEnd | None:
         """Note a turning point of this step; return why the trace ends in it, if it does."""
         turns = tangent[-1] * after[-1] < 0 and max(abs(tangent[-1]), abs(after[-1])) > STANDING
         stops = [(h, new)]
@@ -174,10 +174,10 @@ class Tracer:
             outside = [limit for limit, way in zip(self.limits, (-1, 1), strict=True) if way * (y[-1] - limit) > 0]
             if closing is not None and closing <= s:
                 self.trace.points.append(self.trace.points[0] + self._turns(new))
-                return End.CLOSED
+                return TraceEnd.CLOSED
             if outside:
                 self._stop_at(x, tangent, s, outside[0])
-                return End.RANGE
+                return TraceEnd.RANGE
             if turns and k == 0:
                 self.trace.points.append(y)
                 self.trace.turning.append((len(self.trace.points) - 1, bool(tangent[-1] > 0)))
@@ -225,8 +225,8 @@ class Tracer:
 
     def _crossed(self, branch_point: Crossing, incoming: Any) -> Trace:
         self.trace.crossings.append((len(self.trace.points) - 1, branch_point, incoming))
-        return self._ended(End.BIFURCATION)
+        return self._ended(TraceEnd.BIFURCATION)
 
-    def _ended(self, end: End) -> Trace:
+    def _ended(self, end: TraceEnd) -> Trace:
         self.trace.end = end
         return self.trace

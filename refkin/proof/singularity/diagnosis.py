@@ -51,7 +51,7 @@ OPEN = 1e-6
 """Largest scaled residual of what is taken for a pose."""
 
 
-class Kind(StrEnum):
+class PoseKind(StrEnum):
     """What a pose is; see the module."""
 
     REGULAR = "regular"
@@ -85,7 +85,7 @@ class Diagnosis:
         In words.
     """
 
-    kind: Kind
+    kind: PoseKind
     sigma: float
     rows: tuple[str, ...] = ()
     bodies: tuple[str, ...] = ()
@@ -146,7 +146,7 @@ class _Examination:
         if vanishing.size:
             return self._formulation(vanishing)
         if self.all.rank(self.vanishing) == self.system.n:
-            return self._of(Kind.HIGHER, "the pose is not proved to be alone, although phi_q has full rank")
+            return self._of(PoseKind.HIGHER, "the pose is not proved to be alone, although phi_q has full rank")
         if self.mobility <= self.system.m - self.of_joints:
             return self._not_held()
         return self._mobile()
@@ -157,23 +157,23 @@ class _Examination:
         here, there = (np.linalg.norm(self.system.phi_q(q, self.t), axis=1) for q in (self.q, elsewhere))
         return np.flatnonzero(here <= VANISHING * there)
 
-    def _of(self, kind: Kind, message: str, **more: Any) -> Diagnosis:
+    def _of(self, kind: PoseKind, message: str, **more: Any) -> Diagnosis:
         return Diagnosis(kind=kind, sigma=float(self.sigma), message=f"{kind.value}: {message}", **more)
 
     def isolated(self) -> Diagnosis:
         """Say what is to be said of a pose that is proved to be alone."""
         rows = self._rows(self.all.left_null(self.system.n)) if self.system.m > self.system.n else ()
         if self.mobility == 0:
-            return self._of(Kind.STRUCTURE, "the joints alone hold every body: no driver can move it", rows=rows)
+            return self._of(PoseKind.STRUCTURE, "the joints alone hold every body: no driver can move it", rows=rows)
         if not rows:
-            return self._of(Kind.REGULAR, f"the pose is proved to be alone{self._near()}")
+            return self._of(PoseKind.REGULAR, f"the pose is proved to be alone{self._near()}")
         enclosure = krawczyk(self.system, self.q, self.t)
         times = np.array([self.t])
         size = (
             0.0 if enclosure is None else contradiction(self.system, enclosure.rows, enclosure.root(self.q), times)[0]
         )
         how = "agree" if size <= 1.0 else f"contradict each other: {size:.3g} times what rounding explains"
-        return self._of(Kind.REDUNDANT, f"the rows of {_and(rows)} depend on each other, and {how}", rows=rows)
+        return self._of(PoseKind.REDUNDANT, f"the rows of {_and(rows)} depend on each other, and {how}", rows=rows)
 
     def _near(self) -> str:
         """Return which singularity is near, in words."""
@@ -185,7 +185,7 @@ class _Examination:
     def _formulation(self, vanishing: Any) -> Diagnosis:
         rows = self._names(vanishing)
         what = "two points that it holds apart, or a tangent that it needs, vanish"
-        return self._of(Kind.FORMULATION, f"the equation of {_and(rows)} has no gradient here: {what}", rows=rows)
+        return self._of(PoseKind.FORMULATION, f"the equation of {_and(rows)} has no gradient here: {what}", rows=rows)
 
     def _not_held(self) -> Diagnosis:
         """The drivers do not hold what the joints allow."""
@@ -198,10 +198,12 @@ class _Examination:
         held = f"with the drivers held {_and(bodies)} can still move"
         if free.shape[1] == 1 and abs(free[:, 0] @ self.all.bend(left) @ free[:, 0]) > self.vanishing:
             drivers = [r for r in rows if r in {d.name for d in self.system.mechanism.drivers}]
-            return self._of(Kind.TURNING_POINT, f"{held} to first order, and {_and(drivers)} turns back{same}", **who)
+            return self._of(
+                PoseKind.TURNING_POINT, f"{held} to first order, and {_and(drivers)} turns back{same}", **who
+            )
         if advances(self.system, self.q, self.t, free[:, 0]):
-            return self._of(Kind.IDLE, f"{held} on and on{same}", **who)
-        return self._of(Kind.ACTUATOR, f"{held} to first order{same}", **who)
+            return self._of(PoseKind.IDLE, f"{held} on and on{same}", **who)
+        return self._of(PoseKind.ACTUATOR, f"{held} to first order{same}", **who)
 
     def _mobile(self) -> Diagnosis:
         """The joints allow more motions than there are driven rows."""
@@ -212,19 +214,19 @@ class _Examination:
         more = f"the joints allow {_counted(self.mobility)} to first order"
         if tangent_cone.forms == 0:
             if advances(self.system, self.q, self.t, free[:, 0]):
-                return self._of(Kind.IDLE, f"no driver holds {_and(bodies)}", bodies=bodies)
-            return self._of(Kind.HIGHER, f"{more}; to second order nothing forbids one of them", **who)
+                return self._of(PoseKind.IDLE, f"no driver holds {_and(bodies)}", bodies=bodies)
+            return self._of(PoseKind.HIGHER, f"{more}; to second order nothing forbids one of them", **who)
         if len(tangent_cone.tangents) > 1:
             tangents = tuple(self._outward(v) for v in tangent_cone.tangents)
             some = f"{more}; to second order {len(tangents)} of them go on, and the path may take any"
-            return self._of(Kind.BIFURCATION, some, tangents=tangents, **who)
+            return self._of(PoseKind.BIFURCATION, some, tangents=tangents, **who)
         if tangent_cone.tangents:
             return self._of(
-                Kind.HIGHER, f"{more}, of which one goes on: the rows are dependent, the path is not", **who
+                PoseKind.HIGHER, f"{more}, of which one goes on: the rows are dependent, the path is not", **who
             )
         if tangent_cone.is_definite:
-            return self._of(Kind.STRUCTURE, f"{more}, to second order none: the pose is alone, and shaky", **who)
-        return self._of(Kind.HIGHER, f"{more}; the second order does not decide which of them go on", **who)
+            return self._of(PoseKind.STRUCTURE, f"{more}, to second order none: the pose is alone, and shaky", **who)
+        return self._of(PoseKind.HIGHER, f"{more}; the second order does not decide which of them go on", **who)
 
     def _other_driver(self, free: Any) -> str:
         """Return a driven angle, or coordinate, in place of one of the drivers, with which the pose is regular."""
