@@ -53,12 +53,12 @@ DOCUMENTED: Mapping[tuple[str, str], Documented] = {
     ("mujoco", "soft constraints"): Documented(
         lambda scene: 1e-3,
         "Tolerance threshold used for early termination of the iterative solver.",
-        "MuJoCo, XML reference, option/tolerance = 1e-8: of a soft constraint that leaves its root over a stiffness",
+        "MuJoCo 4.0.0, doc/XMLreference.rst, option/tolerance = 1e-8: of a soft constraint it leaves the root over k",
     ),
     ("pinocchio", "stopping rule"): Documented(
         lambda scene: 1e-10,
         "eps = 1e-10",
-        "Pinocchio, examples/simulation-closed-kinematic-chains.py",
+        "Pinocchio 3.7.0, examples/simulation-closed-kinematic-chains.py",
     ),
 }
 

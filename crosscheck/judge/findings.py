@@ -15,8 +15,9 @@ from typing import Any
 
 from crosscheck.judge.known_gaps import CLASSES, InvalidGap
 
-KEYS = ("engine", "route", "cases", "verdict", "class", "quote", "source", "reason", "scene", "script", "date")
-OPTIONAL = ("scene", "script")
+KEYS = ("engine", "route", "cases", "verdict", "class", "quote", "source", "reason", "scene", "script", "since", "date")
+SHOWN_BY = ("scene", "script")
+OPTIONAL = (*SHOWN_BY, "cases")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -28,13 +29,13 @@ class Finding:
     engine, route, verdict : str
         Whose answers, and what they are classed as.
     cases : tuple of str
-        The kinds of hard scenes that show it.
+        The kinds of hard scenes that show it; none for a feature, which a night asks by itself.
     kind : str
         One of `crosscheck.judge.known_gaps.CLASSES`.
     quote, source : str
         What the engine's documentation says, word for word, and where.
-    reason : str
-        What happens.
+    reason, since : str
+        What happens, and which versions show it.
     scene, script : str
         A minimal scene, and a script in the engine's own API, from the root of the project; one of them may be "".
     """
@@ -47,6 +48,7 @@ class Finding:
     quote: str
     source: str
     reason: str
+    since: str
     date: datetime.date
     scene: str = ""
     script: str = ""
@@ -98,9 +100,9 @@ def _finding(k: int, row: Mapping[str, Any]) -> Finding:
             raise InvalidGap(f"finding[{k}].{key}: no such key; there are: {', '.join(KEYS)}")
         if type(value) is not expected or not value:
             raise InvalidGap(f"finding[{k}].{key}: {value!r}; expected {expected.__name__}")
-    if not row.keys() & set(OPTIONAL):
+    if not row.keys() & set(SHOWN_BY):
         raise InvalidGap(f"finding[{k}]: neither scene nor script: nothing shows it")
     if row["class"] not in CLASSES:
         raise InvalidGap(f"finding[{k}].class: {row['class']!r}; there are: {', '.join(CLASSES)}")
     named = {key: row[key] for key in KEYS if key not in ("class", "cases") and key in row}
-    return Finding(**named, kind=row["class"], cases=tuple(row["cases"]))
+    return Finding(**named, kind=row["class"], cases=tuple(row.get("cases", ())))

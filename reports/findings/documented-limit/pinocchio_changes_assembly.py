@@ -2,6 +2,10 @@
 
 A crank-rocker with ground 4, crank 1, coupler 3.99, rocker 1.02 has two assemblies at every crank angle. On each of
 them the sign of the cross product of coupler and rocker stays what it is.
+
+Class: documented limit. Documentation: "if primal_feas < eps and dual_feas < eps:" (Pinocchio 3.7.0,
+examples/simulation-closed-kinematic-chains.py). Since: 4.1.0, by the loop of an example of 3.7.0; no other version
+was run.
 """
 
 import math
@@ -53,6 +57,7 @@ def close(model, loop, q, angle):
 
 
 def main():
+    print(f"pinocchio {pin.__version__}")
     model, loop = four_bar(4.0, 1.0, 3.99, 1.02)
     q = np.array([-2.5, 0.39 + 2.5, 2.08])
     sides = []

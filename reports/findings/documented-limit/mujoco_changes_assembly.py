@@ -3,6 +3,10 @@
 A four-bar with ground 4, crank 2, coupler 2.5, rocker 2 has two assemblies at every crank angle before the limit, where
 coupler and rocker are stretched. On each of them the sign of the cross product of coupler and rocker stays what it is.
 No warning is counted.
+
+Class: documented limit. Documentation: "However MuJoCo constraints are soft, so in principle any configuration is
+feasible." (MuJoCo 4.0.0 documentation, Modeling, Actuator length range (doc/modeling.rst)). Since: 4.0.0; 3.17.0
+shows it, too.
 """
 
 import math
@@ -30,6 +34,7 @@ START = (LIMIT - 0.5, -1.03, 1.99)
 
 
 def main():
+    print(f"mujoco {mujoco.__version__}")
     model = mujoco.MjModel.from_xml_string(XML)
     q = np.array(START)
     sides = []
