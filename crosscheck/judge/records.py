@@ -135,7 +135,8 @@ class EnclosedTimes:
 class Answer:
     """One engine's answer to one scene by one route; `missing` times have none, `judged` were compared.
 
-    `feature`: by a feature of the engine that its other routes avoid.
+    `feature`: by a feature of the engine that its other routes avoid. `granted`: the error terms that the engine's
+    documentation grants it beyond rounding, by name [sizes].
     """
 
     __pydantic_config__ = STRICT
@@ -150,6 +151,7 @@ class Answer:
     seconds: float
     certificate: EnclosedTimes | None = None
     feature: bool = False
+    granted: dict[str, float] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -186,6 +188,9 @@ class ReferenceRow:
         The smallest over its times.
     sigma_per_step : float or None
         The smallest sigma_min of a step over what a coordinate changes by in it.
+    sharpness : dict
+        Of some scenes, by quantity: the largest component of what is allowed over that of what is attainable, and the
+        smallest of any component, at one time (`crosscheck.judge.sharpness`).
     excuse : (time, sigma_min) or None
         A nearly singular pose, at a time or between two, that excused an engine for giving no answer.
     """
@@ -200,6 +205,7 @@ class ReferenceRow:
     message: str = ""
     sigma_per_step: float | None = None
     excuse: tuple[float, float] | None = None
+    sharpness: dict[str, tuple[float, float]] = field(default_factory=dict)
     certified_radius: dict[str, float | None] = field(default_factory=dict)
     common: Common | None = None
     attainable_by_sigma: dict[str, By] = field(default_factory=dict)

@@ -16,7 +16,7 @@ import numpy as np
 from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Term, load, refused_joints
 from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
-from crosscheck.judge.delivery import believed, excuse, granted, undelivered
+from crosscheck.judge.delivery import ABSOLUTE, believed, excuse, granted, undelivered
 from crosscheck.judge.hard_poses import scene_samples
 from crosscheck.judge.levels import Configuration, compare_levels, configurations
 from crosscheck.judge.records import (
@@ -42,6 +42,7 @@ from crosscheck.judge.samples import (
     short,
     smallest,
 )
+from crosscheck.judge.sharpness import sharpness
 from crosscheck.judge.violations import NOT_KNOWN, violations
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Route, Status
@@ -54,6 +55,8 @@ CONFIGURATIONS = 2
 TURNED_ROUND = 4
 """One scene in this many is solved once more with the bodies in another order, at one time in this many."""
 NOTHING = QuantityComparison(np.zeros(0), np.zeros(0), np.zeros(0), None)
+SHARPNESS = 16
+"""Of one scene in this many it is measured how sharp the budgets are."""
 REGULAR = 1e-4
 """Smallest singular value above which an engine has no excuse for giving no answer."""
 ROWS = "rows"
@@ -95,7 +98,7 @@ def check(
         key=subject.key,
         scene=scene.name,
         about=dict(about or {}),
-        reference=replace(row, excuse=subject.excuse),
+        reference=replace(row, excuse=subject.excuse, sharpness=_sharpness(ref) if subject.drawn(SHARPNESS) else {}),
         answers=[answer for part in parts for answer in part.answers],
         levels=[level for part in parts for level in part.levels],
         refusals=[refusal for part in parts for refusal in part.refusals],
@@ -139,10 +142,9 @@ class _Subject:
         self.excuse = found or self.excuse
         return found is not None
 
-    @property
-    def turned_round(self) -> bool:
-        """Whether it is solved once more with its bodies in another order."""
-        return int(self.key, 16) % TURNED_ROUND == 0
+    def drawn(self, every: int) -> bool:
+        """Whether it is one of the scenes, one in so many, to which something more is done."""
+        return int(self.key, 16) % every == 0
 
 
 @dataclass
@@ -207,6 +209,15 @@ def _reference_row(ref: Reference, seconds: float) -> ReferenceRow:
     )
 
 
+def _sharpness(ref: Reference) -> dict[str, tuple[float, float]]:
+    """Return how sharp the budgets are at the time at which answers are compared with each other."""
+    common = common_sample(ref)
+    if common is None:
+        return {}
+    at = {q: (largest(s.largest), smallest(s.smallest)) for q, s in sharpness(ref, [common.k]).items()}
+    return {q: (float(f"{loosest:.3g}"), float(f"{seen:.3g}")) for q, (loosest, seen) in at.items() if loosest and seen}
+
+
 def _sigma_per_step(ref: Reference) -> float | None:
     """Return the smallest ratio of sigma_min, at either end of a step, to what a coordinate changes by in it."""
     steps = np.max(np.abs(np.diff(ref.levels[0], axis=1)), axis=0)
@@ -260,11 +271,12 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *
             seconds=float(f"{seconds:.4g}"),
             certificate=_enclosure(engine, scene, motion) if subject.arbiter else None,
             feature=feature,
+            granted={term.name: short(term.absolute) for term in terms if term.absolute > ABSOLUTE},
         )
     )
     faults += [*undelivered(engine, scene, motion), *(believed(ref, motion) if subject.as_expected else ())]
     part.disagreements += [Disagreement(**who, **fault) for fault in faults]
-    asked = subject.turned_round and route == engine.routes()[0]
+    asked = subject.drawn(TURNED_ROUND) and route == engine.routes()[0]
     turned_round = _turned_round(engine, route, scene, ref, terms) if asked else None
     part.disagreements += _disagreements(who, compared, turned_round, subject, motion)
 

@@ -179,6 +179,7 @@ class RouteTotals:
     unanswered: int = 0
     unanswered_by_sigma: Counter[int] = field(default_factory=Counter)
     seconds: float = 0.0
+    granted: dict[str, float] = field(default_factory=dict)
     bins: Counter[int] = field(default_factory=Counter)
 
     def add(self, answer: Answer, sigma_decade: int | None) -> None:
@@ -190,6 +191,8 @@ class RouteTotals:
         if answer.missing and sigma_decade is not None:
             self.unanswered_by_sigma[sigma_decade] += answer.missing
         self.seconds += answer.seconds
+        for term, size in answer.granted.items():
+            self.granted[term] = max(self.granted.get(term, 0.0), size)
         if answer.times and answer.seconds > 0:
             microseconds = 1e6 * answer.seconds / answer.times
             self.bins[math.floor(TIME_BINS * math.log10(microseconds))] += 1
@@ -218,6 +221,7 @@ class RouteTotals:
             "configurations": self.times,
             "judged": self.judged,
             "unanswered": self.unanswered,
+            "granted": dict(self.granted),
             "not_judged": self.times - self.judged - self.unanswered,
             "unanswered_by_sigma": {str(d): n for d, n in sorted(self.unanswered_by_sigma.items())},
             **self.microseconds,

@@ -6,6 +6,7 @@ import math
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from itertools import combinations
+from statistics import median
 from typing import Any
 
 from crosscheck.judge.records import (
@@ -199,6 +200,7 @@ class ReferenceTotals:
         self.largest: dict[str, tuple[float, Place]] = {}
         self.radii: dict[str, tuple[float, Place]] = {}
         self.smallest_sigma: tuple[float, Place] | None = None
+        self.sharpness: dict[str, list[tuple[float, float]]] = {}
 
     @property
     def configurations(self) -> int:
@@ -215,6 +217,8 @@ class ReferenceTotals:
         for name, radius in row.certified_radius.items():
             if radius is not None and radius > self.radii.get(name, (-1.0, place))[0]:
                 self.radii[name] = (radius, place)
+        for name, sharp in row.sharpness.items():
+            self.sharpness.setdefault(name, []).append(sharp)
         if self.smallest_sigma is None or row.sigma_min < self.smallest_sigma[0]:
             self.smallest_sigma = (row.sigma_min, place)
 
@@ -227,8 +231,21 @@ class ReferenceTotals:
             "largest_residual": _with_place(self.largest.get("residual")),
             "smallest_sigma_min": _with_place(self.smallest_sigma),
             "largest_certified_radius": {name: _with_place(extreme) for name, extreme in self.radii.items()},
+            "sharpness": {name: _sharpness(met) for name, met in self.sharpness.items()},
             "microseconds_mean": 1e6 * self.seconds / count if count else None,
         }
+
+
+def _sharpness(met: Sequence[tuple[float, float]]) -> dict[str, Any]:
+    """Return how many attainable errors a planted one has that is seen: somewhere, in half of the scenes, in all."""
+    seen = sorted(smallest for _, smallest in met)
+    return {
+        "scenes": len(met),
+        "smallest_seen": seen[0],
+        "median_seen": median(seen),
+        "always_seen": seen[-1],
+        "loosest": max(largest for largest, _ in met),
+    }
 
 
 def _with_place(extreme: tuple[float, Place] | None) -> dict[str, Any] | None:

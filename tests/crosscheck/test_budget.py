@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 
 from crosscheck.judge.comparison import QUANTITIES, compare, reference
+from crosscheck.judge.sharpness import _corrections, attainable_by_inputs, sharpness
 from crosscheck.scenes.drawing import draw
 from refkin import FourBar
 from refkin.motion_laws import Polynomial
-
-from . import bite as biting
-from .bite import attainable_by_inputs, bite
 
 NIGHT, SCENES, SAMPLES = 11, 100, 3
 MEDIAN, LARGEST = 50.0, 500.0
@@ -29,8 +27,8 @@ def references():
 
 
 @cache
-def bites():
-    found = [bite(ref, range(SAMPLES)) for ref in references()]
+def sharp():
+    found = [sharpness(ref, range(SAMPLES)) for ref in references()]
     return {q: np.concatenate([b[q].largest for b in found]) for q in QUANTITIES}
 
 
@@ -47,13 +45,13 @@ def seen(ref, quantity: str, times_attainable: float) -> bool:
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_a_budget_allows_a_small_multiple_of_what_is_attainable(quantity):
-    assert np.median(bites()[quantity]) < MEDIAN
-    assert np.max(bites()[quantity]) < LARGEST
+    assert np.median(sharp()[quantity]) < MEDIAN
+    assert np.max(sharp()[quantity]) < LARGEST
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_no_budget_is_below_what_is_attainable(quantity):
-    assert np.min(bites()[quantity]) > 1.0
+    assert np.min(sharp()[quantity]) > 1.0
 
 
 @pytest.mark.parametrize("quantity", ["velocity", "acceleration"])
@@ -72,7 +70,7 @@ def test_what_is_attainable_is_what_the_solution_moves_by():
         reference(FourBar(**{**linkage, "coupler": coupler}).scene(law=law, times=(0.5, 1.0)))
         for coupler in (3.5, 3.5 * (1.0 + 1e-9))
     )
-    moved = biting._corrections(far.system, near.levels, near.motion.t.tolist())
+    moved = _corrections(far.system, near.levels, near.motion.t.tolist())
 
     for level, (a, b) in enumerate(zip(near.levels, far.levels, strict=True)):
         assert moved[level] == pytest.approx(b - a, rel=1e-6, abs=1e-14)

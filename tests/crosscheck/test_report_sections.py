@@ -367,3 +367,28 @@ def test_page_says_how_many_of_the_digits_that_the_notes_print_are_right(tmp_pat
     _, page = reported(tmp_path)
 
     assert "1.7 of velocity and 1.9 of acceleration are right" in page
+
+
+def test_the_smallest_planted_error_that_is_seen_is_a_figure_of_the_report(tmp_path: Path) -> None:
+    sharp = {"a": {"velocity": [60.0, 20.0]}, "b": {"velocity": [30.0, 8.0]}, "c": {}}
+    records = [record(name, good_answer("mujoco")) for name in sharp]
+    for planted, figures in zip(records, sharp.values(), strict=True):
+        planted["reference"]["sharpness"] = figures
+    write(tmp_path, *records)
+    page = build(tmp_path).read_text(encoding="utf-8")
+    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+
+    assert report["reference"]["sharpness"] == {
+        "velocity": {"scenes": 2, "smallest_seen": 8.0, "median_seen": 14.0, "always_seen": 20.0, "loosest": 60.0}
+    }
+    assert "How sharp the budgets are" in page
+
+
+def test_an_error_term_that_documentation_grants_is_shown_at_its_largest(tmp_path: Path) -> None:
+    answers = [good_answer("mujoco", granted={"soft constraints": size}) for size in (1e-4, 3e-4)]
+    write(tmp_path, *(record(name, told) for name, told in zip("ab", answers, strict=True)))
+    page = build(tmp_path).read_text(encoding="utf-8")
+    report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
+
+    assert [row["granted"] for row in report["routes"]] == [{"soft constraints": 3e-4}]
+    assert "“soft constraints”: up to 0.0003" in page

@@ -30,7 +30,7 @@ DRAWS = 8
 
 
 @dataclass(frozen=True)
-class Bite:
+class Sharpness:
     """Allowed over attainable of one quantity at some times, (T,).
 
     Attributes
@@ -38,14 +38,14 @@ class Bite:
     largest : array
         The largest component of what is allowed over the largest of what is attainable: how loose the budget is.
     smallest : array
-        The smallest allowed over attainable of any component: an error of so many times the attainable one is seen.
+        The smallest allowed over attainable of any component: errors of so many times the attainable ones are seen.
     """
 
     largest: Any
     smallest: Any
 
 
-def bite(ref: Reference, lanes: Sequence[int]) -> dict[str, Bite]:
+def sharpness(ref: Reference, lanes: Sequence[int]) -> dict[str, Sharpness]:
     """Return allowed over attainable, by quantity, at some of the times; those without a budget are left out."""
     budget = ref.budget()
     chosen = [k for k in lanes if budget.judged[k]]
@@ -55,7 +55,7 @@ def bite(ref: Reference, lanes: Sequence[int]) -> dict[str, Bite]:
         allowed = getattr(budget, quantity)[:, chosen]
         with np.errstate(divide="ignore", over="ignore"):
             smallest = np.min(allowed / attainable, axis=0)
-        found[quantity] = Bite(np.max(allowed, axis=0) / np.max(attainable, axis=0), smallest)
+        found[quantity] = Sharpness(np.max(allowed, axis=0) / np.max(attainable, axis=0), smallest)
     return found
 
 

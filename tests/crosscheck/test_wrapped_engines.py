@@ -1,0 +1,260 @@
+"""Engines that are right but for one fault, of kinds that nobody's adapter has: a small night sees every one of them.
+
+The night's scenes are drawn as they are in any night, at fewer times; the right answer is that of the closed form. What
+both take of a scene, the reference and that answer, is computed once.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crosscheck.engines import EngineError
+from crosscheck.engines.closed_form.engine import ClosedForm
+from crosscheck.judge import sharpness
+from crosscheck.measure import check as checking
+from crosscheck.scenes.drawing import describe, draw
+from refkin.model import Scene
+from refkin.motion import Motion, Status
+
+NIGHT, SCENES, SAMPLES = 20261122, 56, 9
+Fault = Callable[[Motion, Scene], Motion]
+
+
+class Wrapped(ClosedForm):
+    """The closed form with a fault."""
+
+    name = "wrapped"
+    delivers = ("position", "velocity", "acceleration")
+
+    def __init__(self, fault: Fault) -> None:
+        super().__init__()
+        self.fault = fault
+
+    def solve(self, scene, route=None):
+        return self.fault(right(scene), scene)
+
+
+@cache
+def right(scene: Scene) -> Motion:
+    return ClosedForm().solve(scene)
+
+
+@cache
+def night() -> list[tuple[Any, dict[str, Any]]]:
+    drawn = [draw(NIGHT, number, SAMPLES) for number in range(SCENES)]
+    return [(d.scene, describe(d)) for d in drawn]
+
+
+@pytest.fixture(autouse=True)
+def solved_once(monkeypatch):
+    monkeypatch.setattr(checking, "reference", reference)
+    monkeypatch.setattr(checking, "SHARPNESS", math.inf)  # nothing that a fault changes
+
+
+reference = cache(checking.reference)
+
+
+def kinds(fault: Fault, scene: Scene, about: dict[str, Any]) -> set[str]:
+    """Return the kinds of disagreements of an engine with a fault in one scene."""
+    return {d.kind for d in checking.check(scene, [Wrapped(fault)], about).disagreements if d.engine == "wrapped"}
+
+
+def seen(fault: Fault, kind: str) -> bool:
+    """Whether the night has a scene in which an engine with a fault has a disagreement of a kind."""
+    return any(kind in kinds(fault, *drawn) for drawn in night())
+
+
+@dataclass(frozen=True)
+class At:
+    """A change of one level of a motion, where `where` says so; (3 bodies, T) arrays."""
+
+    level: str
+    change: Callable[[Any, Motion], Any]
+
+    def __call__(self, motion: Motion, scene: Scene) -> Motion:
+        return replace(motion, **{self.level: self.change(getattr(motion, self.level).copy(), motion)})
+
+
+def on(rows: Any, columns: Any, do: Callable[[Any], Any]) -> Callable[[Any, Motion], Any]:
+    """Return a change of some rows and columns alone."""
+
+    def change(level, motion):
+        level[rows, columns] = do(level[rows, columns])
+        return level
+
+    return change
+
+
+EVERY, ANGLES = slice(None), slice(2, None, 3)
+
+
+def swapped(motion: Motion, scene: Scene) -> Motion:
+    """The first two bodies change places."""
+    if len(motion.bodies) < 2:
+        return motion
+    order = [1, 0, *range(2, len(motion.bodies))]
+    rows = np.concatenate([np.r_[3 * k : 3 * k + 3] for k in order])
+    return replace(motion, q=motion.q[rows], qd=motion.qd[rows], qdd=motion.qdd[rows])
+
+
+def late(motion: Motion, scene: Scene) -> Motion:
+    """Every time has the answer of the one before it."""
+    return replace(motion, **{k: np.roll(getattr(motion, k), 1, axis=1) for k in ("q", "qd", "qdd")})
+
+
+def stale(motion: Motion, scene: Scene) -> Motion:
+    """The last time has the answer of the last but one."""
+    if len(motion.t) < 2:
+        return motion
+    levels = {key: getattr(motion, key).copy() for key in ("q", "qd", "qdd")}
+    for level in levels.values():
+        level[:, -1] = level[:, -2]
+    return replace(motion, **levels)
+
+
+def believing(motion: Motion, scene: Scene) -> Motion:
+    """Nothing is ever not ok; a time without an answer has the last one's."""
+    levels = {key: getattr(motion, key).copy() for key in ("q", "qd", "qdd")}
+    for level in levels.values():
+        for k in range(1, level.shape[1]):
+            level[:, k] = np.where(np.isfinite(level[:, k]), level[:, k], level[:, k - 1])
+    return replace(motion, status=(Status.OK,) * len(motion.t), **levels)
+
+
+def giving_up(motion: Motion, scene: Scene) -> Motion:
+    """A regular time in the middle is said not to converge."""
+    status = [*motion.status]
+    status[len(status) // 2] = Status.NOT_CONVERGED
+    return replace(motion, status=tuple(status))
+
+
+def near_limits(motion: Motion, scene: Scene) -> Motion:
+    """Accelerations have the other sign where they are largest."""
+    qdd = motion.qdd.copy()
+    k = int(np.nanargmax(np.max(np.abs(qdd), axis=0))) if np.isfinite(qdd).any() else 0
+    qdd[:, k] *= -1.0
+    return replace(motion, qdd=qdd)
+
+
+def degrees(level, motion):
+    """Angles beyond half a turn go by way of degrees with four decimals."""
+    far = np.abs(level[ANGLES]) > math.pi
+    level[ANGLES] = np.where(far, np.radians(np.round(np.degrees(level[ANGLES]), 4)), level[ANGLES])
+    return level
+
+
+def only_first_body(motion: Motion, scene: Scene) -> Motion:
+    return replace(motion, bodies=motion.bodies[:1], q=motion.q[:3], qd=motion.qd[:3], qdd=motion.qdd[:3])
+
+
+def mirrored(motion: Motion, scene: Scene) -> Motion:
+    """The mechanism is mirrored in the x axis."""
+    sign = np.tile([1.0, -1.0, -1.0], len(motion.bodies))[:, None]
+    return replace(motion, q=sign * motion.q, qd=sign * motion.qd, qdd=sign * motion.qdd)
+
+
+def differenced(motion: Motion, scene: Scene) -> Motion:
+    """Velocities are differences of positions."""
+    if len(motion.t) < 3:
+        return motion
+    return replace(motion, qd=np.gradient(motion.q, motion.t, axis=1))
+
+
+def planted(order: int) -> Fault:
+    """Return the fault of a level that is off by ten times what is attainable, everywhere."""
+
+    def fault(motion: Motion, scene: Scene) -> Motion:
+        ref, key = reference(scene), ("q", "qd", "qdd")[order]
+        off = np.zeros_like(ref.levels[order])
+        lanes = np.flatnonzero(ref.budget().judged)
+        off[:, lanes] = 10.0 * attainable(scene)[order]
+        physical = ref.system.to_physical(off, 1)  # as a rate: a difference has no origin
+        rows = np.concatenate([np.r_[ref.system.columns(body)] for body in motion.bodies])
+        return replace(motion, **{key: getattr(motion, key) + physical[rows]})
+
+    return fault
+
+
+@cache
+def attainable(scene: Scene) -> Any:
+    ref = reference(scene)
+    return sharpness.attainable_by_inputs(ref, np.flatnonzero(ref.budget().judged).tolist())
+
+
+FAULTS: dict[str, tuple[Fault, str]] = {
+    "no velocity": (lambda motion, scene: replace(motion, qd=None), "not delivered"),
+    "no acceleration": (lambda motion, scene: replace(motion, qdd=None), "not delivered"),
+    "one body alone": (only_first_body, "not delivered"),
+    "two bodies swapped": (swapped, "beyond the allowed error"),
+    "late by one time": (late, "beyond the allowed error"),
+    "a stale answer at the last time": (stale, "beyond the allowed error"),
+    "the sign of one acceleration": (near_limits, "beyond the allowed error"),
+    "ok where there is nothing": (believing, "ok where there is no assembly"),
+    "no answer at a regular time": (giving_up, "no answer"),
+    "not a number in one place": (At("qd", on(-1, -1, lambda x: math.nan)), "status ok without a number"),
+    "infinity in one place": (At("qdd", on(0, -1, lambda x: math.inf)), "status ok without a number"),
+    "positions of float32": (At("q", on(EVERY, EVERY, lambda x: np.float32(x))), "beyond the allowed error"),
+    "velocities of float32": (At("qd", on(EVERY, EVERY, lambda x: np.float32(x))), "beyond the allowed error"),
+    "accelerations of float32": (At("qdd", on(EVERY, EVERY, lambda x: np.float32(x))), "beyond the allowed error"),
+    "rounded to ten decimals": (At("q", on(EVERY, EVERY, lambda x: np.round(x, 10))), "beyond the allowed error"),
+    "wrong at one time alone": (
+        At("q", on(0, slice(3, 4), lambda x: x + 1e-9 * abs(x) + 1e-12)),
+        "beyond the allowed error",
+    ),
+    "degrees at large angles": (At("q", degrees), "beyond the allowed error"),
+    "angles of the wrong sense": (At("q", on(ANGLES, EVERY, lambda x: -x)), "beyond the allowed error"),
+    "mirrored": (mirrored, "beyond the allowed error"),
+    "rates per minute": (At("qd", on(EVERY, EVERY, lambda x: 60.0 * x)), "beyond the allowed error"),
+    "angular rates in degrees": (At("qd", on(ANGLES, EVERY, np.degrees)), "beyond the allowed error"),
+    "velocities by differences": (differenced, "beyond the allowed error"),
+    "millimetres": (At("q", on(slice(0, None, 3), EVERY, lambda x: 1e3 * x)), "beyond the allowed error"),
+    "off by 1e-12 of itself": (At("q", on(slice(0, 3), EVERY, lambda x: x * (1 + 1e-12))), "beyond the allowed error"),
+    "a body without acceleration": (At("qdd", on(slice(-3, None), EVERY, np.zeros_like)), "beyond the allowed error"),
+    "a first time that is the estimate": (lambda motion, scene: estimated(motion, scene), "beyond the allowed error"),
+}
+
+
+def estimated(motion: Motion, scene: Scene) -> Motion:
+    """The first pose is the estimate itself."""
+    q = motion.q.copy()
+    for k, name in enumerate(motion.bodies):
+        q[3 * k : 3 * k + 3, 0] = next(b.estimate for b in scene.mechanism.bodies if b.name == name)
+    return replace(motion, q=q)
+
+
+def test_a_right_engine_is_blamed_for_nothing():
+    assert [about for scene, about in night() if kinds(lambda motion, scene: motion, scene, about)] == []
+
+
+@pytest.mark.parametrize("name", FAULTS)
+def test_a_small_night_sees_an_engine_with_one_fault(name):
+    fault, kind = FAULTS[name]
+
+    assert seen(fault, kind)
+
+
+@pytest.mark.parametrize("order", [1, 2], ids=["velocity", "acceleration"])
+def test_a_small_night_sees_an_error_of_ten_times_the_attainable_one(order):
+    assert seen(planted(order), "beyond the allowed error")
+
+
+def test_what_raises_an_error_at_a_singular_pose_is_excused_and_elsewhere_not():
+    def raising(motion: Motion, scene: Scene) -> Motion:
+        if all(status is Status.OK for status in motion.status):
+            return motion
+        raise EngineError("the Jacobian is singular")
+
+    def always(motion: Motion, scene: Scene) -> Motion:
+        raise EngineError("out of order")
+
+    assert seen(always, "no answer")
+    for scene, about in night():
+        if about["expected"] == "singular":
+            assert kinds(raising, scene, about) == set()
