@@ -15,7 +15,8 @@ from refkin import FourBar
 from refkin.motion_laws import Polynomial
 
 NIGHT, SCENES, SAMPLES = 11, 100, 3
-MEDIAN, LARGEST = 50.0, 500.0
+MEDIAN, LARGEST, LARGEST_OF_TREES = 50.0, 500.0, 1000.0
+"""Errors add up over the loops of a branching tree of thirteen bodies, where their directions do not."""
 PLANTED = 10.0
 """Times the attainable error."""
 
@@ -24,6 +25,10 @@ PLANTED = 10.0
 def references():
     found = [reference(draw(NIGHT, number, SAMPLES).scene) for number in range(SCENES)]
     return [ref for ref in found if ref.budget().judged.any()]
+
+
+def lanes(ref):
+    return [k for k in range(SAMPLES) if ref.budget().judged[k]]
 
 
 @cache
@@ -46,7 +51,9 @@ def seen(ref, quantity: str, times_attainable: float) -> bool:
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_a_budget_allows_a_small_multiple_of_what_is_attainable(quantity):
     assert np.median(sharp()[quantity]) < MEDIAN
-    assert np.max(sharp()[quantity]) < LARGEST
+    trees = np.array([len(ref.scene.mechanism.bodies) > 7 for ref in references() for _ in lanes(ref)])
+    assert np.max(sharp()[quantity][~trees]) < LARGEST
+    assert np.max(sharp()[quantity][trees]) < LARGEST_OF_TREES
 
 
 @pytest.mark.parametrize("quantity", QUANTITIES)
