@@ -70,9 +70,15 @@ Capabilities = Mapping[str, Mapping[Level, Capability]]
 
 What is absent is refused at every level, and with it every joint that consists of it.
 """
+OF_SPACE = (
+    *("points of space coincide", "axes parallel", "axes perpendicular", "point on axis", "point in plane", "screw"),
+    *("turn about axis", "turn about axis by a law", "shift along axis by a law"),
+    *("distance of space", "distance of space by a law"),
+)
 ELEMENTS = (
     *("points coincide", "points coincide by a law", "point on line", "distance", "distance by a law"),
     *("coordinate by a law", "angle", "angle by a law", "rolling wheels", "rolling on a line", "contact"),
+    *OF_SPACE,
 )
 """The keys of a capability table (`refkin.joints.Element.key`); `refkin.joints.elements` says what they mean."""
 
@@ -171,8 +177,9 @@ class WithEffects:
 class ConstraintModel(Protocol):
     """An engine's own constraint rows, in the engine's own order and sign; `rows` maps ours onto them.
 
-    Columns are (x, y, phi) of the scene's bodies in their order, in metres and the ground frame of the scene.
-    Returned arrays are fresh copies. Raises nothing for unassembled configurations.
+    Columns are (x, y, phi) of the scene's bodies in their order, in metres and the ground frame of the scene; in space
+    (v, w) of each, at Euler parameters of length 1, and rows are those of our joints in the form that the attribute
+    `form` names. Returned arrays are fresh copies. Raises nothing for unassembled configurations.
     """
 
     rows: Sequence[RowMap]
@@ -226,7 +233,8 @@ def refused_joints(engine: Engine, constraints: Iterable[Constraint], level: Lev
     for constraint in constraints:
         elements = list(elements_of([constraint]))
         reasons = []
-        if sum(element.rows for element in elements) != constraint.rows:
+        printed = level is Level.SOLVE and getattr(constraint, "form", "") == "printed"  # more rows, the same joint
+        if sum(element.rows for element in elements) != constraint.rows and not printed:
             reasons.append("no such joint in this engine: no elements say what it is")
         for element in elements:
             missing = refused(f"no such element in this engine: {element.key}")

@@ -116,7 +116,14 @@ class March:
     residual: Array
 
 
-def march(equations: Equations, start: Array | Callable[[float], Poses], times: Sequence[float], order: int) -> March:
+def march(
+    equations: Equations,
+    start: Array | Callable[[float], Poses],
+    times: Sequence[float],
+    order: int,
+    *,
+    together: bool = True,
+) -> March:
     """Return the motion at each time, starting at an estimate and going on from the last pose that closed.
 
     Parameters
@@ -127,6 +134,8 @@ def march(equations: Equations, start: Array | Callable[[float], Poses], times: 
         Strictly increasing [s].
     order : int
         0 for position, 1 for velocity too, 2 for acceleration too.
+    together : bool
+        Whether poses may be found all at once; not of coordinates whose value depends on the way to a pose.
     """
     t, k, path, halvings = np.asarray(times, float), 0, list[Poses](), HALVINGS
     last: Poses | None = None
@@ -136,7 +145,7 @@ def march(equations: Equations, start: Array | Callable[[float], Poses], times: 
             if last is None:
                 pose = start(t[k]) if callable(start) else close(equations, start[None], t[k : k + 1])
             else:
-                if ahead is None and halvings == HALVINGS and len(t) - k >= FEW:
+                if together and ahead is None and halvings == HALVINGS and len(t) - k >= FEW:
                     (ahead, kept), origin = _all_at_once(equations, last, t[k:]), k
                 if ahead is not None:
                     count = int(np.argmin(np.append(kept[k - origin :], False)))

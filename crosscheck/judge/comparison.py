@@ -13,6 +13,7 @@ from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import ErrorBudget, Propagation, derive, propagation
 from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, At
+from crosscheck.judge.spatial import alike, idle_lines, screw_coordinates, spun
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Status
 from refkin.solving.solve import solve
@@ -35,6 +36,13 @@ class Reference:
     def propagation(self) -> Propagation | None:
         """What budgets are derived from; it costs most of them, and is the same for all engines."""
         return propagation(self.system, self.motion, *self.levels)
+
+    @cached_property
+    def idle(self) -> dict[str, tuple[Any, Any]]:
+        """The lines about which bodies of space spin as they like, in the system's unit (`idle_lines`)."""
+        if self.system.kind.name != "spatial":
+            return {}
+        return idle_lines(self.scene.mechanism, self.system.unit)
 
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors against another answer."""
@@ -110,6 +118,8 @@ def reference(scene: Scene) -> Reference:
     motion = solve(whole)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     contacts: list[Any] = [(c.s, c.sd, c.sdd) for c in motion.contacts.values()]
+    if system.kind.name == "spatial":
+        contacts = screw_coordinates(scene.mechanism, [np.asarray(level) for level in motion.levels])
     whole_levels: list[Any] = [(level, *(c[k] for c in contacts)) for k, level in enumerate(motion.levels)]
     with np.errstate(invalid="ignore"):
         q, qd, qdd = (system.to_unit(np.vstack(level), order) for order, level in enumerate(whole_levels))
@@ -123,16 +133,17 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     """
     budget = ref.budget(terms)
     rows = np.concatenate([np.r_[ref.system.columns(body)] for body in motion.bodies])
-    names = [f"{body}.{c}" for body in motion.bodies for c in ("x", "y", "phi")]
+    names = [f"{body}.{c}" for body in motion.bodies for c in ref.system.kind.coordinates]
     answered = np.array([s is Status.OK for s in motion.status])
     lanes = budget.judged[at] & answered
     compared = {}
-    for k, quantity in enumerate(QUANTITIES):
-        level = motion.levels[k]
-        if level is None:
+    for k, (difference, ours) in enumerate(scaled_differences(ref, motion.bodies, motion.levels, at)):
+        quantity = QUANTITIES[k]
+        if difference is None:
             continue
-        difference, ours = scaled_difference(ref, motion.bodies, level, k, at)
         allowed = getattr(budget, quantity)[rows][:, at]
+        if ref.idle:
+            allowed = spun(allowed, motion.bodies, ref.idle)
         judged = _judge(np.abs(difference), allowed, ours, lanes, k, names, motion.t)
         signed = np.full((ref.system.of_bodies, len(lanes)), np.nan)
         signed[np.ix_(rows, lanes)] = difference[:, lanes]
@@ -150,27 +161,40 @@ def scales(ours: Any, level: int) -> Any:
     return np.where((level == 0) | (largest == 0.0), 1.0, largest)
 
 
-def scaled_difference(ref: Reference, bodies: Sequence[str], level: Any, order: int, at: Any = slice(None)) -> Any:
-    """Return an answer minus the reference at one level, and the reference's own numbers, both scaled, (n, T) each.
+def scaled_differences(
+    ref: Reference, bodies: Sequence[str], levels: Sequence[Any], at: Any = slice(None)
+) -> list[tuple[Any, Any]]:
+    """Return per level an answer minus the reference, and the reference's own numbers, both scaled, (n, T) each.
 
     Parameters
     ----------
-    level : (3 bodies, T) array
-        Position (order 0), velocity (1) or acceleration (2) of the bodies [m, rad], in their order.
+    levels : sequence of (width * bodies, T) array or None
+        Position, velocity, acceleration of the bodies [m, rad], in their order; what is None gives None. In space no
+        rate comes without what it is the rate of.
     at : index
-        The places among the reference's times of those that the level has.
+        The places among the reference's times of those that the levels have.
     """
     rows = np.concatenate([np.r_[ref.system.columns(body)] for body in bodies])
-    unit, theirs = ref.system.unit, np.array(level)
-    for c in (0, 1):
-        theirs[c::3] = (theirs[c::3] - (0.0 if order else unit.origin[c])) / unit.size
-    ours = ref.levels[order][rows][:, at]
-    return _difference(theirs, ours, order), ours
+    ours = [level[rows][:, at] for level in ref.levels]
+    theirs = [None if x is None else _in_unit(ref.system, np.array(x), k) for k, x in enumerate(levels)]
+    if ref.system.kind.name == "spatial":
+        known = [x for x in theirs if x is not None]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            known = alike(known, ours, bodies, ref.idle)
+        theirs = [None if x is None else known[sum(y is not None for y in theirs[:k])] for k, x in enumerate(theirs)]
+    return [(None if x is None else _difference(ref.system, x, ours[k], k), ours[k]) for k, x in enumerate(theirs)]
 
 
-def _difference(theirs: Any, ours: Any, level: int) -> Any:
+def _in_unit(system: System, level: Any, order: int) -> Any:
+    """Return a level of some bodies in metres as it is in the system's unit."""
+    for c, shift in enumerate(system.unit.origin):
+        level[c :: system.kind.width] = (level[c :: system.kind.width] - (0.0 if order else shift)) / system.unit.size
+    return level
+
+
+def _difference(system: System, theirs: Any, ours: Any, level: int) -> Any:
     difference = theirs - ours
-    if level == 0:
+    if level == 0 and system.kind.name == "planar":
         difference[2::3] = wrap(difference[2::3])
     return difference
 
@@ -203,10 +227,11 @@ def _other_assembly(
     It is if its own residual, carried by |J^-1|, accounts for less than a tenth of its error: to first order the two
     are equal, and no second order is ten times as large but where it leads to the next solution.
     """
-    if "position" not in compared or compared["position"].agrees or ref.system.of_bodies != ref.system.n:
+    width, system = ref.system.kind.width, ref.system
+    whole = set(motion.bodies) == {b.name for b in ref.scene.mechanism.bodies} and system.n == system.of_bodies
+    if "position" not in compared or compared["position"].agrees or not whole:
         return False
     wrong = lanes & (compared["position"].ratio > 1.0) & np.isfinite(compared["position"].error)
-    width = motion.kind.width
     starts = [width * motion.bodies.index(b.name) for b in ref.scene.mechanism.bodies]
     order = np.concatenate([np.arange(start, start + width) for start in starts])
     q, t = ref.system.to_unit(motion.q[order][:, wrong]), motion.t[wrong]

@@ -24,6 +24,7 @@ from crosscheck.engines import Engine, Term
 from crosscheck.judge.comparison import Reference
 from crosscheck.judge.records import QUANTITIES, Cause
 from crosscheck.judge.running_error import U
+from crosscheck.judge.spatial import reversed_joints
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Status
 from refkin.solving.solve import solve
@@ -104,6 +105,21 @@ def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:
         rated = singular & (False if level is None else np.isfinite(level).all(axis=0))
         if rated.any():
             yield _at(motion, rated, quantity, Cause.SINGULAR_RATES)
+
+
+def put_together_wrongly(scene: Scene, motion: Motion) -> Iterator[dict[str, Any]]:
+    """Yield joints and drivers of space that an answer called ok has the wrong way round.
+
+    Dot products of axes, and sin(theta - f), are zero there too: closed equations, and no assembly.
+    """
+    if scene.mechanism.kind.name != "spatial":
+        return
+    ok = np.array([s is Status.OK for s in motion.status])
+    for name, lanes in reversed_joints(scene.mechanism, motion).items():
+        wrong = ok & lanes
+        if wrong.any():
+            told = _at(motion, wrong, QUANTITIES[0], Cause.REVERSED)
+            yield {**told, "message": f"{name!r}: {told['message']}"}
 
 
 def _at(motion: Motion, lanes: Any, quantity: str, kind: Cause) -> dict[str, Any]:

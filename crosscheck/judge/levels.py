@@ -9,15 +9,15 @@ both sides.
 from __future__ import annotations
 
 import random
-from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cached_property
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
 
 from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, refused
 from crosscheck.engines.frames import RowMap
+from crosscheck.engines.spatial.turning import common_columns
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
 from crosscheck.judge.records import At
 from crosscheck.judge.running_error import Running, U, errors, running
@@ -33,19 +33,37 @@ LEVELS = (Level.RESIDUAL, Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT
 class Configuration:
     """A state of the bodies to evaluate at, in metres and rad; nothing makes it an assembled one.
 
-    `contacts` are the contact parameters at which our rows of cams are evaluated.
+    `contacts` are the contact parameters at which our rows of cams are evaluated, and the angles of screws.
     """
 
-    system: System
+    mechanism: Mechanism
     q: Any
     qd: Any
     t: float
     contacts: Any
+    _known: dict[str, tuple[System, dict[Any, Any]]] = field(default_factory=dict, init=False, repr=False)
 
-    @cached_property
-    def ours(self) -> dict[Any, Any]:
-        """Our values there, with the running error of each: the same for all engines."""
-        return _ours(self.system, self)
+    @property
+    def system(self) -> System:
+        """Our equations, as the mechanism has them."""
+        return self.in_form("")[0]
+
+    def in_form(self, form: str) -> tuple[System, dict[Any, Any]]:
+        """Return our equations in a form of the joints of space, and their values there: the same for all engines.
+
+        Values come with the running error of each. The empty form is that which the mechanism has.
+        """
+        if form not in self._known:
+            m = self.mechanism
+            if form and m.kind.name == "spatial":
+                joints, drivers = (
+                    tuple(replace(c, form=form) if hasattr(c, "form") else c for c in group)
+                    for group in (list[Any](m.joints), list[Any](m.drivers))
+                )
+                m = replace(m, joints=joints, drivers=drivers)
+            system = compile_system(m)
+            self._known[form] = system, _ours(system, self)
+        return self._known[form]
 
 
 @dataclass(frozen=True)
@@ -73,15 +91,20 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
     The numbers come from `seed` alone, so a scene is always checked at the same ones.
     """
     draw = random.Random(seed)
-    system = compile_system(mechanism)
-    size = mechanism.size()
-    scale = np.tile([size if turn == 0.0 else 1.0 for turn in system.kind.turns], len(mechanism.bodies))
+    kind, size, count_of = mechanism.kind, mechanism.size(), len(mechanism.bodies)
+    scale = np.tile([size] * kind.dimension + [1.0] * (kind.width - kind.dimension), count_of)
     samples = []
     for _ in range(count):
         lane = draw.randrange(len(t))
         move, rate = (np.array([draw.uniform(-1.0, 1.0) for _ in scale]) * scale for _ in range(2))
-        bodies, contacts = np.split(near[:, lane], [system.of_bodies])
-        samples.append(Configuration(system, bodies + move, 3.0 * rate, float(t[lane]), contacts))
+        bodies, contacts = np.split(near[:, lane], [len(scale)])
+        q, qd = bodies + move, 3.0 * rate
+        if kind.name == "spatial":
+            for k in range(count_of):
+                p = slice(7 * k + 3, 7 * k + 7)
+                q[p] /= np.linalg.norm(q[p])
+                qd[p] -= q[p] * (q[p] @ qd[p])  # so that the length stays 1
+        samples.append(Configuration(mechanism, q, qd, float(t[lane]), contacts))
     return samples
 
 
@@ -124,8 +147,8 @@ def _compare_at(
     terms: Sequence[Term],
 ) -> tuple[Any, float]:
     """Return error / allowed per mapped row, and the digits of the worst row, at one configuration."""
-    ours = at.ours
-    first_row = {p.constraint.name: p.row for p in at.system.placed}
+    system, ours = at.in_form(getattr(model, "form", ""))
+    first_row = {p.constraint.name: p.row for p in system.placed}
     added = sum(t.absolute + t.relative * _size(level, at) for t in terms if t.level == level)
     theirs = {
         Level.RESIDUAL: lambda: model.residual(at.q, at.t),
@@ -134,6 +157,8 @@ def _compare_at(
         Level.DRIFT: lambda: model.drift(at.q, at.qd, at.t),
     }[level]()
     ratios, relative = [], 0.0
+    if any(m.either for m in maps):
+        maps = _signed(maps, model.residual(at.q, at.t), ours["x"][0], first_row)
     for m in maps:
         expected, allowed = _mapped(level, m, first_row[m.constraint] + m.row, ours)
         allowed = allowed + abs(m.factor) * added
@@ -143,15 +168,27 @@ def _compare_at(
     return ratios, min(17.0, -np.log10(relative)) if relative else 17.0
 
 
+def _signed(maps: Sequence[RowMap], theirs: Any, ours: Any, first_row: Mapping[str, int]) -> list[RowMap]:
+    """Return maps of rows whose sign is that of Euler parameters with the sign that their joint's residual has here."""
+    found = []
+    for m in maps:
+        joint = [n for n in maps if n.either and n.constraint == m.constraint]
+        same = sum(theirs[n.engine_row] * n.factor * ours[first_row[n.constraint] + n.row] for n in joint)
+        found.append(replace(m, factor=-m.factor) if m.either and same < 0.0 else m)
+    return found
+
+
 def _size(level: Level, at: Configuration) -> float:
     """Return the size of what an engine may add and take away again on the way to a row.
 
     Residual and Jacobian: the farthest coordinate from the origin; velocity: omega times that, and v; drift: omega
     times all of these.
     """
-    omega = np.max(np.abs(at.qd[2::3]))
-    linear = max(np.max(np.abs(at.qd[0::3])), np.max(np.abs(at.qd[1::3])))
-    lever = max(np.max(np.abs(at.q[0::3])), np.max(np.abs(at.q[1::3])))
+    kind = at.mechanism.kind
+    q, qd = (x.reshape(-1, kind.width) for x in (at.q, at.qd))
+    lever, linear = (np.max(np.abs(x[:, : kind.dimension])) for x in (q, qd))
+    turning = qd[:, kind.dimension :]
+    omega = np.max(np.abs(turning)) if kind.name == "planar" else 2.0 * np.max(np.linalg.norm(turning, axis=1))
     rate = linear + omega * lever
     return float({Level.CONSTRAINT_VELOCITY: rate, Level.DRIFT: omega * rate}.get(level, lever))
 
@@ -166,12 +203,31 @@ def _ours(system: System, at: Configuration) -> dict[Any, Any]:
     nu = system.nu(q, at.t)
     for m in range(system.m):
         rate[m] = sum((qd[k] * slope[m, k] for k in range(system.n)), Running(0.0)) - nu[m]
-    of_bodies = slope[:, : system.of_bodies]
-    values = {"x": system.phi(rounded, at.t), "x_q": of_bodies, "x'": rate, "gamma": system.gamma(q, qd, at.t)}
+    slope, gamma = slope[:, : system.of_bodies], system.gamma(q, qd, at.t)
+    if system.kind.name == "spatial":
+        slope, gamma = _in_common_columns(slope, gamma, at)
+    values = {"x": system.phi(rounded, at.t), "x_q": slope, "x'": rate, "gamma": gamma}
     ours: dict[Any, Any] = {key: (_values(v), errors(v, ())) for key, v in values.items()}
     largest = {Level.RESIDUAL: "x", Level.JACOBIAN: "x_q", Level.CONSTRAINT_VELOCITY: "x'", Level.DRIFT: "gamma"}
     ours["scale"] = {level: float(np.max(np.abs(ours[key][0]))) for level, key in largest.items()}
     return ours
+
+
+def _in_common_columns(slope: Any, gamma: Any, at: Configuration) -> tuple[Any, Any]:
+    """Return a Jacobian with columns (v, w) of each body instead of its coordinates, and gamma with w' in place of p''.
+
+    p' = E^T w / 2, and where w' is zero p'' = -|w|^2 p / 4: gamma gains what that part of p'' is multiplied by.
+    """
+    columns, bent = common_columns(at.q), gamma.copy()
+    for k, (q, qd) in enumerate(zip(at.q.reshape(-1, 7), at.qd.reshape(-1, 7), strict=True)):
+        for c in range(3, 7):
+            bent = bent + slope[:, 7 * k + c] * float(qd[3:] @ qd[3:] * q[c])  # |w|^2 / 4 = |p'|^2
+    out = np.empty((len(slope), columns.shape[1]), object)
+    for row, entries in enumerate(slope):
+        for c, column in enumerate(columns.T):
+            there = np.flatnonzero(column)
+            out[row, c] = sum((entries[n] * float(column[n]) for n in there), Running(0.0))
+    return out, bent
 
 
 def _mapped(level: Level, m: RowMap, row: int, ours: dict[Any, Any]) -> tuple[Any, Any]:

@@ -50,6 +50,8 @@ class Cause(StrEnum):
     NO_ASSEMBLY = "ok where there is no assembly"
     SINGULAR_RATES = "rates in a singular pose"
     """Velocity or acceleration, called ok, of a pose in which they do not exist."""
+    REVERSED = "joint put together the wrong way round"
+    """In space: axes that must have one direction have opposite ones, or a driven angle is off by half a turn."""
     TRANSLATED = "model translated wrongly"
     """The engine's own rows are not those of the scene."""
     CRASH = "crash"

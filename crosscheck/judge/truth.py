@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import QUANTITIES
-from crosscheck.judge.comparison import Reference, reference, scaled_difference
+from crosscheck.judge.comparison import Reference, reference, scaled_differences
 from crosscheck.judge.records import MOST_DIGITS
 from refkin.model import Evidence, Scene
 from refkin.motion import Status
@@ -59,12 +59,14 @@ class CertifiedTruth:
         levels = attainable_levels(self.ref, self.known)
         self.attainable = {QUANTITIES[k]: self._fewest(*level, k) for k, level in enumerate(levels)}
 
-    def digits(self, level: Any, order: int) -> tuple[float | None, str]:
-        """Return the fewest digits of a level (3 bodies, T) over the times, and what is to be said of them.
+    def digits(self, level: Any, order: int, before: Sequence[Any] = ()) -> tuple[float | None, str]:
+        """Return the fewest digits of a level (width * bodies, T) over the times, and what is to be said of them.
+
+        In space rates come with the levels `before` them: the signs of Euler parameters are those of the position.
 
         None if a time has no answer; the note says how many.
         """
-        signed, ours = scaled_difference(self.ref, self.bodies, level, order)
+        signed, ours = scaled_differences(self.ref, self.bodies, [*(before or [None] * order), level])[order]
         every = np.abs(signed[self._rows][:, self.known])
         missing = int(np.sum(~np.isfinite(every).all(axis=0)))
         if missing:

@@ -13,10 +13,10 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Term, load, refused_joints
+from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Support, Term, load, refused_joints
 from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
-from crosscheck.judge.delivery import ABSOLUTE, believed, excuse, granted, undelivered
+from crosscheck.judge.delivery import ABSOLUTE, believed, excuse, granted, put_together_wrongly, undelivered
 from crosscheck.judge.hard_poses import scene_samples
 from crosscheck.judge.levels import Configuration, compare_levels, configurations
 from crosscheck.judge.records import (
@@ -44,6 +44,7 @@ from crosscheck.judge.samples import (
 )
 from crosscheck.judge.sharpness import sharpness
 from crosscheck.judge.violations import NOT_KNOWN, violations
+from refkin.joints import elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Route, Status
 from refkin.proof.pose.krawczyk import Verdict
@@ -274,7 +275,11 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *
             granted={term.name: short(term.absolute) for term in terms if term.absolute > ABSOLUTE},
         )
     )
-    faults += [*undelivered(engine, scene, motion), *(believed(ref, motion) if subject.as_expected else ())]
+    faults += [
+        *undelivered(engine, scene, motion),
+        *put_together_wrongly(scene, motion),
+        *(believed(ref, motion) if subject.as_expected else ()),
+    ]
     part.disagreements += [Disagreement(**who, **fault) for fault in faults]
     asked = subject.drawn(TURNED_ROUND) and route == engine.routes()[0]
     turned_round = _turned_round(engine, route, scene, ref, terms) if asked else None
@@ -327,10 +332,10 @@ def _is_refusal(error: EngineError, scene: Scene) -> bool:
 
 def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
     """Compare the engine's own rows for the joints that it does not refuse; a refused joint is named, not skipped."""
-    scene, at = subject.scene, subject.configurations
-    refusals = _refusals(engine, scene, Level.JACOBIAN)
-    part.refusals += refusals
-    if not at or len(refusals) == len(scene.mechanism.constraints):
+    scene, at, table = subject.scene, subject.configurations, engine.capabilities()
+    part.refusals += _refusals(engine, scene, Level.JACOBIAN)
+    known = [table.get(e.key, {}).get(Level.JACOBIAN) for e in elements_of(scene.mechanism.constraints)]
+    if not at or not any(c is not None and c.support is not Support.REFUSED for c in known):
         return
     who: Any = {"engine": engine.name, "route": ROWS}
     try:

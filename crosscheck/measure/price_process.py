@@ -81,9 +81,9 @@ def _with_truth(scene: Scene) -> tuple[Scene, CertifiedTruth]:
 
 def _from(scene: Scene, truth: CertifiedTruth, k: int, times: tuple[float, ...]) -> Scene:
     """Return a scene at other times, its estimates being the poses at the time before the k-th."""
-    q = truth.ref.motion.q[:, k - 1].tolist()
+    motion = truth.ref.motion
     bodies = tuple(
-        replace(body, estimate=(q[3 * j], q[3 * j + 1], q[3 * j + 2])) for j, body in enumerate(scene.mechanism.bodies)
+        replace(body, estimate=tuple(motion[body.name].q[:, k - 1].tolist())) for body in scene.mechanism.bodies
     )
     return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies), times=times)
 
@@ -175,9 +175,10 @@ def _digits(run: _Run, poses: str, question: Question) -> dict[str, tuple[float 
         took += once if once > LONG else _seconds(partial(models[-1].solve, run.order))
         levels = list(models[-1].read(answer))
         run.order = min(run.order, len(levels) - 1)
-        shape = (3 * len(truth.bodies), len(scene.times))
-        for k, level in enumerate(levels_or_nothing(levels, shape, run.order)):
-            found[QUANTITIES[k]] = _fewer(found.get(QUANTITIES[k]), truth.digits(level[:, :: question.judged], k))
+        shape = (scene.mechanism.kind.width * len(truth.bodies), len(scene.times))
+        levels = [level[:, :: question.judged] for level in levels_or_nothing(levels, shape, run.order)]
+        for k, level in enumerate(levels):
+            found[QUANTITIES[k]] = _fewer(found.get(QUANTITIES[k]), truth.digits(level, k, levels[:k]))
     run.models[poses], run.seconds[poses] = models, took
     return found
 

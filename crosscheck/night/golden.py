@@ -152,14 +152,15 @@ def _reference_changed(before: Case, now: Case) -> Iterator[Disagreement]:
         became = f"{' '.join(old['status'])} became {' '.join(new['status'])}"
         yield Disagreement(**who, quantity="status", message=became)
         return
-    size = parse(dict(before["scene"])).mechanism.size()
+    mechanism = parse(dict(before["scene"])).mechanism
+    units = [mechanism.size() if k < mechanism.kind.dimension else 1.0 for k in range(mechanism.kind.width)]
     for quantity in QUANTITIES:
         a, b = (np.array(case[quantity] or [], float) for case in (old, new))
         if a.shape != b.shape:
             yield Disagreement(**who, quantity=quantity, message=f"{a.shape} numbers became {b.shape}")
         elif a.size:
             radius = sum(np.array(case["certified_radius"][quantity], float)[:, None] for case in (old, new))
-            scale = np.tile([size, size, 1.0], a.shape[1] // 3)
+            scale = np.tile(units, a.shape[1] // len(units))
             allowed = scale * radius + 4 * 2.0**-53 * np.abs(a)  # handed over in metres: rounded once more on each side
             if not np.all((np.abs(a - b) <= allowed) | (a == b) | (np.isnan(a) & np.isnan(b))):
                 apart = f"apart by up to {np.nanmax(np.abs(a - b)):.2g}"

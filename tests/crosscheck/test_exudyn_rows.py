@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck.engines import ELEMENTS, EngineError, Level, Support
+from crosscheck.engines import ELEMENTS, OF_SPACE, EngineError, Level, Support
 from crosscheck.engines.exudyn import model as exudyn_model
 from crosscheck.engines.exudyn import parts as exudyn_parts
 from crosscheck.engines.exudyn import readings as exudyn_readings
@@ -182,7 +182,9 @@ def test_returned_arrays_are_copies() -> None:
 def test_the_table_names_every_element_but_three_at_every_level() -> None:
     built = {e.key for e in elements_of(loose_scene(*KINDS).mechanism.constraints)}
 
-    assert built == set(CAPABILITIES) == set(ELEMENTS) - {"points coincide by a law", "rolling on a line", "contact"}
+    planar = set(ELEMENTS) - {"points coincide by a law", "rolling on a line", "contact"} - set(OF_SPACE)
+    assert built == planar == set(CAPABILITIES) - set(OF_SPACE)
+    assert set(OF_SPACE) <= set(CAPABILITIES)
     assert all(set(levels) == set(Level) for levels in CAPABILITIES.values())
 
 

@@ -8,7 +8,7 @@ import pytest
 from crosscheck.engines import Level, load
 from crosscheck.engines.mujoco import engine as mujoco_engine
 from crosscheck.judge.levels import Configuration, compare_levels
-from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene, YDriver, compile_system
+from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene, YDriver
 
 GROUND_POINT = (116.83380688588964, 245.63337161426253)
 LEVER_POINT = (-7.402744570506538e-06, 3e-6)
@@ -34,12 +34,11 @@ def worst_residual(name: str, scene: Scene, place: tuple[float, float], fault: f
     engine = load(name)
     model = engine.constraints(scene)
     numbers = np.random.default_rng(1)
-    system = compile_system(scene.mechanism)
     at = []
     for _ in range(50):
         off = numbers.uniform(-1e-3, 1e-3, 2)
         q = np.array([*(np.array(place) + off), numbers.uniform(-3.0, 3.0)])
-        at.append(Configuration(system, q, np.ones(3), 0.0, np.zeros(0)))
+        at.append(Configuration(scene.mechanism, q, np.ones(3), 0.0, np.zeros(0)))
     exact, model.residual = model.residual, lambda q, t: exact(q + np.array([fault, 0.0, 0.0]), t)
     return compare_levels(engine, model, scene.mechanism, at, engine.terms(scene))[Level.RESIDUAL].ratio
 

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from crosscheck.engines import (
     API,
     NATIVE,
+    OF_SPACE,
     Capabilities,
     ConstraintModel,
     EngineError,
@@ -40,6 +41,8 @@ from crosscheck.engines import (
 from crosscheck.engines.closed_form.assemble import NotDyadic
 from crosscheck.engines.closed_form.jets import Balls, Jet, Planar, midpoint
 from crosscheck.engines.closed_form.solution import Solution, float_solution, solve
+from crosscheck.engines.closed_form.space_motion import space_closed
+from crosscheck.engines.spatial.reading import in_space
 from refkin.model import Effect, Scene
 from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route, Seeding, Status, engine_motion
 
@@ -49,6 +52,7 @@ NO_ROWS = refused("a closed form has no constraint rows")
 EXPRESSED = (
     *("points coincide", "point on line", "distance", "distance by a law"),
     *("coordinate by a law", "angle", "angle by a law"),
+    *OF_SPACE,
 )
 """The elements that it has."""
 
@@ -153,6 +157,13 @@ class ClosedForm:
             If a joint is unknown, the linkage is not of class II, or it has redundant constraints.
         """
         route = route or self.routes()[0]
+        if in_space(scene.mechanism):
+            refuse(refusals(self, scene, Level.SOLVE))
+            if route.name != "float":
+                raise EngineRefusal(
+                    f"closed_form refuses route {route.name!r} in space: balls decide its statuses alone"
+                )
+            return space_closed(scene, Producer(name=self.name, version=self.version(), route=route), self.bits)
         if route.name == "arb":
             return truth(scene, self.bits).motion
         if route.name != "float":

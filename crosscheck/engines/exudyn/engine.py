@@ -30,11 +30,15 @@ from crosscheck.engines import (
     derived,
     expressed,
     refuse_joints,
+    refused,
 )
 from crosscheck.engines.exudyn.effects import EFFECTS
 from crosscheck.engines.exudyn.features import FEATURES, INITIAL, with_initial_accelerations
 from crosscheck.engines.exudyn.model import ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.solve import Marcher, Poses, ShippedSolve, StaticNewton
+from crosscheck.engines.exudyn.space import ExudynSpaceRows
+from crosscheck.engines.exudyn.space_solve import shipped_stop, space_solved
+from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from refkin.joints import SI, PointDistance, Unit, elements_of
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
@@ -71,6 +75,15 @@ _CYLINDER = {
     Level.DRIFT: derived("exudyn's point motion, combined by the adapter; f' and f'' by the adapter"),
     Level.SOLVE: derived("exudyn's distance is set anew at each time and takes no rate: f' by the adapter"),
 }
+_FROM_AXES = {
+    **_ROWS,
+    Level.DRIFT: derived("the adapter's product rule on exudyn's rotations, rates and accelerations"),
+}
+_SET = {
+    **_ROWS,
+    Level.CONSTRAINT_VELOCITY: derived("a frame that is set anew at each time takes no rate: f' by the adapter"),
+    Level.DRIFT: derived("the adapter's product rule; f' and f'' by the adapter"),
+}
 CAPABILITIES: Capabilities = {
     "points coincide": _FROM_POINTS,
     "point on line": _FROM_POINTS,
@@ -80,7 +93,19 @@ CAPABILITIES: Capabilities = {
     "angle": _LINEAR,
     "angle by a law": _FROM_LAW,
     "rolling wheels": _LINEAR,
+    "points of space coincide": _FROM_POINTS,
+    "distance of space": _FROM_POINTS,
+    **dict.fromkeys(
+        ("axes parallel", "axes perpendicular", "point on axis", "point in plane", "turn about axis"), _FROM_AXES
+    ),
+    "turn about axis by a law": _SET,
+    "shift along axis by a law": _SET,
+    "distance of space by a law": _CYLINDER,
+    "screw": dict.fromkeys(Level, refused("exudyn has no screw joint")),
 }
+
+
+SPATIAL: tuple[Term, ...] = ()
 
 
 class Exudyn(WithEffects):
@@ -118,14 +143,18 @@ class Exudyn(WithEffects):
             As `solve`: the rule of `shipped` depends on the start.
         """
         if route in (None, STATIC, INITIAL):
-            return ()
+            return SPATIAL if in_space(scene.mechanism) else ()
         refuse_joints(self, scene, route, self.routes())
         _refuse_lost(scene)
+        if in_space(scene.mechanism):
+            return (*SPATIAL, shipped_stop(scene))
         return (_shipped_stop(scene),)
 
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Return exudyn's rows of the joints and drivers that it does not refuse, in metres."""
         known = expressed(self, scene, Level.RESIDUAL)
+        if in_space(scene.mechanism):
+            return ExudynSpaceRows(scene.mechanism, known)
         return ExudynModel(scene.mechanism.bodies, known)
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
@@ -139,6 +168,10 @@ class Exudyn(WithEffects):
         route = STATIC if route is None else route
         refuse_joints(self, scene, route, (*self.routes(), *FEATURES))
         _refuse_lost(scene)
+        if in_space(scene.mechanism):
+            refuse_in_space(self, route, self.routes(), self.effect)
+            producer = Producer(name=self.name, version=self.version(), route=route)
+            return space_solved(scene, producer, shipped=route == SHIPPED)
         if route == INITIAL:
             whole = replace(scene, bodies_wanted=None, effects=scene.effects | {Effect.VELOCITY})
             return with_initial_accelerations(scene, self.solve(whole, STATIC), scene.mechanism.unit())

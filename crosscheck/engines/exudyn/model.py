@@ -8,7 +8,7 @@ from typing import Any
 import exudyn as exu
 import numpy as np
 
-from crosscheck.engines import Array, EngineError
+from crosscheck.engines import Array, EngineError, EngineRefusal
 from crosscheck.engines.exudyn.parts import Block, Builder, Clock
 from crosscheck.engines.frames import RowMap
 from refkin.joints import SI, Constraint, Unit
@@ -55,6 +55,8 @@ class ExudynModel:
         mass: float = 0.0,
         more: Callable[[Builder], None] | None = None,
     ) -> None:
+        if any(c.kind.name == "spatial" for c in constraints):
+            raise EngineRefusal("a model of the plane takes no mechanism of space")
         exu.config.printToConsole = False  # for the whole process: exudyn knows no smaller scope
         exu.config.suppressWarnings = True
         self.clock = Clock()

@@ -27,6 +27,7 @@ from crosscheck.engines import (
     refusals,
     refuse,
     refuse_joints,
+    refused,
 )
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.mujoco.effects import EFFECTS, affected
@@ -34,6 +35,10 @@ from crosscheck.engines.mujoco.features import FEATURES, SITES, SPARSE, Sites, S
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import STEPPED, soft, stepped
+from crosscheck.engines.mujoco.space import MujocoSpace
+from crosscheck.engines.spatial.absolute import SpaceRows
+from crosscheck.engines.spatial.motion import space_motion
+from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
 from crosscheck.engines.tree.tree_motion import CHAIN, Accelerations, marched_motion, tree_motion
 from crosscheck.engines.tree.tree_system import Places
@@ -100,6 +105,9 @@ _LAW = _levels(
 _SQUARED = derived("MuJoCo's row is |d| - f; the adapter makes it (d . d - f^2) / 2")
 _BIAS = derived("efc_aref lacks Jdot qd of a tendon: taken from the bias force of a tendon with armature")
 
+_NO_ROW = refused("MuJoCo has no equality of this kind in space")
+_EDGE_OR_ROW = derived("native as a joint of the tree; where a loop is closed, a row of the adapter's on its motion")
+
 CAPABILITIES: Capabilities = {
     "points coincide": _levels(),
     "point on line": _LINE,
@@ -109,6 +117,18 @@ CAPABILITIES: Capabilities = {
     "angle by a law": _LAW,
     "coordinate by a law": _LAW,
     "distance by a law": {**dict.fromkeys(Level, _SQUARED), Level.SOLVE: _LAW[Level.SOLVE]},
+    "points of space coincide": _levels(),
+    "axes parallel": _levels(solve=Capability(Support.NATIVE, "a tree joint, or a second pair of points")),
+    "turn about axis": _levels(solve=_EDGE_OR_ROW),
+    "screw": {**dict.fromkeys(Level, _NO_ROW), Level.SOLVE: derived("a slide that the adapter moves with its hinge")},
+    **{
+        key: {**dict.fromkeys(Level, _NO_ROW), Level.SOLVE: _EDGE_OR_ROW}
+        for key in ("axes perpendicular", "point on axis", "point in plane", "distance of space")
+    },
+    **{
+        key: {**dict.fromkeys(Level, _NO_ROW), Level.SOLVE: _LAW[Level.SOLVE]}
+        for key in ("turn about axis by a law", "shift along axis by a law", "distance of space by a law")
+    },
 }
 
 
@@ -155,6 +175,8 @@ class Mujoco(WithEffects):
         EngineError
             If it refuses all of them; the message names each and why.
         """
+        if in_space(scene.mechanism):
+            return SpaceRows(scene.mechanism, scene.mechanism.joints, MujocoSpace, welds=0.5)
         known = expressed(self, scene, Level.RESIDUAL)
         if not known:
             refuse(refusals(self, scene, Level.RESIDUAL))
@@ -175,6 +197,9 @@ class Mujoco(WithEffects):
             If the scene has a joint that is refused or a body without estimate, or the route is unknown.
         """
         refuse_joints(self, scene, route, (NEWTON, STEPPED, FORWARD, *FEATURES))
+        if in_space(scene.mechanism):
+            refuse_in_space(self, route, (NEWTON,), self.effect)
+            return space_motion(scene, MujocoSpace, Producer(name=self.name, version=self.version(), route=NEWTON))
         tree = joint_tree(scene.mechanism)
         rows = ThroughSites(tree) if route == SITES else TreeRows(tree, self.effect)
         producer = Producer(name=self.name, version=self.version(), route=route or NEWTON)

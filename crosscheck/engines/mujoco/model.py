@@ -74,7 +74,7 @@ class Plan:
 
     def __init__(self, tree: JointTree, elements: Iterable[Element]) -> None:
         self.tree = tree
-        self.spec = _kinematic_spec()
+        self.spec = kinematic_spec()
         self.bodies: dict[str, Any] = {GROUND: self.spec.worldbody}
         self.pins: dict[str, Pair] = {GROUND: (0.0, 0.0)}
         self.owners: list[int] = []
@@ -239,7 +239,7 @@ class Plan:
         self.driven.append(Driven(e, len(self.sources) - 1, self.owners[row], target, e.axis, shift, size))
 
 
-def _kinematic_spec() -> Any:
+def kinematic_spec() -> Any:
     """Return an empty specification with everything switched off that is not kinematics.
 
     The Jacobian is dense: it is read entry by entry, and the sparse solver of MuJoCo 4.0.0 errs.

@@ -18,6 +18,7 @@ from crosscheck.engines import (
     NATIVE,
     Array,
     Capabilities,
+    ConstraintModel,
     Level,
     Term,
     WithEffects,
@@ -34,6 +35,10 @@ from crosscheck.engines.pinocchio.features import FEATURES, with_feature
 from crosscheck.engines.pinocchio.model import Frame, absolute_model, tree_model
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, closed_chain
+from crosscheck.engines.pinocchio.space import PinocchioSpace
+from crosscheck.engines.spatial.absolute import SpaceRows
+from crosscheck.engines.spatial.motion import space_motion
+from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
 from crosscheck.engines.tree.tree_motion import CHAIN, link_terms, marched_motion, tree_motion
 from crosscheck.engines.tree.tree_system import Places
@@ -56,12 +61,27 @@ NO_DRIVER = refused("Pinocchio prescribes no motion; a row of the adapter's own 
 LINK = derived("a massless link with a revolute joint at either end")
 OWN_ROW = derived("a row of the adapter's, on Pinocchio's motion of points or its joint angles")
 
+TWO_PAIRS = refused("Pinocchio has no such constraint: a second pair of points stands for it where a loop is closed")
+NO_ROW = refused("Pinocchio has no such constraint in space")
+EDGE_OR_ROW = derived("native as a joint of the tree; where a loop is closed, a row of the adapter's on its motion")
+
 CAPABILITIES: Capabilities = {
     **{key: dict.fromkeys(Level, NATIVE) for key in ("points coincide", "point on line", "angle")},
     "distance": {**dict.fromkeys(Level, NO_DISTANCE), Level.SOLVE: LINK},
     **{
         key: {**dict.fromkeys(Level, NO_DRIVER), Level.SOLVE: OWN_ROW}
         for key in ("angle by a law", "coordinate by a law", "distance by a law")
+    },
+    "points of space coincide": dict.fromkeys(Level, NATIVE),
+    "axes parallel": {**dict.fromkeys(Level, TWO_PAIRS), Level.SOLVE: NATIVE},
+    "screw": {**dict.fromkeys(Level, NO_ROW), Level.SOLVE: NATIVE},
+    **{
+        key: {**dict.fromkeys(Level, NO_ROW), Level.SOLVE: EDGE_OR_ROW}
+        for key in ("axes perpendicular", "point on axis", "point in plane", "turn about axis", "distance of space")
+    },
+    **{
+        key: {**dict.fromkeys(Level, NO_DRIVER), Level.SOLVE: OWN_ROW}
+        for key in ("turn about axis by a law", "shift along axis by a law", "distance of space by a law")
     },
 }
 
@@ -128,7 +148,7 @@ class Pinocchio(WithEffects):
         own = (STOP,) if route == CLOSED_CHAIN else ()
         return (*CHAIN, *SPATIAL, *link_terms(scene.mechanism), *own)
 
-    def constraints(self, scene: Scene) -> PinocchioConstraints:
+    def constraints(self, scene: Scene) -> ConstraintModel:
         """Return Pinocchio's rows for the joints of a scene that it does not refuse.
 
         Raises
@@ -136,6 +156,8 @@ class Pinocchio(WithEffects):
         EngineError
             If it refuses all of them; the message says why, one by one.
         """
+        if in_space(scene.mechanism):
+            return SpaceRows(scene.mechanism, scene.mechanism.joints, PinocchioSpace)
         known = expressed(self, scene, Level.RESIDUAL)
         if not known:
             refuse(refusals(self, scene, Level.RESIDUAL))
@@ -150,6 +172,9 @@ class Pinocchio(WithEffects):
             If a joint or the route is refused, or a body has no estimate; the message names it.
         """
         refuse_joints(self, scene, route, (TREE, CLOSED_CHAIN, FORWARD, *FEATURES))
+        if in_space(scene.mechanism):
+            refuse_in_space(self, route, (TREE,), self.effect)
+            return space_motion(scene, PinocchioSpace, Producer(name=self.name, version=self.version(), route=TREE))
         if route in FEATURES:
             return with_feature(scene, self.solve(replace(scene, bodies_wanted=None), TREE), route)
         tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)

@@ -20,8 +20,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from crosscheck.engines import EngineError
+from crosscheck.engines import EngineError, EngineRefusal
 from crosscheck.engines.frames import direction, through_its_point
+from crosscheck.engines.spatial.reading import in_space
 from refkin.joints import (
     GROUND,
     Element,
@@ -208,6 +209,8 @@ def joint_tree(mechanism: Mechanism, *, massless_links: bool = False) -> JointTr
         Whether each distance becomes a body of its length that is pinned at either end, for an engine that has no
         distance constraint. Such a body lies along its own x axis, from point_i to point_j.
     """
+    if in_space(mechanism):
+        raise EngineRefusal("a joint tree of the plane takes no mechanism of space")
     unit = mechanism.unit()
     joints = [tuple(e for e in elements_of([c]) if not e.laws) for c in mechanism.constraints]
     links: dict[str, PointDistance] = {}

@@ -1,0 +1,436 @@
+"""Spatial linkages in closed form, body by body: circle or line against sphere, cone against plane, in jets.
+
+A body that a driver or a fixed joint holds is placed at once. One that is free to turn about a line, or to slide along
+it, is placed by what else it hangs on. Turned by psi, every such condition is P cos psi + Q sin psi = K:
+
+* a distance, or a body with joints at either end (S-S link, rods, couplers): circle against sphere;
+* axes at right angles (universal joints), a point in a plane: a cone against a plane;
+* of a coupler with turning joints also the angle between its axes, and shifts along them: what makes a Bennett linkage.
+
+Two conditions that differ say cos psi and sin psi at once. One has two roots,
+
+    (cos, sin) = (P K -+ Q S, Q K +- P S) / (P^2 + Q^2),   S^2 = P^2 + Q^2 - K^2,
+
+of which the estimate chooses one at the first time; it is kept. Slid by s, a distance is a line against a sphere,
+s = w.u +- sqrt(L^2 - w.w + (w.u)^2). A body of which two points are placed turns about the line of the two; if nothing
+else holds it, it is idle, and its spin is left as it comes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import combinations
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines.closed_form.jets import Arithmetic, Jet, midpoint
+from crosscheck.engines.closed_form.laws import law_jet
+from crosscheck.engines.closed_form.space_vectors import Circle, Frame, Turning, Vector, basis, composed
+from crosscheck.engines.spatial.reading import Given, given
+from crosscheck.engines.spatial.turning import matrix
+from refkin.joints import GROUND
+from refkin.model import Scene
+
+ALIKE = 1e-10
+"""Conditions whose coefficients are smaller than this part of a size say nothing; two whose directions differ by less
+than its root say the same."""
+MEET = ("spherical", "revolute", "universal", "fixed")
+AXIAL = ("revolute", "cylindrical", "prismatic", "screw", "fixed", "parallel")
+"""Joints that hold two axes parallel."""
+CROSSED = ("universal", "perpendicular")
+BETWEEN = np.linspace(0.0, 1.0, 17)[1:-1]
+
+
+class NotPlaced(Exception):
+    """A linkage whose bodies do not follow one from another."""
+
+
+@dataclass(frozen=True)
+class Tie:
+    """A joint, or a driver that holds a distance, seen from either body: points, frames (f, g, h), numbers, laws."""
+
+    kind: str
+    name: str
+    bodies: tuple[str, str]
+    points: tuple[Vector, Vector]
+    frames: tuple[Any, Any]
+    length: Jet
+    pitch: Jet
+    shift: Jet
+    angle: Jet | None = None
+    displacement: Jet | None = None
+
+    def side(self, body: str) -> int:
+        """Return 0 for body i, 1 for body j."""
+        return self.bodies.index(body)
+
+    def other(self, body: str) -> str:
+        """Return the other body."""
+        return self.bodies[1 - self.side(body)]
+
+
+@dataclass
+class Root:
+    """A root that was chosen: what it is the root of over the times, relative to the terms it is the difference of."""
+
+    body: str
+    square: Jet
+    scale: Any
+
+
+@dataclass
+class Assembly:
+    """Bodies placed one after another.
+
+    Parameters
+    ----------
+    scene : Scene
+        Of space, with an estimate for each body whose root has to be chosen.
+    arithmetic : Arithmetic
+        Floats or balls.
+    """
+
+    scene: Scene
+    arithmetic: Arithmetic
+    signs: dict[tuple[str, str], float] = field(default_factory=dict)
+    placed: dict[str, Frame] = field(default_factory=dict)
+    points: dict[tuple[str, int], Vector] = field(default_factory=dict)
+    roots: list[Root] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        unit: Any = self.scene.mechanism.unit()
+        self.size, self.origin = unit.size, unit.origin
+        self.count = len(self.scene.times)
+        self.placed[GROUND] = Frame(*(self.vector(v) for v in ((0, 0, 0), (1, 0, 0), (0, 1, 0), (0, 0, 1))))
+        self.estimates = {body.name: body.estimate for body in self.scene.mechanism.bodies}
+
+    def number(self, value: float) -> Jet:
+        """Return a constant."""
+        return Jet(self.arithmetic.number(value))
+
+    def vector(self, values: Sequence[float]) -> Vector:
+        """Return a constant vector."""
+        return Vector(*(self.number(v) for v in values))
+
+    @cached_property
+    def ties(self) -> list[Tie]:
+        """The joints, with the laws of their drivers, and the distances that drivers hold."""
+        found = list(given(self.scene.mechanism))
+        laws = {(g.joint, g.kind): self._law(g) for g in found if g.joint}
+        return [self._tie(g, laws) for g in found if not g.joint]
+
+    def _law(self, g: Given) -> Jet:
+        jet = law_jet(g.laws[0], self.scene.times, self.arithmetic)
+        return jet if g.kind == "angle" else jet.times(self.arithmetic.number(1.0 / self.size))
+
+    def _tie(self, g: Given, laws: dict[tuple[str, str], Jet]) -> Tie:
+        scale = self.arithmetic.number(1.0 / self.size)  # a power of two
+        points, frames = [], list[Any]()
+        for body, point, axis, zero in zip(g.bodies, g.points, g.axes, g.zeros, strict=True):
+            at = self.vector((0.0, 0.0, 0.0) if point is None else point)
+            at = at - self.vector(self.origin) if body == GROUND and point is not None else at
+            points.append(Vector(*(x.times(scale) for x in (at.x, at.y, at.z))))
+            across = np.eye(3)[int(np.argmin(np.abs(axis or (0.0, 0.0, 1.0))))].tolist() if zero is None else zero
+            frames.append(None if axis is None else basis(self.vector(axis), self.vector(across)))
+        length, pitch, shift = (self.number(x).times(scale) for x in (g.length, g.pitch, g.shift))
+        return Tie(
+            kind=g.kind,
+            name=g.name,
+            bodies=g.bodies,
+            points=(points[0], points[1]),
+            frames=(frames[0], frames[1]),
+            length=self._law(g) if g.laws else length,
+            pitch=pitch,
+            shift=shift,
+            angle=laws.get((g.name, "angle")),
+            displacement=laws.get((g.name, "displacement")),
+        )
+
+    # deductions
+
+    def run(self) -> dict[str, Frame]:
+        """Return every body on the ground; NotPlaced if they do not follow one from another."""
+        names = [body.name for body in self.scene.mechanism.bodies]
+        while len(self.placed) <= len(names):
+            if not any(self._deduce(body) for body in names if body not in self.placed):
+                lost = ", ".join(name for name in names if name not in self.placed)
+                raise NotPlaced(f"{lost}: no circle, line or plane that meets a sphere places it")
+        return self.placed
+
+    def _deduce(self, body: str) -> bool:
+        """Place a body, or a point of it, if what is placed says where it is."""
+        for tie in self._to_placed(body):
+            freedom = self._freedom(tie, body)
+            if isinstance(freedom, Frame):
+                self.placed[body] = freedom
+                return True
+            if isinstance(freedom, Turning) and self._turned(body, freedom, tie):
+                return True
+            if isinstance(freedom, tuple) and self._slid(body, tie, *freedom):
+                return True
+        return self._between_points(body)
+
+    def _to_placed(self, body: str) -> Iterator[Tie]:
+        """Yield ties of a body to placed ones: first those that leave least free."""
+        order = ("fixed", "screw", "revolute", "prismatic", "cylindrical")
+        ties = [t for t in self.ties if body in t.bodies and t.other(body) in self.placed and t.kind in order]
+        yield from sorted(ties, key=lambda t: order.index(t.kind))
+
+    def _freedom(self, tie: Tie, body: str) -> Any:
+        """Return a body as one tie holds it: placed, Turning, or (placed but for a shift, unit vector, its circle)."""
+        side = tie.side(body)
+        base, sign = self.placed[tie.other(body)], self.number(1.0 if side == 1 else -1.0)
+        f, g, h = (base.turned(v) for v in tie.frames[1 - side])
+        at, own = base.point(tie.points[1 - side]), tie.frames[side]
+        angle, shift = tie.angle, tie.displacement
+        if tie.kind == "screw":
+            if angle is None and shift is not None:
+                angle = (shift - tie.shift) / tie.pitch
+            if angle is None:
+                return None
+            shift = tie.pitch * angle + tie.shift
+        if tie.kind == "revolute":
+            shift = self.number(0.0)
+        if tie.kind in ("prismatic", "fixed"):
+            angle = self.number(0.0)
+            shift = self.number(0.0) if tie.kind == "fixed" else shift
+        if shift is None and (tie.name, side) in self.points:
+            shift = h.dot(self.points[tie.name, side] - at) * sign
+        cos, sin = (self.number(1.0), self.number(0.0)) if angle is None else angle.cos_sin()
+        sin = sin * sign
+        axes = (f.scaled(cos) + g.scaled(sin), g.scaled(cos) - f.scaled(sin), h)
+        frame = composed(at, axes, tie.points[side], own)
+        if shift is None:
+            return frame, h, angle is None
+        frame = frame.moved(h.scaled(shift * sign))
+        return Turning(frame, at, h) if angle is None else frame
+
+    def _turned(self, body: str, turning: Turning, held_by: Tie) -> bool:
+        rows = list(self._conditions(body, turning, held_by))
+        return self._solved(body, turning, rows)
+
+    def _solved(self, body: str, turning: Turning, rows: Sequence[tuple[Jet, Jet, Jet]]) -> bool:
+        """Place a body that turns, from conditions P cos + Q sin = K, if these say enough."""
+        told = [row for row in rows if _least(np.hypot(midpoint(row[0].v), midpoint(row[1].v))) > ALIKE]
+        if len(told) > 1 and _together(told) > np.sqrt(ALIKE):
+            cos, sin = _least_squares(told)
+        elif told:
+            cos, sin = self._root(body, turning, *told[0])
+        else:
+            return False
+        self.placed[body] = turning.at(cos, sin)
+        return True
+
+    def _root(self, body: str, turning: Turning, p: Jet, q: Jet, k: Jet) -> tuple[Jet, Jet]:
+        whole = p * p + q * q
+        square = whole - k * k
+        self.roots.append(Root(body, square, midpoint(whole.v)))
+        half = self._rooted(square)
+        found = [((p * k - q * s) / whole, (q * k + p * s) / whole) for s in (half, -half)]
+        sign = self._chosen(body, "turned", [turning.at(*pair) for pair in found])
+        return found[0] if sign > 0 else found[1]
+
+    def _rooted(self, square: Jet) -> Jet:
+        with np.errstate(all="ignore"):
+            return square.sqrt()
+
+    def _chosen(self, body: str, how: str, both: Sequence[Frame]) -> float:
+        """Return 1 for the first of two frames if it is nearer the body's estimate at the first time, else -1."""
+        if (body, how) not in self.signs:
+            estimate = self.estimates[body]
+            if estimate is None:
+                raise NotPlaced(f"{body} has no estimate, and two assemblies")
+            place = (np.array(estimate[:3]) - self.origin) / self.size
+            turned = matrix(estimate[3:])
+            off = []
+            for frame in both:
+                there = [v.part("v", self.count)[:, 0] for v in (frame.origin, frame.x, frame.y, frame.z)]
+                off.append(np.linalg.norm(there[0] - place) + np.linalg.norm(np.stack(there[1:], axis=1) - turned))
+            self.signs[body, how] = -1.0 if off[1] < off[0] else 1.0
+        return self.signs[body, how]
+
+    def _conditions(self, body: str, turning: Turning, held_by: Tie | None) -> Iterator[tuple[Jet, Jet, Jet]]:
+        """Yield P, Q, K of what else a body that turns hangs on, directly or by one body between."""
+        for tie in self.ties:
+            if tie is held_by or body not in tie.bodies:
+                continue
+            side, other = tie.side(body), tie.other(body)
+            if other in self.placed:
+                yield from self._direct(tie, side, turning, self.placed[other])
+            else:
+                yield from self._by_link(tie, side, other, turning)
+
+    def _direct(self, tie: Tie, side: int, turning: Turning, base: Frame) -> Iterator[tuple[Jet, Jet, Jet]]:
+        point, there = turning.point(tie.points[side]), base.point(tie.points[1 - side])
+        if tie.kind == "distance":
+            yield _on_sphere(point, there, tie.length)
+        if tie.kind in MEET:
+            for axis in (base.x, base.y, base.z):
+                yield _in_plane(axis, point, axis.dot(there))
+        if tie.frames[0] is None:
+            return
+        own, their = turning.direction(tie.frames[side][2]), base.turned(tie.frames[1 - side][2])
+        if tie.kind in AXIAL:
+            for axis in (base.x, base.y, base.z):
+                yield _in_plane(axis, own, axis.dot(their))
+        if tie.kind in CROSSED:
+            yield _in_plane(their, own, self.number(0.0))
+        if tie.kind == "point_on_plane" and side == 1:
+            yield _in_plane(their, point, their.dot(there))
+        if tie.kind == "point_on_plane" and side == 0:
+            yield _in_plane(there - turning.foot, own, own.still.dot(point.still - turning.foot) + own.c.dot(point.c))
+
+    def _by_link(self, tie: Tie, side: int, link: str, turning: Turning) -> Iterator[tuple[Jet, Jet, Jet]]:
+        """Yield what a body between this one and a placed one says: the distance of its points, and of its axes."""
+        for far in self.ties:
+            if far is tie or link not in far.bodies or far.other(link) not in self.placed:
+                continue
+            if tie.kind not in MEET or far.kind not in MEET:
+                continue
+            base, mine, its = self.placed[far.other(link)], tie.side(link), far.side(link)
+            point, there = turning.point(tie.points[side]), base.point(far.points[1 - its])
+            arm = tie.points[mine] - far.points[its]
+            yield _on_sphere(point, there, arm.dot(arm).sqrt())
+            if far.kind == "revolute":
+                axis, own = base.turned(far.frames[1 - its][2]), far.frames[its][2]
+                yield _in_plane(axis, point, axis.dot(there) + own.dot(arm))
+                if tie.kind == "revolute":
+                    yield _in_plane(axis, turning.direction(tie.frames[side][2]), own.dot(tie.frames[mine][2]))
+            if tie.kind == "revolute":
+                own = turning.direction(tie.frames[side][2])
+                constant = own.still.dot(point.still - turning.foot) + own.c.dot(point.c)
+                yield _in_plane(there - turning.foot, own, constant - tie.frames[mine][2].dot(arm))
+
+    def _slid(self, body: str, tie: Tie, frame: Frame, axis: Vector, turns: bool) -> bool:
+        """Place a body that slides, or where the point of one that also turns about the line of sliding is."""
+        side = tie.side(body)
+        for other in self.ties:
+            if other is tie or body not in other.bodies:
+                continue
+            for point, there, length in self._reach(other, body, frame):
+                arm = point - there
+                across = arm - axis.scaled(axis.dot(arm))
+                if turns and np.max(np.abs(_off_line(frame, point, tie, side, axis, self.count))) > ALIKE:
+                    continue
+                along, square = axis.dot(arm), length * length - across.dot(across)
+                self.roots.append(Root(body, square, midpoint((length * length).v)))
+                half = self._rooted(square)
+                moved = [frame.moved(axis.scaled(s - along)) for s in (half, -half)]
+                sign = self._chosen(body, "slid", moved)
+                found = moved[0] if sign > 0 else moved[1]
+                if turns:
+                    self.points[tie.name, side] = found.point(tie.points[side])
+                else:
+                    self.placed[body] = found
+                return not turns or self._deduce_turn(body, tie)
+        return False
+
+    def _deduce_turn(self, body: str, tie: Tie) -> bool:
+        turning = self._freedom(tie, body)
+        self._turned(body, turning, tie)
+        return True
+
+    def _reach(self, tie: Tie, body: str, frame: Frame) -> Iterator[tuple[Vector, Vector, Jet]]:
+        """Yield a point of a body, where what holds it is, and the distance of the two."""
+        side, other = tie.side(body), tie.other(body)
+        point = frame.point(tie.points[side])
+        if tie.kind == "distance" and other in self.placed:
+            yield point, self.placed[other].point(tie.points[1 - side]), tie.length
+        if tie.kind not in MEET or other in self.placed:
+            return
+        for far in self.ties:
+            if far is not tie and other in far.bodies and far.kind in MEET and far.other(other) in self.placed:
+                arm = tie.points[tie.side(other)] - far.points[far.side(other)]
+                there = self.placed[far.other(other)].point(far.points[1 - far.side(other)])
+                yield point, there, arm.dot(arm).sqrt()
+
+    def _between_points(self, body: str) -> bool:
+        """Place a body of which two points are known; one that nothing else holds is idle, and turned anyhow."""
+        known = [(tie, at) for tie in self.ties if body in tie.bodies and (at := self._known(tie, body)) is not None]
+        for (one, p), (two, q) in combinations(known, 2):
+            arm = two.points[two.side(body)] - one.points[one.side(body)]
+            if _least(midpoint(arm.dot(arm).v)) <= ALIKE:
+                continue
+            frame = composed(p, _across(q - p, self), one.points[one.side(body)], _across(arm, self))
+            turning = Turning(frame, p, (q - p).unit())
+            rows = list(self._conditions(body, turning, None))
+            if not self._solved(body, turning, rows):
+                if any(body in t.bodies and t.kind != "spherical" for t in self.ties):
+                    continue
+                self.placed[body] = frame
+            return True
+        return False
+
+    def _known(self, tie: Tie, body: str) -> Vector | None:
+        """Return where a joint's point on a body is, if the other body, or that point of it, is placed."""
+        if tie.kind not in MEET:
+            return None
+        other = tie.other(body)
+        if other in self.placed:
+            return self.placed[other].point(tie.points[1 - tie.side(body)])
+        for (name, side), at in self.points.items():  # a point on the line along which the other body slides and turns
+            held = next(t for t in self.ties if t.name == name)
+            if held.bodies[side] != other:
+                continue
+            local = tie.points[1 - tie.side(body)] - held.points[side]
+            h = held.frames[side][2]
+            off = local - h.scaled(h.dot(local))
+            if np.max(np.abs(off.part("v", 1))) <= ALIKE:
+                base = self.placed[held.bodies[1 - side]]
+                return at + base.turned(held.frames[1 - side][2]).scaled(h.dot(local))
+        return None
+
+
+def _off_line(frame: Frame, point: Vector, tie: Tie, side: int, axis: Vector, count: int) -> Any:
+    arm = point - frame.point(tie.points[side])
+    return (arm - axis.scaled(axis.dot(arm))).part("v", count)
+
+
+def _across(line: Vector, assembly: Assembly) -> tuple[Vector, Vector, Vector]:
+    """Return unit vectors along a line and across it, by the axis of the ground that is least along it each time."""
+    values = np.abs(line.part("v", assembly.count))
+    least = np.argmin(values, axis=0)
+    rows = [assembly.arithmetic.row(tuple((least == k).astype(float).tolist())) for k in range(3)]
+    f, g, h = basis(line, Vector(*(Jet(row) for row in rows)))
+    return h, f, g
+
+
+def _on_sphere(point: Circle, centre: Vector, radius: Jet) -> tuple[Jet, Jet, Jet]:
+    """Return P, Q, K of |point - centre| = radius; the arms c and s of a circle are equal and at right angles."""
+    w = point.still - centre
+    k = radius * radius - w.dot(w) - point.c.dot(point.c)
+    return w.dot(point.c).times(2.0), w.dot(point.s).times(2.0), k
+
+
+def _in_plane(normal: Vector, what: Circle, value: Jet) -> tuple[Jet, Jet, Jet]:
+    """Return P, Q, K of normal . what = value."""
+    return normal.dot(what.c), normal.dot(what.s), value - normal.dot(what.still)
+
+
+def _least(values: Any) -> float:
+    return float(np.min(values))
+
+
+def _together(rows: Sequence[Any]) -> float:
+    """Return the smallest singular value of all conditions together, each of length 1."""
+    p, q = (np.stack(np.broadcast_arrays(*[midpoint(row[k].v) for row in rows])).astype(float) for k in (0, 1))
+    length = np.hypot(p, q)
+    p, q = p / length, q / length
+    trace, det = (
+        np.sum(p * p + q * q, axis=0),
+        np.sum(p * p, axis=0) * np.sum(q * q, axis=0) - np.sum(p * q, axis=0) ** 2,
+    )
+    return float(np.sqrt(np.min(2.0 * det / (trace + np.sqrt(np.maximum(trace * trace - 4.0 * det, 0.0))))))
+
+
+def _least_squares(rows: Sequence[tuple[Jet, Jet, Jet]]) -> tuple[Jet, Jet]:
+    """Return cos and sin from conditions that agree, by the normal equations."""
+    pp, pq, qq, pk, qk = (
+        sum((row[a] * row[b] for row in rows[1:]), rows[0][a] * rows[0][b])
+        for a, b in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2))
+    )
+    det = pp * qq - pq * pq
+    return (pk * qq - qk * pq) / det, (pp * qk - pq * pk) / det

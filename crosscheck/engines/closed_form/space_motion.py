@@ -1,0 +1,142 @@
+"""A scene of space in closed form as a `Motion`: coordinates from frames, and what is known of each time."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from flint import ctx
+
+from crosscheck.engines import EngineError, EngineRefusal
+from crosscheck.engines.closed_form.jets import Balls, Floats, midpoint
+from crosscheck.engines.closed_form.space import BETWEEN, Assembly, NotPlaced
+from crosscheck.engines.closed_form.space_vectors import Frame
+from crosscheck.engines.spatial.motion import coordinates, reported
+from crosscheck.engines.spatial.reading import Hold, numbers_of
+from crosscheck.engines.spatial.turning import parameters
+from refkin.model import Scene
+from refkin.motion import Motion, Producer, Status
+
+OPEN = 1e-7
+"""Gap of a joint [sizes] above which floats show a fault of this program, or a linkage that does not close."""
+Array = Any
+
+
+def space_closed(scene: Scene, producer: Producer, bits: int) -> Motion:
+    """Return the motion of a scene of space.
+
+    Raises
+    ------
+    EngineError
+        If its bodies do not follow one from another, or one of its joints is left open.
+    """
+    numbers = numbers_of(scene.mechanism)
+    assembly = Assembly(scene, Floats())
+    with np.errstate(all="ignore"):
+        try:
+            placed = assembly.run()
+        except NotPlaced as error:
+            raise EngineRefusal(f"closed_form refuses {scene.name!r}: {error}") from error
+        status = _statuses(scene, assembly, bits)
+        known = np.array([s is Status.OK for s in status])
+        levels = coordinates(*_read([placed[name] for name in numbers.bodies], known, len(scene.times)))
+    gaps = np.array([_gap(hold, placed, len(scene.times)) for hold in numbers.holds]).max(axis=0)
+    if known.any() and not np.max(gaps[known]) < OPEN:
+        worst = numbers.holds[int(np.argmax([np.max(_gap(h, placed, len(scene.times))[known]) for h in numbers.holds]))]
+        raise EngineError(f"closed_form: {scene.name!r}: {worst.name!r} is left open by {np.max(gaps[known]):.3g}")
+    status = tuple(Status.SINGULAR if ok and not good else s for s, ok, good in zip(
+        status, known, np.isfinite(np.concatenate(levels)).all(axis=0), strict=True))  # fmt: skip
+    return reported(scene, numbers, levels, status, producer, residual=np.where(known, gaps, np.nan))
+
+
+def _read(frames: list[Frame], known: Array, count: int) -> tuple[Array, Array, Array]:
+    """Return origins, Euler parameters and angular rates of bodies, as `coordinates` takes them; NaN where unknown."""
+    r = np.full((3, count, len(frames), 3), np.nan)
+    p, w = np.full((count, len(frames), 4), np.nan), np.full((2, count, len(frames), 3), np.nan)
+    for b, frame in enumerate(frames):
+        for k, order in enumerate("vda"):
+            r[k, :, b] = frame.origin.part(order, count).T
+        a, ad, add = (np.stack([v.part(o, count) for v in (frame.x, frame.y, frame.z)], axis=1) for o in "vda")
+        # A' A^T is the matrix of w; of A'' A^T the antisymmetric part is that of alpha
+        w[0, :, b] = _vector_of(np.einsum("ikt,jkt->ijt", ad, a))
+        w[1, :, b] = _vector_of(np.einsum("ikt,jkt->ijt", add, a))
+        for t in np.flatnonzero(known & np.isfinite(a).all(axis=(0, 1))):
+            p[t, b] = parameters(a[:, :, t])
+    r[:, ~known], w[:, ~known] = np.nan, np.nan
+    return r, p, w
+
+
+def _vector_of(m: Array) -> Array:
+    """Return the vectors (T, 3) of the antisymmetric parts of matrices (3, 3, T)."""
+    return 0.5 * np.stack([m[2, 1] - m[1, 2], m[0, 2] - m[2, 0], m[1, 0] - m[0, 1]], axis=1)
+
+
+def _statuses(scene: Scene, assembly: Assembly, bits: int) -> tuple[Status, ...]:
+    """Return what the roots say: no assembly if balls prove it, singular where two meet, lost from then on."""
+    count, t = len(scene.times), np.array(scene.times)
+    absent, small, lost_after = np.zeros(count, bool), np.zeros(count, bool), np.inf
+    for root in assembly.roots:
+        value = np.broadcast_to(midpoint(root.square.v), (count,))
+        scale = np.broadcast_to(root.scale, (count,))
+        negative, zero = assembly.arithmetic.sign(value, scale)
+        absent, small = absent | negative, small | zero
+        low = _lowest_between(t, value / scale, np.broadcast_to(midpoint(root.square.d), (count,)) / scale)
+        bad = np.flatnonzero(low <= Floats.zero)
+        lost_after = min(lost_after, t[bad[0]] if bad.size else np.inf)
+    lost_after = min([lost_after, *t[absent | small][:1]])
+    proved = _proved_absent(scene, assembly, bits) if absent.any() else absent
+    found = np.where(t > lost_after, Status.BRANCH_LOST, Status.OK)
+    found = np.where(small, Status.SINGULAR, found)
+    found = np.where(absent, np.where(proved, Status.UNASSEMBLABLE, Status.NOT_CONVERGED), found)
+    return tuple(Status(word) for word in found)
+
+
+def _lowest_between(t: Array, value: Array, rate: Array) -> Array:
+    """Return the lowest value of the cubics between times, (T - 1,)."""
+    h, s = np.diff(t), BETWEEN[:, None]
+    rise = value[1:] - value[:-1]
+    one, other = h * rate[:-1] - rise, rise - h * rate[1:]
+    cubic = value[:-1] + s * (rise + (1.0 - s) * (one * (1.0 - s) + other * s))
+    return cubic.min(axis=0) if len(t) > 1 else np.ones(0)
+
+
+def _proved_absent(scene: Scene, assembly: Assembly, bits: int) -> Array:
+    """Return at which times balls prove that a root does not exist; at a time after which nothing else is known."""
+    proved = np.zeros(len(scene.times), bool)
+    with ctx.workprec(bits):
+        for k in range(len(scene.times)):
+            exact = Assembly(replace(scene, times=scene.times[k : k + 1]), Balls(), dict(assembly.signs))
+            exact.run()
+            squares = [np.asarray(root.square.v, object).ravel()[0] for root in exact.roots]
+            proved[k] = any(bool(square < 0) for square in squares)
+    return proved
+
+
+def _gap(hold: Hold, placed: dict[str, Frame], count: int) -> Array:
+    """Return how far a joint is open at the times, its axes turned round included (T,)."""
+    ends = []
+    for side, body in zip("ij", hold.bodies, strict=True):
+        frame = placed[body]
+        origin = frame.origin.part("v", count)
+        turned = np.stack([v.part("v", count) for v in (frame.x, frame.y, frame.z)], axis=1)
+        u, own = getattr(hold, f"u_{side}"), getattr(hold, f"frame_{side}")
+        ends.append((origin + np.einsum("ikt,k->it", turned, u), np.einsum("ikt,kj->ijt", turned, own)))
+    (x, axes), (y, other) = ends
+    d, h = y - x, axes[:, 2]
+    across = np.abs(np.einsum("it,ijt->jt", d, axes[:, :2])).max(axis=0)
+    apart = np.abs(d).max(axis=0)
+    off = np.linalg.norm(other[:, 2] - h, axis=0)
+    told = {
+        "distance": lambda: np.abs(np.linalg.norm(d, axis=0) - hold.length),
+        "spherical": lambda: apart,
+        "universal": lambda: np.maximum(apart, np.abs(np.sum(h * other[:, 2], axis=0))),
+        "perpendicular": lambda: np.abs(np.sum(h * other[:, 2], axis=0)),
+        "parallel": lambda: off,
+        "point_on_plane": lambda: np.abs(np.sum(h * d, axis=0)),
+        "point_on_line": lambda: across,
+        "revolute": lambda: np.maximum(apart, off),
+        "fixed": lambda: np.maximum(apart, np.abs(other - axes).max(axis=(0, 1))),
+        "prismatic": lambda: np.maximum(across, np.abs(other - axes).max(axis=(0, 1))),
+    }
+    return told.get(hold.kind, lambda: np.maximum(across, off))()

@@ -1,0 +1,413 @@
+"""Mechanisms of space in exudyn: bodies by Euler parameters, its own joints row by row, and their rows put in order.
+
+Each of its objects holds the rows that ours, in the form `dot`, has too (h axis, f zero across it, g = h x f):
+
+=================== =========================================================== ====================================
+ours                exudyn, frames of columns f, g, h on markers [i, j]          its rows
+=================== =========================================================== ====================================
+spherical           ObjectJointSpherical                                        d
+revolute            ObjectJointRevoluteZ on markers [j, i]                      -d, f_i . h_j, g_i . h_j
+universal, fixed    ObjectJointSpherical, and for each other row the next line  d
+f_i.h_j, g_i.h_j,   ObjectJointGeneric with one of its rotations held: y, x, z  as ours
+f_i.g_j
+f_i.d, g_i.d, h_i.d ObjectJointGeneric with one of its displacements held       as ours
+h_i . h_j           ObjectJointGeneric, z held, columns (h, f, g) and (g, h, f) as ours
+distance            ObjectConnectorDistance                                     |d| - L
+angle by a law      as f_i.g_j, on [j, i], marker i turned by f at each time    sin(theta - f)
+displacement        the same as h_i.d, marker i shifted by f at each time       as ours
+=================== =========================================================== ====================================
+
+A generic joint that holds two rotations at once has other rows. Rows of displacements and rotations that it leaves free
+are exudyn's multipliers; they are not read. Its Jacobian with respect to Euler parameters is right after projection on
+columns (v, w) alone, which is how it is read here. It knows no rate of a driver and no drift term of its own: f' is
+added by the adapter, and drift terms are put together from its point accelerations, which at zero q'' are w x (w x u),
+its angular velocities and rotation matrices.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import exudyn as exu
+import numpy as np
+from exudyn import itemInterface as item
+
+from crosscheck.engines import EngineError, EngineRefusal
+from crosscheck.engines.exudyn.model import CURRENT, quiet_settings
+from crosscheck.engines.frames import Length, Linear, RowMap
+from crosscheck.engines.spatial.reading import (
+    ANGLE,
+    CYLINDRICAL,
+    DISPLACEMENT,
+    DISTANCE,
+    FIXED,
+    MEETING,
+    ON_LINE,
+    ON_PLANE,
+    PARALLEL,
+    PERPENDICULAR,
+    PRISMATIC,
+    REVOLUTE,
+    SCREW,
+    UNIVERSAL,
+    Drive,
+    Hold,
+    Numbers,
+    numbers_of,
+)
+from crosscheck.engines.spatial.turning import common_columns
+from refkin.joints import GROUND, SI, Constraint
+from refkin.model import Mechanism
+
+Array = Any
+F, G, H = 0, 1, 2
+HELD = {(F, H): 4, (G, H): 3, (F, G): 5}
+"""Which axis of a generic joint holds f, g or h of i across one of j."""
+SAME: tuple[Any, ...] = (("dot", F, H), ("dot", G, H))
+ON_AXIS: tuple[Any, ...] = (("along", F), ("along", G))
+UNTURNED, CROSSED = ("dot", F, G), ("dot", H, H)
+ROWS: dict[str, tuple[Any, ...]] = {
+    CYLINDRICAL: SAME + ON_AXIS,
+    PRISMATIC: (*SAME, *ON_AXIS, UNTURNED),
+    FIXED: (*SAME, UNTURNED),
+    PARALLEL: SAME,
+    ON_LINE: ON_AXIS,
+    ON_PLANE: (("along", H),),
+    **dict.fromkeys((UNIVERSAL, PERPENDICULAR), (CROSSED,)),
+}
+"""What single axes hold of a joint, in the order of its rows."""
+STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+OUT = exu.OutputVariableType
+
+
+@dataclass(frozen=True)
+class Line:
+    """One row: where it is in exudyn, what of a joint it says, and the factor by which ours becomes it.
+
+    `what` is ("d", component), ("dot", a, b), ("along", a), ("length",), or ("turned",) of a driven angle; `drive`
+    moves it by a
+    law.
+    """
+
+    hold: Hold
+    what: tuple[Any, ...]
+    row: int
+    name: str
+    own: int
+    factor: float = 1.0
+    drive: Drive | None = None
+    object: Any = None
+    marker: Any = None
+
+
+class ExudynSpace:
+    """A mechanism in exudyn at configurations that need not be assembled; lengths in the numbers' unit.
+
+    Attributes
+    ----------
+    lines : list of Line
+        Its rows, in the order of ours: joints, then drivers.
+    """
+
+    def __init__(self, numbers: Numbers, holds: Sequence[Hold], drives: Sequence[Drive]) -> None:
+        exu.config.printToConsole = False
+        exu.config.suppressWarnings = True
+        self.numbers = numbers
+        self.container = exu.SystemContainer()
+        self.mbs = self.container.AddSystem()
+        self.bodies = {GROUND: self.mbs.AddObject(item.ObjectGround())}
+        for body in numbers.bodies:
+            node = self.mbs.AddNode(item.NodeRigidBodyEP(referenceCoordinates=STILL.tolist()))
+            rigid = item.ObjectRigidBody(nodeNumber=node, mass=0.0, inertia=[0.0] * 6)
+            self.bodies[body] = self.mbs.AddObject(rigid)
+        self._parts: list[tuple[Any, int, Line]] = []
+        for hold in holds:
+            self._joint(hold)
+        for drive in drives:
+            self._driver(drive)
+        self.mbs.Assemble()
+        self.data = self.mbs.systemData
+        self.solver = exu.MainSolverStatic()
+        self.settings = quiet_settings()
+        self.settings.staticSolver.newton.relativeTolerance = 0.0
+        self.settings.linearSolver.solverType = exu.LinearSolverType.EigenDense  # rows may be redundant, spins idle
+        self.settings.linearSolver.ignoreSingularJacobian = True
+        self.solver.InitializeSolver(self.mbs, self.settings)
+        self.n = self.solver.GetODE2size()
+        self.lines = [line for _, _, line in self._parts]
+        self.live = [list(self.data.GetObjectLTGAE(number))[k] for number, k, _ in self._parts]
+        self.t = np.nan
+
+    # building
+
+    def _markers(self, hold: Hold) -> list[Any]:
+        return [self._marker(body, hold.end(body)[0]) for body in hold.bodies]
+
+    def _marker(self, body: str, u: Any) -> Any:
+        return self.mbs.AddMarker(item.MarkerBodyRigid(bodyNumber=self.bodies[body], localPosition=list(map(float, u))))
+
+    def _generic(self, hold: Hold, axis: int, i: Any = None, j: Any = None) -> tuple[Any, Any]:
+        """Add a generic joint that holds one axis; return it and its marker on body i."""
+        held, markers = [int(k == axis) for k in range(6)], self._markers(hold)
+        frames = {
+            "rotationMarker0": hold.frame_i if i is None else i,
+            "rotationMarker1": hold.frame_j if j is None else j,
+        }
+        joint = item.ObjectJointGeneric(markerNumbers=markers, constrainedAxes=held, **frames)
+        return self.mbs.AddObject(joint), markers[0]
+
+    def _joint(self, hold: Hold) -> None:
+        if hold.kind == SCREW:
+            raise EngineRefusal(f"exudyn refuses screw {hold.name!r}: it has no screw joint")
+        row = 0
+
+        def add(number: Any, own: int, what: tuple[Any, ...], factor: float = 1.0) -> None:
+            nonlocal row
+            self._parts.append((number, own, Line(hold, what, row, hold.name, own, factor)))
+            row += 1
+
+        if hold.kind == REVOLUTE:
+            frames = {"rotationMarker0": hold.frame_j, "rotationMarker1": hold.frame_i}
+            revolute = self.mbs.AddObject(item.ObjectJointRevoluteZ(markerNumbers=self._markers(hold)[::-1], **frames))
+            for k in range(3):
+                add(revolute, k, ("d", k), -1.0)
+            add(revolute, 3, ("dot", F, H))
+            add(revolute, 4, ("dot", G, H))
+            return
+        if hold.kind in MEETING:
+            meeting = self.mbs.AddObject(item.ObjectJointSpherical(markerNumbers=self._markers(hold)))
+            for k in range(3):
+                add(meeting, k, ("d", k))
+        if hold.kind == DISTANCE:
+            rod = item.ObjectConnectorDistance(markerNumbers=self._markers(hold), distance=hold.length)
+            add(self.mbs.AddObject(rod), 0, ("length",))
+        for what in ROWS.get(hold.kind, ()):
+            if what == ("dot", H, H):
+                crossed = self._generic(hold, 5, hold.frame_i[:, [H, F, G]], hold.frame_j[:, [G, H, F]])
+                add(crossed[0], 5, what)
+            else:
+                own = HELD[what[1:]] if what[0] == "dot" else what[1]
+                add(self._generic(hold, own)[0], own, what)
+
+    def _driver(self, drive: Drive) -> None:
+        hold = drive.hold
+        if drive.kind == DISTANCE:
+            rod = self.mbs.AddObject(item.ObjectConnectorDistance(markerNumbers=self._markers(hold), distance=1.0))
+            line = Line(hold, ("length",), 0, drive.name, 0, 1.0, drive, rod)
+        elif drive.kind == ANGLE:
+            frames = {"rotationMarker0": hold.frame_j, "rotationMarker1": hold.frame_i}
+            held: dict[str, Any] = {"markerNumbers": self._markers(hold)[::-1], "constrainedAxes": [0, 0, 0, 0, 0, 1]}
+            joint = self.mbs.AddObject(item.ObjectJointGeneric(**held, **frames))
+            line = Line(hold, ("turned",), 0, drive.name, 5, 1.0, drive, joint)
+        elif drive.kind == DISPLACEMENT:
+            joint, marker = self._generic(hold, 2)
+            line = Line(hold, ("along", H), 0, drive.name, 2, 1.0, drive, joint, marker)
+        else:
+            raise EngineRefusal(f"exudyn refuses driver {drive.name!r} of type {drive.kind!r}")
+        self._parts.append((line.object, line.own, line))
+
+    # states
+
+    def set_state(self, q: Array, t: float, qd: Array | None = None) -> None:
+        """Put exudyn at coordinates (r, p) of each body, their rates and a time."""
+        self.set_time(t)
+        self.data.SetODE2Coordinates(q - np.tile(STILL, len(q) // 7), CURRENT)
+        if qd is not None:
+            self.data.SetODE2Coordinates_t(qd, CURRENT)
+        self.data.SetAECoordinates(np.zeros(self.solver.GetAEsize()), CURRENT)
+
+    def set_time(self, t: float) -> None:
+        """Put what laws move at a time."""
+        if t == self.t:
+            return
+        self.t = t
+        for line in self.lines:
+            if line.drive is None:
+                continue
+            f = law_value(line.drive, t, 0)
+            if line.what == ("length",):
+                if not f > 0.0:
+                    raise EngineError(f"exudyn: driver {line.name!r} at t = {t!r}: a distance of {f!r}")
+                self.mbs.SetObjectParameter(line.object, "distance", f)
+            elif line.what == ("turned",):
+                self.mbs.SetObjectParameter(line.object, "rotationMarker1", line.hold.frame_i @ about_z(f))
+            else:
+                place = line.hold.u_i + f * line.hold.frame_i[:, H]
+                self.mbs.SetMarkerParameter(line.marker, "localPosition", place.tolist())
+
+    def coordinates(self) -> Array:
+        """Return where exudyn is."""
+        q = self.data.GetODE2Coordinates(CURRENT)
+        return q + np.tile(STILL, len(q) // 7)
+
+    # rows
+
+    def residual(self, q: Array, t: float) -> Array:
+        """Return its rows (m,) at a configuration; that of a driven distance as (d . d - f^2) / 2."""
+        self.set_state(q, t)
+        self.solver.ComputeAlgebraicEquations(self.mbs, False)
+        rows: Array = self.solver.GetSystemResidual()[self.n :][self.live].copy()
+        for k, f in self._driven_lengths(t):
+            rows[k] *= 0.5 * (rows[k] + 2.0 * f)
+        return rows
+
+    def jacobian(self, q: Array, t: float) -> Array:
+        """Return its Jacobian (m, 6 b) in columns (v, w) of each body."""
+        self.set_state(q, t)
+        zeros = {f"scalarFactor_{key}": 0 for key in ("ODE2", "ODE2_t", "ODE1")}
+        self.solver.ComputeJacobianODE2RHS(self.mbs, **zeros)
+        self.solver.ComputeJacobianAE(self.mbs)
+        raw = self.solver.GetSystemJacobian()[self.n :, : self.n][self.live]
+        rows = raw @ common_columns(q)
+        for k, f in self._driven_lengths(t):
+            self.solver.ComputeAlgebraicEquations(self.mbs, False)
+            rows[k] *= self.solver.GetSystemResidual()[self.n :][self.live][k] + f
+        return rows
+
+    def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
+        """Return the rates of its rows (m,), with what laws add."""
+        self.set_state(q, t, qd)
+        self.solver.ComputeAlgebraicEquations(self.mbs, True)
+        rows: Array = self.solver.GetSystemResidual()[self.n :][self.live].copy()
+        return self._as_squares(rows, t) + self.law_rates(q, t)
+
+    def _as_squares(self, rates: Array, t: float) -> Array:
+        for k, f in self._driven_lengths(t):
+            self.solver.ComputeAlgebraicEquations(self.mbs, False)
+            rates[k] *= self.solver.GetSystemResidual()[self.n :][self.live][k] + f
+        return rates
+
+    def _driven_lengths(self, t: float) -> list[tuple[int, float]]:
+        return [
+            (k, law_value(line.drive, t, 0))
+            for k, line in enumerate(self.lines)
+            if line.drive is not None and line.what == ("length",)
+        ]
+
+    def law_rates(self, q: Array, t: float) -> Array:
+        """Return what laws add to the rates of rows (m,) at a configuration: exudyn knows no rate of what is set."""
+        out = np.zeros(len(self.lines))
+        for k, line in enumerate(self.lines):
+            if line.drive is None:
+                continue
+            f, fd = (law_value(line.drive, t, order) for order in (0, 1))
+            if line.what == ("length",):
+                out[k] = -f * fd
+            elif line.what[0] == "along":
+                out[k] = -fd
+            else:  # g_i turned by f, times f_j: the rate of the turned vector is minus f_i turned
+                frame = self._turned(line.hold.body_i) @ line.hold.frame_i @ about_z(f)
+                out[k] = -fd * (frame[:, F] @ self._turned(line.hold.body_j) @ line.hold.frame_j[:, F])
+        return out
+
+    def drift(self, q: Array, qd: Array, t: float) -> Array:
+        """Return gamma (m,) in columns (v, w): minus the second derivative of rows while v and w stay as they are."""
+        self.set_state(q, t, qd)
+        return np.array([-self._bend(line, t) for line in self.lines])
+
+    def _bend(self, line: Line, t: float) -> float:
+        hold = line.hold
+        f = [0.0] * 3 if line.drive is None else [law_value(line.drive, t, k) for k in range(3)]
+        d = self._gap(hold)
+        if line.what[0] == "d":
+            return line.factor * float(d[2][line.what[1]])
+        if line.what == ("length",):
+            if line.drive is not None:
+                return float(d[1] @ d[1] + d[0] @ d[2]) - f[1] ** 2 - f[0] * f[2]
+            length = np.linalg.norm(d[0])
+            return float((d[1] @ d[1] + d[0] @ d[2] - (d[0] @ d[1] / length) ** 2) / length)
+        if line.what[0] == "along":
+            return _product(self._axis(hold.body_i, hold.frame_i[:, line.what[1]]), d) - f[2]
+        a, b = line.what[1:] if line.drive is None else (G, F)
+        j = self._axis(hold.body_j, hold.frame_j[:, b])
+        if line.drive is None:
+            return _product(self._axis(hold.body_i, hold.frame_i[:, a]), j)
+        frame = hold.frame_i @ about_z(f[0])
+        x, y = (self._axis(hold.body_i, frame[:, k]) for k in (G, F))  # x' loses f' y, y' gains f' x
+        turned = (x[0], x[1] - f[1] * y[0], x[2] - 2.0 * f[1] * y[1] - f[2] * y[0] - f[1] ** 2 * x[0])
+        return _product(turned, j)
+
+    # readings
+
+    def _turned(self, body: str) -> Array:
+        if body == GROUND:
+            return np.eye(3)
+        return self.mbs.GetObjectOutputBody(self.bodies[body], OUT.RotationMatrix).reshape(3, 3)
+
+    def _axis(self, body: str, u: Any) -> tuple[Any, Any, Any]:
+        """Return an axis of a body, its rate, and its second derivative while w stays as it is."""
+        if body == GROUND:
+            return u, np.zeros(3), np.zeros(3)
+        w = self.mbs.GetObjectOutputBody(self.bodies[body], OUT.AngularVelocity)
+        axis = self._turned(body) @ u
+        rate = np.cross(w, axis)
+        return axis, rate, np.cross(w, rate)
+
+    def _gap(self, hold: Hold) -> tuple[Any, Any, Any]:
+        ends = []
+        for body in hold.bodies:
+            u = list(map(float, hold.end(body)[0]))
+            if body == GROUND:
+                ends.append((np.array(u), np.zeros(3), np.zeros(3)))
+            else:
+                kinds = (OUT.Position, OUT.Velocity, OUT.Acceleration)
+                ends.append(tuple(self.mbs.GetObjectOutputBody(self.bodies[body], kind, u) for kind in kinds))
+        (x, v, a), (y, w, b) = ends
+        return y - x, w - v, b - a
+
+    def newton(self, q: Array, t: float, tolerance: float) -> bool:
+        """Let its static Newton go from a configuration; return whether it says it has converged."""
+        self.set_state(q, t)
+        self.solver.newton.absoluteTolerance = tolerance
+        try:
+            return bool(self.solver.Newton(self.mbs, self.settings))
+        except (exu.SolverError, exu.InternalError) as error:
+            raise EngineError(f"its Newton stopped: {str(error).strip().splitlines()[0]}") from error
+
+    def close(self) -> None:
+        """Free what exudyn holds."""
+        self.container.Reset()
+
+
+def law_value(drive: Drive | None, t: float, order: int) -> float:
+    """Return a driver's law in the numbers' unit, or a derivative of it."""
+    assert drive is not None
+    return float(drive.law(t, order)) / drive.size
+
+
+def about_z(angle: float) -> Array:
+    """Return the rotation about the third axis."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
+
+
+def _product(a: Any, b: Any) -> float:
+    """Return (a . b)'' from vectors with two derivatives."""
+    return float(a[2] @ b[0] + 2.0 * (a[1] @ b[1]) + a[0] @ b[2])
+
+
+class ExudynSpaceRows(ExudynSpace):
+    """exudyn's rows for some joints and drivers of a mechanism, in metres: a `ConstraintModel` in the form `dot`."""
+
+    owns_driver = True
+    form = "dot"
+
+    def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
+        numbers, known = numbers_of(mechanism, SI), {c.name for c in constraints}
+        holds = [hold for hold in numbers.holds if hold.name in known]
+        # the driver of a screw counts turns by a coordinate of its own, which exudyn has not
+        drives = [d for d in numbers.drives if d.name in known and d.hold.kind != SCREW]
+        super().__init__(numbers, holds, drives)
+        self.rows: Sequence[RowMap] = tuple(
+            RowMap(
+                constraint=line.name,
+                row=line.row,
+                engine_row=k,
+                factor=line.factor,
+                form=Length(line.hold.length) if line.what == ("length",) and line.drive is None else Linear(),
+                derived=line.drive is not None,
+            )
+            for k, line in enumerate(self.lines)
+        )

@@ -1,0 +1,178 @@
+"""MuJoCo's model of a joint tree of space: bodies, joints, sites, and its own equality `connect` between two points.
+
+Joints: hinge, slide, slide and hinge, two hinges, ball (w, x, y, z; rates in the body's axes). MuJoCo's body lies at
+its joint, so a pose of the specification is that of coordinates zero, computed from the scene's numbers. A screw is a
+slide that the adapter moves with its hinge, a free body three slides and a ball.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import EngineError
+from crosscheck.engines.mujoco.model import MASSES, kinematic_spec, mujoco
+from crosscheck.engines.spatial.reading import CYLINDRICAL, FIXED, PRISMATIC, REVOLUTE, SCREW, SPHERICAL, UNIVERSAL
+from crosscheck.engines.spatial.system import Place
+from crosscheck.engines.spatial.tree import FREE, QUARTER, Edge, SpaceTree
+from crosscheck.engines.spatial.turning import parameters
+from refkin.joints import GROUND
+
+Array = Any
+HINGE, SLIDE, BALL = mujoco.mjtJoint.mjJNT_HINGE, mujoco.mjtJoint.mjJNT_SLIDE, mujoco.mjtJoint.mjJNT_BALL
+X, Y, Z = [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]
+JOINTS: dict[str, list[tuple[Any, list[float]]]] = {
+    REVOLUTE: [(HINGE, Z)],
+    PRISMATIC: [(SLIDE, Z)],
+    CYLINDRICAL: [(SLIDE, Z), (HINGE, Z)],
+    SCREW: [(SLIDE, Z), (HINGE, Z)],
+    UNIVERSAL: [(HINGE, Y), (HINGE, Z)],  # the first axis is that of the parent, QUARTER^T z
+    SPHERICAL: [(BALL, Z)],
+    FREE: [(SLIDE, X), (SLIDE, Y), (SLIDE, Z), (BALL, Z)],
+    FIXED: [],
+}
+
+
+class MujocoSpace:
+    """A `SpaceEngine`."""
+
+    def __init__(
+        self,
+        tree: SpaceTree,
+        places: Sequence[Place],
+        pairs: Sequence[tuple[int, int]],
+        welds: Sequence[tuple[int, int]] = (),
+    ) -> None:
+        self.tree, self.places = tree, places
+        self.spec = kinematic_spec()
+        self.bodies: dict[str, Any] = {GROUND: self.spec.worldbody}
+        self.frames: dict[str, tuple[Any, Any]] = {GROUND: (np.zeros(3), np.eye(3))}
+        self._names: list[str] = []
+        for k, edge in enumerate(tree.edges):
+            self._hang(k, edge)
+        for k, pair in enumerate(pairs):
+            self._equality(f"pair {k}", mujoco.mjtEq.mjEQ_CONNECT, *pair)
+        for k, pair in enumerate(welds):
+            self._equality(f"weld {k}", mujoco.mjtEq.mjEQ_WELD, *pair)
+        self.pairs, self.count = pairs, (len(pairs), len(welds))
+        self.model = self._compiled()
+        self.data = mujoco.MjData(self.model)
+        joints = [self.model.joint(name) for name in self._names]
+        self._q = np.concatenate([j.qposadr[0] + np.arange(len(j.qpos0)) for j in joints])
+        self._v = np.concatenate([j.dofadr[0] + np.arange(3 if len(j.qpos0) > 1 else 1) for j in joints])
+        self._from_tree = self._columns()
+        self._at = [(self.bodies[p.body].id, *self._local(p)) for p in places]
+
+    def _hang(self, k: int, edge: Edge) -> None:
+        u, frame = self.frames[edge.parent]
+        turned = edge.frame_parent @ QUARTER if edge.kind == UNIVERSAL else edge.frame_parent
+        place = edge.u_parent + edge.frame_parent[:, 2] * edge.shift
+        body = self.bodies[edge.parent].add_body(
+            name=f"b{k}", pos=frame.T @ (place - u), quat=parameters(frame.T @ turned), **MASSES[edge.kind != FIXED]
+        )
+        for kind, axis in JOINTS[edge.kind]:
+            self._names.append(f"q{len(self._names)}")
+            body.add_joint(name=self._names[-1], type=kind, axis=axis)
+        self.bodies[edge.body], self.frames[edge.body] = body, (edge.u_body, edge.frame_body)
+
+    def _local(self, place: Place) -> tuple[Any, Any]:
+        """Return a place's point and axes in the frame of MuJoCo's body."""
+        u, frame = self.frames[place.body]
+        return frame.T @ (place.u - u), frame.T @ place.axes
+
+    def _equality(self, name: str, kind: Any, i: int, j: int) -> None:
+        for side, k in (("i", i), ("j", j)):
+            u, axes = self._local(self.places[k])
+            self.bodies[self.places[k].body].add_site(name=f"{name} {side}", pos=u, quat=parameters(axes))
+        equality = self.spec.add_equality(name=name, type=kind, objtype=mujoco.mjtObj.mjOBJ_SITE, solref=[0.0, 0.0])
+        equality.name1, equality.name2 = f"{name} j", f"{name} i"
+
+    def _compiled(self) -> Any:
+        log = mujoco.MjLogConfig.get()
+        log.logto_file = log.logto_console = False
+        log.set()
+        try:
+            model = self.spec.compile()
+        except ValueError as error:
+            raise EngineError(f"MuJoCo does not compile this scene: {error}") from error
+        model.site_sameframe[:] = 0
+        model.body_sameframe[:] = 0
+        return model
+
+    def _columns(self) -> Array:
+        """Return what makes rates of MuJoCo's joints, in the order of edges, of those of the tree: a screw has two."""
+        total = sum(edge.rates for edge in self.tree.edges)
+        rows, first = [], 0
+        for edge in self.tree.edges:
+            own = np.eye(total)[first : first + edge.rates]
+            rows += [edge.pitch * own, own] if edge.kind == SCREW else [own]
+            first += edge.rates
+        return np.concatenate(rows)
+
+    def _place(self, q: Array) -> None:
+        values: list[float] = []
+        for edge in self.tree.edges:
+            part = list(q[edge.slot])
+            if edge.kind == SCREW:
+                part = [edge.pitch * part[0], part[0]]
+            if edge.turned.stop:
+                p = q[edge.turned]
+                part[-4:] = p / np.linalg.norm(p)
+            values += part
+        self.data.qpos[self._q] = values
+        mujoco.mj_kinematics(self.model, self.data)
+        mujoco.mj_comPos(self.model, self.data)
+        mujoco.mj_makeConstraint(self.model, self.data)
+        if self.data.nefc != 3 * self.count[0] + 6 * self.count[1]:
+            raise EngineError("MuJoCo left out an equality that no joint can move")
+
+    def still(self, q: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return places, axes and Jacobians, and of pairs d and its Jacobian: see `SpaceEngine`."""
+        self._place(q)
+        m, d, count = self.model, self.data, len(self._at)
+        r, axes, jac = np.empty((count, 3)), np.empty((count, 3, 3)), np.empty((count, 6, m.nv))
+        for k, (body, u, own) in enumerate(self._at):
+            turned = d.xmat[body].reshape(3, 3)
+            r[k], axes[k] = d.xpos[body] + turned @ u, turned @ own
+            mujoco.mj_jac(m, d, jac[k, :3], jac[k, 3:], r[k], body)
+        rows = d.efc_J.reshape(d.nefc, m.nv)[: 3 * self.count[0]]
+        gap = d.efc_pos[: len(rows)].reshape(-1, 3).copy()
+        return r, axes, self._own(jac), gap, self._own(rows).reshape(len(gap), 3, len(self._from_tree[0]))
+
+    def _own(self, rows: Array) -> Array:
+        """Return rows (..., nv) of MuJoCo with columns of the tree's rates."""
+        return rows[..., self._v] @ self._from_tree
+
+    def _move(self, q: Array, rates: Array) -> None:
+        self._place(q)
+        self.data.qvel[self._v] = self._from_tree @ rates
+        mujoco.mj_comVel(self.model, self.data)
+        mujoco.mj_makeConstraint(self.model, self.data)
+        mujoco.mj_referenceConstraint(self.model, self.data)
+
+    def moving(self, q: Array, rates: Array, accelerations: Array | None) -> tuple[Array, Array, Array]:
+        """Return velocities and accelerations of places, and d'' of pairs: see `SpaceEngine`."""
+        self._move(q, rates)
+        m, d = self.model, self.data
+        vel, acc = np.empty((2, len(self._at), 6))
+        qacc, jac, change = np.zeros(m.nv), np.empty((6, m.nv)), np.empty((6, m.nv))
+        if accelerations is not None:
+            qacc[self._v] = self._from_tree @ accelerations
+        for k, (body, u, _) in enumerate(self._at):
+            point = d.xpos[body] + d.xmat[body].reshape(3, 3) @ u
+            mujoco.mj_jac(m, d, jac[:3], jac[3:], point, body)
+            mujoco.mj_jacDot(m, d, change[:3], change[3:], point, body)
+            vel[k], acc[k] = jac @ d.qvel, change @ d.qvel + jac @ qacc
+        rows = 3 * self.count[0]
+        bend = d.efc_J.reshape(d.nefc, m.nv)[:rows] @ qacc - d.efc_aref[:rows]
+        return vel, acc, bend.reshape(-1, 3)
+
+    def welded(self, q: Array, rates: Array) -> tuple[Array, Array, Array, Array]:
+        """Return of the welds' rotations (K, 3): residual, Jacobian (K, 3, v), velocity, and minus its drift term."""
+        self._move(q, rates)
+        d, first = self.data, 3 * self.count[0]
+        at = (first + 6 * np.arange(self.count[1])[:, None] + [3, 4, 5]).astype(int)
+        rows = d.efc_J.reshape(d.nefc, self.model.nv)
+        return d.efc_pos[at].copy(), self._own(rows[at]), d.efc_vel[at].copy(), -d.efc_aref[at]

@@ -1,0 +1,1 @@
+"""What the adapters share in space: a scene's joints in numbers, rotations, the joint tree, and its equations."""

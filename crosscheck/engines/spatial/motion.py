@@ -1,0 +1,115 @@
+"""The motion of a scene of space from an engine's joint tree: coordinates (r, p) of bodies and their rates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines.march import March, march
+from crosscheck.engines.spatial.reading import Numbers, numbers_of
+from crosscheck.engines.spatial.system import SpaceSystem
+from crosscheck.engines.spatial.tree import space_tree
+from crosscheck.engines.spatial.turning import bends, continuous, matrix, parameters, rates
+from refkin.model import Effect, Scene
+from refkin.motion import Motion, PointMotion, Producer, engine_motion
+
+Array = Any
+
+
+def space_motion(scene: Scene, build: Callable[..., Any], producer: Producer) -> Motion:
+    """Return the motion of the bodies and points that a scene wants, at the levels it calls for.
+
+    Parameters
+    ----------
+    build : callable
+        What makes an engine's model of a tree, its places and pairs (`SpaceEngine`).
+
+    Raises
+    ------
+    EngineError
+        If a body of the scene has no estimate.
+    """
+    numbers = numbers_of(scene.mechanism)
+    system = SpaceSystem(space_tree(numbers, estimates(scene, numbers)), build)
+    order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
+    found = march(system, system.tree.start(), scene.times, order, together=not numbers.idle)
+    return reported(scene, numbers, _levels(system, found), found.status, producer, residual=found.residual)
+
+
+def estimates(scene: Scene, numbers: Numbers) -> dict[str, Any]:
+    """Return the estimated pose (7,) of each body in the numbers' unit, None where there is none."""
+    return {b.name: None if b.estimate is None else numbers.scaled(b.estimate) for b in scene.mechanism.bodies}
+
+
+def _levels(system: SpaceSystem, found: March) -> list[Array]:
+    """Return per level (r, p) of all bodies or its derivative, (7 n, T), in the numbers' unit."""
+    count, times = len(system.tree.numbers.bodies), found.levels[0].shape[1]
+    r, w = np.full((3, times, count, 3), np.nan), np.full((2, times, count, 3), np.nan)
+    p = np.full((times, count, 4), np.nan)
+    for k in range(times):
+        at = [level[:, k] if np.isfinite(level[:, k]).all() else None for level in found.levels]
+        if at[0] is None:
+            continue
+        read = system.bodies(*[*at, None, None][:3])
+        r[0, k], p[k] = read[0], [parameters(rotation) for rotation in read[1]]
+        for order, motion in enumerate(read[2:], 1):
+            if len(at) > order and at[order] is not None:
+                r[order, k], w[order - 1, k] = motion[:, :3], motion[:, 3:]
+    return coordinates(r, p, w)[: len(found.levels)]
+
+
+def coordinates(r: Array, p: Array, w: Array) -> list[Array]:
+    """Return (r, p) and its two derivatives, (7 n, T) each, with Euler parameters continuous in sign.
+
+    Parameters
+    ----------
+    r : (3, T, n, 3) array
+        Origins, velocities, accelerations.
+    p : (T, n, 4) array
+        Euler parameters of either sign.
+    w : (2, T, n, 3) array
+        Angular velocity and acceleration in the ground frame.
+    """
+    p = np.stack([continuous(p[:, k]) for k in range(p.shape[1])], axis=1)
+    turns = (p, rates(p, w[0]), bends(p, w[0], w[1]))
+    return [np.concatenate(level, axis=2).reshape(len(p), -1).T for level in zip(r, turns, strict=True)]
+
+
+def reported(
+    scene: Scene, numbers: Numbers, levels: list[Array], status: Any, producer: Producer, **more: Any
+) -> Motion:
+    """Return what a scene wants of the coordinates of all bodies, in metres."""
+    wanted = [7 * numbers.bodies.index(body) + k for body in scene.wanted for k in range(7)]
+    known = [numbers.levels(level, order) for order, level in enumerate(levels)]
+    called = [True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects]
+    shown = [level[wanted] if there else None for level, there in zip(known, called, strict=False)]
+    points = {p.name: point_motion(p.position, numbers.bodies.index(p.body), known, called) for p in scene.points}
+    q, qd, qdd = [*shown, None, None][:3]
+    return engine_motion(scene.times, scene.wanted, q, qd, qdd, status, producer, points=points, **more)
+
+
+def point_motion(u: Any, body: int, levels: list[Array], called: list[bool]) -> PointMotion:
+    """Return how a point [m] of a body moves: A(p) u is a quadratic form, of which rates follow by its bilinear one."""
+    at, u = [level[7 * body : 7 * body + 7] for level in levels], np.asarray(u, float)
+    turned = [lambda: _form(at[0][3:], at[0][3:], u), lambda: 2.0 * _form(at[0][3:], at[1][3:], u)]
+    turned.append(lambda: 2.0 * _form(at[0][3:], at[2][3:], u) + 2.0 * _form(at[1][3:], at[1][3:], u))
+    parts = [
+        level[:3] + turned[k]() if there else None for k, (level, there) in enumerate(zip(at, called, strict=False))
+    ]
+    return PointMotion(*parts)  # type: ignore[arg-type]
+
+
+def _form(p: Array, s: Array, u: Array) -> Array:
+    """Return B(p, s) u (3, T), with A(p) u = B(p, p) u."""
+    e, c, v = p[1:], s[1:], u[:, None]
+    dot = np.sum(e * c, axis=0)
+    along = e * (u @ c) + c * (u @ e)
+    turn = np.cross((p[0] * c + s[0] * e).T, u).T
+    return (p[0] * s[0] - dot) * v + along + turn
+
+
+def rotation(q: Array) -> Array:
+    """Return the rotation matrix of a pose (7,)."""
+    return matrix(q[3:])

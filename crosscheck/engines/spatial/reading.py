@@ -1,0 +1,248 @@
+"""The joints and drivers of a scene of space in plain numbers, as every adapter builds from them.
+
+Lengths are in units of the mechanism's size and seen from its first ground point, as in the plane.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines import Array, EngineRefusal
+from crosscheck.engines.spatial.turning import joint_frame
+from refkin.joints import (
+    GROUND,
+    AxesParallel,
+    AxesPerpendicular,
+    Element,
+    PointInPlane,
+    PointOnAxis,
+    PointsMeet,
+    ScrewMotion,
+    ShiftAlongAxis,
+    SpatialPointDistance,
+    TurnAboutAxis,
+    elements_of,
+)
+from refkin.model import Mechanism
+from refkin.motion import Route
+from refkin.motion_laws import Law
+
+SPHERICAL, REVOLUTE, PRISMATIC, CYLINDRICAL = "spherical", "revolute", "prismatic", "cylindrical"
+UNIVERSAL, SCREW, FIXED, DISTANCE = "universal", "screw", "fixed", "distance"
+PARALLEL, PERPENDICULAR, ON_PLANE, ON_LINE = "parallel", "perpendicular", "point_on_plane", "point_on_line"
+ANGLE, DISPLACEMENT = "angle", "displacement"
+MEETING = frozenset({SPHERICAL, REVOLUTE, UNIVERSAL, FIXED})
+"""Joints whose two points are one."""
+TURNING = frozenset({REVOLUTE, CYLINDRICAL, SCREW})
+"""Joints with an angle about their axis."""
+SHAPES: Mapping[tuple[type[Element], ...], str] = {
+    (PointsMeet,): SPHERICAL,
+    (PointsMeet, AxesParallel): REVOLUTE,
+    (AxesParallel, PointOnAxis): CYLINDRICAL,
+    (AxesParallel, PointOnAxis, TurnAboutAxis): PRISMATIC,
+    (PointsMeet, AxesPerpendicular): UNIVERSAL,
+    (PointsMeet, AxesParallel, TurnAboutAxis): FIXED,
+    (AxesParallel, PointOnAxis, ScrewMotion): SCREW,
+    (SpatialPointDistance,): DISTANCE,
+    (AxesParallel,): PARALLEL,
+    (AxesPerpendicular,): PERPENDICULAR,
+    (PointInPlane,): ON_PLANE,
+    (PointOnAxis,): ON_LINE,
+}
+"""What a joint of these elements is."""
+DRIVEN: Mapping[type[Element], str] = {
+    TurnAboutAxis: ANGLE,
+    ShiftAlongAxis: DISPLACEMENT,
+    SpatialPointDistance: DISTANCE,
+}
+"""What a driver of this element moves."""
+AXIAL = frozenset({REVOLUTE, PRISMATIC, CYLINDRICAL, SCREW, FIXED, PARALLEL})
+"""Joints whose two axes have one direction."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Hold:
+    """A joint between bodies i and j.
+
+    Attributes
+    ----------
+    u_i, u_j : (3,) array
+        Its points, each in its body's frame.
+    frame_i, frame_j : (3, 3) array
+        Its frames, columns f, g, h (`joint_frame`); of a joint without axes the identity.
+    length, pitch, shift : float
+        Of a distance; of a screw: length for each radian, and length at angle zero.
+    """
+
+    name: str
+    kind: str
+    body_i: str
+    body_j: str
+    u_i: Any
+    u_j: Any
+    frame_i: Any = field(default_factory=lambda: np.eye(3))
+    frame_j: Any = field(default_factory=lambda: np.eye(3))
+    length: float = 0.0
+    pitch: float = 0.0
+    shift: float = 0.0
+
+    @property
+    def bodies(self) -> tuple[str, str]:
+        """The names of bodies i and j."""
+        return self.body_i, self.body_j
+
+    def end(self, body: str) -> tuple[Any, Any]:
+        """Return point and frame on one of its bodies."""
+        return (self.u_i, self.frame_i) if body == self.body_i else (self.u_j, self.frame_j)
+
+    def other(self, body: str) -> str:
+        """Return the other body."""
+        return self.body_j if body == self.body_i else self.body_i
+
+
+@dataclass(frozen=True, kw_only=True)
+class Drive:
+    """A driver: an angle or a displacement of a joint, or the distance of two points, follows a law over `size`."""
+
+    name: str
+    kind: str
+    hold: Hold
+    law: Any
+    size: float = 1.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Numbers:
+    """A mechanism of space: bodies in their order, joints, drivers; size [m] and origin [m] of the lengths."""
+
+    bodies: tuple[str, ...]
+    holds: tuple[Hold, ...]
+    drives: tuple[Drive, ...]
+    size: float
+    origin: Any
+
+    @property
+    def idle(self) -> dict[str, tuple[Hold, Hold]]:
+        """Bodies on two spherical joints and nothing else, with these: they spin freely about the line of the two."""
+        found = {}
+        for body in self.bodies:
+            on = [hold for hold in (*self.holds, *(d.hold for d in self.drives)) if body in hold.bodies]
+            if len(on) == 2 and all(hold.kind == SPHERICAL for hold in on):
+                found[body] = (on[0], on[1])
+        return found
+
+    def levels(self, coordinates: Any, order: int) -> Any:
+        """Return coordinates or rates (7 bodies, T) of this unit as those of the scene, in metres."""
+        out = np.array(coordinates, float)
+        for axis in range(3):
+            out[axis::7] = out[axis::7] * self.size + (0.0 if order else self.origin[axis])
+        return out
+
+    def scaled(self, estimate: Any) -> Array:
+        """Return a pose (7,) of the scene in this unit, its Euler parameters of length 1."""
+        r, p = np.array(estimate[:3], float), np.array(estimate[3:], float)
+        return np.concatenate([(r - self.origin) / self.size, p / np.linalg.norm(p)])
+
+
+def in_space(mechanism: Mechanism) -> bool:
+    """Return whether a mechanism is one of space."""
+    return mechanism.kind.name == "spatial"
+
+
+def refuse_in_space(engine: Any, route: Route | None, routes: Sequence[Route], effect: str | None) -> None:
+    """Raise EngineRefusal for a route, or a physical effect, that an engine's adapter has in the plane alone."""
+    if route is not None and route not in routes:
+        raise EngineRefusal(f"{engine.name} refuses route {route.name!r} in space: it is written for the plane")
+    if effect is not None:
+        raise EngineRefusal(f"{engine.name} refuses effect {effect!r} in space: it is written for the plane")
+
+
+@dataclass(frozen=True)
+class Given:
+    """A joint or driver in the scene's own numbers [m]: kind, bodies i and j, and what its elements say of each.
+
+    `joint` is the name of the joint that a driver moves, "" if there is none.
+    """
+
+    name: str
+    kind: str
+    bodies: tuple[str, str]
+    points: tuple[Any, Any]
+    axes: tuple[Any, Any]
+    zeros: tuple[Any, Any]
+    length: float
+    pitch: float
+    shift: float
+    laws: tuple[Law, ...]
+    joint: str
+
+
+def given(mechanism: Mechanism) -> Iterator[Given]:
+    """Yield the joints, then the drivers of a mechanism of space, as their elements have them.
+
+    Raises
+    ------
+    EngineRefusal
+        If one consists of other elements than are known here.
+    """
+    for k, constraint in enumerate(mechanism.constraints):
+        elements: list[Any] = list(elements_of([constraint]))
+        shape, driver = tuple(map(type, elements)), k >= len(mechanism.joints)
+        kind = DRIVEN.get(shape[0]) if driver and shape else SHAPES.get(shape)
+        if kind is None:
+            raise EngineRefusal(f"{constraint.name!r} is no joint of space that is written here")
+
+        def said(key: str, elements: list[Any] = elements) -> tuple[Any, Any]:
+            values = ([getattr(e, f"{key}_{side}", None) for e in elements] for side in "ij")
+            one, other = (next((v for v in group if v is not None), None) for group in values)
+            return one, other
+
+        yield Given(
+            name=constraint.name,
+            kind=kind,
+            bodies=elements[0].bodies,
+            points=said("point"),
+            axes=said("axis"),
+            zeros=said("zero"),
+            length=getattr(elements[-1], "length", 0.0),
+            pitch=getattr(elements[-1], "pitch", 0.0),
+            shift=getattr(elements[-1], "shift", 0.0),
+            laws=elements[0].laws,
+            joint=getattr(constraint, "joint", "") if driver else "",
+        )
+
+
+def numbers_of(mechanism: Mechanism, unit: Any = None) -> Numbers:
+    """Return a mechanism of space: joints, then drivers that know the joint they move; by default in its own unit."""
+    unit = mechanism.unit() if unit is None else unit
+    origin = np.array([*unit.origin, 0.0, 0.0, 0.0][:3], float)
+    found = list(given(mechanism))
+    holds = {g.name: _hold(g, unit.size, origin) for g in found if not g.laws}
+    drives = tuple(
+        Drive(
+            name=g.name,
+            kind=g.kind,
+            hold=holds[g.joint] if g.joint else _hold(g, unit.size, origin),
+            law=g.laws[0],
+            size=1.0 if g.kind == ANGLE else unit.size,
+        )
+        for g in found
+        if g.laws
+    )
+    bodies = tuple(body.name for body in mechanism.bodies)
+    return Numbers(bodies=bodies, holds=tuple(holds.values()), drives=drives, size=unit.size, origin=origin)
+
+
+def _hold(g: Given, size: float, origin: Array) -> Hold:
+    ends: dict[str, Any] = {}
+    for side, body, point, axis, zero in zip("ij", g.bodies, g.points, g.axes, g.zeros, strict=True):
+        at = np.array((0.0, 0.0, 0.0) if point is None else point, float)
+        ends[f"body_{side}"] = body
+        ends[f"u_{side}"] = (at - origin if body == GROUND and point is not None else at) / size
+        if axis is not None:
+            ends[f"frame_{side}"] = joint_frame(axis, zero)
+    return Hold(name=g.name, kind=g.kind, **ends, length=g.length / size, pitch=g.pitch / size, shift=g.shift / size)

@@ -1,0 +1,354 @@
+"""The equations of a joint tree of space (`march.Equations`): closures, unit lengths, spins held still, drivers.
+
+Where two points meet, residual, Jacobian and drift term are the engine's own constraint (`SpaceEngine.pairs`). All
+other rows are put together from the engine's places and motions of joint frames: they are the adapter's, derived.
+In space the joints that are left open are held so:
+
+=================== =====================================================================
+closure             rows
+=================== =====================================================================
+spherical           one pair of points
+revolute            two pairs, at the joint and one unit along its axis: 6 rows of rank 5
+universal           one pair, h_i . h_j
+fixed               one pair, f_i . h_j, g_i . h_j, f_i . g_j
+cylindrical         f_i . h_j, g_i . h_j, f_i . d, g_i . d
+prismatic           the same, f_i . g_j
+distance            (d . d - L^2) / (2 L)
+=================== =====================================================================
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from crosscheck.engines import EngineRefusal
+from crosscheck.engines.march import EPS, Tabulated, extrema
+from crosscheck.engines.spatial.reading import (
+    ANGLE,
+    CYLINDRICAL,
+    DISTANCE,
+    FIXED,
+    ON_LINE,
+    ON_PLANE,
+    PARALLEL,
+    PERPENDICULAR,
+    PRISMATIC,
+    REVOLUTE,
+    SCREW,
+    SPHERICAL,
+    UNIVERSAL,
+    Drive,
+    Hold,
+)
+from crosscheck.engines.spatial.tree import SpaceTree
+from refkin.joints import GROUND
+
+Array = Any
+
+
+@dataclass(frozen=True)
+class Place:
+    """A frame on a body: a point, and the columns f, g, h of axes, in the body's own frame."""
+
+    body: str
+    u: Any
+    axes: Any
+
+
+class SpaceEngine(Protocol):
+    """An engine's model of a `SpaceTree` at one pose after another; columns are rates (v,) of its joints.
+
+    Attributes
+    ----------
+    places : list of Place
+        What is read, given at construction.
+    pairs : list of (int, int)
+        Which places (of i, of j) the engine itself holds together.
+    """
+
+    tree: SpaceTree
+
+    def still(self, q: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """Return places (P, 3), axes (P, 3, 3), Jacobians (P, 6, v), and of pairs d (K, 3) and its Jacobian."""
+
+    def moving(self, q: Array, rates: Array, accelerations: Array | None) -> tuple[Array, Array, Array]:
+        """Return velocities (P, 6) of places and accelerations (P, 6), linear ones first, and d'' of pairs (K, 3)."""
+
+
+@dataclass
+class State:
+    """What rows are made of, at one pose: places r, axes, Jacobians; moving also velocities and accelerations."""
+
+    r: Array
+    axes: Array
+    jac: Array
+    gap: Array
+    gap_jac: Array
+    vel: Array = None
+    acc: Array = None
+    gap_acc: Array = None
+
+
+Row = Callable[[State], tuple[Any, Any]]
+"""State at a pose -> value and gradient; state of a motion without accelerations -> its second derivative, and None."""
+
+
+class SpaceSystem:
+    """The rows to be solved, of a tree in an engine.
+
+    The spin of an idle body (`Numbers.idle`) is held still by a row of rates alone, w . u = 0 along its line u: no step
+    of Newton turns it, and its rates and accelerations are those without it. Where it ends depends on the way there.
+
+    Parameters
+    ----------
+    build : callable
+        Tree, places and pairs -> the engine's model.
+    """
+
+    def __init__(self, tree: SpaceTree, build: Callable[[SpaceTree, list[Place], list[tuple[int, int]]], Any]) -> None:
+        self.tree = tree
+        self.places: list[Place] = []
+        self.pairs: list[tuple[int, int]] = []
+        self._rows: list[Row] = []
+        self._linear: list[tuple[Drive, Any]] = []
+        for body in tree.numbers.bodies:
+            self._place(body, np.zeros(3), np.eye(3))
+        for hold in tree.closures:
+            self._close(hold)
+        self._spins = [self._spin(body, holds) for body, holds in tree.numbers.idle.items()]
+        self._driven = [(drive, Tabulated(drive.law), self._drive(drive)) for drive in tree.numbers.drives]
+        self.engine = build(tree, self.places, self.pairs)
+        self.own = 3 * len(self.pairs)
+
+    def _place(self, body: str, u: Any, axes: Any) -> int:
+        self.places.append(Place(body, u, axes))
+        return len(self.places) - 1
+
+    def _ends(self, hold: Hold, along: float = 0.0) -> tuple[int, int]:
+        """Return the places of a joint, shifted along its axis."""
+        i, j = ((body, *hold.end(body)) for body in hold.bodies)
+        return self._place(i[0], i[1] + along * i[2][:, 2], i[2]), self._place(j[0], j[1] + along * j[2][:, 2], j[2])
+
+    def _close(self, hold: Hold) -> None:
+        if hold.kind == SCREW:
+            raise EngineRefusal(f"screw {hold.name!r} closes a loop: a joint tree has it as an edge alone")
+        i, j = self._ends(hold)
+        if hold.kind in (SPHERICAL, REVOLUTE, UNIVERSAL, FIXED):
+            self.pairs.append((i, j))
+        if hold.kind == REVOLUTE:
+            self.pairs.append(self._ends(hold, 1.0))
+        self._rows += [_dot(i, a, j, b) for a, b in AXES.get(hold.kind, ())]
+        self._rows += [_along(i, a, j) for a in ACROSS.get(hold.kind, ())]
+        if hold.kind == DISTANCE:
+            self._rows.append(_distance(i, j, hold.length))
+
+    def _spin(self, body: str, holds: tuple[Hold, Hold]) -> tuple[int, Any]:
+        """Return the place of an idle body, and the direction of its line in it."""
+        ends = [hold.end(body)[0] for hold in holds]
+        line = ends[1] - ends[0]
+        return self.tree.numbers.bodies.index(body), line / np.linalg.norm(line)
+
+    def _drive(self, drive: Drive) -> Any:
+        """Return the coordinate that a driver moves, or the places that its row is made of."""
+        edge = None if drive.kind == DISTANCE else self.tree.edge_of(drive.hold)
+        if edge is None:
+            if drive.hold.kind == SCREW:
+                raise EngineRefusal(f"screw {drive.hold.name!r} is driven and no edge of the tree")
+            return self._ends(drive.hold)
+        if edge.kind == SCREW and drive.kind != ANGLE:
+            return edge.first, edge.pitch, edge.shift
+        column = edge.first + (1 if edge.kind == CYLINDRICAL and drive.kind == ANGLE else 0)
+        return column, 1.0, 0.0
+
+    # rows
+
+    def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
+        """Return residual (B, m) and Jacobian (B, m, n)."""
+        parts = [self._at(*lane) for lane in zip(q, t.tolist(), strict=True)]
+        residual, jacobian = (np.array(part) for part in zip(*parts, strict=True))
+        return residual, jacobian
+
+    def _at(self, q: Array, t: float) -> tuple[Array, Array]:
+        state, columns = State(*self.engine.still(q)), self.tree.rates(q)
+        values, slopes = [state.gap.ravel()], [state.gap_jac.reshape(self.own, columns.shape[0])]
+        for row in self._rows:
+            value, slope = row(state)
+            values.append([value])
+            slopes.append(slope[None])
+        for place, line in self._spins:
+            values.append([0.0])
+            slopes.append(((state.axes[place] @ line) @ state.jac[place, 3:])[None])
+        jacobian = [np.concatenate(slopes) @ columns]
+        for ball in self.tree.balls:
+            values.append([0.5 * (q[ball] @ q[ball] - 1.0)])
+            jacobian.append(_row(self.tree.width, ball, q[ball]))
+        for drive, law, what in self._driven:
+            f = law(t, 0) / drive.size
+            if len(what) == 3:
+                values.append([q[what[0]] * what[1] + what[2] - f])
+                jacobian.append(_row(self.tree.width, what[0], what[1]))
+            else:
+                value, slope = _driven(drive, what, state, f)
+                values.append([value])
+                jacobian.append((slope @ columns)[None])
+        return np.concatenate(values), np.concatenate(jacobian)
+
+    @property
+    def _held(self) -> int:
+        return self.own + len(self._rows) + len(self._spins) + len(self.tree.balls)
+
+    def nu(self, q: Array, t: Array) -> Array:
+        """Return the right side (B, m) of the velocities."""
+        right = np.zeros((len(t), self._held + len(self._driven)))
+        for k, (drive, law, _) in enumerate(self._driven):
+            right[:, self._held + k] = law(t, 1) / drive.size
+        return right
+
+    def gamma(self, q: Array, qd: Array, t: Array) -> Array:
+        """Return the right side (B, m) of the accelerations."""
+        return np.array([self._bend(*lane) for lane in zip(q, qd, t.tolist(), strict=True)])
+
+    def _bend(self, q: Array, qd: Array, t: float) -> Array:
+        still = self.engine.still(q)
+        state = State(*still, *self.engine.moving(q, self.tree.rates(q) @ qd, None))
+        right = [*(-state.gap_acc).ravel(), *(-row(state)[0] for row in self._rows)]
+        right += [-(state.axes[place] @ line) @ state.acc[place, 3:] for place, line in self._spins]
+        right += [-qd[ball] @ qd[ball] for ball in self.tree.balls]
+        for drive, law, what in self._driven:
+            f, fd, fdd = (law(t, order) / drive.size for order in range(3))
+            right.append(fdd if len(what) == 3 else _driven_bend(drive, what, state, f, fd, fdd))
+        return np.array(right)
+
+    def round_off(self, q: Array, t: Array) -> Array:
+        """Return a bound (B, 1) on what rounding leaves of a residual that is zero.
+
+        As in the plane (`tree_system`), with products of three terms instead of two: a point at the end of `depth`
+        links errs by 12 (1 + depth)^2 EPS (1 + |q|), and a row compares two.
+        """
+        return 24.0 * (1 + self.tree.depth) ** 2 * EPS * (1.0 + np.abs(q).max(axis=1, initial=0.0, keepdims=True))
+
+    def extrema(self, times: Array) -> Array:
+        """Return times between those given at which a law turns back."""
+        return extrema([law for _, law, _ in self._driven], times)
+
+    def bodies(self, q: Array, qd: Array | None, qdd: Array | None) -> tuple[Array, ...]:
+        """Return of the bodies at one pose: places (b, 3), rotations (b, 3, 3); velocities (b, 6), accelerations."""
+        count = len(self.tree.numbers.bodies)
+        r, axes, *_ = self.engine.still(q)
+        if qd is None:
+            return r[:count], axes[:count]
+        columns = self.tree.rates(q)
+        vel, acc, _ = self.engine.moving(q, columns @ qd, None if qdd is None else columns @ qdd)
+        return r[:count], axes[:count], vel[:count], acc[:count]
+
+
+F, G, H = 0, 1, 2
+AXES: dict[str, Sequence[tuple[int, int]]] = {
+    **dict.fromkeys((CYLINDRICAL, PARALLEL), ((F, H), (G, H))),
+    **dict.fromkeys((PRISMATIC, FIXED), ((F, H), (G, H), (F, G))),
+    **dict.fromkeys((UNIVERSAL, PERPENDICULAR), ((H, H),)),
+}
+"""Which axis of i and of j a closure holds perpendicular."""
+ACROSS: dict[str, Sequence[int]] = {**dict.fromkeys((CYLINDRICAL, PRISMATIC, ON_LINE), (F, G)), ON_PLANE: (H,)}
+"""Along which axes of i a closure lets the points differ by nothing."""
+
+
+def _row(n: int, where: Any, values: Any) -> Array:
+    out = np.zeros((1, n))
+    out[0, where] = values
+    return out
+
+
+def _axis(state: State, k: int, a: int) -> tuple[Any, Any]:
+    """Return an axis of a place and its gradient (3, v): w x a."""
+    axis = state.axes[k][:, a]
+    return axis, np.cross(state.jac[k, 3:].T, axis).T
+
+
+def _axis_motion(state: State, k: int, a: int) -> tuple[Any, Any, Any]:
+    """Return an axis, its rate w x a, and alpha x a + w x (w x a)."""
+    axis, w, alpha = state.axes[k][:, a], state.vel[k, 3:], state.acc[k, 3:]
+    rate = np.cross(w, axis)
+    return axis, rate, np.cross(alpha, axis) + np.cross(w, rate)
+
+
+def _gap(state: State, i: int, j: int) -> tuple[Any, Any]:
+    return state.r[j] - state.r[i], state.jac[j, :3] - state.jac[i, :3]
+
+
+def _product(a: Any, b: Any) -> Any:
+    """Return (a . b)'' from vectors with two derivatives."""
+    return a[2] @ b[0] + 2.0 * (a[1] @ b[1]) + a[0] @ b[2]
+
+
+def _gap_motion(state: State, i: int, j: int) -> tuple[Any, Any, Any]:
+    difference = tuple(x[j, :3] - x[i, :3] for x in (state.vel, state.acc))
+    return (state.r[j] - state.r[i], *difference)
+
+
+def _dot(i: int, a: int, j: int, b: int) -> Row:
+    def row(state: State) -> tuple[Any, Any]:
+        if state.vel is not None:
+            return _product(_axis_motion(state, i, a), _axis_motion(state, j, b)), None
+        (x, dx), (y, dy) = _axis(state, i, a), _axis(state, j, b)
+        return x @ y, y @ dx + x @ dy
+
+    return row
+
+
+def _along(i: int, a: int, j: int) -> Row:
+    def row(state: State) -> tuple[Any, Any]:
+        if state.vel is not None:
+            return _product(_axis_motion(state, i, a), _gap_motion(state, i, j)), None
+        (x, dx), (d, dd) = _axis(state, i, a), _gap(state, i, j)
+        return x @ d, d @ dx + x @ dd
+
+    return row
+
+
+def _distance(i: int, j: int, length: float) -> Row:
+    def row(state: State) -> tuple[Any, Any]:
+        if state.vel is not None:
+            d = _gap_motion(state, i, j)
+            return 0.5 * _product(d, d) / length, None
+        d, dd = _gap(state, i, j)
+        return (d @ d - length**2) / (2.0 * length), d @ dd / length
+
+    return row
+
+
+def _driven(drive: Drive, ends: tuple[int, int], state: State, f: float) -> tuple[Any, Any]:
+    """Return value and gradient of a driver that holds no coordinate of the tree."""
+    i, j = ends
+    if drive.kind == DISTANCE:
+        d, dd = _gap(state, i, j)
+        return (d @ d - f * f) / (2.0 * (f or 1.0)), d @ dd / (f or 1.0)
+    h, dh = _axis(state, i, H)
+    if drive.kind == ANGLE:
+        x = state.axes[i].T @ state.axes[j]
+        angle = math.atan2(x[1, 0] - x[0, 1], x[0, 0] + x[1, 1])
+        return math.remainder(angle - f, math.tau), h @ (state.jac[j, 3:] - state.jac[i, 3:])
+    d, dd = _gap(state, i, j)
+    return h @ d - f, d @ dh + h @ dd
+
+
+def _driven_bend(drive: Drive, ends: tuple[int, int], state: State, f: float, fd: float, fdd: float) -> Any:
+    """Return gamma of such a driver; an angle's where the axes of its joint are one, as they are where it closes."""
+    i, j = ends
+    if drive.kind == DISTANCE:
+        d = _gap_motion(state, i, j)
+        return (fd * fd + f * fdd - 0.5 * _product(d, d)) / (f or 1.0)
+    h = _axis_motion(state, i, H)
+    if drive.kind == ANGLE:
+        return fdd - h[0] @ (state.acc[j, 3:] - state.acc[i, 3:])
+    return fdd - _product(h, _gap_motion(state, i, j))
+
+
+def ground(place: Place) -> bool:
+    """Return whether a place is on the ground."""
+    return place.body == GROUND

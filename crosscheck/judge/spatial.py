@@ -1,0 +1,161 @@
+"""What is compared of an answer in space: coordinates (r, p), the sign of p and idle spins being those of the truth.
+
+p and -p are one pose, so p, p' and p'' of an answer change their sign together wherever p . p_ref is negative. A body
+on two spherical joints and nothing else spins about the line of their centres as it likes: each producer ends on a spin
+of its own. So its answer is turned about that line, and given the rates of spin, that bring it nearest the truth; what
+is left of the difference is that of the points on the line, of its direction, and of their rates.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines.spatial.reading import ANGLE, AXIAL, SCREW, Hold, numbers_of
+from crosscheck.engines.spatial.turning import bends, conjugate, product, rates, spin
+from refkin.joints import GROUND, SI, Unit
+from refkin.model import Mechanism
+from refkin.motion import Motion
+
+Array = Any
+
+
+def idle_lines(mechanism: Mechanism, unit: Unit = SI) -> dict[str, tuple[Array, Array]]:
+    """Return for each idle body a point of the line about which it spins, and its direction, in its own frame."""
+    lines = {}
+    for body, (one, two) in numbers_of(mechanism, unit).idle.items():
+        at, line = one.end(body)[0], two.end(body)[0] - one.end(body)[0]
+        if np.linalg.norm(line) > 0.0:
+            lines[body] = (at, line / np.linalg.norm(line))
+    return lines
+
+
+def alike(
+    levels: Sequence[Array], truth: Sequence[Array], bodies: Sequence[str], lines: dict[str, tuple[Array, Array]]
+) -> list[Array]:
+    """Return an answer with signs of p and idle spins as near the truth's as can be.
+
+    Parameters
+    ----------
+    levels, truth : sequence of (7 n, T) array
+        Position, and as many rates as the answer has, of the bodies in their order, in one unit and from one origin.
+    lines : dict
+        As `idle_lines`, in that unit.
+    """
+    out = [np.array(level, float) for level in levels]
+    for k, body in enumerate(bodies):
+        own = slice(7 * k, 7 * k + 7)
+        turn = slice(7 * k + 3, 7 * k + 7)
+        if body in lines:
+            parts = list(_respun(out, truth, own, *lines[body]))  # all of them before any is put in its place
+            for level, part in zip(out, parts, strict=True):
+                level[own] = part
+        sign = np.where(np.sum(out[0][turn] * truth[0][turn], axis=0) < 0.0, -1.0, 1.0)
+        for level in out:
+            level[turn] *= sign
+    return out
+
+
+def spun(allowed: Array, bodies: Sequence[str], lines: dict[str, tuple[Array, Array]]) -> Array:
+    """Return allowed errors (7 n, T) in which those of an idle body may be of any of its Euler parameters.
+
+    Errors are carried to a body that spins as the reference's equations hold it, and compared where it spins as the
+    truth does: the one differs from the other by a spin, no larger than the error itself, which moves all four.
+    """
+    out = allowed.copy()
+    for k, body in enumerate(bodies):
+        if body in lines:
+            at, line = lines[body]
+            turn = np.sum(allowed[7 * k + 3 : 7 * k + 7], axis=0)
+            out[7 * k + 3 : 7 * k + 7] = turn
+            out[7 * k : 7 * k + 3] += 2.0 * float(np.linalg.norm(np.cross(at, line))) * turn
+    return out
+
+
+def _respun(out: Sequence[Array], truth: Sequence[Array], own: slice, at: Array, line: Array) -> Iterator[Array]:
+    """Yield the levels (7, T) of a body turned about a line of its own, spinning as the truth does."""
+    r, p = (part.T for part in np.split(out[0][own], [3]))
+    ours = truth[0][own][3:].T
+    between = product(conjugate(p), ours)  # what turns p into ours, in the body's frame; its part about the line
+    about = np.concatenate([between[:, :1], (between[:, 1:] @ line)[:, None] * line], axis=1)
+    about /= np.linalg.norm(about, axis=1, keepdims=True)
+    turned = product(p, about)
+    foot = r + _turned(p, at)
+    yield np.concatenate([foot - _turned(turned, at), turned], axis=1).T
+    if len(out) == 1:
+        return
+    u = _turned(p, line)
+    v, w = out[1][own][:3].T, spin(p, out[1][own][3:].T)
+    wanted = spin(ours, truth[1][own][3:].T)
+    more = np.sum((wanted - w) * u, axis=1, keepdims=True)
+    spun = w + more * u
+    arms = _turned(p, at), _turned(turned, at)
+    foot_v = v + np.cross(w, arms[0])
+    yield np.concatenate([foot_v - np.cross(spun, arms[1]), rates(turned, spun)], axis=1).T
+    if len(out) == 2:
+        return
+    a, alpha = out[2][own][:3].T, spin(p, out[2][own][3:].T)
+    wanted = spin(ours, truth[2][own][3:].T)
+    bent = alpha + more * np.cross(w, u)  # the rate of `more` u, but for what lies along u
+    bent = bent + np.sum((wanted - bent) * u, axis=1, keepdims=True) * u
+    foot_a = a + np.cross(alpha, arms[0]) + np.cross(w, np.cross(w, arms[0]))
+    origin = foot_a - np.cross(bent, arms[1]) - np.cross(spun, np.cross(spun, arms[1]))
+    yield np.concatenate([origin, bends(turned, spun, bent)], axis=1).T
+
+
+def _turned(p: Array, u: Array) -> Array:
+    """Return A(p) u (T, 3) for p (T, 4) of length 1."""
+    pure = np.broadcast_to(np.concatenate([[0.0], u]), p.shape)
+    return product(product(p, pure), conjugate(p))[:, 1:]
+
+
+def reversed_joints(mechanism: Mechanism, motion: Motion) -> dict[str, Array]:
+    """Return name -> at which times (T,) a joint of parallel axes, or a driven angle, is the wrong way round.
+
+    Of joints between bodies that the motion has, or the ground.
+    """
+    numbers, found = numbers_of(mechanism, SI), dict[str, Array]()
+    turns = {body: motion.q[7 * k + 3 : 7 * k + 7].T for k, body in enumerate(motion.bodies)}
+    turns[GROUND] = np.broadcast_to(np.eye(4)[0], (len(motion.t), 4))
+    for hold in numbers.holds:
+        if hold.kind in AXIAL and turns.keys() >= set(hold.bodies):
+            axes = [_turned(turns[body], hold.end(body)[1][:, 2]) for body in hold.bodies]
+            found[hold.name] = np.sum(axes[0] * axes[1], axis=1) < 0.0
+    for drive in numbers.drives:
+        if drive.kind == ANGLE and turns.keys() >= set(drive.hold.bodies):
+            (i, j), f = drive.hold.bodies, np.array([float(drive.law(t, 0)) for t in motion.t])[:, None]
+            frame = drive.hold.frame_i
+            wanted = np.cos(f) * _turned(turns[i], frame[:, 0]) + np.sin(f) * _turned(turns[i], frame[:, 1])
+            found[drive.name] = np.sum(wanted * _turned(turns[j], drive.hold.frame_j[:, 0]), axis=1) < 0.0
+    return found
+
+
+def screw_coordinates(mechanism: Mechanism, levels: Sequence[Array]) -> list[list[Array]]:
+    """Return half the angle of every screw, turns counted, and its rates, (T,) each: coordinates of the equations.
+
+    Parameters
+    ----------
+    levels : sequence of (7 n, T) array
+        Position, velocity, acceleration of all bodies [m].
+    """
+    numbers = numbers_of(mechanism, SI)
+    at = {body: [level[7 * k : 7 * k + 7].T for level in levels] for k, body in enumerate(numbers.bodies)}
+    rest = np.zeros_like(levels[0][:7].T)
+    at[GROUND] = [rest + np.eye(7)[3], rest, rest]
+    screws = [hold for hold in numbers.holds if hold.kind == SCREW]
+    return [_half_angle(hold, at[hold.body_i], at[hold.body_j]) for hold in screws]
+
+
+def _half_angle(hold: Hold, i: Sequence[Array], j: Sequence[Array]) -> list[Array]:
+    x, y = (
+        np.stack([_turned(body[0][:, 3:], frame[:, k]) for k in range(3)], axis=1)
+        for body, frame in ((i, hold.frame_i), (j, hold.frame_j))
+    )
+    angle = np.arctan2(np.sum(x[:, 1] * y[:, 0], axis=1), np.sum(x[:, 0] * y[:, 0], axis=1))
+    d = j[0][:, :3] + _turned(j[0][:, 3:], hold.u_j) - i[0][:, :3] - _turned(i[0][:, 3:], hold.u_i)
+    counted = (np.sum(x[:, 2] * d, axis=1) - hold.shift) / hold.pitch
+    angle = angle + 2.0 * np.pi * np.round((counted - angle) / (2.0 * np.pi))
+    between = (spin(j[0][:, 3:], j[k][:, 3:]) - spin(i[0][:, 3:], i[k][:, 3:]) for k in (1, 2))
+    return [0.5 * angle, *(0.5 * np.sum(x[:, 2] * turning, axis=1) for turning in between)]

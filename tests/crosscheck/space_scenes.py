@@ -1,0 +1,153 @@
+"""Spatial mechanisms of few numbers, with estimates to two digits, for the tests of the engines in space."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from crosscheck.engines.spatial.turning import joint_frame, parameters
+from refkin.joints import (
+    GROUND,
+    Cylindrical,
+    DisplacementDriver,
+    Screw,
+    SpatialAngleDriver,
+    SpatialDistance,
+    SpatialPrismatic,
+    SpatialRevolute,
+    Spherical,
+    Universal,
+)
+from refkin.model import Body, Mechanism, Scene
+from refkin.motion_laws import Polynomial
+
+TIMES = tuple(np.linspace(0.0, 2.0 * math.pi / 1.7, 25).tolist())
+LAW = Polynomial(coefficients=(0.4, 1.7, -0.225))
+AT, X, Y, Z = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+CRANK = ("crank", (0.0, 0.0, 0.0, 0.98, 0.0, 0.0, 0.2))
+
+
+def between(i: str, at_i: Sequence[float], j: str, at_j: Sequence[float]) -> dict[str, Any]:
+    return {"body_i": i, "point_i": tuple(at_i), "body_j": j, "point_j": tuple(at_j)}
+
+
+def axes(axis_i: Any, zero_i: Any, axis_j: Any, zero_j: Any) -> dict[str, Any]:
+    told = {"axis_i": axis_i, "zero_i": zero_i, "axis_j": axis_j, "zero_j": zero_j}
+    return {key: None if value is None else tuple(float(x) for x in value) for key, value in told.items()}
+
+
+def scene(name: str, bodies: Sequence[tuple[str, Any]], joints: Sequence[Any], *drivers: Any) -> Scene:
+    known = tuple(Body(name=body, estimate=tuple(round(float(x), 3) for x in at)) for body, at in bodies)
+    return Scene(mechanism=Mechanism(known, tuple(joints), tuple(drivers)), times=TIMES, name=name)
+
+
+def motor(joint: str = "R1") -> SpatialAngleDriver:
+    return SpatialAngleDriver(name="motor", joint=joint, law=LAW)
+
+
+R1 = SpatialRevolute(name="R1", **between(GROUND, AT, "crank", AT), **axes(Z, X, Z, X))
+S1 = Spherical(name="S1", **between("crank", X, "coupler", AT))
+ROCKER = ("rocker", (2.5, -0.5, 0.75, -0.37, 0.46, 0.48, 0.65))
+R2 = SpatialRevolute(name="R2", **between(GROUND, (2.5, -0.5, 0.75), "rocker", AT), **axes((0.25, 1.0, 0.125), X, Z, X))
+
+
+def rssr() -> Scene:
+    """RSSR with its coupler, which spins as it likes."""
+    coupler = ("coupler", (0.92, 0.39, 0.0, 0.7, 0.42, -0.57, 0.11))
+    s2 = Spherical(name="S2", **between("coupler", (3.0, 0.0, 0.0), "rocker", (2.0, 0.0, 0.0)))
+    return scene("RSSR", (CRANK, coupler, ROCKER), (R1, S1, s2, R2), motor())
+
+
+def rssr_by_distance() -> Scene:
+    rod = SpatialDistance(name="rod", **between("crank", X, "rocker", (2.0, 0.0, 0.0)), length=3.0)
+    return scene("RSSR by distance", (CRANK, ROCKER), (R1, rod, R2), motor())
+
+
+def rssp() -> Scene:
+    """A spatial slider-crank, the slide askew."""
+    along = (1.0, 0.2, 0.1)
+    slide = SpatialPrismatic(name="P", **between(GROUND, (1.0, 0.5, 0.2), "slider", AT), **axes(along, Y, along, Y))
+    s2 = Spherical(name="S2", **between("coupler", (3.0, 0.0, 0.0), "slider", AT))
+    bodies = (
+        CRANK,
+        ("coupler", (0.92, 0.39, 0.0, 1.0, 0.0, 0.0, 0.0)),
+        ("slider", (3.8, 1.0, 0.5, 1.0, 0.0, 0.0, 0.0)),
+    )
+    return scene("RSSP", bodies, (R1, S1, s2, slide), motor())
+
+
+def _link(theta: float, length: float, twist: float) -> Any:
+    """Return the frame at the end of a link (Denavit and Hartenberg)."""
+    (c, s), (k, t) = ((math.cos(x), math.sin(x)) for x in (theta, twist))
+    return np.array([[c, -s * k, s * t, length * c], [s, c * k, -c * t, length * s], [0, t, k, 0], [0, 0, 0, 1]])
+
+
+def bennett() -> Scene:
+    """Bennett's linkage: opposite links equal, a / sin alpha = b / sin beta; three rows are redundant."""
+    a, alpha, beta = 1.0, 0.6, 1.1
+    b = a * math.sin(beta) / math.sin(alpha)
+    theta = 0.4
+    other = 2.0 * math.atan(math.sin((beta + alpha) / 2) / math.sin((beta - alpha) / 2) / math.tan(theta / 2))
+    links = [("link1", theta, a, alpha), ("link2", other, b, beta), ("link3", -theta, a, alpha)]
+    at, before, joints, bodies = np.eye(4), GROUND, [], []
+    for k, (name, angle, length, twist) in enumerate(links):
+        at = at @ _link(angle, length, twist)
+        bodies.append((name, (*at[:3, 3], *parameters(at[:3, :3]))))
+        axis = (0.0, math.sin(twist), math.cos(twist))
+        places = between(before, AT, name, (-length, 0.0, 0.0))
+        joints.append(SpatialRevolute(name=f"R{k + 1}", **places, **axes(Z, X, axis, X)))
+        before = name
+    last = (0.0, math.sin(beta), math.cos(beta))
+    joints.append(SpatialRevolute(name="R4", **between("link3", AT, GROUND, (-b, 0.0, 0.0)), **axes(Z, X, last, X)))
+    return scene("Bennett", bodies, joints, motor())
+
+
+def double_hooke() -> Scene:
+    """Two shafts askew, joined by a link with a universal joint at either end; the output may shift."""
+    n, first = np.array([0.0, math.sin(0.5), math.cos(0.5)]), np.array([0.0, 0.0, 1.0])
+    line = np.array([0.0, math.sin(0.3), math.cos(0.3)])
+    pin = np.array([math.cos(0.4), math.sin(0.4), 0.0])
+    across = np.cross(line, pin) / np.linalg.norm(np.cross(line, pin))
+    link = np.stack([np.cross(across, line), across, line], axis=1)
+    fork = np.cross(across, n) / np.linalg.norm(np.cross(across, n))
+    shaft = np.stack([fork, np.cross(n, fork), n], axis=1)
+    bodies = (
+        ("input", (0.0, 0.0, 0.0, *parameters(joint_frame(Z, pin)))),
+        ("link", (*first, *parameters(link))),
+        ("output", (*(first + line), *parameters(shaft))),
+    )
+    joints = (
+        SpatialRevolute(name="R1", **between(GROUND, AT, "input", AT), **axes(Z, X, Z, X)),
+        Universal(name="U1", **between("input", Z, "link", AT), axis_i=X, axis_j=Y),
+        Universal(name="U2", **between("link", Z, "output", AT), axis_i=Y, axis_j=X),
+        Cylindrical(name="C", **between(GROUND, first + line + 0.7 * n, "output", (0.0, 0.0, 0.7)), **axes(n, X, Z, X)),
+    )
+    return scene("double Hooke", bodies, joints, motor())
+
+
+def screw_jack() -> Scene:
+    """A nut that turns on a screw and lifts a slider through a distance."""
+    screw = Screw(name="H", **between(GROUND, AT, "nut", AT), **axes(Z, X, Z, X), pitch=0.125, shift=0.25)
+    rail = SpatialPrismatic(name="P", **between(GROUND, (2.0, 0.0, 0.0), "slider", AT), **axes(X, Y, X, Y))
+    rod = SpatialDistance(name="rod", **between("nut", (0.5, 0.0, 0.0), "slider", (0.0, 0.5, 0.0)), length=2.5)
+    bodies = (("nut", (0.0, 0.0, 0.3, 0.98, 0.0, 0.0, 0.2)), ("slider", (2.94, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)))
+    return scene("screw jack", bodies, (screw, rail, rod), motor("H"))
+
+
+def two_slides() -> Scene:
+    """A cylindrical joint driven in both ways, and a slider that a distance ties to it."""
+    joint = Cylindrical(name="C", **between(GROUND, AT, "arm", AT), **axes((0.2, 0.1, 1.0), X, Z, X))
+    rail = SpatialPrismatic(name="P", **between(GROUND, (2.0, 0.0, 0.0), "slider", AT), **axes(X, Y, X, Y))
+    rod = SpatialDistance(name="rod", **between("arm", (0.5, 0.0, 0.0), "slider", (0.0, 0.5, 0.0)), length=3.0)
+    lift = DisplacementDriver(name="lift", joint="C", law=Polynomial(coefficients=(0.1, 0.05)))
+    frame = joint_frame((0.2, 0.1, 1.0), X) @ np.array(
+        [[math.cos(0.4), -math.sin(0.4), 0.0], [math.sin(0.4), math.cos(0.4), 0.0], [0.0, 0.0, 1.0]]
+    )
+    bodies = (("arm", (0.02, 0.01, 0.1, *parameters(frame))), ("slider", (3.4, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)))
+    return scene("two slides", bodies, (joint, rail, rod), motor("C"), lift)
+
+
+ALL = (rssr, rssr_by_distance, rssp, bennett, double_hooke, screw_jack, two_slides)

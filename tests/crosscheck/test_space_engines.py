@@ -1,0 +1,100 @@
+"""The engines in space: their answers within derived budgets, their own rows entry by entry, refusals by name."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crosscheck.engines import EngineRefusal, load
+from crosscheck.judge.comparison import compare, reference
+from crosscheck.measure.check import check
+from refkin.model import Scene
+from refkin.motion import Status
+
+from . import space_scenes
+
+ENGINES = ("closed_form", "pinocchio", "mujoco", "exudyn")
+
+
+@pytest.fixture(params=space_scenes.ALL, ids=lambda make: make.__name__)
+def scene(request: pytest.FixtureRequest) -> Scene:
+    made: Scene = request.param()
+    return made
+
+
+def test_every_engine_agrees_at_all_levels_or_refuses_by_name(scene: Scene) -> None:
+    record = check(scene, ENGINES)
+    assert record.reference.verdict == Status.OK
+    assert [str(told) for told in record.disagreements] == []
+    solved = {(answer.engine, answer.route.name) for answer in record.answers}
+    refused = {told.engine for told in record.refusals if told.level in ("", "solve")}
+    assert refused == ({"exudyn"} if scene.name == "screw jack" else set())
+    assert {engine for engine, _ in solved} == set(ENGINES) - refused
+    for answer in record.answers:
+        assert answer.judged == answer.times == len(scene.times)
+        assert answer.missing == 0
+    best = [a for a in record.answers if a.route.name != "shipped"]
+    assert max(q.ratio for a in best for q in a.quantities.values()) < 0.3
+    told = {(level.engine, level.level) for level in record.levels}
+    for engine in ("mujoco", "exudyn"):
+        if engine not in refused:
+            assert {level for e, level in told if e == engine} == {
+                "residual",
+                "jacobian",
+                "constraint_velocity",
+                "drift",
+            }
+
+
+def test_exudyn_names_the_screw_that_it_refuses() -> None:
+    with pytest.raises(EngineRefusal, match="exudyn refuses screw 'H' at solve: exudyn has no screw joint"):
+        load("exudyn").solve(space_scenes.screw_jack())
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_what_is_written_for_the_plane_alone_is_refused_by_name(engine: str) -> None:
+    loaded, scene = load(engine), space_scenes.rssr()
+    route = replace(loaded.routes()[0], name="another")
+    with pytest.raises(Exception, match="another"):
+        loaded.solve(scene, route)
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_an_idle_coupler_is_compared_but_for_its_spin(engine: str) -> None:
+    """Turned about its line by any angle and rate the answer agrees; bent off it by 1e-9 it does not."""
+    scene = space_scenes.rssr()
+    ref, motion = reference(scene), load(engine).solve(scene)
+    assert compare(ref, motion).agrees
+    off = motion.q.copy()
+    off[7 + 1] += 1e-9
+    assert not compare(ref, replace(motion, q=off)).agrees
+
+
+def test_one_sign_of_euler_parameters_for_a_pose_and_another_for_its_rates_is_wrong() -> None:
+    scene = space_scenes.rssr_by_distance()
+    ref, motion = reference(scene), load("mujoco").solve(scene)
+    rows = [3, 4, 5, 6]
+    q, qd, qdd = (level.copy() for level in motion.levels)
+    for level in (q, qd, qdd):
+        level[rows] *= -1.0
+    assert compare(ref, replace(motion, q=q, qd=qd, qdd=qdd)).agrees
+    assert not compare(ref, replace(motion, q=q)).agrees
+    assert not compare(ref, replace(motion, qdd=qdd)).agrees
+
+
+def test_a_pose_that_cannot_be_is_proved_so_by_the_closed_form() -> None:
+    """With a rod of 5 the crank is out of reach over a part of its turn."""
+    scene = space_scenes.rssr_by_distance()
+    m = scene.mechanism
+    joints = tuple(replace(j, length=4.4) if j.name == "rod" else j for j in m.joints)
+    longer = replace(scene, mechanism=replace(m, joints=joints))
+    ours, theirs = reference(longer).motion, load("closed_form").solve(longer)
+    assert Status.UNASSEMBLABLE in theirs.status
+    for a, b in zip(ours.status, theirs.status, strict=True):
+        assert {a, b} != {Status.OK, Status.UNASSEMBLABLE}
+    for engine in ("pinocchio", "mujoco", "exudyn"):
+        answer = load(engine).solve(longer)
+        proved = np.array([s is Status.UNASSEMBLABLE for s in theirs.status])
+        assert not any(s is Status.OK for s, absent in zip(answer.status, proved, strict=True) if absent)

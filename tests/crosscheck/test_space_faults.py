@@ -1,0 +1,134 @@
+"""Faults planted in one engine's adapter of space show at the level where they are wrong, and not before it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from crosscheck.engines import load
+from crosscheck.engines.exudyn import space as exudyn_space
+from crosscheck.engines.mujoco import space as mujoco_space
+from crosscheck.engines.pinocchio import space as pinocchio_space
+from crosscheck.engines.spatial import absolute, motion, reading, tree
+from crosscheck.judge.delivery import put_together_wrongly
+from crosscheck.measure.check import check
+
+from . import space_scenes
+
+LEVELS = ("residual", "jacobian", "constraint_velocity", "drift", "position", "velocity", "acceleration")
+
+
+def wrong_at(engine: str, scene: Any = None) -> set[str]:
+    record = check(scene or space_scenes.rssr(), [engine])
+    return {told.quantity for told in record.disagreements if told.route != "shipped"}
+
+
+Patch = pytest.MonkeyPatch
+
+
+def scalar_last(patch: Patch) -> None:
+    """Pinocchio is handed Euler parameters as they are, where it wants the scalar last."""
+    patch.setattr(pinocchio_space.PinocchioSpace, "_coordinates", lambda self, q: np.array(q, float))
+
+
+def transposed(patch: Patch) -> None:
+    """Rates of balls by E^T for E: e~ with the other sign."""
+
+    def other(p: Any) -> Any:
+        e0, e1, e2, e3 = p
+        return 2.0 * np.array([[-e1, e0, -e3, e2], [-e2, e3, e0, -e1], [-e3, -e2, e1, e0]])
+
+    patch.setattr(tree, "body_columns", other)
+
+
+def without_the_square(patch: Patch) -> None:
+    """p'' without |w|^2 p / 4."""
+    patch.setattr(motion, "bends", lambda p, w, alpha: motion.rates(p, alpha))
+
+
+def half_of_a_half(patch: Patch) -> None:
+    """The weld's rows taken for the half-angle rows themselves."""
+    real = absolute._maps
+    patch.setattr(absolute, "_maps", lambda meeting, welded, factor: real(meeting, welded, 2.0 * factor))
+
+
+def axes_swapped(patch: Patch) -> None:
+    """f and h of every joint frame change places."""
+    real = reading.joint_frame
+    patch.setattr(reading, "joint_frame", lambda axis, zero: real(axis, zero)[:, [2, 1, 0]] * [1.0, -1.0, 1.0])
+
+
+def rate_forgotten(patch: Patch) -> None:
+    """The rate of a driven angle is left out."""
+    patch.setattr(exudyn_space.ExudynSpace, "law_rates", lambda self, q, t: np.zeros(len(self.lines)))
+
+
+def curvature_forgotten(patch: Patch) -> None:
+    """Drift terms of axes without the term of both rates."""
+    patch.setattr(exudyn_space, "_product", lambda a, b: float(a[2] @ b[0] + a[0] @ b[2]))
+
+
+def raw_columns(patch: Patch) -> None:
+    """exudyn's columns of Euler parameters projected with the wrong sign of e~."""
+    real = exudyn_space.common_columns
+
+    def other(q: Any) -> Any:
+        mirrored = np.array(q, float).reshape(-1, 7) * [1, 1, 1, 1, -1, -1, -1]
+        turned = real(mirrored.ravel()).reshape(len(q) // 7, 7, -1)
+        turned[:, 4:] *= -1.0
+        return turned.reshape(len(q), -1)
+
+    patch.setattr(exudyn_space, "common_columns", other)
+
+
+def connects_crossed(patch: Patch) -> None:
+    """MuJoCo's connect reads body i minus body j."""
+    real = mujoco_space.MujocoSpace._equality
+    patch.setattr(mujoco_space.MujocoSpace, "_equality", lambda self, name, kind, i, j: real(self, name, kind, j, i))
+
+
+PLANTED: list[tuple[Callable[[Patch], None], str, set[str], set[str]]] = [
+    (scalar_last, "pinocchio", {"residual"}, set()),
+    (transposed, "mujoco", {"constraint_velocity"}, {"residual", "jacobian"}),
+    (without_the_square, "mujoco", {"acceleration"}, set(LEVELS) - {"acceleration"}),
+    (half_of_a_half, "mujoco", {"residual", "jacobian"}, {"position", "velocity", "acceleration"}),
+    (axes_swapped, "exudyn", {"residual"}, set()),
+    (rate_forgotten, "exudyn", {"constraint_velocity", "velocity"}, {"residual", "jacobian", "position"}),
+    (curvature_forgotten, "exudyn", {"drift"}, set(LEVELS) - {"drift", "acceleration"}),
+    (raw_columns, "exudyn", {"jacobian"}, {"residual", "constraint_velocity"}),
+    (connects_crossed, "mujoco", {"residual", "jacobian"}, {"position", "velocity"}),
+]
+
+
+@pytest.mark.parametrize(("plant", "engine", "shows", "sound"), PLANTED, ids=lambda x: getattr(x, "__name__", None))
+def test_a_planted_fault_shows_where_it_is(
+    plant: Callable[[Patch], None], engine: str, shows: set[str], sound: set[str], monkeypatch: Patch
+) -> None:
+    assert wrong_at(engine) == set()
+    plant(monkeypatch)
+    found = wrong_at(engine)
+    assert shows <= found
+    assert not sound & found
+
+
+def test_no_flipped_joint_passes_unseen() -> None:
+    """From random starts exudyn's shipped solver reports success on reversed axes; its static route takes none."""
+    draw = np.random.default_rng(5)
+    scene = replace(space_scenes.rssr_by_distance(), times=(0.0,))
+    flipped: dict[tuple[str, str], int] = {}
+    for _ in range(24):
+        turns = draw.normal(size=(2, 4))
+        estimates = [(*draw.uniform(-1.0, 1.0, 3), *(p / np.linalg.norm(p))) for p in turns]
+        known = zip(scene.mechanism.bodies, estimates, strict=True)
+        bodies = tuple(replace(body, estimate=tuple(map(float, at))) for body, at in known)
+        asked = replace(scene, mechanism=replace(scene.mechanism, bodies=bodies))
+        for engine in map(load, ("exudyn", "pinocchio", "mujoco")):
+            for route in engine.routes():
+                wrong = list(put_together_wrongly(asked, engine.solve(asked, route)))
+                flipped[engine.name, route.name] = flipped.get((engine.name, route.name), 0) + bool(wrong)
+    assert flipped.pop(("exudyn", "shipped")) > 4
+    assert set(flipped.values()) == {0}
