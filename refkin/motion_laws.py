@@ -15,7 +15,6 @@ from itertools import pairwise
 from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
-from pydantic import Field
 
 from refkin.errors import Fault
 from refkin.vec import cosine_and_sine
@@ -104,9 +103,8 @@ class Table:
     def _spline(self) -> Any:
         from scipy.interpolate import CubicSpline  # here, because importing it costs more than the rest of refkin
 
-        if self.periodic:
-            return CubicSpline(self.argument, self.value, bc_type="periodic")
-        return CubicSpline(self.argument, self.value, extrapolate=False)
+        ends: Any = {"bc_type": "periodic"} if self.periodic else {"extrapolate": False}
+        return CubicSpline(self.argument, self.value, **ends)
 
     def __call__(self, t: Any, order: int = 0) -> Any:
         return _through(lambda x, k: self._spline(x, order + k)[()], t)
@@ -166,7 +164,16 @@ class Integral:
             yield Fault(f"{path}.argument", list(self.domain()), "a table that covers t = 0, where `initial` holds")
 
 
-AnyLaw = Annotated[Polynomial | Sinusoid | Table, Field(discriminator="kind")]
+class ByKind:
+    """Says that what stands in a scene file is told by its key `kind`; pydantic asks, which reads them."""
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
+        from pydantic import Field
+
+        return handler.generate_schema(Annotated[source, Field(discriminator="kind")])
+
+
+AnyLaw = Annotated[Polynomial | Sinusoid | Table, ByKind()]
 """The laws a scene file may name, by their `kind`."""
 
 

@@ -86,7 +86,6 @@ def print_numbers(columns: Mapping[str, Any], first: int) -> bool:
     bool
         Whether there was a number to print.
     """
-    from rich.table import Table
 
     def numbers(row: Sequence[Any]) -> bool:
         return any(math.isfinite(x) for x in row[first:])
@@ -94,18 +93,45 @@ def print_numbers(columns: Mapping[str, Any], first: int) -> bool:
     rows = list(zip(*columns.values(), strict=True))
     if not any(map(numbers, rows)):
         return False
-    table = Table(*columns)
+    lines: list[Sequence[str]] = []
     for (some, _), run in groupby(rows, lambda row: (numbers(row), row[first - 1] if not numbers(row) else None)):
         group = list(run)
         if some:
             for row in group:
-                table.add_row(*(x if isinstance(x, str) else f"{x:.15g}" for x in row))
+                lines.append([x if isinstance(x, str) else f"{x:.15g}" for x in row])
         else:
             times = f"{group[0][0]:.6g} ... {group[-1][0]:.6g}" if len(group) > 1 else f"{group[0][0]:.6g}"
             status = f"{group[0][first - 1]} ({len(group)} times)"
-            table.add_row(times, *[""] * (first - 2), status, *["-"] * (len(columns) - first))
-    console(console(10_000).measure(table).maximum).print(table)
+            lines.append([times, *[""] * (first - 2), status, *["-"] * (len(columns) - first)])
+    if sys.stdout.isatty():
+        _print_fitted(list(columns), lines)
+    else:
+        print(boxed([printable(name) for name in columns], lines))
     return True
+
+
+def _print_fitted(head: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
+    """Print a table that is no wider than the terminal."""
+    from rich.table import Table  # where the table need not fit a terminal, Rich would take longer than the solution
+
+    table = Table(*head)
+    for line in lines:
+        table.add_row(*line)
+    console(None).print(table)
+
+
+def boxed(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
+    """Return a table as text, as wide as it is."""
+    widths = [max(map(len, column)) for column in zip(head, *lines, strict=True)]
+
+    def line(cells: Sequence[str], bars: str) -> str:
+        left, between, right, fill = bars
+        padded = (fill + cell.ljust(width, fill) + fill for cell, width in zip(cells, widths, strict=True))
+        return left + between.join(padded) + right
+
+    nothing = [""] * len(head)
+    above = [line(nothing, "┏┳┓━"), line(head, "┃┃┃ "), line(nothing, "┡╇┩━")]
+    return "\n".join([*above, *(line(cells, "│││ ") for cells in lines), line(nothing, "└┴┘─")])
 
 
 class Printable:

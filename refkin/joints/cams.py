@@ -9,14 +9,13 @@ from functools import partial
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import Field
 
 from refkin.errors import Fault
 from refkin.joints.base import Blocks, Constraint, Rows, Unit
 from refkin.joints.contact_kinematics import FaceOnCurve, FaceOnDisc, PointOnCurve, RollerOnCurve
 from refkin.joints.elements import Contact, Element, GuidedPoint, Pair, PointDistance
 from refkin.joints.planar import Distance, direction, ends_of
-from refkin.motion_laws import STRICT, AnyLaw, Table
+from refkin.motion_laws import STRICT, AnyLaw, ByKind, Table
 from refkin.vec import Scalar
 
 SCAN = 721
@@ -81,7 +80,7 @@ class Polar:
                 yield Fault(f"{path}.law.argument", last - first, f"a period of {math.tau!r} or of a whole part of it")
 
 
-AnyProfile = Annotated[Disc | Polar, Field(discriminator="kind")]
+AnyProfile = Annotated[Disc | Polar, ByKind()]
 
 
 @dataclass(frozen=True, kw_only=True)

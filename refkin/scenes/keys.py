@@ -1,0 +1,242 @@
+"""The keys of scene files, and what may stand behind them: how pydantic reads a file, and what is wrong with it."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from collections.abc import Iterable, Iterator
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
+
+import numpy as np
+from pydantic import BaseModel, ConfigDict, Field, TypeAdapter, ValidationError, field_validator
+from pydantic_core import PydanticCustomError
+
+from refkin.errors import Fault
+from refkin.joints import (
+    DRIVER_TYPES,
+    JOINT_TYPES,
+    KINDS,
+    SPATIAL_DRIVER_TYPES,
+    SPATIAL_JOINT_TYPES,
+    Constraint,
+    Driver,
+)
+from refkin.joints.checks import mechanism_faults, scene_faults
+from refkin.model import Body, Effect, Evidence, Point
+from refkin.scenes import SCHEMA
+from refkin.scenes.explained import unconnected
+
+MOST_TIMES = 10_000_000
+
+if TYPE_CHECKING:
+    AnyJoint = Constraint
+    AnyDriver = Driver
+    SpatialJoint = Constraint
+    SpatialDriver = Driver
+else:
+    AnyJoint = Annotated[Union[JOINT_TYPES], Field(discriminator="type")]  # noqa: UP007 (a union of a tuple)
+    AnyDriver = Annotated[Union[DRIVER_TYPES], Field(discriminator="type")]  # noqa: UP007
+    SpatialJoint = Annotated[Union[SPATIAL_JOINT_TYPES], Field(discriminator="type")]  # noqa: UP007
+    SpatialDriver = Annotated[Union[SPATIAL_DRIVER_TYPES], Field(discriminator="type")]  # noqa: UP007
+
+
+class _Strict(BaseModel):
+    # Built when a file of the plane, or of space, is first read: each takes 40 ms.
+    model_config = ConfigDict(extra="forbid", strict=True, defer_build=True)
+
+
+class TimeGrid(_Strict):
+    """`start`, `stop` inclusive and `count`; or `values`, strictly increasing [s]."""
+
+    start: float | None = None
+    stop: float | None = None
+    count: int | None = None
+    values: tuple[float, ...] | None = None
+
+    def faults(self) -> Iterator[Fault]:
+        """Yield what keeps the grid from being one of its two forms."""
+        grid = {"start": self.start, "stop": self.stop, "count": self.count}
+        if self.values is not None:
+            for key, value in grid.items():
+                if value is not None:
+                    yield Fault(f"times.{key}", value, "either `values` or `start`, `stop`, `count`")
+            return
+        for key, value in grid.items():
+            if value is None:
+                yield Fault(f"times.{key}", None, f"`{key}` (or `values`)")
+        for key in ("start", "stop"):
+            if grid[key] is not None and not math.isfinite(grid[key]):  # type: ignore[arg-type]
+                yield Fault(f"times.{key}", grid[key], "a finite number")
+                return
+        if self.count is not None and self.count < 1:
+            yield Fault("times.count", self.count, "a count of at least 1")
+        if self.count is not None and self.count > MOST_TIMES:
+            yield Fault("times.count", self.count, f"a count of at most {MOST_TIMES}")
+        if None not in grid.values() and self.count > 1 and not self.stop > self.start:  # type: ignore[operator]
+            yield Fault("times.stop", self.stop, f"a stop above start = {self.start}")
+        elif None not in grid.values() and not math.isfinite(self.stop - self.start):  # type: ignore[operator]
+            yield Fault("times.stop", self.stop, f"a stop at a finite distance from start = {self.start}")
+
+    def times(self) -> tuple[float, ...]:
+        """Return the times."""
+        if self.values is not None:
+            return self.values
+        return tuple(np.linspace(self.start, self.stop, self.count).tolist())  # type: ignore[arg-type]
+
+
+class SceneFile(_Strict):
+    """The keys of a scene file, with the joints and drivers of the plane."""
+
+    schema_: Literal[1] = Field(alias="schema")
+    name: str = "scene"
+    dimension: Literal["planar"] = "planar"
+    effects: tuple[Effect, ...] = ()
+    bodies_wanted: tuple[str, ...] | None = None
+    evidence: tuple[Evidence, ...] = tuple(Evidence)
+    times: TimeGrid
+    body: tuple[Body, ...]
+    joint: tuple[AnyJoint, ...] = ()
+    driver: tuple[AnyDriver, ...] = ()
+    point: tuple[Point, ...] = ()
+
+    @field_validator("schema_", mode="before")
+    @classmethod
+    def _whole(cls, value: Any) -> Any:
+        """Refuse true and 1.0, which equal 1."""
+        if isinstance(value, bool | float):
+            raise PydanticCustomError("schema", "Input should be {known}", {"known": SCHEMA})
+        return value
+
+    @field_validator("dimension", mode="before")
+    @classmethod
+    def _known(cls, value: Any) -> Any:
+        """Refuse what is neither; `_read` has taken the class of the other."""
+        if not (isinstance(value, str) and value in KINDS):
+            raise PydanticCustomError("dimension", "Input should be {known}", {"known": " or ".join(map(repr, KINDS))})
+        return value
+
+
+class SpatialSceneFile(SceneFile):
+    """The same, with the joints and drivers of space."""
+
+    dimension: Literal["spatial"]  # type: ignore[assignment]
+    joint: tuple[SpatialJoint, ...] = ()
+    driver: tuple[SpatialDriver, ...] = ()
+
+
+def read(data: Any) -> tuple[SceneFile | None, list[Fault]]:
+    """Return the scene file that data describe, None if keys or types are wrong, and all that is wrong with it."""
+    try:
+        file = _read(data)
+    except ValidationError as error:
+        findings = _lengths(_fault(e) for e in error.errors(include_url=False))
+        return None, [*findings, *_further_faults(data, error)]
+    return file, _meaning(file)
+
+
+def schema() -> dict[str, Any]:
+    """Return the JSON schema of scene files."""
+    both: Any = TypeAdapter(SceneFile | SpatialSceneFile)
+    return both.json_schema(by_alias=True)  # type: ignore[no-any-return]
+
+
+def _read(data: Any) -> SceneFile:
+    """Return the file; raises ValidationError."""
+    # Through JSON, because there a list may stand for a tuple although the reading is strict.
+    spatial = isinstance(data, dict) and data.get("dimension") == "spatial"
+    return (SpatialSceneFile if spatial else SceneFile).model_validate_json(json.dumps(data))
+
+
+def _meaning(file: SceneFile) -> list[Fault]:
+    """Return what is wrong with a file whose keys and types are right."""
+    grid = list(file.times.faults())
+    times = () if grid else file.times.times()
+    mechanism = SimpleNamespace(bodies=file.body, joints=file.joint, drivers=file.driver)
+    wanted = {"points": file.point, "bodies_wanted": file.bodies_wanted}
+    scene = scene_faults(SimpleNamespace(mechanism=mechanism, times=times, **wanted))
+    loose = unconnected(file.body, (*file.joint, *file.driver))
+    found = [*grid, *mechanism_faults(mechanism), *loose, *scene]
+    return [f for f in found if not (grid and f.path == "times")]
+
+
+def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
+    """Return what else is wrong beside wrong keys and types: the meaning of the parts that can be read.
+
+    The parts that cannot are left out, and so is every finding that leaving them out might have brought about.
+    """
+    bad = {e["loc"][:2] if e["loc"][0] in _GROUPS else e["loc"][:1] for e in error.errors() if e["loc"]}
+    if not isinstance(data, dict) or any((group,) in bad for group in ("body", "times")):
+        return []
+    kept = {g: [k for k in range(len(data.get(g, ()))) if (g, k) not in bad] for g in _GROUPS if (g,) not in bad}
+    whole = {key: value for key, value in data.items() if key not in _GROUPS and (key,) not in bad}
+    parts = {g: [data[g][k] for k in places] for g, places in kept.items() if g in data}
+    try:
+        file = _read({**whole, **parts, "schema": SCHEMA})
+    except ValidationError:
+        return []
+    unread = {str(data[g][k].get("name")) for g, k in (b for b in bad if len(b) == 2) if isinstance(data[g][k], dict)}
+    found = []
+    for fault in _meaning(file):
+        group, _, rest = fault.path.partition("[")
+        if group in kept and rest:
+            place, _, tail = rest.partition("]")
+            fault = Fault(f"{group}[{kept[group][int(place)]}]{tail}", fault.value, fault.expected)
+        names_unread = isinstance(fault.value, str) and fault.value in unread
+        if (rest or group.startswith("times")) and not names_unread:
+            found.append(fault)
+    return found
+
+
+def _fault(error: Any) -> Fault:
+    """Return one of pydantic's findings as a fault, with the path as it is written in the file."""
+    path = "" if error["loc"] else "file"
+    for k, part in enumerate(error["loc"]):
+        if isinstance(part, int):
+            path += f"[{part}]"
+        elif part not in _TAGS or k == len(error["loc"]) - 1:
+            path += f".{part}" if path else part
+    value = error.get("input")
+    kind, context = error["type"], error.get("ctx", {})
+    if kind == "missing":
+        return Fault(path, None, MISSING_KEY)
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+        return Fault(path, value, "no such key")
+    if kind in ("too_short", "too_long"):
+        asked = context.get("min_length", context.get("max_length"))
+        return Fault(path, value, f"{asked} {_items(path)}, not {context.get('actual_length', 'these')}")
+    if kind in ("union_tag_invalid", "union_tag_not_found"):
+        key = context["discriminator"].strip("'")
+        return Fault(f"{path}.{key}", context.get("tag"), f"one of {context.get('expected_tags', 'the known ones')}")
+    return Fault(path, value, error["msg"].removeprefix("Input should be ").removeprefix("a valid "))
+
+
+def _items(path: str) -> str:
+    return "laws" if path.endswith("law") else "numbers"
+
+
+def _lengths(faults: Iterable[Fault]) -> Iterator[Fault]:
+    """Yield the faults, with one for all the numbers that a list lacks."""
+    lacking: dict[str, list[int]] = {}
+    for fault in faults:
+        place = re.fullmatch(r"(.*[a-z_])\[(\d)\]", fault.path)
+        if place and fault.expected == MISSING_KEY and place[1].rpartition(".")[2] not in _GROUPS:
+            lacking.setdefault(place[1], []).append(int(place[2]))
+        else:
+            yield fault
+    for path, places in lacking.items():
+        yield Fault(path, None, f"{max(places) + 1} {_items(path)}, not {min(places)}")
+
+
+MISSING_KEY = "this key, which is missing"
+_GROUPS = ("body", "joint", "driver", "point")
+_TAGS = {
+    *(c.__dataclass_fields__["type"].default for c in (*JOINT_TYPES, *DRIVER_TYPES)),
+    *(c.__dataclass_fields__["type"].default for c in (*SPATIAL_JOINT_TYPES, *SPATIAL_DRIVER_TYPES)),
+    "polynomial",
+    "sinusoid",
+    "table",
+    "disc",
+    "polar",
+}
