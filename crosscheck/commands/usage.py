@@ -125,7 +125,7 @@ def boxed(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
     widths = [max(map(len, column)) for column in zip(head, *lines, strict=True)]
 
     def line(cells: Sequence[str], bars: str) -> str:
-        left, between, right, fill = bars
+        left, between, right, fill = tuple(bars)
         padded = (fill + cell.ljust(width, fill) + fill for cell, width in zip(cells, widths, strict=True))
         return left + between.join(padded) + right
 
