@@ -158,8 +158,7 @@ class Integral:
         return self.rate.domain()
 
     def faults(self, path: str) -> Iterator[Fault]:
-        of_rate = list(self.rate.faults(path))
-        yield from of_rate
+        yield from (of_rate := list(self.rate.faults(path)))
         if not of_rate and not self.domain()[0] <= 0.0 <= self.domain()[1]:
             yield Fault(f"{path}.argument", list(self.domain()), "a table that covers t = 0, where `initial` holds")
 
