@@ -52,6 +52,7 @@ app = cyclopts.App(
     version=__version__,
 )
 app.command(cyclopts.App(name="problems", help="The problem set: write it, grade answers to it."))
+app.register_install_completion_command(help="Have the shell complete commands and options.")
 for name, (place, what) in COMMANDS.items():
     *group, own = name.split()
     (app[group[0]] if group else app).command(f"crosscheck.commands.{place}", name=own, help=what)

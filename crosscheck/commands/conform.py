@@ -6,12 +6,16 @@ import json
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
+from itertools import chain
 
 from rich.table import Table
 
+from crosscheck.commands.progress import shown_progress
 from crosscheck.commands.usage import Json, console
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, NOTHING_RAN, PASS
 from crosscheck.measure.conform import LEVELS, Fault, Reply, hard_replies, replies, summary
+from crosscheck.scenes.conformance import questions
+from crosscheck.scenes.hard import KINDS
 from crosscheck.workers.installed import find_engines
 
 
@@ -32,7 +36,11 @@ def conform(engine: str, *, as_json: Json = False) -> int:
         print(*missing.values(), sep="\n")
         return ENGINE_MISSING
     ((name, (spec, version)),) = found.items()
-    replied = [*replies(spec), *hard_replies(spec)]
+    replied = []
+    with shown_progress(len(questions()) + len(KINDS), noun="questions") as show:
+        for reply in chain(replies(spec), hard_replies(spec)):
+            replied.append(reply)
+            show(len(replied), reply.about)
     if as_json:
         told = {"replies": [asdict(reply) for reply in replied], "summary": summary(replied)}
         print(json.dumps({"engine": name, "version": version, **told}))

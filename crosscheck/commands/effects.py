@@ -11,6 +11,7 @@ from pathlib import Path
 from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
+from crosscheck.commands.progress import shown_progress
 from crosscheck.commands.usage import Json, console
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS
 from crosscheck.judge.effects_rows import EffectRow
@@ -55,7 +56,8 @@ SCHEMA = 2
 
 def show(scene: Scene, engines: Sequence[str], missing: Sequence[str], as_json: bool) -> bool:
     """Measure the effects on a scene and print them; return whether each leaves refkin's other numbers as they were."""
-    rows = effects_ledger(scene, engines)
+    with shown_progress(1 + len(engines), noun="producers") as tell:
+        rows = effects_ledger(scene, engines, tell=tell)
     if as_json:
         print(json.dumps(to_json(scene.name, rows, missing)))
     else:

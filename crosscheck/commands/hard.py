@@ -11,20 +11,21 @@ from cyclopts import Parameter
 from rich.console import Console
 from rich.table import Table
 
+from crosscheck.commands.engines import ENGINES, names
+from crosscheck.commands.progress import shown_progress
 from crosscheck.commands.usage import Json, console, positive
-from crosscheck.engines import PEERS, EngineError, available
+from crosscheck.engines import EngineError
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS, UsageError
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
 from crosscheck.scenes.hard import HardCase, hard_cases
 
 OURS = "refkin"
-ENGINES = (OURS, *PEERS)
 
 
 def hard(
     *,
-    engine: Annotated[tuple[str, ...], Parameter(negative="")] = ENGINES,
+    engines: str = ENGINES,
     case: Annotated[tuple[str, ...], Parameter(negative="")] = (),
     within: float | None = None,
     case_seconds: float = SECONDS,
@@ -37,8 +38,8 @@ def hard(
 
     Parameters
     ----------
-    engine
-        Which, "refkin" included; may be given several times, also as `file.py:Class`.
+    engines
+        Names, separated by commas, or `file.py:Class`; refkin is always asked, too.
     case
         Kinds of hard scenes, all by default.
     within
@@ -51,12 +52,10 @@ def hard(
     cases = _cases(case)
     positive("within", within)
     positive("case-seconds", case_seconds)
-    for name in engine:
-        if name not in (OURS, *available()) and ":" not in name:
-            known = ", ".join((OURS, *sorted(available())))
-            raise UsageError(f"--engine: no engine is called {name!r}; there are: {known}, or file.py:Class")
+    asked = (OURS, *names(engines, always=()))
     try:
-        rows = hard_case_rows(engine, within, cases=cases, seconds=case_seconds)
+        with shown_progress(len(cases), noun="cases") as show:
+            rows = hard_case_rows(asked, within, cases=cases, seconds=case_seconds, tell=show)
     except EngineError as error:
         print(error, file=sys.stderr)
         return ENGINE_MISSING

@@ -6,12 +6,11 @@ import sys
 import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
 
-from cyclopts import Parameter
 from rich.table import Table
 
-from crosscheck.commands.engines import names
+from crosscheck.commands.engines import ENGINES, names
+from crosscheck.commands.progress import shown_progress
 from crosscheck.commands.usage import Whole, console, positive, printable
 from crosscheck.engines import load
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS
@@ -20,7 +19,6 @@ from crosscheck.night.disagreements import slug
 from crosscheck.night.hunting import Bag, hunt, worst_of_night
 from crosscheck.night.journal import replace_file
 from crosscheck.night.plan import ALWAYS, engines_option
-from crosscheck.scenes.names import PEERS
 from crosscheck.workers.installed import find_engines
 from crosscheck.workers.pool import SECONDS_PER_SCENE
 from refkin.scenes.files import to_toml
@@ -32,7 +30,7 @@ def hunt_worst(
     *,
     minutes: float = 5.0,
     seed: Whole | None = None,
-    engine: Annotated[tuple[str, ...], Parameter(negative="")] = PEERS,
+    engines: str = ENGINES,
     out: Path = Path("reports/hunt"),
     night: Path = LATEST,
     scene_seconds: float = SECONDS_PER_SCENE,
@@ -47,8 +45,8 @@ def hunt_worst(
         How long.
     seed
         Where to begin; the day's date as a number by default.
-    engine
-        Which; may be given several times, also as `file.py:Class`. The closed form is always among them.
+    engines
+        Names, separated by commas, or `file.py:Class`; the closed form is always among the sources.
     out
         The folder for the worst scene of each target, as a scene file to replay.
     night
@@ -58,7 +56,7 @@ def hunt_worst(
     """
     positive("minutes", minutes)
     positive("scene-seconds", scene_seconds)
-    installed, missing = find_engines(names(",".join(engine), always=(ALWAYS,)))
+    installed, missing = find_engines(names(engines, always=(ALWAYS,)))
     if missing:
         print("\n".join(missing.values()), file=sys.stderr)
         return ENGINE_MISSING
@@ -67,9 +65,11 @@ def hunt_worst(
     bag, starts = Bag(), _starts(night, specs)
     print(f"starting from {len(starts)} scenes of {night}" if starts else "starting from no night", file=sys.stderr)
     try:
-        hunt(specs, 60.0 * minutes, today, scene_seconds=scene_seconds, starts=starts, bag=bag)
+        with shown_progress(None, minutes) as show:
+            worst = lambda bag: show(bag.scenes, f"hunting, worst {bag.worst:.3g}")  # noqa: E731
+            hunt(specs, 60.0 * minutes, today, scene_seconds=scene_seconds, starts=starts, bag=bag, progress=worst)
     finally:  # also when it is interrupted: what was caught is kept
-        _write(bag, out, engine)
+        _write(bag, out, names(engines, always=()))
         _print(bag, out)
     if bag.failures:
         return INFRASTRUCTURE

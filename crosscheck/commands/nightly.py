@@ -11,6 +11,7 @@ from typing import Annotated
 from cyclopts import Parameter
 
 from crosscheck.commands.engines import ENGINES, names
+from crosscheck.commands.progress import shown_progress
 from crosscheck.commands.tables import outcome_lines
 from crosscheck.commands.usage import Whole, console, positive
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError
@@ -19,7 +20,6 @@ from crosscheck.night.campaign import make_room, run, seed_of
 from crosscheck.night.history import HistoryError, remember, warnings
 from crosscheck.night.pictures import write_pictures
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightPlan, write_outcome
-from crosscheck.night.progress import shown_progress
 from crosscheck.night.sections import write_documents, write_sections
 from crosscheck.report import verdict
 from crosscheck.report.build import summarized, write
@@ -109,7 +109,7 @@ def nightly(
             raise KeyboardInterrupt(message) from None
     seconds = min(240.0, 60.0 * (plan.minutes or 0.0)) if sections_seconds is None else sections_seconds
     if outcome.checked:
-        write_sections(plan.out, outcome.versions, {ALWAYS, *SAMPLED}, seconds, _told)
+        write_sections(plan.out, outcome.engines, {ALWAYS, *SAMPLED}, seconds, _told)
         _told("pictures and documents")
         write_pictures(plan.out, plan.seed, outcome.engines, SECONDS_FOR_PICTURES)
         write_documents(plan.out)

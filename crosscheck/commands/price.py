@@ -14,12 +14,13 @@ from markupsafe import Markup
 from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
+from crosscheck.commands.progress import shown_progress
 from crosscheck.commands.usage import Json, console
 from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.errors import DISAGREEMENT, PASS, USAGE
 from crosscheck.judge.prices import POSES, STEPS, SUFFIX, cheapest, repeated
 from crosscheck.judge.truth import NoTruth
-from crosscheck.measure.price import PriceList
+from crosscheck.measure.price import WITHIN, PriceList
 from crosscheck.measure.price import price as measured
 from crosscheck.report.prices import looks_of_methods, methods_figure
 from crosscheck.report.svg import swatch
@@ -61,7 +62,8 @@ def price(
         return USAGE
     ours = [name for name in PRICED if name in OURS]
     try:
-        prices = measured(load(scene), (*ours, *names(engines, always=())))
+        with shown_progress(None, WITHIN / 60, "measurements") as show:
+            prices = measured(load(scene), (*ours, *names(engines, always=())), tell=show)
     except NoTruth as error:
         print(error, file=sys.stderr)
         return DISAGREEMENT

@@ -7,8 +7,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from rich.progress import Progress
-
+from crosscheck.commands.progress import shown_progress
 from crosscheck.commands.usage import Json, Whole, console, positive
 from crosscheck.errors import DISAGREEMENT, PASS, UsageError
 from crosscheck.problems import SHA256, VERSION
@@ -32,11 +31,9 @@ def print_export(folder: Path, *, only: str = "", processes: Whole = 1) -> int:
         How many prove answers side by side.
     """
     positive("processes", processes)
-    with Progress(console=console(None, stderr=True), transient=True) as bar:
-        task = bar.add_task("proving", total=None)
-        found = export(
-            folder, list(drafts(only)), processes, lambda done, of: bar.update(task, completed=done, total=of)
-        )
+    asked = list(drafts(only))
+    with shown_progress(len(asked), noun="problems") as show:
+        found = export(folder, asked, processes, lambda done, of: show(done, "proving"))
     count = len(json.loads((folder / "problems.json").read_text(encoding="utf-8"))["problems"])
     whole = "" if only else f" ({'as' if found == SHA256 else 'NOT as'} published)"
     print(f"{folder}: {count} problems, version {VERSION}, sha256 {found}{whole}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator, Sequence
+from collections.abc import Callable, Generator, Sequence
 from contextlib import closing
 from typing import Any
 
@@ -26,7 +26,12 @@ ANY = "any"
 """The method in a row about a process that failed."""
 
 
-def effects_ledger(scene: Scene, engines: Sequence[str] = (), within: float = WITHIN) -> list[EffectRow]:
+def effects_ledger(
+    scene: Scene,
+    engines: Sequence[str] = (),
+    within: float = WITHIN,
+    tell: Callable[[int, str], None] = lambda done, producer: None,
+) -> list[EffectRow]:
     """Return what every effect costs and whether it is inert, for refkin and some engines.
 
     Parameters
@@ -37,6 +42,8 @@ def effects_ledger(scene: Scene, engines: Sequence[str] = (), within: float = WI
         What `crosscheck.engines.load` takes. One after the other, so that none disturbs the timings of another.
     within : float
         How long to measure in all [s]; solving everything once comes on top.
+    tell : callable
+        Is told how many producers are done, and which comes next.
 
     Returns
     -------
@@ -46,7 +53,8 @@ def effects_ledger(scene: Scene, engines: Sequence[str] = (), within: float = WI
     """
     data, share = to_dict(scene), within / (1 + len(engines))
     found: list[EffectRow] = []
-    for spec in (REFKIN, *engines):
+    for done, spec in enumerate((REFKIN, *engines)):
+        tell(done, spec)
         (answer,) = _asked(data, spec, share, [""])
         found += _one_by_one(data, spec, answer) if isinstance(answer, Failure) else answer
     return found

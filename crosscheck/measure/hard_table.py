@@ -6,7 +6,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from crosscheck.engines import EngineError
@@ -32,6 +32,7 @@ def hard_case_rows(
     cases: Sequence[HardCase] | None = None,
     findings: Sequence[Finding] | None = None,
     seconds: float = SECONDS,
+    tell: Callable[[int, str], None] = lambda done, case: None,
 ) -> list[Row]:
     """Return one row per engine, method and case, with the keys `KEYS`, all of them plain data.
 
@@ -48,6 +49,8 @@ def hard_case_rows(
         What classes and quotes wrong answers; `findings.toml` by default.
     seconds : float
         After this long on one case a method is said to hang.
+    tell : callable
+        Is told how many cases are done, and which comes next.
 
     Raises
     ------
@@ -57,7 +60,7 @@ def hard_case_rows(
     end = None if within is None else time.monotonic() + within
     chosen = _in_turn_by_kind(hard_cases() if cases is None else cases)
     known = read() if findings is None else findings
-    rows = list(_rows(engines, chosen, known, seconds, end))
+    rows = list(_rows(engines, chosen, known, seconds, end, tell))
     order = {case.key: k for k, case in enumerate(hard_cases())}
     names = list(dict.fromkeys(_name(row) for row in rows))
     rows.sort(key=lambda row: (order[row.pop("key")], names.index(_name(row))))
@@ -69,7 +72,12 @@ def _name(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _rows(
-    engines: Sequence[str], cases: Sequence[HardCase], known: Sequence[Finding], seconds: float, end: float | None
+    engines: Sequence[str],
+    cases: Sequence[HardCase],
+    known: Sequence[Finding],
+    seconds: float,
+    end: float | None,
+    tell: Callable[[int, str], None],
 ) -> Iterator[Row]:
     """Yield rows, case by case: where time is up, all engines have been asked the same cases."""
     found = dict(zip(engines, call_each(listed, engines), strict=True))
@@ -82,7 +90,8 @@ def _rows(
         )
         for spec, keys in found.items()
     }
-    for case in cases:
+    for done, case in enumerate(cases):
+        tell(done, case.key)
         if end is not None and time.monotonic() > end:
             break
         for spec, keys in found.items():

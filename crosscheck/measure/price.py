@@ -43,6 +43,8 @@ class _Found:
     at: Key | None = None
     newton_by: str = ""
     done: bool = False
+    tell: Callable[[int, str], None] = lambda done, method: None
+    begun: int = 0
 
 
 @dataclass(frozen=True)
@@ -67,7 +69,11 @@ class PriceList:
 
 
 def price(
-    scene: Scene, producers: Sequence[str] = PRICED, within: float = WITHIN, patience: float = PATIENCE
+    scene: Scene,
+    producers: Sequence[str] = PRICED,
+    within: float = WITHIN,
+    patience: float = PATIENCE,
+    tell: Callable[[int, str], None] = lambda done, method: None,
 ) -> PriceList:
     """Return the price list of a scene.
 
@@ -80,6 +86,8 @@ def price(
         machine that lasts longer.
     patience : float
         After this long at one method it is given up [s].
+    tell : callable
+        Is told how many times a method was begun with, and which it is.
 
     Raises
     ------
@@ -87,7 +95,7 @@ def price(
         If no pose of the scene is certified.
     """
     priced = replace(scene, times=scene.times[:CYCLE], points=(), bodies_wanted=None)
-    found = _Found()
+    found = _Found(tell=tell)
     while not found.done:
         left = max(within - found.spent, within / 4)
         pipe, process = start(measure, to_dict(priced), tuple(producers), {*found.failed}, left)
@@ -155,6 +163,8 @@ def _set_truth(found: _Found, attainable: dict[str, float], known: int) -> None:
 
 def _set_at(found: _Found, key: Key, newton_by: str) -> None:
     found.at, found.newton_by = key, newton_by
+    found.tell(found.begun, ", ".join(filter(None, key)))
+    found.begun += 1
 
 
 def _set_refused(found: _Found, key: Key, reason: str) -> None:

@@ -75,6 +75,11 @@ class Bag:
     scenes: int = 0
     failures: list[str] = field(default_factory=list)
 
+    @property
+    def worst(self) -> float:
+        """The largest ratio so far."""
+        return max((catch.ratio for catch in self.catches.values()), default=0.0)
+
     def above(self, limit: float = 1.0) -> list[tuple[Target, Catch]]:
         """Return the catches with a ratio above a limit, the worst first."""
         caught = [(name, catch) for name, catch in self.catches.items() if catch.ratio > limit]

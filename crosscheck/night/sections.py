@@ -7,13 +7,12 @@ done, one after the other, so that nothing else disturbs their timings.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Collection, Iterable, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 from crosscheck.documents.page import digits_by_iteration, documents, newton_histories, slopes
-from crosscheck.engines import available
 from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.measure.effects_ablations import REFKIN
 from crosscheck.measure.effects_ledger import effects_ledger
@@ -31,19 +30,21 @@ PRICED_CLASS = "regular"
 
 def write_sections(
     folder: Path,
-    engines: Iterable[str],
+    engines: Mapping[str, str],
     left_out: Collection[str],
     seconds: float,
     tell: Callable[[str], None] = lambda doing: None,
 ) -> None:
-    """Write hard_cases.json, price.json and effects.json, as far as registered engines get in some time.
+    """Write hard_cases.json, price.json and effects.json, as far as engines get in some time.
 
     Parameters
     ----------
     folder : Path
         The folder of the run.
-    engines : iterable of str
-        Names; those that are not registered are left out, as are those of `left_out`.
+    engines : mapping
+        Name -> what `crosscheck.engines.load` takes for it.
+    left_out : collection of str
+        Names of those that are not asked.
     seconds : float
         How long it may take in all, beside the start of processes. Nothing is written where the price list cannot keep
         to its share, since it gives each class of scenes its least.
@@ -52,7 +53,7 @@ def write_sections(
     """
     if not PRICE * seconds >= LEAST * len(classes()):
         return
-    named = [name for name in engines if name in available() and name not in left_out]
+    named = [spec for name, spec in engines.items() if name not in left_out]
     measures: dict[str, tuple[str, Callable[[], Sequence[Any]]]] = {
         "hard_cases": ("hard cases", lambda: hard_case_rows([REFKIN, *named], HARD * seconds)),
         "price": ("the price list", lambda: price_list(PRICE * seconds, _producers(named))),
@@ -75,8 +76,8 @@ def write_documents(folder: Path) -> None:
 
 
 def _producers(engines: Sequence[str]) -> tuple[str, ...]:
-    """Return who is priced: the engines of the night, and whoever is no engine."""
-    return (*(name for name in PRICED if name in OURS), *(name for name in engines if name in PRICED))
+    """Return who is priced: whoever is no engine, and the engines of the night."""
+    return (*(name for name in PRICED if name in OURS), *engines)
 
 
 def _effects(engines: Sequence[str], seconds: float) -> list[dict[str, Any]]:

@@ -156,9 +156,10 @@ def _meaning(file: SceneFile) -> list[Fault]:
     mechanism = SimpleNamespace(bodies=file.body, joints=file.joint, drivers=file.driver)
     wanted = {"points": file.point, "bodies_wanted": file.bodies_wanted}
     scene = scene_faults(SimpleNamespace(mechanism=mechanism, times=times, **wanted))
-    loose = unconnected(file.body, (*file.joint, *file.driver))
+    loose = list(unconnected(file.body, (*file.joint, *file.driver)))
     found = [*grid, *mechanism_faults(mechanism), *loose, *scene]
-    return [f for f in found if not (grid and f.path == "times")]
+    follows = {"times": grid, "driver": loose}  # what is said of these comes of what is wrong already
+    return [f for f in found if not follows.get(f.path)]
 
 
 def _further_faults(data: Any, error: ValidationError) -> list[Fault]:

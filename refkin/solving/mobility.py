@@ -135,6 +135,15 @@ def count(mechanism: Mechanism) -> Count:
     return Count(bodies=len(bodies), equations=d + taken, coordinates=d, idle=idle)
 
 
+def too_many_drivers(mechanism: Mechanism) -> str:
+    """Return in words that there are more drivers than freedoms, by count; "" if there are not, or only one is."""
+    freedoms, names = max(count(mechanism).mobility, 1), [driver.name for driver in mechanism.drivers]
+    if len(names) <= freedoms:
+        return ""
+    listed = ", ".join(names)
+    return f"too many drivers, by count: {len(names)} ({listed}) of {freedoms} freedom{'s' * (freedoms > 1)}"
+
+
 @dataclass(frozen=True)
 class Dependence:
     """A row of phi_q that is the sum of others times `factors`: it takes no freedom away that these leave.

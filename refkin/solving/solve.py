@@ -23,6 +23,7 @@ from refkin.proof.pose.krawczyk import Enclosure
 from refkin.proof.singularity.diagnosis import diagnose_scaled
 from refkin.solving.ahead import Leaps
 from refkin.solving.limits import check_size
+from refkin.solving.mobility import too_many_drivers
 from refkin.solving.starts import find_start, unassemblable
 from refkin.solving.sweep import Arrival, Sweep, pose_between
 from refkin.system import System, compile_system
@@ -278,7 +279,7 @@ class _Answer:
                 if searched.unassemblable:
                     self.status[k] = Status.UNASSEMBLABLE
                     message = message or f"at t = {t:g} {unassemblable(self.system, searched)}"
-        self.messages.append(message)
+        self.messages += [message, "" if self.status[0] is Status.OK else too_many_drivers(self.system.mechanism)]
 
     def motion(self) -> Motion:
         """Return the answer in metres, for the bodies and effects that the scene calls for."""

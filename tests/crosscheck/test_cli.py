@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import json
+import re
 import subprocess
 import sys
 from dataclasses import dataclass, replace
+from functools import reduce
 from pathlib import Path
 from typing import Any
 
@@ -13,11 +15,11 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.cli import COMMANDS, main
+from crosscheck.cli import COMMANDS, app, main
+from crosscheck.commands import progress
+from crosscheck.commands.progress import shown_progress
 from crosscheck.engines import EngineRefusal, load
-from crosscheck.night import progress
 from crosscheck.night.plan import SAMPLED
-from crosscheck.night.progress import shown_progress
 from refkin.scenes.files import to_toml
 
 from .fake_engines import RAISE, SEGFAULT, SHIFT, crosscheck, engine_file, key_of_drawn, records_of
@@ -282,8 +284,8 @@ def test_a_log_gets_a_line_every_ten_seconds(monkeypatch, capsys):
             show(checked, "checking")
 
     assert capsys.readouterr().err.splitlines() == [
-        "11 s, checking: 1 scenes checked",
-        "22 s, checking: 4 scenes checked",
+        "11 s, checking: 1 of 10 scenes",
+        "22 s, checking: 4 of 10 scenes",
     ]
 
 
@@ -364,7 +366,7 @@ def test_what_engines_can_do_is_printed(command):
 
 SOLVING = """
 import sys
-from crosscheck.cli import COMMANDS, main
+from crosscheck.cli import COMMANDS, app, main
 try:
     main(["solve", "examples/crank-rocker.toml", "--json"])
 except SystemExit as end:
@@ -484,3 +486,51 @@ def test_a_request_that_makes_no_sense_is_told_in_one_line_before_anything_is_co
     assert ended.returncode == 2
     assert ended.stdout == ""
     assert ended.stderr == f"{said}\n"
+
+
+def test_every_command_that_takes_engines_takes_them_by_one_option():
+    """A list of names separated by commas, or `file.py:Class`; whatever is always asked besides."""
+    taken = {}
+    for name in COMMANDS:
+        found = reduce(lambda group, part: group[part], name.split(), app).assemble_argument_collection()
+        taken[name] = {option for argument in found for option in argument.names if "engine" in option}
+
+    assert {option for options in taken.values() for option in options} == {
+        "--engines",
+        "--require-engines",
+        "--engine",
+    }
+    assert [name for name, options in taken.items() if "--engine" in options] == ["conform"]  # one, and by its place
+    assert {"replay", "nightly", "hunt", "hard", "price", "effects"} <= {
+        n for n, o in taken.items() if "--engines" in o
+    }
+
+
+def test_the_shell_can_complete_commands_and_options():
+    script = app.generate_completion(prog_name="crosscheck", shell="bash")
+
+    assert all(name in script for name in COMMANDS)
+    assert "--install-completion" in script
+
+
+@pytest.mark.parametrize("asked", ["price", "effects", "hard", "hunt"])
+def test_long_work_shows_how_far_it_is(asked, command, monkeypatch):
+    """A line after every call instead of one in ten seconds."""
+    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
+    monkeypatch.setattr("crosscheck.measure.price.WITHIN", 1.0)
+    monkeypatch.setattr("crosscheck.measure.effects_ledger.WITHIN", 1.0)
+    few = {
+        "price": (GOOD, "--engines", "closed_form"),
+        "effects": (GOOD, "--engines", "closed_form"),
+        "hard": ("--engines", "closed_form", "--case", "far start"),
+        "hunt": ("--engines", "closed_form", "--minutes", "0.03", "--night", "reports/latest"),
+    }
+    told = command(asked, *few[asked])
+    expected = {
+        "price": r"^\d+ s, refkin, .*: 0 measurements$",
+        "effects": r"^\d+ s, refkin: 0 of 2 producers$",
+        "hard": r"^\d+ s, far start.*: 0 of \d+ cases$",
+        "hunt": r"^\d+ s, hunting, worst [\d.e+-]+: 1 scenes$",
+    }
+
+    assert re.search(expected[asked], told.stderr, re.MULTILINE), told.stderr

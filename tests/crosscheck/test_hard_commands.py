@@ -26,21 +26,22 @@ def run(*arguments: str) -> int:
 
 
 def test_rows_are_printed_as_json(capsys):
-    code = run("hard", "--engine", f"{ENGINES}:Right", "--case", "large offset", "--json")
+    code = run("hard", "--engines", f"{ENGINES}:Right", "--case", "large offset", "--json")
     rows = json.loads(capsys.readouterr().out)
 
     assert code == 0
-    assert [tuple(row) for row in rows] == [KEYS] * 4
+    assert [tuple(row) for row in rows] == [KEYS] * 8
+    assert {row["engine"] for row in rows} == {"refkin", "right"}
     assert {row["verdict"] for row in rows} == {"correct"}
 
 
 def test_a_wrong_answer_that_no_finding_explains_fails(capsys):
-    assert run("hard", "--engine", f"{ENGINES}:Wrong", "--case", "large offset") == 1
+    assert run("hard", "--engines", f"{ENGINES}:Wrong", "--case", "large offset") == 1
     assert "no finding explains this" in capsys.readouterr().out
 
 
 def test_the_table_counts_each_verdict(capsys):
-    assert run("hard", "--engine", f"{ENGINES}:Refuses", "--case", "far start") == 0
+    assert run("hard", "--engines", f"{ENGINES}:Refuses", "--case", "far start") == 0
     assert "all: refused" in capsys.readouterr().out
 
 
@@ -48,8 +49,8 @@ def test_the_table_counts_each_verdict(capsys):
     ("arguments", "told"),
     [
         (("hard", "--case", "nothing"), "no hard scene is called 'nothing'; there are: toggle"),
-        (("hard", "--engine", "nobody"), "no engine is called 'nobody'; there are: refkin"),
-        (("hunt", "--engine", "nobody"), "no engine is called 'nobody'"),
+        (("hard", "--engines", "nobody"), "no engine is called 'nobody'; there are: closed_form"),
+        (("hunt", "--engines", "nobody"), "no engine is called 'nobody'"),
         (("hunt", "--minutes", "0"), "--minutes: expected a number above 0"),
     ],
 )
@@ -59,7 +60,7 @@ def test_a_name_that_nobody_knows_is_one_clear_error(arguments, told, capsys):
 
 
 def test_an_engine_that_cannot_be_loaded_is_missing(capsys):
-    assert run("hard", "--engine", "nowhere.py:Engine") == 3
+    assert run("hard", "--engines", "nowhere.py:Engine") == 3
     assert "there is no file nowhere.py" in capsys.readouterr().err
 
 

@@ -30,6 +30,6 @@ def test_a_real_night_of_one_scene_passes_with_answers_of_every_engine(tmp_path)
 @pytest.mark.parametrize("seconds", [0.0, 1e-9, 7.9, float("nan")])
 def test_without_time_for_them_nothing_is_measured_beside_the_scenes(tmp_path, seconds):
     told = []
-    write_sections(tmp_path, ENGINES, (), seconds, told.append)
+    write_sections(tmp_path, {name: name for name in ENGINES}, (), seconds, told.append)
 
     assert (told, list(tmp_path.iterdir())) == ([], [])

@@ -8,6 +8,7 @@ import pytest
 
 from refkin.errors import InvalidScene
 from refkin.scenes.files import load
+from refkin.solving.solve import solve
 
 from .test_scene_files import TEXT
 
@@ -78,3 +79,36 @@ def test_a_body_that_nothing_ties_to_the_ground_is_named(tmp_path):
     assert "body[3]: expected a body that joints or drivers tie to the ground, got 'loose'" in message
     assert "got 'hanging'" in message
     assert "got 'crank'" not in message
+
+
+SECOND = """
+[[driver]]
+name = "second"
+type = "angle"
+body = "{body}"
+law = {{ kind = "polynomial", coefficients = [{at}, 2.0] }}
+"""
+
+
+def test_too_many_drivers_are_named_as_that_where_they_contradict_each_other(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(TEXT + SECOND.format(body="rocker", at=1.0), encoding="utf-8")
+    message = solve(load(path)).message
+
+    assert message.endswith("too many drivers, by count: 2 (motor, second) of 1 freedom")
+
+
+def test_too_many_drivers_that_agree_are_no_fault(tmp_path):
+    path = tmp_path / "scene.toml"
+    path.write_text(TEXT + SECOND.format(body="crank", at=0.0), encoding="utf-8")
+    motion = solve(load(path))
+
+    assert motion.verdict == "ok"
+    assert "too many" not in motion.message
+
+
+def test_where_a_body_is_loose_nobody_is_told_to_add_drivers(tmp_path):
+    said = told(tmp_path, TEXT + '\n[[body]]\nname = "loose"\n')
+
+    assert "a body that joints or drivers tie to the ground, got 'loose'" in said
+    assert "add drivers" not in said
