@@ -27,6 +27,7 @@ import tomllib
 import warnings
 from collections import defaultdict
 from contextlib import suppress
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -48,9 +49,9 @@ CHUNK = 24
 """Tests of one process of the first run."""
 
 
-def candidates():
-    """Yield every place of every function of the packages where it may be changed: target, tree, place."""
-    for name in PACKAGES:
+def candidates(packages):
+    """Yield every place of every function of some packages where it may be changed: target, tree, place."""
+    for name in packages:
         package = importlib.import_module(name)
         below = pkgutil.walk_packages(getattr(package, "__path__", []), f"{name}.")
         for module in (name, *(found.name for found in below)):
@@ -89,7 +90,7 @@ class Run:
 
     def __init__(self, given):
         self.workers, self.deadline = given.workers, time.monotonic() + 60.0 * given.minutes
-        self.given, self.mutants, self.outcomes = given, [], {}
+        self.given, self.mutants, self.outcomes, self.whole = given, [], {}, False
 
     def pytest_runtestloop(self, session):
         from hypothesis import Phase, settings  # here: pytest is to import it first
@@ -98,7 +99,7 @@ class Run:
             "mutation", phases=[Phase.explicit, Phase.generate], database=None, derandomize=True, deadline=None
         )
         settings.load_profile("mutation")
-        some = list(candidates())
+        some = list(candidates(self.given.only or PACKAGES))
         random.Random(self.given.seed).shuffle(some)
         self.mutants = fitting(some, self.given.count)
         print(f"{len(self.mutants)} of {len(some)} mutants, seed {self.given.seed}", file=sys.stderr)
@@ -113,7 +114,7 @@ class Run:
                 asked, total = [*asked, items[index]], total + seconds
             jobs.append((number, lambda m=mutant, asked=asked: killed(m, asked), 30.0 + 10.0 * total))
             if not asked:
-                self.outcomes[number] = "not covered"
+                self.outcomes[number] = "not covered" if self.whole else "not tried"
         jobs = [job for job in jobs if job[0] not in self.outcomes]
         for number, outcome in in_parallel(jobs, self.workers, self.deadline):
             self.outcomes[number] = "does not end" if outcome is None else outcome
@@ -126,16 +127,33 @@ class Run:
             wanted[function, definition].append((what.place, number))
         probes = {function: compiled(function, probed(tree, numbers)) for (function, tree), numbers in wanted.items()}
         chunks = [range(k, min(k + CHUNK, len(items))) for k in range(0, len(items), CHUNK)]
+        modules = {what.target.partition(":")[0] for what, *_ in self.mutants}
         jobs = [(k, lambda some=some: noted(items, some, probes), 600.0) for k, some in enumerate(chunks)]
-        random.Random(self.given.seed).shuffle(jobs)
+        jobs.sort(key=lambda job: -max(named(items[index].path, modules) for index in chunks[job[0]]))
         reached, half = defaultdict(list), (time.monotonic() + self.deadline) / 2
         for done, (_, found) in enumerate(in_parallel(jobs, self.workers, half), 1):
             for index, seconds, hits in found or ():
                 for number in hits:
                     reached[number].append((seconds, index))
             print(f"\r{done} of {len(chunks)} parts of the suite", end="", file=sys.stderr, flush=True)
+            self.whole = done == len(chunks)
         print(file=sys.stderr)
         return reached
+
+
+@cache
+def imported(path):
+    """Return the modules that a test file imports, or that it names in full."""
+    text = path.read_text(encoding="utf-8")
+    nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom | ast.Import)]
+    of_from = [(node.module or "", node.names) for node in nodes if isinstance(node, ast.ImportFrom)]
+    plain = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    return plain | {module for module, _ in of_from} | {f"{m}.{alias.name}" for m, names in of_from for alias in names}
+
+
+def named(path, modules):
+    """Return how many of some modules a test file imports: the files that import most are run first."""
+    return len(imported(path) & modules)
 
 
 def noted(items, some, probes):
@@ -146,7 +164,7 @@ def noted(items, some, probes):
         for index in some:
             hits.clear()
             start = time.process_time()
-            with suppress(TooLong), limited(10 * LONGEST):
+            with suppress(TooLong), limited(2 * LONGEST):
                 if not red(items[index]):
                     found.append((index, time.process_time() - start, sorted(hits)))
     return found
@@ -221,8 +239,9 @@ def told(run):
             print(f"{outcome or 'survived'}: {what.target}, line {what.line}: {verdict}")
             print(f"    - {what.old}\n    + {what.new}")
             unknown += [what] if verdict in ("UNKNOWN", "to kill") and outcome != "not tried" else []
-    dead = sum(outcome not in ("", "not covered") for outcome in run.outcomes.values())
-    print(f"{dead} of {len(run.outcomes)} mutants died; {len(unknown)} survivors are unknown or still to kill")
+    tried = [outcome for outcome in run.outcomes.values() if outcome != "not tried"]
+    dead = sum(outcome not in ("", "not covered") for outcome in tried)
+    print(f"{dead} of {len(tried)} mutants died; {len(unknown)} survivors are unknown or still to kill")
     return int(bool(unknown))
 
 
@@ -233,6 +252,7 @@ def main():
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--minutes", type=float, default=20.0)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--only", action="append", help="a package or module to change, not all of them")
     parser.add_argument("tests", nargs="*", default=["tests"])
     given = parser.parse_args()
     run = Run(given)
