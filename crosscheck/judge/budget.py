@@ -78,9 +78,9 @@ class Carried:
         acceleration = _times(self.phi[2], e_phi) + _times(self.nu[1], e_nu) + _times(self.gamma[0], e_gamma)
         return [position, velocity, acceleration]
 
-    def at(self, lanes: Any) -> Carried:
-        """Return the same at some of the lanes."""
-        return Carried(*(tuple(a[..., lanes] for a in level) for level in (self.phi, self.nu, self.gamma)))
+    def at(self, samples: Any) -> Carried:
+        """Return the same at some of the samples."""
+        return Carried(*(tuple(a[..., samples] for a in level) for level in (self.phi, self.nu, self.gamma)))
 
 
 @dataclass(frozen=True)
@@ -95,7 +95,7 @@ class Propagation:
     system: System
     q: Any
     t: Any
-    lanes: Any
+    samples: Any
     count: int
     carried: Carried
     e: tuple[Any, Any, Any]
@@ -117,8 +117,8 @@ class Propagation:
             )
         ]
         judged = np.zeros(self.count, bool)
-        judged[self.lanes] = _first_order(self.system, self.carried.phi[0], levels[0], self.q, self.t)
-        position, velocity, acceleration = (_spread(level, self.lanes, self.count) for level in levels)
+        judged[self.samples] = _first_order(self.system, self.carried.phi[0], levels[0], self.q, self.t)
+        position, velocity, acceleration = (_spread(level, self.samples, self.count) for level in levels)
         return ErrorBudget(position, velocity, acceleration, judged)
 
 
@@ -134,10 +134,10 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     q, qd, qdd : (n, T) array
         Its coordinates and rates in the system's scaled coordinates; NaN where there is no answer.
     """
-    lanes = np.flatnonzero([s is Status.OK for s in motion.status])
-    if not lanes.size:
+    samples = np.flatnonzero([s is Status.OK for s in motion.status])
+    if not samples.size:
         return None
-    t, q, qd, qdd = motion.t[lanes], q[:, lanes], qd[:, lanes], qdd[:, lanes]
+    t, q, qd, qdd = motion.t[samples], q[:, samples], qd[:, samples], qdd[:, samples]
     clock, jacobian = _clock(system, t), np.abs(system.phi_q(q, t))
     e_phi = SAFETY * errors(system.phi(running(q, U * np.abs(q)), clock), t.shape)
     moving = _times(jacobian, np.abs(qd))
@@ -149,14 +149,14 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         system=system,
         q=q,
         t=t,
-        lanes=lanes,
+        samples=samples,
         count=len(motion.t),
         carried=carried(system, q, qd, qdd, t),
         e=tuple(e + _table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma))),
         size=(e_phi, moving, bending),
         rates=(np.zeros_like(rate), rate, np.max(np.abs(qdd), axis=0) + rate**2),
         rounding=output_rounding(system, q, qd, qdd),
-        radius=tuple(getattr(motion.certified_radius, level)[lanes] for level in LEVELS),
+        radius=tuple(getattr(motion.certified_radius, level)[samples] for level in LEVELS),
     )
 
 
@@ -185,10 +185,10 @@ def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Seq
     return errors.budget(terms)
 
 
-def _spread(values: Any, lanes: Any, count: int) -> Any:
-    """Return (n, count) with the values in their lanes and NaN elsewhere."""
+def _spread(values: Any, samples: Any, count: int) -> Any:
+    """Return (n, count) with the values in their samples and NaN elsewhere."""
     out = np.full((len(values), count), np.nan)
-    out[:, lanes] = values
+    out[:, samples] = values
     return out
 
 
@@ -200,12 +200,12 @@ def _inverse(system: System, q: Any, t: Any) -> Any:
 
 
 def _times(matrix: Any, vector: Any) -> Any:
-    """Return the product lane by lane of (m, n, T) and (n, T), or with more axes than one for the lanes."""
+    """Return the product sample by sample of (m, n, T) and (n, T), or with more axes than one for the samples."""
     return np.einsum("mn...,n...->m...", matrix, vector)
 
 
 def _product(left: Any, right: Any) -> Any:
-    """Return the matrix product lane by lane of (a, b, T) and (b, c, T)."""
+    """Return the matrix product sample by sample of (a, b, T) and (b, c, T)."""
     return np.einsum("abt,bct->act", left, right)
 
 
@@ -280,6 +280,6 @@ def _residual_error(system: System, q: Any, rate: Any, t: Any, shape: tuple[int,
 
 
 def _first_order(system: System, inverse: Any, dq: Any, q: Any, t: Any) -> Any:
-    """Return per lane whether dq changes J by less than a tenth of itself, so that first order says enough."""
+    """Return per sample whether dq changes J by less than a tenth of itself, so that first order says enough."""
     change = np.imag(system.phi_q(q + 1j * STEP * dq, t)) / STEP
     return np.max(np.sum(np.einsum("nmt,mkt->nkt", inverse, np.abs(change)), axis=1), axis=0) < 0.1

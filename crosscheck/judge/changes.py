@@ -92,9 +92,9 @@ def _levels(ref: Reference, off: Motion, on: Motion, terms: Sequence[Term]) -> I
         allowed = np.where(budget.judged, getattr(budget, quantity)[rows], 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(size == 0.0, 0.0, size / allowed)
-        row, lane = (int(k) for k in np.unravel_index(np.argmax(relative), relative.shape))
-        where = f"{quantity} of {bodies[row // 3]}.{COORDINATES[row % 3]} at t = {off.t[lane]:.17g}"
-        yield float(relative[row, lane]), float(np.max(ratio)), where
+        row, sample = (int(k) for k in np.unravel_index(np.argmax(relative), relative.shape))
+        where = f"{quantity} of {bodies[row // 3]}.{COORDINATES[row % 3]} at t = {off.t[sample]:.17g}"
+        yield float(relative[row, sample]), float(np.max(ratio)), where
 
 
 def _difference(ref: Reference, off: Motion, on: Motion, bodies: Sequence[str], order: int) -> Any:

@@ -135,7 +135,7 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     rows = np.concatenate([np.r_[ref.system.columns(body)] for body in motion.bodies])
     names = [f"{body}.{c}" for body in motion.bodies for c in ref.system.kind.coordinates]
     answered = np.array([s is Status.OK for s in motion.status])
-    lanes = budget.judged[at] & answered
+    samples = budget.judged[at] & answered
     compared = {}
     for k, (difference, ours) in enumerate(scaled_differences(ref, motion.bodies, motion.levels, at)):
         quantity = QUANTITIES[k]
@@ -144,15 +144,15 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
         allowed = getattr(budget, quantity)[rows][:, at]
         if ref.idle:
             allowed = spun(allowed, motion.bodies, ref.idle)
-        judged = _judge(np.abs(difference), allowed, ours, lanes, k, names, motion.t)
-        signed = np.full((ref.system.of_bodies, len(lanes)), np.nan)
-        signed[np.ix_(rows, lanes)] = difference[:, lanes]
+        judged = _judge(np.abs(difference), allowed, ours, samples, k, names, motion.t)
+        signed = np.full((ref.system.of_bodies, len(samples)), np.nan)
+        signed[np.ix_(rows, samples)] = difference[:, samples]
         compared[quantity] = replace(judged, difference=signed)
     reference_ok = np.array([s is Status.OK for s in ref.motion.status])[at]
     missing = np.flatnonzero(reference_ok & ~answered)
     first = float(motion.t[missing[0]]) if missing.size else np.inf
-    other = _other_assembly(ref, motion, compared, lanes, at)
-    return Comparison(compared, len(missing), int(lanes.sum()), other, first)
+    other = _other_assembly(ref, motion, compared, samples, at)
+    return Comparison(compared, len(missing), int(samples.sum()), other, first)
 
 
 def scales(ours: Any, level: int) -> Any:
@@ -200,27 +200,27 @@ def _difference(system: System, theirs: Any, ours: Any, level: int) -> Any:
 
 
 def _judge(
-    error: Any, allowed: Any, ours: Any, lanes: Any, level: int, names: Sequence[str], t: Any
+    error: Any, allowed: Any, ours: Any, samples: Any, level: int, names: Sequence[str], t: Any
 ) -> QuantityComparison:
-    count = len(lanes)
+    count = len(samples)
     blank = np.full(count, np.nan)
     out = QuantityComparison(blank.copy(), blank.copy(), blank.copy(), None)
-    if not lanes.any():
+    if not samples.any():
         return out
-    error, allowed, ours = error[:, lanes], allowed[:, lanes], ours[:, lanes]
+    error, allowed, ours = error[:, samples], allowed[:, samples], ours[:, samples]
     with np.errstate(divide="ignore", invalid="ignore"):
         error = np.where(np.isfinite(error), error, np.inf)  # a NaN that calls itself an answer is as wrong as can be
         ratio = np.where(error == 0.0, 0.0, error / allowed)
         scale = scales(ours, level)
         relative = np.where(np.max(error, axis=0) == 0.0, 0.0, np.max(error, axis=0) / scale)
         digits = np.minimum(MOST_DIGITS, -np.log10(relative))
-    out.error[lanes], out.ratio[lanes], out.digits[lanes] = np.max(error, axis=0), np.max(ratio, axis=0), digits
-    row, lane = (int(k) for k in np.unravel_index(np.nanargmax(ratio), ratio.shape))
-    return replace(out, worst=At(names[row], float(t[lanes][lane])))
+    out.error[samples], out.ratio[samples], out.digits[samples] = np.max(error, axis=0), np.max(ratio, axis=0), digits
+    row, sample = (int(k) for k in np.unravel_index(np.nanargmax(ratio), ratio.shape))
+    return replace(out, worst=At(names[row], float(t[samples][sample])))
 
 
 def _other_assembly(
-    ref: Reference, motion: Motion, compared: Mapping[str, QuantityComparison], lanes: Any, at: Any
+    ref: Reference, motion: Motion, compared: Mapping[str, QuantityComparison], samples: Any, at: Any
 ) -> bool:
     """Whether a wrong position is another solution of the constraints: the same linkage, put together another way.
 
@@ -231,7 +231,7 @@ def _other_assembly(
     whole = set(motion.bodies) == {b.name for b in ref.scene.mechanism.bodies} and system.n == system.of_bodies
     if "position" not in compared or compared["position"].agrees or not whole:
         return False
-    wrong = lanes & (compared["position"].ratio > 1.0) & np.isfinite(compared["position"].error)
+    wrong = samples & (compared["position"].ratio > 1.0) & np.isfinite(compared["position"].error)
     starts = [width * motion.bodies.index(b.name) for b in ref.scene.mechanism.bodies]
     order = np.concatenate([np.arange(start, start + width) for start in starts])
     q, t = ref.system.to_unit(motion.q[order][:, wrong]), motion.t[wrong]

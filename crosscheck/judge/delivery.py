@@ -115,15 +115,15 @@ def put_together_wrongly(scene: Scene, motion: Motion) -> Iterator[dict[str, Any
     if scene.mechanism.kind.name != "spatial":
         return
     ok = np.array([s is Status.OK for s in motion.status])
-    for name, lanes in reversed_joints(scene.mechanism, motion).items():
-        wrong = ok & lanes
+    for name, samples in reversed_joints(scene.mechanism, motion).items():
+        wrong = ok & samples
         if wrong.any():
-            told = _at(motion, wrong, QUANTITIES[0], Cause.REVERSED)
-            yield {**told, "message": f"{name!r}: {told['message']}"}
+            row = _at(motion, wrong, QUANTITIES[0], Cause.REVERSED)
+            yield {**row, "message": f"{name!r}: {row['message']}"}
 
 
-def _at(motion: Motion, lanes: Any, quantity: str, kind: Cause) -> dict[str, Any]:
-    times = f"{int(lanes.sum())} times, first t = {motion.t[lanes][0]:.17g}"
+def _at(motion: Motion, samples: Any, quantity: str, kind: Cause) -> dict[str, Any]:
+    times = f"{int(samples.sum())} times, first t = {motion.t[samples][0]:.17g}"
     return {"quantity": quantity, "kind": kind, "message": times}
 
 

@@ -95,16 +95,16 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
     scale = np.tile([size] * kind.dimension + [1.0] * (kind.width - kind.dimension), count_of)
     samples = []
     for _ in range(count):
-        lane = draw.randrange(len(t))
+        sample = draw.randrange(len(t))
         move, rate = (np.array([draw.uniform(-1.0, 1.0) for _ in scale]) * scale for _ in range(2))
-        bodies, contacts = np.split(near[:, lane], [len(scale)])
+        bodies, contacts = np.split(near[:, sample], [len(scale)])
         q, qd = bodies + move, 3.0 * rate
         if kind.name == "spatial":
             for k in range(count_of):
                 p = slice(7 * k + 3, 7 * k + 7)
                 q[p] /= np.linalg.norm(q[p])
                 qd[p] -= q[p] * (q[p] @ qd[p])  # so that the length stays 1
-        samples.append(Configuration(mechanism, q, qd, float(t[lane]), contacts))
+        samples.append(Configuration(mechanism, q, qd, float(t[sample]), contacts))
     return samples
 
 

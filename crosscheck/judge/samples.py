@@ -31,7 +31,7 @@ def quantities(ref: Reference, comparison: Comparison) -> dict[str, Quantity]:
     }
 
 
-def attainable(ref: Reference) -> dict[str, Any]:
+def attainable_digits(ref: Reference) -> dict[str, Any]:
     """Return, per quantity, the digits (T,) that the rounding of numbers and formulas leaves, by first order.
 
     It is the budget of an engine that adds nothing, without the safety factor; NaN where no budget is derived.

@@ -96,23 +96,27 @@ def attainable_levels(ref: Reference, known: Any) -> list[tuple[Any, Any]]:
     known : (T,) array of bool
         The B times that are asked for: some at which the reference is ok.
     """
-    lanes = np.isin(np.flatnonzero([s is Status.OK for s in ref.motion.status]), np.flatnonzero(known))
+    samples = np.isin(np.flatnonzero([s is Status.OK for s in ref.motion.status]), np.flatnonzero(known))
     system, t, carry = ref.system, ref.motion.t[known], ref.propagation
     assert carry is not None  # there are times at which the reference is ok
     q, qd, qdd = (level[:, known] for level in ref.levels)
     e_phi = input_effect(system, q, t, HALF_ULP)
-    moved = carry.carried.at(lanes)(e_phi, *_inputs_in_rates(system, q, qd, qdd, t))
+    moved = carry.carried.at(samples)(e_phi, *_inputs_in_rates(system, q, qd, qdd, t))
     return [(m + half_ulp(system, x, k), x) for k, (m, x) in enumerate(zip(moved, (q, qd, qdd), strict=True))]
 
 
 def _inputs_in_rates(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple[Any, Any]:
     """Return how far half an ulp of every given number moves phi_q qd - nu and phi_q qdd - gamma, (m, B) each."""
-    moved, times, lanes = bounded_system(system, error=HALF_ULP), Times(t, 3), len(t)  # by order 3 the time in order 2
+    moved, times, samples = (
+        bounded_system(system, error=HALF_ULP),
+        Times(t, 3),
+        len(t),
+    )  # by order 3 the time in order 2
     pose, rate, bend = box(q), box(qd), box(qdd)
     slope = moved.phi_q(pose, times)
     at_rate = slope @ rate - moved.nu(pose, times)
     at_bend = slope @ bend - moved.gamma(pose, rate, times)
-    return read(at_rate, lanes).spread, read(at_bend, lanes).spread
+    return read(at_rate, samples).spread, read(at_bend, samples).spread
 
 
 def _scale(level: Any, order: int) -> Any:

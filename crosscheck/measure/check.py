@@ -32,7 +32,7 @@ from crosscheck.judge.records import (
     RouteData,
 )
 from crosscheck.judge.samples import (
-    attainable,
+    attainable_digits,
     by_decade,
     common_sample,
     histogram,
@@ -205,7 +205,7 @@ def _reference_row(ref: Reference, seconds: float) -> ReferenceRow:
         residual=largest(motion.residual),
         certified_radius={q: largest(getattr(radius, q)) for q in QUANTITIES},
         common=common_sample(ref),
-        attainable_by_sigma={q: by_decade(ref.sigma_min, digits) for q, digits in attainable(ref).items()},
+        attainable_by_sigma={q: by_decade(ref.sigma_min, digits) for q, digits in attainable_digits(ref).items()},
         seconds=seconds,
     )
 

@@ -67,13 +67,13 @@ class FourBars:
         """The estimates of the first pose, (9, M)."""
         return np.round(four_bar(self.lengths, SPEED * self.t[0] + np.zeros(self.mechanisms))[0], 6)
 
-    def scene(self, lane: int = 0) -> Scene:
+    def scene(self, mechanism: int = 0) -> Scene:
         """Return the scene of one mechanism, without evidence."""
-        ground, crank, coupler, rocker = map(float, self.lengths[:, lane])
+        ground, crank, coupler, rocker = map(float, self.lengths[:, mechanism])
         linkage = FourBar(ground=ground, crank=crank, coupler=coupler, rocker=rocker)
         law = Polynomial(coefficients=(0.0, SPEED))
         scene = linkage.scene(law=law, times=self.t.tolist(), evidence=(), name=self.name)
-        x = self.starts[:, lane].tolist()
+        x = self.starts[:, mechanism].tolist()
         bodies = tuple(
             replace(b, estimate=(x[3 * k], x[3 * k + 1], x[3 * k + 2])) for k, b in enumerate(scene.mechanism.bodies)
         )

@@ -141,27 +141,27 @@ class _Answer:
         self.residual, self.sigma_min, self.condition = (nowhere(count) for _ in range(3))
         self.radius = no_radius(count)
 
-    def judge(self, lanes: Any) -> None:
+    def judge(self, samples: Any) -> None:
         """Fill rates and evidence of the poses that were reached, and give each its status."""
-        solvable, regular = self._look(lanes)
-        self._rates(lanes[solvable])
+        solvable, regular = self._look(samples)
+        self._rates(samples[solvable])
         proved = Evidence.CERTIFICATE in self.scene.evidence
         # Redundant rows that contradict each other leave a residual at a regular pose, or none but in the rates: proof
         # decides there.
         redundant = self.system.m > self.system.n and bool(self.system.effects)
-        ok = np.where(proved or redundant, False, self._closed(lanes) & regular)
-        for group in (lanes[~ok & solvable], lanes[~ok & ~solvable]):
-            ok[np.isin(lanes, group)] = self._prove(group)
-        closed = self._closed(lanes)
-        for k, isolated, closes in zip(lanes, ok, closed, strict=True):
+        ok = np.where(proved or redundant, False, self._closed(samples) & regular)
+        for group in (samples[~ok & solvable], samples[~ok & ~solvable]):
+            ok[np.isin(samples, group)] = self._prove(group)
+        closed = self._closed(samples)
+        for k, isolated, closes in zip(samples, ok, closed, strict=True):
             if self.status[k] is Status.OK:
                 open_ = Status.SINGULAR if closes else Status.NOT_CONVERGED
                 self.status[k] = Status.OK if isolated else open_
-        for k in lanes[1:]:  # no pose counts as one of the branch after one that is not
+        for k in samples[1:]:  # no pose counts as one of the branch after one that is not
             if self.status[k] is Status.OK and self.status[k - 1] is not Status.OK:
                 self.status[k] = Status.BRANCH_LOST
                 self.q[:, k] = self.residual[k] = self.sigma_min[k] = self.condition[k] = np.nan
-        for k in lanes:
+        for k in samples:
             if self.status[k] not in (Status.OK, Status.LOCKED):
                 self._withhold(k, 0)
 
@@ -172,62 +172,62 @@ class _Answer:
         for radii in (self.radius.position, self.radius.velocity, self.radius.acceleration)[order:]:
             radii[k] = np.nan
 
-    def _closed(self, lanes: Any) -> Any:
+    def _closed(self, samples: Any) -> Any:
         """Return whether the residual of each pose is round-off."""
-        return is_round_off(self.residual[None, lanes], self.q[:, lanes])
+        return is_round_off(self.residual[None, samples], self.q[:, samples])
 
-    def _look(self, lanes: Any) -> tuple[Any, Any]:
+    def _look(self, samples: Any) -> tuple[Any, Any]:
         """Fill the residual; return where phi_q can be solved with, and where its sigma_min is above SINGULAR.
 
         Singular values are computed where the scene calls for them, and where a bound that costs less leaves doubt.
         """
-        q, t, n = self.q[:, lanes], self.t[lanes], self.system.n
-        self.residual[lanes] = np.max(np.abs(self.system.phi(q, t)), axis=0)
+        q, t, n = self.q[:, samples], self.t[samples], self.system.n
+        self.residual[samples] = np.max(np.abs(self.system.phi(q, t)), axis=0)
         jacobian = np.moveaxis(self.system.phi_q(q, t), -1, 0)
-        solvable = np.zeros(len(lanes), bool)
+        solvable = np.zeros(len(samples), bool)
         if Evidence.CONDITION not in self.scene.evidence:
             limit = np.maximum(SINGULAR, n * EPS * np.linalg.norm(jacobian, axis=(1, 2)))
             solvable = _at_least(jacobian) > 2 * limit  # 2: the bound is rounded
         regular, asked = solvable.copy(), ~solvable
         if asked.any():
             sigma = np.linalg.svd(jacobian[asked], compute_uv=False)
-            smallest = self.sigma_min[lanes[asked]] = sigma[:, n - 1]
+            smallest = self.sigma_min[samples[asked]] = sigma[:, n - 1]
             with np.errstate(divide="ignore", invalid="ignore"):
-                self.condition[lanes[asked]] = sigma[:, 0] / smallest
+                self.condition[samples[asked]] = sigma[:, 0] / smallest
             solvable[asked], regular[asked] = smallest > n * EPS * sigma[:, 0], smallest > SINGULAR
         return solvable, regular
 
-    def _rates(self, lanes: Any) -> None:
+    def _rates(self, samples: Any) -> None:
         """Fill velocity and acceleration, as far as the scene calls for them."""
-        if not self.system.effects or not lanes.size:
+        if not self.system.effects or not samples.size:
             return
-        q, t = self.q[:, lanes], self.t[lanes]
+        q, t = self.q[:, samples], self.t[samples]
         phi_q = self.system.phi_q(q, t)
-        self.qd[:, lanes] = velocity(self.system, q, t, phi_q)
+        self.qd[:, samples] = velocity(self.system, q, t, phi_q)
         if Effect.ACCELERATION in self.system.effects:
-            self.qdd[:, lanes] = acceleration(self.system, q, self.qd[:, lanes], t, phi_q)
+            self.qdd[:, samples] = acceleration(self.system, q, self.qd[:, samples], t, phi_q)
 
-    def _prove(self, lanes: Any) -> Any:
+    def _prove(self, samples: Any) -> Any:
         """Return which poses are isolated, by proof, and note the proved radii."""
-        if not lanes.size:
+        if not samples.size:
             return np.zeros(0, bool)
-        rates = [level[:, lanes] if np.isfinite(level[:, lanes]).all() else None for level in (self.qd, self.qdd)]
-        answers = (self.system, self.q[:, lanes], self.t[lanes], *rates)
+        rates = [level[:, samples] if np.isfinite(level[:, samples]).all() else None for level in (self.qd, self.qdd)]
+        answers = (self.system, self.q[:, samples], self.t[samples], *rates)
         isolation = isolate(*answers)
         if isolation.ok.any():
             isolation = over_all_choices(self.system, isolation, *answers[1:])
             self.messages.append(isolation.why)
         for name in ("position", "velocity", "acceleration"):
-            getattr(self.radius, name)[lanes] = getattr(isolation, name)
-        for lane, enclosure in isolation.enclosures.items():
-            self._take(lanes[lane], enclosure)
-        self._contradicted(lanes, isolation.contradiction > 1.0, isolation.contradiction)
-        self.radius.position[lanes] += np.max(output_rounding(self.system, self.q[:, lanes]), axis=0)
+            getattr(self.radius, name)[samples] = getattr(isolation, name)
+        for sample, enclosure in isolation.enclosures.items():
+            self._take(samples[sample], enclosure)
+        self._contradicted(samples, isolation.contradiction > 1.0, isolation.contradiction)
+        self.radius.position[samples] += np.max(output_rounding(self.system, self.q[:, samples]), axis=0)
         return isolation.ok
 
-    def _contradicted(self, lanes: Any, where: Any, size: Any) -> None:
+    def _contradicted(self, samples: Any, where: Any, size: Any) -> None:
         """Give the status of poses, and of rates, at which redundant rows contradict each other (3, B)."""
-        for k, levels, times in zip(lanes, where.T, size.T, strict=True):
+        for k, levels, times in zip(samples, where.T, size.T, strict=True):
             if not levels.any():
                 continue
             order = int(np.argmax(levels))

@@ -10,8 +10,7 @@ import pytest
 
 import refkin
 from crosscheck.engines import load
-from crosscheck.judge.attainable import attainable, fold, residual_error
-from crosscheck.judge.hard_poses import GRANTED, HardOutcome, samples, truths
+from crosscheck.judge.hard_poses import GRANTED, HardOutcome, fold, least_error, residual_error, samples, truths
 from crosscheck.measure.hard_classing import classed, job, outcome_of
 from crosscheck.measure.hard_table import KEYS, hard_case_rows
 from crosscheck.scenes.hard import DISTANCES, GAPS, KINDS, hard_cases
@@ -232,7 +231,7 @@ def test_what_is_attainable_is_near_round_off_at_a_regular_pose():
     system, truth = truths(EASY)
     q = np.array([float(x) for x in truth[0].roots[0][0]])
 
-    assert 1e-15 < np.max(attainable(system, q, EASY.scene.times[0])[system.angles]) < 1e-12
+    assert 1e-15 < np.max(least_error(system, q, EASY.scene.times[0])[system.angles]) < 1e-12
 
 
 @pytest.mark.parametrize("engine", ["mujoco", "pinocchio"])

@@ -10,7 +10,7 @@ import pytest
 
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.records import line_of, read_line
-from crosscheck.judge.samples import attainable, common_sample, off_at, short
+from crosscheck.judge.samples import attainable_digits, common_sample, off_at, short
 from crosscheck.measure.check import check
 from crosscheck.night.pictures import worst_sample
 from refkin import FourBar, Polynomial, solve
@@ -62,7 +62,7 @@ def test_attainable_digits_are_fewer_near_a_fold():
     fold = FourBar(ground=90.0, crank=30.0, coupler=60.0, rocker=45.0)
     limit = fold.input_range()[0][1]
     times = (limit - 1e-2, limit - 1e-6)
-    found = attainable(reference(fold.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=times)))
+    found = attainable_digits(reference(fold.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=times)))
 
     for quantity in ("position", "velocity", "acceleration"):
         far, near = found[quantity]

@@ -152,9 +152,9 @@ def box(q: Any, radii: Any = 0.0, number: type[Bounded] = Bounded) -> Any:
     return out
 
 
-def read(numbers: Any, lanes: int) -> Bounds:
-    """Return an object array of `Bounded` numbers and plain ones as binary64 arrays, B = `lanes`."""
-    mid, rounding, spread = (np.zeros((*numbers.shape, lanes)) for _ in range(3))
+def read(numbers: Any, batch: int) -> Bounds:
+    """Return an object array of `Bounded` numbers and plain ones as binary64 arrays, B = `batch`."""
+    mid, rounding, spread = (np.zeros((*numbers.shape, batch)) for _ in range(3))
     for place, x in np.ndenumerate(numbers):
         if isinstance(x, Bounded):
             narrowed = U * x.size(x.mid) if x.unit < U else 0.0

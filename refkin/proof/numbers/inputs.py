@@ -50,13 +50,13 @@ def contradiction(system: System, rows: Any, root: Nearly, t: Any) -> Any:
     these rows and, through the pose, in the rows (n,) that were solved. 0 if no row was left out.
     """
     others = np.setdiff1d(np.arange(system.m), rows)
-    lanes = np.shape(root.given)[1]
+    batch = np.shape(root.given)[1]
     if not others.size:
-        return np.zeros(lanes)
+        return np.zeros(batch)
     with np.errstate(all="ignore"):
         pose = Preconditioned(system, rows, root.given, t, 0)
-        phi = read(pose.sharp.phi(root.box(), pose.times)[others], lanes)
-        slope = read(pose.system.phi_q(box(pose.q), pose.times)[others], lanes)
+        phi = read(pose.sharp.phi(root.box(), pose.times)[others], batch)
+        slope = read(pose.system.phi_q(box(pose.q), pose.times)[others], batch)
         inputs = input_effect(system, pose.q, t, A_FEW_ROUNDINGS)
         moved = product(np.abs(slope.mid), product(pose.size, inputs[rows]))
         return np.max(np.abs(phi.mid) / (UP * (phi.rounding + phi.spread + inputs[others] + moved)), axis=0)
@@ -69,18 +69,18 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
     phi_q qd = nu, or in phi_q qdd = gamma. Rates are those of the rows (n,) that were solved. What explains a left-out
     row: its own spread over what the pose may be off by, and, through the rates, that of the solved rows.
     """
-    others, lanes = np.setdiff1d(np.arange(system.m), rows), np.shape(q)[1]
-    excess = np.zeros((2, lanes))
+    others, batch = np.setdiff1d(np.arange(system.m), rows), np.shape(q)[1]
+    excess = np.zeros((2, batch))
     if not others.size:
         return excess
     with np.errstate(all="ignore"):
         pose, times = Preconditioned(system, rows, q, t, 0), Times(t, 3 if acceleration else 2)
         rough = bounded_system(system, error=A_FEW_ROUNDINGS)
         off = product(pose.size, input_effect(system, q, t, A_FEW_ROUNDINGS)[rows]) + half_ulp(system, q)
-        slope = read(rough.phi_q(box(q, off), times), lanes)
+        slope = read(rough.phi_q(box(q, off), times), batch)
         at, rate, radii = box(q, off), np.zeros_like(q), np.zeros_like(q)
         for order in range(2 if acceleration else 1):
-            right = read(rough.gamma(at, box(rate, radii), times) if order else rough.nu(at, times), lanes)
+            right = read(rough.gamma(at, box(rate, radii), times) if order else rough.nu(at, times), batch)
             rate = product(pose.inverse, right.mid[rows])
             size = product(np.abs(slope.mid), np.abs(rate)) + np.abs(right.mid)
             spread = product(slope.spread + slope.rounding, np.abs(rate)) + right.spread + right.rounding

@@ -94,5 +94,5 @@ def inverses(stacked: Any) -> Any:
 
 
 def product(matrix: Any, vector: Any) -> Any:
-    """Return the product lane by lane of (m, n, B) and (n, B)."""
+    """Return the product sample by sample of (m, n, B) and (n, B)."""
     return np.einsum("ijb,jb->ib", matrix, vector)

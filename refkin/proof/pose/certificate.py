@@ -196,7 +196,7 @@ def _uniqueness(pose: Preconditioned, radii: Any) -> tuple[Any, Any, Any]:
 
 
 def _joined(parts: list[Certificate]) -> Certificate:
-    """Return the certificates of consecutive blocks of lanes as one."""
+    """Return the certificates of consecutive blocks of samples as one."""
     values: dict[str, Any] = {}
     for field in fields(Certificate):
         column = [getattr(part, field.name) for part in parts]

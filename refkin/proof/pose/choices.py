@@ -95,14 +95,14 @@ def _bounds(system: System, rows: Any, asked: Any, q: Any, t: Any, qd: Any, qdd:
     for bound, radii in zip(bounds, (proof.radii, proof.velocity, proof.acceleration), strict=True):
         if radii is not None:
             bound[proof.ok] = np.max(radii[:, proof.ok], axis=0)
-    for lane in np.flatnonzero(asked & ~proof.ok):
-        root = krawczyk(system, q[:, lane], float(t[lane]), rows=rows)
-        if root is None or not (distance := np.max(root.distance(q[:, lane]))) <= NEAR:
+    for sample in np.flatnonzero(asked & ~proof.ok):
+        root = krawczyk(system, q[:, sample], float(t[sample]), rows=rows)
+        if root is None or not (distance := np.max(root.distance(q[:, sample]))) <= NEAR:
             continue
-        bounds[0][lane] = distance
+        bounds[0][sample] = distance
         if qd is not None:
             velocity = root.velocity()
-            bounds[1][lane] = np.max(root.distance(qd[:, lane], velocity))
+            bounds[1][sample] = np.max(root.distance(qd[:, sample], velocity))
             if qdd is not None:
-                bounds[2][lane] = np.max(root.distance(qdd[:, lane], root.acceleration(velocity)))
+                bounds[2][sample] = np.max(root.distance(qdd[:, sample], root.acceleration(velocity)))
     return bounds

@@ -42,7 +42,7 @@ class Isolation:
     rows : (n,) array of int
         The rows that were certified in float64.
     enclosures : dict
-        By lane: the roots that balls enclosed, where float64 proved none, or little. They know better than the answers.
+        By sample: the roots that balls enclose, where float64 proved little. They are better than the answers.
     why : str
         Why there are no bounds of poses that are isolated; empty if there are.
     """
@@ -91,13 +91,13 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
     for bound, rate in ((isolation.velocity, qd), (isolation.acceleration, qdd)):
         if rate is not None:
             sharp &= bound <= BLURRED_RATE * np.maximum(1.0, np.max(np.abs(rate), axis=0))
-    for lane in np.flatnonzero(~sharp & np.isfinite(q).all(axis=0) & np.isfinite(t)):
-        enclosure = _in_moved_frames(frames, q[:, lane], t[lane], bits)
+    for sample in np.flatnonzero(~sharp & np.isfinite(q).all(axis=0) & np.isfinite(t)):
+        enclosure = _in_moved_frames(frames, q[:, sample], t[sample], bits)
         if enclosure is None:
-            enclosure = krawczyk(system, q[:, lane], t[lane], bits)
+            enclosure = krawczyk(system, q[:, sample], t[sample], bits)
         if enclosure is not None:
-            rates = [None if x is None else np.asarray(x, float)[:, lane] for x in (qd, qdd)]
-            _by_balls(isolation, lane, enclosure, q[:, lane], *rates)
+            rates = [None if x is None else np.asarray(x, float)[:, sample] for x in (qd, qdd)]
+            _by_balls(isolation, sample, enclosure, q[:, sample], *rates)
     if qd is not None:
         isolation.contradiction[1:] = rate_contradiction(system, proof.rows, q, t, qdd is not None)
     return isolation
@@ -118,15 +118,17 @@ def _in_moved_frames(frames: Recentred, q: Any, t: float, bits: int) -> Enclosur
     return Enclosure(frames.system, t, bits, root, radii, enclosure.rows)
 
 
-def _by_balls(bounds: Isolation, lane: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:
-    bounds.position[lane] = position = np.max(enclosure.distance(q))
-    if not bounds.ok[lane]:
+def _by_balls(bounds: Isolation, sample: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:
+    bounds.position[sample] = position = np.max(enclosure.distance(q))
+    if not bounds.ok[sample]:
         wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
-        bounds.unique[lane] = np.min(enclosure.radii) if wider is None else 2 * position
-    bounds.ok[lane], bounds.bits[lane], bounds.enclosures[int(lane)] = True, enclosure.bits, enclosure
-    bounds.contradiction[0, lane] = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])[0]
+        bounds.unique[sample] = np.min(enclosure.radii) if wider is None else 2 * position
+    bounds.ok[sample], bounds.bits[sample], bounds.enclosures[int(sample)] = True, enclosure.bits, enclosure
+    bounds.contradiction[0, sample] = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])[
+        0
+    ]
     if qd is not None:
         velocity = enclosure.velocity()
-        bounds.velocity[lane] = np.max(enclosure.distance(qd, velocity))
+        bounds.velocity[sample] = np.max(enclosure.distance(qd, velocity))
         if qdd is not None:
-            bounds.acceleration[lane] = np.max(enclosure.distance(qdd, enclosure.acceleration(velocity)))
+            bounds.acceleration[sample] = np.max(enclosure.distance(qdd, enclosure.acceleration(velocity)))
