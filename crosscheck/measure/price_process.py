@@ -7,6 +7,7 @@ process says what it is at before it begins with it, so that a method that ends 
 from __future__ import annotations
 
 import time
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -197,12 +198,13 @@ def _time(runs: Sequence[_Run], poses: str, question: Question, end: float, pipe
     calls: dict[tuple[Key, int], Callable[[], Any]] = {}
     known: dict[tuple[Key, int], float] = {}
     cost, announcer = 0.0, _Announcer(pipe)
-    for run in sorted(runs, key=lambda run: run.seconds[poses]):
+    for run in best_of_each_first(runs, poses):
         key, once = run.method.key, run.seconds[poses]
         pipe.send(("timed", key, poses, -1, once / (len(run.models[poses]) * question.poses), None))
         orders = [run.order] if run.method.at_once else list(range(run.order + 1))
-        cost += (CALLS_NEEDED - 2) * len(orders) * max(once, AT_LEAST)
-        if cost <= end - time.process_time():
+        own = (CALLS_NEEDED - 2) * len(orders) * max(once, AT_LEAST)
+        if cost + own <= end - time.process_time():
+            cost += own
             for order in orders:
                 calls[key, order] = partial(announcer.solve, run, poses, order)
                 calls[key, order]()
@@ -221,10 +223,24 @@ def _time(runs: Sequence[_Run], poses: str, question: Question, end: float, pipe
         pipe.send(("timed", key, poses, order, timing.seconds / counts[key], spread))
 
 
+def best_of_each_first(runs: Sequence[_Run], poses: str) -> list[_Run]:
+    """Return the cheapest setting of every method, then the second of each, and so on, each time the cheapest first.
+
+    Where time is short some settings are not timed, but no method is without a price.
+    """
+    met = Counter[Key]()
+    ranked = []
+    for run in sorted(runs, key=lambda run: run.seconds[poses]):
+        engine, name, _ = run.method.key
+        ranked.append((met[engine, name, ""], run))
+        met[engine, name, ""] += 1
+    return [run for _, run in sorted(ranked, key=lambda place: place[0])]
+
+
 def _in_bulk(runs: Sequence[_Run], question: Question, end: float, pipe: Any) -> Iterator[_Run]:
-    """Yield the methods that have answered in bulk; the cheapest go first, as long as there is time."""
+    """Yield the methods that have answered in bulk, as long as there is time."""
     until = end - (1.0 - BULK_ANSWERS) * (end - time.process_time())
-    for run in sorted(runs, key=lambda run: run.seconds["cycle"]):
+    for run in best_of_each_first(runs, "cycle"):
         if time.process_time() > until:
             return
         pipe.send(("at", run.method.key, run.method.newton_by))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 from crosscheck.judge.records import QUANTITIES as SOLVED
@@ -16,25 +16,28 @@ GOAL = 9
 
 
 def first_table(report: Report) -> list[dict[str, Any]]:
-    """Return a row per engine and route: digits, price, what was wrong without a word."""
+    """Return a row per engine and route: digits, price, what was wrong without a word.
+
+    The price is that of the engine's best method, whichever it is: all that is said of an engine's price is said of that.
+    """
     prices = report["price"] or []
-    nine = cheapest(prices, "acceleration", GOAL, main_class(prices))
-    priced = {(row["engine"], row["method"]) for row in prices}
+    best = best_methods(prices)
+    priced = {row["engine"] for row in prices}
     of_routes = {(row["engine"], row["route"]): row for row in report["routes"]}
     rows = []
     for engine, routes in report["engines"].items():
         for route, quantities in routes.items():
             made = of_routes.get((engine, route), {})
             silent, seriousness = _silent(report, engine, route, made)
-            same = (engine, route)
-            paid = nine[same]["microseconds"] if same in nine else None
+            paid = best.get(engine)
             rows.append(
                 {
                     "engine": engine,
                     "route": route,
                     "cells": [_cell(quantities[quantity]) for quantity in SOLVED],
-                    "price": paid if prices else made.get("microseconds_median"),
-                    "priced": same in priced or not prices,
+                    "price": made.get("microseconds_median") if not prices else paid and paid["microseconds"],
+                    "priced_method": paid["method"] if paid and paid["method"] != route else "",
+                    "priced": engine in priced or not prices,
                     "silent": silent,
                     "silent_class": seriousness,
                     "scenes": made.get("scenes", 0),
@@ -42,6 +45,15 @@ def first_table(report: Report) -> list[dict[str, Any]]:
                 }
             )
     return rows
+
+
+def best_methods(prices: Sequence[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
+    """Return, per engine, the row of the cheapest method and setting with nine digits of acceleration, cheapest first."""
+    nine = cheapest(prices, "acceleration", GOAL, main_class(prices))
+    best: dict[str, Mapping[str, Any]] = {}
+    for row in sorted(nine.values(), key=lambda row: float(row["microseconds"])):
+        best.setdefault(row["engine"], row)
+    return best
 
 
 def _cell(cell: Mapping[str, Any]) -> dict[str, Any]:
@@ -74,19 +86,18 @@ def _silent(report: Report, engine: str, route: str, made: Mapping[str, Any]) ->
 def answer(report: Report) -> str:
     """Return the sentence that names the cheapest way to nine digits of acceleration; empty without a price list."""
     prices = report["price"] or []
-    paid = cheapest(prices, "acceleration", GOAL, main_class(prices))
-    if not paid:
+    ordered = list(best_methods(prices).values())
+    if not ordered:
         return "No route reaches nine digits of acceleration." if prices else ""
-    ordered = sorted(paid.items(), key=lambda item: float(item[1]["microseconds"]))
-    cheapest_method = _paid(*ordered[0])
-    others = [item for item in ordered if item[0][0] in report["engines"]]
-    if others and others[0] != ordered[0]:
-        cheapest_method += f"; of the engines compared here, with {_paid(*others[0])}"
+    cheapest_method = _paid(ordered[0])
+    others = [row for row in ordered if row["engine"] in report["engines"]]
+    if others and others[0] is not ordered[0]:
+        cheapest_method += f"; of the engines compared here, with {_paid(others[0])}"
     return f"Nine digits of acceleration cost least with {cheapest_method} ({main_class(prices)} scenes)."
 
 
-def _paid(who: tuple[str, str], row: Mapping[str, Any]) -> str:
-    return f"{who[0]} · {who[1]}: {number(row['microseconds'])} µs"
+def _paid(row: Mapping[str, Any]) -> str:
+    return f"{row['engine']} · {row['method']}: {number(row['microseconds'])} µs"
 
 
 def hard_matrix(report: Report) -> dict[str, Any]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -14,6 +15,7 @@ from crosscheck.engines.methods import PRICED
 from crosscheck.judge.prices import Offer, PriceRow, cheapest, ratios, repeated, with_suspicions
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.price import price
+from crosscheck.measure.price_process import best_of_each_first
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import FourBar
 
@@ -273,3 +275,13 @@ def test_the_command_prints_one_object_with_the_promised_keys(tmp_path, capsys):
     assert {row["engine"] for row in told["rows"]} == {*PRICED}
     assert told["cheapest"]["cycle"]["position"]["12"]["microseconds"] > 0.0
     assert "<svg" in (tmp_path / "page.html").read_text(encoding="utf-8")
+
+
+def test_where_time_is_short_every_method_comes_before_the_second_setting_of_any():
+    def run(name, setting, seconds):
+        return SimpleNamespace(method=SimpleNamespace(key=("engine", name, setting)), seconds={"cycle": seconds})
+
+    runs = [run("slow", "loose", 9.0), run("fast", "a", 1.0), run("fast", "b", 2.0), run("slow", "tight", 10.0)]
+    order = [run.method.key[1:] for run in best_of_each_first(runs, "cycle")]
+
+    assert order == [("fast", "a"), ("slow", "loose"), ("fast", "b"), ("slow", "tight")]

@@ -128,6 +128,16 @@ def test_first_table_has_the_price_of_nine_digits_of_acceleration(tmp_path: Path
     assert sentence(report) in page
 
 
+def test_the_first_table_quotes_the_best_method_of_the_engine_whichever_it_is(tmp_path: Path) -> None:
+    batch = {**PRICES[1], "method": "mujoco.batch", "microseconds": 8.4}
+    report, page = reported(tmp_path, price=[*PRICES, batch])
+
+    (row,) = first_table(report)
+    assert (row["route"], row["price"], row["priced_method"]) == ("newton", 8.4, "mujoco.batch")
+    assert '<span class="unit">mujoco.batch</span>' in page
+    assert "mujoco · mujoco.batch: 8.4 µs" in sentence(report)
+
+
 def test_route_that_never_has_nine_digits_has_no_price(tmp_path: Path) -> None:
     report, page = reported(tmp_path, price=PRICES[:1])
 
