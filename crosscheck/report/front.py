@@ -18,7 +18,7 @@ GOAL = 9
 def first_table(report: Report) -> list[dict[str, Any]]:
     """Return a row per engine and route: digits, price, what was wrong without a word.
 
-    The price is that of the engine's best method, whichever it is: all that is said of an engine's price is said of that.
+    The price is that of the engine's best method, whichever it is, as in all that is said of its price.
     """
     prices = report["price"] or []
     best = best_methods(prices)
@@ -48,7 +48,7 @@ def first_table(report: Report) -> list[dict[str, Any]]:
 
 
 def best_methods(prices: Sequence[Mapping[str, Any]]) -> dict[str, Mapping[str, Any]]:
-    """Return, per engine, the row of the cheapest method and setting with nine digits of acceleration, cheapest first."""
+    """Return, per engine, the row of its cheapest method with nine digits of acceleration, cheapest first."""
     nine = cheapest(prices, "acceleration", GOAL, main_class(prices))
     best: dict[str, Mapping[str, Any]] = {}
     for row in sorted(nine.values(), key=lambda row: float(row["microseconds"])):
