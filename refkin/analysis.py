@@ -108,7 +108,8 @@ def sweep(scene: Scene) -> Motion:
     status = [Status.BRANCH_LOST if first.converged else Status.NOT_CONVERGED] * len(t)
     residual, sigma, condition = (np.full(len(t), np.nan) for _ in range(3))
     for k in np.flatnonzero(np.isfinite(q[0])):
-        phi, values = system.phi(q[:, k], t[k]), np.linalg.svd(system.phi_q(q[:, k], t[k]), compute_uv=False)
+        here = system.gauged(q[:, k])
+        phi, values = here.phi(q[:, k], t[k]), np.linalg.svd(here.phi_q(q[:, k], t[k]), compute_uv=False)
         residual[k], sigma[k] = np.max(np.abs(phi)), values[system.n - 1]
         condition[k] = values[0] / sigma[k] if sigma[k] else np.inf
         closed = Status.OK if sigma[k] > SINGULAR else Status.SINGULAR
@@ -117,6 +118,7 @@ def sweep(scene: Scene) -> Motion:
             q[:, k + (status[k] is Status.SINGULAR) :] = np.nan
             break
     ok = np.array(status) == Status.OK
+    system = system.gauged(q[:, ok])
     qd, qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
     qd[:, ok] = velocity(system, q[:, ok], t[ok])
     qdd[:, ok] = acceleration(system, q[:, ok], qd[:, ok], t[ok])
@@ -149,7 +151,7 @@ def march(system: System, q: Any, times: Sequence[float]) -> Any:
     poses = np.full((system.n, len(times)), np.nan)
     poses[:, 0] = q
     for k in range(1, len(times)):
-        poses[:, k], goes_on = _next(system, poses[:, k - 1], times[k - 1], times[k])
+        poses[:, k], goes_on = _next(system.gauged(poses[:, k - 1]), poses[:, k - 1], times[k - 1], times[k])
         if not goes_on:
             break
     return poses

@@ -7,8 +7,8 @@ and so are all results. The dtype of q decides the arithmetic: float, complex, o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -35,7 +35,10 @@ class Placed:
 
 @dataclass(frozen=True)
 class System:
-    """The equations of a mechanism in a unit of length: n coordinates, m >= n rows; see `compile_system`."""
+    """The equations of a mechanism in a unit of length: n coordinates, m >= n rows; see `compile_system`.
+
+    `gauge` says by row how idle freedoms are held, if not as the estimates have them; see `gauged`.
+    """
 
     mechanism: Mechanism
     effects: frozenset[Effect]
@@ -43,12 +46,18 @@ class System:
     placed: tuple[Placed, ...]
     n: int
     m: int
+    gauge: Mapping[int, Any] = field(default_factory=dict, repr=False, compare=False)
     _kept: dict[Any, tuple[Any, Any]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
     @property
     def kind(self) -> Kind:
         """Whether the bodies are of the plane or of space."""
         return self.mechanism.kind
+
+    def gauged(self, q: Any) -> System:
+        """Return the system whose idle freedoms are held as they are at a pose (n,), or at each of a batch (n, B)."""
+        held = {p.row: p.constraint.gauge(q[p.starts[1] :]) for p in self.placed if p.constraint.idle}
+        return replace(self, gauge=held) if held else self
 
     def columns(self, body: str) -> slice:
         """Return where the coordinates of a body sit in q."""
@@ -148,7 +157,7 @@ class System:
 
     def _given(self, p: Placed, values: dict[int | None, Any], t: Any, order: int) -> Any:
         """Return the values of a constraint's laws up to `order`, and of its profile as far as the formulas go."""
-        f = self._laws_at(p, t, order) if p.constraint.laws else ()
+        f = self._laws_at(p, t, order) if p.constraint.laws else self.gauge.get(p.row, ())
         if not p.constraint.parameters:
             return f
         return (*f, p.constraint.profile_values(values[p.starts[2]].value, self.unit, min(order + 2, PROFILE_ORDER)))

@@ -19,8 +19,8 @@ from refkin.model import Evidence, Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, __version__, no_radius, nowhere
 from refkin.newton import ROUND_OFF, is_round_off
 from refkin.proof.numbers.inputs import half_ulp
-from refkin.proof.pose.choices import over_all_choices
-from refkin.proof.pose.isolate import FLOAT64, isolate
+from refkin.proof.pose.choices import isolate_every_choice
+from refkin.proof.pose.isolate import FLOAT64
 from refkin.system import System
 
 ROUTE = Route(
@@ -111,7 +111,7 @@ def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> Cer
         rates = [absent if x is None else x for x in (found.velocity, found.acceleration)]
         position = found.position
     else:
-        dense = over_all_choices(system, isolate(system, levels[0], t, *levels[1:]), levels[0], t, *levels[1:])
+        dense = isolate_every_choice(system, levels[0], t, *levels[1:])
         if not dense.ok.all() or (dense.bits > FLOAT64).any() or (dense.contradiction > 1.0).any():
             return None  # what only balls can enclose is answered from there
         position, rates = dense.position, [dense.velocity, dense.acceleration]

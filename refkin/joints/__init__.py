@@ -20,41 +20,23 @@ from refkin.joints.elements import (
 )
 from refkin.joints.planar import Distance, Fixed, PointOnLine, Prismatic, Revolute
 from refkin.joints.rolling import Gear, RackAndPinion
+
+# fmt: off
+# isort: off
 from refkin.joints.spatial import (
-    SPACE,
-    SPATIAL_JOINT_TYPES,
-    Cylindrical,
-    Parallel,
-    Perpendicular,
-    PointOnPlane,
-    Screw,
-    SpatialDistance,
-    SpatialFixed,
-    SpatialPointOnLine,
-    SpatialPrismatic,
-    SpatialRevolute,
-    Spherical,
-    Universal,
-    idle_spins,
+    SPACE, SPATIAL_JOINT_TYPES, Cylindrical, Parallel, Perpendicular, PointOnPlane, Screw, SpatialDistance,
+    SpatialFixed, SpatialPointOnLine, SpatialPrismatic, SpatialRevolute, Spherical, Universal, idle_spins,
     with_unit_length,
 )
 from refkin.joints.spatial_drivers import (
-    SPATIAL_DRIVER_TYPES,
-    DisplacementDriver,
-    SpatialAngleDriver,
-    SpatialDistanceDriver,
+    SPATIAL_DRIVER_TYPES, DisplacementDriver, SpatialAngleDriver, SpatialDistanceDriver,
 )
 from refkin.joints.spatial_elements import (
-    AxesParallel,
-    AxesPerpendicular,
-    PointInPlane,
-    PointOnAxis,
-    PointsMeet,
-    ScrewMotion,
-    ShiftAlongAxis,
-    SpatialPointDistance,
-    TurnAboutAxis,
+    AxesParallel, AxesPerpendicular, PointInPlane, PointOnAxis, PointsMeet, ScrewMotion, ShiftAlongAxis,
+    SpatialPointDistance, TurnAboutAxis,
 )
+# isort: on
+# fmt: on
 
 JOINT_TYPES: tuple[type[Constraint], ...]
 JOINT_TYPES = (Revolute, Fixed, PointOnLine, Prismatic, Distance, Gear, RackAndPinion, Cam)

@@ -141,6 +141,15 @@ class Constraint:
         return self
 
     @property
+    def idle(self) -> str:
+        """In words the freedom that moves nothing else, if the constraint only holds one, as `gauge` says; else ""."""
+        return ""
+
+    def gauge(self, q: Any) -> tuple[Any, ...]:
+        """Return what holds an idle freedom as it is in coordinates that begin with those of its body."""
+        return ()
+
+    @property
     def bodies(self) -> tuple[str, str]:
         """The names of the bodies i and j."""
         return self.body_i, self.body_j  # type: ignore[attr-defined]

@@ -34,7 +34,19 @@ from refkin.joints.spatial_elements import (
     SpatialPointDistance,
     TurnAboutAxis,
 )
-from refkin.joints.spatial_terms import Across, Angle, Crossed, Frames, Guide, Meet, Span, Term, Turn, blocks_of
+from refkin.joints.spatial_terms import (
+    Across,
+    Angle,
+    Crossed,
+    Frames,
+    Guide,
+    Meet,
+    Span,
+    Term,
+    Turn,
+    blocks_of,
+    unit_vector,
+)
 from refkin.joints.spatial_vectors import Quaternion, SpatialValues, Vec3
 from refkin.vec import Scalar
 
@@ -499,14 +511,25 @@ class UnitLength(SpatialConstraint):
 class IdleSpin(UnitLength):
     """A body that nothing keeps from spinning about a line in it is held as far turned as at a pose: 2 s . p = 0.
 
-    s = p0 (0, u), p0 the pose (`reference`), u the line. Where the line has any direction but that opposite to its own
-    at p0, p and -p alone solve it; at p0 itself the rates are those without spin, omega . u = alpha . u = 0.
+    s = p0 (0, u), p0 the pose, u the line. Where the line has any direction but that opposite to its own at p0, p and
+    -p alone solve it; at p0 itself the rates are those without spin, omega . u = alpha . u = 0. p0 is the estimate
+    (`reference`), or what a system is gauged at.
     """
 
     through: Triple
     line: Triple
     reference: tuple[float, float, float, float]
     type: str = "idle_spin"
+
+    @property
+    def idle(self) -> str:
+        line, through = (", ".join(f"{x + 0.0:.6g}" for x in v) for v in (unit_vector(self.line).parts, self.through))
+        return f"idle: {self.body} spins about ({line}) through ({through}) of its own"
+
+    def gauge(self, q: Any) -> tuple[Any, ...]:
+        """Return 2 s of a body that is at q, which begins with its coordinates: (7 or more,) or (7 or more, B)."""
+        s = Quaternion.of(*q[3:7]).times(Quaternion(0.0, unit_vector(self.line))).parts
+        return tuple(2 * x if np.ndim(x) else 2.0 * float(x) for x in s)
 
     def constants(self, unit: Unit) -> tuple[float, ...]:
         length = sum(x * x for x in self.line)
@@ -516,10 +539,10 @@ class IdleSpin(UnitLength):
         return tuple(x * scale for x in p0.times(Quaternion(0, Vec3(*self.line))).parts)
 
     def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
-        return (sum((x * y for x, y in zip(g[1:], at[1].p.parts[1:], strict=True)), g[0] * at[1].p.a),)
+        return (Quaternion.of(*(f or g)).dot(at[1].p),)
 
     def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
-        return ((0,) * 7,), ((0, 0, 0, *g),)
+        return ((0,) * 7,), ((0, 0, 0, *(f or g)),)
 
     def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
         return (0,)

@@ -129,7 +129,7 @@ def gruebler(joints: Sequence[Connection], dimension: str = "planar") -> Count:
 def count(mechanism: Mechanism) -> Count:
     """Count the freedoms of a mechanism's joints, without its drivers: what each takes are its rows."""
     d, joints = mechanism.kind.freedoms, mechanism.joints
-    bodies = {GROUND, *(body for joint in joints for body in joint.bodies)}
+    bodies = {GROUND, *(body.name for body in mechanism.bodies)}
     taken = sum(joint.rows - joint.parameters for joint in joints)
     idle = tuple(body.name for body, _, _ in idle_spins(mechanism.bodies, mechanism.constraints))
     return Count(bodies=len(bodies), equations=d + taken, coordinates=d, idle=idle)
@@ -189,6 +189,8 @@ class Mobility:
 
     joints: Rank
     driven: Rank
+    idle: tuple[str, ...] = ()
+    """Of space: the motions of one body alone, in words."""
 
     @property
     def mobility(self) -> int:
@@ -237,7 +239,27 @@ def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = SINGU
     kinematic = sum(joint.rows for joint in system.mechanism.joints)
     driven = sum(constraint.rows for constraint in system.mechanism.constraints)
     of_joints, of_all = (rank_of(phi_q[:m], names[:m], tolerance) for m in (kinematic, driven))
-    return Mobility(of_joints, of_all)
+    return Mobility(of_joints, of_all, tuple(_alone(system, q, phi_q[:driven], tolerance)))
+
+
+def _alone(system: System, q: Any, phi_q: Any, tolerance: float) -> Iterator[str]:
+    """Yield the motions that a body of space can make while all others stand still: null vectors on its six columns."""
+    for k, body in enumerate(system.mechanism.bodies if system.kind is SPACE else ()):
+        _, sigma, motions = np.linalg.svd(phi_q[:, 6 * k : 6 * k + 6])
+        rotation = SPACE.values(*q[system.columns(body.name)]).rotation()
+        for motion in motions[int(np.sum(sigma > tolerance)) :]:
+            v, w = rotation.T @ motion[:3], rotation.T @ motion[3:]
+            size = float(np.linalg.norm(w))
+            if size <= tolerance:
+                yield f"{body.name} slides along {_numbers(v / np.linalg.norm(v))} of its own"
+            else:
+                at, pitch = np.cross(w, v) * (system.unit.size / size**2), float(v @ w) * system.unit.size / size**2
+                line = f"about {_numbers(w / size)} through {_numbers(at)} of its own"
+                yield f"{body.name} spins {line}, pitch {round(pitch, 9) + 0.0:.3g}"
+
+
+def _numbers(v: Any) -> str:
+    return f"({', '.join(f'{round(float(x), 9) + 0.0:.6g}' for x in v)})"
 
 
 def common_columns(system: System, q: Any, phi_q: Any) -> Any:

@@ -16,8 +16,8 @@ from refkin.output.scene_motion import SceneMotion
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.numbers.inputs import output_rounding
 from refkin.proof.numbers.recentred import recentred
-from refkin.proof.path.branch import first_gap, step_over_crossing
-from refkin.proof.pose.choices import over_all_choices
+from refkin.proof.path.branch import step_over_crossing
+from refkin.proof.pose.choices import isolate_every_choice
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import Enclosure
 from refkin.proof.singularity.diagnosis import diagnose_scaled
@@ -25,7 +25,7 @@ from refkin.solving.ahead import Leaps
 from refkin.solving.limits import check_size
 from refkin.solving.mobility import too_many_drivers
 from refkin.solving.starts import find_start, unassemblable
-from refkin.solving.sweep import Arrival, Sweep, pose_between
+from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import System, compile_system
 
 AT_END = 1e-6
@@ -86,7 +86,7 @@ def _first_gap(sweep: Sweep, scene: Scene) -> int | None:
     if crossed is not None:  # steps that lead to none of the times before it need no proof
         last = max(time for time in scene.times if time <= t[crossed])
         steps = [k for k in steps if t[k] < last]
-    gap = first_gap(full, t, q, pose_between, steps)
+    gap = sweep.first_gap(steps)
     return crossed if gap is None else gap
 
 
@@ -136,7 +136,8 @@ class _Answer:
     def __init__(self, system: System, scene: Scene, q: Any, status: list[Status], message: str) -> None:
         self.system, self.scene, self.t, self.q, self.status = system, scene, np.array(scene.times), q, status
         count = len(status)
-        self.messages, self.contradicted = [message], False
+        self.messages = [message, *(p.constraint.idle for p in system.placed)]
+        self.contradicted = False
         self.qd, self.qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
         self.residual, self.sigma_min, self.condition = (nowhere(count) for _ in range(3))
         self.radius = no_radius(count)
@@ -182,8 +183,9 @@ class _Answer:
         Singular values are computed where the scene calls for them, and where a bound that costs less leaves doubt.
         """
         q, t, n = self.q[:, samples], self.t[samples], self.system.n
-        self.residual[samples] = np.max(np.abs(self.system.phi(q, t)), axis=0)
-        jacobian = np.moveaxis(self.system.phi_q(q, t), -1, 0)
+        system = self.system.gauged(q)
+        self.residual[samples] = np.max(np.abs(system.phi(q, t)), axis=0)
+        jacobian = np.moveaxis(system.phi_q(q, t), -1, 0)
         solvable = np.zeros(len(samples), bool)
         if Evidence.CONDITION not in self.scene.evidence:
             limit = np.maximum(SINGULAR, n * EPS * np.linalg.norm(jacobian, axis=(1, 2)))
@@ -202,10 +204,11 @@ class _Answer:
         if not self.system.effects or not samples.size:
             return
         q, t = self.q[:, samples], self.t[samples]
-        phi_q = self.system.phi_q(q, t)
-        self.qd[:, samples] = velocity(self.system, q, t, phi_q)
-        if Effect.ACCELERATION in self.system.effects:
-            self.qdd[:, samples] = acceleration(self.system, q, self.qd[:, samples], t, phi_q)
+        system = self.system.gauged(q)
+        phi_q = system.phi_q(q, t)
+        self.qd[:, samples] = velocity(system, q, t, phi_q)
+        if Effect.ACCELERATION in system.effects:
+            self.qdd[:, samples] = acceleration(system, q, self.qd[:, samples], t, phi_q)
 
     def _prove(self, samples: Any) -> Any:
         """Return which poses are isolated, by proof, and note the proved radii."""
@@ -213,10 +216,8 @@ class _Answer:
             return np.zeros(0, bool)
         rates = [level[:, samples] if np.isfinite(level[:, samples]).all() else None for level in (self.qd, self.qdd)]
         answers = (self.system, self.q[:, samples], self.t[samples], *rates)
-        isolation = isolate(*answers)
-        if isolation.ok.any():
-            isolation = over_all_choices(self.system, isolation, *answers[1:])
-            self.messages.append(isolation.why)
+        isolation = isolate_every_choice(*answers)
+        self.messages.append(isolation.why)
         for name in ("position", "velocity", "acceleration"):
             getattr(self.radius, name)[samples] = getattr(isolation, name)
         for sample, enclosure in isolation.enclosures.items():

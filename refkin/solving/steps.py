@@ -42,6 +42,8 @@ APART = 64
 """Corrections below sigma_min / APART lead to no other root: near a singular pose roots are sigma_min apart or so."""
 FURTHEST = 1.0
 """Largest move of an angle in one step: predictions do not know what lies within a radian [rad]."""
+TURNED = 0.6
+"""Cosine of half the turn of an idle body up to which it is held as it was: at 0 nothing would hold it."""
 REACH = 0.25
 """Largest distance to a singular pose from which it is approached in one step [sizes, rad]."""
 
@@ -62,6 +64,8 @@ class Steps:
         The numbers of the poses from which such a step was taken: what rounding hides may have decided there.
     tiny : float
         First corrections below it are not looked at.
+    regauged : list of (int, System)
+        The numbers of the poses from which idle bodies were held another way, each with the system up to there.
     jumps : list of int
         The numbers of the poses from which the next was found in a way of its own, proved as far as it must be.
     """
@@ -75,6 +79,7 @@ class Steps:
     uncertified: list[int] = field(default_factory=list)
     tiny: float = TINY
     jumps: list[int] = field(default_factory=list)
+    regauged: list[tuple[int, System]] = field(default_factory=list)
     _blocks: Blocks | None = field(default=None, init=False)
     _signs: list[float] = field(default_factory=list, init=False)
 
@@ -82,12 +87,28 @@ class Steps:
         """Forget all poses but the first so many."""
         del self.t[count:], self.q[count:]
         self.uncertified = [k for k in self.uncertified if k < count - 1]
+        while self.regauged and self.regauged[-1][0] >= count:
+            self.system, self._blocks = self.regauged.pop()[1], None
+            vars(self).pop("full", None)
 
     def _accept(self, q: Any, t: float) -> None:
         if self.lenient:
             self.uncertified.append(len(self.t) - 1)
         self.t.append(t)
         self.q.append(q)
+        self._hold(q)
+
+    def _hold(self, q: Any) -> None:
+        """Hold idle bodies as they are turned here, if they have turned far from where they are held."""
+        here = self.system.gauged(q)
+        for p in self.system.placed if here.gauge else ():
+            if p.constraint.idle:
+                held = self.system.gauge.get(p.row, p.g)
+                if abs(sum(x * y for x, y in zip(held, here.gauge[p.row], strict=True))) < 4 * TURNED:
+                    self.regauged.append((len(self.q) - 1, self.system))
+                    self.system, self._blocks = here, None
+                    vars(self).pop("full", None)
+                    break
 
     def _before(self, t: float) -> list[int]:
         """Return the numbers of the last poses, at most four, that say something of the pose at t, the last one first.

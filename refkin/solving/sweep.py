@@ -139,8 +139,19 @@ class Sweep(Steps):
         """Go to a time, and return whether that is certain, or proved, as it is to be."""
         if self.to(target) is not Arrival.REACHED:
             return False
-        t, q = np.array(self.t), np.array(self.q).T
-        return not self.unproved or first_gap(self.full, t, q, pose_between, self.unproved) is None
+        return not self.unproved or self.first_gap(self.unproved) is None
+
+    def first_gap(self, steps: list[int]) -> int | None:
+        """Return the first of some steps that is not proved; None if all are."""
+        t, q, first = np.array(self.t), np.array(self.q).T, 0
+        for last, system in (*self.regauged, (len(t) - 1, self.system)):
+            own, full = [k - first for k in steps if first <= k < last], replace(system, effects=EVERYTHING)
+            at = np.s_[first : last + 1]
+            gap = first_gap(full, t[at], q[:, at], pose_between, own) if own else None
+            if gap is not None:
+                return gap + first
+            first = last
+        return None
 
     def _jump(self, q: Any, t: float) -> None:
         """Go on from a pose that no step led to."""

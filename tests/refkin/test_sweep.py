@@ -177,7 +177,7 @@ def test_an_uncertified_step_that_is_not_proved_ends_the_branch(monkeypatch):
     scene = InvertedSliderCrank(ground=1.0 + 1e-9, crank=1.0).scene(turns=1, samples=9)
     before = refkin.solve(scene)
     asked = []
-    monkeypatch.setattr("refkin.solving.solve.first_gap", lambda *a: asked.append(a[-1]) or asked[-1][0])
+    monkeypatch.setattr("refkin.solving.sweep.first_gap", lambda *a: asked.append(a[-1]) or asked[-1][0])
     after = refkin.solve(scene)
 
     assert before.verdict is Status.OK

@@ -252,13 +252,20 @@ def as_written(unit: Unit) -> Unit:
     return Unit(unit.size)
 
 
-@lru_cache(maxsize=64)
 def bounded_system(system: System, number: type[Bounded] = Bounded, error: InputError = EXACT) -> System:
     """Return the system of `exact_system` with its numbers rounded, each with the bound of its rounding.
 
     Its `q` are object arrays of `number` (see `box`), its `t` are `Times`. With an `error` every geometric number, law
     value and time also spreads by it (times of `order` 1 then serve order 0), each by that of its size `as_written`.
+    Its gauge is that of the system.
     """
+    kind: Any = number
+    found = _bounded_system(system, kind, error)
+    return replace(found, gauge=system.gauge) if system.gauge or found.gauge else found
+
+
+@lru_cache(maxsize=64)
+def _bounded_system(system: System, number: type[Bounded], error: InputError) -> System:
     placed = []
     for p in exact_system(system, LAW_BITS).placed:
         with ctx.workprec(LAW_BITS):

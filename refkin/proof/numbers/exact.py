@@ -23,9 +23,14 @@ from refkin.motion_laws import Law, Polynomial, Table
 from refkin.system import System
 
 
-@lru_cache(maxsize=64)
 def exact_system(system: System, bits: int) -> System:
-    """Return the system with the numbers of its mechanism as `arb`, computed with `bits` bits."""
+    """Return the system with the numbers of its mechanism as `arb`, computed with `bits` bits; its gauge as it is."""
+    found = _exact_system(system, bits)
+    return replace(found, gauge=system.gauge) if system.gauge or found.gauge else found
+
+
+@lru_cache(maxsize=64)
+def _exact_system(system: System, bits: int) -> System:
     with ctx.workprec(bits):
         placed = []
         for p in system.placed:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -31,9 +32,13 @@ class Nearly:
 
 
 class Preconditioned:
-    """Poses q (n, B) at times t, with R about the inverse of n rows of phi_q(q); all bounds are rounded up."""
+    """Poses q (n, B) at times t, with R about the inverse of n rows of phi_q(q); all bounds are rounded up.
+
+    What is idle is held as it is at each pose.
+    """
 
     def __init__(self, system: System, rows: Any, q: Any, t: Any, order: int) -> None:
+        system = system.gauged(q)
         self.system, self.sharp = bounded_system(system), bounded_system(system, Extended)
         self.times, self.rows, self.q = Times(t, order), rows, q
         self.slope = self.slope_over(0.0)
@@ -73,6 +78,37 @@ def independent_rows(system: System, q: Any, t: Any) -> Any:
     if system.m == system.n or not finite.size:
         return np.arange(system.n)
     return leading_rows(system.phi_q(q[:, finite[0]], t[finite[0]]), system.n)
+
+
+WORSE = 3.0
+"""How much larger the inverse of some rows may be than that of all, before others are taken."""
+
+
+def groups_of_rows(system: System, q: Any, t: Any) -> Iterator[tuple[Any, Any]]:
+    """Yield poses (their numbers) and n rows of phi_q that are independent there, about as well as any are.
+
+    Rows that are independent at one pose may be nearly dependent at a later one: they serve as long as the norm of
+    their inverse is at most `WORSE` times that of the pseudo-inverse of all rows; then others are chosen.
+    """
+    left = np.arange(np.shape(q)[1])
+    if system.m == system.n or not (known := np.isfinite(q).all(axis=0) & np.isfinite(t)).any():
+        yield left, np.arange(system.n)
+        return
+    slope = np.moveaxis(system.phi_q(q, t), -1, 0)
+    with np.errstate(all="ignore"):
+        best = np.full(len(left), np.inf)
+        best[known] = 1 / np.linalg.svd(slope[known], compute_uv=False)[:, -1]
+        while left.size:
+            first = np.flatnonzero(known[left])[:1]
+            if not first.size:
+                yield left, np.arange(system.n)
+                return
+            rows = leading_rows(slope[left[first[0]]], system.n)
+            worse = np.linalg.norm(inverses(slope[left][:, rows]), axis=(1, 2)) / best[left]
+            served = ~(worse > np.fmax(WORSE, 1.25 * worse[first]))
+            served[first] = True
+            yield left[served], rows
+            left = left[~served]
 
 
 def leading_rows(matrix: Any, count: int) -> Any:

@@ -15,6 +15,9 @@ import numpy as np
 
 from refkin.system import System
 
+LATER = 1e-9
+"""A moment, in units of the time or of a second."""
+
 
 @dataclass(frozen=True)
 class Blocks:
@@ -43,11 +46,12 @@ class Blocks:
 def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
     """Return the blocks of n rows of phi_q.
 
-    The entries that are not always zero are those that are not at the pose (n,) or at one with its bodies elsewhere.
+    The entries that are not always zero are those that are not at the pose (n,) or at one with its bodies elsewhere,
+    a moment later: slopes of an angle driver of space hold its law, which may be zero now.
     """
     elsewhere = np.array(q, float)
     elsewhere[: system.of_bodies] += np.sqrt(np.arange(2, system.of_bodies + 2))  # no two of them in a simple ratio
-    pattern = (system.phi_q(q, t) != 0) | (system.phi_q(elsewhere, t) != 0)
+    pattern = (system.phi_q(q, t) != 0) | (system.phi_q(elsewhere, t + LATER * max(1.0, abs(t))) != 0)
     return _stacked([(rows[r], c) for r, c in diagonal_blocks(pattern[rows])], system.n)
 
 

@@ -18,9 +18,10 @@ from typing import Any
 
 import numpy as np
 
-from refkin.proof.numbers.preconditioned import inverses
+from refkin.joints import SPACE
+from refkin.proof.numbers.preconditioned import groups_of_rows, inverses
 from refkin.proof.pose.certificate import certify
-from refkin.proof.pose.isolate import Isolation
+from refkin.proof.pose.isolate import Isolation, isolate
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import System
 
@@ -51,13 +52,17 @@ def over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any =
     Returns
     -------
     Isolation
-        With NaN for all bounds, and `why`, where there are too many choices.
+        With `why` where there are too many choices: then with NaN for all bounds, or, in space, with those of the rows
+        of the proof alone.
     """
     if system.m == system.n or not proof.ok.any():
         return proof
     q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
     choices = other_choices(system, proof.rows, q[:, proof.ok], t[proof.ok])
     if choices is None:
+        if system.kind is SPACE:  # a single loop of four hinges has 2024 choices
+            why = f"redundant rows can be chosen in more than {MOST_CHOICES} ways: the error bounds are those of one choice"
+            return replace(proof, why=why)
         nothing = np.full_like(proof.position, np.nan)
         why = f"redundant rows can be chosen in more than {MOST_CHOICES} ways: no error bound covers all of them"
         return replace(proof, position=nothing, velocity=nothing, acceleration=nothing, why=why)
@@ -66,6 +71,30 @@ def over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any =
         for bound, of_choice in zip(bounds, _bounds(system, rows, proof.ok, q, t, qd, qdd), strict=True):
             np.maximum(bound, of_choice, out=bound)
     return replace(proof, position=bounds[0], velocity=bounds[1], acceleration=bounds[2])
+
+
+def isolate_every_choice(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None) -> Isolation:
+    """Isolate poses, redundant ones by the rows that serve best at each, with bounds over all choices of rows.
+
+    Parameters
+    ----------
+    system, q, t, qd, qdd
+        As for `isolate`.
+    """
+    t = np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
+    parts = []
+    for lanes, rows in groups_of_rows(system, np.asarray(q, float), t):
+        levels = [None if x is None else np.asarray(x, float)[:, lanes] for x in (q, qd, qdd)]
+        answers = (levels[0], t[lanes], *levels[1:])
+        parts.append((lanes, over_all_choices(system, isolate(system, *answers, rows=rows), *answers)))
+    if len(parts) == 1:
+        return parts[0][1]
+    order = np.argsort(np.concatenate([lanes for lanes, _ in parts]))
+    names = ("ok", "bits", "position", "velocity", "acceleration", "unique", "contradiction")
+    joined = {name: np.concatenate([getattr(p, name) for _, p in parts], axis=-1)[..., order] for name in names}
+    balls = {int(lanes[k]): ball for lanes, part in parts for k, ball in part.enclosures.items()}
+    why = next((part.why for _, part in parts if part.why), "")
+    return Isolation(**joined, rows=parts[0][1].rows, enclosures=balls, why=why)
 
 
 def other_choices(system: System, rows: Any, q: Any, t: Any) -> list[Any] | None:

@@ -59,7 +59,9 @@ class Isolation:
     why: str = ""
 
 
-def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, bits: int = 113) -> Isolation:
+def isolate(
+    system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, bits: int = 113, rows: Any = None
+) -> Isolation:
     """Prove what can be proved of the poses q (n, B) at the times t (B,) and of their rates.
 
     Poses are certified in float64, all at once; each for which that fails, or leaves a bound above `BLURRED`, is tried
@@ -71,9 +73,11 @@ def isolate(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None, *, 
         Compiled in its mechanism's own unit.
     q, qd, qdd : (n, B) array
         Answers in the system's coordinates; qdd only with qd.
+    rows : (n,) array of int, optional
+        The rows to certify where there are more than n; by default a maximal independent set at the first pose.
     """
     q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
-    proof = certify(system, q, t, qd, qdd)
+    proof = certify(system, q, t, qd, qdd, rows)
     nothing = np.full(len(t), np.nan)
     isolation = Isolation(
         ok=proof.ok.copy(),

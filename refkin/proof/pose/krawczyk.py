@@ -132,6 +132,7 @@ def krawczyk(
     rows : (n,) array of int, optional
         The rows to solve where there are more than n; by default a maximal independent set at q.
     """
+    system = system.gauged(q)
     with ctx.workprec(bits):
         rows = independent_rows(system, *_one_lane(q, t)) if rows is None else rows
         equations = _Equations(system, t, rows, bits)
@@ -152,6 +153,7 @@ def krawczyk(
 
 def refine(system: System, q: Any, t: float, bits: int = 200) -> Enclosure | None:
     """Return the root that Newton finds from q, enclosed and proved; whether another root is nearer to q stays open."""
+    system = system.gauged(q)
     with ctx.workprec(bits):
         equations = _Equations(system, t, independent_rows(system, *_one_lane(q, t)), bits)
         middle = equations.newton(q)

@@ -1,4 +1,4 @@
-"""Linkages by their lengths: `FourBar`, `SliderCrank`, `InvertedSliderCrank` -> Mechanism and Scene.
+"""Linkages by their lengths: `FourBar`, `SliderCrank`, `InvertedSliderCrank`, `spatial` ones -> Mechanism and Scene.
 
 Each also knows in closed form what its lengths imply: change-point slack and Grashof class, the range of its input,
 both assemblies at an input, transmission angle, dead centres. Solving a scene uses none of this: it gives the estimate
@@ -9,18 +9,42 @@ from refkin.scenes.linkages.base import Branch, Linkage, Pose, law_keys, rough
 from refkin.scenes.linkages.closures import ANYWHERE, DoesNotAssemble, Interval
 from refkin.scenes.linkages.four_bar import FourBar, GrashofClass
 from refkin.scenes.linkages.slider_cranks import InvertedSliderCrank, SliderCrank
+from refkin.scenes.linkages.spatial import (
+    RSCR,
+    RSSP,
+    RSSR,
+    Bennett,
+    Bricard,
+    DoubleHooke,
+    Hooke,
+    RSSRChain,
+    ScrewJack,
+    SpatialLinkage,
+    Stewart,
+)
 
 __all__ = [
     "ANYWHERE",
+    "RSCR",
+    "RSSP",
+    "RSSR",
+    "Bennett",
     "Branch",
+    "Bricard",
     "DoesNotAssemble",
+    "DoubleHooke",
     "FourBar",
     "GrashofClass",
+    "Hooke",
     "Interval",
     "InvertedSliderCrank",
     "Linkage",
     "Pose",
+    "RSSRChain",
+    "ScrewJack",
     "SliderCrank",
+    "SpatialLinkage",
+    "Stewart",
     "law_keys",
     "rough",
 ]

@@ -187,7 +187,7 @@ class Linkage:
         self._check_input(driven, relative_to)
         branch = member(Branch, branch, "branch")
         path = "turns" if law is None else "law"
-        law, times = _uniform(speed, turns, samples, start) if law is None else (law, _given(law, times))
+        law, times = uniform_law(speed, turns, samples, start) if law is None else (law, given_law(law, times))
         values = [self._input(float(law(t)), driven) for t in times]
         self._check_range(values, driven, relative_to, path)
         pose = self.assemble(values[0], branch, driven=driven, relative_to=relative_to)
@@ -298,7 +298,8 @@ def member(kind: type[Member], value: str, key: str) -> Member:
         raise InvalidScene([Fault(key, value, " or ".join(kind))], "linkage") from None
 
 
-def _uniform(speed: float, turns: float, samples: int, start: float) -> tuple[Law, Sequence[float]]:
+def uniform_law(speed: float, turns: float, samples: int, start: float) -> tuple[Law, Sequence[float]]:
+    """Return the law of a constant speed, and times; raise InvalidScene for numbers that make none."""
     found = []
     if not (_is_finite(speed) and speed):
         found.append(Fault("speed", speed, "a finite number that is not 0 [rad/s]"))
@@ -314,7 +315,8 @@ def _uniform(speed: float, turns: float, samples: int, start: float) -> tuple[La
     return Polynomial(coefficients=(float(start), float(speed))), np.linspace(0.0, stop, samples).tolist()
 
 
-def _given(law: Law, times: Sequence[float] | None) -> Sequence[float]:
+def given_law(law: Law, times: Sequence[float] | None) -> Sequence[float]:
+    """Return the times of a law; raise InvalidScene if there are none, or if the law is not one."""
     found = list(law.faults("law"))
     given = [] if times is None else [float(t) for t in times]
     if not given:

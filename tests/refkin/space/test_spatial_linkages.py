@@ -1,0 +1,350 @@
+"""Spatial linkages against closed forms in 40 digits, their mobility, their idle bodies, their limits."""
+
+from __future__ import annotations
+
+import math
+
+import mpmath
+import numpy as np
+import pytest
+
+import refkin
+from refkin.joints.spatial_terms import frame
+from refkin.model import Body, Mechanism, Scene
+from refkin.motion import Status
+from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import (
+    RSCR,
+    RSSP,
+    RSSR,
+    Bennett,
+    Bricard,
+    DoubleHooke,
+    Hooke,
+    RSSRChain,
+    ScrewJack,
+    Stewart,
+)
+from refkin.solving.mobility import count, mobility_of
+from refkin.system import compile_system
+
+EVERY = {
+    "RSSR": RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125)),
+    "RSSR by distance": RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125), massless=True),
+    "RSSP": RSSP(1.0, 3.0, (0.5, 0.25, 0.5), (1.0, 0.5, 0.25)),
+    "RSCR": RSCR(0.5, 2.0, 2.5, (2.5, -0.5, 0.75), (0.25, 0.5, 1.0)),
+    "Bennett": Bennett(1.0, math.radians(40), math.radians(70)),
+    "Hooke": Hooke(0.5),
+    "double Hooke": DoubleHooke(0.5, 2.0),
+    "screw jack": ScrewJack(0.1),
+    "chain of ten": RSSRChain(RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125)), 10),
+}
+SAMPLES = 19
+
+
+def turned(linkage, samples=SAMPLES, **more):
+    return refkin.solve(linkage.scene(**{"speed": 1.7, "start": 0.4, **more}, samples=samples))
+
+
+@pytest.mark.parametrize("name", EVERY)
+def test_a_linkage_goes_through_a_revolution_with_certified_radii(name):
+    motion = turned(EVERY[name], samples=5 if "chain" in name else SAMPLES)
+
+    assert motion.verdict is Status.OK, motion.message
+    assert np.max(motion.certified_radius.position) < 1e-14
+    assert np.max(motion.certified_radius.velocity) < 1e-13
+
+
+def test_a_threefold_bricard_linkage_moves_although_its_count_says_that_it_does_not():
+    linkage = Bricard(1.0, 1.2)
+    motion = turned(linkage, samples=3, speed=0.3, turns=0.02, start=0.9)
+
+    assert motion.verdict is Status.OK
+    assert np.max(motion.certified_radius.position) < 1e-14
+    assert count(linkage.scene(start=0.9).mechanism).mobility == 0
+
+
+def angle(motion, body, axis, zero):
+    """Return the angle of a body's x axis about an axis of the ground, from a vector across it."""
+    f, g, _ = (np.array(v.parts, float) for v in frame(axis, zero))
+    x = motion[body].rotation[:, 0]
+    return np.arctan2(g @ x, f @ x)
+
+
+def off(a, b):
+    """Return how far two angles differ, whole turns aside."""
+    return np.max(np.abs((np.array(a) - np.array(b, float) + np.pi) % (2 * np.pi) - np.pi))
+
+
+def test_an_rssr_is_the_circle_that_meets_a_sphere():
+    """P cos psi + Q sin psi = K in 40 digits; the rates by derivatives of that."""
+    linkage = EVERY["RSSR"]
+    motion = turned(linkage)
+    with mpmath.workdps(40):
+        f, g = exact_frame(linkage.axis)
+        a, r, length = (mpmath.mpf(x) for x in (linkage.crank, linkage.rocker, linkage.coupler))
+
+        def psi(t):
+            theta = mpmath.mpf(0.4) + mpmath.mpf(1.7) * t
+            w = mpmath.matrix([a * mpmath.cos(theta), a * mpmath.sin(theta), 0]) - mpmath.matrix(linkage.pivot)
+            p, q = dot(w, f), dot(w, g)
+            k = (dot(w, w) + r * r - length * length) / (2 * r)
+            return mpmath.atan2(q, p) + mpmath.acos(k / mpmath.hypot(p, q))
+
+        times = [mpmath.mpf(float(t)) for t in motion.t]
+        truth = [[mpmath.diff(psi, t, n) if n else psi(t) for t in times] for n in range(3)]
+    zero = tuple(float(x) for x in f)
+    h = np.array(linkage.axis) / np.linalg.norm(linkage.axis)
+
+    assert off(angle(motion, "rocker", linkage.axis, zero), truth[0]) < 4e-15
+    assert h @ motion["rocker"].omega == pytest.approx(np.array(truth[1], float), abs=4e-15)
+    assert h @ motion["rocker"].alpha == pytest.approx(np.array(truth[2], float), abs=2e-14)
+
+
+def dot(a, b):
+    return sum(x * y for x, y in zip(a, b, strict=True))
+
+
+def exact_frame(axis):
+    """Return f and g of an axis without a zero, in the precision in force."""
+    h = mpmath.matrix([mpmath.mpf(x) for x in axis])
+    h = h / mpmath.norm(h)
+    least = [abs(x) for x in axis].index(min(abs(x) for x in axis))
+    z = mpmath.matrix([1 if k == least else 0 for k in range(3)])
+    f = z - h * dot(h, z)
+    f = f / mpmath.norm(f)
+    g = mpmath.matrix([h[1] * f[2] - h[2] * f[1], h[2] * f[0] - h[0] * f[2], h[0] * f[1] - h[1] * f[0]])
+    return f, g
+
+
+def test_an_rssp_is_the_line_that_meets_a_sphere():
+    linkage = EVERY["RSSP"]
+    motion = turned(linkage)
+    with mpmath.workdps(40):
+        u = mpmath.matrix(linkage.axis)
+        u, guide = u / mpmath.norm(u), mpmath.matrix(linkage.guide)
+
+        def shift(t):
+            theta = mpmath.mpf(0.4) + mpmath.mpf(1.7) * t
+            w = mpmath.matrix([mpmath.cos(theta), mpmath.sin(theta), 0]) - guide
+            return dot(w, u) + mpmath.sqrt(9 - dot(w, w) + dot(w, u) ** 2)
+
+        truth = [[shift(mpmath.mpf(float(t))) for t in motion.t]]
+        truth += [[mpmath.diff(shift, mpmath.mpf(float(t)), n) for t in motion.t] for n in (1, 2)]
+    h = np.array(linkage.axis) / np.linalg.norm(linkage.axis)
+    slider = motion["slider"]
+    found = h @ (slider.q[:3] - np.array(linkage.guide)[:, None]), h @ slider.qd[:3], h @ slider.qdd[:3]
+
+    for ours, exact in zip(found, truth, strict=True):
+        assert ours == pytest.approx(np.array(exact, float), abs=2e-14)
+    assert np.max(np.abs(slider.omega)) < 1e-14
+
+
+def test_a_hooke_joint_turns_at_the_ratio_of_the_textbook_and_two_matched_ones_evenly():
+    beta = 0.5
+    motion = turned(Hooke(beta))
+    theta = 0.4 + 1.7 * motion.t
+    axis = np.array([0.0, -math.sin(beta), math.cos(beta)])
+    ratio = math.cos(beta) / (1 - math.sin(beta) ** 2 * np.sin(theta) ** 2)
+    even = turned(DoubleHooke(beta, 2.0))
+
+    assert np.abs(axis @ motion["output"].omega) == pytest.approx(1.7 * ratio, abs=4e-15)
+    assert even["output"].omega[2] == pytest.approx(np.full(SAMPLES, 1.7), abs=4e-15)
+    assert np.max(np.abs(even["output"].alpha)) < 2e-14
+
+
+def test_the_angles_of_bennetts_linkage_have_the_product_that_he_found():
+    alpha, beta = math.radians(40), math.radians(70)
+    motion = turned(Bennett(1.0, alpha, beta))
+    first = motion["link1"].rotation
+    second = np.einsum("ijt,ikt->jkt", first, motion["link2"].rotation)  # of link 2 as link 1 sees it
+    c, s = math.cos(alpha), math.sin(alpha)
+    hinged = np.einsum("ij,jkt->ikt", np.array([[1, 0, 0], [0, c, s], [0, -s, c]]), second)
+    theta = 0.4 + 1.7 * motion.t
+    other = np.arctan2(hinged[1, 0], hinged[0, 0])
+    ratio = math.sin((beta + alpha) / 2) / math.sin((beta - alpha) / 2)
+
+    # The lengths as written fulfil his condition up to rounding.
+    assert np.sin(theta / 2) * np.sin(other / 2) == pytest.approx(
+        ratio * np.cos(theta / 2) * np.cos(other / 2), abs=1e-13
+    )
+
+
+def test_a_screw_counts_its_turns():
+    """At 1e4 rad the shift is pitch times the angle, not a turn more or less."""
+    law = Polynomial(coefficients=(1e4, 1.0))
+    motion = refkin.solve(ScrewJack(0.1).scene(law=law, times=(0.0, 1.0)))
+
+    assert motion.verdict is Status.OK
+    assert motion["screw"].z == pytest.approx([1000.0, 1000.1], rel=1e-15)
+    assert motion["platform"].zd == pytest.approx([0.1, 0.1], rel=1e-14)
+
+
+def test_rows_are_chosen_at_each_pose():
+    """Those of the first pose are nearly dependent half a turn later: the bound of acceleration was 6e-8 there."""
+    motion = turned(EVERY["Bennett"], samples=361)
+
+    assert motion.verdict is Status.OK
+    assert np.max(motion.certified_radius.acceleration) < 4e-13
+    assert "the error bounds are those of one choice" in motion.message
+
+
+MOBILITIES = {
+    "RSSR": (2, 2, 0),
+    "RSSR by distance": (1, 1, 0),
+    "RSCR": (1, 1, 0),
+    "Bennett": (-2, 1, 3),
+    "Hooke": (-2, 1, 3),
+    "double Hooke": (1, 1, 0),
+}
+
+
+@pytest.mark.parametrize("name", MOBILITIES)
+def test_mobility_by_count_and_by_rank_with_the_redundant_rows_by_name(name):
+    scene = EVERY[name].scene(start=0.4)
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = system.to_unit(refkin.solve(EVERY[name].scene(start=0.4, samples=2)).q[:, 0])
+    by_count, by_rank, redundant = MOBILITIES[name]
+    found = mobility_of(system, q)
+
+    assert (count(scene.mechanism).mobility, found.mobility) == (by_count, by_rank)
+    assert len(found.joints.dependent) == redundant
+    assert all(d.row.partition("[")[0] in {j.name for j in scene.mechanism.joints} for d in found.joints.dependent)
+
+
+def test_the_coupler_of_an_rssr_spins_idly_and_is_named():
+    scene = EVERY["RSSR"].scene(start=0.4, samples=2)
+    motion = refkin.solve(scene)
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+
+    assert count(scene.mechanism).idle == ("coupler",)
+    assert "idle: coupler spins about (1, 0, 0) through (0, 0, 0) of its own" in motion.message
+    (words,) = mobility_of(system, system.to_unit(motion.q[:, 0])).idle
+    assert words.startswith("coupler spins about")
+    assert mobility_of(system, system.to_unit(motion.q[:, 0])).driven.freedoms == 1
+
+
+TURNING_OVER = {"crank": 3.0, "coupler": 3.2, "rocker": 3.0, "pivot": (0.8, 0.3, 0.4), "axis": (0.1, 0.2, 1.0)}
+
+
+@pytest.mark.parametrize("certified", [False, True])
+def test_a_coupler_that_turns_over_is_followed_and_does_not_spin(certified):
+    with_body, without = (RSSR(**TURNING_OVER, massless=m).scene(samples=91, start=0.4) for m in (False, True))
+    motion, other = refkin.solve(with_body, certified=certified), refkin.solve(without)
+    p, coupler = motion["coupler"].q[3:], motion["coupler"]
+    line = coupler.rotation[:, 0]
+
+    assert motion.verdict is Status.OK
+    assert np.min(np.abs(p[:, 0] @ p)) < 0.01, "it turns over"
+    for body in ("crank", "rocker"):
+        assert np.max(np.abs(motion[body].q - other[body].q)) < 1e-15
+        assert np.max(np.abs(motion[body].qdd - other[body].qdd)) < 1e-14
+    assert np.max(np.abs(np.sum(coupler.omega * line, axis=0))) < 1e-15
+    assert np.max(np.abs(np.sum(coupler.alpha * line, axis=0))) < 4e-15
+
+
+def test_the_plain_analysis_follows_a_coupler_that_turns_over():
+    motion = refkin.analysis.sweep(RSSR(**TURNING_OVER).scene(samples=91, start=0.4))
+
+    assert motion.verdict is Status.OK
+
+
+FORMS = ("half", "dot", "printed")
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("name", ["RSSR", "RSSP", "double Hooke"])
+def test_joints_in_every_form_give_one_motion(name, form):
+    half, other = (
+        refkin.solve(type(EVERY[name])(**vars(EVERY[name]) | {"form": f}).scene(start=0.4, samples=7))
+        for f in ("half", form)
+    )
+
+    assert other.verdict is Status.OK
+    assert np.max(np.abs(half.q - other.q)) < 4e-15
+    assert np.max(np.abs(half.qdd - other.qdd)) < 2e-13
+
+
+def test_no_estimate_leads_to_a_reversed_axis_or_a_crank_half_a_turn_off():
+    """Half angles have no such roots; dot products have."""
+    linkage = RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125), massless=True)
+    scene, random = linkage.scene(start=0.4, samples=2), np.random.default_rng(5)
+    axis = np.array(linkage.axis) / np.linalg.norm(linkage.axis)
+    for _ in range(10):
+        estimates = {b.name: tuple(random.normal(size=7).tolist()) for b in scene.mechanism.bodies}
+        bodies = tuple(Body(name=name, estimate=estimate) for name, estimate in estimates.items())
+        mechanism = Mechanism(bodies, scene.mechanism.joints, scene.mechanism.drivers)
+        motion = refkin.solve(Scene(mechanism=mechanism, times=scene.times[:1]))
+        crank, rocker = motion["crank"].rotation[..., 0], motion["rocker"].rotation[..., 0]
+
+        assert motion.verdict is not Status.OK or min(crank[2, 2], rocker[:, 2] @ axis, crank[0, 0]) > 0.5
+
+
+@pytest.mark.parametrize("distance", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12])
+def test_near_its_limit_an_rssr_is_solved_or_says_that_it_is_not(distance):
+    """The rocker reaches furthest where K^2 = P^2 + Q^2; the errors grow as 1/sqrt(d), and no ok is wrong."""
+    linkage = RSSR(1.0, 1.2, 2.0, (2.5, 0.5, 0.75), (0.25, 0.2, 1.0), massless=True)
+
+    def margin(theta):
+        with mpmath.workdps(40):
+            f, g = exact_frame(linkage.axis)
+            w = mpmath.matrix([mpmath.cos(theta), mpmath.sin(theta), 0]) - mpmath.matrix(linkage.pivot)
+            k = (dot(w, w) + 4 - mpmath.mpf(linkage.coupler) ** 2) / 4
+            return 1 - abs(k) / mpmath.hypot(dot(w, f), dot(w, g))
+
+    with mpmath.workdps(40):
+        inside = next(x / 50 for x in range(315) if margin(mpmath.mpf(x) / 50) > 0)
+        limit = mpmath.findroot(margin, (inside - 0.02, inside), solver="anderson", tol=1e-60)
+        theta = float(limit) + distance
+        w = mpmath.matrix([mpmath.cos(theta), mpmath.sin(theta), 0]) - mpmath.matrix(linkage.pivot)
+        f, g = exact_frame(linkage.axis)
+        p, q = dot(w, f), dot(w, g)
+        k = (dot(w, w) + 4 - mpmath.mpf(linkage.coupler) ** 2) / 4
+        truth = [float(mpmath.atan2(q, p) + s * mpmath.acos(k / mpmath.hypot(p, q))) for s in (1, -1)]
+    motion = refkin.solve(linkage.scene(law=Polynomial(coefficients=(theta,)), times=(0.0,)))
+
+    assert motion.verdict in (Status.OK, Status.SINGULAR)
+    if motion.verdict is Status.OK:
+        psi = angle(motion, "rocker", linkage.axis, tuple(float(x) for x in f))
+        error = min(off(psi, t) for t in truth)
+        assert error < 4 * motion.certified_radius.position[0] + 1e-15
+    assert motion.verdict is Status.OK or distance < 1e-11
+
+
+def test_an_rssr_is_followed_through_its_limit():
+    linkage = RSSR(1.0, 1.2, 2.0, (2.5, 0.5, 0.75), (0.25, 0.2, 1.0), massless=True)
+    start = next(x / 10 for x in range(63) if _assembles(linkage, x / 10) and _assembles(linkage, x / 10 + 0.2))
+    law = Polynomial(coefficients=(start + 0.1, 1.0))
+    path = refkin.follow(linkage.scene(law=law, times=(0.0,)), most_points=60)
+
+    assert len(path.turning_points) >= 1
+    assert np.max(path.residual) < 1e-13
+
+
+def _assembles(linkage, value):
+    try:
+        linkage.assemble(value)
+    except refkin.RefkinError:
+        return False
+    return True
+
+
+def test_an_rssr_with_a_coupler_that_is_too_short_has_no_pose():
+    linkage = RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125))
+    scene = linkage.scene(start=0.4, samples=2)
+    short = tuple(
+        refkin.Spherical(**{**vars(j), "point_i": (0.1, 0.0, 0.0)}) if j.name == "S2" else j
+        for j in scene.mechanism.joints
+    )
+    motion = refkin.solve(
+        Scene(mechanism=Mechanism(scene.mechanism.bodies, short, scene.mechanism.drivers), times=(0.0,))
+    )
+
+    assert motion.verdict in (Status.NOT_CONVERGED, Status.UNASSEMBLABLE)
+
+
+def test_a_stewart_platform_goes_with_its_six_legs():
+    motion = refkin.solve(Stewart.three_three().scene(speed=1.0, samples=13))
+
+    assert motion.verdict is Status.OK
+    assert np.max(motion.certified_radius.acceleration) < 1e-14
