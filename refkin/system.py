@@ -35,10 +35,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class System:
-    """The equations of a mechanism in a unit of length: n coordinates, m >= n rows; see `compile_system`.
-
-    `gauge` says by row how idle freedoms are held, if not as the estimates have them; see `gauged`.
-    """
+    """The equations of a mechanism in a unit of length: n coordinates, m >= n rows; see `compile_system`."""
 
     mechanism: Mechanism
     effects: frozenset[Effect]
@@ -55,7 +52,7 @@ class System:
         return self.mechanism.kind
 
     def gauged(self, q: Any) -> System:
-        """Return the system whose idle freedoms are held as they are at a pose (n,), or at each of a batch (n, B)."""
+        """Return the system whose idle freedoms are held as at a pose (n,), or each of (n, B); else as estimated."""
         held = {p.row: p.constraint.gauge(q[p.starts[1] :]) for p in self.placed if p.constraint.idle}
         return replace(self, gauge=held) if held else self
 

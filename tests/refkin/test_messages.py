@@ -105,7 +105,7 @@ ELSEWHERE = {
     "after t = {} it is not proved on which branch the motion goes on": "test_messages.py: a_branch_that_is_not_proved",
     "the contact of {} leaves its profile after t = {}": "test_contact_profiles.py: profile",
     "{}: Newton's, nearer than {} others found": "test_hostile_scenes.py: peaucellier_starts",
-    "redundant rows can be chosen in more than {} ways: the error bounds are those of one choice": (
+    "redundant rows can be chosen in more than {} ways: the bounds are those of one choice": (
         "space/test_spatial_linkages.py: rows_are_chosen_at_each_pose"
     ),
     "redundant rows can be chosen in more than {} ways: no error bound covers all of them": (

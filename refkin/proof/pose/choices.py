@@ -61,7 +61,7 @@ def over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any =
     choices = other_choices(system, proof.rows, q[:, proof.ok], t[proof.ok])
     if choices is None:
         if system.kind is SPACE:  # a single loop of four hinges has 2024 choices
-            why = f"redundant rows can be chosen in more than {MOST_CHOICES} ways: the error bounds are those of one choice"
+            why = f"redundant rows can be chosen in more than {MOST_CHOICES} ways: the bounds are those of one choice"
             return replace(proof, why=why)
         nothing = np.full_like(proof.position, np.nan)
         why = f"redundant rows can be chosen in more than {MOST_CHOICES} ways: no error bound covers all of them"

@@ -186,7 +186,7 @@ def test_rows_are_chosen_at_each_pose():
 
     assert motion.verdict is Status.OK
     assert np.max(motion.certified_radius.acceleration) < 4e-13
-    assert "the error bounds are those of one choice" in motion.message
+    assert "the bounds are those of one choice" in motion.message
 
 
 MOBILITIES = {
