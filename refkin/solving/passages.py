@@ -203,7 +203,17 @@ class Winding:
         return bool(back)
 
     def wound(self, q: Any, t: float, turns: int) -> Any:
-        """Return the pose at a time, so many turns after the pose q; None if it is not there."""
+        """Return the pose so many turns after another; None if it is not there.
+
+        Parameters
+        ----------
+        q : (n,) array
+            A pose of the system, in its coordinates.
+        t : float
+            The time of the pose that is asked for [s].
+        turns : int
+            Whole turns of the wheel, of either sign.
+        """
         guess = np.array(q)
         guess[self.loops] += turns * self.closed[self.loops]
         guess = self.placed(guess, t)

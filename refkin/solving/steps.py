@@ -210,7 +210,17 @@ def before(times: Sequence[float], last: int, t: float, first: int = -1) -> list
 
 
 def neville(times: Sequence[Any], poses: list[Any], t: Any) -> Any:
-    """Return where the polynomial through poses at times is at t; all of them may be rows of a batch."""
+    """Return where the polynomial through poses is at a time, by Neville's scheme.
+
+    Parameters
+    ----------
+    times : sequence of float or of (B,) array
+        k times, no two of them equal [s].
+    poses : list of array
+        (n,) or (n, B), the poses there.
+    t : float or (B,) array
+        The time asked for [s].
+    """
     poses = list(poses)
     for width in range(1, len(times)):
         for k in range(len(times) - width):

@@ -89,7 +89,17 @@ class _Known:
 
 
 def search(system: System, t: float, rows: AssemblyRows) -> Roots:
-    """Look for all assemblies of a system that closed form does not place, or the proof that there is none."""
+    """Look for all assemblies of a system that closed form does not place, or the proof that there is none.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit.
+    t : float
+        Time [s].
+    rows : AssemblyRows
+        Its constraints at that time, in balls (`read_rows`).
+    """
     return _Search(system, t, rows).run()
 
 

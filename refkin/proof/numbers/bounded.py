@@ -144,7 +144,17 @@ class Bounds:
 
 
 def box(q: Any, radii: Any = 0.0, number: type[Bounded] = Bounded) -> Any:
-    """Return coordinates (n, B) as an object array (n,) of rows over the box of the given radii."""
+    """Return coordinates as an object array (n,) of rows over a box around them.
+
+    Parameters
+    ----------
+    q : (n, B) array
+        The middles, in the system's coordinates.
+    radii : float or (n, B) array
+        Half-widths of the boxes.
+    number : type
+        `Bounded`, or a kind of it that carries more.
+    """
     radii = np.broadcast_to(radii, np.shape(q))
     out = np.empty(len(q), object)
     for k, (mid, spread) in enumerate(zip(q, radii, strict=True)):

@@ -39,7 +39,17 @@ def output_rounding(system: System, q: Any) -> Any:
 
 
 def input_effect(system: System, q: Any, t: Any, error: InputError) -> Any:
-    """Return how far an error of every geometric number, time and law value moves phi, (m, B)."""
+    """Return how far an error of every geometric number, time and law value moves phi, (m, B).
+
+    Parameters
+    ----------
+    q : (n, B) array
+        Poses, in the system's coordinates.
+    t : (B,) array
+        Their times [s].
+    error : InputError
+        How far each number may be off, by its size.
+    """
     return read(bounded_system(system.gauged(q), error=error).phi(box(q), Times(t, 1)), np.shape(q)[1]).spread
 
 
@@ -47,7 +57,16 @@ def contradiction(system: System, rows: Any, root: Nearly, t: Any) -> Any:
     """Return the largest |phi| of the rows that were left out, at the root, in units of what explains it, (B,).
 
     Up to 1 the rows are consistent. What explains it: rounding, and `A_FEW_ROUNDINGS` of the mechanism's numbers, in
-    these rows and, through the pose, in the rows (n,) that were solved. 0 if no row was left out.
+    these rows and, through the pose, in the rows that were solved. 0 if no row was left out.
+
+    Parameters
+    ----------
+    rows : (n,) array of int
+        The rows that were solved.
+    root : Nearly
+        Their root, (n, B), as narrowly as it is known.
+    t : (B,) array
+        Times [s].
     """
     others = np.setdiff1d(np.arange(system.m), rows)
     batch = np.shape(root.given)[1]
@@ -68,6 +87,17 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
     A pose that all rows share says nothing of the next one: rows that contradict each other there do so here in
     phi_q qd = nu, or in phi_q qdd = gamma. Rates are those of the rows (n,) that were solved. What explains a left-out
     row: its own spread over what the pose may be off by, and, through the rates, that of the solved rows.
+
+    Parameters
+    ----------
+    rows : (n,) array of int
+        The rows that were solved.
+    q : (n, B) array
+        Poses, in the system's coordinates.
+    t : (B,) array
+        Their times [s].
+    acceleration : bool
+        Whether accelerations are asked for; if not, their part is 0.
     """
     others, batch = np.setdiff1d(np.arange(system.m), rows), np.shape(q)[1]
     excess = np.zeros((2, batch))

@@ -73,7 +73,15 @@ class Preconditioned:
 
 
 def independent_rows(system: System, q: Any, t: Any) -> Any:
-    """Return n rows of phi_q that are independent at the first finite pose, by pivoted QR: all rows if m = n."""
+    """Return n rows of phi_q that are independent at the first finite pose, by pivoted QR: all rows if m = n.
+
+    Parameters
+    ----------
+    q : (n, B) array
+        Poses, in the system's coordinates.
+    t : (B,) array
+        Their times [s].
+    """
     finite = np.flatnonzero(np.isfinite(q).all(axis=0))
     if system.m == system.n or not finite.size:
         return np.arange(system.n)

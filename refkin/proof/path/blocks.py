@@ -44,10 +44,17 @@ class Blocks:
 
 
 def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
-    """Return the blocks of n rows of phi_q.
+    """Return the irreducible diagonal blocks of n rows of phi_q.
 
-    The entries that are not always zero are those that are not at the pose (n,) or at one with its bodies elsewhere,
+    The entries that are not always zero are those that are not at the pose or at one with its bodies elsewhere,
     a moment later: slopes of an angle driver of space hold its law, which may be zero now.
+
+    Parameters
+    ----------
+    q : (n,) array
+        A pose, in the system's coordinates, at the time t [s].
+    rows : (n,) array of int
+        The rows that are solved, of the m.
     """
     elsewhere = np.array(q, float)
     elsewhere[: system.of_bodies] += np.sqrt(np.arange(2, system.of_bodies + 2))  # no two of them in a simple ratio

@@ -85,7 +85,16 @@ def first_gap(system: System, t: Any, q: Any, between: Between, steps: Sequence[
 def step_over_crossing(system: System, t: Any, q: Any, steps: Sequence[int]) -> int | None:
     """Return the k of `steps` for which branches cross between poses k and k + 1, as far as float64 can tell, or None.
 
-    Where they do, no proof needs to be tried. Arguments as those of `first_gap`.
+    Where they do, no proof needs to be tried.
+
+    Parameters
+    ----------
+    t : (T,) array
+        Times [s].
+    q : (n, T) array
+        The poses there, in the system's coordinates.
+    steps : sequence of int
+        The numbers k of the steps that are looked at.
     """
     pieces = [Piece(t[k], t[k + 1], q[:, k], q[:, k + 1], None, None, int(k)) for k in steps]
     return _crossing_in(system, pieces) if pieces else None

@@ -108,7 +108,15 @@ class Curve:
         )
 
     def stepped(self, x: Any, tangent: Any, h: float) -> Any:
-        """Return the point of the curve at a step h along the tangent; None if Newton does not contract to one."""
+        """Return the point of the curve at a step along the tangent; None if Newton does not contract to one.
+
+        Parameters
+        ----------
+        x, tangent : (n + 1,) array
+            A point of the curve and its unit tangent.
+        h : float
+            Length of the step, in the units of `scale`.
+        """
         result = self.corrected(x + h * tangent, tangent)
         if not (result.converged and contracts(np.max(np.abs(result.corrections), axis=1))):
             return None

@@ -66,7 +66,19 @@ class Tracer:
         self.blocks: Blocks | None = None
 
     def run(self, start: Any, along: Any, direction: int, choose: Chooser) -> Trace:
-        """Trace from a point near the curve; `along` is a vector (n + 1,) to set out in, or None."""
+        """Trace the curve from a point near it.
+
+        Parameters
+        ----------
+        start : (n + 1,) array
+            The point.
+        along : (n + 1,) array or None
+            The vector to set out in; None for that in which the parameter grows.
+        direction : int
+            Without `along`: 1 if the parameter is to grow at first, -1 if it is to fall.
+        choose : callable
+            The branch to go on with where curves cross.
+        """
         x = self._first(start)
         if x is None:
             return self.trace

@@ -98,7 +98,17 @@ def isolate_every_choice(system: System, q: Any, t: Any, qd: Any = None, qdd: An
 
 
 def other_choices(system: System, rows: Any, q: Any, t: Any) -> list[Any] | None:
-    """Return the sets of n rows, other than the given one, that are independent at some pose; None if too many."""
+    """Return the sets of n rows, other than the given one, that are independent at some pose; None if too many.
+
+    Parameters
+    ----------
+    rows : (n,) array of int
+        The rows that were solved, of the m.
+    q : (n, B) array
+        Poses, in the system's coordinates; some of them are looked at.
+    t : (B,) array
+        Their times [s].
+    """
     others = np.setdiff1d(np.arange(system.m), rows)
     counts = [math.comb(len(others), k) * math.comb(system.n, k) for k in range(1, len(others) + 1)]
     if sum(counts) > MOST_COMBINATIONS:

@@ -102,9 +102,18 @@ class Judgement:
 
 
 def judge(truth: tuple[Any, ...], answer: Any, allowed: Any) -> Judgement:
-    """Hold an answer (n,) against balls that enclose the truth, with the errors (n,) that are allowed.
+    """Hold an answer against balls that enclose the truth.
 
     Undecidable: the balls are too wide to say, or one of the numbers is not finite.
+
+    Parameters
+    ----------
+    truth : tuple of arb
+        n balls, each of which holds a coordinate.
+    answer : (n,) array
+        In the same coordinates.
+    allowed : float or (n,) array
+        The errors that are allowed.
     """
     limits = np.broadcast_to(np.asarray(allowed, float), np.shape(answer)).tolist()
     with ctx.workprec(JUDGE_BITS):

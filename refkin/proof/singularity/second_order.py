@@ -161,7 +161,15 @@ def _common_roots(forms: list[Any]) -> tuple[Any, ...]:
 
 
 def advances(system: System, q: Any, t: float, direction: Any) -> bool:
-    """Return whether a motion at a fixed time goes on: whether there is another pose a little further."""
+    """Return whether a motion at a fixed time goes on: whether there is another pose a little further.
+
+    Parameters
+    ----------
+    q : (n,) array
+        A pose, in the system's coordinates, at the time t [s].
+    direction : (n,) array
+        A null vector of phi_q there.
+    """
     step = direction / np.max(np.abs(direction)) * FAR
     x = q + step
     for _ in range(12):
