@@ -514,7 +514,7 @@ def test_the_shell_can_complete_commands_and_options():
 
 
 @pytest.mark.parametrize("asked", ["price", "effects", "hard", "hunt"])
-def test_long_work_shows_how_far_it_is(asked, command, monkeypatch):
+def test_long_work_shows_how_far_it_is(asked, command, tmp_path, monkeypatch):
     """A line after every call instead of one in ten seconds."""
     monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
     monkeypatch.setattr("crosscheck.measure.price.WITHIN", 1.0)
@@ -523,7 +523,7 @@ def test_long_work_shows_how_far_it_is(asked, command, monkeypatch):
         "price": (GOOD, "--engines", "closed_form"),
         "effects": (GOOD, "--engines", "closed_form"),
         "hard": ("--engines", "closed_form", "--case", "far start"),
-        "hunt": ("--engines", "closed_form", "--minutes", "0.03", "--night", "reports/latest"),
+        "hunt": ("--engines", "closed_form", "--minutes", "0.03", "--out", tmp_path),
     }
     told = command(asked, *few[asked])
     expected = {
