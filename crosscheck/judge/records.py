@@ -243,7 +243,7 @@ class Disagreement:
         Error / allowed, and where it is largest.
     message : str
         What else is known.
-    violated : tuple of str
+    violated : list of str
         The joints and drivers that the answer violates, by name, the most violated first.
     """
 
@@ -257,7 +257,7 @@ class Disagreement:
     ratio: float | None = None
     at: At | None = None
     message: str = ""
-    violated: tuple[str, ...] = ()
+    violated: list[str] = field(default_factory=list)
 
     @property
     def name(self) -> str:

@@ -302,7 +302,13 @@ def _disagreements(
             continue
         kind = Cause.NO_NUMBER if np.isinf(q.error).any() else kind
         ratio = largest_ratio(q.ratio)
-        seen: Any = {"kind": kind, "ratio": ratio, "at": q.worst, "message": violated.text, "violated": violated.names}
+        seen: Any = {
+            "kind": kind,
+            "ratio": ratio,
+            "at": q.worst,
+            "message": violated.text,
+            "violated": list(violated.names),
+        }
         yield Disagreement(**who, quantity=quantity, **seen)
     for found, kind in ((compared, Cause.NO_ANSWER), (turned_round, Cause.ORDER)):
         if found is not None and found.missing and not subject.excused(found.first_missing):

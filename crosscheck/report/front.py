@@ -13,12 +13,17 @@ from crosscheck.report.wording import count, number
 Report = Mapping[str, Any]
 GOAL = 9
 """Digits of acceleration whose price stands in the first table."""
+ANSWERED = ("correct", "warned", "wrong")
+SERIOUS = (None, "", "defect")
+"""Classes of wrong answers that nothing excuses: none, or a defect of the engine."""
 
 
 def first_table(report: Report) -> list[dict[str, Any]]:
     """Return a row per engine and route: digits, price, what was wrong without a word.
 
     The price is that of the engine's best method, whichever it is, as in all that is said of its price.
+    After them come the methods of shipped defaults that no drawn scene is sent through, as users run them: their digits
+    are the most that the price list has of them.
     """
     prices = report["price"] or []
     best = best_methods(prices)
@@ -40,10 +45,28 @@ def first_table(report: Report) -> list[dict[str, Any]]:
                     "priced": engine in priced or not prices,
                     "silent": silent,
                     "silent_class": seriousness,
+                    "asked": True,
                     "scenes": made.get("scenes", 0),
                     "newton_by": quantities["position"]["newton_by"],
                 }
             )
+        rows += _as_shipped(report, engine, list(routes))
+    return rows
+
+
+def _as_shipped(report: Report, engine: str, routes: Sequence[str]) -> list[dict[str, Any]]:
+    """Return the rows of an engine's methods that were asked hard cases, and no drawn scene."""
+    asked = dict.fromkeys(row["method"] for row in report["hard_cases"] or () if row["engine"] == engine)
+    rows = []
+    for method in (name for name in asked if name not in routes):
+        named = (method, f"{method}, as shipped")
+        priced = [r for r in report["price"] or () if r["engine"] == engine and r["method"] in named]
+        best = [max((r["digits"] for r in priced if r["quantity"] == q and r["digits"]), default=None) for q in SOLVED]
+        silent, seriousness = _silent(report, engine, method, {})
+        row = {"engine": engine, "route": method, "cells": [{"best": digits, "samples": 0} for digits in best]}
+        said = {"silent": silent, "silent_class": seriousness, "scenes": 1, "asked": False, "priced_method": ""}
+        newton_by = priced[0].get("newton_by") if priced else None
+        rows.append({**row, **said, "price": None, "priced": bool(priced), "newton_by": newton_by})
     return rows
 
 
@@ -64,23 +87,22 @@ def _cell(cell: Mapping[str, Any]) -> dict[str, Any]:
         "worst": cell["digits_worst"],
         "samples": cell["samples"],
         "class": seriousness,
+        "best": None,
     }
 
 
 def _silent(report: Report, engine: str, route: str, made: Mapping[str, Any]) -> tuple[str, str]:
-    """Return where a route was wrong and said nothing, and whether a known gap accounts for all of it."""
+    """Return where a method was wrong and said nothing, and whether a known gap or a finding accounts for all of it."""
     kinds = {kind: n for kind, n in made.get("silent", {}).items() if kind != "any"}
     parts = [f"{kind}: {count(n)} scene{'s' * (n > 1)}" for kind, n in kinds.items()]
-    cases = (
-        row["case"]
-        for row in report["hard_cases"] or ()
-        if (row["engine"], row["method"], row["verdict"]) == (engine, route, "wrong")
-    )
-    wrong = list(dict.fromkeys(cases))
+    cases = [row for row in report["hard_cases"] or () if (row["engine"], row["method"]) == (engine, route)]
+    wrong = [row for row in cases if row["verdict"] == "wrong"]
     if wrong:
-        parts.append(f"hard cases: {', '.join(wrong[:2])}{f' and {len(wrong) - 2} more' if len(wrong) > 2 else ''}")
+        answered = sum(row["verdict"] in ANSWERED for row in cases)
+        classes = ", ".join(dict.fromkeys(row["class"] or "not explained" for row in wrong))
+        parts.append(f"{len(wrong)} of {answered} hard cases that it answers ({classes})")
     new = any(not d["known"] for d in report["disagreements"] if (d["engine"], d["route"]) == (engine, route))
-    return "; ".join(parts), "bad" if new or not kinds else "gap"
+    return "; ".join(parts), "bad" if new or any(row["class"] in SERIOUS for row in wrong) else "gap"
 
 
 def answer(report: Report) -> str:

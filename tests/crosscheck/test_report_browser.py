@@ -193,6 +193,20 @@ def test_on_a_phone_nothing_sticks_out_sideways(opened: Any, unfolded: bool) -> 
     assert at.page.evaluate("document.documentElement.scrollWidth") == PHONE["width"]
 
 
+def test_on_a_phone_every_cell_of_the_first_table_is_on_the_screen_with_its_name(opened: Any) -> None:
+    at = opened(viewport=PHONE)
+    cells = at.page.locator("#first .scroll").first.locator("tbody td, tbody th")
+    boxes = [cell.bounding_box() for cell in cells.all()]
+
+    assert boxes
+    assert all(box["x"] >= 0 and box["x"] + box["width"] <= PHONE["width"] for box in boxes)
+    named = "e => getComputedStyle(e, '::before').content"
+    silent = at.page.locator("#first td.silent").first
+
+    assert silent.evaluate(named) == '"wrong without saying so"'
+    assert at.page.locator("#first .scroll").first.evaluate("e => e.scrollWidth == e.clientWidth")
+
+
 def test_first_screen_of_a_laptop_holds_verdict_table_and_figure(opened: Any) -> None:
     page = opened().page
     for selector in ("h1", ".first table >> nth=0", ".hero > svg >> nth=2", "#pose-picture", "#pose-play"):

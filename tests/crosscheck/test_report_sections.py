@@ -225,7 +225,7 @@ def test_hard_case_that_is_wrong_in_silence_stands_in_the_first_table(tmp_path: 
     report, _ = reported(tmp_path, hard_cases=HARD)
     (row,) = first_table(report)
 
-    assert (row["silent"], row["silent_class"]) == ("hard cases: dead centre", "bad")
+    assert (row["silent"], row["silent_class"]) == ("1 of 2 hard cases that it answers (defect)", "bad")
 
 
 def test_scene_that_is_wrong_in_three_quantities_counts_once_as_silent(tmp_path: Path) -> None:
@@ -402,3 +402,21 @@ def test_an_error_term_that_documentation_grants_is_shown_at_its_largest(tmp_pat
 
     assert [row["granted"] for row in report["routes"]] == [{"soft constraints": 3e-4}]
     assert "“soft constraints”: up to 0.0003" in page
+
+
+def test_what_users_of_an_engine_run_stands_beside_its_route_on_the_first_screen(tmp_path: Path) -> None:
+    """By its digits in the price list and its verdicts at hard cases: no drawn scene is sent through it."""
+    stepped = {**HARD[1], "method": "mj_step", "class": "documented limit"}
+    hard = [*HARD, stepped, {**stepped, "verdict": "correct", "class": ""}, {**stepped, "verdict": "refused"}]
+    priced = [
+        {**PRICES[0], "method": "mj_step, as shipped", "quantity": "position", "digits": digits}
+        for digits in (2.25, 3.5)
+    ]
+    report, page = reported(tmp_path, price=[*PRICES, *priced], hard_cases=hard)
+    row = next(row for row in first_table(report) if row["route"] == "mj_step")
+
+    assert row["engine"] == "mujoco"
+    assert [cell["best"] for cell in row["cells"]] == [3.5, None, None]
+    assert (row["silent"], row["silent_class"]) == ("1 of 2 hard cases that it answers (documented limit)", "gap")
+    assert "at best" in page
+    assert "not asked" in page
