@@ -10,14 +10,15 @@ import numpy as np
 import pytest
 
 from refkin.analysis import acceleration, velocity
-from refkin.joints import GROUND, AngleDriver, Distance, PointOnLine, Revolute, Unit
-from refkin.motion_laws import Sinusoid
+from refkin.joints import GROUND, AngleDriver, Distance, PointOnLine, Revolute, Unit, XDriver
+from refkin.model import Body, Mechanism
+from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.proof.numbers.bounded import Bounded, Extended, U
 from refkin.proof.numbers.inputs import HALF_ULP, input_effect
 from refkin.proof.numbers.preconditioned import Nearly
 from refkin.proof.pose.certificate import Certificate, certify
 from refkin.proof.pose.krawczyk import Enclosure, Verdict, judge, krawczyk, refine
-from refkin.system import System
+from refkin.system import System, compile_system
 
 from .assembled import Draw, four_bar, perturbed, poses
 
@@ -212,3 +213,22 @@ def test_half_an_ulp_of_the_geometry_moves_the_pose_by_its_effect_on_phi_at_most
 
 def beside(x: float, rng: np.random.Generator) -> float:
     return float(np.nextafter(x, rng.choice([-9.0, 9.0])))
+
+
+def height(root: float) -> System:
+    """A point above the origin, held at x = 0 and by a rod of length `root`: its height solves y^2 = root^2."""
+    body = Body(name="b", estimate=(0.0, root, 0.0))
+    rod = Distance(name="rod", body_i=GROUND, point_i=(0.0, 0.0), body_j="b", point_j=(0.0, 0.0), length=root)
+    still = Polynomial(coefficients=(0.0,))
+    drivers = (XDriver(name="x", body="b", law=still), AngleDriver(name="phi", body="b", law=still))
+    return compile_system(Mechanism((body,), (rod,), drivers))
+
+
+@pytest.mark.parametrize("away", [0.05, 0.2, 0.4, 0.5])
+def test_the_radius_of_one_square_holds_its_root_also_where_the_root_is_beyond_newtons_step(away):
+    """Newton's step from y is (y^2 - r^2) / (2 y), the way to the root y - r: longer, by what is of second order."""
+    root = 1.0 - away
+    certificate = certify(height(root), np.array([[0.0], [1.0], [0.0]]), np.zeros(1))
+
+    assert certificate.ok[0]
+    assert away <= certificate.radii[1, 0] <= 1.001 * away
