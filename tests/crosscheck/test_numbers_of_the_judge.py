@@ -1,0 +1,97 @@
+"""Small numbers that judgements rest on, where a random change of the code has survived all other tests."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+import refkin
+from crosscheck.engines import Level, load
+from crosscheck.judge import levels
+from crosscheck.judge.comparison import reference
+from crosscheck.judge.findings import finding_of, read
+from crosscheck.judge.hard_poses import ROUNDINGS, _output_rounding, fold
+from crosscheck.judge.levels import compare_levels, configurations
+from crosscheck.measure.check import check
+from refkin import FourBar, Polynomial, compile_system
+
+SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=3)
+
+
+@pytest.mark.parametrize("k", [0.25, 1.0, 3.0])
+def test_what_a_residual_hides_solves_its_quadratic(k):
+    s, f = 1.0, 0.1
+    x = fold(s, k, f)
+
+    assert s * x - k * x * x / 2 == pytest.approx(f, rel=1e-14)
+    assert x < s / k  # the nearer root
+
+
+def test_an_angle_is_stated_in_radians_and_a_place_in_sizes():
+    far = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0, origin=(4e3, 0.0)).scene(samples=2)
+    system = compile_system(far.mechanism, unit=far.mechanism.unit())
+    q = np.array([0.0, 0.0, 40.0] * 3)
+    costs = _output_rounding(system, q).reshape(3, 3)
+
+    assert costs[:, 2] == pytest.approx(ROUNDINGS * 40.0, rel=1e-12, abs=0.0)
+    assert costs[:, 0] == pytest.approx(ROUNDINGS * 4e3 / far.mechanism.size(), rel=1e-12, abs=0.0)
+    assert costs[:, 1] == pytest.approx(ROUNDINGS * 3.0, rel=1e-12, abs=0.0)
+
+
+def rows(fault: float):
+    """Return the comparison of MuJoCo's residuals, each off by a fault."""
+    engine, m = load("mujoco"), SCENE.mechanism
+    model, ref = engine.constraints(SCENE), reference(SCENE)
+    at = configurations(m, ref.system.to_physical(ref.levels[0]), ref.motion.t, "1", 2)
+    exact, model.residual = model.residual, lambda q, t: exact(q, t) + fault
+    return compare_levels(engine, model, m, at, engine.terms(SCENE))[Level.RESIDUAL]
+
+
+@pytest.mark.parametrize("fault", [1e-9, 1.0, 2.0])
+def test_rows_that_are_off_by_any_number_disagree(fault, monkeypatch):
+    """Also by one to the last bit, as an angle that is counted from elsewhere may be."""
+    monkeypatch.setattr(levels, "_mapped", lambda *_: (np.zeros(1), 1e-12))
+    engine, m = load("mujoco"), SCENE.mechanism
+    model, ref = engine.constraints(SCENE), reference(SCENE)
+    model.residual = lambda q, t: np.full((99, 1), fault)
+    at = configurations(m, ref.system.to_physical(ref.levels[0]), ref.motion.t, "1", 2)
+
+    assert compare_levels(engine, model, m, at)[Level.RESIDUAL].ratio == pytest.approx(fault * 1e12)
+
+
+def test_digits_of_rows_are_many_where_they_agree_and_few_where_they_do_not():
+    assert min(rows(0.0).digits) > 13.0
+    assert all(6.0 < digits < 10.0 for digits in rows(1e-8).digits)
+
+
+def test_an_answer_takes_no_longer_than_the_check_it_is_part_of():
+    start = time.perf_counter()
+    record = check(SCENE, ["closed_form"])
+    elapsed = time.perf_counter() - start
+
+    assert all(0.0 < answer.seconds < elapsed for answer in record.answers)
+
+
+def test_a_step_counts_by_the_smaller_sigma_at_its_ends():
+    """The smallest sigma is in the middle, and the step after it is the longest."""
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.6)
+    scene = linkage.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(2.9, 3.14, 3.9))
+    motion, size = refkin.solve(scene), scene.mechanism.size()
+    scale = np.tile([size, size, 1.0], 3)[:, None]
+    moves = np.max(np.abs(np.diff(motion.q, axis=1)) / scale, axis=0)
+
+    assert np.argmin(motion.sigma_min) == 1
+    assert check(scene, []).reference.sigma_per_step == pytest.approx(motion.sigma_min[1] / moves[1], rel=1e-9)
+
+
+def test_a_finding_explains_its_own_rows_alone():
+    known = read()
+    finding = next(f for f in known if f.cases)
+    own = (finding.engine, finding.route, finding.cases[0], finding.verdict)
+
+    assert finding_of(known, *own) is finding
+    assert finding_of([finding], "another", *own[1:]) is None
+    assert finding_of([replace(finding, cases=("another",))], *own) is None
