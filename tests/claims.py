@@ -10,12 +10,12 @@ U = 2.0**-53
 """Unit round-off of binary64."""
 
 
-def assert_near(found, expected, allowed, told):
+def assert_near(actual, expected, allowed, value):
     """Two arrays have one shape and differ by what is allowed at most; NaN is near nothing."""
-    found, expected = np.asarray(found), np.asarray(expected)
-    assert found.shape == expected.shape, f"{told}: shape {found.shape}, expected {expected.shape}"
-    away = np.abs(found - expected)
-    assert (away <= allowed).all(), f"{told}: {found} is not {expected}, off by {np.max(away, initial=0.0):.3g}"
+    actual, expected = np.asarray(actual), np.asarray(expected)
+    assert actual.shape == expected.shape, f"{value}: shape {actual.shape}, expected {expected.shape}"
+    away = np.abs(actual - expected)
+    assert (away <= allowed).all(), f"{value}: {actual} is not {expected}, off by {np.max(away, initial=0.0):.3g}"
 
 
 def error_bound(scheme, h, second, third, evaluation, slope):

@@ -48,14 +48,14 @@ def arrows():
     faces = {name for name, path in modules().items() if path.name == "__init__.py"}
     graph = {}
     for name, path in modules().items():
-        found = {module_of(other) for other in imported(path)} - {None, name}
-        graph[name] = set() if name in faces and name in ("refkin", "crosscheck") else found
+        value = {module_of(other) for other in imported(path)} - {None, name}
+        graph[name] = set() if name in faces and name in ("refkin", "crosscheck") else value
     return graph
 
 
 def circles(graph):
     """Return the strongly connected components of more than one node (Tarjan)."""
-    order, low, stack, found = {}, {}, [], []
+    order, low, stack, result = {}, {}, [], []
 
     def visit(node):
         order[node] = low[node] = len(order)
@@ -70,12 +70,12 @@ def circles(graph):
             while node not in component:
                 component.add(stack.pop())
             if len(component) > 1:
-                found.append(component)
+                result.append(component)
 
     for node in graph:
         if node not in order:
             visit(node)
-    return found
+    return result
 
 
 def folded(graph, folder_of):

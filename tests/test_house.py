@@ -226,10 +226,10 @@ def questions(path):
 
 def test_a_joint_is_built_from_its_elements_not_from_its_type():
     paths = [path for package in ("refkin", "crosscheck") for path in sources(package) if path.parent.name != "joints"]
-    found = [where for path in paths for where in questions(path)]
+    values = [where for path in paths for where in questions(path)]
 
-    assert len(found) <= MOST_QUESTIONS, found
-    assert not [where for where in found if where.startswith("crosscheck/engines")]
+    assert len(values) <= MOST_QUESTIONS, values
+    assert not [where for where in values if where.startswith("crosscheck/engines")]
 
 
 SHARED = 6
@@ -237,14 +237,14 @@ SHARED = 6
 
 def passages(paths):
     """Return the runs of so many lines of some files, without imports and what is empty."""
-    found = set()
+    seen = set()
     for path in paths:
         text = path.read_text(encoding="utf-8")
         nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.Import | ast.ImportFrom)]
         of_imports = {k for node in nodes for k in range(node.lineno, node.end_lineno + 1)}
         said = [line.strip() for k, line in enumerate(text.splitlines(), 1) if k not in of_imports and line.strip()]
-        found |= {tuple(said[k : k + SHARED]) for k in range(len(said) - SHARED + 1)}
-    return found
+        seen |= {tuple(said[k : k + SHARED]) for k in range(len(said) - SHARED + 1)}
+    return seen
 
 
 def test_tests_and_source_share_no_six_lines():

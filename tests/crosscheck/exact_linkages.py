@@ -315,11 +315,11 @@ def excess(case: Case, motion: Motion) -> float:
     size = case.scene.mechanism.size()
     worst = 0.0
     for body, exact in case.rows.items():
-        found = motion[body]
+        value = motion[body]
         scale = np.array([[size], [size], [1.0]])
         e = 16 * EPS * (1.0 + max(np.max(np.abs(levels[0][2])) for levels in case.rows.values()))
         rate = max(1.0, *(float(np.max(np.abs(levels[1] / scale))) for levels in case.rows.values()))
-        for order, (ours, theirs) in enumerate(zip(exact, (found.q, found.qd, found.qdd), strict=True)):
+        for order, (ours, theirs) in enumerate(zip(exact, (value.q, value.qd, value.qdd), strict=True)):
             far = np.abs(exact[0]) * EPS if order == 0 else 0.0  # a coordinate is handed over in metres from the origin
             allowed = e * case.kappa ** (order + 1) * rate**order * scale + far
             worst = max(worst, float(np.max(np.abs(ours - theirs) / allowed)))

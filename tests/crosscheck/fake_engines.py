@@ -86,9 +86,9 @@ def settled(record: Any) -> dict[str, Any]:
     return {**record, "reference": reference, "answers": answers}
 
 
-def kinds(told: Any) -> list[str]:
+def kinds(actual: Any) -> list[str]:
     """Return the kinds of disagreements of a plain record as they are shown."""
-    return [d["kind"] + (f" ({d['how']})" if d["how"] else "") for d in told]
+    return [d["kind"] + (f" ({d['how']})" if d["how"] else "") for d in actual]
 
 
 def records_of(out: Path) -> dict[str, dict[str, Any]]:
@@ -125,12 +125,12 @@ def start(*arguments: Any) -> subprocess.Popen[str]:
 
 def alive(pids: Sequence[int]) -> list[int]:
     """Return which of some processes run; one that only waits to be collected does not."""
-    found = []
+    rows = []
     for pid in pids:
         try:
             state = Path(f"/proc/{pid}/stat").read_text(encoding="utf-8").rsplit(")", 1)[1].split()[0]
         except OSError:
             continue
         if state != "Z":
-            found.append(pid)
-    return found
+            rows.append(pid)
+    return rows

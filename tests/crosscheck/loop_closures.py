@@ -58,7 +58,7 @@ def defects(scene, motion):
     """Yield (name, level 0..2, Defect) for every joint and driver."""
     for c in scene.mechanism.constraints:
         i, j = (Carried(motion, name) for name in c.bodies)
-        found = {
+        result = {
             "revolute": _pinned,
             "fixed": _welded,
             "prismatic": _slides,
@@ -69,7 +69,7 @@ def defects(scene, motion):
             "y": _driven_y,
         }[c.type](c, i, j, motion.t)
         for level in range(3):
-            yield c.name, level, Defect(*zip(*[(part[level], size[level]) for part, size in found], strict=True))
+            yield c.name, level, Defect(*zip(*[(part[level], size[level]) for part, size in result], strict=True))
 
 
 def _gap(c, i, j):

@@ -57,7 +57,7 @@ def key(name: str) -> str:
 
 
 def answer(engine: str, quantities: Mapping[str, Any], **more: Any) -> dict[str, Any]:
-    told = {
+    fields = {
         "engine": engine,
         "version": "1.0",
         "route": {"name": ROUTES[engine], **WHO},
@@ -67,7 +67,7 @@ def answer(engine: str, quantities: Mapping[str, Any], **more: Any) -> dict[str,
         "times": 4,
         "seconds": 0.0004,
     }
-    return {**told, **more}
+    return {**fields, **more}
 
 
 def good_answer(engine: str, **more: Any) -> dict[str, Any]:
@@ -79,7 +79,7 @@ def level(engine: str, name: str, digits: Any = (15.0, 15.5), ratio: float = 0.2
 
 
 def record(name: str, *answers: Any, **more: Any) -> dict[str, Any]:
-    told = {
+    fields = {
         "key": key(name),
         "scene": f"scene {name}",
         "about": {"kind": "four_bar", "grashof": "crank-rocker", "branch": "open", "distance": 0.02, "shard": 0},
@@ -97,7 +97,7 @@ def record(name: str, *answers: Any, **more: Any) -> dict[str, Any]:
         "refusals": [],
         "disagreements": [],
     }
-    return {**told, **more}
+    return {**fields, **more}
 
 
 def typed(data: Mapping[str, Any]) -> Record:
@@ -113,20 +113,22 @@ def failed_record(name: str) -> dict[str, Any]:
 
 def disagreement(engine: str = "mujoco", quantity: str = "velocity", **more: Any) -> dict[str, Any]:
     """Return a disagreement as a record holds it."""
-    told = {"engine": engine, "route": ROUTES[engine], "quantity": quantity, "kind": Cause.BEYOND, "ratio": 3.5}
-    return plain(Disagreement(**{**told, "at": At("rocker.phi", 0.5), **more}))
+    fields = {"engine": engine, "route": ROUTES[engine], "quantity": quantity, "kind": Cause.BEYOND, "ratio": 3.5}
+    return plain(Disagreement(**{**fields, "at": At("rocker.phi", 0.5), **more}))
 
 
-def case(told: Mapping[str, Any], name: str = "a", **more: Any) -> NewCase:
+def case(wrong: Mapping[str, Any], name: str = "a", **more: Any) -> NewCase:
     """Return what a run calls new of a planted disagreement."""
-    at = At(**told["at"]) if told["at"] else None
-    return NewCase(disagreement=Disagreement(**{**told, "kind": Cause(told["kind"]), "at": at}), key=key(name), **more)
+    at = At(**wrong["at"]) if wrong["at"] else None
+    return NewCase(
+        disagreement=Disagreement(**{**wrong, "kind": Cause(wrong["kind"]), "at": at}), key=key(name), **more
+    )
 
 
 def built(folder: Path, ended: NightOutcome | None = None, gaps: Sequence[KnownGap] = ()) -> Path:
     """Write how a run ended, and its report."""
-    told = ended or NightOutcome(**versions_of(folder))
-    write_outcome(folder, replace(told, gaps=list(gaps)))
+    value = ended or NightOutcome(**versions_of(folder))
+    write_outcome(folder, replace(value, gaps=list(gaps)))
     return build(folder)
 
 
@@ -162,10 +164,10 @@ def outcome(**more: Any) -> NightOutcome:
 
 
 def gap(**match: str) -> KnownGap:
-    told = {
+    fields = {
         "engine": "mujoco",
         "predicate": "anywhere",
         "reason": "soft constraints",
         "kind_of_gap": "documented limit",
     }
-    return KnownGap(**told, date=datetime.date(2026, 11, 20), reproduction="tests/corpus/a.toml", match=match)
+    return KnownGap(**fields, date=datetime.date(2026, 11, 20), reproduction="tests/corpus/a.toml", match=match)

@@ -35,8 +35,8 @@ def between(i: str, at_i: Sequence[float], j: str, at_j: Sequence[float]) -> dic
 
 
 def axes(axis_i: Any, zero_i: Any, axis_j: Any, zero_j: Any) -> dict[str, Any]:
-    told = {"axis_i": axis_i, "zero_i": zero_i, "axis_j": axis_j, "zero_j": zero_j}
-    return {key: None if value is None else tuple(float(x) for x in value) for key, value in told.items()}
+    fields = {"axis_i": axis_i, "zero_i": zero_i, "axis_j": axis_j, "zero_j": zero_j}
+    return {key: None if value is None else tuple(float(x) for x in value) for key, value in fields.items()}
 
 
 def scene(name: str, bodies: Sequence[tuple[str, Any]], joints: Sequence[Any], *drivers: Any) -> Scene:

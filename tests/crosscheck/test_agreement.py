@@ -55,16 +55,16 @@ def test_the_reference_agrees_with_itself_and_so_does_a_part_of_it():
     [("q", 8, "rocker.phi", "rad"), ("qd", 3, "coupler.xd", "m/s"), ("qdd", 5, "coupler.phidd", "rad/s^2")],
 )
 def test_what_is_off_is_said_with_place_size_time_and_allowance(level, row, place, unit):
-    with pytest.raises(AssertionError) as told:
+    with pytest.raises(AssertionError) as result:
         crosscheck.assert_agrees(wrong(FOUR_BAR, level, row), FOUR_BAR)
     number, unit = r"([\d.e+-]+)", re.escape(unit)
-    found = re.search(
+    match = re.search(
         rf"{place} is off by {number} {unit} at t = {number} s, {number} times the allowed {number} {unit}; it",
-        str(told.value),
+        str(result.value),
     )
 
-    assert found, told.value
-    off, time, times, allowed = map(float, found.groups())
+    assert match, result.value
+    off, time, times, allowed = map(float, match.groups())
     assert off == pytest.approx(1e-9, rel=1e-3)
     assert time == TIMES[3]
     assert times == pytest.approx(off / allowed, rel=0.02)

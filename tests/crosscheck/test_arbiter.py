@@ -22,11 +22,11 @@ def places(record):
 
 
 def test_an_answer_on_the_other_assembly_is_outside_and_the_others_are_inside():
-    found = places(check(refkin.load(JUMP), ["exudyn"], arbiter=True))
+    where = places(check(refkin.load(JUMP), ["exudyn"], arbiter=True))
 
-    assert [getattr(found["static"], place) for place in PLACES] == [9, 0, 0, 0]
-    assert [getattr(found["shipped"], place) for place in PLACES] == [6, 3, 0, 0]
-    assert found["shipped"].radii > 1e6 > 1.0 > found["static"].radii
+    assert [getattr(where["static"], place) for place in PLACES] == [9, 0, 0, 0]
+    assert [getattr(where["shipped"], place) for place in PLACES] == [6, 3, 0, 0]
+    assert where["shipped"].radii > 1e6 > 1.0 > where["static"].radii
 
 
 def test_without_the_arbiter_nothing_is_enclosed():

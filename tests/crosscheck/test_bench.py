@@ -74,13 +74,13 @@ def results():
 
 @pytest.mark.parametrize("work", [tiny(), few(), short()], ids=lambda w: w.name)
 def test_every_method_is_a_row_or_absent_by_name(results, work):
-    found = results[work.name]
-    rows, absent = ({key_of(entry) for entry in found[kind]} for kind in ("rows", "absent"))
+    value = results[work.name]
+    rows, absent = ({key_of(entry) for entry in value[kind]} for kind in ("rows", "absent"))
     listed = {m.key for p in measure.PRODUCERS if there(p) for m in methods(p, Use.BENCH)}
 
     assert rows | {key for key in absent if key[1] != "any"} == listed
     assert not rows & absent
-    assert all(entry["reason"] for entry in found["absent"])
+    assert all(entry["reason"] for entry in value["absent"])
 
 
 def test_every_producer_that_is_there_has_a_row_of_one_mechanism(results):
@@ -151,8 +151,8 @@ def test_the_truth_is_what_the_reference_finds(lane):
     motion = refkin.solve(work.scene(lane))
     truth = four_bar(work.lengths[:, lane, None].astype(np.longdouble), work.t.astype(np.longdouble))
 
-    for order, (exact, found) in enumerate(zip(truth, motion.levels, strict=True)):
-        error = exact - found
+    for order, (exact, item) in enumerate(zip(truth, motion.levels, strict=True)):
+        error = exact - item
         if order == 0:
             error[2::3] -= np.round(error[2::3] / (2 * np.pi)) * 2 * np.pi
         assert np.max(np.abs(error)) < 1e-13 * max(1.0, float(np.max(np.abs(exact))))
@@ -163,8 +163,8 @@ def test_the_truth_of_a_chain_is_what_the_reference_finds():
     work = short()
     motion = refkin.solve(work.scene)
 
-    for exact, found in zip(work.truth(), motion.levels, strict=True):
-        assert np.max(np.abs(exact - found[:, 0])) < 1e-14
+    for exact, item in zip(work.truth(), motion.levels, strict=True):
+        assert np.max(np.abs(exact - item[:, 0])) < 1e-14
 
 
 def test_equations_of_many_mechanisms_are_those_of_each():
@@ -192,10 +192,10 @@ def right(work):
 def test_right_answers_are_ranked():
     work = few()
 
-    found = of_four_bars(work, [answers(work, tuple(right(work)))])
+    result = of_four_bars(work, [answers(work, tuple(right(work)))])
 
-    assert found.ranked
-    assert found.configurations == work.configurations
+    assert result.ranked
+    assert result.configurations == work.configurations
 
 
 @pytest.mark.parametrize("level", range(3))
@@ -205,11 +205,11 @@ def test_one_wrong_number_among_all_is_noticed(level):
     levels = right(work)
     levels[level][5, 77] *= 1.0 + 1e-11
 
-    found = of_four_bars(work, [answers(work, tuple(levels))])
+    result = of_four_bars(work, [answers(work, tuple(levels))])
 
-    assert found.worst_over_allowed > 1.0
-    assert found.max_error > 1e-12
-    assert not found.ranked
+    assert result.worst_over_allowed > 1.0
+    assert result.max_error > 1e-12
+    assert not result.ranked
 
 
 def test_the_other_branch_is_noticed():
@@ -227,11 +227,11 @@ def test_no_answer_is_no_rank_and_null_in_the_json():
     levels = right(work)
     levels[0][:, 3] = np.nan
     batch = Batch(lambda: None, 1, lambda: [answers(work, tuple(levels))])
-    found = measure.row(work, measure.Entry(method("numpy", "closed form"), 2, batch), Timing(1.0, 0.0))
+    row = measure.row(work, measure.Entry(method("numpy", "closed form"), 2, batch), Timing(1.0, 0.0))
 
-    assert not found["ranked"]
-    assert found["max_error"] is None
-    assert json.dumps(found, allow_nan=False)
+    assert not row["ranked"]
+    assert row["max_error"] is None
+    assert json.dumps(row, allow_nan=False)
 
 
 PLANTED = {
@@ -358,13 +358,13 @@ def test_claims_name_the_same_algorithm_in_c_first_then_dense_c():
     names = ("engine", "method", "setting")
     rows = [row | dict(zip(names, key, strict=True)) | {"nanoseconds_per_configuration": t} for key, t in times.items()]
 
-    told = printed({"rows": rows, "absent": [], "versions": {}, "machine": measure.machine()})
+    text = printed({"rows": rows, "absent": [], "versions": {}, "machine": measure.machine()})
 
     claim = (
         "refkin-lanes, all times at once takes 2 times the same operations compiled as C, 0.25 times dense Newton in "
         "C, 0.0333 times mujoco, batch, the fastest engine."
     )
-    assert claim in told
+    assert claim in text
 
 
 def test_the_command_prints_one_json_object_measured_on_one_thread(capsys):
@@ -407,11 +407,11 @@ def test_there_are_committed_results():
 
 @pytest.mark.parametrize("path", RESULTS, ids=lambda p: p.stem)
 def test_committed_results_say_what_they_were_measured_on_and_cover_all_workloads(path):
-    found = json.loads(path.read_text(encoding="utf-8"))
+    data = json.loads(path.read_text(encoding="utf-8"))
 
-    assert {row["workload"] for row in found["rows"]} == set(works.names())
-    assert all({key: type(row[key]) for key in KEYS} == KEYS for row in found["rows"])
-    assert all(row["ranked"] for row in found["rows"])
-    assert found["machine"]["threads"] == "1"
-    assert found["machine"]["processor"]
-    assert set(found["versions"]) == {"python", *measure.PACKAGES, "compiler"}
+    assert {row["workload"] for row in data["rows"]} == set(works.names())
+    assert all({key: type(row[key]) for key in KEYS} == KEYS for row in data["rows"])
+    assert all(row["ranked"] for row in data["rows"])
+    assert data["machine"]["threads"] == "1"
+    assert data["machine"]["processor"]
+    assert set(data["versions"]) == {"python", *measure.PACKAGES, "compiler"}

@@ -27,11 +27,11 @@ def of(results_, name):
 
 @pytest.mark.parametrize(("time", "good"), [(599.0, True), (601.0, False)])
 def test_an_aim_is_reached_up_to_its_bound(time, good):
-    found = of(results(row("sweep-1000", LANES, time), row("sweep-1000", DENSE, 1000.0)), ONE)
+    result = of(results(row("sweep-1000", LANES, time), row("sweep-1000", DENSE, 1000.0)), ONE)
 
-    assert found["reached"] is good
-    assert found["measured"] == pytest.approx(time / 1000.0)
-    assert found["at_most"] == 0.6
+    assert result["reached"] is good
+    assert result["measured"] == pytest.approx(time / 1000.0)
+    assert result["at_most"] == 0.6
 
 
 def test_a_row_that_is_not_ranked_counts_for_nothing():
@@ -47,14 +47,14 @@ def test_an_aim_whose_rival_is_absent_is_not_reached():
 
 
 def test_aims_of_workloads_that_were_not_run_are_left_out():
-    found = reached(results(row("many-10000x360", LANES, 1.0)))
+    result = reached(results(row("many-10000x360", LANES, 1.0)))
 
-    assert {aim["aim"].split(":")[0] for aim in found} == {"10,000 four-bars, 2 % margin"}
+    assert {aim["aim"].split(":")[0] for aim in result} == {"10,000 four-bars, 2 % margin"}
 
 
 def test_the_rival_is_the_fastest_engine_that_computes_no_less():
     whole = ("position", "velocity", "acceleration")
-    found = of(
+    result = of(
         results(
             row("sweep-1000", LANES, 1.0, computes=whole),
             row("sweep-1000", ("exudyn", "direct", ""), 9.0),
@@ -64,8 +64,8 @@ def test_the_rival_is_the_fastest_engine_that_computes_no_less():
         "one four-bar: fastest engine / fast path",
     )
 
-    assert found["measured"] == 20.0
-    assert found["reached"]
+    assert result["measured"] == 20.0
+    assert result["reached"]
 
 
 def test_the_growth_exponent_is_that_of_two_decades():
@@ -80,14 +80,14 @@ def test_every_aim_names_workloads_that_exist():
 
 
 def test_what_a_first_use_costs_is_measured():
-    found = first_use(sweep(24))
+    costs = first_use(sweep(24))
 
-    assert 0.0 < found["import_seconds"] < 5.0
-    assert 0.0 < found.get("tape_seconds", 0.01) < 5.0
+    assert 0.0 < costs["import_seconds"] < 5.0
+    assert 0.0 < costs.get("tape_seconds", 0.01) < 5.0
 
 
 def test_the_price_of_a_method_is_that_of_all_it_computes():
-    found = of(
+    result = of(
         results(
             row("sweep-1000", LANES, 500.0, computes=("position", "velocity", "acceleration")),
             row("sweep-1000", LANES, 510.0),
@@ -96,4 +96,4 @@ def test_the_price_of_a_method_is_that_of_all_it_computes():
         ONE,
     )
 
-    assert found["measured"] == 0.5
+    assert result["measured"] == 0.5

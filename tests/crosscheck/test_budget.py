@@ -23,8 +23,8 @@ PLANTED = 10.0
 
 @cache
 def references():
-    found = [reference(draw(NIGHT, number, SAMPLES).scene) for number in range(SCENES)]
-    return [ref for ref in found if ref.budget().judged.any()]
+    values = [reference(draw(NIGHT, number, SAMPLES).scene) for number in range(SCENES)]
+    return [ref for ref in values if ref.budget().judged.any()]
 
 
 def lanes(ref):
@@ -33,8 +33,8 @@ def lanes(ref):
 
 @cache
 def sharp():
-    found = [sharpness(ref, range(SAMPLES)) for ref in references()]
-    return {q: np.concatenate([b[q].largest for b in found]) for q in QUANTITIES}
+    values = [sharpness(ref, range(SAMPLES)) for ref in references()]
+    return {q: np.concatenate([b[q].largest for b in values]) for q in QUANTITIES}
 
 
 def seen(ref, quantity: str, times_attainable: float) -> bool:

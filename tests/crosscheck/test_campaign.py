@@ -33,8 +33,8 @@ SLOW = "Path({folder!r}, str(os.getpid())).touch(); time.sleep(0.1)"
 
 
 def plan(out: Path, *specs: str, **more: Any) -> NightPlan:
-    told = {"seed": NIGHT, "out": out, "engines": ("closed_form", *SAMPLED, *specs), "workers": 2, "scenes": 12}
-    return NightPlan(**{**told, **more})
+    fields = {"seed": NIGHT, "out": out, "engines": ("closed_form", *SAMPLED, *specs), "workers": 2, "scenes": 12}
+    return NightPlan(**{**fields, **more})
 
 
 @pytest.fixture(scope="module")
@@ -130,13 +130,13 @@ def test_an_interrupted_run_says_so_in_one_line_keeps_its_records_and_leaves_no_
     with start(*arguments(spec, tmp_path)) as night:
         wait_for_records(tmp_path, 3)
         os.killpg(night.pid, signal.SIGINT)  # as a terminal does: to all of the group
-        _, told = night.communicate(timeout=30)
+        _, result = night.communicate(timeout=30)
     kept = records_of(tmp_path)
     resumed = crosscheck(*arguments(spec, tmp_path))
 
     assert night.returncode == 130
     line = f"interrupted; what was checked is kept in {tmp_path}, and the same command goes on from there\n"
-    assert (told, alive(pids_in(pids))) == (line, [])
+    assert (result, alive(pids_in(pids))) == (line, [])
     assert 3 <= len(kept) < 12
     assert (resumed.returncode, records_of(tmp_path)) == (0, undisturbed)
 
@@ -287,9 +287,9 @@ def test_an_engine_that_crashes_when_it_is_loaded_is_missing_and_ends_nothing_el
     spec = engine_file(tmp_path)
     path = Path(spec.removesuffix(":Fake"))
     path.write_text(f"import os; {EXIT}")
-    found, missing = find_engines(("closed_form", spec))
+    result, missing = find_engines(("closed_form", spec))
 
-    assert (list(found), missing) == (["closed_form"], {spec: "its process ended: exit code 7"})
+    assert (list(result), missing) == (["closed_form"], {spec: "its process ended: exit code 7"})
 
 
 def test_two_engines_of_one_name_are_refused(tmp_path):
@@ -347,8 +347,8 @@ def test_of_many_disagreements_of_a_kind_only_the_first_is_simplified(disagreein
 
 def test_a_disagreement_becomes_a_minimal_scene_that_still_has_its_cause(disagreeing):
     _, out, outcome = disagreeing
-    told = outcome.new[0]
-    scene, minimal = refkin.load(out / f"disagreements/{told.key}.toml"), refkin.load(out / told.file)
+    value = outcome.new[0]
+    scene, minimal = refkin.load(out / f"disagreements/{value.key}.toml"), refkin.load(out / value.file)
 
     assert length(minimal, "coupler") > 2 * length(minimal, "crank")
     # By the digits of all numbers in the file; two times are enough, and lengths become round.
@@ -362,9 +362,9 @@ def test_the_time_for_simplifying_is_bounded_and_told(disagreeing):
 
 def test_a_minimal_scene_shows_the_disagreement_again_when_it_is_replayed(disagreeing):
     spec, out, outcome = disagreeing
-    told = crosscheck("replay", out / outcome.new[0].file, "--engines", spec)
+    process = crosscheck("replay", out / outcome.new[0].file, "--engines", spec)
 
-    assert (told.returncode, "fake (made up), position: beyond the allowed error" in told.stdout) == (1, True)
+    assert (process.returncode, "fake (made up), position: beyond the allowed error" in process.stdout) == (1, True)
 
 
 def test_a_scene_as_it_was_drawn_is_the_scene_of_the_record(disagreeing):
@@ -443,10 +443,10 @@ def test_simplifying_ends_when_its_time_is_over(tmp_path):
 
 def test_the_report_and_the_run_agree_on_what_is_new(disagreeing, tmp_path):
     spec, out, outcome = disagreeing
-    told = crosscheck(*arguments(spec, out, 40))
+    process = crosscheck(*arguments(spec, out, 40))
     report = json.loads((out / "report.json").read_text())
 
-    assert (told.returncode, report["verdict"], report["new_disagreements"]) == (
+    assert (process.returncode, report["verdict"], report["new_disagreements"]) == (
         1,
         "new disagreements",
         len(outcome.new),

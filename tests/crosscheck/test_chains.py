@@ -22,7 +22,7 @@ KINDS = {"geared five-bar": geared_linkages, "rack and pinion": racks, "disc cam
 
 
 def sample(strategy, count):
-    found = []
+    rows = []
 
     @seed(20261121)
     @settings(
@@ -35,10 +35,10 @@ def sample(strategy, count):
     )
     @given(strategy)
     def collect(drawn):
-        found.append(drawn)
+        rows.append(drawn)
 
     collect()
-    return found
+    return rows
 
 
 @cache
@@ -120,6 +120,6 @@ def test_the_costly_source_is_asked_for_every_chain_and_few_others(turns):
 
 def test_no_scene_is_lost_where_engines_differ(turns):
     batches = _by_engines(1, list(range(3, 8)), turns, ("a", *SAMPLED))
-    found = [(names, [number for job in jobs for number in job["shards"]]) for names, jobs in batches]
+    values = [(names, [number for job in jobs for number in job["shards"]]) for names, jobs in batches]
 
-    assert found == [(("a", *SAMPLED), [6]), (("a",), [3, 4, 5, 7])]
+    assert values == [(("a", *SAMPLED), [6]), (("a",), [3, 4, 5, 7])]

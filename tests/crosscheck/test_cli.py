@@ -68,10 +68,10 @@ def test_names_that_look_like_markup_of_a_terminal_are_shown_as_they_are(asked, 
     scene = tmp_path / "scene.toml"
     text = GOOD.read_text(encoding="utf-8")
     scene.write_text(text.replace('"crank"', '"[/b]"').replace('"crank-rocker"', '"[/i]"'), encoding="utf-8")
-    told = command(asked, scene)
+    process = command(asked, scene)
 
-    assert told.returncode == 0, told.stderr
-    assert asked in ("mobility", "tape") or "[/" in told.stdout
+    assert process.returncode == 0, process.stderr
+    assert asked in ("mobility", "tape") or "[/" in process.stdout
 
 
 def night(out: Path, *more: Any, scenes: int | None = 3) -> list[Any]:
@@ -91,9 +91,9 @@ def without(folder: Path, *packages: str) -> str:
 
 
 def test_a_night_on_which_all_engines_agree_ends_with_0(tmp_path):
-    told = crosscheck(*night(tmp_path, "--engines", ENGINES, "--require-engines", ENGINES))
+    process = crosscheck(*night(tmp_path, "--engines", ENGINES, "--require-engines", ENGINES))
 
-    assert (told.returncode, verdict(tmp_path), told.stdout) == (0, "pass", "")
+    assert (process.returncode, verdict(tmp_path), process.stdout) == (0, "pass", "")
     assert {a["engine"] for r in records_of(tmp_path).values() for a in r["answers"]} == {
         "closed_form",
         *SAMPLED,
@@ -103,10 +103,10 @@ def test_a_night_on_which_all_engines_agree_ends_with_0(tmp_path):
 
 def test_a_new_disagreement_ends_with_1(tmp_path, nightly):
     spec = engine_file(tmp_path, after=SHIFT)
-    told = nightly(tmp_path / "out", "--engines", spec, scenes=2)
+    process = nightly(tmp_path / "out", "--engines", spec, scenes=2)
 
-    assert (told.returncode, verdict(tmp_path / "out")) == (1, "new disagreements")
-    assert "new: fake (made up), position: beyond the allowed error, " in told.stderr
+    assert (process.returncode, verdict(tmp_path / "out")) == (1, "new disagreements")
+    assert "new: fake (made up), position: beyond the allowed error, " in process.stderr
 
 
 @pytest.mark.parametrize(
@@ -127,10 +127,10 @@ def test_a_new_disagreement_ends_with_1(tmp_path, nightly):
 )
 def test_a_night_that_makes_no_sense_ends_with_2_and_one_line(tmp_path, arguments, line, command):
     out = () if "--out" in arguments else ("--out", tmp_path / "out")
-    told = command("nightly", *out, *arguments)
+    process = command("nightly", *out, *arguments)
 
-    assert (told.returncode, told.stdout, told.stderr.count("\n")) == (2, "", 1)
-    assert told.stderr.startswith(line)
+    assert (process.returncode, process.stdout, process.stderr.count("\n")) == (2, "", 1)
+    assert process.stderr.startswith(line)
     assert not (tmp_path / "out").exists()
 
 
@@ -148,42 +148,42 @@ def test_a_night_that_makes_no_sense_ends_with_2_and_one_line(tmp_path, argument
     ids=lambda value: " ".join(value) if isinstance(value, tuple) else "",
 )
 def test_a_command_line_that_cannot_be_read_ends_with_2_and_names_the_key(arguments, key, command):
-    told = command(*arguments)
+    process = command(*arguments)
 
-    assert (told.returncode, key in (told.stderr + told.stdout).lower()) == (2, True)
-    assert "Traceback" not in told.stderr
+    assert (process.returncode, key in (process.stderr + process.stdout).lower()) == (2, True)
+    assert "Traceback" not in process.stderr
 
 
 def test_the_folder_of_another_night_ends_with_2(tmp_path, command, nightly):
     nightly(tmp_path, "--engines", "closed_form", scenes=1)
-    told = command("nightly", "--out", tmp_path, "--seed", NIGHT + 1, "--engines", "closed_form", "--scenes", 1)
+    process = command("nightly", "--out", tmp_path, "--seed", NIGHT + 1, "--engines", "closed_form", "--scenes", 1)
 
     line = f"--out {tmp_path} holds a run with seed {NIGHT}, not {NIGHT + 1}: choose another folder\n"
-    assert (told.returncode, told.stderr) == (2, line)
+    assert (process.returncode, process.stderr) == (2, line)
 
 
 def test_a_required_engine_that_is_not_installed_ends_with_3_before_anything_runs(tmp_path):
     path = without(tmp_path, "exudyn")
-    told = crosscheck(*night(tmp_path / "out", "--require-engines", "exudyn"), env={"PYTHONPATH": path})
+    process = crosscheck(*night(tmp_path / "out", "--require-engines", "exudyn"), env={"PYTHONPATH": path})
 
-    assert (told.returncode, verdict(tmp_path / "out")) == (3, "engine missing")
+    assert (process.returncode, verdict(tmp_path / "out")) == (3, "engine missing")
     assert not (tmp_path / "out" / "records.jsonl").exists()
-    assert "missing: exudyn: engine 'exudyn' cannot be imported: no exudyn here" in told.stderr
+    assert "missing: exudyn: engine 'exudyn' cannot be imported: no exudyn here" in process.stderr
 
 
 def test_a_required_engine_need_not_be_among_the_engines_to_be_run(tmp_path, nightly):
-    told = nightly(tmp_path, "--engines", "mujoco", "--require-engines", "exudyn", scenes=1)
+    process = nightly(tmp_path, "--engines", "mujoco", "--require-engines", "exudyn", scenes=1)
 
-    assert told.returncode == 0
+    assert process.returncode == 0
     assert {a["engine"] for r in records_of(tmp_path).values() for a in r["answers"]} >= {"mujoco", "exudyn"}
 
 
 def test_an_engine_that_is_missing_and_not_required_is_told_and_the_others_run(tmp_path):
     path = without(tmp_path, "exudyn")
-    told = crosscheck(*night(tmp_path / "out", "--engines", "exudyn,mujoco", scenes=1), env={"PYTHONPATH": path})
+    process = crosscheck(*night(tmp_path / "out", "--engines", "exudyn,mujoco", scenes=1), env={"PYTHONPATH": path})
 
-    assert told.returncode == 0
-    assert "missing: exudyn: " in told.stderr
+    assert process.returncode == 0
+    assert "missing: exudyn: " in process.stderr
     assert {a["engine"] for r in records_of(tmp_path / "out").values() for a in r["answers"]} == {
         "closed_form",
         *SAMPLED,
@@ -193,9 +193,9 @@ def test_an_engine_that_is_missing_and_not_required_is_told_and_the_others_run(t
 
 def test_a_night_of_which_every_engine_is_missing_ends_with_3(tmp_path):
     path = without(tmp_path, "exudyn", "mujoco")
-    told = crosscheck(*night(tmp_path / "out", "--engines", "exudyn,mujoco"), env={"PYTHONPATH": path})
+    process = crosscheck(*night(tmp_path / "out", "--engines", "exudyn,mujoco"), env={"PYTHONPATH": path})
 
-    assert (told.returncode, verdict(tmp_path / "out")) == (3, "engine missing")
+    assert (process.returncode, verdict(tmp_path / "out")) == (3, "engine missing")
 
 
 @pytest.mark.parametrize(
@@ -215,19 +215,19 @@ def test_a_night_of_which_every_engine_is_missing_ends_with_3(tmp_path):
     ids=["no file", "no class", "no module", "no engine"],
 )
 def test_an_engine_of_ones_own_that_cannot_be_loaded_is_missing_with_its_reason(tmp_path, spec, reason, nightly):
-    told = nightly(tmp_path, "--engines", spec, "--require-engines", spec)
+    process = nightly(tmp_path, "--engines", spec, "--require-engines", spec)
 
-    assert (told.returncode, reason in told.stderr, "Traceback" in told.stderr) == (3, True, False)
+    assert (process.returncode, reason in process.stderr, "Traceback" in process.stderr) == (3, True, False)
 
 
 def test_a_crash_that_does_not_happen_again_ends_with_4(tmp_path, nightly):
     once = f"Path({str(tmp_path / 'done')!r})"
     before = f'({once}.exists() or ({once}.touch(), {SEGFAULT})) if key == "{key_of_drawn(NIGHT, 1, 72)}" else None'
     spec = engine_file(tmp_path, before=before)
-    told = nightly(tmp_path / "out", "--engines", spec)
+    process = nightly(tmp_path / "out", "--engines", spec)
 
-    assert (told.returncode, verdict(tmp_path / "out")) == (4, "infrastructure")
-    assert f"failed: {key_of_drawn(NIGHT, 1, 72)}: crash (SIGSEGV), but not when it was done again" in told.stderr
+    assert (process.returncode, verdict(tmp_path / "out")) == (4, "infrastructure")
+    assert f"failed: {key_of_drawn(NIGHT, 1, 72)}: crash (SIGSEGV), but not when it was done again" in process.stderr
 
 
 def test_a_spoilt_record_ends_with_4_and_its_scene_is_checked_anew(tmp_path, nightly):
@@ -235,24 +235,24 @@ def test_a_spoilt_record_ends_with_4_and_its_scene_is_checked_anew(tmp_path, nig
     records = tmp_path / "records.jsonl"
     first, second = records.read_text(encoding="utf-8").splitlines(keepends=True)
     records.write_text(first[:100] + "\n" + second, encoding="utf-8")
-    told = nightly(tmp_path, "--engines", "closed_form", scenes=2)
+    process = nightly(tmp_path, "--engines", "closed_form", scenes=2)
 
-    assert (told.returncode, verdict(tmp_path)) == (4, "infrastructure")
+    assert (process.returncode, verdict(tmp_path)) == (4, "infrastructure")
     assert json.loads(records.read_text(encoding="utf-8").splitlines()[-1])["key"] == json.loads(first)["key"]
 
 
 def test_a_folder_that_cannot_be_made_ends_with_4_and_one_line(nightly):
-    told = nightly(Path("/proc/nobody/can/write/here"), "--engines", "closed_form")
+    process = nightly(Path("/proc/nobody/can/write/here"), "--engines", "closed_form")
 
-    assert (told.returncode, told.stderr.count("\n"), "/proc/nobody" in told.stderr) == (4, 1, True)
+    assert (process.returncode, process.stderr.count("\n"), "/proc/nobody" in process.stderr) == (4, 1, True)
 
 
 def test_a_night_without_time_for_a_scene_ends_with_5(tmp_path, nightly):
-    told = nightly(
+    process = nightly(
         tmp_path, "--engines", "closed_form", "--minutes", "1e-12", scenes=None
     )  # over before any worker has begun
 
-    assert (told.returncode, verdict(tmp_path)) == (5, "nothing ran")
+    assert (process.returncode, verdict(tmp_path)) == (5, "nothing ran")
 
 
 def test_a_disagreement_is_worse_than_a_failure_of_the_run(tmp_path, nightly):
@@ -260,15 +260,15 @@ def test_a_disagreement_is_worse_than_a_failure_of_the_run(tmp_path, nightly):
     (tmp_path / "out" / "run.json").unlink()
     records = tmp_path / "out" / "records.jsonl"
     records.write_text("rubbish\n", encoding="utf-8")
-    told = nightly(tmp_path / "out", "--engines", engine_file(tmp_path, after=SHIFT), scenes=1)
+    process = nightly(tmp_path / "out", "--engines", engine_file(tmp_path, after=SHIFT), scenes=1)
 
-    assert told.returncode == 1
+    assert process.returncode == 1
 
 
 def test_a_log_shows_no_bar(tmp_path, nightly):
-    told = nightly(tmp_path, "--engines", "closed_form", scenes=2)
+    process = nightly(tmp_path, "--engines", "closed_form", scenes=2)
 
-    assert told.stderr.splitlines() == [
+    assert process.stderr.splitlines() == [
         "measuring pictures and documents",
         "2 scenes checked, 0 new and 0 known disagreements",
         "pass: Every judged answer is within its derived budget, known gaps aside",
@@ -290,49 +290,49 @@ def test_a_log_gets_a_line_every_ten_seconds(monkeypatch, capsys):
 
 
 def test_a_scene_on_which_all_agree_is_replayed_with_0(command):
-    told = command("replay", GOOD)
+    process = command("replay", GOOD)
 
-    assert (told.returncode, told.stderr) == (0, "")
-    assert all(name in told.stdout for name in ("exudyn", "pinocchio", "mujoco", "closed_form"))
+    assert (process.returncode, process.stderr) == (0, "")
+    assert all(name in process.stdout for name in ("exudyn", "pinocchio", "mujoco", "closed_form"))
 
 
 def test_a_scene_on_which_an_engine_errs_is_replayed_with_1(tmp_path, command):
-    told = command("replay", GOOD, "--engines", engine_file(tmp_path, after=SHIFT))
+    process = command("replay", GOOD, "--engines", engine_file(tmp_path, after=SHIFT))
 
-    assert (told.returncode, "fake (made up), position: beyond the allowed error" in told.stdout) == (1, True)
+    assert (process.returncode, "fake (made up), position: beyond the allowed error" in process.stdout) == (1, True)
 
 
 def test_an_engine_that_raises_is_replayed_with_1_and_what_it_said(tmp_path, command):
-    told = command("replay", GOOD, "--engines", engine_file(tmp_path, before=RAISE))
+    ran = command("replay", GOOD, "--engines", engine_file(tmp_path, before=RAISE))
 
-    assert (told.returncode, "error (ZeroDivisionError); ZeroDivisionError: by the test" in told.stdout) == (1, True)
+    assert (ran.returncode, "error (ZeroDivisionError); ZeroDivisionError: by the test" in ran.stdout) == (1, True)
 
 
 def test_an_engine_that_hangs_is_replayed_with_1(tmp_path, command):
     spec = engine_file(tmp_path, before="time.sleep(60)")
-    told = command("replay", GOOD, "--engines", spec, "--scene-seconds", 1)
+    process = command("replay", GOOD, "--engines", spec, "--scene-seconds", 1)
 
-    assert (told.returncode, "fake (any), status: hang; no answer within 1 s" in told.stdout) == (1, True)
+    assert (process.returncode, "fake (any), status: hang; no answer within 1 s" in process.stdout) == (1, True)
 
 
 def test_a_known_gap_is_replayed_as_one(tmp_path, command):
-    told = command("replay", ROOT / "tests" / "corpus" / "exudyn-shipped-changes-assembly.toml")
+    process = command("replay", ROOT / "tests" / "corpus" / "exudyn-shipped-changes-assembly.toml")
 
-    assert (told.returncode, "[known since 2026-11-21: " in told.stdout) == (1, True)
+    assert (process.returncode, "[known since 2026-11-21: " in process.stdout) == (1, True)
 
 
 def test_an_engine_of_ones_own_needs_no_package(command):
-    told = command("replay", GOOD, "--engines", OWN)
+    process = command("replay", GOOD, "--engines", OWN)
 
-    assert (told.returncode, "two circles" in told.stdout) == (0, True)
+    assert (process.returncode, "two circles" in process.stdout) == (0, True)
 
 
 @pytest.mark.parametrize("branch", ["open", "crossed"])
 def test_the_example_of_an_engine_stays_on_the_assembly_of_the_estimates(branch):
     scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5, branch=branch)
-    found, truth = load(OWN).solve(scene), refkin.solve(scene)
+    result, truth = load(OWN).solve(scene), refkin.solve(scene)
 
-    assert found.q == pytest.approx(truth.q + 2 * np.pi * np.round((found.q - truth.q) / (2 * np.pi)))
+    assert result.q == pytest.approx(truth.q + 2 * np.pi * np.round((result.q - truth.q) / (2 * np.pi)))
 
 
 def test_the_example_of_an_engine_refuses_another_driver():
@@ -343,9 +343,9 @@ def test_the_example_of_an_engine_refuses_another_driver():
 
 
 def test_replaying_with_a_missing_engine_ends_with_3(tmp_path):
-    told = crosscheck("replay", GOOD, "--engines", "exudyn", env={"PYTHONPATH": without(tmp_path, "exudyn")})
+    process = crosscheck("replay", GOOD, "--engines", "exudyn", env={"PYTHONPATH": without(tmp_path, "exudyn")})
 
-    assert (told.returncode, "engine 'exudyn' cannot be imported: no exudyn here" in told.stdout) == (3, True)
+    assert (process.returncode, "engine 'exudyn' cannot be imported: no exudyn here" in process.stdout) == (3, True)
 
 
 @pytest.mark.parametrize("text", ["schema = 1\n", "schema = ", None], ids=["incomplete", "not TOML", "no file"])
@@ -353,15 +353,15 @@ def test_replaying_what_is_no_scene_ends_with_2(tmp_path, text, command):
     path = tmp_path / "scene.toml"
     if text is not None:
         path.write_text(text, encoding="utf-8")
-    told = command("replay", path)
+    process = command("replay", path)
 
-    assert (told.returncode, str(path) in told.stderr, "Traceback" in told.stderr) == (2, True, False)
+    assert (process.returncode, str(path) in process.stderr, "Traceback" in process.stderr) == (2, True, False)
 
 
 def test_what_engines_can_do_is_printed(command):
-    told = command("engines")
+    ran = command("engines")
 
-    assert (told.returncode, "What engines can do" in told.stdout, "mujoco 4" in told.stdout) == (0, True, True)
+    assert (ran.returncode, "What engines can do" in ran.stdout, "mujoco 4" in ran.stdout) == (0, True, True)
 
 
 SOLVING = """
@@ -405,34 +405,34 @@ def test_a_scene_becomes_a_picture(command, tmp_path, capsys):
 
 @pytest.mark.parametrize("rates", [("--acceleration",), ("--velocity", "--acceleration")], ids=" ".join)
 def test_arrows_are_drawn_of_each_rate_that_is_asked_for_alone(rates, command, tmp_path):
-    told = command("draw", GOOD, *rates, "--out", tmp_path / "picture.svg")
+    process = command("draw", GOOD, *rates, "--out", tmp_path / "picture.svg")
     picture = (tmp_path / "picture.svg").read_text(encoding="utf-8")
 
-    assert (told.returncode, told.stderr) == (0, "")
+    assert (process.returncode, process.stderr) == (0, "")
     assert [colour in picture for colour in ("#009E73", "#D55E00")] == [len(rates) == 2, True]
 
 
 @pytest.mark.parametrize("asked", ["draw", "animate"])
 def test_a_picture_that_nobody_can_write_ends_with_4_and_one_line(asked, command, tmp_path):
-    told = command(asked, GOOD, "--out", tmp_path / "picture.xyz")
+    process = command(asked, GOOD, "--out", tmp_path / "picture.xyz")
 
-    assert told.returncode == 4
-    assert told.stderr.startswith(f"{tmp_path / 'picture.xyz'}: expected a file of ")
-    assert told.stderr.count("\n") == 1
+    assert process.returncode == 4
+    assert process.stderr.startswith(f"{tmp_path / 'picture.xyz'}: expected a file of ")
+    assert process.stderr.count("\n") == 1
 
 
 def test_a_refusal_is_one_line_for_all_joints_that_it_is_about(command):
-    told = command("replay", GOOD, "--engines", "exudyn")
+    process = command("replay", GOOD, "--engines", "exudyn")
     line = "closed_form refuses revolute 'A0', revolute 'A', revolute 'B', revolute 'B0', angle 'driver' at jacobian: "
 
-    assert told.stdout.count("closed_form refuses ") == 1
-    assert line in " ".join(told.stdout.split())
+    assert process.stdout.count("closed_form refuses ") == 1
+    assert line in " ".join(process.stdout.split())
 
 
 def test_a_table_in_a_file_and_one_object_are_had_at_once(command, tmp_path):
-    told = command("solve", GOOD, "--json", "--csv", tmp_path / "answer.csv")
+    process = command("solve", GOOD, "--json", "--csv", tmp_path / "answer.csv")
 
-    assert json.loads(told.stdout)["verdict"] == "ok"
+    assert json.loads(process.stdout)["verdict"] == "ok"
     assert (tmp_path / "answer.csv").exists()
 
 
@@ -492,8 +492,8 @@ def test_every_command_that_takes_engines_takes_them_by_one_option():
     """A list of names separated by commas, or `file.py:Class`; whatever is always asked besides."""
     taken = {}
     for name in COMMANDS:
-        found = reduce(lambda group, part: group[part], name.split(), app).assemble_argument_collection()
-        taken[name] = {option for argument in found for option in argument.names if "engine" in option}
+        result = reduce(lambda group, part: group[part], name.split(), app).assemble_argument_collection()
+        taken[name] = {option for argument in result for option in argument.names if "engine" in option}
 
     assert {option for options in taken.values() for option in options} == {
         "--engines",
@@ -525,7 +525,7 @@ def test_long_work_shows_how_far_it_is(asked, command, tmp_path, monkeypatch):
         "hard": ("--engines", "closed_form", "--case", "far start"),
         "hunt": ("--engines", "closed_form", "--minutes", "0.03", "--out", tmp_path),
     }
-    told = command(asked, *few[asked])
+    process = command(asked, *few[asked])
     expected = {
         "price": r"^\d+ s, refkin, .*: 0 measurements$",
         "effects": r"^\d+ s, refkin: 0 of 2 producers$",
@@ -533,4 +533,4 @@ def test_long_work_shows_how_far_it_is(asked, command, tmp_path, monkeypatch):
         "hunt": r"^\d+ s, hunting, worst [\d.e+-]+: 1 scenes$",
     }
 
-    assert re.search(expected[asked], told.stderr, re.MULTILINE), told.stderr
+    assert re.search(expected[asked], process.stderr, re.MULTILINE), process.stderr

@@ -57,16 +57,16 @@ def test_rates_are_the_differences_of_positions(build, data):
     h = 2.0**-100
     scene = data.draw(drawings(build)).scene(times=(-h, 0.0, h))
     assume(truth(replace(scene, times=(0.0,))).motion.verdict is Status.OK)
-    found = truth(scene, bits=400)
-    assume(found.motion.verdict is Status.OK)
+    motion = truth(scene, bits=400)
+    assume(motion.motion.verdict is Status.OK)
     with ctx.workprec(400):
-        q = found.balls[0]
+        q = motion.balls[0]
         rate, acceleration = (q[:, 2] - q[:, 0]) / arb(2 * h), (q[:, 2] - 2 * q[:, 1] + q[:, 0]) / arb(h) ** 2
-    size = np.abs(found.motion.qdd).max() ** 2 + 1  # bounds f''' by the growth of f''
+    size = np.abs(motion.motion.qdd).max() ** 2 + 1  # bounds f''' by the growth of f''
     assume(size < 1e20)
 
-    assert np.abs(rate.astype(float) - found.motion.qd[:, 1]).max() <= 4 * U * np.abs(found.motion.qd).max()
-    assert np.abs(acceleration.astype(float) - found.motion.qdd[:, 1]).max() <= 4 * U * np.abs(found.motion.qdd).max()
+    assert np.abs(rate.astype(float) - motion.motion.qd[:, 1]).max() <= 4 * U * np.abs(motion.motion.qd).max()
+    assert np.abs(acceleration.astype(float) - motion.motion.qdd[:, 1]).max() <= 4 * U * np.abs(motion.motion.qdd).max()
 
 
 @pytest.mark.parametrize("build", TOPOLOGIES, ids=lambda b: b.__name__)
@@ -103,10 +103,10 @@ def test_floats_agree_with_balls_within_the_conditioning(data, build):
 @given(data=st.data(), build=st.sampled_from(list(TOPOLOGIES)))
 def test_the_radius_holds_what_twice_the_bits_find(data, build):
     scene = data.draw(drawings(build)).scene(times=(0.0,))
-    found, finer = truth(scene), truth(scene, bits=400)
-    assume(found.motion.verdict is Status.OK)
+    result, finer = truth(scene), truth(scene, bits=400)
+    assume(result.motion.verdict is Status.OK)
     for level, radius, exact in zip(
-        found.motion.levels, (found.radius_q, found.radius_qd, found.radius_qdd), finer.balls, strict=True
+        result.motion.levels, (result.radius_q, result.radius_qd, result.radius_qdd), finer.balls, strict=True
     ):
         with ctx.workprec(400):
             inside = [abs(arb(x) - y) <= arb(r) for x, y, r in zip(level.flat, exact.flat, radius.flat, strict=True)]

@@ -219,10 +219,10 @@ def test_a_dead_centre_is_singular_with_a_pose_and_no_rates(bits):
 def test_balls_decide_near_a_dead_centre(slack):
     """Slack 1e-12 is 1e-16 after its root: floats lose half of their digits there, balls do not."""
     lengths = {"ground": 4.0, "crank": 1.0, "coupler": 1.5, "rocker": 1.5 + slack}
-    found = truth(linkage(lengths, Polynomial(coefficients=(0.0, 1.0))))
+    result = truth(linkage(lengths, Polynomial(coefficients=(0.0, 1.0))))
 
-    assert found.motion.verdict is Status.OK
-    assert found.radius_q.max() < 4 * U * np.abs(found.motion.q).max()
+    assert result.motion.verdict is Status.OK
+    assert result.radius_q.max() < 4 * U * np.abs(result.motion.q).max()
 
 
 def test_scenes_scale_with_powers_of_two_bit_by_bit():

@@ -26,8 +26,8 @@ SPECS = {"closed_form": "closed_form"}
 
 
 def local(engines=SPECS, versions=None) -> ClusterWorkers:
-    told = cluster.versions_here(tuple(engines.values())) if versions is None else versions
-    return ClusterWorkers(CHECK, "local", 2, engines, told)
+    value = cluster.versions_here(tuple(engines.values())) if versions is None else versions
+    return ClusterWorkers(CHECK, "local", 2, engines, value)
 
 
 def digests(records: list[Any]) -> list[str]:
@@ -77,7 +77,7 @@ def test_an_engine_that_crashes_is_told_and_costs_neither_its_worker_nor_the_bat
     with local({**SPECS, "fake": engine_file(tmp_path, before=crash)}) as pool:
         before = set(pool.client.run(os.getpid).values())
         records = checked(pool)
-        kinds = [told.name for record in records for told in record.disagreements]
+        kinds = [item.name for record in records for item in record.disagreements]
 
         assert (len(records), kinds) == (COUNT, ["crash (SIGSEGV)"])
         assert set(pool.client.run(os.getpid).values()) == before
@@ -131,17 +131,17 @@ def test_without_the_package_distributed_it_is_named(monkeypatch):
 
 def test_a_night_on_a_cluster_is_the_night_on_this_machine(tmp_path):
     common = ("nightly", "--scenes", 6, "--seed", 3, "--engines", "mujoco", "--workers", 2, "--out")
-    told = [crosscheck(*common, tmp_path / "pool"), crosscheck(*common, tmp_path / "dask", "--cluster", "local")]
+    rows = [crosscheck(*common, tmp_path / "pool"), crosscheck(*common, tmp_path / "dask", "--cluster", "local")]
     lines = [(tmp_path / name / "records.jsonl").read_text().splitlines() for name in ("pool", "dask")]
 
-    assert [process.returncode for process in told] == [0, 0]
+    assert [process.returncode for process in rows] == [0, 0]
     assert digests([read_line(line) for line in lines[0]]) == digests([read_line(line) for line in lines[1]])
 
 
 def test_an_address_that_is_none_is_a_usage_error(tmp_path):
-    told = crosscheck("nightly", "--scenes", 1, "--cluster", "somewhere", "--out", tmp_path)
+    process = crosscheck("nightly", "--scenes", 1, "--cluster", "somewhere", "--out", tmp_path)
 
-    assert told.returncode == 2
-    assert told.stderr == (
+    assert process.returncode == 2
+    assert process.stderr == (
         "--cluster: expected 'local' or a scheduler's address like tcp://host:8786, got 'somewhere'\n"
     )

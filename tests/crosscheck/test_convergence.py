@@ -117,16 +117,16 @@ def test_each_coordinate_is_reset():
     """What one column moved is not moved for the next: quotients of x y are exact, and x itself stays as it was."""
     at = np.array([2.0, 3.0])
     for scheme in (Scheme.FORWARD, Scheme.CENTRAL, Scheme.COMPLEX_STEP):
-        found = jacobian(lambda q: np.array([q[0] * q[1]]), at, scheme, 0.5)
-        assert_near(found, [[3.0, 2.0]], 0.0, f"{scheme}")
+        result = jacobian(lambda q: np.array([q[0] * q[1]]), at, scheme, 0.5)
+        assert_near(result, [[3.0, 2.0]], 0.0, f"{scheme}")
     assert_near(at, [2.0, 3.0], 0.0, "x was changed")
 
 
 def test_quotients_are_those_of_their_scheme():
     """Of x^3 at 2 with step h the forward quotient is 12 + 6h + h^2, the central 12 + h^2, the complex 12 - h^2."""
     for scheme, expected in ((Scheme.FORWARD, 15.25), (Scheme.CENTRAL, 12.25), (Scheme.COMPLEX_STEP, 11.75)):
-        found = jacobian(lambda x: x**3, np.array([2.0]), scheme, 0.5)
-        assert_near(found, [[expected]], 0.0, f"{scheme}")
+        result = jacobian(lambda x: x**3, np.array([2.0]), scheme, 0.5)
+        assert_near(result, [[expected]], 0.0, f"{scheme}")
 
 
 def test_errors_fall_with_the_order_of_the_scheme():
@@ -160,8 +160,8 @@ def test_step_rules_are_near_their_best():
 def test_bounds_are_those_of_the_table():
     """The error bounds are h f''/2 + 2 e/h, h^2 f'''/6 + e/h and 8 u f'."""
     given = (0.5, 3.0, 5.0, 0.25, 7.0)
-    found = [error_bound(scheme, *given) for scheme in Scheme]
-    assert_near(found, [0.75 + 1.0, 0.25 * 5 / 6 + 0.5, 56 * EPS], 1e-16, "bounds")
+    values = [error_bound(scheme, *given) for scheme in Scheme]
+    assert_near(values, [0.75 + 1.0, 0.25 * 5 / 6 + 0.5, 56 * EPS], 1e-16, "bounds")
 
 
 def test_orders_are_told_apart():

@@ -37,7 +37,7 @@ CIRCUMSTANCES = {
 
 
 def drawn_elsewhere(before: str, **env: str) -> list[str]:
-    told = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-c", DRAW.format(before=before)],
         capture_output=True,
         text=True,
@@ -45,7 +45,7 @@ def drawn_elsewhere(before: str, **env: str) -> list[str]:
         env={**os.environ, **env},
         timeout=60,
     )
-    return told.stdout.split()
+    return process.stdout.split()
 
 
 @pytest.mark.parametrize("ci", [{}, {"CI": "true"}, {"CI": "1", "HYPOTHESIS_PROFILE": "ci"}], ids=["", "CI", "CI=1"])
@@ -101,12 +101,12 @@ def test_a_failing_scene_becomes_a_simple_one_that_still_fails():
         return isinstance(drawn, Drawn) and longest(drawn.linkage) > 3.0
 
     number = next(k for k in range(100) if large(draw(3, k)))
-    found, _ = shrink(3, number, large, 20.0)
+    result, _ = shrink(3, number, large, 20.0)
 
-    assert large(found)
-    assert len(found.scene.times) == 2
+    assert large(result)
+    assert len(result.scene.times) == 2
     # The simplest scene of all has 84 digits; a drawn one 1000 to 3000.
-    assert effort(found.scene) < 150 < effort(draw(3, number).scene)
+    assert effort(result.scene) < 150 < effort(draw(3, number).scene)
 
 
 def test_a_scene_that_does_not_fail_again_is_not_shrunk():
@@ -120,16 +120,16 @@ def test_a_failure_that_comes_and_goes_is_asked_for_once_per_scene_and_shrunk_al
         asked[drawn.scene] += 1
         return asked[drawn.scene] == 1
 
-    found, tried = shrink(3, 0, only_once, 20.0)
+    result, tried = shrink(3, 0, only_once, 20.0)
 
     assert (set(asked.values()), sum(asked.values())) == ({1}, tried)
-    assert effort(found.scene) < effort(draw(3, 0).scene)
+    assert effort(result.scene) < effort(draw(3, 0).scene)
 
 
 def test_shrinking_without_time_leaves_the_scene_as_it_was_drawn():
-    found, tried = shrink(3, 0, lambda drawn: True, 0.0)
+    result, tried = shrink(3, 0, lambda drawn: True, 0.0)
 
-    assert (found.scene, tried) == (draw(3, 0).scene, 1)
+    assert (result.scene, tried) == (draw(3, 0).scene, 1)
 
 
 def test_shrinking_ends_when_its_time_is_over_with_the_simplest_so_far(monkeypatch):
@@ -140,9 +140,9 @@ def test_shrinking_ends_when_its_time_is_over_with_the_simplest_so_far(monkeypat
         asked.append(drawn)
         return True
 
-    found, tried = shrink(3, 0, slow, 0.6)
+    result, tried = shrink(3, 0, slow, 0.6)
 
-    assert (found.scene, tried) == (asked[1].scene, 2)
+    assert (result.scene, tried) == (asked[1].scene, 2)
 
 
 def test_only_the_end_of_the_time_ends_a_run_of_hypothesis_at_once():
@@ -154,7 +154,7 @@ def test_a_failing_chain_becomes_a_simple_one_of_its_kind():
         return drawn.kind == "disc cam" and len(drawn.scene.times) > 1
 
     number = next(k for k in range(6, 200, 7) if is_cam(draw(3, k)))
-    found, _ = shrink(3, number, is_cam, 20.0)
+    result, _ = shrink(3, number, is_cam, 20.0)
 
-    assert is_cam(found)
-    assert effort(found.scene) < effort(draw(3, number).scene)
+    assert is_cam(result)
+    assert effort(result.scene) < effort(draw(3, number).scene)

@@ -58,8 +58,8 @@ def simulating(folder, planted, name="feeling"):
     return spec
 
 
-def only(found, effect, engine=None):
-    (row,) = (r for r in found if r.effect == effect and engine in (None, r.engine))
+def only(actual, effect, engine=None):
+    (row,) = (r for r in actual if r.effect == effect and engine in (None, r.engine))
     return row
 
 
@@ -89,57 +89,57 @@ def command(tmp_path_factory):
 
 
 def test_the_command_prints_one_object_with_the_promised_keys(command):
-    code, told = command
+    code, result = command
 
     assert code == 0
-    assert (told["schema"], told["scene"]) == (2, "crank-rocker")
-    assert all(set(row) >= KEYS for row in told["rows"])
-    assert {row["engine"] for row in told["rows"]} == {"refkin", "exudyn", "mujoco", "pinocchio"}
+    assert (result["schema"], result["scene"]) == (2, "crank-rocker")
+    assert all(set(row) >= KEYS for row in result["rows"])
+    assert {row["engine"] for row in result["rows"]} == {"refkin", "exudyn", "mujoco", "pinocchio"}
 
 
 def test_every_effect_has_one_row_by_every_method(command):
-    _, told = command
-    by_method = Counter((row["engine"], row["method"]) for row in told["rows"])
-    effects = {(row["engine"], row["method"], row["effect"]) for row in told["rows"]}
+    _, result = command
+    by_method = Counter((row["engine"], row["method"]) for row in result["rows"])
+    effects = {(row["engine"], row["method"], row["effect"]) for row in result["rows"]}
 
-    assert len(effects) == len(told["rows"])
+    assert len(effects) == len(result["rows"])
     assert {effect for _, _, effect in effects} == CALLED_FOR | set(PHYSICAL)
     assert set(by_method.values()) == {len(CALLED_FOR) + len(PHYSICAL)}
 
 
 def test_a_row_without_a_price_says_why(command):
-    _, told = command
+    _, result = command
 
-    assert all(row["note"] for row in told["rows"] if row["microseconds"] is None)
+    assert all(row["note"] for row in result["rows"] if row["microseconds"] is None)
 
 
 def test_nothing_that_refkin_computes_in_addition_changes_a_bit_of_the_rest(command):
-    _, told = command
-    ours = [row for row in told["rows"] if row["engine"] == "refkin" and row["effect"] in CALLED_FOR]
+    _, result = command
+    ours = [row for row in result["rows"] if row["engine"] == "refkin" and row["effect"] in CALLED_FOR]
 
     assert [(row["inert"], row["largest_change"]) for row in ours] == [(True, 0.0)] * len(CALLED_FOR)
 
 
 def test_no_effect_is_felt_by_a_method_that_answers_the_crank_rocker(command):
-    _, told = command
+    _, result = command
 
-    assert not [row for row in told["rows"] if row["inert"] is False and row["method"] != "forward dynamics"]
+    assert not [row for row in result["rows"] if row["inert"] is False and row["method"] != "forward dynamics"]
 
 
 def test_ablation_sees_the_effects_where_soft_dynamics_feel_them(command):
-    _, told = command
-    felt = {row["effect"] for row in told["rows"] if row["engine"] == "mujoco" and row["inert"] is False}
+    _, result = command
+    felt = {row["effect"] for row in result["rows"] if row["engine"] == "mujoco" and row["inert"] is False}
 
     assert felt == set(PHYSICAL) - {"sensors"}
 
 
 def test_gravity_left_on_where_it_is_felt_is_not_inert_and_is_named(tmp_path):
     spec = simulating(tmp_path, "motion = replace(motion, q=motion.q + 1e-6 * (effect == 'gravity'))")
-    found = rows_of(spec)
+    result = rows_of(spec)
 
-    assert (only(found, "gravity").inert, only(found, "contact").inert) == (False, True)
-    assert only(found, "gravity").largest_change == pytest.approx(1e-6, rel=1e-6)
-    (line,) = felt_lines(found)
+    assert (only(result, "gravity").inert, only(result, "contact").inert) == (False, True)
+    assert only(result, "gravity").largest_change == pytest.approx(1e-6, rel=1e-6)
+    (line,) = felt_lines(result)
     assert line.startswith("not inert: gravity in feeling, made up: changes position of ")
 
 
@@ -166,36 +166,36 @@ def test_a_refusal_with_an_effect_alone_is_not_inert(tmp_path):
 
 
 def test_of_a_scene_that_is_refused_nothing_is_known(tmp_path):
-    found = rows_of(engine_file(tmp_path, before='raise EngineError("no such joint")'))
+    result = rows_of(engine_file(tmp_path, before='raise EngineError("no such joint")'))
 
-    assert {row.inert for row in found} == {None}
-    assert only(found, "velocity").note == "no answer without it: no such joint"
+    assert {row.inert for row in result} == {None}
+    assert only(result, "velocity").note == "no answer without it: no such joint"
 
 
 def test_an_effect_that_an_engine_has_not_is_told_with_its_reason(tmp_path):
-    found = rows_of(simulating(tmp_path, "pass"))
+    result = rows_of(simulating(tmp_path, "pass"))
 
-    assert "no price in feeling (made up): sensors: it has none" in absent_lines(found)
+    assert "no price in feeling (made up): sensors: it has none" in absent_lines(result)
 
 
 def test_an_engine_that_simulates_nothing_is_told_to_have_none(tmp_path):
-    found = rows_of(engine_file(tmp_path))
+    result = rows_of(engine_file(tmp_path))
 
-    assert {row.note for row in found if row.effect in PHYSICAL} == {"the engine offers no simulation to switch on"}
+    assert {row.note for row in result if row.effect in PHYSICAL} == {"the engine offers no simulation to switch on"}
 
 
 def bitwise(effect, nudge):
     """Return refkin's rows where the answer with one effect is nudged."""
-    found = of_refkin()
-    plain = found.works[effect]
-    return rows(replace(found, works={**found.works, effect: lambda: nudge(plain())}), reference(SCENE), 0.0)
+    result = of_refkin()
+    plain = result.works[effect]
+    return rows(replace(result, works={**result.works, effect: lambda: nudge(plain())}), reference(SCENE), 0.0)
 
 
 def test_one_bit_that_an_uncalled_effect_changes_in_refkin_is_named():
-    found = bitwise("certificate", lambda motion: replace(motion, q=np.nextafter(motion.q, np.inf)))
+    result = bitwise("certificate", lambda motion: replace(motion, q=np.nextafter(motion.q, np.inf)))
 
-    assert [row.effect for row in found if row.inert is False] == ["certificate"]
-    assert only(found, "certificate").worst.startswith("position of ")
+    assert [row.effect for row in result if row.inert is False] == ["certificate"]
+    assert only(result, "certificate").worst.startswith("position of ")
 
 
 def test_the_same_bit_is_within_the_allowed_error_of_an_engine(tmp_path):
@@ -205,9 +205,9 @@ def test_the_same_bit_is_within_the_allowed_error_of_an_engine(tmp_path):
 
 
 def test_a_bit_of_the_residual_counts_in_refkin_too():
-    found = bitwise("condition", lambda motion: replace(motion, residual=np.nextafter(motion.residual, np.inf)))
+    result = bitwise("condition", lambda motion: replace(motion, residual=np.nextafter(motion.residual, np.inf)))
 
-    assert [row.effect for row in found if row.inert is False] == ["condition"]
+    assert [row.effect for row in result if row.inert is False] == ["condition"]
 
 
 @pytest.mark.parametrize(
@@ -216,17 +216,17 @@ def test_a_bit_of_the_residual_counts_in_refkin_too():
 def test_an_engine_that_fails_with_one_effect_is_a_row_and_the_others_are_measured(fault, told, tmp_path, monkeypatch):
     monkeypatch.setattr(ledger, "START", 8.0)
     spec = simulating(tmp_path, f"if effect == 'gravity': {fault.split('  #')[0]}")
-    found = effects_ledger(SCENE, [spec], within=0.5)
+    result = effects_ledger(SCENE, [spec], within=0.5)
 
-    assert told in only(found, "gravity", "feeling").note
-    assert only(found, "gravity", "feeling").inert is False
-    assert only(found, "contact", "feeling").inert is True
-    assert only(found, "velocity", "refkin").microseconds is not None
+    assert told in only(result, "gravity", "feeling").note
+    assert only(result, "gravity", "feeling").inert is False
+    assert only(result, "contact", "feeling").inert is True
+    assert only(result, "velocity", "refkin").microseconds is not None
 
 
 def test_an_engine_that_always_ends_its_process_is_known_for_nothing(tmp_path):
-    found = effects_ledger(SCENE, [engine_file(tmp_path, before=EXIT)], within=0.5)
-    theirs = [row for row in found if row.engine == "fake"]
+    result = effects_ledger(SCENE, [engine_file(tmp_path, before=EXIT)], within=0.5)
+    theirs = [row for row in result if row.engine == "fake"]
 
     assert {row.effect for row in theirs} == CALLED_FOR | set(PHYSICAL)
     assert {row.inert for row in theirs} == {None}
@@ -272,8 +272,8 @@ def test_a_price_no_larger_than_its_noise_is_shown_as_such(microseconds, spread,
 
 
 def test_no_price_of_the_command_is_a_saving_beyond_noise(command):
-    _, told = command
-    priced_rows = [row for row in told["rows"] if row["microseconds"] is not None]
+    _, result = command
+    priced_rows = [row for row in result["rows"] if row["microseconds"] is not None]
 
     assert priced_rows
     assert all(row["microseconds"] >= -row["spread"] for row in priced_rows)
@@ -300,8 +300,8 @@ def test_points_of_the_scene_are_what_is_priced():
 def usage(capsys, *arguments):
     with pytest.raises(SystemExit) as ended:
         main(["effects", *map(str, arguments)])
-    told = capsys.readouterr()
-    return ended.value.code, told.out, told.err
+    output = capsys.readouterr()
+    return ended.value.code, output.out, output.err
 
 
 def test_an_unknown_engine_is_told_in_one_line(capsys):

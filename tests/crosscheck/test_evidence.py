@@ -110,8 +110,8 @@ def test_printed_digits_are_counted():
         with ctx.workprec(256):
             number, true = Written.read(text), Written.read(truth).value
             assert printed_is(number, true) is kind, f"{text} for {truth} is {printed_is(number, true)}"
-            found = correct_digits(number, true)
-        assert found == digits, f"{text} for {truth}: {found} digits, not {digits}"
+            result = correct_digits(number, true)
+        assert result == digits, f"{text} for {truth}: {result} digits, not {digits}"
 
 
 def test_digits_are_those_of_the_error_by_the_largest_rate():
@@ -123,8 +123,8 @@ def test_digits_are_those_of_the_error_by_the_largest_rate():
             largest = np.max(np.abs(ref.levels[level]), axis=0)
             numbers[level] += 1e-6 * ref.system.to_physical(np.ones(len(ref.levels[level])), level)[:, None]
             motion = replace(ref.motion, **dict(zip(("q", "qd", "qdd"), numbers, strict=True)))
-            found = compare(ref, motion).quantities[quantity].digits
-            assert_near(found, 6 + np.log10(largest), 1e-6, f"{scene.name}: {quantity}")
+            value = compare(ref, motion).quantities[quantity].digits
+            assert_near(value, 6 + np.log10(largest), 1e-6, f"{scene.name}: {quantity}")
             assert (np.abs(np.log10(largest)) > 0.1).any(), "of a rate of 1, where to divide is to multiply"
 
 

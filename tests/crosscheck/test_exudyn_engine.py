@@ -310,15 +310,15 @@ def ratios(case: Case, scene: Scene, motion: Motion, terms: tuple[Any, ...] = ()
     exact = case.exact(scene)
     q, qd, qdd = (exact[0] - shift) / size, exact[1] / size, exact[2] / size
     budget = derive(system, motion, q, qd, qdd, terms)
-    found = []
+    rows = []
     for k, allowed in enumerate((budget.position, budget.velocity, budget.acceleration)):
         level = motion.levels[k]
         assert level is not None
         error = level - exact[k]
         if k == 0:
             error[2::3] = np.arctan2(np.sin(error[2::3]), np.cos(error[2::3]))
-        found.append(float(np.max(np.abs(error / size) / allowed)))
-    return found
+        rows.append(float(np.max(np.abs(error / size) / allowed)))
+    return rows
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -553,4 +553,4 @@ def test_the_row_of_a_distance_driver_stops_as_early_as_its_length_allows() -> N
     scene = refkin.load(Path(__file__).parents[1] / "corpus" / "exudyn-shipped-distance-driver.toml")
     record = check(scene, ["exudyn"])
 
-    assert [told for told in record.disagreements if told.route == SHIPPED.name] == []
+    assert [item for item in record.disagreements if item.route == SHIPPED.name] == []

@@ -74,13 +74,13 @@ def loose_scene(*kinds: str) -> Scene:
     def u() -> Any:
         return tuple(draw.uniform(-1.0, 1.0, 2).tolist())
 
-    found = [
+    values = [
         constraint(kind, f"{kind} {i} {j}", i, j, u)
         for kind in dict.fromkeys((*kinds, "revolute"))
         for i, j in (("ground", "a"), ("a", "b"), ("b", "ground"))
     ]
-    drivers = [c for c in found if isinstance(c, DRIVER_TYPES)]
-    joints = [c for c in found if c not in drivers]
+    drivers = [c for c in values if isinstance(c, DRIVER_TYPES)]
+    joints = [c for c in values if c not in drivers]
     bodies = (Body(name="a", estimate=(0.0, 0.0, 0.0)), Body(name="b", estimate=(0.0, 0.0, 0.0)))
     return Scene(mechanism=Mechanism(bodies, tuple(joints), tuple(drivers)), times=(0.0,))
 

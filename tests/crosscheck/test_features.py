@@ -30,7 +30,7 @@ SCENES = 10
 
 
 def routes_of(disagreements) -> set[tuple[str, str]]:
-    return {(told.engine, told.route) for told in disagreements}
+    return {(item.engine, item.route) for item in disagreements}
 
 
 def test_with_the_table_emptied_a_night_sees_every_feature_that_is_known_to_be_wrong():
@@ -38,10 +38,10 @@ def test_with_the_table_emptied_a_night_sees_every_feature_that_is_known_to_be_w
     drawn = [draw(20261122, number) for number in numbers]
     records = [check(d.scene, PEERS, describe(d)) for d in drawn]
     empty, own = Tally([]), Tally(read())
-    new = [told for record in records for told in empty.add(record)]
+    new = [item for record in records for item in empty.add(record)]
 
     assert routes_of(new) == FEATURES
-    assert [told for record in records for told in own.add(record)] == []
+    assert [item for record in records for item in own.add(record)] == []
 
 
 def test_a_night_asks_features_of_the_scenes_drawn_for_them_and_shows_them_by_themselves(tmp_path):

@@ -46,8 +46,8 @@ def file(tmp_path: Path, cases: Any) -> Path:
     return tmp_path / "baseline.json"
 
 
-def told(found: Any) -> list[tuple[str, ...]]:
-    cases = [(case.case, case.disagreement) for case in found]
+def told(actual: Any) -> list[tuple[str, ...]]:
+    cases = [(case.case, case.disagreement) for case in actual]
     return [(case, d.engine, d.quantity, d.name.removeprefix("golden set: ")) for case, d in cases]
 
 
@@ -249,7 +249,7 @@ def test_an_engine_that_is_missing_ends_the_command_with_3(file: Path, tmp_path:
 
 
 def test_a_baseline_that_was_asked_for_and_is_not_there_ends_the_night_with_2(tmp_path: Path) -> None:
-    told = ("--engines", "closed_form", "--scenes", 1, "--out", tmp_path / "out", "--baseline", tmp_path / "b.json")
+    pair = ("--engines", "closed_form", "--scenes", 1, "--out", tmp_path / "out", "--baseline", tmp_path / "b.json")
 
-    assert command("nightly", *told) == 2
+    assert command("nightly", *pair) == 2
     assert not (tmp_path / "out").exists()

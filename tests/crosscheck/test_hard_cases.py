@@ -107,8 +107,8 @@ def test_two_attainable_radii_off_is_wrong_and_half_of_one_is_not(case):
         balls, allowed = truth[-1].roots[0]
         q[:, -1] = system.to_physical(np.array([float(x) for x in balls]))
         q[2, -1] += factor * allowed[2]
-        found = samples(system, truth, case.scene, replace(motion, q=q), ())
-        assert classed(found)[0] == verdict
+        poses = samples(system, truth, case.scene, replace(motion, q=q), ())
+        assert classed(poses)[0] == verdict
 
 
 @pytest.mark.parametrize("kind", ["toggle", "dead centre"])
@@ -116,8 +116,8 @@ def test_what_newton_leaves_in_float64_is_attainable_down_to_the_fold(kind):
     worst = 0.0
     for case in (c for c in CASES.values() if c.case == kind):
         system, truth = truths(case)
-        found = samples(system, truth, case.scene, refkin.solve(case.scene), ())
-        worst = max(worst, *(s.judgement.radii for s in found))
+        poses = samples(system, truth, case.scene, refkin.solve(case.scene), ())
+        worst = max(worst, *(s.judgement.radii for s in poses))
 
     assert 1e-3 < worst < 1.0
 
@@ -186,9 +186,9 @@ def test_another_assembly_is_told_as_one():
     q = motion.q.copy()
     q[:, -1] = np.concatenate([other[body] for body in motion.bodies])
 
-    found = samples(system, truth, case.scene, replace(motion, q=q), ())
+    poses = samples(system, truth, case.scene, replace(motion, q=q), ())
 
-    assert (found[-1].judgement.verdict, found[-1].note) == (Verdict.OUTSIDE, "on the other assembly")
+    assert (poses[-1].judgement.verdict, poses[-1].note) == (Verdict.OUTSIDE, "on the other assembly")
 
 
 def test_full_turns_are_no_error():
@@ -220,11 +220,11 @@ def test_the_reference_is_nowhere_wrong():
 def test_the_enclosure_is_the_certificate_of_113_bits():
     system, truth = truths(EASY)
     balls, _ = truth[0].roots[0]
-    found = krawczyk(system, np.array([float(x) for x in balls]), EASY.scene.times[0])
+    enclosure = krawczyk(system, np.array([float(x) for x in balls]), EASY.scene.times[0])
 
-    assert found is not None
-    assert found.bits == 113
-    assert all(x.overlaps(y) for x, y in zip(balls, found.q, strict=True))
+    assert enclosure is not None
+    assert enclosure.bits == 113
+    assert all(x.overlaps(y) for x, y in zip(balls, enclosure.q, strict=True))
 
 
 def test_what_is_attainable_is_near_round_off_at_a_regular_pose():
@@ -238,7 +238,7 @@ def test_what_is_attainable_is_near_round_off_at_a_regular_pose():
 @pytest.mark.parametrize("case", [case for case in CASES.values() if case.case.startswith("isosceles")])
 def test_a_pose_next_to_two_branches_that_cross_is_singular_and_not_missing(engine, case):
     """Within a root of rounding of their crossing the sign of the determinant is rounding, and says nothing."""
-    told = load(engine).solve(case.scene).status
+    value = load(engine).solve(case.scene).status
 
-    assert set(told) <= {Status.OK, Status.SINGULAR}
-    assert list(told) == sorted(told, key=lambda status: status is Status.SINGULAR)
+    assert set(value) <= {Status.OK, Status.SINGULAR}
+    assert list(value) == sorted(value, key=lambda status: status is Status.SINGULAR)

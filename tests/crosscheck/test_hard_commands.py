@@ -67,10 +67,10 @@ def test_an_engine_that_cannot_be_loaded_is_missing(capsys):
 def test_the_rows_of_a_night_are_read_by_the_report(tmp_path):
     rows = hard_case_rows(["refkin"], 2.0)
     (tmp_path / "hard_cases.json").write_text(json.dumps(rows, allow_nan=False), encoding="utf-8")
-    found, faults = measured(tmp_path)
+    result, faults = measured(tmp_path)
 
     assert faults == []
-    assert [row["method"] for row in found["hard_cases"]] == ["solve"] * len(rows)
+    assert [row["method"] for row in result["hard_cases"]] == ["solve"] * len(rows)
 
 
 SLOW = """
@@ -146,6 +146,6 @@ def test_only_best_routes_are_hunted():
         for name in ("best", "shipped")
     ]
 
-    found = dict(ratios(Plain(answers=answers), {"e": "best"}))
+    result = dict(ratios(Plain(answers=answers), {"e": "best"}))
 
-    assert found == {("e", "best", "position"): 3.0, ("e", "best", CERTIFICATE): 2.0}
+    assert result == {("e", "best", "position"): 3.0, ("e", "best", CERTIFICATE): 2.0}

@@ -78,9 +78,9 @@ WITH_SCENE = [f for f in IN_TABLE if f.scene]
 @pytest.mark.parametrize("finding", WITH_SCENE, ids=lambda f: f"{f.engine} {f.scene}")
 def test_the_minimal_scene_of_a_finding_shows_it(finding):
     scene = refkin.load(ROOT / finding.scene)
-    found = method(finding.engine, finding.route)
+    candidate = method(finding.engine, finding.route)
 
-    assert classed(scene_samples(scene, found.solve(scene), found.terms(scene)))[0] == finding.verdict
+    assert classed(scene_samples(scene, candidate.solve(scene), candidate.terms(scene)))[0] == finding.verdict
 
 
 @pytest.mark.parametrize("key", [None, *(c.key for c in hard_cases() if c.case == "parallelogram, passed")])
@@ -112,16 +112,16 @@ def test_the_default_solver_of_mujoco_errs_on_a_branching_tree_of_more_than_60_f
     model, (default, dense) = simulation.model, (simulation.model.opt.jacobian, mujoco.mjtJacobian.mjJAC_DENSE)
     q = tree.start() + np.random.default_rng(2).uniform(-0.05, 0.05, tree.width)
 
-    found = {}
+    fields = {}
     for jacobian in (default, dense):
         model.opt.jacobian = jacobian
         data = mujoco.MjData(model)
         data.qpos[simulation.columns] = q
         mujoco.mj_forward(model, data)
-        found[jacobian] = np.array(data.qacc)
+        fields[jacobian] = np.array(data.qacc)
 
     assert (default, model.nv) == (mujoco.mjtJacobian.mjJAC_AUTO, 65)
-    assert np.max(np.abs(found[default] - found[dense])) > 1e-3 * np.max(np.abs(found[dense]))
+    assert np.max(np.abs(fields[default] - fields[dense])) > 1e-3 * np.max(np.abs(fields[dense]))
 
 
 def test_the_script_about_an_exudyn_tolerance_shows_success_with_an_angle_of_1e12_rad_and_an_open_joint():
@@ -177,7 +177,7 @@ def test_the_sentences_that_grant_an_error_term_stand_in_the_documentation():
     texts = {"mujoco": " ".join(reference.split()), "exudyn": newton.relativeTolerance.__doc__}
 
     assert {engine for engine, _ in DOCUMENTED} == {*texts, "pinocchio"}
-    assert all(told.quote in texts[engine] for (engine, _), told in DOCUMENTED.items() if engine in texts)
+    assert all(item.quote in texts[engine] for (engine, _), item in DOCUMENTED.items() if engine in texts)
 
 
 def test_the_quotations_of_pinocchio_stand_in_its_docstrings():

@@ -35,11 +35,11 @@ def course(seed: int, factor: float = 1.0) -> list[float]:
 @pytest.mark.parametrize("factor", [1.25, 0.8])
 def test_a_planted_shift_is_found_where_it_was_planted_and_as_large(factor: float) -> None:
     for seed in range(30):
-        found = change_points(course(seed, factor))
-        place, told = min(found.items(), key=lambda item: abs(item[0] - SHIFT))
+        changes = change_points(course(seed, factor))
+        place, result = min(changes.items(), key=lambda item: abs(item[0] - SHIFT))
 
         assert abs(place - SHIFT) <= 5
-        assert told == pytest.approx(factor, rel=0.1)
+        assert result == pytest.approx(factor, rel=0.1)
 
 
 def test_noise_alone_raises_hardly_an_alarm() -> None:
@@ -79,10 +79,10 @@ def night(folder: Path, day: int, seconds: float = 0.0004, **more: Any) -> Any:
 def test_nights_come_back_in_order_with_their_digits(tmp_path: Path) -> None:
     for day in (3, 1, 2):
         append(tmp_path / "h.sqlite", night(tmp_path / "run", day))
-    found = nights(tmp_path / "h.sqlite")
+    kept = nights(tmp_path / "h.sqlite")
 
-    assert [n["date"][:10] for n in found] == ["2026-10-01", "2026-10-02", "2026-10-03"]
-    assert [(a["quantity"], a["digits_worst"]) for a in found[0]["accuracy"]] == [
+    assert [n["date"][:10] for n in kept] == ["2026-10-01", "2026-10-02", "2026-10-03"]
+    assert [(a["quantity"], a["digits_worst"]) for a in kept[0]["accuracy"]] == [
         ("position", 14.0),
         ("velocity", 14.0),
         ("acceleration", 14.0),
@@ -122,10 +122,10 @@ def test_a_price_is_watched_against_that_of_the_reference_for_the_same(tmp_path:
         {**row, "engine": "mujoco", "method": "newton", "microseconds": 60.0, "quantity": "velocity"},
     ]
     append(tmp_path / "h.sqlite", night(tmp_path / "run", 1, price=prices))
-    found = {s["name"]: s["values"] for s in trends(tmp_path / "h.sqlite")["series"]}
+    by_name = {s["name"]: s["values"] for s in trends(tmp_path / "h.sqlite")["series"]}
 
-    assert found["mujoco · newton, k: position, regular"] == [2.5]
-    assert "mujoco · newton, k: velocity, regular" not in found
+    assert by_name["mujoco · newton, k: position, regular"] == [2.5]
+    assert "mujoco · newton, k: velocity, regular" not in by_name
 
 
 def a_slower_engine(path: Path, folder: Path) -> None:
@@ -139,8 +139,8 @@ def a_slower_engine(path: Path, folder: Path) -> None:
 def test_an_engine_that_got_slower_is_warned_of_with_the_night_it_did(tmp_path: Path) -> None:
     a_slower_engine(tmp_path / "h.sqlite", tmp_path / "run")
 
-    told = "time of mujoco · newton, relative to refkin: up by 1.50 times since 2026-10-20 02:17"
-    assert warnings(trends(tmp_path / "h.sqlite")) == [told]
+    text = "time of mujoco · newton, relative to refkin: up by 1.50 times since 2026-10-20 02:17"
+    assert warnings(trends(tmp_path / "h.sqlite")) == [text]
 
 
 def test_a_slower_engine_does_not_fail_the_night_and_stands_on_its_page(tmp_path: Path) -> None:
@@ -158,11 +158,11 @@ def test_a_slower_engine_does_not_fail_the_night_and_stands_on_its_page(tmp_path
 def test_a_file_that_is_no_history_fails_the_night_and_keeps_its_report(tmp_path: Path) -> None:
     (tmp_path / "h.sqlite").write_text("not a database at all, but long enough to be looked at" * 20)
     night = ("nightly", "--scenes", 1, "--seed", 1, "--engines", "closed_form", "--out", tmp_path / "run")
-    told = crosscheck(*night, "--history", tmp_path / "h.sqlite")
+    process = crosscheck(*night, "--history", tmp_path / "h.sqlite")
     report = json.loads((tmp_path / "run" / "report.json").read_text(encoding="utf-8"))
 
-    assert (told.returncode, report["verdict"]) == (4, "infrastructure")
-    assert "failed: the history cannot be kept" in told.stderr
+    assert (process.returncode, report["verdict"]) == (4, "infrastructure")
+    assert "failed: the history cannot be kept" in process.stderr
     assert "the history cannot be kept" in report["failures"][0]
 
 
@@ -215,9 +215,9 @@ def test_the_terminal_shows_nights_digits_and_the_change(tmp_path: Path, capsys:
 def test_the_terminal_gives_one_json_object_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     a_slower_engine(tmp_path / "h.sqlite", tmp_path / "run")
     command("history", "--history", tmp_path / "h.sqlite", "--json")
-    told = json.loads(capsys.readouterr().out)
+    data = json.loads(capsys.readouterr().out)
 
-    assert (len(told["nights"]), len(told["warnings"])) == (24, 1)
+    assert (len(data["nights"]), len(data["warnings"])) == (24, 1)
 
 
 @pytest.mark.parametrize(("text", "code"), [(None, 2), ("no database, and long enough to tell" * 40, 4)])
@@ -229,6 +229,6 @@ def test_a_history_that_cannot_be_shown_is_told_in_one_line(
         path.write_text(text)
 
     assert command("history", "--history", path) == code
-    told = capsys.readouterr().err
-    assert str(path) in told
-    assert told.count("\n") == 1
+    value = capsys.readouterr().err
+    assert str(path) in value
+    assert value.count("\n") == 1

@@ -64,10 +64,10 @@ def test_names_with_escape_sequences_reach_no_terminal(tmp_path, capsys, command
     scene.write_text(text.replace('"crank"', f'"{name}"').replace('"crank-rocker"', f'"{name}"'), encoding="utf-8")
     with pytest.raises(SystemExit):
         main([command, str(scene), *(("--engines", "closed_form") if command == "replay" else ())])
-    told = capsys.readouterr()
+    output = capsys.readouterr()
 
-    assert "\x1b" not in told.out + told.err
-    assert "\x07" not in told.out + told.err
+    assert "\x1b" not in output.out + output.err
+    assert "\x07" not in output.out + output.err
 
 
 def test_what_is_printed_keeps_lines_and_letters():
@@ -98,10 +98,10 @@ def test_an_exception_of_our_own_ends_with_4_and_one_line(monkeypatch, capsys):
     monkeypatch.setattr("crosscheck.commands.solve.load", lambda path: 1 / 0)
     with pytest.raises(SystemExit) as ended:
         main(["solve", "scene.toml"])
-    told = capsys.readouterr().err
+    value = capsys.readouterr().err
 
-    assert (ended.value.code, told.count("\n"), "Traceback" in told) == (4, 1, False)
-    assert told.startswith("crosscheck itself failed: ZeroDivisionError: division by zero (")
+    assert (ended.value.code, value.count("\n"), "Traceback" in value) == (4, 1, False)
+    assert value.startswith("crosscheck itself failed: ZeroDivisionError: division by zero (")
 
 
 def test_a_long_name_makes_a_name_of_bounded_length_that_no_other_has():
@@ -113,9 +113,9 @@ def test_a_long_name_makes_a_name_of_bounded_length_that_no_other_has():
 
 
 def test_a_case_of_a_baseline_names_no_file_outside_of_the_folder():
-    told = {"status": ["ok"], "certified_radius": {}}
-    case = {"scene": {}, "reference": told, "routes": {}}
-    now = {**case, "reference": {**told, "status": ["singular"]}}
+    fields = {"status": ["ok"], "certified_radius": {}}
+    case = {"scene": {}, "reference": fields, "routes": {}}
+    now = {**case, "reference": {**fields, "status": ["singular"]}}
     (worse,) = differences({"../../x": case}, {"../../x": now}, ())
 
     assert worse.key == "golden-x"
@@ -202,7 +202,7 @@ def test_every_command_of_the_line_has_a_reason_for_a_bad_end(tmp_path, capsys):
     (tmp_path / "records.jsonl").write_text(json.dumps({"key": "../x"}) + "\n")
     with pytest.raises(SystemExit) as ended:
         main(["nightly", "--scenes", "1", "--engines", "closed_form", "--out", str(tmp_path)])
-    told = capsys.readouterr().err
+    value = capsys.readouterr().err
 
     assert ended.value.code == 2
-    assert "records.jsonl, line 1: key: '../x'; string should match pattern" in told
+    assert "records.jsonl, line 1: key: '../x'; string should match pattern" in value

@@ -159,7 +159,7 @@ class ElsewhereSlider(BesideSlider):
 
 @pytest.mark.parametrize("engine", ENGINES)
 def test_an_element_that_is_not_what_the_formulas_say_is_seen_in_every_engine(engine):
-    found = {d.quantity for d in check(slider_crank(ElsewhereSlider), [engine]).disagreements}
+    seen = {d.quantity for d in check(slider_crank(ElsewhereSlider), [engine]).disagreements}
 
-    assert "position" in found
-    assert ("residual" in found) == (engine in OWN_ROWS)
+    assert "position" in seen
+    assert ("residual" in seen) == (engine in OWN_ROWS)

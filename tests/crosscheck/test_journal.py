@@ -55,9 +55,9 @@ def test_a_record_is_on_disk_as_soon_as_it_is_appended(path):
 
 def test_the_first_record_of_a_key_counts(path):
     with Journal(path) as journal:
-        told = [journal.append(record("a", said="first")), journal.append(record("a", said="second"))]
+        rows = [journal.append(record("a", said="first")), journal.append(record("a", said="second"))]
 
-        assert (told, [r.scene for r in journal]) == ([True, False], ["first"])
+        assert (rows, [r.scene for r in journal]) == ([True, False], ["first"])
 
 
 def test_a_key_that_stands_in_the_file_twice_is_read_once(path):

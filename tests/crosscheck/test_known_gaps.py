@@ -39,7 +39,7 @@ def record_of(path: str, engine: str) -> Record:
 def shows(gap: KnownGap) -> bool:
     """Whether a gap still shows on its reproduction."""
     record = record_of(gap.reproduction, gap.engine)
-    return any(gap.covers(record, told) for told in record.disagreements)
+    return any(gap.covers(record, item) for item in record.disagreements)
 
 
 @pytest.mark.parametrize("gap", GAPS, ids=lambda gap: gap.reproduction)
@@ -61,10 +61,10 @@ def test_a_row_whose_reproduction_shows_nothing_is_stale():
 
 
 def test_every_scene_of_the_corpus_belongs_to_a_row_or_to_a_test():
-    told = " ".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py"))
-    told += " ".join(gap.reproduction for gap in GAPS) + " ".join(finding.scene for finding in findings.read())
+    result = " ".join(path.read_text(encoding="utf-8") for path in (ROOT / "tests").rglob("*.py"))
+    result += " ".join(gap.reproduction for gap in GAPS) + " ".join(finding.scene for finding in findings.read())
 
-    assert [path.name for path in (ROOT / "tests" / "corpus").glob("*.toml") if path.name not in told] == []
+    assert [path.name for path in (ROOT / "tests" / "corpus").glob("*.toml") if path.name not in result] == []
 
 
 FAULTS = {
@@ -94,8 +94,8 @@ def test_a_row_that_makes_no_sense_gets_one_clear_error(text, told):
 def record(*kinds: Cause, sigma_per_step: float | None = 0.1, route: str = "shipped") -> Record:
     """Return a record in which exudyn answered by a route and has disagreements of some kinds."""
     scene = typed(planted("a", answer("exudyn", {}, route={**WHO, "name": route})))
-    told = {"engine": "exudyn", "route": route, "quantity": "position", "ratio": 9.0}
-    disagreements = [Disagreement(**told, kind=kind, how="SIGSEGV" * (kind is Cause.CRASH)) for kind in kinds]
+    fields = {"engine": "exudyn", "route": route, "quantity": "position", "ratio": 9.0}
+    disagreements = [Disagreement(**fields, kind=kind, how="SIGSEGV" * (kind is Cause.CRASH)) for kind in kinds]
     assert scene.reference is not None
     row = replace(scene.reference, sigma_per_step=sigma_per_step)
     return replace(scene, reference=row, disagreements=disagreements)

@@ -29,10 +29,10 @@ OPEN = {"D2", "D22", "D23"}
 @pytest.mark.parametrize("name", ROWS)
 def test_row(name):
     """Each row is what it states; what needs spatial bodies is open."""
-    told = check_row(ROWS[name])
+    row = check_row(ROWS[name])
 
-    assert told["failures"] == []
-    assert told["status"] == ("open" if name in OPEN else "pass")
+    assert row["failures"] == []
+    assert row["status"] == ("open" if name in OPEN else "pass")
 
 
 def test_every_row_of_the_documents_is_there():
@@ -109,9 +109,9 @@ def test_a_quantity_that_is_not_stated_fails():
 
 
 def test_more_digits_than_anybody_encloses_fail():
-    told = check_row(changed("B6", "root from the new estimate", truth="3.73205080756887729"))
+    row = check_row(changed("B6", "root from the new estimate", truth="3.73205080756887729"))
 
-    assert any("not enclosed" in text for text in told["failures"])
+    assert any("not enclosed" in text for text in row["failures"])
 
 
 def test_a_misprint_without_an_erratum_fails():
@@ -219,31 +219,31 @@ def run(capsys, *arguments):
 
 
 def test_the_command_prints_every_row_and_ends_well(capsys):
-    code, told = run(capsys, "ledger")
+    code, result = run(capsys, "ledger")
 
     assert code == 0
-    assert "57 rows: 54 pass, 0 fail, 3 open" in told.out
-    assert "40 errata" in told.out
+    assert "57 rows: 54 pass, 0 fail, 3 open" in result.out
+    assert "40 errata" in result.out
 
 
 def test_the_command_prints_json(capsys):
-    code, told = run(capsys, "ledger", "--json", "A3", "D23")
+    code, result = run(capsys, "ledger", "--json", "A3", "D23")
 
     assert code == 0
-    assert [row["status"] for row in json.loads(told.out)["rows"]] == ["pass", "open"]
+    assert [row["status"] for row in json.loads(result.out)["rows"]] == ["pass", "open"]
 
 
 def test_the_command_fails_when_a_row_does(capsys, monkeypatch):
     wrong = changed("A9", "f'(-1.2)", truth="-1.92")
     monkeypatch.setattr("crosscheck.documents.ledger.read", lambda: replace(read(), row=(wrong,)))
-    code, told = run(capsys, "ledger")
+    code, result = run(capsys, "ledger")
 
     assert code == 1
-    assert "FAIL A9: f'(-1.2)" in told.out
+    assert "FAIL A9: f'(-1.2)" in result.out
 
 
 def test_the_command_refuses_an_unknown_row(capsys):
-    code, told = run(capsys, "ledger", "Z9")
+    code, result = run(capsys, "ledger", "Z9")
 
     assert code == 2
-    assert "'Z9'" in told.err
+    assert "'Z9'" in result.err

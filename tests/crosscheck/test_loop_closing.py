@@ -30,8 +30,8 @@ class OneByOne:
         self.nu, self.gamma, self.round_off = lifted(toy.nu), lifted(toy.gamma), lifted(toy.round_off)
 
     def rows(self, q: Any, t: Any) -> tuple[Any, Any]:
-        found = [self.position(*at) for at in zip(q, t.tolist(), strict=True)]
-        return np.array([residual for residual, _ in found]), np.array([jacobian for _, jacobian in found])
+        values = [self.position(*at) for at in zip(q, t.tolist(), strict=True)]
+        return np.array([residual for residual, _ in values]), np.array([jacobian for _, jacobian in values])
 
     def extrema(self, times: Any) -> Any:
         return continuation.extrema((), times)
@@ -108,11 +108,11 @@ def run(toy: Toy, times: Any, order: int = 0) -> March:
 def test_position_velocity_and_acceleration_are_those_of_the_closed_form() -> None:
     t = np.linspace(0.0, 0.9, 31)
     x = np.sqrt(1.0 - t * t)
-    found = run(circle(), t, 2)
+    result = run(circle(), t, 2)
 
-    assert found.status == (OK,) * 31
+    assert result.status == (OK,) * 31
     # x >= 0.43: J's inverse is at most 3, and enters to the powers 1, 3 and 5
-    for level, exact, power in zip(found.levels, (x, -t / x, -1.0 / x**3), (1, 3, 5), strict=True):
+    for level, exact, power in zip(result.levels, (x, -t / x, -1.0 / x**3), (1, 3, 5), strict=True):
         assert np.max(np.abs(level[0] - exact)) <= 4 * EPS * 2.3**power
 
 
@@ -134,26 +134,26 @@ def test_what_is_not_called_for_is_not_computed() -> None:
 
 def test_the_march_reaches_a_pose_close_to_a_fold() -> None:
     """1e-10 before the fold, x = 1.4e-5 is found, where it can be known to EPS / x."""
-    found = run(circle(), [0.0, 1.0 - 1e-10])
+    result = run(circle(), [0.0, 1.0 - 1e-10])
     t = 1.0 - 1e-10  # its rounding is that of the driver's value
 
-    assert found.status == (OK, OK)
-    assert abs(found.levels[0][0, 1] - math.sqrt((1.0 - t) * (1.0 + t))) <= 8 * EPS / 1.4e-5
+    assert result.status == (OK, OK)
+    assert abs(result.levels[0][0, 1] - math.sqrt((1.0 - t) * (1.0 + t))) <= 8 * EPS / 1.4e-5
 
 
 def test_a_fold_is_singular_and_has_no_rates() -> None:
-    found = run(circle(), [0.0, 1.0], 2)
+    result = run(circle(), [0.0, 1.0], 2)
 
-    assert found.status == (OK, SINGULAR)
-    assert np.isnan(found.levels[1][:, 1]).all()
-    assert np.isnan(found.levels[2][:, 1]).all()
+    assert result.status == (OK, SINGULAR)
+    assert np.isnan(result.levels[1][:, 1]).all()
+    assert np.isnan(result.levels[2][:, 1]).all()
 
 
 def test_beyond_a_fold_there_is_no_answer() -> None:
-    found = run(circle(), [0.0, 1.0 + 1e-9, 1.5], 2)
+    result = run(circle(), [0.0, 1.0 + 1e-9, 1.5], 2)
 
-    assert found.status == (OK, LOST, LOST)
-    assert np.isnan(np.array([level[:, 1:] for level in found.levels])).all()
+    assert result.status == (OK, LOST, LOST)
+    assert np.isnan(np.array([level[:, 1:] for level in result.levels])).all()
 
 
 def test_nothing_is_predicted_from_a_singular_pose() -> None:
@@ -169,9 +169,9 @@ def tracked(toy: Toy) -> Toy:
 
 
 def test_the_march_stays_on_its_branch() -> None:
-    found = run(tracked(two_tracks()), [0.0, 1.0])
+    result = run(tracked(two_tracks()), [0.0, 1.0])
 
-    assert found.levels[0][0].tolist() == pytest.approx([0.1, 5.1], abs=1e-12)
+    assert result.levels[0][0].tolist() == pytest.approx([0.1, 5.1], abs=1e-12)
 
 
 def test_without_shorter_steps_it_would_jump(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -191,9 +191,9 @@ def straight(**more: Any) -> Toy:
 
 def test_a_time_without_answer_does_not_end_the_march() -> None:
     toy = straight(phi=lambda q, t: [math.nan if t == 0.5 else q[0] - t])
-    found = run(toy, [0.0, 0.5, 1.0])
+    result = run(toy, [0.0, 0.5, 1.0])
 
-    assert (found.status, found.levels[0][0, 2]) == ((OK, LOST, OK), 1.0)
+    assert (result.status, result.levels[0][0, 2]) == ((OK, LOST, OK), 1.0)
 
 
 def test_a_first_time_without_answer_does_not_end_the_march() -> None:

@@ -28,11 +28,11 @@ def cycle(reading, stop=360.0, count=361):
 
 
 def test_reading_r1_turns_a_full_revolution_with_its_stroke():
-    found = cycle("R1")
+    motion = cycle("R1")
 
-    assert set(found.status) == {Status.OK}
-    assert found.q[:, -1] == pytest.approx(found.q[:, 0], abs=64 * EPS * 400.0)
-    assert np.ptp(found.q[3]) == pytest.approx(358.95, abs=0.01)
+    assert set(motion.status) == {Status.OK}
+    assert motion.q[:, -1] == pytest.approx(motion.q[:, 0], abs=64 * EPS * 400.0)
+    assert np.ptp(motion.q[3]) == pytest.approx(358.95, abs=0.01)
 
 
 def test_reading_r2_stops_where_its_jacobian_vanishes():
@@ -42,14 +42,14 @@ def test_reading_r2_stops_where_its_jacobian_vanishes():
     def limit(x):
         return np.append(system.residual(x[:4], x[4]), np.linalg.det(system.jacobian(x[:4], x[4])) / system.scale**3)
 
-    found = cycle("R2", 100.0, 101)
-    near = np.append(found.q[:, found.reached - 1], found.t[found.reached - 1])
+    motion = cycle("R2", 100.0, 101)
+    near = np.append(motion.q[:, motion.reached - 1], motion.t[motion.reached - 1])
     fold = newton(limit, lambda x: jacobian(limit, x, Scheme.CENTRAL), near, stop=BothLargest(1e-9, 1e-9)).q[4]
     just_before = loops.march(system, [near[4], fold - 1e-6], near[:4])
     just_beyond = loops.march(system, [near[4], fold + 1e-6], near[:4])
 
     assert math.degrees(fold) == pytest.approx(149.617, abs=5e-4)
-    assert found.reached == 90
+    assert motion.reached == 90
     assert just_before.status[1] is Status.OK
     assert just_beyond.status[1] is Status.NOT_CONVERGED
 
@@ -58,23 +58,23 @@ def test_rates_of_the_cycle_are_those_of_its_positions():
     """Periodic and smooth: Fourier differentiation of 512 positions is exact to round-off times the wave number."""
     times = np.linspace(0.0, math.tau, 513)[:-1]
     start = loops.march(loops.rapier("R1", ANGLE), [math.radians(60.0), math.tau], GUESS).q[:, -1]
-    found = loops.march(loops.rapier("R1", ANGLE), times, start)
+    motion = loops.march(loops.rapier("R1", ANGLE), times, start)
     waves = 1j * np.fft.fftfreq(512, 1.0 / 512)
-    first = np.fft.ifft(waves * np.fft.fft(found.q)).real
-    second = np.fft.ifft(waves**2 * np.fft.fft(found.q)).real
-    size = np.max(np.abs(found.q), axis=1, keepdims=True)
+    first = np.fft.ifft(waves * np.fft.fft(motion.q)).real
+    second = np.fft.ifft(waves**2 * np.fft.fft(motion.q)).real
+    size = np.max(np.abs(motion.q), axis=1, keepdims=True)
 
-    assert np.max(np.abs(first - found.qd) / size) <= 256 * 64 * EPS
-    assert np.max(np.abs(second - found.qdd) / size) <= 256**2 * 64 * EPS
+    assert np.max(np.abs(first - motion.qd) / size) <= 256 * 64 * EPS
+    assert np.max(np.abs(second - motion.qdd) / size) <= 256**2 * 64 * EPS
 
 
 def signs_of_a_cycle_near_a_change_point(sign):
     """A crank-rocker with a slack of 1e-8: its assemblies pass each other at some 1e-4 rad."""
     system = loops.four_bar(4.0, 1.0, 2.5, 5.5 - 1e-8, ANGLE)
-    found = loops.march(system, np.linspace(0.3, 0.3 + math.tau, 73), [sign * 1.0, sign * 1.5])
+    motion = loops.march(system, np.linspace(0.3, 0.3 + math.tau, 73), [sign * 1.0, sign * 1.5])
 
-    assert set(found.status) == {Status.OK}
-    return set(np.sign(np.sin(found.q[1] - found.q[0])))
+    assert set(motion.status) == {Status.OK}
+    return set(np.sign(np.sin(motion.q[1] - motion.q[0])))
 
 
 @pytest.mark.parametrize("sign", [1, -1])

@@ -78,10 +78,10 @@ def test_loops_are_the_equations_of_the_documents():
         if written is None:
             continue
         q = some(system.n)
-        found, expected = system.residual(q, AT), written.phi(q)
-        sign = np.where(np.abs(found - expected) < np.abs(found + expected), 1.0, -1.0)
+        result, expected = system.residual(q, AT), written.phi(q)
+        sign = np.where(np.abs(result - expected) < np.abs(result + expected), 1.0, -1.0)
         allowed = ROUNDING * system.scale * 8
-        assert_near(found, sign * expected, allowed, name)
+        assert_near(result, sign * expected, allowed, name)
         assert_near(system.jacobian(q, AT), sign[:, None] * written.phi_q(q), allowed, f"{name}: Jacobian")
 
 
@@ -100,11 +100,11 @@ def test_both_forms_are_one():
         real, pair = system.residual(q, AT), system.complex_residual(q, AT)
         slope, slopes = system.jacobian(q, AT), system.complex_jacobian(q, AT)
         allowed = ROUNDING * system.scale * 8
-        for a, b, told in ((real, pair, "residual"), (slope, slopes, "Jacobian")):
+        for a, b, item in ((real, pair, "residual"), (slope, slopes, "Jacobian")):
             z = a[0 : 2 * m : 2] + 1j * a[1 : 2 * m : 2]
-            assert_near(b[:m], z, allowed, f"{name}: {told}")
-            assert_near(b[m : 2 * m], np.conj(z), allowed, f"{name}: conjugate {told}")
-            assert_near(b[2 * m :], a[2 * m :], allowed, f"{name}: relations, {told}")
+            assert_near(b[:m], z, allowed, f"{name}: {item}")
+            assert_near(b[m : 2 * m], np.conj(z), allowed, f"{name}: conjugate {item}")
+            assert_near(b[2 * m :], a[2 * m :], allowed, f"{name}: relations, {item}")
 
 
 def test_rates_are_the_derivatives():

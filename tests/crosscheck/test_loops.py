@@ -74,9 +74,9 @@ def test_the_determinant_is_that_of_the_transmission_angle():
 
 
 def test_the_other_estimate_leads_to_the_crossed_assembly():
-    found = loops.close(c4(), np.radians([300.0, 200.0]))
+    closure = loops.close(c4(), np.radians([300.0, 200.0]))
 
-    assert np.degrees(found.q) == pytest.approx((308.10118075, 206.42490948), abs=1e-8)
+    assert np.degrees(closure.q) == pytest.approx((308.10118075, 206.42490948), abs=1e-8)
 
 
 @pytest.mark.parametrize(("h", "errors"), [(1e-3, (0.03, 0.0225)), (1e-2, (0.2999975, 0.22499813))])
@@ -101,8 +101,8 @@ def slotted():
 def test_the_slotted_mechanism_converges_as_recorded(complex_form):
     """From (0.05, -0.04, 0.03) off: 7.1e-3, 1.2e-4, 3.9e-8, 4.0e-15, the last at round-off."""
     system, root = slotted()
-    found = loops.close(system, root + np.array([0.05, -0.04, 0.03, -0.02]), complex_form=complex_form)
-    errors = np.max(np.abs(found.iterates - root), axis=1)
+    closure = loops.close(system, root + np.array([0.05, -0.04, 0.03, -0.02]), complex_form=complex_form)
+    errors = np.max(np.abs(closure.iterates - root), axis=1)
 
     assert [float(f"{e:.1e}") for e in errors[1:4]] == [7.1e-3, 1.2e-4, 3.9e-8]
     assert errors[4] < 8e-15
@@ -117,16 +117,16 @@ RAPIER = {
 @pytest.mark.parametrize("complex_form", [False, True], ids=["real", "complex"])
 @pytest.mark.parametrize("reading", RAPIER)
 def test_the_rapier_drive_at_sixty_degrees(reading, complex_form):
-    found = loops.close(loops.rapier(reading, math.radians(60.0)), GUESS, complex_form=complex_form)
+    closure = loops.close(loops.rapier(reading, math.radians(60.0)), GUESS, complex_form=complex_form)
 
-    assert found.converged
-    assert (*np.degrees(found.q.real[:3]), found.q.real[3]) == pytest.approx(RAPIER[reading], abs=2e-12, rel=1e-14)
-    assert np.max(np.abs(found.q.imag), initial=0.0) <= 1e-15
+    assert closure.converged
+    assert (*np.degrees(closure.q.real[:3]), closure.q.real[3]) == pytest.approx(RAPIER[reading], abs=2e-12, rel=1e-14)
+    assert np.max(np.abs(closure.q.imag), initial=0.0) <= 1e-15
 
 
 def test_newton_on_the_rapier_loops_has_order_two():
-    found = loops.close(loops.rapier("R1", math.radians(60.0)), GUESS)
-    errors = np.max(np.abs(found.iterates - found.q)[:, :3], axis=1)
+    closure = loops.close(loops.rapier("R1", math.radians(60.0)), GUESS)
+    errors = np.max(np.abs(closure.iterates - closure.q)[:, :3], axis=1)
 
     assert newton_order(errors, basin=0.15).is_near(2.0, 0.15)
 
@@ -141,10 +141,10 @@ def test_a_stalled_minimum_is_no_root_and_tells_the_gap(angle, q0):
     system = loops.four_bar(90.0, 30.0, 60.0, 45.0, angle)
     distance = 90.0 - 30.0 * complex(math.cos(angle), math.sin(angle))
     straight = math.atan2(distance.imag, distance.real)
-    found = loops.minimise(system, [straight + q0[0], straight + math.pi + q0[1]])
+    minimum = loops.minimise(system, [straight + q0[0], straight + math.pi + q0[1]])
 
-    assert found.status is MinimumStatus.STALLED
-    assert found.gap == pytest.approx(abs(distance) - 105.0, abs=1e-9)
+    assert minimum.status is MinimumStatus.STALLED
+    assert minimum.gap == pytest.approx(abs(distance) - 105.0, abs=1e-9)
 
 
 def test_an_evaluation_limit_is_not_called_a_minimum():
@@ -173,7 +173,7 @@ def test_all_estimates_may_be_used_up():
     ],
 )
 def test_the_three_outcomes_of_the_document_are_statuses(start, status):
-    found = newton(
+    outcome = newton(
         lambda x: x * x - 4 * x + 1,
         lambda x: 2 * x - 4,
         start,
@@ -181,7 +181,7 @@ def test_the_three_outcomes_of_the_document_are_statuses(start, status):
         max_iterations=10,
     )
 
-    assert found.status is status
+    assert outcome.status is status
 
 
 # ---- planted faults

@@ -27,38 +27,38 @@ SCENE = LINKAGE.scene(speed=2.0, turns=0.5, samples=19)
 SLIDER = SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(speed=2.0, turns=0.2, samples=5)
 
 
-def answer(found, scene, order):
+def answer(actual, scene, order):
     """Return the levels (3 bodies, T) of a method on a scene up to an order."""
-    model = found.model(scene)
+    model = actual.model(scene)
     return list(model.read(model.solve(order)))
 
 
 @cache
 def digits(producer):
     """Return (method, setting, quantity) -> digits on the scene, in the order of the settings."""
-    truth, found = CertifiedTruth(SCENE), {}
+    truth, result = CertifiedTruth(SCENE), {}
     for one in methods(producer, Use.PRICE):
         for order, level in enumerate(answer(one, SCENE, one.highest)):
-            found[one.name, one.setting, QUANTITIES[order]] = truth.digits(level, order)[0]
-    return found
+            result[one.name, one.setting, QUANTITIES[order]] = truth.digits(level, order)[0]
+    return result
 
 
 def refused(producer, scene):
     """Return name -> reason of the methods that refuse a scene."""
-    found = {}
+    fields = {}
     for one in methods(producer, Use.PRICE):
         try:
             one.model(scene)
         except EngineError as error:
-            found[one.name] = str(error)
-    return found
+            fields[one.name] = str(error)
+    return fields
 
 
 def sweep(producer, name, quantity="position"):
     """Return the digits of one method, from its first setting to its last."""
-    found = [d for (other, _, q), d in digits(producer).items() if (other, q) == (name, quantity)]
-    assert len(found) > 1
-    return found
+    values = [d for (other, _, q), d in digits(producer).items() if (other, q) == (name, quantity)]
+    assert len(values) > 1
+    return values
 
 
 SWEEPS = [
@@ -79,17 +79,17 @@ SPRINGS = [("mujoco", "mj_step, Euler, solref swept"), ("mujoco", "mj_step, RK4,
 
 @pytest.mark.parametrize(("producer", "name"), SWEEPS)
 def test_a_looser_setting_has_no_more_digits_but_by_rounding(producer, name):
-    found = sweep(producer, name)
+    motion = sweep(producer, name)
 
-    assert all(b > min(a, 14.0) - 0.3 for a, b in itertools.pairwise(found))
-    assert found[0] < 6.0
+    assert all(b > min(a, 14.0) - 0.3 for a, b in itertools.pairwise(motion))
+    assert motion[0] < 6.0
 
 
 @pytest.mark.parametrize(("producer", "name"), SPRINGS)
 def test_a_softer_loop_has_fewer_digits(producer, name):
-    found = sweep(producer, name)
+    motion = sweep(producer, name)
 
-    assert all(b > a for a, b in itertools.pairwise(found))
+    assert all(b > a for a, b in itertools.pairwise(motion))
 
 
 @pytest.mark.parametrize(("producer", "name"), SWEEPS)
@@ -113,8 +113,8 @@ ORDERS = [
 def test_a_time_integration_gains_digits_by_its_order(producer, name, quantity, order):
     # Steps of a third to a tenth of a time step: digits gained are order * log10(10 / 3). With a loop that is held by
     # a spring of stiffness 1/h^2 MuJoCo's position follows the square of the step.
-    found = sweep(producer, name, quantity)
-    gained = found[2] - found[1]
+    motion = sweep(producer, name, quantity)
+    gained = motion[2] - motion[1]
 
     assert gained == pytest.approx(order * math.log10(10 / 3), rel=0.25)
 
@@ -151,21 +151,21 @@ def test_a_driver_that_speeds_up_is_followed(producer):
     scene = LINKAGE.scene(law=law, times=np.linspace(0.0, 1.0, 11).tolist())
     truth = CertifiedTruth(scene)
     stepped = ("SolveDynamic", "mj_step, Euler", "constraintDynamics, RK4")
-    found = [
+    values = [
         truth.digits(answer(one, scene, 0)[0], 0)[0]
         for one in methods(producer, Use.PRICE)
         if one.name.startswith(stepped) and one.setting == "10 steps between times"
     ]
 
-    assert min(found) > 3.0
+    assert min(values) > 3.0
 
 
 @pytest.mark.parametrize("producer", PRICED)
 def test_a_slider_crank_has_its_positions(producer):
     truth = CertifiedTruth(SLIDER)
-    found = [truth.digits(answer(one, SLIDER, 0)[0], 0)[0] for one in methods(producer, Use.PRICE)]
+    values = [truth.digits(answer(one, SLIDER, 0)[0], 0)[0] for one in methods(producer, Use.PRICE)]
 
-    assert max(d for d in found if d is not None) > 14.0
+    assert max(d for d in values if d is not None) > 14.0
 
 
 @cache
@@ -202,21 +202,21 @@ def test_redundant_rows_cost_no_digits(producer, name):
 
 @pytest.mark.parametrize("producer", ["mujoco", "pinocchio"])
 def test_a_loop_that_the_engines_forces_do_not_close_is_refused_for_stepping_by_name(producer):
-    found = refused(producer, load(EXAMPLES / "inverted-slider-crank.toml"))
+    reasons = refused(producer, load(EXAMPLES / "inverted-slider-crank.toml"))
     stepped = {name for name, *_ in digits(producer) if name.startswith(("mj_step", "constraintDynamics"))}
 
-    assert stepped <= set(found)
-    assert all("joint 'A' closes a loop" in found[name] for name in stepped)
+    assert stepped <= set(reasons)
+    assert all("joint 'A' closes a loop" in reasons[name] for name in stepped)
 
 
 def test_a_driver_that_holds_no_coordinate_of_the_tree_is_refused_for_stepping_by_name():
     driven = LINKAGE.scene(
         driven="coupler", law=Sinusoid(amplitude=0.1, angular_frequency=1.0, offset=0.9), times=[0.0, 0.1]
     )
-    found = refused("mujoco", driven)
+    reasons = refused("mujoco", driven)
 
-    assert set(found.values()) == {"driver 'driver' does not hold one coordinate of the tree, as stepping needs it"}
-    assert "newton" not in found
+    assert set(reasons.values()) == {"driver 'driver' does not hold one coordinate of the tree, as stepping needs it"}
+    assert "newton" not in reasons
 
 
 def test_without_damping_mujocos_implicitfast_is_as_right_as_its_euler():
@@ -231,10 +231,10 @@ def test_without_damping_mujocos_implicitfast_is_as_right_as_its_euler():
 
 def test_times_that_are_not_even_are_refused_by_exudyns_integration():
     uneven = replace(SCENE, times=(0.0, 0.1, 0.3))
-    found = refused("exudyn", uneven)
+    reasons = refused("exudyn", uneven)
 
-    assert set(found) == {"SolveDynamic, trapezoidal, index 2", "SolveDynamic, generalized-alpha, index 3"}
-    assert all("even" in reason for reason in found.values())
+    assert set(reasons) == {"SolveDynamic, trapezoidal, index 2", "SolveDynamic, generalized-alpha, index 3"}
+    assert all("even" in reason for reason in reasons.values())
 
 
 @pytest.mark.parametrize("producer", PRICED)
@@ -253,10 +253,10 @@ def test_a_producer_that_is_not_there_is_named():
 
 @pytest.mark.parametrize("producer", [*PRICED, "closed_form", "vector_loop", "numpy", "c"])
 def test_every_setting_has_a_name_of_its_own_and_is_found_by_it(producer):
-    found = methods(producer)
+    listed = methods(producer)
 
-    assert len({one.key for one in found}) == len(found)
-    assert method(producer, *found[-1].key[1:]).key == found[-1].key
+    assert len({one.key for one in listed}) == len(listed)
+    assert method(producer, *listed[-1].key[1:]).key == listed[-1].key
 
 
 def test_the_yardstick_of_ratios_is_a_method_of_the_reference():
@@ -272,9 +272,9 @@ FASTEST = [
 
 @pytest.mark.parametrize(("producer", "name"), FASTEST)
 def test_the_fastest_method_of_an_engine_is_as_right_as_double_precision_allows(producer, name):
-    found = {q: sweep(producer, name, q)[-1] for q in QUANTITIES}
+    by_name = {q: sweep(producer, name, q)[-1] for q in QUANTITIES}
 
-    assert min(found.values()) > 13.5
+    assert min(by_name.values()) > 13.5
 
 
 @pytest.mark.parametrize(("producer", "name"), FASTEST)

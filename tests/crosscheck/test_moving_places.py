@@ -132,8 +132,8 @@ def test_a_contact_is_looked_for_all_around():
     system = compile_system(Mechanism((Body(name="cam"), Body(name="follower")), (touch,), drivers))
     for s in (-2.0, 0.3, 1.9):
         at = PROFILE(s) * np.exp(1j * (s + 0.4))
-        found = initial_contacts(system, np.array([0.0, 0.0, 0.4, at.real, at.imag, 0.0, 0.0]), 0.0)
-        assert_near(found[6], s, (math.tau / (SCAN - 1)) * (2 / (SCAN - 1)) ** 2, "touched at")
+        contacts = initial_contacts(system, np.array([0.0, 0.0, 0.4, at.real, at.imag, 0.0, 0.0]), 0.0)
+        assert_near(contacts[6], s, (math.tau / (SCAN - 1)) * (2 / (SCAN - 1)) ** 2, "touched at")
 
 
 def test_a_profile_ends_where_its_table_does():

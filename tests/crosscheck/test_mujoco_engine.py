@@ -169,8 +169,8 @@ ORDERS = pytest.mark.parametrize("order", [0, 1, 2], ids=["position", "velocity"
 
 def error(motion: Motion, rows: dict[str, list[Any]], order: int, shift: Any = 0.0) -> float:
     """Return the largest error of a level over all bodies and times; `shift` is added to the closed form's rows."""
-    found = {body: (motion[body].q, motion[body].qd, motion[body].qdd)[order] for body in rows}
-    return max(float(np.abs(found[body] - rows[body][order] - shift).max()) for body in rows)
+    by_name = {body: (motion[body].q, motion[body].qd, motion[body].qdd)[order] for body in rows}
+    return max(float(np.abs(by_name[body] - rows[body][order] - shift).max()) for body in rows)
 
 
 @ORDERS

@@ -77,9 +77,9 @@ def loose_scene(*kinds: str, size: float = 1.0) -> Scene:
 
     between = (("ground", "a"), ("a", "b"), ("b", "ground"))
     wanted = dict.fromkeys((*kinds, "revolute"))  # the revolute joints make it a mechanism: six rows at least
-    found = [constraint(kind, k, i, j, u, size) for kind in wanted for k, (i, j) in enumerate(between)]
-    joints = tuple(c for c in found if isinstance(c, JOINT_TYPES))
-    drivers = tuple(c for c in found if isinstance(c, DRIVER_TYPES))
+    values = [constraint(kind, k, i, j, u, size) for kind in wanted for k, (i, j) in enumerate(between)]
+    joints = tuple(c for c in values if isinstance(c, JOINT_TYPES))
+    drivers = tuple(c for c in values if isinstance(c, DRIVER_TYPES))
     return Scene(mechanism=Mechanism((Body(name="a"), Body(name="b")), joints, drivers), times=(0.0,))
 
 

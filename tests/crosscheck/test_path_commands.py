@@ -130,13 +130,13 @@ def test_a_dead_centre_is_told_with_its_rows_bodies_and_another_driver(tmp_path,
 
 def test_a_diagnosis_as_json_has_the_same_words(tmp_path, capsys):
     code, printed = told(tmp_path, capsys, dead_centre(), "diagnose", "--json")
-    found = json.loads(printed.out)
+    data = json.loads(printed.out)
 
     assert code == 1
-    assert found["kind"] == "turning point"
-    assert found["bodies"] == ["crank", "connecting_rod"]
-    assert found["other_driver"] == "the angle of crank"
-    assert found["verdict"] == "singular"
+    assert data["kind"] == "turning point"
+    assert data["bodies"] == ["crank", "connecting_rod"]
+    assert data["other_driver"] == "the angle of crank"
+    assert data["verdict"] == "singular"
 
 
 def test_a_scene_without_a_pose_is_diagnosed_by_its_verdict(tmp_path, capsys):

@@ -83,7 +83,7 @@ def errors(scene: Scene, at: list[tuple[np.ndarray, np.ndarray]]) -> dict[Level,
     ours = [start[m.constraint] + m.row for m in model.rows]
     factor = np.array([m.factor for m in model.rows])
     theirs = [m.engine_row for m in model.rows]
-    found = dict.fromkeys(LEVELS, 0.0)
+    result = dict.fromkeys(LEVELS, 0.0)
     for q, qd in at:
         slope = system.phi_q(q, 0.0)[ours]
         rate = np.max(np.abs(qd))
@@ -95,8 +95,8 @@ def errors(scene: Scene, at: list[tuple[np.ndarray, np.ndarray]]) -> dict[Level,
         }
         for level, (engine, reference, scale) in pairs.items():
             error = np.max(np.abs(engine[..., theirs] - factor * reference)) / (16.0 * scale)
-            found[level] = max(found[level], float(error))
-    return found
+            result[level] = max(result[level], float(error))
+    return result
 
 
 ALLOWED = 8 * EPS

@@ -334,11 +334,11 @@ def test_a_planted_fault_is_caught_and_blamed_where_it_is(fault, monkeypatch):
     assert disagreements(fault.scene) == []
 
     fault.plant(monkeypatch)
-    found = disagreements(fault.scene)
+    listed = disagreements(fault.scene)
 
-    assert {d.engine for d in found} - {"refkin"} == set(fault.engines)
-    assert {d.engine for d in found if d.quantity == fault.quantity} >= set(fault.engines)
-    assert not {d.quantity for d in found} & set(fault.spares)
+    assert {d.engine for d in listed} - {"refkin"} == set(fault.engines)
+    assert {d.engine for d in listed if d.quantity == fault.quantity} >= set(fault.engines)
+    assert not {d.quantity for d in listed} & set(fault.spares)
 
 
 @pytest.mark.parametrize("name", ["a start on the other assembly", "exudyn: a start on the other assembly"])
@@ -359,9 +359,9 @@ def test_an_answer_that_depends_on_the_order_of_bodies_is_told_as_that(monkeypat
         return levels
 
     monkeypatch.setattr(tree_motion, "body_levels", first_body_off)
-    found = disagreements(FOUR_BAR)
+    listed = disagreements(FOUR_BAR)
 
-    assert {(d.engine, d.quantity, d.kind) for d in found} == {
+    assert {(d.engine, d.quantity, d.kind) for d in listed} == {
         (engine, "position", "depends on the order of bodies") for engine in BY_TREE
     }
 
@@ -375,18 +375,18 @@ def test_an_engine_that_calls_nothing_an_answer_is_caught(monkeypatch):
         return levels
 
     monkeypatch.setattr(tree_motion, "body_levels", one_missing)
-    found = disagreements(FOUR_BAR)
+    listed = disagreements(FOUR_BAR)
 
-    assert {(d.engine, d.quantity, d.kind) for d in found} == {
+    assert {(d.engine, d.quantity, d.kind) for d in listed} == {
         (engine, "velocity", "status ok without a number") for engine in BY_TREE
     }
 
 
 def test_an_engine_that_gives_no_answer_to_a_regular_scene_is_caught(monkeypatch):
     monkeypatch.setattr(march, "CAP", 1)
-    found = disagreements(FOUR_BAR)
+    listed = disagreements(FOUR_BAR)
 
-    assert {(d.engine, d.quantity, d.kind) for d in found} == {(engine, "status", "no answer") for engine in BY_TREE}
+    assert {(d.engine, d.quantity, d.kind) for d in listed} == {(engine, "status", "no answer") for engine in BY_TREE}
 
 
 TABLE = Table(argument=(0.0, 0.4, 0.7, 1.2, 1.6), value=(0.0, 0.5, 0.3, 0.9, 0.4))

@@ -56,8 +56,8 @@ def made_up():
     return price(scene(), [MADE_UP], within=15.0)
 
 
-def row_of(found, method, setting="-", quantity="position"):
-    (row,) = (r for r in found.rows if (r.method, r.setting, r.quantity) == (method, setting, quantity))
+def row_of(actual, method, setting="-", quantity="position"):
+    (row,) = (r for r in actual.rows if (r.method, r.setting, r.quantity) == (method, setting, quantity))
     return row
 
 
@@ -141,16 +141,16 @@ def test_a_refusal_is_told(made_up):
 
 
 def test_a_route_that_does_not_come_back_is_a_row_and_the_next_is_priced():
-    found = price(scene(effects=()), [HANGING], within=1.0, patience=4.0)
+    prices = price(scene(effects=()), [HANGING], within=1.0, patience=4.0)
 
-    assert "no answer within 4 s" in row_of(found, "hangs").note
-    assert row_of(found, "right").microseconds > 0.0
+    assert "no answer within 4 s" in row_of(prices, "hangs").note
+    assert row_of(prices, "right").microseconds > 0.0
 
 
 def test_what_a_scene_does_not_call_for_has_no_row():
-    found = price(scene(effects=("acceleration",)), [MADE_UP], within=1.0)
+    prices = price(scene(effects=("acceleration",)), [MADE_UP], within=1.0)
 
-    assert {r.quantity for r in found.rows} == {"position", "acceleration"}
+    assert {r.quantity for r in prices.rows} == {"position", "acceleration"}
 
 
 def test_a_scene_without_a_certified_pose_has_no_prices():
@@ -181,9 +181,9 @@ def best(rows, poses="cycle"):
 
 def test_the_second_best_is_that_of_another_method():
     rows = [priced(9.0, 5.0), priced(9.0, 5.1, setting="looser"), priced(9.0, 6.5, "chord"), priced(9.0, 9.0, "other")]
-    found = best(rows)["9"]
+    value = best(rows)["9"]
 
-    assert (found["method"], found["second"]["method"], found["second"]["microseconds"]) == ("newton", "chord", 6.5)
+    assert (value["method"], value["second"]["method"], value["second"]["microseconds"]) == ("newton", "chord", 6.5)
 
 
 @pytest.mark.parametrize(("price", "differs"), [(5.9, False), (6.5, True)])
@@ -210,7 +210,7 @@ def test_one_pose_a_cycle_and_bulk_each_have_their_own_winner():
 
 def test_a_list_repeats_itself_where_the_winners_are_the_same():
     rows, other = [priced(9.0, 5.0), priced(9.0, 9.0, "chord")], [priced(9.0, 9.0), priced(9.0, 5.0, "chord")]
-    lists = [cheapest([row.to_json() for row in found]) for found in (rows, other)]
+    lists = [cheapest([row.to_json() for row in item]) for item in (rows, other)]
 
     assert repeated(lists[0], lists[0])[:2] == (3, 3)  # of 3, 6 and 9 digits
     assert repeated(*lists)[:2] == (3, 0)
@@ -225,9 +225,9 @@ def test_winners_within_the_spread_count_for_nothing():
 
 def test_the_cheapest_way_is_the_least_price_among_those_with_so_many_digits():
     rows = [priced(3.1, 1.0), priced(9.0, 5.0), priced(9.5, 4.0), priced(15.0, 50.0), priced(None, 0.1)]
-    found = best(rows)
+    offers = best(rows)
 
-    assert [found[str(d)] and found[str(d)]["microseconds"] for d in (3, 6, 9, 12, 14)] == [1.0, 4.0, 4.0, 50.0, 50.0]
+    assert [offers[str(d)] and offers[str(d)]["microseconds"] for d in (3, 6, 9, 12, 14)] == [1.0, 4.0, 4.0, 50.0, 50.0]
 
 
 def test_where_nobody_has_so_many_digits_there_is_no_cheapest_way():
@@ -254,11 +254,11 @@ def test_prices_are_tracked_in_units_of_the_reference():
 def test_a_request_that_makes_no_sense_is_told_in_one_line_before_anything_is_measured(arguments, capsys):
     with pytest.raises(SystemExit) as ended:
         main(["price", *arguments])
-    told = capsys.readouterr()
+    output = capsys.readouterr()
 
     assert ended.value.code == 2
-    assert "no such" in told.err
-    assert told.out == ""
+    assert "no such" in output.err
+    assert output.out == ""
 
 
 def test_the_command_prints_one_object_with_the_promised_keys(tmp_path, capsys):
@@ -267,13 +267,13 @@ def test_the_command_prints_one_object_with_the_promised_keys(tmp_path, capsys):
     path.write_text(text.replace('["acceleration", "velocity"]', "[]"), encoding="utf-8")
     with pytest.raises(SystemExit) as ended:
         main(["price", str(path), "--json", "--page", str(tmp_path / "page.html")])
-    told = json.loads(capsys.readouterr().out)
+    data = json.loads(capsys.readouterr().out)
 
     assert ended.value.code == 0
-    assert (told["schema"], told["scene"]) == (2, "crank-rocker")
-    assert all(set(row) == KEYS for row in told["rows"])
-    assert {row["engine"] for row in told["rows"]} == {*PRICED}
-    assert told["cheapest"]["cycle"]["position"]["12"]["microseconds"] > 0.0
+    assert (data["schema"], data["scene"]) == (2, "crank-rocker")
+    assert all(set(row) == KEYS for row in data["rows"])
+    assert {row["engine"] for row in data["rows"]} == {*PRICED}
+    assert data["cheapest"]["cycle"]["position"]["12"]["microseconds"] > 0.0
     assert "<svg" in (tmp_path / "page.html").read_text(encoding="utf-8")
 
 

@@ -105,10 +105,10 @@ def by_iteration(quantity):
 
 @pytest.mark.parametrize(("quantity", "printed"), [("velocity", 1.7), ("acceleration", 1.9)])
 def test_of_the_five_digits_that_the_notes_print_two_are_right_at_best(quantity, printed):
-    found = by_iteration(quantity)
+    digits = by_iteration(quantity)
 
-    assert found["printed"] == pytest.approx(printed, abs=0.05)
-    assert found["1"] == pytest.approx(found["printed"], abs=0.05)
+    assert digits["printed"] == pytest.approx(printed, abs=0.05)
+    assert digits["1"] == pytest.approx(digits["printed"], abs=0.05)
 
 
 @pytest.mark.parametrize(("iteration", "whole"), [("2", 4), ("3", 10), ("4", 14)])

@@ -16,8 +16,8 @@ ENGINES = ("exudyn", "pinocchio", "mujoco")
 def test_a_real_night_of_one_scene_passes_with_answers_of_every_engine(tmp_path):
     out = tmp_path / "night"
     seed = ("--seed", 1, "--scenes", 1, "--workers", 1, "--sections-seconds", 0)
-    told = crosscheck("nightly", *seed, "--require-engines", ",".join(ENGINES), "--out", out)
-    assert told.returncode == 0, told.stdout + told.stderr
+    process = crosscheck("nightly", *seed, "--require-engines", ",".join(ENGINES), "--out", out)
+    assert process.returncode == 0, process.stdout + process.stderr
 
     (line,) = (out / "records.jsonl").read_text(encoding="utf-8").splitlines()
     record = json.loads(line)
@@ -29,7 +29,7 @@ def test_a_real_night_of_one_scene_passes_with_answers_of_every_engine(tmp_path)
 
 @pytest.mark.parametrize("seconds", [0.0, 1e-9, 7.9, float("nan")])
 def test_without_time_for_them_nothing_is_measured_beside_the_scenes(tmp_path, seconds):
-    told = []
-    write_sections(tmp_path, {name: name for name in ENGINES}, (), seconds, told.append)
+    rows = []
+    write_sections(tmp_path, {name: name for name in ENGINES}, (), seconds, rows.append)
 
-    assert (told, list(tmp_path.iterdir())) == ([], [])
+    assert (rows, list(tmp_path.iterdir())) == ([], [])

@@ -43,8 +43,8 @@ def test_it_is_compared():
 
 
 def test_it_is_priced():
-    found = price(FEW, [OWN], within=2.0)
-    (row,) = found.rows  # it answers positions alone
+    prices = price(FEW, [OWN], within=2.0)
+    (row,) = prices.rows  # it answers positions alone
 
     assert (row.engine, row.method, row.setting) == KEY
     assert row.quantity == "position"
@@ -54,10 +54,10 @@ def test_it_is_priced():
 
 def test_its_effects_are_measured():
     (method,) = methods(OWN, Use.EFFECTS)
-    found = effect_rows(ablations(method, FEW), reference(FEW), 0.0)
+    result = effect_rows(ablations(method, FEW), reference(FEW), 0.0)
 
-    assert {(row.engine, row.method, row.setting) for row in found} == {KEY}
-    assert {row.effect for row in found} >= {"velocity", "points", "gravity"}
+    assert {(row.engine, row.method, row.setting) for row in result} == {KEY}
+    assert {row.effect for row in result} >= {"velocity", "points", "gravity"}
 
 
 def test_it_is_asked_hard_cases():

@@ -66,13 +66,13 @@ def sampled(tmp_path_factory: pytest.TempPathFactory) -> tuple[Any, dict[Any, An
     for k in range(40):
         answers = []
         for engine in ROUTES:
-            found = {}
+            fields = {}
             for name in QUANTITIES:
                 samples = {int(d): draw.uniform(-1.0, 17.0, 7) for d in draw.choice([-6, -3, -1, 0], 2, replace=False)}
                 for decade, digits in samples.items():
                     raw.setdefault((engine, name, decade), []).extend(digits)
-                found[name] = quantity(samples, float(draw.uniform(0.0, 0.9)), At("crank.x", float(k)))
-            answers.append(answer(engine, found, judged=14, times=14, seconds=float(draw.uniform(1e-4, 1e-2))))
+                fields[name] = quantity(samples, float(draw.uniform(0.0, 0.9)), At("crank.x", float(k)))
+            answers.append(answer(engine, fields, judged=14, times=14, seconds=float(draw.uniform(1e-4, 1e-2))))
         levels = [level("mujoco", "drift", draw.uniform(10, 17, 2)), level("mujoco", "jacobian", [15.0, 16.0], 0.75)]
         records.append(record(f"{k:04x}", *answers, levels=levels))
     folder = write(tmp_path_factory.mktemp("run"), *records)
@@ -113,9 +113,9 @@ def test_worst_ratio_is_the_largest_of_the_records_and_names_its_record(sampled:
     worst = max(records, key=lambda r: r["answers"][1]["quantities"]["velocity"]["ratio"])
 
     cell = report["engines"]["mujoco"]["newton"]["velocity"]
-    found = worst["answers"][1]["quantities"]["velocity"]
+    actual = worst["answers"][1]["quantities"]["velocity"]
     place = {"key": worst["key"], "scene": worst["scene"], "line": records.index(worst) + 1}
-    assert {"ratio": found["ratio"], **place, **found["worst"]} == cell["worst"]
+    assert {"ratio": actual["ratio"], **place, **actual["worst"]} == cell["worst"]
 
 
 def test_fewest_digits_name_a_record_that_has_them(sampled: Any) -> None:
@@ -170,8 +170,8 @@ def test_median_time_is_right_to_its_bin(sampled: Any) -> None:
     times = [1e6 * r["answers"][1]["seconds"] / 14 for r in records]
     expected = np.quantile(times, 0.5, method="inverted_cdf")
 
-    found = report["engines"]["mujoco"]["newton"]["position"]["microseconds_median"]
-    assert found == pytest.approx(expected, rel=10 ** (0.5 / 100) - 1)
+    actual = report["engines"]["mujoco"]["newton"]["position"]["microseconds_median"]
+    assert actual == pytest.approx(expected, rel=10 ** (0.5 / 100) - 1)
 
 
 def test_a_quantity_nobody_compared_has_no_number_at_all(sampled: Any) -> None:
@@ -191,8 +191,8 @@ def test_quantile_is_the_sample_of_its_rank(counts: dict[int, int], percent: int
 
 
 def test_infinite_ratio_stays_the_largest_and_the_file_stays_json(tmp_path: Path) -> None:
-    told = disagreement(ratio=sys.float_info.max)
-    report = reported(write(tmp_path, record("a", good_answer("mujoco"), disagreements=[told])))
+    wrong = disagreement(ratio=sys.float_info.max)
+    report = reported(write(tmp_path, record("a", good_answer("mujoco"), disagreements=[wrong])))
 
     assert sys.float_info.max == report["engines"]["mujoco"]["newton"]["velocity"]["worst_over_allowed"]
 
@@ -237,8 +237,8 @@ def test_known_gap_is_counted_and_does_not_turn_the_night_red(tmp_path: Path) ->
 
 
 def test_known_gap_covers_nothing_but_its_own(tmp_path: Path) -> None:
-    told = [disagreement(), disagreement(quantity="position")]
-    folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=told))
+    rows = [disagreement(), disagreement(quantity="position")]
+    folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=rows))
     report = reported(folder, gaps=[gap(quantity="velocity")])
 
     assert (
@@ -427,16 +427,16 @@ def test_engine_that_crashed_on_every_scene_still_has_its_failures(tmp_path: Pat
 
 
 def test_no_answer_and_wrong_answer_in_one_scene_is_one_failing_scene(tmp_path: Path) -> None:
-    told = [disagreement(), disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
-    report = reported(write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=told)))
+    rows = [disagreement(), disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
+    report = reported(write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=rows)))
 
     cell = report["engines"]["mujoco"]["newton"]["velocity"]
     assert (cell["failures"], cell["unanswered"], report["new_disagreements"]) == (1, 1, 2)
 
 
 def test_route_without_an_answer_fails_in_every_quantity_it_owes(tmp_path: Path) -> None:
-    told = [disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
-    report = reported(write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=told)))
+    rows = [disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
+    report = reported(write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=rows)))
 
     assert [report["engines"]["mujoco"]["newton"][name]["failures"] for name in QUANTITIES] == [1, 1, 1]
 
@@ -470,11 +470,11 @@ def test_coverage_counts_scenes_by_property_and_decade(tmp_path: Path) -> None:
 
 
 def test_refusals_are_counted_by_joint_type_not_by_joint(tmp_path: Path) -> None:
-    told = {"engine": "mujoco", "joint": "gear", "level": "solve", "reason": "no such joint in this engine"}
-    rows = [{**told, "name": name} for name in ("A", "B", "it's")]
+    fields = {"engine": "mujoco", "joint": "gear", "level": "solve", "reason": "no such joint in this engine"}
+    rows = [{**fields, "name": name} for name in ("A", "B", "it's")]
     refusals = reported(write(tmp_path, record("a", good_answer("mujoco"), refusals=rows)))["refusals"]
 
-    assert [{**told, "scenes": 1, "joints": 3}] == refusals
+    assert [{**fields, "scenes": 1, "joints": 3}] == refusals
 
 
 def test_same_records_give_the_same_bytes(tmp_path: Path) -> None:
@@ -504,9 +504,12 @@ def test_records_as_they_are_really_written_are_understood(tmp_path: Path) -> No
     real = check.check(scene, ["closed_form"], {"kind": "four_bar", "distance": 1.0})
     report = reported(write(tmp_path, plain(real)))
 
-    (told, *_) = plain(real)["answers"]
-    cell = report["engines"]["closed_form"][told["route"]["name"]]["position"]
-    assert (told["quantities"]["position"]["ratio"], told["judged"]) == (cell["worst_over_allowed"], cell["samples"])
+    (result, *_) = plain(real)["answers"]
+    cell = report["engines"]["closed_form"][result["route"]["name"]]["position"]
+    assert (result["quantities"]["position"]["ratio"], result["judged"]) == (
+        cell["worst_over_allowed"],
+        cell["samples"],
+    )
 
 
 # Newton histories.

@@ -62,14 +62,14 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenes = [linkage.scene(speed=2.0, turns=1, samples=25) for linkage in linkages]
     typed = [check(scene, ["closed_form"], {"kind": scene.name, "shard": k}) for k, scene in enumerate(scenes)]
     records = [plain(record) for record in typed]
-    told = {**disagreement("mujoco"), "engine": "closed_form", "route": "float"}
-    records[0]["disagreements"] = [told]
+    fields = {**disagreement("mujoco"), "engine": "closed_form", "route": "float"}
+    records[0]["disagreements"] = [fields]
     made = write(tmp_path_factory.mktemp("run"), *records)
     (made / "disagreements").mkdir()
     (made / "disagreements" / "a.toml").write_text('name = "minimal <scene>"\n')
     for name, rows in {"price": PRICES, "effects": EFFECTS, "hard_cases": HARD}.items():
         (made / f"{name}.json").write_text(json.dumps(rows))
-    new = [replace(case(told, file="disagreements/a.toml", shrunk=True), key=typed[0].key)]
+    new = [replace(case(fields, file="disagreements/a.toml", shrunk=True), key=typed[0].key)]
     poses = pictures(typed, lambda r: {"scene": to_dict(scenes[r.about["shard"]])}, {"closed_form": "closed_form"})
     (made / "pictures.json").write_text(json.dumps(poses))
     write_documents(made)
@@ -103,9 +103,9 @@ def opened(browser: Any, folder: Path) -> Iterator[Any]:
     contexts: list[Any] = []
 
     def open_it(file: Path = folder / "index.html", **more: Any) -> Opened:
-        found = Opened(browser, file, **more)
-        contexts.append(found.context)
-        return found
+        page = Opened(browser, file, **more)
+        contexts.append(page.context)
+        return page
 
     yield open_it
     for context in contexts:
@@ -244,12 +244,12 @@ def test_ghost_stands_where_the_report_says(opened: Any, folder: Path) -> None:
     poses = json.loads((folder / "report.json").read_text())["poses"]
     for mark in at.page.locator("[data-pose]").all():
         mark.focus()
-        told = poses["marks"][int(mark.get_attribute("data-pose"))]
+        value = poses["marks"][int(mark.get_attribute("data-pose"))]
         drawn = [part.get_attribute("transform") for part in at.page.locator("#pose-ghost > g").all()]
         heads = at.page.locator("#pose-arrows > path").count()
 
-        assert drawn == [f"translate({x:g} {y:g}) rotate({a:g})" for x, y, a in told["ghost"]]
-        assert heads == 2 * len(told["arrows"])
+        assert drawn == [f"translate({x:g} {y:g}) rotate({a:g})" for x, y, a in value["ghost"]]
+        assert heads == 2 * len(value["arrows"])
 
 
 def test_pointing_at_a_mark_shows_its_pose(opened: Any) -> None:
@@ -323,18 +323,18 @@ def test_accessibility_check_finds_nothing(opened: Any, scheme: str, viewport: A
     axe = pytest.importorskip("axe_playwright_python.sync_playwright") if not REQUIRED else _axe()
     at = opened(color_scheme=scheme, viewport=viewport)
     at.unfold()
-    found = axe.Axe().run(at.page).response["violations"]
+    value = axe.Axe().run(at.page).response["violations"]
 
-    assert [(v["id"], [n["html"][:160] for n in v["nodes"][:3]]) for v in found] == []
+    assert [(v["id"], [n["html"][:160] for n in v["nodes"][:3]]) for v in value] == []
 
 
 def test_accessibility_check_can_fail(opened: Any, folder: Path, tmp_path: Path) -> None:
     axe = pytest.importorskip("axe_playwright_python.sync_playwright") if not REQUIRED else _axe()
     broken = tmp_path / "broken.html"
     broken.write_text((folder / "index.html").read_text(encoding="utf-8").replace('<html lang="en">', "<html>"))
-    found = axe.Axe().run(opened(broken).page).response["violations"]
+    value = axe.Axe().run(opened(broken).page).response["violations"]
 
-    assert [v["id"] for v in found] == ["html-has-lang"]
+    assert [v["id"] for v in value] == ["html-has-lang"]
 
 
 def _axe() -> Any:

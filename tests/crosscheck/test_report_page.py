@@ -93,18 +93,18 @@ def rich_run(folder: Path, text: str = "plain") -> tuple[Path, Any, Any]:
     about = {"kind": text, "grashof": text, text: text, "distance": 1e-3, "shard": 0}
     nasty = good_answer("mujoco", version=text)
     nasty["route"] = {key: f"{key} {text}" for key in nasty["route"]}
-    told = [disagreement(), disagreement(quantity="position", how=text, at=At(text, 0.5), message=text)]
+    rows = [disagreement(), disagreement(quantity="position", how=text, at=At(text, 0.5), message=text)]
     levels = [level("mujoco", name) for name in ("residual", "jacobian", "constraint_velocity", "drift")]
     gear = {"joint": "gear", "name": "A", "level": "solve"}
     refusals = [{"engine": "mujoco", "reason": text, **gear}, {"engine": text, "reason": text}]
-    first = record("a", nasty, good_answer("pinocchio"), about=about, scene=text, disagreements=told, refusals=refusals)
-    second = record("b", good_answer("mujoco", missing=1, judged=3), levels=levels, disagreements=told[:1])
+    first = record("a", nasty, good_answer("pinocchio"), about=about, scene=text, disagreements=rows, refusals=refusals)
+    second = record("b", good_answer("mujoco", missing=1, judged=3), levels=levels, disagreements=rows[:1])
     lost = {**failed_record("c"), "failure": text}
     write(folder, {**first, "levels": levels}, second, lost, missing={"exudyn": text})
     (folder / "disagreements").mkdir()
     file = "disagreements/a-mujoco-newton-velocity.toml"
     (folder / file).write_text(f'name = "{text}"\n', encoding="utf-8")
-    new = [case(told[0], file=file, shrunk=True), case(told[1])]
+    new = [case(rows[0], file=file, shrunk=True), case(rows[1])]
     ended = outcome(new=new, missing={"exudyn": text}, failed=[f"pool: {text}"], known=1)
     return folder, ended, [gap(kind="nothing"), gap(quantity="velocity")]
 
@@ -278,8 +278,8 @@ def test_only_a_pass_has_the_sign_and_the_colour_of_one(tmp_path: Path) -> None:
     good = record("a", good_answer("mujoco"))
     pages = [page_of(write(tmp_path / "p", good)), page_of(write(tmp_path / "n"))]
 
-    told = [(p.all("header")[0].attributes["class"], p.text(p.all("h1")[0])[0]) for p in pages]
-    assert told == [("pass", "✓"), ("fail", "✕")]
+    values = [(p.all("header")[0].attributes["class"], p.text(p.all("h1")[0])[0]) for p in pages]
+    assert values == [("pass", "✓"), ("fail", "✕")]
 
 
 def test_new_disagreement_shows_its_minimal_scene_and_how_to_replay_it(rich: Any) -> None:

@@ -115,9 +115,9 @@ def test_file_that_cannot_be_read_fails_the_night_and_says_where(
 
 
 def test_cheapest_way_is_the_least_time_among_settings_with_the_digits() -> None:
-    found = cheapest(PRICES, "acceleration", 9, "regular")
+    offers = cheapest(PRICES, "acceleration", 9, "regular")
 
-    assert {who: row["microseconds"] for who, row in found.items()} == {("mujoco", "newton"): 24.0}
+    assert {who: row["microseconds"] for who, row in offers.items()} == {("mujoco", "newton"): 24.0}
 
 
 def test_first_table_has_the_price_of_nine_digits_of_acceleration(tmp_path: Path) -> None:
@@ -147,9 +147,9 @@ def test_route_that_never_has_nine_digits_has_no_price(tmp_path: Path) -> None:
 
 
 def test_rows_of_the_price_list_are_read_as_it_gives_them(tmp_path: Path) -> None:
-    told = {key: value for key, value in PRICES[2].items() if key != "scene_class"}
-    untimed = {**told, "class": "regular", "microseconds": None, "spread": None, "digits": 15.0}
-    report, _ = reported(tmp_path, price=[{**told, "class": "regular", "newton_by": "adapter", "note": ""}, untimed])
+    by_name = {key: value for key, value in PRICES[2].items() if key != "scene_class"}
+    untimed = {**by_name, "class": "regular", "microseconds": None, "spread": None, "digits": 15.0}
+    report, _ = reported(tmp_path, price=[{**by_name, "class": "regular", "newton_by": "adapter", "note": ""}, untimed])
 
     assert [row["scene_class"] for row in report["price"]] == ["regular", "regular"]
     assert [row["price"] for row in first_table(report)] == [24.0]
@@ -188,9 +188,9 @@ def test_page_with_a_long_price_list_and_a_long_history_is_below_a_megabyte(tmp_
         else:
             remember(history, summarized(tmp_path / "run"), tmp_path / "run")
             page = build(tmp_path / "run")
-    told = json.loads((tmp_path / "run" / "report.json").read_text())["trends"]
+    value = json.loads((tmp_path / "run" / "report.json").read_text())["trends"]
 
-    assert (len(told["nights"]), len(told["series"]), told["not_shown"]) == (30, 24, 98)
+    assert (len(value["nights"]), len(value["series"]), value["not_shown"]) == (30, 24, 98)
     assert page.stat().st_size < 1e6
 
 
@@ -229,8 +229,8 @@ def test_hard_case_that_is_wrong_in_silence_stands_in_the_first_table(tmp_path: 
 
 
 def test_scene_that_is_wrong_in_three_quantities_counts_once_as_silent(tmp_path: Path) -> None:
-    told = [disagreement(quantity=q) for q in ("position", "velocity", "acceleration")]
-    write(tmp_path, record("a", good_answer("mujoco"), disagreements=told), record("b", good_answer("mujoco")))
+    values = [disagreement(quantity=q) for q in ("position", "velocity", "acceleration")]
+    write(tmp_path, record("a", good_answer("mujoco"), disagreements=values), record("b", good_answer("mujoco")))
     build(tmp_path)
     (route,) = json.loads((tmp_path / "report.json").read_text())["routes"]
 
@@ -238,8 +238,8 @@ def test_scene_that_is_wrong_in_three_quantities_counts_once_as_silent(tmp_path:
 
 
 def test_engine_that_gave_no_answer_was_not_silent(tmp_path: Path) -> None:
-    told = [disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
-    write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=told))
+    rows = [disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
+    write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=rows))
     build(tmp_path)
     (route,) = json.loads((tmp_path / "report.json").read_text())["routes"]
 
@@ -248,9 +248,9 @@ def test_engine_that_gave_no_answer_was_not_silent(tmp_path: Path) -> None:
 
 def test_two_that_are_wrong_alike_agree_and_the_odd_one_stands_out(tmp_path: Path) -> None:
     def off(engine: str, by: float) -> Any:
-        told = good_answer(engine)
-        told["quantities"]["position"]["common"] = [0.0, 0.0, by]
-        return told
+        result = good_answer(engine)
+        result["quantities"]["position"]["common"] = [0.0, 0.0, by]
+        return result
 
     made = record("a", off("mujoco", 3e-7), off("exudyn", 3e-7 + 2 * math.pi), off("pinocchio", 0.0))
     made["reference"]["common"] = {"k": 0, "scale": {"position": 1.0}}
@@ -326,10 +326,10 @@ def test_bars_of_a_picture_keep_together_in_every_frame(posed: Any) -> None:
 @example(math.nextafter(1e15, 0))
 @example(math.nextafter(1.0, 2))
 def test_factor_of_an_error_is_round_and_makes_it_as_visible_as_it_may_be(limit: float) -> None:
-    found = magnified(limit)
+    factor = magnified(limit)
 
-    assert limit / 2.51 < found <= limit
-    assert f"{found:.9e}"[0] in "125"
+    assert limit / 2.51 < factor <= limit
+    assert f"{factor:.9e}"[0] in "125"
 
 
 def test_records_without_poses_make_a_page_without_pictures(tmp_path: Path) -> None:
@@ -344,19 +344,19 @@ def test_the_worst_of_each_decade_is_pictured_once(tmp_path: Path) -> None:
     scenes = [linkage.scene(speed=1.0, turns=1, samples=samples) for samples in (5, 7)]
     made = [(check(scene, ["closed_form"]), {"scene": to_dict(scene)}) for scene in scenes]
     jobs = {record.key: job for record, job in made}
-    found = pictures([record for record, _ in made], lambda r: jobs[r.key], {"closed_form": "closed_form"})
+    drawn = pictures([record for record, _ in made], lambda r: jobs[r.key], {"closed_form": "closed_form"})
     decades = {d for record, _ in made for d in record.answers[0].quantities["position"].digits_by_sigma}
 
-    positions = [mark for mark in found["marks"] if mark["quantity"] == "position"]
+    positions = [mark for mark in drawn["marks"] if mark["quantity"] == "position"]
     assert sorted(mark["decade"] for mark in positions) == sorted(decades)
-    assert 1 <= len(found["scenes"]) <= 2
+    assert 1 <= len(drawn["scenes"]) <= 2
 
 
 def test_an_engine_that_is_not_there_any_more_is_not_pictured() -> None:
     scene = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=5)
-    found = pictures([check(scene, ["closed_form"])], lambda r: {"scene": to_dict(scene)}, {})
+    drawn = pictures([check(scene, ["closed_form"])], lambda r: {"scene": to_dict(scene)}, {})
 
-    assert (found["scenes"], found["marks"]) == ([], [])
+    assert (drawn["scenes"], drawn["marks"]) == ([], [])
 
 
 def test_fitted_slopes_are_those_on_paper() -> None:
@@ -396,7 +396,7 @@ def test_the_smallest_planted_error_that_is_seen_is_a_figure_of_the_report(tmp_p
 
 def test_an_error_term_that_documentation_grants_is_shown_at_its_largest(tmp_path: Path) -> None:
     answers = [good_answer("mujoco", granted={"soft constraints": size}) for size in (1e-4, 3e-4)]
-    write(tmp_path, *(record(name, told) for name, told in zip("ab", answers, strict=True)))
+    write(tmp_path, *(record(name, item) for name, item in zip("ab", answers, strict=True)))
     page = build(tmp_path).read_text(encoding="utf-8")
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
 

@@ -39,8 +39,8 @@ def shifted(scene, sample, by=OFF):
 
 @pytest.mark.parametrize("place", [0, 5, 11])
 def test_worst_sample_is_the_one_that_is_wrong(scene, ref, place):
-    found = compare(ref, shifted(scene, place)).quantities["position"]
-    kept = worst_sample(ref.sigma_min, found, int(np.floor(np.log10(ref.sigma_min[place]))))
+    value = compare(ref, shifted(scene, place)).quantities["position"]
+    kept = worst_sample(ref.sigma_min, value, int(np.floor(np.log10(ref.sigma_min[place]))))
 
     assert (place, 6.5) == (kept.k, kept.digits)
     assert pytest.approx(kept.off[:, place], rel=0.01) == [0.0] * 8 + [OFF]
@@ -62,10 +62,10 @@ def test_attainable_digits_are_fewer_near_a_fold():
     fold = FourBar(ground=90.0, crank=30.0, coupler=60.0, rocker=45.0)
     limit = fold.input_range()[0][1]
     times = (limit - 1e-2, limit - 1e-6)
-    found = attainable_digits(reference(fold.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=times)))
+    digits = attainable_digits(reference(fold.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=times)))
 
     for quantity in ("position", "velocity", "acceleration"):
-        far, near = found[quantity]
+        far, near = digits[quantity]
         # sigma goes with the square root of the distance: two of four decades, once or more in each quantity
         assert far - near > 1.5
 

@@ -66,13 +66,13 @@ def test_motions_are_those_of_the_loops():
         motion, marched = solve(scene), loops.march(system, TIMES, start)
         assert motion.verdict is Status.OK, f"{scene.name}: {motion.verdict}"
         for level, expected in (("", marched.q), ("d", marched.qd), ("dd", marched.qdd)):
-            found = np.array(read(motion, level))
-            expected = expected[: len(found)]
+            result = np.array(read(motion, level))
+            expected = expected[: len(result)]
             if level == "":
-                turns = np.round((found - expected) / math.tau) * (np.abs(found - expected) > 3.0)
-                found = found - math.tau * turns
+                turns = np.round((result - expected) / math.tau) * (np.abs(result - expected) > 3.0)
+                result = result - math.tau * turns
             # Condition numbers here are below 10, rates below 10.
-            assert_near(found, expected, 4096 * U, f"{scene.name} {level or 'position'}")
+            assert_near(result, expected, 4096 * U, f"{scene.name} {level or 'position'}")
 
 
 def test_points_move_as_their_derivatives():
@@ -86,17 +86,17 @@ def test_points_move_as_their_derivatives():
         q_, qd, qdd = ([law(at, k) for law in q] for k in range(3))
         return point_parts(u_, q_, qd, qdd, ud, udd)
 
-    found = parts(t)
+    motion = parts(t)
     moved = parts(t + STEP * 1j)
-    assert_near(found.v, np.imag(moved.r) / STEP, 64 * U, "v is the derivative of r")
-    assert_near(found.a, np.imag(moved.v) / STEP, 64 * U, "a is the derivative of v")
-    arm = found.r - np.array([q[0](t), q[1](t)])
+    assert_near(motion.v, np.imag(moved.r) / STEP, 64 * U, "v is the derivative of r")
+    assert_near(motion.a, np.imag(moved.v) / STEP, 64 * U, "a is the derivative of v")
+    arm = motion.r - np.array([q[0](t), q[1](t)])
     quarter, omega, alpha = np.array([[0.0, -1.0], [1.0, 0.0]]), q[2](t, 1), q[2](t, 2)
-    assert_near(found.v_turning, omega * quarter @ arm, 64 * U, "v_turning")
-    assert_near(found.a_normal, -(omega**2) * arm, 64 * U, "a_normal")
-    assert_near(found.a_tangential, alpha * quarter @ arm, 64 * U, "a_tangential")
-    assert_near(found.a_coriolis, 2 * omega * quarter @ found.v_relative, 64 * U, "a_coriolis")
-    assert_near(found.v, found.v_origin + found.v_turning + found.v_relative, 64 * U, "v is the sum of its parts")
+    assert_near(motion.v_turning, omega * quarter @ arm, 64 * U, "v_turning")
+    assert_near(motion.a_normal, -(omega**2) * arm, 64 * U, "a_normal")
+    assert_near(motion.a_tangential, alpha * quarter @ arm, 64 * U, "a_tangential")
+    assert_near(motion.a_coriolis, 2 * omega * quarter @ motion.v_relative, 64 * U, "a_coriolis")
+    assert_near(motion.v, motion.v_origin + motion.v_turning + motion.v_relative, 64 * U, "v is the sum of its parts")
 
 
 def test_fixed_points_move_as_their_derivatives():
@@ -106,9 +106,9 @@ def test_fixed_points_move_as_their_derivatives():
     def motion(at: Any) -> Any:
         return point_motion((0.3, -0.8), *(np.array([[law(at, k)] for law in q]) for k in range(3)))
 
-    found, moved = motion(0.7), motion(0.7 + STEP * 1j)
-    assert_near(found.v, np.imag(moved.r) / STEP, 64 * U, "v is the derivative of r")
-    assert_near(found.a, np.imag(moved.v) / STEP, 64 * U, "a is the derivative of v")
+    result, moved = motion(0.7), motion(0.7 + STEP * 1j)
+    assert_near(result.v, np.imag(moved.r) / STEP, 64 * U, "v is the derivative of r")
+    assert_near(result.a, np.imag(moved.v) / STEP, 64 * U, "a is the derivative of v")
 
 
 def test_a_coarse_sweep_stays_on_its_branch():
@@ -206,8 +206,8 @@ def test_linear_systems_are_solved_in_batches():
             assert_near(slope @ qdd[:, k], right, 2048 * U, "phi_q qdd = gamma")
             assert_near(velocity(system, q[:, k], t[k]), qd[:, k], 256 * U, "one pose")
     start = motion.q[:, 0] + 0.05
-    found = position(compile_system(scene.mechanism), start, 0.0)
-    assert_near(found.q, motion.q[:, 0], 1024 * U, "position from an estimate")
+    pose = position(compile_system(scene.mechanism), start, 0.0)
+    assert_near(pose.q, motion.q[:, 0], 1024 * U, "position from an estimate")
 
 
 def test_coordinates_sit_where_they_are_said_to():

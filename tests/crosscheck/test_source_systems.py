@@ -219,9 +219,9 @@ def test_twelve_coordinates_give_the_rates_of_the_closed_form(coordinate):
 def test_the_loop_of_the_notes_is_the_linkage():
     linkage = FourBar(ground=90.0, crank=30.0, coupler=60.0, rocker=45.0)
     q = newton(*me581.four_bar(NOTES, 1.1), [0.2, 2.0]).q
-    found = linkage.assemble(1.1)
+    poses = linkage.assemble(1.1)
 
-    assert q == pytest.approx([found["coupler"][2], found["rocker"][2]], abs=1e-14)
+    assert q == pytest.approx([poses["coupler"][2], poses["rocker"][2]], abs=1e-14)
 
 
 def test_the_same_text_runs_on_floats_complex_numbers_and_balls():

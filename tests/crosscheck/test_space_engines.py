@@ -27,9 +27,9 @@ def scene(request: pytest.FixtureRequest) -> Scene:
 def test_every_engine_agrees_at_all_levels_or_refuses_by_name(scene: Scene) -> None:
     record = check(scene, ENGINES)
     assert record.reference.verdict == Status.OK
-    assert [str(told) for told in record.disagreements] == []
+    assert [str(seen) for seen in record.disagreements] == []
     solved = {(answer.engine, answer.route.name) for answer in record.answers}
-    refused = {told.engine for told in record.refusals if told.level in ("", "solve")}
+    refused = {seen.engine for seen in record.refusals if seen.level in ("", "solve")}
     assert refused == ({"exudyn"} if scene.name == "screw jack" else set())
     assert {engine for engine, _ in solved} == set(ENGINES) - refused
     for answer in record.answers:
@@ -37,10 +37,10 @@ def test_every_engine_agrees_at_all_levels_or_refuses_by_name(scene: Scene) -> N
         assert answer.missing == 0
     best = [a for a in record.answers if a.route.name != "shipped"]
     assert max(q.ratio for a in best for q in a.quantities.values()) < 0.3
-    told = {(level.engine, level.level) for level in record.levels}
+    seen = {(level.engine, level.level) for level in record.levels}
     for engine in ("mujoco", "exudyn"):
         if engine not in refused:
-            assert {level for e, level in told if e == engine} == {
+            assert {level for e, level in seen if e == engine} == {
                 "residual",
                 "jacobian",
                 "constraint_velocity",

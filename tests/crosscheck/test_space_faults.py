@@ -24,7 +24,7 @@ LEVELS = ("residual", "jacobian", "constraint_velocity", "drift", "position", "v
 
 def wrong_at(engine: str, scene: Any = None) -> set[str]:
     record = check(scene or space_scenes.rssr(), [engine])
-    return {told.quantity for told in record.disagreements if told.route != "shipped"}
+    return {item.quantity for item in record.disagreements if item.route != "shipped"}
 
 
 Patch = pytest.MonkeyPatch
@@ -110,9 +110,9 @@ def test_a_planted_fault_shows_where_it_is(
 ) -> None:
     assert wrong_at(engine) == set()
     plant(monkeypatch)
-    found = wrong_at(engine)
-    assert shows <= found
-    assert not sound & found
+    places = wrong_at(engine)
+    assert shows <= places
+    assert not sound & places
 
 
 def test_no_flipped_joint_passes_unseen() -> None:

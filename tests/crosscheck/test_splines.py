@@ -53,8 +53,8 @@ def test_the_spline_of_every_producer_is_scipys(count, periodic, producer):
         for share in (0.0, 0.3, 0.8):
             t, orders = a + share * (b - a), range(4 if share else 3)  # the third derivative jumps at a knot
             expected = [scipys.integrate(0.0, t), *(scipys(t, order) for order in orders)]
-            found = [producer(law, t, order) for order in (-1, *orders)]
-            assert_near(found, expected, 2**12 * U * np.maximum(1.0, np.abs(expected)), f"{law} at {t}")
+            values = [producer(law, t, order) for order in (-1, *orders)]
+            assert_near(values, expected, 2**12 * U * np.maximum(1.0, np.abs(expected)), f"{law} at {t}")
 
 
 @pytest.mark.parametrize("rate", [False, True], ids=["law", "rate_law"])

@@ -74,17 +74,17 @@ def lengths(linkage):
 
 def decades(numbers, first, last):
     """Return how many numbers lie in each decade from 10^first to 10^last."""
-    found = Counter(math.floor(math.log10(x)) for x in numbers)
-    return {k: found[k] for k in range(first, last)}
+    counts = Counter(math.floor(math.log10(x)) for x in numbers)
+    return {k: counts[k] for k in range(first, last)}
 
 
 # --- what is reached ---------------------------------------------------------------------------------------------
 
 
 def test_every_grashof_class_is_reached():
-    found = Counter(c.grashof for c in sample(four_bars(), 1000))
+    counts = Counter(c.grashof for c in sample(four_bars(), 1000))
 
-    assert set(GrashofClass) == {c for c, count in found.items() if count >= 50}
+    assert set(GrashofClass) == {c for c, count in counts.items() if count >= 50}
 
 
 @pytest.mark.parametrize("grashof", GrashofClass)
@@ -133,9 +133,9 @@ def test_slack_of_slider_linkages_is_reached_on_both_sides(strategy):
 
 
 def test_exact_change_points_have_no_slack_at_all():
-    found = sample(four_bars(classes=[GrashofClass.CHANGE_POINT]), 200)
+    result = sample(four_bars(classes=[GrashofClass.CHANGE_POINT]), 200)
 
-    assert {0.0} == {linkage.slack for linkage in found}
+    assert {0.0} == {linkage.slack for linkage in result}
 
 
 def test_linkages_stand_at_the_origin_and_elsewhere_straight_and_turned():
@@ -147,57 +147,57 @@ def test_linkages_stand_at_the_origin_and_elsewhere_straight_and_turned():
 
 
 def test_every_kind_meets_every_hardness_and_branch():
-    found = Counter((d.kind, d.hardness, d.branch) for d in drawn())
+    counts = Counter((d.kind, d.hardness, d.branch) for d in drawn())
 
-    assert min(found[kind, h, b] for kind in KINDS for h in Hardness for b in Branch) >= 20
+    assert min(counts[kind, h, b] for kind in KINDS for h in Hardness for b in Branch) >= 20
 
 
 def test_every_input_of_every_linkage_is_driven():
-    found = Counter((type(d.linkage), d.pair) for d in drawn())
+    counts = Counter((type(d.linkage), d.pair) for d in drawn())
     wanted = {(type(d.linkage), pair) for d in drawn() for pair in d.linkage.INPUTS}
 
     assert len(wanted) == 13
-    assert min(found[pair] for pair in wanted) >= 10
+    assert min(counts[pair] for pair in wanted) >= 10
 
 
 def test_every_grashof_class_is_in_scenes():
-    found = Counter(d.grashof for d in drawn())
+    counts = Counter(d.grashof for d in drawn())
 
-    assert min(found[c] for c in GrashofClass) >= 8
+    assert min(counts[c] for c in GrashofClass) >= 8
 
 
 def test_every_driver_type_is_reached_regular_and_hard():
-    found = Counter((d.scene.mechanism.drivers[0].type, d.hardness in HARD) for d in drawn())
+    counts = Counter((d.scene.mechanism.drivers[0].type, d.hardness in HARD) for d in drawn())
 
-    assert min(found[kind, hard] for kind in ("angle", "x", "y", "distance") for hard in (False, True)) >= 15
+    assert min(counts[kind, hard] for kind in ("angle", "x", "y", "distance") for hard in (False, True)) >= 15
 
 
 def test_angles_are_driven_absolute_and_relative():
-    found = Counter(d.scene.mechanism.drivers[0].bodies[0] == "ground" for d in drawn())
+    counts = Counter(d.scene.mechanism.drivers[0].bodies[0] == "ground" for d in drawn())
 
-    assert min(found[True], found[False]) >= 150
+    assert min(counts[True], counts[False]) >= 150
 
 
 def test_every_law_is_reached_as_a_value_and_as_a_rate():
-    found = Counter()
+    counts = Counter()
     for d in drawn():
         as_rate = isinstance(d.law, Integral)
-        found[type(d.law.rate if as_rate else d.law), as_rate] += 1
+        counts[type(d.law.rate if as_rate else d.law), as_rate] += 1
 
-    assert min(found[law, as_rate] for law in (Polynomial, Sinusoid, Table) for as_rate in (False, True)) >= 60
+    assert min(counts[law, as_rate] for law in (Polynomial, Sinusoid, Table) for as_rate in (False, True)) >= 60
 
 
 def test_every_joint_type_is_reached():
-    found = Counter(kind for d in drawn() for kind in {joint.type for joint in d.scene.mechanism.joints})
+    counts = Counter(kind for d in drawn() for kind in {joint.type for joint in d.scene.mechanism.joints})
 
-    assert min(found[kind] for kind in ("revolute", "prismatic", "point_on_line", "distance")) >= 100
-    assert 20 <= found["fixed"] <= 400  # rarely
+    assert min(counts[kind] for kind in ("revolute", "prismatic", "point_on_line", "distance")) >= 100
+    assert 20 <= counts["fixed"] <= 400  # rarely
 
 
 def test_any_link_can_be_a_distance_joint():
-    found = Counter(d.variant.massless for d in drawn())
+    counts = Counter(d.variant.massless for d in drawn())
 
-    assert min(found[link] for link in ("crank", "coupler", "rocker", "connecting_rod")) >= 8
+    assert min(counts[link] for link in ("crank", "coupler", "rocker", "connecting_rod")) >= 8
 
 
 def test_joints_name_their_bodies_in_either_order():
@@ -263,9 +263,9 @@ def test_limits_are_met_from_below_and_from_above():
 
 @pytest.mark.parametrize("hardness", HARD)
 def test_every_decade_of_the_closure_margin_is_reached(hardness):
-    found = [d.distance for d in drawn() if d.hardness is hardness]
+    values = [d.distance for d in drawn() if d.hardness is hardness]
 
-    assert min(decades(found, -10, -4).values()) >= 15
+    assert min(decades(values, -10, -4).values()) >= 15
 
 
 def test_scenes_near_a_change_point_come_as_near_to_it_as_its_slack_lets_them():

@@ -40,15 +40,15 @@ def lasting(clock, *seconds):
 
 
 def test_the_least_of_all_rounds_counts_and_the_spread_is_how_far_the_median_lies_above(clock):
-    found = timed_in_turns({"a": lasting(clock, 1.0, 1.0, 4.0, 2.0, 3.0)}, rounds=3, at_least=0.0)
+    timings = timed_in_turns({"a": lasting(clock, 1.0, 1.0, 4.0, 2.0, 3.0)}, rounds=3, at_least=0.0)
 
-    assert (found["a"].seconds, found["a"].spread) == (2.0, 0.5)
+    assert (timings["a"].seconds, timings["a"].spread) == (2.0, 0.5)
 
 
 def test_a_quick_work_is_repeated_until_its_turn_is_long_enough(clock):
-    found = timed_in_turns({"a": lasting(clock, 1e-5)}, rounds=2, at_least=1e-3)
+    timings = timed_in_turns({"a": lasting(clock, 1e-5)}, rounds=2, at_least=1e-3)
 
-    assert found["a"].seconds == pytest.approx(1e-5)
+    assert timings["a"].seconds == pytest.approx(1e-5)
     assert clock.now >= 2 * 1e-3
 
 
@@ -75,11 +75,11 @@ def routes(clock, cold):
 @pytest.mark.parametrize("cold", [3e-4, 1e-3, 1e-2])
 def test_who_comes_after_another_method_does_not_pay_for_cold_caches(clock, cold):
     """Planted: the timer that timed a turn's first call, too, had positions cost more than positions with rates."""
-    found = timed_in_turns(routes(clock, cold), rounds=3)
+    timings = timed_in_turns(routes(clock, cold), rounds=3)
 
     for name in ("one", "other"):
-        assert found[f"{name}: position"].seconds == pytest.approx(5e-4)
-        assert found[f"{name}: position and rates"].seconds == pytest.approx(6e-4)
+        assert timings[f"{name}: position"].seconds == pytest.approx(5e-4)
+        assert timings[f"{name}: position and rates"].seconds == pytest.approx(6e-4)
 
 
 def test_what_a_call_takes_need_not_be_measured_where_it_is_known(clock):

@@ -161,10 +161,10 @@ def test_the_route_says_who_did_what():
 
 
 def test_a_driven_crank_is_no_unknown_and_a_four_bar_is_one_loop():
-    found = read(four_bar().scene).system
+    value = read(four_bar().scene).system
 
-    assert found.unknowns == ("angle of rocker", "angle of coupler")
-    assert len(found.loops) == 1
+    assert value.unknowns == ("angle of rocker", "angle of coupler")
+    assert len(value.loops) == 1
     assert read(CASES["welded arm"]().scene).system.n == 0
 
 

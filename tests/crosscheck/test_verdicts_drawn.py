@@ -84,9 +84,9 @@ def test_an_engine_that_says_ok_where_there_is_nothing_fails(expected, kind):
 
 def test_another_verdict_than_the_one_a_scene_was_made_for_is_the_reference_s_disagreement():
     drawn = ended()[0]
-    told = check(drawn.scene, [], {**describe(drawn), "expected": "ok"}).disagreements
+    value = check(drawn.scene, [], {**describe(drawn), "expected": "ok"}).disagreements
 
-    assert [(d.engine, d.how) for d in told] == [("refkin", drawn.expected.value)]
+    assert [(d.engine, d.how) for d in value] == [("refkin", drawn.expected.value)]
 
 
 def test_an_engine_that_mistakes_equal_bodies_is_seen_on_equal_links_alone():

@@ -92,10 +92,10 @@ def test_only_the_scene_on_which_a_process_failed_is_affected(faulty, undisturbe
 
 def test_the_engine_that_failed_is_named_with_how(faulty):
     kind, records, _ = faulty
-    told = records[key_of_drawn(NIGHT, 1)]["disagreements"]
+    value = records[key_of_drawn(NIGHT, 1)]["disagreements"]
 
-    assert [(d["engine"], d["route"], d["quantity"]) for d in told] == [("fake", "any", "status")]
-    assert kinds(told) == [kind]
+    assert [(d["engine"], d["route"], d["quantity"]) for d in value] == [("fake", "any", "status")]
+    assert kinds(value) == [kind]
 
 
 def test_what_the_other_engines_answered_is_kept(faulty, undisturbed):
@@ -135,9 +135,9 @@ def test_a_disagreement_of_an_engine_stays_when_another_crashes_on_the_scene(tmp
     crashing = engine_file(tmp_path, name="crashing", before=on_scene(0, SEGFAULT))
     wrong = engine_file(tmp_path, name="wrong", after=SHIFT)
     with checkers(1, {"crashing": crashing, "wrong": wrong}) as workers:
-        told = checked(workers, 1)[key_of_drawn(NIGHT, 0)]["disagreements"]
+        value = checked(workers, 1)[key_of_drawn(NIGHT, 0)]["disagreements"]
 
-    assert {(d["engine"], d["quantity"]) for d in told} == {("crashing", "status"), ("wrong", "position")}
+    assert {(d["engine"], d["quantity"]) for d in value} == {("crashing", "status"), ("wrong", "position")}
 
 
 def test_a_batch_in_which_one_scene_hangs_is_done_once_but_for_that_scene(tmp_path):
@@ -202,9 +202,9 @@ def test_an_idle_worker_that_was_killed_is_replaced(tmp_path, undisturbed):
 def test_a_scene_that_is_killed_again_and_again_is_given_up_and_named(tmp_path):
     tally = f"Path({str(tmp_path)!r}, 'calls').open('a').write('.')"
     records, _ = run_with(tmp_path, on_scene(1, f"({tally}, os.kill(os.getpid(), signal.SIGKILL))"))
-    told = records[key_of_drawn(NIGHT, 1)]["disagreements"]
+    value = records[key_of_drawn(NIGHT, 1)]["disagreements"]
 
-    assert ([d["engine"] for d in told], kinds(told)) == (["fake"], ["crash (SIGKILL)"])
+    assert ([d["engine"] for d in value], kinds(value)) == (["fake"], ["crash (SIGKILL)"])
     assert len((tmp_path / "calls").read_text()) == 2 * (MOST_KILLS + 1)
 
 
@@ -264,9 +264,9 @@ def test_workers_do_not_run_the_program_that_starts_them_again(tmp_path):
     script = tmp_path / "program.py"
     script.write_text(SCRIPT)
     line = [sys.executable, script, json.dumps(jobs(NIGHT, 1)[0])]
-    told = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True)
+    process = subprocess.run(line, capture_output=True, text=True, timeout=60, check=True)
 
-    assert told.stdout.split() == ["begun", key_of_drawn(NIGHT, 0)]
+    assert process.stdout.split() == ["begun", key_of_drawn(NIGHT, 0)]
 
 
 def test_starting_workers_leaves_the_environment_as_it_was(monkeypatch):
@@ -289,6 +289,6 @@ def name_of(argument: str) -> str:
 
 def test_calls_in_processes_of_their_own_fail_alone(monkeypatch):
     monkeypatch.syspath_prepend(str(Path(__file__).parent.parent.parent))
-    found = call_each(name_of, ["crash", "well", "hang"], seconds=3.0)
+    answers = call_each(name_of, ["crash", "well", "hang"], seconds=3.0)
 
-    assert [getattr(f, "name", f) for f in found] == ["crash (exit code 3)", "WELL", "hang"]
+    assert [getattr(f, "name", f) for f in answers] == ["crash (exit code 3)", "WELL", "hang"]

@@ -64,19 +64,19 @@ def resolve(target: str) -> types.FunctionType:
     """Return the function that a target names."""
     module, _, path = target.partition(":")
     try:
-        found: Any = importlib.import_module(module)
+        result: Any = importlib.import_module(module)
         for name in path.split("."):
-            found = inspect.getattr_static(found, name)
+            result = inspect.getattr_static(result, name)
     except (ImportError, AttributeError):
         raise DoesNotFit(f"target: expected module:function, which exists, got {target!r}") from None
-    if isinstance(found, property):
-        found = found.fget
-    if isinstance(found, cached_property):
-        found = found.func
-    found = inspect.unwrap(found.__func__ if isinstance(found, staticmethod | classmethod) else found)
-    if not isinstance(found, types.FunctionType):
+    if isinstance(result, property):
+        result = result.fget
+    if isinstance(result, cached_property):
+        result = result.func
+    result = inspect.unwrap(result.__func__ if isinstance(result, staticmethod | classmethod) else result)
+    if not isinstance(result, types.FunctionType):
         raise DoesNotFit(f"target: expected a function, got {target!r}")
-    return found
+    return result
 
 
 def changed_function(function: types.FunctionType, old: str, new: str, target: str = "") -> types.FunctionType:

@@ -54,7 +54,7 @@ def candidates(packages):
     for name in packages:
         package = importlib.import_module(name)
         below = pkgutil.walk_packages(getattr(package, "__path__", []), f"{name}.")
-        for module in (name, *(found.name for found in below)):
+        for module in (name, *(entry.name for entry in below)):
             tree = ast.parse(Path(importlib.import_module(module).__file__).read_text(encoding="utf-8"))
             for target, node in functions(tree, f"{module}:"):
                 yield from ((target, node, place) for place in places(node))
@@ -71,18 +71,18 @@ def functions(tree, before):
 
 def fitting(some, count):
     """Return the first mutants that can be put in: change, function, other function, tree."""
-    found = []
+    rows = []
     for target, definition, place in some:
         try:
             what, tree = change(target, definition, place)
             function = resolve(target)
             if what and function.__qualname__ == target.partition(":")[2]:
-                found.append((what, function, compiled(function, tree), definition))
+                rows.append((what, function, compiled(function, tree), definition))
         except (DoesNotFit, SyntaxError):
             continue
-        if len(found) == count:
+        if len(rows) == count:
             break
-    return found
+    return rows
 
 
 class Run:
@@ -131,8 +131,8 @@ class Run:
         jobs = [(k, lambda some=some: noted(items, some, probes), 600.0) for k, some in enumerate(chunks)]
         jobs.sort(key=lambda job: -max(named(items[index].path, modules) for index in chunks[job[0]]))
         reached, half = defaultdict(list), (time.monotonic() + self.deadline) / 2
-        for done, (_, found) in enumerate(in_parallel(jobs, self.workers, half), 1):
-            for index, seconds, hits in found or ():
+        for done, (_, entry) in enumerate(in_parallel(jobs, self.workers, half), 1):
+            for index, seconds, hits in entry or ():
                 for number in hits:
                     reached[number].append((seconds, index))
             print(f"\r{done} of {len(chunks)} parts of the suite", end="", file=sys.stderr, flush=True)
@@ -158,7 +158,7 @@ def named(path, modules):
 
 def noted(items, some, probes):
     """Return index, seconds and mutants reached of each test that is green, of some."""
-    hits, found = set(), []
+    hits, result = set(), []
     builtins.__reached__ = hits.add
     with switched(probes):
         for index in some:
@@ -166,8 +166,8 @@ def noted(items, some, probes):
             start = time.process_time()
             with suppress(TooLong), limited(2 * LONGEST):
                 if not red(items[index]):
-                    found.append((index, time.process_time() - start, sorted(hits)))
-    return found
+                    result.append((index, time.process_time() - start, sorted(hits)))
+    return result
 
 
 def killed(mutant, items):

@@ -143,18 +143,18 @@ def test_a_test_that_does_not_end_is_ended():
 def test_random_mutants_are_other_programs_and_their_probes_are_not(monkeypatch):
     """Of every change of a function the text differs; a probe before its statement tells that it was reached."""
     definition = ast.parse(inspect.getsource(newton)).body[0]
-    found = [what for place in places(definition) if (what := change("refkin.newton:newton", definition, place)[0])]
+    values = [what for place in places(definition) if (what := change("refkin.newton:newton", definition, place)[0])]
     reached = set()
     monkeypatch.setattr("builtins.__reached__", reached.add, raising=False)
-    probes = compiled(newton, probed(definition, [(what.place, k) for k, what in enumerate(found)]))
+    probes = compiled(newton, probed(definition, [(what.place, k) for k, what in enumerate(values)]))
     with switched({newton: probes}):
         result = newton(lambda x: x * x - 4, lambda x: 2 * x, 3.0)
 
-    assert len(found) > 20
-    assert all(what.old != what.new for what in found)
+    assert len(values) > 20
+    assert all(what.old != what.new for what in values)
     assert result.converged
-    assert {"if damped:"} < {what.old for k, what in enumerate(found) if k in reached}
-    assert len(reached) < len(found)
+    assert {"if damped:"} < {what.old for k, what in enumerate(values) if k in reached}
+    assert len(reached) < len(values)
 
 
 def test_every_survivor_has_a_verdict_with_a_reason():

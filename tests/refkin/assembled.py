@@ -189,13 +189,13 @@ def perturbed(draw: Draw, change: Callable[[float], float], unit: Unit | None = 
 def poses(count: int, seed: int, per_mechanism: int = 4) -> list[tuple[System, Any, Any]]:
     """Return `count` poses as (system, q (n, B), t (B,)), by Newton from the drawn pose of each mechanism."""
     rng = np.random.default_rng(seed)
-    found, missing = [], count
+    result, missing = [], count
     while missing:
-        system, start = FAMILIES[len(found) % len(FAMILIES)](rng).system()
+        system, start = FAMILIES[len(result) % len(FAMILIES)](rng).system()
         times = np.sort(np.r_[0.0, rng.uniform(0, 0.05, per_mechanism - 1)])
         results = [position(system, start, float(t)) for t in times]
         reached = [k for k, r in enumerate(results) if r.converged][:missing]
         if reached:
-            found.append((system, np.stack([results[k].q for k in reached], axis=1), times[reached]))
+            result.append((system, np.stack([results[k].q for k in reached], axis=1), times[reached]))
             missing -= len(reached)
-    return found
+    return result

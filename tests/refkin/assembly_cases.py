@@ -79,9 +79,9 @@ def solved(mechanism, t=0.0):
     return system, assemblies(system, t)
 
 
-def residual(system, found, t=0.0):
+def residual(system, actual, t=0.0):
     """Largest residual of the poses, relative to their largest coordinate above 1."""
-    return max(np.abs(system.phi(q, t)).max() / max(1.0, np.abs(q).max()) for q in found.poses)
+    return max(np.abs(system.phi(q, t)).max() / max(1.0, np.abs(q).max()) for q in actual.poses)
 
 
 def diagonal(ground, crank, angle):

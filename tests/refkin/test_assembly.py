@@ -45,14 +45,14 @@ CLASSES = {
 def test_two_assemblies_inside_the_input_range_and_a_proof_outside(lengths):
     unit = 8.0 if lengths[0] > 5.7 else 4.0
     for angle in np.linspace(-3.1, 3.1, 41):
-        _, found = solved(four_bar(*lengths, float(angle)))
+        _, result = solved(four_bar(*lengths, float(angle)))
         gap = missing(*lengths, float(angle))
 
-        assert found.complete
-        assert len(found.poses) == (0 if gap > 0 else 2)
-        assert (found.gap is None) == (gap < 0)
+        assert result.complete
+        assert len(result.poses) == (0 if gap > 0 else 2)
+        assert (result.gap is None) == (gap < 0)
         if gap > 0:
-            assert found.gap == pytest.approx(float(gap) / unit, rel=1e-13)
+            assert result.gap == pytest.approx(float(gap) / unit, rel=1e-13)
 
 
 @pytest.mark.parametrize("gap", [1e-1, 1e-3, 1e-6, 1e-9, 1e-12])
@@ -65,25 +65,25 @@ def test_a_gap_of_this_size_is_decided_on_both_sides(gap, side, sign):
     coupler = d - rocker - sign * gap if side == "stretched" else d + rocker + sign * gap
     if coupler < 0:
         coupler, rocker = 7.0, d + 7.0 + sign * gap
-    system, found = solved(four_bar(ground, crank, coupler, rocker, angle))
+    system, result = solved(four_bar(ground, crank, coupler, rocker, angle))
     truth = float(missing(ground, crank, coupler, rocker, angle)) / system.unit.size
 
     assert sign * truth > 0
-    assert found.complete
+    assert result.complete
     if sign > 0:
-        assert found.gap == pytest.approx(truth, rel=1e-9)
-        assert found.gap <= truth * (1 + 1e-15)
-        assert found.poses == ()
+        assert result.gap == pytest.approx(truth, rel=1e-9)
+        assert result.gap <= truth * (1 + 1e-15)
+        assert result.poses == ()
     else:
-        assert found.gap is None
-        assert sorted(found.branches) == [(-1,), (1,)]
-        assert residual(system, found) < ROUND_OFF
+        assert result.gap is None
+        assert sorted(result.branches) == [(-1,), (1,)]
+        assert residual(system, result) < ROUND_OFF
 
 
 def test_the_message_names_bodies_distance_and_reach():
-    _, found = solved(four_bar(10.0, 1.0, 2.0, 3.0, math.pi))
+    _, result = solved(four_bar(10.0, 1.0, 2.0, 3.0, math.pi))
 
-    assert found.message == (
+    assert result.message == (
         "coupler and rocker cannot meet: their pins are 11 m apart, their lengths reach 5 m; 6 m are missing"
     )
 
@@ -91,16 +91,16 @@ def test_the_message_names_bodies_distance_and_reach():
 def test_a_loop_with_a_link_longer_than_the_rest_never_closes_however_it_is_driven():
     """The driver on a coupler point leaves no dyad; the loop alone is the proof."""
     driver = YDriver(name="motor", body="coupler", point=(1.0, 0.7), law=constant(0.5))
-    system, found = solved(four_bar(10.0, 1.0, 2.0, 3.0, driver))
+    system, result = solved(four_bar(10.0, 1.0, 2.0, 3.0, driver))
 
-    assert found.gap == pytest.approx(4.0 / system.unit.size, rel=1e-14)
-    assert "ground is longer (10 m) than the rest of its loop (6 m)" in found.message
+    assert result.gap == pytest.approx(4.0 / system.unit.size, rel=1e-14)
+    assert "ground is longer (10 m) than the rest of its loop (6 m)" in result.message
 
 
 def test_the_sides_say_on_which_side_of_the_diagonal_the_inner_pin_lies():
-    system, found = solved(four_bar(4.0, 1.0, 3.5, 3.0, 0.7))
+    system, result = solved(four_bar(4.0, 1.0, 3.5, 3.0, 0.7))
     a = cmath.rect(1.0, 0.7)
-    for q, (side,) in zip(found.poses, found.branches, strict=True):
+    for q, (side,) in zip(result.poses, result.branches, strict=True):
         physical = system.to_physical(q)
         x, y, phi = physical[system.columns("coupler")]
         b = complex(x, y) + cmath.rect(3.5, phi)
@@ -119,27 +119,27 @@ def test_the_sides_say_on_which_side_of_the_diagonal_the_inner_pin_lies():
     ids=["coupler angle", "angle between coupler and rocker", "cylinder on the crank", "cylinder, negative length"],
 )
 def test_a_four_bar_is_enumerated_wherever_its_driver_sits(driver, count):
-    system, found = solved(four_bar(4.0, 1.0, 3.5, 3.0, driver))
+    system, result = solved(four_bar(4.0, 1.0, 3.5, 3.0, driver))
 
-    assert found.complete
-    assert len(found.poses) == count
-    assert residual(system, found) < ROUND_OFF
+    assert result.complete
+    assert len(result.poses) == count
+    assert residual(system, result) < ROUND_OFF
 
 
 def test_poses_are_better_than_any_that_floats_could_find_close_to_a_limit():
     """1e-12 before the limit the condition is 1e6; the pose is still right to its last digits, and says so."""
     d = float(diagonal(4.0, 1.0, 0.9))
     coupler = d - 3.0 + 1e-12
-    system, found = solved(four_bar(4.0, 1.0, coupler, 3.0, 0.9))
+    system, result = solved(four_bar(4.0, 1.0, coupler, 3.0, 0.9))
     with mpmath.workdps(50):
         b, c, dd = mpmath.mpf(coupler), mpmath.mpf(3), diagonal(4.0, 1.0, 0.9)
         a = mpmath.expj(mpmath.mpf(0.9))
         inner = mpmath.acos((b * b + dd * dd - c * c) / (2 * b * dd))
-        exact = [float(mpmath.arg(4 - a) + side * inner) for (side,) in found.branches]
-    angles = [float(q[system.columns("coupler")][2]) for q in found.poses]
+        exact = [float(mpmath.arg(4 - a) + side * inner) for (side,) in result.branches]
+    angles = [float(q[system.columns("coupler")][2]) for q in result.poses]
 
     assert np.abs(np.subtract(angles, exact)).max() < 4e-16
-    assert max(found.radii) < 4e-16
+    assert max(result.radii) < 4e-16
 
 
 # ---- other dyads
@@ -154,37 +154,37 @@ UNDECIDED_AT = {
 
 @pytest.mark.parametrize("mechanism", UNDECIDED_AT.values(), ids=UNDECIDED_AT)
 def test_where_the_assemblies_coincide_exactly_the_pose_is_given_and_nothing_is_claimed(mechanism):
-    system, found = solved(mechanism)
+    system, result = solved(mechanism)
 
-    assert found.gap is None
-    assert not found.complete
-    assert found.branches == ((0,),)
-    assert residual(system, found) < ROUND_OFF
+    assert result.gap is None
+    assert not result.complete
+    assert result.branches == ((0,),)
+    assert residual(system, result) < ROUND_OFF
 
 
 @pytest.mark.parametrize("x", [2.0, 2.3, 3.9, 4.0 - 1e-9, 4.0 + 1e-9, 4.5, 1.9])
 def test_a_slider_that_drives_reaches_from_rod_minus_crank_to_their_sum(x):
-    system, found = solved(slider_crank(1.0, 3.0, 0.25, XDriver(name="m", body="slider", law=constant(x))))
+    system, result = solved(slider_crank(1.0, 3.0, 0.25, XDriver(name="m", body="slider", law=constant(x))))
     with mpmath.workdps(50):
         d = mpmath.hypot(mpmath.mpf(x), mpmath.mpf(0.25))
         truth = float(max(d - 4, 2 - d)) / system.unit.size
 
-    assert found.complete
-    assert len(found.poses) == (2 if truth < 0 else 0)
+    assert result.complete
+    assert len(result.poses) == (2 if truth < 0 else 0)
     if truth > 0:
-        assert found.gap == pytest.approx(truth, rel=1e-9)
+        assert result.gap == pytest.approx(truth, rel=1e-9)
 
 
 @pytest.mark.parametrize("angle", [-2.0, -1.3, -0.4, 0.7, 1.9, 3.0])
 @pytest.mark.parametrize("rod", [3.0, 0.6])
 def test_a_crank_that_drives_reaches_the_guide_where_the_rod_is_long_enough(rod, angle):
-    system, found = solved(slider_crank(1.0, rod, 0.25, turned("crank", angle)))
+    system, result = solved(slider_crank(1.0, rod, 0.25, turned("crank", angle)))
     truth = (abs(math.sin(angle) - 0.25) - rod) / system.unit.size
 
-    assert len(found.poses) == (2 if truth < 0 else 0)
+    assert len(result.poses) == (2 if truth < 0 else 0)
     if truth > 0:
-        assert found.gap == pytest.approx(truth, rel=1e-12)
-        assert "the line is" in found.message
+        assert result.gap == pytest.approx(truth, rel=1e-12)
+        assert "the line is" in result.message
 
 
 def inverted(ground, crank, offset, angle):
@@ -202,13 +202,13 @@ def inverted(ground, crank, offset, angle):
 
 @pytest.mark.parametrize("offset", [0.0, 0.3, 1.9, 2.5])
 def test_an_inverted_slider_crank_assembles_where_the_pin_is_farther_than_the_offset(offset):
-    system, found = solved(inverted(3.0, 1.0, offset, 0.8))
+    system, result = solved(inverted(3.0, 1.0, offset, 0.8))
     truth = (offset - abs(3.0 - cmath.rect(1.0, 0.8))) / system.unit.size
 
-    assert len(found.poses) == (2 if truth < 0 else 0)
-    assert found.complete
+    assert len(result.poses) == (2 if truth < 0 else 0)
+    assert result.complete
     if truth > 0:
-        assert found.gap == pytest.approx(truth, rel=1e-12)
+        assert result.gap == pytest.approx(truth, rel=1e-12)
 
 
 def test_a_coupler_that_points_exactly_backwards_has_an_angle_of_pi():
@@ -216,11 +216,11 @@ def test_a_coupler_that_points_exactly_backwards_has_an_angle_of_pi():
     base = four_bar(4.0, 1.0, 4.0, 1.0, 0.7)
     joints = (base.joints[0], pin("A", "crank", (1.0, 0.0), "coupler", (4.0, 0.0)), *base.joints[2:])
     joints = (*joints[:2], pin("B", "coupler", (0.0, 0.0), "rocker", (1.0, 0.0)), joints[3])
-    system, found = solved(Mechanism(base.bodies, joints, base.drivers))
-    angles = [abs(q[system.columns("coupler")][2]) for q in found.poses]
+    system, result = solved(Mechanism(base.bodies, joints, base.drivers))
+    angles = [abs(q[system.columns("coupler")][2]) for q in result.poses]
 
     assert max(angles) == pytest.approx(math.pi, abs=1e-15)
-    assert max(found.radii) < ROUND_OFF
+    assert max(result.radii) < ROUND_OFF
 
 
 def five_bar():
@@ -292,12 +292,12 @@ DYADS = {
 
 @pytest.mark.parametrize(("mechanism", "count"), DYADS.values(), ids=DYADS)
 def test_every_assembly_of_a_dyad_is_enumerated(mechanism, count):
-    system, found = solved(mechanism)
+    system, result = solved(mechanism)
 
-    assert found.complete
-    assert len(found.poses) == len(found.branches) == count
-    assert residual(system, found) < ROUND_OFF
-    assert max(found.radii) < ROUND_OFF
+    assert result.complete
+    assert len(result.poses) == len(result.branches) == count
+    assert residual(system, result) < ROUND_OFF
+    assert max(result.radii) < ROUND_OFF
 
 
 OUT_OF_REACH = {
@@ -310,10 +310,10 @@ OUT_OF_REACH = {
 @pytest.mark.parametrize(("mechanism", "metres"), OUT_OF_REACH.values(), ids=OUT_OF_REACH)
 def test_what_a_dyad_misses_is_measured(mechanism, metres):
     """For the trammel a cos + b sin = d the gap is |d| - |(a, b)|; here (a, b) is the driven point on the ladder."""
-    system, found = solved(mechanism)
+    system, result = solved(mechanism)
 
-    assert found.poses == ()
-    assert found.gap * system.unit.size == pytest.approx(metres, rel=1e-12)
+    assert result.poses == ()
+    assert result.gap * system.unit.size == pytest.approx(metres, rel=1e-12)
 
 
 def six_bar(angle, reach=3.0):
@@ -327,17 +327,17 @@ def six_bar(angle, reach=3.0):
 
 
 def test_two_dyads_have_four_assemblies():
-    system, found = solved(six_bar(0.7))
+    system, result = solved(six_bar(0.7))
 
-    assert found.complete
-    assert sorted(found.branches) == [(-1, -1), (-1, 1), (1, -1), (1, 1)]
-    assert residual(system, found) < ROUND_OFF
-    assert min(np.abs(a - b).max() for k, a in enumerate(found.poses) for b in found.poses[:k]) > 1e-3
+    assert result.complete
+    assert sorted(result.branches) == [(-1, -1), (-1, 1), (1, -1), (1, 1)]
+    assert residual(system, result) < ROUND_OFF
+    assert min(np.abs(a - b).max() for k, a in enumerate(result.poses) for b in result.poses[:k]) > 1e-3
 
 
 def test_the_gap_of_two_dyads_is_the_smallest_along_all_branches():
     """Both assemblies of the first dyad leave the second one open; the nearer of the two is the gap."""
-    system, found = solved(six_bar(0.7, reach=0.25))
+    system, result = solved(six_bar(0.7, reach=0.25))
     inner = [system.to_physical(q) for q in solved(six_bar(0.7))[1].poses]
     misses = []
     for q in inner:
@@ -346,16 +346,16 @@ def test_the_gap_of_two_dyads_is_the_smallest_along_all_branches():
         misses.append(max(d - 2.75, 2.25 - d))
 
     assert min(misses) > 0
-    assert found.gap * system.unit.size == pytest.approx(min(misses), rel=1e-12)
+    assert result.gap * system.unit.size == pytest.approx(min(misses), rel=1e-12)
 
 
 def test_a_branch_of_the_first_dyad_that_the_second_cannot_follow_is_left_out():
     """The gap between the branches of the test above: a link that reaches from one of them only."""
-    found = [solved(six_bar(0.7, reach=float(r)))[1] for r in np.linspace(0.3, 3.0, 28)]
+    values = [solved(six_bar(0.7, reach=float(r)))[1] for r in np.linspace(0.3, 3.0, 28)]
 
-    assert {len(f.poses) for f in found} == {0, 2, 4}
-    assert all(f.complete for f in found)
-    assert all({s[0] for s in f.branches} == {f.branches[0][0]} for f in found if len(f.poses) == 2)
+    assert {len(f.poses) for f in values} == {0, 2, 4}
+    assert all(f.complete for f in values)
+    assert all({s[0] for s in f.branches} == {f.branches[0][0]} for f in values if len(f.poses) == 2)
 
 
 def test_more_branches_than_are_followed_leave_everything_open():
@@ -369,13 +369,13 @@ def test_more_branches_than_are_followed_leave_everything_open():
             pin(f"Q{k}", inner, (3.0, 0.0), outer, (3.0, 0.0)),
             pin(f"R{k}", "ground", (0.5, 2.0), outer, (0.0, 0.0)),
         ]
-    system, found = solved(Mechanism((*base.bodies, *bodies(*names)), (*base.joints, *joints), base.drivers))
+    system, result = solved(Mechanism((*base.bodies, *bodies(*names)), (*base.joints, *joints), base.drivers))
 
-    assert found.poses
-    assert residual(system, found) < ROUND_OFF
-    assert not found.complete
-    assert found.gap is None
-    assert "more than 256 branches" in found.message
+    assert result.poses
+    assert residual(system, result) < ROUND_OFF
+    assert not result.complete
+    assert result.gap is None
+    assert "more than 256 branches" in result.message
 
 
 # ---- redundant rows
@@ -391,22 +391,22 @@ def parallelogram(third, at=0.0):
 
 
 def test_a_third_crank_that_fits_keeps_the_parallel_assembly_alone():
-    system, found = solved(parallelogram(1.0))
-    coupler = found.poses[0][system.columns("coupler")]
+    system, result = solved(parallelogram(1.0))
+    coupler = result.poses[0][system.columns("coupler")]
 
-    assert found.complete
-    assert len(found.poses) == 1
+    assert result.complete
+    assert len(result.poses) == 1
     assert abs(coupler[2]) < ROUND_OFF
 
 
 @pytest.mark.parametrize("off", [1e-3, -1e-6, 1e-9, -1e-11])
 def test_a_third_crank_that_does_not_fit_is_refused_with_what_it_misses(off):
     """The coupler stays parallel, so the third crank misses by exactly what its length is off."""
-    system, found = solved(parallelogram(1.0 + off))
+    system, result = solved(parallelogram(1.0 + off))
 
     # Each number is spread by 2^-50 = 9e-16; a few hundred operations on them widen a ball to no more than 2e-12.
-    assert abs(off) - 2e-12 < found.gap * system.unit.size <= abs(1.0 + off - 1.0)
-    assert found.message.startswith("D0 cannot close: ground and third miss by")
+    assert abs(off) - 2e-12 < result.gap * system.unit.size <= abs(1.0 + off - 1.0)
+    assert result.message.startswith("D0 cannot close: ground and third miss by")
 
 
 def test_a_third_crank_that_is_rounded_is_not_refused():
@@ -416,11 +416,11 @@ def test_a_third_crank_that_is_rounded_is_not_refused():
 def test_a_third_crank_whose_pivot_is_rounded_far_from_the_origin_is_not_refused():
     """At 1e8 m a pivot is rounded to 1.5e-8 m: 1.2 m from the first it is 4 nm off."""
     off = (1e8 + 1.2) - 1e8 - 1.2
-    _, found = solved(parallelogram(1.0, at=1e8))
+    _, result = solved(parallelogram(1.0, at=1e8))
 
     assert abs(off) > 1e-9
-    assert found.gap is None
-    assert len(found.poses) == 1
+    assert result.gap is None
+    assert len(result.poses) == 1
 
 
 @pytest.mark.parametrize("off", [-1e-6, 1e-6], ids=["too short", "too long"])
@@ -429,19 +429,19 @@ def test_a_rod_to_a_crank_that_is_driven_already_is_refused(off):
     length = abs(cmath.rect(1.0, 0.7) - (2 - 1j)) + off
     ends = {"body_i": "ground", "point_i": (2.0, -1.0), "body_j": "crank", "point_j": (1.0, 0.0)}
     rod = Distance(name="rod", **ends, length=length)
-    system, found = solved(Mechanism(base.bodies, (*base.joints, rod), base.drivers))
+    system, result = solved(Mechanism(base.bodies, (*base.joints, rod), base.drivers))
 
-    assert found.gap * system.unit.size == pytest.approx(1e-6, rel=1e-6)
-    assert found.message.startswith("rod cannot close: ground and crank miss by")
+    assert result.gap * system.unit.size == pytest.approx(1e-6, rel=1e-6)
+    assert result.message.startswith("rod cannot close: ground and crank miss by")
 
 
 def test_two_motors_on_one_body_must_agree():
     base = four_bar(4.0, 1.0, 3.5, 3.0, 0.7)
     for second, gap in ((0.7, None), (0.7 + 1e-9, 1e-9), (0.7 + math.tau, math.tau)):
         also = AngleDriver(name="second motor", body="crank", law=constant(second))
-        found = solved(Mechanism(base.bodies, base.joints, (*base.drivers, also)))[1]
+        value = solved(Mechanism(base.bodies, base.joints, (*base.drivers, also)))[1]
 
-        assert found.gap == (None if gap is None else pytest.approx(gap, rel=1e-6))
+        assert value.gap == (None if gap is None else pytest.approx(gap, rel=1e-6))
 
 
 # ---- scale, place, laws
@@ -466,11 +466,11 @@ def test_a_gap_far_from_the_origin_is_that_of_the_rounded_numbers():
 
 @pytest.mark.parametrize("lengths", [(4.0, 1e-6, 3.5, 3.0), (4.0, 1e-3, 3.5, 3.0), (4e6, 1.0, 4e6, 3.0)])
 def test_a_linkage_with_lengths_of_a_large_ratio_has_both_assemblies(lengths):
-    system, found = solved(four_bar(*lengths, 0.7))
+    system, result = solved(four_bar(*lengths, 0.7))
 
-    assert found.complete
-    assert len(found.poses) == 2
-    assert residual(system, found) < ROUND_OFF
+    assert result.complete
+    assert len(result.poses) == 2
+    assert residual(system, result) < ROUND_OFF
 
 
 KNOTS = tuple(0.25 * k for k in range(9))
@@ -485,8 +485,8 @@ LAWS = {
 
 @pytest.mark.parametrize("driver", LAWS.values(), ids=LAWS)
 def test_the_driven_angle_is_that_of_the_law_with_its_turns(driver):
-    system, found = solved(four_bar(4.0, 1.0, 3.5, 3.0, driver), t=0.7)
+    system, result = solved(four_bar(4.0, 1.0, 3.5, 3.0, driver), t=0.7)
     expected = float(driver.laws[0](0.7))
 
-    assert [q[2] for q in found.poses] == pytest.approx([expected] * 2, rel=4e-16)
-    assert residual(system, found, 0.7) < ROUND_OFF
+    assert [q[2] for q in result.poses] == pytest.approx([expected] * 2, rel=4e-16)
+    assert residual(system, result, 0.7) < ROUND_OFF

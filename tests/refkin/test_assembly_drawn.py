@@ -22,23 +22,23 @@ def test_a_linkage_that_assembles_is_never_called_unassemblable(ground, crank, r
     d = float(diagonal(ground, crank, angle))
     assume(d > 1e-6 * max(ground, crank))
     coupler = abs(d - rocker) + share * 2 * min(d, rocker)
-    system, found = solved(four_bar(ground, crank, coupler, rocker, angle))
+    system, result = solved(four_bar(ground, crank, coupler, rocker, angle))
 
     assert missing(ground, crank, coupler, rocker, angle) < 0
-    assert found.gap is None
-    assert len(found.poses) == 2
-    assert residual(system, found) < ROUND_OFF
+    assert result.gap is None
+    assert len(result.poses) == 2
+    assert residual(system, result) < ROUND_OFF
 
 
 @settings(max_examples=300, deadline=None)
 @given(LENGTH, LENGTH, LENGTH, LENGTH, ANGLE)
 def test_a_proof_and_the_formula_agree_on_every_four_bar(ground, crank, coupler, rocker, angle):
     truth = missing(ground, crank, coupler, rocker, angle)
-    system, found = solved(four_bar(ground, crank, coupler, rocker, angle))
+    system, result = solved(four_bar(ground, crank, coupler, rocker, angle))
 
-    assert (found.gap is not None) == (truth > 0)
+    assert (result.gap is not None) == (truth > 0)
     if truth > 0:
-        assert 0 < found.gap * system.unit.size <= truth
+        assert 0 < result.gap * system.unit.size <= truth
 
 
 @settings(max_examples=400, deadline=None)
@@ -49,17 +49,17 @@ def test_the_pose_a_mechanism_was_drawn_around_is_among_its_assemblies(seed, gro
     for _ in range(groups):
         drawn.add_group()
     mechanism = drawn.mechanism()
-    system, found = solved(mechanism)
+    system, result = solved(mechanism)
     q = drawn.q(system)
     sigma = float(np.linalg.svd(system.phi_q(q, 0.0), compute_uv=False)[system.n - 1])
 
     # At a fold a rounding u of the numbers opens a gap of that order: what is proved then is no more than that.
-    assert found.gap is None or (found.gap < 1e-14 / sigma and sigma < 1e-6)
-    if found.gap is None:
-        assert found.complete
-        assert len(found.branches) == len(set(found.branches))
-        assert min(distance(x, q) for x in found.poses) < 1e-14 / sigma
-        assert residual(system, found) < ROUND_OFF
+    assert result.gap is None or (result.gap < 1e-14 / sigma and sigma < 1e-6)
+    if result.gap is None:
+        assert result.complete
+        assert len(result.branches) == len(set(result.branches))
+        assert min(distance(x, q) for x in result.poses) < 1e-14 / sigma
+        assert residual(system, result) < ROUND_OFF
 
 
 @settings(max_examples=60, deadline=None)
@@ -69,11 +69,11 @@ def test_what_newton_finds_from_anywhere_is_among_the_assemblies(seed, groups):
     drawn = Assembled(rng)
     for _ in range(groups):
         drawn.add_group()
-    system, found = solved(drawn.mechanism())
+    system, outcome = solved(drawn.mechanism())
     for _ in range(10):
         start = drawn.q(system) + rng.uniform(-1, 1, system.n)
         result = newton(lambda q: system.phi(q, 0.0), lambda q: system.phi_q(q, 0.0), start, damped=True)
         sigma = float(np.linalg.svd(system.phi_q(result.q, 0.0), compute_uv=False)[-1])
         closed = result.converged and result.residual < ROUND_OFF and np.abs(result.q).max() < 1e3
 
-        assert not closed or sigma < 1e-4 or min(distance(x, result.q) for x in found.poses) < 1e-13 / sigma
+        assert not closed or sigma < 1e-4 or min(distance(x, result.q) for x in outcome.poses) < 1e-13 / sigma

@@ -41,15 +41,15 @@ def reach(angle, side):
 def limits(side):
     """Shortest and longest cylinder on a side, by golden section: both are flat, so right to round-off."""
     angles = np.linspace(0, 2 * np.pi, 721)
-    found = []
+    rows = []
     for sign in (1, -1):
         k = int(np.argmin(sign * reach(angles, side)))
         low, high = angles[k] - 0.01, angles[k] + 0.01
         for _ in range(80):
             a, b = high - (high - low) * 0.6180339887498949, low + (high - low) * 0.6180339887498949
             low, high = (low, b) if sign * reach(a, side) < sign * reach(b, side) else (a, high)
-        found.append(float(reach((low + high) / 2, side)))
-    return found
+        rows.append(float(reach((low + high) / 2, side)))
+    return rows
 
 
 CROSSED, OPEN = limits(-1), limits(1)
@@ -63,12 +63,12 @@ def roots(length):
 
 @pytest.mark.parametrize("length", [1.0, 1.7, 2.2, 3.6, 4.2, 4.8])
 def test_every_assembly_is_found_and_proved_to_be_all(length):
-    system, found = solved(driven(length))
+    system, result = solved(driven(length))
 
-    assert found.complete
-    assert len(found.poses) == roots(length) > 0
-    assert max(float(np.abs(system.phi(q, 0.0)).max()) for q in found.poses) < ROUND_OFF
-    assert max(found.radii) < ROUND_OFF
+    assert result.complete
+    assert len(result.poses) == roots(length) > 0
+    assert max(float(np.abs(system.phi(q, 0.0)).max()) for q in result.poses) < ROUND_OFF
+    assert max(result.radii) < ROUND_OFF
 
 
 @pytest.mark.parametrize("gap", [0.3, 1e-3, 1e-6, 1e-9])
@@ -84,10 +84,10 @@ def test_a_length_beyond_what_is_reached_is_proved_to_have_no_assembly(limit, si
 
 @pytest.mark.parametrize("gap", [1e-3, 1e-6, 1e-9])
 def test_close_to_a_limit_two_assemblies_are_found(gap):
-    _, found = solved(driven(OPEN[1] - gap))
+    _, result = solved(driven(OPEN[1] - gap))
 
-    assert found.gap is None
-    assert len(found.poses) == 2
+    assert result.gap is None
+    assert len(result.poses) == 2
 
 
 def opening(angle, side, length):
@@ -103,19 +103,19 @@ def opening(angle, side, length):
 @pytest.mark.parametrize("excess", [0.3, 0.1, 1e-3])
 def test_the_gap_is_a_lower_bound_of_what_is_open_at_every_angle(excess):
     length = OPEN[1] + excess
-    system, found = solved(driven(length))
+    system, result = solved(driven(length))
     least = min(opening(x, side, length) for x in np.linspace(0, 2 * np.pi, 5001) for side in (1, -1))
 
-    assert 0 < found.gap * system.unit.size <= least
-    assert found.message.startswith("no angle of crank closes it: at least ")
+    assert 0 < result.gap * system.unit.size <= least
+    assert result.message.startswith("no angle of crank closes it: at least ")
 
 
 # ---- triads drawn around a pose
 
 
 def outcome(drawn):
-    system, found = solved(drawn.mechanism())
-    return system, found, drawn.q(system)
+    system, result = solved(drawn.mechanism())
+    return system, result, drawn.q(system)
 
 
 def platform(rng):
@@ -154,20 +154,20 @@ TRIADS = {"platform": platform, "ternary": ternary, "coupler point": coupler_poi
 def test_what_newton_finds_from_anywhere_is_among_the_assemblies(family, seed):
     """And the drawn pose itself. Rounded numbers move a pose by their rounding over sigma_min."""
     rng = np.random.default_rng(seed)
-    system, found, drawn = outcome(family(rng))
+    system, answer, drawn = outcome(family(rng))
 
     def near(q):
         sigma = float(np.linalg.svd(system.phi_q(q, 0.0), compute_uv=False)[-1])
-        return sigma < 1e-4 or any(distance(x, q) < 1e-13 / sigma for x in found.poses)
+        return sigma < 1e-4 or any(distance(x, q) < 1e-13 / sigma for x in answer.poses)
 
-    assert found.gap is None or found.gap < 1e-9
+    assert answer.gap is None or answer.gap < 1e-9
     assert near(drawn)
     for _ in range(10):
         start = drawn + rng.uniform(-1, 1, drawn.size)
         result = newton(lambda q: system.phi(q, 0.0), lambda q: system.phi_q(q, 0.0), start, damped=True)
         closed = result.converged and result.residual < ROUND_OFF and np.abs(result.q).max() < 1e3
 
-        assert not found.complete or not closed or near(result.q)
+        assert not answer.complete or not closed or near(result.q)
 
 
 def test_a_group_of_more_than_three_links_is_found_but_nothing_is_proved():
@@ -178,23 +178,23 @@ def test_a_group_of_more_than_three_links_is_found_but_nothing_is_proved():
         drawn.rod(i, j)
         drawn.rod(i, j)
     drawn.rod("ground", "b")
-    system, found, _ = outcome(drawn)
+    system, result, _ = outcome(drawn)
 
-    assert found.gap is None
-    assert not found.complete
-    assert found.poses
-    assert all(np.abs(system.phi(q, 0.0)).max() < ROUND_OFF * max(1.0, np.abs(q).max()) for q in found.poses)
-    assert "no proof was tried" in found.message
+    assert result.gap is None
+    assert not result.complete
+    assert result.poses
+    assert all(np.abs(system.phi(q, 0.0)).max() < ROUND_OFF * max(1.0, np.abs(q).max()) for q in result.poses)
+    assert "no proof was tried" in result.message
 
 
 def test_a_dyad_whose_outer_pins_coincide_turns_freely_and_nothing_is_claimed():
     """A rhombus folded onto its ground link: the coupler and rocker turn together about one pin."""
-    _, found = solved(four_bar(1.0, 1.0, 1.0, 1.0, 0.0))
+    _, result = solved(four_bar(1.0, 1.0, 1.0, 1.0, 0.0))
 
-    assert found.gap is None
-    assert not found.complete
-    assert len(found.poses) > 1
-    assert "the outer joints of a dyad coincide" in found.message
+    assert result.gap is None
+    assert not result.complete
+    assert len(result.poses) > 1
+    assert "the outer joints of a dyad coincide" in result.message
 
 
 # ---- numbers with slopes

@@ -42,11 +42,11 @@ def test_the_exact_spline_is_that_of_scipy_up_to_round_off(knots: int, periodic:
     with ctx.workprec(BITS):
         spline = exact(law)
         for order in range(3):
-            found = [float(spline(arb(t), order)) for t in times.tolist()]
+            values = [float(spline(arb(t), order)) for t in times.tolist()]
             # Scale of the order-th derivative: the values are below 1, the knots half a unit apart at least.
-            np.testing.assert_allclose(found, law(times, order), rtol=0, atol=1e-13 * 4.0**order)
-        found = [float(spline.integral(arb(t))) for t in times.tolist()]
-    np.testing.assert_allclose(found, law.integral(times), rtol=0, atol=1e-12)
+            np.testing.assert_allclose(values, law(times, order), rtol=0, atol=1e-13 * 4.0**order)
+        values = [float(spline.integral(arb(t))) for t in times.tolist()]
+    np.testing.assert_allclose(values, law.integral(times), rtol=0, atol=1e-12)
 
 
 def test_the_exact_spline_goes_through_its_table() -> None:
@@ -116,8 +116,8 @@ def test_sine_and_cosine_are_within_two_ulp_as_is_assumed(kind: type, largest: f
     x = np.random.default_rng(0).uniform(-largest, largest, 1000).astype(kind)
     with ctx.workprec(BITS):
         for argument, sine, cosine in zip(x, np.sin(x), np.cos(x), strict=True):
-            for true, found in ((number(argument).sin(), sine), (number(argument).cos(), cosine)):
-                assert abs(true - number(found)) < 2 * float(np.spacing(abs(found)))
+            for true, item in ((number(argument).sin(), sine), (number(argument).cos(), cosine)):
+                assert abs(true - number(item)) < 2 * float(np.spacing(abs(item)))
 
 
 @pytest.mark.parametrize("kind", [Bounded, Extended])
@@ -125,11 +125,11 @@ def test_sine_and_cosine_are_within_two_ulp_as_is_assumed(kind: type, largest: f
 def test_each_operation_bounds_its_own_rounding(operation: str, kind: type[Bounded]) -> None:
     rng = np.random.default_rng(0)
     operands = [kind.exactly(rng.uniform(-1, 1, 1000)) for _ in range(2 - (operation in ("cos", "sin")))]
-    found = getattr(operands[0], operation)(*operands[1:])
+    result = getattr(operands[0], operation)(*operands[1:])
     with ctx.workprec(BITS):
-        for k, bound in enumerate(found.rounding):
+        for k, bound in enumerate(result.rounding):
             exact_operands = [number(x.mid[k]) for x in operands]
-            assert abs(getattr(exact_operands[0], operation)(*exact_operands[1:]) - number(found.mid[k])) <= bound
+            assert abs(getattr(exact_operands[0], operation)(*exact_operands[1:]) - number(result.mid[k])) <= bound
 
 
 def evaluated(system: Any, q: Any, qd: Any, t: Any) -> Any:

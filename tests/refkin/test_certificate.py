@@ -58,11 +58,11 @@ def good() -> list[Case]:
 def coarse() -> list[Case]:
     """1000 approximations that are off by 1e-6 to 1e-1, where terms of second order matter."""
     rng = np.random.default_rng(2)
-    found = []
+    rows = []
     for system, q, t in poses(1000, seed=3):
         off = 10.0 ** rng.uniform(-6, -1, len(t)) * rng.uniform(-1, 1, q.shape)
-        found.append(case(system, q, t, q + off))
-    return found
+        rows.append(case(system, q, t, q + off))
+    return rows
 
 
 def contains(balls: Any, answer: Any, radii: Any) -> bool:

@@ -72,9 +72,9 @@ BROKEN = {
 @pytest.mark.parametrize(("broken", "told"), BROKEN.values(), ids=BROKEN.keys())
 def test_each_bad_combination_gets_one_clear_message(broken, told):
     name, joint, keys = broken
-    with pytest.raises(InvalidScene) as found:
+    with pytest.raises(InvalidScene) as result:
         parse(change(name, joint, **keys), "scene.toml")
-    lines = str(found.value).splitlines()
+    lines = str(result.value).splitlines()
 
     assert sum(line.startswith(f"scene.toml: {told}") for line in lines) == 1, lines
 

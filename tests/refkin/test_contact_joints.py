@@ -36,20 +36,20 @@ def rates(f, order):
 def errors(answer, truth):
     """The distances of floats from the truth, less the half ulp by which an answer in metres is rounded."""
     with mpmath.workdps(40):
-        found = [float(abs(mpf(float(a)) - b)) for a, b in zip(answer, truth, strict=True)]
-    return np.array(found) - np.spacing(np.abs(answer)) / 2
+        values = [float(abs(mpf(float(a)) - b)) for a, b in zip(answer, truth, strict=True)]
+    return np.array(values) - np.spacing(np.abs(answer)) / 2
 
 
 def largest_error(name, order):
     """The largest error of any body's coordinate in the units of the proof, (T,)."""
     motion, size = solved(name), scene(name).mechanism.size()
-    pose, found = CASES[name][0], []
+    pose, result = CASES[name][0], []
     for body in motion.bodies:
         for k, unit in enumerate((size, size, 1.0)):
             truth = rates(lambda t, k=k, body=body: pose(t)[body][k], order)
             answer = (motion[body].q, motion[body].qd, motion[body].qdd)[order][k]
-            found.append(errors(answer, truth) / unit)
-    return np.max(found, axis=0)
+            result.append(errors(answer, truth) / unit)
+    return np.max(result, axis=0)
 
 
 @pytest.mark.parametrize("name", CASES)

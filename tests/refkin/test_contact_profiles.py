@@ -134,13 +134,13 @@ def test_bounds_hold_over_an_interval_of_contacts(number, follower, law, bound):
     at, rates = box(q[:, None], 0.0, number), box(qd[:, None], 0.0, number)
     for coordinate, off in zip((*at, *rates), (*radius, *radius), strict=True):
         setattr(coordinate, bound, off)
-    found = everything(bounded_system(system, number), at, rates, Times([0.625], 2))
+    result = everything(bounded_system(system, number), at, rates, Times([0.625], 2))
     with ctx.workprec(200):
         for move in draw.uniform(-1, 1, (20, 2, system.n)):
             x, v = (
                 np.array([arb(c) for c in values], object) for values in (q + radius * move[0], qd + radius * move[1])
             )
-            for value, bounds in zip(everything(exact_system(system, 200), x, v, arb(0.625)), found, strict=True):
+            for value, bounds in zip(everything(exact_system(system, 200), x, v, arb(0.625)), result, strict=True):
                 if isinstance(bounds, Bounded):
                     (mid,) = np.ravel(bounds.mid)
                     off = abs(arb(value) - float(mid) - float(mid - type(mid)(float(mid))))

@@ -127,36 +127,36 @@ ONE = {
 
 @pytest.mark.parametrize("kind", ONE)
 def test_a_pose_of_each_kind_is_called_what_it_is(kind):
-    found = refkin.diagnose(*ONE[kind]())
+    diagnosis = refkin.diagnose(*ONE[kind]())
 
-    assert found.kind is kind
-    assert found.message.startswith(f"{kind.value}: ")
+    assert diagnosis.kind is kind
+    assert diagnosis.message.startswith(f"{kind.value}: ")
 
 
 @pytest.mark.parametrize(("linkage", "angle"), [(CHANGE_POINT, math.pi), (PARALLELOGRAM, 0.0), (KITE, math.pi)])
 def test_change_points_have_two_tangents_that_satisfy_the_equations_to_first_order(linkage, angle):
     scene = at(linkage, angle)
-    found = refkin.diagnose(scene)
+    diagnosis = refkin.diagnose(scene)
     system = compile_system(scene.mechanism)
     q = refkin.solve(scene).q[:, 0]
 
-    assert found.kind is PoseKind.BIFURCATION
-    assert len(found.tangents) == 2
-    for tangent in found.tangents:
+    assert diagnosis.kind is PoseKind.BIFURCATION
+    assert len(diagnosis.tangents) == 2
+    for tangent in diagnosis.tangents:
         moved = system.phi_q(q, 0.0)[:-1] @ tangent
         assert np.max(np.abs(moved)) < 1e-6 * np.max(np.abs(tangent))
-    crank_to_rocker = sorted(tangent[8] / tangent[2] for tangent in found.tangents)
+    crank_to_rocker = sorted(tangent[8] / tangent[2] for tangent in diagnosis.tangents)
     path = refkin.follow(at(linkage, angle - 0.5), until=(-0.5, 0.7))
     assert crank_to_rocker == pytest.approx(sorted(v.rate[8] for v in path.events[0].tangents), abs=1e-6)
 
 
 def test_a_dead_centre_names_rows_bodies_and_a_driver_that_would_hold():
-    found = refkin.diagnose(dead_centre())
+    diagnosis = refkin.diagnose(dead_centre())
 
-    assert found.kind is PoseKind.TURNING_POINT
-    assert found.rows == ("A0", "A", "B", "driver")
-    assert found.bodies == ("crank", "connecting_rod")
-    assert found.other_driver == "the angle of crank"
+    assert diagnosis.kind is PoseKind.TURNING_POINT
+    assert diagnosis.rows == ("A0", "A", "B", "driver")
+    assert diagnosis.bodies == ("crank", "connecting_rod")
+    assert diagnosis.other_driver == "the angle of crank"
 
 
 def test_with_the_other_driver_the_same_pose_is_regular():
@@ -168,18 +168,18 @@ def test_an_idle_wheel_is_named_alone():
 
 
 def test_a_driver_that_repeats_what_a_joint_holds_leaves_an_idle_motion():
-    found = refkin.diagnose(held_by_height())
+    diagnosis = refkin.diagnose(held_by_height())
 
-    assert found.kind is PoseKind.IDLE
-    assert "height" in found.rows
-    assert found.bodies == ("crank", "connecting_rod", "slider")
+    assert diagnosis.kind is PoseKind.IDLE
+    assert "height" in diagnosis.rows
+    assert diagnosis.bodies == ("crank", "connecting_rod", "slider")
 
 
 def test_redundant_rows_are_those_of_the_parallel_cranks():
-    found = refkin.diagnose(three_cranks(0.0))
+    diagnosis = refkin.diagnose(three_cranks(0.0))
 
-    assert set(found.rows) == {f"{crank} {end}" for crank in ("first", "middle", "last") for end in (0, 1)}
-    assert found.message.endswith("and agree")
+    assert set(diagnosis.rows) == {f"{crank} {end}" for crank in ("first", "middle", "last") for end in (0, 1)}
+    assert diagnosis.message.endswith("and agree")
 
 
 def test_a_flat_triangle_is_a_structure_that_can_move_to_first_order_only():
@@ -188,18 +188,18 @@ def test_a_flat_triangle_is_a_structure_that_can_move_to_first_order_only():
         replace(b, estimate=(*b.estimate[:2], phi))
         for b, phi in zip(scene.mechanism.bodies, (0.0, math.pi), strict=True)
     )
-    found = refkin.diagnose(replace(scene, mechanism=replace(scene.mechanism, bodies=bodies)))
+    diagnosis = refkin.diagnose(replace(scene, mechanism=replace(scene.mechanism, bodies=bodies)))
 
-    assert found.kind is PoseKind.STRUCTURE
-    assert "shaky" in found.message
-    assert found.bodies == ("left", "right")
+    assert diagnosis.kind is PoseKind.STRUCTURE
+    assert "shaky" in diagnosis.message
+    assert diagnosis.bodies == ("left", "right")
 
 
 def test_a_pin_on_the_pivot_of_its_slot_is_a_bifurcation_of_the_lever():
-    found = refkin.diagnose(at(InvertedSliderCrank(ground=1.0, crank=1.0), 0.0))
+    diagnosis = refkin.diagnose(at(InvertedSliderCrank(ground=1.0, crank=1.0), 0.0))
 
-    assert found.kind is PoseKind.BIFURCATION
-    assert found.bodies == ("lever",)
+    assert diagnosis.kind is PoseKind.BIFURCATION
+    assert diagnosis.bodies == ("lever",)
 
 
 @pytest.mark.parametrize("factor", [2.0**-30, 1e-9, 1e9])
@@ -212,10 +212,10 @@ def test_units_change_no_diagnosis(factor):
 
 @pytest.mark.parametrize("ratio", [1e-6, 1e-4, 1e4, 1e6])
 def test_lengths_of_very_different_size_are_no_singularity(ratio):
-    found = refkin.diagnose(at(FourBar(ground=1.0, crank=ratio, coupler=1.0, rocker=max(1.0, ratio)), 1.0))
+    diagnosis = refkin.diagnose(at(FourBar(ground=1.0, crank=ratio, coupler=1.0, rocker=max(1.0, ratio)), 1.0))
 
-    assert found.kind is PoseKind.REGULAR
-    assert "nearly" not in found.message
+    assert diagnosis.kind is PoseKind.REGULAR
+    assert "nearly" not in diagnosis.message
 
 
 def moved_frame(scene, body, shift):
@@ -243,10 +243,10 @@ def moved_frame(scene, body, shift):
 
 @pytest.mark.parametrize("far", [1e4, 2.0**26])
 def test_a_body_frame_far_away_is_no_singularity(far):
-    found = refkin.diagnose(moved_frame(at(LIMITED, 0.5), "coupler", (far, -far)))
+    diagnosis = refkin.diagnose(moved_frame(at(LIMITED, 0.5), "coupler", (far, -far)))
 
-    assert found.kind is PoseKind.REGULAR
-    assert "nearly" not in found.message
+    assert diagnosis.kind is PoseKind.REGULAR
+    assert "nearly" not in diagnosis.message
 
 
 def test_a_pose_proved_by_balls_is_handed_over_as_the_nearest_numbers():
@@ -267,11 +267,11 @@ def test_a_pose_proved_by_balls_is_handed_over_as_the_nearest_numbers():
 def test_the_radius_of_a_pose_in_a_far_frame_holds_the_truth(far):
     exact = FourBar(ground=0.875, crank=0.25, coupler=0.625, rocker=0.5)
     truth = refkin.solve(at(exact, 0.5))
-    found = refkin.solve(moved_frame(at(exact, 0.5), "coupler", (far, -far)))
-    off = abs(found["rocker"].phi[0] - truth["rocker"].phi[0])
+    motion = refkin.solve(moved_frame(at(exact, 0.5), "coupler", (far, -far)))
+    off = abs(motion["rocker"].phi[0] - truth["rocker"].phi[0])
 
-    assert found.verdict is Status.OK
-    assert off <= found.certified_radius.position[0] + truth.certified_radius.position[0]
+    assert motion.verdict is Status.OK
+    assert off <= motion.certified_radius.position[0] + truth.certified_radius.position[0]
 
 
 @pytest.mark.parametrize("far", [2.0**10, 2.0**20, 2.0**26])
@@ -301,11 +301,11 @@ def test_changes_of_coordinates_and_of_moved_frames_go_together():
 
 @pytest.mark.parametrize("distance", [1e-4, 1e-7, 1e-10])
 def test_near_a_singularity_a_regular_pose_says_which_one(distance):
-    found = refkin.diagnose(at(CHANGE_POINT, math.pi - distance))
+    diagnosis = refkin.diagnose(at(CHANGE_POINT, math.pi - distance))
 
-    assert found.kind is PoseKind.REGULAR
-    assert "nearly singular" in found.message
-    assert "bifurcation" in found.message
+    assert diagnosis.kind is PoseKind.REGULAR
+    assert "nearly singular" in diagnosis.message
+    assert "bifurcation" in diagnosis.message
 
 
 def test_solve_says_what_its_first_singular_pose_is():
@@ -330,8 +330,8 @@ def test_redundant_rows_that_contradict_each_other_are_refused_and_have_no_diagn
 
 def test_common_roots_of_forms_are_all_found_once():
     """a^2 = b^2 = c^2: the four lines through the corners of a cube."""
-    found = _common_roots([np.diag([1.0, -1.0, 0.0]), np.diag([0.0, 1.0, -1.0])])
-    signs = {tuple(np.sign(a * a[0])) for a in found}
+    result = _common_roots([np.diag([1.0, -1.0, 0.0]), np.diag([0.0, 1.0, -1.0])])
+    signs = {tuple(np.sign(a * a[0])) for a in result}
 
-    assert len(found) == len(signs) == 4
-    assert np.max(np.abs(np.abs(found) - 3**-0.5)) < 1e-14
+    assert len(result) == len(signs) == 4
+    assert np.max(np.abs(np.abs(result) - 3**-0.5)) < 1e-14

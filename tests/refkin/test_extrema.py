@@ -29,11 +29,11 @@ def test_zeros_and_extrema_are_where_a_dense_sampling_sees_a_change_of_sign(law,
     values = law(times, order)
     seen = times[:-1][values[:-1] * values[1:] < 0.0]
 
-    told = extrema(law, times[0], times[-1]) if order else zeros(law, times[0], times[-1])
+    value = extrema(law, times[0], times[-1]) if order else zeros(law, times[0], times[-1])
 
-    assert len(told) == len(seen)
-    assert np.all(np.abs(np.array(told) - seen) < 2 * (times[1] - times[0]))
-    at = np.array(told)
+    assert len(value) == len(seen)
+    assert np.all(np.abs(np.array(value) - seen) < 2 * (times[1] - times[0]))
+    at = np.array(value)
     assert np.all(np.abs(law(at, order)) <= 4 * np.spacing(at) * np.abs(law(at, order + 1)) + 1e-15)
 
 

@@ -129,7 +129,7 @@ def test_at_a_turning_point_the_tangent_does_not_move_the_driver():
 def test_a_change_point_is_found_with_the_tangents_of_both_branches(linkage):
     """The rates of both against closed forms near by: fourth-order differences on each side, continued across."""
     path = refkin.follow(driven(linkage))
-    (found,) = path.events
+    (result,) = path.events
     h = 1e-2 * np.array([-2, -1, 1, 2])
     rates = []
     for before, after in (("open", "crossed"), ("crossed", "open")):  # a branch goes on as the other closed form
@@ -137,10 +137,10 @@ def test_a_change_point_is_found_with_the_tangents_of_both_branches(linkage):
         a, b, c, d = np.unwrap(at)
         rates.append((a - 8 * b + 8 * c - d) / 0.12)
 
-    assert isinstance(found, Bifurcation)
+    assert isinstance(result, Bifurcation)
     assert path.end is TraceEnd.BIFURCATION
-    assert found.t == pytest.approx(np.pi, abs=1e-14)
-    assert sorted(v.rate[8] for v in found.tangents) == pytest.approx(sorted(rates), abs=1e-6)
+    assert result.t == pytest.approx(np.pi, abs=1e-14)
+    assert sorted(v.rate[8] for v in result.tangents) == pytest.approx(sorted(rates), abs=1e-6)
 
 
 @pytest.mark.parametrize("sign", [1, -1])

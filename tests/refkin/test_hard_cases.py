@@ -29,13 +29,13 @@ def errors(case, motion, k):
     truth = case.truth(case.scene.times[k])
     if truth is None:
         return np.array([np.inf])
-    found = []
+    rows = []
     with ctx.workprec(BITS):
         for body, (x, y) in truth.items():
             phi = arb(float(motion[body].phi[k]))
             off = arb.atan2(phi.sin() * x - phi.cos() * y, phi.cos() * x + phi.sin() * y)
-            found.append(float(abs(off).upper()) * (1 + EPS))
-    return np.array(found)
+            rows.append(float(abs(off).upper()) * (1 + EPS))
+    return np.array(rows)
 
 
 def wrong(case, motion, allowed):
@@ -58,19 +58,19 @@ def test_there_are_as_many_cases_as_were_meant():
 
 
 def test_the_truth_of_an_ok_pose_lies_within_its_certified_radius(motions):
-    found = [
+    values = [
         w
         for case, m in zip(CASES, motions, strict=True)
         for w in wrong(case, m, lambda m, k: m.certified_radius.position[k])
     ]
 
-    assert not found
+    assert not values
 
 
 def test_no_ok_pose_is_off_by_more_than_a_few_ulps_times_its_condition(motions):
-    found = [w for case, motion in zip(CASES, motions, strict=True) for w in wrong(case, motion, by_condition)]
+    values = [w for case, motion in zip(CASES, motions, strict=True) for w in wrong(case, motion, by_condition)]
 
-    assert not found
+    assert not values
 
 
 def test_what_must_be_found_is_found(motions):
@@ -85,23 +85,23 @@ def test_what_must_be_found_is_found(motions):
 
 
 def test_without_certificates_no_ok_pose_is_wrong_either():
-    found = []
+    rows = []
     for case in CASES:
         motion = refkin.solve(replace(case.scene, evidence=frozenset({Evidence.CONDITION}), effects=frozenset()))
-        found += wrong(case, motion, by_condition)
+        rows += wrong(case, motion, by_condition)
 
-    assert not found
+    assert not rows
 
 
 def test_with_every_step_proved_no_ok_pose_is_wrong_and_regular_turns_are_ok():
-    found, coarse = [], [case for case in CASES if len(case.scene.times) > 1][::2]
+    result, coarse = [], [case for case in CASES if len(case.scene.times) > 1][::2]
     for case in coarse:
         motion = refkin.solve(replace(case.scene, effects=frozenset()), certified=True)
-        found += wrong(case, motion, lambda m, k: m.certified_radius.position[k])
+        result += wrong(case, motion, lambda m, k: m.certified_radius.position[k])
         if case.name.startswith(("coarse", "unit", "ratio", "four-bar at", "slider at")):
             assert motion.verdict is Status.OK, case.name
 
-    assert not found
+    assert not result
 
 
 def left_its_range(case, k):

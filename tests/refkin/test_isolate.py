@@ -72,9 +72,9 @@ def test_balls_take_over_where_float64_proves_nothing() -> None:
     assert truth is not None
     q = truth.nearest()[:, None]
     assert not certify(system, q, [0.0]).ok[0]
-    found = isolate(system, q, [0.0])
-    assert (found.ok[0], found.bits[0]) == (True, 113)
-    assert found.position[0] <= np.max(half_ulp(system, q)) * (1 + 1e-9)
+    isolation = isolate(system, q, [0.0])
+    assert (isolation.ok[0], isolation.bits[0]) == (True, 113)
+    assert isolation.position[0] <= np.max(half_ulp(system, q)) * (1 + 1e-9)
 
 
 def test_one_bad_lane_spoils_no_other() -> None:
@@ -103,15 +103,15 @@ def three_cranks(longer: float) -> tuple[System, Any]:
 
 def test_a_redundant_mechanism_is_certified_on_independent_rows() -> None:
     system, q = three_cranks(0.0)
-    found = isolate(system, q, [0.0])
-    assert (system.m, system.n, found.ok[0], found.contradiction.max() < 1) == (13, 12, True, True)
+    isolation = isolate(system, q, [0.0])
+    assert (system.m, system.n, isolation.ok[0], isolation.contradiction.max() < 1) == (13, 12, True, True)
 
 
 @pytest.mark.parametrize("longer", [1e-3, 1e-9, 1e-12])
 def test_redundant_rows_that_contradict_each_other_are_seen(longer: float) -> None:
     system, q = three_cranks(longer)
-    found = isolate(system, q, [0.0])
-    assert found.contradiction.max() > 1
+    isolation = isolate(system, q, [0.0])
+    assert isolation.contradiction.max() > 1
 
 
 def wheels(count: int) -> tuple[System, Any]:
@@ -135,9 +135,9 @@ def wheels(count: int) -> tuple[System, Any]:
 def test_rows_that_share_a_pose_but_no_velocity_contradict_each_other(count: int, explained: bool) -> None:
     """Three wheels in a ring lock each other, four do not; either way all rows hold at the first pose."""
     system, q = wheels(count)
-    found = isolate(system, q, [0.0], velocity(system, q, np.zeros(1)))
+    isolation = isolate(system, q, [0.0], velocity(system, q, np.zeros(1)))
     assert isolate(system, q, [0.0]).contradiction.max() <= 1
-    assert bool(found.contradiction.max() <= 1) is explained
+    assert bool(isolation.contradiction.max() <= 1) is explained
 
 
 def test_rows_that_share_pose_and_velocity_but_no_acceleration_contradict_each_other() -> None:
@@ -156,5 +156,5 @@ def test_rounding_of_lengths_explains_what_redundant_rows_miss_of_the_rates() ->
     """The lengths and pins of three cranks are rounded, their driver moves: no contradiction at any level."""
     system, q = three_cranks(0.0)
     qd = velocity(system, q, np.zeros(1))
-    found = isolate(system, q, [0.0], qd, acceleration(system, q, qd, np.zeros(1)))
-    assert found.contradiction.max() < 1
+    isolation = isolate(system, q, [0.0], qd, acceleration(system, q, qd, np.zeros(1)))
+    assert isolation.contradiction.max() < 1

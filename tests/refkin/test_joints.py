@@ -109,9 +109,9 @@ def test_balls_hold_what_floats_give():
         with ctx.workprec(113):
             at, rate, when = objects(q), objects(qd), arb(t)
             balls = (exact.phi(at, when), exact.phi_q(at, when), exact.nu(at, when), exact.gamma(at, rate, when))
-            found = [np.array([float(arb(x)) for x in np.ravel(b[rows])]) for b in balls]
+            listed = [np.array([float(arb(x)) for x in np.ravel(b[rows])]) for b in balls]
         floats = (system.phi(q, t), system.phi_q(q, t), system.nu(q, t), system.gamma(q, qd, t))
-        for a, b in zip(found, floats, strict=True):
+        for a, b in zip(listed, floats, strict=True):
             assert_near(a, np.ravel(b[rows]), 4 * ROUNDING * size(b), name_of(c))
 
 

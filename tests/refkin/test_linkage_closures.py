@@ -148,11 +148,11 @@ def test_ranges_end_where_the_linkage_does():
 
 
 def _demand_end(linkage: Linkage, driven: str, relative_to: str, end: float, inward: float) -> None:
-    told = f"{linkage} {driven} at {end}"
-    assert linkage.closure_margin(end + inward, driven, relative_to) > 0, f"{told}: does not assemble inside"
+    text = f"{linkage} {driven} at {end}"
+    assert linkage.closure_margin(end + inward, driven, relative_to) > 0, f"{text}: does not assemble inside"
     outside = linkage.closure_margin(end - inward, driven, relative_to)
-    assert outside < 0, f"{told}: assembles outside"
-    assert abs(linkage.closure_margin(end, driven, relative_to)) < 1e-12 * linkage.reach, f"{told}: not at its end"
+    assert outside < 0, f"{text}: assembles outside"
+    assert abs(linkage.closure_margin(end, driven, relative_to)) < 1e-12 * linkage.reach, f"{text}: not at its end"
     with pytest.raises(DoesNotAssemble):
         linkage.assemble(end - inward, driven=driven, relative_to=relative_to)
 

@@ -346,11 +346,11 @@ def test_newton_from_the_estimate_finds_the_branch_asked_for(case):
     estimate = rough(exact, mechanism.size(), margin)
     q0, q = (system.to_unit(np.concatenate([p[b.name] for b in mechanism.bodies])) for p in (estimate, exact))
 
-    found = position(system, q0, 0.0).q
+    actual = position(system, q0, 0.0).q
 
     other = linkage.assemble(value, _other(branch), driven=driven, relative_to=relative_to)
     away = system.to_unit(np.concatenate([other[b.name] for b in mechanism.bodies]))
-    assert _apart(found, q) < 0.01 * _apart(away, q)
+    assert _apart(actual, q) < 0.01 * _apart(away, q)
 
 
 def _coordinate(linkage, pose, driven, value) -> float:

@@ -28,10 +28,10 @@ RSSR = (
 
 def test_the_rssr_has_two_of_which_one_is_the_idle_spin_of_its_coupler():
     """6 x 4 - 22."""
-    found = gruebler(RSSR, "spatial")
+    freedoms = gruebler(RSSR, "spatial")
 
-    assert (found.bodies, found.equations, found.mobility) == (4, 22, 2)
-    assert (found.idle, found.useful) == (("coupler",), 1)
+    assert (freedoms.bodies, freedoms.equations, freedoms.mobility) == (4, 22, 2)
+    assert (freedoms.idle, freedoms.useful) == (("coupler",), 1)
 
 
 def test_a_coupler_held_by_a_universal_joint_does_not_spin():
@@ -89,10 +89,10 @@ def pose(scene):
 )
 def test_a_linkage_has_one_freedom_by_count_and_by_rank(linkage):
     scene = linkage.scene(samples=2)
-    found = mobility(scene.mechanism, pose(scene))
+    freedoms = mobility(scene.mechanism, pose(scene))
 
-    assert (count(scene.mechanism).mobility, found.mobility, found.driven.freedoms) == (1, 1, 0)
-    assert found.joints.dependent == ()
+    assert (count(scene.mechanism).mobility, freedoms.mobility, freedoms.driven.freedoms) == (1, 1, 0)
+    assert freedoms.joints.dependent == ()
 
 
 def parallelogram(third_crank, phi=1.0):
@@ -114,10 +114,10 @@ def parallelogram(third_crank, phi=1.0):
 def test_a_third_crank_of_a_parallelogram_is_redundant_and_named():
     """By count a structure; it moves, as one row of the third crank says what the others say."""
     mechanism, q = parallelogram(third_crank=True)
-    found = mobility(mechanism, q)
-    (dependence,) = found.joints.dependent
+    freedoms = mobility(mechanism, q)
+    (dependence,) = freedoms.joints.dependent
 
-    assert (count(mechanism).kind, found.mobility) == ("structure", 1)
+    assert (count(mechanism).kind, freedoms.mobility) == ("structure", 1)
     assert dependence.row.startswith("third pin")
     assert {name.split("[")[0] for name in dependence.factors} == {
         *("crank pivot", "crank pin", "rocker pivot", "rocker pin"),
@@ -133,9 +133,9 @@ def test_a_third_crank_of_another_length_makes_a_structure():
         else j
         for j in mechanism.joints
     ]
-    found = mobility(Mechanism(mechanism.bodies, tuple(shorter), mechanism.drivers), q)
+    freedoms = mobility(Mechanism(mechanism.bodies, tuple(shorter), mechanism.drivers), q)
 
-    assert (found.mobility, found.kind) == (0, "structure")
+    assert (freedoms.mobility, freedoms.kind) == (0, "structure")
 
 
 def test_a_flat_parallelogram_has_two_instantaneous_freedoms():
@@ -167,18 +167,18 @@ def test_at_a_dead_centre_the_slider_holds_nothing_but_the_crank_does():
 
 def test_linear_constraints_may_repeat_each_other():
     """Two equal rows are linear and singular: the claim that linear constraints are never singular is false."""
-    found = rank_of(np.array([[1.0, 0.0, 2.0], [0.0, 1.0, 0.0], [1.0, 0.0, 2.0]]), ["a", "b", "a again"])
+    rank = rank_of(np.array([[1.0, 0.0, 2.0], [0.0, 1.0, 0.0], [1.0, 0.0, 2.0]]), ["a", "b", "a again"])
 
-    assert found.rank == 2
-    assert [(d.row, {k: round(v, 12) for k, v in d.factors.items()}) for d in found.dependent] == [
+    assert rank.rank == 2
+    assert [(d.row, {k: round(v, 12) for k, v in d.factors.items()}) for d in rank.dependent] == [
         ("a again", {"a": 1.0})
     ]
 
 
 def test_a_row_that_vanishes_depends_on_nothing():
-    (found,) = rank_of(np.array([[1.0, 0.0], [0.0, 0.0]]), ["a", "b"]).dependent
+    (result,) = rank_of(np.array([[1.0, 0.0], [0.0, 0.0]]), ["a", "b"]).dependent
 
-    assert str(found) == "b depends on nothing: it vanishes"
+    assert str(result) == "b depends on nothing: it vanishes"
 
 
 def test_a_pose_of_another_mechanism_is_refused():
@@ -194,12 +194,12 @@ def test_dependences_reproduce_their_rows():
     """Each row that is named is the sum of the others times its factors, with as many names as rows beyond the rank."""
     rows = np.array([[1.0, 2.0, 0.0], [0.0, 1.0, -1.0], [2.0, 5.0, -1.0], [3.0, 0.0, 1.0], [0.0, 0.0, 0.0]])
     names = ["a", "b", "c", "d", "e"]
-    found = rank_of(rows, names)
-    assert (found.rank, found.freedoms, len(found.dependent)) == (3, 0, 2), f"{found}"
+    rank = rank_of(rows, names)
+    assert (rank.rank, rank.freedoms, len(rank.dependent)) == (3, 0, 2), f"{rank}"
     sigma = np.linalg.svd(rows, compute_uv=False)
-    assert_near([found.kept, found.dropped], [sigma[2], 0.0], 1e-14, "values kept and dropped")
-    assert [d.row for d in found.dependent] == ["d", "e"] or [d.row for d in found.dependent] == ["c", "e"], f"{found}"
-    for d in found.dependent:
+    assert_near([rank.kept, rank.dropped], [sigma[2], 0.0], 1e-14, "values kept and dropped")
+    assert [d.row for d in rank.dependent] == ["d", "e"] or [d.row for d in rank.dependent] == ["c", "e"], f"{rank}"
+    for d in rank.dependent:
         total = sum((f * rows[names.index(n)] for n, f in d.factors.items()), np.zeros(3))
         assert_near(total, rows[names.index(d.row)], 1e-13, f"{d}")
         assert d.row not in d.factors, f"{d} depends on itself"

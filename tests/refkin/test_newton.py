@@ -134,8 +134,8 @@ def test_stopping_tests_see_both_signs_and_both_limits():
     )
     for test, residual, correction, stops in big:
         for sign in (1, -1):
-            found = test(sign * residual, sign * correction, np.ones(3))
-            assert found is stops, f"{test} of {sign * residual} and {sign * correction} is {found}"
+            result = test(sign * residual, sign * correction, np.ones(3))
+            assert result is stops, f"{test} of {sign * residual} and {sign * correction} is {result}"
     for limit in (-1e-3, 1e-3):  # one component alone, below the limit by its sign but not by its size
         for test in (CorrectionNorm(1e-8), either(), both(), ScaledNorms()):
             assert not test(np.array([limit]), np.array([limit]), np.ones(1)), f"{test} stops at {limit}"
@@ -151,8 +151,8 @@ def test_stopping_tests_end_runs_where_their_numbers_say():
         (BothLargest(10.0, 1e-3), 4),
         (ScaledNorms(0.3), 2),
     ):
-        found = newton(*QUADRATIC, 5.0, stop=test).iterations
-        assert found == iterations, f"{test} stops after {found}, not {iterations}"
+        value = newton(*QUADRATIC, 5.0, stop=test).iterations
+        assert value == iterations, f"{test} stops after {value}, not {iterations}"
     assert newton(*QUADRATIC, 2.5, stop=ResidualOrCorrection(1e-9, 1e-9)).iterations > 5, "stopped at a negative F"
 
 

@@ -23,8 +23,8 @@ SVG = "{http://www.w3.org/2000/svg}"
 
 @pytest.fixture(scope="module")
 def scene():
-    found = replace(load(SCENES / "spatial-screw.toml"), effects=frozenset(Effect), evidence=frozenset())
-    return replace(found, times=found.times[:9])
+    result = replace(load(SCENES / "spatial-screw.toml"), effects=frozenset(Effect), evidence=frozenset())
+    return replace(result, times=result.times[:9])
 
 
 @pytest.fixture(scope="module")
@@ -42,8 +42,8 @@ def test_the_view_is_a_right_handed_projection():
 
 
 def test_parts_are_seen_where_the_bodies_are():
-    found = replace(load(SCENES / "spatial-distance.toml"), evidence=frozenset())
-    answer = solve(replace(found, times=found.times[:5]))
+    result = replace(load(SCENES / "spatial-distance.toml"), evidence=frozenset())
+    answer = solve(replace(result, times=result.times[:5]))
     drawing = Drawing(answer.scene, answer)
     ends = [point_motion(u, answer[body].q).r for body, u in (("crank", (1.0, 0.0, 0.0)), ("rocker", (2.0, 0.0, 0.0)))]
     link = next(part for part in drawing.parts if part.name == "coupler")
@@ -81,8 +81,8 @@ def test_the_lines_of_an_animation_go_through_the_stills(scene, motion):
 
 @pytest.mark.parametrize("file", sorted(SCENES.glob("spatial-*.toml")), ids=lambda file: file.stem)
 def test_every_joint_of_space_can_be_drawn(file):
-    found = replace(load(file), evidence=frozenset())
-    answer = solve(replace(found, times=found.times[:2]))
+    result = replace(load(file), evidence=frozenset())
+    answer = solve(replace(result, times=result.times[:2]))
 
     assert seen(np.zeros((3, 1))).shape == (2, 1)
     assert still(Drawing(answer.scene, answer)).startswith("<svg")

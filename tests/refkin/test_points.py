@@ -39,10 +39,10 @@ def test_a_fixed_point_has_no_relative_and_no_coriolis_part():
 def test_no_answer_stays_no_answer():
     """NaN where a body's pose is not known."""
     q = np.array([[0.0, np.nan], [0.0, np.nan], [0.0, np.nan]])
-    found = point_motion((1.0, 0.0), q, q, q)
+    motion = point_motion((1.0, 0.0), q, q, q)
 
-    assert np.isnan(found.a[:, 1]).all()
-    assert not np.isnan(found.a[:, 0]).any()
+    assert np.isnan(motion.a[:, 1]).all()
+    assert not np.isnan(motion.a[:, 0]).any()
 
 
 def test_rates_that_are_not_given_are_not_reported():
@@ -67,18 +67,18 @@ def example():
 def test_the_rates_of_rod_and_block_are_those_of_the_notes():
     """theta3' = theta2' l2 cos(theta3 - theta2) / x,  x' = theta2' l2 sin(theta3 - theta2)."""
     l2, theta2, omega2, _, theta3, x, pin = example()
-    found = rod_and_block(theta3, x, pin.v, pin.a)
+    rates = rod_and_block(theta3, x, pin.v, pin.a)
 
-    assert found.omega == pytest.approx(omega2 * l2 * math.cos(theta3 - theta2) / x, rel=8 * EPS)
-    assert found.slide_rate == pytest.approx(omega2 * l2 * math.sin(theta3 - theta2), rel=8 * EPS)
+    assert rates.omega == pytest.approx(omega2 * l2 * math.cos(theta3 - theta2) / x, rel=8 * EPS)
+    assert rates.slide_rate == pytest.approx(omega2 * l2 * math.sin(theta3 - theta2), rel=8 * EPS)
 
 
 def test_the_accelerations_solve_the_notes_equations_with_the_right_sign():
     """Row 2 of the right side starts +theta2'' l2 cos theta2, which the notes print with a minus."""
     l2, theta2, omega2, alpha2, theta3, x, pin = example()
-    found = rod_and_block(theta3, x, pin.v, pin.a)
+    rates = rod_and_block(theta3, x, pin.v, pin.a)
     c2, s2, c3, s3 = math.cos(theta2), math.sin(theta2), math.cos(theta3), math.sin(theta3)
-    w, xd = found.omega, found.slide_rate
+    w, xd = rates.omega, rates.slide_rate
     right = np.array(
         [
             -alpha2 * l2 * s2 - omega2**2 * l2 * c2 + w**2 * x * c3 + 2 * w * xd * s3,
@@ -87,15 +87,15 @@ def test_the_accelerations_solve_the_notes_equations_with_the_right_sign():
     )
     solved = np.linalg.solve([[-x * s3, c3], [x * c3, s3]], right)
 
-    assert (found.alpha, found.slide_acceleration) == pytest.approx(tuple(solved), rel=64 * EPS)
+    assert (rates.alpha, rates.slide_acceleration) == pytest.approx(tuple(solved), rel=64 * EPS)
 
 
 def test_the_pin_seen_from_the_rod_moves_as_seen_from_the_crank():
     """Three of the five parts of the acceleration are at work: normal, tangential, Coriolis, and relative."""
     *_, theta3, x, pin = example()
-    found = rod_and_block(theta3, x, pin.v, pin.a)
-    rod = np.array([[0.0, 0.0, theta3], [0.0, 0.0, found.omega], [0.0, 0.0, found.alpha]])
-    seen = point_parts((x, 0.0), *rod, (found.slide_rate, 0.0), (found.slide_acceleration, 0.0))
+    rates = rod_and_block(theta3, x, pin.v, pin.a)
+    rod = np.array([[0.0, 0.0, theta3], [0.0, 0.0, rates.omega], [0.0, 0.0, rates.alpha]])
+    seen = point_parts((x, 0.0), *rod, (rates.slide_rate, 0.0), (rates.slide_acceleration, 0.0))
 
     assert seen.v == pytest.approx(pin.v, abs=8 * EPS)
     assert seen.a == pytest.approx(pin.a, abs=8 * EPS)
@@ -112,7 +112,7 @@ def test_a_whole_motion_of_the_inverted_slider_crank_is_that_of_rod_and_block():
     crank, lever = motion["crank"], motion["lever"]
     pin = point_parts((0.1, 0.0), crank.q, crank.qd, crank.qdd)
     slide = np.hypot(*(pin.r - lever.q[:2]))
-    found = rod_and_block(lever.phi, slide, pin.v, pin.a)
+    rates = rod_and_block(lever.phi, slide, pin.v, pin.a)
 
-    assert found.omega == pytest.approx(lever.phid, abs=1000 * EPS)
-    assert found.alpha == pytest.approx(lever.phidd, abs=1000 * EPS * 10)
+    assert rates.omega == pytest.approx(lever.phid, abs=1000 * EPS)
+    assert rates.alpha == pytest.approx(lever.phidd, abs=1000 * EPS * 10)

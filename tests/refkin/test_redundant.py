@@ -63,12 +63,12 @@ def test_redundant_rows_contradict_at_each_level():
     three = ring(3)
     # With an axle twice: of the rows that are left out most agree, and one does not.
     pinned = replace(three, joints=(*three.joints, replace(three.joints[0], name="again")))
-    for told, mechanism in (("three", three), ("three", pinned), ("four, shifted,", ring(4, phi0=1e-9))):
+    for item, mechanism in (("three", three), ("three", pinned), ("four, shifted,", ring(4, phi0=1e-9))):
         for evidence in (frozenset(Evidence), frozenset[Evidence]()):
             motion = solve(Scene(mechanism=mechanism, times=TIMES, evidence=evidence))
-            first = Status.LOCKED if told == "three" else Status.UNASSEMBLABLE  # all angles 0 is a pose of three wheels
+            first = Status.LOCKED if item == "three" else Status.UNASSEMBLABLE  # all angles 0 is a pose of three wheels
             expected = (first, *[Status.UNASSEMBLABLE] * (len(TIMES) - 1))
-            assert motion.status == expected, f"{told} wheels: {motion.status} {motion.message}"
+            assert motion.status == expected, f"{item} wheels: {motion.status} {motion.message}"
 
 
 def test_a_row_that_is_left_out_is_held_against_the_pose():
@@ -105,9 +105,9 @@ def test_dependences_are_told_apart():
     """Of rows that depend on the same others, each is named by itself, on what is independent alone."""
     rows = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [2.0, 0.5, 0.0]])
     names = ["a", "b", "c", "d", "e"]
-    found = rank_of(rows, names)
-    assert [d.row for d in found.dependent] == ["c", "d", "e"], f"{found.dependent}"
-    for d in found.dependent:
+    rank = rank_of(rows, names)
+    assert [d.row for d in rank.dependent] == ["c", "d", "e"], f"{rank.dependent}"
+    for d in rank.dependent:
         total = sum((f * rows[names.index(n)] for n, f in d.factors.items()), np.zeros(3))
         assert set(d.factors) <= {"a", "b"}, f"{d}"
         assert_near(total, rows[names.index(d.row)], 1e-13, f"{d}")
@@ -120,8 +120,8 @@ def test_the_size_of_wheels_is_nothing_to_mobility():
     for radius in (1e-9, 1.0, 1e9):
         pair = ring(2, radius)
         single = replace(pair, joints=pair.joints[:3])
-        found = mobility(single, np.array([0.0, 0.0, 0.0, 0.75, 0.0, 0.0]))
-        assert (found.mobility, found.joints.dependent) == (1, ()), f"radius {radius}: {found}"
+        freedoms = mobility(single, np.array([0.0, 0.0, 0.0, 0.75, 0.0, 0.0]))
+        assert (freedoms.mobility, freedoms.joints.dependent) == (1, ()), f"radius {radius}: {freedoms}"
 
 
 def test_no_other_solution_is_within_the_proved_distance():
@@ -135,7 +135,7 @@ def test_no_other_solution_is_within_the_proved_distance():
         poses = [motion.q for motion in motions]
         apart = np.max(np.abs(np.mod(poses[0] - poses[1] + math.pi, math.tau) - math.pi), axis=0)
         q = poses[0]
-        found = isolate(system, q, np.array(TIMES[:2]), velocity(system, q, np.array(TIMES[:2])))
-        assert found.ok.all(), f"no proof {away} from the dead centre"
-        assert (found.unique > 0).all(), f"no proof {away} from the dead centre"
-        assert (found.unique < apart).all(), f"unique within {found.unique}, another solution at {apart}"
+        isolation = isolate(system, q, np.array(TIMES[:2]), velocity(system, q, np.array(TIMES[:2])))
+        assert isolation.ok.all(), f"no proof {away} from the dead centre"
+        assert (isolation.unique > 0).all(), f"no proof {away} from the dead centre"
+        assert (isolation.unique < apart).all(), f"unique within {isolation.unique}, another solution at {apart}"

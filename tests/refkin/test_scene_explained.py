@@ -16,9 +16,9 @@ from .test_scene_files import TEXT
 def told(tmp_path, text: str) -> str:
     path = tmp_path / "scene.toml"
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(InvalidScene) as found:
+    with pytest.raises(InvalidScene) as result:
         load(path)
-    return str(found.value).replace(f"{path}: ", "")
+    return str(result.value).replace(f"{path}: ", "")
 
 
 def test_a_byte_order_mark_is_no_fault(tmp_path):

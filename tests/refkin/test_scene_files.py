@@ -142,9 +142,9 @@ BROKEN = {
 
 
 def messages(data):
-    with pytest.raises(InvalidScene) as found:
+    with pytest.raises(InvalidScene) as result:
         parse(data, "scene.toml")
-    return str(found.value).splitlines()
+    return str(result.value).splitlines()
 
 
 @pytest.mark.parametrize(("change", "told"), BROKEN.values(), ids=BROKEN.keys())
@@ -162,11 +162,11 @@ def test_all_faults_of_a_file_are_told_at_once():
     for name in ("no such dimension", "unknown joint type", "unknown law", "point of no body", "stop before start"):
         BROKEN[name][0](data)
     data["joint"][3]["body_i"] = "rcker"
-    told = "\n".join(messages(data))
+    result = "\n".join(messages(data))
 
     for part in ("dimension", "joint[0].type", "driver[0].law.kind", "point[0].body", "times.stop", "joint[3].body_i"):
-        assert part in told
-    assert "add drivers" not in told
+        assert part in result
+    assert "add drivers" not in result
 
 
 def test_a_scene_is_written_and_read_back_bit_for_bit():
@@ -192,10 +192,10 @@ def test_an_example_reads_as_it_stands():
 def test_text_that_is_no_scene_file_is_refused_in_one_line(tmp_path, name, text):
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")
-    with pytest.raises(InvalidScene) as found:
+    with pytest.raises(InvalidScene) as result:
         load(path)
 
-    assert len(found.value.faults) == 1
+    assert len(result.value.faults) == 1
 
 
 def test_a_key_twice_in_a_json_file_is_refused_as_in_toml(tmp_path):
@@ -209,20 +209,20 @@ def test_a_message_holds_no_control_character_of_a_file():
     data = copy.deepcopy(GOOD)
     data["body"][0]["name"] = "cr\x1b[31mank\n"
     data["bo\x1b[2Jdy"] = 1
-    told = messages(data)
+    lines = messages(data)
 
-    assert all(line.isprintable() for line in told)
-    assert any("a body of the scene: ground, cr\\x1b[31mank\\n, coupler" in line for line in told)
+    assert all(line.isprintable() for line in lines)
+    assert any("a body of the scene: ground, cr\\x1b[31mank\\n, coupler" in line for line in lines)
 
 
 def test_times_out_of_order_are_told_beside_a_joint_that_cannot_be_read():
     data = copy.deepcopy(GOOD)
     data["times"] = {"values": [1.0, 0.0]}
     data["joint"][0]["type"] = "revolut"
-    told = messages(data)
+    lines = messages(data)
 
-    assert any("times" in line and "strictly increasing" in line for line in told)
-    assert any("joint[0]" in line and "revolut" in line for line in told)
+    assert any("times" in line and "strictly increasing" in line for line in lines)
+    assert any("joint[0]" in line and "revolut" in line for line in lines)
 
 
 def test_a_file_that_is_not_there_and_one_that_is_not_text_are_named(tmp_path):

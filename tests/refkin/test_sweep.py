@@ -234,9 +234,9 @@ def test_dyads_are_blocks_of_their_own():
     m = twice(ROCKER.scene()).mechanism
     system = compile_system(m, unit=m.unit())
     generic = np.sqrt(np.arange(2, system.n + 2))
-    found = diagonal_blocks(system.phi_q(generic, 0.0) != 0)
+    blocks = diagonal_blocks(system.phi_q(generic, 0.0) != 0)
 
-    assert sorted(len(rows) for rows, _ in found) == [1, 1, 1, 6, 6]
+    assert sorted(len(rows) for rows, _ in blocks) == [1, 1, 1, 6, 6]
 
 
 def test_a_pattern_without_a_matching_is_one_block():
@@ -338,8 +338,8 @@ def test_without_evidence_a_pose_whose_residual_is_more_than_round_off_is_not_ta
     root, right = refkin.solve(scene).q, refkin.solving.solve.find_start
 
     def start(system, scene):
-        found = right(system, scene)
-        return replace(found, q=found.q + 1e-10)
+        result = right(system, scene)
+        return replace(result, q=result.q + 1e-10)
 
     monkeypatch.setattr(refkin.solving.solve, "find_start", start)
     motion = refkin.solve(scene)

@@ -10,14 +10,14 @@ from .scenes import ROCKER, bare
 def grashof(count, margin, seed=0):
     """Lengths (4, count) of ground, crank, coupler, rocker, of which the crank turns fully, drawn uniformly."""
     draw = np.random.default_rng(seed)
-    found = np.empty((4, 0))
-    while found.shape[1] < count:
+    result = np.empty((4, 0))
+    while result.shape[1] < count:
         lengths = draw.uniform(0.2, 1.0, (4, 4 * count))
         in_order = np.sort(lengths, axis=0)
         slack = in_order[1] + in_order[2] - in_order[0] - in_order[3]
         turns = (in_order[0] == lengths[1]) | (in_order[0] == lengths[0])
-        found = np.concatenate([found, lengths[:, turns & (slack > margin * in_order[3])]], axis=1)
-    return found[:, :count]
+        result = np.concatenate([result, lengths[:, turns & (slack > margin * in_order[3])]], axis=1)
+    return result[:, :count]
 
 
 def closed_form(lengths, phi, sign=1):
@@ -47,12 +47,12 @@ def estimates(lengths, sign=1):
     """The first pose at crank angle 0, rounded to three decimals."""
     ground, crank, _, _ = lengths
     a, b, coupler, rocker = (x[:, 0] for x in closed_form(lengths, np.zeros((1, 1)), sign))
-    found = {
+    fields = {
         "crank": (crank / 2, 0.0 * crank, 0.0 * crank),
         "coupler": (((a + b) / 2).real, ((a + b) / 2).imag, coupler),
         "rocker": (((ground + b) / 2).real, ((ground + b) / 2).imag, rocker),
     }
-    return {body: np.round(rows, 3) for body, rows in found.items()}
+    return {body: np.round(rows, 3) for body, rows in fields.items()}
 
 
 def scene(samples=72, **changes):

@@ -24,19 +24,19 @@ def bare(scene, **changes):
 
 def by_name():
     """Scenes by name: those with a closed form, linkages, and large groups."""
-    found = {name: contact_cases.scene(name) for name in contact_cases.CASES}
-    found = {name: replace(scene, times=TIMES) for name, scene in found.items()}
-    found["four-bar"] = ROCKER.scene(samples=101)
-    found["coupler driven"] = ROCKER.scene(samples=50, start=0.6, turns=0.05, driven="coupler")
-    found["slider-crank"] = SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(samples=101)
-    found["inverted slider-crank"] = InvertedSliderCrank(ground=2.0, crank=1.0, offset=0.3).scene(samples=101)
-    found["crank by its height"] = lifted()
-    found["flag on the coupler"] = flagged()
-    found["platform"] = platform()
-    found["chain"] = chain(3)
-    found["chain at once"] = chain(2, together=True)
-    found["long chain at once"] = chain(5, together=True)
-    return {name: bare(scene) for name, scene in found.items()}
+    values = {name: contact_cases.scene(name) for name in contact_cases.CASES}
+    values = {name: replace(scene, times=TIMES) for name, scene in values.items()}
+    values["four-bar"] = ROCKER.scene(samples=101)
+    values["coupler driven"] = ROCKER.scene(samples=50, start=0.6, turns=0.05, driven="coupler")
+    values["slider-crank"] = SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(samples=101)
+    values["inverted slider-crank"] = InvertedSliderCrank(ground=2.0, crank=1.0, offset=0.3).scene(samples=101)
+    values["crank by its height"] = lifted()
+    values["flag on the coupler"] = flagged()
+    values["platform"] = platform()
+    values["chain"] = chain(3)
+    values["chain at once"] = chain(2, together=True)
+    values["long chain at once"] = chain(5, together=True)
+    return {name: bare(scene) for name, scene in values.items()}
 
 
 def lifted():

@@ -30,8 +30,8 @@ U = 2.0**-53
 
 def answered(scene):
     """(system, what is compiled, scaled levels, times) of the scene's answer."""
-    motion, found = attempt(scene), prepared(scene)
-    return found.system, found.made, [found.system.to_unit(x, k) for k, x in enumerate(motion.levels)], motion.t
+    motion, result = attempt(scene), prepared(scene)
+    return result.system, result.made, [result.system.to_unit(x, k) for k, x in enumerate(motion.levels)], motion.t
 
 
 def distances(system, levels, t):
@@ -45,12 +45,12 @@ def distances(system, levels, t):
 @pytest.mark.parametrize("name", CERTIFIED)
 def test_no_radius_is_less_than_the_error(name):
     system, made, levels, t = answered(SCENES[name])
-    found = radii(system, made, levels, t)
+    bounds = radii(system, made, levels, t)
 
     for lane in range(0, len(t), max(1, len(t) // 5)):
         off = distances(system, [x[:, lane] for x in levels], t[lane])
         for level, error in zip(LEVELS, off, strict=True):
-            assert getattr(found, level)[lane] >= error
+            assert getattr(bounds, level)[lane] >= error
 
 
 @pytest.mark.parametrize("name", CERTIFIED)
@@ -62,9 +62,9 @@ def test_numbers_that_are_off_have_a_radius_that_says_so(name, level):
     for c in range(system.n):
         moved = [x.copy() for x in levels]
         moved[level][c] += 1e-9
-        found = radii(system, made, moved, t)
+        bounds = radii(system, made, moved, t)
 
-        assert found is None or getattr(found, LEVELS[level])[0] >= 0.999e-9
+        assert bounds is None or getattr(bounds, LEVELS[level])[0] >= 0.999e-9
 
 
 @pytest.mark.parametrize("name", CERTIFIED)
@@ -84,13 +84,13 @@ def test_drawn_mechanisms_are_certified_on_the_tape_and_the_reference_is_within_
     scene = replace(drawn.scene, evidence=frozenset({Evidence.CERTIFICATE}))
     system, made, levels, t = answered(scene)
     ref = refkin.solve(scene)
-    found = radii(system, made, levels, t)
+    bounds = radii(system, made, levels, t)
 
-    assert found is not None
+    assert bounds is not None
     for k, level in enumerate(LEVELS):
         off = np.max(np.abs(levels[k] - system.to_unit(ref.levels[k], k)), axis=0)
         handed = 4 * U * np.max(np.abs(ref.levels[k])) / system.unit.size * (k == 0) + 4 * U * np.max(np.abs(levels[k]))
-        assert np.all(off <= getattr(found, level) + getattr(ref.certified_radius, level) + handed)
+        assert np.all(off <= getattr(bounds, level) + getattr(ref.certified_radius, level) + handed)
 
 
 LAWS = {
@@ -107,11 +107,11 @@ LAWS = {
 def test_every_law_is_enclosed(law):
     times = tuple(np.linspace(0.1, 1.9, 7).tolist())
     system, made, levels, t = answered(bare(ROCKER.scene(law=LAWS[law], times=times)))
-    found = radii(system, made, levels, t)
+    bounds = radii(system, made, levels, t)
 
     for lane in range(len(t)):
         off = distances(system, [x[:, lane] for x in levels], t[lane])
-        assert all(getattr(found, level)[lane] >= error for level, error in zip(LEVELS, off, strict=True))
+        assert all(getattr(bounds, level)[lane] >= error for level, error in zip(LEVELS, off, strict=True))
 
 
 @pytest.mark.parametrize("levels", [1, 2, 3])
@@ -129,11 +129,11 @@ def test_a_near_singular_pose_has_no_certificate_here():
     linkage = SliderCrank(crank=1.0, rod=3.0)
     law = Polynomial(coefficients=(4.0 - 1e-15,))
     scene = linkage.scene(law=law, times=(0.0,), driven="slider")
-    found = prepared(replace(scene, evidence=frozenset()))
-    q = np.zeros((found.system.n, 1))
-    q[:, 0] = found.system.to_unit(np.array([0.5, 0.0, 0.0, 2.5, 0.0, 0.0, 4.0, 0.0, 0.0]))
+    ready = prepared(replace(scene, evidence=frozenset()))
+    q = np.zeros((ready.system.n, 1))
+    q[:, 0] = ready.system.to_unit(np.array([0.5, 0.0, 0.0, 2.5, 0.0, 0.0, 4.0, 0.0, 0.0]))
 
-    assert radii(found.system, found.made, [q, 0 * q, 0 * q], np.array([0.0])) is None
+    assert radii(ready.system, ready.made, [q, 0 * q, 0 * q], np.array([0.0])) is None
 
 
 def test_two_assemblies_are_two_roots():
@@ -191,10 +191,10 @@ def test_operations_that_are_off_by_1e_9_show_in_the_radius(monkeypatch, of):
 
     monkeypatch.setitem(run.UFUNCS, of, wrong)
     made.__dict__.pop("proving", None)
-    found = radii(system, made, levels, t)
+    bounds = radii(system, made, levels, t)
     made.__dict__.pop("proving", None)
 
-    assert found is None or np.max(found.position) > 1e-10
+    assert bounds is None or np.max(bounds.position) > 1e-10
 
 
 def test_an_error_that_is_left_out_is_seen(monkeypatch):

@@ -26,11 +26,11 @@ def estimate(scene):
 @given(st.integers(1, 12), st.integers(1, 12), st.floats(0.05, 0.6), st.integers(0, 2**32 - 1))
 def test_no_two_columns_of_a_colour_share_a_row(m, n, density, seed):
     pattern = random_array((m, n), density=density, rng=np.random.default_rng(seed)).tocsc()
-    found = Colouring(pattern)
+    colours = Colouring(pattern)
     dense = pattern.toarray() != 0
 
-    for colour in range(found.colours):
-        assert np.all(np.sum(dense[:, found.colour == colour], axis=1) <= 1)
+    for colour in range(colours.colours):
+        assert np.all(np.sum(dense[:, colours.colour == colour], axis=1) <= 1)
 
 
 @pytest.mark.parametrize("scheme", Scheme)
@@ -42,11 +42,11 @@ def test_a_coloured_jacobian_is_that_of_the_columns_one_by_one(name, scheme):
     def phi(x):
         return system.phi(x, 0.0)
 
-    found = Colouring(pattern_of(phi, system.n)).jacobian(phi, q, scheme).toarray()
+    result = Colouring(pattern_of(phi, system.n)).jacobian(phi, q, scheme).toarray()
     expected = differences.jacobian(phi, q, scheme)
     rounding = 2.0**-50 * np.max(np.abs(q)) / np.min(differences.step(scheme, q))
 
-    assert np.max(np.abs(found - expected)) <= (1e-15 if scheme is Scheme.COMPLEX_STEP else rounding)
+    assert np.max(np.abs(result - expected)) <= (1e-15 if scheme is Scheme.COMPLEX_STEP else rounding)
 
 
 @pytest.mark.parametrize("windows", [1, 10, 60])
@@ -56,9 +56,9 @@ def test_the_complex_step_is_exact_at_every_size(windows):
     def phi(x):
         return system.phi(x, 0.0)
 
-    found = Colouring(pattern_of(phi, system.n)).jacobian(phi, q).toarray()
+    result = Colouring(pattern_of(phi, system.n)).jacobian(phi, q).toarray()
 
-    assert np.max(np.abs(found - system.phi_q(q, 0.0))) < 4e-16
+    assert np.max(np.abs(result - system.phi_q(q, 0.0))) < 4e-16
 
 
 @pytest.mark.parametrize(("scheme", "order"), [(Scheme.FORWARD, 1), (Scheme.CENTRAL, 2)])
@@ -68,8 +68,8 @@ def test_differences_err_with_their_order(scheme, order):
     def phi(x):
         return system.phi(x, 0.0)
 
-    found = Colouring(pattern_of(phi, system.n))
-    off = [abs(found.jacobian(phi, q, scheme, h) - system.phi_q(q, 0.0)).max() for h in (1e-2, 1e-3)]
+    colours = Colouring(pattern_of(phi, system.n))
+    off = [abs(colours.jacobian(phi, q, scheme, h) - system.phi_q(q, 0.0)).max() for h in (1e-2, 1e-3)]
 
     assert np.log10(off[0] / off[1]) == pytest.approx(order, abs=0.05)
 
@@ -92,6 +92,6 @@ def test_a_pattern_that_lacks_an_entry_is_seen():
 
     whole = pattern_of(phi, system.n).toarray()
     whole[4, 5] = 0.0
-    found = Colouring(whole).jacobian(phi, q).toarray()
+    result = Colouring(whole).jacobian(phi, q).toarray()
 
-    assert np.max(np.abs(found - system.phi_q(q, 0.0))) > 1e-3
+    assert np.max(np.abs(result - system.phi_q(q, 0.0))) > 1e-3

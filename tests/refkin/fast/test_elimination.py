@@ -132,9 +132,9 @@ def test_every_lane_has_its_own_order_of_rows(size):
     draw = np.random.default_rng(7)
     numbers = np.stack([(np.triu(draw.uniform(1.0, 2.0, (size, size))))[list(order)] for order in orders], axis=-1)
     x = draw.normal(size=(size, len(orders)))
-    found, determinant, _ = solved(numbers, np.einsum("ijb,jb->ib", numbers, x))
+    result, determinant, _ = solved(numbers, np.einsum("ijb,jb->ib", numbers, x))
 
-    assert np.max(np.abs(found - x)) < 1e-13
+    assert np.max(np.abs(result - x)) < 1e-13
     assert np.all(np.sign(determinant) == np.sign(np.linalg.det(np.moveaxis(numbers, -1, 0))))
 
 
@@ -203,9 +203,9 @@ def row(graph, *columns):
 def test_blocks_come_after_those_they_need():
     graph = Graph()
     matrix = [row(graph, 4, 7), row(graph, 2), row(graph, 2, 4, 7), row(graph, 2, 7, 9)]
-    matched, found = blocks_of(matrix, [2, 4, 7, 9])
+    matched, result = blocks_of(matrix, [2, 4, 7, 9])
 
-    assert found == [[2], [4, 7], [9]]
+    assert result == [[2], [4, 7], [9]]
     assert sorted(matched.values()) == [0, 1, 2, 3]
 
 

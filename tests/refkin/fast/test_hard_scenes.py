@@ -82,9 +82,9 @@ def test_every_status_is_that_of_the_reference(name, proved):
 @pytest.mark.parametrize("name", [name for name, scene in SCENES.items() if name != "regular"])
 def test_no_pose_in_doubt_is_answered_by_the_tape(name):
     """Whatever is answered there is the reference's answer, or all of it is regular."""
-    found = attempt(SCENES[name])
+    answer = attempt(SCENES[name])
 
-    assert found is None or refkin.solve(SCENES[name]).verdict is Status.OK
+    assert answer is None or refkin.solve(SCENES[name]).verdict is Status.OK
 
 
 def test_the_scenes_end_in_more_than_one_way():

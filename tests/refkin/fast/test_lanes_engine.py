@@ -56,8 +56,8 @@ def test_a_night_compares_it_like_any_other():
 
 def test_a_wrong_answer_is_a_disagreement(monkeypatch):
     def wrong(scene):
-        found = attempt(scene)
-        return replace(found, q=found.q + 1e-12)
+        answer = attempt(scene)
+        return replace(answer, q=answer.q + 1e-12)
 
     attempt = module.attempt
     monkeypatch.setattr(module, "attempt", wrong)

@@ -29,11 +29,11 @@ def levels(polynomial, t):
 @given(COEFFICIENTS, st.floats(0.125, 2.0), st.floats(-1.0, 3.0))
 def test_a_quintic_is_reproduced(polynomial, h, s):
     p = np.polynomial.Polynomial(polynomial)
-    (found,) = coefficients(levels(polynomial, 0.5), levels(polynomial, 0.5 + h), h)
+    (result,) = coefficients(levels(polynomial, 0.5), levels(polynomial, 0.5 + h), h)
     size = 1e-11 * max(1.0, abs(s)) ** 5
 
-    assert at(found, s) == pytest.approx(p(0.5 + s * h), abs=size)
-    assert slope(found, s) / h == pytest.approx(p.deriv()(0.5 + s * h), abs=size / h**2)
+    assert at(result, s) == pytest.approx(p(0.5 + s * h), abs=size)
+    assert slope(result, s) / h == pytest.approx(p.deriv()(0.5 + s * h), abs=size / h**2)
 
 
 @given(COEFFICIENTS, st.floats(0.125, 2.0), st.floats(1.0, 3.0))
@@ -41,10 +41,10 @@ def test_weights_are_those_of_the_same_polynomial(polynomial, h, s):
     before, last = (levels(polynomial, t) for t in (0.5, 0.5 + h))
     value, rate = weights(0.5, 0.5 + h, 0.5 + s * h)
     data = [x[0] for x in (*before, *last)]
-    (found,) = coefficients(before, last, h)
+    (result,) = coefficients(before, last, h)
 
-    assert np.dot(value, data) == pytest.approx(at(found, s), abs=1e-9)
-    assert np.dot(rate, data) == pytest.approx(slope(found, s) / h, abs=1e-8 / h)
+    assert np.dot(value, data) == pytest.approx(at(result, s), abs=1e-9)
+    assert np.dot(rate, data) == pytest.approx(slope(result, s) / h, abs=1e-8 / h)
 
 
 def test_a_prediction_errs_512_times_as_much_as_the_quintic_between():

@@ -21,9 +21,9 @@ SCENES = {
 
 @pytest.fixture(params=SCENES)
 def ready(request: pytest.FixtureRequest) -> Prepared:
-    found = prepared(replace(SCENES[request.param], evidence=frozenset()))
-    assert found is not None
-    return found
+    result = prepared(replace(SCENES[request.param], evidence=frozenset()))
+    assert result is not None
+    return result
 
 
 def poses(ready: Prepared) -> np.ndarray:

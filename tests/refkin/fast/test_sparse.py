@@ -62,21 +62,21 @@ def test_the_coloured_complex_step_confirms_every_entry(name):
 @pytest.mark.parametrize("windows", [1, 4, 20])
 def test_position_velocity_and_acceleration_are_those_of_the_reference(windows, together):
     scene = bare(chain(windows, together=together, times=(0.0,)))
-    found, motion = solve_large(scene), refkin.solve(scene)
+    result, motion = solve_large(scene), refkin.solve(scene)
 
-    assert found.status is Status.OK
-    for ours, theirs in zip((found.q, found.qd, found.qdd), motion.levels, strict=True):
-        assert np.max(np.abs(ours - theirs[:, 0])) <= 1e-15 * found.inverse_norm * max(1.0, np.max(np.abs(theirs)))
+    assert result.status is Status.OK
+    for ours, theirs in zip((result.q, result.qd, result.qdd), motion.levels, strict=True):
+        assert np.max(np.abs(ours - theirs[:, 0])) <= 1e-15 * result.inverse_norm * max(1.0, np.max(np.abs(theirs)))
 
 
 def test_a_thousand_coordinates_and_more():
     """300 loops, 1803 coordinates, against the pattern's own dense solution."""
     scene = bare(chain(300, times=(0.0,)))
-    found, system = solve_large(scene), system_of(scene)
-    q, qd, qdd = (system.to_unit(x, k) for k, x in enumerate((found.q, found.qd, found.qdd)))
+    result, system = solve_large(scene), system_of(scene)
+    q, qd, qdd = (system.to_unit(x, k) for k, x in enumerate((result.q, result.qd, result.qdd)))
     slope = system.phi_q(q, 0.0)
 
-    assert found.status is Status.OK
+    assert result.status is Status.OK
     assert np.max(np.abs(system.phi(q, 0.0))) < 1e-13
     assert np.max(np.abs(slope @ qd - system.nu(q, 0.0))) < 1e-13
     assert np.max(np.abs(slope @ qdd - system.gamma(q, qd, 0.0))) < 1e-13
@@ -85,11 +85,11 @@ def test_a_thousand_coordinates_and_more():
 def test_ten_thousand_loops_are_solved_on_all_levels():
     """60,003 coordinates; held against the rows of the reference, and the grouped rows' own products."""
     scene = bare(chain(10_000, times=(0.0,)))
-    found, system = solve_large(scene), system_of(scene)
-    q, qd, qdd = (system.to_unit(x, k) for k, x in enumerate((found.q, found.qd, found.qdd)))
+    result, system = solve_large(scene), system_of(scene)
+    q, qd, qdd = (system.to_unit(x, k) for k, x in enumerate((result.q, result.qd, result.qdd)))
     slope = SparseSystem(system).phi_q(q, 0.0)
 
-    assert found.status is Status.OK
+    assert result.status is Status.OK
     # Places grow with the chain, 15,000 units long: an ulp there is what the rows are off by.
     assert np.max(np.abs(system.phi(q, 0.0))) <= 8 * np.spacing(np.max(np.abs(q)))
     for rates, right in ((qd, system.nu(q, 0.0)), (qdd, system.gamma(q, qd, 0.0))):
@@ -98,10 +98,10 @@ def test_ten_thousand_loops_are_solved_on_all_levels():
 
 def test_only_what_is_called_for_is_computed():
     for effects in ((), (Effect.VELOCITY,)):
-        found = solve_large(bare(chain(2, times=(0.0,)), effects=frozenset(effects)))
+        motion = solve_large(bare(chain(2, times=(0.0,)), effects=frozenset(effects)))
 
-        assert (found.qd is None) == (not effects)
-        assert found.qdd is None
+        assert (motion.qd is None) == (not effects)
+        assert motion.qdd is None
 
 
 def test_the_pattern_never_changes():
@@ -121,11 +121,11 @@ def moved(scene, name, q):
 def test_a_far_estimate_is_not_converged_rather_than_elsewhere():
     """A rocker upside down: Newton goes somewhere, and does not contract at once."""
     scene = bare(chain(3, times=(0.0,)))
-    found = solve_large(moved(scene, "rocker2", (3.0, -0.5, -1.7)))
+    motion = solve_large(moved(scene, "rocker2", (3.0, -0.5, -1.7)))
 
-    assert found.status is Status.NOT_CONVERGED
-    assert found.q is None
-    assert found.residual > 0.0 or len(found.steps) > 1
+    assert motion.status is Status.NOT_CONVERGED
+    assert motion.q is None
+    assert motion.residual > 0.0 or len(motion.steps) > 1
 
 
 def test_a_singular_pose_is_not_ok():

@@ -55,21 +55,21 @@ def test_the_proved_error_of_every_pose_is_a_few_round_offs_times_the_condition(
 
 @pytest.mark.parametrize("name", SCENES)
 def test_a_sweep_is_within_the_budget_of_the_reference(name):
-    found = compare(reference(SCENES[name]), sweep(SCENES[name]))
+    comparison = compare(reference(SCENES[name]), sweep(SCENES[name]))
 
-    assert found.judged == len(SCENES[name].times)
-    assert {name: np.nanmax(q.ratio) for name, q in found.quantities.items() if not q.agrees} == {}
+    assert comparison.judged == len(SCENES[name].times)
+    assert {name: np.nanmax(q.ratio) for name, q in comparison.quantities.items() if not q.agrees} == {}
 
 
 @settings(max_examples=100, deadline=None)
 @given(drawn_scenes(hardness=[Hardness.REGULAR]))
 def test_regular_scenes_are_answered_within_the_budget(drawn):
     motion = sweep(bare(drawn.scene))
-    found = compare(reference(drawn.scene), motion, Lanes().terms(drawn.scene))
+    comparison = compare(reference(drawn.scene), motion, Lanes().terms(drawn.scene))
 
     assert motion.producer.name == FAST
     assert motion.verdict is Status.OK
-    assert {name: q.worst for name, q in found.quantities.items() if not q.agrees} == {}
+    assert {name: q.worst for name, q in comparison.quantities.items() if not q.agrees} == {}
 
 
 def off_closed_form(drawn, motion):
@@ -86,11 +86,11 @@ def off_closed_form(drawn, motion):
 def test_hard_scenes_are_never_answered_wrong(drawn):
     """Near limit positions and change points: on the branch of the reference within its budget, or left to it."""
     motion = sweep(drawn.scene)
-    found = compare(reference(drawn.scene), motion)
+    comparison = compare(reference(drawn.scene), motion)
 
-    assert found.missing == 0
-    assert found.agrees
-    assert not found.other_assembly
+    assert comparison.missing == 0
+    assert comparison.agrees
+    assert not comparison.other_assembly
 
 
 @settings(max_examples=80, deadline=None)
@@ -280,9 +280,9 @@ def test_a_pose_whose_loops_are_open_is_no_answer(off, closes):
     system, by_reference = system_of(scene), refkin.solve(scene)
     levels = [system.to_unit(level, order) for order, level in enumerate(by_reference.levels)]
     levels[0][4] += off
-    found = answer.motion(scene, system, None, by_reference.t, levels, np.full(5, np.inf))
+    result = answer.motion(scene, system, None, by_reference.t, levels, np.full(5, np.inf))
 
-    assert (found is not None) is closes
+    assert (result is not None) is closes
 
 
 def test_a_singular_pose_among_regular_ones_is_not_answered_without_a_proof():

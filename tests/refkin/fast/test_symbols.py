@@ -27,15 +27,15 @@ PYTHON = {
 
 def value(symbol, numbers):
     """The value of an expression whose inputs q[k] are given."""
-    found = {}
+    fields = {}
     for node in needed((symbol,)):
         if node.op == "const":
-            found[node] = numbers[0] * 0 + Fraction(node.value) if isinstance(numbers[0], Fraction) else node.value
+            fields[node] = numbers[0] * 0 + Fraction(node.value) if isinstance(numbers[0], Fraction) else node.value
         elif node.op == "input":
-            found[node] = numbers[node.value.place[0]]
+            fields[node] = numbers[node.value.place[0]]
         else:
-            found[node] = PYTHON[node.op](*(found[a] for a in node.args))
-    return found[symbol]
+            fields[node] = PYTHON[node.op](*(fields[a] for a in node.args))
+    return fields[symbol]
 
 
 NUMBERS = st.sampled_from((0.0, 1.0, -1.0, 2.0, 0.5, -3.0))
@@ -124,11 +124,11 @@ def half_angle(name, x):
     graph = Graph()
     operations = {**PYTHON, "tan": math.tan}
     symbol = half_angled(SimpleNamespace(op=name, graph=graph), (graph.input("q", 0),))
-    found = {}
+    fields = {}
     for node in needed((symbol,)):
         known = {"const": node.value, "input": x}
-        found[node] = known.get(node.op) if node.op in known else operations[node.op](*(found[a] for a in node.args))
-    return found[symbol]
+        fields[node] = known.get(node.op) if node.op in known else operations[node.op](*(fields[a] for a in node.args))
+    return fields[symbol]
 
 
 @given(st.floats(-200.0, 200.0))

@@ -120,22 +120,22 @@ def test_old_topologies_are_dropped(monkeypatch):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_text_of_a_tape_states_every_instruction_and_their_number(name):
-    found = tape(SCENES[name])
-    text = str(found)
+    program = tape(SCENES[name])
+    text = str(program)
 
     for segment in SEGMENTS:
-        assert f"# {segment}: {len(found.segments[segment])} instructions" in text
+        assert f"# {segment}: {len(program.segments[segment])} instructions" in text
     statements = [line for line in text.splitlines() if " = " in line and not line.startswith("#")]
-    named = len(found.constants) + len(found.inputs)
-    assert len(statements) == named + sum(found.counts().values())
+    named = len(program.constants) + len(program.inputs)
+    assert len(statements) == named + sum(program.counts().values())
 
 
 def test_no_register_is_read_before_it_is_written():
     for scene in SCENES.values():
-        found = tape(scene)
-        written = {*found.constants, *found.inputs.values()}
+        program = tape(scene)
+        written = {*program.constants, *program.inputs.values()}
         for name in SEGMENTS:
-            for instruction in found.segments[name]:
+            for instruction in program.segments[name]:
                 assert set(instruction.args) <= written
                 written.add(instruction.out)
 
@@ -152,18 +152,18 @@ def read_first(instructions):
 def test_what_is_given_to_newton_and_answer_survives_them():
     """Both may run again and again: they overwrite nothing that they are given, but for the core coordinates."""
     for scene in SCENES.values():
-        found = tape(scene)
-        core = {f"w{k}" for k in found.outputs.core}
-        given = read_first(found.segments["newton"]) | read_first(found.segments["answer"])
-        overwritten = {i.out for name in ("newton", "answer") for i in found.segments[name]} & given
+        program = tape(scene)
+        core = {f"w{k}" for k in program.outputs.core}
+        given = read_first(program.segments["newton"]) | read_first(program.segments["answer"])
+        overwritten = {i.out for name in ("newton", "answer") for i in program.segments[name]} & given
 
         assert {str(register) for register in overwritten} <= core
 
 
 def test_registers_are_used_again():
-    found = tape(called_for(*BOTH))
+    program = tape(called_for(*BOTH))
 
-    assert found.sizes["w"] < 0.4 * sum(found.counts().values())
+    assert program.sizes["w"] < 0.4 * sum(program.counts().values())
 
 
 def test_the_legend_names_bodies_joints_and_contacts():
@@ -187,11 +187,11 @@ def test_what_has_no_tape_says_so():
 def test_threads_do_not_share_registers():
     scenes = [bare(FourBar(4.0, 1.0, 3.5, 2.5 + 0.1 * k).scene(samples=200)) for k in range(4)]
     alone = [sweep(scene).q for scene in scenes]
-    found: dict[int, list] = {k: [] for k in range(4)}
+    by_name: dict[int, list] = {k: [] for k in range(4)}
 
     def work(k):
         for _ in range(20):
-            found[k].append(sweep(scenes[k]).q)
+            by_name[k].append(sweep(scenes[k]).q)
 
     threads = [threading.Thread(target=work, args=(k,)) for k in range(4)]
     for thread in threads:
@@ -199,7 +199,7 @@ def test_threads_do_not_share_registers():
     for thread in threads:
         thread.join()
 
-    assert all(np.array_equal(q, alone[k]) for k in range(4) for q in found[k])
+    assert all(np.array_equal(q, alone[k]) for k in range(4) for q in by_name[k])
 
 
 def test_the_source_of_a_tape_holds_nothing_of_the_scene():

@@ -43,7 +43,7 @@ def joints(bodies: dict[str, str]) -> list[Constraint]:
     points: dict[str, Any] = {"name": "c", **bodies, **POINTS}
     axes: dict[str, Any] = {"name": "c", **bodies, **AXES}
     guided: dict[str, Any] = {**points, "axis_i": AXES["axis_i"]}
-    found: list[Constraint] = [
+    rows: list[Constraint] = [
         Spherical(**points),
         Universal(**points, **AXES),
         Perpendicular(**axes),
@@ -53,9 +53,9 @@ def joints(bodies: dict[str, str]) -> list[Constraint]:
     ]
     for form in FORMS:
         lines["form"] = form
-        found += [SpatialRevolute(**lines), Cylindrical(**lines), SpatialPrismatic(**lines), SpatialFixed(**lines)]
-        found += [Screw(**lines, pitch=0.3, shift=0.7), Parallel(**axes, **ZEROS, form=form)]
-    return found
+        rows += [SpatialRevolute(**lines), Cylindrical(**lines), SpatialPrismatic(**lines), SpatialFixed(**lines)]
+        rows += [Screw(**lines, pitch=0.3, shift=0.7), Parallel(**axes, **ZEROS, form=form)]
+    return rows
 
 
 def drivers(bodies: dict[str, str]) -> list[Constraint]:

@@ -133,9 +133,9 @@ def test_an_rssp_is_the_line_that_meets_a_sphere():
         truth += [[mpmath.diff(shift, mpmath.mpf(float(t)), n) for t in motion.t] for n in (1, 2)]
     h = np.array(linkage.axis) / np.linalg.norm(linkage.axis)
     slider = motion["slider"]
-    found = h @ (slider.q[:3] - np.array(linkage.guide)[:, None]), h @ slider.qd[:3], h @ slider.qdd[:3]
+    pair = h @ (slider.q[:3] - np.array(linkage.guide)[:, None]), h @ slider.qd[:3], h @ slider.qdd[:3]
 
-    for ours, exact in zip(found, truth, strict=True):
+    for ours, exact in zip(pair, truth, strict=True):
         assert ours == pytest.approx(np.array(exact, float), abs=2e-14)
     assert np.max(np.abs(slider.omega)) < 1e-14
 
@@ -205,11 +205,11 @@ def test_mobility_by_count_and_by_rank_with_the_redundant_rows_by_name(name):
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     q = system.to_unit(refkin.solve(EVERY[name].scene(start=0.4, samples=2)).q[:, 0])
     by_count, by_rank, redundant = MOBILITIES[name]
-    found = mobility_of(system, q)
+    result = mobility_of(system, q)
 
-    assert (count(scene.mechanism).mobility, found.mobility) == (by_count, by_rank)
-    assert len(found.joints.dependent) == redundant
-    assert all(d.row.partition("[")[0] in {j.name for j in scene.mechanism.joints} for d in found.joints.dependent)
+    assert (count(scene.mechanism).mobility, result.mobility) == (by_count, by_rank)
+    assert len(result.joints.dependent) == redundant
+    assert all(d.row.partition("[")[0] in {j.name for j in scene.mechanism.joints} for d in result.joints.dependent)
 
 
 def test_the_coupler_of_an_rssr_spins_idly_and_is_named():
