@@ -19,7 +19,7 @@ from crosscheck.problems.statement import drafts
 def print_export(folder: Path, *, only: str = "", processes: Whole = 1) -> int:
     """Write the problem set: scenes, models for MuJoCo and exudyn, answers of 30 proved digits, a grader.
 
-    It takes about a minute of processor time. Exit codes: 0 written, 2 usage, 4 an answer is not proved.
+    It takes two to three minutes of processor time. Exit codes: 0 written, 2 usage, 4 an answer is not proved.
 
     Parameters
     ----------

@@ -86,15 +86,12 @@ def _consistent(scene: Scene, root: Enclosure) -> None:
 
 def _decided(root: Enclosure, balls: Sequence[Any], order: int) -> list[str | None]:
     """Return the digits of a level in metres and radians; None for a number that is not decided."""
-    unit = root.system.unit
+    system = root.system
+    lengths = system.turns == 0.0
     with ctx.workprec(root.bits):
-        out = []
-        for k, ball in enumerate(balls):
-            length = not root.system.angles[k]
-            scale = arb(unit.size) if length else arb(1)
-            shift = arb(unit.origin[k % 3]) if length and not order else arb(0)
-            out.append(digits_of(ball * scale + shift, Fraction(unit.size) if length else Fraction(1)))
-        return out
+        metres = system.to_physical(objects(balls), order)[: system.of_bodies]
+        size = Fraction(system.unit.size)
+        return [digits_of(ball, size if length else Fraction(1)) for ball, length in zip(metres, lengths, strict=False)]
 
 
 def digits_of(ball: Any, scale: Fraction = Fraction(1)) -> str | None:

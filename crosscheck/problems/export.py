@@ -28,8 +28,8 @@ from crosscheck.problems.mjcf import to_mjcf
 from crosscheck.problems.statement import Draft, Problem
 from refkin.scenes.files import to_dict, to_toml
 
-UNITS = ("length", "length", "angle")
-"""Of the coordinates of a body of the plane; one of space has others."""
+UNITS = {"planar": ("length",) * 2 + ("angle",), "spatial": ("length",) * 3 + ("Euler parameter",) * 4}
+"""Of the coordinates of a body of the plane and of space."""
 NEAREST = "{:.10g}"
 """How other assemblies are written: exact enough to tell them apart, and the same on every machine."""
 
@@ -87,20 +87,22 @@ def written(draft: Draft) -> tuple[dict[str, Any], dict[str, str]]:
         "certified.json": json.dumps(_certified(problem, scene), indent=1) + "\n",
     }
     attainable = {level: round(digits, 1) for level, digits in CertifiedTruth(problem.scene).attainable.items()}
-    about = {"name": problem.name, "family": problem.family, "title": problem.title, "assembly": problem.assembly}
+    about = {"name": problem.name, "family": problem.family, "dimension": problem.scene.mechanism.kind.name}
+    about |= {"title": problem.title, "assembly": problem.assembly}
     return {**about, "attainable": attainable}, files
 
 
 def _certified(problem: Problem, scene: str) -> dict[str, Any]:
     mechanism = problem.scene.mechanism
+    units = UNITS[mechanism.kind.name]
     return {
         "name": problem.name,
         "title": problem.title,
         "assembly": problem.assembly,
         "scene": sha256(scene.encode()).hexdigest(),
         "size": mechanism.unit().size,
-        "units": UNITS,
-        "columns": {body.name: len(UNITS) * k for k, body in enumerate(mechanism.bodies)},
+        "units": units,
+        "columns": {body.name: len(units) * k for k, body in enumerate(mechanism.bodies)},
         "t": problem.scene.times,
         **dict(zip(("q", "qd", "qdd"), problem.truth.levels, strict=True)),
         "others": [

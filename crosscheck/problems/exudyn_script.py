@@ -9,18 +9,27 @@ import math
 from typing import Any
 
 from crosscheck.errors import CannotRun
+from crosscheck.problems.frames import joint_frame
 from crosscheck.problems.laws import formula
 from refkin.joints import (
     GROUND,
+    PLANE,
+    AxesParallel,
+    AxesPerpendicular,
     Element,
     GuidedPoint,
     Pair,
     PointCoordinate,
     PointDistance,
+    PointInPlane,
+    PointOnAxis,
     PointsCoincide,
+    PointsMeet,
     RelativeAngle,
     RollingOnLine,
     RollingWheels,
+    SpatialPointDistance,
+    TurnAboutAxis,
     elements_of,
 )
 from refkin.model import Scene
@@ -39,10 +48,7 @@ t = now = {t!r}
 ground = mbs.AddObject(ObjectGround())
 still = mbs.AddMarker(MarkerNodeCoordinate(nodeNumber=mbs.AddNode(NodePointGround()), coordinate=0))
 nodes, bodies = {{}}, {{"ground": ground}}
-for name, estimate in {estimates}:
-    nodes[name] = mbs.AddNode(NodeRigidBody2D(initialCoordinates=estimate))
-    bodies[name] = mbs.AddObject(ObjectRigidBody2D(nodeNumber=nodes[name], physicsMass=0, physicsInertia=0))
-
+{bodies}
 
 def point(body, x, y):
     return mbs.AddMarker(MarkerBodyPosition(bodyNumber=bodies[body], localPosition=[x, y, 0]))
@@ -72,24 +78,54 @@ def driven(markers, law):
     mbs.AddObject(CoordinateConstraint(markerNumbers=markers, offsetUserFunction=value))
 
 
-cylinders = []
+cylinders, turned = [], []
+'''
+BODIES = """for name, estimate in {estimates}:
+    nodes[name] = mbs.AddNode(NodeRigidBody2D(initialCoordinates=estimate))
+    bodies[name] = mbs.AddObject(ObjectRigidBody2D(nodeNumber=nodes[name], physicsMass=0, physicsInertia=0))
+"""
+SPATIAL_BODIES = '''still_at = [0, 0, 0, 1, 0, 0, 0]
+for name, estimate in {estimates}:  # x, y, z, Euler parameters: exudyn's coordinates are what is beyond its reference
+    beyond = [x - at for x, at in zip(estimate, still_at)]
+    nodes[name] = mbs.AddNode(NodeRigidBodyEP(referenceCoordinates=still_at, initialCoordinates=beyond))
+    bodies[name] = mbs.AddObject(ObjectRigidBody(nodeNumber=nodes[name], physicsMass=0, physicsInertia=[0] * 6))
+
+
+def place(body, x, y, z):
+    return mbs.AddMarker(MarkerBodyRigid(bodyNumber=bodies[body], localPosition=[x, y, z]))
+
+
+def hold(i, j, axes, frame_i, frame_j):
+    """Hold translations along and rotations about axes of the frame on i; columns of frames are their axes."""
+    markers = {{"markerNumbers": [i, j], "rotationMarker0": frame_i, "rotationMarker1": frame_j}}
+    return mbs.AddObject(ObjectJointGeneric(**markers, constrainedAxes=axes))
+
+
+def about_z(frame, angle):
+    """Turn the frame's first two columns about the third."""
+    c, s = cos(angle), sin(angle)
+    return [[f * c + g * s, g * c - f * s, h] for f, g, h in frame]
+
 '''
 TAIL = """
 mbs.Assemble()
 settings = exu.SimulationSettings()
-settings.solutionSettings.writeSolutionToFile = False
+settings.solution.file.write = False
 settings.staticSolver.newton.relativeTolerance = 0
 settings.staticSolver.newton.absoluteTolerance = {tolerance!r}
 {redundant}poses = []
 for now in {times}:
     for rod, law in cylinders:
         mbs.SetObjectParameter(rod, "distance", law(now))
+    for joint, frame, law in turned:
+        mbs.SetObjectParameter(joint, "rotationMarker0", about_z(frame, law(now)))
     try:
         mbs.SolveStatic(settings, updateInitialValues=True)
-        poses.append([mbs.GetNodeOutput(n, exu.OutputVariableType.Coordinates).tolist() for n in nodes.values()])
     except Exception:
         break
-rows = poses + [[[None] * 3] * len(nodes)] * ({count} - len(poses))
+    beyond = [mbs.GetNodeOutput(n, exu.OutputVariableType.Coordinates).tolist() for n in nodes.values()]
+    poses.append([[x + at for x, at in zip(q, {still})] for q in beyond])
+rows = poses + [[[None] * {width}] * len(nodes)] * ({count} - len(poses))
 answer = {{name: {{"q": [row[k] for row in rows]}} for k, name in enumerate(nodes)}}
 print(json.dumps({{"problems": {{{name!r}: {{"bodies": answer}}}}}}))
 """
@@ -99,23 +135,26 @@ SLACK = 1e-12
 
 def to_exudyn(scene: Scene, title: str) -> str:
     """Return the text of the script."""
-    mechanism = scene.mechanism
-    estimates = [(body.name, list(body.estimate or (0.0, 0.0, 0.0))) for body in mechanism.bodies]
+    mechanism, kind = scene.mechanism, scene.mechanism.kind
+    estimates = [(body.name, list(body.estimate or kind.still)) for body in mechanism.bodies]
     lines = [line for e in elements_of(mechanism.constraints) for line in (f"# {e.name}: {e.kind}", ADD[type(e)](e))]
-    surplus = sum(c.rows for c in mechanism.constraints) > 3 * len(mechanism.bodies)
-    head = HEAD.format(title=f"{scene.name}: {title}", t=scene.times[0], estimates=estimates)
+    surplus = sum(c.rows for c in mechanism.constraints) > kind.freedoms * len(mechanism.bodies)
+    bodies = (BODIES if kind is PLANE else SPATIAL_BODIES).format(estimates=estimates)
+    head = HEAD.format(title=f"{scene.name}: {title}", t=scene.times[0], bodies=bodies)
     tail = TAIL.format(
         tolerance=SLACK * mechanism.size(),
         redundant=REDUNDANT if surplus else "",
         times=list(scene.times),
         count=len(scene.times),
+        width=kind.width,
+        still=[int(x) for x in kind.still],
         name=scene.name,
     )
     return head + "\n".join(lines) + "\n" + tail
 
 
-REDUNDANT = """settings.linearSolverType = exu.LinearSolverType.EigenDense
-settings.linearSolverSettings.ignoreSingularJacobian = True
+REDUNDANT = """settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
+settings.linearSolver.ignoreSingularJacobian = True
 """
 
 
@@ -176,7 +215,45 @@ ADD: dict[type[Element], Any] = {
     RelativeAngle: _angle,
     RollingWheels: _wheels,
     RollingOnLine: _rack,
+    PointsMeet: lambda e: f"mbs.AddObject(ObjectJointSpherical(markerNumbers=[{_place(e, 'i')}, {_place(e, 'j')}]))",
+    SpatialPointDistance: lambda e: _spatial_distance(e),
+    AxesParallel: lambda e: _held(e, [0, 0, 0, 1, 1, 0]),
+    AxesPerpendicular: lambda e: _held(e, [0, 0, 0, 0, 0, 1], "hfg", "ghf"),
+    TurnAboutAxis: lambda e: _turned(e),
+    PointOnAxis: lambda e: _held(e, [1, 1, 0, 0, 0, 0]),
+    PointInPlane: lambda e: _held(e, [0, 0, 1, 0, 0, 0]),
 }
+
+
+def _held(e: Any, axes: list[int], columns_i: str = "fgh", columns_j: str = "fgh") -> str:
+    return f"hold({_place(e, 'i')}, {_place(e, 'j')}, {axes}, {_frame(e, 'i', columns_i)}, {_frame(e, 'j', columns_j)})"
+
+
+def _turned(e: Any) -> str:
+    if not e.laws:
+        return _held(e, [0, 0, 0, 0, 0, 1])
+    return f"turned.append(({_held(e, [0, 0, 0, 0, 0, 1])}, {_frame(e, 'i', 'fgh')}, {_law(e)}))"
+
+
+def _spatial_distance(e: Any) -> str:
+    ends = f"markerNumbers=[{_place(e, 'i')}, {_place(e, 'j')}]"
+    if not e.laws:
+        return f"mbs.AddObject(DistanceConstraint({ends}, distance={e.length!r}))"
+    return f"cylinders.append((mbs.AddObject(DistanceConstraint({ends}, distance=({_law(e)})(now))), {_law(e)}))"
+
+
+def _place(e: Any, side: str) -> str:
+    """Return a marker on a body of space, at the element's point or, where it has none, at the origin."""
+    return f"place{(getattr(e, f'body_{side}'), *getattr(e, f'point_{side}', (0.0, 0.0, 0.0)))!r}"
+
+
+def _frame(e: Any, side: str, columns: str) -> str:
+    """Return the matrix of an element's frame on a body; the unit matrix where it has no axis there."""
+    axis = getattr(e, f"axis_{side}", None)
+    if axis is None:
+        return "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
+    own = dict(zip("fgh", joint_frame(axis, getattr(e, f"zero_{side}", None)), strict=True))
+    return str([[float(own[column][row]) for column in columns] for row in range(3)])
 
 
 def _point(e: Any, side: str) -> str:

@@ -7,7 +7,8 @@ row per time: what `crosscheck solve --json` prints of each. A number may be a s
 
 The score of a level is -log10(|x - c| / |c|) in the maximum norm over all bodies, c the certified values, at the time
 where it is least; from 0 to 30. Lengths count in sizes of the mechanism, angles up to whole turns. |c| is 1 for poses,
-for rates the largest component at that time. Answers of another assembly are refused, and said by name.
+for rates the largest component at that time. In space rows are [x, y, z, e0, e1, e2, e3], with Euler parameters e of
+either sign, and their rates. Answers of another assembly are refused, and said by name.
 """
 
 import json
@@ -22,17 +23,23 @@ TURN, MOST = Decimal("6.2831853071795864769252867665590057683943387987502116"), 
 LEVELS = {"q": "position", "qd": "velocity", "qdd": "acceleration"}
 
 
+def side(given: Any, right: Any) -> int:
+    """Return which of p and -p, one pose of a body of space, was given; of the plane 1."""
+    pairs = zip(given[3:], right[3:], strict=True) if None not in given else ()
+    return -1 if sum(Decimal(str(x)) * Decimal(c) for x, c in pairs) < 0 else 1
+
+
 def distance(given: Any, right: Any, truth: Any, level: str, k: int) -> Decimal:
     """Return the largest difference of one time, in sizes and rad; infinite if a number is missing."""
-    largest = Decimal(0)
+    largest, units = Decimal(0), truth["units"]
     for body, place in truth["columns"].items():
-        for x, c, unit in zip(
-            given[body][level][k], right[place : place + len(truth["units"])], truth["units"], strict=True
-        ):
+        own = slice(place, place + len(units))
+        sign = side(given[body]["q"][k], (right if level == "q" else truth["q"][k])[own])
+        for x, c, unit in zip(given[body][level][k], right[own], units, strict=True):
             value = Decimal("nan" if x is None else str(x))
             if not value.is_finite():
                 return Decimal("inf")
-            off = value - Decimal(c)
+            off = value * (sign if unit == "Euler parameter" else 1) - Decimal(c)
             if unit == "angle" and level == "q":
                 off -= (off / TURN).to_integral_value() * TURN
             largest = max(largest, abs(off) / (Decimal(truth["size"]) if unit == "length" else 1))

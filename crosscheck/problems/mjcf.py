@@ -1,37 +1,52 @@
 """A problem as MJCF, MuJoCo's model file: plain text, written from the elements of the joints.
 
-Each body stands on the ground by two slides and a hinge, so that its three entries of qpos are x, y [m], phi [rad], and
-each element is an equality. MuJoCo has none that keeps a point on a line: a carriage is added there, a body of its own
-that slides on body i, along the line and, where the line is a rack, across it. The model is at rest in qpos = 0, where
-all frames lie on the ground's; the key `start` has the estimates. MuJoCo takes two points that are less than 1e-6 apart
-for one: a model of a small mechanism is in units of its size, and says so in `metres per unit`.
+Each body of the plane stands on the ground by two slides and a hinge, so that its three entries of qpos are x, y [m],
+phi [rad]; one of space is free, and has x, y, z and its Euler parameters. Each element is an equality. MuJoCo has none
+that keeps a point on a line: a carriage is added there, a body of its own that slides on body i, along the line and,
+where the line is a rack, across it. So it is with elements of space: a carriage slides and turns on body i as the
+element lets body j, to which it is welded. The model is at rest in qpos = 0, where all frames lie on the ground's; the
+key `start` has the estimates. MuJoCo takes two points that are less than 1e-6 apart for one: a model of a small
+mechanism is in units of its size, and says so in `metres per unit`.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Any
 from xml.etree import ElementTree as ET
 
 from crosscheck.errors import CannotRun
+from crosscheck.problems.frames import joint_frame, quaternion
 from crosscheck.problems.laws import formula
 from refkin.joints import (
     GROUND,
+    PLANE,
+    SPACE,
+    AxesParallel,
+    AxesPerpendicular,
     Element,
     GuidedPoint,
     Pair,
     PointCoordinate,
     PointDistance,
+    PointInPlane,
+    PointOnAxis,
     PointsCoincide,
+    PointsMeet,
     RelativeAngle,
     RollingOnLine,
     RollingWheels,
+    SpatialPointDistance,
+    TurnAboutAxis,
     elements_of,
 )
 from refkin.model import Scene
 
 INERTIA = {"pos": "0 0 0", "mass": "1", "diaginertia": "1 1 1"}
 """MuJoCo wants one on whatever moves; kinematics does not depend on it."""
+AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
+ORIGIN = (0.0, 0.0, 0.0)
 SMALL = 1e-3
 """The size below which a model is in units of it [m]."""
 
@@ -45,6 +60,7 @@ class _Model:
     """The model in the making; `carriages` counts the bodies that are not the scene's."""
 
     def __init__(self, scene: Scene) -> None:
+        plane = scene.mechanism.kind is PLANE
         self.t, size = scene.times[0], scene.mechanism.unit().size
         self.unit = size if size < SMALL else 1.0
         self.root = ET.Element("mujoco", {"model": scene.name})
@@ -58,18 +74,19 @@ class _Model:
         self.tendons, self.equalities = ET.Element("tendon"), ET.Element("equality")
         self.carriages = 0
         for body in scene.mechanism.bodies:
-            self.bodies[body.name] = self._body(world, body.name, "xyh", (0.0, 0.0))
+            self.bodies[body.name] = self._body(world, body.name, "xyh", (0.0, 0.0)) if plane else self._free(body.name)
         for element in elements_of(scene.mechanism.constraints):
             name = element.name if not element.row else f"{element.name} {element.kind}"
             ADD[type(element)](self, name, element)
         self.root.extend(part for part in (self.tendons, self.equalities) if len(part))
-        estimates = [body.estimate or (0.0, 0.0, 0.0) for body in scene.mechanism.bodies]
-        places = [value for x, y, phi in estimates for value in (x / self.unit, y / self.unit, phi)]
+        dimension = scene.mechanism.kind.dimension
+        estimates = [body.estimate or scene.mechanism.kind.still for body in scene.mechanism.bodies]
+        places = [x / (self.unit if k < dimension else 1.0) for q in estimates for k, x in enumerate(q)]
         key = ET.SubElement(self.root, "keyframe")
         # Carriages are children of bodies, so their coordinates stand among those of bodies: by name, not by place.
-        order = [joint.get("name", "") for joint in world.iter("joint")]
-        own = [f"{body.name}.{axis}" for body in scene.mechanism.bodies for axis in ("x", "y", "phi")]
-        known = dict(zip(own, places, strict=True))
+        own = [(body.name, axis) for body in scene.mechanism.bodies for axis in scene.mechanism.kind.coordinates]
+        known = {f"{body}.{axis}": x for (body, axis), x in zip(own, places, strict=True)}
+        order = [name for joint in world.iter() for name in self._coordinates_of(joint)]
         ET.SubElement(key, "key", {"name": "start", "qpos": " ".join(repr(known.get(name, 0.0)) for name in order)})
 
     def text(self) -> str:
@@ -85,10 +102,65 @@ class _Model:
                 ET.SubElement(body, "joint", {"name": f"{name}.{suffix}", "type": kind, "axis": axis})
         return body
 
-    def place(self, point: Pair) -> str:
-        return _numbers(point[0] / self.unit, point[1] / self.unit, 0.0)
+    def _free(self, name: str) -> ET.Element:
+        body = ET.SubElement(self.bodies[GROUND], "body", {"name": name})
+        ET.SubElement(body, "inertial", INERTIA)
+        ET.SubElement(body, "freejoint", {"name": name})
+        return body
 
-    def site(self, name: str, body: str, point: Pair) -> str:
+    def _coordinates_of(self, joint: ET.Element) -> Sequence[str]:
+        """Return the names of a joint's entries in qpos."""
+        if joint.tag == "freejoint":
+            return [f"{joint.get('name')}.{axis}" for axis in SPACE.coordinates]
+        return [joint.get("name", "")] if joint.tag == "joint" else []
+
+    def place(self, point: Sequence[float]) -> str:
+        return _numbers(*(x / self.unit for x in (*point, 0.0)[:3]))
+
+    def welded(self, name: str, e: Any, slides: str, hinges: str, columns: str = "fgh", law: Any = None) -> None:
+        """Add a carriage in the frame of the element on body i that slides and turns, and weld it to that on body j.
+
+        Parameters
+        ----------
+        slides, hinges : str
+            Along and about which axes of the frame, "x", "y", "z", one after the other; z is the element's axis.
+        columns : str
+            Which axes of the element's frame on body j are x, y and z of the site there.
+        law : float, optional
+            The angle of the first hinge.
+        """
+        self.carriages += 1
+        carriage = f"carriage {self.carriages}"
+        frame = quaternion(joint_frame(e.axis_i, getattr(e, "zero_i", None)))
+        where = {"name": carriage, "pos": self.place(getattr(e, "point_i", ORIGIN)), "quat": _numbers(*frame)}
+        body = self.bodies[carriage] = ET.SubElement(self.bodies[e.body_i], "body", where)
+        ET.SubElement(body, "inertial", INERTIA)
+        for kind, axes in (("slide", slides), ("hinge", hinges)):
+            for axis in axes:
+                joint = {"name": f"{carriage}.{kind} {axis}", "type": kind, "axis": AXES[axis]}
+                ET.SubElement(body, "joint", joint)
+        f, g, h = joint_frame(e.axis_j, getattr(e, "zero_j", None))
+        on_j = quaternion([{"f": f, "g": g, "h": h}[column] for column in columns])
+        at = {"name": f"{name} j", "pos": self.place(getattr(e, "point_j", ORIGIN)), "quat": _numbers(*on_j)}
+        ET.SubElement(self.bodies[e.body_j], "site", at)
+        ET.SubElement(body, "site", {"name": f"{name} i"})
+        ET.SubElement(self.equalities, "weld", {"name": f"{name} weld", "site1": f"{name} j", "site2": f"{name} i"})
+        if law is not None:
+            self.couple(name, f"{carriage}.hinge {hinges[0]}", law)
+
+    def guided(self, name: str, e: Any, slides: str) -> None:
+        """Add a carriage in the frame of the element on body i that slides, and tie point j to it."""
+        self.carriages += 1
+        carriage = f"carriage {self.carriages}"
+        frame = quaternion(joint_frame(e.axis_i, getattr(e, "zero_i", None)))
+        where = {"name": carriage, "pos": self.place(e.point_i), "quat": _numbers(*frame)}
+        body = self.bodies[carriage] = ET.SubElement(self.bodies[e.body_i], "body", where)
+        ET.SubElement(body, "inertial", INERTIA)
+        for axis in slides:
+            ET.SubElement(body, "joint", {"name": f"{carriage}.slide {axis}", "type": "slide", "axis": AXES[axis]})
+        self.connect(name, self.site(f"{name} i", carriage, ORIGIN), self.site(f"{name} j", e.body_j, e.point_j))
+
+    def site(self, name: str, body: str, point: Sequence[float]) -> str:
         ET.SubElement(self.bodies[body], "site", {"name": name, "pos": self.place(point)})
         return name
 
@@ -191,6 +263,13 @@ ADD: dict[type[Element], Any] = {
     RelativeAngle: _angle,
     RollingWheels: _wheels,
     RollingOnLine: _rack,
+    PointsMeet: _coincide,
+    SpatialPointDistance: _distance,
+    AxesParallel: lambda m, name, e: m.welded(name, e, "xyz", "z"),
+    AxesPerpendicular: lambda m, name, e: m.welded(name, e, "xyz", "zx", columns="hfg"),
+    TurnAboutAxis: lambda m, name, e: m.welded(name, e, "xyz", "zxy", law=m.said(e) if e.laws else e.angle),
+    PointOnAxis: lambda m, name, e: m.guided(name, e, "z"),
+    PointInPlane: lambda m, name, e: m.guided(name, e, "xy"),
 }
 
 

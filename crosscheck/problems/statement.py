@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 from random import Random
 from typing import Any
 
 import numpy as np
 
+from crosscheck.problems import planar, spatial
 from crosscheck.problems.certified import NotProved, Truth, certified
-from crosscheck.problems.planar import FAMILIES, Stated
+from crosscheck.problems.stated import Stated
+from refkin.joints import SPACE
 from refkin.model import Body, Scene
+from refkin.motion import Status
 from refkin.proof.assembly.assembly import Assemblies, assemblies
-from refkin.scenes.linkages import Branch, rough
+from refkin.proof.assembly.spatial import signed
+from refkin.scenes.linkages import Branch
+from refkin.solving.solve import solve
 from refkin.system import System, compile_system
 
 MOST_OTHERS = 7
@@ -33,7 +39,7 @@ class Problem:
         "open" or "crossed" of a linkage; on which side each dyad's inner joint lies; or a number, in order of size.
     truth : Truth
     others : tuple of dict
-        Per time, name of another assembly -> its coordinates in metres and radians (float64).
+        Per time, name of another assembly -> its coordinates in metres and radians (float64), as far as it goes.
     """
 
     name: str
@@ -56,22 +62,31 @@ class Draft:
 
     def problem(self) -> Problem:
         """Return the problem, with the answer that is proved."""
-        system = compile_system(self.stated.mechanism, unit=self.stated.mechanism.unit())
-        found = [assemblies(system, t) for t in self.stated.times]
-        names = assembly_names(self.stated, system, found[0])
+        stated = self.stated
+        system = compile_system(stated.mechanism, unit=stated.mechanism.unit())
+        found = _in_order(assemblies(system, stated.times[0]))
+        names = assembly_names(stated, system, found)
+        away = [_apart(system, found.poses[self.assembly], q) for q in found.poses]
+        nearest = sorted(range(len(away)), key=away.__getitem__)[: MOST_OTHERS + 1]
+        scenes = {names[k]: _scene(stated, system, found, k, f"{self.name} {names[k]}") for k in nearest}
         meant = names[self.assembly]
-        scene = _scene(self.stated, system, found[0], self.assembly, f"{self.name} {meant}".replace(" ", "-"))
-        truth = certified(scene)
-        others = tuple(
-            _others(system, known, [float(x) for x in row], dict(zip(found[0].branches, names, strict=False)))
-            for known, row in zip(found, truth.levels[0], strict=True)
-        )
-        return Problem(scene.name, self.family, self.stated.title, meant, scene, truth, others)
+        own = scenes.pop(meant)
+        others = followed(scenes, len(own.times))
+        return Problem(own.name, self.family, stated.title, meant, own, certified(own), others)
+
+
+def followed(scenes: Mapping[str, Scene], times: int) -> tuple[Mapping[str, list[float]], ...]:
+    """Return per time where the scenes of some assemblies have gone, by their names, as far as they go."""
+    motions = {name: solve(scene) for name, scene in scenes.items()}
+    return tuple(
+        {name: motion.q[:, k].tolist() for name, motion in motions.items() if motion.status[k] is Status.OK}
+        for k in range(times)
+    )
 
 
 def drafts(only: str = "") -> Iterator[Draft]:
     """Yield the problems of the set in their order, or those whose family's name contains a text."""
-    for family in FAMILIES:
+    for family in (*planar.FAMILIES, *spatial.FAMILIES):
         name = family.__name__.replace("_", "-")
         for k, stated in enumerate(family(Random(name)) if only in name else ()):
             for assembly in range(stated.assemblies):
@@ -92,32 +107,31 @@ def assembly_names(stated: Stated, system: System, found: Assemblies) -> list[st
     return ["only"] if len(found.poses) == 1 else [f"number {k + 1}" for k in range(len(found.poses))]
 
 
+def _in_order(found: Assemblies) -> Assemblies:
+    """Return assemblies that were found by search, in whatever order, sorted by their coordinates."""
+    if all(found.branches):
+        return found
+    return replace(found, poses=tuple(sorted(found.poses, key=lambda q: np.round(q, 6).tolist())))
+
+
 def _scene(stated: Stated, system: System, found: Assemblies, k: int, name: str) -> Scene:
     """Return the scene with estimates of the k-th assembly, as rough as the nearest other one allows."""
     near = min((_apart(system, found.poses[k], q) for n, q in enumerate(found.poses) if n != k), default=1.0)
+    decimals = max(2, math.ceil(-math.log10(min(near, 1.0) / 20)))
+    lengths = decimals - math.floor(math.log10(system.unit.size))
     metres = system.to_physical(found.poses[k])
-    pose = {body.name: tuple(metres[system.columns(body.name)].tolist()) for body in stated.mechanism.bodies}
-    size = system.unit.size
-    estimates = rough(pose, size, size * min(near, 1.0) ** 2 / 4)
-    bodies = tuple(Body(name=body, estimate=estimate) for body, estimate in estimates.items())
-    return Scene(mechanism=replace(stated.mechanism, bodies=bodies), times=stated.times, name=name)
+    bodies = []
+    for body in stated.mechanism.bodies:
+        at = metres[system.columns(body.name)].tolist()
+        origin, turned = at[: system.kind.dimension], at[system.kind.dimension :]
+        estimate = (*(round(x, lengths) for x in origin), *(round(x, decimals) for x in turned))
+        bodies.append(Body(name=body.name, estimate=estimate))
+    mechanism = replace(stated.mechanism, bodies=tuple(bodies))
+    return Scene(mechanism=mechanism, times=stated.times, name=name.replace(" ", "-"))
 
 
 def _apart(system: System, q: Any, other: Any) -> float:
-    """Return the largest difference of two poses in the system's coordinates, angles up to whole turns."""
-    difference = np.abs(np.asarray(q) - other)
+    """Return the largest difference of two poses in the system's coordinates, whole turns and signs of p aside."""
+    difference = np.abs(q - (signed(system, other, q) if system.kind is SPACE else other))
     turned = np.abs((difference + np.pi) % (2 * np.pi) - np.pi)
     return float(np.max(np.where(system.angles, turned, difference)))
-
-
-def _others(
-    system: System, found: Assemblies, own: Sequence[float], names: Mapping[Any, str]
-) -> Mapping[str, list[float]]:
-    """Return the assemblies at a time but the one that is meant, the nearest ones, by name."""
-    at = system.to_unit(np.array(own))
-    away = sorted(range(len(found.poses)), key=lambda k: _apart(system, at, found.poses[k]))
-    out: dict[str, list[float]] = {}
-    for k in away[1 : MOST_OTHERS + 1]:
-        name = names.get(found.branches[k] if found.branches else None, f"other {len(out) + 1}")
-        out[name] = [float(x) for x in system.to_physical(found.poses[k])]
-    return out

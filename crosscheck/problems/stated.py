@@ -1,0 +1,60 @@
+"""A mechanism of the problem set as it is stated: without estimates, in numbers of a few decimals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from random import Random
+from typing import Any
+
+from refkin.joints import GROUND, Constraint, Driver
+from refkin.model import Body, Mechanism
+from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import Linkage
+
+TIMES = (0.0, 0.5, 1.0, 1.5, 2.0)
+"""Times of a regular problem [s]."""
+
+
+@dataclass(frozen=True)
+class Stated:
+    """A mechanism without estimates, and when it is asked for.
+
+    Attributes
+    ----------
+    title : str
+        What it is, in a line.
+    times : tuple of float
+        Increasing [s].
+    assemblies : int
+        How many of its assemblies become problems.
+    linkage : Linkage or None
+        Whose two assemblies have names, and the coordinate that is its input.
+    """
+
+    title: str
+    mechanism: Mechanism
+    times: tuple[float, ...] = TIMES
+    assemblies: int = 2
+    linkage: Linkage | None = None
+    driven: str = "crank"
+
+
+def stated(title: str, joints: Sequence[Constraint], drivers: Driver | list[Driver], **more: Any) -> Stated:
+    """Return a mechanism of the bodies that its joints and drivers name, each without an estimate."""
+    held = tuple(drivers) if isinstance(drivers, list) else (drivers,)
+    names = dict.fromkeys(body for c in (*joints, *held) for body in c.bodies if body not in (GROUND, ""))
+    return Stated(title, Mechanism(tuple(Body(name=name) for name in names), tuple(joints), held), **more)
+
+
+def polynomial(*coefficients: float) -> Polynomial:
+    """Return c0 + c1 t + ..."""
+    return Polynomial(coefficients=coefficients)
+
+
+def within(random: Random, low: float, high: float, decimals: int = 2) -> float:
+    """Return a number between two, of a few decimals."""
+    return round(low + (high - low) * random.random(), decimals)
+
+
+Family = Callable[[Random], Iterator[Stated]]
