@@ -7,8 +7,8 @@ and a time, a refusal names engine, joint and level. No text is ever taken apart
 from __future__ import annotations
 
 import json
-import math
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator
 from dataclasses import dataclass, field
 from enum import StrEnum
 from functools import cache
@@ -327,20 +327,6 @@ class NewCase:
     note: str = ""
 
 
-FEATURES = ("joints", "driver", "law", "class", "hardness")
-CELL = (*FEATURES, "decade of the distance")
-"""What of a drawn scene is counted together: one cell of the table of coverage."""
-
-
-def cell_of(about: Mapping[str, Any]) -> tuple[str, ...] | None:
-    """Return the cell of the table of coverage that a scene belongs to; None if it was not drawn."""
-    if not all(name in about for name in FEATURES):
-        return None
-    distance = about.get("distance")
-    decade = str(math.floor(math.log10(distance))) if distance else "none"
-    return (*(str(about[name]) for name in FEATURES), decade)
-
-
 @dataclass(frozen=True)
 class Unreadable:
     """A line that is no record, and why: the key, its value and what was expected; or a `torn` one, that is no JSON."""
@@ -401,12 +387,38 @@ def fault(error: ValidationError) -> str:
     return f"{where}: {value if len(value) <= 80 else value[:77] + '...'}; {first['msg'][0].lower()}{first['msg'][1:]}"
 
 
+def _later_of_equals(path: Path) -> set[int]:
+    """Return the lines whose scene another line has under a smaller number of the night."""
+    first: dict[bytes, tuple[int, int]] = {}
+    later = set()
+    with path.open("rb") as lines:
+        for at, line in enumerate(lines, 1):
+            found = KEY_AND_NUMBER.match(line) if line.endswith(b"\n") else None
+            if found:
+                place = int(found[2]), at
+                known = first.setdefault(found[1], place)
+                if place[0] != known[0]:
+                    first[found[1]] = min(place, known)
+                    later.add(max(place, known)[1])
+    return later
+
+
+KEY_AND_NUMBER = re.compile(rb'\{"key":"([^"]*)".*?"shard":(\d+)')
+"""At the beginning of a line of a drawn scene."""
+
+
 def read_records(path: Path) -> Iterator[tuple[int, Record | Unreadable]]:
-    """Yield (line number, its record); nothing if there is no such file. One line is in memory at a time."""
+    """Yield (line number, its record); nothing if there is no such file. One line is in memory at a time.
+
+    Left out is a scene that stands in another line, too, under a smaller number of the night: workers race.
+    """
     if not path.exists():
         return
+    passed_over = _later_of_equals(path)
     with path.open("rb") as lines:
         for number, line in enumerate(lines, 1):
+            if number in passed_over:
+                continue
             try:
                 yield number, read_line(line)
             except NoRecord as error:

@@ -8,8 +8,9 @@ from functools import lru_cache
 from typing import Any
 
 from crosscheck.engines import Engine, load
-from crosscheck.judge.records import Cause, Disagreement, Record, cell_of
+from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check, key_of
+from crosscheck.scenes.coverage import pairs_of
 from crosscheck.scenes.drawing import describe, draw
 from crosscheck.workers.pool import SECONDS_PER_SCENE, Parts, Work, Workers
 from crosscheck.workers.processes import Failure, preload
@@ -21,16 +22,21 @@ def scene_of(job: Mapping[str, Any]) -> tuple[Scene, dict[str, Any]]:
     """Return the scene of a job and what the generator knows of it.
 
     A job holds the data of a scene's file under `scene`, and perhaps `about`; or the seed of a night under `night` and
-    the numbers of scenes under `shards`. Of those the one is drawn whose features were met together least often, as
-    `seen` (cell -> how often) has it.
+    the numbers of scenes under `shards`. Of those the one is drawn that adds most: the pairs of its features were met
+    least often, as `seen` (pair -> how often) has it.
     """
     if "scene" in job:
         return parse(job["scene"]), dict(job.get("about", {}))
     scenes = [(draw(job["night"], number), number) for number in job["shards"]]
     seen = job.get("seen", {})
     about = [{**describe(drawn), "shard": number} for drawn, number in scenes]
-    least = min(range(len(scenes)), key=lambda k: seen.get(cell_of(about[k]), 0))
-    return scenes[least][0].scene, about[least]
+    best = max(range(len(scenes)), key=lambda k: _new_in(about[k], seen))
+    return scenes[best][0].scene, about[best]
+
+
+def _new_in(about: Mapping[str, Any], seen: Mapping[str, int]) -> float:
+    """Return how much of a scene is new: 1 for a pair of features not met yet, 1/2 for one met once, and so on."""
+    return sum(1.0 / (1 + seen.get(pair, 0)) for pair in pairs_of(about))
 
 
 def check_job(job: Mapping[str, Any]) -> Record:

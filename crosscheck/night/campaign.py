@@ -17,7 +17,7 @@ from crosscheck.errors import UsageError
 from crosscheck.judge import known_gaps
 from crosscheck.judge.budget import SAFETY
 from crosscheck.judge.known_gaps import Tally
-from crosscheck.judge.records import NewCase, Record, cell_of
+from crosscheck.judge.records import NewCase, Record
 from crosscheck.measure.check import key_of
 from crosscheck.measure.jobs import CHECK
 from crosscheck.night.disagreements import FOLDER, SCENE_FILE, write_disagreements
@@ -36,6 +36,7 @@ from crosscheck.night.plan import (
     read_outcome,
     write_outcome,
 )
+from crosscheck.scenes.coverage import pairs_of
 from crosscheck.scenes.drawing import draw, is_chain, numbers_of, turn_of
 from crosscheck.workers.cluster import ClusterWorkers
 from crosscheck.workers.installed import find_engines
@@ -164,7 +165,8 @@ class Turns:
     def __init__(self, journal: Journal) -> None:
         self.done: dict[int, str] = {}
         self.numbers: dict[int, str] = {}
-        self.cells: dict[int, Counter[tuple[str, ...]]] = {}
+        self.pairs: dict[int, Counter[str]] = {}
+        self._seen: dict[int, dict[str, int]] = {}
         self.pending: set[int] = set()
         self.next = 0
         for record in journal:
@@ -184,9 +186,7 @@ class Turns:
         self.numbers[number] = record.key
         self.done[turn] = record.key
         self.pending.discard(turn)
-        cell = cell_of(record.about)
-        if cell is not None:
-            self.cells.setdefault(turn // ROUND, Counter())[cell] += 1
+        self.pairs.setdefault(turn // ROUND, Counter()).update(pairs_of(record.about))
 
     def take(self, most: int) -> list[int]:
         """Return the next turns, at most so many: fewer, or none, if what they should add is not known yet."""
@@ -201,10 +201,13 @@ class Turns:
             self.next += 1
         return taken
 
-    def seen(self, turn: int) -> Counter[tuple[str, ...]]:
-        """Return how often each cell was met in all rounds but the last two, that of the turn and the one before."""
-        rounds = [cells for number, cells in self.cells.items() if number < turn // ROUND - 1]
-        return sum(rounds, Counter())
+    def seen(self, turn: int) -> dict[str, int]:
+        """Return how often two features were met at once in all rounds but that of the turn and the one before it."""
+        present = turn // ROUND
+        if present not in self._seen:
+            rounds = [pairs for number, pairs in self.pairs.items() if number < present - 1]
+            self._seen[present] = dict(sum(rounds, Counter()))
+        return self._seen[present]
 
 
 def _records(
@@ -247,7 +250,7 @@ def _by_engines(
 
 def _job(seed: int, turn: int, turns: Turns) -> Job:
     numbers = numbers_of(turn)
-    return {"night": seed, "shards": numbers, "seen": dict(turns.seen(turn)) if len(numbers) > 1 else {}}
+    return {"night": seed, "shards": numbers, "seen": turns.seen(turn) if len(numbers) > 1 else {}}
 
 
 def is_sampled(turn: int) -> bool:

@@ -24,15 +24,15 @@ class Occupied(UsageError):
 
 
 class Journal:
-    """An append-only file of records; the first record of a key counts, later ones are not written.
+    """An append-only file of records. Of equal scenes the one with the least number counts, whichever came first.
 
     A line that a kill cut short is removed when the file is opened again; its scene is then checked anew. A whole line
     that is no record stays where it is, for the report to complain of, and counts as none.
 
     Attributes
     ----------
-    keys : set of str
-        Of the records.
+    keys : dict of str to int or None
+        Of the records, with the numbers of their scenes.
     unreadable : list of Unreadable
         The whole lines that are no records.
 
@@ -44,31 +44,34 @@ class Journal:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        self.keys: set[str] = set()
+        self.keys: dict[str, int | None] = {}
         self.unreadable: list[Unreadable] = []
         path.parent.mkdir(parents=True, exist_ok=True)
         self._file = path.open("ab")
         try:
             self._lock()
             self._cut_torn_line()
-            self.keys = {record.key for record in self}
+            self.keys = {record.key: _number(record) for record in self}
         except BaseException:
             self._file.close()
             raise
 
     def append(self, record: Record) -> bool:
-        """Write a record and hand it to the system; return whether it was new.
+        """Write a record and hand it to the system; return whether it counts.
 
         Raises
         ------
         ValueError
             If the record holds a number that is not finite: JSON has none.
         """
+        number = _number(record)
         if record.key in self.keys:
-            return False
+            kept = self.keys[record.key]
+            if number is None or kept is None or number >= kept:
+                return False
         self._file.write(line_of(record) + b"\n")
         self._file.flush()
-        self.keys.add(record.key)
+        self.keys[record.key] = number
         return True
 
     def __iter__(self) -> Iterator[Record]:
@@ -117,6 +120,11 @@ class Journal:
                 whole = start
         if whole != end:
             self._file.truncate(whole)
+
+
+def _number(record: Record) -> int | None:
+    number = record.about.get("shard")
+    return number if isinstance(number, int) else None
 
 
 def replace_file(path: Path, text: str) -> None:

@@ -10,7 +10,6 @@ from statistics import median
 from typing import Any
 
 from crosscheck.judge.records import (
-    CELL,
     MOST_DIGITS,
     QUANTITIES,
     Answer,
@@ -18,9 +17,9 @@ from crosscheck.judge.records import (
     Record,
     ReferenceRow,
     RefusalRow,
-    cell_of,
 )
 from crosscheck.report.cells import Digits, Place, describe
+from crosscheck.scenes.coverage import CELL, cell_of, features_of
 
 MOST_VALUES = 60
 """Distinct values kept per property; what comes after is counted as "others"."""
@@ -92,22 +91,45 @@ class Refusals:
 
 
 class Together:
-    """How often the features of scenes were met together: the cells of the table of coverage."""
+    """How often the features of scenes were met together: the cells of the table of coverage, and every two of them."""
 
     def __init__(self) -> None:
         self.cells: Counter[tuple[str, ...]] = Counter()
+        self.values: dict[str, set[str]] = {}
+        self.pairs: Counter[tuple[tuple[str, str], tuple[str, str]]] = Counter()
 
     def add(self, about: Mapping[str, Any]) -> None:
         """Count one scene, if it was drawn."""
         cell = cell_of(about)
         if cell is not None:
             self.cells[cell] += 1
+        features = features_of(about)
+        for name, value in features:
+            self.values.setdefault(name, set()).add(value)
+        self.pairs.update(combinations(features, 2))
 
     def described(self) -> dict[str, Any]:
-        """Return the features, how many cells were met and how many only once, and every cell, the rarest last."""
+        """Return the features, how many cells were met and how many only once, and every cell, the rarest last.
+
+        `pairs` has, per two kinds of features, how many of all their pairs were met, how many there are, and how many
+        were met only once; and by name those that were not met.
+        """
         rows = [[*cell, scenes] for cell, scenes in sorted(self.cells.items(), key=lambda item: (-item[1], item[0]))]
         once = sum(scenes == 1 for scenes in self.cells.values())
-        return {"features": list(CELL), "cells": len(rows), "once": once, "rows": rows}
+        pairs = [self._pairs(a, b) for a, b in combinations(sorted(self.values), 2)]
+        return {"features": list(CELL), "cells": len(rows), "once": once, "rows": rows, "pairs": pairs}
+
+    def _pairs(self, a: str, b: str) -> dict[str, Any]:
+        every = [((a, x), (b, y)) for x in sorted(self.values[a]) for y in sorted(self.values[b])]
+        missing = [[x, y] for (_, x), (_, y) in every if ((a, x), (b, y)) not in self.pairs]
+        once = sum(self.pairs[pair] == 1 for pair in every)
+        return {
+            "features": [a, b],
+            "met": len(every) - len(missing),
+            "of": len(every),
+            "once": once,
+            "missing": missing,
+        }
 
 
 def _count(counts: Counter[str], value: str) -> None:

@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import time
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 import refkin
-from crosscheck.judge.records import FEATURES, At, Cause, Disagreement, NewCase, Record
+from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, read_records
+from crosscheck.measure import jobs
 from crosscheck.night import campaign
 from crosscheck.night.campaign import ROUND, OtherRun, Turns, _records, run, seed_of
 from crosscheck.night.disagreements import write_disagreements
 from crosscheck.night.journal import Journal
 from crosscheck.night.plan import SAMPLED, NightPlan
+from crosscheck.scenes.coverage import FEATURES, pairs_of
 from crosscheck.scenes.drawing import CHAINS_EVERY, WARM_UP, draw, effort, is_chain, numbers_of, turn_of
 from crosscheck.workers.installed import SameName, find_engines
 from crosscheck.workers.pool import BATCH
@@ -196,6 +200,35 @@ def test_a_scene_that_is_drawn_twice_counts_once_and_one_more_is_drawn_for_it(tm
     assert shards == [0, 2, 3, 5, 6]
 
 
+@pytest.mark.parametrize("order", [(3, 8), (8, 3)])
+def test_of_equal_scenes_that_with_the_least_number_counts_whichever_worker_was_faster(order, tmp_path):
+    path = tmp_path / "records.jsonl"
+    with Journal(path) as journal:
+        for number in order:
+            journal.append(replace(typed(record("a")), about={"shard": number}))
+    with Journal(path) as journal:
+        assert [met.about["shard"] for met in journal] == [3]
+        assert not journal.append(replace(typed(record("a")), about={"shard": 5}))
+        assert journal.append(replace(typed(record("a")), about={"shard": 1}))
+
+    assert [met.about["shard"] for _, met in read_records(path)] == [1]
+
+
+def test_of_two_scenes_that_with_more_pairs_of_features_not_met_yet_is_checked(monkeypatch):
+    drawn = {0: ("angle", "table"), 7: ("y", "polynomial")}
+    kept = {"joints": "revolute", "class": "double-rocker", "hardness": "ordinary", "distance": 0.02}
+    monkeypatch.setattr(jobs, "draw", lambda night, number: SimpleNamespace(scene=number))
+    monkeypatch.setattr(
+        jobs, "describe", lambda scene: {**kept, **dict(zip(("driver", "law"), drawn[scene.scene], strict=True))}
+    )
+    number, about = jobs.scene_of({"night": 1, "shards": (0, 7), "seen": {}})
+    seen = dict.fromkeys(pairs_of(about), 5)
+
+    assert number == 0
+    assert "driver angle & law table" in seen
+    assert jobs.scene_of({"night": 1, "shards": (0, 7), "seen": seen})[0] == 7
+
+
 def test_what_is_drawn_does_not_depend_on_which_records_of_the_last_rounds_came_first(tmp_path):
     with Journal(tmp_path / "records.jsonl") as journal:
         turns = Turns(journal)
@@ -205,7 +238,9 @@ def test_what_is_drawn_does_not_depend_on_which_records_of_the_last_rounds_came_
             turns.settle(replace(typed(record(str(number))), about={"shard": number, **dict.fromkeys(FEATURES, "a")}))
 
         assert (seen, turns.take(3 * ROUND)) == ({}, list(range(2 * ROUND, 3 * ROUND)))
-        assert dict(turns.seen(2 * ROUND)) == {(*["a"] * len(FEATURES), "none"): ROUND}
+        met = turns.seen(2 * ROUND)
+        assert len(met) == math.comb(len(FEATURES) + 1, 2)
+        assert met["class a & driver a"] == met["decade of the distance none & law a"] == ROUND
 
 
 def test_every_number_has_one_turn_and_chains_have_turns_of_their_own():

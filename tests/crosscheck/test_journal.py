@@ -110,7 +110,7 @@ def test_a_record_that_json_cannot_hold_is_refused_whole(path):
         with pytest.raises(ValueError, match="not JSON compliant"):
             journal.append(record("a", ratio=float("nan")))
 
-        assert (path.read_text(), journal.keys) == ("", set())
+        assert (path.read_text(), journal.keys) == ("", {})
 
 
 def test_two_runs_cannot_write_to_one_file(path):

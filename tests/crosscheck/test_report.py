@@ -530,3 +530,16 @@ def test_history_at_a_fold_halves_its_corrections() -> None:
 def test_histories_have_one_residual_more_than_corrections() -> None:
     for history in newton_histories():
         assert len(history["residual"]) == len(history["correction"]) + 1 == history["iterations"] + 1
+
+
+def test_the_page_says_how_many_pairs_of_features_were_met_and_the_report_which_were_not(tmp_path: Path) -> None:
+    common = {"class": "none", "hardness": "ordinary", "distance": None}
+    scenes = [("revolute", "angle", "table"), ("revolute", "y", "table"), ("cam", "angle", "sinusoid")]
+    about = [{**common, "joints": j, "driver": d, "law": law, "shard": k} for k, (j, d, law) in enumerate(scenes)]
+    records = [{**record(str(k), good_answer("mujoco")), "about": drawn} for k, drawn in enumerate(about)]
+    report = reported(write(tmp_path, *records))
+
+    pairs = {" · ".join(row.pop("features")): row for row in report["together"]["pairs"]}
+    assert pairs["driver · joints"] == {"met": 3, "of": 4, "once": 3, "missing": [["y", "cam"]]}
+    without = [["cam", "table"], ["revolute", "sinusoid"]]
+    assert pairs["joints · law"] == {"met": 2, "of": 4, "once": 1, "missing": without}
