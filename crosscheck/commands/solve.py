@@ -12,7 +12,7 @@ import numpy as np
 
 from crosscheck.commands.usage import Json, print_numbers, writable
 from refkin.model import Scene
-from refkin.motion import Motion, Status
+from refkin.motion import BodyMotion, Motion, Status
 from refkin.output import SceneMotion
 from refkin.scenes.files import load, schema
 from refkin.solving import solve as solving
@@ -64,7 +64,8 @@ def to_json(scene: Scene, motion: Motion) -> dict[str, Any]:
         "t": numbers(motion.t),
         "status": [s.value for s in motion.status],
         "bodies": {
-            body: _called_for(q=motion[body].q, qd=motion[body].qd, qdd=motion[body].qdd) for body in motion.bodies
+            body: _called_for(q=motion[body].q, qd=motion[body].qd, qdd=motion[body].qdd, **_turning(motion[body]))
+            for body in motion.bodies
         },
         "points": {name: _called_for(r=p.r, v=p.v, a=p.a) for name, p in motion.points.items()},
         "residual": numbers(motion.residual),
@@ -76,6 +77,11 @@ def to_json(scene: Scene, motion: Motion) -> dict[str, Any]:
             "acceleration": numbers(radius.acceleration),
         },
     }
+
+
+def _turning(body: BodyMotion) -> dict[str, Any]:
+    """Return angular velocity and acceleration of a body of space; in the plane they are in qd and qdd."""
+    return {key: getattr(body, key, None) for key in ("omega", "alpha")} if hasattr(body, "rotation") else {}
 
 
 def numbers(values: Iterable[float]) -> list[float | None]:

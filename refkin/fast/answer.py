@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import SINGULAR, motion_of
+from refkin.analysis import SINGULAR, acceleration, motion_of, velocity
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
 from refkin.fast.residual import residual
@@ -58,6 +58,9 @@ def motion(
     closed = (off <= ROUND_OFF).all() or is_round_off(off[None], levels[0]).all()
     if not closed or not all(math.isfinite(level.sum()) for level in levels):
         return None
+    idle = [p.constraint.idle for p in system.placed if p.constraint.idle]
+    if idle:  # the tape holds idle bodies as they were estimated, so that they spin as they go
+        message, levels = "; ".join(filter(None, (message, *idle))), _without_spin(system, levels, t)
     evidence = _evidence(scene, system, made, levels, t, pivot)
     if evidence is None:
         return None
@@ -77,6 +80,13 @@ def motion(
     )
 
 
+def _without_spin(system: System, levels: list[Any], t: Any) -> list[Any]:
+    """Return the levels with idle bodies held as they are turned at each pose."""
+    q, held = levels[0], system.gauged(levels[0])
+    rates = [velocity(held, q, t)] if len(levels) > 1 else []
+    return [q, *rates, *([acceleration(held, q, rates[0], t)] if len(levels) > 2 else [])]
+
+
 def _evidence(
     scene: Scene, system: System, made: Compiled, levels: list[Any], t: Any, pivot: Any
 ) -> tuple[Any, Any, CertifiedRadius] | None:
@@ -87,7 +97,8 @@ def _evidence(
     asked = Evidence.CONDITION in scene.evidence
     near = np.arange(count) if asked else np.flatnonzero(~(pivot > CLEAR))
     if near.size and (asked or not proved):
-        slope = np.moveaxis(system.phi_q(levels[0][:, near], t[near]), -1, 0)
+        here = system.gauged(levels[0][:, near])
+        slope = np.moveaxis(here.phi_q(levels[0][:, near], t[near]), -1, 0)
         sigma = np.linalg.svd(slope, compute_uv=False)
         smallest = sigma[:, system.n - 1]
         if not proved and not (smallest > SINGULAR).all():

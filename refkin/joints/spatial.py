@@ -45,6 +45,7 @@ from refkin.joints.spatial_terms import (
     Term,
     Turn,
     blocks_of,
+    root,
     unit_vector,
 )
 from refkin.joints.spatial_vectors import Quaternion, SpatialValues, Vec3
@@ -535,7 +536,7 @@ class IdleSpin(UnitLength):
         length = sum(x * x for x in self.line)
         p0 = Quaternion.of(*self.reference)
         size = p0.dot(p0) * length
-        scale = 2 / (size.sqrt() if hasattr(size, "sqrt") else math.sqrt(size))
+        scale = 2 / root(size)
         return tuple(x * scale for x in p0.times(Quaternion(0, Vec3(*self.line))).parts)
 
     def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]

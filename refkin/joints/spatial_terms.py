@@ -27,6 +27,8 @@ from __future__ import annotations
 import math
 from typing import Any
 
+import numpy as np
+
 from refkin.joints.base import Blocks, Rows, Unit
 from refkin.joints.elements import Triple
 from refkin.joints.spatial_vectors import Arm, Quaternion, SpatialValues, Vec3
@@ -40,15 +42,23 @@ CLEAR = 0.7
 
 
 def root(square: Scalar) -> Scalar:
-    """Return the square root of a float or a ball."""
-    return square.sqrt() if hasattr(square, "sqrt") else math.sqrt(square)
+    """Return the square root of a float, a row, or a number that brings its own."""
+    if hasattr(square, "sqrt"):
+        return square.sqrt()
+    return np.sqrt(square) if isinstance(square, np.ndarray) else math.sqrt(square)
+
+
+def about(x: Scalar) -> float:
+    """Return a float near a number of any arithmetic; of a row the smallest."""
+    mid = getattr(x, "mid", x)  # of balls a method
+    return float(x if callable(mid) else np.min(mid))
 
 
 def unit_vector(v: Triple) -> Vec3:
     """Return a vector scaled to length 1."""
     x, y, z = v
-    is_ball = any(hasattr(u, "sqrt") for u in v)
-    length: Any = root(x * x + y * y + z * z) if is_ball else math.hypot(*v)
+    plain = all(isinstance(u, int | float) for u in v)
+    length: Any = math.hypot(*v) if plain else root(x * x + y * y + z * z)
     return Vec3(x / length, y / length, z / length)
 
 
@@ -56,7 +66,7 @@ def frame(axis: Triple, zero: Triple | None) -> tuple[Vec3, Vec3, Vec3]:
     """Return (f, g, h); without a zero f lies across the axis somewhere, which no row but an angle's asks for."""
     h = unit_vector(axis)
     if zero is None:
-        sizes = [abs(float(x)) for x in axis]
+        sizes = [abs(about(x)) for x in axis]
         k = next(k for k in range(3) if sizes[k] <= min(sizes) / CLEAR)
         zero = tuple(float(n == k) for n in range(3))  # type: ignore[assignment]
     z = Vec3(*zero)  # type: ignore[misc]
@@ -73,7 +83,7 @@ def parameters_of(f: Vec3, g: Vec3, h: Vec3) -> tuple[Scalar, ...]:
         (c - k, d + b, 1 - a + e - i, m + n),
         (d - b, c + k, m + n, 1 - a - e + i),
     )
-    sizes = [float(row[k]) for k, row in enumerate(rows)]
+    sizes = [about(row[k]) for k, row in enumerate(rows)]
     place = next(k for k in range(4) if sizes[k] >= CLEAR * max(sizes))
     length = 2 * root(rows[place][place])
     return tuple(x / length for x in rows[place])

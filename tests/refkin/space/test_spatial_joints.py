@@ -12,7 +12,10 @@ from refkin.differences import jacobian
 from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, elements_of
 from refkin.joints.spatial_terms import frame, relative
 from refkin.joints.spatial_vectors import SpatialValues
+from refkin.motion import BodyMotion
+from refkin.scenes.linkages import RSSR
 from refkin.solving.mobility import common_columns
+from refkin.system import compile_system
 from tests.refkin.space.cases import BETWEEN, CASES, FORMS, NAMES, alone, anywhere, drivers, joints
 
 U = 2.0**-53
@@ -213,3 +216,38 @@ def in_six_columns(system, q):
 def test_the_elements_of_a_joint_have_its_rows(form):
     for c in (c for c in CASES if getattr(c, "form", form) == form):
         assert sum(element.rows for element in elements_of([c])) == c.rows
+
+
+def test_the_equations_of_a_linkage_have_a_row_for_each_unit_length_and_hold_off_it():
+    """An RSSR: 18 rows of joints, a driver, three unit lengths, one idle spin; anywhere, by complex steps."""
+    mechanism = RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125)).scene(start=0.4).mechanism
+    system = compile_system(mechanism, unit=mechanism.unit())
+    q, qd = np.random.default_rng(7).normal(size=(2, system.n))
+    h = 1e-100
+
+    def rate(s):
+        at, t = q + s * qd, T + s
+        return system.phi_q(at, t) @ qd - system.nu(at, t)
+
+    assert (system.m, system.n) == (21, 21)
+    np.testing.assert_allclose(system.phi_q(q, T), jacobian(lambda x: system.phi(x, T), q), rtol=0, atol=1e-14)
+    np.testing.assert_allclose(system.gamma(q, qd, T), -np.imag(rate(1j * h)) / h, rtol=0, atol=1e-12)
+
+
+def test_coordinates_and_rates_of_a_turning_body_are_those_of_its_rotation_matrix():
+    """Euler parameters scalar first; omega and alpha in the ground frame, by a complex step of the matrix."""
+    t, h = 0.7, 1e-100
+
+    def parameters(s):
+        axis, half = np.array([0.3 + s, -0.2, 0.5 * s * s + 0.4]), 0.9 * s + 0.3 * s * s
+        axis = axis / np.sqrt(np.sum(axis * axis))
+        return np.append(np.cos(half), axis * np.sin(half))
+
+    p, pd = parameters(t), np.imag(parameters(t + 1j * h)) / h
+    q, qd = np.append(np.zeros(3), p), np.append(np.zeros(3), pd)
+    body = BodyMotion(q[:, None], qd[:, None], None)
+    skew = np.imag(np.array([SpatialValues(0, 0, 0, *parameters(t + 1j * h)).arm(*e).at.parts for e in np.eye(3)]).T)
+    spin = (skew / h) @ matrix(p).T
+
+    assert body.rotation[..., 0] == pytest.approx(matrix(p), abs=1e-15)
+    assert body.omega[:, 0] == pytest.approx([spin[2, 1], spin[0, 2], spin[1, 0]], abs=1e-14)
