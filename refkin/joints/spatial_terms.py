@@ -50,7 +50,7 @@ def root(square: Scalar) -> Scalar:
 
 def about(x: Scalar) -> float:
     """Return a float near a number of any arithmetic; of a row the smallest."""
-    mid = getattr(x, "mid", x)  # of balls a method
+    mid: Any = getattr(x, "mid", x)  # of balls a method
     return float(x if callable(mid) else np.min(mid))
 
 

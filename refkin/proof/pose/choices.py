@@ -27,6 +27,8 @@ from refkin.system import System
 
 MOST_CHOICES = 256
 """Choices of rows that are certified; where there are more, no bound is given."""
+MOST_OF_SPACE = 16
+"""The same in space: a loop of four hinges has 2024 choices, each as costly as the first."""
 MOST_COMBINATIONS = 20_000
 """Sets of rows of which it is asked whether they are such a choice."""
 DEPENDENT = 2.0**-40
@@ -58,13 +60,14 @@ def over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any =
     if system.m == system.n or not proof.ok.any():
         return proof
     q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
-    choices = other_choices(system, proof.rows, q[:, proof.ok], t[proof.ok])
+    most = MOST_OF_SPACE if system.kind is SPACE else MOST_CHOICES
+    choices = other_choices(system, proof.rows, q[:, proof.ok], t[proof.ok], most)
     if choices is None:
-        if system.kind is SPACE:  # a single loop of four hinges has 2024 choices
-            why = f"redundant rows can be chosen in more than {MOST_CHOICES} ways: the bounds are those of one choice"
+        if system.kind is SPACE:
+            why = f"redundant rows can be chosen in more than {most} ways: the bounds are those of one choice"
             return replace(proof, why=why)
         nothing = np.full_like(proof.position, np.nan)
-        why = f"redundant rows can be chosen in more than {MOST_CHOICES} ways: no error bound covers all of them"
+        why = f"redundant rows can be chosen in more than {most} ways: no error bound covers all of them"
         return replace(proof, position=nothing, velocity=nothing, acceleration=nothing, why=why)
     bounds = [proof.position.copy(), proof.velocity.copy(), proof.acceleration.copy()]
     for rows in choices:
@@ -97,7 +100,7 @@ def isolate_every_choice(system: System, q: Any, t: Any, qd: Any = None, qdd: An
     return Isolation(**joined, rows=parts[0][1].rows, enclosures=balls, why=why)
 
 
-def other_choices(system: System, rows: Any, q: Any, t: Any) -> list[Any] | None:
+def other_choices(system: System, rows: Any, q: Any, t: Any, most: int) -> list[Any] | None:
     """Return the sets of n rows, other than the given one, that are independent at some pose; None if too many.
 
     Parameters
@@ -108,6 +111,8 @@ def other_choices(system: System, rows: Any, q: Any, t: Any) -> list[Any] | None
         Poses, in the system's coordinates; some of them are looked at.
     t : (B,) array
         Their times [s].
+    most : int
+        How many sets are too many.
     """
     others = np.setdiff1d(np.arange(system.m), rows)
     counts = [math.comb(len(others), k) * math.comb(system.n, k) for k in range(1, len(others) + 1)]
@@ -122,7 +127,7 @@ def other_choices(system: System, rows: Any, q: Any, t: Any) -> list[Any] | None
             for old in combinations(range(system.n), count):
                 if np.max(np.abs(np.linalg.det(factors[:, new][:, :, old]))) > DEPENDENT:
                     choices.append(np.sort(np.append(np.delete(rows, old), others[list(new)])))
-                    if len(choices) > MOST_CHOICES:
+                    if len(choices) > most:
                         return None
     return choices
 
