@@ -24,7 +24,17 @@ from hypothesis.internal.conjecture import providers
 from hypothesis.internal.constants_ast import Constants
 
 from crosscheck.scenes.featured import Featured, featured_scenes
-from crosscheck.strategies import Chain, Drawn, Ended, chains, drawn_scenes, ended_scenes, equal_linkages
+from crosscheck.strategies import (
+    Chain,
+    Drawn,
+    Ended,
+    Spatial,
+    chains,
+    drawn_scenes,
+    ended_scenes,
+    equal_linkages,
+    spatial_scenes,
+)
 from refkin.joints import Driver
 from refkin.model import Scene
 from refkin.motion import Status
@@ -40,6 +50,9 @@ CHAINS_EVERY = 7
 ENDED, FEATURED, EQUAL, SPECIAL_EVERY = 5, 12, 19, 28
 """Of so many scenes, which one ends in a singular pose or in none, which is for features of engines, and which has
 equal links: `strategies.verdicts`, `scenes.featured`."""
+SPATIAL, FEWER = (9, 23), 3
+"""Of `SPECIAL_EVERY` scenes, which are of space, and the part of the times that they have: a pose costs three times as
+much there."""
 WARM_UP = 210
 """The first turns of a night check whatever is drawn; from then on one of `CANDIDATES` scenes, which adds most."""
 CANDIDATES = 2
@@ -74,7 +87,7 @@ def seed_of_scene(night: int, number: int) -> int:
     return int.from_bytes(hashlib.sha256(f"{night} {number}".encode()).digest()[:8], "big")
 
 
-AnyDrawn = Drawn | Chain | Ended | Featured
+AnyDrawn = Drawn | Chain | Ended | Spatial | Featured
 
 
 def is_chain(number: int) -> bool:
@@ -183,6 +196,8 @@ def climb(night: int, number: int, check: Callable[[AnyDrawn], None], examples: 
 def _scenes_of(number: int, samples: int) -> st.SearchStrategy[Any]:
     if is_chain(number):
         return chains(samples=samples)
+    if number % SPECIAL_EVERY in SPATIAL:
+        return spatial_scenes(samples=max(2, samples // FEWER))
     if number % SPECIAL_EVERY == ENDED:
         return ended_scenes(samples=samples)
     if number % SPECIAL_EVERY == FEATURED:

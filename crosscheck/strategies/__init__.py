@@ -4,13 +4,14 @@
 scenes to solve; `drawn_scenes` yields them with what reports are binned by: kind, Grashof class, branch, distance to a
 singular pose. `chains` yields scenes beyond linkages in the same way: `geared_linkages`, `racks`, `cams`, `six_bars`.
 `ended_scenes` yields scenes that end in a singular pose or in none, with that verdict; `equal_linkages` four-bars of
-equal links.
+equal links. `spatial_scenes` yields linkages of space.
 """
 
 from crosscheck.strategies.chains import Chain, cams, chains, geared_linkages, racks, six_bars
 from crosscheck.strategies.laws import motion_laws
 from crosscheck.strategies.linkages import four_bars, inverted_slider_cranks, slider_cranks
 from crosscheck.strategies.scenes import Drawn, drawn_scenes, scenes
+from crosscheck.strategies.space import Spatial, spatial_scenes
 from crosscheck.strategies.spans import Hardness
 from crosscheck.strategies.verdicts import Ended, ended_scenes, equal_four_bars, equal_linkages
 
@@ -19,6 +20,7 @@ __all__ = [
     "Drawn",
     "Ended",
     "Hardness",
+    "Spatial",
     "cams",
     "chains",
     "drawn_scenes",
@@ -33,4 +35,5 @@ __all__ = [
     "scenes",
     "six_bars",
     "slider_cranks",
+    "spatial_scenes",
 ]

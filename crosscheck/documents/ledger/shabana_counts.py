@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from crosscheck.documents.convergence import ScaledNorms
@@ -12,13 +14,26 @@ from crosscheck.documents.ledger.shabana_four_bar import norm
 from crosscheck.documents.ledger.shabana_slider_crank import theta3_at
 from crosscheck.documents.systems.shabana import pose
 from refkin.analysis import position
-from refkin.joints import GROUND, AngleDriver, Gear, RackAndPinion, Revolute, YDriver
-from refkin.model import Body, Mechanism
+from refkin.joints import (
+    GROUND,
+    AngleDriver,
+    Gear,
+    RackAndPinion,
+    Revolute,
+    SpatialAngleDriver,
+    SpatialRevolute,
+    Spherical,
+    Triple,
+    YDriver,
+)
+from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
 from refkin.scenes.linkages import SliderCrank
 from refkin.solving.mobility import count, gruebler, mobility
+from refkin.solving.solve import solve
 from refkin.system import compile_system
 
+STILL = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
 RSSR = (
     ("revolute", GROUND, "input"),
     ("spherical", "input", "coupler"),
@@ -48,19 +63,52 @@ def refkin_d1(given: Given) -> Values:
 
 
 def d2(n: Arithmetic, given: Given) -> Values:
-    """Gruebler's count of the RSSR: 6 * 4 - 22; the rank is open until there are spatial bodies."""
+    """Gruebler's count of the RSSR: 6 * 4 - 22."""
     return {"coordinates": 6 * int(given["bodies"]), "equations": sum(int(rows) for rows in given["rows"])}
 
 
 def refkin_d2(given: Given) -> Values:
-    """The count by kinds of joints, with the spin that moves nothing else."""
+    """The count by kinds of joints, with the spin that moves nothing else; and the rank at a pose of one."""
     counted = gruebler(RSSR, "spatial")
+    of_rank = mobility(ONE_RSSR.mechanism, solve(ONE_RSSR).q[:, 0])
     return {
         "coordinates": counted.coordinates * counted.bodies,
         "equations": counted.equations,
         "mobility by count": counted.mobility,
         "without the idle spin": counted.useful,
+        "mobility by rank": of_rank.mobility,
+        "with its driver": of_rank.driven.freedoms,
     }
+
+
+def _axle(name: str, i: str, j: str, axis: Triple, zero: Triple, at: Triple = (0.0, 0.0, 0.0)) -> SpatialRevolute:
+    """Return a revolute joint whose axis, and zero, are the same in both bodies."""
+    ends: dict[str, Any] = {"body_i": i, "point_i": at, "body_j": j, "point_j": (0.0, 0.0, 0.0)}
+    return SpatialRevolute(name=name, **ends, axis_i=axis, zero_i=zero, axis_j=axis, zero_j=zero)
+
+
+def _turned_by(joint: str, law: Polynomial) -> SpatialAngleDriver:
+    return SpatialAngleDriver(name=f"motor of {joint}", joint=joint, law=law)
+
+
+def _rssr() -> Scene:
+    crank, coupler = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.9, 0.1, 0.3, -0.2)
+    origin, tip = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
+    balls = (
+        Spherical(name="S1", body_i="crank", point_i=tip, body_j="coupler", point_j=origin),
+        Spherical(name="S2", body_i="coupler", point_i=(3.0, 0.0, 0.0), body_j="rocker", point_j=(0.0, 2.0, 0.0)),
+    )
+    axles = (
+        _axle("R1", GROUND, "crank", (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+        _axle("R2", GROUND, "rocker", (1.0, 0.0, 0.25), (0.0, 1.0, 0.0), (2.5, -0.5, 0.75)),
+    )
+    estimates = {"crank": crank, "coupler": coupler, "rocker": (2.5, -0.5, 0.75, 1.0, 0.0, 0.0, 0.0)}
+    bodies = tuple(Body(name=name, estimate=at) for name, at in estimates.items())
+    drive = _turned_by("R1", Polynomial(coefficients=(0.4,)))
+    return Scene(mechanism=Mechanism(bodies, (axles[0], *balls, axles[1]), (drive,)), times=(0.0,))
+
+
+ONE_RSSR = _rssr()
 
 
 def d20(n: Arithmetic, given: Given) -> Values:
@@ -109,15 +157,57 @@ def refkin_d21(given: Given) -> Values:
 
 
 def d22(n: Arithmetic, given: Given) -> Values:
-    """A spur pair and a rack with its pinion: what rolling without sliding makes of an input angle."""
+    """A spur pair and a rack with its pinion: what rolling without sliding makes of an input angle.
+
+    Bevel gears roll as their cones do; helical ones as wheels of radius R cos(helix) do, across the teeth.
+    """
     a_i, a_j, turned, radius = numbers(n, given, "a_i", "a_j", "theta_i", "radius")
-    return {"spur: theta_j": -a_i / a_j * turned, "rack: travel": radius * turned}
+    cone_i, cone_j, helix_i, helix_j = numbers(n, given, "cone_i", "cone_j", "helix_i", "helix_j")
+    return {
+        "spur: theta_j": -a_i / a_j * turned,
+        "rack: travel": radius * turned,
+        "bevel: omega_j / omega_i": -np.sin(cone_i) / np.sin(cone_j),
+        "helical: omega_j / omega_i": -a_i * np.cos(helix_i) / (a_j * np.cos(helix_j)),
+    }
+
+
+def _velocities(axis_j: Triple, at_j: Triple, touched: Triple) -> Any:
+    """Return the velocities (2, 3) of two wheels, both turning with 1 rad/s, where they touch; i turns about z."""
+    spun = Polynomial(coefficients=(0.0, 1.0))
+    across = (1.0, 0.0, 0.0) if abs(axis_j[0]) < 0.9 else (0.0, 1.0, 0.0)
+    axles = (
+        _axle("i", GROUND, "wheel i", (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+        _axle("j", GROUND, "wheel j", axis_j, across, at_j),
+    )
+    bodies = (Body(name="wheel i", estimate=STILL), Body(name="wheel j", estimate=(*at_j, 1.0, 0.0, 0.0, 0.0)))
+    places = {"wheel i": touched, "wheel j": tuple(np.subtract(touched, at_j).tolist())}
+    points = tuple(Point(name=body, body=body, position=place) for body, place in places.items())
+    mechanism = Mechanism(bodies, axles, (_turned_by("i", spun), _turned_by("j", spun)))
+    motion = solve(Scene(mechanism=mechanism, times=(0.0,), points=points))
+    return np.array([motion.points[body].v[:, 0] for body in places])  # type: ignore[index]
+
+
+def _bevel(cone_i: float, cone_j: float) -> float:
+    """Return the ratio of rates with which two cones of one apex do not slide on the line in which they touch."""
+    shaft = cone_i + cone_j
+    v, w = _velocities((np.sin(shaft), 0.0, np.cos(shaft)), (0.0, 0.0, 0.0), (np.sin(cone_i), 0.0, np.cos(cone_i)))
+    return float(v @ w / (w @ w))
+
+
+def _helical(a_i: float, a_j: float, helix_i: float, helix_j: float) -> float:
+    """Return the ratio of rates with which the teeth of two crossed helical gears, touching on the x axis, keep up."""
+    crossed = helix_i + helix_j
+    axis = (0.0, -np.sin(crossed), np.cos(crossed))
+    v, w = _velocities(axis, (a_i + a_j, 0.0, 0.0), (a_i, 0.0, 0.0))
+    normal = np.array([0.0, np.cos(helix_i), np.sin(helix_i)])  # across the teeth, which lie at helix_i to the axis
+    return float(v @ normal / (w @ normal))
 
 
 def refkin_d22(given: Given) -> Values:
-    """The same with gear and rack as joints."""
+    """The same with gear and rack as joints; bevel and helical ones by velocities where two bodies of space touch."""
     n = Binary64()
     a_i, a_j, turned, radius = numbers(n, given, "a_i", "a_j", "theta_i", "radius")
+    cones, helices = numbers(n, given, "cone_i", "cone_j"), numbers(n, given, "helix_i", "helix_j")
     origin = (0.0, 0.0)
     wheels = tuple(
         Revolute(name=f"axle {name}", body_i=GROUND, point_i=at, body_j=name, point_j=origin)
@@ -126,7 +216,12 @@ def refkin_d22(given: Given) -> Values:
     drive = AngleDriver(name="input", body="i", law=Polynomial(coefficients=(turned,)))
     mesh = Gear(name="mesh", body_i="i", radius_i=a_i, body_j="j", radius_j=a_j)
     pair = compile_system(Mechanism((Body(name="i"), Body(name="j")), (*wheels, mesh), (drive,)))
-    return {"spur: theta_j": position(pair, np.zeros(6), 0.0).q[5], "rack: travel": _rack(radius, turned)}
+    return {
+        "spur: theta_j": position(pair, np.zeros(6), 0.0).q[5],
+        "rack: travel": _rack(radius, turned),
+        "bevel: omega_j / omega_i": _bevel(*cones),
+        "helical: omega_j / omega_i": _helical(a_i, a_j, *helices),
+    }
 
 
 def _rack(radius: float, turned: float) -> float:
@@ -146,6 +241,51 @@ def _rack(radius: float, turned: float) -> float:
     drive = AngleDriver(name="input", body="pinion", law=Polynomial(coefficients=(turned,)))
     system = compile_system(Mechanism((Body(name="pinion"),), (rolling,), (held, drive)))
     return float(position(system, np.array([0.0, -radius, 0.0]), 0.0).q[0])
+
+
+def _about(axis: int, angle: Any, order: int) -> Any:
+    """Return the rotation about z (axis 2) or x (axis 0), or a derivative of it with respect to the angle."""
+    c, s = np.cos(angle), np.sin(angle)
+    c, s = ((c, s), (-s, c), (-c, -s))[order]
+    still = c * 0 + (1 if order == 0 else 0)
+    zero = c * 0
+    if axis == 2:
+        return np.array([[c, -s, zero], [s, c, zero], [zero, zero, still]], dtype=object)
+    return np.array([[still, zero, zero], [zero, c, -s], [zero, s, c]], dtype=object)
+
+
+def d23(n: Arithmetic, given: Given) -> Values:
+    """The derivatives of Rz(a + w t) Rx(b + u t) s, product by product."""
+    (w, u), (a, b), t = n.vector(given["rates"]), n.vector(given["first"]), n(given["t"])
+    s = np.array(list(n.vector(given["point"])), dtype=object)
+    z, x = ([_about(axis, angle, k) for k in range(3)] for axis, angle in ((2, a + w * t), (0, b + u * t)))
+    velocity = w * (z[1] @ x[0]) + u * (z[0] @ x[1])
+    bent = w * w * (z[2] @ x[0]) + 2 * w * u * (z[1] @ x[1]) + u * u * (z[0] @ x[2])
+    return {"velocity": list(velocity @ s), "acceleration": list(bent @ s)}
+
+
+def refkin_d23(given: Given) -> Values:
+    """V + omega x s and a + alpha x s + omega x (omega x s), with the rates of the body that two joints carry."""
+    n = Binary64()
+    (w, u), (a, b), t = n.vector(given["rates"]), n.vector(given["first"]), float(n(given["t"]))
+    axles = (
+        _axle("outer", GROUND, "frame", (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+        _axle("inner", "frame", "body", (1.0, 0.0, 0.0), (0.0, 1.0, 0.0)),
+    )
+    laws = (Polynomial(coefficients=(a, w)), Polynomial(coefficients=(b, u)))
+    drives = [_turned_by(axle.name, law) for axle, law in zip(axles, laws, strict=True)]
+    bodies = tuple(Body(name=name, estimate=STILL) for name in ("frame", "body"))
+    point = Point(name="P", body="body", position=tuple(map(float, n.vector(given["point"]))))
+    motion = solve(Scene(mechanism=Mechanism(bodies, axles, tuple(drives)), times=(t,), points=(point,)))
+    body = motion["body"]
+    omega, alpha, s = body.omega[:, 0], body.alpha[:, 0], body.rotation[:, :, 0] @ np.array(point.position)
+    found = motion.points["P"]
+    by_formula = np.cross(omega, s), np.cross(alpha, s) + np.cross(omega, np.cross(omega, s))
+    assert found.v is not None
+    assert found.a is not None
+    for formula, ours in zip(by_formula, (found.v[:, 0], found.a[:, 0]), strict=True):
+        assert np.allclose(formula, ours, rtol=0.0, atol=1e-13)
+    return {"velocity": list(map(float, by_formula[0])), "acceleration": list(map(float, by_formula[1]))}
 
 
 def d24(n: Arithmetic, given: Given) -> Values:

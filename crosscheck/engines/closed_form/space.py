@@ -74,11 +74,11 @@ class Tie:
 
 @dataclass
 class Root:
-    """A root that was chosen: what it is the root of over the times, relative to the terms it is the difference of."""
+    """A root that was chosen: of what, and of which share of the term that another is taken from, over the times."""
 
     body: str
     square: Jet
-    scale: Any
+    share: Jet
 
 
 @dataclass
@@ -227,7 +227,7 @@ class Assembly:
     def _root(self, body: str, turning: Turning, p: Jet, q: Jet, k: Jet) -> tuple[Jet, Jet]:
         whole = p * p + q * q
         square = whole - k * k
-        self.roots.append(Root(body, square, midpoint(whole.v)))
+        self.roots.append(Root(body, square, square / whole))
         half = self._rooted(square)
         found = [((p * k - q * s) / whole, (q * k + p * s) / whole) for s in (half, -half)]
         sign = self._chosen(body, "turned", [turning.at(*pair) for pair in found])
@@ -316,7 +316,7 @@ class Assembly:
                 if turns and np.max(np.abs(_off_line(frame, point, tie, side, axis, self.count))) > ALIKE:
                     continue
                 along, square = axis.dot(arm), length * length - across.dot(across)
-                self.roots.append(Root(body, square, midpoint((length * length).v)))
+                self.roots.append(Root(body, square, square / (length * length)))
                 half = self._rooted(square)
                 moved = [frame.moved(axis.scaled(s - along)) for s in (half, -half)]
                 sign = self._chosen(body, "slid", moved)

@@ -20,6 +20,8 @@ from refkin.motion import Motion, Producer, Status
 
 OPEN = 1e-7
 """Gap of a joint [sizes] above which floats show a fault of this program, or a linkage that does not close."""
+GRID, FINER = 33, 4
+"""So many times are looked at where a root may vanish between two, and so often again between two of these."""
 Array = Any
 
 
@@ -75,21 +77,35 @@ def _vector_of(m: Array) -> Array:
 def _statuses(scene: Scene, assembly: Assembly, bits: int) -> tuple[Status, ...]:
     """Return what the roots say: no assembly if balls prove it, singular where two meet, lost from then on."""
     count, t = len(scene.times), np.array(scene.times)
-    absent, small, lost_after = np.zeros(count, bool), np.zeros(count, bool), np.inf
+    absent, small, unsure = np.zeros((3, count), bool)
     for root in assembly.roots:
-        value = np.broadcast_to(midpoint(root.square.v), (count,))
-        scale = np.broadcast_to(root.scale, (count,))
-        negative, zero = assembly.arithmetic.sign(value, scale)
+        share, rate = (np.broadcast_to(midpoint(part), (count,)) for part in (root.share.v, root.share.d))
+        negative, zero = assembly.arithmetic.sign(share, np.ones(count))
         absent, small = absent | negative, small | zero
-        low = _lowest_between(t, value / scale, np.broadcast_to(midpoint(root.square.d), (count,)) / scale)
-        bad = np.flatnonzero(low <= Floats.zero)
-        lost_after = min(lost_after, t[bad[0]] if bad.size else np.inf)
+        unsure |= np.append(_lowest_between(t, share, rate) <= Floats.zero, False)
+    first = np.flatnonzero(unsure & ~absent & ~small & ~np.append((absent | small)[1:], False))
+    lost_after = next((t[k] for k in first if _meets_zero(scene, assembly, t[k], t[k + 1])), np.inf)
     lost_after = min([lost_after, *t[absent | small][:1]])
     proved = _proved_absent(scene, assembly, bits) if absent.any() else absent
     found = np.where(t > lost_after, Status.BRANCH_LOST, Status.OK)
     found = np.where(small, Status.SINGULAR, found)
     found = np.where(absent, np.where(proved, Status.UNASSEMBLABLE, Status.NOT_CONVERGED), found)
     return tuple(Status(word) for word in found)
+
+
+def _meets_zero(scene: Scene, assembly: Assembly, start: float, end: float, halvings: int = FINER) -> bool:
+    """Return whether a root may vanish between two times, looked at on finer and finer grids."""
+    times = np.linspace(start, end, GRID)
+    finer = Assembly(replace(scene, times=tuple(times.tolist())), Floats(), dict(assembly.signs))
+    finer.run()
+    for root in finer.roots:
+        share, rate = (np.broadcast_to(midpoint(part), (GRID,)) for part in (root.share.v, root.share.d))
+        if not (share > Floats.zero).all():
+            return True
+        for k in np.flatnonzero(_lowest_between(times, share, rate) <= Floats.zero):
+            if not halvings or _meets_zero(scene, assembly, times[k], times[k + 1], halvings - 1):
+                return True
+    return False
 
 
 def _lowest_between(t: Array, value: Array, rate: Array) -> Array:

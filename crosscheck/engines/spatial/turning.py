@@ -109,12 +109,16 @@ def common_columns(q: Array) -> Array:
 def joint_frame(axis: Rows, zero: Rows | None) -> Array:
     """Return the matrix of columns f, g, h: h along the axis, f the part of `zero` across it, g = h x f.
 
-    Where no zero is given f is any unit vector across the axis.
+    Where no zero is given, no row but that of an angle asks for it: f then lies towards the first axis of the frame
+    that is least along h but for three tenths, as the rows of a joint without one are stated.
     """
     h = np.asarray(axis, float)
     h = h / np.max(np.abs(h))  # so that no square over- or underflows
     h = h / np.linalg.norm(h)
-    f = np.eye(3)[int(np.argmin(np.abs(h)))] if zero is None else np.asarray(zero, float) / np.max(np.abs(zero))
+    if zero is None:
+        sizes = np.abs(np.asarray(axis, float))
+        zero = np.eye(3)[int(np.argmax(sizes <= np.min(sizes) / 0.7))]
+    f = np.asarray(zero, float) / np.max(np.abs(zero))
     f = f - h * (h @ f)
     f = f / np.linalg.norm(f)
     f = f - h * (h @ f)

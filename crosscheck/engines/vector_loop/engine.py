@@ -18,6 +18,7 @@ from crosscheck.engines import (
     API,
     ELEMENTS,
     NATIVE,
+    OF_SPACE,
     Array,
     Capabilities,
     ConstraintModel,
@@ -44,6 +45,7 @@ ROUTE = Route(
 
 NO_ROWS = refused("its rows are loops of vectors, not joints in absolute coordinates")
 NO_CONTACT = refused("no vector of given or sliding length stands for a contact on a general profile")
+NO_SPACE = refused("its vectors are complex numbers: of the plane")
 
 
 class VectorLoop:
@@ -61,9 +63,10 @@ class VectorLoop:
         return (ROUTE,)
 
     def capabilities(self) -> Capabilities:
-        """Return: every element but a contact at level solve; no rows."""
+        """Return: every element of the plane but a contact at level solve; no rows."""
         rows = dict.fromkeys(Level, NO_ROWS)
-        return {key: {**rows, Level.SOLVE: NO_CONTACT if key == "contact" else NATIVE} for key in ELEMENTS}
+        refusals = {"contact": NO_CONTACT, **dict.fromkeys(OF_SPACE, NO_SPACE)}
+        return {key: {**rows, Level.SOLVE: refusals.get(key, NATIVE)} for key in ELEMENTS}
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return nothing: Newton goes on to round-off, and a chain of vectors is one of frames, which budgets cover."""

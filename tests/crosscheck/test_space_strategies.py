@@ -1,0 +1,77 @@
+"""Drawn spatial linkages close at every time on the branch meant, go where they are said to go, and engines agree."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, given, settings
+
+from crosscheck.engines import load
+from crosscheck.engines.closed_form.jets import Floats
+from crosscheck.engines.closed_form.space import Assembly
+from crosscheck.engines.spatial.motion import estimates
+from crosscheck.engines.spatial.reading import numbers_of
+from crosscheck.scenes.drawing import SPATIAL, draw
+from crosscheck.strategies import Spatial, spatial_scenes
+from crosscheck.strategies.space import KINDS, Region
+from refkin.motion import Motion, Status
+from refkin.scenes.files import parse, to_dict
+
+CAREFULLY = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
+
+
+def solved(drawn: Spatial) -> Motion:
+    return load("closed_form").solve(drawn.scene)
+
+
+@CAREFULLY
+@given(spatial_scenes(samples=12))
+def test_a_drawn_scene_closes_at_all_times_from_its_estimate(drawn: Spatial) -> None:
+    motion = solved(drawn)
+    assert set(motion.status) == {Status.OK}
+    numbers = numbers_of(drawn.scene.mechanism)
+    first = motion.q[:, 0].reshape(-1, 7)
+    for at, (body, estimate) in zip(first, estimates(drawn.scene, numbers).items(), strict=True):
+        if body not in numbers.idle:
+            assert np.max(np.abs((at[:3] - numbers.origin) / numbers.size - estimate[:3])) < 0.05
+            assert abs(at[3:] @ estimate[3:]) > 0.999
+
+
+@CAREFULLY
+@given(spatial_scenes(samples=5))
+def test_a_drawn_scene_is_written_and_read_again(drawn: Spatial) -> None:
+    assert parse(to_dict(drawn.scene)) == drawn.scene
+
+
+@settings(CAREFULLY, max_examples=5)
+@given(spatial_scenes(samples=8, kinds=("RSSR", "RSSP"), regions=(Region.LIMIT,), decades=(3, 3)))
+def test_a_limit_is_as_near_as_it_is_said_to_be(drawn: Spatial) -> None:
+    """What is left of the root by which its coupler is placed: at most a tenth in the end, and more before it."""
+    assembly = Assembly(drawn.scene, Floats())
+    assembly.run()
+    least = np.min([np.broadcast_to(root.share.v, 8) for root in assembly.roots], axis=0)
+    if drawn.hardness is Region.LIMIT:
+        assert 0.0 < least[-1] < 0.1
+        assert least[0] > least[-1]
+    else:
+        assert drawn.hardness is Region.REGULAR
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco", "exudyn"])
+@settings(CAREFULLY, max_examples=6)
+@given(spatial_scenes(samples=8, kinds=tuple(k for k in KINDS if k != "screw"), regions=(Region.REGULAR,)))
+def test_engines_agree_with_the_closed_form_on_what_is_drawn(engine: str, drawn: Spatial) -> None:
+    ours, theirs = solved(drawn), load(engine).solve(drawn.scene)
+    assert set(theirs.status) == {Status.OK}
+    idle = numbers_of(drawn.scene.mechanism).idle
+    for k, body in enumerate(ours.bodies):
+        if body in idle:
+            continue
+        one, other = (m.q[7 * k : 7 * k + 7] for m in (ours, theirs))
+        sign = np.sign(np.sum(one[3:] * other[3:], axis=0))
+        assert np.allclose(one[3:], sign * other[3:], rtol=0.0, atol=1e-9)
+
+
+def test_a_night_draws_a_share_of_spatial_scenes() -> None:
+    drawn = [draw(1, number, 3) for number in range(28)]
+    assert [k for k, d in enumerate(drawn) if isinstance(d, Spatial)] == list(SPATIAL)
