@@ -143,10 +143,11 @@ def findings() -> Iterator[str]:
     for kind, meaning in CLASSES.items():
         yield f"\n## {kind.capitalize()}\n\n{meaning}\n"
         for finding in (f for f in table if f["class"] == kind):
-            yield f"\n### {finding['engine']}, {finding['route']}: {', '.join(finding['cases'])}\n"
+            yield f"\n### {finding['engine']}, {finding['route']}: {', '.join(finding.get('cases', ['a feature']))}\n"
             yield " ".join(finding["reason"].split()) + "\n"
             yield f"> {' '.join(finding['quote'].split())}\n>\n> — {finding['source']}\n"
             shown = [f"`{finding[key]}`" for key in ("script", "scene") if key in finding]
+            yield f"Since: {finding['since']}.\n"
             yield f"Seen on {finding['date']}; to see it again: {', '.join(shown)}.\n"
 
 
