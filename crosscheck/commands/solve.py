@@ -16,8 +16,11 @@ from refkin.motion import BodyMotion, Motion, Status
 from refkin.output import SceneMotion
 from refkin.scenes.files import load, schema
 from refkin.solving import solve as solving
+from refkin.solving.limits import expected_seconds
 
 SCHEMA = 1
+LONG = 5.0
+"""Seconds of silence: what takes longer says so first."""
 
 
 def solve(scene: Path, *, as_json: Json = False, csv: Path | None = None) -> int:
@@ -36,6 +39,9 @@ def solve(scene: Path, *, as_json: Json = False, csv: Path | None = None) -> int
     """
     read = load(scene)
     writable("csv", csv)
+    seconds = expected_seconds(read)
+    if seconds > LONG:
+        print(f"{len(read.times)} times: this takes about {seconds:.0f} s", file=sys.stderr, flush=True)
     motion = solving.solve(read)
     if csv is not None:
         motion.to_csv(csv)

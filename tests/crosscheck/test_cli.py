@@ -18,6 +18,7 @@ import refkin
 from crosscheck.cli import COMMANDS, app, main
 from crosscheck.commands import progress
 from crosscheck.commands.progress import shown_progress
+from crosscheck.commands.solve import solve
 from crosscheck.engines import EngineRefusal, load
 from crosscheck.night.plan import SAMPLED
 from refkin.scenes.files import to_toml
@@ -534,3 +535,20 @@ def test_long_work_shows_how_far_it_is(asked, command, tmp_path, monkeypatch):
     }
 
     assert re.search(expected[asked], process.stderr, re.MULTILINE), process.stderr
+
+
+def test_a_sweep_of_20000_times_says_what_it_takes_before_it_is_begun(monkeypatch, tmp_path, capsys):
+    rocker = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    short, said = refkin.solve(rocker.scene(samples=3)), []
+
+    def begun(scene):
+        said.append(capsys.readouterr().err)
+        return short
+
+    monkeypatch.setattr("crosscheck.commands.solve.solving.solve", begun)
+    for samples in (20_000, 73):
+        path = tmp_path / f"{samples}.toml"
+        path.write_text(to_toml(rocker.scene(samples=samples)), encoding="utf-8")
+        assert solve(path, as_json=True) == 0
+
+    assert said == ["20000 times: this takes about 12 s\n", ""]

@@ -19,9 +19,13 @@ from crosscheck.engines import EngineError
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.judge import sharpness
 from crosscheck.measure import check as checking
+from crosscheck.night.campaign import run
+from crosscheck.night.plan import NightPlan
 from crosscheck.scenes.drawing import describe, draw
 from refkin.model import Scene
 from refkin.motion import Motion, Status
+
+from .fake_engines import engine_file
 
 NIGHT, SCENES, SAMPLES = 20261122, 56, 9
 Fault = Callable[[Motion, Scene], Motion]
@@ -243,6 +247,30 @@ def test_a_small_night_sees_an_engine_with_one_fault(name):
 @pytest.mark.parametrize("order", [1, 2], ids=["velocity", "acceleration"])
 def test_a_small_night_sees_an_error_of_ten_times_the_attainable_one(order):
     assert seen(planted(order), "beyond the allowed error")
+
+
+PLANT = """
+        from crosscheck.judge.comparison import reference
+        from crosscheck.judge.sharpness import attainable_by_inputs
+        ref = reference(scene)
+        judged = np.flatnonzero(ref.budget().judged)[::8]
+        off = np.zeros((3, *ref.levels[0].shape))
+        off[:, :, judged] = 10.0 * attainable_by_inputs(ref, judged.tolist())
+        qd, qdd = (getattr(motion, key) + ref.system.to_physical(off[k], 1)[: ref.system.of_bodies]
+                   for k, key in ((1, "qd"), (2, "qdd")))
+        motion = replace(motion, qd=qd, qdd=qdd)
+"""
+
+
+def test_a_real_night_sees_an_engine_whose_rates_are_off_by_ten_times_the_attainable(tmp_path):
+    spec = engine_file(tmp_path, name="planted", after=PLANT.strip())
+    night = run(NightPlan(seed=9, out=tmp_path / "night", engines=(spec,), scenes=12, workers=1, shrinking_seconds=0.0))
+
+    assert night.failed == []
+    assert {(new.disagreement.engine, new.disagreement.quantity) for new in night.new} == {
+        ("planted", "velocity"),
+        ("planted", "acceleration"),
+    }
 
 
 def test_what_raises_an_error_at_a_singular_pose_is_excused_and_elsewhere_not():
