@@ -17,6 +17,7 @@ from flint import arb, ctx
 from refkin.analysis import position
 from refkin.joints import SPACE
 from refkin.motion import Array
+from refkin.proof.assembly.dyads import certain_miss
 from refkin.proof.assembly.loci import Ball, above, below, length
 from refkin.proof.assembly.placing import MOST_BRANCHES, DeadEnd, PlacedBranch, Placement, place
 from refkin.proof.assembly.rigid_groups import plan
@@ -100,7 +101,10 @@ def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
 
 
 def _in_space(system: System, t: float, trying: bool) -> Assemblies:
-    """Return what many starts lead to, and no proof."""
+    """Return the proof that some link does not reach, or what many starts lead to."""
+    miss = certain_miss(system, t)
+    if miss is not None:
+        return Assemblies(complete=True, gap=max(0.0, below(miss.gap)), message=miss.words)
     if not trying:
         return Assemblies(message="no closed form")
     poses = assemblies_in_space(system, t, lambda q: closes(system, q, t))

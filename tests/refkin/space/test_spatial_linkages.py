@@ -13,6 +13,9 @@ from refkin.joints.spatial_terms import frame
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
+from refkin.proof.assembly.assembly import assemblies
+from refkin.proof.assembly.dyads import certain_miss
+from refkin.proof.pose.isolate import isolate
 from refkin.scenes.linkages import (
     RSCR,
     RSSP,
@@ -283,7 +286,7 @@ def test_no_estimate_leads_to_a_reversed_axis_or_a_crank_half_a_turn_off():
 @pytest.mark.parametrize("distance", [1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12])
 def test_near_its_limit_an_rssr_is_solved_or_says_that_it_is_not(distance):
     """The rocker reaches furthest where K^2 = P^2 + Q^2; the errors grow as 1/sqrt(d), and no ok is wrong."""
-    linkage = RSSR(1.0, 1.2, 2.0, (2.5, 0.5, 0.75), (0.25, 0.2, 1.0), massless=True)
+    linkage = LIMITED
 
     def margin(theta):
         with mpmath.workdps(40):
@@ -312,7 +315,7 @@ def test_near_its_limit_an_rssr_is_solved_or_says_that_it_is_not(distance):
 
 
 def test_an_rssr_is_followed_through_its_limit():
-    linkage = RSSR(1.0, 1.2, 2.0, (2.5, 0.5, 0.75), (0.25, 0.2, 1.0), massless=True)
+    linkage = LIMITED
     start = next(x / 10 for x in range(63) if _assembles(linkage, x / 10) and _assembles(linkage, x / 10 + 0.2))
     law = Polynomial(coefficients=(start + 0.1, 1.0))
     path = refkin.follow(linkage.scene(law=law, times=(0.0,)), most_points=60)
@@ -329,18 +332,73 @@ def _assembles(linkage, value):
     return True
 
 
-def test_an_rssr_with_a_coupler_that_is_too_short_has_no_pose():
-    linkage = RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125))
-    scene = linkage.scene(start=0.4, samples=2)
-    short = tuple(
-        refkin.Spherical(**{**vars(j), "point_i": (0.1, 0.0, 0.0)}) if j.name == "S2" else j
-        for j in scene.mechanism.joints
-    )
-    motion = refkin.solve(
-        Scene(mechanism=Mechanism(scene.mechanism.bodies, short, scene.mechanism.drivers), times=(0.0,))
-    )
+LIMITED = RSSR(1.0, 1.2, 2.0, (2.5, 0.5, 0.75), (0.25, 0.2, 1.0), massless=True)
+SHORT = RSSP(1.0, 1.1, (0.5, 0.75, 0.5), (1.0, 0.5, 0.25))
 
-    assert motion.verdict in (Status.NOT_CONVERGED, Status.UNASSEMBLABLE)
+
+@pytest.mark.parametrize("linkage", [LIMITED, SHORT], ids=["RSSR", "RSSP"])
+def test_a_link_is_proved_not_to_reach_exactly_where_the_closed_form_says_so(linkage):
+    """At 40 inputs: a proof where it does not assemble, none where it does."""
+    inside = next(x / 10 for x in range(63) if _assembles(linkage, x / 10))
+    scene = linkage.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(inside,))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    inputs = [0.1 + 0.15 * k for k in range(40)]
+    proved = [certain_miss(system, value) is not None for value in inputs]
+
+    assert proved == [not _assembles(linkage, value) for value in inputs]
+    assert set(proved) == {False, True}
+
+
+def test_a_sweep_into_a_limit_ends_there_and_proves_that_it_goes_no_further():
+    start = next(x / 10 for x in range(63) if _assembles(LIMITED, x / 10))
+    motion = refkin.solve(LIMITED.scene(start=start + 0.1, speed=1.0, samples=19))
+
+    assert motion.status[0] is Status.OK
+    assert Status.UNASSEMBLABLE in motion.status
+    assert "L does not reach rocker: at least" in motion.message
+
+
+def test_a_stewart_platform_on_three_points_has_eight_assemblies_each_certified():
+    mechanism = Stewart.three_three().scene(samples=2).mechanism
+    system = compile_system(mechanism, unit=mechanism.unit())
+    poses = assemblies(system, 0.3).poses
+
+    assert len(poses) == 8
+    assert isolate(system, np.array(poses).T, np.full(8, 0.3)).ok.all()
+
+
+def spatial(scene, coupled):
+    """Return a planar scene of pins as one of space, with hinges about z; the pins of the coupler as given."""
+    z, x = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)
+    joints = []
+    for j in scene.mechanism.joints:
+        ends = {"name": j.name, "body_i": j.body_i, "point_i": (*j.point_i, 0.0)}
+        ends |= {"body_j": j.body_j, "point_j": (*j.point_j, 0.0)}
+        line = {"axis_i": z, "axis_j": z, "zero_i": x, "zero_j": x}
+        is_ball = coupled == "S" and "coupler" in j.bodies
+        joints.append(refkin.Spherical(**ends) if is_ball else refkin.SpatialRevolute(**ends, **line))
+    bodies = []
+    for b in scene.mechanism.bodies:
+        px, py, phi = b.estimate
+        bodies.append(Body(name=b.name, estimate=(px, py, 0.0, math.cos(phi / 2), 0.0, 0.0, math.sin(phi / 2))))
+    (driver,) = scene.mechanism.drivers
+    motor = refkin.SpatialAngleDriver(name="driver", joint="A0", law=driver.law)
+    return Scene(mechanism=Mechanism(tuple(bodies), tuple(joints), (motor,)), times=scene.times)
+
+
+@pytest.mark.parametrize(("coupled", "allowed"), [("S", 4e-15), ("R", 4e-14)])
+def test_a_planar_linkage_written_as_a_spatial_scene_has_the_planar_answer(coupled, allowed):
+    """With balls at the coupler as well as with hinges, of which three rows are redundant."""
+    scene = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=19, start=0.3)
+    plane, space = refkin.solve(scene), refkin.solve(spatial(scene, coupled))
+
+    assert space.verdict is Status.OK
+    for body in plane.bodies:
+        ours, theirs = space[body], plane[body]
+        pairs = ((ours.x, theirs.x), (ours.y, theirs.y), (ours.omega[2], theirs.phid), (ours.alpha[2], theirs.phidd))
+        for a, b in pairs:
+            assert np.max(np.abs(a - b)) < allowed
+        assert np.max(np.abs(ours.z)) < allowed
 
 
 def test_a_stewart_platform_goes_with_its_six_legs():

@@ -1,0 +1,147 @@
+"""The proof, in balls, that a spatial mechanism cannot be assembled: circle and line against sphere.
+
+A body on a hinge or a slide whose motion a driver gives stands where that says. A point of a body on a free hinge is on
+a circle, on a free slide on a line; a link, a distance or a body on two spherical joints, keeps it on a sphere around a
+point that stands. Where they certainly miss each other there is no pose: the gap is what is missing. So ends an RSSR
+whose K^2 > P^2 + Q^2, and an RSSP whose rod is too short. Nothing is said of any other mechanism.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Any
+
+from flint import arb, ctx
+
+from refkin.joints import (
+    GROUND,
+    AxesParallel,
+    PointOnAxis,
+    PointsMeet,
+    ShiftAlongAxis,
+    SpatialPointDistance,
+    TurnAboutAxis,
+    Unit,
+    idle_spins,
+)
+from refkin.joints.spatial_terms import frame
+from refkin.joints.spatial_vectors import Vec3
+from refkin.proof.assembly.loci import Ball, below
+from refkin.proof.numbers.exact import exact
+from refkin.system import System
+
+PRECISION = 113
+HINGE, SLIDE = {PointsMeet, AxesParallel}, {AxesParallel, PointOnAxis, TurnAboutAxis}
+Place = Callable[[Any], Vec3]
+"""Where a point of a body, in its own frame, stands on the ground."""
+
+
+@dataclass(frozen=True)
+class Miss:
+    """What certainly misses what, by how much at least [scaled], in words."""
+
+    gap: Ball
+    words: str
+
+
+def certain_miss(system: System, t: float) -> Miss | None:
+    """Return the proof that some link of a spatial mechanism does not reach at time t; None if there is none."""
+    with ctx.workprec(PRECISION):
+        reader = _Reader(system, t)
+        for link, near, far, body, length in reader.links():
+            gap = reader.gap(near, far, body, length)
+            if gap is not None and gap > 0:
+                metres = below(gap) * system.unit.size
+                return Miss(gap, f"{link} does not reach {body}: at least {metres:.6g} m are missing")
+    return None
+
+
+class _Reader:
+    def __init__(self, system: System, t: float) -> None:
+        self.mechanism, self.t = system.mechanism, arb(float(t))
+        self.scale = Unit(system.unit.size)
+        self.joints = {c.name: (c, exact(c)) for c in self.mechanism.joints}
+        self.places: dict[str, Place] = {GROUND: self._vector}
+        for driver in self.mechanism.constraints[len(self.mechanism.joints) :]:
+            for element in driver.elements():
+                if isinstance(element, TurnAboutAxis | ShiftAlongAxis) and element.body_i == GROUND:
+                    self._place(exact(driver), self.joints[driver.joint], isinstance(element, TurnAboutAxis))  # type: ignore[attr-defined]
+
+    def _vector(self, u: Any) -> Vec3:
+        return Vec3(*(x / self.scale.size for x in u))
+
+    def _place(self, driver: Any, joint: Any, turning: bool) -> None:
+        """Note where a body stands that a driver holds on a hinge, or on a slide, of the ground."""
+        kinds, c = {type(e) for e in joint[0].elements()}, joint[1]
+        if kinds != (HINGE if turning else SLIDE) or c.body_i != GROUND or None in (c.zero_i, c.zero_j):
+            return
+        value = driver.laws[0](self.t, 0)
+        (f, g, h), own, start = frame(c.axis_i, c.zero_i), frame(c.axis_j, c.zero_j), self._vector(c.point_i)
+        if turning:
+            f, g = f * value.cos() + g * value.sin(), g * value.cos() - f * value.sin()
+        else:
+            start = start + h * (value / self.scale.size)
+
+        def place(u: Any) -> Vec3:
+            arm = self._vector(tuple(x - y for x, y in zip(u, c.point_j, strict=True)))
+            x, y, z = (arm.dot(v) for v in own)
+            there: Vec3 = start + f * x + g * y + h * z
+            return there
+
+        self.places[c.body_j] = place
+
+    def links(self) -> Iterator[tuple[str, Vec3, Any, str, Ball]]:
+        """Yield links from a point that stands: name, that point, the other end's point and body, the length."""
+        found = []
+        for c in self.mechanism.constraints:
+            for e in exact(tuple(c.elements())):
+                if isinstance(e, SpatialPointDistance):
+                    length = e.laws[0](self.t, 0) if e.laws else e.length
+                    found.append((c.name, e.ends, length / self.scale.size))
+        for body, _, _ in idle_spins(self.mechanism.bodies, self.mechanism.constraints):
+            held = [e for c in self.mechanism.joints for e in exact(tuple(c.elements())) if body.name in e.bodies]
+            if len(held) == 2 and all(isinstance(e, PointsMeet) for e in held):
+                own = [self._vector(dict(e.ends)[body.name]) for e in held]
+                ends = tuple(next(end for end in e.ends if end[0] != body.name) for e in held)
+                found.append((body.name, ends, _length(own[0] - own[1])))
+        for name, ends, length in found:
+            for (a, u), (b, v) in (ends, ends[::-1]):
+                if a in self.places:
+                    yield name, self.places[a](u), v, b, length
+
+    def gap(self, near: Vec3, u: Any, body: str, length: Ball) -> Ball | None:
+        """Return by how much a link misses all places that a point of a body may be at; None if that is not known."""
+        if body in self.places:
+            return abs(_length(self.places[body](u) - near) - length)
+        for plain, c in self.joints.values():
+            kinds = {type(e) for e in plain.elements()}
+            if GROUND not in plain.bodies or body not in plain.bodies or kinds not in (HINGE, SLIDE):
+                continue
+            i, j = ("i", "j") if c.body_i == GROUND else ("j", "i")
+            axis, at = getattr(c, f"axis_{i}"), self._vector(getattr(c, f"point_{i}"))
+            _, _, h = frame(axis, None)
+            own = self._vector(tuple(x - y for x, y in zip(u, getattr(c, f"point_{j}"), strict=True)))
+            if kinds == HINGE:
+                _, _, turning = frame(getattr(c, f"axis_{j}"), None)
+                height = own.dot(turning)
+                radius, w = _length(own - turning * height), near - at - h * height
+                up = w.dot(h)
+                beside = _length(w - h * up)
+                nearest, furthest = (_root((beside - s * radius) ** 2 + up * up) for s in (1, -1))
+                return max([nearest - length, length - furthest], key=below)
+            if None in (c.zero_i, c.zero_j):
+                return None
+            rest = frame(getattr(c, f"axis_{j}"), getattr(c, f"zero_{j}"))
+            f, g, _ = frame(axis, getattr(c, f"zero_{i}"))
+            w = near - at - f * own.dot(rest[0]) - g * own.dot(rest[1])
+            return _length(w - h * w.dot(h)) - length
+        return None
+
+
+def _length(v: Vec3) -> Ball:
+    return _root(v.dot(v))
+
+
+def _root(square: Any) -> Ball:
+    return arb(square).max(arb(0)).sqrt()
