@@ -134,7 +134,7 @@ def test_the_first_table_quotes_the_best_method_of_the_engine_whichever_it_is(tm
 
     (row,) = first_table(report)
     assert (row["route"], row["price"], row["priced_method"]) == ("newton", 8.4, "mujoco.batch")
-    assert '<span class="unit">mujoco.batch</span>' in page
+    assert '<span class="unit soft">mujoco.batch</span>' in page
     assert "mujoco · mujoco.batch: 8.4 µs" in sentence(report)
 
 
