@@ -56,11 +56,11 @@ def measured(
         The methods, if they are not all of the producers'.
     """
     absent: list[dict[str, Any]] = []
-    found = list(_entries(work, _listed(work, producers, absent) if listed is None else listed, absent))
+    entries = list(_entries(work, _listed(work, producers, absent) if listed is None else listed, absent))
     timings = timed_in_turns(
-        {str(k): entry.batch.run for k, entry in enumerate(found)}, rounds=rounds, at_least=TURN, within=SECONDS
+        {str(k): entry.batch.run for k, entry in enumerate(entries)}, rounds=rounds, at_least=TURN, within=SECONDS
     )
-    rows = [row(work, entry, timings[str(k)]) for k, entry in enumerate(found)]
+    rows = [row(work, entry, timings[str(k)]) for k, entry in enumerate(entries)]
     return {"rows": rows, "absent": absent, "versions": versions(), "machine": machine()}
 
 
@@ -125,17 +125,17 @@ def accuracy_of(work: Workload, batch: Batch) -> Accuracy:
 
 def versions() -> dict[str, str]:
     """Return what was measured with, by name."""
-    found = {"python": platform.python_version()}
+    by_package = {"python": platform.python_version()}
     for package in PACKAGES:
         try:
-            found[package] = version(package)
+            by_package[package] = version(package)
         except PackageNotFoundError:
-            found[package] = "absent"
+            by_package[package] = "absent"
     try:
-        found["compiler"] = compiler_version()
+        by_package["compiler"] = compiler_version()
     except EngineError:
-        found["compiler"] = "absent"
-    return found
+        by_package["compiler"] = "absent"
+    return by_package
 
 
 def machine() -> dict[str, Any]:

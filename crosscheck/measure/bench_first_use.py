@@ -22,10 +22,10 @@ def first_use(work: FourBars) -> dict[str, float]:
     Both are the least of several rounds. What the import of refkin loads of NumPy and SciPy beyond their bare import
     counts as refkin's. The first is left out where there are no fast paths.
     """
-    found = {"import_seconds": import_seconds()}
+    costs = {"import_seconds": import_seconds()}
     with contextlib.suppress(EngineError):
-        found["tape_seconds"] = tape_seconds(work)
-    return found
+        costs["tape_seconds"] = tape_seconds(work)
+    return costs
 
 
 def tape_seconds(work: FourBars) -> float:
@@ -38,11 +38,11 @@ def tape_seconds(work: FourBars) -> float:
     for _ in range(ROUNDS):
         forget()
         start = time.perf_counter()
-        found = prepared(scene)
-        if found is None:
+        ready = prepared(scene)
+        if ready is None:
             raise EngineError("there is no tape for this scene")
-        assert found.made.lanes.counts()
-        assert found.made.march
+        assert ready.made.lanes.counts()
+        assert ready.made.march
         taken.append(time.perf_counter() - start)
     return min(taken)
 

@@ -94,23 +94,23 @@ def ablations(method: Method, scene: Scene) -> Ablations:
     """
     wanted, reported, absent = _wanted(scene)
     scenes = {**_levels(scene), **wanted}
-    found = [*LEVELS, *reported]
+    listed = [*LEVELS, *reported]
     works: dict[str, Work] = {}
     if method.engine == REFKIN:
         whole = bare(scene, EVERY_LEVEL)
         for name, (kind, note) in EVIDENCE.items():
             scenes[name] = replace(whole, evidence=frozenset({kind}))
-            found.append(Ablation(name, off=ACCELERATION, on=name, called_for=True, note=note))
+            listed.append(Ablation(name, off=ACCELERATION, on=name, called_for=True, note=note))
         absent |= dict.fromkeys(PHYSICAL, "refkin has none: no formula of it holds a mass or a force")
     else:
         simulating = method.simulating
         simulated = simulating.physical_effects() if simulating else {}
         for effect, how in simulated.items():
             works[effect] = partial(method.affected(effect).solve, bare(scene, EVERY_LEVEL))
-            found.append(Ablation(effect, off=ACCELERATION, on=effect, called_for=False, note=how))
+            listed.append(Ablation(effect, off=ACCELERATION, on=effect, called_for=False, note=how))
         absent |= {**OWN, **_not_simulated(simulating, simulated)}
     works |= {name: partial(method.solve, asked) for name, asked in scenes.items()}
-    return Ablations(method, works, tuple(found), absent)
+    return Ablations(method, works, tuple(listed), absent)
 
 
 def _not_simulated(engine: Simulating | None, simulated: Mapping[str, str]) -> dict[str, str]:

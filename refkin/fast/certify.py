@@ -40,7 +40,7 @@ def radii(system: System, made: Compiled, levels: Sequence[Any], t: Any) -> Radi
     if made.proof is None or len(levels) != made.levels:
         return None
     laws = {k: _law(system, k, t) for k, p in enumerate(system.placed) if p.constraint.laws}
-    found = np.empty((len(levels), len(t)))
+    bounds = np.empty((len(levels), len(t)))
     lanes = block_lanes(made.proof.tape)
     for start in range(0, len(t), lanes):
         at = slice(start, min(start + lanes, len(t)))
@@ -48,8 +48,8 @@ def radii(system: System, made: Compiled, levels: Sequence[Any], t: Any) -> Radi
             if not give_geometry(space, system, made):
                 return None
             given = {k: [[x[at] for x in orders] for orders in law] for k, law in laws.items()}
-            found[:, at] = proved(space, {**given, len(system.placed): [level[:, at] for level in levels]})
-    return Radii(*found, *[None] * (3 - len(levels))) if np.isfinite(found).all() else None
+            bounds[:, at] = proved(space, {**given, len(system.placed): [level[:, at] for level in levels]})
+    return Radii(*bounds, *[None] * (3 - len(levels))) if np.isfinite(bounds).all() else None
 
 
 class FamilyProof:
@@ -111,15 +111,15 @@ def _law(system: System, k: int, t: Any) -> list[list[Any]]:
     if _has_spline(constraint):
         exact: Any = bounded_system(system).placed[k].constraint
         times = Times(t, order).values(exact.exact, system.unit)
-        found = [[(high, np.abs(low) + rest) for high, low, rest in law] for law in times]
+        rows = [[(high, np.abs(low) + rest) for high, low, rest in law] for law in times]
     else:
         numbers = _numbers(constraint).inputs(_Number.exactly(t), system.unit, order)
-        found = [[(x.mid, x.rounding) for x in map(_read, law)] for law in numbers]
+        rows = [[(x.mid, x.rounding) for x in map(_read, law)] for law in numbers]
     if np.ndim(t):
-        found = [
-            [(np.broadcast_to(x, np.shape(t)), np.broadcast_to(off, np.shape(t))) for x, off in law] for law in found
+        rows = [
+            [(np.broadcast_to(x, np.shape(t)), np.broadcast_to(off, np.shape(t))) for x, off in law] for law in rows
         ]
-    return [[*(mid for mid, _ in law), *(UP * off for _, off in law)] for law in found]
+    return [[*(mid for mid, _ in law), *(UP * off for _, off in law)] for law in rows]
 
 
 def _has_spline(constraint: Any) -> bool:
@@ -148,10 +148,10 @@ class _Number(Bounded):
         return _Number(mid, UP * self.rounding / mid + U * mid)
 
     def __pow__(self, exponent: int) -> Any:
-        found: Any = 1.0
+        power: Any = 1.0
         for _ in range(exponent):
-            found = self * found
-        return found
+            power = self * power
+        return power
 
 
 def _numbers(item: Any) -> Any:

@@ -57,14 +57,14 @@ class Colouring:
         moves[np.arange(len(x)), self.colour] = steps
         middle = x[:, None]
         if scheme is Scheme.COMPLEX_STEP:
-            found = np.imag(f(middle + 1j * moves))
+            quotients = np.imag(f(middle + 1j * moves))
         elif scheme is Scheme.CENTRAL:
             ahead, behind = np.split(f(np.concatenate([middle + moves, middle - moves], axis=1)), 2, axis=1)
-            found = (ahead - behind) / 2
+            quotients = (ahead - behind) / 2
         else:
             both = f(np.concatenate([middle, middle + moves], axis=1))
-            found = both[:, 1:] - both[:, :1]
-        return self.filled(found[self.pattern.indices, self.colour[self._column]] / steps[self._column])
+            quotients = both[:, 1:] - both[:, :1]
+        return self.filled(quotients[self.pattern.indices, self.colour[self._column]] / steps[self._column])
 
     def filled(self, values: Any) -> Any:
         """Return a csc_array with the pattern's entries set to values, in the order of the pattern."""
@@ -81,9 +81,9 @@ def pattern_of(f: Callable[[Any], Any], n: int, seed: int = 0) -> Any:
     from scipy.sparse import csc_array
 
     draw = np.random.default_rng(seed)
-    found: Any = 0.0
+    entries: Any = 0.0
     for _ in range(SAMPLES):
         x = draw.uniform(-1.0, 1.0, n)
         moved = x[:, None] + 1e-100j * np.eye(n)
-        found = found + np.abs(np.imag(f(moved)))
-    return csc_array(found != 0.0, dtype=float)
+        entries = entries + np.abs(np.imag(f(moved)))
+    return csc_array(entries != 0.0, dtype=float)

@@ -98,26 +98,26 @@ def family(scene: Scene, system: System, geometry: Geometry, estimates: Estimate
     )
     full = {name: None if x is None else np.broadcast_to(x, (3, size)) for name, x in given.items()}
     faulty = _faulty(constraints, size)
-    found = Family(scene, constraints, replace(system, unit=unit, placed=placed), size, full, faulty)
+    made = Family(scene, constraints, replace(system, unit=unit, placed=placed), size, full, faulty)
     estimated = np.all([np.isfinite(x).all(axis=0) for x in full.values() if x is not None], axis=0)
     sound = np.flatnonzero(~faulty & estimated)
     if sound.size:
-        found.lane(sound[0])  # a scene like any other: what is wrong with all of them is wrong with it
-    return found
+        made.lane(sound[0])  # a scene like any other: what is wrong with all of them is wrong with it
+    return made
 
 
 def _faulty(constraints: tuple[Constraint, ...], size: int) -> Any:
     """Return which mechanisms have rows with numbers that no scene may have, by the joints' own `faults`."""
-    found = np.zeros(size, bool)
+    faulty = np.zeros(size, bool)
     for constraint in constraints:
         rows = list(rows_in(constraint))
         for row in rows:
-            found |= ~np.isfinite(row)
+            faulty |= ~np.isfinite(row)
         # Faults of a driver, and of whatever a joint does not add any to, are not about numbers.
         if rows and not isinstance(constraint, Driver) and type(constraint).faults is not Constraint.faults:
-            for k in np.flatnonzero(~found).tolist():
-                found[k] = any(True for _ in lane_of(constraint, k).faults(""))
-    return found
+            for k in np.flatnonzero(~faulty).tolist():
+                faulty[k] = any(True for _ in lane_of(constraint, k).faults(""))
+    return faulty
 
 
 def lane_of(value: Any, k: int) -> Any:

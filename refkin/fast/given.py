@@ -63,11 +63,11 @@ def estimates_of(mechanism: Mechanism, given: Estimates) -> dict[str, Any]:
     for name in given:
         if name not in names:
             raise UnknownName("body", name, names)
-    found: dict[str, Any] = {}
+    estimates: dict[str, Any] = {}
     for body in mechanism.bodies:
         value = given.get(body.name, body.estimate)
-        found[body.name] = None if value is None else _estimate(f"estimates.{body.name}", value)
-    return found
+        estimates[body.name] = None if value is None else _estimate(f"estimates.{body.name}", value)
+    return estimates
 
 
 def _estimate(path: str, value: Any) -> Any:

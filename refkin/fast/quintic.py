@@ -23,15 +23,15 @@ Levels = Sequence[Sequence[Any]]
 
 def coefficients(first: Levels, last: Levels, h: Any) -> list[tuple[Any, ...]]:
     """Return per coordinate the six coefficients, that of the power 0 first."""
-    found = []
+    rows = []
     for q0, v0, a0, q1, v1, a1 in zip(*first, *last, strict=True):
         step, bend = h * v0, h * h * a0
         half = 0.5 * bend
         d0 = q1 - q0 - step - half
         d1 = h * v1 - step - bend
         d2 = 0.5 * (h * h * a1 - bend)
-        found.append((q0, step, half, 10 * d0 - 4 * d1 + d2, 7 * d1 - 15 * d0 - 2 * d2, 6 * d0 - 3 * d1 + d2))
-    return found
+        rows.append((q0, step, half, 10 * d0 - 4 * d1 + d2, 7 * d1 - 15 * d0 - 2 * d2, 6 * d0 - 3 * d1 + d2))
+    return rows
 
 
 def at(polynomial: Sequence[Any], s: Any) -> Any:

@@ -171,8 +171,8 @@ class SparseSystem:
 
         n = self.system.n
         values = _Values(self.system, np.zeros(n), None)
-        found = [list(self._entries(group, values, 0.0)) for group in self.groups]
-        entries = [entry for of_group in found for entry in of_group]
+        by_group = [list(self._entries(group, values, 0.0)) for group in self.groups]
+        entries = [entry for of_group in by_group for entry in of_group]
         rows = np.concatenate([row for row, _, _ in entries])
         columns = np.concatenate([start + k for _, (start, k), _ in entries])
         numbers = np.arange(1.0, len(rows) + 1)
@@ -181,10 +181,10 @@ class SparseSystem:
         place = np.empty(len(rows), int)
         place[order.data.astype(int) - 1] = np.arange(len(rows))
         each = iter(np.split(place, np.cumsum([len(row) for row, _, _ in entries])[:-1]))
-        self._places = [[next(each) for _ in of_group] for of_group in found]
+        self._places = [[next(each) for _ in of_group] for of_group in by_group]
         self.colouring = Colouring(order)
         self._constants = np.zeros(len(rows))
-        for places, of_group in zip(self._places, found, strict=True):
+        for places, of_group in zip(self._places, by_group, strict=True):
             for at, (_, _, entry) in zip(places, of_group, strict=True):
                 self._constants[at] = entry if isinstance(entry, int) else 0.0
 

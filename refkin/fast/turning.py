@@ -20,13 +20,13 @@ from refkin.proof.numbers.extrema import derivative, extrema, extrema_of, zeros
 
 def common_extrema(constraints: tuple[Constraint, ...], a: float, b: float) -> list[float]:
     """Return the times between a and b at which laws turn back in all mechanisms, in order."""
-    found: set[float] = set()
+    times: set[float] = set()
     for constraint in constraints:
         if constraint.laws and not _has_rows(constraint.laws):
-            found.update(extrema_of([constraint], a, b))
+            times.update(extrema_of([constraint], a, b))
         else:
-            found.update(t for law in constraint.laws for t in _common(law, a, b) or ())
-    return sorted(found)
+            times.update(t for law in constraint.laws for t in _common(law, a, b) or ())
+    return sorted(times)
 
 
 def _common(law: Law, a: float, b: float) -> list[float] | None:
@@ -42,18 +42,18 @@ def _common(law: Law, a: float, b: float) -> list[float] | None:
 
 def may_turn(constraints: tuple[Constraint, ...], a: float, b: float, lanes: int) -> Any:
     """Return in which of so many mechanisms a law may turn back between a and b at a time of its own, (lanes,)."""
-    found = np.zeros(lanes, bool)
+    turning = np.zeros(lanes, bool)
     for constraint in constraints:
         if not _has_rows(constraint.laws):
             continue
         for law in constraint.laws:
             if _common(law, a, b) is None:
-                found |= _turns(law, a, b)
+                turning |= _turns(law, a, b)
             if any(
                 isinstance(element, PointDistance) and element.laws for element in constraint.elements()
             ):  # its row depends on f^2
-                found |= ~_keeps_its_sign(law, a, b)
-    return found
+                turning |= ~_keeps_its_sign(law, a, b)
+    return turning
 
 
 def _turns(law: Law, a: float, b: float) -> Any:

@@ -139,7 +139,7 @@ def _by_lapack(matrix: Sequence[Sequence[Symbol]]) -> Factored:
     inverse = graph.node("inverse", *(x for row in matrix for x in row), value=size)
 
     def solve(right: Sequence[Symbol]) -> list[Symbol]:
-        found = graph.node("apply", inverse, *right, value=size)
-        return [graph.node("entry", found, value=k) for k in range(size)]
+        solution = graph.node("apply", inverse, *right, value=size)
+        return [graph.node("entry", solution, value=k) for k in range(size)]
 
     return Factored(graph.node("entry", inverse, value=0), graph.node("entry", inverse, value=1), solve)

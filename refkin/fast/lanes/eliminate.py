@@ -154,17 +154,17 @@ class Elimination:
 
     def _solved(self, right: Sequence[Symbol]) -> Row:
         """Return the solution of the core's matrix for a right side in the order of `open_rows`."""
-        found: Row = {}
+        solution: Row = {}
         for columns, rows, block in self.groups:
             sides = []
             for i in rows:
                 side = right[i]
                 for c, entry in self.matrix[i].items():
-                    if c in found:
-                        side = side - entry * found[c]
+                    if c in solution:
+                        side = side - entry * solution[c]
                 sides.append(side)
-            found.update(zip(columns, block.solve(sides), strict=True))
-        return found
+            solution.update(zip(columns, block.solve(sides), strict=True))
+        return solution
 
     def _level(self, right: Sequence[Symbol]) -> list[Symbol]:
         """Return x with phi_q x = right, for all n coordinates.

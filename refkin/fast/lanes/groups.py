@@ -49,8 +49,8 @@ def _matching(pattern: Any) -> Any:
     from scipy.sparse import csr_array
     from scipy.sparse.csgraph import maximum_bipartite_matching
 
-    found = maximum_bipartite_matching(csr_array(pattern), perm_type="row")
-    return None if (found < 0).any() else found
+    matching = maximum_bipartite_matching(csr_array(pattern), perm_type="row")
+    return None if (matching < 0).any() else matching
 
 
 def _labels(ordered: Any) -> list[int]:

@@ -153,14 +153,14 @@ class _Prover:
 
     def _of_inputs(self) -> dict[Symbol, Symbol]:
         """Return the errors of geometry and laws, inputs themselves."""
-        found = {}
+        errors = {}
         for k, p in enumerate(self.system.placed):
             for m in range(len(p.g)):
-                found[self.graph.input("g", k, m)] = self.graph.input("g", k, len(p.g) + m)
+                errors[self.graph.input("g", k, m)] = self.graph.input("g", k, len(p.g) + m)
             for law in range(len(p.constraint.laws)):
                 for m in range(ORDERS):
-                    found[self.graph.input("f", k, law, m)] = self.graph.input("f", k, law, ORDERS + m)
-        return found
+                    errors[self.graph.input("f", k, law, m)] = self.graph.input("f", k, law, ORDERS + m)
+        return errors
 
     def _leaves(self) -> dict[Symbol, Symbol]:
         """Return what is known of inputs and inverses, without what follows from it."""

@@ -56,9 +56,9 @@ class _Scheduler:
         self.solved, self.graph = solved, graph
         self.wanted = [set(level) for level in (*wanted, (), ())][:3]
         self.levels = [level if some else [] for level, some in zip(solved.levels, self.wanted, strict=True)]
-        found = self._needed_core()
-        self.core = tuple(c for c in solved.core if c in found)
-        self.blocks = [k for k, block in enumerate(solved.blocks) if found.issuperset(block)]
+        needed = self._needed_core()
+        self.core = tuple(c for c in solved.core if c in needed)
+        self.blocks = [k for k, block in enumerate(solved.blocks) if needed.issuperset(block)]
         self.done: dict[Symbol, Symbol] = {}
         self.rule = half_angled if half_angles else None
         self.at: dict[Symbol, Register] = {}

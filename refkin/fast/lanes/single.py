@@ -113,10 +113,10 @@ def _tuple(names: Sequence[str]) -> str:
 def _inverse(size: int, *entries: float) -> tuple[Any, ...]:
     matrix = np.array(entries).reshape(size, size)
     try:
-        found = np.linalg.inv(matrix)
+        inverse = np.linalg.inv(matrix)
     except np.linalg.LinAlgError:
         raise ZeroDivisionError("a singular block") from None
-    return float(np.linalg.slogdet(matrix)[0]), float(1.0 / np.max(np.sum(np.abs(found), axis=1))), found
+    return float(np.linalg.slogdet(matrix)[0]), float(1.0 / np.max(np.sum(np.abs(inverse), axis=1))), inverse
 
 
 def _apply(inverse: tuple[Any, ...], *right: float) -> list[float]:

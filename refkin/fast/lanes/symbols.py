@@ -113,10 +113,10 @@ class Graph:
     def node(self, op: str, *args: Symbol, value: Any = None) -> Symbol:
         """Return the node of an operation, without folding."""
         key = (op, value, *(a.index for a in args))
-        found = self._nodes.get(key)
-        if found is None:
-            found = self._nodes[key] = Symbol(self, op, args, value, len(self._nodes))
-        return found
+        symbol = self._nodes.get(key)
+        if symbol is None:
+            symbol = self._nodes[key] = Symbol(self, op, args, value, len(self._nodes))
+        return symbol
 
     def constant(self, value: float) -> Symbol:
         """Return a number that is known now."""
@@ -227,14 +227,14 @@ def ordered(a: Symbol, b: Symbol) -> tuple[Symbol, Symbol]:
 def needed(outputs: Iterable[Symbol], known: Mapping[Symbol, Any] | None = None) -> list[Symbol]:
     """Return the nodes that the outputs need, themselves included, arguments first; those in `known` end the search."""
     known = known or {}
-    found: set[Symbol] = set()
+    reached: set[Symbol] = set()
     waiting = list(outputs)
     while waiting:
         symbol = waiting.pop()
-        if symbol not in found and symbol not in known:
-            found.add(symbol)
+        if symbol not in reached and symbol not in known:
+            reached.add(symbol)
             waiting.extend(symbol.args)
-    return sorted(found, key=lambda s: s.index)
+    return sorted(reached, key=lambda s: s.index)
 
 
 def rewritten(

@@ -57,7 +57,7 @@ def spanning_tree(phi_q: Sequence[Row]) -> list[Pivot]:
 
 def _leaves(coordinates: Iterable[int], needs: Mapping[int, set[int]]) -> set[int]:
     """Return the coordinates on which others depend in the end."""
-    found: set[int] = set()
+    leaves: set[int] = set()
     seen: set[int] = set()
     waiting = list(coordinates)
     while waiting:
@@ -65,9 +65,9 @@ def _leaves(coordinates: Iterable[int], needs: Mapping[int, set[int]]) -> set[in
         if c in needs and c not in seen:
             waiting.extend(needs[c])
         elif c not in needs:
-            found.add(c)
+            leaves.add(c)
         seen.add(c)
-    return found
+    return leaves
 
 
 def _in_order(taken: Mapping[int, Pivot], phi_q: Sequence[Row]) -> list[Pivot]:
