@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
@@ -60,6 +61,7 @@ class ExudynModel:
         exu.config.printToConsole = False  # for the whole process: exudyn knows no smaller scope
         exu.config.suppressWarnings = True
         self.clock = Clock()
+        self._distances_at = math.nan
         self.container = exu.SystemContainer()
         self.mbs = self.container.AddSystem()
         builder = Builder(self.mbs, bodies, constraints, unit, self.clock, mass)
@@ -161,12 +163,15 @@ class ExudynModel:
     def set_time(self, t: float, order: int = 0) -> None:
         """Set the laws, and the driven distances with them, to time t."""
         self.clock.set(t, order)
+        if t == self._distances_at:
+            return
         for _, block in self.blocks:
             if block.cylinder is not None:
                 try:
                     self.mbs.SetObjectParameter(block.item, "distance", self.clock.values[block.cylinder][0])
                 except exu.ExudynValueError as error:
                     raise EngineError(f"exudyn: driver {block.constraint!r} at t = {t!r}: {error}") from error
+        self._distances_at = t
 
     def _algebraic_equations(self, velocity_level: bool) -> Array:
         try:

@@ -58,9 +58,12 @@ class Clock:
     ----------
     follows : bool
         Whether the time is the one that exudyn asks for, as in its time integration, not the one that was set.
+    least : int
+        Up to which derivative laws are evaluated in any case: where all are asked for, one after another.
     """
 
     follows = False
+    least = 0
 
     def __init__(self) -> None:
         self.laws: list[tuple[Law, float, float]] = []
@@ -80,6 +83,7 @@ class Clock:
         """
         if t == self._known[0] and order <= self._known[1]:
             return
+        order = max(order, self.least)
         self._known = (t, order)
         for k, (law, shift, size) in enumerate(self.laws):
             known = [(float(law(t, i)) - (0.0 if i else shift)) / size for i in range(order + 1)]
@@ -201,8 +205,10 @@ def is_slider(elements: Sequence[Element]) -> bool:
 def _coincide(b: Builder, e: PointsCoincide) -> None:
     joint = b.mbs.AddObject(item.RevoluteJoint2D(markerNumbers=b.points(e)))
 
+    acceleration, (one, other) = b.read.acceleration, e.ends
+
     def drift() -> Iterable[float]:
-        i, j = (b.read.acceleration(*end) for end in e.ends)
+        i, j = acceleration(*one), acceleration(*other)
         return i[0] - j[0], i[1] - j[1]
 
     b.blocks.append(Block(e.name, joint, e.row, ((1.0, Linear()), (1.0, Linear())), (1, 1), drift))

@@ -14,6 +14,7 @@ import exudyn as exu
 from refkin.joints import GROUND, Pair, Unit
 
 OUT = exu.OutputVariableType
+ACCELERATION = OUT.Acceleration
 ZERO = (0.0, 0.0)
 
 Jet = tuple[Pair, Pair, Pair]
@@ -29,10 +30,12 @@ class Readings:
 
     def local(self, body: str, point: Pair) -> list[float]:
         """Return a point of a body as exudyn wants it: in the model's unit, three components."""
-        if (body, point) not in self._local:
+        known = self._local.get((body, point))
+        if known is None:
             ox, oy = self.unit.origin if body == GROUND else ZERO
-            self._local[body, point] = [(point[0] - ox) / self.unit.size, (point[1] - oy) / self.unit.size, 0.0]
-        return self._local[body, point]
+            known = [(point[0] - ox) / self.unit.size, (point[1] - oy) / self.unit.size, 0.0]
+            self._local[body, point] = known
+        return known
 
     def point_jet(self, body: str, point: Pair) -> Jet:
         """Return exudyn's position, velocity and acceleration of a point at the present state."""
@@ -47,8 +50,8 @@ class Readings:
         """Return exudyn's acceleration of a point at the present state; exudyn itself gives none for the ground."""
         if body == GROUND:
             return ZERO
-        a = self.output(self.bodies[body], OUT.Acceleration, self.local(body, point)).tolist()
-        return a[0], a[1]
+        x, y, _ = self.output(self.bodies[body], ACCELERATION, self.local(body, point)).tolist()
+        return x, y
 
     def spin(self, body: str) -> float:
         """Return exudyn's angular velocity of a body."""

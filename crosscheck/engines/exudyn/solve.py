@@ -22,6 +22,8 @@ TOLERANCES = (1e-14, 1e-13, 1e-12)
 """Norms of the residual, in sizes of the mechanism, at which exudyn's Newton may stop: the first that it reaches."""
 STALLED = 1e-9
 """A residual below this after a failed Newton has stalled at round-off, not gone astray."""
+SETTLED = 0.5 * EPS
+"""A residual up to this is not corrected once more; with four times as much rates were off by twice as much."""
 ASTRAY, NEAR = 0.25, 0.01
 """A pose may differ from its prediction by this part of the way from the last pose, or by this much [sizes, rad]."""
 APART = 8.0
@@ -84,7 +86,7 @@ class StaticNewton:
             left = _largest(model.solver.GetSystemResidual()[model.n :])
             if done:
                 q: Array = model.data.GetODE2Coordinates(CURRENT)
-                return q if left <= 2.0 * EPS else self._corrected_once_more(q, tolerance * extent)
+                return q if left <= SETTLED else self._corrected_once_more(q, tolerance * extent)
             if not left < STALLED * extent:
                 break
         raise EngineError("its Newton did not converge")
@@ -195,6 +197,7 @@ class Marcher:
             for order in range(highest + 1):
                 table(np.array(scene.times), order)
             model.clock.laws[k] = (table, shift, size)
+        model.clock.least = highest
 
     def run(self, start: Array) -> Poses:
         """Return the poses at all times of the scene, from an estimate of the first."""
@@ -204,10 +207,13 @@ class Marcher:
         while len(answers) < len(times):
             t = times[len(answers)]
             try:
-                if self.last is None or lost or not self.solver.predicts:
+                ahead = times[len(answers) : len(answers) + self.at_once]
+                if self.last is None or lost or not (self.solver.predicts or self.velocity):
                     poses = [self._pose(t, start if self.last is None else self.last.q)]
+                elif not self.solver.predicts:
+                    poses = self._in_a_row(self.last, ahead) or [self._pose(t, self.last.q)]
                 else:
-                    poses = self._several(answers, self.last, times[len(answers) : len(answers) + self.at_once])
+                    poses = self._several(answers, self.last, ahead)
                     self.at_once = min(2 * self.at_once, AT_ONCE) if poses else max(self.at_once // 2, 1)
                     poses = poses or [self._advanced(self.last, t)]
             except BranchLostError as error:
@@ -226,12 +232,12 @@ class Marcher:
         residual, status, reason = np.full(len(answers), np.nan), [Status.NOT_CONVERGED] * len(answers), ""
         there = [k for k, pose in enumerate(answers) if isinstance(pose, Pose)]
         poses = [pose for pose in answers if isinstance(pose, Pose)]
-        for k, pose in enumerate(answers):
-            if isinstance(pose, Pose):
-                q[:, k], residual[k], status[k] = pose.q, pose.residual, Status.OK
-            else:
-                reason = reason or str(pose)
-                status[k] = Status.BRANCH_LOST if isinstance(pose, BranchLostError) else status[k]
+        for k, error in enumerate(answers):
+            if isinstance(error, EngineError):
+                reason = reason or str(error)
+                status[k] = Status.BRANCH_LOST if isinstance(error, BranchLostError) else status[k]
+        if poses:
+            q[:, there], residual[there] = np.array([pose.q for pose in poses]).T, [pose.residual for pose in poses]
         if self.velocity and poses:
             jacobians, rights = (np.array([getattr(pose, name) for pose in poses]) for name in ("jacobian", "right"))
             qd[:, there] = (self.column_scale * solved(jacobians, rights)).T
@@ -239,13 +245,37 @@ class Marcher:
                 drifts = [self.model.drift(pose.q, qd[:, k], pose.t) for k, pose in zip(there, poses, strict=True)]
                 rights = np.array(drifts)[:, self.model.live] / self.row_scale
                 qdd[:, there] = (self.column_scale * solved(jacobians, rights)).T
-            for k in there:
-                rates = qdd[:, k] if self.acceleration else qd[:, k]
-                status[k] = Status.OK if np.isfinite(rates).all() and np.isfinite(qd[:, k]).all() else Status.SINGULAR
-        for k, pose in zip(there, poses, strict=True):
-            if pose.jacobian is not None and _sigma_min(pose.jacobian) <= SINGULAR:  # its rates would be rounding
-                status[k], qd[:, k], qdd[:, k] = Status.SINGULAR, np.nan, np.nan
+        finite = np.isfinite(qd[:, there] if self.velocity else q[:, there]).all(axis=0)
+        if self.acceleration:
+            finite &= np.isfinite(qdd[:, there]).all(axis=0)
+        for k, known in zip(there, finite.tolist(), strict=True):
+            status[k] = Status.OK if known else Status.SINGULAR
+        if poses and poses[0].jacobian is not None:
+            for k in np.array(there)[_singular(np.array([pose.jacobian for pose in poses]))]:
+                status[k], qd[:, k], qdd[:, k] = Status.SINGULAR, np.nan, np.nan  # its rates would be rounding
         return Poses(q, qd, qdd, residual, status, reason)
+
+    def _in_a_row(self, last: Pose, times: Sequence[float]) -> list[Pose]:
+        """Return poses at the first of the next times, each found from the one before, believed as in `_seen`."""
+        at, q, rows = list[float](), [last.q], list[tuple[Array, Array, Array]]()
+        try:
+            for t in times:
+                found = self.solver(t, q[-1])
+                rows.append(self.model.at_rest(found, t))
+                at.append(t)
+                q.append(found)
+        except EngineError:
+            pass
+        if not at:
+            return []
+        poses = np.array(q[1:])
+        residual, jacobian, right = self._scaled(*(np.array(part) for part in zip(*rows, strict=True)))
+        gap = np.abs(residual).max(axis=1)
+        good = gap <= self.solver.accepted * np.maximum(1.0, np.abs(poses / self.column_scale).max(axis=1))
+        for _, _, turned in self._turned(poses.T):
+            good &= np.abs(turned) <= 1.0
+        count = int(np.argmin(np.append(good, False)))
+        return [Pose(*parts) for parts in zip(at[:count], q[1:], gap, jacobian, right, strict=False)]
 
     def _several(self, answers: Sequence[Pose | EngineError], last: Pose, times: Sequence[float]) -> list[Pose]:
         """Return poses at the first of the next times: those that plainly continue the motion one after another.
@@ -390,6 +420,13 @@ def solved(jacobian: Array, right: Array) -> Array:
         sigma = np.linalg.svd(jacobian, compute_uv=False)
         sound = sigma[:, -1] > EPS * max(m, n) * sigma[:, 0]
     return np.where(sound[:, None], x, np.nan)
+
+
+def _singular(jacobians: Array) -> Any:
+    """Return at which of B Jacobians sigma_min is at most `SINGULAR`; the inverse's norm is a bound of it."""
+    singular = ~(np.linalg.norm(inverses(jacobians), axis=(1, 2)) < 0.5 / SINGULAR)
+    singular[singular] = np.linalg.svd(jacobians[singular], compute_uv=False)[:, -1] <= SINGULAR
+    return singular
 
 
 def _largest(x: Array) -> float:
