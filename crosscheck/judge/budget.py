@@ -34,7 +34,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
-from crosscheck.judge.running_error import Running, U, errors, running
+from crosscheck.judge.running_error import Running, U, errors, product_sum, running
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Table
 from refkin.system import System
@@ -141,9 +141,12 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     clock, jacobian = _clock(system, t), np.abs(system.phi_q(q, t))
     e_phi = SAFETY * errors(system.phi(running(q, U * np.abs(q)), clock), t.shape)
     moving = _times(jacobian, np.abs(qd))
-    e_nu = SAFETY * _residual_error(system, q, qd, clock, t.shape) + _solve_error(moving)
+    at = running(q)
+    slope = system.phi_q(at, clock)
+    e_nu = SAFETY * _residual_error(slope, qd, system.nu(at, clock), t.shape) + _solve_error(moving)
     bending = _times(jacobian, np.abs(qdd)) + np.abs(system.gamma(q, qd, t))
-    e_gamma = SAFETY * _residual_error(system, q, qdd, clock, t.shape, qd) + _solve_error(bending)
+    right = system.gamma(at, running(qd), clock)
+    e_gamma = SAFETY * _residual_error(slope, qdd, right, t.shape) + _solve_error(bending)
     rate = np.max(np.abs(qd), axis=0)
     return Propagation(
         system=system,
@@ -268,14 +271,11 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any
     return roundings * position, roundings * rate, roundings * bend
 
 
-def _residual_error(system: System, q: Any, rate: Any, t: Any, shape: tuple[int, ...], qd: Any = None) -> Any:
-    """Return the running error (m, T) of phi_q rate - nu, or of phi_q rate - gamma if qd is given, at this q."""
-    at, moving = running(q), running(rate)  # the rounding of the result itself is `output_rounding`
-    right = system.nu(at, t) if qd is None else system.gamma(at, running(qd), t)
-    left = system.phi_q(at, t)
-    rows = np.empty(system.m, object)
-    for m in range(system.m):
-        rows[m] = sum((moving[k] * left[m, k] for k in range(system.n)), Running(0.0)) - right[m]
+def _residual_error(left: Any, rate: Any, right: Any, shape: tuple[int, ...]) -> Any:
+    """Return the running error (m, T) of phi_q rate less a right side, from running numbers of both."""
+    rows, moving = np.empty(len(left), object), running(rate)  # the rounding of the result is `output_rounding`
+    for m, row in enumerate(left):
+        rows[m] = product_sum(row, moving) - right[m]
     return errors(rows, shape)
 
 

@@ -20,11 +20,12 @@ from crosscheck.engines.frames import RowMap
 from crosscheck.engines.spatial.turning import common_columns
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
 from crosscheck.judge.records import At
-from crosscheck.judge.running_error import Running, U, errors, running
+from crosscheck.judge.running_error import Running, U, errors, product_sum, running
 from refkin.joints import elements_of
 from refkin.model import Mechanism
 from refkin.system import System, compile_system
 
+TINY = float(np.finfo(float).tiny)
 ABSENT = refused("not in the table")
 LEVELS = (Level.RESIDUAL, Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
 
@@ -156,16 +157,16 @@ def _compare_at(
         Level.CONSTRAINT_VELOCITY: lambda: model.constraint_velocity(at.q, at.qd, at.t),
         Level.DRIFT: lambda: model.drift(at.q, at.qd, at.t),
     }[level]()
-    ratios, relative = [], 0.0
     if any(m.either for m in maps):
         maps = _signed(maps, model.residual(at.q, at.t), ours["x"][0], first_row)
-    for m in maps:
-        expected, allowed = _mapped(level, m, first_row[m.constraint] + m.row, ours)
-        allowed = allowed + abs(m.factor) * added
-        error = np.abs(theirs[m.engine_row] - expected)
-        ratios.append(float(np.max(np.where(error == 0.0, 0.0, error / np.maximum(allowed, np.finfo(float).tiny)))))
-        relative = max(relative, float(np.max(error)) / max(ours["scale"][level], np.finfo(float).tiny))
-    return ratios, min(17.0, -np.log10(relative)) if relative else 17.0
+    mapped = [_mapped(level, m, first_row[m.constraint] + m.row, ours) for m in maps]
+    expected, allowed = (np.array(part, float) for part in zip(*mapped, strict=True))
+    factors = np.array([abs(m.factor) for m in maps])
+    allowed += (factors * added).reshape(-1, *[1] * (allowed.ndim - 1))
+    error = np.abs(theirs[[m.engine_row for m in maps]] - expected)
+    ratios = np.where(error == 0.0, 0.0, error / np.maximum(allowed, TINY)).reshape(len(maps), -1).max(axis=1)
+    relative = float(np.fmax.reduce(error, axis=None)) / max(ours["scale"][level], TINY)
+    return ratios.tolist(), min(17.0, -np.log10(relative)) if relative else 17.0
 
 
 def _signed(maps: Sequence[RowMap], theirs: Any, ours: Any, first_row: Mapping[str, int]) -> list[RowMap]:
@@ -202,7 +203,7 @@ def _ours(system: System, at: Configuration) -> dict[Any, Any]:
     rate = np.empty(system.m, object)
     nu = system.nu(q, at.t)
     for m in range(system.m):
-        rate[m] = sum((qd[k] * slope[m, k] for k in range(system.n)), Running(0.0)) - nu[m]
+        rate[m] = product_sum(slope[m], qd) - nu[m]
     slope, gamma = slope[:, : system.of_bodies], system.gamma(q, qd, at.t)
     if system.kind.name == "spatial":
         slope, gamma = _in_common_columns(slope, gamma, at)

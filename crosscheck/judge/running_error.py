@@ -24,24 +24,27 @@ class Running:
     __array_ufunc__ = None  # an array on the left of + - * leaves the operation to this class
 
     def __init__(self, value: Any, error: Any = 0.0) -> None:
-        self.value = np.asarray(value, float)
-        self.error = np.asarray(error, float)
+        self.value = value
+        self.error = error
 
     def _result(self, value: Any, inherited: Any) -> Running:
-        return Running(value, inherited + U * np.abs(value))
+        return Running(value, inherited + U * abs(value))
 
     def __add__(self, other: Any) -> Running:
-        b = _running(other)
-        return self._result(self.value + b.value, self.error + b.error)
+        if isinstance(other, Running):
+            return self._result(self.value + other.value, self.error + other.error)
+        return self._result(self.value + other, self.error)
 
     def __sub__(self, other: Any) -> Running:
-        b = _running(other)
-        return self._result(self.value - b.value, self.error + b.error)
+        if isinstance(other, Running):
+            return self._result(self.value - other.value, self.error + other.error)
+        return self._result(self.value - other, self.error)
 
     def __mul__(self, other: Any) -> Running:
-        b = _running(other)
-        inherited = np.abs(self.value) * b.error + np.abs(b.value) * self.error
-        return self._result(self.value * b.value, inherited)
+        if isinstance(other, Running):
+            inherited = abs(self.value) * other.error + abs(other.value) * self.error
+            return self._result(self.value * other.value, inherited)
+        return self._result(self.value * other, abs(other) * self.error)
 
     def __truediv__(self, other: float) -> Running:
         """Divide by a plain number."""
@@ -51,35 +54,39 @@ class Running:
     __rmul__ = __mul__
 
     def __rsub__(self, other: Any) -> Running:
-        return _running(other) - self
+        return self._result(other - self.value, self.error)
 
     def __neg__(self) -> Running:
         return Running(-self.value, self.error)
 
     def cos(self) -> Running:
         """Return the cosine, its library error one ulp at most: of a number up to 1 that is U."""
-        return Running(np.cos(self.value), self.error * np.abs(np.sin(self.value)) + U)
+        return Running(np.cos(self.value), self.error * abs(np.sin(self.value)) + U)
 
     def sin(self) -> Running:
         """Return the sine, its library error one ulp at most: of a number up to 1 that is U."""
-        return Running(np.sin(self.value), self.error * np.abs(np.cos(self.value)) + U)
+        return Running(np.sin(self.value), self.error * abs(np.cos(self.value)) + U)
 
     def through(self, f: Callable[[Any, int], Any]) -> Running:
         """Return f(x, 0) of a function of floats whose derivative is f(x, 1), with one rounding of its own."""
-        return self._result(f(self.value, 0), self.error * np.abs(f(self.value, 1)))
-
-
-def _running(x: Any) -> Running:
-    return x if isinstance(x, Running) else Running(x)
+        return self._result(f(self.value, 0), self.error * abs(f(self.value, 1)))
 
 
 def running(q: Any, error: Any = 0.0) -> Any:
     """Return coordinates (n,) or (n, B) as an object array (n,) of `Running` numbers with the given error bounds."""
     q, error = np.asarray(q, float), np.broadcast_to(error, np.shape(q))
     out = np.empty(len(q), object)
+    if q.ndim == 1:  # plain floats: NumPy's own take several times as long
+        q, error = q.tolist(), error.tolist()
     for k, (value, bound) in enumerate(zip(q, error, strict=True)):
         out[k] = Running(value, bound)
     return out
+
+
+def product_sum(row: Any, rates: Any) -> Running:
+    """Return the sum of the products of two rows (n,), the first with plain zeros where nothing stands."""
+    terms = (0.0 if isinstance(a, int | float) and a == 0 else x * a for a, x in zip(row, rates, strict=True))
+    return sum(terms, Running(0.0))
 
 
 def errors(values: Any, shape: tuple[int, ...]) -> Any:
