@@ -9,6 +9,7 @@ lie below a slack that is curved upwards, go down to zero.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -61,7 +62,25 @@ def float_solution(scene: Scene) -> Solution:
         assembly.run()
         return assembly
 
-    return replace(_with_turns(scene), lost_after=lost_after(scene.times, joined))
+    solution = _with_turns(scene)
+    return replace(solution, lost_after=lost_after(scene.times, joined, _moves(solution)))
+
+
+def _moves(solution: Solution) -> Any:
+    """Return by how much an angle [rad], or a law [rad, sizes], moves in each interval at most; NaN if not known.
+
+    A law may leave between two times and come back: what its rate makes of the interval is summed up.
+    """
+    times, size = np.array(solution.scene.times), solution.scene.mechanism.size()
+    h = np.diff(times)
+    fine = times[:-1, None] + h[:, None] * np.linspace(0.0, 1.0, PIECES + 1)
+    moves = [np.zeros(len(h))]
+    moves += [np.abs(np.diff(np.broadcast_to(midpoint(x), times.shape))) for x in solution.assembly.known_angles]
+    for constraint in solution.scene.mechanism.constraints:
+        for law in constraint.laws:
+            rates = np.broadcast_to(np.asarray(law(fine.ravel(), 1), float), fine.size).reshape(fine.shape)
+            moves.append(h * np.abs(rates).mean(axis=1) / min(size, 1.0))
+    return np.max(moves, axis=0)
 
 
 def _with_turns(scene: Scene) -> Solution:
@@ -113,6 +132,8 @@ def _still(pose: JetPose) -> JetPose:
 
 PIECES = 16
 """Parts into which an interval between two times is cut: of a turn of a crank a part has one least slack at most."""
+FEWEST, PART = 2, math.tau / 128
+"""Fewer parts are enough, but so many, where nothing moves by more than this in any of them [rad, sizes]."""
 HALVINGS = 60
 """After so many no float64 time is left between."""
 
@@ -141,11 +162,17 @@ def _rows(numbers: list[Any], count: int) -> Any:
     return np.array([np.broadcast_to(midpoint(x), (count,)) for x in numbers]).reshape(len(numbers), count)
 
 
-def lost_after(times: tuple[float, ...], solve: Solve) -> float:
-    """Return the time from which the branch is not known: the first at which a slack is not positive; else inf."""
+def lost_after(times: tuple[float, ...], solve: Solve, moves: Any) -> float:
+    """Return the time from which the branch is not known: the first at which a slack is not positive; else inf.
+
+    `moves` (T - 1,) says by how much anything moves in each interval, NaN where that is not known.
+    """
     if len(times) < 2:
         return np.inf
-    fine = np.unique(np.concatenate([np.linspace(a, b, PIECES + 1) for a, b in pairwise(times)]))
+    parts = np.clip(np.nan_to_num(np.ceil(moves / PART), nan=PIECES), FEWEST, PIECES).astype(int).tolist()
+    fine = np.unique(
+        np.concatenate([np.linspace(a, b, n + 1) for (a, b), n in zip(pairwise(times), parts, strict=True)])
+    )
     slacks = _Slacks.of(solve(tuple(fine)))
     met = _first(fine, slacks.value)
     least = (slacks.rate[:, :-1] < 0.0) & (slacks.rate[:, 1:] > 0.0) & (fine[1:] < met)
