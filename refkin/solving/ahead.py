@@ -188,11 +188,11 @@ class Ahead:
         sweep, s, ends = self.sweep, self.system, steps + 1
         t, q, moved = self.t[ends], self.q[:, ends], np.abs(self.q[:, ends] - self.q[:, steps])
         predicted, unled = self._predicted(ends)
-        once = predicted + (first := _solve(s.phi_q(predicted, t), -s.phi(predicted, t)))
-        twice = once + (second := _solve(s.phi_q(once, t), -s.phi(once, t)))
-        first, second, move, off, left = map(_largest, (first, second, moved, q - predicted, q - twice))
-        contracted, led = second <= CONTRACTION * first, off <= NEAR * move
-        sure = (contracted | (first < TINY)) & (left <= np.maximum(CONTRACTION * second, SAME))
+        first = _solve(s.phi_q(predicted, t), -s.phi(predicted, t))
+        # What is left after it is Newton's second correction, if that leads to the pose.
+        first, left, move, off = map(_largest, (first, q - predicted - first, moved, q - predicted))
+        contracted, led = left <= CONTRACTION * first, off <= NEAR * move
+        sure = contracted | ((first < TINY) & (left <= SAME))
         sure &= np.where(unled, move <= FIRST, led | (off <= TINY)) & (_largest(moved[s.angles]) <= FURTHEST)
         jacobian = s.phi_q(q, t)
         same, determinant = sweep.sides_of(jacobian)
