@@ -140,8 +140,11 @@ class Ahead:
             residual = s.phi(at, now)
             at = at + _solve(s.phi_q(at, now), -residual)
             size, scale = np.max(np.abs(at - q[:, open_]), axis=0), np.maximum(1.0, np.max(np.abs(at), axis=0))
-            stalled = (size <= 1e-6 * scale) & is_round_off(residual, at) & (size > 0.6 * previous[open_])
-            done = (size <= EPS * scale) | stalled
+            ratio = size / previous[open_]
+            stalled = (size <= 1e-6 * scale) & is_round_off(residual, at) & (ratio > 0.6)
+            # The error is squared: of the next correction nothing would be left but rounding.
+            squared = (size * ratio**2 <= EPS / 8 * scale) & (ratio > 0.0) & (ratio < 1e-2)
+            done = (size <= EPS * scale) | stalled | squared
             q[:, open_], previous[open_] = at, size
             out[:, open_[done]] = at[:, done]
             open_ = open_[~done & np.isfinite(size)]
