@@ -85,8 +85,10 @@ def running(q: Any, error: Any = 0.0) -> Any:
 
 def product_sum(row: Any, rates: Any) -> Running:
     """Return the sum of the products of two rows (n,), the first with plain zeros where nothing stands."""
-    terms = (0.0 if isinstance(a, int | float) and a == 0 else x * a for a, x in zip(row, rates, strict=True))
-    return sum(terms, Running(0.0))
+    total = Running(0.0)
+    for a, x in zip(row, rates, strict=True):
+        total = total + (0.0 if isinstance(a, int | float) and a == 0 else x * a)
+    return total
 
 
 def errors(values: Any, shape: tuple[int, ...]) -> Any:

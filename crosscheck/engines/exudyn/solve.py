@@ -245,7 +245,7 @@ class Marcher:
                 drifts = [self.model.drift(pose.q, qd[:, k], pose.t) for k, pose in zip(there, poses, strict=True)]
                 rights = np.array(drifts)[:, self.model.live] / self.row_scale
                 qdd[:, there] = (self.column_scale * solved(jacobians, rights)).T
-        finite = np.isfinite(qd[:, there] if self.velocity else q[:, there]).all(axis=0)
+        finite: Any = np.isfinite(qd[:, there] if self.velocity else q[:, there]).all(axis=0)
         if self.acceleration:
             finite &= np.isfinite(qdd[:, there]).all(axis=0)
         for k, known in zip(there, finite.tolist(), strict=True):
