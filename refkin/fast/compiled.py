@@ -81,9 +81,9 @@ class Compiled:
         return compile_single(tape, self.core)
 
     @cached_property
-    def place(self) -> Single:
-        """All coordinates, one lane at a time."""
-        tape = schedule(self.solved, self.graph, [range(self.n)], half_angles=False)
+    def whole(self) -> Single:
+        """The same as `lanes`, one lane at a time: what finds the first pose, and answers a single one."""
+        tape = schedule(self.solved, self.graph, [range(self.n)] * self.levels, half_angles=False)
         return compile_single(tape, range(self.n))
 
     @cached_property

@@ -118,12 +118,16 @@ class March:
                 return None
         guess, rates = predicted(t, last, before)
         found = self._newton(f, guess)
-        if found is None or not (_converged(found.steps) and contracts(found.steps) and self._regular(found)):
+        if found is None or not (self.accepts(found) and contracts(found.steps)):
             return None
         q, v, _ = found.levels
         off, move, bent = _largest(q, guess), _largest(q, last.levels[0]), _largest(v, rates) * (t - last.t)
         near = off <= min(FARTHEST, max(PART * move, SMALL)) and bent <= max(SMOOTH * off, SMALL)
         return Pose(t, found.levels, f, off, coefficients(last.levels, found.levels, t - last.t)) if near else None
+
+    def accepts(self, found: Answer) -> bool:
+        """Whether Newton converged to a regular pose with the branch's signs."""
+        return _converged(found.steps) and self._regular(found)
 
     def _regular(self, found: Answer) -> bool:
         """Whether no determinant has changed its sign, or is nearly 0."""

@@ -12,6 +12,7 @@
 
 from __future__ import annotations
 
+import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
 from typing import Any
@@ -20,6 +21,7 @@ import numpy as np
 
 from refkin.fast.answer import motion
 from refkin.fast.lanes.run import Workspace, block_lanes
+from refkin.fast.lanes.single import Answer
 from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, March, Pose, factor
 from refkin.fast.prepare import Prepared, prepared
 from refkin.model import Scene
@@ -36,6 +38,8 @@ QUARTERINGS = 4
 """How often the step between marched poses is quartered for the lanes between them."""
 MOST_EXTREMA = 500
 """Extrema of laws from the first time to the last beyond which it is left to the reference what to do about them."""
+MOST_AT_FIRST = 12
+"""Newton steps from an estimate."""
 NEAR = 8.0
 """How many times further than the estimate every other solution must be for the estimate to decide the branch."""
 
@@ -77,10 +81,13 @@ class _Task:
         start = self._start() if len(self.extrema) < MOST_EXTREMA else None
         if start is None:
             return None
-        poses = self._marched(start) if self.made.core else [start]
-        if poses is None:
-            return None
-        found = self._lanes(poses)
+        if len(self.t) == 1:
+            found = self._alone(start)
+        else:
+            poses = self._marched(start) if self.made.core else [start]
+            if poses is None:
+                return None
+            found = self._lanes(poses)
         return None if found is None else motion(self.scene, self.system, self.made, self.t, *found, self.message)
 
     def _profile(self, constraint: int, order: int, s: Any) -> Any:
@@ -119,12 +126,8 @@ class _Task:
         if self.system.n != self.system.of_bodies or any(b.estimate is None for b in bodies):
             return None
         estimate = self.system.to_unit([x for b in bodies for x in b.estimate])  # type: ignore[union-attr]
-        place = self.made.place
-        u = place.prepare([self.geometry[c][k] for c, k in place.geometry])
-        values = [self.laws[c][law][order].item(0) for c, law, order in place.laws]
-        try:
-            found = place.advance(u, values, [float(estimate[c]) for c in self.made.core], self._profile, 12, ENOUGH)
-        except (ArithmeticError, ValueError):
+        found = self._first([float(estimate[c]) for c in self.made.core])
+        if found is None:
             return None
         q, steps = np.array(found.levels[0]), found.steps
         off = np.max(np.abs(q - estimate))
@@ -132,6 +135,24 @@ class _Task:
             return None
         second = steps[1] if len(steps) > 1 else 0.0
         return q if off <= SMALL or NEAR * off * second <= steps[0] ** 2 else None
+
+    def _first(self, core: Sequence[float]) -> Answer | None:
+        """Return what Newton makes of core coordinates at the first time, number by number."""
+        whole = self.made.whole
+        u = whole.prepare([self.geometry[c][k] for c, k in whole.geometry])
+        values = [self.laws[c][law][order].item(0) for c, law, order in whole.laws]
+        try:
+            return whole.advance(u, values, core, self._profile, MOST_AT_FIRST, ENOUGH)
+        except (ArithmeticError, ValueError):
+            return None
+
+    def _alone(self, start: Pose) -> tuple[list[Any], Any] | None:
+        """Return the levels at the only time, and its smallest pivot: rows of one number would take five times as long."""
+        found = self._first(start.levels[0])
+        if found is None or not self.march.accepts(found):
+            return None
+        levels = [np.array(level)[:, None] for level in found.levels[: self.made.levels]]
+        return levels, np.array([min(found.pivots, default=math.inf)])
 
     def _marched(self, start: Pose) -> list[Pose] | None:
         """Return poses from the first time to the last, at times of the scene and, where steps are short, between."""

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin.fast import attempt, prepared
+from refkin.fast import answer, attempt, prepared
 from refkin.fast.prepare import Prepared
 from refkin.fast.residual import residual
 from refkin.newton import ROUND_OFF
@@ -70,3 +70,19 @@ def test_a_prepared_scene_is_solved_again_and_again_to_the_same_bits_whatever_is
     assert again is not None
     assert again == attempt(ready.scene)
     assert all(np.array_equal(a, b) for a, b in zip(again.levels, kept, strict=True))
+
+
+def test_one_time_alone_has_the_answer_that_it_has_among_others_and_is_checked_as_well(
+    ready: Prepared, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    among, scene = attempt(ready), replace(ready.scene, times=ready.scene.times[:1])
+    alone = attempt(scene)
+    assert among is not None
+    assert alone is not None
+    for level, first in zip(alone.levels, among.levels, strict=True):
+        assert level is not None
+        assert first is not None
+        assert np.max(np.abs(level - first[:, :1])) <= 1e-14 * max(1.0, float(np.max(np.abs(first))))
+
+    monkeypatch.setattr(answer, "residual", lambda system, q, t: residual(system, q + 1e-12, t))
+    assert attempt(scene) is None
