@@ -147,7 +147,7 @@ class _Task:
             return None
 
     def _alone(self, start: Pose) -> tuple[list[Any], Any] | None:
-        """Return the levels at the only time, and its smallest pivot: rows of one number would take five times as long."""
+        """Return the levels at the only time, and its smallest pivot: rows of one number take five times as long."""
         found = self._first(start.levels[0])
         if found is None or not self.march.accepts(found):
             return None
