@@ -101,8 +101,8 @@ def _jobs(records: Iterable[Record], job_of: Callable[[Record], Job], engines: M
 
 
 def _digits(record: Record) -> Iterator[tuple[Mark, int]]:
-    """Yield the fewest digits of each answer, quantity and decade, in tenths."""
-    for answer in record.answers:
+    """Yield the fewest digits of each answer, quantity and decade, in tenths; features are not pictured."""
+    for answer in (answer for answer in record.answers if not answer.feature):
         for quantity, q in answer.quantities.items():
             for decade, histogram in q.digits_by_sigma.items():
                 if histogram:

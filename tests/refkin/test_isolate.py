@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -12,7 +13,7 @@ from refkin.joints import GROUND, AngleDriver, Gear, Prismatic, Revolute, XDrive
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
 from refkin.proof.numbers.inputs import half_ulp
-from refkin.proof.pose.certificate import certify
+from refkin.proof.pose.certificate import Certificate, certify
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import refine
 from refkin.system import System, compile_system
@@ -59,6 +60,23 @@ def test_what_cannot_be_assembled_has_no_proof_of_a_pose(phi: float) -> None:
 def test_an_answer_between_two_branches_is_not_isolated(part: float) -> None:
     phi = 2 * np.arcsin(np.sqrt(2.0**-21))
     assert not isolate(bar(1 - 2.0**-20), at_angle(part * phi), [0.0]).ok[0]
+
+
+def test_what_is_said_to_be_unique_is_the_box_that_balls_prove_and_no_more(monkeypatch: Any) -> None:
+    """Float64 is made to prove nothing: balls take the box of twice the distance, which leaves the other branch out."""
+    phi, off = 0.5, 1e-3
+    monkeypatch.setattr("refkin.proof.pose.isolate.certify", lambda *args, **_: nothing_of(certify(*args)))
+    isolation = isolate(bar(float(np.cos(phi))), at_angle(phi + off), [0.0])
+
+    assert isolation.ok[0]
+    assert isolation.position[0] == pytest.approx(off, rel=1e-6, abs=0.0)
+    assert isolation.unique[0] == pytest.approx(2 * off, rel=1e-6, abs=0.0)
+
+
+def nothing_of(proof: Certificate) -> Certificate:
+    """Return a certificate of nothing."""
+    lost = np.full(len(proof.ok), np.nan)
+    return replace(proof, ok=np.zeros(len(proof.ok), bool), unique=lost, radii=proof.radii * np.nan)
 
 
 def test_balls_take_over_where_float64_proves_nothing() -> None:
