@@ -7,9 +7,10 @@ import math
 import pytest
 
 import refkin
-from refkin.joints import AngleDriver
-from refkin.model import Mechanism
+from refkin.joints import AngleDriver, Perpendicular, SpatialFixed, SpatialPrismatic
+from refkin.model import Body, Mechanism
 from refkin.proof.singularity.diagnosis import PoseKind
+from refkin.solving.mobility import mobility
 from tests.refkin.test_sweep import three_cranks
 
 from .assembly_cases import bodies, constant, four_bar, pin, solved, turned
@@ -106,3 +107,14 @@ def test_what_cannot_be_diagnosed_or_followed_says_why():
     with pytest.raises(ValueError, match=r"a system alone does not say where to start: give \(q, t\)"):
         refkin.follow(system)
     assert refkin.diagnose(scene).kind is PoseKind.REGULAR
+
+
+def test_a_body_of_space_that_slides_alone_is_said_to_slide_and_not_to_spin():
+    z, x, at = (0.0, 0.0, 1.0), (1.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    ends = {"body_i": "ground", "point_i": at, "axis_i": z, "point_j": at, "axis_j": z, "zero_i": x, "zero_j": x}
+    again = Perpendicular(name="again", body_i="ground", axis_i=z, body_j="still", axis_j=x)
+    joints = (SpatialFixed(name="f", body_j="still", **ends), SpatialPrismatic(name="p", body_j="slide", **ends), again)
+    pose = (*at, 1.0, 0.0, 0.0, 0.0)
+    both = Mechanism(tuple(Body(name=name, estimate=pose) for name in ("still", "slide")), joints, ())
+
+    assert mobility(both, [*pose, *pose]).idle == ("slide slides along (0, 0, 1) of its own",)
