@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import io
-import tomllib
 from collections.abc import Iterator
 from dataclasses import MISSING, fields, replace
 from pathlib import Path
@@ -12,10 +11,12 @@ from typing import Any
 
 from rich.console import Console
 
+from crosscheck.judge.findings import read
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
 from refkin.model import Scene
 from refkin.output import Drawing, animated, still
 from refkin.scenes.files import load
+from refkin.scenes.linkages import RSSR, Bennett, Stewart
 from refkin.solving.solve import solve
 
 ROOT = Path(__file__).parent.parent
@@ -139,16 +140,16 @@ CLASSES = {
 
 def findings() -> Iterator[str]:
     """Yield what engines were seen to do, from the table that a test holds true."""
-    table = tomllib.loads((ROOT / "crosscheck" / "judge" / "findings.toml").read_text(encoding="utf-8"))["finding"]
+    known = read()
     for kind, meaning in CLASSES.items():
         yield f"\n## {kind.capitalize()}\n\n{meaning}\n"
-        for finding in (f for f in table if f["class"] == kind):
-            yield f"\n### {finding['engine']}, {finding['route']}: {', '.join(finding.get('cases', ['a feature']))}\n"
-            yield " ".join(finding["reason"].split()) + "\n"
-            yield f"> {' '.join(finding['quote'].split())}\n>\n> — {finding['source']}\n"
-            shown = [f"`{finding[key]}`" for key in ("script", "scene") if key in finding]
-            yield f"Since: {finding['since']}.\n"
-            yield f"Seen on {finding['date']}; to see it again: {', '.join(shown)}.\n"
+        for finding in (f for f in known if f.kind == kind):
+            asked = f": {', '.join(finding.cases)}" if finding.cases else ""
+            yield f"\n### {finding.engine}, {finding.route}{asked}\n"
+            yield " ".join(finding.reason.split()) + "\n"
+            yield f"> {' '.join(finding.quote.split())}\n>\n> — {finding.source}\n"
+            shown = ", ".join(f"`{path}`" for path in (finding.script, finding.scene) if path)
+            yield f"Versions: {finding.since}. Seen on {finding.date}; to see it again: {shown}.\n"
 
 
 def commands() -> Iterator[str]:
@@ -167,9 +168,27 @@ def commands() -> Iterator[str]:
 
 def gallery(docs: Path) -> Iterator[str]:
     """Yield moving pictures: the examples, and the scenes of this book that move far enough."""
+    for name, scene in linkages().items():
+        yield from animation(docs, name, scene, "refkin.scenes.linkages")
     for file in (*sorted((ROOT / "examples").glob("*.toml")), *sorted((docs / "scenes").glob("*.toml"))):
         scene = load(file)
         if len(scene.times) > FEW:
-            _write(docs / "_static" / "made" / f"moving-{file.stem}.svg", animated(drawn(scene)))
-            yield f"\n## {scene.name}\n\n```{{image}} _static/made/moving-{file.stem}.svg\n:class: mechanism"
-            yield f":alt: {scene.name} in motion\n```\n\n`crosscheck animate {file.relative_to(ROOT)}`"
+            yield from animation(docs, file.stem, scene, f"crosscheck animate {file.relative_to(ROOT)}")
+
+
+def animation(docs: Path, stem: str, scene: Scene, made_by: str) -> Iterator[str]:
+    """Yield the place of a moving picture, which is written."""
+    _write(docs / "_static" / "made" / f"moving-{stem}.svg", animated(drawn(scene)))
+    yield f"\n## {scene.name}\n\n```{{image}} _static/made/moving-{stem}.svg\n:class: mechanism"
+    yield f":alt: {scene.name} in motion\n```\n\n`{made_by}`"
+
+
+def linkages() -> dict[str, Scene]:
+    """Return the famous ones of space, each over a turn of its input."""
+    rssr = RSSR(crank=1.0, coupler=3.0, rocker=2.0, pivot=(2.5, -0.5, 0.75), axis=(0.25, 1.0, 0.125))
+    named: dict[str, Any] = {
+        "Bennett's linkage": Bennett(length=1.0, alpha=0.6, beta=1.1),
+        "RSSR": rssr,
+        "Stewart platform": Stewart.three_three(),
+    }
+    return {name.split()[0].split("'")[0]: made.scene(samples=61, name=name) for name, made in named.items()}
