@@ -34,6 +34,7 @@ RATES = ("velocity", "acceleration")
 LONGEST = 0.25
 """The longest arrow, as a part of the picture's larger side."""
 PROFILE_POINTS = 181
+LINKS = (PointDistance, SpatialPointDistance)
 
 
 class NothingToDraw(RefkinError):
@@ -66,7 +67,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Link:
-    """A massless link of space, by the paths (3, T) of its ends; a `Part` would have a spin of its own."""
+    """A massless link of space, or a cylinder, by the paths (d, T) of its ends: a `Part` would spin, or be rigid."""
 
     name: str
     ends: tuple[Any, Any]
@@ -117,11 +118,12 @@ class Drawing:
         still = np.repeat(np.array(self._kind.still)[:, None], len(shown), axis=1)
         self._poses = {GROUND: still} | {name: motion[name].q[:, shown] for name in self._names}
         self._size = scene.mechanism.size()
-        elements = list(elements_of(scene.mechanism.joints))
+        driven = (e for e in elements_of(scene.mechanism.constraints) if e.laws and isinstance(e, LINKS))
+        elements = [*elements_of(scene.mechanism.joints), *driven]
         self._points = _points_of(scene, elements)
         self.parts: list[Part | Link] = []
         self.parts += [Part(name, tuple(self._shapes(name, elements)), self._poses[name]) for name in (GROUND, *names)]
-        self.parts += [self._link(e) for e in elements if isinstance(e, PointDistance | SpatialPointDistance)]
+        self.parts += [self._link(e) for e in elements if isinstance(e, LINKS)]
         self.curves = [Shape("curve", seen(self._path(point.body, point.position))) for point in scene.points]
         self.box = self._box()
 
@@ -144,7 +146,7 @@ class Drawing:
 
     def _link(self, element: Element) -> Part | Link:
         first, last = (self._path(body, point) for body, point in element.ends)
-        if self._kind is SPACE:
+        if self._kind is SPACE or element.laws:
             return Link(element.name, (first, last))
         (xi, yi), (xj, yj) = first, last
         poses = np.array([xi, yi, np.unwrap(np.arctan2(yj - yi, xj - xi))])

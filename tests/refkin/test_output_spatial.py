@@ -56,6 +56,18 @@ def test_parts_are_seen_where_the_bodies_are():
         assert any(np.allclose(shape.points[:, -1], VIEW @ points[:, 0]) for shape in crank.at(k))
 
 
+def test_a_cylinder_is_drawn_as_long_as_its_law_says():
+    found = replace(load(SCENES / "distance-driver.toml"), evidence=frozenset())
+    answer = solve(replace(found, times=found.times[:9]))
+    drawing = Drawing(answer.scene, answer)
+    (cylinder,) = (part for part in drawing.parts if part.name == "cylinder")
+    law = found.mechanism.drivers[0].laws[0]
+    for k, t in enumerate(drawing.t):
+        (link,) = (shape.points for shape in cylinder.at(k) if shape.role == "link")
+
+        assert np.linalg.norm(link[:, 1] - link[:, 0]) == pytest.approx(law(float(t)))
+
+
 @pytest.mark.parametrize("rate", ["velocity", "acceleration"])
 def test_an_arrow_is_seen_along_the_motion_of_its_point(scene, motion, rate):
     handle = motion.points["handle"]
