@@ -6,6 +6,7 @@ import json
 
 import pytest
 
+from crosscheck.night import sections
 from crosscheck.night.sections import write_sections
 
 from .fake_engines import crosscheck
@@ -33,3 +34,17 @@ def test_without_time_for_them_nothing_is_measured_beside_the_scenes(tmp_path, s
     write_sections(tmp_path, {name: name for name in ENGINES}, (), seconds, rows.append)
 
     assert (rows, list(tmp_path.iterdir())) == ([], [])
+
+
+def test_what_is_measured_beside_the_scenes_asks_engines_of_ones_own_too(tmp_path, monkeypatch):
+    """By what loads them, which for those that nobody registered is `file.py:Class`."""
+    asked = {}
+    monkeypatch.setattr(sections, "hard_case_rows", lambda engines, seconds: asked.update(hard=engines) or [])
+    monkeypatch.setattr(sections, "price_list", lambda seconds, producers: asked.update(price=producers) or [])
+    monkeypatch.setattr(sections, "effects_ledger", lambda scene, engines, seconds: asked.update(effects=engines) or [])
+    engines = {"mine": "own.py:Mine", "mujoco": "mujoco", "closed_form": "closed_form"}
+    write_sections(tmp_path, engines, {"closed_form"}, 60.0)
+
+    assert asked["hard"] == ["refkin", "own.py:Mine", "mujoco"]
+    assert asked["price"][-2:] == ("own.py:Mine", "mujoco")
+    assert asked["effects"] == ["own.py:Mine", "mujoco"]
