@@ -50,8 +50,12 @@ def pose_picture(report: Mapping[str, Any], which: int, looks: Mapping[tuple[str
 
 
 def _parts(parent: ET.Element, parts: Sequence[Mapping[str, Any]], places: Sequence[Sequence[float]]) -> None:
-    for part, (x, y, degrees) in zip(parts, places, strict=False):  # no ghost: no places
-        group = ET.SubElement(parent, "g", {"transform": f"translate({x:g} {y:g}) rotate({degrees:g})"})
+    for part, (x, y, degrees, *along) in zip(parts, places, strict=False):  # no ghost: no places
+        stretched = "".join(
+            f" scale({length:g} 1)" for length in along
+        )  # of space: bars become shorter as they are seen
+        placed = f"translate({x:g} {y:g}) rotate({degrees:g}){stretched}"
+        group = ET.SubElement(parent, "g", {"transform": placed})
         path = {"d": part["path"], "fill-opacity": "0.08", "stroke-linejoin": "round", "stroke-linecap": "round"}
         ET.SubElement(group, "path", path)
         _guide(group, part["guide"])

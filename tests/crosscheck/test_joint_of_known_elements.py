@@ -13,7 +13,7 @@ import pytest
 
 import refkin
 from crosscheck.measure.check import check
-from crosscheck.night.pictures import SceneDrawing
+from crosscheck.night.moving_parts import SceneDrawing
 from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, Status
 from refkin.fast import attempt
 from refkin.joints import Element, GuidedPoint, Pair, PointOnLine, RelativeAngle

@@ -17,8 +17,9 @@ from crosscheck.documents.page import slopes
 from crosscheck.judge.records import Cause
 from crosscheck.measure.check import check
 from crosscheck.night.history import append, remember
-from crosscheck.night.pictures import DrawnSample, SceneDrawing, pictures
-from crosscheck.night.pictures import _factor as magnified
+from crosscheck.night.moving_parts import DrawnSample, SceneDrawing
+from crosscheck.night.moving_parts import factor_below as magnified
+from crosscheck.night.pictures import pictures
 from crosscheck.night.sections import write_documents
 from crosscheck.report.build import build, summarized
 from crosscheck.report.front import answer as sentence

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, given, settings
@@ -11,11 +13,17 @@ from crosscheck.engines.closed_form.jets import Floats
 from crosscheck.engines.closed_form.space import Assembly
 from crosscheck.engines.spatial.motion import estimates
 from crosscheck.engines.spatial.reading import numbers_of
+from crosscheck.judge.comparison import reference
+from crosscheck.night.moving_parts import DrawnSample
+from crosscheck.night.pictures import drawing_of
 from crosscheck.scenes.drawing import SPATIAL, draw
 from crosscheck.strategies import Spatial, spatial_scenes
 from crosscheck.strategies.space import KINDS, Region
+from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.scenes.files import parse, to_dict
+
+from . import space_scenes
 
 CAREFULLY = settings(max_examples=25, deadline=None, suppress_health_check=list(HealthCheck))
 
@@ -75,3 +83,22 @@ def test_engines_agree_with_the_closed_form_on_what_is_drawn(engine: str, drawn:
 def test_a_night_draws_a_share_of_spatial_scenes() -> None:
     drawn = [draw(1, number, 3) for number in range(28)]
     assert [k for k, d in enumerate(drawn) if isinstance(d, Spatial)] == list(SPATIAL)
+
+
+@pytest.mark.parametrize("make", [space_scenes.rssr, space_scenes.rssr_by_distance, space_scenes.double_hooke])
+def test_a_spatial_scene_is_pictured_in_projection(make: Callable[[], Scene]) -> None:
+    """Bars between joint points, each as long as it is seen; a magnified error moves them."""
+    scene = make()
+    ref = reference(scene)
+    drawing = drawing_of(ref.scene, ref.motion)
+    picture = drawing.described(scene.name, "key")
+    assert len(picture["parts"]) == len(picture["frames"][0])
+    lengths = [place[3] for frame in picture["frames"] for place in frame if len(place) == 4]
+    assert lengths
+    assert max(lengths) < 4.0
+    off = np.zeros_like(ref.levels[0])
+    off[0] = 1e-9
+    ghost = drawing.ghost(DrawnSample(2, 8.0, off), 0)
+    assert ghost is not None
+    assert ghost["factor"] > 1e6
+    assert ghost["ghost"] != ghost["pose"]

@@ -60,7 +60,7 @@
     for (const [name, value] of Object.entries(attributes)) made.setAttribute(name, value);
     return parent.appendChild(made);
   };
-  const placed = ([x, y, degrees]) => `translate(${x} ${y}) rotate(${degrees})`;
+  const placed = ([x, y, degrees, along]) => `translate(${x} ${y}) rotate(${degrees})${along === undefined ? "" : ` scale(${along} 1)`}`;
   const guide = (parent, path) => { if (path) add(parent, "path", { d: path, "stroke-width": 1, "stroke-opacity": 0.45 }); };
   const build = (parent, parts, places) => {
     parent.replaceChildren();
