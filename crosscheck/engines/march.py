@@ -35,6 +35,8 @@ CONTRACTION = 0.25
 STALLED = 0.9
 """A correction larger than this part of the one before, at a residual of round-off, is noise: the error of a regular
 pose shrinks faster, so does that of a fold (1/2), and of four roots in one (3/4). Noise may shrink for ever."""
+SQUARED = EPS / 8.0
+"""What Newton's convergence leaves of an error that its next correction only would exchange for other rounding."""
 TRUST = 0.25
 """The largest correction (rad, or sizes) of a predicted pose; what lies further off may be another branch."""
 HALVINGS, HALVINGS_AFTER_FAILURE = 40, 6
@@ -387,7 +389,7 @@ def close(equations: Equations, q: Array, t: Array, *, near: bool = False) -> Po
     predictions: then each correction must contract and the first not be large.
     """
     count, n = q.shape
-    guess, active, previous = q, np.arange(count), np.full(count, np.inf)
+    guess, active, previous, left = q, np.arange(count), *np.full((2, count), np.inf)
     done = list[tuple[Any, Array, Array, Array]]()
     for _ in range(CAP):
         now = t[active]
@@ -396,7 +398,7 @@ def close(equations: Equations, q: Array, t: Array, *, near: bool = False) -> Po
         size, gap = _largest(correction), _largest(residual)
         ends = ~(size <= 1.0 / EPS)  # an angle that large has no digit left
         closed = ~ends & (np.abs(residual) <= equations.round_off(q, now)).all(axis=1)
-        stalled = closed & ((size > STALLED * previous) | (size <= EPS * (1.0 + _largest(q))))
+        stalled = closed & ((size > STALLED * previous) | (size <= EPS * (1.0 + _largest(q))) | (left <= SQUARED))
         if near:
             ends |= ~closed & ((size > CONTRACTION * previous) | (size > TRUST))
             ends |= stalled & (_largest(q - guess[active]) > TRUST)
@@ -404,6 +406,7 @@ def close(equations: Equations, q: Array, t: Array, *, near: bool = False) -> Po
         if good.any():
             done.append((active[good], q[good], jacobian[good], gap[good]))
         on = ~(stalled | ends)
+        left = size[on] * (size[on] / previous[on]) ** 2 if previous[0] < np.inf else left[on]  # the error is squared
         active, q, previous = active[on], q[on] - correction[on], size[on]
         if not active.size:
             break
