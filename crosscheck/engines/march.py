@@ -505,6 +505,7 @@ class Tabulated:
 
     def __init__(self, law: Callable[..., Any]) -> None:
         self.law, self.known = law, dict[int, dict[float, float]]()
+        self.batches: dict[tuple[int, bytes], Array] = {}
 
     def __call__(self, t: Any, order: int) -> Any:
         """Return the derivative of the given order at a time, or at times (B,)."""
@@ -513,9 +514,13 @@ class Tabulated:
             if t not in known:
                 known[t] = float(self.law(t, order))
             return known[t]
-        times = t.tolist()
-        missing = [at for at in times if at not in known]
-        if missing:
-            values = np.broadcast_to(np.asarray(self.law(np.array(missing), order), float), len(missing))
-            known.update(zip(missing, values.tolist(), strict=True))
-        return np.array([known[at] for at in times])
+        key = order, t.tobytes()
+        if key not in self.batches:
+            times = t.tolist()
+            missing = [at for at in times if at not in known]
+            if missing:
+                values = np.broadcast_to(np.asarray(self.law(np.array(missing), order), float), len(missing))
+                known.update(zip(missing, values.tolist(), strict=True))
+            self.batches[key] = np.array([known[at] for at in times])
+            self.batches[key].flags.writeable = False  # it is handed out again
+        return self.batches[key]
