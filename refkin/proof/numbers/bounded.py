@@ -29,7 +29,7 @@ from typing import Any, Self, cast
 import numpy as np
 from flint import arb, ctx
 
-from refkin.joints import Unit
+from refkin.joints import SPACE, Unit
 from refkin.proof.numbers.exact import exact_system
 from refkin.system import System
 
@@ -72,6 +72,8 @@ class Bounded:
         return abs(mid)
 
     def __add__(self, other: Any) -> Bounded:
+        if isinstance(other, int) and other == 0:
+            return self
         x = other if isinstance(other, Bounded) else self.exactly(other)
         mid = self.mid + x.mid
         back = mid - self.mid
@@ -84,9 +86,9 @@ class Bounded:
     def __rsub__(self, other: Any) -> Bounded:
         return (-self).__add__(other)
 
-    def __mul__(self, other: Any) -> Bounded:
-        if isinstance(other, int) and abs(other) == 1:
-            return self if other == 1 else -self
+    def __mul__(self, other: Any) -> Any:
+        if isinstance(other, int) and abs(other) <= 1:
+            return self if other == 1 else -self if other else 0
         x = other if isinstance(other, Bounded) else self.exactly(other)
         mid = self.mid * x.mid
         most, most_x = self.size(self.mid) + self.rounding, self.size(x.mid)
@@ -281,6 +283,8 @@ def _bounded_system(system: System, number: type[Bounded], error: InputError) ->
         with ctx.workprec(LAW_BITS):
             written = [float(x) for x in p.constraint.constants(as_written(system.unit))]
             g = tuple(number.near(parts(x), error.of(size)) for x, size in zip(p.g, written, strict=True))
+            if system.kind is SPACE and error is EXACT:  # vectors of space are full of zeros, which cost nothing so
+                g = tuple(cast(Any, int(float(x))) if x in (0, 1, -1) else y for x, y in zip(p.g, g, strict=True))
         constraint = _Rounded(p.constraint, number, error)
         placed.append(replace(p, constraint=cast(Any, constraint), g=cast(Any, g)))
     return replace(system, placed=tuple(placed))
