@@ -15,6 +15,8 @@ from refkin.fast import Colouring, pattern_of
 from .linkworks import chain
 from .scenes import SCENES, system_of
 
+pytest.importorskip("scipy.optimize._numdiff")  # loaded before anything is timed
+
 
 def estimate(scene):
     system = system_of(scene)
