@@ -31,19 +31,19 @@ def conform(engine: str, *, as_json: Json = False) -> int:
     as_json
         Print one JSON object instead of tables.
     """
-    found, missing = find_engines((engine,))
+    installed, missing = find_engines((engine,))
     if missing:
         print(*missing.values(), sep="\n")
         return ENGINE_MISSING
-    ((name, (spec, version)),) = found.items()
+    ((name, (spec, version)),) = installed.items()
     replied = []
     with shown_progress(len(questions()) + len(KINDS), noun="questions") as show:
         for reply in chain(replies(spec), hard_replies(spec)):
             replied.append(reply)
             show(len(replied), reply.about)
     if as_json:
-        told = {"replies": [asdict(reply) for reply in replied], "summary": summary(replied)}
-        print(json.dumps({"engine": name, "version": version, **told}))
+        answers = {"replies": [asdict(reply) for reply in replied], "summary": summary(replied)}
+        print(json.dumps({"engine": name, "version": version, **answers}))
     else:
         _print(f"{name} {version}", replied)
     if any(reply.faults for reply in replied):

@@ -171,12 +171,12 @@ def _compare_at(
 
 def _signed(maps: Sequence[RowMap], theirs: Any, ours: Any, first_row: Mapping[str, int]) -> list[RowMap]:
     """Return maps of rows whose sign is that of Euler parameters with the sign that their joint's residual has here."""
-    found = []
+    signed = []
     for m in maps:
         joint = [n for n in maps if n.either and n.constraint == m.constraint]
         same = sum(theirs[n.engine_row] * n.factor * ours[first_row[n.constraint] + n.row] for n in joint)
-        found.append(replace(m, factor=-m.factor) if m.either and same < 0.0 else m)
-    return found
+        signed.append(replace(m, factor=-m.factor) if m.either and same < 0.0 else m)
+    return signed
 
 
 def _size(level: Level, at: Configuration) -> float:

@@ -50,13 +50,13 @@ def sharpness(ref: Reference, lanes: Sequence[int]) -> dict[str, Sharpness]:
     budget = ref.budget()
     chosen = [k for k in lanes if budget.judged[k]]
     moved = attainable_by_inputs(ref, chosen)
-    found = {}
+    by_quantity = {}
     for quantity, attainable in zip(QUANTITIES, moved, strict=True):
         allowed = getattr(budget, quantity)[:, chosen]
         with np.errstate(divide="ignore", over="ignore"):
             smallest = np.min(allowed / attainable, axis=0)
-        found[quantity] = Sharpness(np.max(allowed, axis=0) / np.max(attainable, axis=0), smallest)
-    return found
+        by_quantity[quantity] = Sharpness(np.max(allowed, axis=0) / np.max(attainable, axis=0), smallest)
+    return by_quantity
 
 
 def attainable_by_inputs(ref: Reference, lanes: Sequence[int]) -> Any:
@@ -68,14 +68,14 @@ def attainable_by_inputs(ref: Reference, lanes: Sequence[int]) -> Any:
     levels = [level[:, list(lanes)] for level in ref.levels]
     times = tuple(ref.motion.t[list(lanes)].tolist())
     here = _corrections(ref.system, levels, times)
-    found = np.zeros_like(here)
+    largest_change = np.zeros_like(here)
     for _ in range(DRAWS):
         mechanism = replace(ref.scene.mechanism, **_nudged_parts(ref.scene.mechanism, numbers))
         system = compile_system(mechanism, unit=ref.system.unit)
         there = _corrections(system, levels, np.clip(nudged(times, numbers), *ref.motion.t[[0, -1]]).tolist())
-        found = np.maximum(found, np.abs(there - here))
+        largest_change = np.maximum(largest_change, np.abs(there - here))
     largest = np.abs(levels) == np.max(np.abs(levels), axis=1, keepdims=True)
-    return np.where(largest, np.maximum(found, U * np.abs(levels)), found)
+    return np.where(largest, np.maximum(largest_change, U * np.abs(levels)), largest_change)
 
 
 def nudged(item: Any, numbers: random.Random) -> Any:

@@ -116,20 +116,20 @@ def reversed_joints(mechanism: Mechanism, motion: Motion) -> dict[str, Array]:
 
     Of joints between bodies that the motion has, or the ground.
     """
-    numbers, found = numbers_of(mechanism, SI), dict[str, Array]()
+    numbers, wrong = numbers_of(mechanism, SI), dict[str, Array]()
     turns = {body: motion.q[7 * k + 3 : 7 * k + 7].T for k, body in enumerate(motion.bodies)}
     turns[GROUND] = np.broadcast_to(np.eye(4)[0], (len(motion.t), 4))
     for hold in numbers.holds:
         if hold.kind in AXIAL and turns.keys() >= set(hold.bodies):
             axes = [_turned(turns[body], hold.end(body)[1][:, 2]) for body in hold.bodies]
-            found[hold.name] = np.sum(axes[0] * axes[1], axis=1) < 0.0
+            wrong[hold.name] = np.sum(axes[0] * axes[1], axis=1) < 0.0
     for drive in numbers.drives:
         if drive.kind == ANGLE and turns.keys() >= set(drive.hold.bodies):
             (i, j), f = drive.hold.bodies, np.array([float(drive.law(t, 0)) for t in motion.t])[:, None]
             frame = drive.hold.frame_i
             wanted = np.cos(f) * _turned(turns[i], frame[:, 0]) + np.sin(f) * _turned(turns[i], frame[:, 1])
-            found[drive.name] = np.sum(wanted * _turned(turns[j], drive.hold.frame_j[:, 0]), axis=1) < 0.0
-    return found
+            wrong[drive.name] = np.sum(wanted * _turned(turns[j], drive.hold.frame_j[:, 0]), axis=1) < 0.0
+    return wrong
 
 
 def screw_coordinates(mechanism: Mechanism, levels: Sequence[Array]) -> list[list[Array]]:

@@ -47,10 +47,10 @@ def violations(ref: Reference, motion: Motion, order: int, t: float) -> Violatio
     t : float
         One of its times [s].
     """
-    found = _levels(ref, motion, order, t)
-    if found is None:
+    levels = _levels(ref, motion, order, t)
+    if levels is None:
         return NOT_KNOWN
-    residual, scale = found
+    residual, scale = levels
     worst = float(np.max(np.abs(residual)))
     if worst <= ROUNDING * scale:
         other = "is it put together another way?" if order == 0 else "does its position belong to another pose?"

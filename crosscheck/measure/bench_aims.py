@@ -114,7 +114,7 @@ def reached(results: Mapping[str, Any]) -> list[dict[str, Any]]:
     """
     times = Times(results)
     known = {row["workload"] for row in (*results["rows"], *results["absent"])}
-    found = []
+    verdicts = []
     for aim in AIMS:
         if not known.issuperset(aim.workloads):
             continue
@@ -124,5 +124,5 @@ def reached(results: Mapping[str, Any]) -> list[dict[str, Any]]:
             value = None
         bound = {"at_most": aim.at_most} if math.isfinite(aim.at_most) else {"at_least": aim.at_least}
         good = value is not None and aim.at_least <= value <= aim.at_most
-        found.append({"aim": aim.name, **bound, "measured": value, "reached": good})
-    return found
+        verdicts.append({"aim": aim.name, **bound, "measured": value, "reached": good})
+    return verdicts

@@ -139,9 +139,9 @@ class _Subject:
 
     def excused(self, first: float) -> bool:
         """Whether an engine may give no answer from a time on, because of a nearly singular pose; noted as `excuse`."""
-        found = excuse(self.ref, first, REGULAR)
-        self.excuse = found or self.excuse
-        return found is not None
+        pose = excuse(self.ref, first, REGULAR)
+        self.excuse = pose or self.excuse
+        return pose is not None
 
     def drawn(self, every: int) -> bool:
         """Whether it is one of the scenes, one in so many, to which something more is done."""
@@ -313,9 +313,9 @@ def _disagreements(
             "violated": list(violated.names),
         }
         yield Disagreement(**who, quantity=quantity, **seen)
-    for found, kind in ((compared, Cause.NO_ANSWER), (turned_round, Cause.ORDER)):
-        if found is not None and found.missing and not subject.excused(found.first_missing):
-            yield Disagreement(**who, quantity="status", kind=kind, message=f"{found.missing} times without answer")
+    for answered, kind in ((compared, Cause.NO_ANSWER), (turned_round, Cause.ORDER)):
+        if answered is not None and answered.missing and not subject.excused(answered.first_missing):
+            yield Disagreement(**who, quantity="status", kind=kind, message=f"{answered.missing} times without answer")
             return
 
 

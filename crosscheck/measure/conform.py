@@ -83,8 +83,8 @@ def ask(engine: Engine, question: Question) -> Reply:
     faults = list(_faults_of(record, question.scene))
     if not faults:
         again = check(permuted(question.scene), [engine], about)
-        told = [replace(d, kind=Cause.ORDER) for d in again.disagreements]
-        faults = list(_faults_of(replace(again, disagreements=told), question.scene))
+        reordered = [replace(d, kind=Cause.ORDER) for d in again.disagreements]
+        faults = list(_faults_of(replace(again, disagreements=reordered), question.scene))
     levels = {q for answer in record.answers for q in answer.quantities} | ({ROWS} if record.levels else set())
     asked = [row for row in record.refusals if row.level in ("", Level.SOLVE)]
     refused = tuple(dict.fromkeys(f"{row.joint}: {row.reason}" if row.joint else row.reason for row in asked))
@@ -95,27 +95,27 @@ def _faults_of(record: Record, scene: Scene) -> Iterator[Fault]:
     """Yield what a record says against an engine, of each route the first level alone: the others follow from it."""
     types = {c.name: c.type for c in scene.mechanism.constraints}
     beyond: set[str] = set()
-    for told in record.disagreements:
-        level = told.quantity if told.quantity in QUANTITIES else STATUS if told.quantity == STATUS else ROWS
-        if level in QUANTITIES and told.kind in (Cause.BEYOND, Cause.OTHER_ASSEMBLY, Cause.NO_NUMBER, Cause.ORDER):
-            if told.route in beyond:
+    for wrong in record.disagreements:
+        level = wrong.quantity if wrong.quantity in QUANTITIES else STATUS if wrong.quantity == STATUS else ROWS
+        if level in QUANTITIES and wrong.kind in (Cause.BEYOND, Cause.OTHER_ASSEMBLY, Cause.NO_NUMBER, Cause.ORDER):
+            if wrong.route in beyond:
                 continue
-            beyond.add(told.route)
-        yield Fault(level, _words(told), _example(told), tuple(dict.fromkeys(types[n] for n in told.violated)))
+            beyond.add(wrong.route)
+        yield Fault(level, _words(wrong), _example(wrong), tuple(dict.fromkeys(types[n] for n in wrong.violated)))
 
 
-def _words(told: Disagreement) -> str:
-    if told.kind is Cause.TRANSLATED:
-        return f"its own rows at level {told.quantity} are not those of the scene"
-    words = {Cause.BEYOND: "is wrong", Cause.NOT_DELIVERED: f"is {told.message}", Cause.NO_ANSWER: "no answer"}
-    text = words.get(told.kind, told.name)
-    subject = "" if told.quantity == STATUS else f"{told.quantity} "
-    return f"{subject}{text} (route {told.route!r})"
+def _words(wrong: Disagreement) -> str:
+    if wrong.kind is Cause.TRANSLATED:
+        return f"its own rows at level {wrong.quantity} are not those of the scene"
+    words = {Cause.BEYOND: "is wrong", Cause.NOT_DELIVERED: f"is {wrong.message}", Cause.NO_ANSWER: "no answer"}
+    text = words.get(wrong.kind, wrong.name)
+    subject = "" if wrong.quantity == STATUS else f"{wrong.quantity} "
+    return f"{subject}{text} (route {wrong.route!r})"
 
 
-def _example(told: Disagreement) -> str:
-    ratio = "" if told.ratio is None else f"{told.ratio:.3g} times the allowed error"
-    return "; ".join(filter(None, (told.worst if told.kind is not Cause.NOT_DELIVERED else "", ratio)))
+def _example(wrong: Disagreement) -> str:
+    ratio = "" if wrong.ratio is None else f"{wrong.ratio:.3g} times the allowed error"
+    return "; ".join(filter(None, (wrong.worst if wrong.kind is not Cause.NOT_DELIVERED else "", ratio)))
 
 
 def _form_faults(engine: Engine, scene: Scene) -> Iterator[Fault]:

@@ -40,19 +40,19 @@ def measured(text: str) -> list[dict[str, Any]]:
     asked = json.loads(text)
     scene = parse(asked["scene"])
     scene = replace(scene, times=scene.times[:MOST_TIMES])
-    found = [ablations(method, scene) for method in methods(asked["spec"], Use.EFFECTS)]
+    ablated = [ablations(method, scene) for method in methods(asked["spec"], Use.EFFECTS)]
     if asked["effect"]:
-        found = [_alone(each, asked["effect"]) for each in found]
+        ablated = [_alone(each, asked["effect"]) for each in ablated]
     ref = reference(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
-    share = asked["within"] / max(len(found), 1)
-    return [asdict(row) for each in found for row in rows(each, ref, share, _terms(each.method, scene))]
+    share = asked["within"] / max(len(ablated), 1)
+    return [asdict(row) for each in ablated for row in rows(each, ref, share, _terms(each.method, scene))]
 
 
-def _alone(found: Ablations, effect: str) -> Ablations:
-    effects = tuple(a for a in found.effects if a.effect == effect)
+def _alone(ablated: Ablations, effect: str) -> Ablations:
+    effects = tuple(a for a in ablated.effects if a.effect == effect)
     names = {name for a in effects for name in (a.off, a.on)}
-    absent = {name: why for name, why in found.absent.items() if name == effect}
-    return replace(found, effects=effects, works={name: found.works[name] for name in names}, absent=absent)
+    absent = {name: why for name, why in ablated.absent.items() if name == effect}
+    return replace(ablated, effects=effects, works={name: ablated.works[name] for name in names}, absent=absent)
 
 
 def _terms(method: Method, scene: Scene) -> Sequence[Term]:
@@ -63,7 +63,7 @@ def _terms(method: Method, scene: Scene) -> Sequence[Term]:
         return ()
 
 
-def rows(found: Ablations, ref: Reference, within: float, terms: Sequence[Term] = ()) -> list[EffectRow]:
+def rows(ablated: Ablations, ref: Reference, within: float, terms: Sequence[Term] = ()) -> list[EffectRow]:
     """Return a row for each effect of a method.
 
     Parameters
@@ -73,11 +73,11 @@ def rows(found: Ablations, ref: Reference, within: float, terms: Sequence[Term] 
     within : float
         How long to measure [s].
     """
-    answers: dict[str, Motion | str] = {name: _answer(work) for name, work in found.works.items()}
-    works = {name: work for name, work in found.works.items() if not isinstance(answers[name], str)}
+    answers: dict[str, Motion | str] = {name: _answer(work) for name, work in ablated.works.items()}
+    works = {name: work for name, work in ablated.works.items() if not isinstance(answers[name], str)}
     timings = timed_in_turns(works, rounds=ROUNDS, fewest=FEWEST, within=within) if works else {}
-    there = [_row(found, a, answers, timings, ref, terms) for a in found.effects]
-    return there + [unmeasured(found.method.key, effect, why) for effect, why in found.absent.items()]
+    there = [_row(ablated, a, answers, timings, ref, terms) for a in ablated.effects]
+    return there + [unmeasured(ablated.method.key, effect, why) for effect, why in ablated.absent.items()]
 
 
 def _answer(work: Any) -> Motion | str:
@@ -103,7 +103,7 @@ def _row(
         return unmeasured(key, a.effect, f"{a.note}: {on}", inert=False)
     if a.on == "points" and not on.points:
         return unmeasured(key, a.effect, "the adapter reports no motion of points")
-    found = change(ref, off, on, terms, exact=ablated.exact)
+    changed = change(ref, off, on, terms, exact=ablated.exact)
     before, after, per = timings[a.off], timings[a.on], 1e6 / len(off.t)
     return EffectRow(
         engine=key[0],
@@ -113,9 +113,9 @@ def _row(
         microseconds=(after.seconds - before.seconds) * per,
         without=before.seconds * per,
         spread=noise(before.turns, after.turns, per),
-        inert=found.inert,
-        largest_change=found.largest,
-        worst=found.worst,
+        inert=changed.inert,
+        largest_change=changed.largest,
+        worst=changed.worst,
         called_for=a.called_for,
         note=a.note,
     )
@@ -141,8 +141,8 @@ def noise(before: Sequence[float], after: Sequence[float], per: float = 1.0) -> 
     if count < 2:
         return None
     groups = GROUPS if count >= 2 * GROUPS else 2
-    found = [min(after[k::groups]) - min(before[k::groups]) for k in range(groups)]
-    return max(max(found) - min(found), min(before) - min(after)) * per
+    differences = [min(after[k::groups]) - min(before[k::groups]) for k in range(groups)]
+    return max(max(differences) - min(differences), min(before) - min(after)) * per
 
 
 def unmeasured(key: tuple[str, str, str], effect: str, note: str, inert: bool | None = None) -> EffectRow:

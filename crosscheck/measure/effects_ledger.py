@@ -52,12 +52,12 @@ def effects_ledger(
         row that says so, and so has what an engine has not. `dataclasses.asdict` makes a row plain data.
     """
     data, share = to_dict(scene), within / (1 + len(engines))
-    found: list[EffectRow] = []
+    ledger: list[EffectRow] = []
     for done, spec in enumerate((REFKIN, *engines)):
         tell(done, spec)
         (answer,) = _asked(data, spec, share, [""])
-        found += _one_by_one(data, spec, answer) if isinstance(answer, Failure) else answer
-    return found
+        ledger += _one_by_one(data, spec, answer) if isinstance(answer, Failure) else answer
+    return ledger
 
 
 def _asked(data: Any, spec: str, share: float, effects: Sequence[str]) -> Generator[list[EffectRow] | Failure]:
@@ -83,10 +83,10 @@ def _one_by_one(data: Any, spec: str, first: Failure) -> list[EffectRow]:
     answered = [row for answer in answers.values() if not isinstance(answer, Failure) for row in answer]
     name = answered[0].engine if answered else spec
     inert = False if any(row.inert is not None for row in answered) else None
-    found: list[EffectRow] = []
+    ledger: list[EffectRow] = []
     for effect, answer in answers.items():
         if isinstance(answer, Failure):
-            found.append(unmeasured((name, ANY, ""), effect, f"{answer.name}: {answer.text}", inert))
+            ledger.append(unmeasured((name, ANY, ""), effect, f"{answer.name}: {answer.text}", inert))
         else:
-            found += answer
-    return found
+            ledger += answer
+    return ledger

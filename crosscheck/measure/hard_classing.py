@@ -38,9 +38,9 @@ def outcome_of(text: str) -> tuple[str, str]:
             motion = method.solve(case.scene)
         except EngineError as error:
             return HardOutcome.REFUSED.value, _rightly(truth) + str(error)
-    found = samples(system, truth, case.scene, motion, terms)
+    poses = samples(system, truth, case.scene, motion, terms)
     said = " ".join(str(w.message) for w in heard if not issubclass(w.category, DeprecationWarning))
-    return classed(found, said)
+    return classed(poses, said)
 
 
 def outcome_of_failure(failure: Failure) -> tuple[str, str]:
@@ -48,30 +48,30 @@ def outcome_of_failure(failure: Failure) -> tuple[str, str]:
     return (HardOutcome.HANG if failure.kind == "hang" else HardOutcome.CRASH).value, f"{failure.name}: {failure.text}"
 
 
-def classed(found: Sequence[PoseSample], said: str = "") -> tuple[str, str]:
+def classed(poses: Sequence[PoseSample], said: str = "") -> tuple[str, str]:
     """Return the worst of an engine's answers at the times of a scene, in a word and in words.
 
     Wrong: an answer called ok lies outside. Refused: at a time there is no answer, or none that is called ok and right.
     Warned: every answer is right, but some is not called ok, or the engine warned. What the certificate leaves
     undecidable is held against nobody.
     """
-    wrong = [s for s in found if s.called_ok and (s.judgement is None or s.judgement.verdict is Verdict.OUTSIDE)]
+    wrong = [s for s in poses if s.called_ok and (s.judgement is None or s.judgement.verdict is Verdict.OUTSIDE)]
     if wrong:
-        worst = _told(max(wrong, key=_radii), len(wrong), len(found))
+        worst = _told(max(wrong, key=_radii), len(wrong), len(poses))
         return HardOutcome.WRONG.value, f"{worst}; it warned: {said}" if said else worst
-    lost = [s for s in found if s.judgement is None or (not s.called_ok and s.judgement.verdict is Verdict.OUTSIDE)]
+    lost = [s for s in poses if s.judgement is None or (not s.called_ok and s.judgement.verdict is Verdict.OUTSIDE)]
     if lost:
         rightly = "rightly, there is no assembly: " if all(s.none for s in lost) else ""
         return (
             HardOutcome.REFUSED.value,
-            f"{rightly}no answer at {len(lost)} of {len(found)} times, first t = {lost[0].t:g}",
+            f"{rightly}no answer at {len(lost)} of {len(poses)} times, first t = {lost[0].t:g}",
         )
-    doubted = [s for s in found if not s.called_ok]
-    open_ = sum(s.judgement is not None and s.judgement.verdict is Verdict.UNDECIDABLE for s in found)
-    note = f"undecidable at {open_} of {len(found)} times" if open_ else ""
+    doubted = [s for s in poses if not s.called_ok]
+    open_ = sum(s.judgement is not None and s.judgement.verdict is Verdict.UNDECIDABLE for s in poses)
+    note = f"undecidable at {open_} of {len(poses)} times" if open_ else ""
     if doubted or said:
-        told = f"called {'not ok' if doubted else 'ok'} at {len(doubted) or len(found)} of {len(found)} times"
-        return HardOutcome.WARNED.value, "; ".join(filter(None, (told, said, note)))
+        doubt = f"called {'not ok' if doubted else 'ok'} at {len(doubted) or len(poses)} of {len(poses)} times"
+        return HardOutcome.WARNED.value, "; ".join(filter(None, (doubt, said, note)))
     return HardOutcome.CORRECT.value, note
 
 

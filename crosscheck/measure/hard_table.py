@@ -80,21 +80,21 @@ def _rows(
     tell: Callable[[int, str], None],
 ) -> Iterator[Row]:
     """Yield rows, case by case: where time is up, all engines have been asked the same cases."""
-    found = dict(zip(engines, call_each(listed, engines), strict=True))
-    for answer in found.values():
+    by_engine = dict(zip(engines, call_each(listed, engines), strict=True))
+    for answer in by_engine.values():
         if isinstance(answer, Failure):
             raise EngineError(answer.text.removeprefix("EngineError: "))
     answers = {
         spec: call_in_turn(
             outcome_of, [job(spec, name, case.key, setting) for case in cases for _, name, setting in keys], seconds
         )
-        for spec, keys in found.items()
+        for spec, keys in by_engine.items()
     }
     for done, case in enumerate(cases):
         tell(done, case.key)
         if end is not None and time.monotonic() > end:
             break
-        for spec, keys in found.items():
+        for spec, keys in by_engine.items():
             for key in keys:
                 yield _row(key, case, next(answers[spec]), len(cases), known)
     for left in answers.values():

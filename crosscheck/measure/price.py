@@ -29,7 +29,7 @@ PATIENCE = 20.0
 
 
 @dataclass
-class _Found:
+class _Progress:
     """What is known of a scene's methods, as it comes in; times are seconds a configuration."""
 
     answered: dict[Key, dict[str, Any]] = field(default_factory=dict)
@@ -45,6 +45,40 @@ class _Found:
     done: bool = False
     tell: Callable[[int, str], None] = lambda done, method: None
     begun: int = 0
+
+    def take(self, *message: Any) -> None:
+        """Take in what the process that measures says."""
+        match message:
+            case "truth", attainable, known:
+                self.attainable, self.known, self.at, self.since = attainable, known, None, time.monotonic()
+                self.refused.clear()
+            case "at", key, newton_by:
+                self.at, self.newton_by = key, newton_by
+                self.tell(self.begun, ", ".join(filter(None, key)))
+                self.begun += 1
+            case "refused", key, reason:
+                self.refused[key] = reason
+            case "answered", key, answer:
+                self.answered[key] = answer
+            case "digits", key, poses, digits:
+                self.answered[key][poses] = digits
+            case "failed", key, answer, why:
+                self.answered[key], self.failed[key] = answer, why
+            case "timed", key, poses, order, seconds, spread:
+                self.timed[key, poses, order] = seconds, spread
+            case ("done",):
+                self.done = True
+            case _:
+                raise ValueError(f"a message of another kind: {message}")
+
+    def blame(self, why: str) -> None:
+        """Note that a process failed at what it was at; what it had said of that before is no price."""
+        if self.at is None:
+            raise RuntimeError(f"the process that measures prices ended before it began: {why}")
+        self.failed[self.at] = why
+        self.answered.setdefault(self.at, {"newton_by": self.newton_by, "note": ""})
+        self.at = None
+        self.timed = {at: timing for at, timing in self.timed.items() if at[0] not in self.failed}
 
 
 @dataclass(frozen=True)
@@ -95,21 +129,21 @@ def price(
         If no pose of the scene is certified.
     """
     priced = replace(scene, times=scene.times[:CYCLE], points=(), bodies_wanted=None)
-    found = _Found(tell=tell)
-    while not found.done:
-        left = max(within - found.spent, within / 4)
-        pipe, process = start(measure, to_dict(priced), tuple(producers), {*found.failed}, left)
+    progress = _Progress(tell=tell)
+    while not progress.done:
+        left = max(within - progress.spent, within / 4)
+        pipe, process = start(measure, to_dict(priced), tuple(producers), {*progress.failed}, left)
         with pipe:
-            failure = _listen(pipe, found, patience)
+            failure = _listen(pipe, progress, patience)
         ended = stop(process)
-        found.spent += time.monotonic() - found.since
-        if failure == "" and not found.done:
+        progress.spent += time.monotonic() - progress.since
+        if failure == "" and not progress.done:
             failure = ended.text
         if failure:
-            _blame(found, failure)
-    rows = with_suspicions(list(_rows(priced, found)))
-    refused = list(dict.fromkeys((*key[:2], reason) for key, reason in found.refused.items()))
-    return PriceList(scene.name, rows, len(priced.times), found.known, len(scene.times), refused)
+            progress.blame(failure)
+    rows = with_suspicions(list(_rows(priced, progress)))
+    refused = list(dict.fromkeys((*key[:2], reason) for key, reason in progress.refused.items()))
+    return PriceList(scene.name, rows, len(priced.times), progress.known, len(scene.times), refused)
 
 
 def price_list(within: float = 4 * WITHIN, producers: Sequence[str] = PRICED) -> list[dict[str, Any]]:
@@ -125,97 +159,39 @@ def price_list(within: float = 4 * WITHIN, producers: Sequence[str] = PRICED) ->
     end, rows = time.monotonic() + within, list[dict[str, Any]]()
     for done, (name, scene) in enumerate(classes().items()):
         left = (end - time.monotonic()) / (len(classes()) - done)
-        found = price(scene, producers, max(left, LEAST))
-        rows += [{"class": name, **row.to_json()} for row in found.rows]
+        prices = price(scene, producers, max(left, LEAST))
+        rows += [{"class": name, **row.to_json()} for row in prices.rows]
     return rows
 
 
-def _listen(pipe: Any, found: _Found, patience: float) -> str:
+def _listen(pipe: Any, progress: _Progress, patience: float) -> str:
     """Take in what a process says until it ends; return why it was given up, or nothing."""
-    while not found.done:
-        if not pipe.poll(patience if found.at else SECONDS_TO_START + patience):
+    while not progress.done:
+        if not pipe.poll(patience if progress.at else SECONDS_TO_START + patience):
             return f"no answer within {patience:g} s"
         try:
-            kind, *message = pipe.recv()
+            message = pipe.recv()
         except (EOFError, OSError):
             return ""
-        if kind == "no truth":
-            raise NoTruth(message[0])
-        _HANDLERS[kind](found, *message)
+        if message[0] == "no truth":
+            raise NoTruth(message[1])
+        progress.take(*message)
     return ""
 
 
-def _blame(found: _Found, why: str) -> None:
-    """Note that a process failed at what it was at; what it had found of that before is no price."""
-    if found.at is None:
-        raise RuntimeError(f"the process that measures prices ended before it began: {why}")
-    found.failed[found.at] = why
-    found.answered.setdefault(found.at, {"newton_by": found.newton_by, "note": ""})
-    found.at = None
-    found.timed = {at: timing for at, timing in found.timed.items() if at[0] not in found.failed}
-
-
-def _set_truth(found: _Found, attainable: dict[str, float], known: int) -> None:
-    found.attainable, found.known, found.at = attainable, known, None
-    found.refused.clear()
-    found.since = time.monotonic()
-
-
-def _set_at(found: _Found, key: Key, newton_by: str) -> None:
-    found.at, found.newton_by = key, newton_by
-    found.tell(found.begun, ", ".join(filter(None, key)))
-    found.begun += 1
-
-
-def _set_refused(found: _Found, key: Key, reason: str) -> None:
-    found.refused[key] = reason
-
-
-def _set_answer(found: _Found, key: Key, answer: dict[str, Any]) -> None:
-    found.answered[key] = answer
-
-
-def _set_digits(found: _Found, key: Key, poses: str, digits: dict[str, tuple[float | None, str]]) -> None:
-    found.answered[key][poses] = digits
-
-
-def _set_failed(found: _Found, key: Key, answer: dict[str, Any], why: str) -> None:
-    found.answered[key], found.failed[key] = answer, why
-
-
-def _set_timing(found: _Found, key: Key, poses: str, order: int, seconds: float, spread: float | None) -> None:
-    found.timed[key, poses, order] = seconds, spread
-
-
-def _set_done(found: _Found) -> None:
-    found.done = True
-
-
-_HANDLERS: dict[str, Callable[..., None]] = {
-    "truth": _set_truth,
-    "refused": _set_refused,
-    "at": _set_at,
-    "answered": _set_answer,
-    "digits": _set_digits,
-    "failed": _set_failed,
-    "timed": _set_timing,
-    "done": _set_done,
-}
-
-
-def _rows(scene: Scene, found: _Found) -> Iterator[PriceRow]:
+def _rows(scene: Scene, progress: _Progress) -> Iterator[PriceRow]:
     """Yield a row per method, setting and quantity."""
-    for key, answer in found.answered.items():
+    for key, answer in progress.answered.items():
         engine, name, setting = key
         for quantity in quantities(scene):
             order = QUANTITIES.index(quantity)
             if order > answer.get("highest", 2):
                 continue
-            failed = found.failed.get(key, "")
+            failed = progress.failed.get(key, "")
             notes, columns = [answer["note"], failed], dict[str, float | None]()
             for poses in POSES:
                 digits, limit = answer.get(poses, {}).get(quantity, (None, ""))
-                seconds, spread = (None, None) if failed else _price_of(found, key, poses, order)
+                seconds, spread = (None, None) if failed else _price_of(progress, key, poses, order)
                 columns[f"digits{SUFFIX[poses]}"] = None if failed else digits
                 columns[f"microseconds{SUFFIX[poses]}"] = None if seconds is None else 1e6 * seconds
                 columns[f"spread{SUFFIX[poses]}"] = spread
@@ -228,7 +204,7 @@ def _rows(scene: Scene, found: _Found) -> Iterator[PriceRow]:
                 method=name,
                 setting=setting,
                 quantity=quantity,
-                digits_attainable=found.attainable[quantity],
+                digits_attainable=progress.attainable[quantity],
                 microseconds_to_build=None if build is None else 1e6 * build,
                 newton_by=answer["newton_by"],
                 note="; ".join(filter(None, notes)),
@@ -236,12 +212,12 @@ def _rows(scene: Scene, found: _Found) -> Iterator[PriceRow]:
             )
 
 
-def _price_of(found: _Found, key: Key, poses: str, order: int) -> tuple[float | None, float | None]:
+def _price_of(progress: _Progress, key: Key, poses: str, order: int) -> tuple[float | None, float | None]:
     """Return seconds and spread of what gives this order for least: its own run, or one of a higher order.
 
     A single call, of the highest order, counts as order -1, and only where nothing else was timed.
     """
-    timed = [found.timed[key, poses, k] for k in range(order, 3) if (key, poses, k) in found.timed]
+    timed = [progress.timed[key, poses, k] for k in range(order, 3) if (key, poses, k) in progress.timed]
     if timed:
         return min(timed, key=lambda timing: timing[0])
-    return found.timed.get((key, poses, -1), (None, None))
+    return progress.timed.get((key, poses, -1), (None, None))

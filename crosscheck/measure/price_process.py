@@ -120,11 +120,11 @@ def _open(producers: Sequence[str], failed: set[Key], pipe: Any) -> Iterator[Met
             continue
         pipe.send(("at", any_of(producer), ""))
         try:
-            found = methods(producer, Use.PRICE)
+            listed = methods(producer, Use.PRICE)
         except EngineError as error:
             pipe.send(("refused", any_of(producer), str(error)))
             continue
-        yield from (method for method in found if method.key not in failed)
+        yield from (method for method in listed if method.key not in failed)
 
 
 @dataclass
@@ -144,11 +144,11 @@ class _Run:
 def _answered(method: Method, asked: Mapping[str, Question], order: int, pipe: Any) -> _Run | None:
     """Have a method answer a cycle and one pose, say what came of it; return it if it is to be timed."""
     pipe.send(("at", method.key, method.newton_by))
-    told: dict[str, Any] = {"newton_by": method.newton_by, "note": method.note}
+    answer: dict[str, Any] = {"newton_by": method.newton_by, "note": method.note}
     run = _Run(method, min(order, method.highest), {}, {})
     try:
         took = min(_seconds(partial(method.model, asked["cycle"].of(method)[0][0])) for _ in range(BUILDS))
-        told["build"] = took if method.asked is None else None  # an engine that is asked anew builds in every call
+        answer["build"] = took if method.asked is None else None  # an engine that is asked anew builds in every call
     except EngineError as error:
         pipe.send(("refused", method.key, str(error)))
         return None
@@ -156,16 +156,16 @@ def _answered(method: Method, asked: Mapping[str, Question], order: int, pipe: A
         if poses in asked:
             digits = told_if_raised(_digits, run, poses, asked[poses])
             if isinstance(digits, Failure):
-                pipe.send(("failed", method.key, told, digits.text))
+                pipe.send(("failed", method.key, answer, digits.text))
                 return None
-            told[poses] = digits
-    pipe.send(("answered", method.key, {**told, "highest": run.order}))
+            answer[poses] = digits
+    pipe.send(("answered", method.key, {**answer, "highest": run.order}))
     return run
 
 
 def _digits(run: _Run, poses: str, question: Question) -> dict[str, tuple[float | None, str]]:
     """Have a method answer for so many poses; return its digits, and what is to be said of them, by quantity."""
-    models, found = list[Model](), dict[str, tuple[float | None, str]]()
+    models, fewest = list[Model](), dict[str, tuple[float | None, str]]()
     took = 0.0
     for scene, truth in question.of(run.method):
         models.append(run.method.model(scene))
@@ -179,9 +179,9 @@ def _digits(run: _Run, poses: str, question: Question) -> dict[str, tuple[float 
         shape = (scene.mechanism.kind.width * len(truth.bodies), len(scene.times))
         levels = [level[:, :: question.judged] for level in levels_or_nothing(levels, shape, run.order)]
         for k, level in enumerate(levels):
-            found[QUANTITIES[k]] = _fewer(found.get(QUANTITIES[k]), truth.digits(level, k, levels[:k]))
+            fewest[QUANTITIES[k]] = _fewer(fewest.get(QUANTITIES[k]), truth.digits(level, k, levels[:k]))
     run.models[poses], run.seconds[poses] = models, took
-    return found
+    return fewest
 
 
 def _fewer(one: tuple[float | None, str] | None, other: tuple[float | None, str]) -> tuple[float | None, str]:
@@ -247,7 +247,7 @@ def _in_bulk(runs: Sequence[_Run], question: Question, end: float, pipe: Any) ->
         digits = told_if_raised(_digits, run, "bulk", question)
         if isinstance(digits, Failure):
             digits = dict.fromkeys(QUANTITIES, (None, f"in bulk: {digits.text}"))
-        elif all(found is not None for found, _ in digits.values()):
+        elif all(fewest is not None for fewest, _ in digits.values()):
             yield run
         pipe.send(("digits", run.method.key, "bulk", digits))
 
