@@ -29,7 +29,8 @@ def residual(system: System, q: Any, t: Any) -> Any:
     if q.shape[1] == 1:  # number by number; NumPy's calls on rows of one take four times as long
         return np.array([np.max(np.abs(system.phi(q[:, 0], float(np.ravel(t)[0]))))])
     kind, bodies = system.kind, range(0, system.of_bodies, system.kind.width)
-    rows = [row.view(_Angle) if turns else row for row, turns in zip(q, system.angles, strict=True)]
+    turns = (*kind.turns * len(bodies), *(1.0,) * (system.n - system.of_bodies))  # 1 for an angle, as `System.angles`
+    rows = [row.view(_Angle) if turn == 1.0 else row for row, turn in zip(q, turns, strict=True)]
     values: dict[int | None, Any] = {None: kind.values(*kind.still)}
     values |= {k: kind.values(*rows[k : k + kind.width]) for k in bodies}
     values |= {k: ParameterValue(rows[k]) for k in range(system.of_bodies, system.n)}
