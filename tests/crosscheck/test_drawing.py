@@ -72,11 +72,11 @@ def test_no_kind_of_scene_is_left_out():
     chains = Counter(d.kind for d in drawn if isinstance(d, Chain))
     ended = Counter(d.expected for d in drawn if isinstance(d, Ended))
 
-    # 27 of each are expected, with a standard deviation of 5; of the kinds of chains 11, with one of 3.
+    # 24 of each are expected, with a standard deviation of 4.6; of the kinds of chains 11, with one of 3.
     assert counts.pop(("equal four-bar", Hardness.REGULAR)) == 11
     assert (ended.total(), set(ended)) == (12, {Status.SINGULAR, Status.UNASSEMBLABLE})
     assert len(counts) == 9
-    assert min(counts.values()) >= 15
+    assert min(counts.values()) >= 13  # 2.4 of them below
     assert (len(chains), chains.total()) == (4, 45)
     assert min(chains.values()) >= 4
 
@@ -85,7 +85,7 @@ def test_scenes_are_no_variations_of_one_another():
     drawn = [draw(3, number) for number in range(70)]
     linkages = [d for d in drawn if isinstance(d, Drawn)]
 
-    assert len({d.linkage for d in linkages}) == len({d.law for d in linkages}) == 54
+    assert len({d.linkage for d in linkages}) == len({d.law for d in linkages}) == 49
     assert len({d.scene.mechanism for d in drawn}) == 70
 
 
