@@ -50,9 +50,9 @@ CHAINS_EVERY = 7
 ENDED, FEATURED, EQUAL, SPECIAL_EVERY = 5, 12, 19, 28
 """Of so many scenes, which one ends in a singular pose or in none, which is for features of engines, and which has
 equal links: `strategies.verdicts`, `scenes.featured`."""
-SPATIAL, FEWER = (9, 23), 3
-"""Of `SPECIAL_EVERY` scenes, which are of space, and the part of the times that they have: a pose costs three times as
-much there."""
+SPATIAL, MOST_OF_SPACE = (9, 23), 24
+"""Of `SPECIAL_EVERY` scenes, which are of space, and how many times they have at most: a pose costs three times as much
+there."""
 WARM_UP = 210
 """The first turns of a night check whatever is drawn; from then on one of `CANDIDATES` scenes, which adds most."""
 CANDIDATES = 2
@@ -197,7 +197,7 @@ def _scenes_of(number: int, samples: int) -> st.SearchStrategy[Any]:
     if is_chain(number):
         return chains(samples=samples)
     if number % SPECIAL_EVERY in SPATIAL:
-        return spatial_scenes(samples=max(2, samples // FEWER))
+        return spatial_scenes(samples=min(samples, MOST_OF_SPACE))
     if number % SPECIAL_EVERY == ENDED:
         return ended_scenes(samples=samples)
     if number % SPECIAL_EVERY == FEATURED:
