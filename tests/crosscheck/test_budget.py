@@ -16,7 +16,8 @@ from refkin.motion_laws import Polynomial
 
 NIGHT, SCENES, SAMPLES = 11, 100, 3
 MEDIAN, LARGEST, LARGEST_OF_TREES = 50.0, 500.0, 1000.0
-"""Errors add up over the loops of a branching tree of thirteen bodies, where their directions do not."""
+"""Errors add up over the loops of a branching tree of thirteen bodies, where their directions do not; and over the
+products of three terms, and seven coordinates a body, of space: 546 for a double Hooke joint."""
 PLANTED = 10.0
 """Times the attainable error."""
 
@@ -51,7 +52,8 @@ def seen(ref, quantity: str, times_attainable: float) -> bool:
 @pytest.mark.parametrize("quantity", QUANTITIES)
 def test_a_budget_allows_a_small_multiple_of_what_is_attainable(quantity):
     assert np.median(sharp()[quantity]) < MEDIAN
-    trees = np.array([len(ref.scene.mechanism.bodies) > 7 for ref in references() for _ in lanes(ref)])
+    large = [len(m.bodies) > 7 or m.kind.name == "spatial" for m in (ref.scene.mechanism for ref in references())]
+    trees = np.array([one for one, ref in zip(large, references(), strict=True) for _ in lanes(ref)])
     assert np.max(sharp()[quantity][~trees]) < LARGEST
     assert np.max(sharp()[quantity][trees]) < LARGEST_OF_TREES
 
