@@ -194,11 +194,11 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     """
     kind, bodies = mechanism.kind, mechanism.bodies
     starts: dict[str, int | None] = {GROUND: None, **{body.name: kind.width * k for k, body in enumerate(bodies)}}
-    placed: list[Placed] = []
+    placed, owners = list[Placed](), dict[str, range]()
     row, n = 0, kind.width * len(bodies)
     for constraint in (*mechanism.constraints, *kind.own_rows(bodies, mechanism.constraints)):
-        own = range(n, n + constraint.parameters)
-        shared = (p.starts[2] for p in placed if p.constraint.name == constraint.shares)
+        own = owners[constraint.name] = range(n, n + constraint.parameters)
+        shared = owners.get(constraint.shares, ())
         where = (*(starts[body] for body in constraint.bodies), *own, *shared)
         placed.append(Placed(constraint, constraint.constants(unit), row, where))
         row, n = row + constraint.rows, n + len(own)

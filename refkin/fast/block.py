@@ -25,7 +25,7 @@ from refkin.fast.march import (
     Pose,
 )
 from refkin.fast.quintic import weights
-from refkin.fast.residual import residual
+from refkin.fast.residual import residual_of_rows
 from refkin.fast.sweep import NEAR
 from refkin.fast.turning import common_extrema, may_turn
 from refkin.joints import initial_contacts
@@ -272,7 +272,7 @@ class Block:
     def _check(self, t: float, code: int) -> None:
         """Give a code to the lanes that the formulas a person reads do not accept."""
         q = self.space.level(0)
-        self.residual = residual(self.system, q, t)
+        self.residual = residual_of_rows(self.system, q, t)
         open_ = np.flatnonzero(self.alive & ~(self.residual <= ROUND_OFF))
         if open_.size:  # as `refkin.solve` has it: 32 units of the largest coordinate, or of the size
             scale = np.max(np.abs(q[:, open_]), axis=0)

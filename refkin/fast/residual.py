@@ -28,6 +28,11 @@ def residual(system: System, q: Any, t: Any) -> Any:
     """
     if q.shape[1] == 1:  # number by number; NumPy's calls on rows of one take four times as long
         return np.array([np.max(np.abs(system.phi(q[:, 0], float(np.ravel(t)[0]))))])
+    return residual_of_rows(system, q, t)
+
+
+def residual_of_rows(system: System, q: Any, t: Any) -> Any:
+    """Return what `residual` does, also where the numbers of a joint are rows: those of many mechanisms."""
     kind, bodies = system.kind, range(0, system.of_bodies, system.kind.width)
     turns = (*kind.turns * len(bodies), *(1.0,) * (system.n - system.of_bodies))  # 1 for an angle, as `System.angles`
     rows = [row.view(_Angle) if turn == 1.0 else row for row, turn in zip(q, turns, strict=True)]

@@ -63,9 +63,13 @@ def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list
         return np.full((system.n, count), np.nan), [start.status, *later], start.message
     frames = recentred(system)
     proving, first = Evidence.CERTIFICATE in scene.evidence, frames.inward(start.q)
-    sweep = Sweep(frames.inner, [scene.times[0]], [first], proving=proving, certified=certified)
-    q, done, why, rest = _swept(sweep, scene.times)
-    gap = _first_gap(sweep, scene) if certified or sweep.uncertified else None
+    for ahead in (True, False):  # poses ahead only save time: a motion that is lost with them is tried without
+        sweep = Sweep(frames.inner, [scene.times[0]], [first], proving=proving, certified=certified)
+        leaps = Leaps(sweep, scene.times if ahead else ())
+        q, done, why, rest = _swept(sweep, scene.times, leaps)
+        gap = _first_gap(sweep, scene) if certified or sweep.uncertified else None
+        if leaps.ahead is None or (done == count and gap is None):
+            break
     q = np.stack([frames.outward(pose) for pose in q.T], axis=-1) if frames.shifts.any() else q
     if gap is not None:
         done = sum(t <= sweep.t[gap] for t in scene.times)
@@ -90,14 +94,14 @@ def _first_gap(sweep: Sweep, scene: Scene) -> int | None:
     return crossed if gap is None else gap
 
 
-def _swept(sweep: Sweep, times: tuple[float, ...]) -> tuple[Any, int, str, Status]:
+def _swept(sweep: Sweep, times: tuple[float, ...], leaps: Leaps) -> tuple[Any, int, str, Status]:
     """Take a sweep to the times.
 
     Return the poses (NaN elsewhere), how many were reached, why no more, and the status of the rest.
     """
     q = np.full((len(sweep.q[0]), len(times)), np.nan)
     q[:, 0] = sweep.q[0]
-    done, leaps = 1, Leaps(sweep, times)
+    done = 1
     while done < len(times):
         poses = leaps.over(done)
         q[:, done : done + len(poses)], done = np.reshape(poses, (-1, len(q))).T, done + len(poses)

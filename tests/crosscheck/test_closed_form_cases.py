@@ -344,7 +344,7 @@ def test_no_geometry_is_shared_with_the_reference():
     trees = [ast.parse(path.read_text()) for path in files]
     modules = {n.module for tree in trees for n in ast.walk(tree) if isinstance(n, ast.ImportFrom)}
 
-    assert len(files) == 9
+    assert len(files) == 12
     assert {m for m in modules if m.startswith("refkin")} <= {
         "refkin.joints",
         "refkin.model",

@@ -21,7 +21,7 @@ from refkin.joints.base import Blocks, Constraint, Rows
 from refkin.joints.planar import ends_of, unit_normal
 from refkin.motion_laws import Polynomial
 from refkin.proof.assembly.rows import read_rows
-from refkin.scenes import files
+from refkin.scenes import files, keys
 from refkin.solving.mobility import count
 from refkin.system import compile_system
 
@@ -73,9 +73,10 @@ class BesideSlider(Constraint):
 def registered(monkeypatch: pytest.MonkeyPatch) -> Iterator[Any]:
     """Scene files, with the joint named in `JOINT_TYPES`."""
     monkeypatch.setattr("refkin.joints.JOINT_TYPES", (*refkin.joints.JOINT_TYPES, BesideSlider))
-    yield importlib.reload(files)
+    importlib.reload(keys)
+    yield files
     monkeypatch.undo()
-    importlib.reload(files)
+    importlib.reload(keys)
 
 
 def slider_crank(joint: Any = BesideSlider, *, first: bool = False) -> Scene:

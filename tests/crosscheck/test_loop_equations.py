@@ -64,7 +64,7 @@ def geared() -> loops.LoopSystem:
         Vector(-1.1, angle=third),
         Vector(-2.0),
     )
-    return loops.LoopSystem(("a", "b", "c"), [loop], [loops.Relation(((0.5, third), (0.8, turned)), 0.25)])
+    return loops.LoopSystem(("a", "b", "c"), [loop], [loops.AngleRelation(((0.5, third), (0.8, turned)), 0.25)])
 
 
 def some(n: int, seed: int = 3) -> Any:

@@ -76,14 +76,11 @@ def test_no_derivative_of_a_law_is_evaluated_beyond_the_level_called_for(scene, 
     assert orders == set(range(highest + 1))
 
 
-def test_a_law_is_evaluated_once_at_each_time_and_twice_for_all_of_them(counted):
-    """Newton's iterations at one time share a value; residual and phi_q of all poses are a batch each.
-
-    The blocks of phi_q are found when the first step is judged: once more at either of its ends.
-    """
+def test_a_law_is_evaluated_for_many_times_together_and_seldom_again(counted):
+    """Poses come as one batch, and Newton's iterations share the values: one by one each time would ask on its own."""
     refkin.solve(replace(SCENE, effects=frozenset(), evidence=NONE))
 
-    assert counted["law, order 0"] == len(SCENE.times) + 2 + 2
+    assert counted["law, order 0"] <= len(SCENE.times)
 
 
 @pytest.mark.parametrize("level", LEVELS)

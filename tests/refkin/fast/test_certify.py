@@ -153,8 +153,8 @@ def test_a_chain_is_proved_block_by_block():
 
 def test_what_has_no_proof_here_is_proved_densely(monkeypatch):
     calls = []
-    isolate = answer.isolate
-    monkeypatch.setattr(answer, "isolate", lambda *args: calls.append(1) or isolate(*args))
+    isolate = answer.isolate_every_choice
+    monkeypatch.setattr(answer, "isolate_every_choice", lambda *args: calls.append(1) or isolate(*args))
     attempt(replace(SCENES["roller over lobes"], evidence=frozenset({Evidence.CERTIFICATE})))
     dense = len(calls)
     attempt(replace(SCENES["four-bar"], evidence=frozenset({Evidence.CERTIFICATE})))
