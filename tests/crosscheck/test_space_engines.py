@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+import refkin
 from crosscheck.engines import EngineRefusal, load
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.measure.check import check
@@ -98,3 +100,10 @@ def test_a_pose_that_cannot_be_is_proved_so_by_the_closed_form() -> None:
         answer = load(engine).solve(longer)
         proved = np.array([s is Status.UNASSEMBLABLE for s in theirs.status])
         assert not any(s is Status.OK for s, absent in zip(answer.status, proved, strict=True) if absent)
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco", "exudyn", "closed_form"])
+def test_an_estimate_whole_turns_away_from_the_law_is_the_same_estimate(engine: str) -> None:
+    scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-estimate-a-turn-away.toml")
+
+    assert [str(seen) for seen in check(scene, [engine]).disagreements] == []

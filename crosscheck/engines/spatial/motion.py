@@ -34,7 +34,7 @@ def space_motion(scene: Scene, build: Callable[..., Any], producer: Producer) ->
     numbers = numbers_of(scene.mechanism)
     system = SpaceSystem(space_tree(numbers, estimates(scene, numbers)), build)
     order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
-    found = march(system, system.tree.start(), scene.times, order, together=not numbers.idle)
+    found = march(system, system.start(scene.times[0]), scene.times, order, together=not numbers.idle)
     return reported(scene, numbers, _levels(system, found), found.status, producer, residual=found.residual)
 
 

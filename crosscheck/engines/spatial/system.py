@@ -165,6 +165,17 @@ class SpaceSystem:
         column = edge.first + (1 if edge.kind == CYLINDRICAL and drive.kind == ANGLE else 0)
         return column, 1.0, 0.0
 
+    def start(self, t: float) -> Array:
+        """Return the coordinates nearest the estimates, angles that drivers hold by whole turns nearest their laws.
+
+        An estimate says nothing of turns, and Newton's method would take the whole mechanism along on its way there.
+        """
+        q = self.tree.start()
+        for drive, law, what in self._driven:
+            if drive.kind == ANGLE and drive.hold.kind != SCREW and len(what) == 3:
+                q[what[0]] += math.tau * round((law(t, 0) - q[what[0]]) / math.tau)
+        return q
+
     # rows
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
