@@ -8,6 +8,7 @@ the span. Hard regions are gone to on purpose (`Region`).
 from __future__ import annotations
 
 import math
+import sys
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
@@ -260,7 +261,8 @@ class Circle:
         """Return the angle of one of the two points at a distance from a point."""
         w = (point - self.centre) @ self.frame
         k = (w @ w + self.radius**2 - length**2) / (2.0 * self.radius)
-        return float(math.atan2(w[1], w[0]) + sign * math.acos(np.clip(k / math.hypot(w[0], w[1]), -1.0, 1.0)))
+        away = max(math.hypot(w[0], w[1]), sys.float_info.min)  # on the circle's axis any angle will do
+        return float(math.atan2(w[1], w[0]) + sign * math.acos(np.clip(k / away, -1.0, 1.0)))
 
 
 def _crank(angle: Any) -> Array:
