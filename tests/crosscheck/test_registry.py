@@ -89,12 +89,16 @@ def benched():
 
 @pytest.mark.parametrize("engine", PEERS)
 def test_the_best_method_of_an_engine_is_the_same_in_price_list_and_benchmark(engine):
+    """Of two that cost nearly the same, either may be best on a busy machine. Planted: ten times cheaper in one."""
     ranked = [row for row in benched() if row["engine"] == engine and row["ranked"] and len(row["computes"]) == 3]
     best = min(ranked, key=lambda row: row["nanoseconds_per_configuration"])
     own = [row for row in priced() if row["engine"] == engine]
-    offer = offers(own, "cycle", "acceleration", 12)[0]
+    offered = offers(own, "cycle", "acceleration", 12)
+    same = [
+        o for o in offered if (o.engine, o.method, o.setting) == tuple(best[k] for k in ("engine", "method", "setting"))
+    ]
 
-    assert (offer.engine, offer.method, offer.setting) == tuple(best[key] for key in ("engine", "method", "setting"))
+    assert [offer.microseconds <= 1.5 * offered[0].microseconds for offer in same] == [True]
 
 
 def test_every_row_of_every_table_names_a_method_of_the_registry():
