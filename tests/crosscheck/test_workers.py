@@ -142,7 +142,7 @@ def test_a_disagreement_of_an_engine_stays_when_another_crashes_on_the_scene(tmp
 
 def test_a_batch_in_which_one_scene_hangs_is_done_once_but_for_that_scene(tmp_path):
     tally = f"Path({str(tmp_path)!r}, 'calls').open('a').write(key + '\\n')"
-    run_with(tmp_path, f"{tally}; {on_scene(1, as_expression(HANG))}", seconds=2.0)
+    run_with(tmp_path, f"{tally}; {on_scene(1, as_expression(HANG))}", seconds=5.0)
     calls = (tmp_path / "calls").read_text().split()
 
     # The turned round ones are scenes with keys of their own; the hanging one is begun twice.
