@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property, reduce
 from typing import Any
@@ -139,9 +139,3 @@ class Scene:
     @property
     def wanted(self) -> tuple[str, ...]:
         return self.bodies_wanted if self.bodies_wanted is not None else tuple(b.name for b in self.mechanism.bodies)
-
-    def _repr_svg_(self) -> str | None:
-        import refkin  # a notebook asks for it; what draws stands above
-
-        asked = replace(self, bodies_wanted=None, effects=frozenset(), evidence=frozenset())
-        return refkin.solve(asked)._repr_svg_()

@@ -65,6 +65,11 @@ def folder_of(name):
     )
 
 
+def test_nothing_in_refkin_imports_the_face_of_the_package():
+    """The face asks for what stands above when it is wanted: through it any file would reach all of them."""
+    assert [name for name, others in arrows().items() if name.startswith("refkin.") and "refkin" in others] == []
+
+
 def test_in_refkin_no_folders_import_each_other_in_a_circle():
     """Of the proof each folder counts for itself: numbers, pose, path, assembly, singularity."""
     inner = {name: others for name, others in arrows().items() if name.startswith("refkin.")}

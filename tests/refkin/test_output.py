@@ -239,16 +239,16 @@ def test_coordinates_that_were_called_for_complete_on_tab(scene, motion):
         positions["rocker"].phid  # noqa: B018
 
 
-def test_scene_motion_and_linkage_show_themselves_in_a_notebook(scene, motion):
+def test_motion_picture_and_linkage_show_themselves_in_a_notebook(motion):
     linkage = refkin.SliderCrank(crank=1.0, rod=3.0)
 
-    for shown in (scene, motion, motion.plot(), linkage):
+    for shown in (motion, motion.plot(), linkage):
         assert ET.fromstring(shown._repr_svg_()).tag == f"{SVG}svg"
     assert "verdict: ok" in motion._repr_html_()
     assert "<svg" in motion._repr_html_()
 
 
-def test_what_has_no_pose_shows_no_picture_in_a_notebook(scene, motion):
+def test_what_has_no_pose_shows_no_picture_in_a_notebook(motion):
     apart = refkin.FourBar(ground=10.0, crank=1.0, coupler=1.0, rocker=1.0)
     nowhere = replace(motion, q=np.full_like(motion.q, np.nan))
 
