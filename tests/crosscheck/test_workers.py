@@ -166,7 +166,8 @@ def test_workers_killed_one_after_the_other_change_nothing(tmp_path, undisturbed
                 kills, last = kills + 1, time.monotonic()
             time.sleep(0.02)
 
-    assert kills == 4
+    # How many fit in before the work is done is the machine's affair; one after the other needs two.
+    assert kills >= 2
     assert {r.key: settled(r) for r in records} == undisturbed
     assert (len(records), workers.unexplained) == (COUNT, [])
 
