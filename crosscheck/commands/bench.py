@@ -20,7 +20,7 @@ from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, console
 from crosscheck.engines.methods import OURS
 from crosscheck.errors import INFRASTRUCTURE, PASS, USAGE
-from crosscheck.measure.bench_aims import DENSE, LANES, SPARSE, Key, key_of
+from crosscheck.measure.bench_aims import DENSE, SAMPLES, SPARSE, Key, key_of
 
 THREADS = (
     "OMP_NUM_THREADS",
@@ -113,7 +113,7 @@ RIVALS: dict[Key, str] = {
     DENSE: "dense Newton in C",
 }
 """The rivals that every claim names first: the same algorithm in C, then what a person would write in C."""
-CLAIMED = (LANES, SPARSE)
+CLAIMED = (SAMPLES, SPARSE)
 UNRANKED = "not ranked"
 
 

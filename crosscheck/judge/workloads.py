@@ -30,7 +30,7 @@ from refkin.vec import BodyValues
 
 SAMPLE, WORST = 20_000, 2000
 """Of how many configurations, spread over all and with the largest errors, the budgets are derived."""
-LANES = 2000
+SAMPLES = 2000
 """So many budgets are derived at once."""
 SIGNS = 32
 """How many random signs bound |J^-1| e of a chain."""
@@ -126,8 +126,8 @@ def _joined(pieces: list[Piece]) -> Piece:
 
 def _in_lanes(pieces: list[Piece]) -> Iterator[Piece]:
     whole = _joined(pieces)
-    for start in range(0, len(whole.times), LANES):
-        yield whole.of(slice(start, start + LANES))
+    for start in range(0, len(whole.times), SAMPLES):
+        yield whole.of(slice(start, start + SAMPLES))
 
 
 def _over_allowed(work: FourBars, piece: Piece) -> tuple[float, int]:

@@ -13,7 +13,7 @@ from typing import Any
 from crosscheck.engines.methods import OURS
 
 SWEEP, MANY, ANY, LARGE = "sweep-1000", "many-10000x360", "many-10000x360-any", "chain-10000"
-LANES, CERTIFICATE = (("refkin-lanes", "all times at once", setting) for setting in ("no evidence", "certificate"))
+SAMPLES, CERTIFICATE = (("refkin-lanes", "all times at once", setting) for setting in ("no evidence", "certificate"))
 SPARSE, DENSE = ("refkin-lanes", "sparse", ""), ("c", "dense Newton", "")
 BODIES = 2 * 10_000 + 1
 Key = tuple[str, str, str]
@@ -64,27 +64,27 @@ class Aim:
 
 
 AIMS = (
-    Aim("one four-bar: fast path / dense C", (SWEEP,), lambda t: t(SWEEP, LANES) / t(SWEEP, DENSE), at_most=0.6),
+    Aim("one four-bar: fast path / dense C", (SWEEP,), lambda t: t(SWEEP, SAMPLES) / t(SWEEP, DENSE), at_most=0.6),
     Aim(
         "one four-bar: fastest engine / fast path",
         (SWEEP,),
-        lambda t: t.engine(SWEEP, LANES) / t(SWEEP, LANES),
+        lambda t: t.engine(SWEEP, SAMPLES) / t(SWEEP, SAMPLES),
         at_least=10.0,
     ),
     Aim(
         "one four-bar: certificates / the fast path's solve",
         (SWEEP,),
-        lambda t: t(SWEEP, CERTIFICATE) / t(SWEEP, LANES),
+        lambda t: t(SWEEP, CERTIFICATE) / t(SWEEP, SAMPLES),
         at_most=5.0,
     ),
-    Aim("10,000 four-bars, 2 % margin: fast path [ns]", (MANY,), lambda t: t(MANY, LANES), at_most=200.0),
+    Aim("10,000 four-bars, 2 % margin: fast path [ns]", (MANY,), lambda t: t(MANY, SAMPLES), at_most=200.0),
     Aim(
         "10,000 four-bars, 2 % margin: dense C / fast path",
         (MANY,),
-        lambda t: t(MANY, DENSE) / t(MANY, LANES),
+        lambda t: t(MANY, DENSE) / t(MANY, SAMPLES),
         at_least=4.0,
     ),
-    Aim("10,000 four-bars, no margin: fast path [ns]", (ANY,), lambda t: t(ANY, LANES), at_most=550.0),
+    Aim("10,000 four-bars, no margin: fast path [ns]", (ANY,), lambda t: t(ANY, SAMPLES), at_most=550.0),
     Aim(
         "chains: growth exponent of a Newton iteration, 100 to 10,000 loops",
         ("chain-100", LARGE),

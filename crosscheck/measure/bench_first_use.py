@@ -29,7 +29,7 @@ def first_use(work: FourBars) -> dict[str, float]:
 
 
 def tape_seconds(work: FourBars) -> float:
-    """Return what it takes from a scene to a tape that can be run."""
+    """Return what it takes from a scene to a program that can be run."""
     fast()
     from refkin.fast.compiled import forget
     from refkin.fast.prepare import prepared
@@ -40,8 +40,8 @@ def tape_seconds(work: FourBars) -> float:
         start = time.perf_counter()
         ready = prepared(scene)
         if ready is None:
-            raise EngineError("there is no tape for this scene")
-        assert ready.made.lanes.counts()
+            raise EngineError("there is no program for this scene")
+        assert ready.made.program.counts()
         assert ready.made.march
         taken.append(time.perf_counter() - start)
     return min(taken)

@@ -10,7 +10,7 @@
 `tape`       what `sweep` runs for a scene, to be printed; `legend` says what its numbers stand for
 ============ =======================================================================================================
 
-All rest on the joints' own formulas. `sweep` and `solve_many` run them as a compiled elimination tape (`lanes`), which
+All rest on the joints' own formulas. `sweep` and `solve_many` run them as a compiled program (`elimination`), which
 reorders arithmetic and has sines of its own: so every pose is checked afterwards by the formulas themselves.
 """
 

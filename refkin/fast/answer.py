@@ -1,7 +1,7 @@
-"""From coordinates of every lane to a `Motion`, judged by the formulas a person reads.
+"""From coordinates of every sample to a `Motion`, judged by the formulas a person reads.
 
-Nothing here trusts the tape. Residuals come from the formulas (`residual`), singular values from `System`, certificates
-from a tape of their own, or from `refkin.proof`; the pose and the rates are what they are asked about.
+Nothing here trusts the program. Residuals come from the formulas (`residual`), singular values from `System`,
+certificates from a program of their own, or from `refkin.proof`; the pose and the rates are what they are asked about.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from refkin.proof.pose.isolate import FLOAT64
 from refkin.system import System
 
 ROUTE = Route(
-    name="lanes",
+    name="program",
     residual_by="refkin",
     jacobian_by="refkin",
     newton_by="refkin.fast",
@@ -43,7 +43,7 @@ triangular with ones in its diagonal.
 def motion(
     scene: Scene, system: System, made: Compiled, t: Any, levels: list[Any], pivot: Any, message: str = ""
 ) -> Motion | None:
-    """Return the motion if every lane is beyond doubt, else None.
+    """Return the motion if every sample is beyond doubt, else None.
 
     Parameters
     ----------
@@ -52,14 +52,14 @@ def motion(
     levels : list of (n, T) array
         Coordinates and rates as far as they are called for, in the system's scaled coordinates.
     pivot : (T,) array
-        The smallest pivot of each lane.
+        The smallest pivot of each sample.
     """
     off = residual(system, levels[0], t)
     closed = (off <= ROUND_OFF).all() or is_round_off(off[None], levels[0]).all()
     if not closed or not all(math.isfinite(level.sum()) for level in levels):
         return None
     idle = [p.constraint.idle for p in system.placed if p.constraint.idle]
-    if idle:  # the tape holds idle bodies as they were estimated, so that they spin as they go
+    if idle:  # the program holds idle bodies as they were estimated, so that they spin as they go
         message, levels = "; ".join(filter(None, (message, *idle))), _without_spin(system, levels, t)
     evidence = _evidence(scene, system, made, levels, t, pivot)
     if evidence is None:
@@ -115,7 +115,7 @@ def _evidence(
 
 
 def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> CertifiedRadius | None:
-    """Return certified radii: by the tape of the proof, else by the dense one; None if float64 proves too little."""
+    """Return certified radii: by the program of the proof, else by the dense one; None if float64 proves too little."""
     absent = nowhere(len(t))
     found = None if system.m > system.n else radii(system, made, levels, t)
     if found is not None:

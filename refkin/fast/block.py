@@ -9,8 +9,8 @@ import numpy as np
 from refkin.errors import Fault, InvalidScene
 from refkin.fast.certify import FamilyProof
 from refkin.fast.compiled import Compiled
-from refkin.fast.family import Family, lane_of, of_lanes
-from refkin.fast.lanes.run import Workspace
+from refkin.fast.elimination.run import Workspace
+from refkin.fast.family import Family, of_samples, sample_of
 from refkin.fast.march import (
     ENOUGH,
     FARTHEST,
@@ -37,41 +37,41 @@ from refkin.proof.numbers.inputs import half_ulp
 from refkin.system import compile_system
 
 CODES = (Status.OK, Status.NOT_CONVERGED, Status.BRANCH_LOST)
-"""The statuses that a lane can have, by code."""
+"""The statuses that a sample can have, by code."""
 OK, NEVER_FOUND, LOST = range(3)
 MOST_NEWTON = 3
-"""So many Newton steps are made by all lanes; those that need more are marched on their own."""
+"""So many Newton steps are made by all samples; those that need more are marched on their own."""
 START_NEWTON = 12
 MOST_BETWEEN = 64
-"""So many steps at most are made by all lanes between two times."""
-PRICE_OF_A_STEP, PRICE_OF_A_LANE, PRICE_ALONE = 300.0, 0.2, 15.0
-"""What a step of all lanes costs, what each lane adds to it, and what a step of one lane alone costs, about [us]."""
+"""So many steps at most are made by all samples between two times."""
+PRICE_OF_A_STEP, PRICE_OF_A_SAMPLE, PRICE_ALONE = 300.0, 0.2, 15.0
+"""About what a step of all samples costs, what each sample adds to it, and what a step of one alone costs [us]."""
 MOST_STEPS_ALONE = 2000
-"""So many steps a lane may be marched on its own, all times together: about 20 ms."""
+"""So many steps a sample may be marched on its own, all times together: about 20 ms."""
 
 
 class Block:
-    """Some lanes of a family and where they are.
+    """Some samples of a family and where they are.
 
     Attributes
     ----------
     codes : (L,) array of uint8
-        Codes of `CODES`: OK for the lanes that are on the branch they started on.
+        Codes of `CODES`: OK for the samples that are on the branch they started on.
     residual : (L,) array
         Largest component of the scaled residual at the present time.
     """
 
-    def __init__(self, group: Family, made: Compiled, lanes: slice) -> None:
-        self.group, self.made, self.lanes = group, made, lanes
-        self.count = lanes.stop - lanes.start
-        self.system = of_lanes(group.system, lanes)
-        self.space = Workspace(made.marching, self.count, lane_geometry=True)
+    def __init__(self, group: Family, made: Compiled, samples: slice) -> None:
+        self.group, self.made, self.samples = group, made, samples
+        self.count = samples.stop - samples.start
+        self.system = of_samples(group.system, samples)
+        self.space = Workspace(made.marching, self.count, sample_geometry=True)
         self.space.give_geometry([p.g for p in self.system.placed], self._profile)
         out = made.marching.outputs
         self.core_rows = [[rows[c] for c in made.core] for rows in out.levels]
         # Levels of the core at the last time but one, then at the last.
         self.history = np.zeros((6, len(made.core), self.count))
-        self.codes = np.where(group.faulty[lanes], NEVER_FOUND, OK).astype(np.uint8)
+        self.codes = np.where(group.faulty[samples], NEVER_FOUND, OK).astype(np.uint8)
         self.signs = np.ones((len(out.determinants), self.count))
         self.residual = np.full(self.count, np.nan)
         proves = Evidence.CERTIFICATE in group.scene.evidence
@@ -81,7 +81,7 @@ class Block:
 
     @property
     def alive(self) -> Any:
-        """Which lanes are on their branch."""
+        """Which samples are on their branch."""
         return self.codes == OK
 
     def _profile(self, constraint: int, order: int, s: Any) -> Any:
@@ -92,7 +92,7 @@ class Block:
         self.space.give_laws({k: p.constraint.inputs(t, self.system.unit, 2) for k, p in placed if p.constraint.laws})
 
     def start(self, t: float) -> None:
-        """Find the solution next to each lane's estimate, by the rule of `sweep`."""
+        """Find the solution next to each sample's estimate, by the rule of `sweep`."""
         self._give_laws(t)
         estimate = self._estimates(t)
         for c, row in zip(self.made.core, self.space.core(), strict=True):
@@ -118,17 +118,17 @@ class Block:
         if missing:
             raise InvalidScene([Fault(f"estimates.{missing[0]}", None, "an estimate of its first pose")])
         q = np.zeros((self.system.n, self.count))
-        q[: self.system.of_bodies] = np.concatenate([x[:, self.lanes] for x in given])
+        q[: self.system.of_bodies] = np.concatenate([x[:, self.samples] for x in given])
         q = self.system.to_unit(q)
         if self.system.n > self.system.of_bodies:
-            for lane in range(self.count):
-                scene = self.group.lane(self.lanes.start + lane)
-                alone = compile_system(scene.mechanism, unit=self.group.unit_of(self.lanes.start + lane))
-                q[:, lane] = initial_contacts(alone, q[:, lane], t)
+            for sample in range(self.count):
+                scene = self.group.sample(self.samples.start + sample)
+                alone = compile_system(scene.mechanism, unit=self.group.unit_of(self.samples.start + sample))
+                q[:, sample] = initial_contacts(alone, q[:, sample], t)
         return q
 
     def go_to(self, t: float) -> None:
-        """Take all lanes to time t by way of the times at which laws turn back; those at times of their own alone."""
+        """Take all samples to time t by way of the times at which laws turn back; those at times of their own alone."""
         start, constraints = self.times[-1], tuple(p.constraint for p in self.system.placed)
         alone = may_turn(constraints, start, t, self.count)
         between = common_extrema(constraints, start, t)
@@ -138,7 +138,7 @@ class Block:
             self._monotonously(end, alone)
 
     def _monotonously(self, t: float, alone: Any) -> None:
-        """Take all lanes to time t, in as many steps as the laws of most of them ask for; the others march alone."""
+        """Take all samples to time t, in as many steps as the laws of most of them ask for; the others march alone."""
         start = self.times[-1]
         asked = np.ones(self.count)
         for a, b in zip(self._values(start), self._values(t), strict=True):
@@ -150,10 +150,10 @@ class Block:
         self._step(t, hasty)
 
     def _steps(self, asked: Any) -> int:
-        """Return how many steps all lanes make, so that they, and those alone that ask for more, cost the least."""
+        """Return how many steps all samples make, so that they, and those alone that ask for more, cost the least."""
         if (asked <= 1.0).all():
             return 1
-        together = PRICE_OF_A_STEP + PRICE_OF_A_LANE * self.count
+        together = PRICE_OF_A_STEP + PRICE_OF_A_SAMPLE * self.count
         alone = np.minimum(np.nan_to_num(asked, nan=1.0), MOST_STEPS_ALONE) * PRICE_ALONE
         counts: set[int] = {1, *np.unique(asked[asked <= MOST_BETWEEN]).astype(int).tolist()}
         return min(counts, key=lambda count: count * together + float(np.sum(alone, where=~(asked <= count))))
@@ -163,7 +163,7 @@ class Block:
         return [law[0] for p in self.system.placed for law in p.constraint.inputs(t, self.system.unit, 0)]
 
     def _step(self, t: float, hasty: Any) -> None:
-        """Take all lanes to time t."""
+        """Take all samples to time t."""
         before, last = [None, *self.times][-2:]
         assert last is not None
         h = t - last
@@ -187,7 +187,7 @@ class Block:
         self._remember(t)
 
     def _newton(self) -> Any:
-        """Make the Newton steps that each lane asks for; return which lanes did not converge, or not at once."""
+        """Make the Newton steps that each sample asks for; return which samples did not converge, or not at once."""
         corrections, late = self._iterate(MOST_NEWTON)
         if len(corrections) < 2:
             return late
@@ -195,9 +195,9 @@ class Block:
         return late | (self.alive & (first >= SMALL) & ~(second <= CONTRACTION * first))
 
     def _iterate(self, most: int) -> tuple[list[Any], Any]:
-        """Return the corrections of up to `most` Newton steps, and which lanes that are alive did not converge.
+        """Return the corrections of up to `most` Newton steps, and which samples that are alive did not converge.
 
-        A lane that has converged takes no part in further steps, so that its bits do not depend on other lanes; its
+        A sample that has converged takes no part in further steps, so that its bits do not depend on other samples; its
         further corrections are 0.
         """
         step, core = self.space.row(self.made.marching.outputs.step), self.space.core()
@@ -213,7 +213,7 @@ class Block:
         return corrections, late if core else np.zeros(self.count, bool)
 
     def _continues(self, guess: Any, rates: Any, h: float) -> Any:
-        """Return which lanes, and their rates, are where the prediction has them, by the rules of `march`."""
+        """Return which samples, and their rates, are where the prediction has them, by the rules of `march`."""
         if not len(guess):
             return np.ones(self.count, bool)
         q, v = (np.array([self.space.row(k) for k in rows]) for rows in self.core_rows[:2])
@@ -222,38 +222,38 @@ class Block:
         return near & (bent * h <= np.maximum(SMOOTH * off, SMALL))
 
     def _regular(self) -> Any:
-        """Return in which lanes no determinant has changed its sign, or is nearly 0."""
+        """Return in which samples no determinant has changed its sign, or is nearly 0."""
         ok = np.ones(self.count, bool)
         out = self.made.marching.outputs
         for sign, determinant, pivot in zip(self.signs, out.determinants, out.pivots, strict=True):
             ok &= (self.space.row(determinant) * sign > 0) & (self.space.row(pivot) > SMALLEST_PIVOT)
         return ok
 
-    def _march_alone(self, lanes: Any, t: float) -> None:
-        """Take some lanes to t one by one, in steps as short as it takes; those that cannot go there are lost."""
-        for lane in np.flatnonzero(lanes).tolist():
-            if lane not in self.helpers:
-                self.helpers[lane] = self._helper(lane)
-            march = self.helpers[lane]
-            levels = self.history[:, :, lane].tolist()
+    def _march_alone(self, samples: Any, t: float) -> None:
+        """Take some samples to t one by one, in steps as short as it takes; those that cannot go there are lost."""
+        for sample in np.flatnonzero(samples).tolist():
+            if sample not in self.helpers:
+                self.helpers[sample] = self._helper(sample)
+            march = self.helpers[sample]
+            levels = self.history[:, :, sample].tolist()
             poses = [Pose(at, tuple(map(tuple, levels[3 * k : 3 * k + 3])), march.laws(at)) for k, at in self._known()]
             found = march.to(t, poses[-1], poses[0] if len(poses) > 1 else None)
             if found is None:
-                self.codes[lane] = LOST
+                self.codes[sample] = LOST
                 continue
             for row, x in zip(self.space.core(), found[-1].levels[0], strict=True):
-                row[lane] = x
+                row[sample] = x
 
     def _known(self) -> list[tuple[int, float]]:
         """Return where in the history the last two times are, or the only one, and those times."""
         return list(enumerate(self.times, start=2 - len(self.times)))
 
-    def _helper(self, lane: int) -> March:
-        """Return what marches one lane alone."""
-        k = self.lanes.start + lane
-        constraints, unit = self.group.of_lane(k), self.group.unit_of(k)
+    def _helper(self, sample: int) -> March:
+        """Return what marches one sample alone."""
+        k = self.samples.start + sample
+        constraints, unit = self.group.of_sample(k), self.group.unit_of(k)
         single = self.made.march
-        numbers = [float(lane_of(self.group.system.placed[c].g[m], k)) for c, m in single.geometry]
+        numbers = [float(sample_of(self.group.system.placed[c].g[m], k)) for c, m in single.geometry]
 
         def laws(t: float) -> list[float]:
             given = {c: constraints[c].inputs(t, unit, 2) for c, _, _ in single.laws}
@@ -266,11 +266,11 @@ class Block:
             return extrema_of(constraints, a, b)
 
         march = March(single, single.prepare(numbers), laws, profile, extrema, MOST_STEPS_ALONE)
-        march.signs = tuple(self.signs[:, lane].tolist())
+        march.signs = tuple(self.signs[:, sample].tolist())
         return march
 
     def _check(self, t: float, code: int) -> None:
-        """Give a code to the lanes that the formulas a person reads do not accept."""
+        """Give a code to the samples that the formulas a person reads do not accept."""
         q = self.space.level(0)
         self.residual = residual_of_rows(self.system, q, t)
         open_ = np.flatnonzero(self.alive & ~(self.residual <= ROUND_OFF))
@@ -279,7 +279,7 @@ class Block:
             self.codes[open_[~(self.residual[open_] <= ROUND_OFF * scale)]] = code
 
     def _remember(self, t: float) -> None:
-        """Note the levels of the core; lanes that are lost are carried on at rest."""
+        """Note the levels of the core; samples that are lost are carried on at rest."""
         self.times = [*self.times[-1:], t]
         self.history[:3] = self.history[3:]
         for order, rows in enumerate(self.core_rows):
@@ -311,7 +311,7 @@ class Block:
 
 
 def _largest(differences: Any) -> Any:
-    """Return the largest size in each lane."""
+    """Return the largest size in each sample."""
     return np.maximum.reduce(np.abs(differences))
 
 

@@ -1,4 +1,4 @@
-"""Certificates of all lanes at once, by a tape of their own; see `lanes.prove` for what is proved.
+"""Certificates of all samples at once, by a program of their own; see `elimination.prove` for what is proved.
 
 The truth is that of `proof.numbers.exact`: the scene as it is written. What its numbers lost when they were scaled and
 rounded, and what laws lose when they are evaluated, comes as errors beside them.
@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 
 from refkin.fast.compiled import Compiled
-from refkin.fast.lanes.prove import LARGEST_GAMMA, ORDERS
-from refkin.fast.lanes.run import Workspace, block_lanes
+from refkin.fast.elimination.prove import LARGEST_GAMMA, ORDERS
+from refkin.fast.elimination.run import Workspace, block_samples
 from refkin.motion_laws import Table
 from refkin.proof.numbers.bounded import TINY, UP, Bounded, Times, U, bounded_system
 from refkin.system import System
@@ -41,9 +41,9 @@ def radii(system: System, made: Compiled, levels: Sequence[Any], t: Any) -> Radi
         return None
     laws = {k: _law(system, k, t) for k, p in enumerate(system.placed) if p.constraint.laws}
     bounds = np.empty((len(levels), len(t)))
-    lanes = block_lanes(made.proof.tape)
-    for start in range(0, len(t), lanes):
-        at = slice(start, min(start + lanes, len(t)))
+    samples = block_samples(made.proof.program)
+    for start in range(0, len(t), samples):
+        at = slice(start, min(start + samples, len(t)))
         with made.proving.workspace(at.stop - at.start) as space:
             if not give_geometry(space, system, made):
                 return None
@@ -61,12 +61,12 @@ class FamilyProof:
         Whether there are any; where not, all radii are NaN.
     """
 
-    def __init__(self, system: System, made: Compiled, lanes: int) -> None:
+    def __init__(self, system: System, made: Compiled, samples: int) -> None:
         self.system, self.made = system, made
-        self.nothing = np.full((made.levels, lanes), np.nan)
+        self.nothing = np.full((made.levels, samples), np.nan)
         self.possible = made.proof is not None and not any(_has_spline(p.constraint) for p in system.placed)
         if self.possible:
-            self.space = Workspace(made.proof.tape, lanes, lane_geometry=True)  # type: ignore[union-attr]
+            self.space = Workspace(made.proof.program, samples, sample_geometry=True)  # type: ignore[union-attr]
             self.possible = give_geometry(self.space, system, made)
 
     def radii(self, levels: Sequence[Any], t: float) -> Any:
@@ -91,7 +91,7 @@ def give_geometry(space: Workspace, system: System, made: Compiled) -> bool:
 
 
 def proved(space: Workspace, laws: Mapping[int, Any]) -> Any:
-    """Return the radii of the given levels, (levels, lanes), NaN where nothing is proved."""
+    """Return the radii of the given levels, (levels, samples), NaN where nothing is proved."""
     space.give_laws(laws)
     space.run("newton")
     space.run("answer")

@@ -1,4 +1,4 @@
-"""What is made once of a topology, and kept: its tapes, and the workspaces they run on.
+"""What is made once of a topology, and kept: its programs, and the workspaces they run on.
 
 Two mechanisms have the same topology if their constraints are of the same kinds between the same bodies in the same
 order, and the same numbers of their geometry are 0, 1 or -1. Lengths, angles, laws and profiles are inputs.
@@ -14,15 +14,15 @@ from functools import cached_property
 from threading import RLock
 from typing import Any
 
-from refkin.fast.lanes.eliminate import Eliminated, eliminate
-from refkin.fast.lanes.groups import NotReducible
-from refkin.fast.lanes.prove import Proof, proof_of
-from refkin.fast.lanes.run import Workspace
-from refkin.fast.lanes.schedule import schedule
-from refkin.fast.lanes.single import Single, compile_single
-from refkin.fast.lanes.symbols import Graph
-from refkin.fast.lanes.tape import Tape
-from refkin.fast.lanes.trace import Known, known_of, trace
+from refkin.fast.elimination.eliminate import Eliminated, eliminate
+from refkin.fast.elimination.groups import NotReducible
+from refkin.fast.elimination.program import Program
+from refkin.fast.elimination.prove import Proof, proof_of
+from refkin.fast.elimination.run import Workspace
+from refkin.fast.elimination.schedule import schedule
+from refkin.fast.elimination.single import Single, compile_single
+from refkin.fast.elimination.symbols import Graph
+from refkin.fast.elimination.trace import Known, known_of, trace
 from refkin.model import Effect
 from refkin.system import System
 
@@ -39,7 +39,7 @@ class Compiled:
     Attributes
     ----------
     levels : int
-        1 for positions alone, 2 with velocities, 3 with accelerations: what `lanes` answers.
+        1 for positions alone, 2 with velocities, 3 with accelerations: what `program` answers.
     depends : dict
         Per coordinate, those that its own equations hold.
     system, known : System, tuple
@@ -64,63 +64,63 @@ class Compiled:
         return self.solved.core
 
     @cached_property
-    def lanes(self) -> Tape:
-        """The tape of all coordinates and called-for levels, for rows."""
+    def program(self) -> Program:
+        """The program of all coordinates and called-for levels, for rows."""
         return schedule(self.solved, self.graph, [range(self.n)] * self.levels)
 
     @cached_property
-    def marching(self) -> Tape:
+    def marching(self) -> Program:
         """The same with the rates of the core in any case, by which the next pose is predicted."""
         every = [range(self.n)] * self.levels
         return schedule(self.solved, self.graph, every + [self.core] * (3 - self.levels))
 
     @cached_property
     def march(self) -> Single:
-        """All levels of the core coordinates, one lane at a time: what predicts the next pose."""
-        tape = schedule(self.solved, self.graph, [self.core] * 3, half_angles=False)
-        return compile_single(tape, self.core)
+        """All levels of the core coordinates, one sample at a time: what predicts the next pose."""
+        program = schedule(self.solved, self.graph, [self.core] * 3, half_angles=False)
+        return compile_single(program, self.core)
 
     @cached_property
     def whole(self) -> Single:
-        """The same as `lanes`, one lane at a time: what finds the first pose, and answers a single one."""
-        tape = schedule(self.solved, self.graph, [range(self.n)] * self.levels, half_angles=False)
-        return compile_single(tape, range(self.n))
+        """The same as `program`, one sample at a time: what finds the first pose, and answers a single one."""
+        program = schedule(self.solved, self.graph, [range(self.n)] * self.levels, half_angles=False)
+        return compile_single(program, range(self.n))
 
     @cached_property
     def proof(self) -> Proof | None:
-        """The certificate of answers on all called-for levels; None if a tape cannot give it."""
+        """The certificate of answers on all called-for levels; None if a program cannot give it."""
         system = self.system
         plain = system.m == system.n == system.of_bodies
         return proof_of(system, self.known, self.levels) if plain else None
 
     @cached_property
     def solving(self) -> Workspaces:
-        """Workspaces of `lanes`."""
-        return Workspaces(self.lanes)
+        """Workspaces of `program`."""
+        return Workspaces(self.program)
 
     @cached_property
     def proving(self) -> Workspaces:
         """Workspaces of `proof`."""
         assert self.proof is not None
-        return Workspaces(self.proof.tape)
+        return Workspaces(self.proof.program)
 
 
 class Workspaces:
-    """The workspaces of a tape for one mechanism at a time, a few of which are kept."""
+    """The workspaces of a program for one mechanism at a time, a few of which are kept."""
 
-    def __init__(self, tape: Tape) -> None:
-        self.tape = tape
+    def __init__(self, program: Program) -> None:
+        self.program = program
         self._idle: list[Workspace] = []
 
     @contextmanager
-    def workspace(self, lanes: int) -> Iterator[Workspace]:
-        """Lend a workspace for so many lanes; nobody else has it meanwhile."""
+    def workspace(self, samples: int) -> Iterator[Workspace]:
+        """Lend a workspace for so many samples; nobody else has it meanwhile."""
         try:
             space = self._idle.pop()  # atomic, as append is: threads never share a workspace
         except IndexError:
             space = None
-        if space is None or space.lanes != lanes:
-            space = Workspace(self.tape, lanes)
+        if space is None or space.samples != samples:
+            space = Workspace(self.program, samples)
         yield space
         space.rest()
         if len(self._idle) < MOST_IDLE and space.nbytes <= MOST_IDLE_BYTES:

@@ -1,7 +1,8 @@
 """Many mechanisms of one topology: a scene whose joints and drivers have rows of numbers instead of numbers.
 
-A row holds one number for each mechanism, its lane. The joints' own `constants` and `inputs` run on rows as they run on
-numbers, so a family is a `System` whose geometry and unit are rows, and all its methods work as ever on (n, M).
+A row holds one number for each sample, and a sample is a mechanism. The joints' own `constants` and `inputs` run on
+rows as they run on numbers, so a family is a `System` whose geometry and unit are rows, and all its methods work as
+ever on (n, M).
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ class Family:
     estimates : dict
         Body -> (3, M) in metres and rad, or None.
     faulty : (M,) array of bool
-        The mechanisms that no scene may have, such as one with a length below 0: `lane` says why.
+        The mechanisms that no scene may have, such as one with a length below 0: `sample` says why.
     """
 
     scene: Scene
@@ -46,10 +47,10 @@ class Family:
     estimates: dict[str, Any]
     faulty: Any
 
-    def lane(self, k: int) -> Scene:
+    def sample(self, k: int) -> Scene:
         """Return the scene of one mechanism, for `refkin.solve` and everything else that takes a scene."""
         m = self.scene.mechanism
-        constraints = self.of_lane(k)
+        constraints = self.of_sample(k)
         joints, drivers = constraints[: len(m.joints)], constraints[len(m.joints) :]
         bodies = []
         for body in m.bodies:
@@ -59,13 +60,13 @@ class Family:
         mechanism = Mechanism(tuple(bodies), joints, cast(tuple[Driver, ...], drivers))
         return replace(self.scene, mechanism=mechanism, name=f"{self.scene.name} [{k}]")
 
-    def of_lane(self, k: int) -> tuple[Constraint, ...]:
+    def of_sample(self, k: int) -> tuple[Constraint, ...]:
         """Return the constraints of one mechanism."""
-        return tuple(cast(Constraint, lane_of(c, k)) for c in self.constraints)
+        return tuple(cast(Constraint, sample_of(c, k)) for c in self.constraints)
 
     def unit_of(self, k: int) -> Unit:
         """Return the unit of one mechanism."""
-        return cast(Unit, lane_of(self.system.unit, k))
+        return cast(Unit, sample_of(self.system.unit, k))
 
 
 def family(scene: Scene, system: System, geometry: Geometry, estimates: Estimates | None = None) -> Family:
@@ -102,7 +103,7 @@ def family(scene: Scene, system: System, geometry: Geometry, estimates: Estimate
     estimated = np.all([np.isfinite(x).all(axis=0) for x in full.values() if x is not None], axis=0)
     sound = np.flatnonzero(~faulty & estimated)
     if sound.size:
-        made.lane(sound[0])  # a scene like any other: what is wrong with all of them is wrong with it
+        made.sample(sound[0])  # a scene like any other: what is wrong with all of them is wrong with it
     return made
 
 
@@ -116,36 +117,36 @@ def _faulty(constraints: tuple[Constraint, ...], size: int) -> Any:
         # Faults of a driver, and of whatever a joint does not add any to, are not about numbers.
         if rows and not isinstance(constraint, Driver) and type(constraint).faults is not Constraint.faults:
             for k in np.flatnonzero(~faulty).tolist():
-                faulty[k] = any(True for _ in lane_of(constraint, k).faults(""))
+                faulty[k] = any(True for _ in sample_of(constraint, k).faults(""))
     return faulty
 
 
-def lane_of(value: Any, k: int) -> Any:
-    """Return the numbers of one lane of a value, or of a dataclass or tuple of values."""
+def sample_of(value: Any, k: int) -> Any:
+    """Return the numbers of one sample of a value, or of a dataclass or tuple of values."""
     if isinstance(value, np.ndarray):
         return float(value[k if len(value) > 1 else 0])
     if isinstance(value, tuple):
-        return tuple(lane_of(part, k) for part in value)
+        return tuple(sample_of(part, k) for part in value)
     if is_dataclass(value) and not isinstance(value, type):
-        own = {f.name: lane_of(getattr(value, f.name), k) for f in fields(value) if f.init}
+        own = {f.name: sample_of(getattr(value, f.name), k) for f in fields(value) if f.init}
         return replace(value, **own) if any(True for _ in rows_in(value)) else value
     return value
 
 
-def of_lanes(system: System, lanes: Any) -> System:
-    """Return the system of some lanes of a family; `lanes` is a slice or an array of numbers."""
-    placed = tuple(replace(p, constraint=_cut(p.constraint, lanes), g=_cut(p.g, lanes)) for p in system.placed)
-    return replace(system, unit=_cut(system.unit, lanes), placed=placed)
+def of_samples(system: System, samples: Any) -> System:
+    """Return the system of some samples of a family; `samples` is a slice or an array of numbers."""
+    placed = tuple(replace(p, constraint=_cut(p.constraint, samples), g=_cut(p.g, samples)) for p in system.placed)
+    return replace(system, unit=_cut(system.unit, samples), placed=placed)
 
 
-def _cut(value: Any, lanes: Any) -> Any:
-    """Return a value with some lanes of its rows."""
+def _cut(value: Any, samples: Any) -> Any:
+    """Return a value with some samples of its rows."""
     if isinstance(value, np.ndarray):
-        return value[lanes] if value.ndim and len(value) > 1 else value
+        return value[samples] if value.ndim and len(value) > 1 else value
     if isinstance(value, tuple):
-        return tuple(_cut(part, lanes) for part in value)
+        return tuple(_cut(part, samples) for part in value)
     if is_dataclass(value) and not isinstance(value, type) and any(True for _ in rows_in(value)):
-        return replace(value, **{f.name: _cut(getattr(value, f.name), lanes) for f in fields(value) if f.init})
+        return replace(value, **{f.name: _cut(getattr(value, f.name), samples) for f in fields(value) if f.init})
     return value
 
 
@@ -180,5 +181,5 @@ def _reach(constraint: Constraint, size: int) -> Any:
         return constraint.reach()
     try:
         return constraint.reach()
-    except ValueError:  # the largest of two rows: lane by lane
-        return np.array([cast(Constraint, lane_of(constraint, k)).reach() for k in range(size)])
+    except ValueError:  # the largest of two rows: sample by sample
+        return np.array([cast(Constraint, sample_of(constraint, k)).reach() for k in range(size)])

@@ -1,9 +1,9 @@
 """Many mechanisms of one topology, each on the branch of its own estimate.
 
-A lane is a mechanism. All go from time to time together: the quintic through their last two poses predicts, Newton
-corrects, and what is then checked lane by lane is what `sweep` checks: contraction, signs of determinants, continuity,
-and the residual by the formulas a person reads. A lane that fails is marched on its own in shorter steps (`march`); if
-that fails, too, it is left where it is, and no other lane waits for it.
+A sample is a mechanism. All go from time to time together: the quintic through their last two poses predicts, Newton
+corrects, and what is then checked sample by sample is what `sweep` checks: contraction, signs of determinants,
+continuity, and the residual by the formulas a person reads. A sample that fails is marched on its own in shorter steps
+(`march`); if that fails, too, it is left where it is, and no other sample waits for it.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ import numpy as np
 from refkin.errors import RefkinError
 from refkin.fast.block import CODES, NEVER_FOUND, OK, Block
 from refkin.fast.compiled import Compiled, compiled
+from refkin.fast.elimination.run import block_samples
 from refkin.fast.family import Family, family
 from refkin.fast.given import Estimates, Geometry
-from refkin.fast.lanes.run import block_lanes
 from refkin.fast.prepare import upstream
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Status
@@ -33,12 +33,12 @@ class Slice:
 
     Attributes
     ----------
-    lanes : slice
+    samples : slice
         Which mechanisms.
     k, t : int, float
         Which time.
     q, qd, qdd : (n, L) array or None
-        The rows of the wanted bodies, as in a `Motion`; NaN in lanes that are not ok.
+        The rows of the wanted bodies, as in a `Motion`; NaN in samples that are not ok.
     codes, residual : (L,) array
         Codes of `CODES`, and the largest component of the scaled residual.
     radii : (levels, L) array or None
@@ -46,7 +46,7 @@ class Slice:
         certificates; NaN where nothing is proved.
     """
 
-    lanes: slice
+    samples: slice
     k: int
     t: float
     q: Any
@@ -94,13 +94,13 @@ class Many:
         """Which poses are answered, (M, T) of bool."""
         return self.codes == OK
 
-    def status(self, lane: int) -> tuple[Status, ...]:
+    def status(self, sample: int) -> tuple[Status, ...]:
         """Return the statuses of one mechanism."""
-        return tuple(CODES[code] for code in self.codes[lane])
+        return tuple(CODES[code] for code in self.codes[sample])
 
-    def scene(self, lane: int) -> Scene:
+    def scene(self, sample: int) -> Scene:
         """Return the scene of one mechanism, with the evidence that was asked: for `sweep` or `refkin.solve`."""
-        return self.family.lane(lane)
+        return self.family.sample(sample)
 
 
 def solve_many(
@@ -112,12 +112,12 @@ def solve_many(
 ) -> Many:
     """Return position and what else the scene calls for, for many mechanisms of one topology.
 
-    A lane goes on the branch of its own estimate. It is ok as long as Newton contracts, no determinant changes its sign
-    and the residual, by the formulas of the joints, is at round-off. A lane that fails is not ok from there on, and the
-    others do not wait for it: it is neither searched for nor proved unassemblable. `refkin.solve(many.scene(lane))`
-    does that, and also has condition numbers, which are not computed here. Certificates are, if the scene asks for
-    them: a pose that is ok and has none is at round-off and on its branch, but not proved. A lane with numbers that no
-    scene may have is never ok; `many.scene(lane)` says what is wrong with it.
+    A sample goes on the branch of its own estimate. It is ok as long as Newton contracts, no determinant changes its
+    sign and the residual, by the formulas of the joints, is at round-off. A sample that fails is not ok from there on,
+    and the others do not wait for it: it is neither searched for nor proved unassemblable. That does
+    `refkin.solve(many.scene(sample))`, which also has condition numbers; they are not computed here. Certificates are,
+    if the scene asks for them: a pose that is ok and has none is at round-off and on its branch, but not proved. A
+    sample with numbers that no scene may have is never ok; `many.scene(sample)` says what is wrong with it.
 
     Parameters
     ----------
@@ -127,12 +127,12 @@ def solve_many(
         Joint or driver -> key of a scene file -> value with rows (M,) for numbers, such as
         ``{"A0": {"point_j": (-0.5 * crank, 0.0)}, "motor": {"law": Polynomial(coefficients=(0.0, speed))}}``.
     estimates : mapping, optional
-        Body -> (x, y, phi) at the first time, numbers or rows; those of the scene by default. A lane whose estimate is
-        not much nearer to one assembly than to all others is not ok.
+        Body -> (x, y, phi) at the first time, numbers or rows; those of the scene by default. A sample whose estimate
+        is not much nearer to one assembly than to all others is not ok.
     reducer : callable, optional
         Is called with a `Slice` for every block of at most 10,240 mechanisms and every time, in order; what it returns
         is kept in `Many.reduced`, and no coordinates are stored. Without it all coordinates are: 8 n M T bytes for each
-        level. Either way statuses take M T bytes, and all else about 2 kB for each lane of a block (four-bar).
+        level. Either way statuses take M T bytes, and all else about 2 kB for each sample of a block (four-bar).
 
     Raises
     ------
@@ -142,12 +142,12 @@ def solve_many(
         If the equations have redundant rows, or none for some coordinate.
     """
     group, made = _prepared(scene, geometry, estimates)
-    lanes = group.size
-    blocks = math.ceil(lanes / block_lanes(made.marching))
+    samples = group.size
+    blocks = math.ceil(samples / block_samples(made.marching))
     result = _Result(group, made, reducer)
-    with np.errstate(all="ignore"):  # what a lane that is lost computes is nobody's concern
+    with np.errstate(all="ignore"):  # what a sample that is lost computes is nobody's concern
         for b in range(blocks):
-            result.run(slice(b * lanes // blocks, (b + 1) * lanes // blocks))
+            result.run(slice(b * samples // blocks, (b + 1) * samples // blocks))
     return result.many()
 
 
@@ -183,43 +183,43 @@ class _Result:
         called = (True, Effect.VELOCITY in effects, Effect.ACCELERATION in effects)
         self.orders = [order for order, wanted in enumerate(called) if wanted]
         self.rows = np.concatenate([np.r_[group.system.columns(b)] for b in group.scene.wanted])
-        times, lanes = len(self.t), group.size
-        self.codes = np.full((times, lanes), NEVER_FOUND, np.uint8)
+        times, samples = len(self.t), group.size
+        self.codes = np.full((times, samples), NEVER_FOUND, np.uint8)
         self.reduced: list[Any] = []
-        # Time before lanes in memory: one time of a block is written in one piece.
+        # Time before samples in memory: one time of a block is written in one piece.
         kept = self.orders if reducer is None else []
-        self.stored = {order: np.empty((len(self.rows), times, lanes)) for order in kept}
-        self.residual = np.empty((times, lanes)) if reducer is None else None
+        self.stored = {order: np.empty((len(self.rows), times, samples)) for order in kept}
+        self.residual = np.empty((times, samples)) if reducer is None else None
         proves = Evidence.CERTIFICATE in group.scene.evidence
-        self.radii = np.empty((made.levels, times, lanes)) if proves and reducer is None else None
+        self.radii = np.empty((made.levels, times, samples)) if proves and reducer is None else None
 
-    def run(self, lanes: slice) -> None:
-        """Take a block of lanes through all times."""
-        block = Block(self.group, self.made, lanes)
+    def run(self, samples: slice) -> None:
+        """Take a block of samples through all times."""
+        block = Block(self.group, self.made, samples)
         for k, t in enumerate(self.group.scene.times):
             if k == 0:
                 block.start(t)
             else:
                 block.go_to(t)
-            self._take(block, lanes, k, t)
+            self._take(block, samples, k, t)
 
-    def _take(self, block: Block, lanes: slice, k: int, t: float) -> None:
+    def _take(self, block: Block, samples: slice, k: int, t: float) -> None:
         """Keep, or reduce, one time of one block."""
         levels: list[Any] = [None, None, None]
         for order in self.orders:
             level = block.levels(order)
             levels[order] = level[self.rows] if len(self.rows) < len(level) else level
-        self.codes[k, lanes] = block.codes
+        self.codes[k, samples] = block.codes
         if self.reducer is not None:
             q, qd, qdd = levels
             codes, residual = block.codes.copy(), block.residual
-            self.reduced.append(self.reducer(Slice(lanes, k, t, q, qd, qdd, codes, residual, block.radii(t))))
+            self.reduced.append(self.reducer(Slice(samples, k, t, q, qd, qdd, codes, residual, block.radii(t))))
             return
         for order, rows in self.stored.items():
-            rows[:, k, lanes] = levels[order]
-        self.residual[k, lanes] = block.residual  # type: ignore[index]
+            rows[:, k, samples] = levels[order]
+        self.residual[k, samples] = block.residual  # type: ignore[index]
         if self.radii is not None:
-            self.radii[:, k, lanes] = block.radii(t)
+            self.radii[:, k, samples] = block.radii(t)
 
     def many(self) -> Many:
         """Return what was found."""

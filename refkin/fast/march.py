@@ -1,4 +1,4 @@
-"""From pose to pose along one branch, one lane at a time: what predicts all other lanes, and helps those that fail.
+"""From pose to pose along one branch, one sample at a time: what predicts all other samples, and helps those that fail.
 
 The rules are those of `refkin.solving.steps`, and stricter. The prediction is the quintic through the last two poses.
 A step is taken only if Newton contracts at once, no block's determinant has changed its sign, no block is nearly
@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from refkin.differences import EPS
-from refkin.fast.lanes.single import Answer, Single
+from refkin.fast.elimination.single import Answer, Single
 from refkin.fast.quintic import at, coefficients, slope
 from refkin.newton import contracts
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from refkin.errors import RefkinError
 from refkin.fast.compiled import Compiled, compiled
-from refkin.fast.lanes.tape import Tape
+from refkin.fast.elimination.program import Program
 from refkin.fast.march import FURTHEST
 from refkin.joints import GROUND
 from refkin.model import Effect, Evidence, Mechanism, Scene
@@ -84,8 +84,8 @@ def prepared(scene: Scene) -> Prepared | None:
     return Prepared(replace(scene, mechanism=mechanism, bodies_wanted=scene.wanted), reduced, made)
 
 
-def tape(scene: Scene) -> Tape:
-    """Return the tape that `sweep` runs for a scene: `print` it, or ask for its `counts()`.
+def tape(scene: Scene) -> Program:
+    """Return the program that `sweep` runs for a scene: `print` it, or ask for its `counts()`.
 
     Raises
     ------
@@ -94,12 +94,12 @@ def tape(scene: Scene) -> Tape:
     """
     found = prepared(scene)
     if found is None:
-        raise RefkinError(f"{scene.name}: the equations have no unique solution by their structure; there is no tape")
-    return found.made.lanes
+        raise RefkinError(f"{scene.name}: no unique solution by the structure of the equations, so no program")
+    return found.made.program
 
 
 def legend(scene: Scene) -> str:
-    """Return what the numbers in a tape's text stand for: q[..] by body, g[..] and f[..] by joint or driver."""
+    """Return what the numbers in a program's text stand for: q[..] by body, g[..] and f[..] by joint or driver."""
     found = prepared(scene)
     lines = []
     if found is not None:

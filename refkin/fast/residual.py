@@ -16,7 +16,7 @@ from refkin.vec import ParameterValue
 
 
 def residual(system: System, q: Any, t: Any) -> Any:
-    """Return the largest component of phi in each lane, (B,); NaN where one is.
+    """Return the largest component of phi in each sample, (B,); NaN where one is.
 
     Parameters
     ----------

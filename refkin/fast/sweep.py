@@ -4,10 +4,10 @@
    reference. Steps grow until the prediction is off by about 1e-2, and end where a law turns back.
 2. Guess: for every time the quintic between the poses around it, which is right to about 2e-5.
 3. Newton, twice or more, on all times at once; then the answer: coordinates, velocities, accelerations.
-4. Check, lane by lane: Newton contracted, no determinant changed its sign, the pose lies on the quintic between the
+4. Check, sample by sample: Newton contracted, no determinant changed its sign, the pose lies on the quintic between the
    marched poses (continuity), and the formulas a person reads are satisfied to round-off (`answer`).
-5. Where a lane fails, the poses around it are marched again in a quarter of the step, and so on. If that does not help,
-   or anything at all is in doubt, the scene is solved by `refkin.solve`, and the motion's producer says so.
+5. Where a sample fails, the poses around it are marched again in a quarter of the step, and so on. If that does not
+   help, or anything at all is in doubt, the scene is solved by `refkin.solve`, and the motion's producer says so.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from typing import Any
 import numpy as np
 
 from refkin.fast.answer import motion
-from refkin.fast.lanes.run import Workspace, block_lanes
-from refkin.fast.lanes.single import Answer
+from refkin.fast.elimination.run import Workspace, block_samples
+from refkin.fast.elimination.single import Answer
 from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, March, Pose, factor
 from refkin.fast.prepare import Prepared, prepared
 from refkin.model import Scene
@@ -31,11 +31,11 @@ from refkin.solving.solve import solve
 from refkin.solving.starts import find_start
 
 NEWTON_STEPS = 2, 4
-"""How many Newton steps every lane makes, and how many at most: two go from 1e-5 to the square of its square."""
+"""How many Newton steps every sample makes, and how many at most: two go from 1e-5 to the square of its square."""
 CONTINUOUS = 1e-2
-"""How far a lane may lie from the quintic between the marched poses [sizes, rad]: a guess so far off converges."""
+"""How far a sample may lie from the quintic between the marched poses [sizes, rad]: a guess so far off converges."""
 QUARTERINGS = 4
-"""How often the step between marched poses is quartered for the lanes between them."""
+"""How often the step between marched poses is quartered for the samples between them."""
 MOST_EXTREMA = 500
 """Extrema of laws from the first time to the last beyond which it is left to the reference what to do about them."""
 MOST_AT_FIRST = 12
@@ -87,7 +87,7 @@ class _Task:
             poses = self._marched(start) if self.made.core else [start]
             if poses is None:
                 return None
-            found = self._lanes(poses)
+            found = self._samples(poses)
         return None if found is None else motion(self.scene, self.system, self.made, self.t, *found, self.message)
 
     def _profile(self, constraint: int, order: int, s: Any) -> Any:
@@ -184,16 +184,16 @@ class _Task:
                 k = ahead
         return poses
 
-    def _lanes(self, poses: list[Pose]) -> tuple[list[Any], Any] | None:
-        """Return the levels at all times, and the smallest pivot of each; None if a lane is in doubt."""
+    def _samples(self, poses: list[Pose]) -> tuple[list[Any], Any] | None:
+        """Return the levels at all times, and the smallest pivot of each; None if a sample is in doubt."""
         count = len(self.t)
         levels = [np.empty((self.system.n, count)) for _ in range(self.made.levels)]
         pivot = np.full(count, np.inf)
         guesses = Guesses(poses)
-        pivots = self.made.lanes.outputs.pivots
-        lanes = block_lanes(self.made.lanes)
-        for start in range(0, count, lanes):
-            block = slice(start, min(start + lanes, count))
+        pivots = self.made.program.outputs.pivots
+        samples = block_samples(self.made.program)
+        for start in range(0, count, samples):
+            block = slice(start, min(start + samples, count))
             with self.made.solving.workspace(block.stop - block.start) as space:
                 space.give_geometry(self.geometry, self._profile)
                 space.give_laws({k: [[x[block] for x in law] for law in laws] for k, laws in self.laws.items()})
@@ -206,7 +206,7 @@ class _Task:
         return (levels, pivot) if (pivot > SMALLEST_PIVOT).all() else None
 
     def _solved(self, space: Workspace, t: Any, guesses: Guesses) -> bool:
-        """Solve a block of lanes; return whether each is on the branch."""
+        """Solve a block of samples; return whether each is on the branch."""
         core = space.core()
         for _ in range(QUARTERINGS + 1):
             guess = guesses.at(t)
@@ -222,21 +222,21 @@ class _Task:
         return False
 
     def _on_branch(self, space: Workspace, guess: Any) -> Any:
-        """Return which lanes lie on the quintics that they were guessed by, with the determinants' signs of the branch.
+        """Return which samples lie on the quintics that they were guessed by, with the branch's signs of determinants.
 
         The residual sees neither: both branches satisfy the equations.
         """
-        ok = np.ones(space.lanes, bool)
+        ok = np.ones(space.samples, bool)
         for row, values in zip(space.core(), guess, strict=True):
             ok &= np.abs(row - values) <= CONTINUOUS
-        for k, sign in zip(self.made.lanes.outputs.determinants, self.march.signs, strict=True):
+        for k, sign in zip(self.made.program.outputs.determinants, self.march.signs, strict=True):
             ok &= space.row(k) * sign > 0
         return ok
 
 
 def newton(space: Workspace) -> Any:
-    """Make the Newton steps of a workspace's lanes; return which lanes converged, and contracted at once."""
-    step = space.row(space.tape.outputs.step)
+    """Make the Newton steps of a workspace's samples; return which samples converged, and contracted at once."""
+    step = space.row(space.program.outputs.step)
     space.run("newton")
     first = step.copy()
     fewest, most = NEWTON_STEPS

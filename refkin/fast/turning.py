@@ -40,9 +40,9 @@ def _common(law: Law, a: float, b: float) -> list[float] | None:
     return None
 
 
-def may_turn(constraints: tuple[Constraint, ...], a: float, b: float, lanes: int) -> Any:
-    """Return in which of so many mechanisms a law may turn back between a and b at a time of its own, (lanes,)."""
-    turning = np.zeros(lanes, bool)
+def may_turn(constraints: tuple[Constraint, ...], a: float, b: float, samples: int) -> Any:
+    """Return in which of so many mechanisms a law may turn back between a and b at a time of its own, (samples,)."""
+    turning = np.zeros(samples, bool)
     for constraint in constraints:
         if not _has_rows(constraint.laws):
             continue

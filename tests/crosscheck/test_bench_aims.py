@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from crosscheck.measure.bench_aims import AIMS, DENSE, LANES, SPARSE, reached
+from crosscheck.measure.bench_aims import AIMS, DENSE, SAMPLES, SPARSE, reached
 from crosscheck.measure.bench_first_use import first_use
 from crosscheck.scenes.workloads import names, sweep
 
@@ -27,7 +27,7 @@ def of(results_, name):
 
 @pytest.mark.parametrize(("time", "good"), [(599.0, True), (601.0, False)])
 def test_an_aim_is_reached_up_to_its_bound(time, good):
-    result = of(results(row("sweep-1000", LANES, time), row("sweep-1000", DENSE, 1000.0)), ONE)
+    result = of(results(row("sweep-1000", SAMPLES, time), row("sweep-1000", DENSE, 1000.0)), ONE)
 
     assert result["reached"] is good
     assert result["measured"] == pytest.approx(time / 1000.0)
@@ -35,19 +35,19 @@ def test_an_aim_is_reached_up_to_its_bound(time, good):
 
 
 def test_a_row_that_is_not_ranked_counts_for_nothing():
-    wrong = results(row("sweep-1000", LANES, 1.0, ranked=False), row("sweep-1000", DENSE, 1000.0))
+    wrong = results(row("sweep-1000", SAMPLES, 1.0, ranked=False), row("sweep-1000", DENSE, 1000.0))
 
     assert of(wrong, ONE) == {"aim": ONE, "at_most": 0.6, "measured": None, "reached": False}
 
 
 def test_an_aim_whose_rival_is_absent_is_not_reached():
-    alone = results(row("sweep-1000", LANES, 1.0), absent=[{"workload": "sweep-1000"}])
+    alone = results(row("sweep-1000", SAMPLES, 1.0), absent=[{"workload": "sweep-1000"}])
 
     assert not of(alone, ONE)["reached"]
 
 
 def test_aims_of_workloads_that_were_not_run_are_left_out():
-    result = reached(results(row("many-10000x360", LANES, 1.0)))
+    result = reached(results(row("many-10000x360", SAMPLES, 1.0)))
 
     assert {aim["aim"].split(":")[0] for aim in result} == {"10,000 four-bars, 2 % margin"}
 
@@ -56,7 +56,7 @@ def test_the_rival_is_the_fastest_engine_that_computes_no_less():
     whole = ("position", "velocity", "acceleration")
     result = of(
         results(
-            row("sweep-1000", LANES, 1.0, computes=whole),
+            row("sweep-1000", SAMPLES, 1.0, computes=whole),
             row("sweep-1000", ("exudyn", "direct", ""), 9.0),
             row("sweep-1000", ("mujoco", "batch", ""), 20.0, computes=whole),
             row("sweep-1000", ("pinocchio", "joint tree", ""), 30.0, computes=whole),
@@ -89,8 +89,8 @@ def test_what_a_first_use_costs_is_measured():
 def test_the_price_of_a_method_is_that_of_all_it_computes():
     result = of(
         results(
-            row("sweep-1000", LANES, 500.0, computes=("position", "velocity", "acceleration")),
-            row("sweep-1000", LANES, 510.0),
+            row("sweep-1000", SAMPLES, 500.0, computes=("position", "velocity", "acceleration")),
+            row("sweep-1000", SAMPLES, 510.0),
             row("sweep-1000", DENSE, 1000.0),
         ),
         ONE,

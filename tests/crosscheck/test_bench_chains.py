@@ -80,14 +80,14 @@ def test_a_chain_that_is_too_long_for_a_method_is_refused_with_the_reason(key):
 def test_operations_that_are_no_arithmetic_are_not_put_into_c():
     if not FAST:
         return
-    from crosscheck.engines.ours.c_tape import emitted
-    from crosscheck.engines.ours.chains import tape_of
-    from refkin.fast.lanes.tape import Instruction, Register
+    from crosscheck.engines.ours.c_program import emitted
+    from crosscheck.engines.ours.chains import program_of
+    from refkin.fast.elimination.program import Instruction, Register
 
-    tape, _ = tape_of(WORK.scene)
+    program, _ = program_of(WORK.scene)
     with_profile = Instruction("profile", Register("w", 0), (Register("w", 1),), (0, 0))
     with pytest.raises(EngineError, match="profile"):
-        emitted(replace(tape, segments={**tape.segments, "answer": (with_profile,)}))
+        emitted(replace(program, segments={**program.segments, "answer": (with_profile,)}))
     with_block = Instruction("inverse", Register("x", 0), (Register("w", 1),), 1)
     with pytest.raises(EngineError, match="block"):
-        emitted(replace(tape, segments={**tape.segments, "answer": (with_block,)}))
+        emitted(replace(program, segments={**program.segments, "answer": (with_block,)}))

@@ -107,10 +107,10 @@ def test_a_gamma_in_a_position_only_scene_would_be_seen(monkeypatch, counted):
     """The planted fault: an analysis that computes what nobody called for."""
     judge = refkin.solving.solve._Answer.judge
 
-    def computing_more(answer, lanes):
+    def computing_more(answer, samples):
         system = refkin.compile_system(answer.scene.mechanism, unit=answer.system.unit)
-        system.gamma(answer.q[:, lanes], np.zeros_like(answer.q[:, lanes]), answer.t[lanes])
-        judge(answer, lanes)
+        system.gamma(answer.q[:, samples], np.zeros_like(answer.q[:, samples]), answer.t[samples])
+        judge(answer, samples)
 
     monkeypatch.setattr(refkin.solving.solve._Answer, "judge", computing_more)
     refkin.solve(replace(SCENE, effects=frozenset(), evidence=NONE))

@@ -50,7 +50,7 @@ def test_mechanisms_of_a_family_are_lost_where_a_law_of_their_own_passes_the_lim
     many = fast.solve_many(pulse, {"e0d": {"law": law}})
 
     assert many.ok[:, 1].tolist() == [True, False, False]
-    assert [refkin.solve(many.scene(lane)).status[1] is OK for lane in range(3)] == [True, False, False]
+    assert [refkin.solve(many.scene(sample)).status[1] is OK for sample in range(3)] == [True, False, False]
 
 
 def test_lengths_of_a_family_pass_zero_with_rows_and_without():

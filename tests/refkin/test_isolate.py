@@ -95,7 +95,7 @@ def test_balls_take_over_where_float64_proves_nothing() -> None:
     assert isolation.position[0] <= np.max(half_ulp(system, q)) * (1 + 1e-9)
 
 
-def test_one_bad_lane_spoils_no_other() -> None:
+def test_one_bad_sample_spoils_no_other() -> None:
     q = np.concatenate([at_angle(phi) for phi in (1.0, 0.0, np.nan, 1e300, -1.0)], axis=1)
     assert certify(bar(float(np.cos(1.0))), q, np.zeros(5)).ok.tolist() == [True, False, False, False, True]
 

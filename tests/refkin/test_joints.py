@@ -87,8 +87,8 @@ def test_gamma_has_every_term():
         assert_near((left - gamma)[rows], np.imag(moved)[rows] / STEP, ROUNDING * size(left, gamma), name_of(c))
 
 
-def test_rows_of_lanes_are_the_lanes():
-    """A batch of configurations gives lane by lane what one configuration gives."""
+def test_rows_of_samples_are_the_samples():
+    """A batch of configurations gives sample by sample what one configuration gives."""
     for c, system, rows, _ in cases():
         states = [state(system, seed) for seed in range(3)]
         q, qd = (np.stack([each[k] for each in states], axis=-1) for k in (0, 1))
@@ -96,8 +96,8 @@ def test_rows_of_lanes_are_the_lanes():
         whole = (system.phi(q, t), system.phi_q(q, t), system.nu(q, t), system.gamma(q, qd, t))
         for k in range(3):
             at = q[:, k], t[k]
-            lane = (system.phi(*at), system.phi_q(*at), system.nu(*at), system.gamma(q[:, k], qd[:, k], t[k]))
-            for a, b in zip(whole, lane, strict=True):
+            sample = (system.phi(*at), system.phi_q(*at), system.nu(*at), system.gamma(q[:, k], qd[:, k], t[k]))
+            for a, b in zip(whole, sample, strict=True):
                 assert_near(a[rows][..., k], b[rows], ROUNDING * size(b), name_of(c))
 
 

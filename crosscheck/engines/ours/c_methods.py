@@ -12,8 +12,8 @@ from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch, Method, Use
 from crosscheck.engines.ours import chains
 from crosscheck.engines.ours.c_kernels import library, row_of, rows
-from crosscheck.engines.ours.c_tape import emitted, geometry_of
-from crosscheck.engines.ours.chains import tape_of
+from crosscheck.engines.ours.c_program import emitted, geometry_of
+from crosscheck.engines.ours.chains import program_of
 from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, Workload, chunks, system_of, whole
 
 LONG, DOUBLE = ctypes.c_long, ctypes.c_double
@@ -23,7 +23,7 @@ TIMED = 1000
 
 def methods() -> Iterator[Method]:
     """Yield the methods in C, at the benchmark's workloads."""
-    yield _method("same program", _same_tape, "the fast path's list of operations, compiled")
+    yield _method("same program", _same_program, "the fast path's list of operations, compiled")
     yield _method("dense Newton", _dense, "all equations, LU with partial pivoting; residual and branch checked")
     yield _method("closed form", _closed_form, "two circles meet, differentiated twice; knows what a four-bar is")
 
@@ -52,11 +52,13 @@ def _closed_form(workload: Workload, order: int) -> Batch:
     return _Call(workload, _function("closed.c", "closed_form")).batch()
 
 
-def _same_tape(workload: Workload, order: int) -> Batch:
+def _same_program(workload: Workload, order: int) -> Batch:
     if isinstance(workload, Chain):
-        return chains.same_tape(workload)
-    tape, core = tape_of(workload.scene())
-    return _TapeCall(workload, _function("tape.c", "tape_march", tape=emitted(tape)), tape, core).batch()
+        return chains.same_program(workload)
+    program, core = program_of(workload.scene())
+    return _ProgramCall(
+        workload, _function("program.c", "program_march", program=emitted(program)), program, core
+    ).batch()
 
 
 def _function(source: str, name: str, **generated: str) -> Any:
@@ -101,12 +103,12 @@ class _Call:
         return Batch(lambda: self.called(*given, False, one), timed.configurations, pieces)
 
 
-class _TapeCall(_Call):
-    """The compiled tape: scaled geometry in the order of its registers, and starts of the core alone."""
+class _ProgramCall(_Call):
+    """The compiled program: scaled geometry in the order of its registers, and starts of the core alone."""
 
-    def __init__(self, work: FourBars, function: Any, tape: Any, core: tuple[int, ...]) -> None:
+    def __init__(self, work: FourBars, function: Any, program: Any, core: tuple[int, ...]) -> None:
         super().__init__(work, function)
-        self.places, self.core = [place for _, place in geometry_of(tape)], list(core)
+        self.places, self.core = [place for _, place in geometry_of(program)], list(core)
 
     def arguments(self, mechanisms: Any) -> tuple[Any, Any]:
         system = system_of(self.work, mechanisms)

@@ -14,7 +14,7 @@ import numpy as np
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch
 from crosscheck.engines.ours.c_kernels import library, row_of
-from crosscheck.engines.ours.c_tape import emitted, geometry_of
+from crosscheck.engines.ours.c_program import emitted, geometry_of
 from crosscheck.engines.ours.refkin_methods import ITERATIONS, iterated
 from crosscheck.scenes.workloads import Chain, Workload
 from refkin.joints import GROUND
@@ -43,14 +43,14 @@ def sparse(workload: Workload, order: int) -> Batch:
     return iterated(workload, system.system, lambda q: q - factors(system.phi_q(q, t)).solve(system.phi(q, t)))
 
 
-def by_tape(work: Chain) -> Batch:
+def by_program(work: Chain) -> Batch:
     """Return the fast path's program, on a single sample."""
     _refuse_longer(work, "program")
-    tape, core = tape_of(replace(work.scene, effects=frozenset()))
-    from refkin.fast.lanes.run import Workspace
+    program, core = program_of(replace(work.scene, effects=frozenset()))
+    from refkin.fast.elimination.run import Workspace
 
     system, t = _system(work), work.scene.times[0]
-    space = Workspace(tape, 1)
+    space = Workspace(program, 1)
     space.give_geometry([p.g for p in system.placed])
     laws = {k: p.constraint.inputs(t, system.unit, 2) for k, p in enumerate(system.placed) if p.constraint.laws}
     space.give_laws(laws)
@@ -68,14 +68,14 @@ def by_tape(work: Chain) -> Batch:
     return Batch(lambda: space.run("newton"), 1, answered)
 
 
-def same_tape(work: Chain) -> Batch:
+def same_program(work: Chain) -> Batch:
     """Return the fast path's program, compiled."""
     _refuse_longer(work, "program")
-    tape, core = tape_of(replace(work.scene, effects=frozenset()))
-    function = library("tape.c", tape=emitted(tape)).tape_newton
+    program, core = program_of(replace(work.scene, effects=frozenset()))
+    function = library("program.c", program=emitted(program)).program_newton
     function.restype = ctypes.c_double
     system = _system(work)
-    geometry = np.array([system.placed[c].g[k] for _, (c, k) in geometry_of(tape)])
+    geometry = np.array([system.placed[c].g[k] for _, (c, k) in geometry_of(program)])
     start = system.to_unit(work.start)[list(core)]
     law = [ctypes.c_double(float(work.law(0.0, order))) for order in range(3)]
     out = np.empty(system.n)
@@ -112,7 +112,7 @@ def dense_c(work: Chain) -> Batch:
     return Batch(lambda: iterate(1), 1, lambda: iterate(ITERATIONS))
 
 
-def tape_of(scene: Scene) -> tuple[Any, tuple[int, ...]]:
+def program_of(scene: Scene) -> tuple[Any, tuple[int, ...]]:
     """Return the fast path's program of a scene, and the coordinates that it iterates in; EngineError without one."""
     try:
         from refkin.fast.prepare import prepared
@@ -121,7 +121,7 @@ def tape_of(scene: Scene) -> tuple[Any, tuple[int, ...]]:
     answer = prepared(scene)
     if answer is None:
         raise EngineError("there is no program for this scene")
-    return answer.made.lanes, answer.made.core
+    return answer.made.program, answer.made.core
 
 
 def _system(work: Chain) -> System:

@@ -1,11 +1,11 @@
-"""refkin's own fast path as a producer of its own: the compiled elimination tape, held against the reference.
+"""refkin's own fast path as a producer of its own: the compiled elimination program, held against the reference.
 
-Independence does not apply, and this module may import `refkin.fast`: the tape is traced from the joints' own formulas,
-so it says nothing about them. What it does by itself, and what is checked here, is elimination, scheduling, its own
-sines, the march, and the choice of a branch. A night that did not check it against the reference would not know
+Independence does not apply, and this module may import `refkin.fast`: the program is traced from the joints' own
+formulas, so it says nothing about them. What it does by itself, and what is checked here, is elimination, scheduling,
+its own sines, the march, and the choice of a branch. A night that did not check it against the reference would not know
 whether the path that a million mechanisms take is the path that was verified.
 
-A scene that the tape leaves to the reference is refused here: the reference would agree with itself. It does so near
+A scene that the program leaves to the reference is refused here: the reference would agree with itself. It does so near
 change points and limits, also between the times that are asked for.
 """
 
@@ -40,7 +40,7 @@ U = 2.0**-53
 SINES = 4.0
 """The error of a sine or cosine by the tangent of half its angle, in units of U."""
 ROUTE = Route(
-    name="tape",
+    name="program",
     residual_by="refkin",
     jacobian_by="refkin",
     newton_by="refkin.fast",
@@ -51,13 +51,13 @@ ROUTE = Route(
 
 
 class Lanes:
-    """The compiled elimination tape, one scene at a time."""
+    """The compiled elimination program, one scene at a time."""
 
     name = "refkin-lanes"
     api = API
 
     def version(self) -> str:
-        """Return the version of this project: the tape is its own."""
+        """Return the version of this project: the program is its own."""
         return version("refkin")
 
     def routes(self) -> Sequence[Route]:
@@ -88,12 +88,12 @@ class Lanes:
         )
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
-        """Return the motion of a scene, as the tape has it.
+        """Return the motion of a scene, as the program has it.
 
         Raises
         ------
         EngineError
-            If a joint is unknown, or the tape leaves the scene to the reference.
+            If a joint is unknown, or the program leaves the scene to the reference.
         """
         refuse_joints(self, scene, route, (ROUTE,))
         motion = attempt(replace(scene, evidence=frozenset()))

@@ -68,7 +68,7 @@ def _compiled(evidence: frozenset[Evidence], scene: Scene) -> Model:
     forget()  # so that building the model is what it is for a topology that nobody has used yet
     plain = replace(scene, evidence=evidence, points=(), bodies_wanted=None)
     ready = prepared(plain)
-    if ready is None or not (ready.made.lanes.counts() and ready.made.march):
+    if ready is None or not (ready.made.program.counts() and ready.made.march):
         raise EngineError("the compiled path leaves this scene to refkin.solve")
 
     @cache
@@ -88,7 +88,7 @@ def _batched(evidence: frozenset[Evidence], workload: Workload, order: int) -> B
     if isinstance(workload, Chain):
         if evidence:
             raise EngineError("a Newton iteration has no certificate")
-        return chains.by_tape(workload)
+        return chains.by_program(workload)
     if workload.mechanisms == 1:
         return one_by_one(partial(_compiled, evidence), workload, order)
     return _many(evidence, workload, order)
@@ -116,6 +116,6 @@ def _nothing(part: Any) -> None:
 
 def _piece(first: int, part: Any) -> Piece:
     """Return a copy of a reducer's slice of the mechanisms from `first` on."""
-    mechanisms = first + np.arange(part.lanes.start, part.lanes.stop)
+    mechanisms = first + np.arange(part.samples.start, part.samples.stop)
     levels = [np.array(level) for level in (part.q, part.qd, part.qdd) if level is not None]
     return Piece(mechanisms, np.full(len(mechanisms), part.k), range(9), tuple(levels))

@@ -86,16 +86,16 @@ def isolate_every_choice(system: System, q: Any, t: Any, qd: Any = None, qdd: An
     """
     t = np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
     parts = []
-    for lanes, rows in groups_of_rows(system, np.asarray(q, float), t):
-        levels = [None if x is None else np.asarray(x, float)[:, lanes] for x in (q, qd, qdd)]
-        answers = (levels[0], t[lanes], *levels[1:])
-        parts.append((lanes, over_all_choices(system, isolate(system, *answers, rows=rows), *answers)))
+    for samples, rows in groups_of_rows(system, np.asarray(q, float), t):
+        levels = [None if x is None else np.asarray(x, float)[:, samples] for x in (q, qd, qdd)]
+        answers = (levels[0], t[samples], *levels[1:])
+        parts.append((samples, over_all_choices(system, isolate(system, *answers, rows=rows), *answers)))
     if len(parts) == 1:
         return parts[0][1]
-    order = np.argsort(np.concatenate([lanes for lanes, _ in parts]))
+    order = np.argsort(np.concatenate([samples for samples, _ in parts]))
     names = ("ok", "bits", "position", "velocity", "acceleration", "unique", "contradiction")
     joined = {name: np.concatenate([getattr(p, name) for _, p in parts], axis=-1)[..., order] for name in names}
-    balls = {int(lanes[k]): ball for lanes, part in parts for k, ball in part.enclosures.items()}
+    balls = {int(samples[k]): ball for samples, part in parts for k, ball in part.enclosures.items()}
     why = next((part.why for _, part in parts if part.why), "")
     return Isolation(**joined, rows=parts[0][1].rows, enclosures=balls, why=why)
 

@@ -143,7 +143,7 @@ def krawczyk(
     """
     system = system.gauged(q)
     with ctx.workprec(bits):
-        rows = independent_rows(system, *_one_lane(q, t)) if rows is None else rows
+        rows = independent_rows(system, *_one_sample(q, t)) if rows is None else rows
         equations = _Equations(system, t, rows, bits)
         if radius is not None:
             around = np.broadcast_to(np.asarray(radius, float), np.shape(q))
@@ -164,7 +164,7 @@ def refine(system: System, q: Any, t: float, bits: int = 200) -> Enclosure | Non
     """Return the root that Newton finds from q, enclosed and proved; whether another root is nearer to q stays open."""
     system = system.gauged(q)
     with ctx.workprec(bits):
-        equations = _Equations(system, t, independent_rows(system, *_one_lane(q, t)), bits)
+        equations = _Equations(system, t, independent_rows(system, *_one_sample(q, t)), bits)
         middle = equations.newton(q)
         found = None if middle is None else equations.enclosed(middle, np.zeros(len(q)))
         return None if found is None else Enclosure(system, t, bits, found[0], np.full(len(q), np.nan), equations.rows)
@@ -242,7 +242,7 @@ class _Equations:
         return list(image.entries())
 
 
-def _one_lane(q: Any, t: float) -> tuple[Any, Any]:
+def _one_sample(q: Any, t: float) -> tuple[Any, Any]:
     return np.asarray(q, float)[:, None], np.array([float(t)])
 
 

@@ -1,4 +1,4 @@
-"""What the tape of a certificate proves is true: held against 113-bit enclosures, on every joint it takes."""
+"""What the program of a certificate proves is true: held against 113-bit enclosures, on every joint it takes."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from refkin import Evidence, FourBar, Integral, Polynomial, Sinusoid, SliderCran
 from refkin.fast import attempt
 from refkin.fast.certify import radii
 from refkin.fast.compiled import forget
-from refkin.fast.lanes import errors, prove
+from refkin.fast.elimination import errors, prove
 from refkin.fast.prepare import prepared
 from refkin.proof.pose.krawczyk import krawczyk
 
@@ -47,10 +47,10 @@ def test_no_radius_is_less_than_the_error(name):
     system, made, levels, t = answered(SCENES[name])
     bounds = radii(system, made, levels, t)
 
-    for lane in range(0, len(t), max(1, len(t) // 5)):
-        off = distances(system, [x[:, lane] for x in levels], t[lane])
+    for sample in range(0, len(t), max(1, len(t) // 5)):
+        off = distances(system, [x[:, sample] for x in levels], t[sample])
         for level, error in zip(LEVELS, off, strict=True):
-            assert getattr(bounds, level)[lane] >= error
+            assert getattr(bounds, level)[sample] >= error
 
 
 @pytest.mark.parametrize("name", CERTIFIED)
@@ -80,7 +80,7 @@ def test_radii_are_round_off_times_the_condition(name):
 
 @settings(max_examples=40, deadline=None)
 @given(drawn_scenes(hardness=[Hardness.REGULAR]))
-def test_drawn_mechanisms_are_certified_on_the_tape_and_the_reference_is_within_both_radii(drawn):
+def test_drawn_mechanisms_are_certified_on_the_program_and_the_reference_is_within_both_radii(drawn):
     scene = replace(drawn.scene, evidence=frozenset({Evidence.CERTIFICATE}))
     system, made, levels, t = answered(scene)
     ref = refkin.solve(scene)
@@ -109,9 +109,9 @@ def test_every_law_is_enclosed(law):
     system, made, levels, t = answered(bare(ROCKER.scene(law=LAWS[law], times=times)))
     bounds = radii(system, made, levels, t)
 
-    for lane in range(len(t)):
-        off = distances(system, [x[:, lane] for x in levels], t[lane])
-        assert all(getattr(bounds, level)[lane] >= error for level, error in zip(LEVELS, off, strict=True))
+    for sample in range(len(t)):
+        off = distances(system, [x[:, sample] for x in levels], t[sample])
+        assert all(getattr(bounds, level)[sample] >= error for level, error in zip(LEVELS, off, strict=True))
 
 
 @pytest.mark.parametrize("levels", [1, 2, 3])
@@ -180,7 +180,7 @@ def test_a_scene_far_from_its_origin_counts_the_way_back():
 
 @pytest.mark.parametrize("of", ["mul", "add", "sin"])
 def test_operations_that_are_off_by_1e_9_show_in_the_radius(monkeypatch, of):
-    run = importlib.import_module("refkin.fast.lanes.run")
+    run = importlib.import_module("refkin.fast.elimination.run")
     scene = bare(ROCKER.scene(samples=9))
     system, made, levels, t = answered(scene)
     function = run.UFUNCS[of]

@@ -1,4 +1,4 @@
-"""Elimination: what the tape solves is what the formulas state, at poses of every kind, for every joint."""
+"""Elimination: what the program solves is what the formulas state, at poses of every kind, for every joint."""
 
 from __future__ import annotations
 
@@ -10,29 +10,29 @@ import pytest
 from refkin import Body, Mechanism, Polynomial
 from refkin.fast import tape
 from refkin.fast.compiled import compiled
-from refkin.fast.lanes import blocks, eliminate
-from refkin.fast.lanes.blocks import LARGEST_SELECTED, factored
-from refkin.fast.lanes.eliminate import Eliminated
-from refkin.fast.lanes.groups import NotReducible, blocks_of
-from refkin.fast.lanes.run import Workspace
-from refkin.fast.lanes.schedule import schedule
-from refkin.fast.lanes.symbols import Graph
-from refkin.fast.lanes.tree import spanning_tree
+from refkin.fast.elimination import blocks, eliminate
+from refkin.fast.elimination.blocks import LARGEST_SELECTED, factored
+from refkin.fast.elimination.eliminate import Eliminated
+from refkin.fast.elimination.groups import NotReducible, blocks_of
+from refkin.fast.elimination.run import Workspace
+from refkin.fast.elimination.schedule import schedule
+from refkin.fast.elimination.symbols import Graph
+from refkin.fast.elimination.tree import spanning_tree
 from refkin.joints import AngleDriver
 from refkin.system import compile_system
 
 from .linkworks import chain, pin
 from .scenes import SCENES, system_of
 
-LANES = 5
+SAMPLES = 5
 
 
 def run(scene, spread=0.05):
-    """(system, tape, q, workspace) with core coordinates off their estimates, so that loops are open."""
+    """(system, program, q, workspace) with core coordinates off their estimates, so that loops are open."""
     system = system_of(scene)
     made = compiled(system, range(system.n), [p.g for p in system.placed])
-    space = Workspace(schedule(made.solved, made.graph, [range(made.n)] * 3), LANES)
-    t = np.linspace(scene.times[0], scene.times[-1], LANES)
+    space = Workspace(schedule(made.solved, made.graph, [range(made.n)] * 3), SAMPLES)
+    t = np.linspace(scene.times[0], scene.times[-1], SAMPLES)
 
     def profile(constraint, order, s):
         return system.placed[constraint].constraint.profile_values(s, system.unit, order)[order]
@@ -45,7 +45,7 @@ def run(scene, spread=0.05):
     estimate = system.to_unit(estimate)
     draw = np.random.default_rng(1)
     for c, row in zip(made.core, space.core(), strict=True):
-        row[:] = estimate[c] + 0.3 * (c >= system.of_bodies) + draw.uniform(-spread, spread, LANES)
+        row[:] = estimate[c] + 0.3 * (c >= system.of_bodies) + draw.uniform(-spread, spread, SAMPLES)
     space.run("answer")
     return system, space, space.level(0).copy(), t
 
@@ -74,11 +74,11 @@ def test_rates_solve_the_equations_at_any_pose(name):
 @pytest.mark.parametrize("name", SCENES)
 def test_a_newton_step_is_that_of_all_equations(name):
     system, space, q, t = run(SCENES[name])
-    core = list(space.tape.core)
+    core = list(space.program.core)
     space.run("newton")
     slopes = np.moveaxis(system.phi_q(q, t), -1, 0)
     full = np.linalg.solve(slopes, system.phi(q, t).T[..., None])[..., 0]
-    made = q[core] - np.array([row for row in space.core()]).reshape(len(core), LANES)
+    made = q[core] - np.array([row for row in space.core()]).reshape(len(core), SAMPLES)
     # Both are backward stable: each off by about n u cond, of which the residual's own size is part.
     allowed = system.n * 2.0**-52 * np.linalg.cond(slopes) * np.maximum(1.0, np.max(np.abs(full), axis=1))
 
@@ -86,7 +86,7 @@ def test_a_newton_step_is_that_of_all_equations(name):
 
 
 def solved(numbers, right):
-    """The solution, lane by lane, of matrices (size, size, B) by the block of that size; its determinant and pivot."""
+    """The solution, sample by sample, of matrices (size, size, B) by that size's block; its determinant and pivot."""
     size = len(right)
     graph = Graph()
     entries = [graph.input("f", 0, 0, k) for k in range(size * size + size)]
@@ -104,7 +104,7 @@ def solved(numbers, right):
     space = Workspace(schedule(solution, graph, [range(size + 1)], half_angles=False), numbers.shape[2])
     space.give_laws({0: [[*numbers.reshape(size * size, -1), *right]]})
     space.run("answer")
-    out = space.tape.outputs
+    out = space.program.outputs
     return space.level(0)[:size].copy(), space.row(out.determinants[0]).copy(), space.row(out.pivots[0]).copy()
 
 
@@ -126,8 +126,8 @@ def test_a_block_is_solved_as_well_as_by_lapack(size):
 
 
 @pytest.mark.parametrize("size", [3, 4, 5])
-def test_every_lane_has_its_own_order_of_rows(size):
-    """Permuted triangular matrices with zeros on the diagonal, a different permutation in each lane."""
+def test_every_sample_has_its_own_order_of_rows(size):
+    """Permuted triangular matrices with zeros on the diagonal, a different permutation in each sample."""
     orders = list(permutations(range(size)))
     draw = np.random.default_rng(7)
     numbers = np.stack([(np.triu(draw.uniform(1.0, 2.0, (size, size))))[list(order)] for order in orders], axis=-1)
@@ -139,7 +139,7 @@ def test_every_lane_has_its_own_order_of_rows(size):
 
 
 @pytest.mark.parametrize("size", SIZES)
-def test_a_singular_lane_spoils_no_other(size):
+def test_a_singular_sample_spoils_no_other(size):
     draw = np.random.default_rng(3)
     numbers, right = draw.normal(size=(size, size, 9)), draw.normal(size=(size, 9))
     alone = solved(numbers, right)[0]
@@ -172,7 +172,7 @@ def test_the_pivot_of_a_block_shows_how_near_to_singular_it_is(size):
 @pytest.mark.parametrize("name", SCENES)
 def test_pivots_of_the_tree_come_after_what_they_need(name):
     system = system_of(SCENES[name])
-    slope = tape_rows(system)
+    slope = program_rows(system)
     done = {c for c in range(system.n) if c not in {p.coordinate for p in spanning_tree(slope)}}
 
     for pivot in spanning_tree(slope):
@@ -181,8 +181,8 @@ def test_pivots_of_the_tree_come_after_what_they_need(name):
     assert done == set(range(system.n))
 
 
-def tape_rows(system):
-    from refkin.fast.lanes.trace import known_of, trace
+def program_rows(system):
+    from refkin.fast.elimination.trace import known_of, trace
 
     return trace(system, known_of([p.g for p in system.placed]), range(system.n)).phi_q
 
@@ -217,7 +217,7 @@ def test_rows_that_cannot_be_matched_are_refused(columns):
         blocks_of([row(graph, *some) for some in columns], list(range(max(len(columns), 2))))
 
 
-def test_a_crossed_choice_of_drivers_has_no_tape():
+def test_a_crossed_choice_of_drivers_has_no_program():
     """Twice the crank driven, the other body free: as many rows as coordinates, and no solution."""
     law = Polynomial(coefficients=(0.0, 1.0))
     drivers = tuple(AngleDriver(name=n, body="a", law=law) for n in ("m", "n"))
@@ -251,7 +251,7 @@ def test_a_wrong_pivot_is_seen(monkeypatch):
 def test_an_exchange_that_is_forgotten_is_seen(monkeypatch):
     monkeypatch.setattr(blocks, "_exchanged", lambda mask, a, b: (a, b))
     with pytest.raises(AssertionError):
-        test_every_lane_has_its_own_order_of_rows(3)
+        test_every_sample_has_its_own_order_of_rows(3)
 
 
 def test_a_row_left_out_of_the_total_derivatives_is_seen(monkeypatch):

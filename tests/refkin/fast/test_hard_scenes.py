@@ -80,7 +80,7 @@ def test_every_status_is_that_of_the_reference(name, proved):
 
 
 @pytest.mark.parametrize("name", [name for name, scene in SCENES.items() if name != "regular"])
-def test_no_pose_in_doubt_is_answered_by_the_tape(name):
+def test_no_pose_in_doubt_is_answered_by_the_program(name):
     """Whatever is answered there is the reference's answer, or all of it is regular."""
     answer = attempt(SCENES[name])
 

@@ -1,4 +1,4 @@
-"""The tape as a producer of its own: within the reference's budget, or no answer; never the reference's own."""
+"""The program as a producer of its own: within the reference's budget, or no answer; never the reference's own."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Many mechanisms of one topology: right in every lane, and no lane disturbs another."""
+"""Many mechanisms of one topology: right in every sample, and no sample disturbs another."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ from refkin import (
 from refkin.errors import InvalidScene, UnknownName
 from refkin.fast import solve_many, sweep, turning
 from refkin.fast.block import SMALL, Block
+from refkin.fast.elimination.symbols import Leaf
 from refkin.fast.family import family
-from refkin.fast.lanes.symbols import Leaf
 from refkin.newton import CONTRACTION
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import compile_system
@@ -74,13 +74,13 @@ def test_a_thousand_four_bars_without_any_margin_are_right_or_not_ok():
 def test_rates_agree_with_the_reference():
     lengths = grashof(20, margin=0.02)
     many = solved(lengths, samples=9)
-    for lane in range(20):
-        motion = refkin.solve(many.scene(lane))
+    for sample in range(20):
+        motion = refkin.solve(many.scene(sample))
         for ours, theirs in zip((many.q, many.qd, many.qdd), motion.levels, strict=True):
-            assert np.max(np.abs(ours[:, lane] - theirs)) < 1e-12 * max(1.0, np.max(np.abs(theirs)))
+            assert np.max(np.abs(ours[:, sample] - theirs)) < 1e-12 * max(1.0, np.max(np.abs(theirs)))
 
 
-def test_a_scene_of_one_lane_is_the_mechanism_of_that_lane():
+def test_a_scene_of_one_sample_is_the_mechanism_of_that_sample():
     lengths = grashof(5, margin=0.02)
     many = solved(lengths, samples=3)
     own = refkin.FourBar(*lengths[:, 3]).mechanism(ROCKER.driver(Polynomial(coefficients=(0.0, 1.0))))
@@ -89,14 +89,14 @@ def test_a_scene_of_one_lane_is_the_mechanism_of_that_lane():
     assert many.scene(3).mechanism.drivers == own.drivers
 
 
-def test_every_lane_is_scaled_by_its_own_size():
+def test_every_sample_is_scaled_by_its_own_size():
     lengths = grashof(40, margin=0.02) * 10.0 ** np.linspace(-9, 9, 40)
     group = family(scene(), system_of(scene()), geometry(lengths))
-    for lane in range(40):
-        assert group.unit_of(lane) == group.lane(lane).mechanism.unit()
+    for sample in range(40):
+        assert group.unit_of(sample) == group.sample(sample).mechanism.unit()
 
 
-def test_lanes_of_every_size_are_answered():
+def test_samples_of_every_size_are_answered():
     lengths = grashof(100, margin=0.02) * 10.0 ** np.linspace(-9, 9, 100)
     exact = np.round(closed_form(lengths, np.zeros((1, 1)))[1], 3)
     assert exact.shape == (100, 1)
@@ -128,7 +128,7 @@ BAD = {
 
 
 @pytest.mark.parametrize("fault", BAD)
-def test_bad_lanes_change_no_bit_of_the_others(fault):
+def test_bad_samples_change_no_bit_of_the_others(fault):
     lengths = grashof(200, margin=0.02)
     good = solved(lengths, samples=40)
     where, value = BAD[fault]
@@ -146,7 +146,7 @@ def test_bad_lanes_change_no_bit_of_the_others(fault):
         assert np.array_equal(a[:, others], b[:, others])
 
 
-def test_a_lane_that_cannot_go_on_is_lost_from_there_on():
+def test_a_sample_that_cannot_go_on_is_lost_from_there_on():
     """Triple rockers among the cranks: each goes to its limit, and no further."""
     lengths = grashof(50, margin=0.02)
     lengths[:, 7] = 0.9, 0.3, 0.6, 0.45
@@ -171,8 +171,8 @@ def test_an_estimate_between_two_assemblies_decides_nothing():
     assert many.ok[np.arange(10) != 4].all()
 
 
-def test_bad_lanes_do_not_slow_the_others():
-    """One lane in ten that never assembles, against none: within half as much again, the best of five."""
+def test_bad_samples_do_not_slow_the_others():
+    """One sample in ten that never assembles, against none: within half as much again, the best of five."""
     lengths = grashof(2000, margin=0.02)
     spoilt = lengths.copy()
     spoilt[1:3, ::10] = 0.01
@@ -191,28 +191,28 @@ def test_a_reducer_sees_what_is_stored_otherwise():
     stored = solved(lengths, samples=10)
 
     def copied(part):
-        return part.lanes, part.k, part.t, part.q.copy(), part.qdd.copy(), part.codes.copy(), part.residual.copy()
+        return part.samples, part.k, part.t, part.q.copy(), part.qdd.copy(), part.codes.copy(), part.residual.copy()
 
     many = solved(lengths, samples=10, reducer=copied)
 
     assert many.q is None
     assert many.residual is None
     assert len(many.reduced) == 10
-    for lanes, k, t, q, qdd, codes, residual in many.reduced:
+    for samples, k, t, q, qdd, codes, residual in many.reduced:
         assert t == stored.t[k]
-        assert np.array_equal(q, stored.q[:, lanes, k])
-        assert np.array_equal(qdd, stored.qdd[:, lanes, k])
-        assert np.array_equal(codes, stored.codes[lanes, k])
-        assert np.array_equal(residual, stored.residual[lanes, k])
+        assert np.array_equal(q, stored.q[:, samples, k])
+        assert np.array_equal(qdd, stored.qdd[:, samples, k])
+        assert np.array_equal(codes, stored.codes[samples, k])
+        assert np.array_equal(residual, stored.residual[samples, k])
 
 
 def test_blocks_are_as_one(monkeypatch):
     lengths = grashof(700, margin=0.02)
     whole = solved(lengths, samples=8)
-    monkeypatch.setattr(importlib.import_module("refkin.fast.lanes.run"), "MOST_LANES", 256)
+    monkeypatch.setattr(importlib.import_module("refkin.fast.elimination.run"), "MOST_SAMPLES", 256)
     seen = []
     parts = solved(lengths, samples=8)
-    solved(lengths, samples=8, reducer=lambda part: seen.append(part.lanes))
+    solved(lengths, samples=8, reducer=lambda part: seen.append(part.samples))
 
     assert len({(s.start, s.stop) for s in seen}) == 3
     assert np.array_equal(whole.q, parts.q)
@@ -248,7 +248,7 @@ def test_driver_laws_may_be_rows():
     assert np.max(np.abs(np.exp(1j * many.q[5]) - np.exp(1j * coupler))) < 1e-12
 
 
-def test_one_hasty_lane_makes_the_others_take_no_smaller_steps(monkeypatch):
+def test_one_hasty_sample_makes_the_others_take_no_smaller_steps(monkeypatch):
     lengths = grashof(400, margin=0.1)
     speed = np.ones(400)
     speed[5] = 40.0
@@ -288,8 +288,8 @@ def test_groups_that_nobody_wants_are_not_computed():
 
 
 @pytest.mark.parametrize("name", [name for name in SCENES if name != "crank by its rate"])
-def test_every_joint_goes_through_lanes(name):
-    """Three lanes: the scene as it is, and one of its points moved a little to either side."""
+def test_every_joint_goes_through_samples(name):
+    """Three samples: the scene as it is, and one of its points moved a little to either side."""
     some = replace(SCENES[name], times=SCENES[name].times[:12])
     joint = some.mechanism.joints[-1]
     joint = joint if hasattr(joint, "point_j") else some.mechanism.joints[0]
@@ -298,10 +298,10 @@ def test_every_joint_goes_through_lanes(name):
     many = solve_many(some, moved)
 
     assert many.ok.all()
-    for lane in range(3):
-        motion = refkin.solve(replace(many.scene(lane), evidence=frozenset()))
-        assert np.max(np.abs(many.q[:, lane] - motion.q)) < 2e-13 * max(1.0, np.max(np.abs(motion.q)))
-        assert np.max(np.abs(many.qdd[:, lane] - motion.qdd)) < 1e-11 * max(1.0, np.max(np.abs(motion.qdd)))
+    for sample in range(3):
+        motion = refkin.solve(replace(many.scene(sample), evidence=frozenset()))
+        assert np.max(np.abs(many.q[:, sample] - motion.q)) < 2e-13 * max(1.0, np.max(np.abs(motion.q)))
+        assert np.max(np.abs(many.qdd[:, sample] - motion.qdd)) < 1e-11 * max(1.0, np.max(np.abs(motion.qdd)))
 
 
 def test_axes_and_radii_may_be_rows():
@@ -313,9 +313,9 @@ def test_axes_and_radii_may_be_rows():
     }
     slide = solve_many(slider, axis)
     for many in (train, slide):
-        for lane in range(2):
-            motion = refkin.solve(replace(many.scene(lane), evidence=frozenset()))
-            assert np.max(np.abs(many.q[:, lane] - motion.q)) < 1e-13
+        for sample in range(2):
+            motion = refkin.solve(replace(many.scene(sample), evidence=frozenset()))
+            assert np.max(np.abs(many.q[:, sample] - motion.q)) < 1e-13
 
 
 def test_laws_of_time_other_than_polynomials():
@@ -439,8 +439,8 @@ def test_redundant_rows_are_refused():
 # Planted faults.
 
 
-def test_lanes_that_jump_to_the_other_branch_are_noticed(monkeypatch):
-    """Newton that leaves every seventh lane on the mirrored branch at one step."""
+def test_samples_that_jump_to_the_other_branch_are_noticed(monkeypatch):
+    """Newton that leaves every seventh sample on the mirrored branch at one step."""
     lengths = grashof(70, margin=0.02)
     newton = block.Block._newton
     calls = []
@@ -467,7 +467,7 @@ def test_without_the_checks_of_the_branch_the_jump_is_answered(monkeypatch):
     monkeypatch.setattr(block.Block, "_continues", everything)
 
     with pytest.raises(AssertionError):
-        test_lanes_that_jump_to_the_other_branch_are_noticed(monkeypatch)
+        test_samples_that_jump_to_the_other_branch_are_noticed(monkeypatch)
 
 
 def test_a_residual_above_round_off_is_not_ok(monkeypatch):
@@ -494,35 +494,35 @@ def proving(samples=20, **changes):
 
 
 def test_radii_of_many_are_no_less_than_the_errors():
-    """Against balls, in some lanes: mechanisms of every size, each scaled by its own."""
+    """Against balls, in some samples: mechanisms of every size, each scaled by its own."""
     lengths = grashof(60, margin=0.02) * 2.0 ** np.arange(-30, 30)
     many = solve_many(proving(5), geometry(lengths), estimates_unrounded(lengths))
 
     assert np.isfinite(many.radii).all()
-    for lane in range(0, 60, 7):
-        own = many.scene(lane)
+    for sample in range(0, 60, 7):
+        own = many.scene(sample)
         system = compile_system(own.mechanism, unit=own.mechanism.unit())
         for k, t in enumerate(many.t.tolist()):
-            levels = [system.to_unit(x[:, lane, k], order) for order, x in enumerate((many.q, many.qd, many.qdd))]
+            levels = [system.to_unit(x[:, sample, k], order) for order, x in enumerate((many.q, many.qd, many.qdd))]
             root = krawczyk(system, levels[0], t, 113)
             rate = root.velocity()
             off = (root.distance(levels[0]), root.distance(levels[1], rate))
             off = (*off, root.distance(levels[2], root.acceleration(rate)))
-            assert all(np.max(o) <= r for o, r in zip(off, many.radii[:, lane, k], strict=True))
+            assert all(np.max(o) <= r for o, r in zip(off, many.radii[:, sample, k], strict=True))
 
 
 def test_radii_of_many_are_those_of_a_sweep():
     lengths = grashof(8, margin=0.05)
     many = solve_many(proving(), geometry(lengths), estimates(lengths))
-    for lane in range(8):
-        radius = sweep(many.scene(lane)).certified_radius
+    for sample in range(8):
+        radius = sweep(many.scene(sample)).certified_radius
         for ours, theirs in zip(
-            many.radii[:, lane], (radius.position, radius.velocity, radius.acceleration), strict=True
+            many.radii[:, sample], (radius.position, radius.velocity, radius.acceleration), strict=True
         ):
             assert np.all((0.25 * theirs < ours) & (ours < 4 * theirs))
 
 
-def test_bad_lanes_have_no_radius_and_spoil_no_other():
+def test_bad_samples_have_no_radius_and_spoil_no_other():
     lengths = grashof(50, margin=0.02)
     good = solve_many(proving(), geometry(lengths), estimates(lengths)).radii
     spoilt = lengths.copy()
@@ -555,7 +555,7 @@ def test_where_there_is_no_proof_for_many_there_is_no_radius():
 
 
 def test_a_polynomial_of_rows_changes_by_no_more_than_its_taylor_terms():
-    """By so much in the first lane, whose terms all have one sign; by less in the second."""
+    """By so much in the first sample, whose terms all have one sign; by less in the second."""
     law = Polynomial(coefficients=(np.array([0.2, 0.2]), np.array([1.0, -4.0]), np.array([0.5, 0.5]), 0.25))
     change = turning._change(law, 1.0, 0.5)
     moved = np.max(np.abs([law(t) - law(1.0) for t in np.linspace(0.5, 1.5, 9)]), axis=0)
@@ -572,8 +572,8 @@ def test_a_distance_that_passes_nothing_in_one_mechanism_is_seen_there():
     assert turning.may_turn((driver,), 0.0, 1.0, 2).tolist() == [True, False]
 
 
-def test_a_lane_whose_corrections_do_not_shrink_enough_is_not_answered_at_once():
-    """Four lanes: one contracts, one does not, one does not but is there already, one is dead."""
+def test_a_sample_whose_corrections_do_not_shrink_enough_is_not_answered_at_once():
+    """Four samples: one contracts, one does not, one does not but is there already, one is dead."""
     late = np.zeros(4, bool)
     first = np.array([0.1, 0.1, SMALL / 2, 0.1])
     corrections = [first, CONTRACTION * first * np.array([0.9, 1.1, 1.1, 1.1])]

@@ -16,7 +16,7 @@ from crosscheck.judge.comparison import compare, reference
 from crosscheck.strategies import Hardness, drawn_scenes
 from refkin import Effect, Evidence, FourBar, InvertedSliderCrank, Point, Polynomial, Revolute, Sinusoid, Status, Table
 from refkin.fast import sweep
-from refkin.fast.lanes import run
+from refkin.fast.elimination import run
 
 from .linkworks import chain
 from .scenes import ROCKER, SCENES, bare, system_of
@@ -32,13 +32,13 @@ def proved(scene):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_every_joint_goes_through_the_tape(name):
+def test_every_joint_goes_through_the_program(name):
     assert sweep(SCENES[name]).producer.name == FAST
 
 
 @pytest.mark.parametrize("name", SCENES)
 def test_the_proved_error_of_every_pose_is_a_few_round_offs_times_the_condition(name):
-    """Radii are proved by the formulas a person reads, about poses and rates that the tape made."""
+    """Radii are proved by the formulas a person reads, about poses and rates that the program made."""
     motion, system = sweep(proved(SCENES[name])), system_of(SCENES[name])
     q = system.to_unit(refkin.solve(bare(SCENES[name])).q) if system.n == system.of_bodies else None
     allowed = 64 * U * np.max(np.abs(motion.q), initial=1.0)
@@ -160,8 +160,8 @@ def test_few_and_uneven_times_are_answered_as_well(times):
     assert np.max(np.abs(motion.q - refkin.solve(scene).q)) < 1e-13
 
 
-def test_more_times_than_a_block_has_lanes(monkeypatch):
-    monkeypatch.setattr(run, "MOST_LANES", 256)
+def test_more_times_than_a_block_has_samples(monkeypatch):
+    monkeypatch.setattr(run, "MOST_SAMPLES", 256)
     scene = bare(ROCKER.scene(samples=1001))
     blocks = sweep(scene)
     monkeypatch.undo()
@@ -310,20 +310,20 @@ def test_a_linkage_in_another_unit_gives_the_same_bits():
 
 
 def mirrored(space):
-    """Newton that leaves some lanes on the other branch: B of the four-bar mirrored at the line from A to B0."""
+    """Newton that leaves some samples on the other branch: B of the four-bar mirrored at the line from A to B0."""
     ok = module_newton(space)
     crank = space.row(2)
-    for lane in range(0, space.lanes, 7):
-        other = ROCKER.assemble(float(crank[lane]), "crossed")
+    for sample in range(0, space.samples, 7):
+        other = ROCKER.assemble(float(crank[sample]), "crossed")
         for row, body in zip(space.core(), ("coupler", "rocker"), strict=True):
-            row[lane] = other[body][2]
+            row[sample] = other[body][2]
     return ok
 
 
 module_newton = module.newton
 
 
-def test_lanes_on_the_other_branch_are_noticed_though_their_residual_is_round_off(monkeypatch):
+def test_samples_on_the_other_branch_are_noticed_though_their_residual_is_round_off(monkeypatch):
     scene = bare(ROCKER.scene(samples=200))
     monkeypatch.setattr(module, "newton", mirrored)
 
@@ -334,7 +334,7 @@ def test_without_the_checks_of_the_branch_they_would_be_answered(monkeypatch):
     """Continuity and signs skipped: the residual alone sees nothing, so the comparison with the reference must."""
     scene = bare(ROCKER.scene(samples=200))
     monkeypatch.setattr(module, "newton", mirrored)
-    monkeypatch.setattr(module._Task, "_on_branch", lambda task, space, guess: np.ones(space.lanes, bool))
+    monkeypatch.setattr(module._Task, "_on_branch", lambda task, space, guess: np.ones(space.samples, bool))
     motion = module.attempt(scene)
 
     assert motion is not None
@@ -366,7 +366,7 @@ def test_with_the_verification_skipped_a_wrong_instruction_is_answered(monkeypat
 
     def wrong(a, out):
         copy(a, out)
-        out += 1e-9  # the crank's angle and its rates, which the tape copies from the law
+        out += 1e-9  # the crank's angle and its rates, which the program copies from the law
 
     forget()
     monkeypatch.setitem(run.UFUNCS, "copy", wrong)
@@ -384,7 +384,7 @@ def forget():
     importlib.import_module("refkin.fast.compiled").forget()
 
 
-@pytest.mark.parametrize("stage", ["_start", "_marched", "_lanes"])
+@pytest.mark.parametrize("stage", ["_start", "_marched", "_samples"])
 def test_whatever_fails_the_reference_answers(monkeypatch, stage):
     scene = bare(ROCKER.scene(samples=20))
     monkeypatch.setattr(module._Task, stage, lambda *_: None)

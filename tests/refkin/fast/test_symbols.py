@@ -12,8 +12,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from refkin.fast.lanes.schedule import half_angled
-from refkin.fast.lanes.symbols import Graph, needed, rewritten
+from refkin.fast.elimination.schedule import half_angled
+from refkin.fast.elimination.symbols import Graph, needed, rewritten
 
 PYTHON = {
     "add": lambda a, b: a + b,
@@ -120,7 +120,7 @@ def test_rewriting_puts_an_expression_for_an_input(tree, numbers):
 
 
 def half_angle(name, x):
-    """Sine or cosine of a float by the tangent of half the angle, as the tape computes them."""
+    """Sine or cosine of a float by the tangent of half the angle, as the program computes them."""
     graph = Graph()
     operations = {**PYTHON, "tan": math.tan}
     symbol = half_angled(SimpleNamespace(op=name, graph=graph), (graph.input("q", 0),))

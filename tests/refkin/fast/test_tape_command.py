@@ -39,7 +39,7 @@ def test_counts_alone_are_five_lines(capsys):
     assert (code, len(out.splitlines())) == (0, 5)
 
 
-def test_a_scene_without_a_tape_says_why(capsys, tmp_path):
+def test_a_scene_without_a_program_says_why(capsys, tmp_path):
     text = (EXAMPLES / "crank-rocker.toml").read_text(encoding="utf-8")
     driver = re.search(r"\[\[driver\]\].*?(?=\n\[\[|\Z)", text, re.DOTALL).group()
     joint = re.search(r"\[\[joint\]\].*?(?=\n\[\[|\Z)", text, re.DOTALL).group()
@@ -51,7 +51,7 @@ def test_a_scene_without_a_tape_says_why(capsys, tmp_path):
     code, out, _ = told(capsys, path)
 
     assert code == 1
-    assert "no tape" in out
+    assert "no program" in out
 
 
 def test_a_file_that_is_no_scene_is_a_usage_error(capsys, tmp_path):

@@ -1,8 +1,8 @@
-"""Running: a tape as NumPy functions over rows, one row for each register, one column for each lane.
+"""Running: a program as NumPy functions over rows, one row for each register, one column for each sample.
 
 A `Workspace` owns its rows. Binding an instruction to them gives a function and its arguments, so that a run is one
-loop over calls. Lanes do not mix: a lane that divides by 0 or leaves the numbers' range becomes NaN or infinite, and
-no other does.
+loop over calls. Samples do not mix: one that divides by 0 or leaves the numbers' range becomes NaN or infinite, and no
+other does.
 """
 
 from __future__ import annotations
@@ -12,15 +12,15 @@ from typing import Any
 
 import numpy as np
 
-from refkin.fast.lanes.tape import SEGMENTS, Instruction, Register, Tape
+from refkin.fast.elimination.program import SEGMENTS, Instruction, Program, Register
 from refkin.proof.numbers.preconditioned import inverses
 
 Profile = Callable[[int, int, Any], Any]
 """(constraint, order, parameter) -> the scaled derivative of the constraint's profile at the parameter."""
 Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
-MOST_LANES, MOST_BYTES = 10_240, 2**26
-"""Lanes in a block, and the memory of its registers: with fewer lanes calls cost more than the work in them."""
+MOST_SAMPLES, MOST_BYTES = 10_240, 2**26
+"""Samples in a block, and the memory of its registers: with fewer samples calls cost more than the work in them."""
 LINE = 8
 """Numbers in a line of the cache: rows start at one, with a line between them so that they do not share a place."""
 
@@ -39,36 +39,36 @@ UFUNCS: Mapping[str, Callable[..., Any]] = {
 }
 
 
-def block_lanes(tape: Tape) -> int:
-    """Return how many lanes a block has at most."""
-    return max(256, min(MOST_LANES, MOST_BYTES // (8 * tape.sizes["w"])))
+def block_samples(program: Program) -> int:
+    """Return how many samples a block has at most."""
+    return max(256, min(MOST_SAMPLES, MOST_BYTES // (8 * program.sizes["w"])))
 
 
 class Workspace:
-    """The registers of a tape for a number of lanes, and its segments bound to them.
+    """The registers of a program for a number of samples, and its segments bound to them.
 
     Attributes
     ----------
-    w : (registers, lanes) array
-        The `w` bank; inputs are written to it and outputs read from it, see `Tape.inputs` and `Tape.outputs`.
+    w : (registers, samples) array
+        The `w` bank; inputs are written to it and outputs read from it, see `Program.inputs` and `Program.outputs`.
     """
 
-    def __init__(self, tape: Tape, lanes: int, *, lane_geometry: bool = False) -> None:
-        """Allocate registers; with `lane_geometry` each lane is a mechanism of its own, else all are the same one."""
-        self.tape, self.lanes = tape, lanes
-        self.w = _in_lines(tape.sizes["w"], lanes)
-        # One number for all lanes has no dimension: NumPy takes half as long with it as with an array of one number.
-        self.u = _in_lines(tape.sizes["u"], lanes) if lane_geometry else np.zeros(tape.sizes["u"])
-        self._masks = np.zeros((tape.sizes["m"], lanes), bool)
-        self._objects: list[Any] = [None] * tape.sizes["x"]
+    def __init__(self, program: Program, samples: int, *, sample_geometry: bool = False) -> None:
+        """Allocate registers; with `sample_geometry` each sample is a mechanism of its own, else all are one."""
+        self.program, self.samples = program, samples
+        self.w = _in_lines(program.sizes["w"], samples)
+        # One number for all samples has no dimension: NumPy takes half as long with it as with an array of one number.
+        self.u = _in_lines(program.sizes["u"], samples) if sample_geometry else np.zeros(program.sizes["u"])
+        self._masks = np.zeros((program.sizes["m"], samples), bool)
+        self._objects: list[Any] = [None] * program.sizes["x"]
         self._profile: Profile | None = None
-        for register, number in tape.constants.items():
+        for register, number in program.constants.items():
             self.u[register.number] = number
         self._rows = {
             bank: [rows[k, ...] for k in range(len(rows))]
             for bank, rows in (("w", self.w), ("u", self.u), ("m", self._masks))
         }
-        self._calls = {name: [self._bound(i) for i in tape.segments[name]] for name in SEGMENTS}
+        self._calls = {name: [self._bound(i) for i in program.segments[name]] for name in SEGMENTS}
 
     @property
     def nbytes(self) -> int:
@@ -78,7 +78,7 @@ class Workspace:
     def give_geometry(self, geometry: Sequence[Sequence[Any]], profile: Profile | None = None) -> None:
         """Write the geometry, per constraint its numbers or rows, and run what depends on it alone."""
         self._profile = profile
-        for leaf, register in self.tape.inputs.items():
+        for leaf, register in self.program.inputs.items():
             if leaf.kind == "g":
                 constraint, number = leaf.place
                 self.u[register.number] = geometry[constraint][number]
@@ -86,7 +86,7 @@ class Workspace:
 
     def give_laws(self, laws: Mapping[int, Sequence[Sequence[Any]]]) -> None:
         """Write the laws' values, per constraint by law and order, and run what depends on geometry and laws."""
-        for leaf, register in self.tape.inputs.items():
+        for leaf, register in self.program.inputs.items():
             if leaf.kind == "f":
                 constraint, law, order = leaf.place
                 self.w[register.number] = laws[constraint][law][order]
@@ -98,11 +98,11 @@ class Workspace:
 
     def core(self) -> list[Any]:
         """Return the rows of the core coordinates: written before `run("newton")`, which overwrites them."""
-        return [self._rows["w"][k] for k in self.tape.outputs.core]
+        return [self._rows["w"][k] for k in self.program.outputs.core]
 
     def level(self, order: int) -> Any:
         """Return the rows of one level after `run("answer")`: a view, valid until the next run."""
-        rows = self.tape.outputs.levels[order]
+        rows = self.program.outputs.levels[order]
         return self.w[rows.start : rows.stop]
 
     def row(self, number: int) -> Any:
@@ -110,7 +110,7 @@ class Workspace:
         return self._rows["w"][number]
 
     def run(self, segment: str) -> None:
-        """Run one segment on all lanes; divisions by 0 and the like are not reported but show in their lanes."""
+        """Run one segment on all samples; divisions by 0 and the like are not reported but show in their samples."""
         with np.errstate(all="ignore"):
             for function, args in self._calls[segment]:
                 function(*args)
@@ -142,8 +142,8 @@ class Workspace:
         out[...] = self._profile(*which, s)
 
     def _run_inverse(self, to: int, size: int, entries: Sequence[Any]) -> None:
-        """Leave (sign of the determinant, 1 / row-sum norm of the inverse, inverse) for every lane."""
-        stacked = np.empty((self.lanes, size * size))
+        """Leave (sign of the determinant, 1 / row-sum norm of the inverse, inverse) for every sample."""
+        stacked = np.empty((self.samples, size * size))
         for k, entry in enumerate(entries):
             stacked[:, k] = entry
         matrices = stacked.reshape(-1, size, size)
@@ -153,19 +153,19 @@ class Workspace:
         self._objects[to] = (np.linalg.slogdet(matrices)[0], 1.0 / norm, inverse)
 
     def _run_apply(self, to: int, inverse: int, right: Sequence[Any]) -> None:
-        columns = np.stack([np.broadcast_to(x, (self.lanes,)) for x in right], axis=1)
+        columns = np.stack([np.broadcast_to(x, (self.samples,)) for x in right], axis=1)
         self._objects[to] = np.matmul(self._objects[inverse][2], columns[..., None])[..., 0].T
 
     def _run_entry(self, source: int, which: int, out: Any) -> None:
         out[...] = self._objects[source][which]
 
 
-def _in_lines(count: int, lanes: int) -> Any:
-    """Return (count, lanes) of zeros, each row from the start of a line of the cache on."""
-    stride = LINE * (-(-lanes // LINE) + 1)
+def _in_lines(count: int, samples: int) -> Any:
+    """Return (count, samples) of zeros, each row from the start of a line of the cache on."""
+    stride = LINE * (-(-samples // LINE) + 1)
     memory = np.zeros(count * stride + LINE)
     first = -(memory.ctypes.data // memory.itemsize) % LINE
-    return memory[first : first + count * stride].reshape(count, stride)[:, :lanes]
+    return memory[first : first + count * stride].reshape(count, stride)[:, :samples]
 
 
 def _extreme(function: Any, a: Any, b: Any, out: Any) -> None:

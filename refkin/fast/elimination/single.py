@@ -1,7 +1,7 @@
-"""Running one lane at a time: a tape becomes Python functions, which beat NumPy calls on a few lanes by far.
+"""Running one sample at a time: a program becomes Python functions, which beat NumPy calls on a few samples by far.
 
-The source is the tape's own text (`tape.text`), with the Newton segment in a loop. Nothing of a scene is in that text
-but numbers of registers, so there is nothing in it that somebody else wrote.
+The source is the program's own text (`program.text`), with the Newton segment in a loop. Nothing of a scene is in that
+text but numbers of registers, so there is nothing in it that somebody else wrote.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from refkin.fast.lanes.tape import Tape, statement
+from refkin.fast.elimination.program import Program, statement
 
 
 class Answer(NamedTuple):
@@ -21,7 +21,7 @@ class Answer(NamedTuple):
     Attributes
     ----------
     levels : tuple of three tuples
-        The wanted coordinates, their rates, their accelerations; empty if the tape has none.
+        The wanted coordinates, their rates, their accelerations; empty if the program has none.
     determinants, pivots : tuple
         Per block.
     steps : list of float
@@ -35,7 +35,7 @@ class Answer(NamedTuple):
 
 
 class Single(NamedTuple):
-    """The functions of a tape.
+    """The functions of a program.
 
     Attributes
     ----------
@@ -55,40 +55,40 @@ class Single(NamedTuple):
     laws: list[tuple[int, ...]]
 
 
-def compile_single(tape: Tape, wanted: Sequence[int]) -> Single:
-    """Return the functions of a tape whose answer is about the coordinates `wanted`."""
+def compile_single(program: Program, wanted: Sequence[int]) -> Single:
+    """Return the functions of a program whose answer is about the coordinates `wanted`."""
     scope = {"cos": math.cos, "sin": math.sin, "tan": math.tan, "inverse": _inverse, "apply": _apply, "Answer": Answer}
-    exec(compile(source(tape, wanted), "<tape>", "exec"), scope)
-    places = {kind: [leaf.place for leaf in tape.inputs if leaf.kind == kind] for kind in "gf"}
+    exec(compile(source(program, wanted), "<program>", "exec"), scope)
+    places = {kind: [leaf.place for leaf in program.inputs if leaf.kind == kind] for kind in "gf"}
     prepare: Any = scope["prepare"]
     advance: Any = scope["advance"]
     return Single(prepare, advance, places["g"], places["f"])
 
 
-def source(tape: Tape, wanted: Sequence[int]) -> str:
+def source(program: Program, wanted: Sequence[int]) -> str:
     """Return the source of the functions."""
-    inputs = {kind: [str(r) for leaf, r in tape.inputs.items() if leaf.kind == kind] for kind in "gf"}
-    core = [f"w{k}" for k in tape.outputs.core]
-    u = [f"u{k}" for k in range(tape.sizes["u"])]
-    levels = [[f"w{rows[c]}" for c in wanted if rows] for rows in tape.outputs.levels]
-    evidence = [_tuple([f"w{k}" for k in rows]) for rows in (tape.outputs.determinants, tape.outputs.pivots)]
+    inputs = {kind: [str(r) for leaf, r in program.inputs.items() if leaf.kind == kind] for kind in "gf"}
+    core = [f"w{k}" for k in program.outputs.core]
+    u = [f"u{k}" for k in range(program.sizes["u"])]
+    levels = [[f"w{rows[c]}" for c in wanted if rows] for rows in program.outputs.levels]
+    evidence = [_tuple([f"w{k}" for k in rows]) for rows in (program.outputs.determinants, program.outputs.pivots)]
     prepare = [
         *_unpacked(inputs["g"], "g"),
-        *(f"{register} = {number!r}" for register, number in tape.constants.items()),
-        *map(statement, tape.segments["mechanism"]),
+        *(f"{register} = {number!r}" for register, number in program.constants.items()),
+        *map(statement, program.segments["mechanism"]),
         f"return {_tuple(u)}",
     ]
-    step = f"w{tape.outputs.step}"
-    newton = [*map(statement, tape.segments["newton"]), f"steps.append({step})", f"if {step} <= enough: break"]
+    step = f"w{program.outputs.step}"
+    newton = [*map(statement, program.segments["newton"]), f"steps.append({step})", f"if {step} <= enough: break"]
     advance = [
         *_unpacked(u, "u"),
         *_unpacked(inputs["f"], "f"),
         *_unpacked(core, "q"),
-        *map(statement, tape.segments["time"]),
+        *map(statement, program.segments["time"]),
         "steps = []",
         "for _ in range(most):",
         *("    " + line for line in newton),
-        *map(statement, tape.segments["answer"]),
+        *map(statement, program.segments["answer"]),
         f"return Answer({_tuple([_tuple(level) for level in levels])}, {', '.join(evidence)}, steps)",
     ]
     return "\n".join(

@@ -9,10 +9,10 @@ from typing import Any
 import numpy as np
 
 from refkin.errors import RefkinError
-from refkin.fast.lanes.tree import Row
+from refkin.fast.elimination.tree import Row
 
 SMALL = 3
-"""Up to this many coordinates every matching is tried: importing SciPy's graphs takes longer than compiling a tape."""
+"""Up to this many coordinates every matching is tried: to import SciPy's graphs takes longer than to compile."""
 
 
 class NotReducible(RefkinError):

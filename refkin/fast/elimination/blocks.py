@@ -1,4 +1,4 @@
-"""The blocks of the core, solved by expressions: 1x1, 2x2 by Cramer's rule, larger with pivots chosen lane by lane.
+"""The blocks of the core, solved by expressions: 1x1, 2x2 by Cramer's rule, larger with pivots chosen sample by sample.
 
 ========= ======================================================================= ====================================
 unknowns  how                                                                     determinant
@@ -7,8 +7,8 @@ unknowns  how                                                                   
 2         Cramer's rule, which is forward stable (Higham, Accuracy and Stability  a d - b c
           of Numerical Algorithms, section 1.10.1)
 3 to 8    LU with partial pivoting; rows are exchanged by selecting, so that      product of the pivots, sign changed
-          every lane has its own order                                            with every exchange
-above     LAPACK, lane by lane                                                    its sign
+          every sample has its own order                                          with every exchange
+above     LAPACK, sample by sample                                                its sign
 ========= ======================================================================= ====================================
 """
 
@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from refkin.fast.lanes.symbols import Graph, Symbol
+from refkin.fast.elimination.symbols import Graph, Symbol
 
 LARGEST_SELECTED = 8
 """From here on a batched inverse costs less than selecting rows does."""

@@ -14,7 +14,7 @@ from typing import Any, cast
 
 import numpy as np
 
-from refkin.fast.lanes.symbols import Graph, Symbol
+from refkin.fast.elimination.symbols import Graph, Symbol
 from refkin.system import EVERYTHING, System
 
 Known = tuple[tuple[float | None, ...], ...]
@@ -70,7 +70,7 @@ def trace(system: System, known: Known, rows: Sequence[int]) -> Traced:
 
 
 def known_of(geometry: Sequence[Sequence[Any]]) -> Known:
-    """Return which numbers of a geometry are 0, 1 or -1, in every lane where they are rows."""
+    """Return which numbers of a geometry are 0, 1 or -1, in every sample where they are rows."""
     return tuple(tuple(_known(x) for x in numbers) for numbers in geometry)
 
 

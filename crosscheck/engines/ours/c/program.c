@@ -1,14 +1,14 @@
-/* The march of one lane over the compiled tape: `tape.h`, which is generated, has its segments as functions.
+/* The march of one sample over the compiled program: `program.h`, which is generated, has its segments as functions.
 
-   tape.h defines NU, NW, NM (registers per bank), CORE, and
+   program.h defines NU, NW, NM (registers per bank), CORE, and
      inputs(u, g)            the geometry into u, and what is constant
      laws(w, f0, f1, f2)     the driver's law and its rates into w
      mechanism(u), times(u, w, m), newton(u, w, m), answer(u, w, m)
      core_in(w, q), core_out(w, q, v, a), levels_out(w, out)
-     MARCHED                 1 if the tape has rates, by which poses are predicted, else 0
+     MARCHED                 1 if the program has rates, by which poses are predicted, else 0
      step_of(w), sign_of(w)  the last correction; the product of the determinants' signs */
 
-#include "tape.h"
+#include "program.h"
 
 static double u[NU + 1];
 
@@ -45,7 +45,7 @@ static int solve(double t, double *q, double *v, double *a, double *sign)
 }
 
 /* As dense_march; geometry: `numbers` per mechanism in place of lengths; start: CORE per mechanism. */
-long tape_march(long mechanisms, long count, long numbers, const double *geometry, const double *start,
+long program_march(long mechanisms, long count, long numbers, const double *geometry, const double *start,
                 const double *t, double rate, int keep, double *out)
 {
     long good = 0;
@@ -76,7 +76,7 @@ long tape_march(long mechanisms, long count, long numbers, const double *geometr
 #else
 
 /* So many corrections of one pose, one after another, and then its levels: for mechanisms of any size. */
-double tape_newton(long corrections, const double *geometry, const double *start, double f0, double f1, double f2,
+double program_newton(long corrections, const double *geometry, const double *start, double f0, double f1, double f2,
                    double *out)
 {
     static double w[NW + 1];

@@ -16,11 +16,11 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
-from refkin.fast.lanes.blocks import Factored, factored
-from refkin.fast.lanes.groups import blocks_of
-from refkin.fast.lanes.symbols import Symbol, rewritten
-from refkin.fast.lanes.trace import Traced
-from refkin.fast.lanes.tree import Row, spanning_tree
+from refkin.fast.elimination.blocks import Factored, factored
+from refkin.fast.elimination.groups import blocks_of
+from refkin.fast.elimination.symbols import Symbol, rewritten
+from refkin.fast.elimination.trace import Traced
+from refkin.fast.elimination.tree import Row, spanning_tree
 
 
 @dataclass(frozen=True)

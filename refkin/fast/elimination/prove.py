@@ -1,4 +1,4 @@
-"""The certificate as one more tape: exactly one solution is near these numbers, and it is no further than this.
+"""The certificate as one more program: exactly one solution is near these numbers, and it is no further than this.
 
 It is that of `proof.pose.certificate`, block by block, on the equations that elimination leaves. For a block let z be
 its core coordinates, F its open rows with the spanning tree seen through, M = dF/dz, R about the inverse of M, and
@@ -12,7 +12,7 @@ values there; so this holds for the exact ones. What the tree states has then th
 Velocity solves an affine equation with the same M at the root: w - w* = R (M w - nu) + (I - R M) (w - w*), so with
 h >= |R (M w - nu)| it is |w - w*| <= max h / (1 - gamma) <= 9/8 max h. Acceleration likewise.
 
-Nothing is taken from the tape that solved: sines are the library's, coordinates and rates are as they were given.
+Nothing is taken from the program that solved: sines are the library's, coordinates and rates are as they were given.
 """
 
 from __future__ import annotations
@@ -20,13 +20,13 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
-from refkin.fast.lanes.eliminate import Eliminated, Elimination
-from refkin.fast.lanes.errors import Errors, NoBound
-from refkin.fast.lanes.groups import NotReducible
-from refkin.fast.lanes.schedule import schedule
-from refkin.fast.lanes.symbols import Graph, Symbol, rewritten
-from refkin.fast.lanes.tape import Tape
-from refkin.fast.lanes.trace import Known, Traced, trace
+from refkin.fast.elimination.eliminate import Eliminated, Elimination
+from refkin.fast.elimination.errors import Errors, NoBound
+from refkin.fast.elimination.groups import NotReducible
+from refkin.fast.elimination.program import Program
+from refkin.fast.elimination.schedule import schedule
+from refkin.fast.elimination.symbols import Graph, Symbol, rewritten
+from refkin.fast.elimination.trace import Known, Traced, trace
 from refkin.proof.numbers.bounded import TINY
 from refkin.system import System
 
@@ -38,13 +38,13 @@ LARGEST_GAMMA = 1 / 16
 
 @dataclass(frozen=True)
 class Proof:
-    """A tape whose first level has gamma, then the largest radius of each given level.
+    """A program whose first level has gamma, then the largest radius of each given level.
 
     Inputs are, per constraint, geometry and then its errors; per law, `ORDERS` values and then their errors; and as the
     laws of one more constraint the given levels.
     """
 
-    tape: Tape
+    program: Program
     zeros: Known
 
 

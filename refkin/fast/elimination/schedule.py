@@ -1,4 +1,4 @@
-"""Scheduling: from expressions to a tape, a list of instructions on numbered registers.
+"""Scheduling: from expressions to a program, a list of instructions on numbered registers.
 
 Instructions come in four segments, each run as often as what it depends on changes, and no more:
 
@@ -10,8 +10,8 @@ answer    of the core coordinates as well once
 ========= =============================== =============================
 
 What no output needs is in no segment. Registers of the `u` bank hold one number for each mechanism, those of the `w`
-bank one for each lane, `m` masks and `x` inverses and solutions of whole blocks. A register is used again as soon as
-its value is not needed any more (liveness), which keeps a block of lanes in the cache.
+bank one for each sample, `m` masks and `x` inverses and solutions of whole blocks. A register is used again as soon as
+its value is not needed any more (liveness), which keeps a block of samples in the cache.
 """
 
 from __future__ import annotations
@@ -21,23 +21,23 @@ from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from refkin.fast.lanes.eliminate import Eliminated
-from refkin.fast.lanes.symbols import Graph, Leaf, Symbol, needed, rewritten
-from refkin.fast.lanes.tape import Instruction, Outputs, Register, Tape
+from refkin.fast.elimination.eliminate import Eliminated
+from refkin.fast.elimination.program import Instruction, Outputs, Program, Register
+from refkin.fast.elimination.symbols import Graph, Leaf, Symbol, needed, rewritten
 
 NOT_COMPUTED = ("const", "input")
 MASKS = ("greater",)
 OBJECTS = ("inverse", "apply")
 WHOLE = ("profile", "select", *OBJECTS)
 """Operations that write before they have read all arguments, or more than one register: they share none with those."""
-ON_LANES = (*MASKS, *WHOLE, "entry")
+ON_SAMPLES = (*MASKS, *WHOLE, "entry")
 
 Wanted = Sequence[Sequence[int]]
 """Per level, called-for coordinates: of positions, of velocities, of accelerations; one to three levels."""
 
 
-def schedule(solved: Eliminated, graph: Graph, wanted: Wanted, *, half_angles: bool = True) -> Tape:
-    """Return the tape of a solution.
+def schedule(solved: Eliminated, graph: Graph, wanted: Wanted, *, half_angles: bool = True) -> Program:
+    """Return the program of a solution.
 
     Parameters
     ----------
@@ -46,11 +46,11 @@ def schedule(solved: Eliminated, graph: Graph, wanted: Wanted, *, half_angles: b
     half_angles : bool
         Take sine and cosine from the tangent of half the angle, which on rows takes a third of the time or less.
     """
-    return _Scheduler(solved, graph, wanted, half_angles).tape()
+    return _Scheduler(solved, graph, wanted, half_angles).program()
 
 
 class _Scheduler:
-    """A tape while it is laid out: where each symbol's value is, and which registers there are."""
+    """A program while it is laid out: where each symbol's value is, and which registers there are."""
 
     def __init__(self, solved: Eliminated, graph: Graph, wanted: Wanted, half_angles: bool) -> None:
         self.solved, self.graph = solved, graph
@@ -64,7 +64,7 @@ class _Scheduler:
         self.at: dict[Symbol, Register] = {}
         self.sizes = {"u": 0, "w": 0, "m": 0, "x": 0}
 
-    def tape(self) -> Tape:
+    def program(self) -> Program:
         outputs = self._outputs()
         newton, answer = self._targets(outputs)
         stages = stages_of([*newton, *answer])
@@ -75,7 +75,7 @@ class _Scheduler:
             self.at[self.graph.input("q", c)] = Register("w", row)
         constants = {self._placed(s, "u"): s.value for s in stages if s.op == "const"}
         segments = self._segments(stages, newton, answer)
-        return Tape(
+        return Program(
             segments,
             constants,
             {s.value: r for s, r in self.at.items() if s.op == "input"},
@@ -237,14 +237,14 @@ class _Pool:
 
 
 def bank_of(symbol: Symbol) -> str:
-    """Return the bank in which a lane's value of this symbol is kept."""
+    """Return the bank in which a sample's value of this symbol is kept."""
     return "m" if symbol.op in MASKS else "x" if symbol.op in OBJECTS else "w"
 
 
 def stages_of(outputs: Iterable[Symbol]) -> dict[Symbol, str]:
     """Return for each needed symbol on what it depends at most: "mechanism", "time" or "core".
 
-    What is no plain arithmetic is done on lanes, even if it depends on the geometry alone.
+    What is no plain arithmetic is done on samples, even if it depends on the geometry alone.
     """
     order = ("mechanism", "time", "core")
     stages: dict[Symbol, str] = {}
@@ -252,7 +252,7 @@ def stages_of(outputs: Iterable[Symbol]) -> dict[Symbol, str]:
         if symbol.op == "input":
             stages[symbol] = {"g": "mechanism", "f": "time", "q": "core"}[symbol.value.kind]
             continue
-        least = "time" if symbol.op in ON_LANES else "mechanism"
+        least = "time" if symbol.op in ON_SAMPLES else "mechanism"
         stages[symbol] = max((stages[a] for a in symbol.args), key=order.index, default="mechanism")
         stages[symbol] = max(stages[symbol], least, key=order.index)
     return stages

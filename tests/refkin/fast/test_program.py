@@ -1,4 +1,4 @@
-"""The tape: only what a scene calls for is in it, one topology is compiled once, and a person can read it."""
+"""The program: only what a scene calls for is in it, one topology is compiled once, and a person can read it."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ import refkin
 from refkin import Effect, FourBar, Point, SliderCrank
 from refkin.errors import RefkinError
 from refkin.fast import legend, sweep, tape
-from refkin.fast.lanes.tape import SEGMENTS
+from refkin.fast.elimination.program import SEGMENTS
 
 from .linkworks import chain
 from .scenes import ROCKER, SCENES, bare
@@ -98,7 +98,7 @@ def test_another_joint_is_another_topology():
     assert len(compiled_module._kept) == 2
 
 
-def test_a_tape_that_was_compiled_for_other_lengths_answers_as_well():
+def test_a_program_that_was_compiled_for_other_lengths_answers_as_well():
     compiled_module.forget()
     sweep(bare(ROCKER.scene(samples=9)))
     linkage = FourBar(ground=3.0, crank=0.8, coupler=2.75, rocker=2.9)
@@ -119,7 +119,7 @@ def test_old_topologies_are_dropped(monkeypatch):
 
 
 @pytest.mark.parametrize("name", SCENES)
-def test_the_text_of_a_tape_states_every_instruction_and_their_number(name):
+def test_the_text_of_a_program_states_every_instruction_and_their_number(name):
     program = tape(SCENES[name])
     text = str(program)
 
@@ -174,13 +174,13 @@ def test_the_legend_names_bodies_joints_and_contacts():
     assert "# q[6] = contact parameter of contact" in text
 
 
-def test_what_has_no_tape_says_so():
+def test_what_has_no_program_says_so():
     body = refkin.Body(name="a", estimate=(0.0, 0.0, 0.0))
     law = refkin.Polynomial(coefficients=(0.0, 1.0))
     drivers = tuple(refkin.XDriver(name=n, body="a", law=law) for n in "mnk")
     scene = refkin.Scene(mechanism=refkin.Mechanism((body,), (), drivers), times=(0.0,))
 
-    with pytest.raises(RefkinError, match="no tape"):
+    with pytest.raises(RefkinError, match="no program"):
         tape(scene)
 
 
@@ -202,11 +202,11 @@ def test_threads_do_not_share_registers():
     assert all(np.array_equal(q, alone[k]) for k in range(4) for q in by_name[k])
 
 
-def test_the_source_of_a_tape_holds_nothing_of_the_scene():
+def test_the_source_of_a_program_holds_nothing_of_the_scene():
     """Names come from scene files of anybody; what is compiled to Python holds registers and numbers alone."""
     from refkin.fast.compiled import compiled
-    from refkin.fast.lanes.schedule import schedule
-    from refkin.fast.lanes.single import source
+    from refkin.fast.elimination.schedule import schedule
+    from refkin.fast.elimination.single import source
 
     from .scenes import system_of
 

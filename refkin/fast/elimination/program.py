@@ -1,4 +1,4 @@
-"""A tape: instructions on numbered registers, by segments, and its text for a person."""
+"""A program: instructions on numbered registers, by segments, and its text for a person."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from refkin.fast.lanes.symbols import Leaf
+from refkin.fast.elimination.symbols import Leaf
 
 SEGMENTS = ("mechanism", "time", "newton", "answer")
 """In the order in which they are run; `schedule` says what is in which."""
@@ -57,7 +57,7 @@ class Outputs:
 
 
 @dataclass(frozen=True)
-class Tape:
+class Program:
     """Instructions by segment, and where inputs and outputs are.
 
     Attributes
@@ -125,18 +125,18 @@ def statement(instruction: Instruction) -> str:
     return f"{instruction.out} = {right}"
 
 
-def text(tape: Tape) -> str:
-    """Return a tape as text: where inputs and outputs are, then each segment with its count."""
-    lines = [f"# core coordinates {list(tape.core)} in blocks {[list(b) for b in tape.blocks]}"]
-    lines += [f"# {size} registers in bank {bank}" for bank, size in tape.sizes.items() if size]
-    lines += [f"{register} = {number!r}" for register, number in tape.constants.items()]
-    for leaf, register in tape.inputs.items():
+def text(program: Program) -> str:
+    """Return a program as text: where inputs and outputs are, then each segment with its count."""
+    lines = [f"# core coordinates {list(program.core)} in blocks {[list(b) for b in program.blocks]}"]
+    lines += [f"# {size} registers in bank {bank}" for bank, size in program.sizes.items() if size]
+    lines += [f"{register} = {number!r}" for register, number in program.constants.items()]
+    for leaf, register in program.inputs.items():
         lines.append(f"{register} = {leaf.kind}[{', '.join(map(str, leaf.place))}]")
     for name in SEGMENTS:
-        operations = ", ".join(f"{k} {op}" for op, k in tape.operations(name).most_common())
-        lines += ["", f"# {name}: {len(tape.segments[name])} instructions ({operations})"]
-        lines += [statement(i) for i in tape.segments[name]]
-    out = tape.outputs
+        operations = ", ".join(f"{k} {op}" for op, k in program.operations(name).most_common())
+        lines += ["", f"# {name}: {len(program.segments[name])} instructions ({operations})"]
+        lines += [statement(i) for i in program.segments[name]]
+    out = program.outputs
     names = ("q", "qd", "qdd")
     lines += [
         "",

@@ -1,4 +1,4 @@
-"""The compiled elimination tape, in four steps; and a certificate, which is one more tape.
+"""The compiled elimination program, in four steps; and a certificate, which is one more program.
 
 ============= ========= =============================================================================================
 tracing       symbols   expressions, each once, folded
@@ -8,9 +8,9 @@ elimination   tree      coordinates that a row states outright
               blocks    how a group is solved
               eliminate all of it together: expressions of the solution
 scheduling    schedule  from expressions to instructions and registers
-              tape      the result, and its text for a person
+              program   the result, and its text for a person
 running       run       on rows, by NumPy
-              single    one lane at a time, in Python
+              single    one sample at a time, in Python
 proving       errors    bounds of the errors of expressions, as expressions
               prove     that exactly one solution is near given numbers, and how near
 ============= ========= =============================================================================================

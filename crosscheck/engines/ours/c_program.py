@@ -1,4 +1,4 @@
-"""The lanes' tape as C: the same list of operations, a scalar at a time, for a compiler to do its best with."""
+"""The samples' program as C: the same list of operations, a scalar at a time, for a compiler to do its best with."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ static inline double fmin2(double a, double b) {{ return a < b ? a : b; }}
 """
 
 
-def emitted(tape: Any) -> str:
-    """Return `tape.h` for `tape.c`.
+def emitted(program: Any) -> str:
+    """Return `program.h` for `program.c`.
 
     Parameters
     ----------
-    tape : refkin.fast.lanes.tape.Tape
+    program : refkin.fast.elimination.program.Program
         Its geometry's inputs become g[0], g[1], ... in the order of `geometry_of`; its one law is that of the driver.
 
     Raises
@@ -33,24 +33,24 @@ def emitted(tape: Any) -> str:
     EngineError
         If an operation is more than arithmetic.
     """
-    sizes, levels = tape.sizes, _levels(tape)
+    sizes, levels = program.sizes, _levels(program)
     head = HEAD.format(
         u=sizes["u"],
         w=sizes["w"],
         m=sizes["m"],
-        core=len(tape.core),
+        core=len(program.core),
         levels=len(levels),
-        marched=int(bool(tape.outputs.levels[2])),
+        marched=int(bool(program.outputs.levels[2])),
     )
-    return head + "\n".join([*_inputs(tape), *_segments(tape), *_outputs(tape)]) + "\n"
+    return head + "\n".join([*_inputs(program), *_segments(program), *_outputs(program)]) + "\n"
 
 
-def _inputs(tape: Any) -> list[str]:
+def _inputs(program: Any) -> list[str]:
     """Return the functions that write constants, geometry, laws and the core coordinates."""
-    constants = [f"    {_name(r)} = {value!r};" for r, value in tape.constants.items()]
-    given = [f"    u[{r.number}] = g[{k}];" for k, (r, _) in enumerate(geometry_of(tape))]
-    laws = [f"    w[{r.number}] = f{leaf.place[2]};" for leaf, r in tape.inputs.items() if leaf.kind == "f"]
-    core = [f"    w[{row}] = q[{k}];" for k, row in enumerate(_core(tape, 0))]
+    constants = [f"    {_name(r)} = {value!r};" for r, value in program.constants.items()]
+    given = [f"    u[{r.number}] = g[{k}];" for k, (r, _) in enumerate(geometry_of(program))]
+    laws = [f"    w[{r.number}] = f{leaf.place[2]};" for leaf, r in program.inputs.items() if leaf.kind == "f"]
+    core = [f"    w[{row}] = q[{k}];" for k, row in enumerate(_core(program, 0))]
     return [
         _function("inputs", "double *u, const double *g", [*constants, *given]),
         _function("laws", "double *w, double f0, double f1, double f2", [*laws, "    (void)f0; (void)f1; (void)f2;"]),
@@ -58,21 +58,21 @@ def _inputs(tape: Any) -> list[str]:
     ]
 
 
-def _segments(tape: Any) -> list[str]:
+def _segments(program: Any) -> list[str]:
     """Return a function for each segment."""
-    functions = [_function("mechanism", "double *u", _statements(tape.segments["mechanism"]))]
+    functions = [_function("mechanism", "double *u", _statements(program.segments["mechanism"]))]
     for name, segment in (("times", "time"), ("newton", "newton"), ("answer", "answer")):
-        lines = ["    (void)u; (void)w; (void)m;", *_statements(tape.segments[segment])]
+        lines = ["    (void)u; (void)w; (void)m;", *_statements(program.segments[segment])]
         functions.append(_function(name, "const double *u, double *w, int *m", lines))
     return functions
 
 
-def _outputs(tape: Any) -> list[str]:
+def _outputs(program: Any) -> list[str]:
     """Return the functions that read what was found; without rates nothing is marched, and the core is not read."""
-    out = tape.outputs
+    out = program.outputs
     orders = enumerate("qva" if out.levels[2] else "")
-    core = [f"    {name}[{k}] = w[{row}];" for order, name in orders for k, row in enumerate(_core(tape, order))]
-    levels = [f"    to[{k}] = w[{row}];" for k, row in enumerate(_levels(tape))]
+    core = [f"    {name}[{k}] = w[{row}];" for order, name in orders for k, row in enumerate(_core(program, order))]
+    levels = [f"    to[{k}] = w[{row}];" for k, row in enumerate(_levels(program))]
     sign = " * ".join(f"copysign(1.0, w[{k}])" for k in out.determinants) or "1.0"
     return [
         _function("core_out", "const double *w, double *q, double *v, double *a", core),
@@ -82,19 +82,19 @@ def _outputs(tape: Any) -> list[str]:
     ]
 
 
-def _core(tape: Any, order: int) -> list[int]:
+def _core(program: Any, order: int) -> list[int]:
     """Return the registers of the core coordinates, or of their rates."""
-    return [tape.outputs.levels[order][c] for c in tape.core]
+    return [program.outputs.levels[order][c] for c in program.core]
 
 
-def _levels(tape: Any) -> list[int]:
+def _levels(program: Any) -> list[int]:
     """Return the registers of all coordinates and rates."""
-    return [row for rows in tape.outputs.levels for row in rows]
+    return [row for rows in program.outputs.levels for row in rows]
 
 
-def geometry_of(tape: Any) -> list[tuple[Any, tuple[int, int]]]:
+def geometry_of(program: Any) -> list[tuple[Any, tuple[int, int]]]:
     """Return the registers of the geometry with (constraint, number) of what they hold."""
-    return [(register, leaf.place) for leaf, register in tape.inputs.items() if leaf.kind == "g"]
+    return [(register, leaf.place) for leaf, register in program.inputs.items() if leaf.kind == "g"]
 
 
 def _function(name: str, arguments: str, lines: list[str]) -> str:
@@ -107,17 +107,17 @@ def _statements(instructions: Any) -> list[str]:
 
 
 def _expression(instruction: Any) -> str:
-    from refkin.fast.lanes.tape import FORMATS  # here: the fast paths may be absent
+    from refkin.fast.elimination.program import FORMATS  # here: the fast paths may be absent
 
     op, args = instruction.op, [_name(a) for a in instruction.args]
     if op in FUNCTIONS:
         return FUNCTIONS[op].format(*args)
     if op in PLAIN:
         return FORMATS[op].format(*args)
-    raise EngineError(f"the tape holds {op!r}, which is no arithmetic")
+    raise EngineError(f"the program holds {op!r}, which is no arithmetic")
 
 
 def _name(register: Any) -> str:
     if register.bank == "x":
-        raise EngineError("the tape solves a block of three or more at once")
+        raise EngineError("the program solves a block of three or more at once")
     return f"{register.bank}[{register.number}]"

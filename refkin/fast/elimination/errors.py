@@ -12,7 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from refkin.errors import RefkinError
-from refkin.fast.lanes.symbols import Graph, Symbol, needed
+from refkin.fast.elimination.symbols import Graph, Symbol, needed
 from refkin.proof.numbers.bounded import U
 
 
