@@ -117,10 +117,10 @@ def _evidence(
 def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> CertifiedRadius | None:
     """Return certified radii: by the program of the proof, else by the dense one; None if float64 proves too little."""
     absent = nowhere(len(t))
-    found = None if system.m > system.n else radii(system, made, levels, t)
-    if found is not None:
-        rates = [absent if x is None else x for x in (found.velocity, found.acceleration)]
-        position = found.position
+    bounds = None if system.m > system.n else radii(system, made, levels, t)
+    if bounds is not None:
+        rates = [absent if x is None else x for x in (bounds.velocity, bounds.acceleration)]
+        position = bounds.position
     else:
         dense = isolate_every_choice(system, levels[0], t, *levels[1:])
         if not dense.ok.all() or (dense.bits > FLOAT64).any() or (dense.contradiction > 1.0).any():

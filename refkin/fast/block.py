@@ -237,11 +237,11 @@ class Block:
             march = self.helpers[sample]
             levels = self.history[:, :, sample].tolist()
             poses = [Pose(at, tuple(map(tuple, levels[3 * k : 3 * k + 3])), march.laws(at)) for k, at in self._known()]
-            found = march.to(t, poses[-1], poses[0] if len(poses) > 1 else None)
-            if found is None:
+            path = march.to(t, poses[-1], poses[0] if len(poses) > 1 else None)
+            if path is None:
                 self.codes[sample] = LOST
                 continue
-            for row, x in zip(self.space.core(), found[-1].levels[0], strict=True):
+            for row, x in zip(self.space.core(), path[-1].levels[0], strict=True):
                 row[sample] = x
 
     def _known(self) -> list[tuple[int, float]]:
@@ -296,11 +296,11 @@ class Block:
         if self.proof is None:
             return None
         levels = [self.space.level(order) for order in range(self.made.levels)]
-        found = self.proof.radii(levels, t).copy()
+        bounds = self.proof.radii(levels, t).copy()
         if any(np.any(x) for x in self.system.unit.origin):
-            found[0] += np.max(half_ulp(self.system, levels[0]), axis=0)
-        found[:, ~self.alive] = np.nan
-        return found
+            bounds[0] += np.max(half_ulp(self.system, levels[0]), axis=0)
+        bounds[:, ~self.alive] = np.nan
+        return bounds
 
     def levels(self, order: int) -> Any:
         """Return coordinates or rates in metres and rad, (n, L); NaN where there are none."""

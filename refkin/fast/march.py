@@ -98,11 +98,11 @@ class March:
     def start(self, t: float, core: Sequence[float], f: Sequence[float] | None = None) -> Pose | None:
         """Return the pose at core coordinates that solve the equations; it sets the signs of the branch."""
         f = self.laws(t) if f is None else f
-        found = self._newton(f, core)
-        if found is None or not _converged(found.steps):
+        answer = self._newton(f, core)
+        if answer is None or not _converged(answer.steps):
             return None
-        self.signs = tuple(math.copysign(1.0, d) for d in found.determinants)
-        return Pose(t, found.levels, f) if self._regular(found) else None
+        self.signs = tuple(math.copysign(1.0, d) for d in answer.determinants)
+        return Pose(t, answer.levels, f) if self._regular(answer) else None
 
     def step(self, t: float, last: Pose, before: Pose | None, f: Sequence[float] | None = None) -> Pose | None:
         """Return the pose at t if it is on the branch for certain, from the last pose and the one before it.
@@ -117,21 +117,21 @@ class March:
             if abs(f[k] - last.laws[k]) > FURTHEST:
                 return None
         guess, rates = predicted(t, last, before)
-        found = self._newton(f, guess)
-        if found is None or not (self.accepts(found) and contracts(found.steps)):
+        answer = self._newton(f, guess)
+        if answer is None or not (self.accepts(answer) and contracts(answer.steps)):
             return None
-        q, v, _ = found.levels
+        q, v, _ = answer.levels
         off, move, bent = _largest(q, guess), _largest(q, last.levels[0]), _largest(v, rates) * (t - last.t)
         near = off <= min(FARTHEST, max(PART * move, SMALL)) and bent <= max(SMOOTH * off, SMALL)
-        return Pose(t, found.levels, f, off, coefficients(last.levels, found.levels, t - last.t)) if near else None
+        return Pose(t, answer.levels, f, off, coefficients(last.levels, answer.levels, t - last.t)) if near else None
 
-    def accepts(self, found: Answer) -> bool:
+    def accepts(self, answer: Answer) -> bool:
         """Whether Newton converged to a regular pose with the branch's signs."""
-        return _converged(found.steps) and self._regular(found)
+        return _converged(answer.steps) and self._regular(answer)
 
-    def _regular(self, found: Answer) -> bool:
+    def _regular(self, answer: Answer) -> bool:
         """Whether no determinant has changed its sign, or is nearly 0."""
-        for determinant, sign, pivot in zip(found.determinants, self.signs, found.pivots, strict=True):
+        for determinant, sign, pivot in zip(answer.determinants, self.signs, answer.pivots, strict=True):
             if not (determinant * sign > 0.0 and pivot > SMALLEST_PIVOT):
                 return False
         return True
@@ -141,17 +141,17 @@ class March:
 
         It goes by way of the poses at which laws turn back. `h` is the largest step.
         """
-        found: list[Pose] = []
+        path: list[Pose] = []
         for end in (*self.extrema(last.t, t), t):
             poses = self._to(end, last, before, h)
             if poses is None:
                 return None
-            found += poses
-            last, before = found[-1], found[-2] if len(found) > 1 else last
-        return found
+            path += poses
+            last, before = path[-1], path[-2] if len(path) > 1 else last
+        return path
 
     def _to(self, t: float, last: Pose, before: Pose | None, h: float) -> list[Pose] | None:
-        found: list[Pose] = []
+        path: list[Pose] = []
         most = h = min(h, t - last.t)
         smallest = 4 * EPS * max(abs(t), abs(last.t), abs(h))
         while self.steps < self.most_steps:
@@ -162,9 +162,9 @@ class March:
                 if h <= smallest:
                     return None
                 continue
-            found.append(pose)
+            path.append(pose)
             if ends:
-                return found
+                return path
             last, before = pose, last
             h = min(most, h * factor(pose.off))
         return None

@@ -92,20 +92,20 @@ def tape(scene: Scene) -> Program:
     RefkinError
         If there is none, as the equations have no unique solution by their structure alone.
     """
-    found = prepared(scene)
-    if found is None:
+    ready = prepared(scene)
+    if ready is None:
         raise RefkinError(f"{scene.name}: no unique solution by the structure of the equations, so no program")
-    return found.made.program
+    return ready.made.program
 
 
 def legend(scene: Scene) -> str:
     """Return what the numbers in a program's text stand for: q[..] by body, g[..] and f[..] by joint or driver."""
-    found = prepared(scene)
+    ready = prepared(scene)
     lines = []
-    if found is not None:
-        for k, body in enumerate(found.scene.mechanism.bodies):
+    if ready is not None:
+        for k, body in enumerate(ready.scene.mechanism.bodies):
             lines.append(f"# q[{3 * k}], q[{3 * k + 1}], q[{3 * k + 2}] = x, y, phi of {body.name}")
-        for k, p in enumerate(found.system.placed):
+        for k, p in enumerate(ready.system.placed):
             kind = p.constraint.type
             lines.append(f"# g[{k}, ..], f[{k}, law, order] = geometry and laws of {p.constraint.name} ({kind})")
             if p.constraint.parameters:
@@ -150,12 +150,12 @@ def bodies_needed(system: System, made: Compiled, wanted: list[str]) -> set[str]
     """Return the wanted bodies and all that their equations, and those of the bodies so found, hold."""
     names = [b.name for b in system.mechanism.bodies]
     owner = {c: names[c // 3] for c in range(system.of_bodies)}
-    found: set[int] = set()
+    upstream: set[int] = set()
     waiting = {c for body in wanted for c in range(*system.columns(body).indices(system.n))}
     while waiting:
-        found |= waiting
+        upstream |= waiting
         reached = set().union(*(made.depends[c] for c in waiting))
         of_bodies = {owner[c] for c in reached if c in owner}
         reached |= {c for body in of_bodies for c in range(*system.columns(body).indices(system.n))}
-        waiting = reached - found
-    return {owner[c] for c in found if c in owner}
+        waiting = reached - upstream
+    return {owner[c] for c in upstream if c in owner}

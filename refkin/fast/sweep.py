@@ -63,32 +63,32 @@ def attempt(scene: Scene | Prepared) -> Motion | None:
 
     A scene that is solved again and again may be `prepared` once.
     """
-    found = prepared(scene) if isinstance(scene, Scene) else scene
-    return None if found is None else _Task(found).motion()
+    ready = prepared(scene) if isinstance(scene, Scene) else scene
+    return None if ready is None else _Task(ready).motion()
 
 
 class _Task:
     """What is done for a scene."""
 
-    def __init__(self, found: Prepared) -> None:
-        self.scene, self.system, self.made, self.first = found.scene, found.system, found.made, found.start
-        self.t, self.laws, self.extrema = found.t, found.laws, found.extrema
+    def __init__(self, ready: Prepared) -> None:
+        self.scene, self.system, self.made, self.first = ready.scene, ready.system, ready.made, ready.start
+        self.t, self.laws, self.extrema = ready.t, ready.laws, ready.extrema
         self.geometry = [p.g for p in self.system.placed]
-        self.march = March(self.made.march, found.u, self._laws_at, self._profile, self._extrema)
-        self.longest, self.message = found.longest, ""
+        self.march = March(self.made.march, ready.u, self._laws_at, self._profile, self._extrema)
+        self.longest, self.message = ready.longest, ""
 
     def motion(self) -> Motion | None:
         start = self._start() if len(self.extrema) < MOST_EXTREMA else None
         if start is None:
             return None
         if len(self.t) == 1:
-            found = self._alone(start)
+            answer = self._alone(start)
         else:
             poses = self._marched(start) if self.made.core else [start]
             if poses is None:
                 return None
-            found = self._samples(poses)
-        return None if found is None else motion(self.scene, self.system, self.made, self.t, *found, self.message)
+            answer = self._samples(poses)
+        return None if answer is None else motion(self.scene, self.system, self.made, self.t, *answer, self.message)
 
     def _profile(self, constraint: int, order: int, s: Any) -> Any:
         return self.system.placed[constraint].constraint.profile_values(s, self.system.unit, order)[order]
@@ -126,10 +126,10 @@ class _Task:
         if self.system.n != self.system.of_bodies or any(b.estimate is None for b in bodies):
             return None
         estimate = self.system.to_unit([x for b in bodies for x in b.estimate])  # type: ignore[union-attr]
-        found = self._first([float(estimate[c]) for c in self.made.core])
-        if found is None:
+        answer = self._first([float(estimate[c]) for c in self.made.core])
+        if answer is None:
             return None
-        q, steps = np.array(found.levels[0]), found.steps
+        q, steps = np.array(answer.levels[0]), answer.steps
         off = np.max(np.abs(q - estimate))
         if steps and not (steps[-1] <= ENOUGH and contracts(steps)):
             return None
@@ -148,11 +148,11 @@ class _Task:
 
     def _alone(self, start: Pose) -> tuple[list[Any], Any] | None:
         """Return the levels at the only time, and its smallest pivot: rows of one number take five times as long."""
-        found = self._first(start.levels[0])
-        if found is None or not self.march.accepts(found):
+        answer = self._first(start.levels[0])
+        if answer is None or not self.march.accepts(answer):
             return None
-        levels = [np.array(level)[:, None] for level in found.levels[: self.made.levels]]
-        return levels, np.array([min(found.pivots, default=math.inf)])
+        levels = [np.array(level)[:, None] for level in answer.levels[: self.made.levels]]
+        return levels, np.array([min(answer.pivots, default=math.inf)])
 
     def _marched(self, start: Pose) -> list[Pose] | None:
         """Return poses from the first time to the last, at times of the scene and, where steps are short, between."""

@@ -70,9 +70,9 @@ class Polar:
 
     def faults(self, path: str) -> Iterator[Fault]:
         """Yield the law's faults, and whether a periodic table repeats itself at other than whole parts of a turn."""
-        found = list(self.law.faults(f"{path}.law"))
-        yield from found
-        if isinstance(self.law, Table) and self.law.periodic and not found:
+        of_law = list(self.law.faults(f"{path}.law"))
+        yield from of_law
+        if isinstance(self.law, Table) and self.law.periodic and not of_law:
             first, last = self.law.argument[0], self.law.argument[-1]
             parts = round(math.tau / (last - first)) if math.isfinite(last - first) else 0
             # The arguments and their difference are rounded.

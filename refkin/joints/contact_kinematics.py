@@ -179,10 +179,10 @@ class Gap:
 def curve(d: Any, e: Vec) -> list[Vec]:
     """Return d e and its derivatives by the angle of the unit vector e, from d and its derivatives, three at most."""
     n = e.perp()
-    found = [e * d[0], e * d[1] + n * d[0], e * (d[2] - d[0]) + n * (2 * d[1])]
+    derivatives = [e * d[0], e * d[1] + n * d[0], e * (d[2] - d[0]) + n * (2 * d[1])]
     if len(d) > 3:
-        found.append(e * (d[3] - 3 * d[1]) + n * (3 * d[2] - d[0]))
-    return found
+        derivatives.append(e * (d[3] - 3 * d[1]) + n * (3 * d[2] - d[0]))
+    return derivatives
 
 
 def face_gradient(n: Vec, w: Vec, a_i: Vec, a_j: Vec) -> tuple[Triple, Triple]:

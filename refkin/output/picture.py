@@ -62,8 +62,8 @@ class Picture:
         try:
             from refkin.output import raster
         except ImportError as error:
-            told = f"{file}: matplotlib is needed for it: pip install 'refkin[figures]' ({error})"
-            raise MissingPackage(told) from error
+            message = f"{file}: matplotlib is needed for it: pip install 'refkin[figures]' ({error})"
+            raise MissingPackage(message) from error
         if self.k is None:
             raster.save_animation(self.drawing, file, self.seconds)
         else:

@@ -76,10 +76,10 @@ def _meant(fault: Fault, word: str, known: Sequence[str]) -> Fault:
 
 def _where(path: str, data: Any, lines: dict[tuple[str, int], dict[str, int]]) -> str:
     """Return "joint 'A', line 12" for a path into it; as much of it as is known."""
-    found = re.match(r"(\w+)\[(\d+)\]\.?(\w*)", path)
-    if not found or found[1] not in GROUPS:
+    match = re.match(r"(\w+)\[(\d+)\]\.?(\w*)", path)
+    if not match or match[1] not in GROUPS:
         return ""
-    group, place, key = found[1], int(found[2]), found[3]
+    group, place, key = match[1], int(match[2]), match[3]
     try:
         name = data[group][place].get("name")
     except (AttributeError, IndexError, KeyError, TypeError):
@@ -94,17 +94,17 @@ def _lines(text: str, data: Any) -> dict[tuple[str, int], dict[str, int]]:
 
     Nothing of a group of which the text shows another number of headers than there are tables: some are written inline.
     """
-    found: dict[tuple[str, int], dict[str, int]] = {}
+    lines: dict[tuple[str, int], dict[str, int]] = {}
     counts = dict.fromkeys(GROUPS, 0)
     own: dict[str, int] = {}
     for number, line in enumerate(text.splitlines(), 1):
         header = re.match(r"\s*\[\[\s*(\w+)\s*\]\]", line)
         if header and header[1] in counts:
-            own = found[header[1], counts[header[1]]] = {"": number}
+            own = lines[header[1], counts[header[1]]] = {"": number}
             counts[header[1]] += 1
         elif re.match(r"\s*\[", line) and "=" not in line and not line.strip().endswith(","):
             own = {}
         elif key := re.match(r"\s*(\w+)\s*=", line):
             own.setdefault(key[1], number)
     whole = {group for group in GROUPS if isinstance(data, dict) and counts[group] == len(data.get(group, ()))}
-    return {place: keys for place, keys in found.items() if place[0] in whole}
+    return {place: keys for place, keys in lines.items() if place[0] in whole}

@@ -50,11 +50,11 @@ def load(path: str | Path) -> Scene:
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     """Return a JSON object; a key that stands twice in it is an error, as it is in TOML."""
-    found = dict(pairs)
-    if len(found) < len(pairs):
+    table = dict(pairs)
+    if len(table) < len(pairs):
         keys = [key for key, _ in pairs]
         raise ValueError(f"the key {next(k for k in keys if keys.count(k) > 1)!r} twice in one object")
-    return found
+    return table
 
 
 def parse(data: Any, source: str = "scene", text: str = "") -> Scene:
@@ -64,13 +64,13 @@ def parse(data: Any, source: str = "scene", text: str = "") -> Scene:
     """
     from refkin.scenes import keys  # here: pydantic is loaded when a file is read
 
-    found: list[Fault] = []
-    data = _readable(data, "", found)
-    paths = {fault.path for fault in found}
-    file, faults = keys.read(data)
-    found += faults
-    if found or file is None:
-        kept = [f for k, f in enumerate(found) if k < len(paths) or f.path not in paths]
+    every: list[Fault] = []
+    data = _readable(data, "", every)
+    paths = {fault.path for fault in every}
+    file, of_keys = keys.read(data)
+    every += of_keys
+    if every or file is None:
+        kept = [f for k, f in enumerate(every) if k < len(paths) or f.path not in paths]
         raise InvalidScene(explained(kept, data, text), source)
     return Scene(
         mechanism=Mechanism(file.body, file.joint, file.driver),
@@ -83,20 +83,20 @@ def parse(data: Any, source: str = "scene", text: str = "") -> Scene:
     )
 
 
-def _readable(data: Any, path: str, found: list[Fault], depth: int = 0) -> Any:
+def _readable(data: Any, path: str, faults: list[Fault], depth: int = 0) -> Any:
     """Return data with only what JSON can say, and note what a scene file cannot hold: dates, and endless nesting.
 
     An integer beyond every float becomes infinite, and is found like any other number that is not finite.
     """
     if depth > DEEPEST:
-        found.append(Fault(path, None, f"at most {DEEPEST} levels of tables and lists"))
+        faults.append(Fault(path, None, f"at most {DEEPEST} levels of tables and lists"))
         return None
     if isinstance(data, dict):
-        return {k: _readable(v, f"{path}.{k}" if path else k, found, depth + 1) for k, v in data.items()}
+        return {k: _readable(v, f"{path}.{k}" if path else k, faults, depth + 1) for k, v in data.items()}
     if isinstance(data, list):
-        return [_readable(v, f"{path}[{k}]", found, depth + 1) for k, v in enumerate(data)]
+        return [_readable(v, f"{path}[{k}]", faults, depth + 1) for k, v in enumerate(data)]
     if isinstance(data, (date, time)):
-        found.append(Fault(path, str(data), "no date or time"))
+        faults.append(Fault(path, str(data), "no date or time"))
         return str(data)
     if isinstance(data, int) and abs(data) > sys.float_info.max:
         return math.copysign(math.inf, data > 0 or -1)

@@ -157,9 +157,9 @@ def _meaning(file: SceneFile) -> list[Fault]:
     wanted = {"points": file.point, "bodies_wanted": file.bodies_wanted}
     scene = scene_faults(SimpleNamespace(mechanism=mechanism, times=times, **wanted))
     loose = list(unconnected(file.body, (*file.joint, *file.driver)))
-    found = [*grid, *mechanism_faults(mechanism), *loose, *scene]
+    faults = [*grid, *mechanism_faults(mechanism), *loose, *scene]
     follows = {"times": grid, "driver": loose}  # what is said of these comes of what is wrong already
-    return [f for f in found if not follows.get(f.path)]
+    return [f for f in faults if not follows.get(f.path)]
 
 
 def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
@@ -178,7 +178,7 @@ def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
     except ValidationError:
         return []
     unread = {str(data[g][k].get("name")) for g, k in (b for b in bad if len(b) == 2) if isinstance(data[g][k], dict)}
-    found = []
+    faults = []
     for fault in _meaning(file):
         group, _, rest = fault.path.partition("[")
         if group in kept and rest:
@@ -186,8 +186,8 @@ def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
             fault = Fault(f"{group}[{kept[group][int(place)]}]{tail}", fault.value, fault.expected)
         names_unread = isinstance(fault.value, str) and fault.value in unread
         if (rest or group.startswith("times")) and not names_unread:
-            found.append(fault)
-    return found
+            faults.append(fault)
+    return faults
 
 
 def _fault(error: Any) -> Fault:

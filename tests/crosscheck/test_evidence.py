@@ -16,7 +16,7 @@ from crosscheck.measure.check import check as check_scene
 from refkin.joints import GROUND, AngleDriver, Gear, Prismatic, RackAndPinion, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
-from refkin.proof.pose.krawczyk import refine
+from refkin.proof.pose.krawczyk import krawczyk
 from refkin.scenes.linkages import FourBar, SliderCrank
 from refkin.system import compile_system
 from tests.claims import U, assert_near
@@ -56,7 +56,7 @@ def test_certified_radii_hold_the_truth():
         system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
         radius = ref.motion.certified_radius
         for k, t in enumerate(scene.times):
-            truth = refine(system, ref.levels[0][:, k], t)
+            truth = krawczyk(system, ref.levels[0][:, k], t, bits=200)
             assert truth is not None, f"{scene.name}: no enclosure at {t}"
             if truth is None:
                 continue

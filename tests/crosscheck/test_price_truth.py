@@ -16,7 +16,7 @@ from crosscheck.measure.price import price_list
 from crosscheck.scenes.priced import AWAY, REGULAR, classes
 from refkin.motion_laws import Polynomial
 from refkin.proof.numbers.inputs import half_ulp
-from refkin.proof.pose.krawczyk import refine
+from refkin.proof.pose.krawczyk import krawczyk
 from refkin.scenes.linkages import FourBar
 
 LENGTHS = {"ground": 4.1, "crank": 1.3, "coupler": 3.7, "rocker": 3.1}
@@ -30,7 +30,7 @@ def linkage_scene(lengths):
 
 def enclosed(system, q):
     """Return position, velocity and acceleration at t = 0, right to far more digits than binary64 has."""
-    root = refine(system, q, 0.0, bits=113)
+    root = krawczyk(system, q, 0.0, bits=113)
     qd = root.velocity()
     return [list(level) for level in (root.q, qd, root.acceleration(qd))]
 

@@ -17,7 +17,7 @@ from refkin.proof.numbers.bounded import Bounded, Extended, U
 from refkin.proof.numbers.inputs import HALF_ULP, input_effect
 from refkin.proof.numbers.preconditioned import Nearly
 from refkin.proof.pose.certificate import Certificate, certify
-from refkin.proof.pose.krawczyk import Enclosure, Verdict, judge, krawczyk, refine
+from refkin.proof.pose.krawczyk import Enclosure, Verdict, judge, krawczyk
 from refkin.system import System, compile_system
 
 from .assembled import Draw, four_bar, perturbed, poses
@@ -42,7 +42,7 @@ class Case:
 
 def case(system: System, q: Any, t: Any, answer: Any) -> Case:
     qd = velocity(system, answer, t)
-    truth = [refine(system, q[:, k], t[k], bits=113) for k in range(len(t))]
+    truth = [krawczyk(system, q[:, k], t[k], bits=113) for k in range(len(t))]
     qd_true = [e.velocity() for e in truth]
     qdd_true = [e.acceleration(v) for e, v in zip(truth, qd_true, strict=True)]
     return Case(system, t, answer, (qd, acceleration(system, answer, qd, t)), truth, (qd_true, qdd_true))
@@ -158,7 +158,7 @@ def test_an_answer_moved_by_two_radii_is_judged_outside() -> None:
 
 def test_balls_wider_than_what_is_allowed_are_undecidable() -> None:
     system, q, t = poses(1, seed=4)[0]
-    truth = refine(system, q[:, 0], t[0], bits=53)
+    truth = krawczyk(system, q[:, 0], t[0], bits=53)
     assert truth is not None
     assert judge(truth.q, truth.nearest(), 1e-18).verdict is Verdict.UNDECIDABLE
 
@@ -180,7 +180,7 @@ def test_what_a_law_loses_in_float64_is_in_the_bound() -> None:
     system, start = d.system()
     t = 12345.678
     start[2] = law(t)
-    truth = refine(system, start, t)
+    truth = krawczyk(system, start, t, bits=200)
     assert truth is not None
     answer = np.array([*truth.nearest()[:2], start[2]])
     lost = float(truth.distance(answer)[2])
@@ -200,7 +200,7 @@ def test_half_an_ulp_of_the_geometry_moves_the_pose_by_its_effect_on_phi_at_most
     rng, metre = np.random.default_rng(seed), Unit()
     system, q = perturbed(four_bar(np.random.default_rng([9, seed])), lambda x: x, metre)
     neighbour = perturbed(four_bar(np.random.default_rng([9, seed])), lambda x: beside(x, rng), metre)[0]
-    one, two = refine(system, q, 0.0), refine(neighbour, q, 0.0)
+    one, two = krawczyk(system, q, 0.0, bits=200), krawczyk(neighbour, q, 0.0, bits=200)
     assert one is not None
     assert two is not None
     moved = np.abs([float(a - b) for a, b in zip(one.q, two.q, strict=True)])

@@ -7,15 +7,17 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flint import arb, arb_mat, ctx
 
 from refkin.analysis import acceleration, velocity
 from refkin.joints import GROUND, AngleDriver, Gear, Prismatic, Revolute, XDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
+from refkin.proof.numbers.exact import exact_system
 from refkin.proof.numbers.inputs import half_ulp
 from refkin.proof.pose.certificate import Certificate, certify
 from refkin.proof.pose.isolate import isolate
-from refkin.proof.pose.krawczyk import refine
+from refkin.proof.pose.krawczyk import column, objects
 from refkin.system import System, compile_system
 
 from .assembled import Draw
@@ -86,9 +88,13 @@ def test_balls_take_over_where_float64_proves_nothing() -> None:
         d.revolute(i, j)
     d.drivers.append(AngleDriver(name="motor", body="crank", law=Polynomial(coefficients=(d.pose["crank"][1],))))
     system, start = d.system()
-    truth = refine(system, start, 0.0)
-    assert truth is not None
-    q = truth.nearest()[:, None]
+    with ctx.workprec(200):
+        exact, root = exact_system(system, 200), objects([arb(x) for x in start.tolist()])
+        for _ in range(8):
+            slope = arb_mat(exact.phi_q(root, arb(0)).tolist())
+            correction = slope.solve(column(exact.phi(root, arb(0)))).entries()
+            root = objects([(x - dx).mid() for x, dx in zip(root, correction, strict=True)])
+    q = np.array([[float(x)] for x in root])
     assert not certify(system, q, [0.0]).ok[0]
     isolation = isolate(system, q, [0.0])
     assert (isolation.ok[0], isolation.bits[0]) == (True, 113)

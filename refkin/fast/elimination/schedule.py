@@ -122,16 +122,16 @@ class _Scheduler:
     def _needed_core(self) -> set[int]:
         """Return the core coordinates that the wanted ones depend on, whole blocks."""
         levels = [level[c] for level, wanted in zip(self.levels, self.wanted, strict=True) for c in wanted]
-        found: set[int] = set()
+        core: set[int] = set()
         waiting = {s.value.place[0] for s in needed(levels) if s.op == "input" and s.value.kind == "q"}
         correction = dict(zip(self.solved.core, self.solved.corrections, strict=True))
         while waiting:
             block = next(set(b) for b in self.solved.blocks if not waiting.isdisjoint(b))
-            found |= block
+            core |= block
             reads = needed(correction[c] for c in block)
             waiting |= {s.value.place[0] for s in reads if s.op == "input" and s.value.kind == "q"}
-            waiting -= found
-        return found
+            waiting -= core
+        return core
 
     def _segments(
         self, stages: Mapping[Symbol, str], newton: dict[Symbol, list[int]], answer: dict[Symbol, list[int]]

@@ -93,19 +93,19 @@ class _Reader:
 
     def links(self) -> Iterator[tuple[str, Vec3, Any, str, Ball]]:
         """Yield links from a point that stands: name, that point, the other end's point and body, the length."""
-        found = []
+        links = []
         for c in self.mechanism.constraints:
             for e in exact(tuple(c.elements())):
                 if isinstance(e, SpatialPointDistance):
                     length = e.laws[0](self.t, 0) if e.laws else e.length
-                    found.append((c.name, e.ends, length / self.scale.size))
+                    links.append((c.name, e.ends, length / self.scale.size))
         for body, _, _ in idle_spins(self.mechanism.bodies, self.mechanism.constraints):
             held = [e for c in self.mechanism.joints for e in exact(tuple(c.elements())) if body.name in e.bodies]
             if len(held) == 2 and all(isinstance(e, PointsMeet) for e in held):
                 own = [self._vector(dict(e.ends)[body.name]) for e in held]
                 ends = tuple(next(end for end in e.ends if end[0] != body.name) for e in held)
-                found.append((body.name, ends, _length(own[0] - own[1])))
-        for name, ends, length in found:
+                links.append((body.name, ends, _length(own[0] - own[1])))
+        for name, ends, length in links:
             for (a, u), (b, v) in (ends, ends[::-1]):
                 if a in self.places:
                     yield name, self.places[a](u), v, b, length

@@ -28,7 +28,7 @@ FLAT = 1e-10
 
 @dataclass(frozen=True)
 class LeastSquares:
-    """Where the method ended.
+    """Where the method ended; singular at a minimum of |phi| which is no root.
 
     Attributes
     ----------
@@ -36,15 +36,12 @@ class LeastSquares:
         The iterate with the smallest |phi|.
     residual : float
         Largest component of phi there.
-    stalled : bool
-        Whether that is a minimum of |phi| which is no root.
     """
 
     status: NewtonStatus
     q: Any
     residual: float
     iterations: int
-    stalled: bool
 
     @property
     def converged(self) -> bool:
@@ -70,30 +67,30 @@ def levenberg_marquardt(
     with np.errstate(all="ignore"):  # what leaves the numbers' range is no success
         residual = np.asarray(phi(q), float) if np.isfinite(q).all() else np.full(1, np.nan)
         if not np.isfinite(residual).all():
-            return LeastSquares(NewtonStatus.NOT_FINITE, q, np.nan, 0, False)
+            return LeastSquares(NewtonStatus.NOT_FINITE, q, np.nan, 0)
         diagonal, mu, slope = np.zeros(q.size), 1e-3, None
         for k in range(max_iterations):
             if is_round_off(residual, q):
-                return LeastSquares(NewtonStatus.CONVERGED, q, _largest(residual), k, False)
+                return LeastSquares(NewtonStatus.CONVERGED, q, _largest(residual), k)
             if slope is None:
                 slope = np.asarray(phi_q(q), float)
                 if not np.isfinite(slope).all():
-                    return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual), k, False)
+                    return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual), k)
                 diagonal = np.maximum(diagonal, np.linalg.norm(slope, axis=0))
                 gradient = slope.T @ residual
             correction = _correction(slope, residual, np.sqrt(mu) * np.where(diagonal > 0, diagonal, 1.0))
             if correction is None:
-                return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual), k, False)
+                return LeastSquares(NewtonStatus.NOT_FINITE, q, _largest(residual), k)
             too_small = np.max(np.abs(correction)) <= EPS * max(1.0, np.max(np.abs(q)))
             if too_small or _is_flat(gradient, diagonal, residual):
-                return LeastSquares(NewtonStatus.SINGULAR, q, _largest(residual), k, True)
+                return LeastSquares(NewtonStatus.SINGULAR, q, _largest(residual), k)
             tried = np.asarray(phi(q + correction), float) if np.isfinite(q + correction).all() else residual * np.inf
             if np.linalg.norm(tried) < np.linalg.norm(residual):
                 q, residual, slope, mu = q + correction, tried, None, mu * LOWER
             else:
                 mu *= RAISE
     status = NewtonStatus.CONVERGED if is_round_off(residual, q) else NewtonStatus.ITERATION_LIMIT
-    return LeastSquares(status, q, _largest(residual), max_iterations, False)
+    return LeastSquares(status, q, _largest(residual), max_iterations)
 
 
 def polished(fit: LeastSquares, by_newton: NewtonResult) -> Any:

@@ -272,8 +272,8 @@ def bounded_system(system: System, number: type[Bounded] = Bounded, error: Input
     Its gauge is that of the system.
     """
     kind: Any = number
-    found = _bounded_system(system, kind, error)
-    return replace(found, gauge=system.gauge) if system.gauge or found.gauge else found
+    bounded = _bounded_system(system, kind, error)
+    return replace(bounded, gauge=system.gauge) if system.gauge or bounded.gauge else bounded
 
 
 @lru_cache(maxsize=64)

@@ -25,8 +25,8 @@ from refkin.system import System
 
 def exact_system(system: System, bits: int) -> System:
     """Return the system with the numbers of its mechanism as `arb`, computed with `bits` bits; its gauge as it is."""
-    found = _exact_system(system, bits)
-    return replace(found, gauge=system.gauge) if system.gauge or found.gauge else found
+    exact = _exact_system(system, bits)
+    return replace(exact, gauge=system.gauge) if system.gauge or exact.gauge else exact
 
 
 @lru_cache(maxsize=64)

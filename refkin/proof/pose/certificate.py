@@ -58,8 +58,6 @@ class Certificate:
         No other solution has all its coordinates closer to q than this.
     beta : (B,) array
         Bound of the row-sum norm of the inverse of phi_q.
-    lipschitz : (B,) array
-        Lipschitz constant K of phi_q in the row-sum norm, on the ball of radius min(1, 8/beta).
     h : (B,) array
         Kantorovich's h in the weighted norm, at most 1/2.
     velocity, acceleration : (n, B) array or None
@@ -74,7 +72,6 @@ class Certificate:
     radii: Any
     unique: Any
     beta: Any
-    lipschitz: Any
     h: Any
     velocity: Any
     acceleration: Any
@@ -117,9 +114,9 @@ def _certify(system: System, rows: Any, q: Any, t: Any, qd: Any, qdd: Any) -> Ce
     ball = _Ball(pose, phi)
     radii = np.where(ball.ok, ball.radii, np.nan)
     velocity, acceleration = _rates(ball, qd, qdd)
-    unique, beta, lipschitz = _uniqueness(pose, radii)
+    unique, beta = _uniqueness(pose, radii)
     h = np.where(ball.ok, ball.h, np.nan)
-    return Certificate(ball.ok, radii, unique, beta, lipschitz, h, velocity, acceleration, rows, ball.root)
+    return Certificate(ball.ok, radii, unique, beta, h, velocity, acceleration, rows, ball.root)
 
 
 class _Ball:
@@ -174,8 +171,8 @@ def _residual(slope: Any, rate: Any, right: Any) -> Any:
     return out
 
 
-def _uniqueness(pose: Preconditioned, radii: Any) -> tuple[Any, Any, Any]:
-    """Return uniqueness radius, beta and K, (B,) each, in the plain largest-component norm.
+def _uniqueness(pose: Preconditioned, radii: Any) -> tuple[Any, Any]:
+    """Return uniqueness radius and beta, (B,) each, in the plain largest-component norm.
 
     With the root x at most p from q, any other root y at most u: |x - y| <= (Z0 + Z2 (p + u)/2) |x - y|, the mean of
     |. - q| on the segment being at most (p + u)/2. So u >= 2 (1 - Z0)/Z2 - p, as far as Z2 holds.
@@ -184,15 +181,13 @@ def _uniqueness(pose: Preconditioned, radii: Any) -> tuple[Any, Any, Any]:
     norm = np.max(product(pose.size, ones), axis=0) * UP
     rest = 1 - np.max(pose.defect_on(ones), axis=0)
     reach = np.minimum(1.0, REACH / norm)
-    spread = pose.slope_over(reach * ones).spread
-    z2 = np.max(pose.spread_on(spread, ones), axis=0) / reach
+    z2 = np.max(pose.spread_on(pose.slope_over(reach * ones).spread, ones), axis=0) / reach
     position = np.max(radii, axis=0)
     free = np.minimum(reach, 2 * rest / (UP * z2) - UP * position) * (2 - UP)
     # The smallest side of the box that holds one root is proved in any case.
     unique = np.fmax(np.where(position <= reach, free, np.nan), np.min(radii, axis=0))
     beta = np.where((rest > 0) & ~np.isnan(position), UP * norm / rest, np.nan)
-    lipschitz = UP * np.max(product(spread, ones), axis=0) / reach
-    return np.where(np.isnan(position), np.nan, unique), beta, np.where(np.isnan(position), np.nan, lipschitz)
+    return np.where(np.isnan(position), np.nan, unique), beta
 
 
 def _joined(parts: list[Certificate]) -> Certificate:

@@ -160,16 +160,6 @@ def krawczyk(
         return Enclosure(system, t, bits, box[0], (box[1] - distance) * (1 - 2.0**-50), equations.rows)
 
 
-def refine(system: System, q: Any, t: float, bits: int = 200) -> Enclosure | None:
-    """Return the root that Newton finds from q, enclosed and proved; whether another root is nearer to q stays open."""
-    system = system.gauged(q)
-    with ctx.workprec(bits):
-        equations = _Equations(system, t, independent_rows(system, *_one_sample(q, t)), bits)
-        middle = equations.newton(q)
-        found = None if middle is None else equations.enclosed(middle, np.zeros(len(q)))
-        return None if found is None else Enclosure(system, t, bits, found[0], np.full(len(q), np.nan), equations.rows)
-
-
 class _Equations:
     """n rows of a system's equations at one time, in the precision in force."""
 

@@ -71,9 +71,9 @@ class Linkage:
     """The pairs (driven, relative_to) that can be the input."""
 
     def __post_init__(self) -> None:
-        found = list(self._faults())
-        if found:
-            raise InvalidScene(found, type(self).__name__)
+        faults = list(self._faults())
+        if faults:
+            raise InvalidScene(faults, type(self).__name__)
         for key in (*self.LENGTHS, "offset", "angle"):
             if hasattr(self, key):
                 object.__setattr__(self, key, float(getattr(self, key)))
@@ -300,29 +300,29 @@ def member(kind: type[Member], value: str, key: str) -> Member:
 
 def uniform_law(speed: float, turns: float, samples: int, start: float) -> tuple[Law, Sequence[float]]:
     """Return the law of a constant speed, and times; raise InvalidScene for numbers that make none."""
-    found = []
+    faults = []
     if not (_is_finite(speed) and speed):
-        found.append(Fault("speed", speed, "a finite number that is not 0 [rad/s]"))
+        faults.append(Fault("speed", speed, "a finite number that is not 0 [rad/s]"))
     if not (_is_finite(turns) and turns > 0):
-        found.append(Fault("turns", turns, "a number above 0"))
+        faults.append(Fault("turns", turns, "a number above 0"))
     if not (isinstance(samples, int) and samples > 1):
-        found.append(Fault("samples", samples, "a whole number above 1"))
+        faults.append(Fault("samples", samples, "a whole number above 1"))
     if not _is_finite(start):
-        found.append(Fault("start", start, "a finite angle [rad]"))
-    if found:
-        raise InvalidScene(found, "linkage")
+        faults.append(Fault("start", start, "a finite angle [rad]"))
+    if faults:
+        raise InvalidScene(faults, "linkage")
     stop = math.tau * turns / abs(speed)
     return Polynomial(coefficients=(float(start), float(speed))), np.linspace(0.0, stop, samples).tolist()
 
 
 def given_law(law: Law, times: Sequence[float] | None) -> Sequence[float]:
     """Return the times of a law; raise InvalidScene if there are none, or if the law is not one."""
-    found = list(law.faults("law"))
+    faults = list(law.faults("law"))
     given = [] if times is None else [float(t) for t in times]
     if not given:
-        found.append(Fault("times", times, "times [s], as a law is given"))
-    if found:
-        raise InvalidScene(found, "linkage")
+        faults.append(Fault("times", times, "times [s], as a law is given"))
+    if faults:
+        raise InvalidScene(faults, "linkage")
     return given
 
 

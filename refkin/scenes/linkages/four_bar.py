@@ -101,9 +101,9 @@ class FourBar(Linkage):
     def _pose(self, value: float, sign: int, driven: str, relative_to: str) -> Pose:
         free = _free(driven, relative_to)
         a, b = (getattr(self, link) for link in free)
-        found = two_links(self._gap(value, driven, relative_to), a, b, sign)
+        directions = two_links(self._gap(value, driven, relative_to), a, b, sign)
         phi = {relative_to: 0.0, driven: value - self._zero(relative_to)}
-        for link, direction in zip(free, found, strict=True):
+        for link, direction in zip(free, directions, strict=True):
             phi[link] = direction + (math.pi if SENSE[link] < 0 else 0.0)
         phi = {link: angle - phi["ground"] for link, angle in phi.items()}
         crank, coupler, rocker = (cmath.rect(getattr(self, link), phi[link]) for link in ("crank", "coupler", "rocker"))
