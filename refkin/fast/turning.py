@@ -13,9 +13,9 @@ from typing import Any
 import numpy as np
 
 from refkin.fast.given import rows_in
-from refkin.joints import Constraint, PointDistance
+from refkin.joints import Constraint
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid
-from refkin.proof.numbers.extrema import derivative, extrema, extrema_of, zeros
+from refkin.proof.numbers.extrema import derivative, drives_a_distance, extrema, extrema_of, zeros
 
 
 def common_extrema(constraints: tuple[Constraint, ...], a: float, b: float) -> list[float]:
@@ -49,9 +49,7 @@ def may_turn(constraints: tuple[Constraint, ...], a: float, b: float, samples: i
         for law in constraint.laws:
             if _common(law, a, b) is None:
                 turning |= _turns(law, a, b)
-            if any(
-                isinstance(element, PointDistance) and element.laws for element in constraint.elements()
-            ):  # its row depends on f^2
+            if drives_a_distance(constraint):
                 turning |= ~_keeps_its_sign(law, a, b)
     return turning
 

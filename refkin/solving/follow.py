@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from refkin.errors import UnknownName
-from refkin.joints import AngleDriver, Driver, Kind, elements_of
+from refkin.joints import Driver, Kind, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Array, BodyMotion, kind_of
 from refkin.motion_laws import Polynomial
@@ -333,9 +333,8 @@ def _with_unit(driver: Driver) -> str:
 def _is_driven_angle(mechanism: Mechanism) -> bool:
     """Whether t is the angle of a driver, and all other drivers are at rest."""
     moving = [d for d in mechanism.drivers if not (isinstance(d.law, Polynomial) and not any(d.law.coefficients[1:]))]
-    return (
-        len(moving) == 1 and isinstance(moving[0], AngleDriver) and moving[0].law == _ITSELF and not moving[0].rate_law
-    )
+    keys = [element.key for element in elements_of(moving)]
+    return keys == ["angle by a law"] and moving[0].laws == (_ITSELF,)
 
 
 def _evidence(system: System, q: Any, t: Any) -> tuple[Any, Any]:

@@ -20,7 +20,6 @@ from typing import Any, Protocol
 import numpy as np
 
 from refkin.analysis import position, sigma_min
-from refkin.joints import AngleDriver, Gear
 from refkin.motion_laws import Law, Polynomial
 from refkin.newton import is_round_off, newton
 from refkin.proof.numbers.extrema import extrema, sign_changes
@@ -29,6 +28,8 @@ from refkin.system import System, compile_system
 
 OFTEN = 8
 """How often a law turns back, between two times, for its range to be gone through instead."""
+COUNTING = ({"angle by a law"}, {"rolling wheels"})
+"""The elements of those constraints whose rows count the turns of an angle: an angle driver's, a gear's."""
 CLEAR = 1e-6
 """Smallest sigma_min at the ends of the range: rounding of the law decides nothing there."""
 SAME = 1e-9
@@ -235,7 +236,8 @@ def _felt(system: System, pattern: Any, owner: dict[int, Any], loops: set[int]) 
         column = waiting.pop()
         for row in owner[column]:
             constraint = constraints[row]
-            if column not in loops and isinstance(constraint, AngleDriver | Gear) and len(owner[column]) == 1:
+            counts = {element.key for element in constraint.elements()} in COUNTING
+            if column not in loops and counts and len(owner[column]) == 1:
                 gates.add(column)
                 continue
             if constraint.laws:

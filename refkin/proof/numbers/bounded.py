@@ -176,6 +176,14 @@ def read(numbers: Any, batch: int) -> Bounds:
     return Bounds(mid, rounding * UP, spread * UP)
 
 
+def off_by(slope: Any, rates: Any, right: Any) -> Any:
+    """Return slope rates - right (n,), number by number, of rates as `box` returns them."""
+    out = np.empty(len(slope), object)
+    for k, (row, side) in enumerate(zip(slope, right, strict=True)):
+        out[k] = sum((x * a for a, x in zip(row, rates, strict=True) if not (isinstance(a, int) and a == 0)), -side)
+    return out
+
+
 class Times:
     """Times (B,) for a `bounded_system`, with the laws' values there, each computed exactly and once."""
 

@@ -32,9 +32,14 @@ def extrema_of(constraints: Iterable[Constraint], a: float, b: float) -> list[fl
     for constraint in constraints:
         for law in constraint.laws:
             times.update(extrema(law, a, b))
-            if any(isinstance(element, PointDistance) and element.laws for element in constraint.elements()):
+            if drives_a_distance(constraint):
                 times.update(zeros(law, a, b))
     return sorted(times)
+
+
+def drives_a_distance(constraint: Constraint) -> bool:
+    """Return whether its row depends on the square of its law."""
+    return any(isinstance(element, PointDistance) and element.laws for element in constraint.elements())
 
 
 def extrema(law: Law, a: float, b: float) -> list[float]:

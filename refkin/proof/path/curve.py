@@ -27,14 +27,11 @@ from typing import Any
 import numpy as np
 from flint import arb, ctx
 
-from refkin.differences import EPS
+from refkin.differences import EPS, jacobian
 from refkin.newton import NewtonResult, contracts, newton
 from refkin.proof.numbers.exact import exact_system
 from refkin.proof.numbers.preconditioned import leading_rows
 from refkin.system import System
-
-STEP = 1e-100
-"""Step of complex-step derivatives: there is no difference, so no cancellation."""
 
 
 @dataclass(frozen=True)
@@ -70,13 +67,9 @@ class Curve:
         return np.column_stack([self.system.phi_q(q, t), -self.system.nu(q, t)]) * self.scale
 
     def bend(self, x: Any, psi: Any, rows: Any) -> Any:
-        """Return the second derivatives of psi . phi, (n + 1, n + 1), psi being weights of n rows; by complex steps."""
-        out = np.empty((len(x), len(x)))
-        for k in range(len(x)):
-            moved = x.astype(complex)
-            moved[k] += STEP * 1j
-            out[k] = psi @ np.imag(self.slope(moved)[rows]) / STEP
-        return (out + out.T) / 2
+        """Return the second derivatives of psi . phi, (n + 1, n + 1), psi being weights of n rows."""
+        bent = jacobian(lambda at: psi @ self.slope(at)[rows], x)
+        return (bent + bent.T) / 2
 
     def tangent(self, x: Any, along: Any = None) -> Any:
         """Return the unit tangent, of its two directions that which goes along a vector (by default with t)."""

@@ -24,7 +24,7 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from refkin.joints import Unit
-from refkin.proof.numbers.bounded import LAW_BITS, TINY, UP, Bounded, Times, U, box
+from refkin.proof.numbers.bounded import LAW_BITS, TINY, UP, Bounded, Times, U, box, off_by
 from refkin.proof.numbers.exact import continued, exact_system
 from refkin.proof.numbers.preconditioned import Preconditioned, independent_rows
 from refkin.proof.pose.krawczyk import Enclosure, column, krawczyk, objects
@@ -50,23 +50,13 @@ class Tubes:
             swept = UP * np.abs(v) * half
             line, spans = box(q, swept), _Spans(t, half)
             along = _over_times(pose.system)
-            rate = _times(pose.system.phi_q(line, pose.times), v) - along.nu(line, spans)
+            rate = off_by(pose.system.phi_q(line, pose.times), box(v), along.nu(line, spans))
             moving = pose.carried(pose.rows_of(rate))
             eta = UP * (np.abs(at_middle[0]) + at_middle[1] + half * (np.abs(moving[0]) + moving[1]))
             self.w = w = eta + off + np.maximum(FLOOR * np.max(eta, axis=0), 64 * U)
             spread = pose.slope_over(UP * (swept + 2 * w)).spread
             defect = pose.defect_on(2 * w) + pose.spread_on(spread, 2 * w)
             self.proved = np.all(UP * (eta + defect) <= 2 * w, axis=0)
-
-
-def _times(slope: Any, v: Any) -> Any:
-    """Return slope v, number by number."""
-    rates = box(v)
-    out = np.empty(len(slope), object)
-    for k, row in enumerate(slope):
-        terms = (x * a for a, x in zip(row, rates, strict=True) if not (isinstance(a, int) and a == 0))
-        out[k] = sum(terms, Bounded(0.0))
-    return out
 
 
 class _Spans(Times):

@@ -32,7 +32,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.proof.numbers.bounded import UP, Bounds, Extended, U, box
+from refkin.proof.numbers.bounded import UP, Bounds, Extended, U, box, off_by
 from refkin.proof.numbers.preconditioned import Nearly, Preconditioned, independent_rows, product
 from refkin.system import System
 
@@ -155,20 +155,11 @@ def _rates(ball: _Ball, qd: Any, qdd: Any) -> tuple[Any, Any]:
         return None, None
     pose, at = ball.pose, ball.root.box()
     slope = pose.sharp.phi_q(at, pose.times)
-    velocity = ball.solved(qd, pose.rows_of(_residual(slope, qd, pose.sharp.nu(at, pose.times))))
+    velocity = ball.solved(qd, pose.rows_of(off_by(slope, box(qd, 0.0, Extended), pose.sharp.nu(at, pose.times))))
     if qdd is None:
         return velocity.error, None
     gamma = pose.sharp.gamma(at, velocity.box(), pose.times)
-    return velocity.error, ball.solved(qdd, pose.rows_of(_residual(slope, qdd, gamma))).error
-
-
-def _residual(slope: Any, rate: Any, right: Any) -> Any:
-    """Return slope rate - right, number by number."""
-    rates = box(rate, 0.0, Extended)
-    out = np.empty(len(slope), object)
-    for k, (row, side) in enumerate(zip(slope, right, strict=True)):
-        out[k] = sum((x * a for a, x in zip(row, rates, strict=True) if not (isinstance(a, int) and a == 0)), -side)
-    return out
+    return velocity.error, ball.solved(qdd, pose.rows_of(off_by(slope, box(qdd, 0.0, Extended), gamma))).error
 
 
 def _uniqueness(pose: Preconditioned, radii: Any) -> tuple[Any, Any]:

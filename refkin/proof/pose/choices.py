@@ -141,12 +141,8 @@ def _bounds(system: System, rows: Any, asked: Any, q: Any, t: Any, qd: Any, qdd:
             bound[proof.ok] = np.max(radii[:, proof.ok], axis=0)
     for sample in np.flatnonzero(asked & ~proof.ok):
         root = krawczyk(system, q[:, sample], float(t[sample]), rows=rows)
-        if root is None or not (distance := np.max(root.distance(q[:, sample]))) <= NEAR:
-            continue
-        bounds[0][sample] = distance
-        if qd is not None:
-            velocity = root.velocity()
-            bounds[1][sample] = np.max(root.distance(qd[:, sample], velocity))
-            if qdd is not None:
-                bounds[2][sample] = np.max(root.distance(qdd[:, sample], root.acceleration(velocity)))
+        levels = [None if x is None else x[:, sample] for x in (q, qd, qdd)]
+        if root is not None and np.max(root.distance(levels[0])) <= NEAR:
+            for bound, distance in zip(bounds, root.distances(*levels), strict=False):
+                bound[sample] = distance
     return bounds

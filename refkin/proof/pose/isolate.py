@@ -100,8 +100,12 @@ def isolate(
         if enclosure is None:
             enclosure = krawczyk(system, q[:, sample], t[sample], bits)
         if enclosure is not None:
-            rates = [None if x is None else np.asarray(x, float)[:, sample] for x in (qd, qdd)]
-            _by_balls(isolation, sample, enclosure, q[:, sample], *rates)
+            _by_balls(
+                isolation,
+                sample,
+                enclosure,
+                *(None if x is None else np.asarray(x, float)[:, sample] for x in (q, qd, qdd)),
+            )
     if qd is not None:
         isolation.contradiction[1:] = rate_contradiction(system, proof.rows, q, t, qdd is not None)
     return isolation
@@ -123,16 +127,14 @@ def _in_moved_frames(frames: Recentred, q: Any, t: float, bits: int) -> Enclosur
 
 
 def _by_balls(bounds: Isolation, sample: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:
-    bounds.position[sample] = position = np.max(enclosure.distance(q))
+    for bound, distance in zip(
+        (bounds.position, bounds.velocity, bounds.acceleration), enclosure.distances(q, qd, qdd), strict=False
+    ):
+        bound[sample] = distance
+    position = bounds.position[sample]
     if not bounds.ok[sample]:
         wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
         bounds.unique[sample] = np.min(enclosure.radii) if wider is None else 2 * position
     bounds.ok[sample], bounds.bits[sample], bounds.enclosures[int(sample)] = True, enclosure.bits, enclosure
-    bounds.contradiction[0, sample] = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])[
-        0
-    ]
-    if qd is not None:
-        velocity = enclosure.velocity()
-        bounds.velocity[sample] = np.max(enclosure.distance(qd, velocity))
-        if qdd is not None:
-            bounds.acceleration[sample] = np.max(enclosure.distance(qdd, enclosure.acceleration(velocity)))
+    off = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])
+    bounds.contradiction[0, sample] = off[0]

@@ -15,6 +15,7 @@ Numerica 19 (2010), section 13.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -68,6 +69,15 @@ class Enclosure:
             away = [parts(x - float(v)) for x, v in zip(self.q, q, strict=True)]
         shift, low, rest = np.array(away).T[..., None]
         return Nearly(np.asarray(q, float)[:, None], shift, np.abs(low) + rest)
+
+    def distances(self, q: Any, qd: Any = None, qdd: Any = None) -> Iterator[float]:
+        """Yield the largest distance of q, and of the rates (n,) that are given, from the true ones."""
+        yield np.max(self.distance(q))
+        if qd is not None:
+            velocity = self.velocity()
+            yield np.max(self.distance(qd, velocity))
+            if qdd is not None:
+                yield np.max(self.distance(qdd, self.acceleration(velocity)))
 
     def velocity(self) -> tuple[Any, ...]:
         """Return balls that enclose the solution of phi_q qd = nu at the root; NaN where phi_q may be singular."""

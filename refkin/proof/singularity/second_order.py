@@ -7,14 +7,13 @@ from typing import Any
 
 import numpy as np
 
+from refkin.differences import jacobian
 from refkin.proof.assembly.search import closes, radical_inverse
 from refkin.proof.path.curve import roots
 from refkin.system import System
 
 ROUNDS = 24
 """How often rows and columns are balanced in turn: a factor 2^24 between neighbours is gone by then."""
-STEP = 1e-100
-"""Step of complex-step derivatives."""
 FAR = 1e-2
 """How far a motion is followed to see whether it goes on, in the largest coordinate."""
 SATISFIED = 1e-6
@@ -58,14 +57,9 @@ class Balanced:
         return (null @ weights) * self.by_row
 
     def bend(self, weights: Any) -> Any:
-        """Return the second derivatives (n, n) of the sum of rows with weights (m,), by complex steps."""
-        n = len(self.q)
-        out = np.empty((n, n))
-        for k in range(n):
-            moved = self.q.astype(complex)
-            moved[k] += STEP * 1j
-            out[k] = weights @ np.imag(self.system.phi_q(moved, self.t)[self.rows]) / STEP
-        return (out + out.T) / 2
+        """Return the second derivatives (n, n) of the sum of rows with weights (m,)."""
+        bent = jacobian(lambda q: weights @ self.system.phi_q(q, self.t)[self.rows], self.q)
+        return (bent + bent.T) / 2
 
     def with_row(self, row: int, column: int) -> Balanced:
         """Return the matrix with a row replaced by one that holds a single coordinate."""
