@@ -7,7 +7,7 @@ rounded, and what laws lose when they are evaluated, comes as errors beside them
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,6 +17,7 @@ from refkin.fast.elimination.prove import LARGEST_GAMMA, ORDERS
 from refkin.fast.elimination.run import Workspace, block_samples
 from refkin.motion_laws import Table
 from refkin.proof.numbers.bounded import TINY, UP, Bounded, Times, U, bounded_system
+from refkin.proof.numbers.exact import by_parts
 from refkin.system import System
 
 
@@ -163,12 +164,6 @@ def _numbers(item: Any) -> Any:
         return item
     if isinstance(item, np.ndarray):
         return _Number.exactly(np.asarray(item))
-    if isinstance(item, bool) or item == 0:
-        return item
-    if isinstance(item, int | float):
-        return _Number.exactly(float(item))
-    if isinstance(item, tuple):
-        return tuple(map(_numbers, item))
-    if is_dataclass(item) and not isinstance(item, type):
-        return replace(item, **{f.name: _numbers(getattr(item, f.name)) for f in fields(item) if f.init})
-    return item
+    if isinstance(item, int | float) and not isinstance(item, bool):
+        return _Number.exactly(float(item)) if item else item
+    return by_parts(item, _numbers)

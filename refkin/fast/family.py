@@ -8,15 +8,16 @@ ever on (n, M).
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Any, cast
 
 import numpy as np
 
 from refkin.errors import Fault, InvalidScene
-from refkin.fast.given import Estimates, Geometry, constraints_of, estimates_of, rows_in
+from refkin.fast.given import Estimates, Geometry, constraints_of, estimates_of, has_rows, rows_in
 from refkin.joints import GROUND, Constraint, Driver, Unit
 from refkin.model import Body, Mechanism, Scene
+from refkin.proof.numbers.exact import by_parts
 from refkin.system import System
 
 
@@ -125,12 +126,7 @@ def sample_of(value: Any, k: int) -> Any:
     """Return the numbers of one sample of a value, or of a dataclass or tuple of values."""
     if isinstance(value, np.ndarray):
         return float(value[k if len(value) > 1 else 0])
-    if isinstance(value, tuple):
-        return tuple(sample_of(part, k) for part in value)
-    if is_dataclass(value) and not isinstance(value, type):
-        own = {f.name: sample_of(getattr(value, f.name), k) for f in fields(value) if f.init}
-        return replace(value, **own) if any(True for _ in rows_in(value)) else value
-    return value
+    return by_parts(value, lambda part: sample_of(part, k)) if has_rows(value) else value
 
 
 def of_samples(system: System, samples: Any) -> System:
@@ -143,11 +139,7 @@ def _cut(value: Any, samples: Any) -> Any:
     """Return a value with some samples of its rows."""
     if isinstance(value, np.ndarray):
         return value[samples] if value.ndim and len(value) > 1 else value
-    if isinstance(value, tuple):
-        return tuple(_cut(part, samples) for part in value)
-    if is_dataclass(value) and not isinstance(value, type) and any(True for _ in rows_in(value)):
-        return replace(value, **{f.name: _cut(getattr(value, f.name), samples) for f in fields(value) if f.init})
-    return value
+    return by_parts(value, lambda part: _cut(part, samples)) if has_rows(value) else value
 
 
 def _plain_row(x: Any, size: int) -> Any:
@@ -177,7 +169,7 @@ def _unit(constraints: tuple[Constraint, ...], size: int) -> Unit:
 
 def _reach(constraint: Constraint, size: int) -> Any:
     """Return the lengths that a constraint itself brings."""
-    if not any(True for _ in rows_in(constraint)):
+    if not has_rows(constraint):
         return constraint.reach()
     try:
         return constraint.reach()

@@ -91,6 +91,11 @@ def rows_in(value: Any) -> Any:
             yield from rows_in(getattr(value, key.name))
 
 
+def has_rows(value: Any) -> bool:
+    """Return whether there is a row in a value."""
+    return any(True for _ in rows_in(value))
+
+
 def _with_rows(constraint: Constraint, given: Mapping[str, Any]) -> Constraint:
     path = f"geometry.{constraint.name}"
     _mapping(path, given, "a mapping: key -> value")

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.fast.given import rows_in
+from refkin.fast.given import has_rows
 from refkin.joints import Constraint
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid
 from refkin.proof.numbers.extrema import derivative, drives_a_distance, extrema, extrema_of, zeros
@@ -22,7 +22,7 @@ def common_extrema(constraints: tuple[Constraint, ...], a: float, b: float) -> l
     """Return the times between a and b at which laws turn back in all mechanisms, in order."""
     times: set[float] = set()
     for constraint in constraints:
-        if constraint.laws and not _has_rows(constraint.laws):
+        if constraint.laws and not has_rows(constraint.laws):
             times.update(extrema_of([constraint], a, b))
         else:
             times.update(t for law in constraint.laws for t in _common(law, a, b) or ())
@@ -31,11 +31,11 @@ def common_extrema(constraints: tuple[Constraint, ...], a: float, b: float) -> l
 
 def _common(law: Law, a: float, b: float) -> list[float] | None:
     """Return the extrema of a law between a and b if they hold no rows, else None."""
-    if isinstance(law, Polynomial) and not _has_rows(law.coefficients[1:]):
+    if isinstance(law, Polynomial) and not has_rows(law.coefficients[1:]):
         return zeros(derivative(law), a, b) if len(law.coefficients) > 1 else []
-    if isinstance(law, Sinusoid) and not _has_rows((law.angular_frequency, law.phase)):
+    if isinstance(law, Sinusoid) and not has_rows((law.angular_frequency, law.phase)):
         return extrema(replace(law, amplitude=1.0, offset=0.0), a, b)
-    if isinstance(law, Integral) and not _has_rows(law.rate):
+    if isinstance(law, Integral) and not has_rows(law.rate):
         return extrema(law, a, b)
     return None
 
@@ -44,7 +44,7 @@ def may_turn(constraints: tuple[Constraint, ...], a: float, b: float, samples: i
     """Return in which of so many mechanisms a law may turn back between a and b at a time of its own, (samples,)."""
     turning = np.zeros(samples, bool)
     for constraint in constraints:
-        if not _has_rows(constraint.laws):
+        if not has_rows(constraint.laws):
             continue
         for law in constraint.laws:
             if _common(law, a, b) is None:
@@ -87,7 +87,3 @@ def _change(law: Polynomial, middle: float, half: float) -> Any:
         factor *= half / order
         change = change + factor * np.abs(law(middle, order))
     return change
-
-
-def _has_rows(value: Any) -> bool:
-    return any(True for _ in rows_in(value))

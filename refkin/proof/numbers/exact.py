@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, fields, is_dataclass, replace
 from fractions import Fraction
 from functools import cached_property, lru_cache
@@ -46,25 +46,22 @@ def exact(item: Any) -> Any:
     """
     if isinstance(item, Table):
         return ExactSpline.through(item.argument, item.value, item.periodic)
-    if isinstance(item, bool) or item == 0:
-        return item
-    if isinstance(item, int | float):
-        return arb(item)
-    if isinstance(item, tuple):
-        return tuple(exact(part) for part in item)
-    if is_dataclass(item) and not isinstance(item, type):
-        return replace(item, **{f.name: exact(getattr(item, f.name)) for f in fields(item)})
-    return item
+    if isinstance(item, int | float) and not isinstance(item, bool):
+        return arb(item) if item else item
+    return by_parts(item, exact)
 
 
 def continued(item: Any) -> Any:
     """Return what `exact` gave with every table in it going on beyond its ends, as its first and last pieces do."""
-    if isinstance(item, ExactSpline):
-        return replace(item, continued=True)
+    return replace(item, continued=True) if isinstance(item, ExactSpline) else by_parts(item, continued)
+
+
+def by_parts(item: Any, change: Callable[[Any], Any]) -> Any:
+    """Return a dataclass or tuple with each of its parts changed; anything else as it is."""
     if isinstance(item, tuple):
-        return tuple(map(continued, item))
+        return tuple(map(change, item))
     if is_dataclass(item) and not isinstance(item, type):
-        return replace(item, **{f.name: continued(getattr(item, f.name)) for f in fields(item)})
+        return replace(item, **{f.name: change(getattr(item, f.name)) for f in fields(item) if f.init})
     return item
 
 

@@ -100,12 +100,8 @@ def isolate(
         if enclosure is None:
             enclosure = krawczyk(system, q[:, sample], t[sample], bits)
         if enclosure is not None:
-            _by_balls(
-                isolation,
-                sample,
-                enclosure,
-                *(None if x is None else np.asarray(x, float)[:, sample] for x in (q, qd, qdd)),
-            )
+            levels = [None if x is None else np.asarray(x, float)[:, sample] for x in (q, qd, qdd)]
+            _by_balls(isolation, sample, enclosure, levels)
     if qd is not None:
         isolation.contradiction[1:] = rate_contradiction(system, proof.rows, q, t, qdd is not None)
     return isolation
@@ -126,12 +122,11 @@ def _in_moved_frames(frames: Recentred, q: Any, t: float, bits: int) -> Enclosur
     return Enclosure(frames.system, t, bits, root, radii, enclosure.rows)
 
 
-def _by_balls(bounds: Isolation, sample: Any, enclosure: Enclosure, q: Any, qd: Any, qdd: Any) -> None:
-    for bound, distance in zip(
-        (bounds.position, bounds.velocity, bounds.acceleration), enclosure.distances(q, qd, qdd), strict=False
-    ):
+def _by_balls(bounds: Isolation, sample: Any, enclosure: Enclosure, levels: list[Any]) -> None:
+    known = (bounds.position, bounds.velocity, bounds.acceleration)
+    for bound, distance in zip(known, enclosure.distances(*levels), strict=False):
         bound[sample] = distance
-    position = bounds.position[sample]
+    q, position = levels[0], bounds.position[sample]
     if not bounds.ok[sample]:
         wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
         bounds.unique[sample] = np.min(enclosure.radii) if wider is None else 2 * position
