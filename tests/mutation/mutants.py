@@ -115,16 +115,17 @@ def _call(test, arguments):
 
 
 @contextmanager
-def limited(seconds):
-    """Raise TooLong in the block after so many seconds; an alarm that was set before goes on."""
+def limited(seconds, cpu=False):
+    """Raise TooLong in the block after so many seconds, of work if asked; an alarm that was set before goes on."""
+    timer, bell = (signal.ITIMER_PROF, signal.SIGPROF) if cpu else (signal.ITIMER_REAL, signal.SIGALRM)
 
     def ring(number, frame):
         raise TooLong(f"no end within {seconds:g} s")
 
-    before = signal.signal(signal.SIGALRM, ring)
-    running, interval = signal.setitimer(signal.ITIMER_REAL, seconds)
+    before = signal.signal(bell, ring)
+    running, interval = signal.setitimer(timer, seconds)
     try:
         yield
     finally:
-        signal.signal(signal.SIGALRM, before)
-        signal.setitimer(signal.ITIMER_REAL, running, interval)
+        signal.setitimer(timer, running, interval)
+        signal.signal(bell, before)

@@ -41,29 +41,25 @@ def places(definition):
 
 
 def change(target, definition, place):
-    """Return the change of a function at a place, and its tree with it; None and None where it would change nothing."""
+    """Return the change of a function at a place, its tree with it, and the statement; None where nothing would change.
+
+    The tree says `__reached__(target)` before the statement.
+    """
     nodes = list(ast.walk(definition))
     statement = statement_of(definition, nodes[place[0]])
     if statement is None:
-        return None, None
+        return None, None, None
     tree = copy.deepcopy(definition)
     there = list(ast.walk(tree))
     other = there[nodes.index(statement)]
     alternatives(there[place[0]])[place[1]](there[place[0]])
     old, new = (ast.unparse(head(each)).partition("\n    pass")[0] for each in (statement, other))
-    return (None, None) if old == new else (Change(target, statement.lineno, old, new, place), tree)
-
-
-def probed(definition, numbers):
-    """Return the function's tree with a call of `__reached__(number)` before the statement of each place."""
-    tree = copy.deepcopy(definition)
-    nodes = list(ast.walk(tree))
-    wanted = [(statement_of(tree, nodes[place[0]]), number) for place, number in numbers]
-    for statement, number in wanted:
-        call = ast.parse(f"__reached__({number})").body[0]
-        block = block_of(tree, statement)
-        block.insert(next(k for k, other in enumerate(block) if other is statement), call)
-    return ast.fix_missing_locations(tree)
+    if old == new:
+        return None, None, None
+    block = block_of(tree, other)
+    probe = ast.parse(f"__reached__({target!r})").body[0]
+    block.insert(next(k for k, each in enumerate(block) if each is other), probe)
+    return Change(target, statement.lineno, old, new, place), tree, statement
 
 
 def alternatives(node):

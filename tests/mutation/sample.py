@@ -1,9 +1,10 @@
 """`make mutation`: a seeded sample of random mutants, each in a process of its own, against the tests that reach it.
 
 Of the public tools mutmut 3 leaves static methods alone, which all formulas of joints are, and cosmic-ray starts the
-whole suite anew for every mutant. Here the suite is collected once. A first run notes which tests reach the statement
-of which mutant, through a probe before it, and how long each takes; then each mutant is put in by `change.switched`,
-as those of `mutants.toml` are, in a forked process that runs those tests, the quickest first, until one is red.
+whole suite anew for every mutant. Here the suite is collected once. `reach` knows which tests reach the statement of a
+mutant, and what each costs; the mutant is put in by `change.switched`, as those of `mutants.toml` are, in a forked
+process that runs those tests, the quickest first, until one is red. A test that was red with a mutant has to be green
+without one in the same way, or its kills do not count.
 
 `survivors.toml` says of each survivor known so far what it is: "equivalent", "costs only time", or "to kill". One that
 is not in it ends the run with exit code 1. A test that runs the code in another program sees no mutant here.
@@ -19,34 +20,30 @@ import os
 import pickle
 import pkgutil
 import random
+import resource
 import select
 import signal
 import sys
 import time
 import tomllib
 import warnings
-from collections import defaultdict
+from collections import Counter, defaultdict
 from contextlib import suppress
-from functools import cache
 from pathlib import Path
 
 import pytest
-from _pytest.runner import runtestprotocol
 
 from tests.mutation.change import DoesNotFit, compiled, resolve, switched
-from tests.mutation.mutants import TooLong, limited
-from tests.mutation.operators import change, places, probed
+from tests.mutation.operators import change, places
+from tests.mutation.reach import Reach, cpu, red
 
 HERE = Path(__file__).parent
-PACKAGES = ("refkin", "crosscheck.judge", "crosscheck.measure.check")
-ELSEWHERE = ("mutation/", "test_house", "test_readme", "browser", "bench", "cluster", "workers", "campaign", "timing")
+PACKAGES = ("refkin", "crosscheck.judge", "crosscheck.measure")
+ELSEWHERE = ("mutation/", "test_house", "test_readme", "browser", "cluster", "workers", "campaign", "timing")
 """Tests that run the code in other programs, where no mutant is, or that measure times."""
+VERDICTS = ("equivalent", "costs only time", "to kill")
 MOST = 25.0
-"""Seconds of work in which a mutant may survive tests; those that take longer are not asked."""
-LONGEST = 4.0
-"""Seconds of work of a test that is asked at all."""
-CHUNK = 24
-"""Tests of one process of the first run."""
+"""Seconds of work in which a mutant may survive tests; those that are left are not asked."""
 
 
 def candidates(packages):
@@ -69,17 +66,24 @@ def functions(tree, before):
             yield from functions(node, f"{before}{node.name}.")
 
 
+def function_of(target, definition):
+    """Return the function of a definition; the last of its name, where several have one, is not that of the others."""
+    function = resolve(target)
+    first = min(node.lineno for node in (definition, *definition.decorator_list))
+    if (function.__qualname__, function.__code__.co_firstlineno) != (target.partition(":")[2], first):
+        raise DoesNotFit(target)
+    return function
+
+
 def fitting(some, count):
-    """Return the first mutants that can be put in: change, function, other function, tree."""
+    """Return the first mutants that can be put in: change, function, other function, tree, statement."""
     rows = []
     for target, definition, place in some:
-        try:
-            what, tree = change(target, definition, place)
-            function = resolve(target)
-            if what and function.__qualname__ == target.partition(":")[2]:
-                rows.append((what, function, compiled(function, tree), definition))
-        except (DoesNotFit, SyntaxError):
-            continue
+        with suppress(DoesNotFit, SyntaxError):
+            function = function_of(target, definition)
+            what, tree, statement = change(target, definition, place)
+            if what:
+                rows.append((what, function, compiled(function, tree), definition, statement))
         if len(rows) == count:
             break
     return rows
@@ -88,9 +92,9 @@ def fitting(some, count):
 class Run:
     """A pytest run that instead of its tests, once each, tries the mutants on them."""
 
-    def __init__(self, given):
+    def __init__(self, given, reach):
         self.workers, self.deadline = given.workers, time.monotonic() + 60.0 * given.minutes
-        self.given, self.mutants, self.outcomes, self.whole = given, [], {}, False
+        self.given, self.reach, self.mutants, self.outcomes = given, reach, [], {}
 
     def pytest_runtestloop(self, session):
         from hypothesis import Phase, settings  # here: pytest is to import it first
@@ -99,86 +103,62 @@ class Run:
             "mutation", phases=[Phase.explicit, Phase.generate], database=None, derandomize=True, deadline=None
         )
         settings.load_profile("mutation")
+        items = [item for item in session.items if not any(part in item.nodeid for part in ELSEWHERE)]
+        if not self.note(items):
+            return True
         some = list(candidates(self.given.only or PACKAGES))
         random.Random(self.given.seed).shuffle(some)
         self.mutants = fitting(some, self.given.count)
         print(f"{len(self.mutants)} of {len(some)} mutants, seed {self.given.seed}", file=sys.stderr)
-        items = [item for item in session.items if not any(part in item.nodeid for part in ELSEWHERE)]
-        reached = self.reach(items)
-        jobs = []
-        for number, mutant in enumerate(self.mutants):
-            asked, total = [], 0.0
-            for seconds, index in sorted(reached[number]):
-                if seconds > LONGEST or total + seconds > MOST:
-                    break
-                asked, total = [*asked, items[index]], total + seconds
-            jobs.append((number, lambda m=mutant, asked=asked: killed(m, asked), 30.0 + 10.0 * total))
-            if not asked:
-                self.outcomes[number] = "not covered" if self.whole else "not tried"
-        jobs = [job for job in jobs if job[0] not in self.outcomes]
+        jobs, named = [], {item.nodeid: item for item in items}
+        for number, (what, function, other, definition, statement) in enumerate(self.mutants):
+            asked = self.reach.order(what.target, definition, statement, named)
+            jobs.append((number, lambda f=function, o=other, asked=asked: killed(f, o, asked), 20 * MOST))
         for number, outcome in in_parallel(jobs, self.workers, self.deadline):
             self.outcomes[number] = "does not end" if outcome is None else outcome
+        self.doubt(named)
         return True
 
-    def reach(self, items):
-        """Return for each mutant the tests that reach it and are green without it, as (seconds, index of the item)."""
-        wanted = defaultdict(list)
-        for number, (what, function, _, definition) in enumerate(self.mutants):
-            wanted[function, definition].append((what.place, number))
-        probes = {function: compiled(function, probed(tree, numbers)) for (function, tree), numbers in wanted.items()}
-        chunks = [range(k, min(k + CHUNK, len(items))) for k in range(0, len(items), CHUNK)]
-        modules = {what.target.partition(":")[0] for what, *_ in self.mutants}
-        jobs = [(k, lambda some=some: noted(items, some, probes), 600.0) for k, some in enumerate(chunks)]
-        jobs.sort(key=lambda job: -max(named(items[index].path, modules) for index in chunks[job[0]]))
-        reached, half = defaultdict(list), (time.monotonic() + self.deadline) / 2
-        for done, (_, entry) in enumerate(in_parallel(jobs, self.workers, half), 1):
-            for index, seconds, hits in entry or ():
-                for number in hits:
-                    reached[number].append((seconds, index))
-            print(f"\r{done} of {len(chunks)} parts of the suite", end="", file=sys.stderr, flush=True)
-            self.whole = done == len(chunks)
-        print(file=sys.stderr)
-        return reached
+    def note(self, items):
+        """Bring what is known of the tests up to date; return whether there was time for it."""
+        definitions = {target: node for target, node, _ in candidates(PACKAGES) if fits(target, node)}
+        todo = self.reach.jobs(items, definitions)
+        jobs = [(k, run, 1200.0) for k, (_, run) in enumerate(todo)]
+        for done, (k, entries) in enumerate(in_parallel(jobs, self.workers, self.deadline), 1):
+            self.reach.take(todo[k][0], entries or ())
+            print(f"\r{done} of {len(jobs)} parts of the suite", end="", file=sys.stderr, flush=True)
+            if done % 10 == 0 or done == len(jobs):
+                self.reach.save()
+        return time.monotonic() < self.deadline
+
+    def doubt(self, items):
+        """Take back the kills of tests that are red without a mutant, too."""
+        killers = sorted({outcome for outcome in self.outcomes.values() if outcome in items})
+        jobs = [(name, lambda name=name: red(items[name]), 10 * MOST) for name in killers]
+        wrong = {name for name, outcome in in_parallel(jobs, self.workers, float("inf")) if outcome is not False}
+        for number, outcome in self.outcomes.items():
+            if outcome in wrong:
+                print(f"red without a mutant, too: {outcome}", file=sys.stderr)
+                self.outcomes[number] = "not tried"
 
 
-@cache
-def imported(path):
-    """Return the modules that a test file imports, or that it names in full."""
-    text = path.read_text(encoding="utf-8")
-    nodes = [node for node in ast.walk(ast.parse(text)) if isinstance(node, ast.ImportFrom | ast.Import)]
-    of_from = [(node.module or "", node.names) for node in nodes if isinstance(node, ast.ImportFrom)]
-    plain = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
-    return plain | {module for module, _ in of_from} | {f"{m}.{alias.name}" for m, names in of_from for alias in names}
+def fits(target, definition):
+    with suppress(DoesNotFit):
+        return bool(function_of(target, definition))
 
 
-def named(path, modules):
-    """Return how many of some modules a test file imports: the files that import most are run first."""
-    return len(imported(path) & modules)
-
-
-def noted(items, some, probes):
-    """Return index, seconds and mutants reached of each test that is green, of some."""
-    hits, result = set(), []
-    builtins.__reached__ = hits.add
-    with switched(probes):
-        for index in some:
-            hits.clear()
-            start = time.process_time()
-            with suppress(TooLong), limited(2 * LONGEST):
-                if not red(items[index]):
-                    result.append((index, time.process_time() - start, sorted(hits)))
-    return result
-
-
-def killed(mutant, items):
+def killed(function, other, items):
     """Return the name of the first test that is red with a mutant; an empty string if it survives them."""
-    _, function, other, _ = mutant
+    reached = set()
+    resource.setrlimit(resource.RLIMIT_CPU, (int(4 * MOST), resource.RLIM_INFINITY))
+    builtins.__reached__ = reached.add
     with switched({function: other}), warnings.catch_warnings():
-        return next((item.nodeid for item in items if red(item)), "")
-
-
-def red(item):
-    return any(report.failed for report in runtestprotocol(item, log=False, nextitem=None))
+        for item, following in zip(items, [*items[1:], None], strict=True):
+            if cpu() > MOST:
+                break
+            if red(item, following):
+                return item.nodeid
+    return "" if reached else "not covered"
 
 
 def in_parallel(jobs, workers, deadline):
@@ -230,19 +210,37 @@ def verdicts():
 
 
 def told(run):
-    """Print the survivors and the counts; return the exit code."""
-    known, unknown = verdicts(), []
+    """Print the survivors, what became of all, and which verdicts fit no change any more; return the exit code."""
+    known, counts, unknown = verdicts(), Counter(), 0
     for number, (what, *_) in enumerate(run.mutants):
         outcome = run.outcomes.get(number, "not tried")
-        if outcome in ("", "not covered", "not tried"):
-            verdict = known.get(what.key, {}).get("verdict", "UNKNOWN")
-            print(f"{outcome or 'survived'}: {what.target}, line {what.line}: {verdict}")
+        fate = known.get(what.key, {}).get("verdict", "unknown") if outcome in ("", "not covered") else outcome
+        if outcome in ("", "not covered"):
+            print(f"{outcome or 'survived'}: {what.target}, line {what.line}: {fate}")
             print(f"    - {what.old}\n    + {what.new}")
-            unknown += [what] if verdict in ("UNKNOWN", "to kill") and outcome != "not tried" else []
-    tried = [outcome for outcome in run.outcomes.values() if outcome != "not tried"]
-    dead = sum(outcome not in ("", "not covered") for outcome in tried)
-    print(f"{dead} of {len(tried)} mutants died; {len(unknown)} survivors are unknown or still to kill")
-    return int(bool(unknown))
+            unknown += fate in ("unknown", "to kill")
+        counts[fate if fate in (*VERDICTS, "unknown", "not tried") else "died"] += 1
+    for each in stale(known):
+        print(f"no such change any more, take it out of survivors.toml: {each}")
+    tried = sum(counts.values()) - counts["not tried"]
+    part, changing = " ".join(run.given.only or PACKAGES), tried - counts["equivalent"] - counts["costs only time"]
+    print(
+        f"seed {run.given.seed}, {part}: {tried} tried, {counts['equivalent']} equivalent, "
+        f"{counts['costs only time']} cost only time; of {changing} that change an answer {counts['died']} died"
+    )
+    return int(unknown > 0 or any(stale(known)))
+
+
+def stale(known):
+    """Yield the keys of survivors whose function no longer has that change."""
+    places_of = defaultdict(list)
+    for target, definition, place in candidates(PACKAGES):
+        places_of[target].append((definition, place))
+    for key in known:
+        target = key.partition(": ")[0]
+        changes = (change(target, *where)[0] for where in places_of[target])
+        if not any(what is not None and what.key == key for what in changes):
+            yield key
 
 
 def main():
@@ -255,10 +253,11 @@ def main():
     parser.add_argument("--only", action="append", help="a package or module to change, not all of them")
     parser.add_argument("tests", nargs="*", default=["tests"])
     given = parser.parse_args()
-    run = Run(given)
+    reach = Reach()
+    run = Run(given, reach)
     quiet = ["-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist"]
     with suppress(pytest.PytestUnraisableExceptionWarning):  # of what was left open when tests were ended
-        pytest.main([*quiet, *given.tests], plugins=[run])
+        pytest.main([*quiet, *given.tests], plugins=[run, reach])
     return told(run)
 
 

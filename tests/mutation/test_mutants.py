@@ -12,8 +12,9 @@ from crosscheck.documents.ledger import read
 from refkin.newton import CorrectionNorm, newton
 from tests.mutation.change import DoesNotFit, changed_function, compiled, mutated, resolve, switched
 from tests.mutation.mutants import Mutant, cases, killer, mutants, red
-from tests.mutation.operators import change, places, probed
-from tests.mutation.sample import verdicts
+from tests.mutation.operators import change, places
+from tests.mutation.reach import key, probes, segments
+from tests.mutation.sample import VERDICTS, verdicts
 
 MUTANTS = mutants()
 SLOPE = "solve_linear(slope, -residuals[-1])", "solve_linear(slope, residuals[-1])"
@@ -140,24 +141,37 @@ def test_a_test_that_does_not_end_is_ended():
     assert "no end" in red("mutation/test_mutants.py::endless", seconds=0.2)
 
 
-def test_random_mutants_are_other_programs_and_their_probes_are_not(monkeypatch):
-    """Of every change of a function the text differs; a probe before its statement tells that it was reached."""
+def test_random_mutants_are_other_programs_that_say_when_they_are_reached(monkeypatch):
     definition = ast.parse(inspect.getsource(newton)).body[0]
-    values = [what for place in places(definition) if (what := change("refkin.newton:newton", definition, place)[0])]
+    changes = [row for place in places(definition) if (row := change("refkin.newton:newton", definition, place))[0]]
+    undamped = next(tree for what, tree, _ in changes if what.old == "if damped:")
+    reached = []
+    monkeypatch.setattr("builtins.__reached__", reached.append, raising=False)
+    with switched({newton: compiled(newton, undamped)}):
+        newton(lambda x: x * x - 4, lambda x: 2 * x, 3.0)
+
+    assert len(changes) > 20
+    assert all(what.old != what.new for what, *_ in changes)
+    assert set(reached) == {"refkin.newton:newton"}
+
+
+def test_probes_tell_which_statements_were_reached_and_change_nothing(monkeypatch):
+    definition = ast.parse(inspect.getsource(newton)).body[0]
+    first, number = segments(definition)
     reached = set()
     monkeypatch.setattr("builtins.__reached__", reached.add, raising=False)
-    probes = compiled(newton, probed(definition, [(what.place, k) for k, what in enumerate(values)]))
-    with switched({newton: probes}):
+    with switched(probes({"refkin.newton:newton": definition})):
         result = newton(lambda x: x * x - 4, lambda x: 2 * x, 3.0)
+    names = {ast.unparse(statement): key("refkin.newton:newton", definition, k) for statement, k in number.items()}
 
-    assert len(values) > 20
-    assert all(what.old != what.new for what in values)
     assert result.converged
-    assert {"if damped:"} < {what.old for k, what in enumerate(values) if k in reached}
-    assert len(reached) < len(values)
+    assert names["iterates.append(q)"] in reached
+    assert names["correction = _damp(phi, q, residuals[-1], correction)"] not in reached
+    assert names["status = NewtonStatus.CONVERGED"] in reached
+    assert len(reached) < len(first) <= len(number)
 
 
 def test_every_survivor_has_a_verdict_with_a_reason():
-    for key, survivor in verdicts().items():
-        assert survivor["verdict"] in ("equivalent", "costs only time", "to kill"), key
-        assert len(survivor["why"]) > 20, key
+    for name, survivor in verdicts().items():
+        assert survivor["verdict"] in VERDICTS, name
+        assert len(survivor["why"]) > 20, name

@@ -1,0 +1,199 @@
+"""Which tests reach which statements, and what each costs: noted once, and anew for test files that changed.
+
+A probe stands where a run of plain statements begins: at the head of every block, and after every statement that may
+leave it. All functions carry theirs at once while the suite runs, file by file in forked processes; what fixtures of a
+module or of the session reach counts for every test that asks for them, and so does their time.
+"""
+
+from __future__ import annotations
+
+import ast
+import builtins
+import gzip
+import json
+import os
+import zlib
+from collections import defaultdict
+from contextlib import suppress
+from functools import cache, cached_property
+from pathlib import Path
+
+import pytest
+from _pytest.runner import runtestprotocol
+
+from tests.mutation.change import DoesNotFit, compiled, resolve, switched
+from tests.mutation.mutants import TooLong, limited
+
+KEPT = Path(".mutation.json.gz")
+LONGEST = 6.0
+"""Seconds of work of a test that is asked at all, with the fixtures that it needs."""
+CHUNK = 40
+"""Tests of one process, at most; all of one file."""
+BRANCHING = (ast.If, ast.For, ast.While, ast.Try, ast.With, ast.Match)
+
+
+def segments(tree):
+    """Return the first statement of each run of plain statements with its block, and the run in which each stands."""
+    first, number = [], {}
+    for node in ast.walk(tree):
+        for block in (getattr(node, name, None) for name in ("body", "orelse", "finalbody")):
+            fresh = True
+            for statement in block if isinstance(block, list) else ():
+                if fresh:
+                    first.append((block, statement))
+                number[statement] = len(first) - 1
+                fresh = isinstance(statement, BRANCHING)
+    return first, number
+
+
+def key(target, definition, number):
+    """Return what a run of statements is called, as long as its function is not changed."""
+    return f"{target}#{zlib.crc32(ast.unparse(definition).encode()):x}#{number}"
+
+
+def probes(definitions):
+    """Return for each function one that says `__reached__(key)` in each run of statements, and is the same else."""
+    result = {}
+    for target, definition in definitions.items():
+        tree = ast.parse(ast.unparse(definition)).body[0]
+        for k, (block, statement) in enumerate(segments(tree)[0]):
+            call = ast.parse(f"__reached__({key(target, definition, k)!r})").body[0]
+            block.insert(next(i for i, other in enumerate(block) if other is statement), call)
+        with suppress(DoesNotFit, SyntaxError):
+            function = resolve(target)
+            other = compiled(function, tree)
+            other.__defaults__, other.__kwdefaults__ = function.__defaults__, function.__kwdefaults__
+            result[function] = other
+    return result
+
+
+def cpu():
+    """Return the seconds of work of this process and of those that it started."""
+    return sum(os.times()[:4])
+
+
+def red(item, following=None, seconds=None):
+    """Return whether a test fails; one that takes longer than so many seconds of work does."""
+    with limited(seconds or 10.0 * LONGEST, cpu=True):
+        return any(report.failed for report in runtestprotocol(item, log=False, nextitem=following))
+
+
+class Reach:
+    """The tests that reach each run of statements; as a plugin of pytest it sees what fixtures reach."""
+
+    def __init__(self, path=KEPT):
+        self.path, self.files, self.keys, self.tests = path, {}, [], {}
+        if path.exists():
+            kept = json.loads(gzip.decompress(path.read_bytes()))
+            self.files, self.keys, self.tests = kept["files"], kept["keys"], kept["tests"]
+        self.number = {name: k for k, name in enumerate(self.keys)}
+        self.fixtures = {}
+        """What each fixture reached, and its seconds."""
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_fixture_setup(self, fixturedef):
+        if fixturedef.scope == "function":
+            yield
+            return
+        outer, hits, start = getattr(builtins, "__reached__", None), set(), cpu()
+        builtins.__reached__ = hits.add
+        yield
+        builtins.__reached__ = outer
+        self.fixtures[fixturedef] = hits, cpu() - start
+
+    def jobs(self, items, definitions):
+        """Return what is to be run for the files that are new or changed: (items, function that notes them)."""
+        of_file = defaultdict(list)
+        for item in items:
+            of_file[item.path].append(item)
+        changed = {path: some for path, some in of_file.items() if self.files.get(name(path)) != digest(path)}
+        chunks = [some[k : k + CHUNK] for some in changed.values() for k in range(0, len(some), CHUNK)]
+        others = probes(definitions) if chunks else {}
+        return [(some, lambda some=some: self.noted(some, others)) for some in chunks]
+
+    def noted(self, items, others):
+        """Return name, seconds and keys of each test that is green, of some."""
+        hits, result = set(), []
+        with switched(others):
+            for item, following in zip(items, [*items[1:], None], strict=True):
+                before = set(self.fixtures)
+                builtins.__reached__ = hits.add
+                hits.clear()
+                start = cpu()
+                with suppress(TooLong):
+                    if not red(item, following, 1.5 * LONGEST):
+                        result.append((item.nodeid, *self.whole(item, hits, cpu() - start, before)))
+        return result
+
+    def whole(self, item, hits, seconds, before):
+        """Return the seconds and keys of a test with all its fixtures, whichever of them it set up itself."""
+        mine = {definition for some in item._fixtureinfo.name2fixturedefs.values() for definition in some}
+        for fixture, (more, cost) in self.fixtures.items():
+            if fixture in mine or fixture not in before:
+                hits = hits | more
+                seconds += cost if fixture in before else 0.0
+        return round(seconds, 3), sorted(hits)
+
+    def take(self, items, entries):
+        """Keep what was noted of some tests of one file; of those that took too long or were red, nothing."""
+        for each in items:
+            self.tests.pop(each.nodeid, None)
+        for nodeid, seconds, hits in entries:
+            for each in hits:
+                if each not in self.number:
+                    self.number[each] = len(self.keys)
+                    self.keys.append(each)
+            self.tests[nodeid] = [seconds, [self.number[each] for each in hits]]
+        self.files[name(items[0].path)] = digest(items[0].path)
+
+    def save(self):
+        kept = {"files": self.files, "keys": self.keys, "tests": self.tests}
+        self.path.write_bytes(gzip.compress(json.dumps(kept).encode(), 3))
+
+    @cached_property
+    def by_key(self):
+        """Names of the tests that reach each key."""
+        result = defaultdict(list)
+        for nodeid, (_, hits) in self.tests.items():
+            for number in hits:
+                result[self.keys[number]].append(nodeid)
+        return result
+
+    def order(self, target, definition, statement, items):
+        """Return the tests that reach a statement, those first that cost least and, of these, name its module.
+
+        Of a function that changed since it was noted: the tests that reached it before; of one that is new, those that
+        name its module.
+        """
+        wanted = key(target, definition, segments(definition)[1][statement])
+        module = target.partition(":")[0]
+        mine = {item.nodeid for item in items.values() if module in imported(item.path)}
+        before = [each for each in self.by_key if each.startswith(f"{target}#")]
+        same = [each for each in before if each.rpartition("#")[0] == wanted.rpartition("#")[0]]
+        names = {name for each in ([wanted] if same else before) for name in self.by_key.get(each, ())}
+        rows = [
+            (seconds * (0.25 if nodeid in mine else 1.0), nodeid)
+            for nodeid in names or (() if before else mine)
+            if nodeid in items and (seconds := self.tests.get(nodeid, (2 * LONGEST, []))[0]) <= LONGEST
+        ]
+        return [items[nodeid] for _, nodeid in sorted(rows)]
+
+
+def name(path):
+    return str(path.relative_to(Path.cwd()))
+
+
+@cache
+def digest(path):
+    return f"{zlib.crc32(path.read_bytes()):x}"
+
+
+@cache
+def imported(path):
+    """Return the modules that a test file imports, or that it names in full."""
+    nodes = [
+        n for n in ast.walk(ast.parse(path.read_text(encoding="utf-8"))) if isinstance(n, ast.ImportFrom | ast.Import)
+    ]
+    of_from = [(node.module or "", node.names) for node in nodes if isinstance(node, ast.ImportFrom)]
+    plain = {alias.name for node in nodes if isinstance(node, ast.Import) for alias in node.names}
+    return plain | {module for module, _ in of_from} | {f"{m}.{alias.name}" for m, names in of_from for alias in names}
