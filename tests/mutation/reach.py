@@ -12,8 +12,9 @@ import builtins
 import gzip
 import json
 import os
+import time
 import zlib
-from collections import defaultdict
+from collections import Counter, defaultdict
 from contextlib import suppress
 from functools import cache, cached_property
 from pathlib import Path
@@ -25,7 +26,7 @@ from tests.mutation.change import DoesNotFit, compiled, resolve, switched
 from tests.mutation.mutants import TooLong, limited
 
 KEPT = Path(".mutation.json.gz")
-LONGEST = 6.0
+LONGEST = 3.0
 """Seconds of work of a test that is asked at all, with the fixtures that it needs."""
 CHUNK = 40
 """Tests of one process, at most; all of one file."""
@@ -69,12 +70,12 @@ def probes(definitions):
 
 def cpu():
     """Return the seconds of work of this process and of those that it started."""
-    return sum(os.times()[:4])
+    return time.process_time() + sum(os.times()[2:4])
 
 
-def red(item, following=None, seconds=None):
-    """Return whether a test fails; one that takes longer than so many seconds of work does."""
-    with limited(seconds or 10.0 * LONGEST, cpu=True):
+def red(item, following=None, seconds=10.0 * LONGEST):
+    """Return whether a test fails; one that takes longer than so many seconds of work, or ten times as long, does."""
+    with limited(seconds, cpu=True), limited(10.0 * seconds):
         return any(report.failed for report in runtestprotocol(item, log=False, nextitem=following))
 
 
@@ -87,8 +88,8 @@ class Reach:
             kept = json.loads(gzip.decompress(path.read_bytes()))
             self.files, self.keys, self.tests = kept["files"], kept["keys"], kept["tests"]
         self.number = {name: k for k, name in enumerate(self.keys)}
-        self.fixtures = {}
-        """What each fixture reached, and its seconds."""
+        self.waiting, self.fixtures = Counter(), {}
+        """How many parts of a file are still to be noted; what each fixture reached, and its seconds."""
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_fixture_setup(self, fixturedef):
@@ -108,6 +109,7 @@ class Reach:
             of_file[item.path].append(item)
         changed = {path: some for path, some in of_file.items() if self.files.get(name(path)) != digest(path)}
         chunks = [some[k : k + CHUNK] for some in changed.values() for k in range(0, len(some), CHUNK)]
+        self.waiting = Counter(some[0].path for some in chunks)
         others = probes(definitions) if chunks else {}
         return [(some, lambda some=some: self.noted(some, others)) for some in chunks]
 
@@ -144,7 +146,10 @@ class Reach:
                     self.number[each] = len(self.keys)
                     self.keys.append(each)
             self.tests[nodeid] = [seconds, [self.number[each] for each in hits]]
-        self.files[name(items[0].path)] = digest(items[0].path)
+        path = items[0].path
+        self.waiting[path] -= 1
+        if not self.waiting[path]:
+            self.files[name(path)] = digest(path)
 
     def save(self):
         kept = {"files": self.files, "keys": self.keys, "tests": self.tests}

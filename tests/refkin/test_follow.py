@@ -11,7 +11,7 @@ import pytest
 import refkin
 from refkin import FourBar, Polynomial, SliderCrank, compile_system
 from refkin.proof.path.tracing import TraceEnd
-from refkin.solving.follow import Bifurcation, TurningPoint, driven_by, straight_on
+from refkin.solving.follow import Bifurcation, Tangent, TurningPoint, driven_by, straight_on
 
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
@@ -279,3 +279,17 @@ def test_a_path_starts_at_the_t_that_it_is_given():
 
     assert path.t[0] == 0.5
     assert path.residual[0] < 1e-14
+
+
+def test_a_path_along_which_t_stands_still_does_not_turn():
+    """A folded kite turns about its two pins, which coincide, while the crank rests: t is rounding, and so is its sign."""
+    kite, a = FourBar(ground=1.0, crank=1.0, coupler=2.0, rocker=2.0), 1.0
+    along = np.array([-np.sin(a), np.cos(a), 1.0])
+    folded = np.concatenate([[0.5, 0.0, 0.0], *2 * [[1.0 + np.cos(a), np.sin(a), a]]])
+    around = Tangent(np.concatenate([np.zeros(3), along, along]), 0.0)
+    path = refkin.follow(driven(kite, 0.0), (folded, 0.0), along=around, choose=straight_on)
+
+    assert path.end is TraceEnd.CLOSED
+    assert np.max(np.abs(path.t)) < 1e-12
+    assert path.turning_points == ()
+    assert [abs(math.cos(b.q[8])) for b in path.bifurcations] == pytest.approx([1.0, 1.0])

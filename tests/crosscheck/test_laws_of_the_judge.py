@@ -1,0 +1,280 @@
+"""What judgements rest on, held against differences and against bodies that are turned by products of quaternions."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+from itertools import product as every
+
+import numpy as np
+import pytest
+
+import refkin
+from crosscheck.engines import Level
+from crosscheck.engines.frames import Length, Linear, RowMap, Sine
+from crosscheck.engines.spatial.reading import SCREW, Hold
+from crosscheck.engines.spatial.turning import bends, conjugate, joint_frame, parameters, product, rates
+from crosscheck.judge.budget import (
+    BOTH_SIDES,
+    SAFETY,
+    _first_order,
+    _solve_error,
+    _table_error,
+    carried,
+    output_rounding,
+)
+from crosscheck.judge.comparison import reference
+from crosscheck.judge.levels import _mapped
+from crosscheck.judge.running_error import Running, U
+from crosscheck.judge.spatial import _half_angle, alike, idle_lines, reversed_joints
+from refkin import FourBar, Polynomial, Table, compile_system
+from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr
+from tests.crosscheck.space_scenes import scene as spatial_scene
+
+LINKAGE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+X, Y = Running(1.7, 3e-7), Running(-0.6, 2e-7)
+OPERATIONS = {
+    "sum": (lambda x, y: x + y),
+    "difference": (lambda x, y: x - y),
+    "product": (lambda x, y: x * y),
+    "a number more": (lambda x, y: x + 0.3 + (0.2 + y)),
+    "a number less": (lambda x, y: (x - 0.3) - (0.2 - y)),
+    "a multiple": (lambda x, y: x * -2.5 + 1.5 * y),
+    "a part": (lambda x, y: x / 4.0 + y),
+    "the negative": (lambda x, y: -x - y),
+    "circular functions": (lambda x, y: np.sin(x) + np.cos(y) if isinstance(x, float) else x.sin() + y.cos()),
+    "a function": (lambda x, y: np.exp(x) + y if isinstance(x, float) else x.through(lambda v, _: np.exp(v)) + y),
+}
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_an_error_is_carried_as_far_as_its_corners_move(name):
+    operation = OPERATIONS[name]
+    result, exact = operation(X, Y), operation(X.value, Y.value)
+    ends = [(v.value - v.error, v.value + v.error) for v in (X, Y)]
+    moved = max(abs(operation(x, y) - exact) for x, y in every(*ends))
+
+    assert result.value == exact
+    assert result.error == pytest.approx(moved, rel=1e-5)
+
+
+@pytest.mark.parametrize("name", OPERATIONS)
+def test_exact_numbers_gain_the_rounding_of_each_operation(name):
+    result = OPERATIONS[name](Running(X.value), Running(Y.value))
+
+    assert U * abs(result.value) * (name != "the negative") <= result.error <= 20 * U
+
+
+@cache
+def solved():
+    """The reference of a four-bar in another unit, away from its origin, whose crank speeds up."""
+    linkage = replace(LINKAGE, origin=(3.0, -2.0))
+    return reference(linkage.scene(law=Polynomial(coefficients=(0.3, 1.3, 0.4)), times=(0.0, 0.7)))
+
+
+def moved_levels(system, levels, t, errors):
+    """Return the three levels that solve the equations with errors (m,) of the residuals of each level."""
+    q, slope = levels[0].copy(), system.phi_q
+    for _ in range(6):
+        q -= np.linalg.solve(slope(q, t), system.phi(q, t) - errors[0])
+    qd = np.linalg.solve(slope(q, t), system.nu(q, t) + errors[1])
+    return np.array([q, qd, np.linalg.solve(slope(q, t), system.gamma(q, qd, t) + errors[2])])
+
+
+@pytest.mark.parametrize("sample", [0, 1])
+def test_errors_of_residuals_are_carried_as_far_as_the_solution_moves(sample):
+    """Central differences of the solutions of disturbed equations, one row of one level after the other."""
+    ref, h = solved(), 1e-4
+    own, t = [level[:, sample] for level in ref.levels], float(ref.motion.t[sample])
+    moves = carried(ref.system, *ref.levels, ref.motion.t)
+    for row in range(ref.system.m):
+        for level, columns in enumerate((moves.phi, moves.nu, moves.gamma)):
+            disturbed = np.zeros((3, ref.system.m))
+            disturbed[level, row] = h
+            ends = (moved_levels(ref.system, own, t, sign * disturbed) for sign in (1, -1))
+            difference = np.abs(np.subtract(*ends)) / (2 * h)
+            for order, column in enumerate(columns, level):
+                assert column[:, row, sample] == pytest.approx(difference[order], rel=1e-5, abs=1e-6)
+
+
+def test_first_order_ends_where_the_jacobian_changes_by_a_tenth_of_itself():
+    ref, h = solved(), 1e-5
+    system, q, t = ref.system, ref.levels[0], ref.motion.t
+    direction = np.linspace(0.5, 1.5, system.n)[:, None] * np.array([1.0, 2.0])
+    change = (system.phi_q(q + h * direction, t) - system.phi_q(q - h * direction, t)) / (2 * h)
+    inverse = np.abs([np.linalg.inv(system.phi_q(q, t)[..., k]) for k in (0, 1)])
+    shares = [np.max(np.sum(inverse[k] @ np.abs(change[..., k]), axis=1)) for k in (0, 1)]
+    ends, stacked = 0.1 / np.array(shares), np.moveaxis(inverse, 0, -1)
+
+    assert _first_order(system, stacked, direction * ends * 0.999, q, t).tolist() == [True, True]
+    assert _first_order(system, stacked, direction * ends * [1.001, 0.999], q, t).tolist() == [False, True]
+
+
+def test_lu_leaves_a_rounding_of_its_largest_row_for_each_row():
+    assert _solve_error(np.array([[1.0, 4.0], [3.0, 2.0], [2.0, 5.0]])).tolist() == 3 * [[9.0 * U, 15.0 * U]]
+
+
+def test_an_answer_is_rounded_once_for_each_arm_and_as_far_as_it_lies_from_the_origin():
+    """Three arms, six roundings each; angles add up, so that the largest counts; rates of omega r, and omega^2 r."""
+    system = compile_system((mechanism := LINKAGE.scene().mechanism), unit=mechanism.unit())
+    size = system.unit.size
+    q = np.array([[40.0, 1.0, 0.5, 2.0, -70.0, -9.0, 1.0, 1.0, 4.0]]).T
+    qd = np.array([[0.5, -7.0, 2.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]]).T
+    qdd = np.array([[0.5, 2.0, -11.0, 1.0, 1.0, 1.0, 1.0, 1.0, 1.0]]).T
+    x, v, a = output_rounding(system, system.to_unit(q), qd, qdd)
+    expected = [max(3.0, 40.0 / size), 3.0, 9.0, 3.0, max(3.0, 70.0 / size), 9.0, 3.0, 3.0, 9.0]
+
+    assert x[:, 0] / (6 * U) == pytest.approx(expected)
+    assert v / (6 * U) == pytest.approx(3 * 7.0)
+    assert a / (6 * U) == pytest.approx(3 * (11.0 + 49.0))
+
+
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_a_table_is_rounded_by_its_largest_value_over_its_finest_step(order):
+    table = Table(argument=(0.0, 0.5, 0.75, 1.5), value=(0.3, -2.5, 0.2, 0.1))
+    mechanism = LINKAGE.scene(law=table, times=(0.2, 0.5)).mechanism
+    system, t = compile_system(mechanism, unit=mechanism.unit()), np.array([0.2, 0.5])
+    (row,) = (p.row for p in system.placed if p.constraint.laws)
+    off = _table_error(system, t, order)
+
+    assert off[row] / (32 * U) == pytest.approx(2.5 / 0.25**order * np.maximum(1.0, np.abs(table(t, 0))))
+    assert not np.delete(off, row, axis=0).any()
+
+
+def row_values(x, rate, gamma, slope, off):
+    """A row's value, rate, gamma and slope, with their errors, as the judge has them."""
+    pairs = {"x": (x, off[0]), "x'": (rate, off[1]), "gamma": (gamma, off[2]), "x_q": (slope, off[3])}
+    return {key: (np.array([value]), np.array([error])) for key, (value, error) in pairs.items()}
+
+
+@pytest.mark.parametrize("form", [Linear(), Sine(0.0), Length(1.5)], ids=str)
+@pytest.mark.parametrize("level", list(Level)[:4], ids=str)
+def test_a_row_in_another_form_is_its_derivative_and_may_be_off_as_far_as_ours(level, form):
+    """y(x(s)) with x = 0.4 + 0.7 s - gamma s^2 / 2, as where q'' is zero; differences of y, and of y at the corners."""
+    row, h = RowMap(constraint="c", row=0, engine_row=0, factor=-2.0, form=form), 1e-4
+    numbers, off = (0.4, 0.7, 0.9, np.array([0.3, -1.1])), (1e-6, 2e-6, 3e-6, np.array([4e-6, 5e-6]))
+
+    def expected(x, rate, gamma, slope):
+        def y(s):
+            return -2.0 * form(x + rate * s - gamma * s * s / 2, 0)
+
+        if level is Level.RESIDUAL:
+            return y(0.0)
+        if level is Level.JACOBIAN:
+            return slope * -2.0 * (form(x + h, 0) - form(x - h, 0)) / (2 * h)
+        return (y(h) - y(-h)) / (2 * h) if level is Level.CONSTRAINT_VELOCITY else -(y(h) + y(-h) - 2 * y(0.0)) / h**2
+
+    value, allowed = _mapped(level, row, 0, row_values(*numbers, off))
+    middle = expected(*numbers)
+    corners = [
+        [n + sign * e for n, e, sign in zip(numbers, off, signs, strict=True)] for signs in every(*4 * [(-1, 1)])
+    ]
+    moved = np.max([np.abs(expected(*corner) - middle) for corner in corners], axis=0)
+
+    assert value == pytest.approx(middle, rel=1e-6)
+    assert np.all(moved * 0.99 <= allowed / (BOTH_SIDES * SAFETY))
+    assert np.all(allowed / (BOTH_SIDES * SAFETY) <= 2.5 * moved)
+
+
+NUMBERS = np.random.default_rng(5)
+
+
+def turning(count):
+    """A body that turns anyhow: Euler parameters and their first two rates, (count, 4) each."""
+    p = NUMBERS.normal(size=(count, 4))
+    p /= np.linalg.norm(p, axis=1, keepdims=True)
+    w, alpha = NUMBERS.normal(size=(2, count, 3))
+    return [p, rates(p, w), bends(p, w, alpha)]
+
+
+def about(line, angle):
+    """Euler parameters of an angle (3, count), with its rates, about a line; and their first two rates."""
+    half = 0.5 * angle
+    c, s = (f(half[0])[:, None] * part for f, part in ((np.cos, [1.0, 0, 0, 0]), (np.sin, [0.0, *line])))
+    dc, ds = (f(half[0])[:, None] * part for f, part in ((np.cos, [0.0, *line]), (np.sin, [-1.0, 0, 0, 0])))
+    first = half[1][:, None] * (dc + ds)
+    return [c + s, first, half[2][:, None] * (dc + ds) - half[1][:, None] ** 2 * (c + s)]
+
+
+def product_of(a, b):
+    """The product of two quaternions and its first two rates (Leibniz)."""
+    return [product(a[0], b[0]), product(a[1], b[0]) + product(a[0], b[1]),
+            product(a[2], b[0]) + 2 * product(a[1], b[1]) + product(a[0], b[2])]  # fmt: skip
+
+
+def still(p):
+    return [np.broadcast_to(p, (6, 4)), np.zeros((6, 4)), np.zeros((6, 4))]
+
+
+def carried_point(p, u):
+    """The point A(p) u and its first two rates, (6, 3) each."""
+    return [x[:, 1:] for x in product_of(product_of(p, still([0.0, *u])), [conjugate(x) for x in p])]
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_an_idle_body_is_brought_back_from_any_spin_and_sign(count):
+    """Spun about its line by any angle, at any rate, with the other sign of p: as near the truth as can be is there."""
+    at, line = np.array([0.3, -0.2, 0.5]), np.array([2.0, -1.0, 2.0]) / 3.0
+    p, foot = turning(6), NUMBERS.normal(size=(3, 6, 3))
+    other = product_of(p, about(line, NUMBERS.uniform(-3.0, 3.0, (3, 6))))
+    truth, spun = (
+        [np.concatenate([f - c, x], axis=1).T for f, c, x in zip(foot, carried_point(one, at), one, strict=True)][
+            :count
+        ]
+        for one in (p, other)
+    )
+    spun = [np.concatenate([level[:3], -level[3:]]) for level in spun]
+
+    assert np.max(np.abs(spun[0] - truth[0])) > 0.1
+    for level, expected in zip(alike(spun, truth, ["b"], {"b": (at, line)}), truth, strict=True):
+        assert level == pytest.approx(expected, abs=1e-12)
+
+
+def test_the_line_of_an_idle_coupler_goes_through_its_two_balls():
+    (at, line) = idle_lines(rssr().mechanism)["coupler"]
+
+    assert at.tolist() == [0.0, 0.0, 0.0]
+    assert line.tolist() == [1.0, 0.0, 0.0]
+
+
+def test_half_the_angle_of_a_screw_counts_its_turns():
+    frame_i, frame_j = joint_frame((0.3, 2.0, -0.5), (1.0, 0.2, 0.3)), joint_frame((-1.1, 0.2, 0.4), (0.1, 0.3, 2.0))
+    u_i, u_j, pitch, shift = np.array([0.3, -0.2, 0.7]), np.array([-0.4, 0.6, 0.9]), 0.25, 0.4
+    ends = {"body_i": "i", "body_j": "j", "u_i": u_i, "u_j": u_j, "frame_i": frame_i, "frame_j": frame_j}
+    hold = Hold(name="h", kind=SCREW, **ends, pitch=pitch, shift=shift)
+    angle = np.array([np.linspace(-20.0, 20.0, 6), *NUMBERS.normal(size=(2, 6))])
+    i = turning(6)
+    between_them = product_of(product_of(still(parameters(frame_i)), about((0.0, 0.0, 1.0), angle)),
+                              still(conjugate(parameters(frame_j))))  # fmt: skip
+    j = product_of(i, between_them)
+    r_i = NUMBERS.normal(size=(6, 3))
+    arm = [carried_point(i, u_i + frame_i[:, 2] * (shift + pitch * a))[0][k] for k, a in enumerate(angle[0])]
+    r_j = r_i + arm - carried_point(j, u_j)[0]
+    bodies = (
+        [np.concatenate([r, x], axis=1) for r, x in zip((r, r, r), p, strict=True)] for r, p in ((r_i, i), (r_j, j))
+    )
+
+    for half, expected in zip(_half_angle(hold, *bodies), angle / 2, strict=True):
+        assert half == pytest.approx(expected, abs=1e-11)
+
+
+def test_a_joint_is_reversed_beyond_a_right_angle():
+    """The crank turned on by an angle about its axis, or upside down about its line of angle zero."""
+    axis_j, zero_j = (-1.1, 0.2, 0.4), (0.1, 0.3, 2.0)
+    pin = SpatialRevolute(
+        name="R1", **between(GROUND, AT, "crank", AT), **axes((0.3, 2.0, -0.5), (1, 0.2, 0.3), axis_j, zero_j)
+    )
+    scene = spatial_scene("crank", [("crank", (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0))], [pin], motor())
+    motion = refkin.solve(scene)
+    frame, count = joint_frame(axis_j, zero_j), len(motion.t)
+
+    def wrong(line, angle):
+        turned = product(motion.q[3:].T, [np.cos(angle / 2), *(np.sin(angle / 2) * line)])
+        there = reversed_joints(scene.mechanism, replace(motion, q=np.concatenate([motion.q[:3], turned.T])))
+        assert all(len(set(some.tolist())) == 1 and len(some) == count for some in there.values())
+        return {name for name, some in there.items() if some[0]}
+
+    assert [wrong(frame[:, 2], angle) for angle in (0.0, 1.5, -1.5)] == [set(), set(), set()]
+    assert [wrong(frame[:, 2], angle) for angle in (1.6, -1.6, 3.0)] == [{"motor"}] * 3
+    assert wrong(frame[:, 0], np.pi) == {"R1"}
+    assert wrong(frame[:, 1], np.pi) == {"R1", "motor"}
