@@ -282,7 +282,7 @@ def test_a_path_starts_at_the_t_that_it_is_given():
 
 
 def test_a_path_along_which_t_stands_still_does_not_turn():
-    """A folded kite turns about its two pins, which coincide, while the crank rests: t is rounding, and so is its sign."""
+    """A folded kite turns about two pins that coincide while the crank rests: t, and its sign, are rounding."""
     kite, a = FourBar(ground=1.0, crank=1.0, coupler=2.0, rocker=2.0), 1.0
     along = np.array([-np.sin(a), np.cos(a), 1.0])
     folded = np.concatenate([[0.5, 0.0, 0.0], *2 * [[1.0 + np.cos(a), np.sin(a), a]]])
