@@ -47,12 +47,12 @@ class Route:
     """Who did what on the way to an answer, and who supplied the drift term of the acceleration; in every table."""
 
     name: str
-    residual_by: str
-    jacobian_by: str
-    newton_by: str
-    linear_solve_by: str
-    drift_by: str
-    seeding: Seeding
+    residual_by: str = "none"
+    jacobian_by: str = "none"
+    newton_by: str = "none"
+    linear_solve_by: str = "none"
+    drift_by: str = "none"
+    seeding: Seeding = Seeding.NONE
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import chain
@@ -74,9 +73,20 @@ def lines(replied: Sequence[Reply]) -> list[str]:
         out.append(f"WRONG: {what}{joints}")
         out.append(f"    asked about {'; '.join(about for about, _ in met)}")
         out += [f"    for instance {met[0][1].example}"] if met[0][1].example else []
-    refusals = Counter(text for reply in replied if not reply.answered for text in reply.refusals)
-    out += [f"refused: {text}{f' ({count} questions)' if count > 1 else ''}" for text, count in refusals.items()]
+    out += _refusals([reply.refusals for reply in replied if not reply.answered])
     answered = sum(reply.answered for reply in replied)
     wrong = sum(bool(reply.faults) for reply in replied)
     counted = f"{answered} of {len(replied)} questions answered, {len(replied) - answered} refused, {wrong} wrong"
     return [*out, *summary(replied), counted]
+
+
+def _refusals(reasons: Sequence[Sequence[str]]) -> list[str]:
+    """Return each reason once, with how many questions it stands for; those that end differently in one line."""
+    kinds: dict[str, list[str]] = {}
+    for reason in dict.fromkeys(reason for of_one in reasons for reason in of_one):
+        kind, colon, end = reason.rpartition(": ")
+        kinds.setdefault(kind + colon, []).append(end)
+    counts = {
+        kind: sum(any(kind + end in of_one for end in ends) for of_one in reasons) for kind, ends in kinds.items()
+    }
+    return [f"refused ({counts[kind]} questions): {kind}{', '.join(ends)}" for kind, ends in kinds.items()]

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import QUANTITIES, Engine, Level, load
+from crosscheck.engines import QUANTITIES, Engine, Level, load, refused_joints
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check, permuted
@@ -75,19 +75,22 @@ def ask(engine: Engine, question: Question) -> Reply:
 
     For a test of an engine of your own: `assert not ask(MyEngine(), question).faults`, for each of `questions()`.
     """
+    reasons = [reason for *_, reason in refused_joints(engine, question.scene.mechanism.constraints, Level.SOLVE)]
+    refused = tuple(dict.fromkeys(reasons))
+    if refused and not hasattr(engine, "constraints"):
+        return Reply(question.about, refusals=refused)
     faults = list(_form_faults(engine, question.scene))
     if faults:
         return Reply(question.about, tuple(faults))
     about = {"expected": str(question.expected)}
     record = check(question.scene, [engine], about)
     faults = list(_faults_of(record, question.scene))
-    if not faults:
+    if not faults and (record.answers or record.levels):
         again = check(permuted(question.scene), [engine], about)
         reordered = [replace(d, kind=Cause.ORDER) for d in again.disagreements]
         faults = list(_faults_of(replace(again, disagreements=reordered), question.scene))
     levels = {q for answer in record.answers for q in answer.quantities} | ({ROWS} if record.levels else set())
-    asked = [row for row in record.refusals if row.level in ("", Level.SOLVE)]
-    refused = tuple(dict.fromkeys(f"{row.joint}: {row.reason}" if row.joint else row.reason for row in asked))
+    refused = refused or tuple(dict.fromkeys(row.reason for row in record.refusals if not row.joint))
     return Reply(question.about, tuple(faults), refused, tuple(level for level in LEVELS if level in levels))
 
 

@@ -2,6 +2,7 @@
 
 What is not asked about in a scene are pins and a driven angle, which an engine needs for any mechanism; so a wrong
 answer says which joint it is. Then the same four-bar in other frames, sizes and orders, and scenes that have no answer.
+Then all that in space.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.scenes.conformance_space import spatial_scenes
 from refkin.joints import (
     GROUND,
     AngleDriver,
@@ -63,7 +65,7 @@ class Question:
 
 def questions() -> tuple[Question, ...]:
     """Return all questions, the plainest first; no two are about the same."""
-    return (*_joints(), *_drivers_and_laws(), *_ways_to_say_it(), *_without_answer())
+    return (*_joints(), *_drivers_and_laws(), *_ways_to_say_it(), *_without_answer(), *_in_space())
 
 
 def _pin(name: str, i: str, at_i: tuple[float, float], j: str, at_j: tuple[float, float]) -> Revolute:
@@ -194,3 +196,8 @@ def _without_answer() -> Iterator[Question]:
     law = Polynomial(coefficients=(limit - 0.5, 0.1))
     ends = replace(LIMITED.scene(law=law, times=TIMES), times=(0.0, 1.0, 2.0, 7.0))
     yield Question("driven beyond its limit", ends, Status.UNASSEMBLABLE)
+
+
+def _in_space() -> Iterator[Question]:
+    for about, scene, answered in spatial_scenes(WAVE, TIMES[::2]):
+        yield Question(about, scene, Status.OK if answered else Status.UNASSEMBLABLE)

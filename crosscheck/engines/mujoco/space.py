@@ -56,7 +56,8 @@ class MujocoSpace:
             self._equality(f"pair {k}", mujoco.mjtEq.mjEQ_CONNECT, *pair)
         for k, pair in enumerate(welds):
             self._equality(f"weld {k}", mujoco.mjtEq.mjEQ_WELD, *pair)
-        self.pairs, self.count = pairs, (len(pairs), len(welds))
+        self.pairs, self.welded_from = pairs, 3 * len(pairs)
+        self._owners = np.repeat(np.arange(len(pairs) + len(welds)), [3] * len(pairs) + [6] * len(welds))
         self.model = self._compiled()
         self.data = mujoco.MjData(self.model)
         joints = [self.model.joint(name) for name in self._names]
@@ -125,8 +126,26 @@ class MujocoSpace:
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_makeConstraint(self.model, self.data)
-        if self.data.nefc != 3 * self.count[0] + 6 * self.count[1]:
-            raise EngineError("MuJoCo left out an equality that no joint can move")
+        self._present = np.isin(self._owners, self.data.efc_id[: self.data.nefc])
+        if not self._present[self.welded_from :].all():
+            raise EngineError("MuJoCo left out a weld that no joint can move")
+
+    def _spread(self, values: Any) -> Array:
+        """Return a copy with a row for each row of every equality: MuJoCo leaves out points that no joint can move."""
+        rows = np.zeros((len(self._owners), *np.shape(values)[1:]))
+        rows[self._present] = values
+        return rows
+
+    def _jacobian(self) -> Array:
+        rows = self.data.efc_J.reshape(-1, self.model.nv)  # room for those that are left out, too
+        return self._spread(rows[: self.data.nefc])
+
+    def _gaps(self) -> Array:
+        """Return what leads from point to point (pairs, 3), of those that MuJoCo leaves out from their sites."""
+        gap = self._spread(self.data.efc_pos)[: self.welded_from].reshape(-1, 3)
+        for k in np.flatnonzero(~self._present[: self.welded_from : 3]):
+            gap[k] = self.data.site_xpos[self.model.eq_obj1id[k]] - self.data.site_xpos[self.model.eq_obj2id[k]]
+        return gap
 
     def still(self, q: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return places, axes and Jacobians, and of pairs d and its Jacobian: see `SpaceEngine`."""
@@ -137,8 +156,7 @@ class MujocoSpace:
             turned = d.xmat[body].reshape(3, 3)
             r[k], axes[k] = d.xpos[body] + turned @ u, turned @ own
             mujoco.mj_jac(m, d, jac[k, :3], jac[k, 3:], r[k], body)
-        rows = d.efc_J.reshape(d.nefc, m.nv)[: 3 * self.count[0]]
-        gap = d.efc_pos[: len(rows)].reshape(-1, 3).copy()
+        gap, rows = self._gaps(), self._jacobian()[: self.welded_from]
         return r, axes, self._own(jac), gap, self._own(rows).reshape(len(gap), 3, len(self._from_tree[0]))
 
     def _own(self, rows: Array) -> Array:
@@ -165,14 +183,20 @@ class MujocoSpace:
             mujoco.mj_jac(m, d, jac[:3], jac[3:], point, body)
             mujoco.mj_jacDot(m, d, change[:3], change[3:], point, body)
             vel[k], acc[k] = jac @ d.qvel, change @ d.qvel + jac @ qacc
-        rows = 3 * self.count[0]
-        bend = d.efc_J.reshape(d.nefc, m.nv)[:rows] @ qacc - d.efc_aref[:rows]
-        return vel, acc, bend.reshape(-1, 3)
+        bend = self._jacobian() @ qacc - self._spread(d.efc_aref)
+        return vel, acc, bend[: self.welded_from].reshape(-1, 3)
 
     def welded(self, q: Array, rates: Array) -> tuple[Array, Array, Array, Array]:
         """Return of the welds' rotations (K, 3): residual, Jacobian (K, 3, v), velocity, and minus its drift term."""
         self._move(q, rates)
-        d, first = self.data, 3 * self.count[0]
-        at = (first + 6 * np.arange(self.count[1])[:, None] + [3, 4, 5]).astype(int)
-        rows = d.efc_J.reshape(d.nefc, self.model.nv)
-        return d.efc_pos[at].copy(), self._own(rows[at]), d.efc_vel[at].copy(), -d.efc_aref[at]
+        d = self.data
+        residual, jacobian, rate, drift = (
+            values[self.welded_from :].reshape(-1, 6, *values.shape[1:])[:, 3:]
+            for values in (
+                self._spread(d.efc_pos),
+                self._own(self._jacobian()),
+                self._spread(d.efc_vel),
+                -self._spread(d.efc_aref),
+            )
+        )
+        return residual, jacobian, rate, drift

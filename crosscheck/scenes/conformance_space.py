@@ -1,0 +1,155 @@
+"""What an engine is asked in space, as `conformance` asks in the plane: each joint and driver in a plain mechanism."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import Any
+
+from refkin.joints import (
+    GROUND,
+    Constraint,
+    Cylindrical,
+    DisplacementDriver,
+    Driver,
+    Parallel,
+    Perpendicular,
+    PointOnPlane,
+    Screw,
+    SpatialAngleDriver,
+    SpatialDistanceDriver,
+    SpatialFixed,
+    SpatialPointOnLine,
+    SpatialPrismatic,
+    SpatialRevolute,
+    Spherical,
+)
+from refkin.model import Body, Mechanism, Scene
+from refkin.motion_laws import Law, Polynomial, Sinusoid
+from refkin.scenes.linkages import RSCR, RSSP, RSSR, Bennett, Hooke, Stewart
+
+Times = tuple[float, ...]
+AT, X, Y, Z = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
+ROCKER: Any = {"pivot": (2.5, -0.5, 0.75), "axis": (0.25, 1.0, 0.125)}
+LOOP = RSSR(crank=1.0, coupler=3.0, rocker=2.0, massless=True, **ROCKER)
+FRAME: Any = {"axis_j": Z, "zero_j": X}
+ASKEW: Any = {"axis_i": (0.25, 0.1, 1.0), "zero_i": X, **FRAME}
+"""A line askew in the ground, and the z axis of a body."""
+HINGE = SpatialRevolute(name="R1", body_i=GROUND, point_i=AT, body_j="crank", point_j=(-0.5, 0.0, 0.0), **ASKEW)
+UPRIGHT = replace(HINGE, axis_i=Z)
+CRANK = (0.2, 0.45, -0.1, 0.84, 0.02, 0.13, 0.53)
+MOTOR = "motor"
+
+
+def spatial_scenes(law: Law, times: Times) -> Iterator[tuple[str, Scene, bool]]:
+    """Yield what is asked about, the scene and whether there is an answer.
+
+    Parameters
+    ----------
+    law : Law
+        Of the driven angle, from about 1.1 rad on.
+    times : tuple of float
+        At which each scene is asked [s].
+    """
+    asked = (*_joints(law, times), *_driven(law, times), *_loops(law, times))
+    yield from ((f"space: {about}", scene, True) for about, scene in asked)
+    link: Any = LOOP.scene(law=law, times=times)
+    joints = tuple(replace(j, length=9.0) if j.name == "L" else j for j in link.mechanism.joints)
+    yield "space: parts that do not meet", replace(link, mechanism=replace(link.mechanism, joints=joints)), False
+    yield "space: driven beyond its limit", _boom(Polynomial(coefficients=(1.2, 0.2)), (0.0, 1.0, 2.0, 7.0)), False
+
+
+def _scene(
+    times: Times, poses: dict[str, tuple[float, ...]], joints: tuple[Constraint, ...], *drivers: Driver
+) -> Scene:
+    """Return a scene; poses are rough."""
+    bodies = tuple(Body(name=name, estimate=pose) for name, pose in poses.items())
+    return Scene(mechanism=Mechanism(bodies, joints, drivers), times=times, name="conformance in space")
+
+
+def _joints(law: Law, times: Times) -> Iterator[tuple[str, Scene]]:
+    motor = SpatialAngleDriver(name=MOTOR, joint="R1", law=law)
+    yield "revolute", _scene(times, {"crank": CRANK}, (HINGE,), motor)
+    yield "spherical, a rod that spins as it likes", replace(LOOP, massless=False).scene(law=law, times=times)
+    yield "distance", LOOP.scene(law=law, times=times)
+    yield "prismatic", RSSP(crank=1.0, rod=3.0, guide=(0.5, 0.5, 0.2), axis=(1.0, 0.2, 0.1)).scene(law=law, times=times)
+    yield "cylindrical", RSCR(crank=1.0, coupler=3.0, rocker=2.0, **ROCKER).scene(law=law, times=times)
+    hooke = Hooke(beta=0.5).scene(law=law, times=times)
+    yield "universal", hooke
+    ends: dict[str, Any] = {"body_i": "input", "point_i": AT, "body_j": "output", "point_j": AT}
+    cross = (
+        Spherical(name="S", **ends),
+        Perpendicular(name="pins", body_i="input", axis_i=X, body_j="output", axis_j=Y),
+    )
+    first, _, last = hooke.mechanism.joints
+    yield "perpendicular", replace(hooke, mechanism=replace(hooke.mechanism, joints=(first, *cross, last)))
+    line = Parallel(name="line", body_i=GROUND, axis_i=last.axis_i, zero_i=X, body_j="output", **FRAME)  # type: ignore[attr-defined]
+    joints = (*hooke.mechanism.joints[:2], line)
+    yield "parallel", replace(hooke, mechanism=replace(hooke.mechanism, joints=joints))
+    weld = SpatialFixed(
+        name="weld", body_i="crank", point_i=(0.5, 0.1, 0.2), axis_i=(0.0, 0.6, 0.8), zero_i=X, body_j="tool",
+        point_j=(-0.3, 0.2, 0.0), **FRAME,
+    )  # fmt: skip
+    yield (
+        "fixed",
+        _scene(times, {"crank": CRANK, "tool": (0.66, 1.16, 0.05, 0.8, -0.24, -0.04, 0.54)}, (HINGE, weld), motor),
+    )
+    ball = Spherical(name="S", body_i="crank", point_i=(0.5, 0.0, 0.0), body_j="rod", point_j=(-0.1, 0.0, 0.0))
+    ends = {"body_i": GROUND, "point_i": (0.0, 0.1, 0.3), "body_j": "rod", "point_j": (3.0, 0.0, 0.0)}
+    poses = {"crank": (0.21, 0.45, 0.0, 0.84, 0.0, 0.0, 0.53), "rod": (0.52, 0.88, 0.0, 0.98, 0.0, 0.0, -0.15)}
+    level = Parallel(name="level", body_i=GROUND, axis_i=Z, zero_i=X, body_j="rod", **FRAME)
+    wall = PointOnPlane(name="wall", **ends, axis_i=(0.1, 1.0, 0.2))
+    yield "point_on_plane", _scene(times, poses, (UPRIGHT, ball, level, wall), motor)
+    keel = Perpendicular(name="keel", body_i=GROUND, axis_i=Z, body_j="rod", axis_j=Y)
+    rail = SpatialPointOnLine(name="rail", **ends, axis_i=(1.0, 0.1, 0.2))
+    yield "point_on_line", _scene(times, poses, (UPRIGHT, ball, keel, rail), motor)
+
+
+def _driven(law: Law, times: Times) -> Iterator[tuple[str, Scene]]:
+    ends: dict[str, Any] = {"body_i": GROUND, "point_i": AT, "body_j": "nut", "point_j": (0.1, 0.0, 0.0)}
+    poses = {"nut": (0.05, -0.05, 0.4, 0.84, 0.02, 0.13, 0.53)}
+    turn, lift = (
+        SpatialAngleDriver(name=MOTOR, joint="J", law=law),
+        Sinusoid(amplitude=0.1, angular_frequency=1.3, phase=0.4, offset=0.35),
+    )
+    shift = DisplacementDriver(name="lift", joint="J", law=lift)
+    screw = Screw(name="J", **ends, **ASKEW, pitch=0.125, shift=0.25)
+    yield "screw", _scene(times, poses, (screw,), turn)
+    yield "screw, its shift driven", _scene(times, poses, (screw,), shift)
+    yield (
+        "cylindrical, both its motions driven",
+        _scene(times, poses, (Cylindrical(name="J", **ends, **ASKEW),), turn, shift),
+    )
+    slide = SpatialPrismatic(name="J", **ends, **ASKEW)
+    yield "displacement driven", _scene(times, {"nut": (0.0, 0.04, 0.4, 0.99, -0.05, 0.12, -0.01)}, (slide,), shift)
+    yield "distance driven", _boom(replace(lift, offset=1.2), times)
+    yield "six distances driven", Stewart.three_three().scene(speed=1.3, law=law, times=times)
+
+
+def _boom(law: Law, times: Times) -> Scene:
+    """Return an arm on a hinge, which a cylinder of driven length lifts."""
+    hinge = replace(HINGE, body_j="boom", point_j=AT, axis_i=(0.1, 1.0, 0.0), zero_i=X)
+    ends: dict[str, Any] = {
+        "body_i": GROUND,
+        "point_i": (1.0, 0.0, -0.25),
+        "body_j": "boom",
+        "point_j": (1.5, 0.0, 0.0),
+    }
+    cylinder = SpatialDistanceDriver(name="cylinder", **ends, law=law)
+    return _scene(times, {"boom": (0.0, 0.0, 0.0, 0.65, -0.68, -0.21, -0.28)}, (hinge,), cylinder)
+
+
+def _loops(law: Law, times: Times) -> Iterator[tuple[str, Scene]]:
+    yield "more rows than are independent", Bennett(length=1.0, alpha=0.6, beta=1.1).scene(law=law, times=times)
+    for form, words in (("dot", "by dot products"), ("printed", "by cross products")):
+        yield f"joints written {words}", replace(LOOP, form=form).scene(law=law, times=times)
+    yield "the other assembly", LOOP.scene(law=law, times=times, branch="crossed")
+    plain = LOOP.scene(law=law, times=times)
+    m: Any = plain.mechanism
+    signs = tuple(replace(b, estimate=(*b.estimate[:3], *(-e for e in b.estimate[3:]))) for b in m.bodies)
+    yield "Euler parameters of the other sign", replace(plain, mechanism=replace(m, bodies=signs))
+    apart = tuple(replace(j, point_j=(*j.point_j[:2], 0.4)) if j.body_j == "rocker" else j for j in m.joints)
+    yield "a frame beside its joints", replace(plain, mechanism=replace(m, joints=apart))
+    small = replace(LOOP, crank=1e-3, coupler=3e-3, rocker=2e-3, pivot=(2.5e-3, -5e-4, 7.5e-4))
+    yield "millimetres", small.scene(law=law, times=times)
+    yield "positions alone", replace(plain, effects=frozenset())
