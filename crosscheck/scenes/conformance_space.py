@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
 from typing import Any
 
@@ -25,10 +25,11 @@ from refkin.joints import (
     Spherical,
 )
 from refkin.model import Body, Mechanism, Scene
-from refkin.motion_laws import Law, Polynomial, Sinusoid
+from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.scenes.linkages import RSCR, RSSP, RSSR, Bennett, Hooke, Stewart
 
 Times = tuple[float, ...]
+DriveLaw = Polynomial | Sinusoid
 AT, X, Y, Z = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 ROCKER: Any = {"pivot": (2.5, -0.5, 0.75), "axis": (0.25, 1.0, 0.125)}
 LOOP = RSSR(crank=1.0, coupler=3.0, rocker=2.0, massless=True, **ROCKER)
@@ -41,12 +42,12 @@ CRANK = (0.2, 0.45, -0.1, 0.84, 0.02, 0.13, 0.53)
 MOTOR = "motor"
 
 
-def spatial_scenes(law: Law, times: Times) -> Iterator[tuple[str, Scene, bool]]:
+def spatial_scenes(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene, bool]]:
     """Yield what is asked about, the scene and whether there is an answer.
 
     Parameters
     ----------
-    law : Law
+    law : Polynomial or Sinusoid
         Of the driven angle, from about 1.1 rad on.
     times : tuple of float
         At which each scene is asked [s].
@@ -60,14 +61,14 @@ def spatial_scenes(law: Law, times: Times) -> Iterator[tuple[str, Scene, bool]]:
 
 
 def _scene(
-    times: Times, poses: dict[str, tuple[float, ...]], joints: tuple[Constraint, ...], *drivers: Driver
+    times: Times, poses: Mapping[str, tuple[float, ...]], joints: tuple[Constraint, ...], *drivers: Driver
 ) -> Scene:
     """Return a scene; poses are rough."""
     bodies = tuple(Body(name=name, estimate=pose) for name, pose in poses.items())
     return Scene(mechanism=Mechanism(bodies, joints, drivers), times=times, name="conformance in space")
 
 
-def _joints(law: Law, times: Times) -> Iterator[tuple[str, Scene]]:
+def _joints(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
     motor = SpatialAngleDriver(name=MOTOR, joint="R1", law=law)
     yield "revolute", _scene(times, {"crank": CRANK}, (HINGE,), motor)
     yield "spherical, a rod that spins as it likes", replace(LOOP, massless=False).scene(law=law, times=times)
@@ -105,7 +106,7 @@ def _joints(law: Law, times: Times) -> Iterator[tuple[str, Scene]]:
     yield "point_on_line", _scene(times, poses, (UPRIGHT, ball, keel, rail), motor)
 
 
-def _driven(law: Law, times: Times) -> Iterator[tuple[str, Scene]]:
+def _driven(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
     ends: dict[str, Any] = {"body_i": GROUND, "point_i": AT, "body_j": "nut", "point_j": (0.1, 0.0, 0.0)}
     poses = {"nut": (0.05, -0.05, 0.4, 0.84, 0.02, 0.13, 0.53)}
     turn, lift = (
@@ -126,7 +127,7 @@ def _driven(law: Law, times: Times) -> Iterator[tuple[str, Scene]]:
     yield "six distances driven", Stewart.three_three().scene(speed=1.3, law=law, times=times)
 
 
-def _boom(law: Law, times: Times) -> Scene:
+def _boom(law: DriveLaw, times: Times) -> Scene:
     """Return an arm on a hinge, which a cylinder of driven length lifts."""
     hinge = replace(HINGE, body_j="boom", point_j=AT, axis_i=(0.1, 1.0, 0.0), zero_i=X)
     ends: dict[str, Any] = {
@@ -139,7 +140,7 @@ def _boom(law: Law, times: Times) -> Scene:
     return _scene(times, {"boom": (0.0, 0.0, 0.0, 0.65, -0.68, -0.21, -0.28)}, (hinge,), cylinder)
 
 
-def _loops(law: Law, times: Times) -> Iterator[tuple[str, Scene]]:
+def _loops(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
     yield "more rows than are independent", Bennett(length=1.0, alpha=0.6, beta=1.1).scene(law=law, times=times)
     for form, words in (("dot", "by dot products"), ("printed", "by cross products")):
         yield f"joints written {words}", replace(LOOP, form=form).scene(law=law, times=times)

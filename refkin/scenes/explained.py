@@ -26,6 +26,11 @@ KEYS = {
 """The keys that may stand at a place of a scene file."""
 CLOSE = 0.6
 """Similarity, of `difflib`, from which a word is taken for a misspelt one."""
+UNTIED = "a body that joints or drivers tie to the ground"
+TYPES: dict[str, dict[str, Sequence[Any]]] = {
+    "joint": {"planar": JOINT_TYPES, "spatial": SPATIAL_JOINT_TYPES},
+    "driver": {"planar": DRIVER_TYPES, "spatial": SPATIAL_DRIVER_TYPES},
+}
 
 
 def explained(faults: Iterable[Fault], data: Any, text: str = "") -> list[Fault]:
@@ -39,7 +44,17 @@ def explained(faults: Iterable[Fault], data: Any, text: str = "") -> list[Fault]
         The file itself, if it is TOML.
     """
     lines = _lines(text, data) if text else {}
-    return [replace(_guessed(fault), where=_where(fault.path, data, lines)) for fault in faults]
+    return [replace(_guessed(fault, data), where=_where(fault.path, data, lines)) for fault in faults]
+
+
+def _at(path: str, data: Any) -> Any:
+    """Return what stands at a path into the data, None if there is nothing."""
+    for key in re.findall(r"\w+", path):
+        try:
+            data = data[int(key) if isinstance(data, list) else key]
+        except (LookupError, TypeError, ValueError):
+            return None
+    return data
 
 
 def unconnected(bodies: Sequence[Any], constraints: Sequence[Any]) -> Iterator[Fault]:
@@ -50,10 +65,10 @@ def unconnected(bodies: Sequence[Any], constraints: Sequence[Any]) -> Iterator[F
         tied |= {body for pair in pairs if tied & set(pair) for body in pair}
     for k, body in enumerate(bodies):
         if body.name not in tied:
-            yield Fault(f"body[{k}]", body.name, "a body that joints or drivers tie to the ground")
+            yield Fault(f"body[{k}]", body.name, UNTIED)
 
 
-def _guessed(fault: Fault) -> Fault:
+def _guessed(fault: Fault, data: Any) -> Fault:
     """Return the fault with the word that was perhaps meant."""
     key = fault.path.rpartition(".")[2]
     group = re.split(r"[.\[]", fault.path)[0]
@@ -61,8 +76,17 @@ def _guessed(fault: Fault) -> Fault:
         inner = re.search(r"(law|rate_law|profile)[^.]*\.[^.]*$", fault.path)
         known = KEYS["law"] if inner else KEYS.get(group if "." in fault.path else "", ())
         return _meant(fault, key, known)
+    if re.search(r", not \d+$", fault.expected):
+        return replace(fault, value=_at(fault.path, data))
+    if fault.path in GROUPS and fault.expected == "array":
+        return replace(fault, expected=f"a list: each {group} under a header [[{group}]]")
     if fault.value == GROUND and group == "body":
         return replace(fault, expected=f"a name other than {GROUND!r}, which is reserved for the fixed frame")
+    for dimension, types in TYPES.get(group, {}).items() if key == "type" else ():
+        if fault.value in [kind.type for kind in types] and dimension != data.get("dimension", "planar"):
+            return replace(fault, expected=f'{fault.expected}; or dimension = "{dimension}", which has it')
+    if group == "driver" and key == "joint" and isinstance(fault.value, str):
+        return _meant(fault, fault.value, [str(_at(f"joint[{k}].name", data)) for k in range(len(data["joint"]))])
     if isinstance(fault.value, str):
         listed = re.findall(r"[^\s,']+", fault.expected.partition("one of")[2] or fault.expected.partition(":")[2])
         return _meant(fault, fault.value, listed)
@@ -70,7 +94,7 @@ def _guessed(fault: Fault) -> Fault:
 
 
 def _meant(fault: Fault, word: str, known: Sequence[str]) -> Fault:
-    close = get_close_matches(word, known, 1, CLOSE)
+    close = [] if word in known else get_close_matches(word, known, 1, CLOSE)
     return replace(fault, expected=f"{fault.expected} (did you mean {close[0]!r}?)") if close else fault
 
 
@@ -78,7 +102,9 @@ def _where(path: str, data: Any, lines: dict[tuple[str, int], dict[str, int]]) -
     """Return "joint 'A', line 12" for a path into it; as much of it as is known."""
     match = re.match(r"(\w+)\[(\d+)\]\.?(\w*)", path)
     if not match or match[1] not in GROUPS:
-        return ""
+        table, _, key = path.partition(".")
+        line = lines.get((table, 0), {}).get(key) or lines.get(("", 0), {}).get(re.split(r"[.\[]", path)[0])
+        return f"line {line}" if line else ""
     group, place, key = match[1], int(match[2]), match[3]
     try:
         name = data[group][place].get("name")
@@ -92,19 +118,21 @@ def _where(path: str, data: Any, lines: dict[tuple[str, int], dict[str, int]]) -
 def _lines(text: str, data: Any) -> dict[tuple[str, int], dict[str, int]]:
     """Return for each table of a group the line of its header, under "", and those of its keys.
 
+    What is in no group is under ("", 0): the keys before all tables, and other tables, such as ("times", 0), by name.
     Nothing of a group of which the text shows another number of headers than there are tables: some are written inline.
     """
     lines: dict[tuple[str, int], dict[str, int]] = {}
     counts = dict.fromkeys(GROUPS, 0)
-    own: dict[str, int] = {}
+    own = top = lines["", 0] = {}
     for number, line in enumerate(text.splitlines(), 1):
         header = re.match(r"\s*\[\[\s*(\w+)\s*\]\]", line)
         if header and header[1] in counts:
             own = lines[header[1], counts[header[1]]] = {"": number}
             counts[header[1]] += 1
-        elif re.match(r"\s*\[", line) and "=" not in line and not line.strip().endswith(","):
-            own = {}
+        elif table := re.match(r"\s*\[+\s*(\w+)\s*\]+\s*(#.*)?$", line):
+            own = lines[table[1], 0] = {"": number}
+            top.setdefault(table[1], number)
         elif key := re.match(r"\s*(\w+)\s*=", line):
             own.setdefault(key[1], number)
     whole = {group for group in GROUPS if isinstance(data, dict) and counts[group] == len(data.get(group, ()))}
-    return {place: keys for place, keys in lines.items() if place[0] in whole}
+    return {place: keys for place, keys in lines.items() if place[0] in whole or place[0] not in GROUPS}

@@ -38,7 +38,9 @@ def load(path: str | Path) -> Scene:
     except OSError as error:
         raise InvalidScene([Fault("file", str(path), f"a readable file ({error.strerror})")], str(path)) from error
     except UnicodeDecodeError as error:
-        raise InvalidScene([Fault("file", str(path), "UTF-8 text")], str(path)) from error
+        line = 1 + error.object[: error.start].count(b"\n")
+        fault = Fault("file", error.object[error.start : error.start + 1], "UTF-8 text", f"line {line}")
+        raise InvalidScene([fault], str(path)) from error
     except RecursionError as error:
         raise InvalidScene(
             [Fault("file", str(path), f"at most {DEEPEST} levels of tables and lists")], str(path)

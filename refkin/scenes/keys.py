@@ -26,7 +26,7 @@ from refkin.joints import (
 from refkin.joints.checks import mechanism_faults, scene_faults
 from refkin.model import Body, Effect, Evidence, Point
 from refkin.scenes import SCHEMA
-from refkin.scenes.explained import unconnected
+from refkin.scenes.explained import UNTIED, unconnected
 
 MOST_TIMES = 10_000_000
 
@@ -185,7 +185,8 @@ def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
             place, _, tail = rest.partition("]")
             fault = Fault(f"{group}[{kept[group][int(place)]}]{tail}", fault.value, fault.expected)
         names_unread = isinstance(fault.value, str) and fault.value in unread
-        if (rest or group.startswith("times")) and not names_unread:
+        of_what_is_left = fault.expected == UNTIED and any(place[0] in ("joint", "driver") for place in bad)
+        if (rest or group.startswith("times")) and not names_unread and not of_what_is_left:
             faults.append(fault)
     return faults
 
@@ -210,7 +211,11 @@ def _fault(error: Any) -> Fault:
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         key = context["discriminator"].strip("'")
         return Fault(f"{path}.{key}", context.get("tag"), f"one of {context.get('expected_tags', 'the known ones')}")
-    return Fault(path, value, error["msg"].removeprefix("Input should be ").removeprefix("a valid "))
+    return Fault(
+        path,
+        value,
+        error["msg"].removeprefix("Input should be ").removeprefix("a valid ").replace("integer", "an integer"),
+    )
 
 
 def _items(path: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import codecs
+from pathlib import Path
 
 import pytest
 
@@ -69,6 +70,32 @@ def test_a_fault_names_its_joint_and_its_line(tmp_path):
     line = 1 + text.splitlines().index('body_i = "elsewhere"')
 
     assert f"(joint 'B', line {line})" in told(tmp_path, text)
+
+
+def test_a_fault_outside_of_bodies_and_joints_names_its_line_too(tmp_path):
+    assert "times.count: expected a count of at least 1, got 0 (line " in told(
+        tmp_path, TEXT.replace("count = 3", "count = 0")
+    )
+    assert "gravity: expected no such key, got {'z': -9.81} (line " in told(tmp_path, f"{TEXT}\n[gravity]\nz = -9.81\n")
+
+
+SPATIAL = (Path(__file__).parents[2] / "docs" / "scenes" / "spatial-cylindrical.toml").read_text(encoding="utf-8")
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong", "said"),
+    [
+        ('dimension = "spatial"', "", "or dimension = \"spatial\", which has it, got 'cylindrical'"),
+        ('joint = "rod"', 'joint = "rods"', "(did you mean 'rod'?), got 'rods' (driver 'motor', line 29)"),
+        ("axis_i = [0.0, 0.0, 1.0]", "axis_i = [0.0, 1.0]", "3 numbers, not 2, got [0.0, 1.0] (joint 'rod', line 19)"),
+        ('"cylindrical"', '"cylindical"', "(did you mean 'cylindrical'?), got 'cylindical' (joint 'rod', line 16)"),
+    ],
+)
+def test_a_fault_of_a_scene_of_space_is_explained_as_one_of_the_plane(tmp_path, right, wrong, said):
+    message = told(tmp_path, SPATIAL.replace(right, wrong, 1))
+
+    assert said in message
+    assert "tie to the ground" not in message or not wrong  # of a joint that cannot be read nothing is concluded
 
 
 def test_a_body_that_nothing_ties_to_the_ground_is_named(tmp_path):
