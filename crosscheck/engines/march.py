@@ -10,7 +10,9 @@ A velocity, and with it the first derivative of each law, is taken of a scene to
 difference of a law's values would predict as well where times are close, but does not see a law that leaves and comes
 back between two times. For the same reason the times at which a law turns back are poses of their own.
 
-Nothing here knows an engine: residual, Jacobian and right sides of a batch of poses come from `Equations`.
+Nothing here knows an engine: residual, Jacobian and right sides of a batch of poses come from `Equations`. An engine
+with a Newton of its own has `closed` besides, (q, t, last or None) -> poses, Jacobians, largest residuals: it is called
+in the place of ours, on guesses (B, n), which are predictions from a pose `last` where there is one.
 """
 
 from __future__ import annotations
@@ -125,6 +127,7 @@ def march(
     order: int,
     *,
     together: bool = True,
+    resumes: bool = False,
 ) -> March:
     """Return the motion at each time, starting at an estimate and going on from the last pose that closed.
 
@@ -138,6 +141,8 @@ def march(
         0 for position, 1 for velocity too, 2 for acceleration too.
     together : bool
         Whether poses may be found all at once; not of coordinates whose value depends on the way to a pose.
+    resumes : bool
+        Whether a motion that ended goes on at a later time whose pose is near the last one again.
     """
     t, k, path, halvings = np.asarray(times, float), 0, list[Poses](), HALVINGS
     last: Poses | None = None
@@ -156,13 +161,15 @@ def march(
                 if k == len(t):
                     break
                 pose = advance(equations, last, t[k], halvings)
+                if resumes and halvings != HALVINGS and not pose.known[0]:
+                    pose = _near_again(equations, last, t[k])
             path.append(pose)
             halvings = HALVINGS if pose.known[0] else HALVINGS_AFTER_FAILURE
             last = pose if pose.regular[0] else last
             if ahead is not None and not _same(ahead[k - origin : k - origin + 1], pose):
                 ahead = None
             k += 1
-        return _motion(equations, t, path, order)
+        return march_of(equations, t, path, order)
 
 
 def _same(guessed: Poses, pose: Poses) -> bool:
@@ -170,8 +177,8 @@ def _same(guessed: Poses, pose: Poses) -> bool:
     return bool(len(guessed.t) and _largest(guessed.q - pose.q)[0] <= GUESSED_WELL)
 
 
-def _motion(equations: Equations, t: Array, path: Sequence[Poses], order: int) -> March:
-    """Return poses with their rates."""
+def march_of(equations: Equations, t: Array, path: Sequence[Poses], order: int) -> March:
+    """Return poses at all times with their rates up to an order."""
     poses = Poses.joined(path)
     levels = [poses.q, poses.qd, np.full_like(poses.q, np.nan)][: order + 1]
     ok = poses.regular
@@ -309,7 +316,7 @@ def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
     good &= (far <= TRUST) & (defect <= np.maximum(DEFECT * _largest(move), NEAR))
     good[good] = connected(a.inverse[good], b.jacobian[good])
     some = np.flatnonzero(good)
-    if not some.size:
+    if not some.size or hasattr(equations, "closed"):  # an engine's own Newton does not say how it contracts
         return good
     residual, jacobian = equations.rows(guess[some], b.t[some])
     correction = solve(jacobian, residual)
@@ -329,7 +336,7 @@ def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVING
     for _ in range(ATTEMPTS):
         now = float(last.t[0])
         target = min(t, now + step)
-        pose = close(equations, last.q + (target - now) * last.qd, np.array([target]), near=True)
+        pose = close(equations, last.q + (target - now) * last.qd, np.array([target]), near=last.q)
         off = 0.0 if pose.regular[0] else SINGULAR
         joined = bool(pose.known[0] and connected(last.inverse, pose.jacobian, off)[0])
         if joined and target == t:
@@ -347,6 +354,13 @@ def _fold(equations: Equations, last: Poses, t: float) -> Poses:
     """Return the pose at t if the branch of `last` ends there, in a singular pose, where Newton contracts by halves."""
     pose = close(equations, last.q, np.array([t]))
     return nowhere(last, t) if pose.regular[0] or not _largest(pose.q - last.q)[0] <= TRUST else pose
+
+
+def _near_again(equations: Equations, last: Poses, t: float) -> Poses:
+    """Return the pose at t that Newton finds from `last` itself, if it is near, and no singular one between them."""
+    pose = close(equations, last.q, np.array([t]))
+    good = pose.regular[0] and _largest(pose.q - last.q)[0] <= TRUST and connected(last.inverse, pose.jacobian)[0]
+    return pose if good else nowhere(last, t)
 
 
 def nowhere(like: Poses, t: float) -> Poses:
@@ -382,12 +396,15 @@ def connected(inverse: Array, other: Array, off: float = 0.0) -> Any:
 # one pose
 
 
-def close(equations: Equations, q: Array, t: Array, *, near: bool = False) -> Poses:
+def close(equations: Equations, q: Array, t: Array, *, near: Array | None = None) -> Poses:
     """Return the poses to which full Newton converges from q (B, n) at t (B,).
 
-    Converged means that the residual is at round-off and the correction has stalled. `near` says that q are
-    predictions: then each correction must contract and the first not be large.
+    Converged means that the residual is at round-off and the correction has stalled. With `near`, q are predictions
+    from there: then each correction must contract and the first not be large.
     """
+    own = getattr(equations, "closed", None)
+    if own is not None:
+        return with_velocities(equations, t, *own(q, t, near))
     count, n = q.shape
     guess, active, previous, left = q, np.arange(count), *np.full((2, count), np.inf)
     done = list[tuple[Any, Array, Array, Array]]()
@@ -399,7 +416,7 @@ def close(equations: Equations, q: Array, t: Array, *, near: bool = False) -> Po
         ends = ~(size <= 1.0 / EPS)  # an angle that large has no digit left
         closed = ~ends & (np.abs(residual) <= equations.round_off(q, now)).all(axis=1)
         stalled = closed & ((size > STALLED * previous) | (size <= EPS * (1.0 + _largest(q))) | (left <= SQUARED))
-        if near:
+        if near is not None:
             ends |= ~closed & ((size > CONTRACTION * previous) | (size > TRUST))
             ends |= stalled & (_largest(q - guess[active]) > TRUST)
         good = stalled & ~ends

@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import PEERS, QUANTITIES, Array, Engine, EngineError, Simulating, Term, load
+from crosscheck.scenes.names import called_for, order_of
 from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload, whole
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
@@ -218,17 +219,9 @@ def one_by_one(build: Callable[[Scene], Model], workload: FourBars, order: int, 
     return Batch(lambda: [model.solve(order) for model in models], part.configurations, answers)
 
 
-def order_of(scene: Scene) -> int:
-    """Return the highest order that a scene calls for."""
-    if Effect.ACCELERATION in scene.effects:
-        return 2
-    return 1 if Effect.VELOCITY in scene.effects else 0
-
-
 def quantities(scene: Scene) -> tuple[str, ...]:
     """Return the quantities that a scene calls for; acceleration computes velocity, but does not report it unasked."""
-    called = {"position": True, **{q: Effect(q) in scene.effects for q in QUANTITIES[1:]}}
-    return tuple(q for q in QUANTITIES if called[q])
+    return tuple(q for q in called_for(scene, QUANTITIES) if q)
 
 
 def methods(engine: str | Engine, use: Use | None = None) -> list[Method]:

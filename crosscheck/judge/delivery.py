@@ -25,7 +25,8 @@ from crosscheck.judge.comparison import Reference
 from crosscheck.judge.records import QUANTITIES, Cause
 from crosscheck.judge.running_error import U
 from crosscheck.judge.spatial import reversed_joints
-from refkin.model import Effect, Evidence, Scene
+from crosscheck.scenes.names import called_for
+from refkin.model import Evidence, Scene
 from refkin.motion import Motion, Status
 from refkin.solving.solve import solve
 
@@ -81,10 +82,9 @@ def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[T
 
 def undelivered(engine: Engine, scene: Scene, motion: Motion) -> Iterator[dict[str, Any]]:
     """Yield what a scene asks for and a motion has not, as disagreements: levels, and bodies."""
-    asked = (True, Effect.VELOCITY in scene.effects, Effect.ACCELERATION in scene.effects)
     able = getattr(engine, "delivers", QUANTITIES)
-    for quantity, wanted, level in zip(QUANTITIES, asked, motion.levels, strict=True):
-        if wanted and quantity in able and level is None:
+    for quantity, level in zip(called_for(scene, QUANTITIES), motion.levels, strict=True):
+        if quantity in able and level is None:
             yield _not_delivered(quantity, "not delivered at any time")
     absent = [body for body in scene.wanted if body not in motion.bodies]
     if absent:

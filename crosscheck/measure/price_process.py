@@ -16,8 +16,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import QUANTITIES, EngineError
-from crosscheck.engines.methods import Method, Model, Use, methods, order_of
+from crosscheck.engines.methods import Method, Model, Use, methods
 from crosscheck.judge.truth import CertifiedTruth, NoTruth, levels_or_nothing
+from crosscheck.scenes.names import order_of
 from crosscheck.workers.processes import Failure, told_if_raised
 from crosscheck.workers.timing import AT_LEAST, LONG, timed_in_turns
 from refkin.model import Scene

@@ -43,7 +43,8 @@ from crosscheck.engines.closed_form.jets import Balls, Jet, Planar, midpoint
 from crosscheck.engines.closed_form.solution import Solution, float_solution, solve
 from crosscheck.engines.closed_form.space_motion import space_closed
 from crosscheck.engines.spatial.reading import in_space
-from refkin.model import Effect, Scene
+from crosscheck.scenes.names import called_for
+from refkin.model import Scene
 from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route, Seeding, Status, engine_motion
 
 Array = NDArray[np.float64]
@@ -260,13 +261,12 @@ def _motion(solution: Solution, route: Route) -> tuple[Motion, list[Array]]:
     status = _status(solution, levels)
     _blank(levels, radii, status)
     residual = _residual(solution, levels, status)
-    wanted = {"qd": Effect.VELOCITY in scene.effects, "qdd": Effect.ACCELERATION in scene.effects}
     producer = Producer(name=ClosedForm.name, version=version("refkin"), route=route)
-    motion = engine_motion(
-        scene.times, scene.wanted, levels[0], levels[1] if wanted["qd"] else None, levels[2] if wanted["qdd"] else None,
-        status, producer, residual=residual, certified_radius=_certified(scene, radii),
-        points=_points(solution, status), message="; ".join(assembly.remarks),
-    )  # fmt: skip
+    certified, points = _certified(scene, radii), _points(solution, status)
+    more = {"residual": residual, "certified_radius": certified, "points": points}
+    message = "; ".join(assembly.remarks)
+    called = called_for(scene, levels)
+    motion = engine_motion(scene.times, scene.wanted, *called, status, producer, message=message, **more)
     return motion, radii
 
 
@@ -371,9 +371,7 @@ def _points(solution: Solution, status: tuple[Status, ...]) -> dict[str, PointMo
         place = solution.ground.bodies[point.body].point(local)
         levels, radii = _levels(list(_in_scene(solution, place)), len(scene.times))
         _blank(levels, radii, status)
-        v = levels[1] if Effect.VELOCITY in scene.effects else None
-        a = levels[2] if Effect.ACCELERATION in scene.effects else None
-        motions[point.name] = PointMotion(r=levels[0], v=v, a=a)
+        motions[point.name] = PointMotion(*called_for(scene, levels))
     return motions
 
 

@@ -4,8 +4,6 @@ Two routes. `static` is exudyn at its best: lengths in units of the mechanism's 
 march over the times that predicts each pose from exudyn's own velocities and halves the step where it goes astray.
 `shipped` is what a user gets who changes no setting: metres, default tolerances, each solve started at the last answer.
 
-The march of `static` takes a velocity of each pose, whether the scene calls for it or not; `shipped` takes none.
-
 exudyn does no velocity or acceleration analysis and exposes no linear solver, so those two systems are solved here.
 """
 
@@ -35,10 +33,11 @@ from crosscheck.engines import (
 from crosscheck.engines.exudyn.effects import EFFECTS
 from crosscheck.engines.exudyn.features import FEATURES, INITIAL, with_initial_accelerations
 from crosscheck.engines.exudyn.model import ExudynModel, quiet_settings
-from crosscheck.engines.exudyn.solve import Marcher, Poses, ShippedSolve, StaticNewton
+from crosscheck.engines.exudyn.solve import LOST, ExudynEquations, ShippedSolve, StaticNewton, in_metres
 from crosscheck.engines.exudyn.space import ExudynSpaceRows
 from crosscheck.engines.exudyn.space_solve import shipped_stop, space_solved
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
+from crosscheck.scenes.names import called_for, order_of
 from refkin.joints import SI, PointDistance, Unit, elements_of
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
@@ -179,10 +178,9 @@ class Exudyn(WithEffects):
         more = None if self.effect is None else EFFECTS[self.effect].switch
         model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit, more=more)
         try:
-            poses = _march(model, scene, route, unit)
+            return _motion(model, scene, unit, Producer(name=self.name, version=self.version(), route=route))
         finally:
             model.close()
-        return _motion(scene, poses, unit, Producer(name=self.name, version=self.version(), route=route))
 
 
 def _refuse_lost(scene: Scene) -> None:
@@ -220,35 +218,28 @@ def _shipped_stop(scene: Scene) -> Term:
     )
 
 
-def _march(model: ExudynModel, scene: Scene, route: Route, unit: Unit) -> Poses:
+def _motion(model: ExudynModel, scene: Scene, unit: Unit, producer: Producer) -> Motion:
+    """Return the poses of the wanted bodies in metres, NaN where there is no answer.
+
+    Where exudyn's solver came to a pose, but to none that continues the motion, the branch is lost.
+    """
     start = np.array([body.estimate for body in scene.mechanism.bodies], float)
     start[:, :2] = (start[:, :2] - unit.origin) / unit.size
-    size = scene.mechanism.size() / unit.size
-    solver = StaticNewton(model) if route == STATIC else ShippedSolve(model, size)
-    return Marcher(model, scene, solver).run(start.ravel())
-
-
-def _motion(scene: Scene, poses: Poses, unit: Unit, producer: Producer) -> Motion:
-    """Return the poses of the wanted bodies in metres, NaN where there is no answer."""
+    at_best = producer.route == STATIC
+    solver = StaticNewton(model) if at_best else ShippedSolve(model, scene.mechanism.size() / unit.size)
+    equations = ExudynEquations(model, scene, solver)
+    poses = equations.march(start.ravel(), scene.times, order_of(scene))
+    status, reasons = list(poses.status), {Status.SINGULAR: "its Jacobian is singular", Status.BRANCH_LOST: LOST}
+    for k, t in enumerate(scene.times):
+        if status[k] is Status.NOT_CONVERGED and t not in equations.failed:
+            status[k] = Status.BRANCH_LOST
+    message = ""
+    if failures := [k for k, each in enumerate(status) if each is not Status.OK]:
+        first = scene.times[failures[0]]
+        reason = reasons.get(status[failures[0]]) or equations.failed[first]
+        message = f"exudyn: {len(failures)} of {len(status)} times not ok, first t = {first!r}: {reason}"
     names = [body.name for body in scene.mechanism.bodies]
     wanted = [3 * names.index(name) + k for name in scene.wanted for k in range(3)]
-    scale = np.tile([unit.size, unit.size, 1.0], len(scene.wanted))[:, None]
-    shift = np.tile([*unit.origin, 0.0], len(scene.wanted))[:, None]
-    velocity, acceleration = (effect in scene.effects for effect in (Effect.VELOCITY, Effect.ACCELERATION))
-    failures = [t for t, status in zip(scene.times, poses.status, strict=True) if status is not Status.OK]
-    message = ""
-    if failures:
-        reason = poses.reason or "its Jacobian is singular"
-        first = float(failures[0])
-        message = f"exudyn: {len(failures)} of {len(scene.times)} times not ok, first t = {first!r}: {reason}"
-    return engine_motion(
-        scene.times,
-        scene.wanted,
-        poses.q[wanted] * scale + shift,
-        poses.qd[wanted] * scale if velocity else None,
-        poses.qdd[wanted] * scale if acceleration else None,
-        tuple(poses.status),
-        producer,
-        residual=poses.residual,
-        message=message,
-    )
+    levels = called_for(scene, [level[wanted] for level in in_metres(unit, poses.levels)])
+    more = {"residual": poses.residual, "message": message}
+    return engine_motion(scene.times, scene.wanted, *levels, tuple(status), producer, **more)

@@ -18,7 +18,7 @@ from crosscheck.engines.exudyn.direct import ChainSolver, Direct
 from crosscheck.engines.exudyn.engine import Exudyn
 from crosscheck.engines.exudyn.integration import Integration
 from crosscheck.engines.exudyn.model import ExudynModel
-from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, bear_redundant_rows, solved
+from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, bear_redundant_rows, in_metres, solved
 from crosscheck.engines.methods import Batch, Method, Model, Use, of_routes, one_by_one
 from crosscheck.scenes.workloads import Chain, Workload
 from refkin.joints import SI, Unit
@@ -89,7 +89,7 @@ def _checked(scene: Scene) -> Scene:
 def _direct(tolerance: float, scene: Scene) -> Model:
     unit = scene.mechanism.unit()
     direct = Direct(_checked(scene), unit, _estimate(scene, unit), tolerance)
-    return Model(direct.solve, partial(_in_metres, unit))
+    return Model(direct.solve, partial(in_metres, unit))
 
 
 def _batched(workload: Workload, order: int) -> Batch:
@@ -121,7 +121,7 @@ def _newton(tolerance: float, scene: Scene) -> Model:
 def _integrated(kind: Any, radius: float | None, steps: int, scene: Scene) -> Model:
     unit = scene.mechanism.unit()
     integration = Integration(_checked(scene), unit, _estimate(scene, unit))
-    return Model(partial(integration.solve, kind, radius, steps), partial(_in_metres, unit))
+    return Model(partial(integration.solve, kind, radius, steps), partial(in_metres, unit))
 
 
 class Static:
@@ -134,7 +134,7 @@ class Static:
 
     def by(self, step: Any) -> Model:
         """Return the model that goes from pose to pose by `step`, (t, start) -> pose."""
-        return Model(partial(self.solve, step), partial(_in_metres, self.unit))
+        return Model(partial(self.solve, step), partial(in_metres, self.unit))
 
     def solve(self, step: Any, order: int) -> list[Any]:
         """Return the levels up to an order."""
@@ -163,9 +163,3 @@ def _estimate(scene: Scene, unit: Unit) -> Any:
     start = np.array([body.estimate for body in scene.mechanism.bodies], float)
     start[:, :2] = (start[:, :2] - unit.origin) / unit.size
     return start.ravel()
-
-
-def _in_metres(unit: Unit, levels: list[Any]) -> list[Any]:
-    bodies = len(levels[0]) // 3
-    scale, shift = np.tile([unit.size, unit.size, 1.0], bodies), np.tile([*unit.origin, 0.0], bodies)
-    return [level * scale[:, None] + (shift[:, None] if k == 0 else 0.0) for k, level in enumerate(levels)]

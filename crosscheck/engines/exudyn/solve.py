@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import exudyn as exu
@@ -13,10 +13,10 @@ import numpy as np
 from crosscheck.engines import Array, EngineError
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
-from crosscheck.engines.march import EPS, SINGULAR, Tabulated, connected, inverses, solve
-from refkin.joints import RelativeAngle, elements_of
-from refkin.model import Effect, Scene
-from refkin.motion import Status
+from crosscheck.engines.march import EPS, March, Tabulated, close, extrema, march, march_of, solve
+from crosscheck.scenes.names import order_of
+from refkin.joints import RelativeAngle, Unit, elements_of
+from refkin.model import Scene
 
 TOLERANCES = (1e-14, 1e-13, 1e-12)
 """Norms of the residual, in sizes of the mechanism, at which exudyn's Newton may stop: the first that it reaches."""
@@ -26,31 +26,10 @@ SETTLED = 0.5 * EPS
 """A residual up to this is not corrected once more; with four times as much rates were off by twice as much."""
 ASTRAY, NEAR = 0.25, 0.01
 """A pose may differ from its prediction by this part of the way from the last pose, or by this much [sizes, rad]."""
-APART = 8.0
-"""Two assemblies near each other are about sigma_min apart: a pose moved by less than this part of it is the nearer."""
 SMALLEST_STEP = 2.0**-24
-"""Smallest part of the way to the next time that a march goes at once."""
-
-
-AT_ONCE = 36
-"""Poses that are found before they are looked at."""
-
-
-class BranchLostError(EngineError):
-    """No step is small enough to tell which of two assemblies continues the motion."""
-
-
-@dataclass
-class Poses:
-    """What was found: coordinates (n, T) in the model's unit, NaN where there is no answer."""
-
-    q: Array
-    qd: Array
-    qdd: Array
-    residual: Array
-    status: list[Status]
-    reason: str = ""
-    """Why the first time without an answer has none."""
+"""Smallest part of the way to the next time that a march of space goes at once."""
+LOST = "no step is small enough to tell which of two assemblies continues the motion"
+"""Why there is no answer where exudyn's solver did come to a pose."""
 
 
 class StaticNewton:
@@ -146,229 +125,103 @@ class ShippedSolve:
         return model.data.GetODE2Coordinates(CURRENT)
 
 
-@dataclass(frozen=True)
-class Pose:
-    """A pose with exudyn's residual (largest component) and, where they are needed, Jacobian, right side and rate.
+class ExudynEquations:
+    """exudyn's rows of a scene, lengths in sizes, and poses by its own solver: `Equations` of `march`.
 
-    All are scaled by the mechanism's size. The right side is that of the velocities, the rate NaN where the Jacobian is
-    singular. `sign` is that of the Jacobian's determinant, 0 if it is not square.
-    """
+    A solver that `predicts` is started at the estimates that it is given, another one at the last pose that it found.
 
-    t: float
-    q: Array
-    residual: float
-    jacobian: Any = None
-    right: Any = None
-    rate: Any = None
-    sign: float = 0.0
-
-
-class Marcher:
-    """Goes from time to time with a solver, each found pose being the start of the next.
-
-    A solver that `predicts` is started where exudyn's own velocity points, and a pose is taken only if it lies near
-    that and the determinant of exudyn's Jacobian keeps its sign; otherwise the step is halved. So the branch is kept.
-    Where the pose near the prediction is the one whose sign has changed, the sign is no longer the branch's: the motion
-    itself may go through a singular pose, as a parallelogram does where it is flat. From there on a pose is taken only
-    if exudyn's Newton moved the prediction by less than assemblies lie apart; where no step does that, and where a pose
-    that is singular to rounding is left, the branch is lost, for all later times too. Any other time without an answer
-    is marked, and the next one is tried from the last good pose.
-
-    Several poses are found at once, each started where those before it point, and only then looked at, together
-    (`_several`). What is not as plain as can be is found once more, one pose after another.
+    Attributes
+    ----------
+    failed : dict
+        Time -> why there is no pose of exudyn's at it.
     """
 
     def __init__(self, model: ExudynModel, scene: Scene, solver: StaticNewton | ShippedSolve) -> None:
-        self.model, self.scene, self.solver = model, scene, solver
-        self.acceleration = Effect.ACCELERATION in scene.effects
-        self.velocity = self.acceleration or Effect.VELOCITY in scene.effects
+        self.model, self.solver, self.failed = model, solver, dict[float, str]()
         self.row_scale = solver.size**model.powers
         self.column_scale = np.tile([solver.size, solver.size, 1.0], model.n // 3)
+        self._at_rest = dict[tuple[float, bytes], Array]()
+        self._found: Array | None = None
         columns = {body.name: 3 * k + 2 for k, body in enumerate(scene.mechanism.bodies)}
         joints = [tuple(elements_of([joint])) for joint in scene.mechanism.joints]
         held: list[Any] = [elements[1] for elements in joints if is_slider(elements)]
         self.slides = [(angle, *map(columns.get, angle.bodies)) for angle in held]
-        self.last: Pose | None = None
-        self.sign = 0.0
-        self.at_once = AT_ONCE
-        highest = 2 if self.acceleration else int(self.velocity or solver.predicts)
+        model.clock.least = max(order_of(scene), 1)
         for k, (law, shift, size) in enumerate(model.clock.laws):
             table: Any = Tabulated(law)
-            for order in range(highest + 1):
+            for order in range(model.clock.least + 1):
                 table(np.array(scene.times), order)
             model.clock.laws[k] = (table, shift, size)
-        model.clock.least = highest
 
-    def run(self, start: Array) -> Poses:
-        """Return the poses at all times of the scene, from an estimate of the first."""
-        times, answers = self.scene.times, list[Pose | EngineError]()
-        start = self._on_the_turn_meant(start)
-        lost = True
-        while len(answers) < len(times):
-            t = times[len(answers)]
-            try:
-                ahead = times[len(answers) : len(answers) + self.at_once]
-                if self.last is None or lost or not (self.solver.predicts or self.velocity):
-                    poses = [self._pose(t, start if self.last is None else self.last.q)]
-                elif not self.solver.predicts:
-                    poses = self._in_a_row(self.last, ahead) or [self._pose(t, self.last.q)]
-                else:
-                    poses = self._several(answers, self.last, ahead)
-                    self.at_once = min(2 * self.at_once, AT_ONCE) if poses else max(self.at_once // 2, 1)
-                    poses = poses or [self._advanced(self.last, t)]
-            except BranchLostError as error:
-                answers += [error] * (len(times) - len(answers))
-            except EngineError as error:
-                answers.append(error)
-                lost = True
-            else:
-                answers += poses
-                self.last, self.sign, lost = poses[-1], self.sign or poses[-1].sign, False
-        return self._with_rates(answers)
+    def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
+        """Return residuals (B, m) and Jacobians (B, m, n), NaN where exudyn has none."""
+        residuals, jacobians = zip(*map(self._rows, q, t.tolist()), strict=True)
+        return np.array(residuals), np.array(jacobians)
 
-    def _with_rates(self, answers: Sequence[Pose | EngineError]) -> Poses:
-        """Return what was found at the times, with velocity and acceleration as far as the scene calls for them."""
-        q, qd, qdd = (np.full((self.model.n, len(answers)), np.nan) for _ in range(3))
-        residual, status, reason = np.full(len(answers), np.nan), [Status.NOT_CONVERGED] * len(answers), ""
-        there = [k for k, pose in enumerate(answers) if isinstance(pose, Pose)]
-        poses = [pose for pose in answers if isinstance(pose, Pose)]
-        for k, error in enumerate(answers):
-            if isinstance(error, EngineError):
-                reason = reason or str(error)
-                status[k] = Status.BRANCH_LOST if isinstance(error, BranchLostError) else status[k]
-        if poses:
-            q[:, there], residual[there] = np.array([pose.q for pose in poses]).T, [pose.residual for pose in poses]
-        if self.velocity and poses:
-            jacobians, rights = (np.array([getattr(pose, name) for pose in poses]) for name in ("jacobian", "right"))
-            qd[:, there] = (self.column_scale * solved(jacobians, rights)).T
-            if self.acceleration:
-                drifts = [self.model.drift(pose.q, qd[:, k], pose.t) for k, pose in zip(there, poses, strict=True)]
-                rights = np.array(drifts)[:, self.model.live] / self.row_scale
-                qdd[:, there] = (self.column_scale * solved(jacobians, rights)).T
-        finite: Any = np.isfinite(qd[:, there] if self.velocity else q[:, there]).all(axis=0)
-        if self.acceleration:
-            finite &= np.isfinite(qdd[:, there]).all(axis=0)
-        for k, known in zip(there, finite.tolist(), strict=True):
-            status[k] = Status.OK if known else Status.SINGULAR
-        if poses and poses[0].jacobian is not None:
-            for k in np.array(there)[_singular(np.array([pose.jacobian for pose in poses]))]:
-                status[k], qd[:, k], qdd[:, k] = Status.SINGULAR, np.nan, np.nan  # its rates would be rounding
-        return Poses(q, qd, qdd, residual, status, reason)
-
-    def _in_a_row(self, last: Pose, times: Sequence[float]) -> list[Pose]:
-        """Return poses at the first of the next times, each found from the one before, believed as in `_seen`."""
-        at, q, rows = list[float](), [last.q], list[tuple[Array, Array, Array]]()
-        try:
-            for t in times:
-                found = self.solver(t, q[-1])
-                rows.append(self.model.at_rest(found, t))
-                at.append(t)
-                q.append(found)
-        except EngineError:
-            pass
-        if not at:
-            return []
-        poses = np.array(q[1:])
-        residual, jacobian, right = self._scaled(*(np.array(part) for part in zip(*rows, strict=True)))
-        gap = np.abs(residual).max(axis=1)
-        good = gap <= self.solver.accepted * np.maximum(1.0, np.abs(poses / self.column_scale).max(axis=1))
-        for _, _, turned in self._turned(poses.T):
-            good &= np.abs(turned) <= 1.0
-        count = int(np.argmin(np.append(good, False)))
-        return [Pose(*parts) for parts in zip(at[:count], q[1:], gap, jacobian, right, strict=False)]
-
-    def _several(self, answers: Sequence[Pose | EngineError], last: Pose, times: Sequence[float]) -> list[Pose]:
-        """Return poses at the first of the next times: those that plainly continue the motion one after another.
-
-        Each starts on the polynomial through the poses before it. Then the tests of `_pose` are made on all of them;
-        beyond these, no pose may be near a singular one, and no singular one may lie between two of them.
-        """
-        if not self.sign:
-            return []
-        known = [(pose.t, pose.q) for pose in answers[-4:] if isinstance(pose, Pose)] or [(last.t, last.q)]
-        first, rows, model = len(known), list[tuple[Array, Array, Array]](), self.model
-        try:
-            for t in times:
-                start = self._predicted(last, t) if len(known) == 1 else _extrapolated(known[-4:], t)
-                q = self.solver(t, start)
-                rows.append(model.at_rest(q, t))
-                known.append((t, q))
-        except EngineError:
-            pass
-        if not rows:
-            return []
-        at, q = (np.array(part) for part in zip(*known[first - 1 :], strict=True))
-        residual, jacobian, right = self._scaled(*(np.array(part) for part in zip(*rows, strict=True)))
-        rate = self.column_scale * solved(jacobian, right)
-        jacobian, rates = np.concatenate([last.jacobian[None], jacobian]), np.concatenate([last.rate[None], rate])
-        inverse, sign, gap = inverses(jacobian), np.linalg.slogdet(jacobian[1:])[0], np.abs(residual).max(axis=1)
-        off = np.abs(np.diff(q, axis=0) - np.diff(at)[:, None] * rates[:-1]).max(axis=1)
-        with np.errstate(invalid="ignore"):
-            plain = off <= np.maximum(ASTRAY * np.abs(np.diff(q, axis=0)).max(axis=1), NEAR)
-            plain &= gap <= self.solver.accepted * np.maximum(1.0, np.abs(q[1:] / self.column_scale).max(axis=1))
-            plain &= (np.linalg.norm(inverse, axis=(1, 2)) < 1.0 / SINGULAR)[1:] & (sign * self.sign > 0.0)
-            plain &= connected(inverse[:-1], jacobian[1:]) & np.isfinite(rate).all(axis=1)
-        for _, _, turned in self._turned(q[1:].T):
-            plain &= np.abs(turned) <= 1.0
-        good = int(np.argmin(np.append(plain, False)))
-        whole = zip(at[1:].tolist(), q[1:], gap, jacobian[1:], right, rate, sign, strict=True)
-        return [Pose(*parts) for parts in list(whole)[:good]]
-
-    def _scaled(self, residual: Array, jacobian: Array, velocity: Array) -> tuple[Array, Array, Array]:
-        """Return residual, Jacobian and right side of the velocities scaled, rows (..., L) without empty ones."""
+    def _rows(self, q: Array, t: float) -> tuple[Array, Array]:
         live, units = self.model.live, self.row_scale
-        scaled = jacobian[..., live, :] * self.column_scale / units[:, None]
-        return residual[..., live] / units, scaled, -velocity[..., live] / units
+        try:
+            residual, jacobian, velocity = self.model.at_rest(q * self.column_scale, t)
+        except EngineError:
+            residual = velocity = np.full(self.model.m, np.nan)
+            jacobian = np.full((self.model.m, self.model.n), np.nan)
+        self._at_rest[t, q.tobytes()] = -velocity[live] / units
+        return residual[live] / units, jacobian[live] * self.column_scale / units[:, None]
 
-    def _advanced(self, last: Pose, t: float) -> Pose:
-        """Return the pose at time t, reached in as many steps as it takes to stay on the branch."""
-        smallest, step, crossing = SMALLEST_STEP * (t - last.t), t - last.t, False
-        while last.t < t:
-            target = t if last.t + step >= t else last.t + step
+    def nu(self, q: Array, t: Array) -> Array:
+        """Return the right sides of the velocities (B, m), NaN where exudyn has none."""
+        poses = [(pose, (at, pose.tobytes())) for pose, at in zip(q, t.tolist(), strict=True)]
+        for pose, key in poses:
+            if key not in self._at_rest:  # it comes with the rows, which were asked for before but of an estimate
+                self._rows(pose, key[0])
+        return np.array([self._at_rest[key] for _, key in poses])
+
+    def gamma(self, q: Array, qd: Array, t: Array) -> Array:
+        """Return the right sides of the accelerations (B, m)."""
+        poses = zip(q * self.column_scale, qd * self.column_scale, t.tolist(), strict=True)
+        return np.array([self.model.drift(*pose) for pose in poses])[:, self.model.live] / self.row_scale
+
+    def round_off(self, q: Array, t: Array) -> Array:
+        """Return the largest components of residuals with which poses are believed, (B, 1)."""
+        return self.solver.accepted * np.maximum(1.0, np.abs(q).max(axis=1, keepdims=True))
+
+    def extrema(self, times: Array) -> Array:
+        """Return times at which the law of a driver turns back."""
+        return extrema([law for law, _, _ in self.model.clock.laws], times)
+
+    def closed(self, q: Array, t: Array, last: Array | None) -> tuple[Array, Array, Array]:
+        """Return poses, Jacobians and residuals (B,) by exudyn's solver, NaN where it found none or none is believed.
+
+        Predictions from `last` are not to be left by more than a part of the way from there: as `close` of `march`.
+        """
+        count, n = q.shape
+        poses, jacobians = np.full((count, n), np.nan), np.full((count, len(self.model.live), n), np.nan)
+        residuals = np.full(count, np.nan)
+        for k, (start, at) in enumerate(zip(q, t.tolist(), strict=True)):
+            if self._found is not None and not self.solver.predicts:
+                start = self._found
             try:
-                last = self._pose(target, self._predicted(last, target), last, crossing)
+                pose = self.solver(at, start * self.column_scale) / self.column_scale
+                rows = self._believed(pose, at)
             except EngineError as error:
-                crossing = crossing or isinstance(error, BranchLostError)
-                step = (target - last.t) / 2
-                if step < smallest:
-                    if crossing:
-                        raise BranchLostError(str(error)) from error
-                    raise
-            else:
-                step *= 2
-        return last
+                self.failed[at] = str(error)
+                continue
+            self._found = pose
+            self.failed.pop(at, None)
+            if last is None or np.abs(pose - start).max() <= max(ASTRAY * np.abs(pose - last).max(), NEAR):
+                poses[k], (residuals[k], jacobians[k]) = pose, rows
+        return poses, jacobians, residuals
 
-    def _predicted(self, last: Pose, t: float) -> Array:
-        return last.q + (t - last.t) * last.rate if np.isfinite(last.rate).all() else last.q
-
-    def _seen(self, t: float, q: Array) -> Pose:
-        """Return exudyn's rows at what its solver found; EngineError says why it is not believed."""
-        if self.solver.predicts or self.velocity:
-            rows: tuple[Array, ...] = self._scaled(*self.model.at_rest(q, t))
-        else:
-            rows = (self.model.residual(q, t)[self.model.live] / self.row_scale,)
-        gap = _largest(rows[0])
-        if not gap <= self.solver.accepted * max(1.0, _largest(q / self.column_scale)):
+    def _believed(self, q: Array, t: float) -> tuple[float, Array]:
+        """Return the largest residual and the Jacobian of what exudyn found; EngineError says why it is no answer."""
+        residual, jacobian = self._rows(q, t)
+        gap = _largest(residual)
+        if not gap <= self.solver.accepted * max(1.0, _largest(q)):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
-        self._check_turns(q)
-        return Pose(t, q, gap, *rows[1:])  # type: ignore[arg-type]
-
-    def _pose(self, t: float, start: Array, last: Pose | None = None, crossing: bool = False) -> Pose:
-        """Return the pose that the solver finds from a start; EngineError says why it is not believed."""
-        pose = self._seen(t, self.solver(t, start))
-        if not self.solver.predicts:
-            return pose
-        q, jacobian = pose.q, pose.jacobian
-        if last is not None and _largest(q - start) > max(ASTRAY * _largest(q - last.q), NEAR):
-            raise EngineError("no step is small enough for its Newton to stay near the motion predicted")
-        sign = float(np.linalg.slogdet(jacobian)[0]) if len(jacobian) == self.model.n else 0.0
-        if sign * self.sign < 0.0:
-            raise BranchLostError("the determinant of its Jacobian changed sign: another branch")
-        if last is not None and _sigma_min(last.jacobian) <= SINGULAR < _sigma_min(jacobian):
-            raise BranchLostError("from a singular pose the motion may go on in two ways")
-        if crossing and _largest((q - start) / self.column_scale) > _sigma_min(jacobian) / APART:
-            raise BranchLostError("two assemblies are too near each other to tell which of them continues the motion")
-        return replace(pose, rate=self.column_scale * solved(jacobian, pose.right), sign=sign)
+        for held, _, off in self._turned(q):
+            if abs(off) > 1.0:
+                raise EngineError(f"it holds only the sine of {held.name!r}, and settled {off:.2f} rad off its angle")
+        return gap, jacobian
 
     def _turned(self, q: Array) -> list[tuple[RelativeAngle, int | None, float]]:
         """Return for each held angle of a slider how far body j is turned from it against body i, turns included."""
@@ -386,18 +239,21 @@ class Marcher:
                 start[column] -= math.tau * round(off / math.tau)
         return start
 
-    def _check_turns(self, q: Array) -> None:
-        for held, _, off in self._turned(q):
-            if abs(off) > 1.0:
-                raise EngineError(f"it holds only the sine of {held.name!r}, and settled {off:.2f} rad off its angle")
+    def march(self, start: Array, times: Sequence[float], order: int) -> March:
+        """Return the motion in the model's unit, from an estimate of the first pose in it."""
+        start, t = self._on_the_turn_meant(start / self.column_scale), np.array(times)
+        if self.solver.predicts:
+            poses = march(self, start, times, order, resumes=True)
+        else:
+            poses = march_of(self, t, [close(self, np.tile(start, (len(t), 1)), t)], order)
+        return replace(poses, levels=tuple(level * self.column_scale[:, None] for level in poses.levels))
 
 
-def _extrapolated(known: Sequence[tuple[float, Array]], t: float) -> Array:
-    """Return where the polynomial through coordinates at times is at t (Lagrange)."""
-    times = [at for at, _ in known]
-    weights = [math.prod([(t - b) / (a - b) for b in times if b != a]) for a in times]
-    with np.errstate(all="ignore"):  # a start that is no number is no start
-        return np.asarray(weights @ np.array([q for _, q in known]))
+def in_metres(unit: Unit, levels: Sequence[Array]) -> list[Array]:
+    """Return coordinates and rates (n, T) of bodies in metres."""
+    bodies = len(levels[0]) // 3
+    scale, shift = np.tile([unit.size, unit.size, 1.0], bodies), np.tile([*unit.origin, 0.0], bodies)
+    return [level * scale[:, None] + (shift[:, None] if k == 0 else 0.0) for k, level in enumerate(levels)]
 
 
 def solved(jacobian: Array, right: Array) -> Array:
@@ -422,19 +278,8 @@ def solved(jacobian: Array, right: Array) -> Array:
     return np.where(sound[:, None], x, np.nan)
 
 
-def _singular(jacobians: Array) -> Any:
-    """Return at which of B Jacobians sigma_min is at most `SINGULAR`; the inverse's norm is a bound of it."""
-    singular = ~(np.linalg.norm(inverses(jacobians), axis=(1, 2)) < 0.5 / SINGULAR)
-    singular[singular] = np.linalg.svd(jacobians[singular], compute_uv=False)[:, -1] <= SINGULAR
-    return singular
-
-
 def _largest(x: Array) -> float:
     return float(np.abs(x).max())
-
-
-def _sigma_min(jacobian: Array) -> float:
-    return float(np.linalg.svd(jacobian, compute_uv=False)[-1])
 
 
 def _first_line(error: Exception) -> str:

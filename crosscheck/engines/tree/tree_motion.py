@@ -12,8 +12,9 @@ from crosscheck.engines import Term
 from crosscheck.engines.march import March, march
 from crosscheck.engines.tree.joint_tree import Array
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
+from crosscheck.scenes.names import called_for, order_of
 from refkin.joints import GROUND, PointDistance, elements_of
-from refkin.model import Effect, Mechanism, Scene
+from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, PointMotion, Producer, engine_motion
 
 Accelerations = Callable[[Array, Array, float], Array]
@@ -86,7 +87,7 @@ def tree_motion(
     EngineError
         If a body of the scene has no estimate.
     """
-    order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
+    order = order_of(scene)
     poses = march(TreeSystem(engine), engine.tree.start(), scene.times, order)
     if (accelerations or departing) and order == 2:
         q, qd, qdd = poses.levels
@@ -99,11 +100,11 @@ def tree_motion(
 def marched_motion(engine: TreeEngine, scene: Scene, poses: March, producer: Producer) -> Motion:
     """Return what a scene wants of tree coordinates that were found in whatever way, at the levels they have."""
     places = point_levels(engine, poses, [(p.body, p.position) for p in scene.points])
-    points = {p.name: _reported(scene, [level[:, k] for level in places]) for k, p in enumerate(scene.points)}
+    points = {p.name: called_for(scene, [level[:, k] for level in places]) for k, p in enumerate(scene.points)}
     return engine_motion(
         scene.times,
         scene.wanted,
-        *_reported(scene, body_levels(engine, poses, scene.wanted)),
+        *called_for(scene, body_levels(engine, poses, scene.wanted)),
         poses.status,
         producer,
         residual=poses.residual,
@@ -141,9 +142,3 @@ def point_levels(engine: TreeEngine, march: March, places: Sequence[tuple[str, A
             shift = tree.origin if order == 0 else (0.0, 0.0)
             levels[order][:, :, there] = np.transpose(level * tree.size + shift, (2, 1, 0))
     return levels
-
-
-def _reported(scene: Scene, levels: list[Array]) -> tuple[Array, Array | None, Array | None]:
-    """Return position, velocity and acceleration; None for what was computed on the way but not called for."""
-    velocity = levels[1] if Effect.VELOCITY in scene.effects and len(levels) > 1 else None
-    return levels[0], velocity, levels[2] if Effect.ACCELERATION in scene.effects and len(levels) > 2 else None

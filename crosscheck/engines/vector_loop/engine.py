@@ -30,7 +30,8 @@ from crosscheck.engines import (
 )
 from crosscheck.engines.vector_loop.marching import LoopMarch, march
 from crosscheck.engines.vector_loop.reading import Reading, read
-from refkin.model import Effect, Scene
+from crosscheck.scenes.names import called_for
+from refkin.model import Scene
 from refkin.motion import Motion, PointMotion, Producer, Route, Seeding, Status, engine_motion
 
 ROUTE = Route(
@@ -94,7 +95,7 @@ class VectorLoop:
         return engine_motion(
             scene.times,
             scene.wanted,
-            *_called_for(scene, bodies),
+            *called_for(scene, bodies),
             moved.status,
             producer,
             residual=moved.residual,
@@ -141,10 +142,5 @@ def _unknown(moved: LoopMarch, order: int) -> Any:
 
 
 def _point(scene: Scene, places: Sequence[Any], k: int) -> PointMotion:
-    r, v, a = _called_for(scene, [np.array([level[k].real, level[k].imag]) for level in places])
+    r, v, a = called_for(scene, [np.array([level[k].real, level[k].imag]) for level in places])
     return PointMotion(r=r, v=v, a=a)
-
-
-def _called_for(scene: Scene, levels: Sequence[Array]) -> tuple[Array, Array | None, Array | None]:
-    velocity = levels[1] if Effect.VELOCITY in scene.effects else None
-    return levels[0], velocity, levels[2] if Effect.ACCELERATION in scene.effects else None
