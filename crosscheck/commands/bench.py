@@ -3,13 +3,9 @@
 from __future__ import annotations
 
 import json
-import os
-import subprocess
 import sys
-import tempfile
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from itertools import groupby
-from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
@@ -20,20 +16,12 @@ from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, console
 from crosscheck.engines.methods import OURS
 from crosscheck.errors import INFRASTRUCTURE, PASS, USAGE
+from crosscheck.measure.bench import measured_by_name, merged
 from crosscheck.measure.bench_aims import DENSE, SAMPLES, SPARSE, Key, key_of
+from crosscheck.scenes import workloads
+from crosscheck.workers.processes import Failure, call_each
 
-THREADS = (
-    "OMP_NUM_THREADS",
-    "OPENBLAS_NUM_THREADS",
-    "MKL_NUM_THREADS",
-    "BLIS_NUM_THREADS",
-    "VECLIB_MAXIMUM_THREADS",
-    "NUMEXPR_NUM_THREADS",
-)
-"""What numerical libraries read, once, when they are loaded."""
 SECONDS_PER_WORKLOAD = 600.0
-LINES = 5
-"""How much is said of a process that failed."""
 
 
 def bench(
@@ -55,9 +43,6 @@ def bench(
     as_json
         Print one JSON object instead of tables.
     """
-    from crosscheck.measure.bench import merged  # here: every workload is measured in a process of its own
-    from crosscheck.scenes import workloads
-
     unknown = [name for name in only or () if name not in workloads.names()]
     if unknown:
         there = ", ".join(workloads.names())
@@ -66,46 +51,17 @@ def bench(
     producers, parts = (*OURS, *names(engines, always=())), []
     for name in only or workloads.names():
         print(f"{name} ...", file=sys.stderr, flush=True)
-        try:
-            parts.append(measured_apart(name, producers))
-        except Failed as error:
-            print(error, file=sys.stderr)
+        (part,) = call_each(measured_by_name, [(name, producers)], SECONDS_PER_WORKLOAD)
+        if isinstance(part, Failure):
+            print(f"{name}: {part.text}", file=sys.stderr)
             return INFRASTRUCTURE
+        parts.append(part)
     results = merged(parts)
     if as_json:
         print(json.dumps(results, indent=1))
     else:
         print_results(results, console(180))
     return PASS
-
-
-class Failed(Exception):
-    """A workload whose process failed; the message says how."""
-
-
-def measured_apart(name: str, producers: Sequence[str]) -> dict[str, Any]:
-    """Return the results of one workload, measured in a process of its own on one thread.
-
-    Raises
-    ------
-    Failed
-        If it ends without results or takes too long.
-    """
-    with tempfile.TemporaryDirectory(prefix="crosscheck-bench-") as folder:
-        file = Path(folder) / "results.json"
-        command = [sys.executable, "-m", "crosscheck.measure.bench", name, str(file), *producers]
-        environment = {**os.environ, **dict.fromkeys(THREADS, "1"), "MUJOCO_GL": "disable"}
-        try:
-            ended = subprocess.run(
-                command, env=environment, capture_output=True, text=True, check=False, timeout=SECONDS_PER_WORKLOAD
-            )
-        except subprocess.TimeoutExpired as error:
-            raise Failed(f"{name}: not done after {SECONDS_PER_WORKLOAD:.0f} s") from error
-        if ended.returncode or not file.exists():
-            last = "\n".join(ended.stderr.strip().splitlines()[-LINES:])
-            raise Failed(f"{name}: its process ended with code {ended.returncode}\n{last}")
-        results: dict[str, Any] = json.loads(file.read_text(encoding="utf-8"))
-        return results
 
 
 RIVALS: dict[Key, str] = {

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import platform
-import sys
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
-from pathlib import Path
 from typing import Any
 
 from crosscheck.engines import PEERS, QUANTITIES, EngineError
@@ -175,14 +172,11 @@ def merged(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
     return {**whole, "aims": reached(whole)}
 
 
-def to_file(name: str, file: str, *producers: str) -> None:
-    """Measure one workload, here, and write the results to a file: engines may write to standard output."""
+def measured_by_name(asked: tuple[str, Sequence[str]]) -> dict[str, Any]:
+    """Return the results of one workload for some producers: what a process of its own does."""
+    name, producers = asked
     work = workload(name)
-    results = measured(work, producers or PRODUCERS)
+    results = measured(work, producers)
     if name == FIRST_USE and not isinstance(work, Chain):
         results["first_use"] = first_use(work)
-    Path(file).write_text(json.dumps(results, allow_nan=False), encoding="utf-8")
-
-
-if __name__ == "__main__":
-    to_file(*sys.argv[1:])
+    return results

@@ -31,6 +31,11 @@ FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "exit code 255")
 """Ends that come from outside: a person, a batch system, the kernel short of memory. (255 stands for a process of which
 nobody was left to tell how it ended.)"""
 
+THREADS = [
+    f"{name}_THREADS" for name in ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "BLIS_NUM", "NUMEXPR_NUM", "VECLIB_MAXIMUM")
+]
+"""What numerical libraries read, once, when they are loaded."""
+
 
 class FailureKind(StrEnum):
     """How a process failed at something."""
@@ -192,10 +197,16 @@ def start(function: Callable[..., None], *arguments: Any) -> tuple[Any, Any]:
     """
     context = _context()
     ours, theirs = context.Pipe()
-    process = context.Process(target=function, args=(*arguments, theirs), daemon=True)
+    process = context.Process(target=_begun, args=(function, *arguments, theirs), daemon=True)
     _begin(process)
     theirs.close()
     return ours, process
+
+
+def _begun(function: Callable[..., None], *arguments: Any) -> None:
+    """Call a function in a process whose standard output is standard error: results go through the pipe alone."""
+    os.dup2(2, 1)
+    function(*arguments)
 
 
 def told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -278,9 +289,9 @@ def _context() -> Any:
 
 @contextmanager
 def _by_itself() -> Iterator[None]:
-    """Start a process with one thread for NumPy, that does not run our own program anew nor end at a Ctrl-C for it."""
+    """Start a process on one thread, that does not run our own program anew nor end at a Ctrl-C for it."""
     environment = dict(os.environ)
-    os.environ.update(dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1"))
+    os.environ.update({**dict.fromkeys(THREADS, "1"), "MUJOCO_GL": "disable"})
     main = sys.modules["__main__"]
     sys.modules["__main__"] = types.ModuleType("__main__")  # multiprocessing would have the child import ours
     try:
