@@ -33,7 +33,7 @@ from crosscheck.scenes.names import PHYSICAL as PHYSICAL
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
 from refkin.joints import Constraint, elements_of
 from refkin.model import Scene
-from refkin.motion import Motion, Route
+from refkin.motion import Motion, Route, Seeding
 
 API = (1, 0)
 Array = NDArray[np.float64]
@@ -112,6 +112,12 @@ class Term:
     absolute: float = 0.0
     relative: float = 0.0
     of_rates: float = 0.0
+
+
+def route_by(by: str, name: str, newton_by: str, *, linear_solve_by: str = "numpy", drift_by: str = "") -> Route:
+    """Return a route on the rows of an engine, which is given estimates; also its drift terms where nobody is named."""
+    who = {"residual_by": by, "jacobian_by": by, "linear_solve_by": linear_solve_by, "drift_by": drift_by or by}
+    return Route(name=name, newton_by=newton_by, seeding=Seeding.INITIAL_GUESS, **who)
 
 
 class EngineError(Exception):

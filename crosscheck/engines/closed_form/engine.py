@@ -37,6 +37,7 @@ from crosscheck.engines import (
     refusals,
     refuse,
     refused,
+    route_by,
 )
 from crosscheck.engines.closed_form.assemble import NotDyadic
 from crosscheck.engines.closed_form.jets import Balls, Jet, Planar, midpoint
@@ -45,7 +46,7 @@ from crosscheck.engines.closed_form.space_motion import space_closed
 from crosscheck.engines.spatial.reading import in_space
 from crosscheck.scenes.names import called_for
 from refkin.model import Scene
-from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route, Seeding, Status, engine_motion
+from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route, Status, engine_motion
 
 Array = NDArray[np.float64]
 
@@ -228,15 +229,7 @@ def _proved(motion: Motion, scene: Scene, bits: int) -> Motion:
 
 def _route(name: str) -> Route:
     by = "closed form"
-    return Route(
-        name=name,
-        residual_by=by,
-        jacobian_by=by,
-        newton_by="none",
-        linear_solve_by=by,
-        drift_by="second-order jets",
-        seeding=Seeding.INITIAL_GUESS,
-    )
+    return route_by(by, name, "none", linear_solve_by=by, drift_by="second-order jets")
 
 
 def _refuse(scene: Scene) -> None:

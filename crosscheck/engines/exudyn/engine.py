@@ -29,6 +29,7 @@ from crosscheck.engines import (
     expressed,
     refuse_joints,
     refused,
+    route_by,
 )
 from crosscheck.engines.exudyn.effects import EFFECTS
 from crosscheck.engines.exudyn.features import FEATURES, INITIAL, with_initial_accelerations
@@ -40,26 +41,16 @@ from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.scenes.names import called_for, order_of
 from refkin.joints import SI, PointDistance, Unit, elements_of
 from refkin.model import Effect, Scene
-from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
+from refkin.motion import Motion, Producer, Route, Status, engine_motion
 
-STATIC = Route(
-    name="static",
-    residual_by="exudyn",
-    jacobian_by="exudyn",
-    newton_by="exudyn (MainSolverStatic.Newton)",
+STATIC = route_by(
+    "exudyn",
+    "static",
+    "exudyn (MainSolverStatic.Newton)",
     linear_solve_by="position: exudyn; velocity, acceleration: adapter (numpy)",
     drift_by="exudyn's point accelerations at qdd = 0, combined by the adapter; f'' of drivers by the adapter",
-    seeding=Seeding.INITIAL_GUESS,
 )
-SHIPPED = Route(
-    name="shipped",
-    residual_by=STATIC.residual_by,
-    jacobian_by=STATIC.jacobian_by,
-    newton_by="exudyn (SolveStatic, default settings)",
-    linear_solve_by=STATIC.linear_solve_by,
-    drift_by=STATIC.drift_by,
-    seeding=Seeding.INITIAL_GUESS,
-)
+SHIPPED = replace(STATIC, name="shipped", newton_by="exudyn (SolveStatic, default settings)")
 
 _SOLVED = Capability(Support.NATIVE, "positions; the linear systems of velocity and acceleration are the adapter's")
 _ROWS = {Level.RESIDUAL: NATIVE, Level.JACOBIAN: NATIVE, Level.CONSTRAINT_VELOCITY: NATIVE, Level.SOLVE: _SOLVED}

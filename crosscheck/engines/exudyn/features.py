@@ -7,21 +7,19 @@ from dataclasses import replace
 import exudyn as exu
 import numpy as np
 
-from crosscheck.engines import Array
+from crosscheck.engines import Array, route_by
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
 from crosscheck.engines.features import produced
 from refkin.joints import Unit
 from refkin.model import Scene
-from refkin.motion import Motion, Route, Seeding, Status
+from refkin.motion import Motion, Status
 
-INITIAL = Route(
-    name="initial accelerations",
-    residual_by="exudyn",
-    jacobian_by="exudyn",
-    newton_by="exudyn (on the route static)",
+INITIAL = route_by(
+    "exudyn",
+    "initial accelerations",
+    "exudyn (on the route static)",
     linear_solve_by="velocity: adapter (numpy); acceleration: exudyn",
     drift_by="exudyn (numerical differences)",
-    seeding=Seeding.INITIAL_GUESS,
 )
 FEATURES = (INITIAL,)
 

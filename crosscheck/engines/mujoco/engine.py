@@ -28,6 +28,7 @@ from crosscheck.engines import (
     refuse,
     refuse_joints,
     refused,
+    route_by,
 )
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.mujoco.effects import EFFECTS, affected
@@ -52,17 +53,9 @@ from refkin.joints import (
     elements_of,
 )
 from refkin.model import Mechanism, Scene
-from refkin.motion import Motion, Producer, Route, Seeding
+from refkin.motion import Motion, Producer, Route
 
-NEWTON = Route(
-    name="newton",
-    residual_by="mujoco",
-    jacobian_by="mujoco",
-    newton_by="adapter",
-    linear_solve_by="numpy",
-    drift_by="mujoco",
-    seeding=Seeding.INITIAL_GUESS,
-)
+NEWTON = route_by("mujoco", "newton", "adapter")
 
 SPATIAL = (
     Term(

@@ -15,23 +15,15 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Array, EngineRefusal
+from crosscheck.engines import Array, EngineRefusal, route_by
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.tree.joint_tree import Freedom, JointTree, joint_tree
 from crosscheck.engines.tree.tree_system import Places
 from refkin.model import Mechanism
-from refkin.motion import Route, Seeding
+from refkin.motion import Route
 
-SITES = Route(
-    name="sites",
-    residual_by="mujoco",
-    jacobian_by="mujoco",
-    newton_by="adapter (on the route newton)",
-    linear_solve_by="numpy",
-    drift_by="mujoco",
-    seeding=Seeding.INITIAL_GUESS,
-)
+SITES = route_by("mujoco", "sites", "adapter (on the route newton)")
 SPARSE = replace(SITES, name="sparse Newton", linear_solve_by="acceleration: mujoco")
 FEATURES = (SITES, SPARSE)
 ORDERS = 20

@@ -18,22 +18,20 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Array, EngineRefusal, Term
+from crosscheck.engines import Array, EngineRefusal, Term, route_by
 from crosscheck.engines.march import March
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.tree.joint_tree import JointTree
 from refkin.model import Scene
-from refkin.motion import Route, Seeding, Status
+from refkin.motion import Status
 
-STEPPED = Route(
-    name="mj_step",
-    residual_by="mujoco",
-    jacobian_by="mujoco",
-    newton_by="mujoco (mj_step to rest, every option as shipped, gravity off)",
+STEPPED = route_by(
+    "mujoco",
+    "mj_step",
+    "mujoco (mj_step to rest, every option as shipped, gravity off)",
     linear_solve_by="mujoco (its constraint solver)",
     drift_by="none: positions only",
-    seeding=Seeding.INITIAL_GUESS,
 )
 REST = 1e-9
 """Largest rate at which the mechanism counts as being at rest [rad/s, sizes/s]: less than the solver tells from it."""

@@ -29,25 +29,18 @@ from crosscheck.engines import (
     Term,
     refuse_joints,
     refused,
+    route_by,
 )
 from refkin.fast import attempt
 from refkin.joints import GROUND
 from refkin.model import Scene
-from refkin.motion import Motion, Producer, Route, Seeding
+from refkin.motion import Motion, Producer, Route
 
 NO_ROWS = refused("its rows are the reference's own formulas")
 U = 2.0**-53
 SINES = 4.0
 """The error of a sine or cosine by the tangent of half its angle, in units of U."""
-ROUTE = Route(
-    name="program",
-    residual_by="refkin",
-    jacobian_by="refkin",
-    newton_by="refkin.fast",
-    linear_solve_by="refkin.fast",
-    drift_by="refkin",
-    seeding=Seeding.INITIAL_GUESS,
-)
+ROUTE = route_by("refkin", "program", "refkin.fast", linear_solve_by="refkin.fast")
 
 
 class Lanes:

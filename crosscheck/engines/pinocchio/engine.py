@@ -28,6 +28,7 @@ from crosscheck.engines import (
     refuse,
     refuse_joints,
     refused,
+    route_by,
 )
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.pinocchio.effects import EFFECTS, MISSING, ForwardDynamics, affected
@@ -44,17 +45,9 @@ from crosscheck.engines.tree.tree_motion import CHAIN, link_terms, marched_motio
 from crosscheck.engines.tree.tree_system import Places
 from refkin.joints import Constraint, elements_of
 from refkin.model import Scene
-from refkin.motion import Motion, Producer, Route, Seeding
+from refkin.motion import Motion, Producer, Route
 
-TREE = Route(
-    name="joint tree",
-    residual_by="pinocchio",
-    jacobian_by="pinocchio",
-    newton_by="adapter",
-    linear_solve_by="numpy",
-    drift_by="pinocchio",
-    seeding=Seeding.INITIAL_GUESS,
-)
+TREE = route_by("pinocchio", "joint tree", "adapter")
 
 NO_DISTANCE = refused("Pinocchio has no distance constraint")
 NO_DRIVER = refused("Pinocchio prescribes no motion; a row of the adapter's own would prove nothing")

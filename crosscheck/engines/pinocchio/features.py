@@ -15,21 +15,18 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from crosscheck.engines import Array
+from crosscheck.engines import Array, route_by
 from crosscheck.engines.features import Pins, pins_of, with_rates
 from crosscheck.engines.pinocchio.model import WORLD_AXES, Frame, absolute_model, shift
 from refkin.joints import GROUND
 from refkin.model import Scene
-from refkin.motion import Motion, Route, Seeding
+from refkin.motion import Motion, Route
 
-COMPOSITE = Route(
-    name="composite joints",
-    residual_by="pinocchio",
-    jacobian_by="pinocchio",
-    newton_by="adapter (on the route joint tree)",
-    linear_solve_by="numpy",
+COMPOSITE = route_by(
+    "pinocchio",
+    "composite joints",
+    "adapter (on the route joint tree)",
     drift_by="pinocchio (getFrameJacobianTimeVariation)",
-    seeding=Seeding.INITIAL_GUESS,
 )
 ANCHOR = replace(COMPOSITE, name="point anchors with an offset", drift_by="pinocchio (constraint_acceleration_error)")
 FEATURES = (COMPOSITE, ANCHOR)

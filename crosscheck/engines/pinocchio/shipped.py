@@ -15,22 +15,20 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from crosscheck.engines import Array, EngineRefusal, Term
+from crosscheck.engines import Array, EngineRefusal, Term, route_by
 from crosscheck.engines.march import March
 from crosscheck.engines.pinocchio.model import PlanarModel, shift, tree_model, turn, unit_vector
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
 from refkin.joints import GROUND, Element, PointCoordinate, PointsCoincide, RelativeAngle
 from refkin.model import Scene
-from refkin.motion import Route, Seeding, Status
+from refkin.motion import Status
 
-CLOSED_CHAIN = Route(
-    name="closed-chain example",
-    residual_by="pinocchio",
-    jacobian_by="pinocchio",
-    newton_by="adapter: the loop of Pinocchio's example simulation-closed-kinematic-chains.py",
+CLOSED_CHAIN = route_by(
+    "pinocchio",
+    "closed-chain example",
+    "adapter: the loop of Pinocchio's example simulation-closed-kinematic-chains.py",
     linear_solve_by="pinocchio (ConstraintCholeskyDecomposition)",
     drift_by="none: positions only",
-    seeding=Seeding.INITIAL_GUESS,
 )
 RHO, MU, EPS, MOST = 1e-10, 1e-4, 1e-10, 100
 """The example's settings."""

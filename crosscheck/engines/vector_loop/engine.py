@@ -27,22 +27,15 @@ from crosscheck.engines import (
     Term,
     refuse_joints,
     refused,
+    route_by,
 )
 from crosscheck.engines.vector_loop.marching import LoopMarch, march
 from crosscheck.engines.vector_loop.reading import Reading, read
 from crosscheck.scenes.names import called_for
 from refkin.model import Scene
-from refkin.motion import Motion, PointMotion, Producer, Route, Seeding, Status, engine_motion
+from refkin.motion import Motion, PointMotion, Producer, Route, Status, engine_motion
 
-ROUTE = Route(
-    name="loop closure",
-    residual_by="vector loops",
-    jacobian_by="vector loops",
-    newton_by="refkin.newton",
-    linear_solve_by="numpy",
-    drift_by="vector loops",
-    seeding=Seeding.INITIAL_GUESS,
-)
+ROUTE = route_by("vector loops", "loop closure", "refkin.newton")
 
 NO_ROWS = refused("its rows are loops of vectors, not joints in absolute coordinates")
 NO_CONTACT = refused("no vector of given or sliding length stands for a contact on a general profile")
