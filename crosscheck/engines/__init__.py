@@ -104,6 +104,10 @@ class Term:
     largest coordinate, rate, or omega times rate of any body), `absolute` is added as it is. `of_rates` multiplies the
     largest rate of any coordinate (velocity), or the largest acceleration and square of a rate (acceleration), which
     need not stand in the equations of the reference at all.
+
+    `form` is that of the joints of space in whose rows `absolute` is left at the position. Rows of another form are
+    those turned as the joint turns: what a pose leaves of the ones moves, so rates that satisfy them do not satisfy the
+    others.
     """
 
     name: str
@@ -112,6 +116,7 @@ class Term:
     absolute: float = 0.0
     relative: float = 0.0
     of_rates: float = 0.0
+    form: str = ""
 
 
 def route_by(by: str, name: str, newton_by: str, *, linear_solve_by: str = "numpy", drift_by: str = "") -> Route:

@@ -22,7 +22,9 @@ more than an engine without terms; the smaller is added, component by component.
 solutions of linear systems: LU adds a backward error of n u |J| |x|, which it may move from row to row
 (`_solve_error`).
 
-What an engine adds by its own doing, such as a stopping rule above round-off, is a named `Term` with its reason.
+What an engine adds by its own doing, such as a stopping rule above round-off, is a named `Term` with its reason. Where
+it leaves that in rows of another form, y = M(q) phi, its rates satisfy y' = M phi' + M' phi = 0, and not phi' = 0: so
+B1 to B3 are those of the rows y, whose S, T and C differ by M' and M''.
 """
 
 from __future__ import annotations
@@ -35,9 +37,10 @@ import numpy as np
 
 from crosscheck.engines import Term
 from crosscheck.judge.running_error import Running, U, errors, product_sum, running
+from crosscheck.judge.spatial import in_form
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Table
-from refkin.system import System
+from refkin.system import System, compile_system
 
 SAFETY = 4.0
 BOTH_SIDES = 2.0
@@ -87,13 +90,14 @@ class Carried:
 class Propagation:
     """What carries errors through the equations at a solution: the same for every engine. See `propagation`.
 
-    `e` are the errors of the residuals of the three levels (m, T) before an engine adds its own, `size` what stands in
-    their equations, `rates` the largest rate, acceleration and square of a rate (T,), `rounding` what handing a result
-    over costs, and `radius` (T,) how far the reference itself may be off; NaN where it has no certificate.
+    `levels` are its coordinates and rates (n, T), `e` the errors of the residuals of the three levels (m, T) before an
+    engine adds its own, `size` what stands in their equations, `rates` the largest rate, acceleration and square of a
+    rate (T,), `rounding` what handing a result over costs, and `radius` (T,) how far the reference itself may be off;
+    NaN where it has no certificate.
     """
 
     system: System
-    q: Any
+    levels: tuple[Any, Any, Any]
     t: Any
     samples: Any
     count: int
@@ -107,7 +111,10 @@ class Propagation:
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors where an engine adds these terms."""
         added = [
-            sum((t.absolute + t.relative * size + t.of_rates * rates for t in terms if t.level == level), e)
+            sum(
+                (t.absolute + t.relative * size + t.of_rates * rates for t in terms if t.level == level and not t.form),
+                e,
+            )
             for level, e, size, rates in zip(LEVELS, self.e, self.size, self.rates, strict=True)
         ]
         levels = [
@@ -116,10 +123,18 @@ class Propagation:
                 self.carried(*added), self.carried(*self.e), self.radius, self.rounding, strict=True
             )
         ]
+        for term in (term for term in terms if term.form):
+            levels = [level + more for level, more in zip(levels, self._left_in(term.form, term.absolute), strict=True)]
         judged = np.zeros(self.count, bool)
-        judged[self.samples] = _first_order(self.system, self.carried.phi[0], levels[0], self.q, self.t)
+        judged[self.samples] = _first_order(self.system, self.carried.phi[0], levels[0], self.levels[0], self.t)
         position, velocity, acceleration = (_spread(level, self.samples, self.count) for level in levels)
         return ErrorBudget(position, velocity, acceleration, judged)
+
+    def _left_in(self, form: str, residual: float) -> list[Any]:
+        """Return what a residual of the position, in rows of another form, does to the three levels, (n, T) each."""
+        system = compile_system(in_form(self.system.mechanism, form), unit=self.system.unit)
+        left = np.full((system.m, len(self.t)), residual)
+        return carried(system, *self.levels, self.t)(left, 0.0 * left, 0.0 * left)
 
 
 def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Propagation | None:
@@ -150,7 +165,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     rate = np.max(np.abs(qd), axis=0)
     return Propagation(
         system=system,
-        q=q,
+        levels=(q, qd, qdd),
         t=t,
         samples=samples,
         count=len(motion.t),

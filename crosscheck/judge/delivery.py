@@ -107,19 +107,20 @@ def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:
             yield _at(motion, rated, quantity, Cause.SINGULAR_RATES)
 
 
-def put_together_wrongly(scene: Scene, motion: Motion) -> Iterator[dict[str, Any]]:
-    """Yield joints and drivers of space that an answer called ok has the wrong way round.
+def put_together_wrongly(scene: Scene, motion: Motion) -> tuple[list[dict[str, Any]], Any]:
+    """Return joints and drivers of space that an answer called ok has the wrong way round, and at which times (T,).
 
     Dot products of axes, and sin(theta - f), are zero there too: closed equations, and no assembly.
     """
-    if scene.mechanism.kind.name != "spatial":
-        return
-    ok = np.array([s is Status.OK for s in motion.status])
-    for name, samples in reversed_joints(scene.mechanism, motion).items():
+    ok, rows, wrong_at = np.array([s is Status.OK for s in motion.status]), [], np.zeros(len(motion.t), bool)
+    spatial = scene.mechanism.kind.name == "spatial"
+    for name, samples in reversed_joints(scene.mechanism, motion).items() if spatial else ():
         wrong = ok & samples
+        wrong_at |= wrong
         if wrong.any():
             row = _at(motion, wrong, QUANTITIES[0], Cause.REVERSED)
-            yield {**row, "message": f"{name!r}: {row['message']}"}
+            rows.append({**row, "message": f"{name!r}: {row['message']}"})
+    return rows, wrong_at
 
 
 def _at(motion: Motion, samples: Any, quantity: str, kind: Cause) -> dict[str, Any]:

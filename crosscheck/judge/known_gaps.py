@@ -31,6 +31,11 @@ def step_beyond_newton(record: Record) -> bool:
     return distance is not None and distance < 2.0
 
 
+def step_beyond_newton_in_space(record: Record) -> bool:
+    """Return whether the scene is one of space with such a step."""
+    return record.about.get("dimension") == "spatial" and step_beyond_newton(record)
+
+
 def ends_in_a_singular_pose(record: Record) -> bool:
     """Return whether the scene was made to end in a singular pose (`crosscheck.strategies.ended_scenes`)."""
     return record.about.get("expected") == "singular"
@@ -41,7 +46,9 @@ def anywhere(record: Record) -> bool:
     return True
 
 
-PREDICATES: dict[str, Predicate] = {f.__name__: f for f in (step_beyond_newton, ends_in_a_singular_pose, anywhere)}
+PREDICATES: dict[str, Predicate] = {
+    f.__name__: f for f in (step_beyond_newton, step_beyond_newton_in_space, ends_in_a_singular_pose, anywhere)
+}
 CLASSES = ("contract violated", "documented limit", "our misuse")
 REQUIRED = ("engine", "predicate", "reason", "class", "date", "reproduction")
 MATCHED = ("route", "quantity", "kind")
@@ -103,10 +110,10 @@ class Tally:
                 new.append(disagreement)
         return new
 
-    def possibly_closed(self) -> list[KnownGap]:
-        """Return the rows that covered nothing although many scenes were of their kind."""
+    def possibly_closed(self) -> list[tuple[KnownGap, int]]:
+        """Return the rows that covered nothing although many scenes were of their kind, and how many were."""
         counted = zip(self.gaps, self.chances, self.covered, strict=True)
-        return [gap for gap, chances, covered in counted if chances >= ENOUGH and not covered]
+        return [(gap, chances) for gap, chances, covered in counted if chances >= ENOUGH and not covered]
 
 
 def table(choice: str = "") -> tuple[KnownGap, ...]:

@@ -21,6 +21,7 @@ from crosscheck.engines.spatial.turning import common_columns
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
 from crosscheck.judge.records import At
 from crosscheck.judge.running_error import Running, U, errors, product_sum, running
+from crosscheck.judge.spatial import in_form
 from refkin.joints import elements_of
 from refkin.model import Mechanism
 from refkin.system import System, compile_system
@@ -55,14 +56,7 @@ class Configuration:
         Values come with the running error of each. The empty form is that which the mechanism has.
         """
         if form not in self._known:
-            m = self.mechanism
-            if form and m.kind.name == "spatial":
-                joints, drivers = (
-                    tuple(replace(c, form=form) if hasattr(c, "form") else c for c in group)
-                    for group in (list[Any](m.joints), list[Any](m.drivers))
-                )
-                m = replace(m, joints=joints, drivers=drivers)
-            system = compile_system(m)
+            system = compile_system(in_form(self.mechanism, form))
             self._known[form] = system, _ours(system, self)
         return self._known[form]
 

@@ -98,7 +98,7 @@ def check(
     return Record(
         key=subject.key,
         scene=scene.name,
-        about=dict(about or {}),
+        about={"dimension": scene.mechanism.kind.name, **(about or {})},
         reference=replace(row, excuse=subject.excuse, sharpness=_sharpness(ref) if subject.drawn(SHARPNESS) else {}),
         answers=[answer for part in parts for answer in part.answers],
         levels=[level for part in parts for level in part.levels],
@@ -278,24 +278,35 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *
             granted={term.name: short(term.absolute) for term in terms if term.absolute > ABSOLUTE},
         )
     )
+    wrong_way, wrong_at = put_together_wrongly(scene, motion)
     faults += [
         *undelivered(engine, scene, motion),
-        *put_together_wrongly(scene, motion),
+        *wrong_way,
         *(believed(ref, motion) if subject.as_expected else ()),
     ]
     part.disagreements += [Disagreement(**who, **fault) for fault in faults]
     asked = subject.drawn(TURNED_ROUND) and route == engine.routes()[0]
     turned_round = _turned_round(engine, route, scene, ref, terms) if asked else None
-    part.disagreements += _disagreements(who, compared, turned_round, subject, motion)
+    part.disagreements += _disagreements(who, compared, turned_round, subject, motion, wrong_at)
 
 
 def _disagreements(
-    who: Mapping[str, Any], compared: Comparison, turned_round: Comparison | None, subject: _Subject, motion: Motion
+    who: Mapping[str, Any],
+    compared: Comparison,
+    turned_round: Comparison | None,
+    subject: _Subject,
+    motion: Motion,
+    wrong_at: Any,
 ) -> Iterator[Disagreement]:
-    """Yield in what one route's answer, or its answer to the same scene in another order, is beyond what is allowed."""
+    """Yield in what one route's answer, or its answer to the same scene in another order, is beyond what is allowed.
+
+    At the times `wrong_at` (T,) it has a joint the wrong way round: that is said, and its numbers there add nothing.
+    """
     for quantity, q in compared.quantities.items():
         violated = NOT_KNOWN
         if not q.agrees:
+            if not np.any((q.ratio > 1.0) & ~wrong_at):
+                continue
             kind = Cause.OTHER_ASSEMBLY if compared.other_assembly else Cause.BEYOND
             if q.worst is not None and q.worst.time is not None and kind is Cause.BEYOND:
                 violated = violations(subject.ref, motion, QUANTITIES.index(quantity), q.worst.time)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -62,7 +62,8 @@ def write_disagreements(
     to_shrink = list(first_of_kind.values())[:MOST_SHRUNK]
     for k, disagreement in enumerate(to_shrink):
         left = plan.shrinking_seconds - (time.monotonic() - start)
-        _shrink(plan, disagreement, workers, left / (len(to_shrink) - k), tick)
+        beside = frozenset(case.disagreement.signature for case in by_scene[disagreement.key])
+        _shrink(plan, disagreement, beside, workers, left / (len(to_shrink) - k), tick)
     return time.monotonic() - start
 
 
@@ -70,8 +71,15 @@ def _drawn(plan: NightPlan, case: NewCase) -> AnyDrawn:
     return draw(plan.seed, case.shard or 0)
 
 
-def _shrink(plan: NightPlan, case: NewCase, workers: Pool, seconds: float, tick: Callable[[], None]) -> None:
-    """Write the minimal scene of a disagreement, if it shows once more and nobody has yet."""
+def _shrink(
+    plan: NightPlan,
+    case: NewCase,
+    beside: Collection[Signature],
+    workers: Pool,
+    seconds: float,
+    tick: Callable[[], None],
+) -> None:
+    """Write the minimal scene of a disagreement, if it shows once more and nobody has; `beside`: all of that scene."""
     kind = case.disagreement.signature
     path = plan.out / FOLDER / f"{case.key}-minimal-{slug(*kind)}.toml"
     if not path.exists():
@@ -81,7 +89,7 @@ def _shrink(plan: NightPlan, case: NewCase, workers: Pool, seconds: float, tick:
 
         def still_fails(drawn: AnyDrawn) -> bool:
             tick()
-            again[drawn.scene] = _again(kind, drawn, workers, gaps)
+            again[drawn.scene] = _again(kind, beside, drawn, workers, gaps)
             return again[drawn.scene] is not None
 
         simplest, tried = shrink(plan.seed, case.shard or 0, still_fails, seconds)
@@ -108,11 +116,18 @@ def _at_its_time(drawn: AnyDrawn, shown: Disagreement | None) -> AnyDrawn:
     return replace(drawn, scene=replace(drawn.scene, times=kept))
 
 
-def _again(kind: Signature, drawn: AnyDrawn, workers: Pool, gaps: Sequence[KnownGap]) -> Disagreement | None:
-    """Return the disagreement of a kind that a scene shows, unless a known gap accounts for it."""
+def _again(
+    kind: Signature, beside: Collection[Signature], drawn: AnyDrawn, workers: Pool, gaps: Sequence[KnownGap]
+) -> Disagreement | None:
+    """Return the disagreement of a kind that a scene shows, unless a known gap accounts for it.
+
+    A simpler scene in which the same route is wrong in one more way shows another fault: wrong rates of a right pose do
+    not become those of a wrong one.
+    """
     job = {"scene": to_dict(drawn.scene), "about": describe(drawn)}
     record = workers.check_one(job, [name for name in workers.engines if name == kind[0]])
-    return next((d for d in new_disagreements(record, gaps) if d.signature == kind), None)
+    of_route = {d.signature: d for d in new_disagreements(record, gaps) if d.signature[:2] == kind[:2]}
+    return of_route.get(kind) if of_route.keys() <= set(beside) else None
 
 
 def _notes(shown: Disagreement, case: NewCase | None = None) -> list[str]:

@@ -67,8 +67,8 @@ class NightOutcome:
         What went wrong with the run itself.
     new, known : list of NewCase, int
         Disagreements that no known gap accounts for; how many others there are.
-    possibly_closed : list of Gap
-        Known gaps that did not show, although many scenes were of the kind in which they do.
+    possibly_closed : list of (Gap, int)
+        Known gaps that did not show, although many scenes, and how many, were of the kind in which they do.
     shrinking_seconds : float
         How long the simplifying of disagreements took.
     required : list of str
@@ -89,7 +89,7 @@ class NightOutcome:
     failed: list[str] = field(default_factory=list)
     new: list[NewCase] = field(default_factory=list)
     known: int = 0
-    possibly_closed: list[KnownGap] = field(default_factory=list)
+    possibly_closed: list[tuple[KnownGap, int]] = field(default_factory=list)
     shrinking_seconds: float = 0.0
     required: list[str] = field(default_factory=list)
     found_again: list[tuple[KnownGap, int | None]] = field(default_factory=list)

@@ -149,7 +149,14 @@ def test_a_row_is_possibly_closed_when_it_did_not_show_in_many_scenes_of_its_kin
     for met in records:
         tally.add(met)
 
-    assert bool(tally.possibly_closed()) is closed
+    assert tally.possibly_closed() == ([(GAPS[0], ENOUGH)] if closed else [])
+
+
+def test_a_gap_of_space_is_not_possibly_closed_by_scenes_of_the_plane():
+    (row,) = (gap for gap in GAPS if gap.match.get("kind") == Cause.NO_ANSWER)
+    plane, space = (replace(record(), about={"dimension": dimension}) for dimension in ("planar", "spatial"))
+
+    assert (row.could_show(plane), row.could_show(space)) == (False, True)
 
 
 def test_every_predicate_is_told_what_it_holds_for():

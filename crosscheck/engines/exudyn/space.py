@@ -78,6 +78,8 @@ ROWS: dict[str, tuple[Any, ...]] = {
     **dict.fromkeys((UNIVERSAL, PERPENDICULAR), (CROSSED,)),
 }
 """What single axes hold of a joint, in the order of its rows."""
+FORM = "dot"
+"""The form of our joints of space that has exudyn's rows."""
 STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 OUT = exu.OutputVariableType
 
@@ -392,7 +394,7 @@ class ExudynSpaceRows(ExudynSpace):
     """exudyn's rows for some joints and drivers of a mechanism, in metres: a `ConstraintModel` in the form `dot`."""
 
     owns_driver = True
-    form = "dot"
+    form = FORM
 
     def __init__(self, mechanism: Mechanism, constraints: Sequence[Constraint]) -> None:
         numbers, known = numbers_of(mechanism, SI), {c.name for c in constraints}

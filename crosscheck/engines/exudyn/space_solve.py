@@ -16,7 +16,7 @@ import numpy as np
 from crosscheck.engines import EngineError, Term
 from crosscheck.engines.exudyn.model import CURRENT, quiet_settings
 from crosscheck.engines.exudyn.solve import ASTRAY, NEAR, SMALLEST_STEP, TOLERANCES
-from crosscheck.engines.exudyn.space import ExudynSpace, law_value
+from crosscheck.engines.exudyn.space import FORM, ExudynSpace, law_value
 from crosscheck.engines.march import SINGULAR, connected, inverses, solve
 from crosscheck.engines.spatial.motion import coordinates, estimates, reported
 from crosscheck.engines.spatial.reading import ANGLE, AXIAL, DISTANCE, Numbers, numbers_of
@@ -241,4 +241,5 @@ def shipped_stop(scene: Scene) -> Term:
         level="position",
         reason=f"SolveStatic stops at a residual of {stop:.1e} sizes or half rad by its default tolerances",
         absolute=2.0 * stop * max([1.0, *lengths]),
+        form=FORM,
     )
