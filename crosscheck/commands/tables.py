@@ -93,9 +93,9 @@ def outcome_lines(outcome: NightOutcome) -> list[str]:
     lines = [f"new: {case.disagreement}  ({case.file})" for case in outcome.new[:MOST_LINES]]
     lines += [f"failed: {text}" for text in outcome.failed[:MOST_LINES]]
     lines += [f"missing: {name}: {reason}" for name, reason in outcome.missing.items()]
-    for gap, scenes in outcome.possibly_closed:
+    for gap, chances in outcome.possibly_closed:
         row = f"the gap of {gap.engine} known since {gap.date} ({gap.predicate})"
-        lines.append(f"possibly closed: {row} showed in none of {scenes} scenes of its kind")
+        lines.append(f"possibly closed: {row} showed in none of {chances} scenes of its kind")
     for gap, scenes in outcome.found_again:
         when = f"found again by scene {scenes}" if scenes else "not found again"
         lines.append(f"known gap {when}: {gap.engine}, {gap.reproduction}")

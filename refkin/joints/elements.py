@@ -52,6 +52,8 @@ class Element:
 
     kind: ClassVar[str]
     rows: ClassVar[int] = 1
+    squared: ClassVar[bool] = False
+    """Whether its row holds the square of its law, which turns back where the law is zero, too."""
     laws: tuple[Law, ...] = ()
     name: str = ""
     row: int = 0
@@ -108,6 +110,7 @@ class PointDistance(_OfPoints):
     """Two points keep a distance [m]: `length`, or that of the law."""
 
     kind = "distance"
+    squared = True
     length: float = 0.0
 
 

@@ -136,4 +136,5 @@ class SpatialPointDistance(_OfPoints):
     """Two points of space keep a distance [m]: `length`, or that of the law."""
 
     kind = "distance of space"
+    squared = True
     length: float = 0.0

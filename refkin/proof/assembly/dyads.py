@@ -98,7 +98,7 @@ class _Reader:
             for e in exact(tuple(c.elements())):
                 if isinstance(e, SpatialPointDistance):
                     length = e.laws[0](self.t, 0) if e.laws else e.length
-                    links.append((c.name, e.ends, length / self.scale.size))
+                    links.append((c.name, e.ends, abs(length) / self.scale.size))  # a law may be negative
         for body, _, _ in idle_spins(self.mechanism.bodies, self.mechanism.constraints):
             held = [e for c in self.mechanism.joints for e in exact(tuple(c.elements())) if body.name in e.bodies]
             if len(held) == 2 and all(isinstance(e, PointsMeet) for e in held):

@@ -16,7 +16,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.joints import Constraint, PointDistance
+from refkin.joints import Constraint
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
 
 MOST = 100_000
@@ -39,7 +39,7 @@ def extrema_of(constraints: Iterable[Constraint], a: float, b: float) -> list[fl
 
 def drives_a_distance(constraint: Constraint) -> bool:
     """Return whether its row depends on the square of its law."""
-    return any(isinstance(element, PointDistance) and element.laws for element in constraint.elements())
+    return any(element.squared and element.laws for element in constraint.elements())
 
 
 def extrema(law: Law, a: float, b: float) -> list[float]:
