@@ -56,8 +56,10 @@ class Leaps:
         poses, sweep, rest = None if self.ahead is None else self.ahead.follow(), self.sweep, self.times[done:]
         alone = sweep.blocked or sweep.winds or sweep.system.m > sweep.system.n
         if poses is None and self.left and len(rest) >= FEW and not alone:
-            self.ahead, self.left = Ahead(sweep, rest), self.left - 1
-            poses = self.ahead.follow()
+            targets = _targets(sweep, rest)
+            if targets[0].size:  # none where laws turn back often before the next time
+                self.ahead, self.left = Ahead(sweep, *targets), self.left - 1
+                poses = self.ahead.follow()
         return poses or []
 
 
@@ -68,15 +70,14 @@ class Ahead:
     ----------
     sweep : Sweep
         Its equations are as many as its coordinates.
-    times : sequence of float
-        Those asked for, in order; extrema of the laws between them become steps of their own, as in a sweep.
+    asked, between : (A,), (B,) array
+        Times asked for, in order, and extrema of the laws between them: steps of their own, as in a sweep.
     """
 
-    def __init__(self, sweep: Sweep, times: Sequence[float]) -> None:
+    def __init__(self, sweep: Sweep, asked: Any, between: Any) -> None:
         self.sweep, self.system = sweep, sweep.full
         with np.errstate(all="ignore"):  # guesses may lie anywhere
-            here, (asked, between) = sweep.t[-1], _targets(sweep, times)
-            t = np.union1d(asked, between)
+            here, t = sweep.t[-1], np.union1d(asked, between)
             knots = self._rough(t)
             t = t[t <= knots[0][-1]]
             self.t, self.q = np.append(here, t), np.empty((len(sweep.q[-1]), 1 + len(t)))
