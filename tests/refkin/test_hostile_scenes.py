@@ -81,11 +81,33 @@ EITHER_WAY = pytest.mark.parametrize("certified", [False, True], ids=["as it is"
 
 
 @EITHER_WAY
-def test_a_cylinder_of_length_zero_is_a_pose_that_no_step_goes_over(certified):
-    motion = refkin.solve(scene("distance-through-zero.toml"), certified=certified)
+@pytest.mark.parametrize("of", ["", "space-"])
+def test_a_cylinder_of_length_zero_is_a_pose_that_no_step_goes_over(of, certified):
+    motion = refkin.solve(scene(f"{of}distance-through-zero.toml"), certified=certified)
 
     assert motion.status == (OK, LOST)
     assert "t = 0.5" in motion.message
+
+
+def test_the_fast_sweep_goes_over_no_cylinder_of_length_zero_in_space():
+    assert fast.sweep(scene("space-distance-through-zero.toml")).status == (OK, LOST)
+
+
+def test_a_distance_of_space_reaches_as_far_as_its_law_is_large_whatever_its_sign():
+    lever = scene("space-distance-through-zero.toml")
+    driver = replace(lever.mechanism.drivers[0], law=Polynomial(coefficients=(-0.5,)))
+    motion = refkin.solve(replace(lever, mechanism=replace(lever.mechanism, drivers=(driver,))))
+
+    assert motion.status == (OK, OK)
+
+
+def test_a_law_that_turns_back_often_before_the_first_of_many_times_is_gone_along():
+    pulse = scene("fast-table-pulse.toml")
+    fast_law = Sinusoid(amplitude=0.01, angular_frequency=700.0, offset=1.4559, phase=0.0)
+    driver = replace(pulse.mechanism.drivers[0], law=fast_law)
+    swing = replace(pulse, mechanism=replace(pulse.mechanism, drivers=(driver,)), times=(0.0, *np.linspace(0.9, 1.0, 9)))
+
+    assert set(refkin.solve(swing).status) == {OK}
 
 
 @EITHER_WAY
