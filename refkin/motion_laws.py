@@ -112,8 +112,21 @@ class Table:
     def integral(self, t: Any) -> Any:
         return _through(lambda x, k: self._spline(x)[()] if k else self._integral(x), t)
 
+    @cached_property
+    def _antiderivative(self) -> Any:
+        """The pieces of the integral from 0, each from the integral up to its own knot: what lies before 0 costs none
+        of its digits."""
+        pieces, x = self._spline.antiderivative(), self.argument
+        pieces.c[-1] = [float(self._spline.integrate(0.0, knot)) for knot in x[:-1]]
+        return pieces, float(self._spline.integrate(x[0], x[-1]))
+
     def _integral(self, t: Any) -> Any:
-        return np.vectorize(lambda end: float(self._spline.integrate(0.0, end)), otypes=[float])(t)[()]
+        pieces, area = self._antiderivative
+        if not self.periodic:
+            return pieces(t)[()]
+        first, period = self.argument[0], self.argument[-1] - self.argument[0]
+        turns = np.floor((np.asarray(t, float) - first) / period)
+        return (pieces(np.clip(t - turns * period, first, self.argument[-1])) + turns * area)[()]
 
     def domain(self) -> tuple[float, float]:
         return (-np.inf, np.inf) if self.periodic else (self.argument[0], self.argument[-1])

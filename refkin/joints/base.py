@@ -22,7 +22,8 @@ A constraint may bring coordinates of its own (`parameters`), such as where a ca
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import zip_longest
 from typing import Any
 
@@ -174,6 +175,15 @@ class Constraint:
     def elements(self) -> Iterator[Element]:
         """Yield what the constraint consists of, in the order of its rows; nothing if no known element says it."""
         yield from ()
+
+    @cached_property
+    def placed_elements(self) -> tuple[Element, ...]:
+        """The elements with the joint's name, and the row of it where each begins."""
+        placed, row = list[Element](), 0
+        for element in self.elements():
+            placed.append(replace(element, name=self.name, row=row))
+            row += element.rows
+        return tuple(placed)
 
     def reach(self) -> float:
         """Return a length [m] that the constraint itself brings, such as that of a massless link."""

@@ -24,7 +24,7 @@ body i, and n is a turned by a quarter turn counter-clockwise. The joints of spa
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from refkin.motion_laws import Law
@@ -181,7 +181,4 @@ class Contact(_OfPoints):
 def elements_of(constraints: Iterable[Any]) -> Iterator[Element]:
     """Yield the elements of joints and drivers in the order of their rows, each with its joint's name and its row."""
     for constraint in constraints:
-        row = 0
-        for element in constraint.elements():
-            yield replace(element, name=constraint.name, row=row)
-            row += element.rows
+        yield from constraint.placed_elements

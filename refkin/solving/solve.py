@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,7 @@ from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Producer, Status, __version__, no_radius, nowhere
 from refkin.newton import is_round_off
 from refkin.output.scene_motion import SceneMotion
-from refkin.proof.assembly.assembly import assemblies
+from refkin.proof.assembly.assembly import Assemblies, assemblies
 from refkin.proof.numbers.inputs import output_rounding
 from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.branch import step_over_crossing
@@ -28,6 +30,8 @@ from refkin.solving.starts import find_start, unassemblable
 from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import System, compile_system
 
+MISSING = 1e-9
+"""What a proof finds missing of a pose [sizes, rad] above which no sweep can take rounding for one."""
 AT_END = 1e-6
 """Distance [rad] from the end of a profile that a sweep, which halves its steps, certainly comes below."""
 MOST_SEARCHES = 4
@@ -44,18 +48,24 @@ def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:
     check_size(scene)
     implied = {Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set()
     system = compile_system(scene.mechanism, scene.effects | implied, scene.mechanism.unit())
-    q, status, message = _positions(system, scene, certified)
+    assembled = cache(lambda t: assemblies(system, t, trying=False))
+    q, status, message = _positions(system, scene, certified, lambda t: (assembled(t).gap or 0.0) > MISSING)
     answer = _Answer(system, scene, q, status, message)
     reached = np.flatnonzero(np.isfinite(q[0]))
     if reached.size:
         answer.judge(reached)
-    answer.prove_gaps()
+    answer.prove_gaps(assembled)
     answer.explain()
     return SceneMotion.of(scene, answer.motion())
 
 
-def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list[Status], str]:
-    """Return the poses that were reached (NaN elsewhere), a first status per time, and a message."""
+def _positions(
+    system: System, scene: Scene, certified: bool, hopeless: Callable[[float], bool]
+) -> tuple[Any, list[Status], str]:
+    """Return the poses that were reached (NaN elsewhere), a first status per time, and a message.
+
+    What is lost with poses ahead, which only save time, is tried without, unless it is proved that there is no pose.
+    """
     count = len(scene.times)
     start = find_start(system, scene)
     if start.q is None:
@@ -63,12 +73,12 @@ def _positions(system: System, scene: Scene, certified: bool) -> tuple[Any, list
         return np.full((system.n, count), np.nan), [start.status, *later], start.message
     frames = recentred(system)
     proving, first = Evidence.CERTIFICATE in scene.evidence, frames.inward(start.q)
-    for ahead in (True, False):  # poses ahead only save time: a motion that is lost with them is tried without
-        sweep = Sweep(frames.inner, [scene.times[0]], [first], proving=proving, certified=certified)
+    for ahead in (True, False):
+        sweep = Sweep(frames.inner, [scene.times[0]], [first], proving=proving, certified=certified, hopeless=hopeless)
         leaps = Leaps(sweep, scene.times if ahead else ())
         q, done, why, rest = _swept(sweep, scene.times, leaps)
         gap = _first_gap(sweep, scene) if certified or sweep.uncertified else None
-        if leaps.ahead is None or (done == count and gap is None):
+        if leaps.ahead is None or (gap is None and (done == count or hopeless(scene.times[done]))):
             break
     q = np.stack([frames.outward(pose) for pose in q.T], axis=-1) if frames.shifts.any() else q
     if gap is not None:
@@ -274,12 +284,12 @@ class _Answer:
             k = self.status.index(Status.SINGULAR)
             self.messages.append(diagnose_scaled(self.system, self.q[:, k], float(self.t[k])).message)
 
-    def prove_gaps(self) -> None:
+    def prove_gaps(self, assembled: Callable[[float], Assemblies]) -> None:
         """Give the status UNASSEMBLABLE to poses that were not reached where that is proved; tell the first gap."""
         message, searches = "", 0
         for k, t in enumerate(self.scene.times):
             if self.status[k] in (Status.BRANCH_LOST, Status.NOT_CONVERGED) and searches < MOST_SEARCHES:
-                searched = assemblies(self.system, t, trying=False)
+                searched = assembled(t)
                 searches += searched.searched
                 if searched.unassemblable:
                     self.status[k] = Status.UNASSEMBLABLE

@@ -8,6 +8,7 @@ that are noted as uncertified: they count only once it is proved (`proof.path.br
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 from functools import cached_property
@@ -66,6 +67,8 @@ class Sweep(Steps):
         Whether uncertified steps are taken where no others are left.
     certified : bool
         Whether all steps are to be proved, not only the uncertified ones.
+    hopeless : callable
+        Whether it is proved that there is no pose at a time.
     step : float
         The length of the next step [s].
     why : str
@@ -74,6 +77,7 @@ class Sweep(Steps):
 
     proving: bool = False
     certified: bool = False
+    hopeless: Callable[[float], bool] = lambda t: False
     step: float = np.inf
     why: str = ""
     _winding: Winding | None = field(default=None, init=False)
@@ -177,7 +181,7 @@ class Sweep(Steps):
         if arrival is Arrival.OUT_OF_STEPS and MANY_STEPS < MOST_STEPS:
             self._wind(target)
             arrival = self._walk(target, MOST_STEPS - MANY_STEPS)
-        if arrival is Arrival.STOPPED and self.proving:
+        if arrival is Arrival.STOPPED and self.proving and not self.hopeless(target):
             arrival = self._uncertified_steps(target)
         if arrival is Arrival.OUT_OF_STEPS:
             self.why = f"gave up at t = {self.t[-1]:.17g} after {MOST_STEPS} steps"

@@ -17,7 +17,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
@@ -46,7 +45,7 @@ from crosscheck.engines.closed_form.space_motion import space_closed
 from crosscheck.engines.spatial.reading import in_space
 from crosscheck.scenes.names import called_for
 from refkin.model import Scene
-from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route, Status, engine_motion
+from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route, Status, __version__, engine_motion
 
 Array = NDArray[np.float64]
 
@@ -132,7 +131,7 @@ class ClosedForm:
 
     def version(self) -> str:
         """Return the version of this project: the closed form is its own."""
-        return version("refkin")
+        return __version__
 
     def routes(self) -> Sequence[Route]:
         """Return the routes that are compared: "float", or with `bits` given "arb" before it.
@@ -254,7 +253,7 @@ def _motion(solution: Solution, route: Route) -> tuple[Motion, list[Array]]:
     status = _status(solution, levels)
     _blank(levels, radii, status)
     residual = _residual(solution, levels, status)
-    producer = Producer(name=ClosedForm.name, version=version("refkin"), route=route)
+    producer = Producer(name=ClosedForm.name, version=__version__, route=route)
     certified, points = _certified(scene, radii), _points(solution, status)
     more = {"residual": residual, "certified_radius": certified, "points": points}
     message = "; ".join(assembly.remarks)
@@ -281,19 +280,18 @@ def _numbers(jets: list[Jet], part: str, count: int) -> Any:
 
 def _levels(jets: list[Jet], count: int) -> tuple[list[Array], list[Array]]:
     """Return value, rate and acceleration of the jets as float arrays (n, T), and the radii about those floats."""
-    levels, radii = [], []
-    for part in ("v", "d", "a"):
-        numbers = _numbers(jets, part, count)
-        level = midpoint(numbers)
-        levels.append(level)
-        radii.append(np.asarray(_radius(numbers, level), float))
+    levels, radii = list(np.empty((3, len(jets), count))), list(np.zeros((3, len(jets), count)))
+    for level, radius, part in zip(levels, radii, ("v", "d", "a"), strict=True):
+        for k, jet in enumerate(jets):
+            numbers = getattr(jet, part)
+            level[k] = midpoint(numbers)
+            if not isinstance(numbers, int):  # the derivative of a constant
+                radius[k] = _radius(numbers, level[k]) if np.asarray(numbers).dtype.hasobject else np.nan
     return levels, radii
 
 
 def _ball_radius(ball: Any, rounded: float) -> float:
     """Return a bound, rounded up, on the distance from a float to anything in a ball; NaN if it is none."""
-    if isinstance(ball, int):  # the derivative of a constant
-        return 0.0
     if not isinstance(ball, arb) or not np.isfinite(rounded):
         return np.nan
     return float(np.nextafter(float((ball - rounded).abs_upper()), np.inf))

@@ -97,7 +97,7 @@ _float = np.frompyfunc(float, 1, 1)
 
 def midpoint(value: Number) -> Any:
     """Return the float nearest each number."""
-    return np.asarray(_float(value), float)
+    return np.asarray(_float(value) if np.asarray(value).dtype.hasobject else value, float)
 
 
 def atan2(y: Number, x: Number) -> Number:

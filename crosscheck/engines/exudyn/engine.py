@@ -196,11 +196,12 @@ def _shipped_stop(scene: Scene) -> Term:
         model.close()
     size = scene.mechanism.size()
     laws = [law for driver in scene.mechanism.drivers for law in driver.laws]
-    values = np.array([[float(law(t)) for t in scene.times] for law in laws])
+    t = np.array(scene.times)
+    values = np.array([np.broadcast_to(law(t, 0), t.shape) for law in laws])
     norms += np.linalg.norm(np.diff(values), axis=0).tolist() if laws else []
     stop = max(newton.absoluteTolerance, newton.relativeTolerance * max(norms))
     driven = [e for e in elements_of(scene.mechanism.constraints) if isinstance(e, PointDistance) and e.laws]
-    lengths = [abs(float(e.laws[0](t))) for e in driven for t in scene.times]
+    lengths = [float(np.max(np.abs(e.laws[0](t, 0)))) for e in driven]
     return Term(
         name="stopping rule",
         level="position",
