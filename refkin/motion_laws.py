@@ -113,20 +113,19 @@ class Table:
         return _through(lambda x, k: self._spline(x)[()] if k else self._integral(x), t)
 
     @cached_property
-    def _antiderivative(self) -> Any:
-        """The pieces of the integral from 0, each from the integral up to its own knot: what lies before 0 costs none
-        of its digits."""
-        pieces, x = self._spline.antiderivative(), self.argument
-        pieces.c[-1] = [float(self._spline.integrate(0.0, knot)) for knot in x[:-1]]
-        return pieces, float(self._spline.integrate(x[0], x[-1]))
+    def _pieces(self) -> Any:
+        """The integral within each piece from its knot on, and from 0 up to that knot: a sum of two loses no digit."""
+        within, x = self._spline.antiderivative(), self.argument
+        within.c[-1] = 0.0
+        return within, np.array([float(self._spline.integrate(0.0, knot)) for knot in x])
 
     def _integral(self, t: Any) -> Any:
-        pieces, area = self._antiderivative
-        if not self.periodic:
-            return pieces(t)[()]
-        first, period = self.argument[0], self.argument[-1] - self.argument[0]
-        turns = np.floor((np.asarray(t, float) - first) / period)
-        return (pieces(np.clip(t - turns * period, first, self.argument[-1])) + turns * area)[()]
+        (within, before), x, whole = self._pieces, self.argument, 0.0
+        if self.periodic:
+            turns = np.floor((np.asarray(t, float) - x[0]) / (x[-1] - x[0]))
+            t, whole = np.clip(t - turns * (x[-1] - x[0]), x[0], x[-1]), turns * (before[-1] - before[0])
+        k = np.clip(np.searchsorted(x, t, side="right") - 1, 0, len(x) - 2)
+        return (within(t) + before[k] + whole)[()]
 
     def domain(self) -> tuple[float, float]:
         return (-np.inf, np.inf) if self.periodic else (self.argument[0], self.argument[-1])
