@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache, partial
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Protocol
 
@@ -110,22 +110,7 @@ class Table:
         return _through(lambda x, k: self._spline(x, order + k)[()], t)
 
     def integral(self, t: Any) -> Any:
-        return _through(lambda x, k: self._spline(x)[()] if k else self._integral(x), t)
-
-    @cached_property
-    def _pieces(self) -> Any:
-        """The integral within each piece from its knot on, and from 0 up to that knot: a sum of two loses no digit."""
-        within, x = self._spline.antiderivative(), self.argument
-        within.c[-1] = 0.0
-        return within, np.array([float(self._spline.integrate(0.0, knot)) for knot in x])
-
-    def _integral(self, t: Any) -> Any:
-        (within, before), x, whole = self._pieces, self.argument, 0.0
-        if self.periodic:
-            turns = np.floor((np.asarray(t, float) - x[0]) / (x[-1] - x[0]))
-            t, whole = np.clip(t - turns * (x[-1] - x[0]), x[0], x[-1]), turns * (before[-1] - before[0])
-        k = np.clip(np.searchsorted(x, t, side="right") - 1, 0, len(x) - 2)
-        return (within(t) + before[k] + whole)[()]
+        return _through(lambda x, k: self._spline(x)[()] if k else _area(self, x)[()], t)
 
     def domain(self) -> tuple[float, float]:
         return (-np.inf, np.inf) if self.periodic else (self.argument[0], self.argument[-1])
@@ -186,6 +171,12 @@ class ByKind:
 
 AnyLaw = Annotated[Polynomial | Sinusoid | Table, ByKind()]
 """The laws a scene file may name, by their `kind`."""
+
+
+@partial(np.vectorize, otypes=[float])
+@lru_cache(maxsize=4096)
+def _area(table: Table, t: float) -> float:
+    return float(table._spline.integrate(0.0, t))
 
 
 def _through(f: Callable[[Any, int], Any], t: Any) -> Any:

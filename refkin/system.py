@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -67,7 +66,7 @@ class System:
         p = next(p for p in self.placed if p.constraint.name == joint)
         return slice(p.starts[2], p.starts[2] + 1) if p.constraint.parameters else slice(0, 0)  # type: ignore[operator]
 
-    @cached_property
+    @property
     def of_bodies(self) -> int:
         """The number of coordinates that belong to bodies; those of parameters come after them."""
         return self.kind.width * len(self.mechanism.bodies)

@@ -168,8 +168,7 @@ class Constraint:
     def points(self) -> Iterator[tuple[str, Any]]:
         """Yield (body, point in its frame) for each joint point."""
         for body, point in (("body_i", "point_i"), ("body_j", "point_j")):
-            at = getattr(self, point, None)
-            if at is not None:
+            if (at := getattr(self, point, None)) is not None:
                 yield getattr(self, body), at
 
     def elements(self) -> Iterator[Element]:
@@ -179,11 +178,8 @@ class Constraint:
     @cached_property
     def placed_elements(self) -> tuple[Element, ...]:
         """The elements with the joint's name, and the row of it where each begins."""
-        placed, row = list[Element](), 0
-        for element in self.elements():
-            placed.append(replace(element, name=self.name, row=row))
-            row += element.rows
-        return tuple(placed)
+        own = list(self.elements())
+        return tuple(replace(e, name=self.name, row=sum(x.rows for x in own[:k])) for k, e in enumerate(own))
 
     def reach(self) -> float:
         """Return a length [m] that the constraint itself brings, such as that of a massless link."""
@@ -239,9 +235,14 @@ class Constraint:
         raise NotImplementedError
 
 
+def turned_points(g: Any, i: BodyValues, j: BodyValues) -> tuple[Vec, Vec]:
+    """Return a_i = A_i point_i and a_j = A_j point_j (J1); the points stand first in g."""
+    return i.turned(Vec(g[0], g[1])), j.turned(Vec(g[2], g[3]))
+
+
 def arms(g: Any, i: BodyValues, j: BodyValues) -> tuple[Vec, Vec, Vec]:
-    """Return a_i = A_i point_i, a_j = A_j point_j and d = r_j + a_j - r_i - a_i (J1); the points stand first in g."""
-    a_i, a_j = i.turned(Vec(g[0], g[1])), j.turned(Vec(g[2], g[3]))
+    """Return these and d = r_j + a_j - r_i - a_i (J1)."""
+    a_i, a_j = turned_points(g, i, j)
     return a_i, a_j, j.r + a_j - i.r - a_i
 
 

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from refkin.errors import Fault
-from refkin.joints.base import Blocks, Constraint, Rows, Unit, along, arms, drift, gap_rate, offset
+from refkin.joints.base import Blocks, Constraint, Rows, Unit, along, arms, drift, gap_rate, offset, turned_points
 from refkin.joints.elements import Element, GuidedPoint, Pair, PointDistance, PointsCoincide, RelativeAngle
 from refkin.motion_laws import AnyLaw, Law
 from refkin.vec import BodyValues, Vec
@@ -57,7 +57,7 @@ class Revolute(Constraint):
 
     @staticmethod
     def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
-        a_i, a_j, _ = arms(g, i, j)
+        a_i, a_j = turned_points(g, i, j)
         return ((-1, 0, a_i.y), (0, -1, -a_i.x)), ((1, 0, -a_j.y), (0, 1, a_j.x))
 
     @staticmethod
@@ -67,8 +67,7 @@ class Revolute(Constraint):
 
     @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        a_i, a_j, _ = arms(g, i, j)
-        right = offset(f, 2) - drift(a_i, a_j, i, j)
+        right = offset(f, 2) - drift(*turned_points(g, i, j), i, j)
         return right.x, right.y
 
 
