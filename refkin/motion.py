@@ -166,8 +166,7 @@ class Motion:
         """Return the motion of one body; raise UnknownName if it is not among those that were wanted."""
         if body not in self.bodies:
             raise UnknownName("body", body, self.bodies)
-        width = self.kind.width
-        k = width * self.bodies.index(body)
+        k = (width := self.kind.width) * self.bodies.index(body)
         return BodyMotion(*(None if level is None else level[k : k + width] for level in self.levels))  # type: ignore[arg-type]
 
     def __repr__(self) -> str:

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property
 from itertools import pairwise
 from typing import Annotated, Any, Literal, Protocol
 
@@ -110,7 +110,21 @@ class Table:
         return _through(lambda x, k: self._spline(x, order + k)[()], t)
 
     def integral(self, t: Any) -> Any:
-        return _through(lambda x, k: self._spline(x)[()] if k else _area(self, x)[()], t)
+        return _through(lambda x, k: self._spline(x)[()] if k else self._integral(x), t)
+
+    @cached_property
+    def _areas(self) -> Any:
+        """The integrals from 0 to the knots; the rest of an integral is that of one piece, so that no digit is lost."""
+        return np.array([self._spline.integrate(0.0, knot) for knot in self.argument])
+
+    def _integral(self, t: Any) -> Any:
+        x, known = np.array(self.argument), 0.0 * self._spline(t)  # NaN beyond the ends
+        turns = np.floor((t - x[0]) / (x[-1] - x[0])) if self.periodic else 0.0
+        t = np.clip(t - turns * (x[-1] - x[0]), x[0], x[-1])
+        k = np.clip(np.searchsorted(x, t, side="right") - 1, 0, len(x) - 2)
+        (a, b, c, d), s = self._spline.c[:, k], t - x[k]
+        piece = s * (d + s * (c / 2 + s * (b / 3 + s * a / 4)))
+        return (piece + self._areas[k] + turns * (self._areas[-1] - self._areas[0]) + known)[()]
 
     def domain(self) -> tuple[float, float]:
         return (-np.inf, np.inf) if self.periodic else (self.argument[0], self.argument[-1])
@@ -171,12 +185,6 @@ class ByKind:
 
 AnyLaw = Annotated[Polynomial | Sinusoid | Table, ByKind()]
 """The laws a scene file may name, by their `kind`."""
-
-
-@partial(np.vectorize, otypes=[float])
-@lru_cache(maxsize=4096)
-def _area(table: Table, t: float) -> float:
-    return float(table._spline.integrate(0.0, t))
 
 
 def _through(f: Callable[[Any, int], Any], t: Any) -> Any:

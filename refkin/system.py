@@ -74,8 +74,7 @@ class System:
     @property
     def turns(self) -> Any:
         """The turn [rad] that a change of each coordinate by 1 is, (n,): 1 for angles, as all parameters are."""
-        own = np.ones(self.n - self.of_bodies)
-        return np.append(np.tile(self.kind.turns, len(self.mechanism.bodies)), own)
+        return np.append(np.tile(self.kind.turns, len(self.mechanism.bodies)), np.ones(self.n - self.of_bodies))
 
     @property
     def angles(self) -> Any:
@@ -85,8 +84,7 @@ class System:
     def phi(self, q: Any, t: Any) -> Any:
         """Return the constraint residual, (m,) or (m, B)."""
         q = np.asarray(q)
-        rows = self.rows(self._values(q), t, 0, lambda c: c.residual)
-        return _stack(rows, self.m, q, t)
+        return _stack(self.rows(self._values(q), t, 0, lambda c: c.residual), self.m, q, t)
 
     def phi_q(self, q: Any, t: Any) -> Any:
         """Return the constraint Jacobian, (m, n) or (m, n, B)."""
@@ -107,15 +105,13 @@ class System:
         """Return the velocity right side nu = -phi_t, (m,) or (m, B)."""
         self._called_for(Effect.VELOCITY, Effect.ACCELERATION)
         q = np.asarray(q)
-        rows = self.rows(self._values(q), t, 1, lambda c: c.nu)
-        return _stack(rows, self.m, q, t)
+        return _stack(self.rows(self._values(q), t, 1, lambda c: c.nu), self.m, q, t)
 
     def gamma(self, q: Any, qd: Any, t: Any) -> Any:
         """Return the acceleration right side gamma = -(phi_q qd)_q qd - 2 phi_qt qd - phi_tt, (m,) or (m, B)."""
         self._called_for(Effect.ACCELERATION)
         q, qd = np.asarray(q), np.asarray(qd)
-        rows = self.rows(self._values(q, qd), t, 2, lambda c: c.gamma)
-        return _stack(rows, self.m, q + qd, t)
+        return _stack(self.rows(self._values(q, qd), t, 2, lambda c: c.gamma), self.m, q + qd, t)
 
     def to_unit(self, q: Any, order: int = 0) -> Any:
         """Return coordinates (order 0) or rates (1, 2) in m and rad as those of this system: all n, or the bodies'."""
@@ -138,17 +134,16 @@ class System:
     def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:
         """Return the values of each body and parameter by the place where it starts in q; None is the ground."""
         numbers = q.tolist() if q.ndim == 1 else q
-        kind, of_bodies = self.kind, self.of_bodies
-        bodies = range(0, of_bodies, kind.width)
+        kind, bodies = self.kind, range(0, self.of_bodies, self.kind.width)
         values: dict[int | None, Any] = {None: kind.values(*kind.still)}
         values |= {k: kind.values(*numbers[k : k + kind.width]) for k in bodies}
-        values |= {k: ParameterValue(numbers[k]) for k in range(of_bodies, self.n)}
+        values |= {k: ParameterValue(numbers[k]) for k in range(self.of_bodies, self.n)}
         if qd is not None:
             rates = qd.tolist() if qd.ndim == 1 else qd
             values[None].moving(*(0.0,) * kind.width)
             for k in bodies:
                 values[k].moving(*rates[k : k + kind.width])
-            for k in range(of_bodies, self.n):
+            for k in range(self.of_bodies, self.n):
                 values[k].moving(rates[k])
         return values
 
