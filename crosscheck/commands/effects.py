@@ -110,6 +110,8 @@ def felt_lines(rows: Sequence[EffectRow]) -> list[str]:
         if row.inert is False:
             what = row.note if row.largest_change is None else f"changes {row.worst} by {row.largest_change:.2g}"
             lines.append(f"not inert: {row.effect} in {named(row)}: {what}")
+    if not lines and all(row.inert is None for row in rows):
+        return ["no effect was measured"]
     return lines or ["every effect that was measured is inert where it is not called for"]
 
 

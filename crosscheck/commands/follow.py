@@ -14,6 +14,7 @@ from crosscheck.commands.solve import SCHEMA, numbers
 from crosscheck.commands.usage import Json, print_numbers, writable
 from refkin.errors import UnknownName
 from refkin.model import Scene
+from refkin.motion import BodyMotion
 from refkin.output.tables import wide
 from refkin.proof.path.tracing import TraceEnd
 from refkin.scenes.files import load
@@ -47,7 +48,8 @@ def to_json(scene: Scene, parameter: str, path: Path) -> dict[str, Any]:
 
 
 def _tangent(path: Path, tangent: Tangent) -> dict[str, Any]:
-    rows = tangent.q[: 3 * len(path.bodies)].reshape(-1, 3)
+    width = path.kind.width
+    rows = tangent.q[: width * len(path.bodies)].reshape(-1, width)
     return {
         "t": numbers([tangent.t])[0],
         "bodies": {body: numbers(row) for body, row in zip(path.bodies, rows, strict=True)},
@@ -77,17 +79,26 @@ def lines(parameter: str, path: Path) -> list[str]:
             text.append(f"pose {event.index}: {parameter} turns at its {how} value {event.t:.17g}")
         else:
             text.append(f"pose {event.index}: {len(event.tangents)} branches cross at {parameter} = {event.t:.17g}")
-            text += [f"    tangent: {_direction(path, parameter, tangent)}" for tangent in event.tangents]
+            text += [f"    tangent: {_direction(path, parameter, event.q, tangent)}" for tangent in event.tangents]
     return [*text, f"pose {path.t.size - 1}: {path.message}, at {parameter} = {path.t[-1]:.17g}"]
 
 
-def _direction(path: Path, parameter: str, tangent: Tangent) -> str:
-    """Return the rates of the bodies' angles by the parameter, or, where it stands still, how they move."""
-    angles = tangent.q[2 : 3 * len(path.bodies) : 3]
+def _direction(path: Path, parameter: str, q: Any, tangent: Tangent) -> str:
+    """Return how fast the bodies turn by the parameter, or, where it stands still, how they move.
+
+    In the plane that is the rate of an angle, in space omega in the ground frame.
+    """
     still = abs(tangent.t) <= 1e-9 * np.max(np.abs(tangent.q))
-    rates = angles if still else angles / tangent.t
+    rates = tangent.q if still else tangent.q / tangent.t
     per = "with the parameter at rest" if still else f"rad per unit of {parameter}"
-    return ", ".join(f"{body} {rate:.6g}" for body, rate in zip(path.bodies, rates, strict=True)) + f" {per}"
+    columns = ([x[path.kind.width * k :][: path.kind.width] for x in (q, rates)] for k in range(len(path.bodies)))
+    return ", ".join(f"{body} {_turning(*at)}" for body, at in zip(path.bodies, columns, strict=True)) + f" {per}"
+
+
+def _turning(q: Any, rates: Any) -> str:
+    """Return the angular rate of a body in words, from its coordinates and their rates (width,)."""
+    moving = BodyMotion(q, rates, None)
+    return f"({', '.join(f'{x:.6g}' for x in moving.omega)})" if hasattr(moving, "omega") else f"{rates[2]:.6g}"
 
 
 def print_path(

@@ -18,7 +18,8 @@ from crosscheck.engines import EngineError
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS, UsageError
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.measure.hard_table import BAD, SECONDS, hard_case_rows, unexplained
-from crosscheck.scenes.hard import HardCase, hard_cases
+from crosscheck.scenes.hard import hard_cases
+from crosscheck.scenes.hard_case import HardCase
 
 OURS = "refkin"
 

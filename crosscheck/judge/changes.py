@@ -11,9 +11,9 @@ import numpy as np
 from crosscheck.engines import QUANTITIES, Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.comparison import Reference
+from crosscheck.judge.spatial import alike, idle_lines
+from refkin.joints import PLANE
 from refkin.motion import Motion
-
-COORDINATES = ("x", "y", "phi")
 
 
 @dataclass(frozen=True)
@@ -93,21 +93,35 @@ def _levels(ref: Reference, off: Motion, on: Motion, terms: Sequence[Term]) -> I
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = np.where(size == 0.0, 0.0, size / allowed)
         row, sample = (int(k) for k in np.unravel_index(np.argmax(relative), relative.shape))
-        where = f"{quantity} of {bodies[row // 3]}.{COORDINATES[row % 3]} at t = {off.t[sample]:.17g}"
+        body, coordinate = divmod(row, ref.system.kind.width)
+        named = f"{bodies[body]}.{ref.system.kind.coordinates[coordinate]}"
+        where = f"{quantity} of {named} at t = {off.t[sample]:.17g}"
         yield float(relative[row, sample]), float(np.max(ratio)), where
 
 
 def _difference(ref: Reference, off: Motion, on: Motion, bodies: Sequence[str], order: int) -> Any:
     """Return on - off of some bodies at one level in scaled coordinates, angles of positions modulo full turns.
 
-    It is 0 where neither has a number, and infinite where one has and the other has not.
+    Signs of Euler parameters and idle spins are in both those of the reference. It is 0 where neither has a number, and
+    infinite where one has and the other has not.
     """
-    name = ("q", "qd", "qdd")[order]
-    before, after = (np.concatenate([getattr(motion[body], name) for body in bodies]) for motion in (off, on))
+    kind = ref.system.kind
+    before, after = (_coordinates(ref, motion, bodies, order) for motion in (off, on))
     difference = after - before
-    is_angle = np.arange(len(difference)) % 3 == 2
-    difference[~is_angle] /= ref.system.unit.size
-    if order == 0:
-        difference[is_angle] = wrap(difference[is_angle])
+    is_length = np.arange(len(difference)) % kind.width < kind.dimension
+    difference[is_length] /= ref.system.unit.size
+    if order == 0 and kind is PLANE:
+        difference[~is_length] = wrap(difference[~is_length])
     known = np.isfinite(before), np.isfinite(after)
     return np.where(known[0] & known[1], difference, np.where(known[0] == known[1], 0.0, np.inf))
+
+
+def _coordinates(ref: Reference, motion: Motion, bodies: Sequence[str], order: int) -> Any:
+    """Return the coordinates of some bodies [m], or their rates of an order."""
+    names = ("q", "qd", "qdd")[: order + 1]
+    levels = [np.concatenate([getattr(motion[body], name) for body in bodies]) for name in names]
+    if ref.system.kind is not PLANE:
+        truth = [np.concatenate([getattr(ref.motion[body], name) for body in bodies]) for name in names]
+        with np.errstate(invalid="ignore", divide="ignore"):
+            levels = alike(levels, truth, bodies, idle_lines(ref.scene.mechanism))
+    return levels[order]

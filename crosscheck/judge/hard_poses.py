@@ -35,7 +35,9 @@ from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
 from crosscheck.judge.running_error import Running, U, errors, running
-from crosscheck.scenes.hard import HardCase
+from crosscheck.judge.spatial import alike, idle_lines, reversed_joints, spun
+from crosscheck.scenes.hard_case import HardCase
+from refkin.joints import PLANE
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.proof.assembly.assembly import assemblies
@@ -98,6 +100,10 @@ def truths(case: HardCase) -> tuple[System, tuple[Solutions, ...]]:
 def _given(system: System, case: HardCase, t: float) -> Any:
     pose = case.poses(t)
     assert pose is not None
+    return _stacked(system, pose)
+
+
+def _stacked(system: System, pose: Any) -> Any:
     return system.to_unit(np.concatenate([pose[body.name] for body in system.mechanism.bodies]))
 
 
@@ -108,6 +114,8 @@ def _among_assemblies(
 
     A branch keeps its mode as long as it meets no fold, also where a pose in float64 is nearer to the other one.
     """
+    if case.every is not None:
+        return Solutions(tuple(_root(system, _stacked(system, pose), t) for pose in case.every(t))), None
     search = assemblies(system, t, trying=False)
     if case.any_assembly:
         return Solutions(tuple(_root(system, q, t) for q in search.poses)), None
@@ -134,11 +142,31 @@ def _root(system: System, q: Any, t: float) -> tuple[tuple[Any, ...], Any]:
     enclosure = krawczyk(system, q, t)
     if enclosure is None:
         return _singular(system, q, t)
-    return enclosure.q, least_error(system, enclosure.nearest(), t)
+    return enclosure.q, _allowed(system, enclosure.nearest(), t)
 
 
 def _singular(system: System, q: Any, t: float) -> tuple[tuple[Any, ...], Any]:
-    return tuple(arb(float(x)) for x in q), least_error(system, q, t)
+    return tuple(arb(float(x)) for x in q), _allowed(system, q, t)
+
+
+def _allowed(system: System, q: Any, t: float) -> Any:
+    """Return the least error (n,); a body that spins idly may have it in any of its Euler parameters."""
+    least = least_error(system.gauged(q), q, t)
+    if system.kind is PLANE:
+        return least
+    lines = idle_lines(system.mechanism, system.unit)
+    return spun(least[:, None], [body.name for body in system.mechanism.bodies], lines)[:, 0]
+
+
+def _alike(system: System, q: Any, middle: Any) -> Any:
+    """Return an answer (n,) with signs of Euler parameters and idle spins as near a root's as can be."""
+    if system.kind is PLANE:
+        return q
+    names = [body.name for body in system.mechanism.bodies]
+    lines = idle_lines(system.mechanism, system.unit)
+    with np.errstate(invalid="ignore"):
+        (own,) = alike([q[: system.of_bodies, None]], [middle[: system.of_bodies, None]], names, lines)
+    return np.append(own[:, 0], q[system.of_bodies :])
 
 
 def samples(
@@ -151,14 +179,19 @@ def samples(
     q = system.to_unit(q)
     rows.sort()
     granted = GRANTED * sum(term.absolute for term in terms if term.level == "position")
+    turned = {} if system.kind is PLANE else reversed_joints(scene.mechanism, motion)
     made = []
     for k, (t, true) in enumerate(zip(scene.times, truth, strict=True)):
         ok = motion.status[k] is Status.OK
         if not np.isfinite(q[rows, k]).all():
             note = "called ok without a number" if ok else motion.status[k].value
             made.append(PoseSample(t, None, ok, note, none=true.gap is not None))
-        else:
-            made.append(_sample(system, true, q[:, k], rows, t, ok, granted))
+            continue
+        sample = _sample(system, true, q[:, k], rows, t, ok, granted)
+        wrong = [name for name, at in turned.items() if at[k]]
+        if wrong and not sample.note:
+            sample = replace(sample, note=f"{', '.join(wrong)} the wrong way round")
+        made.append(sample)
     return tuple(made)
 
 
@@ -201,13 +234,15 @@ def _on_other_assembly(system: System, balls: tuple[Any, ...], q: Any, t: float)
     enclosure = krawczyk(system, q, t)
     if enclosure is None:
         return False
-    away = np.max(np.abs(_away(system, q, np.array([float(x) for x in balls]))))
+    middle = np.array([float(x) for x in balls])
+    away = np.max(np.abs(_away(system, _alike(system, q, middle), middle)))
     return bool(np.max(enclosure.distance(q)) < 0.1 * away)
 
 
 def _judged(system: System, balls: tuple[Any, ...], allowed: Any, q: Any, rows: Any, granted: float) -> Judgement:
     """Hold the coordinates of the bodies that are answered for against a root, full turns apart or not."""
     middle = np.array([float(x) for x in balls])
+    q = _alike(system, q, middle)
     if not np.max(allowed[rows]) < TOO_WIDE:
         return Judgement(Verdict.UNDECIDABLE, float(np.max(np.abs(_away(system, q, middle)[rows]) / TOO_WIDE)))
     turns = np.where(system.angles, np.round((q - middle) / (2 * np.pi)), 0.0)
@@ -260,5 +295,5 @@ def _second_derivative(system: System, q: Any, t: float, v: Any) -> Any:
 
 def _output_rounding(system: System, q: Any) -> Any:
     """Return what it costs (n,) to state the pose in metres, seen from the scene's origin."""
-    metres = np.abs(system.to_physical(q)) / np.where(system.angles, 1.0, system.unit.size)
+    metres = np.abs(system.to_physical(q)) / np.where(system.turns == 0.0, system.unit.size, 1.0)
     return ROUNDINGS * np.maximum(len(system.mechanism.bodies), metres)

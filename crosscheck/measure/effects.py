@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from typing import Any
 
-from crosscheck.engines import EngineError, Term
+from crosscheck.engines import EngineError, EngineRefusal, Term
 from crosscheck.engines.methods import Method, Use, methods
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, reference
@@ -73,33 +73,35 @@ def rows(ablated: Ablations, ref: Reference, within: float, terms: Sequence[Term
     within : float
         How long to measure [s].
     """
-    answers: dict[str, Motion | str] = {name: _answer(work) for name, work in ablated.works.items()}
-    works = {name: work for name, work in ablated.works.items() if not isinstance(answers[name], str)}
+    answers = {name: _answer(work) for name, work in ablated.works.items()}
+    works = {name: work for name, work in ablated.works.items() if not isinstance(answers[name], EngineError)}
     timings = timed_in_turns(works, rounds=ROUNDS, fewest=FEWEST, within=within) if works else {}
     there = [_row(ablated, a, answers, timings, ref, terms) for a in ablated.effects]
     return there + [unmeasured(ablated.method.key, effect, why) for effect, why in ablated.absent.items()]
 
 
-def _answer(work: Any) -> Motion | str:
+def _answer(work: Any) -> Motion | EngineError:
     try:
         answer: Motion = work()
     except EngineError as error:
-        return str(error)
+        return error
     return answer
 
 
 def _row(
     ablated: Ablations,
     a: Ablation,
-    answers: Mapping[str, Motion | str],
+    answers: Mapping[str, Motion | EngineError],
     timings: Mapping[str, Timing],
     ref: Reference,
     terms: Sequence[Term],
 ) -> EffectRow:
     off, on, key = answers[a.off], answers[a.on], ablated.method.key
-    if isinstance(off, str):
+    if isinstance(off, EngineError):
         return unmeasured(key, a.effect, f"no answer without it: {off}")
-    if isinstance(on, str):
+    if isinstance(on, EngineRefusal):
+        return unmeasured(key, a.effect, str(on))
+    if isinstance(on, EngineError):
         return unmeasured(key, a.effect, f"{a.note}: {on}", inert=False)
     if a.on == "points" and not on.points:
         return unmeasured(key, a.effect, "the adapter reports no motion of points")

@@ -75,7 +75,8 @@ OWN = dict.fromkeys(("condition", "certificate"), "evidence is the reference's o
 def _wanted(scene: Scene) -> tuple[dict[str, Scene], list[Ablation], dict[str, str]]:
     """Return what points and other bodies are seen by: scenes, ablations, and why there is no ablation."""
     whole, body = bare(scene, EVERY_LEVEL), scene.mechanism.bodies[0].name
-    points = scene.points or (Point(name="a point", body=body, position=(0.0, 0.0)),)
+    origin = (0.0,) * scene.mechanism.kind.dimension
+    points = scene.points or (Point(name="a point", body=body, position=origin),)
     many = f"{len(points)} of them, position to acceleration"
     scenes = {"points": replace(whole, points=points)}
     ablations = [Ablation("points", off=ACCELERATION, on="points", called_for=True, note=many)]

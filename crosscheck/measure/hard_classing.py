@@ -10,7 +10,8 @@ from functools import lru_cache
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Use, methods
 from crosscheck.judge.hard_poses import HardOutcome, PoseSample, Solutions, samples, truths
-from crosscheck.scenes.hard import HardCase, hard_cases
+from crosscheck.scenes.hard import hard_cases
+from crosscheck.scenes.hard_case import HardCase
 from crosscheck.workers.processes import Failure
 from refkin.proof.pose.krawczyk import Verdict
 from refkin.system import System

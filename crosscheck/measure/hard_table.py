@@ -13,7 +13,8 @@ from crosscheck.engines import EngineError
 from crosscheck.judge.findings import Finding, finding_of, read
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.measure.hard_classing import job, listed, outcome_of, outcome_of_failure
-from crosscheck.scenes.hard import HardCase, hard_cases
+from crosscheck.scenes.hard import hard_cases
+from crosscheck.scenes.hard_case import HardCase
 from crosscheck.workers.processes import Failure, call_each, call_in_turn
 
 SECONDS = 20.0

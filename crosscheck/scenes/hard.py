@@ -9,63 +9,24 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
+from crosscheck.scenes.hard_case import DISTANCES, DOWN, GAPS, STEPS, UP, HardCase, timed, ways_to
+from crosscheck.scenes.hard_space import SPATIAL
 from crosscheck.scenes.hard_trees import dyads
 from refkin.joints import GROUND, AngleDriver, Revolute
-from refkin.model import Body, Evidence, Mechanism, Scene
+from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import FourBar, InvertedSliderCrank, Pose, SliderCrank, rough
 from refkin.scenes.linkages.base import Linkage
 
-DISTANCES = (1e-3, 1e-6, 1e-9, 1e-12, 1e-15)
-"""How near the scenes come to what makes them hard [sizes, rad]."""
-GAPS = (1e-3, 1e-6, 1e-9, 1e-12)
-"""By how much scenes fail to assemble: 1e-12 is still a hundred times what rounding leaves of their closure."""
 OFFSETS = (1e-2, 1e-4, 1e-6, 1e-8)
 """Size of the linkage over its distance from the origin."""
-STEPS = (0.1, 0.5, 1.0, 2.0)
-"""Crank angle between two times [rad]."""
-APPROACH = 0.5
-"""How far from the hard pose a scene begins [rad, m]."""
 TREES = ((6, 4), (20, 1), (32, 1))
 """Dyads of a branching tree and the seed it is drawn with: from 30 dyads on it has more than 60 freedoms."""
 PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
 NEAR = 1e-2
 """Margin for which estimates are rounded [m]: they are good to two or three digits."""
-
-
-@dataclass(frozen=True)
-class HardCase:
-    """A hard scene.
-
-    Attributes
-    ----------
-    case : str
-        What makes it hard.
-    distance : float or None
-        How near it comes to that, in the unit of its kind; None where there is no such number.
-    scene : Scene
-    poses : callable
-        Time -> bodies' poses near the right ones (metres, rad), None where there are none or any assembly will do.
-    any_assembly : bool
-        Whether every assembly is a right answer: nothing says which one is meant.
-    exact : bool
-        Whether `poses` are right to a few roundings, and so say which branch is meant; else the branch is the one of
-        the first time, also where the other one is too near to be told from it in float64.
-    """
-
-    case: str
-    distance: float | None
-    scene: Scene
-    poses: Callable[[float], Pose | None]
-    any_assembly: bool = False
-    exact: bool = False
-
-    @property
-    def key(self) -> str:
-        """What names it in a list."""
-        return self.case if self.distance is None else f"{self.case}, {self.distance:.0e}"
 
 
 def hard_cases() -> tuple[HardCase, ...]:
@@ -200,20 +161,14 @@ KINDS: Mapping[str, Callable[[], Iterator[HardCase]]] = {
     kind.__name__: kind
     for kind in (
         toggle, dead_centre, near_change_point, parallelogram, parallelogram_passed, kite, isosceles, slot,
-        unassemblable, singular, redundant, branching, branching_tree, large_offset, far_start, coarse_steps,
+        unassemblable, singular, redundant, branching, branching_tree, large_offset, far_start, coarse_steps, *SPATIAL,
     )
 }  # fmt: skip
 
 
-UP, DOWN = (0.0, 1.0), (0.0, -1.0)
-"""Laws c0 + c1 t of an input that is the time, or its negative: times may be given as near to 0 as numbers go."""
-
-
 def _approach(case: str, d: float, linkage: Linkage, end: float, side: float, driven: str = "crank") -> HardCase:
     """Return the case whose input goes to `end` + side * d, by steps and then by powers of ten."""
-    ways = [APPROACH * (1 - 0.2 * k) for k in range(5)]
-    ways += [way for way in (10.0**-k for k in range(2, 16)) if way > 3 * d]
-    return _made(case, d, linkage, (end, -side), [-way for way in (*ways, d)], driven=driven)
+    return _made(case, d, linkage, (end, -side), [-way for way in ways_to(d)], driven=driven)
 
 
 def _steps(case: str, d: float, linkage: Linkage, inputs: Sequence[float]) -> HardCase:
@@ -236,11 +191,7 @@ def _scene(
 ) -> Scene:
     driver = linkage.driver(Polynomial(coefficients=law), driven)
     estimate = rough(pose, linkage.mechanism(driver).size(), NEAR)
-    return _timed(linkage.mechanism(driver, estimate), times, name)
-
-
-def _timed(mechanism: Mechanism, times: Sequence[float], name: str) -> Scene:
-    return Scene(mechanism=mechanism, times=tuple(times), name=name, effects=frozenset(), evidence=frozenset(Evidence))
+    return timed(linkage.mechanism(driver, estimate), times, name)
 
 
 def _moved(pose: Pose, angle: float) -> Pose:
@@ -255,7 +206,7 @@ def _law_scene(
     """Return the scene of joints whose crank follows a law, with the rounded pose as estimate."""
     driver = AngleDriver(name="driver", body="crank", law=Polynomial(coefficients=law))
     bodies = tuple(Body(name=body, estimate=q) for body, q in rough(pose, 4.0, NEAR).items())
-    return _timed(Mechanism(bodies, tuple(joints), (driver,)), times, name)
+    return timed(Mechanism(bodies, tuple(joints), (driver,)), times, name)
 
 
 def _parallel_joints() -> list[Revolute]:

@@ -16,7 +16,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from refkin.errors import UnknownName
-from refkin.joints import Driver, Kind, elements_of
+from refkin.joints import Driver, Kind
 from refkin.model import Mechanism, Scene
 from refkin.motion import Array, BodyMotion, kind_of
 from refkin.motion_laws import Polynomial
@@ -32,6 +32,8 @@ from refkin.system import System, compile_system
 
 _ITSELF = Polynomial(coefficients=(0.0, 1.0))
 """The law of a driver whose value is t."""
+ANGLE = "angle"
+"""The type of a driver whose law is an angle, in the plane or in space."""
 
 
 @dataclass(frozen=True)
@@ -326,15 +328,13 @@ class _Walk:
 
 
 def _with_unit(driver: Driver) -> str:
-    of_angle = any(element.key == "angle by a law" for element in elements_of([driver]))
-    return f"{driver.name} [{'rad' if of_angle else 'm'}]"
+    return f"{driver.name} [{'rad' if driver.type == ANGLE else 'm'}]"
 
 
 def _is_driven_angle(mechanism: Mechanism) -> bool:
     """Whether t is the angle of a driver, and all other drivers are at rest."""
     moving = [d for d in mechanism.drivers if not (isinstance(d.law, Polynomial) and not any(d.law.coefficients[1:]))]
-    keys = [element.key for element in elements_of(moving)]
-    return keys == ["angle by a law"] and moving[0].laws == (_ITSELF,)
+    return len(moving) == 1 and moving[0].type == ANGLE and moving[0].laws == (_ITSELF,)
 
 
 def _evidence(system: System, q: Any, t: Any) -> tuple[Any, Any]:

@@ -81,7 +81,7 @@ def command(tmp_path_factory):
     path.write_text(EXAMPLE.read_text(encoding="utf-8").replace("count = 73", "count = 3"), encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch, pytest.MonkeyPatch.context() as out:
         printed = []
-        patch.setattr("builtins.print", lambda text: printed.append(text))
+        patch.setattr("builtins.print", lambda text, file=None, **_: file or printed.append(text))
         out.setattr("crosscheck.commands.effects.effects_ledger", partial(effects_ledger, within=1.5))
         with pytest.raises(SystemExit) as ended:
             main(["effects", str(path), "--json"])

@@ -7,22 +7,26 @@ velocity and acceleration are solved from exudyn's rows by NumPy, time by time, 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
 import exudyn as exu
 import numpy as np
 
-from crosscheck.engines import EngineError, Level, refusals
+from crosscheck.engines import EngineError, EngineRefusal, Level, refusals
 from crosscheck.engines.exudyn.direct import ChainSolver, Direct
-from crosscheck.engines.exudyn.engine import Exudyn
+from crosscheck.engines.exudyn.engine import STATIC, Exudyn
 from crosscheck.engines.exudyn.integration import Integration
 from crosscheck.engines.exudyn.model import ExudynModel
 from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, bear_redundant_rows, in_metres, solved
-from crosscheck.engines.methods import Batch, Method, Model, Use, of_routes, one_by_one
+from crosscheck.engines.exudyn.space_solve import SpaceModel
+from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, of_routes, one_by_one
+from crosscheck.engines.spatial.reading import in_space
 from crosscheck.scenes.workloads import Chain, Workload
 from refkin.joints import SI, Unit
 from refkin.model import Scene
+from refkin.motion import Producer
 
 TOLERANCES = (1e-1, 1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12, 1e-14)
 """Norms of the residual at which the static solver stops, in sizes of the mechanism."""
@@ -83,10 +87,15 @@ def _checked(scene: Scene) -> Scene:
     reasons += [f"no estimate to start from: {b.name}" for b in scene.mechanism.bodies if b.estimate is None]
     if reasons:
         raise EngineError("; ".join(reasons))
+    if in_space(scene.mechanism):
+        raise EngineRefusal("exudyn refuses this method in space: it is written for the plane")
     return scene
 
 
 def _direct(tolerance: float, scene: Scene) -> Model:
+    if in_space(scene.mechanism) and not refusals(Exudyn(), scene, Level.SOLVE):
+        kept, producer = SpaceModel(scene, (tolerance,)), Producer(name="exudyn", version="", route=STATIC)
+        return Model(lambda order: kept.solve(replace(scene, effects=ORDERS[order]), producer), levels_of)
     unit = scene.mechanism.unit()
     direct = Direct(_checked(scene), unit, _estimate(scene, unit), tolerance)
     return Model(direct.solve, partial(in_metres, unit))

@@ -40,17 +40,35 @@ def space_solved(scene: Scene, producer: Producer, *, shipped: bool) -> Motion:
     EngineError
         If a body has no estimate, or exudyn cannot express a joint.
     """
-    numbers = numbers_of(scene.mechanism)
-    start = estimates(scene, numbers)
-    lost = [body for body, at in start.items() if at is None]
-    if lost:
-        raise EngineError(f"exudyn needs a start: no estimate for {', '.join(lost)}")
-    model = ExudynSpace(numbers, numbers.holds, numbers.drives)
+    model = SpaceModel(scene)
     try:
-        marcher = _Marcher(model, scene, numbers, shipped=shipped)
-        return marcher.run(np.concatenate([start[body] for body in numbers.bodies]), producer)
+        return model.solve(scene, producer, shipped=shipped)
     finally:
-        model.close()
+        model.model.close()
+
+
+class SpaceModel:
+    """exudyn's model of a scene of space, which may be solved again and again.
+
+    Raises
+    ------
+    EngineError
+        If a body has no estimate, or exudyn cannot express a joint.
+    """
+
+    def __init__(self, scene: Scene, tolerances: Sequence[float] = TOLERANCES) -> None:
+        self.numbers, self.tolerances = numbers_of(scene.mechanism), tolerances
+        start = estimates(scene, self.numbers)
+        lost = [body for body, at in start.items() if at is None]
+        if lost:
+            raise EngineError(f"exudyn needs a start: no estimate for {', '.join(lost)}")
+        self.start = np.concatenate([start[body] for body in self.numbers.bodies])
+        self.model = ExudynSpace(self.numbers, self.numbers.holds, self.numbers.drives)
+
+    def solve(self, scene: Scene, producer: Producer, *, shipped: bool = False) -> Motion:
+        """Return the motion of a scene of the same mechanism, from the estimates."""
+        marcher = _Marcher(self.model, scene, self.numbers, self.tolerances, shipped=shipped)
+        return marcher.run(self.start, producer)
 
 
 class _Pose:
@@ -62,8 +80,11 @@ class _Pose:
 
 
 class _Marcher:
-    def __init__(self, model: ExudynSpace, scene: Scene, numbers: Numbers, *, shipped: bool) -> None:
+    def __init__(
+        self, model: ExudynSpace, scene: Scene, numbers: Numbers, tolerances: Sequence[float], *, shipped: bool
+    ) -> None:
         self.model, self.scene, self.numbers, self.shipped = model, scene, numbers, shipped
+        self.tolerances = tolerances
         self.idle = [7 * numbers.bodies.index(body) + k for body in numbers.idle for k in range(3, 7)]
         self.moving = np.delete(np.arange(model.n), self.idle)
         self.last: _Pose | None = None
@@ -129,7 +150,8 @@ class _Marcher:
         at = q.reshape(-1, 7)
         at[:, 3:] /= np.linalg.norm(at[:, 3:], axis=1, keepdims=True)
         gap = np.abs(self.model.residual(q, t)).max(initial=0.0)
-        if not gap <= (SHIPPED_ACCEPTED if self.shipped else ACCEPTED) * max(1.0, np.abs(q).max()):
+        accepted = SHIPPED_ACCEPTED if self.shipped else max(ACCEPTED, 10.0 * self.tolerances[-1])
+        if not gap <= accepted * max(1.0, np.abs(q).max()):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
         if not self.shipped:
             self._check_directions(q, t)
@@ -145,7 +167,7 @@ class _Marcher:
 
     def _newton(self, t: float, start: Array) -> Array:
         extent = max(1.0, np.abs(start).max())
-        for tolerance in TOLERANCES:
+        for tolerance in self.tolerances:
             if self.model.newton(start, t, tolerance * extent):
                 found = self.model.coordinates()
                 # what the tolerance left is taken away: exudyn accepts no first residual without a correction

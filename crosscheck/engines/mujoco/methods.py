@@ -18,6 +18,7 @@ from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch, Method, Model, Use, of_routes
 from crosscheck.engines.mujoco.engine import Mujoco
 from crosscheck.engines.mujoco.model import Plan, mujoco, switch_on
+from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.mujoco.stepping import stepping_methods, tree_of
 from crosscheck.engines.tree.newton import Loops, newton_methods, solved_one, solved_rows
 from crosscheck.scenes.workloads import Chain, FourBars, Workload, whole
@@ -49,7 +50,7 @@ def methods() -> Iterator[Method]:
             batch=partial(_batched, limit) if last else None,
             note="its sites, Jacobians and accelerations; laws are tabulated with the model",
         )
-    yield from newton_methods("mujoco", tree_of)
+    yield from newton_methods("mujoco", tree_of, MujocoSpace)
     yield from stepping_methods()
 
 

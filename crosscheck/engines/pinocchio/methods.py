@@ -16,6 +16,7 @@ import pinocchio as pin
 from crosscheck.engines.methods import Method, Model, Use, of_routes
 from crosscheck.engines.pinocchio.engine import Pinocchio
 from crosscheck.engines.pinocchio.rows import TwoPoints, element_rows
+from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.pinocchio.stepping import stepping_methods, tree_of
 from crosscheck.engines.tree.newton import Loops, newton_methods, solved_one
 from refkin.model import Scene
@@ -39,7 +40,7 @@ def methods() -> Iterator[Method]:
             build=partial(_direct, limit),
             note="each pose from the extrapolated one; laws are tabulated with the model",
         )
-    yield from newton_methods("pinocchio", tree_of)
+    yield from newton_methods("pinocchio", tree_of, PinocchioSpace)
     yield from stepping_methods()
 
 

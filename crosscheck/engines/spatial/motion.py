@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from crosscheck.engines.march import March, march
+from crosscheck.engines.march import march
 from crosscheck.engines.spatial.reading import Numbers, numbers_of
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.spatial.tree import space_tree
@@ -31,11 +32,35 @@ def space_motion(scene: Scene, build: Callable[..., Any], producer: Producer) ->
     EngineError
         If a body of the scene has no estimate.
     """
-    numbers = numbers_of(scene.mechanism)
-    system = SpaceSystem(space_tree(numbers, estimates(scene, numbers)), build)
+    closing = SpaceScene.of(scene, build)
+    system, numbers = closing.system, closing.numbers
     order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
-    found = march(system, system.start(scene.times[0]), scene.times, order, together=not numbers.idle)
-    return reported(scene, numbers, _levels(system, found), found.status, producer, residual=found.residual)
+    closed = march(system, closing.start(), scene.times, order, together=not numbers.idle)
+    levels = _levels(system, closed.levels)
+    return reported(scene, numbers, levels, closed.status, producer, residual=closed.residual)
+
+
+@dataclass(frozen=True)
+class SpaceScene:
+    """A scene of space as an engine's joint tree: what Newton on its rows starts from, and how its answer is read."""
+
+    scene: Scene
+    numbers: Numbers
+    system: SpaceSystem
+
+    @classmethod
+    def of(cls, scene: Scene, build: Callable[..., Any]) -> SpaceScene:
+        """Return a scene as a tree; raises EngineError where a body has no estimate, or a joint is refused."""
+        numbers = numbers_of(scene.mechanism)
+        return cls(scene, numbers, SpaceSystem(space_tree(numbers, estimates(scene, numbers)), build))
+
+    def start(self) -> Array:
+        """Return the tree's coordinates nearest the estimates."""
+        return self.system.start(self.scene.times[0])
+
+    def read(self, levels: Sequence[Array]) -> list[Array]:
+        """Return tree coordinates and rates (n, T) as those of all bodies, (7 b, T) [m]."""
+        return [self.numbers.levels(level, order) for order, level in enumerate(_levels(self.system, levels))]
 
 
 def estimates(scene: Scene, numbers: Numbers) -> dict[str, Any]:
@@ -43,13 +68,13 @@ def estimates(scene: Scene, numbers: Numbers) -> dict[str, Any]:
     return {b.name: None if b.estimate is None else numbers.scaled(b.estimate) for b in scene.mechanism.bodies}
 
 
-def _levels(system: SpaceSystem, found: March) -> list[Array]:
+def _levels(system: SpaceSystem, levels: Sequence[Array]) -> list[Array]:
     """Return per level (r, p) of all bodies or its derivative, (7 n, T), in the numbers' unit."""
-    count, times = len(system.tree.numbers.bodies), found.levels[0].shape[1]
+    count, times = len(system.tree.numbers.bodies), levels[0].shape[1]
     r, w = np.full((3, times, count, 3), np.nan), np.full((2, times, count, 3), np.nan)
     p = np.full((times, count, 4), np.nan)
     for k in range(times):
-        at = [level[:, k] if np.isfinite(level[:, k]).all() else None for level in found.levels]
+        at = [level[:, k] if np.isfinite(level[:, k]).all() else None for level in levels]
         if at[0] is None:
             continue
         read = system.bodies(*[*at, None, None][:3])
@@ -57,7 +82,7 @@ def _levels(system: SpaceSystem, found: March) -> list[Array]:
         for order, motion in enumerate(read[2:], 1):
             if len(at) > order and at[order] is not None:
                 r[order, k], w[order - 1, k] = motion[:, :3], motion[:, 3:]
-    return coordinates(r, p, w)[: len(found.levels)]
+    return coordinates(r, p, w)[: len(levels)]
 
 
 def coordinates(r: Array, p: Array, w: Array) -> list[Array]:

@@ -210,7 +210,7 @@ def joint_tree(mechanism: Mechanism, *, massless_links: bool = False) -> JointTr
         distance constraint. Such a body lies along its own x axis, from point_i to point_j.
     """
     if in_space(mechanism):
-        raise EngineRefusal("a joint tree of the plane takes no mechanism of space")
+        raise EngineRefusal("this method is refused in space: its joint tree is of the plane")
     unit = mechanism.unit()
     joints = [tuple(e for e in elements_of([c]) if not e.laws) for c in mechanism.constraints]
     links: dict[str, PointDistance] = {}

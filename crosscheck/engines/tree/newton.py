@@ -14,8 +14,10 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import EngineError
-from crosscheck.engines.march import March, close, solve
+from crosscheck.engines.march import Equations, March, close, solve
 from crosscheck.engines.methods import Method, Model, Use
+from crosscheck.engines.spatial.motion import SpaceScene
+from crosscheck.engines.spatial.reading import in_space
 from crosscheck.engines.tree.joint_tree import Array, JointTree
 from crosscheck.engines.tree.tree_motion import body_levels
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
@@ -46,6 +48,10 @@ class Tree:
         tree.system.tree.start()
         return tree
 
+    def start(self) -> Array:
+        """Return the tree's coordinates nearest the estimates."""
+        return self.system.tree.start()
+
     def read(self, levels: Sequence[Array]) -> list[Array]:
         """Return tree coordinates and rates (n, T) as those of bodies."""
         times = len(self.scene.times)
@@ -67,12 +73,18 @@ class Tree:
         return pose.q[0], pose.qd[0]
 
 
-def newton_methods(engine: str, tree_of: Callable[[Scene], Tree]) -> Iterator[Method]:
-    """Yield Newton on the engine's rows, stopped by the size of the correction, and after so many corrections."""
+def newton_methods(engine: str, tree_of: Callable[[Scene], Tree], space: Callable[..., Any]) -> Iterator[Method]:
+    """Yield Newton on the engine's rows, stopped by the size of the correction, and after so many corrections.
+
+    Parameters
+    ----------
+    tree_of, space : callable
+        Scene of the plane -> its tree; what makes the engine's model of a tree of space (`SpaceEngine`).
+    """
 
     def listed(name: str, setting: str, **stop: Any) -> Method:
         def build(scene: Scene) -> Model:
-            tree = tree_of(scene)
+            tree = SpaceScene.of(scene, space) if in_space(scene.mechanism) else tree_of(scene)
             return Model(partial(newton_sweep, tree, **stop), tree.read)
 
         uses = frozenset({Use.PRICE})
@@ -80,27 +92,40 @@ def newton_methods(engine: str, tree_of: Callable[[Scene], Tree]) -> Iterator[Me
 
     for limit in LIMITS:
         yield listed("Newton on its rows", f"|dq| < {limit:g}", limit=limit)
+    yield listed("Newton on its rows, extrapolated", f"|dq| < {LIMITS[-1]:g}", limit=LIMITS[-1], extrapolated=True)
     for count in range(1, 6):
         yield listed("Newton on its rows, stopped", f"{count} correction{'s' * (count > 1)}", most=count)
 
 
-def newton_sweep(tree: Tree, order: int, *, limit: float = 0.0, most: int = CAP) -> list[Array]:
-    """Return tree coordinates and rates (n, T) up to an order, NaN where a pose has none."""
-    system, times = tree.system, tree.scene.times
-    q = system.tree.start()
-    levels = [np.full((len(q), len(times)), np.nan) for _ in range(order + 1)]
+def newton_sweep(
+    tree: Tree | SpaceScene, order: int, *, limit: float = 0.0, most: int = CAP, extrapolated: bool = False
+) -> list[Array]:
+    """Return tree coordinates and rates (n, T) up to an order, NaN where a pose has none.
+
+    Each pose starts at the last one, or where the rates of that lead to.
+    """
+    system: Equations = tree.system
+    q, times = tree.start(), tree.scene.times
+    levels = [np.full((len(q), len(times)), np.nan) for _ in range(max(order, 2 * extrapolated) + 1)]
     with np.errstate(all="ignore"):  # an iterate that runs away has no digits, which is what the row will say
         for k, t in enumerate(times):
-            pose = _newton(system, q, t, limit, most)
+            pose = _newton(system, _extrapolated(levels, k, times) if extrapolated and k else q, t, limit, most)
             if pose is None:
                 continue
             q = levels[0][:, k] = pose
-            if order:
+            if order or extrapolated:
                 _rates(system, levels, k, t)
-    return levels
+    return levels[: order + 1]
 
 
-def _rates(system: TreeSystem, levels: list[Array], k: int, t: float) -> None:
+def _extrapolated(levels: list[Array], k: int, times: Sequence[float]) -> Array:
+    """Return where position, velocity and acceleration at the time before the k-th lead to; NaN without them."""
+    h, (q, qd, qdd) = times[k] - times[k - 1], (level[:, k - 1] for level in levels)
+    guess: Array = q + h * (qd + 0.5 * h * qdd)
+    return guess
+
+
+def _rates(system: Equations, levels: list[Array], k: int, t: float) -> None:
     q, at = levels[0][:, k][None].copy(), np.array([t])
     jacobian = system.rows(q, at)[1]
     qd = solve(jacobian, system.nu(q, at))
@@ -109,7 +134,7 @@ def _rates(system: TreeSystem, levels: list[Array], k: int, t: float) -> None:
         levels[2][:, k] = solve(jacobian, system.gamma(q, qd, at))[0]
 
 
-def _newton(system: TreeSystem, q: Array, t: float, limit: float, most: int) -> Array | None:
+def _newton(system: Equations, q: Array, t: float, limit: float, most: int) -> Array | None:
     for _ in range(most):
         residual, jacobian = system.rows(q[None], np.array([t]))
         correction = solve(jacobian, residual)[0]

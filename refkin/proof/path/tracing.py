@@ -218,11 +218,18 @@ class Tracer:
             self.trace.points.append(y)
 
     def _turns(self, x: Any) -> Any:
-        """Return the whole turns of angles by which x differs from the first point."""
+        """Return the whole turns of angles by which x differs from the first point; p and -p of a body are one turn."""
         system = self.curve.system
         period = 2 * math.pi / np.append(np.ones(system.n), self.curve.scale[-1])
         angles = np.append(system.angles, self.t_turns)
-        return np.where(angles, period * np.round((x - self.trace.points[0]) / period), 0.0)
+        first = self.trace.points[0]
+        turns = np.where(angles, period * np.round((x - first) / period), 0.0)
+        width, parameters = system.kind.width, np.flatnonzero(np.equal(system.kind.turns, 2.0))
+        for start in range(0, system.of_bodies if parameters.size else 0, width):
+            p = start + parameters
+            if (x[p] * self.curve.scale[p]) @ (first[p] * self.curve.scale[p]) < 0.0:
+                turns[p] = -2.0 * first[p]
+        return turns
 
     def _closing(self, x: Any, tangent: Any, h: float) -> float | None:
         """Return the length of step that ends at the start, whole turns aside; None if this step does not."""

@@ -1,0 +1,86 @@
+"""Hard cases of space: the arbiter is fair to signs, spins and directions of joints, and sees what is beyond it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+import refkin
+from crosscheck.engines import load
+from crosscheck.engines.spatial.turning import product
+from crosscheck.judge.hard_poses import HardOutcome, PoseSample, samples, truths
+from crosscheck.measure.hard_classing import classed
+from crosscheck.scenes.hard import hard_cases
+from crosscheck.scenes.hard_case import GAPS, HardCase
+from crosscheck.scenes.hard_space import REACH
+from refkin.motion import Motion
+
+CASES = {case.key: case for case in hard_cases() if case.scene.mechanism.kind.name == "spatial"}
+COUPLER = CASES["limit of an RSSR with its coupler, 1e-03"]
+
+
+def judged(case: HardCase, motion: Motion) -> tuple[PoseSample, ...]:
+    system, truth = truths(case)
+    return samples(system, truth, case.scene, motion, ())
+
+
+@pytest.fixture(scope="module")
+def answer() -> Motion:
+    return refkin.solve(COUPLER.scene)
+
+
+def test_the_other_sign_of_p_and_another_idle_spin_are_no_error(answer: Motion) -> None:
+    q = answer.q.copy()
+    q[3:7] *= -1.0
+    spin = np.array([np.cos(0.4), np.sin(0.4), 0.0, 0.0])  # the coupler lies along its own x axis
+    q[10:14] = product(q[10:14].T, spin).T
+    assert classed(judged(COUPLER, replace(answer, q=q)))[0] == HardOutcome.CORRECT
+
+
+@pytest.mark.parametrize("row", [4, 11, 18], ids=["crank", "coupler", "rocker"])
+def test_a_pose_beyond_what_is_attainable_is_wrong_in_every_body(answer: Motion, row: int) -> None:
+    q = answer.q.copy()
+    q[row] += 1e-9
+    outcome, note = classed(judged(COUPLER, replace(answer, q=q)))
+    assert (outcome, "radii outside" in note) == (HardOutcome.WRONG, True)
+
+
+def test_two_attainable_radii_off_is_wrong_and_half_of_one_is_not() -> None:
+    case = CASES["limit of an RSSR, 1e-09"]
+    motion, (system, truth) = refkin.solve(case.scene), truths(case)
+    balls, allowed = truth[-1].roots[0]
+    for factor, outcome in ((0.5, HardOutcome.CORRECT), (2.0, HardOutcome.WRONG)):
+        q = motion.q.copy()
+        q[:, -1] = system.to_physical(np.array([float(x) for x in balls]))
+        q[10, -1] += factor * allowed[10]
+        assert classed(samples(system, truth, case.scene, replace(motion, q=q), ()))[0] == outcome
+
+
+def test_a_joint_the_wrong_way_round_is_named() -> None:
+    case = CASES["estimate with a joint the wrong way round, 3e+00"]
+    engine: Any = load("exudyn")
+    (sample,) = judged(case, engine.solve(case.scene, engine.routes()[1]))
+    assert (sample.called_ok, sample.note) == (True, "R2 the wrong way round")
+
+
+@pytest.mark.parametrize("key", [key for key in CASES if key.startswith("estimate")])
+def test_from_an_estimate_the_wrong_way_round_every_assembly_will_do(key: str) -> None:
+    _, truth = truths(CASES[key])
+    assert [len(true.roots) for true in truth] == [2]
+    assert classed(judged(CASES[key], load("pinocchio").solve(CASES[key].scene)))[0] == HardOutcome.CORRECT
+
+
+@pytest.mark.parametrize("gap", GAPS)
+def test_a_gap_in_space_is_proved_and_is_the_one_that_was_made(gap: float) -> None:
+    system, (truth,) = truths(CASES[f"unassemblable in space by a gap, {gap:.0e}"])
+    assert not truth.roots
+    assert truth.gap == pytest.approx((REACH + gap - REACH) / system.unit.size, rel=1e-4)
+
+
+@pytest.mark.parametrize("key", [key for key in CASES if key.startswith("gimbal")])
+def test_what_is_attainable_at_a_gimbal_pose_goes_with_the_ratio_of_the_speeds(key: str) -> None:
+    _, truth = truths(CASES[key])
+    assert 1e-17 < np.max(truth[-1].roots[0][1]) * float(key.split()[-1]) < 1e-13
