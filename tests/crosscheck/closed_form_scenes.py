@@ -2,94 +2,21 @@
 
 import cmath
 import math
-from dataclasses import dataclass, field
 
 from hypothesis import strategies as st
 
-from refkin.joints import (
-    GROUND,
-    AngleDriver,
-    Distance,
-    DistanceDriver,
-    Fixed,
-    PointOnLine,
-    Prismatic,
-    Revolute,
-    XDriver,
-    YDriver,
-)
-from refkin.model import Body, Mechanism, Scene
-from refkin.motion_laws import Polynomial
+from tests.drawn import Drawing
 
 FEW = (-(2.0**-20), 0.0, 2.0**-20)
 
 
-@dataclass
-class Drawing:
-    """A mechanism under construction; bodies are (origin, angle) and points are world points, as complex numbers."""
+def along(d, i, j, p, towards, part):
+    """A point of body j slides on body i from p towards another point."""
+    d.slide(i, j, p, p + part * (towards - p), towards - p)
 
-    frames: dict[str, tuple[complex, float]]
-    rates: tuple[float, float] = (0.7, -0.4)
-    joints: list = field(default_factory=list)
-    drivers: list = field(default_factory=list)
 
-    def local(self, body, point):
-        origin, angle = self.frames.get(body, (0j, 0.0))
-        u = (point - origin) * cmath.exp(-1j * angle)
-        return (u.real, u.imag)
-
-    def angle(self, body):
-        return self.frames.get(body, (0j, 0.0))[1]
-
-    def ends(self, i, p, j, q):
-        return {"body_i": i, "point_i": self.local(i, p), "body_j": j, "point_j": self.local(j, q)}
-
-    def axis(self, body, direction):
-        u = direction * cmath.exp(-1j * self.angle(body))
-        return (u.real, u.imag)
-
-    def pin(self, i, j, p):
-        self.joints.append(Revolute(name=f"pin{len(self.joints)}", **self.ends(i, p, j, p)))
-
-    def slide(self, i, j, p, direction, along):
-        turned = self.angle(j) - self.angle(i)
-        ends = self.ends(i, p, j, p + along * direction)
-        axis = self.axis(i, direction)
-        self.joints.append(Prismatic(name=f"slide{len(self.joints)}", axis_i=axis, angle=turned, **ends))
-
-    def on_line(self, i, j, p, q):
-        ends = self.ends(i, p, j, q)
-        self.joints.append(PointOnLine(name=f"line{len(self.joints)}", axis_i=self.axis(i, q - p), **ends))
-
-    def link(self, i, j, p, q):
-        self.joints.append(Distance(name=f"link{len(self.joints)}", length=abs(q - p), **self.ends(i, p, j, q)))
-
-    def weld(self, i, j, p):
-        turned = self.angle(j) - self.angle(i)
-        self.joints.append(Fixed(name=f"weld{len(self.joints)}", angle=turned, **self.ends(i, p, j, p)))
-
-    def law(self, value):
-        return Polynomial(coefficients=(value, *self.rates))
-
-    def drive_angle(self, body, relative_to=GROUND):
-        law = self.law(self.angle(body) - self.angle(relative_to))
-        self.drivers.append(AngleDriver(name=f"m{len(self.drivers)}", body=body, relative_to=relative_to, law=law))
-
-    def drive_x(self, body, p):
-        law = self.law(p.real)
-        self.drivers.append(XDriver(name=f"m{len(self.drivers)}", body=body, point=self.local(body, p), law=law))
-
-    def drive_y(self, body, p):
-        law = self.law(p.imag)
-        self.drivers.append(YDriver(name=f"m{len(self.drivers)}", body=body, point=self.local(body, p), law=law))
-
-    def drive_distance(self, i, j, p, q):
-        law = self.law(abs(q - p))
-        self.drivers.append(DistanceDriver(name=f"m{len(self.drivers)}", law=law, **self.ends(i, p, j, q)))
-
-    def scene(self, times=FEW):
-        bodies = tuple(Body(name=n, estimate=(r.real, r.imag, phi)) for n, (r, phi) in self.frames.items())
-        return Scene(mechanism=Mechanism(bodies, tuple(self.joints), tuple(self.drivers)), times=times)
+def on_line(d, i, j, p, q):
+    d.slide(i, j, p, q, q - p, turning=True)
 
 
 def four_bar(d, p):
@@ -161,7 +88,7 @@ def slider_crank(d, p):
     d.pin("ground", "1", p[0])
     d.pin("1", "2", p[1])
     d.pin("3", "2", p[2])
-    d.slide("ground", "3", p[3], p[4] - p[3], 0.6)
+    along(d, "ground", "3", p[3], p[4], 0.6)
 
 
 def slider_crank_by_crank(d, p):
@@ -192,21 +119,21 @@ def slider_crank_by_rod(d, p):
 def slider_crank_massless_slider(d, p):
     d.pin("ground", "1", p[0])
     d.pin("1", "2", p[1])
-    d.on_line("ground", "2", p[3], p[2])
+    on_line(d, "ground", "2", p[3], p[2])
     d.drive_angle("1")
 
 
 def slider_crank_massless_slider_by_x(d, p):
     d.pin("ground", "1", p[0])
     d.pin("1", "2", p[1])
-    d.on_line("ground", "2", p[3], p[2])
+    on_line(d, "ground", "2", p[3], p[2])
     d.drive_x("2", p[2])
 
 
 def moving_guide(d, p):
     """A slider on a crank's guide, with a rod to the ground."""
     d.pin("ground", "1", p[0])
-    d.slide("1", "2", p[1], p[2] - p[1], -0.4)
+    along(d, "1", "2", p[1], p[2], -0.4)
     d.pin("2", "3", p[3])
     d.pin("3", "ground", p[4])
     d.drive_angle("1")
@@ -216,14 +143,14 @@ def inverted_slider_crank(d, p):
     """A block pinned to the crank slides, with an offset, on a guide pinned to the ground."""
     d.pin("ground", "1", p[0])
     d.pin("1", "2", p[1])
-    d.slide("3", "2", p[3], p[4] - p[3], 0.8)
+    along(d, "3", "2", p[3], p[4], 0.8)
     d.pin("3", "ground", p[2])
     d.drive_angle("1")
 
 
 def inverted_massless_block(d, p):
     d.pin("ground", "1", p[0])
-    d.on_line("2", "1", p[3], p[1])
+    on_line(d, "2", "1", p[3], p[1])
     d.pin("2", "ground", p[2])
     d.drive_angle("1")
 
@@ -231,7 +158,7 @@ def inverted_massless_block(d, p):
 def cylinder(d, p):
     """A block's travel along its guide is driven."""
     d.pin("ground", "1", p[0])
-    d.slide("1", "2", p[3], p[4] - p[3], 0.8)
+    along(d, "1", "2", p[3], p[4], 0.8)
     d.pin("2", "3", p[1])
     d.pin("3", "ground", p[2])
     d.drive_distance("1", "2", p[3], p[5])
@@ -256,23 +183,23 @@ def stephenson(d, p):
 def coupler_point_slides(d, p):
     four_bar(d, p)
     d.pin("2", "4", p[4])
-    d.slide("5", "4", p[5], p[0] - p[5], 0.3)
+    along(d, "5", "4", p[5], p[0], 0.3)
     d.pin("5", "ground", p[6])
     d.drive_angle("1")
 
 
 def two_sliders(d, p):
     """A block on a fixed guide, a second on a guide of the first, held by a link: all angles known."""
-    d.slide("ground", "1", p[0], p[1] - p[0], 0.5)
-    d.slide("1", "2", p[2], p[3] - p[2], 0.5)
+    along(d, "ground", "1", p[0], p[1], 0.5)
+    along(d, "1", "2", p[2], p[3], 0.5)
     d.link("ground", "2", p[4], p[5])
     d.drive_x("1", p[6])
 
 
 def double_slider(d, p):
     """Blocks on two fixed guides pinned together by a rod (elliptical trammel), one driven."""
-    d.slide("ground", "1", p[0], p[1] - p[0], 0.5)
-    d.slide("ground", "2", p[2], p[3] - p[2], 0.5)
+    along(d, "ground", "1", p[0], p[1], 0.5)
+    along(d, "ground", "2", p[2], p[3], 0.5)
     d.pin("1", "3", p[4])
     d.pin("3", "2", p[5])
     d.drive_y("1", p[6])
@@ -281,9 +208,9 @@ def double_slider(d, p):
 def cross_slider(d, p):
     """Oldham-like: a block slides on a turning crank and is pinned to a block on a fixed guide."""
     d.pin("ground", "1", p[0])
-    d.slide("1", "2", p[1], p[2] - p[1], 0.5)
+    along(d, "1", "2", p[1], p[2], 0.5)
     d.pin("2", "3", p[3])
-    d.slide("ground", "3", p[4], p[5] - p[4], 0.5)
+    along(d, "ground", "3", p[4], p[5], 0.5)
     d.drive_angle("1")
 
 
@@ -291,7 +218,7 @@ def welded(d, p):
     four_bar(d, p)
     d.weld("3", "4", p[4])
     d.pin("4", "5", p[5])
-    d.on_line("ground", "5", p[6], p[0])
+    on_line(d, "ground", "5", p[6], p[0])
     d.drive_angle("1")
 
 
@@ -340,6 +267,6 @@ def drawings(draw, build, spread=0.0, frames=1.0):
     p = [c * 10 ** (spread * draw(UNIT)) + 0.3 * complex(draw(UNIT), draw(UNIT)) for c in corners]
     names = [str(k + 1) for k in range(TOPOLOGIES[build])]
     placed = {n: (frames * complex(draw(UNIT), draw(UNIT)), draw(st.floats(-9.0, 9.0))) for n in names}
-    drawing = Drawing(placed, rates=(0.7 + 0.3 * draw(UNIT), draw(UNIT)))
+    drawing = Drawing(placed, (0.7 + 0.3 * draw(UNIT), draw(UNIT)))
     build(drawing, p)
     return drawing

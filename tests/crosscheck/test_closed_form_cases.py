@@ -17,8 +17,8 @@ from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Seeding, Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.scenes.linkages import FourBar, SliderCrank
+from tests.drawn import Drawing
 
-from .closed_form_scenes import Drawing
 from .loop_closures import Carried, U
 
 LENGTHS = {"ground": 4.0, "crank": 1.0, "coupler": 3.5, "rocker": 3.0}

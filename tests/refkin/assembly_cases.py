@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
-import cmath
-
 import mpmath
 import numpy as np
 
 from refkin.joints import (
     AngleDriver,
-    Distance,
     DistanceDriver,
-    Fixed,
-    PointOnLine,
     Prismatic,
     Revolute,
 )
@@ -105,68 +100,12 @@ def distance(one, other):
     return float(np.abs(off).max())
 
 
-class Assembled:
-    """Bodies that lie somewhere, and joints made to fit them: every joint is drawn at a point of the plane."""
-
-    def __init__(self, rng, *names):
-        self.rng, self.pose, self.joints, self.drivers = rng, {"ground": (0j, 0.0)}, [], []
-        for name in names:
-            self.body(name)
-
-    def point(self):
-        return complex(*self.rng.uniform(-1, 1, 2))
-
-    def local(self, body, point):
-        r, phi = self.pose[body]
-        u = (point - r) * cmath.exp(-1j * phi)
-        return (u.real, u.imag)
-
-    def any_body(self):
-        return str(self.rng.choice(sorted(self.pose)))
-
-    def body(self, name=None):
-        name = name or f"b{len(self.pose)}"
-        self.pose[name] = (self.point(), float(self.rng.uniform(-3, 3)))
-        return name
-
-    def ends(self, i, at_i, j, at_j):
-        names = {"name": f"joint {len(self.joints)}", "body_i": i, "body_j": j}
-        return {**names, "point_i": self.local(i, at_i), "point_j": self.local(j, at_j)}
-
-    def pin(self, i, j):
-        at = self.point()
-        self.joints.append(Revolute(**self.ends(i, at, j, at)))
-
-    def slide(self, i, j, turning=False):
-        at, axis = self.point(), cmath.exp(1j * self.rng.uniform(-3, 3))
-        inner = axis * cmath.exp(-1j * self.pose[i][1])
-        ends = self.ends(i, at, j, at + axis * self.rng.uniform(-1, 1)) | {"axis_i": (inner.real, inner.imag)}
-        kind = PointOnLine(**ends) if turning else Prismatic(**ends, angle=self.pose[j][1] - self.pose[i][1])
-        self.joints.append(kind)
-
-    def rod(self, i, j):
-        a, b = self.point(), self.point()
-        self.joints.append(Distance(**self.ends(i, a, j, b), length=abs(b - a)))
-
-    def weld(self, i, j):
-        at = self.point()
-        self.joints.append(Fixed(**self.ends(i, at, j, at), angle=self.pose[j][1] - self.pose[i][1]))
-
-    def turn(self, i, a):
-        law = constant(self.pose[a][1] - self.pose[i][1])
-        self.drivers.append(AngleDriver(name=f"motor {a}", body=a, relative_to=i, law=law))
-
-    def add_group(self):
-        """Add one or two bodies that are determined by those there are."""
-        group = GROUPS[self.rng.integers(len(GROUPS))]
-        group(self, self.any_body(), self.any_body(), self.body())
-
-    def mechanism(self):
-        return Mechanism(bodies(*(b for b in self.pose if b != "ground")), tuple(self.joints), tuple(self.drivers))
-
-    def q(self, system):
-        drawn = [c for b, (r, phi) in self.pose.items() if b != "ground" for c in (r.real, r.imag, phi)]
-        return system.to_unit(np.array(drawn))
+def add_group(drawing):
+    """Add one or two bodies that are determined by those there are."""
+    group = GROUPS[drawing.rng.integers(len(GROUPS))]
+    bodies = sorted(drawing.pose)
+    i, j = (str(drawing.rng.choice(bodies)) for _ in range(2))
+    group(drawing, i, j, drawing.body())
 
 
 def rrr(d, i, j, a):
@@ -191,7 +130,7 @@ def prp(d, i, j, a):
 
 def slider_on_a_lever(d, i, j, a):
     b = d.body()
-    d.pin(i, a), d.slide(b, a), d.slide(b, j, turning=True), d.rod(i, a)
+    d.pin(i, a), d.slide(b, a), d.slide(b, j, turning=True), d.link(i, a)
 
 
 def pin_and_line_of_the_other(d, i, j, a):
@@ -203,11 +142,11 @@ def pin_and_own_line(d, i, j, a):
 
 
 def pin_and_rod(d, i, j, a):
-    d.pin(i, a), d.rod(j, a)
+    d.pin(i, a), d.link(j, a)
 
 
 def slider_and_rod(d, i, j, a):
-    d.slide(i, a), d.rod(j, a)
+    d.slide(i, a), d.link(j, a)
 
 
 def fixed(d, i, j, a):
@@ -215,7 +154,7 @@ def fixed(d, i, j, a):
 
 
 def driven(d, i, j, a):
-    d.pin(i, a), d.turn(i, a)
+    d.pin(i, a), d.drive_angle(a, i)
 
 
 def three_points_on_lines(d, i, j, a):

@@ -7,8 +7,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from refkin.newton import newton
+from tests.drawn import Drawn
 
-from .assembly_cases import ROUND_OFF, Assembled, diagonal, distance, four_bar, missing, residual, solved
+from .assembly_cases import ROUND_OFF, add_group, diagonal, distance, four_bar, missing, residual, solved
 
 LENGTH = st.floats(-3.0, 3.0).map(lambda x: 10.0**x)
 SHARE = st.floats(1e-6, 1 - 1e-6)
@@ -45,9 +46,9 @@ def test_a_proof_and_the_formula_agree_on_every_four_bar(ground, crank, coupler,
 @given(st.integers(0, 2**32 - 1), st.integers(1, 4))
 def test_the_pose_a_mechanism_was_drawn_around_is_among_its_assemblies(seed, groups):
     """Every kind of group, one upon another. The drawn numbers are rounded: the pose moves by that over sigma_min."""
-    drawn = Assembled(np.random.default_rng(seed))
+    drawn = Drawn(np.random.default_rng(seed), still=True)
     for _ in range(groups):
-        drawn.add_group()
+        add_group(drawn)
     mechanism = drawn.mechanism()
     system, result = solved(mechanism)
     q = drawn.q(system)
@@ -66,9 +67,9 @@ def test_the_pose_a_mechanism_was_drawn_around_is_among_its_assemblies(seed, gro
 @given(st.integers(0, 2**32 - 1), st.integers(1, 3))
 def test_what_newton_finds_from_anywhere_is_among_the_assemblies(seed, groups):
     rng = np.random.default_rng(seed)
-    drawn = Assembled(rng)
+    drawn = Drawn(rng, still=True)
     for _ in range(groups):
-        drawn.add_group()
+        add_group(drawn)
     system, outcome = solved(drawn.mechanism())
     for _ in range(10):
         start = drawn.q(system) + rng.uniform(-1, 1, system.n)

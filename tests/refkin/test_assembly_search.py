@@ -12,11 +12,11 @@ from flint import arb, ctx
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from refkin.joints import YDriver
 from refkin.newton import newton
 from refkin.proof.assembly.slopes import interval
+from tests.drawn import Drawn
 
-from .assembly_cases import ROUND_OFF, Assembled, constant, cylinder, distance, four_bar, solved
+from .assembly_cases import ROUND_OFF, cylinder, distance, four_bar, solved
 
 # ---- a four-bar driven by a cylinder between the ground and a point of its coupler
 
@@ -120,15 +120,15 @@ def outcome(drawn):
 
 def platform(rng):
     """A plate on three legs."""
-    drawn = Assembled(rng, "plate")
+    drawn = Drawn(rng, "plate", still=True)
     for _ in range(3):
-        drawn.rod("ground", "plate")
+        drawn.link("ground", "plate")
     return drawn
 
 
 def ternary(rng):
     """The same with links that have a mass: a triad."""
-    drawn = Assembled(rng, "plate", "first", "second", "third")
+    drawn = Drawn(rng, "plate", "first", "second", "third", still=True)
     for link in ("first", "second", "third"):
         drawn.pin("ground", link)
         drawn.pin(link, "plate")
@@ -137,11 +137,10 @@ def ternary(rng):
 
 def coupler_point(rng):
     """A four-bar driven by the height of a point of its coupler."""
-    drawn = Assembled(rng, "crank", "coupler", "rocker")
+    drawn = Drawn(rng, "crank", "coupler", "rocker", still=True)
     for i, j in (("ground", "crank"), ("crank", "coupler"), ("coupler", "rocker"), ("ground", "rocker")):
         drawn.pin(i, j)
-    at = drawn.point()
-    drawn.drivers.append(YDriver(name="m", body="coupler", point=drawn.local("coupler", at), law=constant(at.imag)))
+    drawn.drive_y("coupler", drawn.point())
     return drawn
 
 
@@ -172,12 +171,12 @@ def test_what_newton_finds_from_anywhere_is_among_the_assemblies(family, seed):
 
 def test_a_group_of_more_than_three_links_is_found_but_nothing_is_proved():
     """Three plates in a ring on pairs of legs, and one leg more: no single angle opens it."""
-    drawn = Assembled(np.random.default_rng(5), "a", "b", "c")
+    drawn = Drawn(np.random.default_rng(5), "a", "b", "c", still=True)
     ring = ("ground", "a", "b", "c", "ground")
     for i, j in pairwise(ring):
-        drawn.rod(i, j)
-        drawn.rod(i, j)
-    drawn.rod("ground", "b")
+        drawn.link(i, j)
+        drawn.link(i, j)
+    drawn.link("ground", "b")
     system, result, _ = outcome(drawn)
 
     assert result.gap is None

@@ -19,8 +19,9 @@ from refkin.proof.numbers.preconditioned import Nearly
 from refkin.proof.pose.certificate import Certificate, certify
 from refkin.proof.pose.krawczyk import Enclosure, Verdict, judge, krawczyk
 from refkin.system import System, compile_system
+from tests.drawn import Drawn
 
-from .assembled import Draw, four_bar, perturbed, poses
+from .assembled import four_bar, perturbed, poses
 
 RATES = ("velocity", "acceleration")
 
@@ -173,8 +174,8 @@ def test_float64_and_balls_prove_the_same_radius() -> None:
 
 
 def test_what_a_law_loses_in_float64_is_in_the_bound() -> None:
-    d = Draw(np.random.default_rng(7), ("bar",))
-    d.revolute(GROUND, "bar")
+    d = Drawn(np.random.default_rng(7), "bar")
+    d.pin(GROUND, "bar")
     law = Sinusoid(amplitude=0.5, angular_frequency=1e3, phase=0.1)
     d.drivers.append(AngleDriver(name="motor", body="bar", law=law))
     system, start = d.system()

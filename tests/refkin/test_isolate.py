@@ -19,8 +19,7 @@ from refkin.proof.pose.certificate import Certificate, certify
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import column, objects
 from refkin.system import System, compile_system
-
-from .assembled import Draw
+from tests.drawn import Drawn
 
 # A bar on a pivot, the x of its tip given: x = cos phi, with the roots +-phi, which meet at x = 1.
 
@@ -82,10 +81,10 @@ def nothing_of(proof: Certificate) -> Certificate:
 
 
 def test_balls_take_over_where_float64_proves_nothing() -> None:
-    d = Draw(np.random.default_rng(6), ("crank", "coupler", "rocker"))
+    d = Drawn(np.random.default_rng(6), "crank", "coupler", "rocker")
     d.pose["coupler"] = (1e8 + 1e8j, 0.3)  # its own origin far from its joints: every product loses eight digits
     for i, j in ((GROUND, "crank"), ("crank", "coupler"), ("coupler", "rocker"), (GROUND, "rocker")):
-        d.revolute(i, j)
+        d.pin(i, j)
     d.drivers.append(AngleDriver(name="motor", body="crank", law=Polynomial(coefficients=(d.pose["crank"][1],))))
     system, start = d.system()
     with ctx.workprec(200):
