@@ -39,6 +39,10 @@ class Drawing:
         u = (point - r) * cmath.exp(-1j * phi)
         return u.real, u.imag
 
+    def place(self, body, u):
+        r, phi = self.pose[body]
+        return r + u * cmath.exp(1j * phi)
+
     def angle(self, i, j):
         return self.pose[j][1] - self.pose[i][1]
 

@@ -3,104 +3,66 @@
 from __future__ import annotations
 
 import cmath
-from typing import Any
 
 import numpy as np
 import pytest
 
 from crosscheck.engines import OF_SPACE
 from crosscheck.engines.mujoco.engine import Mujoco
-from refkin.joints import (
-    AngleDriver,
-    Constraint,
-    Distance,
-    DistanceDriver,
-    Fixed,
-    Gear,
-    PointOnLine,
-    Prismatic,
-    Revolute,
-    XDriver,
-    YDriver,
-    elements_of,
-)
-from refkin.model import Body, Mechanism, Scene
+from refkin.joints import Gear, elements_of
+from refkin.model import Scene
 from refkin.motion import Status
 from refkin.motion_laws import Sinusoid
 from refkin.system import compile_system
+from tests.drawn import Drawing
 
 U = 2.0**-53
+TIMES = tuple(np.linspace(0.0, 1.0, 11).tolist())
 ORDERS = pytest.mark.parametrize("order", [0, 1, 2], ids=["position", "velocity", "acceleration"])
 
 
-def pair(z: complex) -> tuple[float, float]:
-    return z.real, z.imag
-
-
-class Builder:
+class Builder(Drawing):
     """A mechanism that is assembled at random poses: each constraint gets what the poses make of it."""
 
     def __init__(self, *bodies: str) -> None:
         draw = np.random.default_rng(4)
         self.u = lambda: complex(*draw.uniform(-1.0, 1.0, 2))
-        self.poses = {b: (2.0 * self.u(), float(draw.uniform(-2.0, 2.0))) for b in bodies} | {"ground": (0j, 0.0)}
-        self.joints: list[Constraint] = []
-        self.drivers: list[Any] = []
-
-    def at(self, body: str, u: complex) -> complex:
-        r, phi = self.poses[body]
-        return r + cmath.exp(1j * phi) * u
+        super().__init__({b: (2.0 * self.u(), float(draw.uniform(-2.0, 2.0))) for b in bodies})
 
     def hold(self, kind: str, i: str, j: str) -> Builder:
         """Add a joint between two bodies where they are."""
-        (_, turn), (r, phi) = self.poses[i], self.poses[j]
-        u, axis = self.u(), self.u()
-        place = self.at(i, u)
-        more: dict[str, Any] = {}
-        if kind in ("prismatic", "point_on_line"):
-            more["axis_i"] = pair(axis)
-            place += 1.3 * axis * cmath.exp(1j * turn)
-        if kind in ("fixed", "prismatic"):
-            more["angle"] = phi - turn
-        if kind == "distance":
-            place += 1.5
-            more["length"] = 1.5
-        ends = {"point_i": pair(u), "point_j": pair(cmath.exp(-1j * phi) * (place - r))}
-        cls = {c.type: c for c in (Revolute, Fixed, Prismatic, PointOnLine, Distance)}[kind]
-        self.joints.append(cls(name=f"{kind} {len(self.joints)}", body_i=i, body_j=j, **ends, **more))
+        p, axis = self.place(i, self.u()), self.u() * cmath.exp(1j * self.pose[i][1])
+        {
+            "revolute": lambda: self.pin(i, j, p),
+            "fixed": lambda: self.weld(i, j, p),
+            "prismatic": lambda: self.slide(i, j, p, p + 1.3 * axis, axis),
+            "point_on_line": lambda: self.slide(i, j, p, p + 1.3 * axis, axis, turning=True),
+            "distance": lambda: self.link(i, j, p, p + 1.5),
+        }[kind]()
         return self
 
     def mesh(self, i: str, j: str) -> Builder:
         """Add a gear between two bodies as they are turned."""
-        (_, phi_i), (_, phi_j) = self.poses[i], self.poses[j]
-        wheels: dict[str, Any] = {"radius_i": 0.7, "phi0_i": phi_i, "radius_j": -0.4, "phi0_j": phi_j}
-        self.joints.append(Gear(name=f"gear {len(self.joints)}", body_i=i, body_j=j, **wheels))
+        wheels = {"radius_i": 0.7, "phi0_i": self.pose[i][1], "radius_j": -0.4, "phi0_j": self.pose[j][1]}
+        self.joints.append(Gear(**self.named(), body_i=i, body_j=j, **wheels))
         return self
+
+    def law(self, value: float) -> Sinusoid:
+        """Return a law that starts where the bodies are and swings a little."""
+        return Sinusoid(offset=value, amplitude=0.1, angular_frequency=1.5)
 
     def drive(self, kind: str, body: str, other: str = "ground") -> Builder:
-        """Add a driver that starts where the bodies are and swings a little."""
-        u, v = self.u(), self.u()
-        gap = self.at(body, u) - self.at(other, v)
-        start = {"x": self.at(body, u).real, "y": self.at(body, u).imag, "distance": abs(gap)}
-        start["angle"] = self.poses[body][1] - self.poses[other][1]
-        name = f"motor {len(self.drivers)}"
-        law = Sinusoid(offset=start[kind], amplitude=0.1, angular_frequency=1.5)
-        self.drivers.append(
-            {
-                "angle": lambda: AngleDriver(name=name, body=body, relative_to=other, law=law),
-                "x": lambda: XDriver(name=name, body=body, point=pair(u), law=law),
-                "y": lambda: YDriver(name=name, body=body, point=pair(u), law=law),
-                "distance": lambda: DistanceDriver(
-                    name=name, body_i=other, point_i=pair(v), body_j=body, point_j=pair(u), law=law
-                ),
-            }[kind]()
-        )
+        p, q = self.place(body, self.u()), self.place(other, self.u())
+        {
+            "angle": lambda: self.drive_angle(body, other),
+            "x": lambda: self.drive_x(body, p),
+            "y": lambda: self.drive_y(body, p),
+            "distance": lambda: self.drive_distance(other, body, q, p),
+        }[kind]()
         return self
 
-    def scene(self) -> Scene:
-        bodies = tuple(Body(name=b, estimate=(*pair(r), phi)) for b, (r, phi) in self.poses.items() if b != "ground")
-        mechanism = Mechanism(bodies, tuple(self.joints), tuple(self.drivers))
-        return Scene(mechanism=mechanism, times=tuple(np.linspace(0.0, 1.0, 11).tolist()))
+    def scene(self, times: tuple[float, ...] = TIMES) -> Scene:
+        return super().scene(times)
 
 
 def trees() -> dict[str, Builder]:

@@ -10,7 +10,7 @@ import pytest
 from flint import arb, arb_mat, ctx
 
 from refkin.analysis import acceleration, velocity
-from refkin.joints import GROUND, AngleDriver, Gear, Prismatic, Revolute, XDriver
+from refkin.joints import GROUND, AngleDriver, Prismatic, Revolute, XDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
 from refkin.proof.numbers.exact import exact_system
@@ -20,6 +20,8 @@ from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import column, objects
 from refkin.system import System, compile_system
 from tests.drawn import Drawn
+
+from .test_redundant import ring
 
 # A bar on a pivot, the x of its tip given: x = cos phi, with the roots +-phi, which meet at x = 1.
 
@@ -137,27 +139,12 @@ def test_redundant_rows_that_contradict_each_other_are_seen(longer: float) -> No
     assert isolation.contradiction.max() > 1
 
 
-def wheels(count: int) -> tuple[System, Any]:
-    """Return as many equal wheels, each meshing with the next and the last with the first, driven at 1 rad/s."""
-    names = [f"wheel {k}" for k in range(count)]
-    axles = [
-        Revolute(name=f"axle {k}", body_i=GROUND, point_i=(0.75 * k, 0.0), body_j=name, point_j=(0.0, 0.0))
-        for k, name in enumerate(names)
-    ]
-    meshes = [
-        Gear(name=f"mesh {k}", body_i=name, radius_i=0.3, body_j=names[(k + 1) % count], radius_j=0.3)
-        for k, name in enumerate(names)
-    ]
-    motor = AngleDriver(name="motor", body=names[0], law=Polynomial(coefficients=(0.0, 1.0)))
-    mechanism = Mechanism(tuple(Body(name=n) for n in names), (*axles, *meshes), (motor,))
-    system = compile_system(mechanism, unit=mechanism.unit())
-    return system, system.to_unit(np.array([(0.75 * k, 0.0, 0.0) for k in range(count)]).reshape(-1, 1))
-
-
 @pytest.mark.parametrize(("count", "explained"), [(3, False), (4, True)])
 def test_rows_that_share_a_pose_but_no_velocity_contradict_each_other(count: int, explained: bool) -> None:
     """Three wheels in a ring lock each other, four do not; either way all rows hold at the first pose."""
-    system, q = wheels(count)
+    mechanism = ring(count)
+    system = compile_system(mechanism, unit=mechanism.unit())
+    q = system.to_unit(np.concatenate([body.estimate for body in mechanism.bodies])[:, None])
     isolation = isolate(system, q, [0.0], velocity(system, q, np.zeros(1)))
     assert isolate(system, q, [0.0]).contradiction.max() <= 1
     assert bool(isolation.contradiction.max() <= 1) is explained

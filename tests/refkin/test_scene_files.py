@@ -8,7 +8,7 @@ import tomllib
 
 import pytest
 
-from refkin.errors import InvalidScene
+from refkin.errors import Fault, InvalidScene
 from refkin.scenes.files import load, parse, schema, to_dict, to_toml
 
 TEXT = """
@@ -86,6 +86,21 @@ def put(*path_and_value):
     return change
 
 
+DRIVEN = 'law = { kind = "polynomial", coefficients = [0.0, 2.0] }'
+CLOSE = 'law = { kind = "table", argument = [0.0, 5e-324, 1e-323, 1.0], value = [0.0, 1.0, 2.0, 0.0] }'
+GRID = "start = 0.0\nstop = 1.0\ncount = 3"
+HOSTILE = {
+    "an integer that Python does not read": (("schema = 1", "schema = " + "9" * 5000), {"file"}),
+    "an integer beyond every float": (("[0.5, 0.0", "[0x" + "f" * 5000 + ", 0.0"), {"body[0].estimate[0]"}),
+    "a list in a list in a list ...": (("schema = 1", "schema = 1\nx = " + "[" * 100_000 + "]" * 100_000), {"file"}),
+    "a list nested 300 deep": (("[0.5, 0.0, 0.0]", "[" * 300 + "]" * 300), None),
+    "a date for a name": (('"crank-rocker"', "2020-01-01"), {"name"}),
+    "a date for a number": (("[0.5, 0.0", "[2020-01-01, 0.0"), {"body[0].estimate[0]"}),
+    "a table too close for a spline": ((DRIVEN, CLOSE), {"driver[0].law.argument"}),
+    "a stop at infinity": ((GRID, "start = 0.0\nstop = inf\ncount = 5"), {"times.stop"}),
+    "a span that overflows": ((GRID, "start = -1.7e308\nstop = 1.7e308\ncount = 5"), {"times.stop"}),
+    "a time that is no number": ((GRID, "values = [0.0, nan]"), {"times"}),
+}
 BROKEN = {
     "no schema": (put("schema", ...), "schema: "),
     "another schema": (put("schema", 2), "schema: expected 1, got 2"),
@@ -236,3 +251,28 @@ def test_the_schema_names_every_joint():
     text = json.dumps(schema())
 
     assert all(f'"{kind}"' in text for kind in ("revolute", "prismatic", "point_on_line", "distance", "fixed", "angle"))
+
+
+@pytest.mark.parametrize("kind", HOSTILE)
+def test_a_hostile_file_gets_its_faults_and_no_others(kind, tmp_path):
+    """Each fault once, under its own key; no traceback, and nothing that follows from a fault named already."""
+    change, expected = HOSTILE[kind]
+    scene = tmp_path / "scene.toml"
+    scene.write_text(TEXT.replace(*change, 1))
+    with pytest.raises(InvalidScene) as result:
+        load(scene)
+    paths = [fault.path for fault in result.value.faults]
+
+    assert len(paths) == len(set(paths))
+    assert expected is None or set(paths) == expected
+
+
+def test_json_nested_without_end_is_a_fault(tmp_path):
+    scene = tmp_path / "scene.json"
+    scene.write_text("[" * 100_000)
+    with pytest.raises(InvalidScene):
+        load(scene)
+
+
+def test_a_long_value_is_not_quoted_whole():
+    assert len(str(Fault("times", [0.0] * 100_000, "strictly increasing times"))) < 300
