@@ -15,6 +15,7 @@ from refkin.joints import (
     Distance,
     DistanceDriver,
     Fixed,
+    Gear,
     PointOnLine,
     Prismatic,
     Revolute,
@@ -102,16 +103,12 @@ class Case:
     kappa: float
 
 
-def four_bar(
-    branch: int = 1, size: float = 1.0, at: complex = 0j, lengths: Any = (1.0, 3.5, 3.0, 4.0), **more: Any
-) -> Case:
-    """Crank a, coupler b, rocker c, ground d; frames away from the pins."""
-    a, b, c, d = (size * length for length in lengths)
-    crank = THETA.arm(a)
-    reach = d - crank.r
-    s = np.abs(reach)
-    theta3 = np.unwrap(np.angle(reach) + branch * np.arccos((s * s + b * b - c * c) / (2 * b * s)))
-    theta4 = np.unwrap(np.angle(crank.r + b * np.exp(1j * theta3) - d))
+def dyad(p: Path, s: Path, b: float, c: float, branch: int) -> tuple[Angle, Angle]:
+    """Return the angles of links b from p and c from s to the pin that they share."""
+    gap = s.r - p.r
+    d = np.abs(gap)
+    theta3 = np.unwrap(np.angle(gap) + branch * np.arccos((d * d + b * b - c * c) / (2 * b * d)))
+    theta4 = np.unwrap(np.angle(p.r + b * np.exp(1j * theta3) - s.r))
     e3, e4 = np.exp(1j * theta3), np.exp(1j * theta4)
 
     def solved(rest: Any) -> tuple[Any, Any]:
@@ -119,9 +116,18 @@ def four_bar(
         x = -np.real(rest * np.conj(e4)) / np.real(1j * b * e3 * np.conj(e4))
         return x, np.real(rest * np.conj(e3)) / np.real(1j * c * e4 * np.conj(e3))
 
-    w3, w4 = solved(crank.v)
-    a3, a4 = solved(crank.a - b * w3**2 * e3 + c * w4**2 * e4)
-    coupler, rocker = Angle(theta3, w3, a3), Angle(theta4, w4, a4)
+    w3, w4 = solved(p.v - s.v)
+    a3, a4 = solved(p.a - s.a - b * w3**2 * e3 + c * w4**2 * e4)
+    return Angle(theta3, w3, a3), Angle(theta4, w4, a4)
+
+
+def four_bar(
+    branch: int = 1, size: float = 1.0, at: complex = 0j, lengths: Any = (1.0, 3.5, 3.0, 4.0), **more: Any
+) -> Case:
+    """Crank a, coupler b, rocker c, ground d; frames away from the pins."""
+    a, b, c, d = (size * length for length in lengths)
+    crank = THETA.arm(a)
+    coupler, rocker = dyad(crank, at_rest(d), b, c, branch)
     rows = {
         "crank": body_rows(at_rest(at) + THETA.arm(0.5 * a), THETA),
         "coupler": body_rows(at_rest(at) + crank + coupler.arm(0.5 * b + 0.25j * size), coupler),
@@ -133,7 +139,9 @@ def four_bar(
         pin("B", "rocker", 0.5 * c, "coupler", 0.5 * b - 0.25j * size),
         pin("B0", "rocker", -0.5 * c, GROUND, at + d),
     )
-    return Case(scene_of(rows, joints, size=size, **more), rows, float(np.max(1.0 / np.abs(np.sin(theta4 - theta3)))))
+    return Case(
+        scene_of(rows, joints, size=size, **more), rows, float(np.max(1.0 / np.abs(np.sin(rocker.p - coupler.p))))
+    )
 
 
 def slider_crank(tilt: float = 0.0, angle: float = 0.0, rod_is: str = "body", guide_on: str = GROUND) -> Case:
@@ -288,6 +296,43 @@ def parallel_links() -> Case:
     return Case(scene_of(rows, joints, (replace(MOTOR, law=law),)), rows, kappa)
 
 
+def geared_five_bar() -> Case:
+    """Two geared cranks whose tips carry two links with a common end; the second wheel is the larger one."""
+    wheel = Angle(0.25 - 2.0 / 3.0 * (THETA.p - 0.125), -2.0 / 3.0 * THETA.d, -2.0 / 3.0 * THETA.dd)
+    p, s = THETA.arm(1.0), at_rest(2.0 + 0j) + wheel.arm(1.0)
+    left, right = dyad(p, s, 2.0, 1.75, 1)
+    rows = {
+        "crank": body_rows(at_rest(0j), THETA),
+        "wheel": body_rows(at_rest(2.0 + 0j), wheel),
+        "left": body_rows(p, left),
+        "right": body_rows(s, right),
+    }
+    teeth = Gear(name="teeth", body_i="crank", radius_i=0.5, phi0_i=0.125, body_j="wheel", radius_j=0.75, phi0_j=0.25)
+    joints = (
+        pin("A", GROUND, 0j, "crank", 0j),
+        pin("D", GROUND, 2.0, "wheel", 0j),
+        pin("P", "crank", 1.0, "left", 0j),
+        pin("S", "wheel", 1.0, "right", 0j),
+        pin("T", "left", 2.0, "right", 1.75),
+        teeth,
+    )
+    return Case(scene_of(rows, joints), rows, float(np.max(1.0 / np.abs(np.sin(right.p - left.p)))))
+
+
+def remade(case: Case, **parts: Any) -> Case:
+    """Return a case with other parts of its mechanism."""
+    return replace(case, scene=replace(case.scene, mechanism=replace(case.scene.mechanism, **parts)))
+
+
+def turned_on(case: Case, turns: int) -> Case:
+    """Return a case whose bodies, driven by one angle, begin whole turns further on."""
+    away, (motor,) = np.array([0.0, 0.0, 2 * np.pi * turns]), case.scene.mechanism.drivers
+    law = replace(motor.law, coefficients=(motor.law.coefficients[0] + away[2], *motor.law.coefficients[1:]))
+    bodies = tuple(replace(b, estimate=tuple(b.estimate + away)) for b in case.scene.mechanism.bodies)
+    rows = {name: [levels[0] + away[:, None], *levels[1:]] for name, levels in case.rows.items()}
+    return replace(remade(case, bodies=bodies, drivers=(replace(motor, law=law),)), rows=rows)
+
+
 CASES: dict[str, Callable[[], Case]] = {
     "four-bar, open": four_bar,
     "four-bar, crossed": lambda: four_bar(branch=-1),
@@ -303,6 +348,7 @@ CASES: dict[str, Callable[[], Case]] = {
     "driven y": lambda: lifted_end("y"),
     "floating body": floating,
     "parallel links": parallel_links,
+    "geared five-bar": geared_five_bar,
 }
 
 

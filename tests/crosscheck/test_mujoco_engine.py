@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -19,7 +18,7 @@ from crosscheck.engines.tree.tree_system import TreeSystem
 from refkin.model import Effect, Point, Scene
 from refkin.motion import Seeding, Status
 
-from .exact_linkages import CASES, T, excess, four_bar
+from .exact_linkages import CASES, T, excess, four_bar, turned_on
 
 
 @pytest.mark.parametrize("name", CASES)
@@ -36,14 +35,9 @@ def test_a_four_bar_far_from_the_origin_is_solved_as_exactly_as_one_near_it() ->
 
 
 def test_phi_keeps_the_turns_of_the_estimate() -> None:
-    case, turns = four_bar(), np.array([0.0, 0.0, 10 * math.pi])
-    (motor,) = case.scene.mechanism.drivers
-    law = replace(motor.law, coefficients=(motor.law.coefficients[0] + turns[2], *motor.law.coefficients[1:]))
-    bodies = tuple(replace(b, estimate=tuple(b.estimate + turns)) for b in case.scene.mechanism.bodies)
-    mechanism = replace(case.scene.mechanism, bodies=bodies, drivers=(replace(motor, law=law),))
-    motion = Mujoco().solve(replace(case.scene, mechanism=mechanism))
+    case = turned_on(four_bar(), 5)
 
-    assert all(np.abs(motion[b].phi - rows[0][2] - turns[2]).max() < 1e-12 for b, rows in case.rows.items())
+    assert excess(case, Mujoco().solve(case.scene)) <= 1.0
 
 
 def test_phi_of_a_full_turn_runs_on_without_a_jump() -> None:
