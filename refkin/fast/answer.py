@@ -11,10 +11,13 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import SINGULAR, acceleration, motion_of, velocity
+from refkin.analysis import SINGULAR, motion_of
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
+from refkin.fast.elimination.blocks import LARGEST_SELECTED
+from refkin.fast.elimination.trace import idle_of
 from refkin.fast.residual import residual
+from refkin.joints import SPACE
 from refkin.model import Evidence, Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, __version__, no_radius, nowhere
 from refkin.newton import ROUND_OFF, is_round_off
@@ -32,6 +35,8 @@ ROUTE = Route(
     drift_by="refkin",
     seeding=Seeding.INITIAL_GUESS,
 )
+MANY = 100
+"""Times from which on the proof of a block too large to be solved by selecting is worth its seconds of compiling."""
 CLEAR = 1e-3
 """Above this pivot a block is far from singular, and no singular values are asked for.
 
@@ -58,9 +63,8 @@ def motion(
     closed = (off <= ROUND_OFF).all() or is_round_off(off[None], levels[0]).all()
     if not closed or not all(math.isfinite(level.sum()) for level in levels):
         return None
-    idle = [p.constraint.idle for p in system.placed if p.constraint.idle]
-    if idle:  # the program holds idle bodies as they were estimated, so that they spin as they go
-        message, levels = "; ".join(filter(None, (message, *idle))), _without_spin(system, levels, t)
+    message = "; ".join(filter(None, (message, *(p.constraint.idle for p in system.placed))))
+    levels = without_spin(system, levels)
     evidence = _evidence(scene, system, made, levels, t, pivot)
     if evidence is None:
         return None
@@ -80,11 +84,15 @@ def motion(
     )
 
 
-def _without_spin(system: System, levels: list[Any], t: Any) -> list[Any]:
-    """Return the levels with idle bodies held as they are turned at each pose."""
-    q, held = levels[0], system.gauged(levels[0])
-    rates = [velocity(held, q, t)] if len(levels) > 1 else []
-    return [q, *rates, *([acceleration(held, q, rates[0], t)] if len(levels) > 2 else [])]
+def without_spin(system: System, levels: list[Any]) -> list[Any]:
+    """Return the levels (n, L) with rates of which idle bodies do not spin: the program holds them as estimated."""
+    q, *rates = levels
+    for _, p in idle_of(system) if rates else ():
+        at = np.s_[p.starts[1] : p.starts[1] + SPACE.width]
+        still = p.constraint.without_spin(p.g, q[at], *(level[at] for level in rates))
+        for level, own in zip(rates, still, strict=False):
+            level[at] = own
+    return levels
 
 
 def _evidence(
@@ -117,10 +125,11 @@ def _evidence(
 def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> CertifiedRadius | None:
     """Return certified radii: by the program of the proof, else by the dense one; None if float64 proves too little."""
     absent = nowhere(len(t))
-    bounds = None if system.m > system.n else radii(system, made, levels, t)
-    if bounds is not None:
-        rates = [absent if x is None else x for x in (bounds.velocity, bounds.acceleration)]
-        position = bounds.position
+    worth = len(t) >= MANY or max(map(len, made.program.blocks), default=0) <= LARGEST_SELECTED
+    found = radii(system, made, levels, t) if system.m == system.n and worth else None
+    if found is not None:
+        rates = [absent if x is None else x for x in (found.velocity, found.acceleration)]
+        position = found.position
     else:
         dense = isolate_every_choice(system, levels[0], t, *levels[1:])
         if not dense.ok.all() or (dense.bits > FLOAT64).any() or (dense.contradiction > 1.0).any():

@@ -15,6 +15,7 @@ import numpy as np
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.prove import LARGEST_GAMMA, ORDERS
 from refkin.fast.elimination.run import Workspace, block_samples
+from refkin.fast.elimination.trace import Known, idle_of
 from refkin.motion_laws import Table
 from refkin.proof.numbers.bounded import TINY, UP, Bounded, Times, U, bounded_system
 from refkin.proof.numbers.exact import by_parts
@@ -38,16 +39,17 @@ def radii(system: System, made: Compiled, levels: Sequence[Any], t: Any) -> Radi
     levels : sequence of (n, T) array
         Coordinates, rates, accelerations in the system's coordinates, as many as the system's effects call for.
     """
-    if made.proof is None or len(levels) != made.levels:
+    geometry = exact_geometry(system)
+    proof = made.proof(zeros_of(geometry)) if len(levels) == made.levels else None
+    if proof is None:
         return None
-    laws = {k: _law(system, k, t) for k, p in enumerate(system.placed) if p.constraint.laws}
+    laws = {k: _law(system, k, t) for k, p in enumerate(system.placed) if p.constraint.laws} | _idle(system, levels[0])
     bounds = np.empty((len(levels), len(t)))
-    samples = block_samples(made.proof.program)
+    samples = block_samples(proof.program)
     for start in range(0, len(t), samples):
         at = slice(start, min(start + samples, len(t)))
-        with made.proving.workspace(at.stop - at.start) as space:
-            if not give_geometry(space, system, made):
-                return None
+        with proof.spaces.workspace(at.stop - at.start) as space:
+            space.give_geometry(geometry)
             given = {k: [[x[at] for x in orders] for orders in law] for k, law in laws.items()}
             bounds[:, at] = proved(space, {**given, len(system.placed): [level[:, at] for level in levels]})
     return Radii(*bounds, *[None] * (3 - len(levels))) if np.isfinite(bounds).all() else None
@@ -65,30 +67,40 @@ class FamilyProof:
     def __init__(self, system: System, made: Compiled, samples: int) -> None:
         self.system, self.made = system, made
         self.nothing = np.full((made.levels, samples), np.nan)
-        self.possible = made.proof is not None and not any(_has_spline(p.constraint) for p in system.placed)
-        if self.possible:
-            self.space = Workspace(made.proof.program, samples, sample_geometry=True)  # type: ignore[union-attr]
-            self.possible = give_geometry(self.space, system, made)
+        geometry = exact_geometry(system)
+        proof = None if any(_has_spline(p.constraint) for p in system.placed) else made.proof(zeros_of(geometry))
+        self.possible = proof is not None
+        if proof is not None:
+            self.space = Workspace(proof.program, samples, sample_geometry=True)
+            self.space.give_geometry(geometry)
 
     def radii(self, levels: Sequence[Any], t: float) -> Any:
         """Return the radii (levels, L) of poses and rates (n, L) at a time, NaN where nothing is proved."""
         if not self.possible:
             return self.nothing
         laws = {k: _law(self.system, k, t) for k, p in enumerate(self.system.placed) if p.constraint.laws}
-        return proved(self.space, {**laws, len(self.system.placed): levels})
+        return proved(self.space, {**laws, **_idle(self.system, levels[0]), len(self.system.placed): levels})
 
 
-def give_geometry(space: Workspace, system: System, made: Compiled) -> bool:
-    """Write the geometry and its errors; False if a zero of the structure is none of the scene as it is written."""
+def _idle(system: System, q: Any) -> dict[int, Any]:
+    """Return how what is idle is held at poses (n, L), by constraint, as laws of one number each."""
+    return {k: [[x] for x in p.constraint.gauge(p.g, q[p.starts[1] :])] for k, p in idle_of(system)}
+
+
+def exact_geometry(system: System) -> list[tuple[Any, ...]]:
+    """Return per constraint its numbers, and then their errors; what holds an idle body is given as laws instead."""
     geometry = []
-    for p, zeros in zip(system.placed, made.proof.zeros, strict=True):  # type: ignore[union-attr]
-        exact: Any = _numbers(p.constraint).constants(system.unit)
+    for p in system.placed:
+        exact: Any = p.g if p.constraint.idle else _numbers(p.constraint).constants(system.unit)
         off = [UP * (np.abs(x.mid - g) + x.rounding) for g, x in zip(p.g, map(_read, exact), strict=True)]
-        if any(zero is not None and np.any(x) for zero, x in zip(zeros, off, strict=True)):
-            return False
         geometry.append((*p.g, *off))
-    space.give_geometry(geometry)
-    return True
+    return geometry
+
+
+def zeros_of(geometry: Sequence[Sequence[Any]]) -> Known:
+    """Return which of the numbers are 0 as the scene is written: they are part of the structure."""
+    pairs = [zip(both[: len(both) // 2], both[len(both) // 2 :], strict=True) for both in geometry]
+    return tuple(tuple(None if np.any(x) or np.any(off) else 0.0 for x, off in numbers) for numbers in pairs)
 
 
 def proved(space: Workspace, laws: Mapping[int, Any]) -> Any:
@@ -133,12 +145,29 @@ class _Number(Bounded):
 
     __slots__ = ()
 
+    @property
+    def plain(self) -> Any:
+        """Whether it is 0, 1 or -1, which products and quotients take as they are."""
+        return (self.rounding == 0.0) & ((self.mid == 0.0) | (np.abs(self.mid) == 1.0))
+
+    def __mul__(self, other: Any) -> Any:
+        product = super().__mul__(other)
+        if not isinstance(product, _Number) or isinstance(other, int):
+            return product
+        x = other if isinstance(other, _Number) else self.exactly(other)
+        off = np.abs(self.mid) * x.rounding + np.abs(x.mid) * self.rounding
+        product.rounding = np.where(self.plain | x.plain, off, product.rounding)
+        return product
+
+    __rmul__ = __mul__
+
     def __truediv__(self, other: Any) -> _Number:
         x = other if isinstance(other, Bounded) else self.exactly(other)
         mid = self.mid / x.mid
         least = np.abs(x.mid) - x.rounding
         off = (self.rounding + np.abs(mid) * x.rounding) / np.where(least > 0.0, least, np.nan)
-        return _Number(mid, UP * off + U * np.abs(mid) + TINY * (self.mid != 0.0))  # 0 is divided exactly
+        rounded = UP * off + U * np.abs(mid) + TINY * (self.mid != 0.0)  # 0 is divided exactly
+        return _Number(mid, np.where(x.plain, self.rounding, rounded))
 
     def __rtruediv__(self, other: Any) -> _Number:
         return self.exactly(other) / self
@@ -146,7 +175,7 @@ class _Number(Bounded):
     def sqrt(self) -> _Number:
         """Return the root, off by at most off / root and a rounding."""
         mid = np.sqrt(self.mid)
-        return _Number(mid, UP * self.rounding / mid + U * mid)
+        return _Number(mid, np.where(self.plain, 0.0, UP * self.rounding / mid + U * mid))
 
     def __pow__(self, exponent: int) -> Any:
         power: Any = 1.0

@@ -7,9 +7,8 @@ order, and the same numbers of their geometry are 0, 1 or -1. Lengths, angles, l
 from __future__ import annotations
 
 from collections import OrderedDict
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from threading import RLock
 from typing import Any
@@ -18,7 +17,7 @@ from refkin.fast.elimination.eliminate import Eliminated, eliminate
 from refkin.fast.elimination.groups import NotReducible
 from refkin.fast.elimination.program import Program
 from refkin.fast.elimination.prove import Proof, proof_of
-from refkin.fast.elimination.run import Workspace
+from refkin.fast.elimination.run import Workspaces
 from refkin.fast.elimination.schedule import schedule
 from refkin.fast.elimination.single import Single, compile_single
 from refkin.fast.elimination.symbols import Graph
@@ -28,8 +27,6 @@ from refkin.system import System
 
 MOST_KEPT = 64
 """How many topologies are kept; the one that was used longest ago goes first."""
-MOST_IDLE, MOST_IDLE_BYTES = 2, 2**21
-"""How many workspaces of one topology wait to be used again, and how large; larger ones are cheap to make anew."""
 
 
 @dataclass
@@ -52,6 +49,7 @@ class Compiled:
     depends: dict[int, set[int]]
     system: System
     known: Known
+    _proofs: dict[Known, Proof | None] = field(default_factory=dict)
 
     @property
     def n(self) -> int:
@@ -86,45 +84,23 @@ class Compiled:
         program = schedule(self.solved, self.graph, [range(self.n)] * self.levels, half_angles=False)
         return compile_single(program, range(self.n))
 
-    @cached_property
-    def proof(self) -> Proof | None:
-        """The certificate of answers on all called-for levels; None if a program cannot give it."""
-        system = self.system
-        plain = system.m == system.n == system.of_bodies
-        return proof_of(system, self.known, self.levels) if plain else None
+    def proof(self, zeros: Known) -> Proof | None:
+        """Return the certificate of answers on all called-for levels; None if a program cannot give it.
+
+        Parameters
+        ----------
+        zeros : tuple
+            As `known`, those numbers of the geometry that are 0 exactly: what rounding made 0 is a number like others.
+        """
+        if zeros not in self._proofs:
+            square = self.system.m == self.system.n
+            self._proofs[zeros] = proof_of(self.system, zeros, self.levels) if square else None
+        return self._proofs[zeros]
 
     @cached_property
     def solving(self) -> Workspaces:
         """Workspaces of `program`."""
         return Workspaces(self.program)
-
-    @cached_property
-    def proving(self) -> Workspaces:
-        """Workspaces of `proof`."""
-        assert self.proof is not None
-        return Workspaces(self.proof.program)
-
-
-class Workspaces:
-    """The workspaces of a program for one mechanism at a time, a few of which are kept."""
-
-    def __init__(self, program: Program) -> None:
-        self.program = program
-        self._idle: list[Workspace] = []
-
-    @contextmanager
-    def workspace(self, samples: int) -> Iterator[Workspace]:
-        """Lend a workspace for so many samples; nobody else has it meanwhile."""
-        try:
-            space = self._idle.pop()  # atomic, as append is: threads never share a workspace
-        except IndexError:
-            space = None
-        if space is None or space.samples != samples:
-            space = Workspace(self.program, samples)
-        yield space
-        space.rest()
-        if len(self._idle) < MOST_IDLE and space.nbytes <= MOST_IDLE_BYTES:
-            self._idle.append(space)
 
 
 _kept: OrderedDict[Any, Compiled | None] = OrderedDict()

@@ -146,7 +146,7 @@ class Constraint:
         """In words the freedom that moves nothing else, if the constraint only holds one, as `gauge` says; else ""."""
         return ""
 
-    def gauge(self, q: Any) -> tuple[Any, ...]:
+    def gauge(self, g: Any, q: Any) -> tuple[Any, ...]:
         """Return what holds an idle freedom as it is in coordinates that begin with those of its body."""
         return ()
 

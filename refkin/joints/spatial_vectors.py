@@ -85,6 +85,12 @@ class Quaternion:
         vector = self.v * other.a - other.v * self.a - self.v.cross(other.v)
         return Quaternion(self.a * other.a + self.v.dot(other.v), vector)
 
+    def __add__(self, other: Quaternion) -> Quaternion:
+        return Quaternion(self.a + other.a, self.v + other.v)
+
+    def __mul__(self, factor: Scalar) -> Quaternion:
+        return Quaternion(self.a * factor, self.v * factor)
+
     def times_axis(self, k: int) -> Quaternion:
         """Return the product with the k-th unit vector, k = 0, 1, 2."""
         a, (x, y, z) = self.a, self.v.parts

@@ -103,7 +103,7 @@ class Steps:
         here = self.system.gauged(q)
         for p in self.system.placed if here.gauge else ():
             if p.constraint.idle:
-                held = self.system.gauge.get(p.row, p.g)
+                held = self.system.gauge.get(p.row, p.g[:4])
                 if abs(sum(x * y for x, y in zip(held, here.gauge[p.row], strict=True))) < 4 * TURNED:
                     self.regauged.append((len(self.q) - 1, self.system))
                     self.system, self._blocks = here, None

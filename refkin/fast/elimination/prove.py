@@ -19,14 +19,16 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from refkin.fast.elimination.eliminate import Eliminated, Elimination
 from refkin.fast.elimination.errors import Errors, NoBound
 from refkin.fast.elimination.groups import NotReducible
 from refkin.fast.elimination.program import Program
+from refkin.fast.elimination.run import Workspaces
 from refkin.fast.elimination.schedule import schedule
 from refkin.fast.elimination.symbols import Graph, Symbol, rewritten
-from refkin.fast.elimination.trace import Known, Traced, trace
+from refkin.fast.elimination.trace import Known, Traced, held_by, idle_of, trace
 from refkin.proof.numbers.bounded import TINY
 from refkin.system import System
 
@@ -45,19 +47,22 @@ class Proof:
     """
 
     program: Program
-    zeros: Known
+
+    @cached_property
+    def spaces(self) -> Workspaces:
+        """Workspaces of the program."""
+        return Workspaces(self.program)
 
 
-def proof_of(system: System, known: Known, levels: int) -> Proof | None:
+def proof_of(system: System, zeros: Known, levels: int) -> Proof | None:
     """Return the certificate of a system with as many rows as coordinates; None if there is none by this means."""
-    zeros = tuple(tuple(0.0 if x == 0.0 else None for x in numbers) for numbers in known)
-    traced = trace(system, zeros, range(system.n))
+    traced = trace(system, zeros, range(system.n), held=True)
     try:
         outputs = _Prover(system, traced, levels).outputs()
     except (NoBound, NotReducible):
         return None
     solution = Eliminated((), (), [], (outputs, [], []), [], [], {}, {})
-    return Proof(schedule(solution, traced.graph, [range(len(outputs))], half_angles=False), zeros)
+    return Proof(schedule(solution, traced.graph, [range(len(outputs))], half_angles=False))
 
 
 class _Prover:
@@ -160,6 +165,8 @@ class _Prover:
             for law in range(len(p.constraint.laws)):
                 for m in range(ORDERS):
                     errors[self.graph.input("f", k, law, m)] = self.graph.input("f", k, law, ORDERS + m)
+        for k, _ in idle_of(self.system):  # numbers that are meant as they stand
+            errors |= dict.fromkeys(held_by(self.graph, k), self.graph.constant(0.0))
         return errors
 
     def _leaves(self) -> dict[Symbol, Symbol]:

@@ -7,7 +7,8 @@ other does.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ Call = tuple[Callable[..., Any], tuple[Any, ...]]
 
 MOST_SAMPLES, MOST_BYTES = 10_240, 2**26
 """Samples in a block, and the memory of its registers: with fewer samples calls cost more than the work in them."""
+MOST_IDLE, MOST_IDLE_BYTES = 2, 2**21
+"""How many workspaces of one topology wait to be used again, and how large; larger ones are cheap to make anew."""
 LINE = 8
 """Numbers in a line of the cache: rows start at one, with a line between them so that they do not share a place."""
 
@@ -158,6 +161,28 @@ class Workspace:
 
     def _run_entry(self, source: int, which: int, out: Any) -> None:
         out[...] = self._objects[source][which]
+
+
+class Workspaces:
+    """The workspaces of a program for one mechanism at a time, a few of which are kept."""
+
+    def __init__(self, program: Program) -> None:
+        self.program = program
+        self._idle: list[Workspace] = []
+
+    @contextmanager
+    def workspace(self, samples: int) -> Iterator[Workspace]:
+        """Lend a workspace for so many samples; nobody else has it meanwhile."""
+        try:
+            space = self._idle.pop()  # atomic, as append is: threads never share a workspace
+        except IndexError:
+            space = None
+        if space is None or space.samples != samples:
+            space = Workspace(self.program, samples)
+        yield space
+        space.rest()
+        if len(self._idle) < MOST_IDLE and space.nbytes <= MOST_IDLE_BYTES:
+            self._idle.append(space)
 
 
 def _in_lines(count: int, samples: int) -> Any:

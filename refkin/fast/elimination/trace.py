@@ -15,7 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from refkin.fast.elimination.symbols import Graph, Symbol
-from refkin.system import EVERYTHING, System
+from refkin.system import EVERYTHING, Placed, System
 
 Known = tuple[tuple[float | None, ...], ...]
 """Per constraint, the numbers of its geometry that are structure: 0, 1 or -1; None stands for an input."""
@@ -41,8 +41,10 @@ class Traced:
     gamma: list[Symbol]
 
 
-def trace(system: System, known: Known, rows: Sequence[int]) -> Traced:
+def trace(system: System, known: Known, rows: Sequence[int], held: bool = False) -> Traced:
     """Return the traced equations of a system, on all levels: scheduling leaves out what nobody calls for.
+
+    What is idle is held as it was estimated, so that poses are functions of time; or, `held`, as laws say (`held_by`).
 
     Parameters
     ----------
@@ -58,6 +60,8 @@ def trace(system: System, known: Known, rows: Sequence[int]) -> Traced:
     ]
     symbolic = replace(system, placed=tuple(placed), effects=EVERYTHING)
     q, qd = (_coordinates(graph, kind, system.n) for kind in ("q", "qd"))
+    if held:
+        symbolic = replace(symbolic, gauge={p.row: held_by(graph, k) for k, p in idle_of(system)})
     slope = symbolic.phi_q(q, 0.0)[list(rows)]
     lifted = [[graph.lift(x) for x in row] for row in slope]
     return Traced(
@@ -67,6 +71,16 @@ def trace(system: System, known: Known, rows: Sequence[int]) -> Traced:
         nu=_lifted(graph, symbolic.nu(q, 0.0), rows),
         gamma=_lifted(graph, symbolic.gamma(q, qd, 0.0), rows),
     )
+
+
+def idle_of(system: System) -> list[tuple[int, Placed]]:
+    """Return the constraints that hold what is idle, by their numbers."""
+    return [(k, p) for k, p in enumerate(system.placed) if p.constraint.idle]
+
+
+def held_by(graph: Graph, k: int) -> tuple[Symbol, ...]:
+    """Return the inputs that say how a constraint holds what is idle, as `gauge` does."""
+    return tuple(graph.input("f", k, m, 0) for m in range(4))
 
 
 def known_of(geometry: Sequence[Sequence[Any]]) -> Known:

@@ -11,13 +11,14 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 from flint import arb, ctx
 
 from refkin.analysis import position
 from refkin.joints import SPACE
 from refkin.motion import Array
-from refkin.proof.assembly.dyads import certain_miss
+from refkin.proof.assembly.dyads import certain_miss, point_rows
 from refkin.proof.assembly.loci import Ball, above, below, length
 from refkin.proof.assembly.placing import MOST_BRANCHES, DeadEnd, PlacedBranch, Placement, place
 from refkin.proof.assembly.rigid_groups import plan
@@ -105,6 +106,10 @@ def _in_space(system: System, t: float, trying: bool) -> Assemblies:
     miss = certain_miss(system, t)
     if miss is not None:
         return Assemblies(complete=True, gap=max(0.0, below(miss.gap)), message=miss.words)
+    with ctx.workprec(PRECISION):
+        end = open_loop(point_rows(system, t), system.unit.size)
+    if end is not None:
+        return _none([end])
     if not trying:
         return Assemblies(message="no closed form")
     poses = assemblies_in_space(system, t, lambda q: closes(system, q, t))
@@ -146,7 +151,7 @@ def _placed(system: System, t: float, placement: Placement) -> Assemblies:
 
 def _searched(system: System, t: float, rows: AssemblyRows, stuck: bool, trying: bool) -> Assemblies:
     """Return what a search finds, or proves."""
-    end = open_loop(rows, system.unit.size)
+    end = open_loop(rows.rows, system.unit.size)
     if end is not None:
         return _none([end])
     if rows.foreign and not trying:
@@ -184,12 +189,17 @@ def _pose(system: System, t: float, branch: PlacedBranch) -> tuple[Array, float]
     return q, radius
 
 
-def open_loop(rows: AssemblyRows, size: float) -> DeadEnd | None:
+def open_loop(rows: Sequence[Any], size: float) -> DeadEnd | None:
     """Return the proof that some loop of pins and distances never closes; None if there is none.
 
-    `size` [m] is the unit of length, for the message.
+    Parameters
+    ----------
+    rows : sequence of PointRow
+        Of the plane or of space.
+    size : float
+        The unit of length [m], for the message.
     """
-    for count, loop in enumerate(_loops(rows.rows)):
+    for count, loop in enumerate(_loops(rows)):
         if count == MOST_LOOPS:
             break
         lengths = [(name, x) for name, x in _lengths(loop) if not x.is_zero()]
@@ -209,7 +219,7 @@ Passage = tuple[PointRow, str, str]
 """A row on the way around a loop, the body it is entered from and the body it leads to."""
 
 
-def _loops(rows: tuple[PointRow, ...]) -> Iterator[list[Passage]]:
+def _loops(rows: Sequence[Any]) -> Iterator[list[Passage]]:
     """Yield closed ways over different bodies, each from its first row on."""
     links = [row for row in rows if row.kind is not RowKind.LINE]
     for k, row in enumerate(links):

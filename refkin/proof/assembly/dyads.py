@@ -3,14 +3,15 @@
 A body on a hinge or a slide whose motion a driver gives stands where that says. A point of a body on a free hinge is on
 a circle, on a free slide on a line; a link, a distance or a body on two spherical joints, keeps it on a sphere around a
 point that stands. Where they certainly miss each other there is no pose: the gap is what is missing. So ends an RSSR
-whose K^2 > P^2 + Q^2, and an RSSP whose rod is too short. Nothing is said of any other mechanism.
+whose K^2 > P^2 + Q^2, and an RSSP whose rod is too short. Of any mechanism the points that coincide, and the distances
+that are given, make loops (`point_rows`), of which none may have a side longer than all the others together.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, cast
 
 from flint import arb, ctx
 
@@ -28,6 +29,7 @@ from refkin.joints import (
 from refkin.joints.spatial_terms import frame
 from refkin.joints.spatial_vectors import Vec3
 from refkin.proof.assembly.loci import Ball, below
+from refkin.proof.assembly.rows import PointRow, RowKind
 from refkin.proof.numbers.exact import exact
 from refkin.system import System
 
@@ -55,6 +57,23 @@ def certain_miss(system: System, t: float) -> Miss | None:
                 metres = below(gap) * system.unit.size
                 return Miss(gap, f"{link} does not reach {body}: at least {metres:.6g} m are missing")
     return None
+
+
+def point_rows(system: System, t: float) -> list[PointRow]:
+    """Return what joins point to point at time t: where they meet, and distances; slides driven along their axis."""
+    size, rows = system.unit.size, list[PointRow]()
+    slides = {j.name for j in system.mechanism.joints if any(isinstance(e, PointOnAxis) for e in j.elements())}
+    for c in system.mechanism.constraints:
+        for e in exact(tuple(c.elements())):
+            driven = isinstance(e, ShiftAlongAxis) and getattr(c, "joint", "") in slides
+            if not (driven or isinstance(e, PointsMeet | SpatialPointDistance)):
+                continue
+            (i, p), (j, q) = ((body, Vec3(*(x / size for x in u))) for body, u in e.ends)
+            meets = isinstance(e, PointsMeet)
+            apart = None if meets else abs(e.laws[0](arb(float(t)), 0) if e.laws else e.length) / size
+            kind = RowKind.PIN if meets else RowKind.DISTANCE
+            rows.append(PointRow(kind, i, j, cast(Any, p), cast(Any, q), c.name, distance=apart))
+    return rows
 
 
 class _Reader:

@@ -106,16 +106,18 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
     with np.errstate(all="ignore"):
         pose, times = Preconditioned(system, rows, q, t, 0), Times(t, 3 if acceleration else 2)
         rough = bounded_system(system.gauged(q), error=A_FEW_ROUNDINGS)
-        off = product(pose.size, input_effect(system, q, t, A_FEW_ROUNDINGS)[rows]) + half_ulp(system, q)
-        slope = read(rough.phi_q(box(q, off), times), batch)
-        at, rate, radii = box(q, off), np.zeros_like(q), np.zeros_like(q)
+        near = product(pose.size, input_effect(system, q, t, A_FEW_ROUNDINGS)[rows]) + half_ulp(system, q)
+        slope = read(rough.phi_q(box(q, near), times), batch)
+        at, rate, radii = box(q, near), np.zeros_like(q), np.zeros_like(q)
         for order in range(2 if acceleration else 1):
             right = read(rough.gamma(at, box(rate, radii), times) if order else rough.nu(at, times), batch)
             rate = product(pose.inverse, right.mid[rows])
             size = product(np.abs(slope.mid), np.abs(rate)) + np.abs(right.mid)
             spread = product(slope.spread + slope.rounding, np.abs(rate)) + right.spread + right.rounding
             spread += system.n * pose.dot * size  # of the inverse and of the products here
-            radii = product(pose.size, spread[rows])
-            ratio = np.abs(product(slope.mid, rate) - right.mid) / (UP * (spread + product(np.abs(slope.mid), radii)))
+            off = np.abs(product(slope.mid, rate) - right.mid)
+            # Bodies at rest have rates that are nothing but what the inverse left: the solved rows say how much.
+            radii = product(pose.size, spread[rows] + off[rows])
+            ratio = off / (UP * (spread + product(np.abs(slope.mid), radii)))
             excess[order] = np.max(ratio[others], axis=0)
     return excess

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import refkin
+from refkin import fast
 from refkin.joints.spatial_terms import frame
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
@@ -406,3 +407,21 @@ def test_a_stewart_platform_goes_with_its_six_legs():
 
     assert motion.verdict is Status.OK
     assert np.max(motion.certified_radius.acceleration) < 1e-14
+
+
+@pytest.mark.parametrize("name", ["RSSR", "RSSR by distance", "RSSP"])
+def test_the_fast_path_proves_linkages_of_space_by_its_own_program(name, monkeypatch):
+    """An idle coupler has the rates that it has without spin; how far it is turned itself is nobody's."""
+    scene = EVERY[name].scene(speed=1.7, start=0.4, samples=19)
+    reference = refkin.solve(scene)
+    monkeypatch.setattr("refkin.fast.answer.isolate_every_choice", None)
+    motion = fast.attempt(scene)
+    ours, theirs = motion.certified_radius, reference.certified_radius
+
+    assert np.max(ours.position) < 1e-14
+    for body in set(motion.bodies) - {"coupler", "rod"}:
+        assert np.max(np.abs(motion[body].q - reference[body].q)) <= np.max(ours.position + theirs.position)
+    for body in motion.bodies:
+        assert np.max(np.abs(motion[body].omega - reference[body].omega)) <= 8 * np.max(ours.velocity)
+        assert np.max(np.abs(motion[body].alpha - reference[body].alpha)) <= 8 * np.max(ours.acceleration)
+        assert np.max(np.abs(motion[body].qdd[:3] - reference[body].qdd[:3])) <= 8 * np.max(ours.acceleration)
