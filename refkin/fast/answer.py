@@ -17,7 +17,6 @@ from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.blocks import LARGEST_SELECTED
 from refkin.fast.elimination.trace import idle_of
 from refkin.fast.residual import residual
-from refkin.joints import SPACE
 from refkin.model import Evidence, Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, __version__, no_radius, nowhere
 from refkin.newton import ROUND_OFF, is_round_off
@@ -88,8 +87,9 @@ def without_spin(system: System, levels: list[Any]) -> list[Any]:
     """Return the levels (n, L) with rates of which idle bodies do not spin: the program holds them as estimated."""
     q, *rates = levels
     for _, p in idle_of(system) if rates else ():
-        at = np.s_[p.starts[1] : p.starts[1] + SPACE.width]
-        still = p.constraint.without_spin(p.g, q[at], *(level[at] for level in rates))
+        holding: Any = p.constraint
+        at = system.columns(holding.body)
+        still = holding.without_spin(p.g, q[at], *(level[at] for level in rates))
         for level, own in zip(rates, still, strict=False):
             level[at] = own
     return levels

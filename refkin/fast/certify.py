@@ -162,7 +162,7 @@ class _Number(Bounded):
     __rmul__ = __mul__
 
     def __truediv__(self, other: Any) -> _Number:
-        x = other if isinstance(other, Bounded) else self.exactly(other)
+        x: Any = other if isinstance(other, Bounded) else self.exactly(other)
         mid = self.mid / x.mid
         least = np.abs(x.mid) - x.rounding
         off = (self.rounding + np.abs(mid) * x.rounding) / np.where(least > 0.0, least, np.nan)
