@@ -7,7 +7,7 @@ certificates from a program of their own, or from `refkin.proof`; the pose and t
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.blocks import LARGEST_SELECTED
 from refkin.fast.elimination.trace import idle_of
 from refkin.fast.residual import residual
+from refkin.joints.spatial_vectors import Quaternion, SpatialValues, Vec3
 from refkin.model import Evidence, Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, __version__, no_radius, nowhere
 from refkin.newton import ROUND_OFF, is_round_off
@@ -87,12 +88,33 @@ def without_spin(system: System, levels: list[Any]) -> list[Any]:
     """Return the levels (n, L) with rates of which idle bodies do not spin: the program holds them as estimated."""
     q, *rates = levels
     for _, p in idle_of(system) if rates else ():
-        holding: Any = p.constraint
-        at = system.columns(holding.body)
-        still = holding.without_spin(p.g, q[at], *(level[at] for level in rates))
-        for level, own in zip(rates, still, strict=False):
+        start = cast(int, p.starts[1])
+        at = slice(start, start + system.kind.width)
+        for level, own in zip(rates, _still(p.g, q[at], *(level[at] for level in rates)), strict=False):
             level[at] = own
     return levels
+
+
+def _still(g: Any, q: Any, qd: Any, qdd: Any = None) -> tuple[Any, ...]:
+    """Return the rates (7, B) of a body that does not spin about a line; its points there move as they are given.
+
+    With p turned by chi about the line, p (cos chi/2, u sin chi/2), chi' and chi'' such that s . p' = s . p'' = 0; g as
+    `IdleSpin` has it.
+    """
+    u, through = Quaternion(0, Vec3(*g[4:7])), g[7:]
+    given, still = (SpatialValues(*q).moving(*qd) for _ in range(2))
+    s, p, pd = given.p.times(u), given.p, given.pd
+    rate = s.dot(pd) * -2
+    still.pd = pd + s * (rate * 0.5)
+    arm, arm_still = given.arm(*through), still.arm(*through)
+    velocity = np.array((*(given.v + arm.rate - arm_still.rate).parts, *still.pd.parts))
+    if qdd is None:
+        return (velocity,)
+    pdd = Quaternion.of(*qdd[3:])
+    on = pdd + pd.times(u) * rate + p * (rate * rate * -0.25)
+    on = on + s * -s.dot(on)
+    acceleration = Vec3(*qdd[:3]) + arm.along(pdd) + arm.drift - arm_still.along(on) - arm_still.drift
+    return velocity, np.array((*acceleration.parts, *on.parts))
 
 
 def _evidence(

@@ -532,26 +532,6 @@ class IdleSpin(UnitLength):
         p = Quaternion.of(*(q[3:7] if q.ndim > 1 else q[3:7].tolist()))
         return (p.times(Quaternion(0, Vec3(*g[4:7]))) * 2).parts
 
-    def without_spin(self, g: Any, q: Any, qd: Any, qdd: Any = None) -> tuple[Any, Any]:
-        """Return the rates (7, B) of the body that it has if it does not spin; its points on the line move the same.
-
-        With p turned by chi about the line, p (cos chi/2, u sin chi/2), chi' and chi'' such that s . p' = s . p'' = 0.
-        """
-        u, through = Quaternion(0, Vec3(*g[4:7])), g[7:]
-        as_given, still = (SpatialValues(*q).moving(*qd) for _ in range(2))
-        s, p, pd = as_given.p.times(u), as_given.p, as_given.pd
-        rate = s.dot(pd) * -2
-        still.pd = pd + s * (rate * 0.5)
-        arm, arm_still = as_given.arm(*through), still.arm(*through)
-        velocity = as_given.v + arm.rate - arm_still.rate
-        if qdd is None:
-            return np.array((*velocity.parts, *still.pd.parts)), None
-        pdd = Quaternion.of(*qdd[3:])
-        on = pdd + pd.times(u) * rate + p * (rate * rate * -0.25)
-        on = on + s * -s.dot(on)
-        a = Vec3(*qdd[:3]) + arm.along(pdd) + arm.drift - arm_still.along(on) - arm_still.drift
-        return np.array((*velocity.parts, *still.pd.parts)), np.array((*a.parts, *on.parts))
-
     def constants(self, unit: Unit) -> tuple[float, ...]:
         length = sum(x * x for x in self.line)
         p0 = Quaternion.of(*self.reference)
