@@ -74,9 +74,9 @@ class Polar:
         yield from of_law
         if isinstance(self.law, Table) and self.law.periodic and not of_law:
             first, last = self.law.argument[0], self.law.argument[-1]
-            parts = round(math.tau / (last - first)) if math.isfinite(last - first) else 0
-            # The arguments and their difference are rounded.
-            if abs((last - first) * parts - math.tau) > parts * 2.0**-50 * max(math.tau, abs(first), abs(last)):
+            parts = float(np.rint(math.tau / (last - first)))
+            # The arguments and their difference are rounded; one beyond all numbers is no part of a turn either.
+            if not abs((last - first) * parts - math.tau) <= parts * 2.0**-50 * max(math.tau, abs(first), abs(last)):
                 yield Fault(f"{path}.law.argument", last - first, f"a period of {math.tau!r} or of a whole part of it")
 
 

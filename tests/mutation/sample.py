@@ -41,6 +41,7 @@ HERE = Path(__file__).parent
 PACKAGES = ("refkin", "crosscheck.judge", "crosscheck.measure")
 ELSEWHERE = ("mutation/", "test_house", "test_readme", "browser", "cluster", "workers", "campaign", "timing")
 """Tests that run the code in other programs, where no mutant is, or that measure times."""
+ALIVE = ("", "not covered")
 VERDICTS = ("equivalent", "costs only time", "to kill")
 MOST = 15.0
 """Seconds of work in which a mutant may survive tests; those that are left are not asked."""
@@ -109,13 +110,16 @@ class Run:
         self.mutants = fitting(some, self.given.count)
         print(f"{len(self.mutants)} of {len(some)} mutants, seed {self.given.seed}", file=sys.stderr)
         whole = self.note(items)
-        jobs, named = [], {item.nodeid: item for item in items}
+        jobs, named, most = [], {item.nodeid: item for item in items}, self.given.seconds
         for number, (what, function, other, definition, statement) in enumerate(self.mutants):
             asked = self.reach.order(what.target, definition, statement, named)
             if asked or whole:
-                jobs.append((number, lambda f=function, o=other, asked=asked: killed(f, o, asked), 20 * MOST))
+                jobs.append((number, lambda f=function, o=other, asked=asked: killed(f, o, asked, most), 20 * most))
         for number, outcome in in_parallel(jobs, self.workers, self.deadline):
             self.outcomes[number] = "does not end" if outcome is None else outcome
+            alive = sum(some in ALIVE for some in self.outcomes.values())
+            print(f"\r{len(self.outcomes)} of {len(jobs)} tried, {alive} alive", end="", file=sys.stderr, flush=True)
+        print(file=sys.stderr)
         self.doubt(named)
         return True
 
@@ -131,9 +135,10 @@ class Run:
         done, half = 0, (time.monotonic() + self.deadline) / 2
         for done, (k, entries) in enumerate(in_parallel(jobs, self.workers, half), 1):
             self.reach.take(todo[k][0], entries or ())
-            print(f"\r{done} of {len(jobs)} parts of the suite", end="", file=sys.stderr, flush=True)
+            print(f"\r{done} of {len(jobs)} parts of the suite noted", end="", file=sys.stderr, flush=True)
             if done % 4 == 0:
                 self.reach.save()
+        print(file=sys.stderr)
         self.reach.save()
         return done == len(jobs)
 
@@ -153,14 +158,14 @@ def fits(target, definition):
         return bool(function_of(target, definition))
 
 
-def killed(function, other, items):
+def killed(function, other, items, most):
     """Return the name of the first test that is red with a mutant; an empty string if it survives them."""
     reached = set()
-    resource.setrlimit(resource.RLIMIT_CPU, (int(4 * MOST), resource.RLIM_INFINITY))
+    resource.setrlimit(resource.RLIMIT_CPU, (int(4 * most) + 10, resource.RLIM_INFINITY))
     builtins.__reached__ = reached.add
     with switched({function: other}), warnings.catch_warnings():
         for item, following in zip(items, [*items[1:], None], strict=True):
-            if cpu() > MOST:
+            if cpu() > most:
                 break
             if red(item, following):
                 return item.nodeid
@@ -220,8 +225,8 @@ def told(run):
     known, counts, unknown = verdicts(), Counter(), 0
     for number, (what, *_) in enumerate(run.mutants):
         outcome = run.outcomes.get(number, "not tried")
-        fate = known.get(what.key, {}).get("verdict", "unknown") if outcome in ("", "not covered") else outcome
-        if outcome in ("", "not covered"):
+        fate = known.get(what.key, {}).get("verdict", "unknown") if outcome in ALIVE else outcome
+        if outcome in ALIVE:
             print(f"{outcome or 'survived'}: {what.target}, line {what.line}: {fate}")
             print(f"    - {what.old}\n    + {what.new}")
             unknown += fate in ("unknown", "to kill")
@@ -256,6 +261,7 @@ def main():
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--minutes", type=float, default=20.0)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--seconds", type=float, default=MOST, help="of work in which a mutant may survive")
     parser.add_argument("--only", action="append", help="a package or module to change, not all of them")
     parser.add_argument("tests", nargs="*", default=["tests"])
     given = parser.parse_args()

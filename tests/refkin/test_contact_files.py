@@ -53,6 +53,10 @@ BROKEN = {
         ("tip on lobes", 2, {"profile": {"kind": "polar", "law": HALF}}),
         "joint[2].profile.law.argument: expected a period of 6.283185307179586 or of a whole part of it, got 5.0",
     ),
+    "a profile that repeats itself after more than all numbers": (
+        ("tip on lobes", 2, {"profile": {"kind": "polar", "law": {**HALF, "argument": [-1e308, 0.0, 1e308]}}}),
+        "joint[2].profile.law.argument: expected a period of 6.283185307179586 or of a whole part of it, got inf",
+    ),
     "a contact on a disc": (("tip on disc", 2, {"contact_estimate": 1.0}), "joint[2].contact_estimate: "),
     "a wheel of no radius": (("gear train", 3, {"radius_j": 0.0}), "joint[3].radius_j: "),
     "a pinion of no radius": (("rack above", 2, {"radius": 0.0}), "joint[2].radius: "),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from flint import arb, ctx
 
-from refkin.differences import Scheme, jacobian
+from refkin.differences import EPS, Scheme, jacobian, step
 from refkin.errors import Fault
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, AngleDriver, Constraint, elements_of
 from refkin.proof.numbers.exact import exact_system
@@ -171,3 +171,13 @@ def test_profiles_reach_the_third_derivative():
     for c in constraints():
         law = getattr(getattr(c, "profile", None), "law", None)
         assert law is None or abs(law(0.3, 3)) > 0.01, f"{name_of(c)}: its third derivative vanishes"
+
+
+def test_a_difference_takes_a_step_of_the_best_part_of_a_coordinate_and_of_one_where_it_is_smaller() -> None:
+    """Rounding over h against h, or h^2, of the next derivative (Nocedal and Wright, section 8.1)."""
+    x = np.array([0.0, 0.3, -0.9, 5.0, -3e4])
+    sizes = np.array([1.0, 1.0, 1.0, 5.0, 3e4])
+    for scheme, power in ((Scheme.FORWARD, 1 / 2), (Scheme.CENTRAL, 1 / 3)):
+        h = step(scheme, x)
+        assert_near(h / sizes, EPS**power * np.ones(5), 4 * U, f"{scheme}")
+        assert not ((x + h) - x - h).any(), f"{scheme}: the step is rounded"

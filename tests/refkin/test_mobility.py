@@ -95,6 +95,16 @@ def test_a_linkage_has_one_freedom_by_count_and_by_rank(linkage):
     assert freedoms.joints.dependent == ()
 
 
+def test_how_clear_a_rank_is_is_told_by_the_singular_values_of_the_rows():
+    scene = refkin.FourBar(4.0, 1.0, 3.5, 3.0).scene(samples=2)
+    freedoms = mobility(scene.mechanism, pose(scene))
+    system = refkin.compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    sigma = np.linalg.svd(system.phi_q(system.to_unit(pose(scene)), 0.0)[:8], compute_uv=False)
+
+    assert freedoms.joints.kept == pytest.approx(sigma[-1], rel=1e-9)
+    assert freedoms.joints.dropped == 0.0
+
+
 def parallelogram(third_crank, phi=1.0):
     """Two cranks of length 1, 2 m apart, on a coupler; and, if asked, a third one between."""
     pins = {"crank": 0.0, "rocker": 2.0} | ({"third": 1.0} if third_crank else {})

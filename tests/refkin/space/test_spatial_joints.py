@@ -9,9 +9,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from refkin.differences import jacobian
-from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, elements_of
-from refkin.joints.spatial_terms import frame, relative
-from refkin.joints.spatial_vectors import SpatialValues
+from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, Spherical, elements_of
+from refkin.joints.spatial import idle_spins
+from refkin.joints.spatial_terms import frame, parameters_of, relative
+from refkin.joints.spatial_vectors import SpatialValues, Vec3
+from refkin.model import Body
 from refkin.motion import BodyMotion
 from refkin.scenes.linkages import RSSR
 from refkin.solving.mobility import common_columns
@@ -251,3 +253,27 @@ def test_coordinates_and_rates_of_a_turning_body_are_those_of_its_rotation_matri
 
     assert body.rotation[..., 0] == pytest.approx(matrix(p), abs=1e-15)
     assert body.omega[:, 0] == pytest.approx([spin[2, 1], spin[0, 2], spin[1, 0]], abs=1e-14)
+
+
+@pytest.mark.parametrize("first", range(4))
+@pytest.mark.parametrize("small", [0.0, 1e-9, 1e-4, 0.4])
+def test_the_parameters_of_a_frame_lose_no_digit_whichever_of_them_is_largest(first, small):
+    """At and beside half turns about each axis, where the first of them vanishes."""
+    p = np.roll([1.0, small, -small / 2, small / 3], first)
+    p /= np.linalg.norm(p)
+    found = np.array(parameters_of(*(Vec3(*column) for column in matrix(p).T.tolist())))
+
+    assert found * np.sign(found @ p) == pytest.approx(p, rel=0, abs=8 * U)
+
+
+@pytest.mark.parametrize("size", [1e-4, 1.0, 1e4])
+def test_a_body_on_balls_spins_if_they_lie_on_a_line_whatever_its_size(size):
+    def spins(*points):
+        ends = {"body_i": "ground", "point_i": (0.0, 0.0, 0.0), "body_j": "b"}
+        balls = [Spherical(name=str(k), **ends, point_j=tuple(size * x for x in u)) for k, u in enumerate(points)]
+        return [body.name for body, *_ in idle_spins([Body(name="b")], balls)]
+
+    assert spins((0.1, 0.2, 0.3), (0.8, 0.3, 0.6)) == ["b"]
+    assert spins((0.1, 0.2, 0.3), (0.8, 0.3, 0.6), (2.2, 0.5, 1.2)) == ["b"]
+    assert spins((0.1, 0.2, 0.3), (0.8, 0.3, 0.6), (2.2, 0.5, 1.2001)) == []
+    assert spins((0.1, 0.2, 0.3)) == []
