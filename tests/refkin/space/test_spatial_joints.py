@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from refkin.differences import jacobian
 from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, Spherical, elements_of
-from refkin.joints.spatial import idle_spins
+from refkin.joints.spatial import _across, idle_spins, with_unit_length
 from refkin.joints.spatial_terms import frame, parameters_of, relative
 from refkin.joints.spatial_vectors import SpatialValues, Vec3
 from refkin.model import Body
@@ -277,3 +277,23 @@ def test_a_body_on_balls_spins_if_they_lie_on_a_line_whatever_its_size(size):
     assert spins((0.1, 0.2, 0.3), (0.8, 0.3, 0.6), (2.2, 0.5, 1.2)) == ["b"]
     assert spins((0.1, 0.2, 0.3), (0.8, 0.3, 0.6), (2.2, 0.5, 1.2001)) == []
     assert spins((0.1, 0.2, 0.3)) == []
+
+
+def test_an_estimate_turns_as_it_says_whatever_the_length_of_its_parameters():
+    """Scaled to length 1; one that does not say how it turns stays, for its fault to be named."""
+    r = (1.0, 2.0, 3.0)
+
+    assert with_unit_length((*r, 0.0, 6.0, 0.0, -8.0)) == (*r, 0.0, 0.6, 0.0, -0.8)
+    for p in ((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (np.inf, 0.0, 0.0, 0.0)):
+        assert with_unit_length((*r, *p)) == (*r, *p)
+
+
+@pytest.mark.parametrize("size", [1e-200, 1.0, 1e200])
+def test_a_line_of_angle_zero_lies_across_its_axis_by_more_than_rounding(size):
+    axis = (0.3 * size, 0.6 * size, -0.2 * size)
+
+    assert not _across(axis, (0.9, 1.8, -0.6))
+    assert not _across(axis, (0.9, 1.8, -0.6 + 1e-14))
+    assert _across(axis, (0.9, 1.8, -0.6 + 1e-10))
+    assert not _across(axis, (0.0, 0.0, 0.0))
+    assert _across(axis, (np.nan, 0.0, 1.0)), "another fault says so"
