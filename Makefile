@@ -22,7 +22,8 @@ docs: $(READY)
 mutants: $(READY)
 	$(BIN)/python -m pytest -n auto tests/mutation/test_mutants.py
 
-# A seeded sample of random mutants over refkin and the judging code, in at most 20 minutes on two cores.
+# A seeded sample of random mutants over refkin and the judging code, in at most 20 minutes on two cores. Which tests
+# reach what is noted first, in .mutation.json.gz, and again only for test files that changed.
 mutation: $(READY)
 	OPENBLAS_NUM_THREADS=1 $(BIN)/python -m tests.mutation.sample $(if $(SEED),--seed $(SEED))
 
@@ -44,4 +45,4 @@ $(READY): pyproject.toml constraints.txt
 	@touch $@
 
 clean:
-	rm -rf $(VENV) reports/latest .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .mutation.json.gz reports/latest .pytest_cache .mypy_cache .ruff_cache .hypothesis
