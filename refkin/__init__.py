@@ -37,6 +37,7 @@ Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockw
 ========= ======================================= ==============================================================
 """
 
+from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -97,3 +98,10 @@ def __getattr__(name: str) -> Any:
     if name not in ABOVE:
         raise AttributeError(f"module 'refkin' has no attribute {name!r}")
     return getattr(import_module(f"refkin.{ABOVE[name]}"), name)
+
+
+def _first_pose(scene: Any) -> Any:  # a notebook shows it; said here, for a scene knows nothing that is above it
+    return __getattr__("solve")(replace(scene, times=scene.times[:1]))._repr_svg_()
+
+
+Scene._repr_svg_ = _first_pose  # type: ignore[attr-defined]

@@ -15,6 +15,7 @@ import refkin
 from refkin.motion import ContactMotion
 from refkin.output import Drawing, NothingToDraw, animated, still
 from refkin.output.tables import MissingPackage, long, wide
+from refkin.scenes.linkages import RSSP, Hooke
 from refkin.solving.follow import driven_by
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -239,10 +240,10 @@ def test_coordinates_that_were_called_for_complete_on_tab(scene, motion):
         positions["rocker"].phid  # noqa: B018
 
 
-def test_motion_picture_and_linkage_show_themselves_in_a_notebook(motion):
-    linkage = refkin.SliderCrank(crank=1.0, rod=3.0)
+def test_motion_picture_scene_and_linkage_show_themselves_in_a_notebook(motion, scene):
+    linkages = refkin.SliderCrank(crank=1.0, rod=3.0), Hooke(beta=0.5)
 
-    for shown in (motion, motion.plot(), linkage):
+    for shown in (motion, motion.plot(), scene, *linkages):
         assert ET.fromstring(shown._repr_svg_()).tag == f"{SVG}svg"
     assert "verdict: ok" in motion._repr_html_()
     assert "<svg" in motion._repr_html_()
@@ -253,6 +254,7 @@ def test_what_has_no_pose_shows_no_picture_in_a_notebook(motion):
     nowhere = replace(motion, q=np.full_like(motion.q, np.nan))
 
     assert apart._repr_svg_() is None
+    assert RSSP(crank=1.0, rod=0.5, guide=(0.0, 3.0, 0.0), axis=(1.0, 0.0, 0.0))._repr_svg_() is None
     assert nowhere._repr_svg_() is None
     assert "<svg" not in nowhere._repr_html_()
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import cmath
 import math
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
 from numbers import Real
@@ -21,7 +21,7 @@ import numpy as np
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import GROUND, AngleDriver, Constraint, Driver, Pair
 from refkin.model import Body, Effect, Evidence, Mechanism, Scene
-from refkin.motion import Producer, Route, Seeding, Status, __version__, engine_motion
+from refkin.motion import Producer, Route, Status, __version__, engine_motion
 from refkin.motion_laws import Integral, Law, Polynomial
 from refkin.output import Drawing, Picture
 from refkin.scenes.linkages.closures import DoesNotAssemble, Interval, covers
@@ -29,15 +29,7 @@ from refkin.scenes.linkages.closures import DoesNotAssemble, Interval, covers
 Pose = dict[str, tuple[float, float, float]]
 """Body -> (x [m], y [m], phi [rad]) in the ground frame."""
 
-CLOSED_FORM = Route(
-    name="closed form",
-    residual_by="closed form",
-    jacobian_by="none",
-    newton_by="none",
-    linear_solve_by="none",
-    drift_by="none",
-    seeding=Seeding.NONE,
-)
+CLOSED_FORM = Route(name="closed form", residual_by="closed form")
 Member = TypeVar("Member", bound=StrEnum)
 
 
@@ -51,6 +43,13 @@ class Branch(StrEnum):
     def sign(self) -> int:
         """1 for OPEN, -1 for CROSSED."""
         return 1 if self is Branch.OPEN else -1
+
+
+def pictured(scene: Scene, pose: Mapping[str, Sequence[float]]) -> Picture:
+    """Return the picture of a scene of one time at a pose, the coordinates of each body."""
+    q = np.array([x for body in scene.wanted for x in pose[body]])[:, None]
+    producer = Producer(name="closed form", version=__version__, route=CLOSED_FORM)
+    return Picture(Drawing(scene, engine_motion(scene.times, scene.wanted, q, None, None, (Status.OK,), producer)))
 
 
 @dataclass(frozen=True)
@@ -231,10 +230,7 @@ class Linkage:
         pose = self.assemble(value, branch, driven=driven, relative_to=relative_to)
         mechanism = self.mechanism(self.driver(Polynomial(coefficients=(value,)), driven, relative_to), pose)
         scene = Scene(mechanism=mechanism, times=(0.0,), name=type(self).__name__)
-        q = np.array([x for body in mechanism.bodies for x in pose[body.name]])[:, None]
-        producer = Producer(name="closed form", version=__version__, route=CLOSED_FORM)
-        motion = engine_motion(scene.times, scene.wanted, q, None, None, (Status.OK,), producer)
-        return Picture(Drawing(scene, motion))
+        return pictured(scene, pose)
 
     def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
         """Show the text that can be pasted, where IPython and Hypothesis would show class variables as arguments."""

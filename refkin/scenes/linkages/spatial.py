@@ -37,8 +37,9 @@ from refkin.joints import (
 from refkin.joints.spatial_terms import frame, parameters_of
 from refkin.joints.spatial_vectors import Quaternion, Vec3
 from refkin.model import Body, Effect, Evidence, Mechanism, Scene
-from refkin.motion_laws import Law, Sinusoid
-from refkin.scenes.linkages.base import Branch, given_law, law_keys, member, uniform_law
+from refkin.motion_laws import Law, Polynomial, Sinusoid
+from refkin.output.picture import Picture
+from refkin.scenes.linkages.base import Branch, given_law, law_keys, member, pictured, uniform_law
 from refkin.scenes.linkages.closures import DoesNotAssemble
 
 X, Y, Z, AT = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
@@ -121,6 +122,23 @@ class SpatialLinkage:
             With the gap [m], or what of a cosine is beyond 1.
         """
         return dict(self._poses(value, member(Branch, branch, "branch").sign))
+
+    def plot(self, value: float = 0.0, branch: Branch | str = Branch.OPEN) -> Picture:
+        """Return a picture of the linkage at an input [rad], by its closed form; a notebook shows it.
+
+        Raises
+        ------
+        DoesNotAssemble
+            As `assemble` does.
+        """
+        scene = self.scene(law=Polynomial(coefficients=(value,)), times=(0.0,), branch=branch)
+        return pictured(scene, self.assemble(value, branch))
+
+    def _repr_svg_(self) -> str | None:
+        try:
+            return self.plot().svg
+        except DoesNotAssemble:
+            return None
 
     def _poses(self, value: float, sign: int) -> Iterator[tuple[str, tuple[float, ...]]]:
         raise NotImplementedError
