@@ -13,6 +13,7 @@ from rich.console import Console
 from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
+from crosscheck.commands.progress import shown_progress
 from crosscheck.commands.usage import Json, console
 from crosscheck.engines.methods import OURS
 from crosscheck.errors import INFRASTRUCTURE, PASS, USAGE
@@ -49,13 +50,15 @@ def bench(
         print(f"--only: no workload is called {unknown[0]!r}; there are: {there}", file=sys.stderr)
         return USAGE
     producers, parts = (*OURS, *names(engines, always=())), []
-    for name in only or workloads.names():
-        print(f"{name} ...", file=sys.stderr, flush=True)
-        (part,) = call_each(measured_by_name, [(name, producers)], SECONDS_PER_WORKLOAD)
-        if isinstance(part, Failure):
-            print(f"{name}: {part.text}", file=sys.stderr)
-            return INFRASTRUCTURE
-        parts.append(part)
+    asked = only or workloads.names()
+    with shown_progress(len(asked), noun="workloads") as show:
+        for name in asked:
+            show(len(parts), name)
+            (part,) = call_each(measured_by_name, [(name, producers)], SECONDS_PER_WORKLOAD)
+            if isinstance(part, Failure):
+                print(f"{name}: {part.text}", file=sys.stderr)
+                return INFRASTRUCTURE
+            parts.append(part)
     results = merged(parts)
     if as_json:
         print(json.dumps(results, indent=1))

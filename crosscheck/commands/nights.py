@@ -17,6 +17,7 @@ from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS, USAGE
 from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
 from crosscheck.night.history import SOLVED, nights, trends, warnings
+from crosscheck.night.plan import ALWAYS, SAMPLED
 from crosscheck.scenes.names import PEERS
 from crosscheck.workers.installed import find_engines
 
@@ -67,7 +68,7 @@ def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, a
 def baseline(
     *,
     accept: Annotated[bool, Parameter(negative="")] = False,
-    engines: str = ",".join(("closed_form", "vector_loop", *PEERS)),
+    engines: str = ",".join((ALWAYS, *SAMPLED, *PEERS)),
     file: Path = golden.DEFAULT,
 ) -> int:
     """Compare the golden set with the accepted baseline, or accept what is measured now as the new one.

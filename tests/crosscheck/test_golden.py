@@ -16,8 +16,9 @@ from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
 from crosscheck.night.campaign import run
 from crosscheck.night.golden import NoBaseline, differences
-from crosscheck.night.plan import NightPlan
+from crosscheck.night.plan import ALWAYS, SAMPLED, NightPlan
 from crosscheck.report.build import build
+from crosscheck.scenes.names import PEERS
 from refkin.motion import Status
 from refkin.scenes.files import to_dict
 
@@ -196,7 +197,7 @@ def test_the_accepted_baseline_holds_the_golden_scenes_and_every_engine(accepted
     engines = {who.partition(" · ")[0] for case in accepted["cases"].values() for who in case["routes"]}
 
     assert held == {name: json.loads(json.dumps(to_dict(s))) for name, s in golden.golden_scenes().items()}
-    assert engines == set(accepted["versions"]) == {"closed_form", "vector_loop", "exudyn", "pinocchio", "mujoco"}
+    assert engines == set(accepted["versions"]) == {ALWAYS, *SAMPLED, *PEERS}
 
 
 def test_the_accepted_reference_is_proved_at_every_time(accepted: Any) -> None:
