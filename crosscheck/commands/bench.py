@@ -49,7 +49,8 @@ def bench(
         there = ", ".join(workloads.names())
         print(f"--only: no workload is called {unknown[0]!r}; there are: {there}", file=sys.stderr)
         return USAGE
-    producers, parts = (*OURS, *names(engines, always=())), []
+    producers = (*OURS, *names(engines, always=()))
+    parts: list[dict[str, Any]] = []
     asked = only or workloads.names()
     with shown_progress(len(asked), noun="workloads") as show:
         for name in asked:
