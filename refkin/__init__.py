@@ -14,7 +14,7 @@ In this order:
 `analysis`        position, velocity, acceleration; `sweep`: a Scene becomes a Motion
 ================= ==================================================================================
 
-That is the reference. It runs alone; what stands above it is imported when it is asked for:
+That is the reference, which runs alone. What stands above it is imported when it is asked for:
 
 ================= ==================================================================================
 `refkin.scenes`   scene files (`load`), four-bars and slider-cranks by their lengths
@@ -26,9 +26,7 @@ That is the reference. It runs alone; what stands above it is imported when it i
 Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockwise in rad):
 
 ========= ======================================= ==============================================================
-`q`       coordinates, (x, y, phi) per body, in   `qd`, `qdd` their rates
-          space (x, y, z, e0, e1, e2, e3); then
-          parameters of joints that bring some
+`q`       coordinates, (x, y, phi) per body, in   space (x, y, z, e0 to e3); then those of joints; `qd`, `qdd` rates
 `phi`     constraint residual, Shabana's C        phi(q, t) = 0
 `phi_q`   constraint Jacobian
 `nu`      velocity right side                     nu = -phi_t,  phi_q qd = nu
@@ -91,7 +89,7 @@ __all__ = [
 
 ABOVE = {"diagnose": "solving.diagnose", "follow": "solving.follow", "load": "scenes.files", "solve": "solving.solve"}
 ABOVE |= dict.fromkeys(("FourBar", "InvertedSliderCrank", "SliderCrank"), "scenes.linkages")
-"""What stands above the reference, and where: imported when it is asked for, so that the reference runs alone."""
+"""What stands above the reference, which runs alone: imported when asked for, as by a notebook that shows a scene."""
 
 
 def __getattr__(name: str) -> Any:
@@ -100,8 +98,4 @@ def __getattr__(name: str) -> Any:
     return getattr(import_module(f"refkin.{ABOVE[name]}"), name)
 
 
-def _first_pose(scene: Any) -> Any:  # a notebook shows it; said here, for a scene knows nothing that is above it
-    return __getattr__("solve")(replace(scene, times=scene.times[:1]))._repr_svg_()
-
-
-Scene._repr_svg_ = _first_pose  # type: ignore[attr-defined]
+Scene._repr_svg_ = lambda scene: __getattr__("solve")(replace(scene, times=scene.times[:1]))._repr_svg_()  # type: ignore
