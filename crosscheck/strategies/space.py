@@ -305,9 +305,9 @@ def _coupler(
             return (first, last), lowest * (1.0 - near) - 1e-9, near, region
         elif high - low > ROOM:
             return (first, last), low + (high - low) * part, (high - low) * min(part, 1.0 - part), regular
-        if abs(last - first) < 1e-2:
-            return (first, last), (low + high) / 2, (high - low) / 2, regular
         last = (first + last) / 2
+        if abs(last - first) < 1e-2:  # it begins at a singular pose: the tip is on the rocker's axis
+            first, last = first + 1.0, last + 2.0
 
 
 # kinds

@@ -65,9 +65,9 @@ def test_what_is_off_is_said_with_place_size_time_and_allowance(level, row, plac
 
     assert match, result.value
     off, time, times, allowed = map(float, match.groups())
-    assert off == pytest.approx(1e-9, rel=1e-3)
+    assert off == pytest.approx(1e-9, rel=1e-3, abs=0.0)
     assert time == TIMES[3]
-    assert times == pytest.approx(off / allowed, rel=0.02)
+    assert times == pytest.approx(off / allowed, rel=0.02, abs=0.0)
     assert 1e3 < times < 1e8
 
 

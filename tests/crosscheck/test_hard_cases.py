@@ -87,7 +87,7 @@ def test_sigma_goes_with_the_root_of_the_distance_to_a_toggle(case):
     sigma = refkin.solve(case.scene).sigma_min[-1]
 
     # At 1e-15 the limit itself is known to 2e-16 only, a fifth of the distance.
-    assert sigma == pytest.approx(0.33 * np.sqrt(case.distance), rel=0.15)
+    assert sigma == pytest.approx(0.33 * np.sqrt(case.distance), rel=0.15, abs=0.0)
 
 
 @pytest.mark.parametrize("gap", GAPS)
@@ -96,7 +96,7 @@ def test_a_gap_is_proved_and_is_the_one_that_was_made(gap):
     system, (truth,) = truths(case)
 
     assert not truth.roots
-    assert truth.gap == pytest.approx(gap / system.unit.size, rel=1e-3)
+    assert truth.gap == pytest.approx(gap / system.unit.size, rel=1e-3, abs=0.0)
 
 
 @pytest.mark.parametrize("case", TOGGLES, ids=lambda case: case.key)
@@ -124,8 +124,8 @@ def test_what_newton_leaves_in_float64_is_attainable_down_to_the_fold(kind):
 
 
 def test_a_residual_hides_its_root_at_a_fold_and_itself_away_from_one():
-    assert fold(0.0, 2.0, 1e-16) == pytest.approx(1e-8)
-    assert fold(1.0, 1.0, 1e-16) == pytest.approx(1e-16)
+    assert fold(0.0, 2.0, 1e-16) == pytest.approx(1e-8, abs=0.0)
+    assert fold(1.0, 1.0, 1e-16) == pytest.approx(1e-16, abs=0.0)
     assert np.isinf(fold(0.0, 0.0, 1e-16))
 
 
@@ -133,7 +133,7 @@ def test_a_residual_hides_its_root_at_a_fold_and_itself_away_from_one():
 def test_what_a_residual_hides_beside_a_fold_has_that_residual(f):
     x = fold(1.0, 1.0, f)
 
-    assert x - x * x / 2 == pytest.approx(f, rel=1e-12)
+    assert x - x * x / 2 == pytest.approx(f, rel=1e-12, abs=0.0)
 
 
 def test_what_is_attainable_covers_every_pose_with_a_residual_of_round_off():

@@ -55,7 +55,7 @@ def test_an_error_is_carried_as_far_as_its_corners_move(name):
     moved = max(abs(operation(x, y) - exact) for x, y in every(*ends))
 
     assert result.value == exact
-    assert result.error == pytest.approx(moved, rel=1e-5)
+    assert result.error == pytest.approx(moved, rel=1e-5, abs=0.0)
 
 
 @pytest.mark.parametrize("name", OPERATIONS)
@@ -171,7 +171,7 @@ def test_a_row_in_another_form_is_its_derivative_and_may_be_off_as_far_as_ours(l
     ]
     moved = np.max([np.abs(expected(*corner) - middle) for corner in corners], axis=0)
 
-    assert value == pytest.approx(middle, rel=1e-6)
+    assert value == pytest.approx(middle, rel=1e-6, abs=0.0)
     assert np.all(moved * 0.99 <= allowed / (BOTH_SIDES * SAFETY))
     assert np.all(allowed / (BOTH_SIDES * SAFETY) <= 2.5 * moved)
 

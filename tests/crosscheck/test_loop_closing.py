@@ -226,7 +226,7 @@ def test_a_small_residual_is_not_enough() -> None:
     toy = Toy([0.01], lambda q, t: [q[0] ** 4 - t], lambda q, t: [[4.0 * q[0] ** 3]], lambda t: [1.0])
     pose = closed(toy, 0.01, 1e-18)
 
-    assert pose.q[0, 0] == pytest.approx(1e-18**0.25, rel=1e-6)
+    assert pose.q[0, 0] == pytest.approx(1e-18**0.25, rel=1e-6, abs=0.0)
 
 
 def test_noise_that_shrinks_ever_so_little_is_the_end_of_newton() -> None:

@@ -69,8 +69,10 @@ def test_the_determinant_is_that_of_the_transmission_angle():
     system, q = c4(), np.array([0.2, 1.9])
     driven = loops.four_bar(90.0, 30.0, 60.0, 45.0, 1.9, driven="theta4")
 
-    assert np.linalg.det(system.jacobian(q)) == pytest.approx(-60.0 * 45.0 * math.sin(1.7), rel=1e-14)
-    assert np.linalg.det(driven.jacobian(np.array([0.7, 0.2]))) == pytest.approx(1800.0 * math.sin(-0.5), rel=1e-14)
+    assert np.linalg.det(system.jacobian(q)) == pytest.approx(-60.0 * 45.0 * math.sin(1.7), rel=1e-14, abs=0.0)
+    assert np.linalg.det(driven.jacobian(np.array([0.7, 0.2]))) == pytest.approx(
+        1800.0 * math.sin(-0.5), rel=1e-14, abs=0.0
+    )
 
 
 def test_the_other_estimate_leads_to_the_crossed_assembly():
@@ -85,7 +87,7 @@ def test_numerical_partials_err_as_the_notes_show(h, errors):
     system, q = c4(), np.array([0.0, math.pi / 2])
     off = jacobian(system.residual, q, Scheme.FORWARD, h=h) - system.jacobian(q)
 
-    assert (-off[0, 0], off[1, 1]) == pytest.approx(errors, rel=1e-6)
+    assert (-off[0, 0], off[1, 1]) == pytest.approx(errors, rel=1e-6, abs=0.0)
 
 
 def slotted():

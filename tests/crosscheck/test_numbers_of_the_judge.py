@@ -26,7 +26,7 @@ def test_what_a_residual_hides_solves_its_quadratic(k):
     s, f = 1.0, 0.1
     x = fold(s, k, f)
 
-    assert s * x - k * x * x / 2 == pytest.approx(f, rel=1e-14)
+    assert s * x - k * x * x / 2 == pytest.approx(f, rel=1e-14, abs=0.0)
     assert x < s / k  # the nearer root
 
 
@@ -89,7 +89,7 @@ def test_a_step_counts_by_the_smaller_sigma_at_its_ends():
     moves = np.max(np.abs(np.diff(motion.q, axis=1)) / scale, axis=0)
 
     assert np.argmin(motion.sigma_min) == 1
-    assert check(scene, []).reference.sigma_per_step == pytest.approx(motion.sigma_min[1] / moves[1], rel=1e-9)
+    assert check(scene, []).reference.sigma_per_step == pytest.approx(motion.sigma_min[1] / moves[1], rel=1e-9, abs=0.0)
 
 
 def test_a_finding_explains_its_own_rows_alone():

@@ -212,8 +212,8 @@ def test_twelve_coordinates_give_the_rates_of_the_closed_form(coordinate):
     second = shabana.slider_crank_acceleration(l2, l3, theta2, theta3, (150.0, qd[8]), 0.0)
     qdd = np.linalg.solve(slope_, right_side(l2, l3, q, qd, 0.0 if coordinate == 5 else second[1]).astype(float))
 
-    assert [qd[5], qd[8], qd[9]] == pytest.approx([150.0, -52.818431944720, -34.133165133143], rel=1e-12)
-    assert [qdd[8], qdd[9]] == pytest.approx([10809.0591207778, -1468.39606892724], rel=1e-12)
+    assert [qd[5], qd[8], qd[9]] == pytest.approx([150.0, -52.818431944720, -34.133165133143], rel=1e-12, abs=0.0)
+    assert [qdd[8], qdd[9]] == pytest.approx([10809.0591207778, -1468.39606892724], rel=1e-12, abs=0.0)
 
 
 def test_the_loop_of_the_notes_is_the_linkage():
@@ -243,5 +243,5 @@ def test_a_rate_that_is_given_is_that_of_the_loop():
     qdd = np.linalg.solve(*shabana.coriolis_right_side(0.2, 1.0, q, qd, 2.0, -1.5))
     vectors = loops.inverted_slider_crank(0.5, 0.2, 0.0, law)
 
-    assert vectors.velocity(q, 0.0) == pytest.approx(qd, rel=1e-13)
-    assert vectors.acceleration(q, qd, 0.0) == pytest.approx(qdd, rel=1e-13)
+    assert vectors.velocity(q, 0.0) == pytest.approx(qd, rel=1e-13, abs=0.0)
+    assert vectors.acceleration(q, qd, 0.0) == pytest.approx(qdd, rel=1e-13, abs=0.0)

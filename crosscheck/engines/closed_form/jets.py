@@ -226,3 +226,16 @@ class Planar:
         d = _div(_add(_mul(x.v, y.d), _neg(_mul(y.v, x.d))), square.v)
         swept = _add(_mul(x.v, y.a), _neg(_mul(y.v, x.a)))
         return Jet(atan2(y.v, x.v), d, _div(_add(swept, _neg(_mul(d, square.d))), square.v))
+
+
+def on_circle(cos: Jet, sin: Jet) -> tuple[Jet, Jet]:
+    """Return a cosine and a sine whose derivatives are those of one angle.
+
+    Each by itself they are only so to rounding of a fast turn's acceleration, which a slow direction would feel.
+    """
+    rate = _add(_mul(cos.v, sin.d), _neg(_mul(sin.v, cos.d)))
+    bend, square = _add(_mul(cos.v, sin.a), _neg(_mul(sin.v, cos.a))), _mul(rate, rate)
+    return (
+        Jet(cos.v, _neg(_mul(sin.v, rate)), _neg(_add(_mul(sin.v, bend), _mul(cos.v, square)))),
+        Jet(sin.v, _mul(cos.v, rate), _add(_mul(cos.v, bend), _neg(_mul(sin.v, square)))),
+    )

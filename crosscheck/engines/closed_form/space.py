@@ -26,7 +26,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines.closed_form.jets import Arithmetic, Jet, midpoint
+from crosscheck.engines.closed_form.jets import Arithmetic, Jet, midpoint, on_circle
 from crosscheck.engines.closed_form.laws import law_jet
 from crosscheck.engines.closed_form.space_vectors import Circle, Frame, Turning, Vector, basis, composed
 from crosscheck.engines.spatial.reading import Given, given
@@ -221,7 +221,7 @@ class Assembly:
             cos, sin = self._root(body, turning, *told[0])
         else:
             return False
-        self.placed[body] = turning.at(cos, sin)
+        self.placed[body] = turning.at(*on_circle(cos, sin))
         return True
 
     def _root(self, body: str, turning: Turning, p: Jet, q: Jet, k: Jet) -> tuple[Jet, Jet]:

@@ -15,6 +15,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import replace
 from importlib.metadata import version
+from typing import Any
 
 import numpy as np
 
@@ -32,7 +33,7 @@ from crosscheck.engines import (
     route_by,
 )
 from refkin.fast import attempt
-from refkin.joints import GROUND
+from refkin.joints import GROUND, PLANE, TurnAboutAxis, elements_of
 from refkin.model import Scene
 from refkin.motion import Motion, Producer, Route
 
@@ -67,7 +68,7 @@ class Lanes:
         motion = attempt(replace(scene, effects=frozenset(), evidence=frozenset(), bodies_wanted=None))
         if motion is None:
             return ()
-        angle = max(1.0, float(np.max(np.abs(motion.q[2::3]))))
+        angle = max(1.0, float(np.max(np.abs(_angles(scene, motion)), initial=0.0)))
         points = [point for c in scene.mechanism.constraints for body, point in c.points() if body != GROUND]
         arms = sum(math.hypot(*point) for point in points) / scene.mechanism.size()
         return (
@@ -98,3 +99,11 @@ class Lanes:
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Refuse: the rows are the reference's."""
         raise EngineRefusal(f"{self.name}: {NO_ROWS.reason}")
+
+
+def _angles(scene: Scene, motion: Motion) -> Any:
+    """Return the angles that a program takes sines of [rad]: coordinates in the plane, those of drivers in space."""
+    if motion.kind is PLANE:
+        return motion.q[2::3]
+    turns = [e for e in elements_of(scene.mechanism.drivers) if isinstance(e, TurnAboutAxis)]
+    return np.array([law(motion.t) for e in turns for law in e.laws])

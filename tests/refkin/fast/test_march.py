@@ -58,8 +58,8 @@ def test_a_prediction_errs_512_times_as_much_as_the_quintic_between():
     (between,) = coefficients(pose(t - h).levels, pose(t).levels, h)
     off, inside = ahead - math.sin(t + h), at(between, 0.5) - math.sin(t - h / 2)
 
-    assert abs(off / inside) == pytest.approx(512, rel=0.05)
-    assert (rate - math.cos(t + h)) * h / off == pytest.approx(4.5, rel=0.05)
+    assert abs(off / inside) == pytest.approx(512, rel=0.05, abs=0.0)
+    assert (rate - math.cos(t + h)) * h / off == pytest.approx(4.5, rel=0.05, abs=0.0)
 
 
 def test_a_step_that_predicts_well_grows_and_another_shrinks():
