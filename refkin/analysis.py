@@ -82,15 +82,13 @@ def acceleration(system: System, q: Any, qd: Any, t: Any, phi_q: Any = None) -> 
 
 def _solve(matrix: Any, right: Any) -> Any:
     """Solve for one right side, or for a batch in the last axis; redundant rows by least squares."""
-    stacked = np.moveaxis(matrix, -1, 0) if matrix.ndim == 3 else matrix
-    columns = np.moveaxis(right, -1, 0)[..., None] if matrix.ndim == 3 else right[:, None]
+    stacked, columns = (np.moveaxis(x, -1, 0) if matrix.ndim == 3 else x for x in (matrix, right[:, None]))
     if matrix.shape[0] == matrix.shape[1]:
-        x = np.linalg.solve(stacked, columns)[..., 0]
+        x = np.linalg.solve(stacked, columns)
     else:
-        inverse = np.linalg.pinv(stacked)  # its product alone leaves a residual of |J^+| |J| roundings: corrected once
-        x = inverse @ columns
-        x = (x + inverse @ (columns - stacked @ x))[..., 0]
-    return np.moveaxis(x, 0, -1) if matrix.ndim == 3 else x
+        x = (inverse := np.linalg.pinv(stacked)) @ columns
+        x = x + inverse @ (columns - stacked @ x)  # the product alone leaves |J^+| |J| roundings
+    return np.moveaxis(x[..., 0], 0, -1) if matrix.ndim == 3 else x[..., 0]
 
 
 def sigma_min(phi_q: Any) -> float:
