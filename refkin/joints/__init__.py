@@ -18,7 +18,7 @@ from refkin.joints.elements import (
     Triple,
     elements_of,
 )
-from refkin.joints.planar import Distance, Fixed, PointOnLine, Prismatic, Revolute
+from refkin.joints.planar import PLANAR_TYPES, Distance, Fixed, PointOnLine, Prismatic, Revolute
 from refkin.joints.rolling import Gear, RackAndPinion
 
 # fmt: off
@@ -38,8 +38,7 @@ from refkin.joints.spatial_elements import (
 # isort: on
 # fmt: on
 
-JOINT_TYPES: tuple[type[Constraint], ...]
-JOINT_TYPES = (Revolute, Fixed, PointOnLine, Prismatic, Distance, Gear, RackAndPinion, Cam)
+JOINT_TYPES: tuple[type[Constraint], ...] = (*PLANAR_TYPES, Gear, RackAndPinion, Cam)
 
 KINDS = {kind.name: kind for kind in (PLANE, SPACE)}
 """Bodies are of the plane or of space, all those of a mechanism alike."""
