@@ -175,10 +175,10 @@ class Block:
         self._give_laws(t)
         for row, values in zip(self.space.core(), guess, strict=True):
             row[:] = values
-        doubtful = (hasty & self.alive) | self._newton()
-        self._march_alone(doubtful, t)
+        undecided = (hasty & self.alive) | self._newton()
+        self._march_alone(undecided, t)
         self.space.run("answer")
-        strayed = self.alive & ~doubtful & ~(self._regular() & self._continues(guess, rates, h))
+        strayed = self.alive & ~undecided & ~(self._regular() & self._continues(guess, rates, h))
         if strayed.any():
             self._march_alone(strayed, t)
             self.space.run("answer")

@@ -54,7 +54,7 @@ class Leaps:
     def over(self, done: int) -> list[Any]:
         """Take the sweep on from the last of the times that are done; return the poses (n,) at the next ones."""
         poses, sweep, rest = None if self.ahead is None else self.ahead.follow(), self.sweep, self.times[done:]
-        alone = sweep.blocked or sweep.winds or sweep.system.m > sweep.system.n
+        alone = sweep.singular or sweep.winds or sweep.system.m > sweep.system.n
         if poses is None and self.left and len(rest) >= FEW and not alone:
             targets = _targets(sweep, rest)
             if targets[0].size:  # none where laws turn back often before the next time
@@ -206,12 +206,12 @@ class Ahead:
         clear = decided & (determinant > np.log(CLEAR)) & ~self.turning[ends]
         clear &= t - self.t[steps] >= SHORT * (self.stops[k] - self.stops[k - 1])
         sure &= same
-        doubtful = np.flatnonzero(sure & ~clear)
-        if doubtful.size:
-            sigma = np.linalg.svd(np.moveaxis(jacobian[..., doubtful], -1, 0), compute_uv=False)[:, -1]
-            near = np.maximum(off, first)[doubtful] <= sigma / APART
-            least = np.where(self.turning[ends[doubtful]], ALONE, SINGULAR)
-            sure[doubtful] = (sigma > least) & (decided[doubtful] | near)
+        undecided = np.flatnonzero(sure & ~clear)
+        if undecided.size:
+            sigma = np.linalg.svd(np.moveaxis(jacobian[..., undecided], -1, 0), compute_uv=False)[:, -1]
+            near = np.maximum(off, first)[undecided] <= sigma / APART
+            least = np.where(self.turning[ends[undecided]], ALONE, SINGULAR)
+            sure[undecided] = (sigma > least) & (decided[undecided] | near)
         sure &= (steps > 0) | (t - self.t[steps] <= sweep.step)  # a sweep may be to set out with a short step
         self.sure[steps] = sure
 

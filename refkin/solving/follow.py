@@ -201,22 +201,22 @@ def follow(
     ValueError
         If a system is given without a pose to start from.
     """
-    walk = _Walk(recentred(compile_system(given.mechanism, unit=given.mechanism.unit())))
+    continuation = _Continuation(recentred(compile_system(given.mechanism, unit=given.mechanism.unit())))
     message, limits = "", until or (-math.inf, math.inf)
     if isinstance(start, Bifurcation):
-        q, t = walk.frames.system.to_unit(start.q), start.t
+        q, t = continuation.frames.system.to_unit(start.q), start.t
     elif start is not None:
-        q, t = walk.frames.system.to_unit(np.asarray(start[0], float)), float(start[1])
+        q, t = continuation.frames.system.to_unit(np.asarray(start[0], float)), float(start[1])
     elif isinstance(given, Scene):
-        first = find_start(walk.frames.system, given)
+        first = find_start(continuation.frames.system, given)
         q, t, message = first.q, given.times[0], first.message
         if until is None and len(given.times) > 1:
             limits = given.times[0], given.times[-1]
     else:
         raise ValueError("a system alone does not say where to start: give (q, t)")
     if q is None:
-        return walk.path(Trace(), message)
-    return walk.path(walk.trace(q, t, limits, along, direction, choose, max_step, most_points), message)
+        return continuation.path(Trace(), message)
+    return continuation.path(continuation.trace(q, t, limits, along, direction, choose, max_step, most_points), message)
 
 
 def driven_by(scene: Scene, driver: str) -> Scene:
@@ -238,7 +238,7 @@ def driven_by(scene: Scene, driver: str) -> Scene:
     return replace(scene, mechanism=replace(m, drivers=drivers), times=(values[driver],))
 
 
-class _Walk:
+class _Continuation:
     """Points of the curve in moved frames and units, as poses [m, rad] of the mechanism, and back."""
 
     def __init__(self, frames: Recentred) -> None:

@@ -49,7 +49,7 @@ class Continuation(Protocol):
     def arrives(self, target: float) -> bool:
         """Go to a time, and return whether that is certain, or proved, as it is to be."""
 
-    def walks(self, target: float) -> bool:
+    def steps_to(self, target: float) -> bool:
         """Go to a time by steps alone, and return whether they lead there."""
 
 
@@ -180,7 +180,7 @@ class Winding:
             return None
         if self.closed is None:
             start = sweep.q[-1]
-            if not sweep.walks(self.after(law, sweep.t[-1], target, 1.0 / abs(turns))):
+            if not sweep.steps_to(self.after(law, sweep.t[-1], target, 1.0 / abs(turns))):
                 return None
             if not self.closes(start, sweep.q[-1]):
                 return None

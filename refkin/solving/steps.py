@@ -56,7 +56,7 @@ class Steps:
     ----------
     asked : float
         The length of the way that the steps are to cover [s]: much shorter ones were halved.
-    blocked : bool
+    singular : bool
         Whether the branch is at a singular pose, where rounding could decide how it goes on.
     lenient : bool
         Whether fewer conditions are asked of steps, which are then noted as uncertified.
@@ -74,7 +74,7 @@ class Steps:
     t: list[float]
     q: list[Any]
     asked: float = np.inf
-    blocked: bool = False
+    singular: bool = False
     lenient: bool = False
     uncertified: list[int] = field(default_factory=list)
     tiny: float = TINY
@@ -181,7 +181,7 @@ class Steps:
         if isolated and not (self._sides(result.q, t)[0] and self._meant(result.q, t)):
             return None
         self._accept(result.q, t)
-        self.blocked = True  # rounding could decide on which of two branches a step from here goes on
+        self.singular = True  # rounding could decide on which of two branches a step from here goes on
         return isolated
 
     def _meant(self, q: Any, t: float) -> bool:

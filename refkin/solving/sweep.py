@@ -91,7 +91,7 @@ class Sweep(Steps):
             self._set_out(target)
         start, close = self.t[-1], 4 * EPS * max(abs(self.t[-1]), abs(target))
         turning = extrema_of(self.system.mechanism.constraints, start + close, target - close)
-        if len(turning) > OFTEN and not self.blocked and (q := over_a_range(self, target, turning)) is not None:
+        if len(turning) > OFTEN and not self.singular and (q := over_a_range(self, target, turning)) is not None:
             self._jump(q, target)
             return Arrival.REACHED
         if len(turning) > MOST_EXTREMA:
@@ -112,7 +112,7 @@ class Sweep(Steps):
         q, t = self.q[0], self.t[0]
         nearly = self._sides(q, t)[1] <= np.log(CLEAR)
         # Rounding could decide on which of two branches a step from here goes on.
-        self.blocked = self.blocked or (nearly and sigma_min(self.system.phi_q(q, t)) <= SINGULAR)
+        self.singular = self.singular or (nearly and sigma_min(self.system.phi_q(q, t)) <= SINGULAR)
         laws = [law for c in self.system.mechanism.constraints for law in c.laws]
         if sum(law(t) != law(target) or bool(extrema(law, t, target)) for law in laws) > 1:
             self.step = PART * (target - t)
@@ -121,7 +121,7 @@ class Sweep(Steps):
         """Whether the last pose is proved to be the only one near, unless that is beyond doubt."""
         q, t = self.q[-1], self.t[-1]
         sigma = sigma_min(self.system.phi_q(q, t))
-        self.blocked = self.blocked or sigma <= SINGULAR
+        self.singular = self.singular or sigma <= SINGULAR
         return sigma > ALONE or bool(isolate(self.system, q[:, None], [t]).ok[0])
 
     @property
@@ -164,23 +164,27 @@ class Sweep(Steps):
         self.q.append(q)
         self.step = np.inf
 
-    def walks(self, target: float) -> bool:
+    def steps_to(self, target: float) -> bool:
         """Go to a time by steps alone, and return whether they lead there."""
-        return self._walk(target, MOST_STEPS) is Arrival.REACHED
+        return self._in_steps(target, MOST_STEPS) is Arrival.REACHED
 
     def _wind(self, target: float) -> None:
         """Leave out whole turns on the way to a time, where loops come back after each of them."""
         self._winding = self._winding or Winding.of(self.system, self.q[-1], self.t[-1])
-        if self._winding is not None and not self.blocked and (there := self._winding.passed(self, target)) is not None:
+        if (
+            self._winding is not None
+            and not self.singular
+            and (there := self._winding.passed(self, target)) is not None
+        ):
             self._jump(*there)
 
     def _to(self, target: float) -> Arrival:
         if self._winding is not None and self._winding.closed is not None:
             self._wind(target)
-        arrival = Arrival.STOPPED if self.blocked else self._walk(target, min(MANY_STEPS, MOST_STEPS))
+        arrival = Arrival.STOPPED if self.singular else self._in_steps(target, min(MANY_STEPS, MOST_STEPS))
         if arrival is Arrival.OUT_OF_STEPS and MANY_STEPS < MOST_STEPS:
             self._wind(target)
-            arrival = self._walk(target, MOST_STEPS - MANY_STEPS)
+            arrival = self._in_steps(target, MOST_STEPS - MANY_STEPS)
         if arrival is Arrival.STOPPED and self.proving and not self.hopeless(target):
             arrival = self._uncertified_steps(target)
         if arrival is Arrival.OUT_OF_STEPS:
@@ -195,7 +199,7 @@ class Sweep(Steps):
         q, t = self.q[-1], self.t[-1]
         sigma = sigma_min(self.system.phi_q(q, t))
         law = self._smallest(target) * float(np.max(np.abs(self.full.nu(q, t))))
-        if self.blocked or sigma <= min(BEFORE * max(law, EPS) ** 0.5, CLEAR):
+        if self.singular or sigma <= min(BEFORE * max(law, EPS) ** 0.5, CLEAR):
             self.why = f"the branch ends at a singular pose after t = {t:.17g}"
         elif law > TINY:
             self.why = f"t has no more digits at t = {t:.17g}: by its last one a law moves by {law:.3g} [sizes, rad]"
@@ -216,14 +220,14 @@ class Sweep(Steps):
     def _uncertified_steps(self, target: float) -> Arrival:
         """Go on with fewer conditions; what leads nowhere is taken back."""
         sure, self.lenient, self.step = len(self.t), True, np.inf
-        arrival = self._walk(target, MOST_UNCERTIFIED)
+        arrival = self._in_steps(target, MOST_UNCERTIFIED)
         self.lenient, self.tiny = False, TINY
         if arrival not in (Arrival.STOPPED, Arrival.OUT_OF_STEPS):
             return arrival
         self._take_back(sure)
         return Arrival.STOPPED
 
-    def _walk(self, target: float, most_steps: int) -> Arrival:
+    def _in_steps(self, target: float, most_steps: int) -> Arrival:
         self.asked = target - self.t[-1]
         smallest = self._smallest(target)
         for _ in range(most_steps):

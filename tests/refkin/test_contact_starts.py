@@ -25,7 +25,7 @@ from refkin import (
 )
 from refkin.analysis import position
 from refkin.proof.assembly.assembly import assemblies
-from refkin.proof.assembly.placing import place
+from refkin.proof.assembly.closed_form import place
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import read_rows
 from refkin.proof.assembly.search import coordinates

@@ -1,7 +1,7 @@
 """Every assembly of a mechanism at one time, or the proof that there is none.
 
 The mechanism is put together group by group (`rigid_groups`), each step in closed form and in balls of 113 bits
-(`placing`, `loci`), along every branch. A branch ends where loci certainly miss each other; if all of them end, the
+(`closed_form`, `loci`), along every branch. A branch ends where loci certainly miss each other; if all of them end, the
 mechanism cannot be assembled, and the gap is the smallest distance that is missing. Where all steps can be taken and
 all meetings are proved, the assemblies found are all there are. What closed form does not reach is left to `search`.
 """
@@ -18,9 +18,9 @@ from flint import arb, ctx
 from refkin.analysis import position
 from refkin.joints import SPACE
 from refkin.motion import Array
+from refkin.proof.assembly.closed_form import MOST_BRANCHES, DeadEnd, PlacedBranch, Placement, place
 from refkin.proof.assembly.dyads import certain_miss, point_rows
 from refkin.proof.assembly.loci import Ball, above, below, length
-from refkin.proof.assembly.placing import MOST_BRANCHES, DeadEnd, PlacedBranch, Placement, place
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind, read_rows
 from refkin.proof.assembly.search import closes, coordinates, search

@@ -24,9 +24,9 @@ from refkin.analysis import position
 from refkin.joints import GROUND, RollingOnLine, RollingWheels, elements_of, initial_contacts, polar_cams
 from refkin.motion import Array
 from refkin.newton import is_round_off
+from refkin.proof.assembly.closed_form import PlacedBranch, Placement, place
 from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
 from refkin.proof.assembly.loci import Ball, above, below
-from refkin.proof.assembly.placing import PlacedBranch, Placement, place
 from refkin.proof.assembly.rigid_groups import AssemblyPlan, orientations, plan
 from refkin.proof.assembly.rows import AngleConstraint, AssemblyRows
 from refkin.proof.assembly.slopes import interval, whole

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 from flint import arb
 
 from refkin.joints import GROUND
-from refkin.proof.assembly.joining import GroupPose, Link, Move, joined, located
+from refkin.proof.assembly.group_poses import GroupPose, Link, Move, joined, located
 from refkin.proof.assembly.loci import Ball, Meeting, length
 from refkin.proof.assembly.rigid_groups import AssemblyPlan, Closure, Relation, RelationForm, Step
 from refkin.proof.assembly.rows import AngleConstraint, AssemblyRows, PointRow, RowKind
