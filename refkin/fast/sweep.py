@@ -78,6 +78,7 @@ class _Task:
         self.longest, self.message = ready.longest, ""
 
     def motion(self) -> Motion | None:
+        """Return the answer at all times; None if any is in doubt."""
         start = self._start() if len(self.extrema) < MOST_EXTREMA else None
         if start is None:
             return None

@@ -256,7 +256,19 @@ class _Continuation:
         max_step: float,
         most_points: int,
     ) -> Trace:
-        """Trace the curve from a pose in the system's coordinates."""
+        """Trace the curve from a pose in the system's coordinates.
+
+        Parameters
+        ----------
+        q : (n,) array
+            The first pose, in the system's coordinates, at t.
+        t : float
+            Its time [s], or the value that t stands for.
+        limits : tuple of float
+            The range in which t stays.
+        along, direction, choose, max_step, most_points
+            As for `follow`.
+        """
         inner = self.frames.inward(q)
         times = np.linspace(*limits, 9) if np.isfinite(limits).all() else [t]
         self.curve = Curve.through(self.frames.inner, inner, times)

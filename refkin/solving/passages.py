@@ -54,7 +54,14 @@ class Continuation(Protocol):
 
 
 def moving_law(system: System, a: float, b: float) -> tuple[int, Law] | None:
-    """Return the only driver whose law is not the same at all times from a to b, by number, and the law; else None."""
+    """Return the only driver whose law is not the same at all times from a to b, by number, and the law; else None.
+
+    Parameters
+    ----------
+    system : System
+    a, b : float
+        The first time and the last [s].
+    """
     mechanism = system.mechanism
     moving = [
         (k, law)
@@ -71,7 +78,7 @@ def over_a_range(sweep: Continuation, target: float, turning: list[float]) -> An
 
     Parameters
     ----------
-    sweep : Way
+    sweep : Continuation
         At a regular pose.
     target : float
         The time [s].

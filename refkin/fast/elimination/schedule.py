@@ -65,6 +65,7 @@ class _Scheduler:
         self.sizes = {"u": 0, "w": 0, "m": 0, "x": 0}
 
     def program(self) -> Program:
+        """Return the program: registers for all values that are needed, instructions by segment."""
         outputs = self._outputs()
         newton, answer = self._targets(outputs)
         stages = stages_of([*newton, *answer])

@@ -112,6 +112,7 @@ class _Search:
         self.failures = 0
 
     def run(self) -> Roots:
+        """Search for all roots, in narrower and narrower intervals of the angle that opens the group."""
         if len(self.turned) != 1 or len(self.plan.groups) > 1 or self.rows.foreign:
             self._try(self._halton())
             return self._result("the group is larger than a triad: no proof was tried")

@@ -177,7 +177,17 @@ def read(numbers: Any, batch: int) -> Bounds:
 
 
 def off_by(slope: Any, rates: Any, right: Any) -> Any:
-    """Return slope rates - right (n,), number by number, of rates as `box` returns them."""
+    """Return slope rates - right (m,), number by number, of rates as `box` returns them.
+
+    Parameters
+    ----------
+    slope : (m, n) array of object
+        phi_q in numbers with bounds; its plain zeros are left out.
+    rates : (n,) array of object
+        qd or qdd, as `box` returns them.
+    right : (m,) array of object
+        nu or gamma.
+    """
     out = np.empty(len(slope), object)
     for k, (row, side) in enumerate(zip(slope, right, strict=True)):
         out[k] = sum((x * a for a, x in zip(row, rates, strict=True) if not (isinstance(a, int) and a == 0)), -side)
@@ -278,6 +288,14 @@ def bounded_system(system: System, number: type[Bounded] = Bounded, error: Input
     Its `q` are object arrays of `number` (see `box`), its `t` are `Times`. With an `error` every geometric number, law
     value and time also spreads by it (times of `order` 1 then serve order 0), each by that of its size `as_written`.
     Its gauge is that of the system.
+
+    Parameters
+    ----------
+    system : System
+    number : type
+        `Bounded`, or `Extended` for the sharper residual.
+    error : InputError
+        How far each number of the mechanism may be off.
     """
     kind: Any = number
     bounded = _bounded_system(system, kind, error)

@@ -217,7 +217,13 @@ def _inner_rows(h: Sequence[Any], chord: Sequence[Any]) -> tuple[list[Any], ...]
 
 
 def tridiagonal(below: Sequence[Any], diagonal: Sequence[Any], above: Sequence[Any], right: Sequence[Any]) -> list[Any]:
-    """Return x with below[k] x[k-1] + diagonal[k] x[k] + above[k] x[k+1] = right[k], by elimination."""
+    """Return x with below[k] x[k-1] + diagonal[k] x[k] + above[k] x[k+1] = right[k], by elimination.
+
+    Parameters
+    ----------
+    below, diagonal, above, right : sequence of n arb
+        Without pivots: the diagonal is larger than the rest of its row (the Thomas algorithm).
+    """
     pivots, sides = [diagonal[0]], [right[0]]
     for k in range(1, len(diagonal)):
         factor = below[k] / pivots[-1]

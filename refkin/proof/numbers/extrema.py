@@ -43,7 +43,20 @@ def drives_a_distance(constraint: Constraint) -> bool:
 
 
 def extrema(law: Law, a: float, b: float) -> list[float]:
-    """Return where the rate of a law changes its sign between a and b, in order; `MOST` of them at most."""
+    """Return where the rate of a law changes its sign between a and b, in order; `MOST` of them at most.
+
+    Parameters
+    ----------
+    law : Law
+        Polynomial, sinusoid, table, or the integral of one.
+    a, b : float
+        The ends of the interval [s].
+
+    Raises
+    ------
+    TypeError
+        If it is a law of another kind.
+    """
     if isinstance(law, Integral):
         return zeros(law.rate, a, b)
     if isinstance(law, Polynomial):
@@ -56,7 +69,13 @@ def extrema(law: Law, a: float, b: float) -> list[float]:
 
 
 def zeros(law: Law, a: float, b: float) -> list[float]:
-    """Return where a law changes its sign, or is 0 at an extremum, between a and b, in order."""
+    """Return where a law changes its sign, or is 0 at an extremum, between a and b, in order.
+
+    Parameters
+    ----------
+    law, a, b
+        As for `extrema`.
+    """
     value: Callable[[float], float] = law
     if isinstance(law, Polynomial):
         value = Signs(law)

@@ -19,7 +19,15 @@ A_FEW_ROUNDINGS = InputError(2.0**-50, least=1.0)
 def half_ulp(system: System, q: Any, order: int = 0) -> Any:
     """Return half an ulp of coordinates (n, B) as they are in metres and radians, in the system's coordinates.
 
-    Of rates with order 1 or 2. It is also the most that `System.to_physical` adds to the error of an answer.
+    It is also the most that `System.to_physical` adds to the error of an answer.
+
+    Parameters
+    ----------
+    system : System
+    q : (n, B) array
+        Coordinates, or rates, in the system's coordinates.
+    order : int
+        0 for coordinates, 1 or 2 for their rates.
     """
     spacing = np.spacing(np.abs(system.to_physical(q, order))) / 2
     # Rates know no origin: lengths are divided by the size, angles stay.

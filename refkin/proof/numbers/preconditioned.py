@@ -97,6 +97,14 @@ def groups_of_rows(system: System, q: Any, t: Any) -> Iterator[tuple[Any, Any]]:
 
     Rows that are independent at one pose may be nearly dependent at a later one: they serve as long as the norm of
     their inverse is at most `WORSE` times that of the pseudo-inverse of all rows; then others are chosen.
+
+    Parameters
+    ----------
+    system : System
+    q : (n, B) array
+        Poses, in the system's coordinates.
+    t : (B,) array
+        Their times [s].
     """
     left = np.arange(np.shape(q)[1])
     if system.m == system.n or not (known := np.isfinite(q).all(axis=0) & np.isfinite(t)).any():

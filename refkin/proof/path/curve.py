@@ -43,7 +43,17 @@ class Curve:
 
     @classmethod
     def through(cls, system: System, q: Any, times: Any) -> Curve:
-        """Return the curve with the unit of t in which the fastest driver moves by 1, judged at the given times."""
+        """Return the curve with the unit of t in which the fastest driver moves by 1, judged at the given times.
+
+        Parameters
+        ----------
+        system : System
+            Compiled in its mechanism's own unit.
+        q : (n,) array
+            A pose on the curve, in the system's coordinates.
+        times : sequence of float
+            At which the drivers' rates are compared [s].
+        """
         rate = max(float(np.max(np.abs(system.nu(q, float(t))))) for t in times)
         unit = 1.0 / rate if rate > 0 else 1.0
         return cls(system, np.append(np.ones(system.n), unit))
@@ -87,7 +97,15 @@ class Curve:
         return np.arange(n) if self.system.m == n else leading_rows(self.slope(x), n)
 
     def determinant(self, x: Any, tangent: Any, rows: Any) -> tuple[float, float]:
-        """Return sign and logarithm of det [phi_q, phi_t; tangent]: the sign cannot change along a smooth curve."""
+        """Return sign and logarithm of det [phi_q, phi_t; tangent]: the sign cannot change along a smooth curve.
+
+        Parameters
+        ----------
+        x, tangent : (n + 1,) array
+            A point of the curve, and the tangent there.
+        rows : (n,) array of int
+            The rows of phi that are solved, of the m.
+        """
         sign, log = np.linalg.slogdet(np.vstack([self.slope(x)[rows], tangent]))
         return float(sign), float(log)
 

@@ -70,7 +70,19 @@ class Balanced:
 
 
 def balanced(system: System, q: Any, t: float, rows: Any) -> Balanced:
-    """Return some rows of phi_q, balanced."""
+    """Return some rows of phi_q, balanced.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit.
+    q : (n,) array
+        The pose, in the system's coordinates.
+    t : float
+        Its time [s].
+    rows : (k,) array of int
+        Which rows, of the m.
+    """
     return _balanced(system, q, t, rows, system.phi_q(q, t)[rows])
 
 
