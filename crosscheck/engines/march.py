@@ -51,7 +51,7 @@ SINGULAR = 8.0 * math.sqrt(EPS)
 """The least singular value of a regular pose, lengths in sizes: rates err by EPS over its square, there by 1/64."""
 STRIDE, ROUGH, MOST_ROUGH = 18, 1e-2, 6
 """Every how manieth time has a rough pose, the last correction [rad, sizes] that it needs, and how many it may take."""
-FEW = 8
+FEW = 4
 """So many times are worth finding all at once; fewer are found sooner one after another."""
 DEFECT, NEAR = 0.1, 1e-3
 """The part of a step, and the length [rad, sizes], by which it may miss what its two velocities say (trapezoid)."""

@@ -77,12 +77,12 @@ class Ahead:
     def __init__(self, sweep: Sweep, asked: Any, between: Any) -> None:
         self.sweep, self.system = sweep, sweep.full
         with np.errstate(all="ignore"):  # guesses may lie anywhere
-            here, t = sweep.t[-1], np.union1d(asked, between)
+            here, t = sweep.t[-1], _merged(asked, between)
             knots = self._rough(t)
             t = t[t <= knots[0][-1]]
             self.t, self.q = np.append(here, t), np.empty((len(sweep.q[-1]), 1 + len(t)))
             self.q[:, 0], self.q[:, 1:] = sweep.q[-1], self._closed(_cubic(*knots, t), t)
-            self.stops, self.asked, self.turning = self.t, np.isin(self.t, asked), np.isin(self.t, between)
+            self.stops, self.asked, self.turning = self.t, _among(asked, self.t), _among(between, self.t)
             self.sure = np.zeros(len(t), bool)
             if len(t):
                 self._test(np.arange(len(t)))
@@ -183,7 +183,7 @@ class Ahead:
         self.asked, self.turning = np.insert(self.asked, at, False), np.insert(self.turning, at, False)
         self.sure = np.insert(self.sure, at - 1, False)
         new = at + np.arange(len(t))
-        steps = np.union1d(new - 1, new)
+        steps = _merged(new - 1, new)
         self.sure[steps] = False
         if steps.size:
             self._test(steps)
@@ -224,7 +224,7 @@ class Ahead:
         numbers, listed = ends + len(times) - len(self.t), times.tolist()
         kept = [before(listed, k - 1, listed[k]) for k in numbers.tolist()]
         counts, out = np.array([len(these) for these in kept]), np.empty((len(poses), len(ends)))
-        for count in np.unique(counts):
+        for count in set(counts.tolist()):
             some = np.flatnonzero(counts == count)
             these = np.array([kept[k] for k in some])[:, ::-1].T
             out[:, some] = neville([times[k] for k in these], [poses[:, k] for k in these], self.t[ends[some]])
@@ -242,6 +242,17 @@ def _targets(sweep: Sweep, times: Sequence[float]) -> tuple[Any, Any]:
     often = np.flatnonzero(np.bincount(interval, minlength=1) > OFTEN)
     end = ends[often[0]] if often.size else ends[-1]
     return ends[1:][ends[1:] <= end], turning[turning < end]
+
+
+def _merged(one: Any, other: Any) -> Any:
+    """Return what stands in either, in order, none twice; NumPy's own loads masked arrays for it, 30 ms."""
+    return np.array(sorted({*one.tolist(), *other.tolist()}), other.dtype)
+
+
+def _among(some: Any, values: Any) -> Any:
+    """Return which of the values are among some."""
+    known = set(some.tolist())
+    return np.array([x in known for x in values.tolist()], bool)
 
 
 def _pushed(system: System, q: Any, t: Any, towards: Any) -> Any:

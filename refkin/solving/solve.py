@@ -165,8 +165,8 @@ class _Answer:
         # decides there.
         redundant = self.system.m > self.system.n and bool(self.system.effects)
         ok = np.where(proved or redundant, False, self._closed(samples) & regular)
-        for group in (samples[~ok & solvable], samples[~ok & ~solvable]):
-            ok[np.isin(samples, group)] = self._prove(group)
+        for group in (~ok & solvable, ~ok & ~solvable):
+            ok[group] = self._prove(samples[group])
         closed = self._closed(samples)
         for k, isolated, closes in zip(samples, ok, closed, strict=True):
             if self.status[k] is Status.OK:

@@ -76,7 +76,7 @@ def contradiction(system: System, rows: Any, root: Nearly, t: Any) -> Any:
     t : (B,) array
         Times [s].
     """
-    others = np.setdiff1d(np.arange(system.m), rows)
+    others = np.delete(np.arange(system.m), rows)
     batch = np.shape(root.given)[1]
     if not others.size:
         return np.zeros(batch)
@@ -107,7 +107,7 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
     acceleration : bool
         Whether accelerations are asked for; if not, their part is 0.
     """
-    others, batch = np.setdiff1d(np.arange(system.m), rows), np.shape(q)[1]
+    others, batch = np.delete(np.arange(system.m), rows), np.shape(q)[1]
     excess = np.zeros((2, batch))
     if not others.size:
         return excess

@@ -114,7 +114,7 @@ def other_choices(system: System, rows: Any, q: Any, t: Any, most: int) -> list[
     most : int
         How many sets are too many.
     """
-    others = np.setdiff1d(np.arange(system.m), rows)
+    others = np.delete(np.arange(system.m), rows)
     counts = [math.comb(len(others), k) * math.comb(system.n, k) for k in range(1, len(others) + 1)]
     if sum(counts) > MOST_COMBINATIONS:
         return None
