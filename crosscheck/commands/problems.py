@@ -33,10 +33,10 @@ def print_export(folder: Path, *, only: str = "", processes: Whole = 1) -> int:
     positive("processes", processes)
     asked = list(drafts(only))
     with shown_progress(len(asked), noun="problems") as show:
-        found = export(folder, asked, processes, lambda done, of: show(done, "proving"))
+        digest = export(folder, asked, processes, lambda done, of: show(done, "proving"))
     count = len(json.loads((folder / "problems.json").read_text(encoding="utf-8"))["problems"])
-    whole = "" if only else f" ({'as' if found == SHA256 else 'NOT as'} published)"
-    print(f"{folder}: {count} problems, version {VERSION}, sha256 {found}{whole}")
+    whole = "" if only else f" ({'as' if digest == SHA256 else 'NOT as'} published)"
+    print(f"{folder}: {count} problems, version {VERSION}, sha256 {digest}{whole}")
     return PASS
 
 
@@ -56,35 +56,35 @@ def grade(answers: Path, *, problems: Path = Path("problems"), as_json: Json = F
     """
     try:
         given = json.loads(answers.read_text(encoding="utf-8"), parse_float=str)
-        found = dict(grade_all(given, problems))
+        scores_of = dict(grade_all(given, problems))
         index = json.loads((problems / "problems.json").read_text(encoding="utf-8"))["problems"]
     except OSError as error:
         raise UsageError(f"{error.filename}: {error.strerror}") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise UsageError(f"{answers}: not answers to the problems of {problems}: {error!r}") from error
     if as_json:
-        print(json.dumps(found))
+        print(json.dumps(scores_of))
     else:
-        _print(found, {entry["name"]: entry["attainable"] for entry in index})
-    return DISAGREEMENT if any("refused" in scores for scores in found.values()) else PASS
+        _print(scores_of, {entry["name"]: entry["attainable"] for entry in index})
+    return DISAGREEMENT if any("refused" in scores for scores in scores_of.values()) else PASS
 
 
-def _print(found: dict[str, Any], attainable: dict[str, Any]) -> None:
+def _print(scores_of: dict[str, Any], attainable: dict[str, Any]) -> None:
     from rich.table import Table
 
     table = Table("problem", *(f"{level} (attainable)" for level in LEVELS.values()), "")
-    for name, scores in found.items():
+    for name, scores in scores_of.items():
         cells = [_cell(scores.get(level), attainable[name][level]) for level in LEVELS.values()]
         table.add_row(name, *cells, scores.get("refused") and f"refused: {scores['refused']}")
     out = console(140)
     out.print(table)
     for level in LEVELS.values():
-        scored = sorted(scores[level] for scores in found.values() if level in scores)
+        scored = sorted(scores[level] for scores in scores_of.values() if level in scores)
         if scored:
             middle = scored[len(scored) // 2]
             out.print(f"{level}: {len(scored)} answers, median {middle:.1f}, worst {scored[0]:.1f} digits")
-    refused = sum("refused" in scores for scores in found.values())
-    print(f"{len(found)} of {len(attainable)} problems answered, {refused} refused", file=sys.stderr)
+    refused = sum("refused" in scores for scores in scores_of.values())
+    print(f"{len(scores_of)} of {len(attainable)} problems answered, {refused} refused", file=sys.stderr)
 
 
 def _cell(score: float | None, attainable: float) -> str:

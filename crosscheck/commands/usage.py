@@ -52,7 +52,7 @@ BAR = re.compile("(\x1b\\[[0-9;]*m|\x1b\\[\\?25[hl]|\x1b\\[[0-9]*[AK]|\r)")
 
 def printable(text: str) -> str:
     """Return text with its control characters as they are written in a string."""
-    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def console(width: int | None, stderr: bool = False) -> Console:

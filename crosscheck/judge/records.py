@@ -393,12 +393,12 @@ def _later_of_equals(path: Path) -> set[int]:
     later = set()
     with path.open("rb") as lines:
         for at, line in enumerate(lines, 1):
-            found = KEY_AND_NUMBER.match(line) if line.endswith(b"\n") else None
-            if found:
-                place = int(found[2]), at
-                known = first.setdefault(found[1], place)
+            match = KEY_AND_NUMBER.match(line) if line.endswith(b"\n") else None
+            if match:
+                place = int(match[2]), at
+                known = first.setdefault(match[1], place)
                 if place[0] != known[0]:
-                    first[found[1]] = min(place, known)
+                    first[match[1]] = min(place, known)
                     later.add(max(place, known)[1])
     return later
 

@@ -64,11 +64,11 @@ class Draft:
         """Return the problem, with the answer that is proved."""
         stated = self.stated
         system = compile_system(stated.mechanism, unit=stated.mechanism.unit())
-        found = _in_order(assemblies(system, stated.times[0]))
-        names = assembly_names(stated, system, found)
-        away = [_apart(system, found.poses[self.assembly], q) for q in found.poses]
+        solutions = _in_order(assemblies(system, stated.times[0]))
+        names = assembly_names(stated, system, solutions)
+        away = [_apart(system, solutions.poses[self.assembly], q) for q in solutions.poses]
         nearest = sorted(range(len(away)), key=away.__getitem__)[: MOST_OTHERS + 1]
-        scenes = {names[k]: _scene(stated, system, found, k, f"{self.name} {names[k]}") for k in nearest}
+        scenes = {names[k]: _scene(stated, system, solutions, k, f"{self.name} {names[k]}") for k in nearest}
         meant = names[self.assembly]
         own = scenes.pop(meant)
         others = followed(scenes, len(own.times))
@@ -93,33 +93,33 @@ def drafts(only: str = "") -> Iterator[Draft]:
                 yield Draft(f"{name}-{k + 1:02d}", name, stated, assembly)
 
 
-def assembly_names(stated: Stated, system: System, found: Assemblies) -> list[str]:
+def assembly_names(stated: Stated, system: System, solutions: Assemblies) -> list[str]:
     """Return a name for each assembly at the first time."""
-    if len(found.poses) < stated.assemblies:
-        raise NotProved(f"{stated.title}: {len(found.poses)} assemblies, {stated.assemblies} expected")
+    if len(solutions.poses) < stated.assemblies:
+        raise NotProved(f"{stated.title}: {len(solutions.poses)} assemblies, {stated.assemblies} expected")
     if stated.linkage is not None:
         value = float(stated.mechanism.drivers[0].laws[0](stated.times[0]))
         poses = {b: stated.linkage.assemble(value, b, driven=stated.driven) for b in Branch}
         rows = {b: np.concatenate([pose[body.name] for body in stated.mechanism.bodies]) for b, pose in poses.items()}
-        return [min(Branch, key=lambda b: _apart(system, q, system.to_unit(rows[b]))).value for q in found.poses]
-    if found.branches and all(found.branches) and len(set(found.branches)) == len(found.poses):
-        return ["-".join(SIDES[side] for side in sides) for sides in found.branches]
-    return ["only"] if len(found.poses) == 1 else [f"number {k + 1}" for k in range(len(found.poses))]
+        return [min(Branch, key=lambda b: _apart(system, q, system.to_unit(rows[b]))).value for q in solutions.poses]
+    if solutions.branches and all(solutions.branches) and len(set(solutions.branches)) == len(solutions.poses):
+        return ["-".join(SIDES[side] for side in sides) for sides in solutions.branches]
+    return ["only"] if len(solutions.poses) == 1 else [f"number {k + 1}" for k in range(len(solutions.poses))]
 
 
-def _in_order(found: Assemblies) -> Assemblies:
+def _in_order(solutions: Assemblies) -> Assemblies:
     """Return assemblies that were found by search, in whatever order, sorted by their coordinates."""
-    if all(found.branches):
-        return found
-    return replace(found, poses=tuple(sorted(found.poses, key=lambda q: np.round(q, 6).tolist())))
+    if all(solutions.branches):
+        return solutions
+    return replace(solutions, poses=tuple(sorted(solutions.poses, key=lambda q: np.round(q, 6).tolist())))
 
 
-def _scene(stated: Stated, system: System, found: Assemblies, k: int, name: str) -> Scene:
+def _scene(stated: Stated, system: System, solutions: Assemblies, k: int, name: str) -> Scene:
     """Return the scene with estimates of the k-th assembly, as rough as the nearest other one allows."""
-    near = min((_apart(system, found.poses[k], q) for n, q in enumerate(found.poses) if n != k), default=1.0)
+    near = min((_apart(system, solutions.poses[k], q) for n, q in enumerate(solutions.poses) if n != k), default=1.0)
     decimals = max(2, math.ceil(-math.log10(min(near, 1.0) / 20)))
     lengths = decimals - math.floor(math.log10(system.unit.size))
-    metres = system.to_physical(found.poses[k])
+    metres = system.to_physical(solutions.poses[k])
     bodies = []
     for body in stated.mechanism.bodies:
         at = metres[system.columns(body.name)].tolist()

@@ -225,8 +225,8 @@ class Summary:
         notes = [f"{name} answered no scene" for name in engines if name not in answering]
         for engine, seen in sorted(self.versions.items()):
             if engine in versions and set(seen) != {versions[engine]}:
-                told = ", ".join(f"{v} ({n} answers)" for v, n in sorted(seen.items()))
-                notes.append(f"{engine}: the run names version {versions[engine]}, its answers come from {told}")
+                listed = ", ".join(f"{v} ({n} answers)" for v, n in sorted(seen.items()))
+                notes.append(f"{engine}: the run names version {versions[engine]}, its answers come from {listed}")
         if not self.run:
             notes.append("there is no run.json: seed, date and requirements are not known")
         if self.repeated:
@@ -239,8 +239,8 @@ class Summary:
         for (engine, _, quantity), cell in self.cells.items():
             bare[f"{engine} {quantity}"] += max(0, cell.judged - cell.digits.samples) if quantity in SOLVED else 0
         if bare.total():
-            told = ", ".join(f"{name} {count}" for name, count in sorted(bare.items()) if count)
-            notes.append(f"judged configurations without a finite number of digits: {told}")
+            listed = ", ".join(f"{name} {count}" for name, count in sorted(bare.items()) if count)
+            notes.append(f"judged configurations without a finite number of digits: {listed}")
         return notes
 
 

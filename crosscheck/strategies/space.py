@@ -97,13 +97,13 @@ class Pose:
 
     def add(self, kind: Any, name: str, i: str, j: str, point: Array, axis: Array = None, **more: Any) -> None:
         """Add a joint at a point, its axes along one direction; `zero_i`, `zero_j`, `axis_j` of the ground frame."""
-        told: dict[str, Any] = {"point_i": self.local(i, point), "point_j": self.local(j, more.pop("at_j", point))}
+        ends: dict[str, Any] = {"point_i": self.local(i, point), "point_j": self.local(j, more.pop("at_j", point))}
         if axis is not None:
-            told |= {"axis_i": self.turned(i, axis), "axis_j": self.turned(j, more.pop("axis_j", axis))}
+            ends |= {"axis_i": self.turned(i, axis), "axis_j": self.turned(j, more.pop("axis_j", axis))}
         for side, body in (("zero_i", i), ("zero_j", j)):
             if side in more:
-                told[side] = self.turned(body, more.pop(side))
-        self.joints.append(kind(name=name, body_i=i, body_j=j, **told, **more))
+                ends[side] = self.turned(body, more.pop(side))
+        self.joints.append(kind(name=name, body_i=i, body_j=j, **ends, **more))
 
 
 def joint_frame(axis: Array, zero: Array | None) -> Array:

@@ -279,11 +279,11 @@ def refkin_d23(given: Given) -> Values:
     motion = solve(Scene(mechanism=Mechanism(bodies, axles, tuple(drives)), times=(t,), points=(point,)))
     body = motion["body"]
     omega, alpha, s = body.omega[:, 0], body.alpha[:, 0], body.rotation[:, :, 0] @ np.array(point.position)
-    found = motion.points["P"]
+    path = motion.points["P"]
     by_formula = np.cross(omega, s), np.cross(alpha, s) + np.cross(omega, np.cross(omega, s))
-    assert found.v is not None
-    assert found.a is not None
-    for formula, ours in zip(by_formula, (found.v[:, 0], found.a[:, 0]), strict=True):
+    assert path.v is not None
+    assert path.a is not None
+    for formula, ours in zip(by_formula, (path.v[:, 0], path.a[:, 0]), strict=True):
         assert np.allclose(formula, ours, rtol=0.0, atol=1e-13)
     return {"velocity": list(map(float, by_formula[0])), "acceleration": list(map(float, by_formula[1]))}
 

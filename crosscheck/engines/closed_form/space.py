@@ -118,9 +118,9 @@ class Assembly:
     @cached_property
     def ties(self) -> list[Tie]:
         """The joints, with the laws of their drivers, and the distances that drivers hold."""
-        found = list(given(self.scene.mechanism))
-        laws = {(g.joint, g.kind): self._law(g) for g in found if g.joint}
-        return [self._tie(g, laws) for g in found if not g.joint]
+        conditions = list(given(self.scene.mechanism))
+        laws = {(g.joint, g.kind): self._law(g) for g in conditions if g.joint}
+        return [self._tie(g, laws) for g in conditions if not g.joint]
 
     def _law(self, g: Given) -> Jet:
         jet = law_jet(g.laws[0], self.scene.times, self.arithmetic)
@@ -214,11 +214,11 @@ class Assembly:
 
     def _solved(self, body: str, turning: Turning, rows: Sequence[tuple[Jet, Jet, Jet]]) -> bool:
         """Place a body that turns, from conditions P cos + Q sin = K, if these say enough."""
-        told = [row for row in rows if _least(np.hypot(midpoint(row[0].v), midpoint(row[1].v))) > ALIKE]
-        if len(told) > 1 and _together(told) > np.sqrt(ALIKE):
-            cos, sin = _least_squares(told)
-        elif told:
-            cos, sin = self._root(body, turning, *told[0])
+        clear = [row for row in rows if _least(np.hypot(midpoint(row[0].v), midpoint(row[1].v))) > ALIKE]
+        if len(clear) > 1 and _together(clear) > np.sqrt(ALIKE):
+            cos, sin = _least_squares(clear)
+        elif clear:
+            cos, sin = self._root(body, turning, *clear[0])
         else:
             return False
         self.placed[body] = turning.at(*on_circle(cos, sin))
@@ -229,9 +229,9 @@ class Assembly:
         square = whole - k * k
         self.roots.append(Root(body, square, square / whole))
         half = self._rooted(square)
-        found = [((p * k - q * s) / whole, (q * k + p * s) / whole) for s in (half, -half)]
-        sign = self._chosen(body, "turned", [turning.at(*pair) for pair in found])
-        return found[0] if sign > 0 else found[1]
+        roots = [((p * k - q * s) / whole, (q * k + p * s) / whole) for s in (half, -half)]
+        sign = self._chosen(body, "turned", [turning.at(*pair) for pair in roots])
+        return roots[0] if sign > 0 else roots[1]
 
     def _rooted(self, square: Jet) -> Jet:
         with np.errstate(all="ignore"):
@@ -320,11 +320,11 @@ class Assembly:
                 half = self._rooted(square)
                 moved = [frame.moved(axis.scaled(s - along)) for s in (half, -half)]
                 sign = self._chosen(body, "slid", moved)
-                found = moved[0] if sign > 0 else moved[1]
+                frame = moved[0] if sign > 0 else moved[1]
                 if turns:
-                    self.points[tie.name, side] = found.point(tie.points[side])
+                    self.points[tie.name, side] = frame.point(tie.points[side])
                 else:
-                    self.placed[body] = found
+                    self.placed[body] = frame
                 return not turns or self._deduce_turn(body, tie)
         return False
 

@@ -87,10 +87,10 @@ def _statuses(scene: Scene, assembly: Assembly, bits: int) -> tuple[Status, ...]
     lost_after = next((t[k] for k in first if _meets_zero(scene, assembly, t[k], t[k + 1])), np.inf)
     lost_after = min([lost_after, *t[absent | small][:1]])
     proved = _proved_absent(scene, assembly, bits) if absent.any() else absent
-    found = np.where(t > lost_after, Status.BRANCH_LOST, Status.OK)
-    found = np.where(small, Status.SINGULAR, found)
-    found = np.where(absent, np.where(proved, Status.UNASSEMBLABLE, Status.NOT_CONVERGED), found)
-    return tuple(Status(word) for word in found)
+    status = np.where(t > lost_after, Status.BRANCH_LOST, Status.OK)
+    status = np.where(small, Status.SINGULAR, status)
+    status = np.where(absent, np.where(proved, Status.UNASSEMBLABLE, Status.NOT_CONVERGED), status)
+    return tuple(Status(word) for word in status)
 
 
 def _meets_zero(scene: Scene, assembly: Assembly, start: float, end: float, halvings: int = FINER) -> bool:
@@ -143,7 +143,7 @@ def _gap(hold: Hold, placed: dict[str, Frame], count: int) -> Array:
     across = np.abs(np.einsum("it,ijt->jt", d, axes[:, :2])).max(axis=0)
     apart = np.abs(d).max(axis=0)
     off = np.linalg.norm(other[:, 2] - h, axis=0)
-    told = {
+    errors = {
         "distance": lambda: np.abs(np.linalg.norm(d, axis=0) - hold.length),
         "spherical": lambda: apart,
         "universal": lambda: np.maximum(apart, np.abs(np.sum(h * other[:, 2], axis=0))),
@@ -155,4 +155,4 @@ def _gap(hold: Hold, placed: dict[str, Frame], count: int) -> Array:
         "fixed": lambda: np.maximum(apart, np.abs(other - axes).max(axis=(0, 1))),
         "prismatic": lambda: np.maximum(across, np.abs(other - axes).max(axis=(0, 1))),
     }
-    return told.get(hold.kind, lambda: np.maximum(across, off))()
+    return errors.get(hold.kind, lambda: np.maximum(across, off))()
