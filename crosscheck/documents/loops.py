@@ -2,7 +2,7 @@
 
 Links 2, 3, 4 of a four-bar are crank, coupler and rocker; theta are angles against the fixed x axis [rad]. An input is
 a number or a law of time: with `Polynomial(coefficients=(0.0, 1.0))` time is the input itself. Lengths may be in any
-one unit. The names of the method itself (`crosscheck.engines.vector_loop`) are here as well.
+one unit. `crosscheck.engines.vector_loop` is the method itself.
 """
 
 from __future__ import annotations
@@ -10,42 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from enum import StrEnum
 
-from crosscheck.engines.vector_loop import (
-    AngleRelation,
-    LoopMarch,
-    LoopSystem,
-    Minimum,
-    MinimumStatus,
-    Variable,
-    Vector,
-    close,
-    march,
-    minimise,
-    with_new_estimates,
-)
+from crosscheck.engines.vector_loop import LoopSystem, Variable, Vector
 from crosscheck.engines.vector_loop.vectors import variable
 from refkin.motion_laws import Law
-
-__all__ = [
-    "RAPIER_LENGTHS",
-    "AngleRelation",
-    "LoopMarch",
-    "LoopSystem",
-    "Minimum",
-    "MinimumStatus",
-    "RapierReading",
-    "Variable",
-    "Vector",
-    "close",
-    "four_bar",
-    "inverted_slider_crank",
-    "march",
-    "minimise",
-    "rapier",
-    "slider_crank",
-    "slotted",
-    "with_new_estimates",
-]
 
 Input = Law | float
 

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import random
 from collections.abc import Sequence
-from dataclasses import dataclass, fields, is_dataclass, replace
+from dataclasses import dataclass, replace
 from math import inf, nextafter
 from typing import Any
 
@@ -21,7 +21,7 @@ from crosscheck.engines import QUANTITIES
 from crosscheck.judge.comparison import Reference
 from crosscheck.judge.running_error import U
 from refkin.motion_laws import Table
-from refkin.proof.numbers.exact import exact_system
+from refkin.proof.numbers.exact import by_parts, exact_system
 from refkin.system import System, compile_system
 
 BITS = 160
@@ -70,8 +70,8 @@ def attainable_by_inputs(ref: Reference, lanes: Sequence[int]) -> Any:
     here = _corrections(ref.system, levels, times)
     largest_change = np.zeros_like(here)
     for _ in range(DRAWS):
-        mechanism = replace(ref.scene.mechanism, **_nudged_parts(ref.scene.mechanism, numbers))
-        system = compile_system(mechanism, unit=ref.system.unit)
+        moved = {key: nudged(getattr(ref.scene.mechanism, key), numbers) for key in ("joints", "drivers")}
+        system = compile_system(replace(ref.scene.mechanism, **moved), unit=ref.system.unit)
         there = _corrections(system, levels, np.clip(nudged(times, numbers), *ref.motion.t[[0, -1]]).tolist())
         largest_change = np.maximum(largest_change, np.abs(there - here))
     largest = np.abs(levels) == np.max(np.abs(levels), axis=1, keepdims=True)
@@ -82,12 +82,8 @@ def nudged(item: Any, numbers: random.Random) -> Any:
     """Return a number, tuple or dataclass with every float in it moved by one ulp up or down; zeros stay."""
     if isinstance(item, float) and item != 0.0:
         return nextafter(item, inf if numbers.random() < 0.5 else -inf)
-    if isinstance(item, tuple):
-        return tuple(nudged(part, numbers) for part in item)
-    if is_dataclass(item) and not isinstance(item, type):
-        moved = replace(item, **{f.name: nudged(getattr(item, f.name), numbers) for f in fields(item) if f.init})
-        return _same_ends(moved, item) if isinstance(item, Table) else moved
-    return item
+    moved = by_parts(item, lambda part: nudged(part, numbers))
+    return _same_ends(moved, item) if isinstance(item, Table) else moved
 
 
 def _same_ends(moved: Any, table: Table) -> Any:
@@ -95,10 +91,6 @@ def _same_ends(moved: Any, table: Table) -> Any:
     argument = (table.argument[0], *moved.argument[1:-1], table.argument[-1])
     value = (*moved.value[:-1], moved.value[0]) if table.periodic else moved.value
     return replace(moved, argument=argument, value=value)
-
-
-def _nudged_parts(mechanism: Any, numbers: random.Random) -> dict[str, Any]:
-    return {key: nudged(getattr(mechanism, key), numbers) for key in ("joints", "drivers")}
 
 
 def _corrections(system: System, levels: Sequence[Any], times: Sequence[float]) -> Any:

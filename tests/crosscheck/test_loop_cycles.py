@@ -9,7 +9,7 @@ import pytest
 
 from crosscheck.documents import loops
 from crosscheck.documents.convergence import BothLargest
-from crosscheck.engines import march
+from crosscheck.engines import march, vector_loop
 from crosscheck.engines.march import connected
 from refkin.differences import EPS, Scheme, jacobian
 from refkin.motion import Status
@@ -24,7 +24,7 @@ GUESS = np.array([*np.radians([200.0, 80.0, 180.0]), 400.0])
 
 def cycle(reading, stop=360.0, count=361):
     times = np.radians(np.linspace(60.0, 60.0 + stop, count))
-    return loops.march(loops.rapier(reading, ANGLE), times, GUESS)
+    return vector_loop.march(loops.rapier(reading, ANGLE), times, GUESS)
 
 
 def test_reading_r1_turns_a_full_revolution_with_its_stroke():
@@ -45,8 +45,8 @@ def test_reading_r2_stops_where_its_jacobian_vanishes():
     motion = cycle("R2", 100.0, 101)
     near = np.append(motion.q[:, motion.reached - 1], motion.t[motion.reached - 1])
     fold = newton(limit, lambda x: jacobian(limit, x, Scheme.CENTRAL), near, stop=BothLargest(1e-9, 1e-9)).q[4]
-    just_before = loops.march(system, [near[4], fold - 1e-6], near[:4])
-    just_beyond = loops.march(system, [near[4], fold + 1e-6], near[:4])
+    just_before = vector_loop.march(system, [near[4], fold - 1e-6], near[:4])
+    just_beyond = vector_loop.march(system, [near[4], fold + 1e-6], near[:4])
 
     assert math.degrees(fold) == pytest.approx(149.617, abs=5e-4)
     assert motion.reached == 90
@@ -57,8 +57,8 @@ def test_reading_r2_stops_where_its_jacobian_vanishes():
 def test_rates_of_the_cycle_are_those_of_its_positions():
     """Periodic and smooth: Fourier differentiation of 512 positions is exact to round-off times the wave number."""
     times = np.linspace(0.0, math.tau, 513)[:-1]
-    start = loops.march(loops.rapier("R1", ANGLE), [math.radians(60.0), math.tau], GUESS).q[:, -1]
-    motion = loops.march(loops.rapier("R1", ANGLE), times, start)
+    start = vector_loop.march(loops.rapier("R1", ANGLE), [math.radians(60.0), math.tau], GUESS).q[:, -1]
+    motion = vector_loop.march(loops.rapier("R1", ANGLE), times, start)
     waves = 1j * np.fft.fftfreq(512, 1.0 / 512)
     first = np.fft.ifft(waves * np.fft.fft(motion.q)).real
     second = np.fft.ifft(waves**2 * np.fft.fft(motion.q)).real
@@ -71,7 +71,7 @@ def test_rates_of_the_cycle_are_those_of_its_positions():
 def signs_of_a_cycle_near_a_change_point(sign):
     """A crank-rocker with a slack of 1e-8: its assemblies pass each other at some 1e-4 rad."""
     system = loops.four_bar(4.0, 1.0, 2.5, 5.5 - 1e-8, ANGLE)
-    motion = loops.march(system, np.linspace(0.3, 0.3 + math.tau, 73), [sign * 1.0, sign * 1.5])
+    motion = vector_loop.march(system, np.linspace(0.3, 0.3 + math.tau, 73), [sign * 1.0, sign * 1.5])
 
     assert set(motion.status) == {Status.OK}
     return set(np.sign(np.sin(motion.q[1] - motion.q[0])))

@@ -11,6 +11,7 @@ import pytest
 
 from crosscheck.documents import loops
 from crosscheck.documents.systems import SquareSystem, me581, metu, shabana
+from crosscheck.engines import vector_loop
 from crosscheck.engines.march import connected
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
 from refkin.differences import Scheme, jacobian
@@ -26,7 +27,7 @@ ROUNDING = 64 * U
 AT = 0.6
 
 
-def systems() -> list[tuple[str, loops.LoopSystem, SquareSystem | None]]:
+def systems() -> list[tuple[str, vector_loop.LoopSystem, SquareSystem | None]]:
     """Return mechanisms as vectors, and the same equations at one time as the documents write them out, if they do."""
     given = float(LAW(AT))
     lengths = (0.3, 0.25, 0.9, 0.6, -0.5, 0.4)
@@ -53,7 +54,7 @@ def systems() -> list[tuple[str, loops.LoopSystem, SquareSystem | None]]:
     ]
 
 
-def geared() -> loops.LoopSystem:
+def geared() -> vector_loop.LoopSystem:
     """Return a five-bar whose first and last links are geared to each other: a loop and a relation."""
     first, second, third = (Variable(unknown=name) for name in ("a", "b", "c"))
     turned = Variable(0.3, laws=((1.0, LAW),))
@@ -64,7 +65,9 @@ def geared() -> loops.LoopSystem:
         Vector(-1.1, angle=third),
         Vector(-2.0),
     )
-    return loops.LoopSystem(("a", "b", "c"), [loop], [loops.AngleRelation(((0.5, third), (0.8, turned)), 0.25)])
+    return vector_loop.LoopSystem(
+        ("a", "b", "c"), [loop], [vector_loop.AngleRelation(((0.5, third), (0.8, turned)), 0.25)]
+    )
 
 
 def some(n: int, seed: int = 3) -> Any:
@@ -122,7 +125,7 @@ def test_rates_are_the_derivatives():
         assert_near(left, (ends[0] - ends[1]) / (2 * h), 1e-8 * system.scale, f"{name}: gamma")
 
 
-def _rate(system: loops.LoopSystem, q: Any, qd: Any, t: float) -> Any:
+def _rate(system: vector_loop.LoopSystem, q: Any, qd: Any, t: float) -> Any:
     return system.jacobian(q, t) @ qd - system.nu(q, t)
 
 
@@ -169,25 +172,27 @@ def test_poses_close_in_either_form():
     start = [math.radians(a) for a in (200.0, 80.0, 180.0)] + [400.0]
     for reading in ("R1", "R2"):
         system = loops.rapier(reading, math.radians(60.0))
-        real, pair = (loops.close(system, start, complex_form=form) for form in (False, True))
-        least = loops.minimise(system, start)
+        real, pair = (vector_loop.close(system, start, complex_form=form) for form in (False, True))
+        least = vector_loop.minimise(system, start)
         assert real.converged, f"{reading}: {real.status}, {pair.status}"
         assert pair.converged, f"{reading}: {real.status}, {pair.status}"
-        assert least.status is loops.MinimumStatus.ROOT, f"{reading}: {least.status}"
+        assert least.status is vector_loop.MinimumStatus.ROOT, f"{reading}: {least.status}"
         assert_near(pair.q, real.q, 1e-10, f"{reading}: complex form")
         assert_near(least.q, real.q, 1e-10, f"{reading}: least squares")
-    beyond = loops.minimise(loops.rapier("R2", math.radians(160.0)), start)
-    assert beyond.status is loops.MinimumStatus.STALLED, f"beyond the limit: {beyond.status}"
+    beyond = vector_loop.minimise(loops.rapier("R2", math.radians(160.0)), start)
+    assert beyond.status is vector_loop.MinimumStatus.STALLED, f"beyond the limit: {beyond.status}"
     assert beyond.gap > 1.0, f"beyond the limit: {beyond.status}"
 
 
 def test_a_march_ends_where_the_branch_does():
     """A crank that turns fully is followed around; one that is led over its limit is followed there, and no further."""
     turn = Polynomial(coefficients=(0.0, 1.0))
-    whole = loops.march(loops.four_bar(4.0, 1.0, 3.5, 1.55, turn), np.linspace(0.0, math.tau, 5).tolist(), [0.6, 1.9])
+    whole = vector_loop.march(
+        loops.four_bar(4.0, 1.0, 3.5, 1.55, turn), np.linspace(0.0, math.tau, 5).tolist(), [0.6, 1.9]
+    )
     assert whole.reached == 5, f"{whole.reached} of 5 times"
     assert_near(whole.q[:, -1] % math.tau, whole.q[:, 0] % math.tau, 1e-12, "back at the start")
-    swing = loops.march(loops.four_bar(0.9, 0.3, 0.6, 0.45, turn), [0.0, 1.5, 1.95, 1.96, 2.5], [0.6, 1.9])
+    swing = vector_loop.march(loops.four_bar(0.9, 0.3, 0.6, 0.45, turn), [0.0, 1.5, 1.95, 1.96, 2.5], [0.6, 1.9])
     assert swing.reached == 3, f"{swing.reached} times reached, of which 3 lie before the limit 1.9552"
     assert swing.status[3] is Status.NOT_CONVERGED, "a pose beyond the limit"
     assert np.isnan(swing.q[:, 3:]).all(), "a pose beyond the limit"
@@ -196,11 +201,11 @@ def test_a_march_ends_where_the_branch_does():
 def test_new_estimates_are_taken_where_the_slope_vanishes():
     """One estimate after the other is used while the derivative vanishes, and no longer."""
     system = me581.quadratic()
-    runs = loops.with_new_estimates(*system, [2.0, 5.0, 1.0])
+    runs = vector_loop.with_new_estimates(*system, [2.0, 5.0, 1.0])
     assert [r.converged for r in runs] == [False, True], f"{[r.status for r in runs]}"
-    assert len(loops.with_new_estimates(*system, [5.0, 2.0])) == 1, "an estimate was used after a root"
+    assert len(vector_loop.with_new_estimates(*system, [5.0, 2.0])) == 1, "an estimate was used after a root"
     with pytest.raises(ValueError, match="estimates"):
-        loops.with_new_estimates(*system, [])
+        vector_loop.with_new_estimates(*system, [])
 
 
 def test_branches_are_told_apart_by_their_jacobians():

@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 import crosscheck.engines.vector_loop
 from crosscheck.documents import loops
 from crosscheck.documents.convergence import BothLargest, ResidualOrCorrection, newton_order
+from crosscheck.engines import vector_loop
 from crosscheck.engines.vector_loop.solving import MinimumStatus
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Sinusoid
@@ -76,7 +77,7 @@ def test_the_determinant_is_that_of_the_transmission_angle():
 
 
 def test_the_other_estimate_leads_to_the_crossed_assembly():
-    closure = loops.close(c4(), np.radians([300.0, 200.0]))
+    closure = vector_loop.close(c4(), np.radians([300.0, 200.0]))
 
     assert np.degrees(closure.q) == pytest.approx((308.10118075, 206.42490948), abs=1e-8)
 
@@ -103,7 +104,7 @@ def slotted():
 def test_the_slotted_mechanism_converges_as_recorded(complex_form):
     """From (0.05, -0.04, 0.03) off: 7.1e-3, 1.2e-4, 3.9e-8, 4.0e-15, the last at round-off."""
     system, root = slotted()
-    closure = loops.close(system, root + np.array([0.05, -0.04, 0.03, -0.02]), complex_form=complex_form)
+    closure = vector_loop.close(system, root + np.array([0.05, -0.04, 0.03, -0.02]), complex_form=complex_form)
     errors = np.max(np.abs(closure.iterates - root), axis=1)
 
     assert [float(f"{e:.1e}") for e in errors[1:4]] == [7.1e-3, 1.2e-4, 3.9e-8]
@@ -119,7 +120,7 @@ RAPIER = {
 @pytest.mark.parametrize("complex_form", [False, True], ids=["real", "complex"])
 @pytest.mark.parametrize("reading", RAPIER)
 def test_the_rapier_drive_at_sixty_degrees(reading, complex_form):
-    closure = loops.close(loops.rapier(reading, math.radians(60.0)), GUESS, complex_form=complex_form)
+    closure = vector_loop.close(loops.rapier(reading, math.radians(60.0)), GUESS, complex_form=complex_form)
 
     assert closure.converged
     assert (*np.degrees(closure.q.real[:3]), closure.q.real[3]) == pytest.approx(RAPIER[reading], abs=2e-12, rel=1e-14)
@@ -127,7 +128,7 @@ def test_the_rapier_drive_at_sixty_degrees(reading, complex_form):
 
 
 def test_newton_on_the_rapier_loops_has_order_two():
-    closure = loops.close(loops.rapier("R1", math.radians(60.0)), GUESS)
+    closure = vector_loop.close(loops.rapier("R1", math.radians(60.0)), GUESS)
     errors = np.max(np.abs(closure.iterates - closure.q)[:, :3], axis=1)
 
     assert newton_order(errors, basin=0.15).is_near(2.0, 0.15)
@@ -143,25 +144,25 @@ def test_a_stalled_minimum_is_no_root_and_tells_the_gap(angle, q0):
     system = loops.four_bar(90.0, 30.0, 60.0, 45.0, angle)
     distance = 90.0 - 30.0 * complex(math.cos(angle), math.sin(angle))
     straight = math.atan2(distance.imag, distance.real)
-    minimum = loops.minimise(system, [straight + q0[0], straight + math.pi + q0[1]])
+    minimum = vector_loop.minimise(system, [straight + q0[0], straight + math.pi + q0[1]])
 
     assert minimum.status is MinimumStatus.STALLED
     assert minimum.gap == pytest.approx(abs(distance) - 105.0, abs=1e-9)
 
 
 def test_an_evaluation_limit_is_not_called_a_minimum():
-    assert loops.minimise(c4(), [2.0, -1.0], max_evaluations=2).status is MinimumStatus.ITERATION_LIMIT
+    assert vector_loop.minimise(c4(), [2.0, -1.0], max_evaluations=2).status is MinimumStatus.ITERATION_LIMIT
 
 
 def test_links_in_one_line_are_such_an_estimate():
     system = c4()
-    tried = loops.with_new_estimates(system.residual, system.jacobian, [[0.0, 0.0], np.radians([0.0, 90.0])])
+    tried = vector_loop.with_new_estimates(system.residual, system.jacobian, [[0.0, 0.0], np.radians([0.0, 90.0])])
 
     assert [r.status for r in tried] == [NewtonStatus.SINGULAR, NewtonStatus.CONVERGED]
 
 
 def test_all_estimates_may_be_used_up():
-    tried = loops.with_new_estimates(lambda x: x * x + 4, lambda x: 2 * x, [0.0, 0.0])
+    tried = vector_loop.with_new_estimates(lambda x: x * x + 4, lambda x: 2 * x, [0.0, 0.0])
 
     assert [r.status for r in tried] == [NewtonStatus.SINGULAR] * 2
 
@@ -195,9 +196,9 @@ def test_the_three_outcomes_of_the_document_are_statuses(start, status):
         (lambda: loops.four_bar(4.0, 1.0, 3.5, 3.0, 0.0, driven="theta1"), "driven: expected one of theta2"),
         (lambda: loops.rapier("R1", 0.0, a9=1.0), "expected lengths among a1"),
         (lambda: loops.rapier("R3", 0.0), "R3"),
-        (lambda: loops.LoopSystem(("x",), [[loops.Vector(1.0)]]), "expected 1 equations for"),
-        (lambda: loops.LoopSystem(("x", "y"), [[loops.Vector(1.0)]]), "which the loops contain"),
-        (lambda: loops.with_new_estimates(math.cos, math.sin, []), "estimates: expected at least one"),
+        (lambda: vector_loop.LoopSystem(("x",), [[vector_loop.Vector(1.0)]]), "expected 1 equations for"),
+        (lambda: vector_loop.LoopSystem(("x", "y"), [[vector_loop.Vector(1.0)]]), "which the loops contain"),
+        (lambda: vector_loop.with_new_estimates(math.cos, math.sin, []), "estimates: expected at least one"),
     ],
 )
 def test_a_request_without_sense_is_refused_in_words(build, words):

@@ -11,6 +11,7 @@ import pytest
 
 from crosscheck.documents import loops
 from crosscheck.documents.moving_points import point_parts
+from crosscheck.engines import vector_loop
 from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.errors import NotCalledFor
@@ -32,7 +33,7 @@ LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 STEP = 1e-100
 
 
-def motions() -> list[tuple[Scene, loops.LoopSystem, Any, Any]]:
+def motions() -> list[tuple[Scene, vector_loop.LoopSystem, Any, Any]]:
     """Return scenes of linkages, the same as loops, an estimate for these, and what of a motion they answer."""
     slider, lever = SliderCrank(crank=1.0, rod=3.0, offset=0.4), InvertedSliderCrank(ground=3.0, crank=1.2, offset=0.25)
     return [
@@ -63,7 +64,7 @@ def motions() -> list[tuple[Scene, loops.LoopSystem, Any, Any]]:
 def test_motions_are_those_of_the_loops():
     """Position, velocity and acceleration of linkages are those of their vector loops, which share nothing."""
     for scene, system, start, read in motions():
-        motion, marched = solve(scene), loops.march(system, TIMES, start)
+        motion, marched = solve(scene), vector_loop.march(system, TIMES, start)
         assert motion.verdict is Status.OK, f"{scene.name}: {motion.verdict}"
         for level, expected in (("", marched.q), ("d", marched.qd), ("dd", marched.qdd)):
             result = np.array(read(motion, level))

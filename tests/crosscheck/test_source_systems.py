@@ -12,6 +12,7 @@ from crosscheck.documents import loops
 from crosscheck.documents.convergence import ObservedKind, linear_rate, newton_order, slope
 from crosscheck.documents.systems import me451, me581, metu, printed, shabana
 from crosscheck.documents.systems.shabana import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
+from crosscheck.engines import vector_loop
 from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Polynomial
@@ -181,7 +182,7 @@ def test_the_coupled_loops_close_in_real_and_in_complex_form_as_the_document_wri
     plain = newton(*metu.slotted(m), CLOSED + OFF).q
 
     for form in (False, True):
-        assert loops.close(vectors, CLOSED + OFF, complex_form=form).q == pytest.approx(plain, abs=1e-14)
+        assert vector_loop.close(vectors, CLOSED + OFF, complex_form=form).q == pytest.approx(plain, abs=1e-14)
     assert plain == pytest.approx(CLOSED, abs=1e-15)
 
 

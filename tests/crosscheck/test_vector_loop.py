@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 import refkin
 from crosscheck.documents import loops
-from crosscheck.engines import EngineError, Level, Support, load
+from crosscheck.engines import EngineError, Level, Support, load, vector_loop
 from crosscheck.engines.vector_loop.engine import ROUTE, VectorLoop
 from crosscheck.engines.vector_loop.reading import read
 from crosscheck.judge.comparison import compare, reference
@@ -111,7 +111,7 @@ def test_the_documents_own_loops_and_those_read_from_the_scene_are_one_motion(re
     times = np.radians(np.linspace(60.0, 140.0, 9))
     read_from_scene = VectorLoop().solve(rapier(reading, times))
     start = [*np.radians([200.0, 80.0, 180.0]), 400.0]
-    own = loops.march(loops.rapier(reading, Polynomial(coefficients=(0.0, 1.0))), times, start)
+    own = vector_loop.march(loops.rapier(reading, Polynomial(coefficients=(0.0, 1.0))), times, start)
     c0_or_a0 = -623.0 if reading == "R1" else 0.0
     rows = [*(read_from_scene[body].phi for body in ("coupler", "lever", "rocker"))]
     rows.append(read_from_scene["rapier"].x + 1100.0 - c0_or_a0)

@@ -12,6 +12,7 @@ from crosscheck.documents.convergence import BothLargest, slope
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, History
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.systems import SquareSystem, me581
+from crosscheck.engines import vector_loop
 from refkin.differences import Scheme, jacobian
 from refkin.newton import newton
 from refkin.scenes.linkages import FourBar
@@ -81,7 +82,7 @@ def loops_c4(given: Given) -> Values:
     """The limit with the loop as vectors."""
     r1, r2, r3, r4 = (float(r) for r in given["r"])
     system = loops.four_bar(r1, r2, r3, r4, math.radians(float(given["theta2"])))
-    return {"limit": list(np.degrees(loops.close(system, estimate(Binary64())).q))}
+    return {"limit": list(np.degrees(vector_loop.close(system, estimate(Binary64())).q))}
 
 
 def refkin_c4(given: Given) -> Values:

@@ -13,6 +13,7 @@ from crosscheck.documents.convergence import ResidualOrCorrection
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64, NoRoot
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.systems import SquareSystem, me581, metu, printed
+from crosscheck.engines import vector_loop
 from refkin.differences import Scheme, jacobian
 from refkin.motion_laws import Polynomial
 from refkin.newton import NewtonResult, newton
@@ -83,7 +84,7 @@ def loops_b2(given: Given) -> Values:
     n = Binary64()
     m, pose, start = coupled(n, given)
     system = loops.slotted(m.a1, m.a2, m.a4, m.a5, m.b1, m.c1, m.theta12)
-    runs = [loops.close(system, start, complex_form=form) for form in (False, True)]
+    runs = [vector_loop.close(system, start, complex_form=form) for form in (False, True)]
     errors = [[float(np.max(np.abs(q - pose))) for q in r.iterates[:5]] for r in runs]
     return {"error": errors[0], "error in complex form": errors[1]}
 
@@ -150,16 +151,16 @@ def loops_b5(given: Given) -> Values:
     start, at = guess(n, given), math.radians(float(given["theta12"]))
     values: Values = {}
     for name in ("R1", "R2"):
-        result = loops.close(loops.rapier(name, at), start)
+        result = vector_loop.close(loops.rapier(name, at), start)
         values[name] = [*np.degrees(result.q[:3]), result.q[3]]
         values[f"{name}: iterations"] = result.iterations
     turn = Polynomial(coefficients=(at, 1.0))
     times = np.linspace(0.0, math.tau, 721).tolist()
-    whole = loops.march(loops.rapier("R1", turn), times, start)
+    whole = vector_loop.march(loops.rapier("R1", turn), times, start)
     values["R1: times reached of a turn"] = whole.reached
     values["R1: stroke"] = float(np.ptp(whole.q[3]))
     quarters = np.linspace(0.0, math.tau, 1441).tolist()
-    part = loops.march(loops.rapier("R2", turn), quarters, start)
+    part = vector_loop.march(loops.rapier("R2", turn), quarters, start)
     values["R2: last theta12 reached"] = math.degrees(at + quarters[part.reached - 1])
     return values
 
@@ -239,7 +240,7 @@ def b6(n: Arithmetic, given: Given) -> Values:
         return {}
     test = ResidualOrCorrection(1e-9, 1e-9)
     quadratic = me581.quadratic()
-    runs = loops.with_new_estimates(*quadratic, [2.0, 5.0], stop=test)
+    runs = vector_loop.with_new_estimates(*quadratic, [2.0, 5.0], stop=test)
     none = newton(lambda x: x * x + 4, lambda x: 2 * x, 5.0, stop=test, max_iterations=25)
     return {
         "status": [newton(*quadratic, 5.0, stop=test).status.name, runs[0].status.name, none.status.name],
@@ -256,7 +257,7 @@ def b7(n: Arithmetic, given: Given) -> Values:
     values: Values = {"R1": [*(angle / degree for angle in q[:3]), q[3]]}
     if isinstance(n, Binary64):
         beyond = math.radians(float(given["beyond the limit of R2"]))
-        stalled = loops.minimise(loops.rapier("R2", beyond), guess(n, given))
+        stalled = vector_loop.minimise(loops.rapier("R2", beyond), guess(n, given))
         values["beyond the limit: status"] = stalled.status.name
         values["beyond the limit: gap in mm"] = stalled.gap
     return values
@@ -265,5 +266,5 @@ def b7(n: Arithmetic, given: Given) -> Values:
 def loops_b7(given: Given) -> Values:
     """The same root by minimising the sum of squared closure errors of the loops as vectors."""
     n = Binary64()
-    minimum = loops.minimise(loops.rapier("R1", math.radians(float(given["theta12"]))), guess(n, given))
+    minimum = vector_loop.minimise(loops.rapier("R1", math.radians(float(given["theta12"]))), guess(n, given))
     return {"R1": [*np.degrees(minimum.q[:3]), minimum.q[3]], "status": minimum.status.name}

@@ -12,6 +12,7 @@ from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.me451 import Given, Values
 from crosscheck.documents.moving_points import point_parts, rod_and_block
 from crosscheck.documents.systems import printed, shabana
+from crosscheck.engines import vector_loop
 from refkin.analysis import acceleration, velocity
 from refkin.joints import GROUND, AngleDriver, Fixed, Revolute, XDriver
 from refkin.model import Body, Mechanism
@@ -94,7 +95,7 @@ def loops_d5(given: Given) -> Values:
     law = Polynomial(coefficients=(at, rate, second / 2))
     l2, l3, h = numbers(n, given, "l2", "l3", "h")
     system = loops.slider_crank(l2, l3, h, law)
-    q = loops.close(system, [0.0, 0.4]).q
+    q = vector_loop.close(system, [0.0, 0.4]).q
     qd = system.velocity(q, 0.0)
     return {"theta3', x'": qd, "theta3'', x''": system.acceleration(q, qd, 0.0)}
 
@@ -165,7 +166,7 @@ def loops_d7(given: Given) -> Values:
     law = Polynomial(coefficients=(at, rate, second / 2))
     l1, l2 = numbers(n, given, "l1", "l2")
     system = loops.inverted_slider_crank(l1, l2, 0.0, law)
-    q = loops.close(system, n.vector(given["estimate"])).q
+    q = vector_loop.close(system, n.vector(given["estimate"])).q
     qd = system.velocity(q, 0.0)
     return {"theta3, x": q, "theta3', x'": qd, "theta3'', x''": system.acceleration(q, qd, 0.0)}
 

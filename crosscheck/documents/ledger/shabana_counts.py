@@ -22,19 +22,18 @@ from refkin.joints import (
     Revolute,
     SpatialAngleDriver,
     SpatialRevolute,
-    Spherical,
     Triple,
     YDriver,
 )
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
-from refkin.scenes.linkages import SliderCrank
+from refkin.scenes.linkages import RSSR, SliderCrank
 from refkin.solving.mobility import count, gruebler, mobility
 from refkin.solving.solve import solve
 from refkin.system import compile_system
 
 STILL = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
-RSSR = (
+JOINTS_OF_RSSR = (
     ("revolute", GROUND, "input"),
     ("spherical", "input", "coupler"),
     ("spherical", "coupler", "output"),
@@ -69,8 +68,10 @@ def d2(n: Arithmetic, given: Given) -> Values:
 
 def refkin_d2(given: Given) -> Values:
     """The count by kinds of joints, with the spin that moves nothing else; and the rank at a pose of one."""
-    counted = gruebler(RSSR, "spatial")
-    of_rank = mobility(ONE_RSSR.mechanism, solve(ONE_RSSR).q[:, 0])
+    counted = gruebler(JOINTS_OF_RSSR, "spatial")
+    linkage = RSSR(crank=1.0, coupler=3.0, rocker=2.0, pivot=(2.5, -0.5, 0.75), axis=(1.0, 0.0, 0.25))
+    scene = linkage.scene(speed=1.0, samples=2)
+    of_rank = mobility(scene.mechanism, solve(scene).q[:, 0])
     return {
         "coordinates": counted.coordinates * counted.bodies,
         "equations": counted.equations,
@@ -89,26 +90,6 @@ def _axle(name: str, i: str, j: str, axis: Triple, zero: Triple, at: Triple = (0
 
 def _turned_by(joint: str, law: Polynomial) -> SpatialAngleDriver:
     return SpatialAngleDriver(name=f"motor of {joint}", joint=joint, law=law)
-
-
-def _rssr() -> Scene:
-    crank, coupler = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0), (1.0, 0.0, 0.0, 0.9, 0.1, 0.3, -0.2)
-    origin, tip = (0.0, 0.0, 0.0), (1.0, 0.0, 0.0)
-    balls = (
-        Spherical(name="S1", body_i="crank", point_i=tip, body_j="coupler", point_j=origin),
-        Spherical(name="S2", body_i="coupler", point_i=(3.0, 0.0, 0.0), body_j="rocker", point_j=(0.0, 2.0, 0.0)),
-    )
-    axles = (
-        _axle("R1", GROUND, "crank", (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
-        _axle("R2", GROUND, "rocker", (1.0, 0.0, 0.25), (0.0, 1.0, 0.0), (2.5, -0.5, 0.75)),
-    )
-    estimates = {"crank": crank, "coupler": coupler, "rocker": (2.5, -0.5, 0.75, 1.0, 0.0, 0.0, 0.0)}
-    bodies = tuple(Body(name=name, estimate=at) for name, at in estimates.items())
-    drive = _turned_by("R1", Polynomial(coefficients=(0.4,)))
-    return Scene(mechanism=Mechanism(bodies, (axles[0], *balls, axles[1]), (drive,)), times=(0.0,))
-
-
-ONE_RSSR = _rssr()
 
 
 def d20(n: Arithmetic, given: Given) -> Values:
