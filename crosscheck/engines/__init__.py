@@ -22,7 +22,7 @@ from importlib import import_module
 from importlib.metadata import entry_points
 from importlib.util import module_from_spec, spec_from_file_location
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, Self, runtime_checkable
+from typing import Any, ClassVar, NamedTuple, Protocol, Self, runtime_checkable
 
 import numpy as np
 from numpy.typing import NDArray
@@ -157,28 +157,71 @@ class Switch(NamedTuple):
     switch: Callable[[Any], None]
 
 
-class WithEffects:
-    """An adapter in whose models one physical effect may be switched on, for the ledger of effects.
+class Adapter:
+    """What the adapters of engines say of them: by class attributes; and one physical effect that may be switched on.
 
     Parameters
     ----------
     effect : str, optional
-        One of the adapter's `effects`, switched on in every model that solves.
+        One of the adapter's `effects`, switched on in every model that solves, for the ledger of effects.
+
+    Attributes
+    ----------
+    package : module
+        The engine's package.
+    solving, shipped, special, dynamic : tuple of Route
+        Routes, best first; those with the engine's own settings, of hard cases; those through features that are
+        avoided elsewhere; those through its dynamics, which answer no scene but may feel an effect.
+    table : mapping
+        What it can express.
+    effects, missing : mapping
+        Physical effect -> how it is switched on; why there is none.
     """
 
     api = API
+    package: Any
+    solving: tuple[Route, ...]
+    shipped: tuple[Route, ...] = ()
+    special: tuple[Route, ...] = ()
+    dynamic: tuple[Route, ...] = ()
+    table: Capabilities
     effects: Mapping[str, Switch]
+    missing: ClassVar[Mapping[str, str]] = {}
 
     def __init__(self, effect: str | None = None) -> None:
         self.effect = effect
+
+    def version(self) -> str:
+        """Return the version of the engine's package."""
+        return str(self.package.__version__)
+
+    def routes(self) -> Sequence[Route]:
+        """Return the routes of every night."""
+        return self.solving
+
+    def discovery(self) -> Sequence[Route]:
+        """Return the routes of hard cases alone."""
+        return self.shipped
+
+    def features(self) -> Sequence[Route]:
+        """Return the routes through features."""
+        return self.special
+
+    def dynamic_routes(self) -> Sequence[Route]:
+        """Return the routes through the engine's dynamics."""
+        return self.dynamic
+
+    def capabilities(self) -> Capabilities:
+        """Return what it can express."""
+        return self.table
 
     def physical_effects(self) -> Mapping[str, str]:
         """Return what the engine can simulate beside kinematics, and how it is switched on."""
         return {name: effect.description for name, effect in self.effects.items()}
 
     def missing_effects(self) -> Mapping[str, str]:
-        """Return nothing: the engine has them all."""
-        return {}
+        """Return what it cannot simulate, and why."""
+        return self.missing
 
     def with_effect(self, effect: str) -> Self:
         """Return the engine with an effect switched on."""

@@ -17,6 +17,7 @@ import numpy as np
 
 from crosscheck.engines import (
     NATIVE,
+    Adapter,
     Capabilities,
     Capability,
     ConstraintModel,
@@ -24,7 +25,6 @@ from crosscheck.engines import (
     Level,
     Support,
     Term,
-    WithEffects,
     derived,
     expressed,
     refuse_joints,
@@ -98,31 +98,12 @@ CAPABILITIES: Capabilities = {
 SPATIAL: tuple[Term, ...] = ()
 
 
-class Exudyn(WithEffects):
+class Exudyn(Adapter):
     """exudyn 1.13, two-dimensional rigid bodies and joints."""
 
     name = "exudyn"
-    effects = EFFECTS
-
-    def dynamic_routes(self) -> Sequence[Route]:
-        """Return none: its static solver feels forces as it is."""
-        return ()
-
-    def version(self) -> str:
-        """Return exudyn's version."""
-        return str(exu.__version__)
-
-    def routes(self) -> Sequence[Route]:
-        """Return the routes, best first."""
-        return (STATIC, SHIPPED)
-
-    def features(self) -> Sequence[Route]:
-        """Return the routes through features that the adapter avoids elsewhere."""
-        return FEATURES
-
-    def capabilities(self) -> Capabilities:
-        """Return what exudyn can express."""
-        return CAPABILITIES
+    package, table, effects = exu, CAPABILITIES, EFFECTS
+    solving, special = (STATIC, SHIPPED), FEATURES
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return what exudyn's stopping rule leaves of the residual: on `static` nothing above round-off.

@@ -14,6 +14,7 @@ import numpy as np
 
 from crosscheck.engines import (
     NATIVE,
+    Adapter,
     Capabilities,
     Capability,
     ConstraintModel,
@@ -21,7 +22,6 @@ from crosscheck.engines import (
     Level,
     Support,
     Term,
-    WithEffects,
     derived,
     expressed,
     refusals,
@@ -130,35 +130,12 @@ HELD = (PointsCoincide, RelativeAngle, RollingWheels)
 """What MuJoCo's dynamics hold as they are: the rows of the others are read beside the model, or idle within it."""
 
 
-class Mujoco(WithEffects):
+class Mujoco(Adapter):
     """MuJoCo, through its Python package; every scene gets a model of its own."""
 
     name = "mujoco"
-    effects = EFFECTS
-
-    def dynamic_routes(self) -> Sequence[Route]:
-        """Return the route whose accelerations are those of mj_forward."""
-        return (FORWARD,)
-
-    def version(self) -> str:
-        """Return the version of the package."""
-        return str(mujoco.__version__)
-
-    def routes(self) -> Sequence[Route]:
-        """Return the one route of every night: Newton on MuJoCo's rows, in a joint tree."""
-        return (NEWTON,)
-
-    def discovery(self) -> Sequence[Route]:
-        """Return the route with MuJoCo's own settings, which hard cases are sent through."""
-        return (STEPPED,)
-
-    def features(self) -> Sequence[Route]:
-        """Return the routes through features that the adapter avoids elsewhere."""
-        return FEATURES
-
-    def capabilities(self) -> Capabilities:
-        """Return what MuJoCo can express."""
-        return CAPABILITIES
+    package, table, effects = mujoco, CAPABILITIES, EFFECTS
+    solving, shipped, special, dynamic = (NEWTON,), (STEPPED,), FEATURES, (FORWARD,)
 
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Return MuJoCo's rows, for the joints it does not refuse, in a model with coordinates (x, y, phi) per body.

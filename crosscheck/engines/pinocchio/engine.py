@@ -7,7 +7,7 @@ Jacobian, drift term and the motion of points are Pinocchio's. Every scene gets 
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -16,12 +16,12 @@ import pinocchio as pin
 
 from crosscheck.engines import (
     NATIVE,
+    Adapter,
     Array,
     Capabilities,
     ConstraintModel,
     Level,
     Term,
-    WithEffects,
     derived,
     expressed,
     refusals,
@@ -102,39 +102,12 @@ SPATIAL = (
 FORWARD = replace(TREE, name="forward dynamics", linear_solve_by="acceleration: pinocchio")
 
 
-class Pinocchio(WithEffects):
+class Pinocchio(Adapter):
     """The engine of the package `pin`."""
 
     name = "pinocchio"
-    effects = EFFECTS
-
-    def missing_effects(self) -> Mapping[str, str]:
-        """Return what Pinocchio's models do not hold."""
-        return MISSING
-
-    def dynamic_routes(self) -> Sequence[Route]:
-        """Return the route whose accelerations are those of forwardDynamics."""
-        return (FORWARD,)
-
-    def version(self) -> str:
-        """Return the version of the package."""
-        return str(pin.__version__)
-
-    def routes(self) -> Sequence[Route]:
-        """Return the one route of every night."""
-        return (TREE,)
-
-    def discovery(self) -> Sequence[Route]:
-        """Return the route with Pinocchio's own settings, which hard cases are sent through."""
-        return (CLOSED_CHAIN,)
-
-    def features(self) -> Sequence[Route]:
-        """Return the routes through features that the adapter avoids elsewhere."""
-        return FEATURES
-
-    def capabilities(self) -> Capabilities:
-        """Return what Pinocchio can express."""
-        return CAPABILITIES
+    package, table, effects, missing = pin, CAPABILITIES, EFFECTS, MISSING
+    solving, shipped, special, dynamic = (TREE,), (CLOSED_CHAIN,), FEATURES, (FORWARD,)
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of chains, drift terms and massless links, and what stops Pinocchio's own loop."""
