@@ -95,9 +95,6 @@ CAPABILITIES: Capabilities = {
 }
 
 
-SPATIAL: tuple[Term, ...] = ()
-
-
 class Exudyn(Adapter):
     """exudyn 1.13, two-dimensional rigid bodies and joints."""
 
@@ -114,11 +111,11 @@ class Exudyn(Adapter):
             As `solve`: the rule of `shipped` depends on the start.
         """
         if route in (None, STATIC, INITIAL):
-            return SPATIAL if in_space(scene.mechanism) else ()
+            return ()
         refuse_joints(self, scene, route, self.routes())
         _refuse_lost(scene)
         if in_space(scene.mechanism):
-            return (*SPATIAL, shipped_stop(scene))
+            return (shipped_stop(scene),)
         return (_shipped_stop(scene),)
 
     def constraints(self, scene: Scene) -> ConstraintModel:

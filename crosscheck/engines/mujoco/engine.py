@@ -37,7 +37,7 @@ from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import STEPPED, soft, stepped
 from crosscheck.engines.mujoco.space import MujocoSpace
-from crosscheck.engines.spatial.absolute import SpaceRows
+from crosscheck.engines.spatial.absolute import SPATIAL_VECTORS, SpaceRows
 from crosscheck.engines.spatial.motion import space_motion
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
@@ -65,16 +65,7 @@ SPATIAL = (
         "roundings, two products of two components each, and multiply the whole of d, twice the largest coordinate",
         relative=6.0 * 2.0**-53,
     ),
-    *(
-        Term(
-            name="spatial vectors",
-            level=level.value,
-            reason="lever arms are differences of positions in the ground frame, and omega x v enters with both signs: "
-            "8 roundings, two bodies",
-            relative=16.0 * 2.0**-53,
-        )
-        for level in (Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
-    ),
+    *SPATIAL_VECTORS,
 )
 
 

@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import EngineError, Level, refusals
+from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Model, Use
 from crosscheck.engines.mujoco.engine import Mujoco, TreeRows
 from crosscheck.engines.mujoco.model import mujoco
@@ -121,17 +121,8 @@ def _relaxed(count: int, scene: Scene) -> Model:
 
 
 def tree_of(scene: Scene) -> Tree:
-    """Return a scene as MuJoCo's joint tree.
-
-    Raises
-    ------
-    EngineError
-        If MuJoCo refuses a joint of the scene, or a body has no estimate.
-    """
-    reasons = refusals(Mujoco(), scene, Level.SOLVE)
-    if reasons:
-        raise EngineError("; ".join(reasons))
-    return Tree.of(TreeRows(joint_tree(scene.mechanism)), scene)
+    """Return a scene as MuJoCo's joint tree; raises as `Tree.of`."""
+    return Tree.of(Mujoco(), lambda mechanism: TreeRows(joint_tree(mechanism)), scene)
 
 
 class Stepper:

@@ -37,7 +37,7 @@ from crosscheck.engines.pinocchio.model import Frame, absolute_model, tree_model
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, closed_chain
 from crosscheck.engines.pinocchio.space import PinocchioSpace
-from crosscheck.engines.spatial.absolute import SpaceRows
+from crosscheck.engines.spatial.absolute import SPATIAL_VECTORS, SpaceRows
 from crosscheck.engines.spatial.motion import space_motion
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
@@ -86,16 +86,7 @@ SPATIAL = (
         reason="the angle of a prismatic row is read from a rotation matrix, each entry rounded by u or two",
         absolute=8.0 * 2.0**-53,
     ),
-    *(
-        Term(
-            name="spatial vectors",
-            level=level.value,
-            reason="lever arms are differences of positions in the ground frame, and omega x v enters with both "
-            "signs: 8 roundings, two bodies",
-            relative=16.0 * 2.0**-53,
-        )
-        for level in (Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
-    ),
+    *SPATIAL_VECTORS,
 )
 
 

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 import pinocchio as pin
 
-from crosscheck.engines import EngineError, Level, refusals
+from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Model, Use
 from crosscheck.engines.pinocchio.engine import Pinocchio, PinocchioTree
 from crosscheck.engines.tree.joint_tree import Array, joint_tree
@@ -61,17 +61,8 @@ def _stepped(rule: Any, stabilised: bool, steps: int, scene: Scene) -> Model:
 
 
 def tree_of(scene: Scene) -> Tree:
-    """Return a scene as Pinocchio's joint tree.
-
-    Raises
-    ------
-    EngineError
-        If Pinocchio refuses a joint of the scene, or a body has no estimate.
-    """
-    reasons = refusals(Pinocchio(), scene, Level.SOLVE)
-    if reasons:
-        raise EngineError("; ".join(reasons))
-    return Tree.of(PinocchioTree(joint_tree(scene.mechanism, massless_links=True)), scene)
+    """Return a scene as Pinocchio's joint tree; raises as `Tree.of`."""
+    return Tree.of(Pinocchio(), lambda mechanism: PinocchioTree(joint_tree(mechanism, massless_links=True)), scene)
 
 
 class Stepper:

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.engines import Level, Term
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.spatial.reading import AXIAL, MEETING, Hold, Numbers, numbers_of
 from crosscheck.engines.spatial.system import Place
@@ -23,6 +24,17 @@ from refkin.model import Mechanism
 Array = Any
 WHOLE = ("prismatic", "fixed")
 """Joints that do not turn: of their weld all three rotations are rows, else the first two."""
+SPATIAL_VECTORS = tuple(
+    Term(
+        name="spatial vectors",
+        level=level.value,
+        reason="lever arms are differences of positions in the ground frame, and omega x v enters with both signs: "
+        "8 roundings, two bodies",
+        relative=16.0 * 2.0**-53,
+    )
+    for level in (Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
+)
+"""What an engine adds to rows that composes spatial vectors in the ground frame."""
 
 
 class SpaceRows:

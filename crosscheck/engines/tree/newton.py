@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import EngineError
+from crosscheck.engines import Engine, EngineError, Level, refusals, refuse
 from crosscheck.engines.march import Equations, March, close, solve
 from crosscheck.engines.methods import Method, Model, Use
 from crosscheck.engines.spatial.motion import SpaceScene
@@ -22,7 +22,7 @@ from crosscheck.engines.tree.joint_tree import Array, JointTree
 from crosscheck.engines.tree.tree_motion import body_levels
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
 from refkin.joints import Element, PointsCoincide, RelativeAngle
-from refkin.model import Scene
+from refkin.model import Mechanism, Scene
 from refkin.motion import Status
 
 LIMITS = (1e-1, 1e-2, 1e-3, 1e-4, 1e-6, 1e-8)
@@ -42,8 +42,16 @@ class Tree:
     system: TreeSystem
 
     @classmethod
-    def of(cls, engine: TreeEngine, scene: Scene) -> Tree:
-        """Return a scene as a tree; raises EngineError if a body has no estimate, where every method starts."""
+    def of(cls, adapter: Engine, build: Callable[[Mechanism], TreeEngine], scene: Scene) -> Tree:
+        """Return a scene as the joint tree that an engine builds of its mechanism.
+
+        Raises
+        ------
+        EngineError
+            If the engine refuses a joint of the scene, or a body has no estimate, where every method starts.
+        """
+        refuse(refusals(adapter, scene, Level.SOLVE))
+        engine = build(scene.mechanism)
         tree = cls(scene, engine, TreeSystem(engine))
         tree.system.tree.start()
         return tree
