@@ -33,7 +33,7 @@ from crosscheck.scenes.names import PHYSICAL as PHYSICAL
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
 from refkin.joints import Constraint, elements_of
 from refkin.model import Scene
-from refkin.motion import Motion, Route, Seeding
+from refkin.motion import Motion, Route, Seeding, __version__
 
 API = (1, 0)
 Array = NDArray[np.float64]
@@ -158,42 +158,30 @@ class Switch(NamedTuple):
 
 
 class Adapter:
-    """What the adapters of engines say of them: by class attributes; and one physical effect that may be switched on.
-
-    Parameters
-    ----------
-    effect : str, optional
-        One of the adapter's `effects`, switched on in every model that solves, for the ledger of effects.
+    """What adapters say of their engines by class attributes.
 
     Attributes
     ----------
-    package : module
-        The engine's package.
-    solving, shipped, special, dynamic : tuple of Route
+    package : module or None
+        The engine's package; None if the engine is this project's own.
+    solving, shipped, special : tuple of Route
         Routes, best first; those with the engine's own settings, of hard cases; those through features that are
-        avoided elsewhere; those through its dynamics, which answer no scene but may feel an effect.
+        avoided elsewhere.
     table : mapping
         What it can express.
-    effects, missing : mapping
-        Physical effect -> how it is switched on; why there is none.
     """
 
     api = API
-    package: Any
+    name: str
+    package: Any = None
     solving: tuple[Route, ...]
     shipped: tuple[Route, ...] = ()
     special: tuple[Route, ...] = ()
-    dynamic: tuple[Route, ...] = ()
     table: Capabilities
-    effects: Mapping[str, Switch]
-    missing: ClassVar[Mapping[str, str]] = {}
-
-    def __init__(self, effect: str | None = None) -> None:
-        self.effect = effect
 
     def version(self) -> str:
         """Return the version of the engine's package."""
-        return str(self.package.__version__)
+        return str(self.package.__version__ if self.package else __version__)
 
     def routes(self) -> Sequence[Route]:
         """Return the routes of every night."""
@@ -207,13 +195,46 @@ class Adapter:
         """Return the routes through features."""
         return self.special
 
-    def dynamic_routes(self) -> Sequence[Route]:
-        """Return the routes through the engine's dynamics."""
-        return self.dynamic
-
     def capabilities(self) -> Capabilities:
         """Return what it can express."""
         return self.table
+
+    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
+        """Return nothing: it adds nothing to the allowed error."""
+        return ()
+
+    def constraints(self, scene: Scene) -> ConstraintModel:
+        """Refuse: there are no rows, and each element says why."""
+        reasons = {levels[Level.RESIDUAL].reason for levels in self.table.values()}
+        raise EngineRefusal(f"{self.name}: {'; '.join(sorted(reasons))}")
+
+
+class SimulatingAdapter(Adapter):
+    """An adapter in whose models one physical effect may be switched on, for the ledger of effects.
+
+    Parameters
+    ----------
+    effect : str, optional
+        One of the adapter's `effects`, switched on in every model that solves.
+
+    Attributes
+    ----------
+    dynamic : tuple of Route
+        Routes through the engine's dynamics, which answer no scene but may feel an effect.
+    effects, missing : mapping
+        Physical effect -> how it is switched on; why there is none.
+    """
+
+    dynamic: tuple[Route, ...] = ()
+    effects: Mapping[str, Switch]
+    missing: ClassVar[Mapping[str, str]] = {}
+
+    def __init__(self, effect: str | None = None) -> None:
+        self.effect = effect
+
+    def dynamic_routes(self) -> Sequence[Route]:
+        """Return the routes through the engine's dynamics."""
+        return self.dynamic
 
     def physical_effects(self) -> Mapping[str, str]:
         """Return what the engine can simulate beside kinematics, and how it is switched on."""

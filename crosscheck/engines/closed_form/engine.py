@@ -24,11 +24,10 @@ from flint import arb, ctx
 from numpy.typing import NDArray
 
 from crosscheck.engines import (
-    API,
     NATIVE,
     OF_SPACE,
+    Adapter,
     Capabilities,
-    ConstraintModel,
     EngineError,
     EngineRefusal,
     Level,
@@ -111,7 +110,10 @@ class TrueMotion:
     bits: int
 
 
-class ClosedForm:
+CAPABILITIES: Capabilities = {key: {**dict.fromkeys(Level, NO_ROWS), Level.SOLVE: NATIVE} for key in EXPRESSED}
+
+
+class ClosedForm(Adapter):
     """Closed forms in float64 (route "float") or in `flint.arb` balls of at least `bits` bits (route "arb").
 
     Parameters
@@ -121,7 +123,7 @@ class ClosedForm:
     """
 
     name = "closed_form"
-    api = API
+    table = CAPABILITIES
 
     def __init__(self, bits: int | None = None) -> None:
         if bits is not None and bits < 64:
@@ -129,21 +131,12 @@ class ClosedForm:
         self.bits = 113 if bits is None else bits
         self._balls_first = bits is not None
 
-    def version(self) -> str:
-        """Return the version of this project: the closed form is its own."""
-        return __version__
-
     def routes(self) -> Sequence[Route]:
         """Return the routes that are compared: "float", or with `bits` given "arb" before it.
 
         `solve` knows both in either case; a night needs no second truth beside the certificates.
         """
         return [_route("arb"), _route("float")] if self._balls_first else [_route("float")]
-
-    def capabilities(self) -> Capabilities:
-        """Return: lines, circles and angles at level solve, no rows."""
-        levels = {level: NATIVE if level is Level.SOLVE else NO_ROWS for level in Level}
-        return dict.fromkeys(EXPRESSED, levels)
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of the jets that carry rates through the closed form."""
@@ -173,10 +166,6 @@ class ClosedForm:
         with np.errstate(all="ignore"):  # NaN and inf become statuses
             motion = _motion(_floats(scene), _route("float"))[0]
         return _proved(motion, scene, self.bits) if Status.UNASSEMBLABLE in motion.status else motion
-
-    def constraints(self, scene: Scene) -> ConstraintModel:
-        """Refuse: there are no rows."""
-        raise EngineRefusal(f"closed_form: {NO_ROWS.reason}")
 
 
 def truth(scene: Scene, bits: int = 113) -> TrueMotion:

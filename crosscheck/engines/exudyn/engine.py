@@ -17,12 +17,12 @@ import numpy as np
 
 from crosscheck.engines import (
     NATIVE,
-    Adapter,
     Capabilities,
     Capability,
     ConstraintModel,
     EngineError,
     Level,
+    SimulatingAdapter,
     Support,
     Term,
     derived,
@@ -95,7 +95,7 @@ CAPABILITIES: Capabilities = {
 }
 
 
-class Exudyn(Adapter):
+class Exudyn(SimulatingAdapter):
     """exudyn 1.13, two-dimensional rigid bodies and joints."""
 
     name = "exudyn"

@@ -14,12 +14,12 @@ import numpy as np
 
 from crosscheck.engines import (
     NATIVE,
-    Adapter,
     Capabilities,
     Capability,
     ConstraintModel,
     EngineRefusal,
     Level,
+    SimulatingAdapter,
     Support,
     Term,
     derived,
@@ -121,7 +121,7 @@ HELD = (PointsCoincide, RelativeAngle, RollingWheels)
 """What MuJoCo's dynamics hold as they are: the rows of the others are read beside the model, or idle within it."""
 
 
-class Mujoco(Adapter):
+class Mujoco(SimulatingAdapter):
     """MuJoCo, through its Python package; every scene gets a model of its own."""
 
     name = "mujoco"

@@ -14,17 +14,15 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import replace
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from crosscheck.engines import (
-    API,
     ELEMENTS,
     NATIVE,
+    Adapter,
     Capabilities,
-    ConstraintModel,
     EngineRefusal,
     Level,
     Term,
@@ -43,25 +41,15 @@ SINES = 4.0
 """The error of a sine or cosine by the tangent of half its angle, in units of U."""
 ROUTE = route_by("refkin", "program", "refkin.fast", linear_solve_by="refkin.fast")
 
+CAPABILITIES: Capabilities = {key: {**dict.fromkeys(Level, NO_ROWS), Level.SOLVE: NATIVE} for key in ELEMENTS}
 
-class Lanes:
+
+class Lanes(Adapter):
     """The compiled elimination program, one scene at a time."""
 
     name = "refkin-lanes"
-    api = API
-
-    def version(self) -> str:
-        """Return the version of this project: the program is its own."""
-        return version("refkin")
-
-    def routes(self) -> Sequence[Route]:
-        """Return the one route there is."""
-        return (ROUTE,)
-
-    def capabilities(self) -> Capabilities:
-        """Return: every element at level solve; no rows."""
-        levels = {level: NATIVE if level is Level.SOLVE else NO_ROWS for level in Level}
-        return dict.fromkeys(ELEMENTS, levels)
+    solving = (ROUTE,)
+    table = CAPABILITIES
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return what carrying positions from body to body leaves of closing a loop, whichever row closes it."""
@@ -95,10 +83,6 @@ class Lanes:
             doubt = "a pose or the branch is in doubt, and left to the reference"
             raise EngineRefusal(f"{self.name} refuses {scene.name!r}: {doubt}")
         return replace(motion, producer=Producer(name=self.name, version=self.version(), route=ROUTE))
-
-    def constraints(self, scene: Scene) -> ConstraintModel:
-        """Refuse: the rows are the reference's."""
-        raise EngineRefusal(f"{self.name}: {NO_ROWS.reason}")
 
 
 def _angles(scene: Scene, motion: Motion) -> Any:

@@ -16,11 +16,11 @@ import pinocchio as pin
 
 from crosscheck.engines import (
     NATIVE,
-    Adapter,
     Array,
     Capabilities,
     ConstraintModel,
     Level,
+    SimulatingAdapter,
     Term,
     derived,
     expressed,
@@ -93,7 +93,7 @@ SPATIAL = (
 FORWARD = replace(TREE, name="forward dynamics", linear_solve_by="acceleration: pinocchio")
 
 
-class Pinocchio(Adapter):
+class Pinocchio(SimulatingAdapter):
     """The engine of the package `pin`."""
 
     name = "pinocchio"

@@ -9,22 +9,18 @@ turns.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from importlib.metadata import version
 from typing import Any
 
 import numpy as np
 
 from crosscheck.engines import (
-    API,
     ELEMENTS,
     NATIVE,
     OF_SPACE,
+    Adapter,
     Array,
     Capabilities,
-    ConstraintModel,
-    EngineRefusal,
     Level,
-    Term,
     refuse_joints,
     refused,
     route_by,
@@ -41,34 +37,17 @@ NO_ROWS = refused("its rows are loops of vectors, not joints in absolute coordin
 NO_CONTACT = refused("no vector of given or sliding length stands for a contact on a general profile")
 NO_SPACE = refused("its vectors are complex numbers: of the plane")
 
+REFUSALS = {"contact": NO_CONTACT, **dict.fromkeys(OF_SPACE, NO_SPACE)}
+CAPABILITIES: Capabilities = {
+    key: {**dict.fromkeys(Level, NO_ROWS), Level.SOLVE: REFUSALS.get(key, NATIVE)} for key in ELEMENTS
+}
 
-class VectorLoop:
+
+class VectorLoop(Adapter):
     """Loop-closure equations, solved by Newton."""
 
     name = "vector_loop"
-    api = API
-
-    def version(self) -> str:
-        """Return the version of this project: the method is its own."""
-        return version("refkin")
-
-    def routes(self) -> Sequence[Route]:
-        """Return the one route there is."""
-        return (ROUTE,)
-
-    def capabilities(self) -> Capabilities:
-        """Return: every element of the plane but a contact at level solve; no rows."""
-        rows = dict.fromkeys(Level, NO_ROWS)
-        refusals = {"contact": NO_CONTACT, **dict.fromkeys(OF_SPACE, NO_SPACE)}
-        return {key: {**rows, Level.SOLVE: refusals.get(key, NATIVE)} for key in ELEMENTS}
-
-    def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
-        """Return nothing: Newton goes on to round-off, and a chain of vectors is one of frames, which budgets cover."""
-        return ()
-
-    def constraints(self, scene: Scene) -> ConstraintModel:
-        """Refuse: there are no rows."""
-        raise EngineRefusal(f"vector_loop: {NO_ROWS.reason}")
+    solving, table = (ROUTE,), CAPABILITIES
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
         """Return the motion of a scene.
