@@ -89,4 +89,5 @@ def _refusals(reasons: Sequence[Sequence[str]]) -> list[str]:
     counts = {
         kind: sum(any(kind + end in of_one for end in ends) for of_one in reasons) for kind, ends in kinds.items()
     }
-    return [f"refused ({counts[kind]} questions): {kind}{', '.join(ends)}" for kind, ends in kinds.items()]
+    plural = {kind: "s" * (n != 1) for kind, n in counts.items()}
+    return [f"refused ({counts[k]} question{plural[k]}): {k}{', '.join(ends)}" for k, ends in kinds.items()]

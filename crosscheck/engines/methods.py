@@ -17,7 +17,19 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import PEERS, QUANTITIES, Array, Engine, EngineError, Simulating, Term, load
+from crosscheck.engines import (
+    PEERS,
+    QUANTITIES,
+    Array,
+    Engine,
+    EngineError,
+    Level,
+    Simulating,
+    Term,
+    load,
+    refusals,
+    refuse,
+)
 from crosscheck.scenes.names import called_for, order_of
 from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload, whole
 from refkin.model import Effect, Scene
@@ -167,6 +179,7 @@ class Method:
             scene = replace(scene, effects=ORDERS[order])
         if self.asked is not None:
             engine, route = self.asked
+            _by_its_table(engine, scene)
             answer: Motion = engine.solve(scene, route)
             return answer
         model, order = self.model(scene), order_of(scene)
@@ -282,8 +295,15 @@ def _of_route(engine: Engine, route: Route, uses: frozenset[Use]) -> Method:
     )
 
 
+def _by_its_table(engine: Any, scene: Scene) -> None:
+    """Raise EngineRefusal where the capability table of an engine says so: nobody is asked what he says he has not."""
+    if hasattr(engine, "capabilities"):
+        refuse(refusals(engine, scene, Level.SOLVE))
+
+
 def _asked_anew(engine: Engine, route: Route, scene: Scene) -> Model:
     """Return a scene as an engine takes it that has no model apart from its answer."""
+    _by_its_table(engine, scene)
     plain = replace(scene, evidence=frozenset(), points=(), bodies_wanted=None)
     return Model(lambda order: engine.solve(replace(plain, effects=ORDERS[order]), route), levels_of)
 

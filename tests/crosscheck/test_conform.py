@@ -12,8 +12,11 @@ import refkin
 from crosscheck.cli import main
 from crosscheck.commands.conform import lines
 from crosscheck.engines import load
+from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.measure.conform import ask, hard_replies, replies, summary
+from crosscheck.measure.hard_classing import job, outcome_of
 from crosscheck.scenes.conformance import questions
+from crosscheck.scenes.hard import hard_cases
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
 
 from .fake_engines import HANG, SEGFAULT, engine_file
@@ -175,6 +178,15 @@ def test_hard_cases_are_asked_and_what_is_wrong_there_is_told(tmp_path):
 
     assert len(asked) >= 10
     assert any("a wrong pose is called ok at a hard case" in f.what for reply in asked for f in reply.faults)
+
+
+def test_an_engine_of_the_plane_is_asked_no_hard_case_of_space():
+    """Its capability table says so: it need not look itself."""
+    case = next(c for c in hard_cases() if c.scene.mechanism.kind.name == "spatial")
+    verdict, note = outcome_of(job(OWN, "two circles", case.key))
+
+    assert verdict == HardOutcome.REFUSED
+    assert "no such element in this engine" in note
 
 
 def test_an_engine_that_is_not_there_is_named_and_one_that_answers_nothing_passes_nothing(
