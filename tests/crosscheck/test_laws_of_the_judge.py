@@ -26,9 +26,10 @@ from crosscheck.judge.budget import (
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.levels import _mapped
 from crosscheck.judge.running_error import Running, U
+from crosscheck.judge.samples import histogram
 from crosscheck.judge.spatial import _half_angle, alike, idle_lines, reversed_joints
 from refkin import FourBar, Polynomial, Table, compile_system
-from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr
+from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
 from tests.crosscheck.space_scenes import scene as spatial_scene
 
 LINKAGE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
@@ -224,10 +225,17 @@ def test_an_idle_body_is_brought_back_from_any_spin_and_sign(count):
         for one in (p, other)
     )
     spun = [np.concatenate([level[:3], -level[3:]]) for level in spun]
+    beside = [np.concatenate([NUMBERS.normal(size=(3, 6)), x.T]) for x in turning(6)][:count]
 
     assert np.max(np.abs(spun[0] - truth[0])) > 0.1
-    for level, expected in zip(alike(spun, truth, ["b"], {"b": (at, line)}), truth, strict=True):
-        assert level == pytest.approx(expected, abs=1e-12)
+    negative = [np.concatenate([level[:3], -level[3:]]) for level in beside]
+    for k, bodies in enumerate((["b", "beside"], ["beside", "b"])):
+        there, expected = (
+            [np.concatenate([one, two][:: 1 - 2 * k]) for one, two in zip(*pair, strict=True)]
+            for pair in ((spun, negative), (truth, beside))
+        )
+        for level, right in zip(alike(there, expected, bodies, {"b": (at, line)}), expected, strict=True):
+            assert level == pytest.approx(right, abs=1e-12)
 
 
 def test_the_line_of_an_idle_coupler_goes_through_its_two_balls():
@@ -278,3 +286,18 @@ def test_a_joint_is_reversed_beyond_a_right_angle():
     assert [wrong(frame[:, 2], angle) for angle in (1.6, -1.6, 3.0)] == [{"motor"}] * 3
     assert wrong(frame[:, 0], np.pi) == {"R1"}
     assert wrong(frame[:, 1], np.pi) == {"R1", "motor"}
+
+
+def test_only_axes_and_driven_angles_can_be_the_wrong_way_round():
+    """A cylindrical joint, driven by angle and by length, and a slide; a rod of a length has no axis."""
+    scene = two_slides()
+    wrong = reversed_joints(scene.mechanism, refkin.solve(replace(scene, times=scene.times[:2])))
+
+    assert wrong.keys() == {"C", "P", "motor"}
+    assert not np.any(list(wrong.values()))
+
+
+def test_a_histogram_counts_every_number_of_digits_once_in_tenths_rounded_down():
+    digits = [3.14, 3.19, np.nan, 3.2, -0.05, 3.1, np.inf, 16.0]
+
+    assert histogram(digits) == {31: 3, 32: 1, -1: 1, 160: 1}
