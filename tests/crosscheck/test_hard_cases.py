@@ -112,6 +112,19 @@ def test_two_attainable_radii_off_is_wrong_and_half_of_one_is_not(case):
         assert classed(poses)[0] == verdict
 
 
+def test_a_pose_that_lacks_one_number_is_no_pose():
+    case = TOGGLES[0]
+    system, truth = truths(case)
+    motion = refkin.solve(case.scene)
+    q = motion.q.copy()
+    q[4, -1] = np.nan
+    *before, last = samples(system, truth, case.scene, replace(motion, q=q), ())
+
+    assert last.judgement is None
+    assert last.note == "called ok without a number"
+    assert all(s.judgement is not None for s in before)
+
+
 @pytest.mark.parametrize("kind", ["toggle", "dead centre"])
 def test_what_newton_leaves_in_float64_is_attainable_down_to_the_fold(kind):
     worst = 0.0

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import Level
+from crosscheck.engines import Level, load
 from crosscheck.engines.frames import Length, Linear, RowMap, Sine
 from crosscheck.engines.spatial.reading import SCREW, Hold
 from crosscheck.engines.spatial.turning import bends, conjugate, joint_frame, parameters, product, rates
@@ -23,11 +23,14 @@ from crosscheck.judge.budget import (
     carried,
     output_rounding,
 )
-from crosscheck.judge.comparison import reference
+from crosscheck.judge.comparison import QUANTITIES, reference
+from crosscheck.judge.hard_poses import _output_rounding, least_error, residual_error
 from crosscheck.judge.levels import _mapped
 from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram
+from crosscheck.judge.sharpness import attainable_by_inputs, sharpness
 from crosscheck.judge.spatial import _half_angle, alike, idle_lines, reversed_joints
+from crosscheck.measure.check import _enclosure
 from refkin import FourBar, Polynomial, Table, compile_system
 from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
 from tests.crosscheck.space_scenes import scene as spatial_scene
@@ -175,6 +178,50 @@ def test_a_row_in_another_form_is_its_derivative_and_may_be_off_as_far_as_ours(l
     assert value == pytest.approx(middle, rel=1e-6, abs=0.0)
     assert np.all(moved * 0.99 <= allowed / (BOTH_SIDES * SAFETY))
     assert np.all(allowed / (BOTH_SIDES * SAFETY) <= 2.5 * moved)
+
+
+@pytest.mark.parametrize("rate", [0.1, 7.0])
+def test_a_bent_row_of_exact_numbers_may_be_off_by_the_rounding_of_its_square_and_of_its_value(rate):
+    form, exact = Length(1.5), (0.0, 0.0, 0.0, np.zeros(2))
+    value, allowed = _mapped(Level.DRIFT, RowMap(constraint="c", row=0, engine_row=0, form=form), 0,
+                             row_values(0.4, rate, 0.9, np.ones(2), exact))  # fmt: skip
+    square = abs(form(0.4, 2)) * rate * rate
+
+    assert allowed / (BOTH_SIDES * SAFETY * U) == pytest.approx(square + 2 * abs(value))
+
+
+def test_a_budget_is_as_loose_as_its_largest_component_at_each_time():
+    ref = solved()
+    budget, moved = ref.budget(), attainable_by_inputs(ref, [0, 1])
+    for quantity, attainable in zip(QUANTITIES, moved, strict=True):
+        allowed, values = getattr(budget, quantity), sharpness(ref, [0, 1])[quantity]
+        expected = [max(allowed[:, k]) / max(attainable[:, k]) for k in (0, 1)]
+
+        assert values.largest == pytest.approx(expected)
+        assert np.all(values.smallest <= [min(allowed[:, k] / np.maximum(attainable[:, k], 1e-300)) for k in (0, 1)])
+
+
+@pytest.mark.parametrize("crank", [1.0, 0.02])
+def test_what_is_attainable_holds_every_residual_of_round_off_at_a_regular_pose(crank):
+    """Every corner of the residual's box moves the pose by |J^-1| e at most; not much more is granted."""
+    ref = reference(
+        FourBar(ground=4.0, crank=crank, coupler=3.5, rocker=3.0).scene(
+            times=(0.7,), law=Polynomial(coefficients=(0.3, 1.0))
+        )
+    )
+    system, q = ref.system, ref.levels[0][:, 0]
+    corners = np.abs(np.linalg.inv(system.phi_q(q, 0.7))) @ residual_error(system, q, 0.7)
+    granted = least_error(system, q, 0.7) - _output_rounding(system, q)
+
+    assert np.all(corners <= granted * (1 + 1e-9))
+    assert np.max(granted) < 20 * np.max(corners)
+
+
+def test_where_a_body_spins_as_it_likes_no_pose_is_enclosed():
+    scene = LINKAGE.scene(samples=2)
+
+    assert _enclosure(load("closed_form"), scene, refkin.solve(scene), idle=True) is None
+    assert _enclosure(load("closed_form"), scene, refkin.solve(scene), idle=False).inside == 2
 
 
 NUMBERS = np.random.default_rng(5)
