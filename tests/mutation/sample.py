@@ -215,9 +215,12 @@ def forked(run):
 
 def verdicts():
     """Return what is said of the survivors known so far, by their keys."""
-    path = HERE / "survivors.toml"
-    known = tomllib.loads(path.read_text(encoding="utf-8")).get("survivor", []) if path.exists() else []
-    return {each["change"]: each for each in known}
+    return {each["change"]: each for each in kept()["survivor"]}
+
+
+def kept():
+    """Return the tables of survivors.toml: what each survivor is, and what became of samples."""
+    return tomllib.loads((HERE / "survivors.toml").read_text(encoding="utf-8"))
 
 
 def told(run):
@@ -231,15 +234,20 @@ def told(run):
             print(f"    - {what.old}\n    + {what.new}")
             unknown += fate in ("unknown", "to kill")
         counts[fate if fate in (*VERDICTS, "unknown", "not tried") else "died"] += 1
-    for each in stale(known):
+    gone = list(stale(known))
+    for each in gone:
         print(f"no such change any more, take it out of survivors.toml: {each}")
-    tried = sum(counts.values()) - counts["not tried"]
-    part, changing = " ".join(run.given.only or PACKAGES), tried - counts["equivalent"] - counts["costs only time"]
-    print(
-        f"seed {run.given.seed}, {part}: {tried} tried, {counts['equivalent']} equivalent, "
-        f"{counts['costs only time']} cost only time; of {changing} that change an answer {counts['died']} died"
-    )
-    return int(unknown > 0 or any(stale(known)))
+    alive = counts["unknown"] + counts["to kill"]
+    fates = {
+        "died": counts["died"],
+        "equivalent": counts["equivalent"],
+        "time": counts["costs only time"],
+        "alive": alive,
+    }
+    print(f'[[sample]]\nseed = {run.given.seed}\npart = "{" ".join(run.given.only or PACKAGES)}"')
+    print("\n".join(f"{key} = {value}" for key, value in {"tried": sum(fates.values()), **fates}.items()))
+    print(f"# of those that change an answer {counts['died']} of {counts['died'] + alive} died")
+    return int(bool(unknown or gone))
 
 
 def stale(known):

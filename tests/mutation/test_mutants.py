@@ -14,7 +14,7 @@ from tests.mutation.change import DoesNotFit, changed_function, compiled, mutate
 from tests.mutation.mutants import Mutant, cases, killer, mutants, red
 from tests.mutation.operators import change, places
 from tests.mutation.reach import key, probes, segments
-from tests.mutation.sample import VERDICTS, verdicts
+from tests.mutation.sample import VERDICTS, kept, verdicts
 
 MUTANTS = mutants()
 SLOPE = "solve_linear(slope, -residuals[-1])", "solve_linear(slope, residuals[-1])"
@@ -175,3 +175,8 @@ def test_every_survivor_has_a_verdict_with_a_reason():
     for name, survivor in verdicts().items():
         assert survivor["verdict"] in VERDICTS, name
         assert len(survivor["why"]) > 20, name
+
+
+def test_of_every_sample_that_is_kept_it_is_told_what_became_of_all():
+    for sample in kept()["sample"]:
+        assert sample["tried"] == sum(sample[fate] for fate in ("died", "equivalent", "time", "alive")) > 0, sample
