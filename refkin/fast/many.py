@@ -22,6 +22,7 @@ from refkin.fast.elimination.run import block_samples
 from refkin.fast.family import Family, family
 from refkin.fast.given import Estimates, Geometry
 from refkin.fast.prepare import upstream
+from refkin.joints import PLANE
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Status
 from refkin.system import compile_system
@@ -139,7 +140,7 @@ def solve_many(
     InvalidScene, UnknownName
         If geometry or estimates do not fit the scene, or what they make of it is wrong in every mechanism.
     RefkinError
-        If the equations have redundant rows, or none for some coordinate.
+        If the equations have redundant rows, or none for some coordinate, or if bodies are of space.
     """
     group, made = _prepared(scene, geometry, estimates)
     samples = group.size
@@ -155,6 +156,10 @@ def _prepared(scene: Scene, geometry: Geometry, estimates: Estimates | None) -> 
     """Return the family, reduced to what the wanted bodies depend on, and what is compiled of it."""
     implied = {Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set()
     system = compile_system(scene.mechanism, scene.effects | implied)
+    if system.kind is not PLANE:
+        raise RefkinError(
+            f"{scene.name} is {system.kind.name}: `solve_many` takes planar families, `sweep` either kind"
+        )
     if system.m != system.n:
         raise RefkinError(f"{system.m} rows for {system.n} coordinates: redundant rows are for `sweep`, one at a time")
     group = family(scene, system, geometry, estimates)

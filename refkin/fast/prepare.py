@@ -103,8 +103,10 @@ def legend(scene: Scene) -> str:
     ready = prepared(scene)
     lines = []
     if ready is not None:
-        for k, body in enumerate(ready.scene.mechanism.bodies):
-            lines.append(f"# q[{3 * k}], q[{3 * k + 1}], q[{3 * k + 2}] = x, y, phi of {body.name}")
+        for body in ready.scene.mechanism.bodies:
+            own = range(ready.system.n)[ready.system.columns(body.name)]
+            places, names = ", ".join(f"q[{c}]" for c in own), ", ".join(ready.system.kind.coordinates)
+            lines.append(f"# {places} = {names} of {body.name}")
         for k, p in enumerate(ready.system.placed):
             kind = p.constraint.type
             lines.append(f"# g[{k}, ..], f[{k}, law, order] = geometry and laws of {p.constraint.name} ({kind})")
@@ -138,18 +140,19 @@ def upstream(scene: Scene, system: System, made: Compiled) -> Mechanism:
     if len(kept) == len(mechanism.bodies):
         return mechanism
     known = {*kept, GROUND}
+    bound = mechanism.constraints[len(mechanism.joints) :]  # drivers that name a joint, with its bodies
     return replace(
         mechanism,
         bodies=tuple(b for b in mechanism.bodies if b.name in kept),
         joints=tuple(c for c in mechanism.joints if known.issuperset(c.bodies)),
-        drivers=tuple(c for c in mechanism.drivers if known.issuperset(c.bodies)),
+        drivers=tuple(d for d, c in zip(mechanism.drivers, bound, strict=True) if known.issuperset(c.bodies)),
     )
 
 
 def bodies_needed(system: System, made: Compiled, wanted: list[str]) -> set[str]:
     """Return the wanted bodies and all that their equations, and those of the bodies so found, hold."""
     names = [b.name for b in system.mechanism.bodies]
-    owner = {c: names[c // 3] for c in range(system.of_bodies)}
+    owner = {c: names[c // system.kind.width] for c in range(system.of_bodies)}
     upstream: set[int] = set()
     waiting = {c for body in wanted for c in range(*system.columns(body).indices(system.n))}
     while waiting:

@@ -6,6 +6,7 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator
+from copy import deepcopy
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
@@ -18,6 +19,8 @@ from refkin.joints import (
     DRIVER_TYPES,
     JOINT_TYPES,
     KINDS,
+    PLANE,
+    SPACE,
     SPATIAL_DRIVER_TYPES,
     SPATIAL_JOINT_TYPES,
     Constraint,
@@ -139,7 +142,15 @@ def read(data: Any) -> tuple[SceneFile | None, list[Fault]]:
 def schema() -> dict[str, Any]:
     """Return the JSON schema of scene files."""
     both: Any = TypeAdapter(SceneFile | SpatialSceneFile)
-    return both.json_schema(by_alias=True)  # type: ignore[no-any-return]
+    made: dict[str, Any] = both.json_schema(by_alias=True)
+    parts, either = made["$defs"], {name: made["$defs"].pop(name) for name in ("Body", "Point")}
+    for file, kind in (("SceneFile", PLANE), ("SpatialSceneFile", SPACE)):
+        for name, key, count in (("Body", "estimate", kind.width), ("Point", "position", kind.dimension)):
+            own = parts[f"{kind.name}{name}"] = deepcopy(either[name])
+            value = own["properties"][key]
+            value.get("anyOf", [value])[0].update(minItems=count, maxItems=count)  # an estimate may be null as well
+            parts[file]["properties"][name.lower()]["items"] = {"$ref": f"#/$defs/{kind.name}{name}"}
+    return made
 
 
 def _read(data: Any) -> SceneFile:

@@ -247,6 +247,19 @@ def test_a_file_that_is_not_there_and_one_that_is_not_text_are_named(tmp_path):
             load(path)
 
 
+def test_the_schema_knows_how_many_coordinates_a_body_has_in_the_plane_and_in_space():
+    parts = schema()["$defs"]
+    counts = {}
+    for name in ("planarBody", "spatialBody", "planarPoint", "spatialPoint"):
+        value = parts[name]["properties"]["estimate" if "Body" in name else "position"]
+        value = value.get("anyOf", [value])[0]
+        counts[name] = value["minItems"], value["maxItems"]
+
+    assert counts == {"planarBody": (3, 3), "spatialBody": (7, 7), "planarPoint": (2, 2), "spatialPoint": (3, 3)}
+    assert parts["SceneFile"]["properties"]["body"]["items"] == {"$ref": "#/$defs/planarBody"}
+    assert parts["SpatialSceneFile"]["properties"]["body"]["items"] == {"$ref": "#/$defs/spatialBody"}
+
+
 def test_the_schema_names_every_joint():
     text = json.dumps(schema())
 
