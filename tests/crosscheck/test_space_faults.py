@@ -13,7 +13,7 @@ from crosscheck.engines import load
 from crosscheck.engines.exudyn import space as exudyn_space
 from crosscheck.engines.mujoco import space as mujoco_space
 from crosscheck.engines.pinocchio import space as pinocchio_space
-from crosscheck.engines.spatial import absolute, motion, reading, tree
+from crosscheck.engines.spatial import absolute, motion, reading, system, tree, turning
 from crosscheck.judge.delivery import put_together_wrongly
 from crosscheck.measure.check import check
 
@@ -89,6 +89,94 @@ def connects_crossed(patch: Patch) -> None:
     """MuJoCo's connect reads body i minus body j."""
     real = mujoco_space.MujocoSpace._equality
     patch.setattr(mujoco_space.MujocoSpace, "_equality", lambda self, name, kind, i, j: real(self, name, kind, j, i))
+
+
+def axis_reversed(patch: Patch) -> None:
+    """MuJoCo's hinges turn left-handed."""
+    patch.setitem(mujoco_space.JOINTS, "revolute", [(mujoco_space.HINGE, [0.0, 0.0, -1.0])])
+
+
+def pitch_for_a_turn(patch: Patch) -> None:
+    """Pinocchio is told metres for a whole turn, where it wants them for a radian."""
+    real = pinocchio_space.pin.JointModelHelicalUnaligned
+    patch.setattr(pinocchio_space.pin, "JointModelHelicalUnaligned", lambda axis, h: real(axis, 2.0 * np.pi * h))
+
+
+def slide_left_behind(patch: Patch) -> None:
+    """The slide of MuJoCo's screw moves half as fast as its hinge says, but stands where it should."""
+    real = mujoco_space.MujocoSpace._columns
+
+    def columns(self: Any) -> Any:
+        out = real(self)
+        out[np.flatnonzero(np.abs(out).sum(axis=1) != 1.0)] *= 0.5
+        return out
+
+    patch.setattr(mujoco_space.MujocoSpace, "_columns", columns)
+
+
+def omega_of_the_body(patch: Patch) -> None:
+    """Angular velocities of the ground frame are taken for those in the body's own axes."""
+    patch.setattr(motion, "rates", lambda p, w: turning.conjugate(turning.rates(turning.conjugate(p), w)))
+
+
+def columns_of_the_body(patch: Patch) -> None:
+    """Pinocchio's columns of a free body are taken for those of the ground frame."""
+    patch.setattr(absolute.SpaceRows, "_to_body", lambda self, q: np.eye(6 * len(self.numbers.bodies)))
+
+
+def bodies_swapped(patch: Patch) -> None:
+    """Joints of MuJoCo's tree lie at body j's place on body i, and the other way round."""
+    real = tree._edge
+
+    def swapped(hold: Any, parent: str) -> Any:
+        e = real(hold, parent)
+        return replace(e, u_parent=e.u_body, u_body=e.u_parent)
+
+    patch.setattr(tree, "_edge", swapped)
+
+
+def spatial_acceleration(patch: Patch) -> None:
+    """Pinocchio's spatial accelerations for those of points: omega x v is missing."""
+    pin = pinocchio_space.pin
+    patch.setattr(pin, "getFrameClassicalAcceleration", pin.getFrameAcceleration)
+
+
+def both_rates_forgotten(patch: Patch) -> None:
+    """The adapter's rows of a universal joint that closes a loop drift without the term of both rates."""
+    patch.setattr(system, "_product", lambda a, b: a[2] @ b[0] + a[0] @ b[2])
+
+
+ROWS, SOLVED = set(LEVELS[:4]), set(LEVELS[4:])
+JACK, SHAFTS = space_scenes.screw_jack, space_scenes.double_hooke
+IN_SCENES: list[tuple[Callable[[Patch], None], str, Callable[[], Any], set[str], set[str]]] = [
+    (axis_reversed, "mujoco", space_scenes.rssr, {"position"}, ROWS),
+    (pitch_for_a_turn, "pinocchio", JACK, {"position"}, ROWS),
+    (slide_left_behind, "mujoco", JACK, {"velocity"}, ROWS | {"position"}),
+    (omega_of_the_body, "mujoco", space_scenes.rssr, {"velocity", "acceleration"}, ROWS | {"position"}),
+    (columns_of_the_body, "pinocchio", space_scenes.rssr, {"jacobian"}, SOLVED | {"residual", "constraint_velocity"}),
+    (bodies_swapped, "mujoco", space_scenes.rssr, {"position"}, ROWS),
+    (spatial_acceleration, "pinocchio", space_scenes.rssr, {"drift", "acceleration"}, set(LEVELS[:3]) | {"velocity"}),
+    (both_rates_forgotten, "mujoco", SHAFTS, {"acceleration"}, ROWS | {"position", "velocity"}),
+]
+
+
+@pytest.mark.parametrize(
+    ("plant", "engine", "make", "shows", "sound"), IN_SCENES, ids=lambda x: getattr(x, "__name__", None)
+)
+def test_a_fault_planted_in_one_adapter_shows_at_its_level(
+    plant: Callable[[Patch], None],
+    engine: str,
+    make: Callable[[], Any],
+    shows: set[str],
+    sound: set[str],
+    monkeypatch: Patch,
+) -> None:
+    scene = replace(make(), times=space_scenes.TIMES[:4])
+    assert wrong_at(engine, scene) == set()
+    plant(monkeypatch)
+    places = wrong_at(engine, scene)
+    assert shows <= places or (places == {"status"} and shows == {"position"})  # a loop that closes no more
+    assert not sound & places
 
 
 PLANTED: list[tuple[Callable[[Patch], None], str, set[str], set[str]]] = [
