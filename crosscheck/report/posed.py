@@ -34,7 +34,7 @@ def pose_picture(report: Mapping[str, Any], which: int, looks: Mapping[tuple[str
     root = ET.Element("svg", {**size, "height": str(poses["height"]), **named})
     ET.SubElement(root, "title", {"id": "pose-name"}).text = spoken(mark)
     ground = ET.SubElement(root, "g", {"id": "pose-ground", "stroke": "currentColor", "fill": "none"})
-    for x, y in scene["ground"]:
+    for x, y, *_ in scene["ground"]:
         ET.SubElement(ground, "path", {"d": f"M{x - 7} {y + 9}L{x} {y}L{x + 7} {y + 9}z"})
     _guide(ground, scene["guide"])
     truth = {"id": "pose-truth", "stroke": "currentColor", "fill": "currentColor", "stroke-width": "2.2"}
@@ -51,9 +51,8 @@ def pose_picture(report: Mapping[str, Any], which: int, looks: Mapping[tuple[str
 
 def _parts(parent: ET.Element, parts: Sequence[Mapping[str, Any]], places: Sequence[Sequence[float]]) -> None:
     for part, (x, y, degrees, *along) in zip(parts, places, strict=False):  # no ghost: no places
-        stretched = "".join(
-            f" scale({length:g} 1)" for length in along
-        )  # of space: bars become shorter as they are seen
+        # Of space: bars become shorter as they are seen; what lies in front of the picture is for the script.
+        stretched = f" scale({along[0]:g} 1)" if along else ""
         placed = f"translate({x:g} {y:g}) rotate({degrees:g}){stretched}"
         group = ET.SubElement(parent, "g", {"transform": placed})
         path = {"d": part["path"], "fill-opacity": "0.08", "stroke-linejoin": "round", "stroke-linecap": "round"}

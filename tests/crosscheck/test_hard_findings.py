@@ -154,8 +154,9 @@ def test_scripts_need_nothing_of_this_project():
         assert any(f.script.endswith(path.name) for f in FINDINGS)
 
 
-def test_the_quotations_of_exudyn_stand_in_its_settings():
+def test_the_quotations_of_exudyn_stand_in_its_settings_and_items():
     import exudyn as exu
+    from exudyn import itemInterface
 
     settings = exu.SimulationSettings()
     groups = {
@@ -165,7 +166,9 @@ def test_the_quotations_of_exudyn_stand_in_its_settings():
     for finding in FINDINGS:
         if finding.engine == "exudyn":
             group, key = finding.source.split(", ")[1].split(".")
-            assert finding.quote in getattr(type(groups[group]), key).__doc__
+            item = getattr(itemInterface, group, None)
+            assert finding.quote in (item or getattr(type(groups[group]), key)).__doc__
+            assert item is None or f"{key}: " in item.__doc__
 
 
 def test_the_sentences_that_grant_an_error_term_stand_in_the_documentation():

@@ -7,6 +7,7 @@ fails them.
 from __future__ import annotations
 
 import json
+import math
 import os
 import shutil
 from collections.abc import Iterator
@@ -23,6 +24,7 @@ from crosscheck.night.sections import write_documents
 from refkin import FourBar, SliderCrank
 from refkin.scenes.files import to_dict
 
+from . import space_scenes
 from .report_records import built, case, disagreement, outcome, write
 from .test_report_sections import EFFECTS, HARD, PRICES
 
@@ -341,3 +343,52 @@ def _axe() -> Any:
     from axe_playwright_python import sync_playwright
 
     return sync_playwright
+
+
+@pytest.fixture(scope="module")
+def in_space(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A run of one mechanism of space."""
+    scene = replace(space_scenes.rssr_by_distance(), times=space_scenes.TIMES[:5])
+    record = check(scene, ["closed_form"], {"kind": "RSSR", "shard": 0})
+    made = write(tmp_path_factory.mktemp("space"), plain(record))
+    poses = pictures([record], lambda r: {"scene": to_dict(scene)}, {"closed_form": "closed_form"})
+    (made / "pictures.json").write_text(json.dumps(poses))
+    built(made, outcome(versions={"closed_form": "0.1.0"}))
+    return made
+
+
+def places(page: Any) -> list[str]:
+    every = "(groups) => groups.map((g) => g.getAttribute('transform'))"
+    return list(page.locator("#pose-truth > g").evaluate_all(every))
+
+
+def test_a_mechanism_of_space_is_turned_by_the_pointer_and_back(opened: Any, in_space: Path) -> None:
+    shown = opened(in_space / "index.html")
+    page, picture = shown.page, shown.page.locator("#pose-picture")
+    before, box = places(page), picture.bounding_box()
+    middle = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(*middle)
+    page.mouse.down()
+    page.mouse.move(middle[0] + 80, middle[1] + 20, steps=4)
+    page.mouse.up()
+    turned = places(page)
+    assert len(turned) == len(before)
+    assert turned != before
+    picture.press("ArrowRight")
+    assert places(page) != turned
+    assert shown.complaints == []
+
+
+def test_a_quarter_turn_shows_what_lay_in_front_at_the_side(opened: Any, in_space: Path) -> None:
+    """Arrow keys turn by a tenth of a radian: a point moves to the right as far as it lay in front."""
+    page = opened(in_space / "index.html").page
+    data = json.loads(page.locator("#poses").inner_text())
+    scene, mark = data["scenes"][0], data["marks"][data["first"]]
+    x, y, _, _, near = mark["pose"][-1]
+    page.locator("#pose-picture").press("ArrowRight")
+    told = places(page)[-1].removeprefix("translate(").split(")")[0].split()
+    fit = scene["fit"] + (1 - scene["fit"]) * math.cos(0.1)
+    right = data["width"] / 2 + fit * ((x - data["width"] / 2) * math.cos(0.1) + near * math.sin(0.1))
+    assert [float(n) for n in told] == pytest.approx(
+        [right, data["height"] / 2 + fit * (y - data["height"] / 2)], abs=1e-6
+    )

@@ -98,7 +98,7 @@ def test_a_spatial_scene_is_pictured_in_projection(make: Callable[[], Scene]) ->
     drawing = drawing_of(ref.scene, ref.motion)
     picture = drawing.described(scene.name, "key")
     assert len(picture["parts"]) == len(picture["frames"][0])
-    lengths = [place[3] for frame in picture["frames"] for place in frame if len(place) == 4]
+    lengths = [place[3] for frame in picture["frames"] for place in frame if len(place) == 6]
     assert lengths
     assert max(lengths) < 4.0
     off = np.zeros_like(ref.levels[0])

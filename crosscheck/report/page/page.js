@@ -61,11 +61,30 @@
     return parent.appendChild(made);
   };
   const placed = ([x, y, degrees, along]) => `translate(${x} ${y}) rotate(${degrees})${along === undefined ? "" : ` scale(${along} 1)`}`;
+  // A mechanism of space is turned by the pointer, or by arrow keys, about the middle of the picture.
+  let yaw = 0;
+  let pitch = 0;
+  const seen = (x, y, z) => {
+    const [c, s, C, S] = [Math.cos(yaw), Math.sin(yaw), Math.cos(pitch), Math.sin(pitch)];
+    const fit = poses.scenes[shown.scene].fit;
+    const near = fit + (1 - fit) * Math.abs(c * C);
+    const [right, down] = [x - poses.width / 2, y - poses.height / 2];
+    return [poses.width / 2 + near * (right * c + z * s), poses.height / 2 + near * (down * C + (z * c - right * s) * S)];
+  };
+  const turned = (place) => {
+    const [x, y, degrees, along, near, far] = place;
+    if (near === undefined || (yaw === 0 && pitch === 0)) return place.slice(0, 4);
+    const one = seen(x, y, near);
+    if (far === undefined) return [...one, 0, 1];
+    const angle = (degrees * Math.PI) / 180;
+    const [right, down] = seen(x + 100 * along * Math.cos(angle), y + 100 * along * Math.sin(angle), far).map((v, k) => v - one[k]);
+    return [...one, (Math.atan2(down, right) * 180) / Math.PI, Math.hypot(right, down) / 100];
+  };
   const guide = (parent, path) => { if (path) add(parent, "path", { d: path, "stroke-width": 1, "stroke-opacity": 0.45 }); };
   const build = (parent, parts, places) => {
     parent.replaceChildren();
     parts.slice(0, places.length).forEach((part, k) => {
-      const group = add(parent, "g", { transform: placed(places[k]) });
+      const group = add(parent, "g", { transform: placed(turned(places[k])) });
       add(group, "path", { d: part.path, "fill-opacity": "0.08", "stroke-linejoin": "round", "stroke-linecap": "round" });
       guide(group, part.guide);
       for (const [cx, cy] of part.pins) add(group, "circle", { cx, cy, r: 2.6 });
@@ -74,13 +93,35 @@
   let shown = poses.marks[poses.first];
   let timer = 0;
   const stop = () => { clearInterval(timer); timer = 0; play.textContent = "Play the cycle"; play.setAttribute("aria-pressed", "false"); };
+  const grounded = (scene) => {
+    layer("ground").replaceChildren();
+    for (const [left, top, near] of scene.ground) {
+      const [x, y] = near === undefined || (yaw === 0 && pitch === 0) ? [left, top] : seen(left, top, near);
+      add(layer("ground"), "path", { d: `M${x - 7} ${y + 9}L${x} ${y}L${x + 7} ${y + 9}z` });
+    }
+    guide(layer("ground"), scene.guide);
+  };
+  const spatial = () => poses.scenes[shown.scene].fit !== undefined;
+  const move = (parent, places) => [...parent.children].forEach((part, k) => part.setAttribute("transform", placed(turned(places[k]))));
+  const turn = (right, down) => {
+    if (!spatial()) return;
+    yaw += right;
+    pitch = Math.max(-Math.PI / 2, Math.min(Math.PI / 2, pitch + down));
+    grounded(poses.scenes[shown.scene]);
+    if (timer) return; // the next frame is on its way
+    move(layer("truth"), shown.pose);
+    move(layer("ghost"), shown.ghost);
+  };
+  const turnable = () => {
+    picture.toggleAttribute("data-turns", spatial());
+    if (spatial()) picture.setAttribute("tabindex", "0"); else picture.removeAttribute("tabindex");
+  };
   const show = (number) => {
+    if (shown !== poses.marks[number]) yaw = pitch = 0;
     shown = poses.marks[number];
     const scene = poses.scenes[shown.scene];
     const colour = looks[shown.look];
-    layer("ground").replaceChildren();
-    for (const [x, y] of scene.ground) add(layer("ground"), "path", { d: `M${x - 7} ${y + 9}L${x} ${y}L${x + 7} ${y + 9}z` });
-    guide(layer("ground"), scene.guide);
+    grounded(scene);
     build(layer("truth"), scene.parts, shown.pose);
     layer("ghost").setAttribute("stroke", colour);
     build(layer("ghost"), scene.parts, shown.ghost);
@@ -91,6 +132,7 @@
     }
     find("pose-name").textContent = shown.told;
     told.textContent = shown.told;
+    turnable();
     find("pose-scene").textContent = `${scene.name} (record ${scene.key})`;
     layer("ghost").removeAttribute("opacity");
   };
@@ -103,6 +145,17 @@
   for (const mark of document.querySelectorAll("[data-pose]")) {
     for (const kind of ["focus", "mouseenter", "click"]) mark.addEventListener(kind, () => point(mark));
   }
+  picture.addEventListener("pointerdown", (event) => { if (spatial()) picture.setPointerCapture(event.pointerId); });
+  picture.addEventListener("pointermove", (event) => {
+    if (picture.hasPointerCapture(event.pointerId)) turn(event.movementX / 100, event.movementY / 100);
+  });
+  picture.addEventListener("keydown", (event) => {
+    const [right, down] = { ArrowRight: [0.1, 0], ArrowLeft: [-0.1, 0], ArrowDown: [0, 0.1], ArrowUp: [0, -0.1] }[event.key] || [];
+    if (right === undefined || !spatial()) return;
+    event.preventDefault();
+    turn(right, down);
+  });
+  turnable();
   find("pose-controls").hidden = false;
   play.addEventListener("click", () => {
     if (timer) { stop(); show(poses.marks.indexOf(shown)); return; }
@@ -114,7 +167,6 @@
     told.textContent = shown.moving;
     play.textContent = "Stop";
     play.setAttribute("aria-pressed", "true");
-    const move = (parent, places) => [...parent.children].forEach((part, k) => part.setAttribute("transform", placed(places[k])));
     timer = setInterval(() => {
       frame = (frame + 1) % scene.frames.length;
       move(layer("truth"), scene.frames[frame]);
