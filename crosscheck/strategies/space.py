@@ -40,6 +40,8 @@ Array = Any
 X, Y, Z = np.eye(3)
 GRID = 181
 """Inputs of a span at which distances are looked at."""
+NEARLY_ALIKE = (1.0, 2.0)
+"""Decades of what the twists of a Bennett linkage may differ by [rad]; its speeds go up to one over that."""
 ROOM = 0.15
 """A coupler has at least so much room between too short and too long, in cranks, or the span is halved."""
 
@@ -50,7 +52,8 @@ class Region(StrEnum):
     REGULAR keeps away from what follows; LIMIT ends 10^-k before an input that the coupler cannot follow; FOLD passes a
     pose in which crank and rocker are as far apart as the coupler is long, but for 10^-k of it; GIMBAL turns a Hooke
     joint of almost a right angle through the pose in which the ratio of speeds is largest; PLANAR has all axes parallel
-    but for 10^-k; OVER has a coupler that turns over.
+    but for 10^-k; OVER has a coupler that turns over; ALIKE is a Bennett linkage whose twists differ by a tenth
+    at most: where they are alike all links may fold into one line, and go on in two ways.
     """
 
     REGULAR = "regular"
@@ -59,6 +62,7 @@ class Region(StrEnum):
     GIMBAL = "gimbal"
     PLANAR = "near planar"
     OVER = "turning over"
+    ALIKE = "twists nearly alike"
 
 
 @dataclass(frozen=True)
@@ -409,7 +413,11 @@ def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
 
 
 def _bennett(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
-    alpha, beta = draw(st.floats(0.25, 0.75), label="first twist"), draw(st.floats(1.0, 1.5), label="second twist")
+    alpha = draw(st.floats(0.25, 0.75), label="first twist")
+    if region is Region.ALIKE:
+        beta = alpha + _decade(draw, NEARLY_ALIKE)
+    else:
+        beta = draw(st.floats(1.0, 1.5), label="second twist")
     b, span = math.sin(beta) / math.sin(alpha), _span(draw)
     first = math.remainder(span[0], math.tau)
     if abs(math.sin(first)) < 0.125:  # not begun where all links lie in a line
@@ -552,7 +560,7 @@ def _chain(draw: DrawFn, region: Region, sign: float, decades: tuple[float, floa
 KINDS: dict[str, tuple[Callable[..., Plan], Sequence[Region]]] = {
     "RSSR": (_rssr, (Region.REGULAR, Region.LIMIT, Region.FOLD, Region.PLANAR, Region.OVER)),
     "RSSP": (_rssp, (Region.REGULAR, Region.LIMIT)),
-    "Bennett": (_bennett, (Region.REGULAR,)),
+    "Bennett": (_bennett, (Region.REGULAR, Region.ALIKE)),
     "Hooke": (_hooke, (Region.REGULAR, Region.GIMBAL)),
     "double Hooke": (_double_hooke, (Region.REGULAR,)),
     "screw": (_screw, (Region.REGULAR,)),

@@ -2,13 +2,15 @@
 
 A crank is turned towards the pose in which the other two links lie in one line. Its pin sits in its frame so that this
 pose is at the angle 0 exactly, and the lengths are whole multiples of 2^-20 of a size: where they add up to the pin's
-farthest distance the last pose is singular, to the last bit; where they fall short of it there is none.
+farthest distance the last pose is singular, to the last bit; where they fall short of it there is none. In space it is
+the coupler of an RSSR that crank and rocker, across each other, can just be apart by, or not quite.
 """
 
 from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 from hypothesis import assume
@@ -17,17 +19,22 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 
 from crosscheck.strategies.linkages import draw_place, draw_size
 from crosscheck.strategies.scenes import Drawn, scenes_of
+from crosscheck.strategies.space import Circle
 from crosscheck.strategies.spans import Hardness
 from refkin.joints import GROUND, AngleDriver, Pair, Prismatic, Revolute
+from refkin.joints.spatial_terms import parameters_of
+from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
-from refkin.scenes.linkages import Branch, FourBar
+from refkin.scenes.linkages import RSSR, Branch, FourBar
 
 GRID = 2.0**-20
 """Lengths are whole multiples of this part of the crank's."""
 PARTS = st.integers(2**18, 2**21)
 """A quarter to twice the crank."""
+GRID_OF_SPAN = 61
+"""Inputs of a span at which distances are looked at."""
 GAPS = st.one_of(st.just(0), st.integers(1, 2**17))
 """What the lengths fall short of the pin's farthest distance, in the same multiples: 0, or 1e-6 to an eighth."""
 
@@ -58,12 +65,16 @@ def ended_scenes(draw: DrawFn, *, samples: int = 72) -> Ended:
     Examples from this strategy shrink towards a four-bar with a crank of one metre that ends in the pose itself.
     """
     size = math.ldexp(1.0, draw(st.integers(-10, 10), label="size"))
-    kind = draw(st.sampled_from(("four-bar", "slider-crank")), label="kind")
+    kind = draw(st.sampled_from(("four-bar", "slider-crank", "RSSR")), label="kind")
     gap = draw(GAPS, label="gap")
     one, two = draw(PARTS, label="second link"), draw(PARTS, label="third length")
     side = draw(st.sampled_from((1.0, -1.0)), label="side")
     begin = draw(st.floats(0.5, 1.5), label="angle at first")
-    a = 2**20
+    a, expected = 2**20, Status.UNASSEMBLABLE if gap else Status.SINGULAR
+    times = tuple(np.linspace(0.0, 1.0, samples).tolist())
+    name, branch = f"{kind}, {expected} in the end", Branch.OPEN if side > 0 else Branch.CROSSED
+    if kind == "RSSR":
+        return Ended(_rssr(one, two, gap, size * GRID, side, begin, times, name), kind, branch, expected)
     if kind == "four-bar":
         assume(a + two - gap > one)  # what is left for the rocker
         lengths = (a, one, a + two - gap - one, two)
@@ -78,10 +89,47 @@ def ended_scenes(draw: DrawFn, *, samples: int = 72) -> Ended:
     law = Polynomial(coefficients=(begin, -begin))
     driver = AngleDriver(name="driver", body="crank", law=law)
     bodies = tuple(Body(name=name, estimate=place) for name, place in pose.items())
-    expected = Status.UNASSEMBLABLE if gap else Status.SINGULAR
-    times = tuple(np.linspace(0.0, 1.0, samples).tolist())
-    scene = Scene(mechanism=Mechanism(bodies, joints, (driver,)), times=times, name=f"{kind}, {expected} in the end")
-    return Ended(scene, kind, Branch.OPEN if side > 0 else Branch.CROSSED, expected)
+    scene = Scene(mechanism=Mechanism(bodies, joints, (driver,)), times=times, name=name)
+    return Ended(scene, kind, branch, expected)
+
+
+def _rssr(
+    rocker: int, away: int, gap: int, unit: float, side: float, begin: float, times: tuple[float, ...], name: str
+) -> Scene:
+    """Return an RSSR whose crank, about z, comes to 0, its tip `away` from the rocker's pivot and in its plane.
+
+    The rocker turns about x. So they are apart by away + rocker at most in the end, and by more before it.
+    """
+    crank, coupler = float(2**20), rocker + away + gap
+    circle = Circle(np.array([crank, float(away), 0.0]), np.array([[0.0, 0, 1], [1, 0, 0], [0, 1, 0]]), float(rocker))
+    angles = np.linspace(-begin, 0.0, GRID_OF_SPAN)
+    least, greatest = circle.reach(crank * np.stack([np.cos(angles), np.sin(angles), 0.0 * angles], axis=1))
+    assume(np.all(least < 0.99 * coupler) and np.all(greatest[:-1] > greatest[-1]) and greatest[0] > coupler * 1.01)
+    tip = crank * np.array([math.cos(begin), -math.sin(begin), 0.0])
+    psi = circle.meets(tip, float(coupler), side)
+    linkage = RSSR(
+        crank=unit * crank,
+        coupler=unit * coupler,
+        rocker=unit * rocker,
+        pivot=(unit * crank, unit * away, 0.0),
+        axis=(1.0, 0.0, 0.0),
+        massless=True,
+    )
+    turns = {"crank": (-begin, np.eye(3)), "rocker": (psi, circle.frame)}
+    at = {"crank": (0.0, 0.0, 0.0), "rocker": linkage.pivot}
+    bodies = tuple(
+        Body(name=body, estimate=(*at[body], *(round(x, 3) for x in parameters_of(*_axes(frame, angle)))))
+        for body, (angle, frame) in turns.items()
+    )
+    drivers = linkage.drivers(Polynomial(coefficients=(-begin, begin)))
+    return Scene(mechanism=Mechanism(bodies, linkage.joints(), drivers), times=times, name=name)
+
+
+def _axes(frame: Any, angle: float) -> tuple[Vec3, Vec3, Vec3]:
+    """Return the axes of a body that is turned by an angle from the first of a frame's towards its second."""
+    f, g, h = (Vec3(*map(float, axis)) for axis in frame.T)
+    c, s = math.cos(angle), math.sin(angle)
+    return f * c + g * s, g * c - f * s, h
 
 
 def _four_bar(lengths: tuple[int, ...], unit: float, side: float, phi: float) -> tuple:  # type: ignore[type-arg]

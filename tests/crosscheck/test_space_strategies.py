@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, given, settings
+from hypothesis import HealthCheck, Phase, given, settings
 
 from crosscheck.engines import load
 from crosscheck.engines.closed_form.jets import Floats
@@ -14,11 +15,14 @@ from crosscheck.engines.closed_form.space import Assembly
 from crosscheck.engines.spatial.motion import estimates
 from crosscheck.engines.spatial.reading import numbers_of
 from crosscheck.judge.comparison import reference
+from crosscheck.measure.check import check
 from crosscheck.night.moving_parts import DrawnSample
 from crosscheck.night.pictures import drawing_of
 from crosscheck.scenes.drawing import SPATIAL, draw
 from crosscheck.strategies import Spatial, spatial_scenes
 from crosscheck.strategies.space import KINDS, Region
+from crosscheck.strategies.verdicts import Ended, ended_scenes
+from refkin.joints import GROUND
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.scenes.files import parse, to_dict
@@ -63,6 +67,55 @@ def test_a_limit_is_as_near_as_it_is_said_to_be(drawn: Spatial) -> None:
         assert least[0] > least[-1]
     else:
         assert drawn.hardness is Region.REGULAR
+
+
+def axes(drawn: Spatial) -> list[Any]:
+    """Return the axes of the ground's joints."""
+    held = {hold.name: hold.frame_i[:, 2] for hold in numbers_of(drawn.scene.mechanism).holds if hold.body_i == GROUND}
+    return [held[name] for name in sorted(held)]
+
+
+PLACES: dict[Region, Callable[[Spatial], bool]] = {
+    Region.LIMIT: lambda drawn: drawn.distance <= 1e-2,
+    Region.FOLD: lambda drawn: drawn.distance <= 1e-2,
+    Region.PLANAR: lambda drawn: np.linalg.norm(np.cross(*axes(drawn)[:2])) < 0.03,
+    Region.GIMBAL: lambda drawn: abs(np.dot(*axes(drawn)[:2])) < 0.011,
+    Region.OVER: lambda drawn: np.linalg.norm(np.cross(*axes(drawn)[:2])) < 0.2,
+    Region.ALIKE: lambda drawn: drawn.distance < 0.5,
+}
+"""How it shows that a scene has gone to a region."""
+
+
+@pytest.mark.parametrize("region", list(PLACES))
+def test_every_hard_region_is_gone_to_on_purpose(region: Region) -> None:
+    """Where a drawn linkage has no limit or fold it stays regular; that is so of two thirds at most."""
+    drawn: list[Spatial] = []
+
+    @settings(CAREFULLY, max_examples=32, derandomize=True, database=None, phases=[Phase.generate])
+    @given(spatial_scenes(samples=3, regions=(region,)))
+    def collect(one: Spatial) -> None:
+        drawn.append(one)
+
+    collect()
+    there = [one for one in drawn if one.hardness is region]
+    assert len(there) > len(drawn) / 3
+    assert all(PLACES[region](one) for one in there)
+
+
+def test_scenes_of_space_end_in_a_singular_pose_or_in_none_by_proof() -> None:
+    seen: set[Status] = set()
+
+    @settings(CAREFULLY, max_examples=24, derandomize=True, database=None, phases=[Phase.generate])
+    @given(ended_scenes(samples=4))
+    def ends(drawn: Ended) -> None:
+        if drawn.kind == "RSSR" and (drawn.expected not in seen):
+            seen.add(drawn.expected)
+            record = check(drawn.scene, ["closed_form", "exudyn"], {"expected": str(drawn.expected)})
+            assert record.reference.verdict == drawn.expected
+            assert [str(d) for d in record.disagreements if d.route != "shipped"] == []
+
+    ends()
+    assert seen == {Status.SINGULAR, Status.UNASSEMBLABLE}
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco", "exudyn"])
