@@ -234,8 +234,8 @@ def _other_assembly(
     wrong = samples & (compared["position"].ratio > 1.0) & np.isfinite(compared["position"].error)
     starts = [width * motion.bodies.index(b.name) for b in ref.scene.mechanism.bodies]
     order = np.concatenate([np.arange(start, start + width) for start in starts])
-    q, t = ref.system.to_unit(motion.q[order][:, wrong]), motion.t[wrong]
-    stacked = np.moveaxis(ref.system.phi_q(ref.levels[0][:, at][:, wrong], t), -1, 0)
-    residual = np.moveaxis(np.abs(ref.system.phi(q, t)), -1, 0)[..., None]
+    q, t, ours = ref.system.to_unit(motion.q[order][:, wrong]), motion.t[wrong], ref.levels[0][:, at][:, wrong]
+    stacked = np.moveaxis(ref.system.gauged(ours).phi_q(ours, t), -1, 0)
+    residual = np.moveaxis(np.abs(ref.system.gauged(q).phi(q, t)), -1, 0)[..., None]  # no spin violates anything
     carried = np.abs(np.linalg.pinv(stacked)) @ residual
     return bool(np.any(np.max(carried, axis=(1, 2)) < 0.1 * compared["position"].error[wrong]))

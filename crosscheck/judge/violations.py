@@ -51,6 +51,9 @@ def violations(ref: Reference, motion: Motion, order: int, t: float) -> Violatio
     if levels is None:
         return NOT_KNOWN
     residual, scale = levels
+    for placed in ref.system.placed:
+        if placed.constraint.idle:  # a row of the reference's own: each answer ends on a spin of its own
+            residual[placed.row : placed.row + placed.constraint.rows] = 0.0
     worst = float(np.max(np.abs(residual)))
     if worst <= ROUNDING * scale:
         other = "is it put together another way?" if order == 0 else "does its position belong to another pose?"

@@ -290,6 +290,8 @@ def _coupler(
     first, last = _span(draw)
     part = draw(st.floats(0.2, 0.8), label="part of the room")
     near = _decade(draw, decades) if region in (Region.LIMIT, Region.FOLD) else 0.0
+    if region is Region.FOLD:
+        first, last = _around_least(first, last, reach)
     while True:
         angles = np.linspace(first, last, GRID)
         least, greatest = reach(angles)
@@ -312,6 +314,22 @@ def _coupler(
         last = (first + last) / 2
         if abs(last - first) < 1e-2:  # it begins at a singular pose: the tip is on the rocker's axis
             first, last = first + 1.0, last + 2.0
+
+
+def _around_least(first: float, last: float, reach: Callable[[Array], tuple[Array, Array]]) -> tuple[float, float]:
+    """Return a span, at most half as long, around the input at which the greatest distance is least.
+
+    The widest in which a coupler follows, of four halvings; where there is none the span as it is.
+    """
+    turn = first + np.linspace(0.0, math.tau, GRID)
+    at, half = float(turn[int(np.argmin(reach(turn)[1]))]), (last - first) / 4
+    for _ in range(4):
+        least, greatest = reach(np.linspace(at - half, at + half, GRID))
+        high = float(np.min(greatest))
+        if high - float(np.max(least)) > ROOM / 2 and greatest[0] > high + ROOM / 4:
+            return at - half, at + half
+        half /= 2
+    return first, last
 
 
 # kinds
