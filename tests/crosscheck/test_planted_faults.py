@@ -234,7 +234,7 @@ OF_ADAPTERS = {
         around(exudyn_parts.Clock, "set", stopped_clock), FOUR_BAR, ("exudyn",), "position"
     ),
     "exudyn: a start on the other assembly": Fault(
-        around(exudyn_engine, "_march", start_on_the_other_side), FOUR_BAR, ("exudyn",), "position"
+        around(exudyn_engine, "_motion", start_on_the_other_side), FOUR_BAR, ("exudyn",), "position"
     ),
     "exudyn: a product rule without its mixed term": Fault(
         lambda patch: patch.setattr(exudyn_parts, "product_drift", product_without_mixed_term),
@@ -350,35 +350,33 @@ def test_a_swapped_branch_is_told_as_one(name, monkeypatch):
     assert kinds == {"other assembly"}
 
 
-def test_an_answer_that_depends_on_the_order_of_bodies_is_told_as_that(monkeypatch):
+def first_body_off(levels: Any, bodies: Any) -> None:
+    levels[0][0] += 1e-9 if bodies[0] == "rocker" else 0.0
+
+
+def one_missing(levels: Any, bodies: Any) -> None:
+    levels[1][2, 1] = np.nan
+
+
+@pytest.mark.parametrize(
+    ("spoil", "quantity", "kind"),
+    [
+        (first_body_off, "position", "depends on the order of bodies"),
+        (one_missing, "velocity", "status ok without a number"),
+    ],
+)
+def test_an_answer_that_is_none_is_called_what_it_is(spoil, quantity, kind, monkeypatch):
     right = tree_motion.body_levels
 
-    def first_body_off(engine: Any, march: Any, bodies: Any) -> Any:
+    def spoilt(engine: Any, march: Any, bodies: Any) -> Any:
         levels = right(engine, march, bodies)
-        levels[0][0] += 1e-9 if bodies[0] == "rocker" else 0.0
+        spoil(levels, bodies)
         return levels
 
-    monkeypatch.setattr(tree_motion, "body_levels", first_body_off)
-    listed = disagreements(FOUR_BAR)
+    monkeypatch.setattr(tree_motion, "body_levels", spoilt)
 
-    assert {(d.engine, d.quantity, d.kind) for d in listed} == {
-        (engine, "position", "depends on the order of bodies") for engine in BY_TREE
-    }
-
-
-def test_an_engine_that_calls_nothing_an_answer_is_caught(monkeypatch):
-    right = tree_motion.body_levels
-
-    def one_missing(engine: Any, march: Any, bodies: Any) -> Any:
-        levels = right(engine, march, bodies)
-        levels[1][2, 1] = np.nan
-        return levels
-
-    monkeypatch.setattr(tree_motion, "body_levels", one_missing)
-    listed = disagreements(FOUR_BAR)
-
-    assert {(d.engine, d.quantity, d.kind) for d in listed} == {
-        (engine, "velocity", "status ok without a number") for engine in BY_TREE
+    assert {(d.engine, d.quantity, d.kind) for d in disagreements(FOUR_BAR)} == {
+        (engine, quantity, kind) for engine in BY_TREE
     }
 
 

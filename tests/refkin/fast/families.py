@@ -43,8 +43,8 @@ def geometry(lengths):
     }
 
 
-def estimates(lengths, sign=1):
-    """The first pose at crank angle 0, rounded to three decimals."""
+def estimates(lengths, sign=1, decimals=3):
+    """The first pose at crank angle 0, rounded; to no decimals as it is."""
     ground, crank, _, _ = lengths
     a, b, coupler, rocker = (x[:, 0] for x in closed_form(lengths, np.zeros((1, 1)), sign))
     fields = {
@@ -52,7 +52,7 @@ def estimates(lengths, sign=1):
         "coupler": (((a + b) / 2).real, ((a + b) / 2).imag, coupler),
         "rocker": (((ground + b) / 2).real, ((ground + b) / 2).imag, rocker),
     }
-    return {body: np.round(rows, 3) for body, rows in fields.items()}
+    return {body: np.round(rows, decimals) if decimals else np.array(rows) for body, rows in fields.items()}
 
 
 def scene(samples=72, **changes):

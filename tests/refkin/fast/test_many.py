@@ -100,23 +100,12 @@ def test_samples_of_every_size_are_answered():
     lengths = grashof(100, margin=0.02) * 10.0 ** np.linspace(-9, 9, 100)
     exact = np.round(closed_form(lengths, np.zeros((1, 1)))[1], 3)
     assert exact.shape == (100, 1)
-    first = {body: np.array(rows) for body, rows in estimates_unrounded(lengths).items()}
+    first = estimates(lengths, decimals=0)
     many = solve_many(scene(), geometry(lengths), first)
 
     assert many.ok.all()
     _, _, coupler, _ = closed_form(lengths, np.array(many.t)[None, :])
     assert np.max(np.abs(np.exp(1j * many.q[5]) - np.exp(1j * coupler))) < 1e-12
-
-
-def estimates_unrounded(lengths):
-    ground, crank, _, _ = lengths
-    a, b, coupler, rocker = (x[:, 0] for x in closed_form(lengths, np.zeros((1, 1))))
-    zero = 0.0 * crank
-    return {
-        "crank": (crank / 2, zero, zero),
-        "coupler": (((a + b) / 2).real, ((a + b) / 2).imag, coupler),
-        "rocker": (((ground + b) / 2).real, ((ground + b) / 2).imag, rocker),
-    }
 
 
 BAD = {
@@ -496,7 +485,7 @@ def proving(samples=20, **changes):
 def test_radii_of_many_are_no_less_than_the_errors():
     """Against balls, in some samples: mechanisms of every size, each scaled by its own."""
     lengths = grashof(60, margin=0.02) * 2.0 ** np.arange(-30, 30)
-    many = solve_many(proving(5), geometry(lengths), estimates_unrounded(lengths))
+    many = solve_many(proving(5), geometry(lengths), estimates(lengths, decimals=0))
 
     assert np.isfinite(many.radii).all()
     for sample in range(0, 60, 7):
