@@ -68,9 +68,9 @@ def point_rows(system: System, t: float) -> list[PointRow]:
             driven = isinstance(e, ShiftAlongAxis) and getattr(c, "joint", "") in slides
             if not (driven or isinstance(e, PointsMeet | SpatialPointDistance)):
                 continue
-            (i, p), (j, q) = ((body, Vec3(*(x / size for x in u))) for body, u in e.ends)
+            (i, p), (j, q) = ((body, Vec3(*(arb(x) / size for x in u))) for body, u in e.ends)
             meets = isinstance(e, PointsMeet)
-            apart = None if meets else abs(e.laws[0](arb(float(t)), 0) if e.laws else e.length) / size
+            apart = None if meets else abs(arb(e.laws[0](arb(float(t)), 0) if e.laws else e.length)) / size
             kind = RowKind.PIN if meets else RowKind.DISTANCE
             rows.append(PointRow(kind, i, j, cast(Any, p), cast(Any, q), c.name, distance=apart))
     return rows

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tomllib
 from pathlib import Path
 
@@ -11,6 +12,9 @@ import pytest
 import refkin
 from refkin import fast
 from refkin.motion import Status
+from refkin.motion_laws import Polynomial
+from refkin.scenes.files import to_dict
+from refkin.scenes.linkages import RSCR, RSSR, Bennett, Bricard, DoubleHooke, Hooke, ScrewJack
 from tests.refkin.space.truth import Truth, off
 
 CORPUS = Path(__file__).parents[2] / "corpus"
@@ -26,6 +30,13 @@ SOLVED = (
 )
 
 
+def reach(motion, k, rates):
+    """Return what the radii allow: a rotation is off by 4 |dp|, omega by 2 |dp'| + 2 |p'| |dp|, both in alpha."""
+    radius = motion.certified_radius
+    proved = np.array([radius.position[k], radius.velocity[k], radius.acceleration[k]])
+    return np.cumsum(4 * proved * rates) * rates + 8 * U * rates
+
+
 @pytest.mark.parametrize("name", SOLVED)
 def test_a_scene_nobody_tuned_for_is_answered_to_its_radii_and_to_ulps_times_its_condition(name):
     path = CORPUS / name
@@ -36,14 +47,9 @@ def test_a_scene_nobody_tuned_for_is_answered_to_its_radii_and_to_ulps_times_its
 
     for motion in motions:
         errors, rates = off(exact, motion, 0, size)
-        radius = motion.certified_radius
-
-        # A rotation is off by 4 |dp|, omega by 2 |dp'| + 2 |p'| |dp|, both once more where p'' enters.
-        proved = np.array([radius.position[0], radius.velocity[0], radius.acceleration[0]])
-        reach = np.cumsum(4 * proved * rates) * rates + 8 * U * rates
         scale = max(1.0, np.max(np.abs(motion.q[:, 0])) / size)  # of what metres round to far from the origin
         assert motion.status[0] is Status.OK
-        assert (errors <= reach).all()
+        assert (errors <= reach(motion, 0, rates)).all()
         assert (errors <= 8 * U * rates * [truth.condition, truth.condition, truth.condition**2] * scale).all()
 
 
@@ -65,3 +71,43 @@ def test_a_loop_of_points_whose_longest_side_is_too_long_is_proved_not_to_close(
 
     assert set(motion.status) == {Status.UNASSEMBLABLE}
     assert "than the rest of its loop" in motion.message
+
+
+LINKAGES = {
+    "RSSR by distance": RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125), massless=True),
+    "RSCR": RSCR(0.5, 2.0, 2.5, (2.5, -0.5, 0.75), (0.25, 0.5, 1.0)),
+    "Bennett": Bennett(1.0, 0.7, 1.2),
+    "Bricard": Bricard(1.0, 1.2),
+    "double Hooke": DoubleHooke(0.5, 2.0),
+    "screw jack": ScrewJack(0.1),
+}
+
+
+@pytest.mark.parametrize("name", LINKAGES)
+def test_a_linkage_is_within_its_radii_of_the_truth_in_forty_digits(name):
+    """Of redundant rows the truth is what all of them agree on up to the rounding of the linkage's numbers."""
+    scene = LINKAGES[name].scene(start=0.9, speed=0.3, turns=0.02, samples=2)
+    motion, truth = refkin.solve(scene), Truth(to_dict(scene))
+
+    errors, rates = off(truth.near(motion.q[:, 1], motion.t[1]), motion, 1, scene.mechanism.size())
+
+    assert motion.verdict is Status.OK
+    assert np.max(motion.certified_radius.position) < 1e-14
+    rounding = 8 * U * truth.condition * rates if name in ("Bennett", "Bricard") else 0.0
+    assert (errors <= reach(motion, 1, rates) + rounding).all()
+
+
+@pytest.mark.parametrize("power", range(1, 9))
+def test_near_its_gimbal_pose_a_hooke_joint_is_right_or_says_that_it_is_not(power):
+    """Shafts at nearly a right angle, the input's pin in their plane: the ratio of the rates is 1 / b."""
+    b = 10.0**-power
+    law = Polynomial(coefficients=(math.pi / 2, 1.0))
+    scene = Hooke(math.pi / 2 - b).scene(law=law, times=(0.0,))
+    motion = refkin.solve(scene)
+
+    assert motion.verdict is Status.OK or power > 6
+    if motion.verdict is Status.OK:
+        truth = Truth(to_dict(scene))
+        errors, rates = off(truth.near(motion.q[:, 0], 0.0), motion, 0, 1.0)
+        assert (errors <= reach(motion, 0, rates) + 8 * U * truth.condition * rates).all()
+        assert errors[0] <= 8 * U * truth.condition

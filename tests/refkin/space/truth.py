@@ -77,8 +77,8 @@ def matrix_of(p):
 def value_of(law, t):
     if law["kind"] == "polynomial":
         return sum((arb(c) * t**k for k, c in enumerate(law["coefficients"])), arb(0))
-    angle = arb(law["angular_frequency"]) * t + arb(law["phase"])
-    return arb(law["offset"]) + arb(law["amplitude"]) * angle.sin()
+    angle = arb(law["angular_frequency"]) * t + arb(law.get("phase", 0.0))
+    return arb(law.get("offset", 0.0)) + arb(law["amplitude"]) * angle.sin()
 
 
 class Truth:
@@ -125,7 +125,7 @@ class Truth:
 
     def _counted(self, joint):
         """Return the angle of a screw with the turns that its shift makes of it."""
-        by_shift = (self._shift(joint) - arb(joint["shift"])) / arb(joint["pitch"])
+        by_shift = (self._shift(joint) - arb(joint.get("shift", 0.0))) / arb(joint["pitch"])
         turns = round(float((by_shift - self._angle(joint)) / (2 * arb.pi())))
         return self._angle(joint) + 2 * turns * arb.pi()
 
@@ -152,7 +152,7 @@ class Truth:
         if kind == "distance":
             yield dot(self._gap(joint), self._gap(joint)).sqrt() - arb(joint["length"])
         if kind == "screw":
-            yield self._shift(joint) - arb(joint["shift"]) - arb(joint["pitch"]) * self._counted(joint)
+            yield self._shift(joint) - arb(joint.get("shift", 0.0)) - arb(joint["pitch"]) * self._counted(joint)
 
     def _driver(self, driver):
         value = value_of(driver["law"], self.t)
