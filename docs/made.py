@@ -169,7 +169,7 @@ def commands() -> Iterator[str]:
 def gallery(docs: Path) -> Iterator[str]:
     """Yield moving pictures: the examples, and the scenes of this book that move far enough."""
     for name, scene in linkages().items():
-        yield from animation(docs, name, scene, "refkin.scenes.linkages")
+        yield from animation(docs, name, scene, f"refkin.scenes.linkages.{name}")
     for file in (*sorted((ROOT / "examples").glob("*.toml")), *sorted((docs / "scenes").glob("*.toml"))):
         scene = load(file)
         if len(scene.times) > FEW:
