@@ -82,6 +82,19 @@ def test_over_a_knot_the_third_derivative_has_a_range_but_no_slope() -> None:
     assert (spline(over, 3).is_finite(), spline(over, 4).is_finite()) == (True, False)
 
 
+@pytest.mark.parametrize("periodic", [False, True])
+def test_a_time_between_two_floats_lies_on_its_own_side_of_a_knot(periodic: bool) -> None:
+    """By 2^-80: the third derivative there is that of the piece that ends, and on the knot that of the next."""
+    law = table(9, periodic)
+    spline = exact(law)
+    with ctx.workprec(BITS):
+        for knot in law.argument[2:-2]:
+            before, after = (spline(arb(knot) + side, 3) for side in (-0.01, 0.01))
+            assert spline(arb(knot) - arb(2) ** -80, 3).overlaps(before)
+            assert spline(arb(knot), 3).overlaps(after)
+            assert not before.overlaps(after)
+
+
 LAWS: tuple[Law, ...] = (
     Polynomial(coefficients=(0.1, 0.0, -0.3, 0.7)),
     Sinusoid(amplitude=0.4, angular_frequency=3.0, offset=0.2, phase=0.6),
