@@ -11,6 +11,7 @@ import pytest
 
 import refkin
 from refkin import fast
+from refkin.fast.answer import _still
 from refkin.joints.spatial_terms import frame
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
@@ -474,3 +475,38 @@ def test_the_fast_path_solves_no_more_of_a_chain_than_what_is_wanted():
 def test_families_of_space_are_refused_by_name():
     with pytest.raises(refkin.RefkinError, match="is spatial: `solve_many` takes planar families"):
         fast.solve_many(EVERY["RSSR"].scene(start=0.4, samples=2), {"S1": {"point_i": (np.ones(3), 0.0, 0.0)}})
+
+
+def hamilton(a, b):
+    """The product of two quaternions (4,), by the matrix of the first."""
+    e, x, y, z = a
+    return np.array([[e, -x, -y, -z], [x, e, -z, y], [y, z, e, -x], [z, -y, x, e]]) @ b
+
+
+def test_without_its_spin_a_body_moves_the_points_of_its_line_as_before():
+    """And its Euler parameters, whose length stays 1, have no rate that is a turn about the line."""
+    draw = np.random.default_rng(3)
+    line, through, sign = (
+        np.array([2.0, -1.0, 2.0]) / 3.0,
+        np.array([0.3, -0.2, 0.5]),
+        np.array([1.0, -1.0, -1.0, -1.0]),
+    )
+    q, qd, qdd = draw.normal(size=(3, 7))
+    p = q[3:] = q[3:] / np.linalg.norm(q[3:])
+    qd[3:] -= p * (p @ qd[3:])
+    qdd[3:] -= p * (p @ qdd[3:] + qd[3:] @ qd[3:])
+    g = (*draw.normal(size=4), *line, *through)
+    still = [level[:, 0] for level in _still(g, q[:, None], qd[:, None], qdd[:, None])]
+    spin = hamilton(p, [0.0, *line])
+
+    assert [spin @ level[3:] for level in still] == pytest.approx([0.0, 0.0], abs=1e-14)
+    assert (p @ still[0][3:], p @ still[1][3:]) == pytest.approx((0.0, -still[0][3:] @ still[0][3:]), abs=1e-14)
+    for point in (through, through - 2.0 * line):
+        for k in (1, 2):
+            moves = []
+            for levels in ((q, qd, qdd), (q, *still)):
+                p0, p1, p2 = (level[3:] for level in levels)
+                turned = {1: ((p1, p0, 1), (p0, p1, 1)), 2: ((p2, p0, 1), (p1, p1, 2), (p0, p2, 1))}[k]
+                arm = sum(n * hamilton(hamilton(a, [0.0, *point]), sign * b) for a, b, n in turned)
+                moves.append(levels[k][:3] + arm[1:])
+            assert moves[0] == pytest.approx(moves[1], abs=1e-13)
