@@ -9,8 +9,7 @@ import math
 from typing import Any
 
 from crosscheck.errors import CannotRun
-from crosscheck.problems.frames import joint_frame
-from crosscheck.problems.laws import formula
+from crosscheck.problems.frames import formula, joint_frame
 from refkin.joints import (
     GROUND,
     PLANE,

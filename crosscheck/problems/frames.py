@@ -1,4 +1,8 @@
-"""Frames of joints of space: h along the axis, f the part of `zero` across it, g = h x f."""
+"""What the files of a problem are written with.
+
+Frames of joints of space, h along the axis, f the part of `zero` across it, g = h x f; and motion laws as formulas that
+are read, and run, in Python.
+"""
 
 from __future__ import annotations
 
@@ -6,6 +10,9 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
+
+from crosscheck.errors import CannotRun
+from refkin.motion_laws import Integral, Polynomial, Sinusoid
 
 
 def joint_frame(axis: Sequence[float], zero: Sequence[float] | None) -> tuple[Any, Any, Any]:
@@ -35,3 +42,25 @@ def quaternion(columns: Sequence[Any]) -> tuple[float, ...]:
             if j != i:
                 e[j + 1] = (a[i, j] + a[j, i]) / (4 * e[k])
     return tuple(float(x) for x in e / np.linalg.norm(e))
+
+
+def formula(law: Any) -> str:
+    """Return f(t) as an expression in `t`, with `sin` and `cos`.
+
+    Raises
+    ------
+    CannotRun
+        For a table, which has no formula.
+    """
+    if isinstance(law, Polynomial):
+        return _polynomial(law.coefficients)
+    if isinstance(law, Sinusoid):
+        return f"{law.offset!r} + {law.amplitude!r} * sin({law.angular_frequency!r} * t + {law.phase!r})"
+    if isinstance(law, Integral) and isinstance(law.rate, Polynomial):
+        return _polynomial([law.initial, *(c / (k + 1) for k, c in enumerate(law.rate.coefficients))])
+    raise CannotRun(f"no formula for {law!r}")
+
+
+def _polynomial(coefficients: Any) -> str:
+    first, *rest = coefficients
+    return f"{first!r} + t * ({_polynomial(rest)})" if rest else repr(first)

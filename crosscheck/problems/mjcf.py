@@ -17,8 +17,7 @@ from typing import Any
 from xml.etree import ElementTree as ET
 
 from crosscheck.errors import CannotRun
-from crosscheck.problems.frames import joint_frame, quaternion
-from crosscheck.problems.laws import formula
+from crosscheck.problems.frames import formula, joint_frame, quaternion
 from refkin.joints import (
     GROUND,
     PLANE,

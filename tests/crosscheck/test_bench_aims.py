@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
+from crosscheck.measure.bench import first_use
 from crosscheck.measure.bench_aims import AIMS, DENSE, SAMPLES, SPARSE, reached
-from crosscheck.measure.bench_first_use import first_use
 from crosscheck.scenes.workloads import names, sweep
 
 ONE = "one four-bar: fast path / dense C"

@@ -11,8 +11,7 @@ import pytest
 import refkin
 from crosscheck.engines import load
 from crosscheck.judge.hard_poses import GRANTED, HardOutcome, fold, least_error, residual_error, samples, truths
-from crosscheck.measure.hard_classing import classed, job, outcome_of
-from crosscheck.measure.hard_table import KEYS, hard_case_rows
+from crosscheck.measure.hard_table import KEYS, classed, hard_case_rows, job, outcome_of
 from crosscheck.scenes.hard import KINDS, hard_cases
 from crosscheck.scenes.hard_case import DISTANCES, GAPS
 from refkin.motion import Status

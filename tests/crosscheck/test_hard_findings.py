@@ -21,8 +21,7 @@ from crosscheck.judge.delivery import DOCUMENTED
 from crosscheck.judge.findings import closed, finding_of, read
 from crosscheck.judge.hard_poses import HardOutcome, scene_samples
 from crosscheck.judge.known_gaps import InvalidGap
-from crosscheck.measure.hard_classing import classed, job, listed, outcome_of
-from crosscheck.measure.hard_table import BAD, unexplained
+from crosscheck.measure.hard_table import BAD, classed, job, listed, outcome_of, unexplained
 from crosscheck.scenes.hard import hard_cases
 from refkin.motion import Status
 

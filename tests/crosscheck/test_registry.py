@@ -16,7 +16,7 @@ from crosscheck.measure import bench
 from crosscheck.measure.check import check
 from crosscheck.measure.effects import rows as effect_rows
 from crosscheck.measure.effects_ablations import ablations
-from crosscheck.measure.hard_classing import job, listed, outcome_of
+from crosscheck.measure.hard_table import job, listed, outcome_of
 from crosscheck.measure.price import price
 from crosscheck.scenes import workloads
 from crosscheck.scenes.hard import hard_cases

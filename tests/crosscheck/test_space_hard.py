@@ -12,7 +12,7 @@ import refkin
 from crosscheck.engines import load
 from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.hard_poses import HardOutcome, PoseSample, samples, truths
-from crosscheck.measure.hard_classing import classed
+from crosscheck.measure.hard_table import classed
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import GAPS, HardCase
 from crosscheck.scenes.hard_space import REACH
