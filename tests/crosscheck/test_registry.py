@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from crosscheck.engines import PEERS
+from crosscheck.engines import PEERS, EngineRefusal
 from crosscheck.engines.methods import PRICED, Method, Use, methods
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.prices import offers
@@ -21,6 +21,7 @@ from crosscheck.measure.price import price
 from crosscheck.scenes import workloads
 from crosscheck.scenes.hard import hard_cases
 from refkin.scenes.files import load
+from refkin.scenes.linkages import RSSR
 
 ROOT = Path(__file__).parents[2]
 OWN = f"{ROOT / 'examples' / 'own_engine.py'}:TwoCircles"
@@ -65,6 +66,15 @@ def test_it_is_asked_hard_cases():
 
     assert listed(OWN) == [KEY]
     assert outcome_of(job(OWN, KEY[1], case.key))[0] in ("correct", "warned", "refused", "wrong")
+
+
+def test_what_its_table_has_not_is_refused_before_it_is_asked():
+    (method,) = methods(OWN, Use.HARD)
+    scene = RSSR(crank=1.0, coupler=3.0, rocker=2.0, pivot=(2.5, -0.5, 0.75), axis=(1.0, 0.0, 0.25)).scene(samples=2)
+
+    for asked in (method.solve, method.model):
+        with pytest.raises(EngineRefusal, match="two_circles refuses spherical 'S1' at solve"):
+            asked(scene)
 
 
 def test_it_is_benchmarked():
