@@ -148,10 +148,10 @@ def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> Cer
     """Return certified radii: by the program of the proof, else by the dense one; None if float64 proves too little."""
     absent = nowhere(len(t))
     worth = len(t) >= MANY or max(map(len, made.program.blocks), default=0) <= LARGEST_SELECTED
-    found = radii(system, made, levels, t) if system.m == system.n and worth else None
-    if found is not None:
-        rates = [absent if x is None else x for x in (found.velocity, found.acceleration)]
-        position = found.position
+    bounds = radii(system, made, levels, t) if system.m == system.n and worth else None
+    if bounds is not None:
+        rates = [absent if x is None else x for x in (bounds.velocity, bounds.acceleration)]
+        position = bounds.position
     else:
         dense = isolate_every_choice(system, levels[0], t, *levels[1:])
         if not dense.ok.all() or (dense.bits > FLOAT64).any() or (dense.contradiction > 1.0).any():
