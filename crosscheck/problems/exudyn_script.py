@@ -41,6 +41,8 @@ from math import cos, sin
 import exudyn as exu
 from exudyn.itemInterface import *
 
+exu.config.printToConsole = False  # standard output is the answer's
+exu.config.suppressWarnings = True
 system = exu.SystemContainer()
 mbs = system.AddSystem()
 t = now = {t!r}

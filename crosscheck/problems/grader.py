@@ -90,7 +90,12 @@ def grade_all(answers: Any, folder: Path) -> Iterator[tuple[str, dict[str, Any]]
 if __name__ == "__main__":
     refused = 0
     here = Path(sys.argv[2]) if len(sys.argv) > 2 else Path(__file__).parent
-    for name, found in grade_all(json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"), parse_float=str), here):
+    try:
+        given = json.loads(Path(sys.argv[1]).read_text(encoding="utf-8"), parse_float=str)
+        graded = list(grade_all(given, here))
+    except (IndexError, KeyError, OSError, ValueError) as error:
+        sys.exit(f"usage: grade.py ANSWERS.json [FOLDER]: {type(error).__name__}: {error}")
+    for name, found in graded:
         refused += "refused" in found
         shown = found.get("refused") or "  ".join(f"{level} {score:.1f}" for level, score in found.items())
         print(f"{name}: {'REFUSED, ' * ('refused' in found)}{shown}")
