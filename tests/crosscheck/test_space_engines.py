@@ -10,12 +10,15 @@ import pytest
 
 import refkin
 from crosscheck.engines import EngineRefusal, load
+from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.records import Cause
+from crosscheck.judge.violations import violations
 from crosscheck.measure.check import check
 from crosscheck.scenes.drawing import draw
 from refkin.model import Scene
 from refkin.motion import Status
+from refkin.scenes.linkages import RSSR, Branch
 
 from . import space_scenes
 
@@ -117,6 +120,18 @@ def test_one_sign_of_euler_parameters_for_a_pose_and_another_for_its_rates_is_wr
     assert compare(ref, replace(motion, q=q, qd=qd, qdd=qdd)).agrees
     assert not compare(ref, replace(motion, q=q)).agrees
     assert not compare(ref, replace(motion, qdd=qdd)).agrees
+
+
+def test_the_other_assembly_is_told_as_one_whatever_its_idle_coupler_spins_like() -> None:
+    """No row that holds the reference's spin is held against an answer's."""
+    linkage = RSSR(crank=1.0, coupler=3.0, rocker=2.0, pivot=(2.5, -0.5, 0.75), axis=(0.25, 1.0, 0.125))
+    ours, theirs = (linkage.scene(samples=5, turns=0.1, branch=branch) for branch in Branch)
+    ref, motion = reference(ours), load("pinocchio").solve(theirs)
+    q = motion.q.copy()
+    q[10:14] = product(q[10:14].T, np.array([np.cos(0.6), np.sin(0.6), 0.0, 0.0])).T
+    spun = replace(motion, q=q)
+    assert compare(ref, spun).other_assembly
+    assert "rounding" in violations(ref, spun, 0, ours.times[0]).text
 
 
 def test_a_pose_that_cannot_be_is_proved_so_by_the_closed_form() -> None:
