@@ -7,7 +7,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from crosscheck.measure.hard_classing import job, outcome_of
 
 import refkin
 from crosscheck.cli import main
@@ -15,6 +14,7 @@ from crosscheck.commands.conform import lines
 from crosscheck.engines import load
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.measure.conform import ask, hard_replies, replies, summary
+from crosscheck.measure.hard_table import job, outcome_of
 from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import hard_cases
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
