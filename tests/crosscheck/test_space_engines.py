@@ -86,6 +86,12 @@ def test_rates_beside_a_gimbal_pose_are_as_good_as_rounding_lets_them_be(number:
     assert max(q.ratio for q in answer.quantities.values()) < 0.1
 
 
+def test_another_assembly_is_known_whatever_the_spin_of_an_idle_coupler() -> None:
+    """The row that holds its spin in the reference is nobody else's: it was called a joint that exudyn violates."""
+    seen = [shown for shown in check(draw(32, 499).scene, ["exudyn"]).disagreements if shown.quantity != "status"]
+    assert {(shown.route, shown.kind) for shown in seen} == {("shipped", Cause.OTHER_ASSEMBLY)}
+
+
 def test_exudyn_names_the_screw_that_it_refuses() -> None:
     with pytest.raises(EngineRefusal, match="exudyn refuses screw 'H' at solve: exudyn has no screw joint"):
         load("exudyn").solve(space_scenes.screw_jack())
