@@ -205,7 +205,7 @@ class Ahead:
         decided, k = contracted & (unled | led), np.searchsorted(self.stops, t)
         clear = decided & (determinant > np.log(CLEAR)) & ~self.turning[ends]
         clear &= t - self.t[steps] >= SHORT * (self.stops[k] - self.stops[k - 1])
-        sure &= same
+        sure &= same & (sweep.driven(self.t[steps], t) <= FURTHEST)
         undecided = np.flatnonzero(sure & ~clear)
         if undecided.size:
             sigma = np.linalg.svd(np.moveaxis(jacobian[..., undecided], -1, 0), compute_uv=False)[:, -1]

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from refkin.analysis import SINGULAR, sigma_min
+from refkin.joints import SPACE, TurnAboutAxis
 from refkin.newton import TINY, NewtonResult, RoundOff, contracts, newton
 from refkin.proof.numbers.preconditioned import independent_rows
 from refkin.proof.path.blocks import Blocks, blocks
@@ -131,7 +132,7 @@ class Steps:
         if not (result.converged and contracts(sizes, self.tiny)):
             return False
         move, off = (float(np.max(np.abs(result.q - q))) for q in (self.q[-1], result.iterates[0]))
-        turn = np.max(np.abs(result.q - self.q[-1]) * self.system.turns, initial=0.0)
+        turn = np.max(np.abs(result.q - self.q[-1]) * self.system.turns, initial=self.driven(self.t[-1], t))
         unled = len(self._before(t)) == 1
         if turn > FURTHEST or (move > FIRST if unled else off > max(NEAR * move, self.tiny)):
             return False
@@ -144,6 +145,16 @@ class Steps:
             return True
         sigma = sigma_min(self.system.phi_q(result.q, t))
         return bool(sigma > SINGULAR and (decided or max(off, sizes[0]) <= sigma / APART))
+
+    def driven(self, a: Any, b: Any) -> Any:
+        """Return the furthest that a driver turns a joint of space from times a to b [rad]: poses count no turns there.
+
+        Of two floats, or of two rows of times.
+        """
+        constraints = self.system.mechanism.constraints if self.system.kind is SPACE else ()
+        turned = [e for c in constraints if c.laws for e in c.elements() if isinstance(e, TurnAboutAxis)]
+        ways = [np.abs(law(b) - law(a)) for e in turned for law in e.laws]
+        return np.max(ways, axis=0) if ways else np.zeros(np.shape(a))
 
     def _sides(self, q: Any, t: float) -> tuple[bool, float]:
         """Whether the determinants of the blocks of phi_q have the signs of the last pose; the smallest's logarithm."""
@@ -173,7 +184,7 @@ class Steps:
         """
         s, start = self.system, self.q[-1]
         result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start, max_iterations=60)
-        if not result.converged or np.max(np.abs(result.q - start)) > REACH:
+        if not result.converged or self.driven(self.t[-1], t) > FURTHEST or np.max(np.abs(result.q - start)) > REACH:
             return None
         if sigma_min(s.phi_q(result.q, t)) > SINGULAR:
             return None

@@ -89,6 +89,18 @@ def test_a_cylinder_of_length_zero_is_a_pose_that_no_step_goes_over(of, certifie
     assert "t = 0.5" in motion.message
 
 
+@pytest.mark.parametrize("turns", [1640.0, 1.0, 2.005])
+def test_whole_turns_in_space_are_no_short_step(turns):
+    whole = scene("space-whole-turns-between-times.toml", evidence=frozenset())
+    (driver,) = whole.mechanism.drivers
+    law = replace(driver.law, coefficients=(driver.law.coefficients[0], 2.0 * np.pi * turns / 5.0))
+    turned = replace(whole, mechanism=replace(whole.mechanism, drivers=(replace(driver, law=law),)))
+    often = replace(turned, times=tuple(np.linspace(0.0, 5.0 * 10, 11)))  # steps of a batch are tested by themselves
+
+    assert refkin.solve(turned).status == fast.sweep(turned).status == (OK, LOST)
+    assert refkin.solve(often).status[1] is not OK
+
+
 def test_the_fast_sweep_goes_over_no_cylinder_of_length_zero_in_space():
     assert fast.sweep(scene("space-distance-through-zero.toml")).status == (OK, LOST)
 
