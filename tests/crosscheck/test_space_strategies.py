@@ -133,11 +133,6 @@ def test_engines_agree_with_the_closed_form_on_what_is_drawn(engine: str, drawn:
         assert np.allclose(one[3:], sign * other[3:], rtol=0.0, atol=1e-9)
 
 
-def test_no_scene_begins_where_the_tip_of_its_crank_is_on_the_axis_of_its_rocker() -> None:
-    """One did that was called regular: halving the span led back to its first pose."""
-    assert reference(draw(31, 975).scene).motion.verdict is Status.OK
-
-
 def test_a_night_draws_a_share_of_spatial_scenes() -> None:
     drawn = [draw(1, number, 3) for number in range(28)]
     assert [k for k, d in enumerate(drawn) if isinstance(d, Spatial)] == list(SPATIAL)
