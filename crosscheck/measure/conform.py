@@ -178,7 +178,8 @@ def hard_replies(spec: str, within: float = HARD_WITHIN) -> Iterator[Reply]:
     for row in hard_case_rows([spec], within, cases=list(reversed(first.values()))):
         about = f"hard case: {row['case']}"
         if row["verdict"] == HardOutcome.REFUSED:
-            yield Reply(about, refusals=(row["note"],))
+            parts = (part.partition(f" at {Level.SOLVE}: ")[2] or part for part in row["note"].split("; "))
+            yield Reply(about, refusals=tuple(dict.fromkeys(parts)))  # of each joint the reason alone, said once
             continue
         wrong = row["verdict"] in BAD and row["class"] is None
         what = {HardOutcome.WRONG: "a wrong pose is called ok at a hard case"}.get(row["verdict"], row["verdict"])
