@@ -89,13 +89,16 @@ __all__ = [
 
 ABOVE = {"diagnose": "solving.diagnose", "follow": "solving.follow", "load": "scenes.files", "solve": "solving.solve"}
 ABOVE |= dict.fromkeys(("FourBar", "InvertedSliderCrank", "SliderCrank"), "scenes.linkages")
-"""What stands above the reference, which runs alone: imported when asked for, as by a notebook that shows a scene."""
 
 
 def __getattr__(name: str) -> Any:
     if name not in ABOVE:
         raise AttributeError(f"module 'refkin' has no attribute {name!r}")
     return getattr(import_module(f"refkin.{ABOVE[name]}"), name)
+
+
+def __dir__() -> list[str]:
+    return [*globals(), *ABOVE]
 
 
 Scene._repr_svg_ = lambda scene: __getattr__("solve")(replace(scene, times=scene.times[:1]))._repr_svg_()  # type: ignore

@@ -80,7 +80,7 @@ class Mechanism:
         """Joints, then drivers: the order of the rows; a driver that names a joint has it looked up."""
         return (*self.joints, *(driver.among(self.joints) for driver in self.drivers))
 
-    @cached_property
+    @property
     def kind(self) -> Kind:
         """Whether the bodies are of the plane or of space: their joints say so."""
         return kind_of(self)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
-from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -12,12 +11,13 @@ from numpy.typing import NDArray
 
 from refkin.errors import UnknownName
 from refkin.joints import PLANE, SPACE, Kind
+from refkin.model import Member
 
 Array = NDArray[np.float64]
 __version__ = "0.1.0"
 
 
-class Status(StrEnum):
+class Status(Member):
     """What is known of one pose; defined in the scene file format."""
 
     OK = "ok"
@@ -34,7 +34,7 @@ class Status(StrEnum):
     """The motion met a singular pose before, and was not followed beyond it."""
 
 
-class Seeding(StrEnum):
+class Seeding(Member):
     """How much of our answer a producer was given."""
 
     NONE = "none"
@@ -110,7 +110,7 @@ class ContactMotion:
     sdd: Array | None = None
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False, repr=False)
 class BodyMotion:
     """One body's rows of a motion, by name: x, y, phi and their rates xd ... phidd, each (T,).
 
@@ -128,12 +128,14 @@ class BodyMotion:
             vars(self).update({} if rows is None else zip(names, rows, strict=True))
 
     def __getattr__(self, name: str) -> Array:
-        kind = kind_of(len(self.q))
-        if kind is SPACE and name in ("omega", "alpha", "rotation"):
+        if kind_of(len(self.q)) is SPACE and name in ("omega", "alpha", "rotation"):
             values: Array | None = getattr(SPACE.values(*self.q), name)(self.qd if name == "omega" else self.qdd)
             if values is not None:
                 return values
         raise AttributeError(f"{name!r}: not a coordinate, or not called for by the scene")
+
+    def __repr__(self) -> str:
+        return f"<BodyMotion: {', '.join(list(vars(self))[3:])} at {self.q.shape[1]} times>"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False, repr=False)
@@ -170,13 +172,12 @@ class Motion:
         return BodyMotion(*(None if level is None else level[k : k + width] for level in self.levels))  # type: ignore[arg-type]
 
     def __repr__(self) -> str:
-        ok = sum(status is Status.OK for status in self.status)
         levels = [name for name, level in zip(("q", "qd", "qdd"), self.levels, strict=True) if level is not None]
         return (
             f"<Motion by {self.producer.name} {self.producer.version}, {self.producer.route.name}\n"
             f"times:   {len(self.t)}, {', '.join(f'{t:g}' for t in self.t[[0, -1]])} s\n"
             f"bodies:  {', '.join(self.bodies)}\nholds:   {', '.join([*levels, *self.points])}\n"
-            f"verdict: {self.verdict}, {ok} times ok{self.message and f'; {self.message}'}>"
+            f"verdict: {self.verdict}, {self.status.count(Status.OK)} times ok{self.message and f'; {self.message}'}>"
         )
 
     def __eq__(self, other: object) -> bool:
@@ -200,7 +201,7 @@ class Motion:
 def _same(a: Any, b: Any) -> bool:
     if isinstance(a, dict):
         return a.keys() == b.keys() and all(_same(a[key], b[key]) for key in a)
-    return np.array_equal(a, b, equal_nan=True) if isinstance(a, np.ndarray) else bool(a == b)
+    return np.array_equal(a, b, equal_nan=True) if np.ndarray in (type(a), type(b)) else bool(a == b)
 
 
 def nowhere(times: int) -> Array:
@@ -220,8 +221,7 @@ def engine_motion(
     """
     rest = {**dict.fromkeys(("residual", "sigma_min", "condition"), nowhere(len(status))), **more}
     rest.setdefault("certified_radius", no_radius(len(status)))
-    t = np.asarray(t, float)
-    return Motion(t=t, bodies=bodies, q=q, qd=qd, qdd=qdd, status=status, producer=producer, **rest)
+    return Motion(t=np.asarray(t, float), bodies=bodies, q=q, qd=qd, qdd=qdd, status=status, producer=producer, **rest)
 
 
 def no_radius(times: int) -> CertifiedRadius:

@@ -46,7 +46,8 @@ def replay(
     out.print(f"refkin: {reference.verdict} {reference.message}  smallest singular value {reference.sigma_min:.3g}")
     out.print(agreement_table(record))
     out.print(arbiter_table(record))
-    out.print(rows_table(record))
+    if record.levels:
+        out.print(rows_table(record))
     for line in [*refusal_lines(record.refusals), *missing.values(), *pool.unexplained]:
         out.print(line)
     for disagreement in record.disagreements:

@@ -385,11 +385,17 @@ def _class_of(spec: str) -> Any:
         if not where:
             points = available()
             if spec not in points:
-                raise EngineError(f"no engine is called {spec!r}; there are: {', '.join(sorted(points))}")
+                known = f"there are: {', '.join(sorted(points))}"
+                raise EngineError(
+                    f"{spec}: name the class in it, too, as in {spec}:Mine"
+                    if spec.endswith(".py")
+                    else f"no engine is called {spec!r}; {known}"
+                )
             return points[spec].load()
         module = _module_of_file(where) if where.endswith(".py") else import_module(where)
     except ImportError as error:
-        raise EngineError(f"engine {spec!r} cannot be imported: {error}") from error
+        hint = "; pip install 'refkin[engines]' brings it" if spec in PEERS else ""
+        raise EngineError(f"engine {spec!r} cannot be imported: {error}{hint}") from error
     if not hasattr(module, name):
         raise EngineError(f"engine {spec!r}: there is no {name!r} in {where}")
     return getattr(module, name)

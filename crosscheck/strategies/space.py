@@ -11,7 +11,6 @@ import math
 import sys
 from collections.abc import Callable, Collection, Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -32,7 +31,7 @@ from refkin.joints import (
 )
 from refkin.joints.spatial_terms import frame, parameters_of
 from refkin.joints.spatial_vectors import Vec3
-from refkin.model import Body, Mechanism, Scene
+from refkin.model import Body, Mechanism, Member, Scene
 from refkin.motion_laws import Integral, Law
 from refkin.scenes.linkages import Branch
 
@@ -46,7 +45,7 @@ ROOM = 0.15
 """A coupler has at least so much room between too short and too long, in cranks, or the span is halved."""
 
 
-class Region(StrEnum):
+class Region(Member):
     """Where a scene goes on purpose.
 
     REGULAR keeps away from what follows; LIMIT ends 10^-k before an input that the coupler cannot follow; FOLD passes a

@@ -3,20 +3,20 @@
 from __future__ import annotations
 
 import math
-from enum import StrEnum
 
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
 from crosscheck.strategies.linkages import AnyLinkage, Decades, draw_power_of_ten, longest
 from refkin.joints import GROUND
+from refkin.model import Member
 from refkin.scenes.linkages import ANYWHERE, Interval, InvertedSliderCrank, SliderCrank
 
 Input = tuple[str, str]
 """(driven, relative_to), see `refkin.scenes.linkages.Linkage.INPUTS`."""
 
 
-class Hardness(StrEnum):
+class Hardness(Member):
     """How near to a singular pose a scene goes on purpose.
 
     REGULAR keeps away; LIMIT goes to 10^-k of a limit position or dead centre (rad, or longest lengths of a slide);

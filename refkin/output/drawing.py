@@ -7,7 +7,7 @@ slide along, a distance a massless link, rolling and contact a wheel or a profil
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -164,6 +164,11 @@ class Drawing:
         for curve in self.curves:
             low, high = np.minimum(low, curve.points.min(axis=1)), np.maximum(high, curve.points.max(axis=1))
         return np.array([low, high])
+
+    def box_with(self, shapes: Sequence[Shape]) -> Any:
+        """Return the box, grown by what these shapes need beyond it, as arrows do."""
+        points = np.concatenate([self.box.T, *(shape.points for shape in shapes)], axis=1)
+        return np.array([points.min(axis=1), points.max(axis=1)])
 
     def arrows(self, k: int, rate: str) -> list[Shape]:
         """Return the velocities or accelerations of joint points and wanted points at the k-th time as arrows.

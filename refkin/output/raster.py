@@ -27,11 +27,12 @@ def save_still(drawing: Drawing, file: Path, k: int = 0, rates: Sequence[str] = 
     NothingToDraw
         If matplotlib has no such format.
     """
-    figure, axes = _page(drawing)
+    arrows = [arrow for rate in rates for arrow in drawing.arrows(k, rate)]
+    figure, axes = _page(drawing, arrows)
     if file.suffix[1:].lower() not in figure.canvas.get_supported_filetypes():
         raise NothingToDraw(f"{file}: expected a file of .svg, .png, .pdf or another that matplotlib writes")
     shapes = [*drawing.curves, *(shape for part in drawing.parts for shape in part.at(k))]
-    for shape in (*shapes, *(arrow for rate in rates for arrow in drawing.arrows(k, rate))):
+    for shape in (*shapes, *arrows):
         _add(axes, shape)
     figure.savefig(file)
 
@@ -65,8 +66,8 @@ def save_animation(drawing: Drawing, file: Path, seconds: float = 4.0) -> None:
     moving.save(file, writer=writer, fps=max(1, round(len(frames) / seconds)), dpi=RESOLUTION)
 
 
-def _page(drawing: Drawing) -> tuple[Any, Any]:
-    (x0, y0), (x1, y1) = drawing.box
+def _page(drawing: Drawing, arrows: Sequence[Shape] = ()) -> tuple[Any, Any]:
+    (x0, y0), (x1, y1) = drawing.box_with(arrows)
     margin = 0.06 * max(x1 - x0, y1 - y0)
     figure = Figure(figsize=(6.4, min(7.2, max(2.0, 6.4 * (y1 - y0 + 2 * margin) / (x1 - x0 + 2 * margin)))))
     figure.set_dpi(RESOLUTION)

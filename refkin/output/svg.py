@@ -36,8 +36,8 @@ STYLES: dict[str, dict[str, str]] = {
 class _Sheet:
     """The page: how metres become pixels, and the elements on it."""
 
-    def __init__(self, drawing: Drawing, title: str) -> None:
-        low, high = drawing.box
+    def __init__(self, drawing: Drawing, title: str, arrows: Sequence[Shape] = ()) -> None:
+        low, high = drawing.box_with(arrows)
         wide, tall = np.maximum(high - low, 1e-300)
         self.scale = min((WIDTH - 2 * MARGIN) / wide, (TALLEST - 2 * MARGIN) / tall)
         self.left = float((low[0] + high[0]) / 2) - WIDTH / 2 / self.scale
@@ -95,7 +95,8 @@ def still(drawing: Drawing, k: int = 0, rates: Sequence[str] = ()) -> str:
     rates : sequence of {"velocity", "acceleration"}
         What is shown by arrows.
     """
-    sheet = _Sheet(drawing, f"{drawing.scene.name or 'mechanism'} at t = {drawing.t[k]:g} s")
+    arrows = [arrow for rate in rates for arrow in drawing.arrows(k, rate)]
+    sheet = _Sheet(drawing, f"{drawing.scene.name or 'mechanism'} at t = {drawing.t[k]:g} s", arrows)
     for curve in drawing.curves:
         sheet.add(curve, sheet.root)
     for part in drawing.parts:
@@ -103,9 +104,8 @@ def still(drawing: Drawing, k: int = 0, rates: Sequence[str] = ()) -> str:
         ET.SubElement(group, "title").text = part.name
         for shape in part.at(k):
             sheet.add(shape, group)
-    for rate in rates:
-        for arrow in drawing.arrows(k, rate):
-            sheet.add(arrow, sheet.root)
+    for arrow in arrows:
+        sheet.add(arrow, sheet.root)
     return sheet.text()
 
 

@@ -20,12 +20,14 @@ from hypothesis.vendor.pretty import pretty
 
 import crosscheck
 import refkin
+from crosscheck import strategies
 from crosscheck.judge.agreement import NothingToCompare
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.violations import NOT_KNOWN, violations
 from crosscheck.scenes.drawing import draw
 from refkin.errors import RefkinError
 from refkin.model import Mechanism
+from refkin.scenes.linkages import Branch
 
 ROOT = Path(__file__).parent.parent.parent
 EXAMPLE = ROOT / "examples" / "test_own_solver.py"
@@ -177,6 +179,18 @@ def test_a_scene_that_hypothesis_shows_can_be_pasted(number):
     scene = draw(20261122, number, 3).scene
 
     assert eval(pretty(scene), names) == scene
+
+
+def test_what_strategies_beyond_linkages_yield_can_be_pasted():
+    """With the names that stand in it: those of refkin, of crosscheck.strategies, and Branch."""
+    names = {name: getattr(package, name) for package in (refkin, strategies) for name in package.__all__}
+    about = {"scene": FOUR_BAR, "branch": Branch.CROSSED, "distance": 0.25}
+    chain = strategies.Chain(kind="six-bar", **about)
+    spatial = strategies.Spatial(kind="RSSP", hardness=strategies.Region.LIMIT, **about)
+    ended = strategies.Ended(scene=FOUR_BAR, kind="RSSP", branch=Branch.OPEN, expected=refkin.Status.SINGULAR)
+
+    for drawn in (chain, spatial, ended):
+        assert eval(pretty(drawn), {**names, "Branch": Branch}) == drawn
 
 
 def test_what_is_patched_of_hypothesis_is_there_in_the_versions_that_are_allowed():

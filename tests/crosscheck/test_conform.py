@@ -198,12 +198,13 @@ def test_an_engine_that_is_not_there_is_named_and_one_that_answers_nothing_passe
         tmp_path, name="no", before="raise __import__('crosscheck.engines').engines.EngineRefusal('never')"
     )
     codes = []
-    for spec in ("nobody", refuses):
+    for spec in ("nobody", "own.py", refuses):
         with pytest.raises(SystemExit) as ended:
             main(["conform", spec, "--json"])
         codes.append(ended.value.code)
     shown = capsys.readouterr().out
 
-    assert codes == [3, 5]
+    assert codes == [3, 3, 5]
     assert "no engine is called 'nobody'" in shown
+    assert "own.py: name the class in it, too, as in own.py:Mine\n" in shown  # and no place in our code
     assert json.loads(shown.splitlines()[-1])["replies"][0]["refusals"] == ["never"]

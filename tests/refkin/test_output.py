@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import math
+import pickle
 import sys
 from dataclasses import replace
 from xml.etree import ElementTree as ET
@@ -275,3 +276,30 @@ def test_a_linkage_is_plotted_in_the_pose_of_its_closed_form():
 
     assert {name: at[name].tolist() for name in pose} == {name: list(q) for name, q in pose.items()}
     assert math.isfinite(linkage.plot().drawing.box.sum())
+
+
+@pytest.mark.parametrize("rates", [["velocity"], ["velocity", "acceleration"]])
+def test_every_arrow_lies_on_the_page(rates):
+    """The pin of a low crank moves at right angles to it, far beyond where any part comes."""
+    scene = refkin.SliderCrank(crank=1.0, rod=3.0).scene(samples=2, turns=0.05)
+    drawing = Drawing(scene, refkin.solve(scene))
+    root = ET.fromstring(still(drawing, 0, rates))
+    tips = [path.attrib["d"].split("M")[1].split("L")[1].split() for path in root.findall(f"{SVG}path")]
+
+    assert any(tip[1] > drawing.box[1][1] for arrow in drawing.arrows(0, "velocity") for tip in [arrow.points[:, 1]])
+    assert all(0 <= float(x) <= float(root.attrib["width"]) for x, _ in tips)
+    assert all(0 <= float(y) <= float(root.attrib["height"]) for _, y in tips)
+
+
+def test_a_motion_can_be_sent_to_another_process_and_is_the_same_there(motion):
+    assert pickle.loads(pickle.dumps(motion)) == motion
+    assert motion != replace(motion, qd=None)
+    assert replace(motion, qd=None) != motion
+
+
+def test_the_rows_of_a_body_are_shown_by_their_names(motion):
+    assert repr(replace(motion, qd=None, qdd=None)["rocker"]) == "<BodyMotion: x, y, phi at 9 times>"
+
+
+def test_completion_offers_what_is_imported_when_asked_for():
+    assert set(refkin.__all__) <= set(dir(refkin))

@@ -12,7 +12,6 @@ import cmath
 import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from enum import StrEnum
 from numbers import Real
 from typing import Any, ClassVar, TypeVar
 
@@ -20,7 +19,7 @@ import numpy as np
 
 from refkin.errors import Fault, InvalidScene
 from refkin.joints import GROUND, AngleDriver, Constraint, Driver, Pair
-from refkin.model import Body, Effect, Evidence, Mechanism, Scene
+from refkin.model import Body, Effect, Evidence, Mechanism, Member, Scene
 from refkin.motion import Producer, Route, Status, __version__, engine_motion
 from refkin.motion_laws import Integral, Law, Polynomial
 from refkin.output import Drawing, Picture
@@ -30,10 +29,10 @@ Pose = dict[str, tuple[float, float, float]]
 """Body -> (x [m], y [m], phi [rad]) in the ground frame."""
 
 CLOSED_FORM = Route(name="closed form", residual_by="closed form")
-Member = TypeVar("Member", bound=StrEnum)
+AMember = TypeVar("AMember", bound=Member)
 
 
-class Branch(StrEnum):
+class Branch(Member):
     """The two assemblies of a linkage at one input; each linkage says which one is OPEN."""
 
     OPEN = "open"
@@ -280,7 +279,7 @@ def rough(pose: Pose, size: float, margin: float) -> Pose:
     return {body: (round(x, lengths), round(y, lengths), round(phi, decimals)) for body, (x, y, phi) in pose.items()}
 
 
-def member(kind: type[Member], value: str, key: str) -> Member:
+def member(kind: type[AMember], value: str, key: str) -> AMember:
     """Return the member of an enumeration with that value.
 
     Raises
