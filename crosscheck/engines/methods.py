@@ -32,6 +32,7 @@ from crosscheck.engines import (
 )
 from crosscheck.scenes.names import called_for, order_of
 from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload, whole
+from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
 
@@ -52,7 +53,7 @@ MODULES = {
 """Producer -> the module of `crosscheck.engines` whose `methods()` lists its methods; others say it themselves."""
 ORDERS: tuple[frozenset[Effect], ...] = (frozenset(), frozenset({Effect.VELOCITY}), frozenset(Effect))
 """What a scene calls for whose answer goes up to position, velocity, acceleration."""
-PART = 3600
+PART, PART_IN_SPACE = 3600, 720
 """Of many mechanisms a method that takes one scene after the other answers about so many configurations."""
 
 
@@ -105,12 +106,15 @@ class Batch:
     count : int
         How many configurations one call answers, or how many Newton iterations it makes.
     answers : callable
-        What was answered: `Piece`s of four-bars, or the coordinates (n,) of a chain.
+        What was answered: `Piece`s of four-bars or RSSRs, or the coordinates (n,) of a chain.
+    note : str
+        What a reader has to know of it at this workload, beside the method's own note.
     """
 
     run: Callable[[], object]
     count: int
     answers: Callable[[], Any]
+    note: str = ""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -219,17 +223,24 @@ class Method:
         return one_by_one(self.model, workload, order)
 
 
-def one_by_one(build: Callable[[Scene], Model], workload: FourBars, order: int, configurations: int = PART) -> Batch:
+def one_by_one(
+    build: Callable[[Scene], Model],
+    workload: FourBars | SpatialLoops,
+    order: int,
+    configurations: int | None = None,
+    note: str = "",
+) -> Batch:
     """Return the first mechanisms of a workload as one scene after the other, about so many configurations."""
-    part = workload.first(max(1, configurations // len(workload.t)))
+    asked = configurations or (PART_IN_SPACE if isinstance(workload, SpatialLoops) else PART)
+    part = workload.first(max(1, asked // len(workload.t)))
     models = [build(part.scene(sample)) for sample in range(part.mechanisms)]
 
     def answers() -> Iterable[Piece]:
         for sample, model in enumerate(models):
             levels = [np.asarray(level)[:, None] for level in model.read(model.solve(order))[: order + 1]]
-            yield whole(part, np.array([sample]), levels)
+            yield whole(part, np.array([sample]), levels, range(len(levels[0])))
 
-    return Batch(lambda: [model.solve(order) for model in models], part.configurations, answers)
+    return Batch(lambda: [model.solve(order) for model in models], part.configurations, answers, note)
 
 
 def quantities(scene: Scene) -> tuple[str, ...]:

@@ -9,21 +9,28 @@ Of four-bars every configuration's error is taken; budgets, which cost a hundred
 spread over all and for the configurations with the largest errors. Of a chain all coordinates are judged, with
 sparse matrices. |J^-1| has 4e9 entries for 10,000 loops, so |J^-1| e is taken from below, as the largest |J^-1 (s e)|
 over some random signs s: the ratio is told too large rather than too small.
+
+Of RSSRs the truth is the certified reference, so what the reference itself answers has no error. Every configuration
+is judged as a night judges it (`crosscheck.judge.comparison`): signs of p and spins of couplers are those of the truth.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from functools import cache
 from typing import Any
 
 import numpy as np
 
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import SAFETY, derive, output_rounding
+from crosscheck.judge.comparison import Reference, compare, reference, scales
 from crosscheck.judge.running_error import Running, U
 from crosscheck.scenes.four_bar_answers import four_bar
 from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, system_of, unit_of
+from crosscheck.scenes.workloads_space import SpatialLoops
+from refkin.model import Evidence
 from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
 from refkin.system import compile_system
 from refkin.vec import BodyValues
@@ -151,6 +158,42 @@ def _as_motion(t: Any, levels: list[Any]) -> Motion:
     producer = Producer(name="closed form", version="", route=ROUTE)
     q, qd, qdd = levels
     return engine_motion(t, (), q, qd, qdd, (Status.OK,) * len(t), producer)
+
+
+@cache
+def _certified(work: SpatialLoops, mechanism: int) -> Reference:
+    """Return the certified reference of one mechanism."""
+    return reference(replace(work.scene(mechanism), evidence=frozenset({Evidence.CERTIFICATE})))
+
+
+def of_spatial_loops(work: SpatialLoops, pieces: Iterable[Piece]) -> Accuracy:
+    """Return the accuracy of a method's answers to a workload of RSSRs, each piece one mechanism at all times.
+
+    A time at which nothing is proved, or no budget holds, is unjudged; a missing answer is an infinite error.
+    """
+    largest, ratio, count, unjudged, levels = 0.0, 0.0, 0, 0, 0
+    for piece in pieces:
+        ref = _certified(work, int(piece.mechanisms[0]))
+        found = compare(ref, _answered(work, piece))
+        count, levels = count + len(piece.times), len(piece.levels)
+        proved = np.isfinite(ref.motion.certified_radius.acceleration)
+        unjudged += int(np.sum(~(ref.budget().judged & proved)))
+        if found.missing:
+            largest = ratio = np.inf
+        for quantity, level, order in zip(found.quantities.values(), ref.levels, range(levels), strict=False):
+            largest = max(largest, float(np.nanmax(quantity.error / scales(level, order), initial=0.0)))
+            ratio = max(ratio, float(np.nanmax(quantity.ratio, initial=0.0)))
+    return Accuracy(largest, ratio, count, unjudged, levels)
+
+
+def _answered(work: SpatialLoops, piece: Piece) -> Motion:
+    """Return a piece as a motion, ok wherever all its numbers are there."""
+    there = np.all([np.isfinite(level).all(axis=0) for level in piece.levels], axis=0)
+    status = tuple(Status.OK if ok else Status.NOT_CONVERGED for ok in there)
+    bodies = tuple(body.name for body in work.scene().mechanism.bodies)
+    q, qd, qdd = [*piece.levels, None, None][:3]
+    producer = Producer(name="", version="", route=ROUTE)
+    return engine_motion(np.array(work.t), bodies, q, qd, qdd, status, producer)
 
 
 def sparse_system(work: Chain) -> Any:

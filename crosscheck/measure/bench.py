@@ -18,9 +18,10 @@ from crosscheck.engines import PEERS, QUANTITIES, EngineError
 from crosscheck.engines.methods import OURS, Batch, Method, Use, methods
 from crosscheck.engines.ours.c_kernels import compiler_version
 from crosscheck.engines.ours.lanes_methods import fast
-from crosscheck.judge.workloads import Accuracy, of_chain, of_four_bars, sparse_system
+from crosscheck.judge.workloads import Accuracy, of_chain, of_four_bars, of_spatial_loops, sparse_system
 from crosscheck.measure.bench_aims import reached
 from crosscheck.scenes.workloads import Chain, FourBars, Workload, workload
+from crosscheck.scenes.workloads_space import SpatialLoops
 from crosscheck.workers.timing import Timing, timed_in_turns
 
 ROUNDS = 20
@@ -113,7 +114,7 @@ def row(work: Workload, entry: Entry, timing: Timing) -> dict[str, Any]:
         "judged": accuracy.configurations,
         "unjudged": accuracy.unjudged,
         "newton_by": entry.method.newton_by,
-        "note": entry.method.note,
+        "note": "; ".join(filter(None, (entry.method.note, entry.batch.note))),
     }
 
 
@@ -121,6 +122,8 @@ def accuracy_of(work: Workload, batch: Batch) -> Accuracy:
     """Return how right the answers to a workload are."""
     if isinstance(work, Chain):
         return of_chain(work, sparse_system(work), batch.answers())
+    if isinstance(work, SpatialLoops):
+        return of_spatial_loops(work, batch.answers())
     return of_four_bars(work, batch.answers())
 
 
@@ -181,7 +184,7 @@ def measured_by_name(asked: tuple[str, Sequence[str]]) -> dict[str, Any]:
     name, producers = asked
     work = workload(name)
     results = measured(work, producers)
-    if name == FIRST_USE and not isinstance(work, Chain):
+    if name == FIRST_USE and isinstance(work, FourBars):
         results["first_use"] = first_use(work)
     return results
 

@@ -13,9 +13,12 @@ from typing import Any
 from crosscheck.engines.methods import OURS
 
 SWEEP, MANY, ANY, LARGE = "sweep-1000", "many-10000x360", "many-10000x360-any", "chain-10000"
+RSSR = "rssr-1000"
 SAMPLES, CERTIFICATE = (("refkin-lanes", "all times at once", setting) for setting in ("no evidence", "certificate"))
 SPARSE, DENSE = ("refkin-lanes", "sparse", ""), ("c", "dense Newton", "")
 BODIES = 2 * 10_000 + 1
+PLANE, SPACE = 3 * 3, 3 * 7
+"""Coordinates of a four-bar and of an RSSR."""
 Key = tuple[str, str, str]
 """Engine, method, setting."""
 
@@ -63,6 +66,11 @@ class Aim:
     at_least: float = -math.inf
 
 
+def _certificate(t: Times, work: str) -> float:
+    """Return what the certificate of a pose adds to its price [ns]."""
+    return t(work, CERTIFICATE) - t(work, SAMPLES)
+
+
 AIMS = (
     Aim("one four-bar: fast path / dense C", (SWEEP,), lambda t: t(SWEEP, SAMPLES) / t(SWEEP, DENSE), at_most=0.6),
     Aim(
@@ -96,6 +104,19 @@ AIMS = (
         (LARGE,),
         lambda t: t(LARGE, SPARSE) / BODIES / 1e3,
         at_most=3.0,
+    ),
+    Aim("one RSSR: fast path [us]", (RSSR,), lambda t: t(RSSR, SAMPLES) / 1e3, at_most=6.0),
+    Aim(
+        "one RSSR: fastest engine / fast path",
+        (RSSR,),
+        lambda t: t.engine(RSSR, SAMPLES) / t(RSSR, SAMPLES),
+        at_least=10.0,
+    ),
+    Aim(
+        "certificate of a pose, per coordinate: RSSR / four-bar",
+        (SWEEP, RSSR),
+        lambda t: _certificate(t, RSSR) / SPACE / (_certificate(t, SWEEP) / PLANE),
+        at_most=5.0,
     ),
     Aim("first use: the program of a four-bar [s]", (SWEEP,), lambda t: t.first_use["tape_seconds"], at_most=0.03),
     Aim(

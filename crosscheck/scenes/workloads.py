@@ -1,4 +1,4 @@
-"""What is computed: four-bars over a turn of the crank, and chains of four-bars at one time.
+"""What is computed: four-bars and RSSRs over a turn of the crank, and chains of four-bars at one time.
 
 The four-bars' crank turns at 1 rad/s from 0, all are OPEN, all of what is asked is position, velocity and acceleration
 of three bodies. Start estimates are right to six decimals: finding the first pose is not what is measured.
@@ -10,13 +10,14 @@ import cmath
 import math
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
 from crosscheck.scenes.four_bar_answers import four_bar
+from crosscheck.scenes.workloads_space import SpatialLoops, many_rssrs, one_rssr
 from refkin.joints import GROUND, AngleDriver, Pair, Revolute, Unit
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
@@ -119,14 +120,14 @@ def system_of(work: FourBars, mechanisms: Any) -> System:
 
 @dataclass(frozen=True)
 class Piece:
-    """Some answers to a workload of four-bars.
+    """Some answers to a workload of four-bars, or of RSSRs.
 
     Attributes
     ----------
     mechanisms, times : (L,) array of int
         Which configurations.
     rows : sequence of int
-        Which coordinates of the nine.
+        Which coordinates, of the nine in the plane, of all in space.
     levels : tuple of (rows, L) array
         Coordinates in m and rad, then what rates there are.
     """
@@ -143,7 +144,7 @@ class Piece:
         )
 
 
-def whole(work: FourBars, mechanisms: Any, levels: Iterable[Any], rows: Any = range(9)) -> Piece:
+def whole(work: FourBars | SpatialLoops, mechanisms: Any, levels: Iterable[Any], rows: Any = range(9)) -> Piece:
     """Return the answers of some mechanisms at all times as a piece; each level is (rows, M, T)."""
     count = len(work.t)
     return Piece(
@@ -230,12 +231,14 @@ class Chain:
 
 
 SPACING = 1.5
-Workload = FourBars | Chain
+SPATIAL = {"rssr-1000": partial(one_rssr, times=SWEEP), "rssrs-100x72": partial(many_rssrs, mechanisms=100, times=72)}
+"""The workloads of space, by name."""
+Workload = FourBars | SpatialLoops | Chain
 
 
 def names() -> tuple[str, ...]:
     """Return the names of all workloads, in the order in which they are run."""
-    return ("sweep-1000", "many-10000x360", "many-10000x360-any", *(f"chain-{n}" for n in WINDOWS))
+    return ("sweep-1000", "many-10000x360", "many-10000x360-any", *(f"chain-{n}" for n in WINDOWS), *SPATIAL)
 
 
 def workload(name: str) -> Workload:
@@ -250,6 +253,8 @@ def workload(name: str) -> Workload:
         return sweep(SWEEP)
     if name in ("many-10000x360", "many-10000x360-any"):
         return many(name, MECHANISMS, TIMES, 0.0 if name.endswith("any") else MARGIN)
+    if name in SPATIAL:
+        return SPATIAL[name](name)
     if name in names():
         return Chain(name, int(name.removeprefix("chain-")))
     raise KeyError(name)

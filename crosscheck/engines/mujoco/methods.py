@@ -62,6 +62,8 @@ def _swept(limit: float, scene: Scene) -> Model:
 def _batched(limit: float, workload: Workload, order: int) -> Batch:
     if isinstance(workload, Chain):
         raise EngineError("not made for chains: mujoco.batch binds no constraint rows, and one pose is no batch")
+    if not isinstance(workload, FourBars):
+        raise EngineError("made for four-bars: its joint tree is of the plane")
     part = workload.first(MECHANISMS)
     if part.mechanisms == 1:
         model = _swept(limit, part.scene())

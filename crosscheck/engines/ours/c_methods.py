@@ -14,6 +14,7 @@ from crosscheck.engines.ours import chains
 from crosscheck.engines.ours.c_kernels import library, row_of, rows
 from crosscheck.engines.ours.c_program import emitted, geometry_of
 from crosscheck.engines.ours.chains import program_of
+from crosscheck.engines.ours.numpy_methods import of_four_bars
 from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, Workload, chunks, system_of, whole
 
 LONG, DOUBLE = ctypes.c_long, ctypes.c_double
@@ -43,22 +44,21 @@ def _method(name: str, batch: Any, note: str) -> Method:
 def _dense(workload: Workload, order: int) -> Batch:
     if isinstance(workload, Chain):
         return chains.dense_c(workload)
-    return _Call(workload, _function("dense.c", "dense_march")).batch()
+    return _Call(of_four_bars(workload), _function("dense.c", "dense_march")).batch()
 
 
 def _closed_form(workload: Workload, order: int) -> Batch:
     if isinstance(workload, Chain):
         raise EngineError("a closed form has no Newton iteration")
-    return _Call(workload, _function("closed.c", "closed_form")).batch()
+    return _Call(of_four_bars(workload), _function("closed.c", "closed_form")).batch()
 
 
 def _same_program(workload: Workload, order: int) -> Batch:
     if isinstance(workload, Chain):
         return chains.same_program(workload)
-    program, core = program_of(workload.scene())
-    return _ProgramCall(
-        workload, _function("program.c", "program_march", program=emitted(program)), program, core
-    ).batch()
+    work = of_four_bars(workload)
+    program, core = program_of(work.scene())
+    return _ProgramCall(work, _function("program.c", "program_march", program=emitted(program)), program, core).batch()
 
 
 def _function(source: str, name: str, **generated: str) -> Any:

@@ -14,10 +14,13 @@ from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels
 from crosscheck.engines.ours import chains
 from crosscheck.engines.ours.lanes import Lanes
 from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload
+from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.model import Evidence, Scene
 
 ENGINE = "refkin-lanes"
 AT_ONCE = "all times at once"
+IN_TURN = "one mechanism after the other, one program for all of them with the numbers of each: not `solve_many`"
+"""What is done of many mechanisms of space."""
 COUNTED = 1000
 """So many of many mechanisms are answered at once when they are judged: all answers of one call take memory."""
 EVIDENCE: dict[str, frozenset[Evidence]] = {
@@ -60,12 +63,13 @@ def fast() -> Any:
     return package
 
 
-def _compiled(evidence: frozenset[Evidence], scene: Scene) -> Model:
+def _compiled(evidence: frozenset[Evidence], scene: Scene, *, anew: bool = True) -> Model:
     attempt = fast().attempt
     from refkin.fast.compiled import forget
     from refkin.fast.prepare import prepared
 
-    forget()  # so that building the model is what it is for a topology that nobody has used yet
+    if anew:
+        forget()  # so that building the model is what it is for a topology that nobody has used yet
     plain = replace(scene, evidence=evidence, points=(), bodies_wanted=None)
     ready = prepared(plain)
     if ready is None or not (ready.made.program.counts() and ready.made.march):
@@ -91,6 +95,9 @@ def _batched(evidence: frozenset[Evidence], workload: Workload, order: int) -> B
         return chains.by_program(workload)
     if workload.mechanisms == 1:
         return one_by_one(partial(_compiled, evidence), workload, order)
+    if isinstance(workload, SpatialLoops):
+        build = partial(_compiled, evidence, anew=False)
+        return one_by_one(build, workload, order, workload.configurations, IN_TURN)
     return _many(evidence, workload, order)
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch, Method, Use
 from crosscheck.scenes.four_bar_answers import four_bar
-from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, Workload, chunks, whole
+from crosscheck.scenes.workloads import SPEED, FourBars, Piece, Workload, chunks, whole
 
 AT_ONCE = 10_000
 """Configurations that are computed at once: their rows stay in the cache."""
@@ -33,7 +33,7 @@ def methods() -> Iterator[Method]:
 
 def of_four_bars(workload: Workload) -> FourBars:
     """Return a workload of four-bars; raises EngineError if it is none."""
-    if isinstance(workload, Chain):
+    if not isinstance(workload, FourBars):
         raise EngineError("made for four-bars")
     return workload
 

@@ -1,0 +1,168 @@
+"""`crosscheck bench` on tiny workloads of space: rows, refusals by name, wrong answers noticed, one program for all."""
+
+from __future__ import annotations
+
+import importlib.util
+
+import numpy as np
+import pytest
+
+from crosscheck.engines import EngineError
+from crosscheck.engines.methods import Use, method, methods
+from crosscheck.judge.workloads import of_spatial_loops
+from crosscheck.measure import bench as measure
+from crosscheck.measure.bench_aims import RSSR, SAMPLES, key_of, reached
+from crosscheck.scenes import workloads as works
+from crosscheck.scenes.workloads import whole
+from crosscheck.scenes.workloads_space import many_rssrs, one_rssr
+from refkin.solving.solve import solve
+
+FAST = importlib.util.find_spec("refkin.fast") is not None
+IN_SPACE = {
+    "exudyn": "MainSolverStatic.Newton, extrapolated",
+    "pinocchio": "Newton on its rows, extrapolated",
+    "mujoco": "Newton on its rows, extrapolated",
+}
+"""Each engine's best method in space."""
+
+
+def tiny():
+    return one_rssr("rssr-1000", 8)
+
+
+def few():
+    return many_rssrs("rssrs-100x72", 2, 8)
+
+
+@pytest.fixture(scope="module")
+def solved():
+    """Answers to `few`, (21, 8) per level and mechanism."""
+    work = few()
+    return [[np.array(level) for level in solve(work.scene(k)).levels] for k in range(work.mechanisms)]
+
+
+def judged(levels, mechanism=0):
+    work = few()
+    piece = whole(work, np.array([mechanism]), [level[:, None] for level in levels], range(21))
+    return of_spatial_loops(work, [piece])
+
+
+@pytest.mark.parametrize("engine", IN_SPACE)
+@pytest.mark.parametrize("make", [tiny, few], ids=["one", "many"])
+def test_the_best_method_of_each_engine_in_space_is_a_ranked_row(engine, make):
+    pytest.importorskip(engine)
+    listed = [m for m in methods(engine, Use.BENCH) if m.name == IN_SPACE[engine]]
+
+    results = measure.measured(make(), rounds=1, listed=listed)
+
+    assert [len(row["computes"]) for row in results["rows"]] == [3, 1]
+    assert all(row["ranked"] and row["judged"] == make().configurations for row in results["rows"])
+    assert {row["newton_by"] for row in results["rows"]} == {"exudyn" if engine == "exudyn" else "the adapter"}
+
+
+@pytest.mark.skipif(not FAST, reason="the fast paths were deleted")
+def test_the_fast_path_answers_many_rssrs_in_turn_by_one_program_and_says_so():
+    from refkin.fast import prepared
+
+    work = few()
+    (row, _) = measure.measured(work, rounds=1, listed=[method(*SAMPLES)])["rows"]
+    one, other = (prepared(work.scene(k)).made for k in range(2))
+
+    assert row["ranked"]
+    assert (row["timed"], row["judged"]) == (16, 16)
+    assert "one program for all of them with the numbers of each" in row["note"]
+    assert one is other
+
+
+@pytest.mark.parametrize(
+    ("engine", "name"),
+    [
+        ("c", "dense Newton"),
+        ("numpy", "closed form"),
+        ("refkin-lanes", "sparse"),
+        ("mujoco", "mujoco.batch, all times"),
+    ],
+)
+def test_what_is_made_for_four_bars_or_chains_refuses_in_one_sentence(engine, name):
+    if engine in IN_SPACE:
+        pytest.importorskip(engine)
+    (found,) = (m for m in methods(engine, Use.BENCH) if m.name.startswith(name))
+
+    with pytest.raises(EngineError, match="made for"):
+        found.batched(tiny(), 2)
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_what_is_measured_in_space_alone_refuses_the_plane(engine):
+    pytest.importorskip(engine)
+    (found,) = (m for m in methods(engine, Use.BENCH) if m.name == IN_SPACE[engine])
+
+    for work in (works.sweep(8), works.Chain("chain-10", 3)):
+        with pytest.raises(EngineError, match="workloads of space"):
+            found.batched(work, 2)
+
+
+@pytest.mark.parametrize("order", range(3))
+def test_one_wrong_number_of_space_is_noticed(solved, order):
+    assert judged(solved[0]).ranked
+    levels = [level.copy() for level in solved[0]]
+    levels[order][14 + 4, 5] += 1e-12
+
+    result = judged(levels)
+
+    assert not result.ranked
+    assert result.max_error > 1e-13
+
+
+def test_the_answer_of_another_mechanism_is_noticed(solved):
+    assert judged(solved[1], 1).ranked
+    assert not judged(solved[0], 1).ranked
+
+
+def test_an_answer_that_is_missing_in_space_is_no_rank(solved):
+    levels = [level.copy() for level in solved[0]]
+    levels[0][:, 3] = np.nan
+
+    result = judged(levels)
+
+    assert not result.ranked
+    assert result.max_error == np.inf
+
+
+def test_the_other_sign_of_euler_parameters_is_the_same_answer(solved):
+    levels = [level.copy() for level in solved[0]]
+    for level in levels:
+        level[17:21] *= -1.0
+
+    assert judged(levels).ranked
+
+
+def test_cranks_of_many_rssrs_turn_fully_and_all_differ():
+    work = many_rssrs("rssrs-100x72", 20, 8)
+
+    assert len({linkage.coupler for linkage in work.linkages}) == 20
+    for linkage in work.linkages:
+        for angle in np.linspace(0.0, 2.0 * np.pi, 50):
+            linkage.assemble(float(angle))
+
+
+def test_workloads_of_space_are_as_large_as_their_names_say():
+    sizes = {name: (works.workload(name).mechanisms, works.workload(name).configurations) for name in works.SPATIAL}
+
+    assert sizes == {"rssr-1000": (1, 1000), "rssrs-100x72": (100, 7200)}
+
+
+@pytest.mark.parametrize(("time", "rival", "good"), [(5999.0, 60_000.0, [True, True]), (6001.0, 60_000.0, [False] * 2)])
+def test_the_aims_of_space_are_six_microseconds_and_ten_times(time, rival, good):
+    shape = {"workload": RSSR, "ranked": True, "computes": ["position", "velocity", "acceleration"]}
+    keys = {SAMPLES: time, ("pinocchio", "Newton", ""): rival}
+    names = ("engine", "method", "setting")
+    rows = [
+        {**shape, **dict(zip(names, key, strict=True)), "nanoseconds_per_configuration": t} for key, t in keys.items()
+    ]
+    assert [key_of(row) for row in rows] == list(keys)
+
+    verdicts = reached({"rows": rows, "absent": []})
+
+    assert [v["aim"] for v in verdicts] == ["one RSSR: fast path [us]", "one RSSR: fastest engine / fast path"]
+    assert [v["reached"] for v in verdicts] == good
