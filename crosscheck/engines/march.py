@@ -59,6 +59,10 @@ GUESSED_WELL = 1e-9
 """A prediction that Newton's first correction brings this near its pose has contracted, whatever round-off adds."""
 
 
+Closing = Callable[[Array, float], tuple[Array | None, float]]
+"""A pose (n,) and a time -> the pose that an engine leads it to, None if it leads nowhere, and its largest residual."""
+
+
 class Equations(Protocol):
     """Constraint equations at B poses; n coordinates and m rows of order one, lengths in sizes of the mechanism."""
 
@@ -118,6 +122,18 @@ class March:
     levels: tuple[Array, ...]
     status: tuple[Status, ...]
     residual: Array
+
+
+def one_by_one(closing: Closing, start: Array, times: Sequence[float]) -> March:
+    """Return the poses to which an engine leads each time from its last answer, as a user would do it."""
+    levels, residual = np.full((len(start), len(times)), np.nan), np.full(len(times), np.nan)
+    status, q = [Status.NOT_CONVERGED] * len(times), start
+    for k, t in enumerate(times):
+        pose, gap = closing(q, t)
+        if pose is not None:
+            q, status[k], residual[k] = pose, Status.OK, gap
+            levels[:, k] = q
+    return March((levels,), tuple(status), residual)
 
 
 def march(

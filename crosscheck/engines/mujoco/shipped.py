@@ -14,17 +14,31 @@ is no longer corrected when k r = a < sqrt(2 n tolerance); k = 1 / (dmax timecon
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
 from crosscheck.engines import Array, EngineRefusal, Term, route_by
-from crosscheck.engines.march import March
+from crosscheck.engines.march import March, one_by_one
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.rows import MujocoRows
-from crosscheck.engines.tree.joint_tree import JointTree
-from refkin.model import Scene
-from refkin.motion import Status
+from crosscheck.engines.mujoco.space import JOINTS, MujocoSpace
+from crosscheck.engines.spatial.reading import (
+    ANGLE,
+    CYLINDRICAL,
+    DISTANCE,
+    REVOLUTE,
+    SCREW,
+    SPHERICAL,
+    Drive,
+    Hold,
+    in_space,
+    numbers_of,
+)
+from crosscheck.engines.spatial.system import SpaceSystem
+from crosscheck.engines.spatial.tree import WIDTH, space_tree
+from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
+from refkin.model import Mechanism, Scene
 
 STEPPED = route_by(
     "mujoco",
@@ -69,17 +83,7 @@ def stepped(tree: JointTree, scene: Scene) -> March:
         raise EngineRefusal(
             f"mujoco refuses this scene on the route {STEPPED.name!r}: no equality constraint holds a point on a line"
         )
-    simulation = Simulation(plan)
-    levels = np.full((tree.width, len(scene.times)), np.nan)
-    residual = np.full(len(scene.times), np.nan)
-    status = [Status.NOT_CONVERGED] * len(scene.times)
-    q = tree.start()
-    for k, t in enumerate(scene.times):
-        pose = simulation.at_rest(q, t)
-        if pose is not None:
-            q, status[k] = pose, Status.OK
-            levels[:, k], residual[k] = q, simulation.violation()
-    return March((levels,), tuple(status), residual)
+    return one_by_one(Simulation(plan).at_rest, tree.start(), scene.times)
 
 
 class Simulation:
@@ -91,23 +95,122 @@ class Simulation:
         as_shipped(self.model)
         self.columns = np.array([self.model.joint(f"q{k}").id for k in range(plan.tree.width)], int)
 
-    def at_rest(self, q: Array, t: float) -> Array | None:
-        """Return where the mechanism comes to rest from q; None if it does not, or MuJoCo warns that it went astray."""
+    def at_rest(self, q: Array, t: float) -> tuple[Array | None, float]:
+        """Return where the mechanism comes to rest from q, None if it does not, and the largest violation."""
         self.rows.drive(t)
-        data = mujoco.MjData(self.model)
-        self.data: Any = data
-        data.qpos[self.columns] = q
-        for _ in range(MOST // AT_ONCE):
-            mujoco.mj_step(self.model, data, AT_ONCE)
-            if any(warning.number for warning in data.warning):
-                return None
-            if np.max(np.abs(data.qvel), initial=0.0) < REST:
-                return np.array(data.qpos[self.columns])
-        return None
+        return at_rest(self.model, self.columns, q, np.eye(self.model.nv))
 
-    def violation(self) -> float:
-        """Return the largest violation of a constraint, in MuJoCo's own unit."""
-        return float(np.max(np.abs(self.data.efc_pos), initial=0.0))
+
+class SpaceSimulation(MujocoSpace):
+    """A model of space with MuJoCo's defaults: spherical joints close loops by a `connect`, revolutes by two.
+
+    A screw is tied to its slide by an equality of two joints, distances are equalities of tendons, and drivers set the
+    value of a joint or of a tendon's length. By default nothing brakes the spin of a body between two spherical joints;
+    as its mass lies on the line of the two and its inertias are alike, the spin pulls at nothing, and is not asked to
+    rest.
+
+    Raises
+    ------
+    EngineError
+        If a joint that closes a loop, or a driver, has no equality constraint in MuJoCo.
+    """
+
+    def __init__(self, system: SpaceSystem) -> None:
+        for hold in system.tree.closures:
+            if hold.kind not in (SPHERICAL, REVOLUTE, DISTANCE):
+                _refuse(f"{hold.kind} {hold.name!r}, which closes a loop")
+        super().__init__(system.tree, system.places, system.pairs)
+        as_shipped(self.model)
+        self.braked = np.eye(self.model.nv)
+        for body, (one, other) in system.tree.numbers.idle.items():
+            edge = next(edge for edge in system.tree.edges if edge.body == body)
+            if edge.kind == SPHERICAL:
+                line = self.frames[body][1].T @ (other.end(body)[0] - one.end(body)[0])
+                spin = self.model.joint(f"q{self._first[edge.hold]}").dofadr[0] + np.arange(3)
+                self.braked[np.ix_(spin, spin)] -= np.outer(line, line) / (line @ line)
+
+    def at_rest(self, q: Array, t: float) -> tuple[Array | None, float]:
+        """Return where the mechanism comes to rest from q, None if it does not, and the largest violation."""
+        for drive, equality, shift in self.driven:
+            self.model.eq_data[equality, 0] = float(drive.law(t)) / drive.size - shift
+        pose, violation = at_rest(self.model, self.columns, self.coordinates(q), self.braked)
+        if pose is None:
+            return None, violation
+        slides = np.cumsum([0, *(WIDTH[edge.kind] + (edge.kind == SCREW) for edge in self.tree.edges)])[:-1]
+        return np.delete(pose, [k for k, e in zip(slides, self.tree.edges, strict=True) if e.kind == SCREW]), violation
+
+    def _add(self) -> None:
+        joints = np.cumsum([0, *(len(JOINTS[edge.kind]) for edge in self.tree.edges)])
+        self._first = {edge.hold: int(k) for edge, k in zip(self.tree.edges, joints[:-1], strict=True)}
+        for edge in self.tree.edges:
+            if edge.kind == SCREW:
+                slide = self._first[edge.hold]
+                self._tie([0.0, edge.pitch], mujoco.mjtObj.mjOBJ_JOINT, f"q{slide}", f"q{slide + 1}")
+        for hold in self.tree.closures:
+            if hold.kind == DISTANCE:
+                self._hold_length(hold, hold.length)
+        self.driven = [(drive, *self._drive(drive)) for drive in self.tree.numbers.drives]
+
+    def _drive(self, drive: Drive) -> tuple[int, float]:
+        """Return the equality that a driver sets, and the law's value at which the equality's is zero."""
+        if drive.kind == DISTANCE:
+            return self._hold_length(drive.hold, 0.0), 0.0
+        edge = self.tree.edge_of(drive.hold)
+        if edge is None:
+            _refuse(f"{drive.kind} {drive.name!r}, whose joint closes a loop")
+        turns = drive.kind == ANGLE and edge.kind in (CYLINDRICAL, SCREW)
+        equality = self._tie([0.0], mujoco.mjtObj.mjOBJ_JOINT, f"q{self._first[edge.hold] + turns}")
+        return equality, edge.shift if edge.kind == SCREW and not turns else 0.0
+
+    def _hold_length(self, hold: Hold, length: float) -> int:
+        """Hold two points at a distance by a tendon, and return its equality."""
+        tendon = self.spec.add_tendon(name=f"length {hold.name}")
+        for side, body in zip("ij", hold.bodies, strict=True):
+            u, frame = self.frames[body]
+            site = self.bodies[body].add_site(name=f"{tendon.name} {side}", pos=frame.T @ (hold.end(body)[0] - u))
+            tendon.wrap_site(site.name)
+        return self._tie([length], mujoco.mjtObj.mjOBJ_TENDON, tendon.name)
+
+    def _tie(self, polynomial: list[float], between: Any, *names: str) -> int:
+        kind = mujoco.mjtEq.mjEQ_TENDON if between == mujoco.mjtObj.mjOBJ_TENDON else mujoco.mjtEq.mjEQ_JOINT
+        index = len(self.spec.equalities)
+        equality = self.spec.add_equality(name=f"tie {index}", type=kind, objtype=between)
+        equality.name1, equality.name2 = (*names, "")[:2]
+        equality.data[: len(polynomial)] = polynomial
+        return index
+
+    def _compiled(self) -> Any:
+        model = super()._compiled()
+        model.tendon_length0[:] = 0.0
+        return model
+
+
+def _refuse(what: str) -> NoReturn:
+    raise EngineRefusal(f"mujoco refuses {what}, on the route {STEPPED.name!r}: no equality constraint holds it")
+
+
+def freedoms(mechanism: Mechanism) -> int:
+    """Return how many freedoms a mechanism has as a joint tree in MuJoCo."""
+    if not in_space(mechanism):
+        return joint_tree(mechanism).width
+    return sum(edge.rates + (edge.kind == SCREW) for edge in space_tree(numbers_of(mechanism), {}).edges)
+
+
+def at_rest(model: Any, columns: Array, q: Any, braked: Array) -> tuple[Array | None, float]:
+    """Return where a model comes to rest from q, None if it does not or MuJoCo warns that it went astray.
+
+    `braked` (v, v) times the rates is what has to vanish. The other value is the largest violation of a constraint, in
+    MuJoCo's own unit.
+    """
+    data: Any = mujoco.MjData(model)
+    data.qpos[columns] = q
+    for _ in range(MOST // AT_ONCE):
+        mujoco.mj_step(model, data, AT_ONCE)
+        if any(warning.number for warning in data.warning):
+            break
+        if np.max(np.abs(braked @ data.qvel), initial=0.0) < REST:
+            return np.array(data.qpos[columns]), float(np.max(np.abs(data.efc_pos), initial=0.0))
+    return None, math.nan
 
 
 def as_shipped(model: Any) -> None:

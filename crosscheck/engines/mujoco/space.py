@@ -56,15 +56,19 @@ class MujocoSpace:
             self._equality(f"pair {k}", mujoco.mjtEq.mjEQ_CONNECT, *pair)
         for k, pair in enumerate(welds):
             self._equality(f"weld {k}", mujoco.mjtEq.mjEQ_WELD, *pair)
+        self._add()
         self.pairs, self.welded_from = pairs, 3 * len(pairs)
         self._owners = np.repeat(np.arange(len(pairs) + len(welds)), [3] * len(pairs) + [6] * len(welds))
         self.model = self._compiled()
         self.data = mujoco.MjData(self.model)
         joints = [self.model.joint(name) for name in self._names]
-        self._q = np.concatenate([j.qposadr[0] + np.arange(len(j.qpos0)) for j in joints])
+        self.columns = np.concatenate([j.qposadr[0] + np.arange(len(j.qpos0)) for j in joints])
         self._v = np.concatenate([j.dofadr[0] + np.arange(3 if len(j.qpos0) > 1 else 1) for j in joints])
         self._from_tree = self._columns()
         self._at = [(self.bodies[p.body].id, *self._local(p)) for p in places]
+
+    def _add(self) -> None:
+        """Add nothing more to the specification before it is compiled."""
 
     def _hang(self, k: int, edge: Edge) -> None:
         u, frame = self.frames[edge.parent]
@@ -112,7 +116,8 @@ class MujocoSpace:
             first += edge.rates
         return np.concatenate(rows)
 
-    def _place(self, q: Array) -> None:
+    def coordinates(self, q: Array) -> list[float]:
+        """Return coordinates of the tree as those of MuJoCo's joints, edge by edge: of a screw two."""
         values: list[float] = []
         for edge in self.tree.edges:
             part = list(q[edge.slot])
@@ -122,7 +127,10 @@ class MujocoSpace:
                 p = q[edge.turned]
                 part[-4:] = p / np.linalg.norm(p)
             values += part
-        self.data.qpos[self._q] = values
+        return values
+
+    def _place(self, q: Array) -> None:
+        self.data.qpos[self.columns] = self.coordinates(q)
         mujoco.mj_kinematics(self.model, self.data)
         mujoco.mj_comPos(self.model, self.data)
         mujoco.mj_makeConstraint(self.model, self.data)

@@ -31,14 +31,15 @@ from crosscheck.engines import (
     route_by,
 )
 from crosscheck.engines.frames import RowMap
+from crosscheck.engines.march import one_by_one
 from crosscheck.engines.pinocchio.effects import EFFECTS, MISSING, ForwardDynamics, affected
 from crosscheck.engines.pinocchio.features import FEATURES, with_feature
 from crosscheck.engines.pinocchio.model import Frame, absolute_model, tree_model
 from crosscheck.engines.pinocchio.rows import Rows
-from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, closed_chain
+from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, SpaceExample, closed_chain
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.spatial.absolute import SPATIAL_VECTORS, SpaceRows
-from crosscheck.engines.spatial.motion import space_motion
+from crosscheck.engines.spatial.motion import SpaceScene, space_motion
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
 from crosscheck.engines.tree.tree_motion import CHAIN, link_terms, marched_motion, tree_motion
@@ -130,8 +131,13 @@ class Pinocchio(SimulatingAdapter):
         """
         refuse_joints(self, scene, route, (TREE, CLOSED_CHAIN, FORWARD, *FEATURES))
         if in_space(scene.mechanism):
-            refuse_in_space(self, route, (TREE,), self.effect)
-            return space_motion(scene, PinocchioSpace, Producer(name=self.name, version=self.version(), route=TREE))
+            refuse_in_space(self, route, (TREE, CLOSED_CHAIN), self.effect)
+            producer = Producer(name=self.name, version=self.version(), route=route or TREE)
+            if route != CLOSED_CHAIN:
+                return space_motion(scene, PinocchioSpace, producer)
+            space = SpaceScene.of(scene, PinocchioSpace)
+            closing = SpaceExample(space.system).closed
+            return space.motion(one_by_one(closing, space.start(), scene.times), producer)
         if route in FEATURES:
             return with_feature(scene, self.solve(replace(scene, bodies_wanted=None), TREE), route)
         tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)

@@ -9,19 +9,20 @@ driver moves and the ground, its target placed by the law; each time starts at t
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import Any
+from collections.abc import Callable
+from typing import Any, NoReturn
 
 import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines import Array, EngineRefusal, Term, route_by
-from crosscheck.engines.march import March
+from crosscheck.engines.march import March, one_by_one
 from crosscheck.engines.pinocchio.model import PlanarModel, shift, tree_model, turn, unit_vector
+from crosscheck.engines.spatial.reading import ANGLE, PRISMATIC, REVOLUTE, SPHERICAL, Drive
+from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
 from refkin.joints import GROUND, Element, PointCoordinate, PointsCoincide, RelativeAngle
 from refkin.model import Scene
-from refkin.motion import Status
 
 CLOSED_CHAIN = route_by(
     "pinocchio",
@@ -49,42 +50,18 @@ def closed_chain(tree: JointTree, scene: Scene) -> March:
         If a joint that closes a loop is not a revolute, or a driver does not hold the joint by which a body hangs on
         the ground; the message names it.
     """
-    chain = _Chain(tree)
-    q = tree.start()
-    levels = np.full((tree.width, len(scene.times)), np.nan)
-    residual = np.full(len(scene.times), np.nan)
-    status = [Status.NOT_CONVERGED] * len(scene.times)
-    for k, t in enumerate(scene.times):
-        pose, gap = chain.closed(q, t)
-        if pose is not None:
-            q, status[k], residual[k] = pose, Status.OK, gap
-            levels[:, k] = q
-    return March((levels,), tuple(status), residual)
+    return one_by_one(_Chain(tree).closed, tree.start(), scene.times)
 
 
-class _Chain:
-    """A tree with its constraints: the loops, then one per driver."""
+class Example:
+    """The example's loop, on a model with constraints that close its loops and some that hold its input at a time."""
 
-    def __init__(self, tree: JointTree) -> None:
-        self.tree = tree
-        self.planar: PlanarModel = tree_model(tree)
-        self.model, self.data = self.planar.model, self.planar.data
-        self.drivers = [_Held(tree, element) for element in tree.driven]
-        self.loops = [self._loop(element) for element in tree.closures]
-
-    def _loop(self, e: Element) -> Any:
-        if not isinstance(e, PointsCoincide):
-            raise EngineRefusal(
-                f"pinocchio refuses {e.key} of {e.name!r} on the route {CLOSED_CHAIN.name!r}: "
-                "its RigidConstraintModel closes loops at points or frames"
-            )
-        ends = [self.planar.frames[body].at(self.tree.scaled(body, point)) for body, point in reversed(e.ends)]
-        places = [x for end in ends for x in (end.joint, end.placement)]
-        return pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *places)
+    def __init__(self, model: Any, data: Any, loops: list[Any], held: Callable[[float], list[Any]]) -> None:
+        self.model, self.data, self.loops, self.held = model, data, loops, held
 
     def closed(self, q: Array, t: float) -> tuple[Array | None, float]:
         """Return where the example's loop ends, None if it does not within its 100 steps, and the residual."""
-        models = [*self.loops, *(held.constraint(self.model, t) for held in self.drivers)]
+        models = [*self.loops, *self.held(t)]
         datas = [model.createData() for model in models]
         size = sum(model.residualSize() for model in models)
         self.data.M = np.eye(self.model.nv) * RHO
@@ -95,7 +72,7 @@ class _Chain:
             for model, data in zip(models, datas, strict=True):
                 model.calc(self.model, self.data, data)
             kkt.compute(self.model, self.data, models, datas, MU)
-            value = np.concatenate([*self._values(datas)])
+            value = np.concatenate([_value(*one) for one in zip(models, datas, strict=True)])
             jacobian = pin.getConstraintsJacobian(self.model, self.data, models, datas)
             gap = float(np.max(np.abs(value)))
             if gap < EPS and np.max(np.abs(jacobian.T @ (value + y))) < EPS:
@@ -107,9 +84,84 @@ class _Chain:
             y = dz[:size]
         return None, np.nan
 
-    def _values(self, datas: list[Any]) -> Iterator[Array]:
-        for k, data in enumerate(datas):
-            yield data.c1Mc2.translation if k < len(self.loops) else pin.log6(data.c1Mc2).vector
+
+def _value(model: Any, data: Any) -> Any:
+    """Return how far a constraint is off: three rows of two points, or six of two frames."""
+    return data.c1Mc2.translation if model.residualSize() == 3 else pin.log6(data.c1Mc2).vector
+
+
+class SpaceExample:
+    """The same for a joint tree of space: spherical joints close loops at a point, revolutes at two of their axis.
+
+    Of redundant rows the example's loop is a noise of 1e-6 and never ends (Bennett's linkage): it says so.
+
+    Raises
+    ------
+    EngineRefusal
+        If a joint that closes a loop is neither spherical nor revolute, or a driver holds no revolute or
+        prismatic joint by which a body hangs on the ground; the message names it.
+    """
+
+    def __init__(self, system: SpaceSystem) -> None:
+        self.space: Any = system.engine
+        self.model, tree = self.space.model, system.tree
+        self.drives = [(drive, self._joint(tree.edge_of(drive.hold), drive)) for drive in tree.numbers.drives]
+        for hold in tree.closures:
+            if hold.kind not in (SPHERICAL, REVOLUTE):
+                _refuse(f"{hold.kind} {hold.name!r}", "its RigidConstraintModel closes loops at points or frames")
+        loops = [self._loop(*pair) for pair in system.pairs]
+        self.example = Example(self.model, self.space.data, loops, self._held)
+
+    def closed(self, q: Array, t: float) -> tuple[Array | None, float]:
+        """Return where the example's loop ends in the tree's coordinates, or None, and the residual."""
+        pose, gap = self.example.closed(self.space.coordinates(q), t)
+        if pose is not None:
+            for ball in self.space.tree.balls:
+                pose[ball] = np.roll(pose[ball], 1)
+        return pose, gap
+
+    def _loop(self, i: int, j: int) -> Any:
+        ends = (*self.space.frames[j], *self.space.frames[i])
+        return pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *ends)
+
+    def _joint(self, edge: Any, drive: Drive) -> int:
+        """Return the joint that a driver holds."""
+        if edge is None or edge.parent != GROUND or edge.kind not in (REVOLUTE, PRISMATIC):
+            _refuse(f"{drive.kind} {drive.name!r}", "it holds no joint by which a body hangs on the ground")
+        return int(self.space.bodies[edge.body][0])
+
+    def _held(self, t: float) -> list[Any]:
+        return [self._at(joint, drive.kind == ANGLE, float(drive.law(t)) / drive.size) for drive, joint in self.drives]
+
+    def _at(self, joint: int, turns: bool, value: float) -> Any:
+        moved = turn(unit_vector(value)) if turns else pin.SE3(np.eye(3), np.array([0.0, 0.0, value]))
+        ends = (joint, pin.SE3.Identity(), 0, self.model.jointPlacements[joint] * moved)
+        return pin.RigidConstraintModel(pin.ContactType.CONTACT_6D, self.model, *ends)
+
+
+def _refuse(what: str, why: str) -> NoReturn:
+    raise EngineRefusal(f"pinocchio refuses {what} on the route {CLOSED_CHAIN.name!r}: {why}")
+
+
+class _Chain(Example):
+    """A planar tree with its constraints: the loops, then one per driver."""
+
+    def __init__(self, tree: JointTree) -> None:
+        self.tree = tree
+        self.planar: PlanarModel = tree_model(tree)
+        self.model = self.planar.model
+        drivers = [_Held(tree, element) for element in tree.driven]
+        loops = [self._loop(element) for element in tree.closures]
+        super().__init__(
+            self.model, self.planar.data, loops, lambda t: [held.constraint(self.model, t) for held in drivers]
+        )
+
+    def _loop(self, e: Element) -> Any:
+        if not isinstance(e, PointsCoincide):
+            _refuse(f"{e.key} of {e.name!r}", "its RigidConstraintModel closes loops at points or frames")
+        ends = [self.planar.frames[body].at(self.tree.scaled(body, point)) for body, point in reversed(e.ends)]
+        places = [x for end in ends for x in (end.joint, end.placement)]
+        return pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, self.model, *places)
 
 
 class _Held:
@@ -122,10 +174,7 @@ class _Held:
         sliding = isinstance(element, PointCoordinate)
         wanted = Freedom.TURN if turning else Freedom.SLIDE if sliding else None
         if self.edge.parent != GROUND or self.edge.freedom is not wanted:
-            raise EngineRefusal(
-                f"pinocchio refuses {element.key} of {element.name!r} on the route {CLOSED_CHAIN.name!r}: "
-                "it holds no joint by which a body hangs on the ground"
-            )
+            _refuse(f"{element.key} of {element.name!r}", "it holds no joint by which a body hangs on the ground")
 
     def _joint(self) -> tuple[int, Edge]:
         """Return the joint by which the driven body hangs on another, and its edge."""
@@ -165,8 +214,6 @@ def _moving(tree: JointTree) -> list[Edge]:
     edges: list[Edge] = []
     for edge in tree.edges:
         if edge.freedom is Freedom.FREE:
-            raise EngineRefusal(
-                f"pinocchio refuses body {edge.body!r} on the route {CLOSED_CHAIN.name!r}: no joint ties it to the rest"
-            )
+            _refuse(f"body {edge.body!r}", "no joint ties it to the rest")
         edges += [edge] * (edge.freedom is not Freedom.NONE)
     return edges

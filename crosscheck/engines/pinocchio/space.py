@@ -56,7 +56,7 @@ class PinocchioSpace:
     def still(self, q: Array) -> tuple[Array, Array, Array, Array, Array]:
         """Return places, axes and Jacobians, and of pairs d and its Jacobian: see `SpaceEngine`."""
         model, data, nv = self.model, self.data, self.model.nv
-        pin.computeJointJacobians(model, data, self._coordinates(q))
+        pin.computeJointJacobians(model, data, self.coordinates(q))
         placed = [data.oMi[joint] * at for joint, at in self.frames]
         jac = np.zeros((len(placed), 6, nv))
         for k, (joint, at) in enumerate(self.frames):
@@ -74,7 +74,7 @@ class PinocchioSpace:
         """Return velocities and accelerations of places, and d'' of pairs: see `SpaceEngine`."""
         model, data = self.model, self.data
         rest = self._rest if accelerations is None else accelerations
-        pin.forwardKinematics(model, data, self._coordinates(q), rates, rest)
+        pin.forwardKinematics(model, data, self.coordinates(q), rates, rest)
         vel, acc = np.zeros((2, len(self.frames), 6))
         for k, (joint, at) in enumerate(self.frames):
             if joint:
@@ -82,7 +82,7 @@ class PinocchioSpace:
                 acc[k] = pin.getFrameClassicalAcceleration(model, data, joint, at, WORLD_AXES).vector
         return vel, acc, acc[self.pairs[:, 1], :3] - acc[self.pairs[:, 0], :3]
 
-    def _coordinates(self, q: Array) -> Array:
+    def coordinates(self, q: Array) -> Array:
         """Return Pinocchio's q: Euler parameters of length 1, the scalar last."""
         out = np.array(q, float)
         for ball in self.tree.balls:

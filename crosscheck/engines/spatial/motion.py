@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines.march import march
+from crosscheck.engines.march import March, march
 from crosscheck.engines.spatial.reading import Numbers, numbers_of
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.spatial.tree import space_tree
@@ -33,11 +33,11 @@ def space_motion(scene: Scene, build: Callable[..., Any], producer: Producer) ->
         If a body of the scene has no estimate.
     """
     closing = SpaceScene.of(scene, build)
-    system, numbers = closing.system, closing.numbers
+    system = closing.system
     order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
-    closed = march(system, closing.start(), scene.times, order, together=not numbers.idle)
-    levels = _levels(system, closed.levels)
-    return reported(scene, numbers, levels, closed.status, producer, residual=closed.residual)
+    return closing.motion(
+        march(system, closing.start(), scene.times, order, together=not closing.numbers.idle), producer
+    )
 
 
 @dataclass(frozen=True)
@@ -57,6 +57,11 @@ class SpaceScene:
     def start(self) -> Array:
         """Return the tree's coordinates nearest the estimates."""
         return self.system.start(self.scene.times[0])
+
+    def motion(self, poses: March, producer: Producer) -> Motion:
+        """Return what the scene wants of tree coordinates that were found in whatever way, at the levels they have."""
+        levels = _levels(self.system, poses.levels)
+        return reported(self.scene, self.numbers, levels, poses.status, producer, residual=poses.residual)
 
     def read(self, levels: Sequence[Array]) -> list[Array]:
         """Return tree coordinates and rates (n, T) as those of all bodies, (7 b, T) [m]."""
