@@ -39,6 +39,15 @@ def test_a_new_night_removes_what_the_finished_one_wrote_and_nothing_else(tmp_pa
     assert sorted(path for path in tmp_path.rglob("*") if path.is_file()) == sorted(kept)
 
 
+def test_the_night_of_another_version_makes_room_too(tmp_path):
+    report_of(write(tmp_path, record("a", good_answer("mujoco"))), outcome())
+    (tmp_path / "run.json").write_text('{"seed": 31, "versions": {}}')
+    (tmp_path / "outcome.json").write_text('{"possibly_closed": [{"engine": "exudyn"}]}')
+    make_room(tmp_path)
+
+    assert not any(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize("text", ['{"sales": 3}', '{"verdict": "guilty"}', "[]", "no report at all", "3"])
 def test_a_folder_with_a_report_that_no_night_wrote_is_refused_and_left_as_it_is(tmp_path, text):
     (tmp_path / "report.json").write_text(text)
