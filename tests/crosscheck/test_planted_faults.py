@@ -127,9 +127,8 @@ def place_off(right: Any, drawn: Any, place: Any, arithmetic: Any) -> Any:
     return right(drawn, (body, (x * (1.0 + 1e-9), y) if body == "coupler" else (x, y)), arithmetic)
 
 
-def columns_of_the_next_body(right: Any, scene: Scene, poses: Any, *more: Any) -> Any:
-    rolled = {level: np.roll(getattr(poses, level), 3, axis=0) for level in ("q", "qd", "qdd")}
-    return right(scene, replace(poses, **rolled), *more)
+def columns_of_the_next_body(right: Any, unit: Any, levels: Any) -> Any:
+    return right(unit, [np.roll(level, 3, axis=0) for level in levels])
 
 
 def clock_without_rate(right: Any, self: Any, t: float, order: int) -> None:
@@ -228,7 +227,7 @@ OF_ADAPTERS = {
         around(exudyn_parts.Clock, "set", clock_without_rate), FOUR_BAR, ("exudyn",), "velocity", ("position",)
     ),
     "exudyn: columns of another body": Fault(
-        around(exudyn_engine, "_motion", columns_of_the_next_body), FOUR_BAR, ("exudyn",), "position"
+        around(exudyn_engine, "in_metres", columns_of_the_next_body), FOUR_BAR, ("exudyn",), "position"
     ),
     "exudyn: a driver that is never set again": Fault(
         around(exudyn_parts.Clock, "set", stopped_clock), FOUR_BAR, ("exudyn",), "position"
