@@ -65,6 +65,12 @@ def test_what_a_stopping_rule_leaves_is_carried_by_the_rows_in_which_it_is_left(
     assert max(q.ratio for q in shipped.quantities.values()) < 0.2
 
 
+def test_a_pose_of_redundant_rows_is_corrected_until_none_keeps_a_residual() -> None:
+    answers = check(refkin.load(CORPUS / "space-bennett-corrected-twice.toml"), ["exudyn"]).answers
+    (static,) = (answer for answer in answers if answer.route.name == "static")
+    assert max(q.ratio for q in static.quantities.values()) < 0.5
+
+
 def test_a_pose_with_a_joint_the_wrong_way_round_is_one_disagreement_and_no_more() -> None:
     record = check(refkin.load(CORPUS / "space-exudyn-shipped-half-a-turn.toml"), ["exudyn"])
     (shown,) = record.disagreements

@@ -17,7 +17,7 @@ from crosscheck.engines import EngineError, Term
 from crosscheck.engines.exudyn.model import CURRENT, quiet_settings
 from crosscheck.engines.exudyn.solve import ASTRAY, NEAR, SMALLEST_STEP, TOLERANCES
 from crosscheck.engines.exudyn.space import FORM, ExudynSpace, law_value
-from crosscheck.engines.march import SINGULAR, connected, inverses, solve
+from crosscheck.engines.march import EPS, SINGULAR, connected, inverses, solve
 from crosscheck.engines.spatial.motion import coordinates, estimates, reported
 from crosscheck.engines.spatial.reading import ANGLE, AXIAL, DISTANCE, Numbers, numbers_of
 from crosscheck.engines.spatial.turning import matrix, rates
@@ -28,6 +28,8 @@ from refkin.motion import Motion, Producer, Status
 Array = Any
 ACCEPTED, SHIPPED_ACCEPTED = 1e-11, 1e-6
 """Largest component of its rows with which an answer is believed, for coordinates of order 1."""
+CORRECTIONS, SETTLED = 4, 4.0 * EPS
+"""How often a pose may be corrected once more, and the largest component of its rows at which it no longer is."""
 LARGEST_TURN = 0.25
 """A pose may differ from its prediction by so much at most [sizes, half rad]: further off is another assembly."""
 
@@ -106,7 +108,7 @@ class _Marcher:
             self.last = pose
             at = pose.q.reshape(count, 7)
             r[0, k], p[k] = at[:, :3], at[:, 3:]
-            residual[k] = np.abs(self.model.residual(pose.q, t)).max(initial=0.0)
+            residual[k] = self._residual(pose.q, t)
             # At a fold a residual r leaves a pose that is off by about the root of r, and so is sigma_min.
             limit = SINGULAR if self.shipped else max(SINGULAR, np.sqrt(residual[k]))
             if np.linalg.svd(pose.jacobian, compute_uv=False)[6 * count - 1] <= limit:
@@ -151,7 +153,7 @@ class _Marcher:
             raise EngineError("its Newton ended in no number")
         at = q.reshape(-1, 7)
         at[:, 3:] /= np.linalg.norm(at[:, 3:], axis=1, keepdims=True)
-        gap = np.abs(self.model.residual(q, t)).max(initial=0.0)
+        gap = self._residual(q, t)
         accepted = SHIPPED_ACCEPTED if self.shipped else max(ACCEPTED, 10.0 * self.tolerances[-1])
         if not gap <= accepted * max(1.0, np.abs(q).max()):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
@@ -171,11 +173,26 @@ class _Marcher:
         extent = max(1.0, np.abs(start).max())
         for tolerance in self.tolerances:
             if self.model.newton(start, t, tolerance * extent):
-                found = self.model.coordinates()
-                # what the tolerance left is taken away: exudyn accepts no first residual without a correction
-                better = self.model.newton(found, t, tolerance * extent)
-                return self.model.coordinates() if better else found
+                return self._corrected(t, self.model.coordinates(), tolerance * extent)
         raise EngineError("its Newton did not converge")
+
+    def _corrected(self, t: float, q: Array, tolerance: float) -> Array:
+        """Return the pose without what the tolerance left: exudyn accepts no first residual without a correction.
+
+        One is not always enough: of redundant rows its pivots choose some, and the others may keep their residual.
+        """
+        poses = [q]
+        for _ in range(CORRECTIONS):
+            if not self.model.newton(poses[-1], t, tolerance):
+                break
+            poses.append(self.model.coordinates())
+            if self._residual(poses[-1], t) <= SETTLED * max(1.0, np.abs(q).max()):
+                break
+        return min(poses[1:] or poses, key=lambda pose: self._residual(pose, t))
+
+    def _residual(self, q: Array, t: float) -> float:
+        """Return the largest residual of exudyn's rows."""
+        return float(np.abs(self.model.residual(q, t)).max(initial=0.0))
 
     def _shipped_newton(self, t: float, start: Array) -> Array:
         model = self.model
