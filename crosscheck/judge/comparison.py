@@ -182,7 +182,7 @@ def scaled_differences(
         with np.errstate(invalid="ignore", divide="ignore"):
             known = alike(known, ours, bodies, ref.idle)
         theirs = [None if x is None else known[sum(y is not None for y in theirs[:k])] for k, x in enumerate(theirs)]
-    return [(None if x is None else _difference(ref.system, x, ours[k], k), ours[k]) for k, x in enumerate(theirs)]
+    return [(None if x is None else difference(ref.system, x, ours[k], k), ours[k]) for k, x in enumerate(theirs)]
 
 
 def _in_unit(system: System, level: Any, order: int) -> Any:
@@ -192,11 +192,12 @@ def _in_unit(system: System, level: Any, order: int) -> Any:
     return level
 
 
-def _difference(system: System, theirs: Any, ours: Any, level: int) -> Any:
-    difference = theirs - ours
+def difference(system: System, theirs: Any, ours: Any, level: int) -> Any:
+    """Return a level of the bodies minus another, both scaled, (n,) or (n, T): angles without whole turns."""
+    apart = theirs - ours
     if level == 0 and system.kind.name == "planar":
-        difference[2::3] = wrap(difference[2::3])
-    return difference
+        apart[2::3] = wrap(apart[2::3])
+    return apart
 
 
 def _judge(

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.judge.comparison import Reference
+from crosscheck.judge.comparison import Reference, difference
 from refkin.differences import EPS
 from refkin.motion import Motion
 
@@ -82,8 +82,9 @@ def _levels(ref: Reference, motion: Motion, order: int, t: float) -> tuple[Any, 
     for k, level in enumerate(motion.levels[: order + 1]):
         if level is None or not np.isfinite(level[:, theirs]).all():
             return None
-        contacts = ref.levels[k][of_bodies:, ours]  # an answer has none: the reference's
-        state.append(np.concatenate([ref.system.to_unit(level[rows, theirs], k), contacts]))
+        bodies, contacts = np.split(ref.levels[k][:, ours], [of_bodies])  # an answer has no contacts: the reference's
+        off = difference(ref.system, ref.system.to_unit(level[rows, theirs], k), bodies, k)
+        state.append(np.concatenate([bodies + off, contacts]))  # the reference's turns: drivers count them
     if order == 0:
         return ref.system.phi(state[0], t), max(1.0, float(np.max(np.abs(state[0]))))
     right = ref.system.nu(state[0], t) if order == 1 else ref.system.gamma(state[0], state[1], t)

@@ -137,6 +137,16 @@ def test_an_answer_to_another_joint_violates_that_joint_alone(scene, name, keys)
     assert said.text.startswith(f"it violates the {name}: scaled residual ")
 
 
+def test_turns_that_an_answer_does_not_count_violate_nothing():
+    """A driver and gears count turns; an answer need not."""
+    ref, motion = reference(FOUR_BAR), wrong(FOUR_BAR, by=1e-3)
+    turned = replace(motion, q=motion.q + np.tile([[0.0], [0.0], [2 * np.pi]], (3, 1)))
+    named = [set(violations(ref, answer, 0, TIMES[3]).names) for answer in (motion, turned)]
+
+    assert named == [{"B", "B0"}] * 2
+    assert violations(ref, refkin.solve(FOUR_BAR), 0, TIMES[3]).names == ()
+
+
 def test_a_wrong_level_violates_that_level_alone():
     ref, motion = reference(FOUR_BAR), refkin.solve(FOUR_BAR)
     stale = replace(motion, qdd=motion.qdd * 0.5)
