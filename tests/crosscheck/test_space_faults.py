@@ -32,7 +32,7 @@ Patch = pytest.MonkeyPatch
 
 def scalar_last(patch: Patch) -> None:
     """Pinocchio is handed Euler parameters as they are, where it wants the scalar last."""
-    patch.setattr(pinocchio_space.PinocchioSpace, "_coordinates", lambda self, q: np.array(q, float))
+    patch.setattr(pinocchio_space.PinocchioSpace, "coordinates", lambda self, q: np.array(q, float))
 
 
 def transposed(patch: Patch) -> None:
