@@ -12,6 +12,7 @@ from typing import Any
 from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import Answer, Cause, Disagreement, LevelRow, NewCase, Record
 from crosscheck.report.cells import Place, WorstSample, sample, worse
+from crosscheck.scenes.names import QUANTITIES
 
 MOST_EXAMPLES = 5
 """Examples kept per kind; a night in which everything fails still fits a page."""
@@ -140,9 +141,11 @@ class Disagreements:
 def implied(record: Record) -> Iterator[Disagreement]:
     """Yield what the numbers of a record say and its list of disagreements does not.
 
-    Whoever wrote the record should have listed it; that a list is empty is no proof.
+    Whoever wrote the record should have listed it; that a list is empty is no proof. A joint put together the wrong way
+    round accounts for everything that its answer is off by.
     """
     listed = {(d.engine, d.route, d.quantity) for d in record.disagreements}
+    listed |= {(d.engine, d.route, q) for d in record.disagreements if d.kind is Cause.REVERSED for q in QUANTITIES}
     implied_ones = [*_of_reference(record), *(d for answer in record.answers for d in _of_answer(answer))]
     implied_ones += [_of_level(row) for row in record.levels if row.ratio is None or not row.ratio <= 1.0]
     yield from (d for d in implied_ones if (d.engine, d.route, d.quantity) not in listed)

@@ -257,6 +257,14 @@ def test_answer_beyond_its_budget_is_a_disagreement_whether_listed_or_not(tmp_pa
     assert reported(write(tmp_path, record("a", bad)))["verdict"] == "new disagreements"
 
 
+def test_what_a_joint_the_wrong_way_round_is_off_by_is_counted_once(tmp_path: Path) -> None:
+    beyond = answer("mujoco", {name: quantity({-1: [0.0]}, 1e9) for name in ("position", "velocity")})
+    rows = [disagreement(quantity="position", kind=Cause.REVERSED)]
+    report = reported(write(tmp_path, record("a", beyond, disagreements=rows)))
+
+    assert (report["new_disagreements"], report["known_disagreements"]) == (1, 0)
+
+
 def test_rows_beyond_their_allowed_error_are_a_disagreement_whether_listed_or_not(tmp_path: Path) -> None:
     bad = record("a", good_answer("mujoco"), levels=[level("mujoco", "jacobian", ratio=2.0)])
     report = reported(write(tmp_path, bad))
