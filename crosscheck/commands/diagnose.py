@@ -47,7 +47,7 @@ def to_json(scene: Scene, motion: Motion, k: int | None, diagnosis: Diagnosis | 
     header: dict[str, Any] = {"schema": SCHEMA, "scene": scene.name, "verdict": motion.verdict.value}
     if k is None or diagnosis is None:
         return {**header, "message": motion.message, "t": None, "kind": None}
-    names = [body.name for body in scene.mechanism.bodies]
+    names, width = [body.name for body in scene.mechanism.bodies], scene.mechanism.kind.width
     return {
         **header,
         "message": diagnosis.message,
@@ -58,7 +58,7 @@ def to_json(scene: Scene, motion: Motion, k: int | None, diagnosis: Diagnosis | 
         "bodies": list(diagnosis.bodies),
         "other_driver": diagnosis.other_driver or None,
         "tangents": [
-            {name: numbers(v[3 * k : 3 * k + 3]) for k, name in enumerate(names)}
+            {name: numbers(v[width * k : width * (k + 1)]) for k, name in enumerate(names)}
             for v in map(np.asarray, diagnosis.tangents)
         ],
     }

@@ -37,9 +37,9 @@ import numpy as np
 
 from crosscheck.engines import Term
 from crosscheck.judge.running_error import Running, U, errors, product_sum, running
-from crosscheck.judge.spatial import in_form
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Table
+from refkin.solving.starts import in_form
 from refkin.system import System, compile_system
 
 SAFETY = 4.0

@@ -21,9 +21,9 @@ from crosscheck.engines.spatial.turning import common_columns
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
 from crosscheck.judge.records import At
 from crosscheck.judge.running_error import Running, U, errors, product_sum, running
-from crosscheck.judge.spatial import in_form
 from refkin.joints import elements_of
 from refkin.model import Mechanism
+from refkin.solving.starts import in_form
 from refkin.system import System, compile_system
 
 TINY = float(np.finfo(float).tiny)

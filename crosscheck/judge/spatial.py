@@ -9,7 +9,6 @@ is left of the difference is that of the points on the line, of its direction, a
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -31,17 +30,6 @@ def idle_lines(mechanism: Mechanism, unit: Unit = SI) -> dict[str, tuple[Array, 
         if np.linalg.norm(line) > 0.0:
             lines[body] = (at, line / np.linalg.norm(line))
     return lines
-
-
-def in_form(mechanism: Mechanism, form: str) -> Mechanism:
-    """Return a mechanism of space with its joints and drivers in a form; as it is if it is of the plane, or form ""."""
-    if not form or mechanism.kind.name != "spatial":
-        return mechanism
-    joints, drivers = (
-        tuple(replace(c, form=form) if hasattr(c, "form") else c for c in group)
-        for group in (list[Any](mechanism.joints), list[Any](mechanism.drivers))
-    )
-    return replace(mechanism, joints=joints, drivers=drivers)
 
 
 def alike(

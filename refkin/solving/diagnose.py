@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.joints import initial_contacts
 from refkin.model import Scene
 from refkin.proof.singularity.diagnosis import Diagnosis, diagnose_scaled
 from refkin.solving.starts import find_start
@@ -19,7 +20,7 @@ def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Di
     ----------
     given : Scene or System
     q : (n,) array, optional
-        The pose [m, rad], contact parameters last; by default the first pose of the scene.
+        The pose [m, rad], contact parameters last, or without parameters; by default the first pose of the scene.
     t : float, optional
         Its time; by default the scene's first.
 
@@ -38,4 +39,8 @@ def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Di
             return diagnose_scaled(system, start.q, t)
     if q is None or t is None:
         raise ValueError("a system alone has no pose: give q and t")
-    return diagnose_scaled(system, system.to_unit(np.asarray(q, float)), float(t))
+    pose = np.asarray(q, float)
+    if len(pose) == system.n:
+        return diagnose_scaled(system, system.to_unit(pose), float(t))
+    whole = system.to_unit(np.append(pose, np.zeros(system.n - len(pose))))
+    return diagnose_scaled(system, initial_contacts(system, whole, float(t)), float(t))

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 
 from refkin.analysis import SINGULAR, estimated, position, sigma_min
+from refkin.errors import InvalidScene
 from refkin.joints import SPACE, polar_cams
-from refkin.model import Scene
+from refkin.model import Mechanism, Scene
 from refkin.motion import Status
 from refkin.newton import NewtonResult, contracts
 from refkin.proof.assembly.assembly import Assemblies, assemblies
@@ -20,7 +21,7 @@ from refkin.proof.assembly.spatial import signed, starts
 from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS
 from refkin.proof.pose.isolate import isolate
 from refkin.solving.steps import APART
-from refkin.system import System
+from refkin.system import System, compile_system
 
 USELESS = 1e12
 """Estimates further out [sizes, rad] say nothing: at most four digits of an angle are left there."""
@@ -46,7 +47,14 @@ def find_start(system: System, scene: Scene) -> Start:
     singular that rounding decides where Newton goes. From any other estimate it may go anywhere: then all assemblies
     are enumerated and the nearest is taken; if none is found so, damped Newton and least squares are tried, from the
     estimate and from a few new ones.
+
+    Rows of space in the forms `dot` and `printed` are zero, too, where axes point against each other or an angle is
+    off by half a turn. So the first pose is that of the rows in half angles, which are not; from there no step leaves
+    the branch.
     """
+    meant = _meant(scene)
+    if meant is not scene:
+        return find_start(compile_system(meant.mechanism, system.effects, system.unit), meant)
     t, bodies = scene.times[0], scene.mechanism.bodies
     with np.errstate(all="ignore"):  # estimates may lie anywhere
         estimate = estimated(system, scene)
@@ -73,6 +81,27 @@ def find_start(system: System, scene: Scene) -> Start:
     if rounding:
         return Start(Status.OK, q, f"{search.message}: less than rounding of the numbers explains")
     return Start(Status.OK, q, f"the estimate was far: {how} found an assembly at t = {t:g}")
+
+
+def in_form(mechanism: Mechanism, form: str) -> Mechanism:
+    """Return a mechanism of space with its rows in a form; as it is if they are, and those of the plane, or form ""."""
+    if all(getattr(part, "form", form) == form for part in (*mechanism.joints, *mechanism.drivers)) or not form:
+        return mechanism
+    changes = {"form": form, "spacing": None}  # a spacing belongs to printed rows
+
+    def changed(parts: tuple[Any, ...]) -> tuple[Any, ...]:
+        return tuple(replace(c, **{key: new for key, new in changes.items() if hasattr(c, key)}) for c in parts)
+
+    return replace(mechanism, joints=changed(mechanism.joints), drivers=changed(mechanism.drivers))
+
+
+def _meant(scene: Scene) -> Scene:
+    """Return the scene with rows in half angles, if it is not one by its redundant rows alone."""
+    try:
+        mechanism = in_form(scene.mechanism, "half")
+    except InvalidScene:  # rows that half angles do not repeat had hidden a freedom from the count
+        return scene
+    return scene if mechanism is scene.mechanism else replace(scene, mechanism=mechanism)
 
 
 def _far(system: System, t: float, estimate: Any, first: NewtonResult) -> tuple[Any, str, float]:

@@ -11,6 +11,7 @@ import refkin
 from crosscheck.cli import main
 from refkin import FourBar, Polynomial, SliderCrank
 from refkin.scenes.files import to_toml
+from refkin.scenes.linkages import ScrewJack
 
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 CHANGE_POINT = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5)
@@ -116,6 +117,12 @@ def test_a_regular_scene_is_diagnosed_so(tmp_path, capsys):
 
     assert code == 0
     assert "regular: the pose is proved to be alone" in printed.out
+
+
+def test_a_screw_whose_coordinate_no_body_has_is_diagnosed(tmp_path, capsys):
+    code, printed = told(tmp_path, capsys, ScrewJack(0.1).scene(samples=2), "diagnose")
+
+    assert (code, "regular: the pose is proved to be alone" in printed.out) == (0, True)
 
 
 def test_a_dead_centre_is_told_with_its_rows_bodies_and_another_driver(tmp_path, capsys):

@@ -111,7 +111,8 @@ class _Marcher:
             residual[k] = self._residual(pose.q, t)
             # At a fold a residual r leaves a pose that is off by about the root of r, and so is sigma_min.
             limit = SINGULAR if self.shipped else max(SINGULAR, np.sqrt(residual[k]))
-            if np.linalg.svd(pose.jacobian, compute_uv=False)[6 * count - 1] <= limit:
+            sigma = np.linalg.svd(pose.jacobian, compute_uv=False)
+            if len(sigma) < 6 * count or sigma[-1] <= limit:
                 status.append(Status.SINGULAR)
                 continue
             acceleration = self._acceleration(pose)
