@@ -110,11 +110,16 @@ def check(
 
 
 def _of_reference(subject: _Subject) -> Iterator[Disagreement]:
-    """Yield the reference's verdict if it is not the one that the scene was made for."""
+    """Yield the reference's verdict if it is not the one that the scene was made for; what it has the wrong way round.
+
+    Its equations may be closed there: this is asked of it as of the engines, by formulas that are not its own.
+    """
     motion = subject.ref.motion
-    if not subject.as_expected:
-        who: Any = {"engine": "refkin", "route": "newton", "quantity": "status"}
-        yield Disagreement(**who, kind=Cause.REFERENCE, how=motion.verdict.value, message=motion.message)
+    messages = [] if subject.as_expected else [motion.message]
+    messages += [f"{row['message']}: {row['kind']}" for row in put_together_wrongly(subject.ref.scene, motion)[0]]
+    who: Any = {"engine": "refkin", "route": "newton", "quantity": "status"}
+    for message in messages:
+        yield Disagreement(**who, kind=Cause.REFERENCE, how=motion.verdict.value, message=message)
 
 
 @dataclass

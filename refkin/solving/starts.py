@@ -99,7 +99,7 @@ def _meant(scene: Scene) -> Scene:
     """Return the scene with rows in half angles, if it is not one by its redundant rows alone."""
     try:
         mechanism = in_form(scene.mechanism, "half")
-    except InvalidScene:  # rows that half angles do not repeat had hidden a freedom from the count
+    except InvalidScene:  # redundant rows had hidden a freedom from the count: its poses are all singular, none is ok
         return scene
     return scene if mechanism is scene.mechanism else replace(scene, mechanism=mechanism)
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import refkin
 from crosscheck.engines import load
 from crosscheck.engines.exudyn import space as exudyn_space
 from crosscheck.engines.mujoco import space as mujoco_space
@@ -16,6 +18,7 @@ from crosscheck.engines.pinocchio import space as pinocchio_space
 from crosscheck.engines.spatial import absolute, motion, reading, system, tree, turning
 from crosscheck.judge.delivery import put_together_wrongly
 from crosscheck.measure.check import check
+from refkin.solving import starts
 
 from . import space_scenes
 
@@ -201,6 +204,15 @@ def test_a_planted_fault_shows_where_it_is(
     places = wrong_at(engine)
     assert shows <= places
     assert not sound & places
+
+
+def test_a_reference_with_joints_the_wrong_way_round_is_blamed_for_them(monkeypatch: Patch) -> None:
+    scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-dot-flipped.toml")
+    assert [item for item in check(scene, []).disagreements if item.engine == "refkin"] == []
+    monkeypatch.setattr(starts, "_meant", lambda given: given)  # rows with false roots, begun at one of these
+    blamed = [item.message for item in check(scene, []).disagreements if item.engine == "refkin"]
+    assert blamed
+    assert all("joint put together the wrong way round" in message for message in blamed)
 
 
 def test_no_flipped_joint_passes_unseen() -> None:
