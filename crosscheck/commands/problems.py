@@ -60,8 +60,8 @@ def grade(answers: Path, *, problems: Path = Path("problems"), as_json: Json = F
         index = json.loads((problems / "problems.json").read_text(encoding="utf-8"))["problems"]
     except OSError as error:
         raise UsageError(f"{error.filename}: {error.strerror}") from error
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise UsageError(f"{answers}: not answers to the problems of {problems}: {error!r}") from error
+    except ValueError as error:
+        raise UsageError(f"{answers}: not answers to the problems of {problems}: {error}") from error
     if as_json:
         print(json.dumps(scores_of))
     else:

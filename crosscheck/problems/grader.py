@@ -57,11 +57,27 @@ def digits(given: Any, truth: Any, level: str) -> float:
     return float(min(max(min(scores), Decimal(0)), MOST))
 
 
+def table(value: Any, name: str) -> dict[str, Any]:
+    """Return a value that is to be a JSON object; raise ValueError if it is none."""
+    if not isinstance(value, dict):
+        raise ValueError(f"{name}: {json.dumps(value)[:60]}; expected an object")
+    return value
+
+
+def is_row(row: Any, truth: Any) -> bool:
+    """Return whether it is a list of as many numbers, strings of numbers, or nulls as a body has coordinates."""
+    try:
+        return isinstance(row, list) and len([Decimal(str(x or 0)) for x in row]) == len(truth["units"])
+    except ArithmeticError:  # a string that is no number
+        return False
+
+
 def grade(given: Any, truth: Any) -> dict[str, Any]:
     """Return the scores of an answer to one problem, or why it is refused."""
     for body in truth["columns"]:
-        for level, rows in {"q": [], **given.get(body, {})}.items():
-            if level in LEVELS and [len(row) for row in rows] != [len(truth["units"])] * len(truth["t"]):
+        for level, rows in {"q": [], **table(given.get(body, {}), body)}.items():
+            fits = isinstance(rows, list) and [is_row(row, truth) for row in rows] == [True] * len(truth["t"])
+            if level in LEVELS and not fits:
                 return {
                     "refused": f"{level} of {body}: {len(truth['t'])} rows of {len(truth['units'])} numbers expected"
                 }
@@ -81,10 +97,11 @@ def grade_all(answers: Any, folder: Path) -> Iterator[tuple[str, dict[str, Any]]
     texts = {p["name"]: (folder / p["name"] / "certified.json").read_bytes() for p in index["problems"]}
     if sha256(b"".join(sha256(text).digest() for text in texts.values())).hexdigest() != index["sha256"]:
         raise ValueError(f"{folder}: the certified answers are not those of this set")
-    if unknown := set(answers["problems"]) - set(texts):
+    problems = table(table(answers, "the answers").get("problems"), "problems")
+    if unknown := set(problems) - set(texts):
         raise ValueError(f"no such problems: {', '.join(sorted(unknown))}")
-    for name in sorted(answers["problems"], key=list(texts).index):
-        yield name, grade(answers["problems"][name]["bodies"], json.loads(texts[name]))
+    for name in sorted(problems, key=list(texts).index):
+        yield name, grade(table(table(problems[name], name).get("bodies"), f"{name}.bodies"), json.loads(texts[name]))
 
 
 if __name__ == "__main__":

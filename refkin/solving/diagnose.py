@@ -27,7 +27,8 @@ def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Di
     Raises
     ------
     ValueError
-        If there is no pose: a system without q and t, a scene without a first pose, a q that does not close.
+        If there is no pose: a system without q and t, a scene without a first pose, a q that does not close
+        or has another number of coordinates.
     """
     system = compile_system(given.mechanism, unit=given.mechanism.unit())
     if isinstance(given, Scene):
@@ -42,5 +43,7 @@ def diagnose(given: Scene | System, q: Any = None, t: float | None = None) -> Di
     pose = np.asarray(q, float)
     if len(pose) == system.n:
         return diagnose_scaled(system, system.to_unit(pose), float(t))
+    if len(pose) != system.of_bodies:
+        raise ValueError(f"q: {len(pose)} numbers; expected {system.n}, or {system.of_bodies} without parameters")
     whole = system.to_unit(np.append(pose, np.zeros(system.n - len(pose))))
     return diagnose_scaled(system, initial_contacts(system, whole, float(t)), float(t))

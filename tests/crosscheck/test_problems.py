@@ -188,6 +188,40 @@ def test_a_body_that_is_missing_and_a_number_that_is_none_earn_nothing(folder, t
     assert "REFUSED, q of rocker: 5 rows of 3 numbers expected" in refused
 
 
+NO_ANSWERS = ([], 3, None, {}, {"problems": 3}, {"problems": {"four-bars-01-open": 3}})
+NO_ROWS = (3, [3] * 5, [["a", 0, 0]] * 5, [[[], {}, 0]] * 5, {"q": 1})
+
+
+def refused(folder, file, capsys):
+    """Return what the stand-alone grader and the command say of a file of answers that they refuse."""
+    run = subprocess.run([sys.executable, "-I", "-S", folder / "grade.py", file], capture_output=True, text=True)
+    with pytest.raises(SystemExit) as end:
+        main(["problems", "grade", str(file), "--problems", str(folder), "--json"])
+    assert 0 not in (run.returncode, end.value.code)
+    return run.stdout + run.stderr, "".join(capsys.readouterr())
+
+
+@pytest.mark.parametrize("answers", NO_ANSWERS)
+def test_a_file_that_holds_no_answers_is_refused_in_a_sentence(folder, tmp_path, capsys, answers):
+    (file := tmp_path / "answers.json").write_text(json.dumps(answers))
+
+    for said in refused(folder, file, capsys):
+        assert "expected an object" in said
+        assert "Traceback" not in said
+
+
+@pytest.mark.parametrize("rows", NO_ROWS)
+def test_rows_that_are_no_numbers_are_refused_in_a_sentence(folder, tmp_path, capsys, rows):
+    right = truth(folder, name := "four-bars-01-open")
+    answer = as_answer(right, right["q"])
+    answer["bodies"]["rocker"]["q"] = rows
+    (file := tmp_path / "answers.json").write_text(json.dumps({"problems": {name: answer}}))
+
+    for said in refused(folder, file, capsys):
+        assert "q of rocker: 5 rows of 3 numbers expected" in said
+        assert "Traceback" not in said
+
+
 def test_the_command_says_the_same_and_refuses_other_sets(folder, index, ours, tmp_path, capsys):
     file = tmp_path / "answers.json"
 

@@ -320,6 +320,11 @@ def test_a_pose_that_does_not_close_is_refused():
         refkin.diagnose(at(LIMITED, 0.5), np.zeros(9), 0.0)
 
 
+def test_a_pose_of_another_number_of_coordinates_is_refused():
+    with pytest.raises(ValueError, match="q: 6 numbers; expected 9"):
+        refkin.diagnose(at(LIMITED, 0.5), np.zeros(6), 0.0)
+
+
 def test_redundant_rows_that_contradict_each_other_are_refused_and_have_no_diagnosis():
     scene = three_cranks(0.0, 1e-3)
 
