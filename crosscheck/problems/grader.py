@@ -67,7 +67,9 @@ def table(value: Any, name: str) -> dict[str, Any]:
 def is_row(row: Any, truth: Any) -> bool:
     """Return whether it is a list of as many numbers, strings of numbers, or nulls as a body has coordinates."""
     try:
-        return isinstance(row, list) and len([Decimal(str(x or 0)) for x in row]) == len(truth["units"])
+        return isinstance(row, list) and len([Decimal("0" if x is None else str(x)) for x in row]) == len(
+            truth["units"]
+        )
     except ArithmeticError:  # a string that is no number
         return False
 
