@@ -133,8 +133,8 @@ class Propagation:
     def _left_in(self, form: str, residual: float) -> list[Any]:
         """Return what a residual of the position, in rows of another form, does to the three levels, (n, T) each."""
         system = compile_system(in_form(self.system.mechanism, form), unit=self.system.unit)
-        left = np.full((system.m, len(self.t)), residual)
-        return carried(system, *self.levels, self.t)(left, 0.0 * left, 0.0 * left)
+        left, nothing = np.full((2, system.m, len(self.t)), [[[residual]], [[0.0]]])
+        return carried(system, *self.levels, self.t)(left, nothing, nothing)
 
 
 def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Propagation | None:

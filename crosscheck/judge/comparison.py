@@ -141,9 +141,7 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
         quantity = QUANTITIES[k]
         if difference is None:
             continue
-        allowed = getattr(budget, quantity)[rows][:, at]
-        if ref.idle:
-            allowed = spun(allowed, motion.bodies, ref.idle)
+        allowed = spun(getattr(budget, quantity)[rows][:, at], motion.bodies, ref.idle)
         judged = _judge(np.abs(difference), allowed, ours, samples, k, names, motion.t)
         signed = np.full((ref.system.of_bodies, len(samples)), np.nan)
         signed[np.ix_(rows, samples)] = difference[:, samples]

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
-from crosscheck.measure.check import check
+from crosscheck.judge.comparison import reference
+from crosscheck.measure.check import check, estimated
 from refkin.model import Scene
 from refkin.scenes.files import load
 
@@ -27,3 +29,12 @@ def test_every_engine_answers_a_scene_without_estimates_and_agrees(path, kept):
 
     assert record.disagreements == []
     assert {a.engine for a in record.answers} == {"closed_form", "vector_loop", "exudyn", "pinocchio", "mujoco"}
+
+
+def test_an_estimate_that_is_absent_is_the_first_pose_of_the_reference_rounded():
+    scene = without_estimates(EXAMPLES[0])
+    ref = reference(scene)
+    given = np.concatenate([body.estimate for body in estimated(scene, ref).mechanism.bodies])
+    off = [np.max(np.abs(given - ref.motion.q[:, k])) for k in (0, -1)]
+
+    assert 0.0 < off[0] < 0.01 * scene.mechanism.size() < 0.2 * off[1]

@@ -22,7 +22,7 @@ import crosscheck
 import refkin
 from crosscheck import strategies
 from crosscheck.judge.agreement import NothingToCompare
-from crosscheck.judge.comparison import reference
+from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.violations import NOT_KNOWN, violations
 from crosscheck.scenes.drawing import draw
 from refkin.errors import RefkinError
@@ -33,7 +33,10 @@ ROOT = Path(__file__).parent.parent.parent
 EXAMPLE = ROOT / "examples" / "test_own_solver.py"
 LAW = refkin.Sinusoid(offset=1.0, amplitude=0.8, angular_frequency=1.3, phase=0.4)
 TIMES = tuple(float(t) for t in np.linspace(0.0, 2.0, 9))
-FOUR_BAR = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=LAW, times=TIMES)
+FOUR_BAR, CROSSED = (
+    refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=LAW, times=TIMES, branch=branch)
+    for branch in ("open", "crossed")
+)
 SLIDER = refkin.SliderCrank(crank=1.0, rod=3.0, offset=0.4).scene(law=LAW, times=TIMES)
 
 
@@ -74,9 +77,6 @@ def test_what_is_off_is_said_with_place_size_time_and_allowance(level, row, plac
 
 
 def test_no_answer_a_wrong_ok_and_the_other_assembly_are_said():
-    crossed = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(
-        law=LAW, times=TIMES, branch="crossed"
-    )
     rocker = refkin.solve(FOUR_BAR)["rocker"].phi.copy()
     rocker[5:] = np.nan
     apart = replace(FOUR_BAR, mechanism=longer(FOUR_BAR.mechanism, "B0", point_i=(40.0, 0.0)))
@@ -84,10 +84,22 @@ def test_no_answer_a_wrong_ok_and_the_other_assembly_are_said():
     with pytest.raises(AssertionError, match=r"no answer at 4 of 9 times, the first t = 1\.25 s"):
         crosscheck.assert_agrees({"rocker": {"phi": rocker}}, FOUR_BAR)
     with pytest.raises(AssertionError, match="it is the other assembly"):
-        crosscheck.assert_agrees(refkin.solve(crossed), FOUR_BAR)
+        crosscheck.assert_agrees(refkin.solve(CROSSED), FOUR_BAR)
     with pytest.raises(AssertionError, match="ok where there is no assembly: 9 times, first t = 0"):
         crosscheck.assert_agrees(refkin.solve(FOUR_BAR), apart)
     crosscheck.assert_agrees(refkin.solve(apart), replace(apart, times=TIMES[:1]))
+
+
+def test_the_other_assembly_at_one_time_is_said_whatever_is_off_at_another():
+    right, crossed = (refkin.solve(replace(scene, times=TIMES[:3])) for scene in (FOUR_BAR, CROSSED))
+    q = right.q.copy()
+    q[:, 1] = crossed.q[:, 1]
+    q[0, 2] += 1e-3
+    ref = reference(replace(FOUR_BAR, times=TIMES[:3]))
+
+    assert compare(ref, replace(right, q=q)).other_assembly
+    q[:, 1] = right.q[:, 1]
+    assert not compare(ref, replace(right, q=q)).other_assembly
 
 
 def test_what_cannot_be_compared_is_no_agreement():
@@ -97,6 +109,8 @@ def test_what_cannot_be_compared_is_no_agreement():
         crosscheck.assert_agrees({"lever": {"phi": np.zeros(9)}}, FOUR_BAR)
     with pytest.raises(RefkinError, match="no coordinate is called 'angle'; there are: x, y, phi, xd"):
         crosscheck.assert_agrees({"rocker": {"angle": np.zeros(9)}}, FOUR_BAR)
+    with pytest.raises(RefkinError, match="no coordinate is called 'phiddd'"):
+        crosscheck.assert_agrees({"rocker": {"phiddd": np.zeros(9)}}, FOUR_BAR)
     with pytest.raises(RefkinError, match="expected 9 values, one per time"):
         crosscheck.assert_agrees({"rocker": {"phi": np.zeros(8)}}, FOUR_BAR)
 
@@ -153,6 +167,7 @@ def test_a_wrong_level_violates_that_level_alone():
 
     assert violations(ref, stale, 2, TIMES[4]).text.startswith("it violates the acceleration of ")
     assert violations(ref, stale, 1, TIMES[4]).text.startswith("every joint and driver is satisfied there to rounding")
+    assert [violations(ref, motion, order, TIMES[4]).names for order in range(3)] == [(), (), ()]
     assert violations(ref, replace(motion, bodies=("crank",), q=motion.q[:3]), 0, TIMES[4]) == NOT_KNOWN
 
 

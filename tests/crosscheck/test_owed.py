@@ -9,6 +9,8 @@ import pytest
 
 from crosscheck.engines import Term
 from crosscheck.engines.closed_form.engine import ClosedForm
+from crosscheck.judge.delivery import granted
+from crosscheck.judge.records import Cause
 from crosscheck.measure.check import check
 from crosscheck.scenes.drawing import draw
 from refkin import FourBar
@@ -102,6 +104,20 @@ def test_an_error_term_without_documentation_is_a_failure_and_allows_nothing(ter
 
     assert (term.level, "undocumented error term") in found(Wrapped(terms=[term]))
     assert ("position", "beyond the allowed error") in found(off)
+
+
+def test_of_a_term_that_is_not_granted_the_largest_part_is_told():
+    message = granted(Wrapped(), SCENE, [big(absolute=1e-3, relative=1e-9)])[1][0]["message"]
+
+    assert message.startswith("'own' of 0.001: no documentation of wrapped states more than 1.14e-13")
+
+
+@pytest.mark.parametrize("number", [np.nan, np.inf])
+def test_an_answer_that_says_ok_without_a_number_at_one_time_is_called_so(number):
+    off = np.zeros((9, 9))
+    off[4, 2] = number
+
+    assert found(Wrapped(lambda motion: replace(motion, q=motion.q + off))) == {("position", Cause.NO_NUMBER)}
 
 
 def test_a_documented_term_is_granted_no_further_than_its_documentation():

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from crosscheck.judge.comparison import compare, reference
-from crosscheck.judge.records import line_of, read_line
-from crosscheck.judge.samples import attainable_digits, common_sample, off_at, short
+from crosscheck.judge.records import Cause, Disagreement, line_of, read_line
+from crosscheck.judge.samples import attainable_digits, by_decade, common_sample, off_at, short
 from crosscheck.measure.check import check
 from crosscheck.night.pictures import worst_sample
 from refkin import FourBar, Polynomial, solve
@@ -81,3 +81,18 @@ def test_a_ratio_that_is_shortened_stays_on_its_side_of_one():
     assert [short(ratio) for ratio in (0.123456789, 41.23456789)] == [0.123457, 41.2346]
     assert short(1.0 + 1e-9) > 1.0 > short(1.0 - 1e-9)
     assert short(sys.float_info.max) == sys.float_info.max
+
+
+def test_digits_are_counted_by_decade_where_both_they_and_the_distance_to_a_singular_pose_are_known():
+    sigma = np.array([3e-3, 1e-3, 0.0, np.nan, 0.5, 0.5, 0.5])
+    digits = np.array([5.0, 5.04, 6.0, 7.0, 9.0, np.nan, np.inf])
+
+    assert by_decade(sigma, digits) == {-3: {50: 2}, -1: {90: 1}}
+
+
+def test_a_disagreement_says_its_ratio_if_it_has_one():
+    beyond = Disagreement(engine="a", route="b", quantity="position", kind=Cause.BEYOND, ratio=12.34)
+    silent = Disagreement(engine="a", route="b", quantity="status", kind=Cause.NO_ANSWER, message="at 3 times")
+
+    assert str(beyond) == "a (b), position: beyond the allowed error, 12.3 times the allowed error; "
+    assert str(silent) == "a (b), status: no answer; at 3 times"

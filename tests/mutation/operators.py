@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 import copy
 from dataclasses import dataclass
+from functools import cache
 
 SWAPS = {
     **{ast.Add: ast.Sub, ast.Sub: ast.Add, ast.Mult: ast.Div, ast.Div: ast.Mult, ast.FloorDiv: ast.Div},
@@ -40,20 +41,28 @@ def places(definition):
             yield number, kind
 
 
-def change(target, definition, place):
+def changes(target, definition, key=None):
+    """Yield the changes of a function, or those that are called so, each with its tree and the statement in it."""
+    for place in places(definition):
+        what, tree, statement = change(target, definition, place, key)
+        if what is not None and key in (None, what.key):
+            yield what, tree, statement
+
+
+def change(target, definition, place, key=None):
     """Return the change of a function at a place, its tree with it, and the statement; None where nothing would change.
 
-    The tree says `__reached__(target)` before the statement.
+    The tree says `__reached__(target)` before the statement. None, too, if it cannot be what is called `key`.
     """
     nodes = list(ast.walk(definition))
-    statement = statement_of(definition, nodes[place[0]])
-    if statement is None:
+    statement, old = statements(definition).get(nodes[place[0]], (None, ""))
+    if statement is None or not (key is None or key.startswith(f"{target}: {old}  ->  ")):
         return None, None, None
     tree = copy.deepcopy(definition)
     there = list(ast.walk(tree))
     other = there[nodes.index(statement)]
     alternatives(there[place[0]])[place[1]](there[place[0]])
-    old, new = (ast.unparse(head(each)).partition("\n    pass")[0] for each in (statement, other))
+    new = text(other)
     if old == new:
         return None, None, None
     block = block_of(tree, other)
@@ -88,29 +97,23 @@ def alternatives(node):
     return []
 
 
-def statement_of(tree, node):
-    """Return the innermost statement that holds a node; None for defaults, annotations, words, and `strict`."""
-    if node is tree:
-        return None
-    way = path(tree, node)
-    if way is None or way[1] in (tree.args, tree.returns):
-        return None
-    if any(isinstance(step, ast.Raise | ast.JoinedStr | ast.FunctionDef | ast.AnnAssign) for step in way[1:]):
-        return None
-    if any(isinstance(step, ast.keyword) and step.arg == "strict" for step in way):
-        return None
-    return next(step for step in reversed(way) if isinstance(step, ast.stmt))
+@cache
+def statements(tree):
+    """Return the innermost statement of each node but defaults, annotations, words, and `strict`; and its text."""
+    result = {}
 
+    def visit(node, statement):
+        other = isinstance(node, ast.Raise | ast.JoinedStr | ast.FunctionDef | ast.AnnAssign)
+        if other or (isinstance(node, ast.keyword) and node.arg == "strict"):
+            return
+        statement = (node, text(node)) if isinstance(node, ast.stmt) else statement
+        result[node] = statement
+        for child in ast.iter_child_nodes(node):
+            visit(child, statement)
 
-def path(tree, node):
-    """Return the nodes from a tree's root to one of its nodes."""
-    if tree is node:
-        return [tree]
-    for child in ast.iter_child_nodes(tree):
-        rest = path(child, node)
-        if rest is not None:
-            return [tree, *rest]
-    return None
+    for node in tree.body:
+        visit(node, None)
+    return result
 
 
 def block_of(tree, statement):
@@ -123,13 +126,13 @@ def block_of(tree, statement):
     raise LookupError(ast.unparse(statement))
 
 
-def head(statement):
-    """Return a statement without the block that it leads."""
+def text(statement):
+    """Return a statement's text without the block that it leads."""
     if not hasattr(statement, "body"):
-        return statement
+        return ast.unparse(statement)
     short = copy.copy(statement)
     short.body = [ast.Pass()]
     for name in ("orelse", "finalbody", "handlers"):
         if hasattr(short, name):
             setattr(short, name, [])
-    return short
+    return ast.unparse(short).partition("\n    pass")[0]

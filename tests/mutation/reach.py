@@ -2,7 +2,8 @@
 
 A probe stands where a run of plain statements begins: at the head of every block, and after every statement that may
 leave it. All functions carry theirs at once while the suite runs, file by file in forked processes; what fixtures of a
-module or of the session reach counts for every test that asks for them, and so does their time.
+module or of the session reach counts for every test that asks for them, and so does their time. A test that is not done
+after `LONGEST` is ended: of it is known what it has reached by then.
 """
 
 from __future__ import annotations
@@ -26,8 +27,12 @@ from tests.mutation.change import DoesNotFit, compiled, resolve, switched
 from tests.mutation.mutants import TooLong, limited
 
 KEPT = Path(".mutation.json.gz")
-LONGEST = 3.0
-"""Seconds of work of a test that is asked at all, with the fixtures that it needs."""
+LONGEST = 0.5
+"""Seconds of work of a test that every mutant is tried on that it reaches, with the fixtures that it needs."""
+PROBED = 1.5
+"""How many times as long a test may take with all probes."""
+ENDLESS = 30.0
+"""Seconds of work after which a test is red."""
 CHUNK = 40
 """Tests of one process, at most; all of one file."""
 BRANCHING = (ast.If, ast.For, ast.While, ast.Try, ast.With, ast.Match)
@@ -73,9 +78,9 @@ def cpu():
     return time.process_time() + sum(os.times()[2:4])
 
 
-def red(item, following=None, seconds=10.0 * LONGEST):
-    """Return whether a test fails; one that takes longer than so many seconds of work, or ten times as long, does."""
-    with limited(seconds, cpu=True), limited(10.0 * seconds):
+def red(item, following=None, seconds=ENDLESS):
+    """Return whether a test fails; one that takes longer than so many seconds of work, or very long, does."""
+    with limited(seconds, cpu=True), limited(60.0 + 10.0 * seconds):
         return any(report.failed for report in runtestprotocol(item, log=False, nextitem=following))
 
 
@@ -114,17 +119,19 @@ class Reach:
         return [(some, lambda some=some: self.noted(some, others)) for some in chunks]
 
     def noted(self, items, others):
-        """Return name, seconds and keys of each test that is green, of some."""
-        hits, result = set(), []
+        """Return name, seconds and keys of each test of some that is not red; of a long one, at least these."""
+        hits, result, most = set(), [], PROBED * LONGEST
         with switched(others):
             for item, following in zip(items, [*items[1:], None], strict=True):
-                before = set(self.fixtures)
+                before, failed = set(self.fixtures), True
                 builtins.__reached__ = hits.add
                 hits.clear()
                 start = cpu()
                 with suppress(TooLong):
-                    if not red(item, following, 1.5 * LONGEST):
-                        result.append((item.nodeid, *self.whole(item, hits, cpu() - start, before)))
+                    failed = red(item, following, most)
+                spent = cpu() - start
+                if not failed or spent >= most:
+                    result.append((item.nodeid, *self.whole(item, hits, spent, before)))
         return result
 
     def whole(self, item, hits, seconds, before):
@@ -137,7 +144,7 @@ class Reach:
         return round(seconds, 3), sorted(hits)
 
     def take(self, items, entries):
-        """Keep what was noted of some tests of one file; of those that took too long or were red, nothing."""
+        """Keep what was noted of some tests of one file; of those that were red, nothing."""
         for each in items:
             self.tests.pop(each.nodeid, None)
         for nodeid, seconds, hits in entries:
@@ -165,10 +172,11 @@ class Reach:
         return result
 
     def order(self, target, definition, statement, items):
-        """Return the tests that reach a statement, those first that cost least and, of these, name its module.
+        """Return the quick tests that reach a statement, and the long ones: those first that cost least.
 
-        Of a function that changed since it was noted: the tests that reached it before; of one that is new, those that
-        name its module.
+        Tests that name its module count for cheaper; long ones that do are asked even if they were ended before they
+        reached it. Of a function that changed since it was noted: the tests that reached it before; of one that is
+        new, those that name its module.
         """
         wanted = key(target, definition, segments(definition)[1][statement])
         module = target.partition(":")[0]
@@ -176,12 +184,14 @@ class Reach:
         before = [each for each in self.by_key if each.startswith(f"{target}#")]
         same = [each for each in before if each.rpartition("#")[0] == wanted.rpartition("#")[0]]
         names = {name for each in ([wanted] if same else before) for name in self.by_key.get(each, ())}
-        rows = [
-            (seconds * (0.25 if nodeid in mine else 1.0), nodeid)
-            for nodeid in names or (() if before else mine)
-            if nodeid in items and (seconds := self.tests.get(nodeid, (2 * LONGEST, []))[0]) <= LONGEST
-        ]
-        return [items[nodeid] for _, nodeid in sorted(rows)]
+        most = PROBED * LONGEST
+        quick, long = [], []
+        for nodeid in (names | mine if names or not before else mine) & items.keys():
+            seconds = self.tests.get(nodeid, (most, []))[0]
+            if seconds >= most or nodeid in names or not before:
+                cost = seconds * (0.25 if nodeid in mine else 1.0) * (1.0 if nodeid in names else 4.0)
+                (quick if seconds < most else long).append((cost, nodeid))
+        return [[items[nodeid] for _, nodeid in sorted(some)] for some in (quick, long)]
 
 
 def name(path):

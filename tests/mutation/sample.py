@@ -3,8 +3,9 @@
 Of the public tools mutmut 3 leaves static methods alone, which all formulas of joints are, and cosmic-ray starts the
 whole suite anew for every mutant. Here the suite is collected once. `reach` knows which tests reach the statement of a
 mutant, and what each costs; the mutant is put in by `change.switched`, as those of `mutants.toml` are, in a forked
-process that runs those tests, the quickest first, until one is red. A test that was red with a mutant has to be green
-without one in the same way, or its kills do not count.
+process that runs those tests, the quickest first, until one is red; what survives all quick ones is tried on long ones
+while there is time. A test that was red with a mutant has to be green without one in the same way, or its kills do not
+count.
 
 `survivors.toml` says of each survivor known so far what it is: "equivalent", "costs only time", or "to kill". One that
 is not in it ends the run with exit code 1. A test that runs the code in another program sees no mutant here.
@@ -27,24 +28,30 @@ import sys
 import time
 import tomllib
 import warnings
-from collections import Counter, defaultdict
+from collections import Counter
 from contextlib import suppress
+from functools import cache, partial
 from pathlib import Path
 
 import pytest
 
 from tests.mutation.change import DoesNotFit, compiled, resolve, switched
-from tests.mutation.operators import change, places
+from tests.mutation.operators import change, changes, places
 from tests.mutation.reach import Reach, cpu, imported, red
 
 HERE = Path(__file__).parent
 PACKAGES = ("refkin", "crosscheck.judge", "crosscheck.measure")
+ADAPTERS = tuple(f"crosscheck.engines.{name}" for name in ("exudyn", "pinocchio", "mujoco"))
+NOTED = (*PACKAGES, *ADAPTERS, "crosscheck.night")
+"""What tests reach of these is noted; `--only` draws from any of them."""
 ELSEWHERE = ("mutation/", "test_house", "test_readme", "browser", "cluster", "workers", "campaign", "timing")
 """Tests that run the code in other programs, where no mutant is, or that measure times."""
 ALIVE = ("", "not covered")
 VERDICTS = ("equivalent", "costs only time", "to kill")
-MOST = 15.0
-"""Seconds of work in which a mutant may survive tests; those that are left are not asked."""
+MOST = 8.0
+"""Seconds of work in which a mutant may survive quick tests; those that are left are not asked."""
+MORE = 5.0
+"""How many times as many it may survive long ones."""
 
 
 def candidates(packages):
@@ -53,9 +60,15 @@ def candidates(packages):
         package = importlib.import_module(name)
         below = pkgutil.walk_packages(getattr(package, "__path__", []), f"{name}.")
         for module in (name, *(entry.name for entry in below)):
-            tree = ast.parse(Path(importlib.import_module(module).__file__).read_text(encoding="utf-8"))
-            for target, node in functions(tree, f"{module}:"):
+            for target, node in definitions(module):
                 yield from ((target, node, place) for place in places(node))
+
+
+@cache
+def definitions(module):
+    """Return the functions and methods of a module by its text: target, tree."""
+    tree = ast.parse(Path(importlib.import_module(module).__file__).read_text(encoding="utf-8"))
+    return list(functions(tree, f"{module}:"))
 
 
 def functions(tree, before):
@@ -95,7 +108,7 @@ class Run:
 
     def __init__(self, given, reach):
         self.workers, self.deadline = given.workers, time.monotonic() + 60.0 * given.minutes
-        self.given, self.reach, self.mutants, self.outcomes = given, reach, [], {}
+        self.given, self.reach, self.mutants, self.outcomes, self.noting = given, reach, [], {}, 0.0
 
     def pytest_runtestloop(self, session):
         from hypothesis import Phase, settings  # here: pytest is to import it first
@@ -110,27 +123,42 @@ class Run:
         self.mutants = fitting(some, self.given.count)
         print(f"{len(self.mutants)} of {len(some)} mutants, seed {self.given.seed}", file=sys.stderr)
         whole = self.note(items)
-        jobs, named, most = [], {item.nodeid: item for item in items}, self.given.seconds
-        for number, (what, function, other, definition, statement) in enumerate(self.mutants):
-            asked = self.reach.order(what.target, definition, statement, named)
-            if asked or whole:
-                jobs.append((number, lambda f=function, o=other, asked=asked: killed(f, o, asked, most), 20 * most))
-        for number, outcome in in_parallel(jobs, self.workers, self.deadline):
-            self.outcomes[number] = "does not end" if outcome is None else outcome
-            alive = sum(some in ALIVE for some in self.outcomes.values())
-            print(f"\r{len(self.outcomes)} of {len(jobs)} tried, {alive} alive", end="", file=sys.stderr, flush=True)
-        print(file=sys.stderr)
+        named = {item.nodeid: item for item in items}
+        asked = [self.reach.order(what.target, node, at, named) for what, _, _, node, at in self.mutants]
+        self.noting, most = cpu(), self.given.seconds
+        self.trying([number for number, tests in enumerate(asked) if whole or any(tests)], [q for q, _ in asked], most)
+        known = {key for key, each in verdicts().items() if each["verdict"] != "to kill"}
+        alive = [
+            number
+            for number, outcome in self.outcomes.items()
+            if outcome in ALIVE and asked[number][1] and self.mutants[number][0].key not in known
+        ]
+        self.trying(alive, [long for _, long in asked], MORE * most)
         self.doubt(named)
         return True
+
+    def trying(self, numbers, asked, most):
+        """Try mutants on the tests that each is asked, in so many seconds of work each."""
+        jobs = []
+        for number in numbers:
+            function, other = self.mutants[number][1:3]
+            run = partial(killed, function, other, asked[number], most)
+            jobs.append((number, run, 100 * most))
+        for done, (number, outcome) in enumerate(in_parallel(jobs, self.workers, self.deadline), 1):
+            if outcome != "not covered" or number not in self.outcomes:
+                self.outcomes[number] = "does not end" if outcome is None else outcome
+            alive = sum(some in ALIVE for some in self.outcomes.values())
+            print(f"\r{done} of {len(jobs)} tried, {alive} alive", end="", file=sys.stderr, flush=True)
+        print(file=sys.stderr)
 
     def note(self, items):
         """Bring what is known of the tests up to date, in half the time; return whether it is.
 
         Files that name most of the modules come first; the next run goes on where this one ends.
         """
-        definitions = {target: node for target, node, _ in candidates(PACKAGES) if fits(target, node)}
+        trees = {target: node for target, node, _ in candidates(NOTED) if fits(target, node)}
         modules = {what.target.partition(":")[0] for what, *_ in self.mutants}
-        todo = self.reach.jobs(sorted(items, key=lambda item: -len(imported(item.path) & modules)), definitions)
+        todo = self.reach.jobs(sorted(items, key=lambda item: -len(imported(item.path) & modules)), trees)
         jobs = [(k, run, 1200.0) for k, (_, run) in enumerate(todo)]
         done, half = 0, (time.monotonic() + self.deadline) / 2
         for done, (k, entries) in enumerate(in_parallel(jobs, self.workers, half), 1):
@@ -145,7 +173,7 @@ class Run:
     def doubt(self, items):
         """Take back the kills of tests that are red without a mutant, too."""
         killers = sorted({outcome for outcome in self.outcomes.values() if outcome in items})
-        jobs = [(name, lambda name=name: red(items[name]), 10 * MOST) for name in killers]
+        jobs = [(name, lambda name=name: red(items[name]), 100 * MOST) for name in killers]
         wrong = {name for name, outcome in in_parallel(jobs, self.workers, float("inf")) if outcome is not False}
         for number, outcome in self.outcomes.items():
             if outcome in wrong:
@@ -173,7 +201,10 @@ def killed(function, other, items, most):
 
 
 def in_parallel(jobs, workers, deadline):
-    """Yield (number, result) of each job, run in a forked process; None for one that takes too long, or dies."""
+    """Yield (number, result) of each job, run in a forked process; None for one that dies, or takes too much work.
+
+    One that takes too long without that yields nothing: the machine may be busy.
+    """
     waiting, running = list(jobs)[::-1], {}
     while (waiting and time.monotonic() < deadline) or running:
         while waiting and len(running) < workers and time.monotonic() < deadline:
@@ -193,7 +224,8 @@ def in_parallel(jobs, workers, deadline):
             os.waitpid(child, 0)
             os.close(pipe)
             del running[pipe]
-            yield number, pickle.loads(b"".join(parts)) if part is not None and parts else None
+            if part is not None:
+                yield number, pickle.loads(b"".join(parts)) if parts else None
 
 
 def forked(run):
@@ -247,18 +279,17 @@ def told(run):
     print(f'[[sample]]\nseed = {run.given.seed}\npart = "{" ".join(run.given.only or PACKAGES)}"')
     print("\n".join(f"{key} = {value}" for key, value in {"tried": sum(fates.values()), **fates}.items()))
     print(f"# of those that change an answer {counts['died']} of {counts['died'] + alive} died")
+    print(f"# {run.noting:.0f} s of work to know which tests reach what, {cpu() - run.noting:.0f} s to try mutants")
     return int(bool(unknown or gone))
 
 
 def stale(known):
     """Yield the keys of survivors whose function no longer has that change."""
-    places_of = defaultdict(list)
-    for target, definition, place in candidates(PACKAGES):
-        places_of[target].append((definition, place))
     for key in known:
-        target = key.partition(": ")[0]
-        changes = (change(target, *where)[0] for where in places_of[target])
-        if not any(what is not None and what.key == key for what in changes):
+        target, trees = key.partition(": ")[0], []
+        with suppress(ImportError):
+            trees = [node for name, node in definitions(target.partition(":")[0]) if name == target]
+        if not any(any(changes(target, node, key)) for node in trees):
             yield key
 
 
@@ -269,7 +300,7 @@ def main():
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--minutes", type=float, default=20.0)
     parser.add_argument("--workers", type=int, default=2)
-    parser.add_argument("--seconds", type=float, default=MOST, help="of work in which a mutant may survive")
+    parser.add_argument("--seconds", type=float, default=MOST, help="of work in which a mutant may survive quick tests")
     parser.add_argument("--only", action="append", help="a package or module to change, not all of them")
     parser.add_argument("tests", nargs="*", default=["tests"])
     given = parser.parse_args()

@@ -12,9 +12,9 @@ from crosscheck.documents.ledger import read
 from refkin.newton import CorrectionNorm, newton
 from tests.mutation.change import DoesNotFit, changed_function, compiled, mutated, resolve, switched
 from tests.mutation.mutants import Mutant, cases, killer, mutants, red
-from tests.mutation.operators import change, places
+from tests.mutation.operators import changes
 from tests.mutation.reach import key, probes, segments
-from tests.mutation.sample import VERDICTS, kept, verdicts
+from tests.mutation.sample import VERDICTS, kept, stale, verdicts
 
 MUTANTS = mutants()
 SLOPE = "solve_linear(slope, -residuals[-1])", "solve_linear(slope, residuals[-1])"
@@ -143,15 +143,15 @@ def test_a_test_that_does_not_end_is_ended():
 
 def test_random_mutants_are_other_programs_that_say_when_they_are_reached(monkeypatch):
     definition = ast.parse(inspect.getsource(newton)).body[0]
-    changes = [row for place in places(definition) if (row := change("refkin.newton:newton", definition, place))[0]]
-    undamped = next(tree for what, tree, _ in changes if what.old == "if damped:")
+    rows = list(changes("refkin.newton:newton", definition))
+    undamped = next(tree for what, tree, _ in rows if what.old == "if damped:")
     reached = []
     monkeypatch.setattr("builtins.__reached__", reached.append, raising=False)
     with switched({newton: compiled(newton, undamped)}):
         newton(lambda x: x * x - 4, lambda x: 2 * x, 3.0)
 
-    assert len(changes) > 20
-    assert all(what.old != what.new for what, *_ in changes)
+    assert len(rows) > 20
+    assert all(what.old != what.new for what, *_ in rows)
     assert set(reached) == {"refkin.newton:newton"}
 
 
@@ -175,6 +175,15 @@ def test_every_survivor_has_a_verdict_with_a_reason():
     for name, survivor in verdicts().items():
         assert survivor["verdict"] in VERDICTS, name
         assert len(survivor["why"]) > 20, name
+
+
+def test_every_verdict_is_of_a_change_that_the_code_still_has():
+    """A verdict outlives no change of the statement that it is of, nor another name of its function."""
+    key = next(iter(verdicts()))
+    others = [key.replace("refkin.fast", "refkin.slow"), key.replace("_common", "_rare"), key.replace("1.5", "1.6")]
+
+    assert list(stale(verdicts())) == []
+    assert list(stale([key, *others])) == others
 
 
 def test_of_every_sample_that_is_kept_it_is_told_what_became_of_all():

@@ -4,15 +4,18 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
+import pytest
 
 from refkin.analysis import velocity
 from refkin.joints import GROUND, AngleDriver, Gear, Revolute
 from refkin.model import Body, Evidence, Mechanism, Scene
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Polynomial
+from refkin.proof.pose import choices
 from refkin.proof.pose.isolate import isolate
 from refkin.scenes.linkages import Branch, FourBar
 from refkin.solving.mobility import mobility, rank_of
@@ -139,3 +142,20 @@ def test_no_other_solution_is_within_the_proved_distance():
         assert isolation.ok.all(), f"no proof {away} from the dead centre"
         assert (isolation.unique > 0).all(), f"no proof {away} from the dead centre"
         assert (isolation.unique < apart).all(), f"unique within {isolation.unique}, another solution at {apart}"
+
+
+@pytest.mark.parametrize(("off", "near"), [(0.0, True), (2e-3, False)])
+def test_a_choice_of_rows_that_float64_does_not_prove_is_bounded_by_balls_if_its_pose_is_near(monkeypatch, off, near):
+    """A pose that is far from the answer in one coordinate alone is another one."""
+    system, scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))
+    motion, shift, last = solve(scene), 1e-9, slice(2, 3)
+    q, qd, qdd = (system.to_unit(level, k)[:, last] for k, level in enumerate(motion.levels))
+    q = q + shift * (off == 0.0)
+    q[5] += off
+    unproved = SimpleNamespace(ok=np.array([False]), radii=None, velocity=None, acceleration=None)
+    monkeypatch.setattr(choices, "certify", lambda *_, **__: unproved)
+    rows = np.delete(np.arange(system.m), [0, 1])
+    bounds = np.array(choices._bounds(system, rows, np.array([True]), q, np.array(TIMES[last]), qd, qdd))
+
+    assert (bounds > 0.0).all() == near
+    assert bounds[0, 0] == pytest.approx(shift * near, rel=1e-3)

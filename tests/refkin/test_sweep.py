@@ -110,6 +110,15 @@ def test_a_step_to_the_other_side_is_not_taken(monkeypatch):
     assert not sweep._on_branch(newton_result(q, q + 1e-3, [1e-3, 1e-5]), 0.2)
 
 
+def test_a_pose_is_not_meant_where_the_last_poses_lead_to_the_other_side():
+    sweep, q = swept_to(0.2)
+    other = mirrored(sweep, None, 0.2)
+    crossing = Sweep(sweep.system, sweep.t, [2 * sweep.q[1] - other, sweep.q[1]])
+
+    assert sweep._meant(q, 0.2)
+    assert not crossing._meant(q, 0.2)
+
+
 def test_a_step_that_turns_a_body_by_a_whole_turn_is_not_taken():
     sweep, q = swept_to(0.2)
     turned = q + np.where(np.arange(len(q)) == 5, 2 * np.pi, 0.0)
