@@ -174,13 +174,13 @@ def of_spatial_loops(work: SpatialLoops, pieces: Iterable[Piece]) -> Accuracy:
     largest, ratio, count, unjudged, levels = 0.0, 0.0, 0, 0, 0
     for piece in pieces:
         ref = _certified(work, int(piece.mechanisms[0]))
-        found = compare(ref, _answered(work, piece))
+        compared = compare(ref, _answered(work, piece))
         count, levels = count + len(piece.times), len(piece.levels)
         proved = np.isfinite(ref.motion.certified_radius.acceleration)
         unjudged += int(np.sum(~(ref.budget().judged & proved)))
-        if found.missing:
+        if compared.missing:
             largest = ratio = np.inf
-        for quantity, level, order in zip(found.quantities.values(), ref.levels, range(levels), strict=False):
+        for quantity, level, order in zip(compared.quantities.values(), ref.levels, range(levels), strict=False):
             largest = max(largest, float(np.nanmax(quantity.error / scales(level, order), initial=0.0)))
             ratio = max(ratio, float(np.nanmax(quantity.ratio, initial=0.0)))
     return Accuracy(largest, ratio, count, unjudged, levels)

@@ -233,7 +233,7 @@ def compared(path: Path, workers: Pool) -> Golden:
         versions=baseline["versions"],
         engines=engines,
         without=[name for name in workers.engines if name not in engines],
-        found=differences(baseline["cases"], measure(scenes, workers, engines), engines),
+        worse=differences(baseline["cases"], measure(scenes, workers, engines), engines),
     )
 
 
@@ -250,9 +250,9 @@ def compare_night(path: Path, out: Path, workers: Pool) -> list[NewCase]:
     """Compare the golden set, leave `golden.json` and scene files in the folder of a night, return what is worse."""
     comparison = compared(path, workers)
     cases = read(path)["cases"]
-    for worse in comparison.found:
+    for worse in comparison.worse:
         worse.file = f"{FOLDER}/{worse.key}.toml"
         (out / FOLDER).mkdir(parents=True, exist_ok=True)
         replace_file(out / worse.file, to_toml(parse(dict(cases[worse.case]["scene"]))))
     replace_file(out / GOLDEN, adapter(Golden).dump_json(comparison, indent=1).decode() + "\n")
-    return comparison.found
+    return comparison.worse

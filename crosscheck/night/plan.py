@@ -107,7 +107,7 @@ class Golden:
     versions: dict[str, str]
     engines: list[str]
     without: list[str]
-    found: list[NewCase]
+    worse: list[NewCase]
 
 
 def write_outcome(folder: Path, outcome: NightOutcome) -> None:

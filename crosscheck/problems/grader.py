@@ -114,8 +114,8 @@ if __name__ == "__main__":
         graded = list(grade_all(given, here))
     except (IndexError, KeyError, OSError, ValueError) as error:
         sys.exit(f"usage: grade.py ANSWERS.json [FOLDER]: {type(error).__name__}: {error}")
-    for name, found in graded:
-        refused += "refused" in found
-        shown = found.get("refused") or "  ".join(f"{level} {score:.1f}" for level, score in found.items())
-        print(f"{name}: {'REFUSED, ' * ('refused' in found)}{shown}")
+    for name, scores in graded:
+        refused += "refused" in scores
+        shown = scores.get("refused") or "  ".join(f"{level} {score:.1f}" for level, score in scores.items())
+        print(f"{name}: {'REFUSED, ' * ('refused' in scores)}{shown}")
     sys.exit(refused > 0)

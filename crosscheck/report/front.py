@@ -169,7 +169,7 @@ def _features_line(rows: Any) -> str:
 def _golden_line(golden: Any) -> str:
     if not golden:
         return "the golden set was not compared in this run"
-    worse = len(golden["found"])
+    worse = len(golden["worse"])
     return f"golden set of {golden['cases']} scenes: {f'{worse} numbers worse' if worse else 'nothing worse'}"
 
 

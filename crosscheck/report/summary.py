@@ -56,7 +56,7 @@ class Summary:
         self.reference = ReferenceTotals()
         self.coverage, self.together, self.refusals = Coverage(), Together(), Refusals()
         self.peers, self.silent, self.features = Peers(), Silent(), Features()
-        called_new = [*(self.golden.found if self.golden else ()), *(self.outcome.new if self.outcome else ())]
+        called_new = [*(self.golden.worse if self.golden else ()), *(self.outcome.new if self.outcome else ())]
         self.disagreements = Disagreements(folder, self.gaps, called_new)
         for line, record in read_records(folder / "records.jsonl"):
             self._add(line, record)

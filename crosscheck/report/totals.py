@@ -153,7 +153,8 @@ class Peers:
             names = ((one.engine, one.route.name), (other.engine, other.route.name))
             counts = self.pairs.setdefault(names, [Counter() for _ in QUANTITIES])
             for quantity, of_quantity in zip(QUANTITIES, counts, strict=True):
-                digits = _agreeing(one, other, quantity, scale)
+                turns = quantity == "position" and record.about.get("dimension") != "spatial"
+                digits = _agreeing(one, other, quantity, scale, turns)
                 if digits is not None:
                     of_quantity[math.floor(10 * digits)] += 1
         for quantity, histograms in (record.reference.attainable_by_sigma if record.reference else {}).items():
@@ -180,15 +181,18 @@ class Peers:
         ]
 
 
-def _agreeing(one: Answer, other: Answer, quantity: str, scale: Mapping[str, float]) -> float | None:
-    """Return the digits to which two answers agree at the common sample; None if one of them has nothing there."""
+def _agreeing(one: Answer, other: Answer, quantity: str, scale: Mapping[str, float], turns: bool) -> float | None:
+    """Return the digits to which two answers agree at the common sample; None if one of them has nothing there.
+
+    `turns`: each third coordinate is an angle, the same modulo full turns.
+    """
     if quantity not in scale or quantity not in one.quantities or quantity not in other.quantities:
         return None
     both = zip(one.quantities[quantity].common, other.quantities[quantity].common, strict=False)
     apart = [a - b for a, b in both if a is not None and b is not None]
     if not apart:
         return None
-    if quantity == "position":  # angles are the same modulo full turns
+    if turns:
         apart[2::3] = [math.remainder(x, math.tau) for x in apart[2::3]]
     largest = max(map(abs, apart)) / scale[quantity]
     return MOST_DIGITS if largest == 0.0 else min(MOST_DIGITS, -math.log10(largest))

@@ -36,7 +36,6 @@ from refkin.vec import Scalar, cosine_and_sine
 
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 AT_REST = (0, 0, 0)
-NO_TURN = (0, 0, 0, 0)
 CLEAR = 0.7
 """Part of the largest of some numbers from which on one of them is large enough to divide by: no tie is decided."""
 
@@ -101,12 +100,12 @@ class Frames:
 
     def axes(self, names: str) -> tuple[Scalar, ...]:
         """Return the vectors of names such as "fi hj", each by its frame's letter and its body's."""
-        found: list[Scalar] = []
+        numbers: list[Scalar] = []
         for name in names.split():
             letter, body = name[0], name[1]
             vectors = frame(getattr(self.c, f"axis_{body}"), getattr(self.c, f"zero_{body}", None))
-            found += vectors["fgh".index(letter)].parts
-        return tuple(found)
+            numbers += vectors["fgh".index(letter)].parts
+        return tuple(numbers)
 
     def turns(self) -> tuple[Scalar, ...]:
         """Return the parameters of both frames."""

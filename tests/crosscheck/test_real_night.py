@@ -25,7 +25,7 @@ def test_a_real_night_of_one_scene_passes_with_answers_of_every_engine(tmp_path)
     assert {answer["engine"] for answer in record["answers"]} >= set(ENGINES)
     assert (record["reference"]["verdict"], record["disagreements"]) == ("ok", [])
     assert (out / "index.html").exists()
-    assert json.loads((out / "golden.json").read_text(encoding="utf-8"))["found"] == []
+    assert json.loads((out / "golden.json").read_text(encoding="utf-8"))["worse"] == []
 
 
 @pytest.mark.parametrize("seconds", [0.0, 1e-9, 7.9, float("nan")])

@@ -247,7 +247,9 @@ def test_engine_that_gave_no_answer_was_not_silent(tmp_path: Path) -> None:
     assert route["silent"] == {}
 
 
-def test_two_that_are_wrong_alike_agree_and_the_odd_one_stands_out(tmp_path: Path) -> None:
+def agreement(folder: Path, dimension: str) -> dict[tuple[str, ...], float]:
+    """Return the digits to which three answers agree whose third coordinates are wrong, two of them alike but 2 pi."""
+
     def off(engine: str, by: float) -> Any:
         result = good_answer(engine)
         result["quantities"]["position"]["common"] = [0.0, 0.0, by]
@@ -255,12 +257,25 @@ def test_two_that_are_wrong_alike_agree_and_the_odd_one_stands_out(tmp_path: Pat
 
     made = record("a", off("mujoco", 3e-7), off("exudyn", 3e-7 + 2 * math.pi), off("pinocchio", 0.0))
     made["reference"]["common"] = {"k": 0, "scale": {"position": 1.0}}
-    build(write(tmp_path, made))
-    rows = json.loads((tmp_path / "report.json").read_text())["agreement"]
-    digits = {tuple(row["engines"]): row["position"]["digits_median"] for row in rows}
+    made["about"]["dimension"] = dimension
+    build(write(folder, made))
+    rows = json.loads((folder / "report.json").read_text())["agreement"]
+    return {tuple(row["engines"]): row["position"]["digits_median"] for row in rows}
+
+
+def test_two_that_are_wrong_alike_agree_and_the_odd_one_stands_out(tmp_path: Path) -> None:
+    digits = agreement(tmp_path, "planar")
 
     assert digits.pop(("exudyn", "mujoco")) > 15
     assert digits == {("exudyn", "pinocchio"): 6.5, ("mujoco", "pinocchio"): 6.5}
+
+
+def test_in_space_the_third_coordinate_is_a_length_and_counts_whole_turns(tmp_path: Path) -> None:
+    assert agreement(tmp_path, "spatial") == {
+        ("exudyn", "mujoco"): -0.8,
+        ("exudyn", "pinocchio"): -0.8,
+        ("mujoco", "pinocchio"): 6.5,
+    }
 
 
 @pytest.fixture(scope="module")

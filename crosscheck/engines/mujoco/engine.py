@@ -31,7 +31,6 @@ from crosscheck.engines import (
     route_by,
 )
 from crosscheck.engines.frames import RowMap
-from crosscheck.engines.march import one_by_one
 from crosscheck.engines.mujoco.effects import EFFECTS, affected
 from crosscheck.engines.mujoco.features import FEATURES, SITES, SPARSE, Sites, SparseNewton
 from crosscheck.engines.mujoco.model import Plan, mujoco
@@ -39,7 +38,7 @@ from crosscheck.engines.mujoco.rows import MujocoRows
 from crosscheck.engines.mujoco.shipped import STEPPED, SpaceSimulation, freedoms, soft, stepped
 from crosscheck.engines.mujoco.space import MujocoSpace
 from crosscheck.engines.spatial.absolute import SPATIAL_VECTORS, SpaceRows
-from crosscheck.engines.spatial.motion import SpaceScene, space_motion
+from crosscheck.engines.spatial.motion import space_motion
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
 from crosscheck.engines.tree.tree_motion import CHAIN, Accelerations, marched_motion, tree_motion
@@ -162,11 +161,8 @@ class Mujoco(SimulatingAdapter):
         if in_space(scene.mechanism):
             refuse_in_space(self, route, (NEWTON, STEPPED), self.effect)
             producer = Producer(name=self.name, version=self.version(), route=route or NEWTON)
-            if route != STEPPED:
-                return space_motion(scene, MujocoSpace, producer)
-            space = SpaceScene.of(scene, MujocoSpace)
-            closing = SpaceSimulation(space.system).at_rest
-            return space.motion(one_by_one(closing, space.start(), scene.times), producer)
+            own = (lambda system: SpaceSimulation(system).at_rest) if route == STEPPED else None
+            return space_motion(scene, MujocoSpace, producer, own)
         tree = joint_tree(scene.mechanism)
         rows = ThroughSites(tree) if route == SITES else TreeRows(tree, self.effect)
         producer = Producer(name=self.name, version=self.version(), route=route or NEWTON)

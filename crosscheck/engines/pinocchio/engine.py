@@ -31,7 +31,6 @@ from crosscheck.engines import (
     route_by,
 )
 from crosscheck.engines.frames import RowMap
-from crosscheck.engines.march import one_by_one
 from crosscheck.engines.pinocchio.effects import EFFECTS, MISSING, ForwardDynamics, affected
 from crosscheck.engines.pinocchio.features import FEATURES, with_feature
 from crosscheck.engines.pinocchio.model import Frame, absolute_model, tree_model
@@ -39,7 +38,7 @@ from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, SpaceExample, closed_chain
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.spatial.absolute import SPATIAL_VECTORS, SpaceRows
-from crosscheck.engines.spatial.motion import SpaceScene, space_motion
+from crosscheck.engines.spatial.motion import space_motion
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import JointTree, joint_tree
 from crosscheck.engines.tree.tree_motion import CHAIN, link_terms, marched_motion, tree_motion
@@ -133,11 +132,8 @@ class Pinocchio(SimulatingAdapter):
         if in_space(scene.mechanism):
             refuse_in_space(self, route, (TREE, CLOSED_CHAIN), self.effect)
             producer = Producer(name=self.name, version=self.version(), route=route or TREE)
-            if route != CLOSED_CHAIN:
-                return space_motion(scene, PinocchioSpace, producer)
-            space = SpaceScene.of(scene, PinocchioSpace)
-            closing = SpaceExample(space.system).closed
-            return space.motion(one_by_one(closing, space.start(), scene.times), producer)
+            own = (lambda system: SpaceExample(system).closed) if route == CLOSED_CHAIN else None
+            return space_motion(scene, PinocchioSpace, producer, own)
         if route in FEATURES:
             return with_feature(scene, self.solve(replace(scene, bodies_wanted=None), TREE), route)
         tree = PinocchioTree(joint_tree(scene.mechanism, massless_links=True), self.effect)

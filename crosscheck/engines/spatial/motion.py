@@ -8,36 +8,40 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines.march import March, march
+from crosscheck.engines.march import Closing, March, march, one_by_one
 from crosscheck.engines.spatial.reading import Numbers, numbers_of
 from crosscheck.engines.spatial.system import SpaceSystem
 from crosscheck.engines.spatial.tree import space_tree
-from crosscheck.engines.spatial.turning import bends, continuous, matrix, parameters, rates
+from crosscheck.engines.spatial.turning import bends, continuous, parameters, rates
+from crosscheck.scenes.names import order_of
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, PointMotion, Producer, engine_motion
 
 Array = Any
 
 
-def space_motion(scene: Scene, build: Callable[..., Any], producer: Producer) -> Motion:
+def space_motion(
+    scene: Scene, build: Callable[..., Any], producer: Producer, own: Callable[[SpaceSystem], Closing] | None = None
+) -> Motion:
     """Return the motion of the bodies and points that a scene wants, at the levels it calls for.
 
     Parameters
     ----------
     build : callable
         What makes an engine's model of a tree, its places and pairs (`SpaceEngine`).
+    own : callable, optional
+        What closes the tree by means of the engine's own, pose by pose, positions alone; by default `march` does.
 
     Raises
     ------
     EngineError
         If a body of the scene has no estimate.
     """
-    closing = SpaceScene.of(scene, build)
-    system = closing.system
-    order = 2 if Effect.ACCELERATION in scene.effects else 1 if Effect.VELOCITY in scene.effects else 0
-    return closing.motion(
-        march(system, closing.start(), scene.times, order, together=not closing.numbers.idle), producer
-    )
+    tree = SpaceScene.of(scene, build)
+    if own is not None:
+        return tree.motion(one_by_one(own(tree.system), tree.start(), scene.times), producer)
+    poses = march(tree.system, tree.start(), scene.times, order_of(scene), together=not tree.numbers.idle)
+    return tree.motion(poses, producer)
 
 
 @dataclass(frozen=True)
@@ -138,8 +142,3 @@ def _form(p: Array, s: Array, u: Array) -> Array:
     along = e * (u @ c) + c * (u @ e)
     turn = np.cross((p[0] * c + s[0] * e).T, u).T
     return (p[0] * s[0] - dot) * v + along + turn
-
-
-def rotation(q: Array) -> Array:
-    """Return the rotation matrix of a pose (7,)."""
-    return matrix(q[3:])

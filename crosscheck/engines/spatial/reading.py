@@ -37,8 +37,6 @@ PARALLEL, PERPENDICULAR, ON_PLANE, ON_LINE = "parallel", "perpendicular", "point
 ANGLE, DISPLACEMENT = "angle", "displacement"
 MEETING = frozenset({SPHERICAL, REVOLUTE, UNIVERSAL, FIXED})
 """Joints whose two points are one."""
-TURNING = frozenset({REVOLUTE, CYLINDRICAL, SCREW})
-"""Joints with an angle about their axis."""
 SHAPES: Mapping[tuple[type[Element], ...], str] = {
     (PointsMeet,): SPHERICAL,
     (PointsMeet, AxesParallel): REVOLUTE,
@@ -128,12 +126,12 @@ class Numbers:
     @property
     def idle(self) -> dict[str, tuple[Hold, Hold]]:
         """Bodies on two spherical joints and nothing else, with these: they spin freely about the line of the two."""
-        found = {}
+        idle = {}
         for body in self.bodies:
             on = [hold for hold in (*self.holds, *(d.hold for d in self.drives)) if body in hold.bodies]
             if len(on) == 2 and all(hold.kind == SPHERICAL for hold in on):
-                found[body] = (on[0], on[1])
-        return found
+                idle[body] = (on[0], on[1])
+        return idle
 
     def levels(self, coordinates: Any, order: int) -> Any:
         """Return coordinates or rates (7 bodies, T) of this unit as those of the scene, in metres."""
@@ -220,8 +218,8 @@ def numbers_of(mechanism: Mechanism, unit: Any = None) -> Numbers:
     """Return a mechanism of space: joints, then drivers that know the joint they move; by default in its own unit."""
     unit = mechanism.unit() if unit is None else unit
     origin = np.array([*unit.origin, 0.0, 0.0, 0.0][:3], float)
-    found = list(given(mechanism))
-    holds = {g.name: _hold(g, unit.size, origin) for g in found if not g.laws}
+    every = list(given(mechanism))
+    holds = {g.name: _hold(g, unit.size, origin) for g in every if not g.laws}
     drives = tuple(
         Drive(
             name=g.name,
@@ -230,7 +228,7 @@ def numbers_of(mechanism: Mechanism, unit: Any = None) -> Numbers:
             law=g.laws[0],
             size=1.0 if g.kind == ANGLE else unit.size,
         )
-        for g in found
+        for g in every
         if g.laws
     )
     bodies = tuple(body.name for body in mechanism.bodies)

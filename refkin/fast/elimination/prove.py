@@ -136,8 +136,8 @@ class _Prover:
         """Return R of a block, row by row: numbers that are meant as they stand."""
         columns, _, block = self.parts.groups[k]
         size = range(len(columns))
-        found = [block.solve([self.graph.constant(float(i == j)) for i in size]) for j in size]
-        rows = [[self._at(found[j][i]) for j in size] for i in size]
+        solutions = [block.solve([self.graph.constant(float(i == j)) for i in size]) for j in size]
+        rows = [[self._at(solutions[j][i]) for j in size] for i in size]
         for x in (x for row in rows for x in row):
             plain = x.args[0] if x.op == "neg" else x  # a product with -x is folded to one with x
             if plain.op not in ("const", "div", "entry"):

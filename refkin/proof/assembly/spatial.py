@@ -49,18 +49,18 @@ def assemblies_in_space(system: System, t: float, is_root: Any, most: int = MOST
     is_root : callable
         Whether a pose closes.
     """
-    found: list[Any] = []
+    poses: list[Any] = []
     since = 0
     for start in starts(system, t, most):
         q = _refined(system, t, start, is_root)
         q = None if q is None else signed(system, q, np.ones(system.n))
-        new = q is not None and all(np.max(np.abs(q - other)) > SAME for other in found)
+        new = q is not None and all(np.max(np.abs(q - other)) > SAME for other in poses)
         since = 0 if new else since + 1
         if new:
-            found.append(q)
-        if len(found) >= MOST_POSES or since >= ENOUGH:
+            poses.append(q)
+        if len(poses) >= MOST_POSES or since >= ENOUGH:
             break
-    return found
+    return poses
 
 
 def _refined(system: System, t: float, start: Any, is_root: Any) -> Any:

@@ -351,14 +351,14 @@ class Loop(SpatialLinkage):
         raise NotImplementedError
 
     def joints(self) -> tuple[Constraint, ...]:
-        found, i, point, axis = [], GROUND, AT, Z
+        hinges, i, point, axis = [], GROUND, AT, Z
         *moving, (length, twist) = self.links
         for k, (a, t) in enumerate(moving, 1):
-            found.append(revolute(f"R{k}", i, point, axis, X, f"link{k}", form=self.form))
+            hinges.append(revolute(f"R{k}", i, point, axis, X, f"link{k}", form=self.form))
             i, point, axis = f"link{k}", (a, 0.0, 0.0), (0.0, -math.sin(t), math.cos(t))
         back: dict[str, Any] = {"point_j": (-length, 0.0, 0.0), "axis_j": (0.0, math.sin(twist), math.cos(twist))}
-        found.append(revolute(f"R{len(self.links)}", i, point, axis, X, GROUND, **back, form=self.form))
-        return tuple(found)
+        hinges.append(revolute(f"R{len(self.links)}", i, point, axis, X, GROUND, **back, form=self.form))
+        return tuple(hinges)
 
     def _poses(self, value: float, sign: int) -> Iterator[tuple[str, tuple[float, ...]]]:
         r, f, g, h = (Vec3(*v) for v in (AT, X, Y, Z))
