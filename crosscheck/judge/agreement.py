@@ -9,7 +9,7 @@ import numpy as np
 
 from crosscheck.engines import Term
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
-from crosscheck.judge.delivery import believed
+from crosscheck.judge.delivery import believed, misshapen
 from crosscheck.judge.records import QUANTITIES
 from crosscheck.judge.violations import violations
 from refkin.errors import RefkinError
@@ -63,6 +63,8 @@ def assert_agrees(motion: Motion | Mapping[str, Mapping[str, Any]], scene: Scene
     """
     ref = reference(scene)
     answer = motion if isinstance(motion, Motion) else _completed(ref, motion)
+    for why in misshapen(scene, answer):
+        raise RefkinError(f"{scene.name}: {why}")
     terms = [Term(name="own stopping rule", level="position", reason="said by the caller", absolute=residual)]
     compared = compare(ref, answer, terms if residual else ())
     faults = [*_wrong(ref, answer, compared, terms if residual else ()), *_unanswered(ref, answer, compared)]

@@ -154,7 +154,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         return None
     t, q, qd, qdd = motion.t[samples], q[:, samples], qd[:, samples], qdd[:, samples]
     clock, jacobian = _clock(system, t), np.abs(system.phi_q(q, t))
-    e_phi = SAFETY * errors(system.phi(running(q, U * np.abs(q)), clock), t.shape)
+    e_phi = residual_error(system, q, t)
     moving = _times(jacobian, np.abs(qd))
     at = running(q)
     slope = system.phi_q(at, clock)
@@ -170,12 +170,17 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
         samples=samples,
         count=len(motion.t),
         carried=carried(system, q, qd, qdd, t),
-        e=tuple(e + _table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma))),
+        e=tuple(e + table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma))),
         size=(e_phi, moving, bending),
         rates=(np.zeros_like(rate), rate, np.max(np.abs(qdd), axis=0) + rate**2),
         rounding=output_rounding(system, q, qd, qdd),
         radius=tuple(getattr(motion.certified_radius, level)[samples] for level in LEVELS),
     )
+
+
+def residual_error(system: System, q: Any, t: Any) -> Any:
+    """Return what the formulas leave of the residual (m, T) at rounded coordinates, tables aside."""
+    return SAFETY * errors(system.phi(running(q, U * np.abs(q)), _clock(system, t)), t.shape)
 
 
 def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
@@ -242,13 +247,13 @@ def _slope(function: Any, x: Any) -> Any:
 
 
 def _clock(system: System, t: Any) -> Any:
-    """Return the times as running numbers, so that a law's own rounding counts; see `_table_error` for tables."""
+    """Return the times as running numbers, so that a law's own rounding counts; see `table_error` for tables."""
     laws = [law for c in system.mechanism.constraints for law in c.laws]
     tables = any(isinstance(getattr(law, "rate", law), Table) for law in laws)
     return t if tables else Running(t)
 
 
-def _table_error(system: System, t: Any, order: int) -> Any:
+def table_error(system: System, t: Any, order: int) -> Any:
     """Return what the rounding of splines leaves in the rows (m, T) of the residual, of nu or of gamma.
 
     A spline's slopes solve a diagonally dominant system whose right side are divided differences, each rounded by

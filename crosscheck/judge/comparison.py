@@ -226,15 +226,27 @@ def _other_assembly(
     It is if its own residual, carried by |J^-1|, accounts for less than a tenth of its error: to first order the two
     are equal, and no second order is ten times as large but where it leads to the next solution.
     """
-    width, system = ref.system.kind.width, ref.system
-    whole = set(motion.bodies) == {b.name for b in ref.scene.mechanism.bodies} and system.n == system.of_bodies
-    if "position" not in compared or compared["position"].agrees or not whole:
+    if "position" not in compared or compared["position"].agrees:
         return False
     wrong = samples & (compared["position"].ratio > 1.0) & np.isfinite(compared["position"].error)
-    starts = [width * motion.bodies.index(b.name) for b in ref.scene.mechanism.bodies]
-    order = np.concatenate([np.arange(start, start + width) for start in starts])
-    q, t, ours = ref.system.to_unit(motion.q[order][:, wrong]), motion.t[wrong], ref.levels[0][:, at][:, wrong]
+    q, t, ours = whole_poses(ref, motion, wrong, at), motion.t[wrong], ref.levels[0][:, at][:, wrong]
+    if q is None:
+        return False
     stacked = np.moveaxis(ref.system.gauged(ours).phi_q(ours, t), -1, 0)
     residual = np.moveaxis(np.abs(ref.system.gauged(q).phi(q, t)), -1, 0)[..., None]  # no spin violates anything
     carried = np.abs(np.linalg.pinv(stacked)) @ residual
     return bool(np.any(np.max(carried, axis=(1, 2)) < 0.1 * compared["position"].error[wrong]))
+
+
+def whole_poses(ref: Reference, motion: Motion, samples: Any, at: Any = slice(None)) -> Any:
+    """Return an answer's poses (n, K) at some of its times in the reference's scaled coordinates, turns being its own.
+
+    None if the answer has not all bodies, or the reference coordinates that no answer has.
+    """
+    system, names = ref.system, [b.name for b in ref.scene.mechanism.bodies]
+    if not set(names) <= set(motion.bodies) or system.n != system.of_bodies:
+        return None
+    width, ours = system.kind.width, ref.levels[0][:, at][:, samples]
+    rows = np.concatenate([width * motion.bodies.index(name) + np.arange(width) for name in names])
+    q = system.to_unit(motion.q[rows][:, samples])
+    return np.where(np.isfinite(ours), ours + difference(system, q, ours, 0), q)

@@ -21,7 +21,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Engine, Term
-from crosscheck.judge.comparison import Reference
+from crosscheck.judge.budget import output_rounding, residual_error, table_error
+from crosscheck.judge.comparison import Reference, whole_poses
 from crosscheck.judge.records import QUANTITIES, Cause
 from crosscheck.judge.running_error import U
 from crosscheck.judge.spatial import reversed_joints
@@ -29,6 +30,8 @@ from crosscheck.scenes.names import called_for
 from refkin.model import Evidence, Scene
 from refkin.motion import Motion, Status
 from refkin.solving.solve import solve
+from refkin.solving.starts import in_form
+from refkin.system import compile_system
 
 ABSOLUTE, RELATIVE, OF_FORMULAS, OF_RATES = 2.0**10 * U, 2.0**10 * U, 4.0, 2.0**20 * U
 """Up to these a term is rounding: a thousand roundings of a residual, or of what stands in its equation; four times
@@ -80,6 +83,25 @@ def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[T
     return kept, faults
 
 
+def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
+    """Yield why what an engine answered cannot be compared: it is none of this scene's times, bodies or shape."""
+    if not isinstance(motion, Motion):
+        yield f"expected a refkin.motion.Motion, got {type(motion).__name__}"
+        return
+    count, width = len(scene.times), scene.mechanism.kind.width
+    shape = (width * len(motion.bodies), count)
+    if not np.array_equal(motion.t, scene.times):
+        yield "its times are not those of the scene"
+    if len(motion.status) != count:
+        yield f"expected a status for each of {count} times, got {len(motion.status)}"
+    for name, level in zip(("q", "qd", "qdd"), motion.levels, strict=True):
+        if level is not None and np.shape(level) != shape:
+            yield f"{name} has shape {np.shape(level)}, not {shape}: {width} rows a body"
+    strange = [body for body in motion.bodies if body not in [b.name for b in scene.mechanism.bodies]]
+    if strange:
+        yield f"it answers for {', '.join(strange)}, which the scene has not"
+
+
 def undelivered(engine: Engine, scene: Scene, motion: Motion) -> Iterator[dict[str, Any]]:
     """Yield what a scene asks for and a motion has not, as disagreements: levels, and bodies."""
     able = getattr(engine, "delivers", QUANTITIES)
@@ -105,6 +127,30 @@ def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:
         rated = singular & (False if level is None else np.isfinite(level).all(axis=0))
         if rated.any():
             yield _at(motion, rated, quantity, Cause.SINGULAR_RATES)
+
+
+def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> Iterator[dict[str, Any]]:
+    """Yield where an engine's pose, called ok, does not close the mechanism, in and next to a singular pose.
+
+    No first-order statement holds of an error there, so no answer is held against the reference's. Of a residual it
+    does: rounding leaves as little of it as anywhere.
+    """
+    there = np.array([s in (Status.OK, Status.SINGULAR) for s in ref.motion.status]) & ~ref.budget().judged
+    asked = there & [s is Status.OK for s in motion.status]
+    q, t = whole_poses(ref, motion, asked), motion.t[asked]
+    if q is None or not t.size:
+        return
+    system = ref.system.gauged(q)  # no spin violates anything
+    form = next((term.form for term in terms if term.form), "")
+    if form:
+        system = compile_system(in_form(system.mechanism, form), unit=system.unit).gauged(q)
+    rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), output_rounding(system, q, 0.0 * q, 0.0 * q)[0])
+    rows = residual_error(system, q, t)
+    added = sum(term.absolute + term.relative * rows for term in terms if term.level == QUANTITIES[0])
+    wrong = asked.copy()
+    wrong[asked] = ~np.all(np.abs(system.phi(q, t)) <= rows + table_error(system, t, 0) + rounded + added, axis=0)
+    if wrong.any():
+        yield _at(motion, wrong, QUANTITIES[0], Cause.UNCLOSED)
 
 
 def put_together_wrongly(scene: Scene, motion: Motion) -> tuple[list[dict[str, Any]], Any]:

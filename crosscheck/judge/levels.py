@@ -103,6 +103,19 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
     return samples
 
 
+def missing_rows(engine: Engine, model: ConstraintModel, mechanism: Mechanism) -> list[str]:
+    """Return which rows, by name, a model has not once, although the engine's table says that it has their elements."""
+    table, had = engine.capabilities(), [(m.constraint, m.row) for m in model.rows]
+    return [
+        f"row {e.row + k} of {e.name}"
+        for e in elements_of(mechanism.constraints)
+        if (model.owns_driver or not e.laws)
+        and any(table.get(e.key, {}).get(level, ABSENT).support is not Support.REFUSED for level in LEVELS)
+        for k in range(e.rows)
+        if had.count((e.name, e.row + k)) != 1
+    ]
+
+
 def compare_levels(
     engine: Engine,
     model: ConstraintModel,

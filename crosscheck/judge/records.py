@@ -50,6 +50,8 @@ class Cause(StrEnum):
     NO_ASSEMBLY = "ok where there is no assembly"
     SINGULAR_RATES = "rates in a singular pose"
     """Velocity or acceleration, called ok, of a pose in which they do not exist."""
+    UNCLOSED = "ok where joints are open"
+    """A pose, called ok, in or next to a singular one, that leaves more of a residual than rounding does."""
     REVERSED = "joint put together the wrong way round"
     """In space: axes that must have one direction have opposite ones, or a driven angle is off by half a turn."""
     TRANSLATED = "model translated wrongly"

@@ -93,7 +93,8 @@ def _respun(out: Sequence[Array], truth: Sequence[Array], own: slice, at: Array,
     spun = w + more * u
     arms = _turned(p, at), _turned(turned, at)
     foot_v = v + np.cross(w, arms[0])
-    yield np.concatenate([foot_v - np.cross(spun, arms[1]), rates(turned, spun)], axis=1).T
+    growing = np.sum(p * out[1][own][3:].T, axis=1, keepdims=True)  # the length of p is no spin
+    yield np.concatenate([foot_v - np.cross(spun, arms[1]), rates(turned, spun) + growing * turned], axis=1).T
     if len(out) == 2:
         return
     a, alpha = out[2][own][:3].T, spin(p, out[2][own][3:].T)
@@ -102,7 +103,8 @@ def _respun(out: Sequence[Array], truth: Sequence[Array], own: slice, at: Array,
     bent = bent + np.sum((wanted - bent) * u, axis=1, keepdims=True) * u
     foot_a = a + np.cross(alpha, arms[0]) + np.cross(w, np.cross(w, arms[0]))
     origin = foot_a - np.cross(bent, arms[1]) - np.cross(spun, np.cross(spun, arms[1]))
-    yield np.concatenate([origin, bends(turned, spun, bent)], axis=1).T
+    growing = np.sum(p * out[2][own][3:].T + out[1][own][3:].T ** 2, axis=1, keepdims=True)
+    yield np.concatenate([origin, bends(turned, spun, bent) + growing * turned], axis=1).T
 
 
 def _turned(p: Array, u: Array) -> Array:

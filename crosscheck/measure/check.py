@@ -17,9 +17,18 @@ import numpy as np
 from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Support, Term, load, refused_joints
 from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
-from crosscheck.judge.delivery import ABSOLUTE, believed, excuse, granted, put_together_wrongly, undelivered
+from crosscheck.judge.delivery import (
+    ABSOLUTE,
+    believed,
+    excuse,
+    granted,
+    misshapen,
+    put_together_wrongly,
+    unclosed,
+    undelivered,
+)
 from crosscheck.judge.hard_poses import scene_samples
-from crosscheck.judge.levels import Configuration, compare_levels, configurations
+from crosscheck.judge.levels import Configuration, compare_levels, configurations, missing_rows
 from crosscheck.judge.records import (
     QUANTITIES,
     Answer,
@@ -269,6 +278,12 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *
         if not _is_refusal(error, scene) and not subject.excused(ref.motion.t[-1]):
             part.disagreements.append(Disagreement(**who, quantity="status", kind=Cause.NO_ANSWER, message=str(error)))
         return
+    wrong_form = [
+        {"quantity": "status", "kind": Cause.NOT_DELIVERED, "message": why} for why in misshapen(scene, motion)
+    ]
+    if wrong_form:
+        part.disagreements += [Disagreement(**who, **fault) for fault in faults + wrong_form]
+        return
     compared = compare(ref, motion, terms)
     part.answers.append(
         Answer(
@@ -289,6 +304,7 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *
     faults += [
         *undelivered(engine, scene, motion),
         *wrong_way,
+        *unclosed(ref, motion, terms),
         *(believed(ref, motion) if subject.as_expected else ()),
     ]
     part.disagreements += [Disagreement(**who, **fault) for fault in faults]
@@ -346,7 +362,10 @@ def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, te
     asked = np.arange(math.ceil(len(scene.times) / TURNED_ROUND))
     fewer = replace(permuted(scene), times=scene.times[: len(asked)])
     try:
-        return compare(ref, engine.solve(fewer, route), terms, asked)
+        motion = engine.solve(fewer, route)
+        if any(misshapen(fewer, motion)):
+            raise EngineError
+        return compare(ref, motion, terms, asked)
     except EngineError:
         nothing = dict.fromkeys(QUANTITIES, NOTHING)
         return Comparison(nothing, len(asked), 0, other_assembly=False, first_missing=float(ref.motion.t[-1]))
@@ -368,6 +387,7 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
     try:
         model = engine.constraints(scene)
         try:
+            missing = missing_rows(engine, model, scene.mechanism)
             levels = compare_levels(engine, model, scene.mechanism, at, engine.terms(scene))
         finally:
             model.close()
@@ -376,6 +396,10 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
         if not _is_refusal(error, scene):
             part.disagreements.append(Disagreement(**who, quantity="status", kind=Cause.NO_ANSWER, message=str(error)))
         return
+    if missing:
+        message = f"not there, or more than once: {', '.join(missing)}"
+        owed: Any = {"quantity": "status", "kind": Cause.NOT_DELIVERED, "message": message}
+        part.disagreements.append(Disagreement(**who, **owed))
     for level, compared in levels.items():
         ratio = short(compared.ratio) if np.isfinite(compared.ratio) else sys.float_info.max
         digits = histogram(compared.digits)

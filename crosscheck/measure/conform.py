@@ -5,11 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
-from typing import Any
-
-import numpy as np
 
 from crosscheck.engines import QUANTITIES, Engine, Level, load, refused_joints
+from crosscheck.judge.delivery import misshapen
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check, permuted
@@ -18,7 +16,6 @@ from crosscheck.scenes.conformance import Question, questions
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.workers.processes import Failure, call_in_turn, preload
 from refkin.model import Scene
-from refkin.motion import Motion
 
 SECONDS = 60.0
 """After this long at one question an engine is said to hang."""
@@ -130,24 +127,10 @@ def _form_faults(engine: Engine, scene: Scene) -> Iterator[Fault]:
     if not isinstance(engine.version(), str):
         yield Fault(FORM, f"version(): expected a text, got {engine.version()!r}")
     try:
-        motion: Any = engine.solve(scene, engine.routes()[0])
+        motion = engine.solve(scene, engine.routes()[0])
     except Exception:  # a refusal, or what `check` meets again and names
         return
-    if not isinstance(motion, Motion):
-        yield Fault(FORM, f"solve(): expected a refkin.motion.Motion, got {type(motion).__name__}")
-        return
-    count, width = len(scene.times), scene.mechanism.kind.width
-    shape = (width * len(motion.bodies), count)
-    if not np.array_equal(motion.t, scene.times):
-        yield Fault(FORM, "solve(): its times are not those of the scene")
-    if len(motion.status) != count:
-        yield Fault(FORM, f"solve(): expected a status for each of {count} times, got {len(motion.status)}")
-    for name, level in zip(("q", "qd", "qdd"), motion.levels, strict=True):
-        if level is not None and np.shape(level) != shape:
-            yield Fault(FORM, f"solve(): {name} has shape {np.shape(level)}, not {shape}: {width} rows a body")
-    strange = [body for body in motion.bodies if body not in [b.name for b in scene.mechanism.bodies]]
-    if strange:
-        yield Fault(FORM, f"solve(): it answers for {', '.join(strange)}, which the scene has not")
+    yield from (Fault(FORM, f"solve(): {why}") for why in misshapen(scene, motion))
 
 
 @lru_cache(maxsize=1)

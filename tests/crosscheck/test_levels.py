@@ -8,6 +8,7 @@ import pytest
 from crosscheck.engines import Level, load
 from crosscheck.engines.mujoco import engine as mujoco_engine
 from crosscheck.judge.levels import Configuration, compare_levels
+from crosscheck.measure.check import check
 from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene, YDriver
 
 GROUND_POINT = (116.83380688588964, 245.63337161426253)
@@ -71,3 +72,21 @@ def test_without_its_term_the_frame_of_mujoco_would_be_blamed(monkeypatch):
     monkeypatch.setattr(mujoco_engine, "SPATIAL", ())
 
     assert worst_residual("mujoco", lift(), (0.0, 5.4)) > 1.0
+
+
+@pytest.mark.parametrize("engine", ["exudyn", "pinocchio", "mujoco"])
+@pytest.mark.parametrize("spoil", [lambda rows: [], lambda rows: rows[1:], lambda rows: [rows[0], *rows]])
+def test_a_row_that_an_engine_leaves_out_or_has_twice_is_owed(engine, spoil, monkeypatch):
+    real, right = load(engine), load(engine).constraints(lever())
+
+    class Model:
+        rows = spoil(list(right.rows))
+
+        def __getattr__(self, name):
+            return getattr(right, name)
+
+    monkeypatch.setattr(type(real), "constraints", lambda self, scene: Model())
+    found = [d for d in check(lever(), [real]).disagreements if d.route == "rows"]
+
+    assert [(d.quantity, d.kind) for d in found] == [("status", "not delivered")]
+    assert "of B0" in found[0].message

@@ -192,6 +192,34 @@ def attainable(scene: Scene) -> Any:
     return sharpness.attainable_by_inputs(ref, np.flatnonzero(ref.budget().judged).tolist())
 
 
+def every_other(motion: Motion, scene: Scene) -> Motion:
+    """Half of the times are answered."""
+    levels = {key: getattr(motion, key)[:, ::2] for key in ("q", "qd", "qdd")}
+    return replace(motion, t=motion.t[::2], status=motion.status[::2], **levels)
+
+
+def made_up(motion: Motion, scene: Scene) -> Motion:
+    """Where no error is bounded the pose is made up, and called ok without rates."""
+    levels, there = {key: getattr(motion, key).copy() for key in ("q", "qd", "qdd")}, ~reference(scene).budget().judged
+    for level, number in zip(levels.values(), (0.123, math.nan, math.nan), strict=True):
+        level[:, there] = number
+    status = tuple(Status.OK if wrong else s for wrong, s in zip(there, motion.status, strict=True))
+    return replace(motion, status=status, **levels)
+
+
+def growing(order: str) -> Fault:
+    """Return the fault that rates of Euler parameters of an idle body have a part along these parameters."""
+
+    def fault(motion: Motion, scene: Scene) -> Motion:
+        level = getattr(motion, order).copy()
+        for body in reference(scene).idle:
+            own = slice(7 * motion.bodies.index(body) + 3, 7 * motion.bodies.index(body) + 7)
+            level[own] += 0.3 * motion.q[own]
+        return replace(motion, **{order: level})
+
+    return fault
+
+
 FAULTS: dict[str, tuple[Fault, str]] = {
     "no velocity": (lambda motion, scene: replace(motion, qd=None), "not delivered"),
     "no acceleration": (lambda motion, scene: replace(motion, qdd=None), "not delivered"),
@@ -202,6 +230,15 @@ FAULTS: dict[str, tuple[Fault, str]] = {
     "the sign of one acceleration": (near_limits, "beyond the allowed error"),
     "ok where there is nothing": (believing, "ok where there is no assembly"),
     "no answer at a regular time": (giving_up, "no answer"),
+    "times of its own": (lambda motion, scene: replace(motion, t=motion.t + 1e-3), "not delivered"),
+    "half of the times": (every_other, "not delivered"),
+    "a body that nobody knows": (
+        lambda motion, scene: replace(motion, bodies=("stranger", *motion.bodies[1:])),
+        "not delivered",
+    ),
+    "a pose made up where it is singular": (made_up, "ok where joints are open"),
+    "velocities of an idle body along its parameters": (growing("qd"), "beyond the allowed error"),
+    "accelerations of an idle body along its parameters": (growing("qdd"), "beyond the allowed error"),
     "not a number in one place": (At("qd", on(-1, -1, lambda x: math.nan)), "status ok without a number"),
     "infinity in one place": (At("qdd", on(0, -1, lambda x: math.inf)), "status ok without a number"),
     "positions of float32": (At("q", on(EVERY, EVERY, lambda x: np.float32(x))), "beyond the allowed error"),
