@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, refused
+from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, refused, refused_joints
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.spatial.turning import common_columns
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
@@ -104,13 +104,18 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
 
 
 def missing_rows(engine: Engine, model: ConstraintModel, mechanism: Mechanism) -> list[str]:
-    """Return which rows, by name, a model has not once, although the engine's table says that it has their elements."""
-    table, had = engine.capabilities(), [(m.constraint, m.row) for m in model.rows]
+    """Return which rows, by name, a model has not once, although the engine's table has all of their joint.
+
+    What a joint that is refused drives is not asked for either.
+    """
+    had = [(m.constraint, m.row) for m in model.rows]
+    refused = {name for _, name, _ in refused_joints(engine, mechanism.constraints, Level.RESIDUAL)}
     return [
         f"row {e.row + k} of {e.name}"
-        for e in elements_of(mechanism.constraints)
-        if (model.owns_driver or not e.laws)
-        and any(table.get(e.key, {}).get(level, ABSENT).support is not Support.REFUSED for level in LEVELS)
+        for c in mechanism.constraints
+        if not refused & {c.name, getattr(c, "joint", "")}
+        for e in elements_of([c])
+        if model.owns_driver or not e.laws
         for k in range(e.rows)
         if had.count((e.name, e.row + k)) != 1
     ]

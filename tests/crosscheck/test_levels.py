@@ -7,8 +7,9 @@ import pytest
 
 from crosscheck.engines import Level, load
 from crosscheck.engines.mujoco import engine as mujoco_engine
-from crosscheck.judge.levels import Configuration, compare_levels
+from crosscheck.judge.levels import Configuration, compare_levels, missing_rows
 from crosscheck.measure.check import check
+from crosscheck.scenes.drawing import draw
 from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene, YDriver
 
 GROUND_POINT = (116.83380688588964, 245.63337161426253)
@@ -90,3 +91,11 @@ def test_a_row_that_an_engine_leaves_out_or_has_twice_is_owed(engine, spoil, mon
 
     assert [(d.quantity, d.kind) for d in found] == [("status", "not delivered")]
     assert "of B0" in found[0].message
+
+
+def test_a_refused_joint_and_what_drives_it_are_not_owed():
+    mechanism = draw(9202, 9, 2).scene.mechanism
+    model = load("exudyn").constraints(Scene(mechanism=mechanism, times=(0.0,)))
+
+    assert [joint.type for joint in mechanism.joints if joint.type == "screw"]
+    assert missing_rows(load("exudyn"), model, mechanism) == []
