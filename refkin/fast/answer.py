@@ -7,7 +7,8 @@ certificates from a program of their own, or from `refkin.proof`; the pose and t
 from __future__ import annotations
 
 import math
-from typing import Any, cast
+from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,9 @@ from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.blocks import LARGEST_SELECTED
 from refkin.fast.elimination.trace import idle_of
 from refkin.fast.residual import residual
+from refkin.joints import Unit
+from refkin.joints.elements import Triple
+from refkin.joints.spatial_terms import unit_vector
 from refkin.joints.spatial_vectors import Quaternion, SpatialValues, Vec3
 from refkin.model import Evidence, Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, __version__, no_radius, nowhere
@@ -87,34 +91,45 @@ def motion(
 def without_spin(system: System, levels: list[Any]) -> list[Any]:
     """Return the levels (n, L) with rates of which idle bodies do not spin: the program holds them as estimated."""
     q, *rates = levels
+    names = [body.name for body in system.mechanism.bodies]
     for _, p in idle_of(system) if rates else ():
-        start = cast(int, p.starts[1])
-        at = slice(start, start + system.kind.width)
-        for level, own in zip(rates, _still(p.g, q[at], *(level[at] for level in rates)), strict=False):
-            level[at] = own
+        lines, spin = [(p.g[4:7], p.g[7:]), *map(partial(_line, system.unit), p.constraint.others)], None
+        for body, line in zip((p.constraint.body, *(body for body, _ in p.constraint.others)), lines, strict=True):
+            start = system.kind.width * names.index(body)
+            at = slice(start, start + system.kind.width)
+            own, spin = _still(line, q[at], *(level[at] for level in rates), spin=spin)
+            for level, still in zip(rates, own, strict=False):
+                level[at] = still
     return levels
 
 
-def _still(g: Any, q: Any, qd: Any, qdd: Any = None) -> tuple[Any, ...]:
-    """Return the rates (7, B) of a body that does not spin about a line; its points there move as they are given.
+def _line(unit: Unit, other: tuple[str, tuple[Triple, Triple]]) -> tuple[Any, Any]:
+    """Return the direction of a line in a body, and a point of it in the unit."""
+    body, (through, line) = other
+    return unit_vector(line).parts, unit.point(body, through)
 
-    With p turned by chi about the line, p (cos chi/2, u sin chi/2), chi' and chi'' such that s . p' = s . p'' = 0; g as
-    `IdleSpin` has it.
+
+def _still(line: Any, q: Any, qd: Any, qdd: Any = None, spin: Any = None) -> tuple[tuple[Any, ...], tuple[Any, Any]]:
+    """Return the rates (7, B) of a body that does not spin about a line, and the spin (chi', chi'' / 2) taken from it.
+
+    Its points on the line move as they are given. With p turned by chi about the line, p (cos chi/2, u sin chi/2), chi'
+    and chi'' are such that s . p' = s . p'' = 0, s = p0 (0, u); or as another body's, that spins as one with it.
     """
-    u, through = Quaternion(0, Vec3(*g[4:7])), g[7:]
+    u, through = Quaternion(0, Vec3(*line[0])), line[1]
     given, still = (SpatialValues(*q).moving(*qd) for _ in range(2))
     s, p, pd = given.p.times(u), given.p, given.pd
-    rate = s.dot(pd) * -2
+    rate = s.dot(pd) * -2 if spin is None else spin[0]
     still.pd = pd + s * (rate * 0.5)
     arm, arm_still = given.arm(*through), still.arm(*through)
     velocity = np.array((*(given.v + arm.rate - arm_still.rate).parts, *still.pd.parts))
     if qdd is None:
-        return (velocity,)
+        return (velocity,), (rate, 0.0)
     pdd = Quaternion.of(*qdd[3:])
     on = pdd + pd.times(u) * rate + p * (rate * rate * -0.25)
-    on = on + s * -s.dot(on)
+    bend = -s.dot(on) if spin is None else spin[1]
+    on = on + s * bend
     acceleration = Vec3(*qdd[:3]) + arm.along(pdd) + arm.drift - arm_still.along(on) - arm_still.drift
-    return velocity, np.array((*acceleration.parts, *on.parts))
+    return (velocity, np.array((*acceleration.parts, *on.parts))), (rate, bend)
 
 
 def _evidence(

@@ -128,6 +128,11 @@ class Constraint:
         raise NotImplementedError
 
     @property
+    def independent(self) -> int:
+        """The number of equations without those that repeat others of the constraint itself."""
+        return self.rows
+
+    @property
     def parameters(self) -> int:
         """The number of coordinates that the constraint itself brings, all angles."""
         return 0

@@ -43,7 +43,8 @@ def mechanism_faults(m: Any) -> Iterator[Fault]:
             yield Fault(path, c.bodies[0], "two different bodies")
         yield from c.faults(path)
     rows = [c for _, c in constraints]
-    missing = own.width * len(bodies) - sum(c.rows - c.parameters for c in (*rows, *own.own_rows(bodies, rows)))
+    equations = sum(c.independent - c.parameters for c in (*rows, *own.own_rows(bodies, rows)))
+    missing = own.width * len(bodies) - equations
     if bodies and missing > 0:
         yield Fault("driver", None, f"{missing} more constraint{'s' * (missing > 1)}: add drivers")
 

@@ -34,6 +34,7 @@ from refkin.joints.spatial_elements import (
     SpatialPointDistance,
     TurnAboutAxis,
 )
+from refkin.joints.spatial_idle import idle_spins
 from refkin.joints.spatial_terms import (
     Across,
     Angle,
@@ -70,9 +71,11 @@ def own_rows(bodies: Sequence[Any], constraints: Sequence[Constraint]) -> Iterat
     """Yield the rows that bodies of space bring: that of each one's unit length, and one for each idle spin."""
     for body in bodies:
         yield UnitLength(name=body.name, body=body.name)
-    for body, through, line in idle_spins(bodies, constraints):
-        reference: Any = (body.estimate or SPACE.still)[3:]
-        yield IdleSpin(name=body.name, body=body.name, through=through, line=line, reference=reference)
+    estimates = {body.name: body.estimate for body in bodies}
+    for spin in idle_spins(bodies, constraints):
+        (body, (through, line)), *others = spin.lines.items()
+        reference: Any = (estimates[body] or SPACE.still)[3:]
+        yield IdleSpin(name=spin.name, body=body, through=through, line=line, reference=reference, others=tuple(others))
 
 
 def with_unit_length(estimate: Any) -> Any:
@@ -111,6 +114,10 @@ class SpatialConstraint(Constraint):
     @property
     def rows(self) -> int:
         return sum(term.rows for term in self.terms)
+
+    @property
+    def independent(self) -> int:
+        return sum(e.rows for e in self.placed_elements) or self.rows
 
     @cached_property
     def _placed(self) -> list[tuple[Term, slice]]:
@@ -512,6 +519,8 @@ class UnitLength(SpatialConstraint):
 class IdleSpin(UnitLength):
     """A body that nothing keeps from spinning about a line in it is held as far turned as at a pose: 2 s . p = 0.
 
+    Of bodies that spin as one the first is held; `others` has the rest, with the line in each.
+
     s = p0 (0, u), p0 the pose, u the line. Where the line has any direction but that opposite to its own at p0, p and
     -p alone solve it; at p0 itself the rates are those without spin, omega . u = alpha . u = 0. p0 is the estimate
     (`reference`), or what a system is gauged at.
@@ -520,12 +529,14 @@ class IdleSpin(UnitLength):
     through: Triple
     line: Triple
     reference: tuple[float, float, float, float]
+    others: tuple[tuple[str, tuple[Triple, Triple]], ...] = ()
     type: str = "idle_spin"
 
     @property
     def idle(self) -> str:
         line, through = (", ".join(f"{x + 0.0:.6g}" for x in v) for v in (unit_vector(self.line).parts, self.through))
-        return f"idle: {self.body} spins about ({line}) through ({through}) of its own"
+        who = f"spin as one about ({line}) through ({through}) of {self.body}"
+        return f"idle: {self.name} {who if self.others else f'spins about ({line}) through ({through}) of its own'}"
 
     def gauge(self, g: Any, q: Any) -> tuple[Any, ...]:
         """Return 2 s of a body that is at q, which begins with its coordinates: (7 or more,) or (7 or more, B)."""
@@ -548,35 +559,6 @@ class IdleSpin(UnitLength):
 
     def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
         return (0,)
-
-
-def idle_spins(bodies: Sequence[Any], constraints: Sequence[Constraint]) -> Iterator[tuple[Any, Triple, Triple]]:
-    """Yield (body, a point of it, a line of it) for each body that is held by points of one line of it alone.
-
-    So is a coupler on two spherical joints, a rod between a spherical joint and a distance. What a body holds of others
-    by more than a point of its own (an axis, a plane) holds it too.
-    """
-    for body in bodies:
-        ends = [end for c in constraints if body.name in c.bodies for end in _held_by(c, body.name)]
-        points = list(dict.fromkeys(end for end in ends if end is not None))
-        if None in ends or len(points) < 2:
-            continue
-        first = points[0]
-        away = [Vec3(*(x - y for x, y in zip(p, first, strict=True))) for p in points[1:]]
-        line = max(away, key=lambda v: v.dot(v))
-        limit = 2.0**-40 * line.dot(line)
-        if all(max(map(abs, line.cross(v).parts)) <= limit for v in away):
-            yield body, first, line.parts
-
-
-def _held_by(c: Any, body: str) -> Iterator[Triple | None]:
-    """Yield the point of a body by which a constraint holds it; None if by more than that."""
-    for element in c.elements():
-        by_point = isinstance(element, PointsMeet | SpatialPointDistance)
-        by_point = by_point or (isinstance(element, PointOnAxis | PointInPlane) and element.body_j == body)
-        yield (dict(element.ends)[body] if by_point else None)
-    if c.rows and not list(c.elements()):
-        yield None
 
 
 SPATIAL_JOINT_TYPES: tuple[type[Constraint], ...]

@@ -127,11 +127,14 @@ def gruebler(joints: Sequence[Connection], dimension: str = "planar") -> Count:
 
 
 def count(mechanism: Mechanism) -> Count:
-    """Count the freedoms of a mechanism's joints, without its drivers: what each takes are its rows."""
+    """Count the freedoms of a mechanism's joints, without its drivers.
+
+    What a joint takes are its rows; of those that it repeats as printed, only the others.
+    """
     d, joints = mechanism.kind.freedoms, mechanism.joints
     bodies = {GROUND, *(body.name for body in mechanism.bodies)}
-    taken = sum(joint.rows - joint.parameters for joint in joints)
-    idle = tuple(body.name for body, _, _ in idle_spins(mechanism.bodies, mechanism.constraints))
+    taken = sum(joint.independent - joint.parameters for joint in joints)
+    idle = tuple(row.name for row in mechanism.kind.own_rows(mechanism.bodies, mechanism.constraints) if row.idle)
     return Count(bodies=len(bodies), equations=d + taken, coordinates=d, idle=idle)
 
 
@@ -185,17 +188,24 @@ class Rank:
 
 @dataclass(frozen=True)
 class Mobility:
-    """Rank-based mobility at a pose: of the joints alone, and with the drivers."""
+    """Rank-based mobility at a pose: of the joints alone, and with the drivers.
+
+    `idle` are in words the motions that one body of space, or several as one, can make while nothing else moves.
+    """
 
     joints: Rank
     driven: Rank
     idle: tuple[str, ...] = ()
-    """Of space: the motions of one body alone, in words."""
 
     @property
     def mobility(self) -> int:
         """What the joints leave free: n - rank(phi_q)."""
         return self.joints.freedoms
+
+    @property
+    def useful(self) -> int:
+        """Mobility without what is idle."""
+        return self.mobility - len(self.idle)
 
     @property
     def kind(self) -> str:
@@ -243,19 +253,42 @@ def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = SINGU
 
 
 def _alone(system: System, q: Any, phi_q: Any, tolerance: float) -> Iterator[str]:
-    """Yield the motions that a body of space can make while all others stand still: null vectors on its six columns."""
-    for k, body in enumerate(system.mechanism.bodies if system.kind is SPACE else ()):
-        _, sigma, motions = np.linalg.svd(phi_q[:, 6 * k : 6 * k + 6])
-        rotation = SPACE.values(*q[system.columns(body.name)]).rotation()
+    """Yield the motions that a body of space, or bodies as one, can make while all others stand still.
+
+    They are null vectors on the six columns of the one body; bodies that spin as one have those that a velocity of
+    their points at the origin and an angular velocity give them.
+    """
+    if system.kind is not SPACE:
+        return
+    bodies, constraints = system.mechanism.bodies, system.mechanism.constraints
+    together = [tuple(spin.lines) for spin in idle_spins(bodies, constraints) if len(spin.lines) > 1]
+    for names in [*((body.name,) for body in bodies), *together]:
+        at = [q[system.columns(name)] for name in names]
+        columns = sum(
+            _as_one(phi_q, system.columns(name).start // 7, own[:3] - at[0][:3])
+            for name, own in zip(names, at, strict=True)
+        )
+        _, sigma, motions = np.linalg.svd(columns)
+        rotation = SPACE.values(*at[0]).rotation()
         for motion in motions[int(np.sum(sigma > tolerance)) :]:
-            v, w = rotation.T @ motion[:3], rotation.T @ motion[3:]
-            size = float(np.linalg.norm(w))
-            if size <= tolerance:
-                yield f"{body.name} slides along {_numbers(v / np.linalg.norm(v))} of its own"
-            else:
-                at, pitch = np.cross(w, v) * (system.unit.size / size**2), float(v @ w) * system.unit.size / size**2
-                line = f"about {_numbers(w / size)} through {_numbers(at)} of its own"
-                yield f"{body.name} spins {line}, pitch {round(pitch, 9) + 0.0:.3g}"
+            yield _in_words(names, rotation.T @ motion[:3], rotation.T @ motion[3:], system.unit.size, tolerance)
+
+
+def _as_one(phi_q: Any, k: int, arm: Any) -> Any:
+    """Return the columns (m, 6) of the k-th body, carried by an arm from a point with the velocities (v, omega)."""
+    v, w = phi_q[:, 6 * k : 6 * k + 3], phi_q[:, 6 * k + 3 : 6 * k + 6]
+    return np.hstack([v, w + np.cross(arm, v)])
+
+
+def _in_words(names: Sequence[str], v: Any, w: Any, unit: float, tolerance: float) -> str:
+    """Return a screw motion of bodies in words, with v and omega as they are in the first."""
+    who, size = " and ".join(names), float(np.linalg.norm(w))
+    s, of = ("s", "of its own") if len(names) == 1 else ("", f"of {names[0]}")
+    if size <= tolerance:
+        return f"{who} slide{s} along {_numbers(v / np.linalg.norm(v))} {of}"
+    at, pitch = np.cross(w, v) * (unit / size**2), float(v @ w) * unit / size**2
+    spins = f"{who} spin{s}{'' if s else ' as one'}"
+    return f"{spins} about {_numbers(w / size)} through {_numbers(at)} {of}, pitch {round(pitch, 9) + 0.0:.3g}"
 
 
 def _numbers(v: Any) -> str:

@@ -2,20 +2,25 @@
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
+
+import pytest
 
 import refkin
 from crosscheck.commands.mobility import mobility
 from refkin.joints import GROUND, Revolute
 from refkin.motion_laws import Polynomial
 from refkin.scenes.files import to_toml
+from refkin.scenes.linkages import RSSP, RSSR, Bennett, Hooke, RSSRChain
+from tests.idle import loop, rod_of_two
 
 
-def told(tmp_path, capsys, scene):
+def told(tmp_path, capsys, scene, **options):
     """The exit code and the lines printed."""
     path = tmp_path / "scene.toml"
     path.write_text(to_toml(scene), encoding="utf-8")
-    code = mobility(path)
+    code = mobility(path, **options)
     return code, capsys.readouterr().out.splitlines()
 
 
@@ -71,11 +76,57 @@ def test_a_structure_is_called_by_that_name(tmp_path, capsys):
     assert lines[1].startswith("by rank at t = 0: 9 coordinates - rank 9 = 0, structure")
 
 
+def too_far():
+    scene = slider_crank(driven="slider", law=Polynomial(coefficients=(0.5,)), times=[0.0])
+    driver = replace(scene.mechanism.drivers[0], law=Polynomial(coefficients=(0.6,)))
+    return replace(scene, mechanism=replace(scene.mechanism, drivers=(driver,)))
+
+
 def test_without_a_pose_there_is_a_count_and_no_rank(tmp_path, capsys):
-    far = slider_crank(driven="slider", law=Polynomial(coefficients=(0.5,)), times=[0.0])
-    driver = replace(far.mechanism.drivers[0], law=Polynomial(coefficients=(0.6,)))
-    code, lines = told(tmp_path, capsys, replace(far, mechanism=replace(far.mechanism, drivers=(driver,))))
+    code, lines = told(tmp_path, capsys, too_far())
 
     assert code == 1
     assert lines[0].startswith("by count")
     assert lines[1].startswith("by rank: no pose at t = 0")
+
+
+LINKAGE = RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125))
+OF_SPACE = {
+    "RSSR": (LINKAGE.scene(start=0.4, samples=2), 2, 2, ["coupler"]),
+    "RSSP": (RSSP(1.0, 3.0, (0.5, 0.25, 0.5), (1.0, 0.5, 0.25)).scene(samples=2), 2, 2, ["rod"]),
+    "chain": (RSSRChain(LINKAGE, 2).scene(start=0.4, samples=2), 3, 3, ["coupler1", "coupler2"]),
+    "rod of two bodies": (loop(rod_of_two, 7)[0], 2, 2, ["b and b2"]),
+    "Bennett": (Bennett(1.0, 0.7, 1.2).scene(start=0.4, samples=2), -2, 1, []),
+    "Hooke": (Hooke(0.5).scene(start=0.4, samples=2), -2, 1, []),
+}
+
+
+@pytest.mark.parametrize("name", OF_SPACE)
+def test_what_spins_idly_is_named_by_count_and_by_rank_in_text_and_in_json(name, tmp_path, capsys):
+    scene, by_count, by_rank, idle = OF_SPACE[name]
+    code, lines = told(tmp_path, capsys, scene)
+    _, (text,) = told(tmp_path, capsys, scene, as_json=True)
+    answer = json.loads(text)
+
+    assert code == 0
+    assert f" = {by_count}, " in lines[0]
+    assert lines[0].endswith(f"{len(idle)} of them idle: {', '.join(idle)}") == bool(idle)
+    assert f" = {by_rank}, " in lines[1]
+    named = [line.removeprefix("idle: ") for line in lines if line.startswith("idle: ")]
+    assert [words.partition(" spin")[0] for words in named] == idle
+    assert (f"drivers leave {len(idle)} of these free" in "\n".join(lines), "all idle" in lines[-1]) == (
+        True,
+        bool(idle),
+    )
+    assert (answer["by_count"]["mobility"], answer["by_rank"]["mobility"]) == (by_count, by_rank)
+    assert (answer["by_count"]["idle"], answer["by_rank"]["idle"]) == (idle, named)
+    assert len(answer["by_rank"]["joints"]["redundant"]) == by_rank - by_count
+    assert sum(line.startswith("redundant: ") for line in lines) == by_rank - by_count
+
+
+def test_without_a_pose_json_says_why_and_gives_no_rank(tmp_path, capsys):
+    code, (text,) = told(tmp_path, capsys, too_far(), as_json=True)
+
+    assert code == 1
+    assert json.loads(text)["by_rank"] is None
+    assert "gap" in json.loads(text)["message"]
