@@ -93,11 +93,12 @@ def without_spin(system: System, levels: list[Any]) -> list[Any]:
     q, *rates = levels
     names = [body.name for body in system.mechanism.bodies]
     for _, p in idle_of(system) if rates else ():
-        lines, spin = [(p.g[4:7], p.g[7:]), *map(partial(_line, system.unit), p.constraint.others)], None
-        for body, line in zip((p.constraint.body, *(body for body, _ in p.constraint.others)), lines, strict=True):
+        held: Any = p.constraint
+        lines, spin = [(p.g[4:7], p.g[7:]), *map(partial(_line, system.unit), held.others)], None
+        for body, line in zip((held.body, *(body for body, _ in held.others)), lines, strict=True):
             start = system.kind.width * names.index(body)
             at = slice(start, start + system.kind.width)
-            own, spin = _still(line, q[at], *(level[at] for level in rates), spin=spin)
+            own, spin = _still(line, q[at], [level[at] for level in rates], spin)
             for level, still in zip(rates, own, strict=False):
                 level[at] = still
     return levels
@@ -109,21 +110,22 @@ def _line(unit: Unit, other: tuple[str, tuple[Triple, Triple]]) -> tuple[Any, An
     return unit_vector(line).parts, unit.point(body, through)
 
 
-def _still(line: Any, q: Any, qd: Any, qdd: Any = None, spin: Any = None) -> tuple[tuple[Any, ...], tuple[Any, Any]]:
+def _still(line: Any, q: Any, rates: Any, spin: Any = None) -> tuple[tuple[Any, ...], tuple[Any, Any]]:
     """Return the rates (7, B) of a body that does not spin about a line, and the spin (chi', chi'' / 2) taken from it.
 
     Its points on the line move as they are given. With p turned by chi about the line, p (cos chi/2, u sin chi/2), chi'
     and chi'' are such that s . p' = s . p'' = 0, s = p0 (0, u); or as another body's, that spins as one with it.
     """
     u, through = Quaternion(0, Vec3(*line[0])), line[1]
-    given, still = (SpatialValues(*q).moving(*qd) for _ in range(2))
+    given, still = (SpatialValues(*q).moving(*rates[0]) for _ in range(2))
     s, p, pd = given.p.times(u), given.p, given.pd
     rate = s.dot(pd) * -2 if spin is None else spin[0]
     still.pd = pd + s * (rate * 0.5)
     arm, arm_still = given.arm(*through), still.arm(*through)
     velocity = np.array((*(given.v + arm.rate - arm_still.rate).parts, *still.pd.parts))
-    if qdd is None:
+    if len(rates) == 1:
         return (velocity,), (rate, 0.0)
+    qdd = rates[1]
     pdd = Quaternion.of(*qdd[3:])
     on = pdd + pd.times(u) * rate + p * (rate * rate * -0.25)
     bend = -s.dot(on) if spin is None else spin[1]

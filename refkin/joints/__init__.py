@@ -25,9 +25,10 @@ from refkin.joints.rolling import Gear, RackAndPinion
 # isort: off
 from refkin.joints.spatial import (
     SPACE, SPATIAL_JOINT_TYPES, Cylindrical, Parallel, Perpendicular, PointOnPlane, Screw, SpatialDistance,
-    SpatialFixed, SpatialPointOnLine, SpatialPrismatic, SpatialRevolute, Spherical, Universal, idle_spins,
+    SpatialFixed, SpatialPointOnLine, SpatialPrismatic, SpatialRevolute, Spherical, Universal,
     with_unit_length,
 )
+from refkin.joints.spatial_idle import idle_spins
 from refkin.joints.spatial_drivers import (
     SPATIAL_DRIVER_TYPES, DisplacementDriver, SpatialAngleDriver, SpatialDistanceDriver,
 )
