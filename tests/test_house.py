@@ -78,8 +78,9 @@ def test_in_refkin_no_folders_import_each_other_in_a_circle():
     assert circles(folded(graph, folder_of)) == []
 
 
-LATER = {"cams.py", "contact_kinematics.py", "elements.py"}
-"""Cams are a chapter of the joints that may be left for another day; elements serve who solves no formula."""
+LATER = {"cams.py", "contact_kinematics.py", "elements.py", "spatial_elements.py", "spatial_idle.py"}
+"""Cams are a chapter of the joints that may be left for another day; elements, and what is found of them alone, serve
+who solves no formula."""
 
 
 def lines(paths):
@@ -95,7 +96,7 @@ def test_the_reference_is_read_in_one_sitting():
 
     assert lines(spine) <= 1200
     assert lines(spine) + lines(joints) - lines(of_space) <= 2000
-    assert lines(of_space) <= 1150  # the second chapter that may be left for another day: bodies of space
+    assert lines(of_space) <= 1040  # the second chapter that may be left for another day: bodies of space
 
 
 @pytest.mark.parametrize("path", sources("crosscheck"), ids=lambda p: str(p.relative_to(ROOT)))

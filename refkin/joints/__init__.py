@@ -3,32 +3,19 @@
 from refkin.joints.base import PLANE, SI, Constraint, Kind, Unit
 from refkin.joints.cams import Cam, Disc, Polar, initial_contacts, polar_cams
 from refkin.joints.drivers import DRIVER_TYPES, AngleDriver, DistanceDriver, Driver, XDriver, YDriver
-from refkin.joints.elements import (
-    GROUND,
-    Contact,
-    Element,
-    GuidedPoint,
-    Pair,
-    PointCoordinate,
-    PointDistance,
-    PointsCoincide,
-    RelativeAngle,
-    RollingOnLine,
-    RollingWheels,
-    Triple,
-    elements_of,
-)
 from refkin.joints.planar import PLANAR_TYPES, Distance, Fixed, PointOnLine, Prismatic, Revolute
 from refkin.joints.rolling import Gear, RackAndPinion
 
 # fmt: off
 # isort: off
+from refkin.joints.elements import (
+    GROUND, Contact, Element, GuidedPoint, Pair, PointCoordinate, PointDistance, PointsCoincide, RelativeAngle,
+    RollingOnLine, RollingWheels, Triple, elements_of,
+)
 from refkin.joints.spatial import (
     SPACE, SPATIAL_JOINT_TYPES, Cylindrical, Parallel, Perpendicular, PointOnPlane, Screw, SpatialDistance,
-    SpatialFixed, SpatialPointOnLine, SpatialPrismatic, SpatialRevolute, Spherical, Universal,
-    with_unit_length,
+    SpatialFixed, SpatialPointOnLine, SpatialPrismatic, SpatialRevolute, Spherical, Universal, with_unit_length,
 )
-from refkin.joints.spatial_idle import idle_spins
 from refkin.joints.spatial_drivers import (
     SPATIAL_DRIVER_TYPES, DisplacementDriver, SpatialAngleDriver, SpatialDistanceDriver,
 )
@@ -36,6 +23,7 @@ from refkin.joints.spatial_elements import (
     AxesParallel, AxesPerpendicular, PointInPlane, PointOnAxis, PointsMeet, ScrewMotion, ShiftAlongAxis,
     SpatialPointDistance, TurnAboutAxis,
 )
+from refkin.joints.spatial_idle import idle_spins
 # isort: on
 # fmt: on
 

@@ -43,8 +43,7 @@ def mechanism_faults(m: Any) -> Iterator[Fault]:
             yield Fault(path, c.bodies[0], "two different bodies")
         yield from c.faults(path)
     rows = [c for _, c in constraints]
-    equations = sum(c.independent - c.parameters for c in (*rows, *own.own_rows(bodies, rows)))
-    missing = own.width * len(bodies) - equations
+    missing = own.width * len(bodies) - sum(c.independent - c.parameters for c in (*rows, *own.own_rows(bodies, rows)))
     if bodies and missing > 0:
         yield Fault("driver", None, f"{missing} more constraint{'s' * (missing > 1)}: add drivers")
 
