@@ -105,12 +105,11 @@ ELSEWHERE = {
     "after t = {} it is not proved on which branch the motion goes on": "test_messages.py: a_branch_that_is_not_proved",
     "the contact of {} leaves its profile after t = {}": "test_contact_profiles.py: profile",
     "{}: Newton's, nearer than {} others found": "test_hostile_scenes.py: peaucellier_starts",
-    "redundant rows can be chosen in more than {} ways: the bounds are those of one choice": (
-        "space/test_spatial_linkages.py: rows_are_chosen_at_each_pose"
+    "redundant rows can be chosen in more than {} ways": "test_hostile_scenes.py: too_many_choices",
+    "{}: the bounds cover those whose inverse is at most {} times that of all rows": (
+        "test_hostile_scenes.py: too_many_to_certify"
     ),
-    "redundant rows can be chosen in more than {} ways: no error bound covers all of them": (
-        "test_hostile_scenes.py: too_many_choices"
-    ),
+    "{}: no error bound covers all of them": "test_hostile_scenes.py: too_many_choices",
 }
 """Sentence -> the file, and a part of the name, of the test that is about it."""
 PAIRS = ((5.0, 30.0, 0.0), (-2.0, 30.0, -2.0), (-2.0, 30.0, 3.0))

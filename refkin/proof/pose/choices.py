@@ -7,11 +7,18 @@ is, so the bounds cover them: each choice is certified at the same answer, and t
 
 From one choice to the next some rows S_I give way to rows D_J that were left out; the new rows are independent where
 det (D S^-1)[J, I] is not zero.
+
+Loops of space have thousands of choices. There the bounds cover those that serve as well as the first: whose inverse is
+at most `WORSE` times that of all rows together. How far they lead from the first is computed at each pose to first
+order. With R = phi_q[S]^-1 and F = phi_q[D] R, what solves S for a right side w is y = R w[S], what solves the other
+choice y + R[:, I] a with a = F[J, I]^-1 (w[D] - phi_q[D] y)[J]. For poses w = -phi; for velocities and accelerations w
+is linear in what the levels below are moved by, so each a is linear in the a's before it.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import replace
 from itertools import combinations
 from typing import Any
@@ -19,18 +26,25 @@ from typing import Any
 import numpy as np
 
 from refkin.joints import SPACE
-from refkin.proof.numbers.preconditioned import groups_of_rows, inverses
+from refkin.proof.numbers.bounded import Extended, Times, bounded_system, box, off_by, read
+from refkin.proof.numbers.preconditioned import WORSE, groups_of_rows, inverses, product
 from refkin.proof.pose.certificate import certify
 from refkin.proof.pose.isolate import Isolation, isolate
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import System
 
 MOST_CHOICES = 256
-"""Choices of rows that are certified; where there are more, no bound is given."""
+"""Choices of rows that are certified, all of them; where there are more, those that serve as well are compared."""
 MOST_OF_SPACE = 16
 """The same in space: a loop of four hinges has 2024 choices, each as costly as the first."""
 MOST_COMBINATIONS = 20_000
-"""Sets of rows of which it is asked whether they are such a choice."""
+"""Sets of rows of which it is asked whether they are such a choice; where there are more, no bound is given."""
+STEP = 1e-100
+"""Complex step: nothing of its square is left."""
+CLOSE = 2.0**-6
+"""Distance of another choice's pose, in uniqueness radii, up to which the first order tells how far it is."""
+AT_A_TIME = 32
+"""Poses whose choices are compared at a time: what a cache holds."""
 DEPENDENT = 2.0**-40
 """Determinant, largest over the poses, up to which rows depend on each other: far more than rounding leaves of 0."""
 LOOKED_AT = 16
@@ -54,26 +68,37 @@ def over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any =
     Returns
     -------
     Isolation
-        With `why` where there are too many choices: then with NaN for all bounds, or, in space, with those of the rows
-        of the proof alone.
+        With `why` where there are too many choices to certify: its bounds hold for those that serve as well as the
+        rows of the proof, or are NaN where there are too many for that, too.
     """
     if system.m == system.n or not proof.ok.any():
         return proof
     q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
+    bounds = [proof.position.copy(), proof.velocity.copy(), proof.acceleration.copy()]
     most = MOST_OF_SPACE if system.kind is SPACE else MOST_CHOICES
     choices = other_choices(system, proof.rows, q[:, proof.ok], t[proof.ok], most)
-    if choices is None:
-        if system.kind is SPACE:
-            why = f"redundant rows can be chosen in more than {most} ways: the bounds are those of one choice"
-            return replace(proof, why=why)
-        nothing = np.full_like(proof.position, np.nan)
-        why = f"redundant rows can be chosen in more than {most} ways: no error bound covers all of them"
-        return replace(proof, position=nothing, velocity=nothing, acceleration=nothing, why=why)
-    bounds = [proof.position.copy(), proof.velocity.copy(), proof.acceleration.copy()]
-    for rows in choices:
-        for bound, of_choice in zip(bounds, _bounds(system, rows, proof.ok, q, t, qd, qdd), strict=True):
-            np.maximum(bound, of_choice, out=bound)
-    return replace(proof, position=bounds[0], velocity=bounds[1], acceleration=bounds[2])
+    if choices is not None:
+        for rows in choices:
+            for bound, of_choice in zip(bounds, _bounds(system, rows, proof.ok, q, t, qd, qdd), strict=True):
+                np.maximum(bound, of_choice, out=bound)
+        return replace(proof, position=bounds[0], velocity=bounds[1], acceleration=bounds[2])
+    why = f"redundant rows can be chosen in more than {most} ways"
+    if combinations_of(system) > MOST_COMBINATIONS:
+        bounds = [np.full_like(bound, np.nan) for bound in bounds]
+        why = f"{why}: no error bound covers all of them"
+    else:
+        why = f"{why}: the bounds cover those whose inverse is at most {WORSE:g} times that of all rows"
+        asked = np.flatnonzero(proof.ok)
+        for first in range(0, len(asked), AT_A_TIME):
+            at = asked[first : first + AT_A_TIME]
+            rates = [np.asarray(x, float)[:, at] for x in (qd, qdd) if x is not None]
+            away = _Moves(system, proof.rows, q[:, at], t[at], rates).farthest()
+            with np.errstate(all="ignore"):
+                share = away[0] / proof.unique[at]
+                factor = np.where(share <= CLOSE, 1 + 8 * share, np.nan)  # what is beyond the first order
+            for bound, far in zip(bounds, away, strict=False):
+                bound[at] += far * factor
+    return replace(proof, position=bounds[0], velocity=bounds[1], acceleration=bounds[2], why=why)
 
 
 def isolate_every_choice(system: System, q: Any, t: Any, qd: Any = None, qdd: Any = None) -> Isolation:
@@ -100,6 +125,11 @@ def isolate_every_choice(system: System, q: Any, t: Any, qd: Any = None, qdd: An
     return Isolation(**joined, rows=parts[0][1].rows, enclosures=balls, why=why)
 
 
+def combinations_of(system: System) -> int:
+    """Return how many sets of n of the m rows there are beside a first one."""
+    return math.comb(system.m, system.n) - 1
+
+
 def other_choices(system: System, rows: Any, q: Any, t: Any, most: int) -> list[Any] | None:
     """Return the sets of n rows, other than the given one, that are independent at some pose; None if too many.
 
@@ -115,8 +145,7 @@ def other_choices(system: System, rows: Any, q: Any, t: Any, most: int) -> list[
         How many sets are too many.
     """
     others = np.delete(np.arange(system.m), rows)
-    counts = [math.comb(len(others), k) * math.comb(system.n, k) for k in range(1, len(others) + 1)]
-    if sum(counts) > MOST_COMBINATIONS:
+    if combinations_of(system) > MOST_COMBINATIONS:
         return None
     some = np.unique(np.linspace(0, q.shape[1] - 1, LOOKED_AT).astype(int))
     slope = np.moveaxis(system.phi_q(q[:, some], t[some]), -1, 0)
@@ -146,3 +175,114 @@ def _bounds(system: System, rows: Any, asked: Any, q: Any, t: Any, qd: Any, qdd:
             for bound, distance in zip(bounds, root.distances(*levels), strict=False):
                 bound[sample] = distance
     return bounds
+
+
+class _Moves:
+    """How far choices of rows lead from the first one, at poses (B of them) and to first order.
+
+    `slope` (B, m, n) and `inverse` (B, n, n) are phi_q and R, `factors` (B, d, n) is F. Per level `moved` (B, n, L) is
+    what moves the answer, `missed` (B, d, L) what that leaves of the d rows left out: for a pose along each column of
+    R, and, last of the L, for what the answer itself misses. `turned`: accelerations, for velocities along R.
+    """
+
+    def __init__(self, system: System, rows: Any, q: Any, t: Any, rates: list[Any]) -> None:
+        self.system, self.rows, self.others = system, rows, np.delete(np.arange(system.m), rows)
+        self.slope = np.moveaxis(system.gauged(q).phi_q(q, t), -1, 0)
+        self.inverse = inverses(self.slope[:, rows])
+        self.factors = self.slope[:, self.others] @ self.inverse
+        missing = _missing(system, q, t, rates)
+        own, left = self.solved(-missing[0][:, :, None])
+        along = np.append(self.inverse, own, axis=2)
+        self.moved, self.missed = [along], [np.append(0.0 * self.factors, left, axis=2)]
+        for order, rate in enumerate(rates, 1):
+            w = _change(system, q, t, rate, along, self.moved[1] if order == 2 else None, rates[0])
+            w[:, :, -1] -= missing[order]
+            for kept, part in zip((self.moved, self.missed), self.solved(w), strict=True):
+                kept.append(part)
+        if len(rates) == 2:
+            still = _change(system, q, t, None, 0.0 * self.inverse, self.inverse, rates[0])
+            self.turned, self.missed_turning = self.solved(still)
+
+    def solved(self, w: Any) -> tuple[Any, Any]:
+        """Return what solves the first rows for right sides (B, m, L), and what that leaves of the others."""
+        y = self.inverse @ w[:, self.rows]
+        return y, w[:, self.others] - self.slope[:, self.others] @ y
+
+    def farthest(self) -> list[Any]:
+        """Return the largest distance of a choice that serves as well, (B,) for each level."""
+        batch, d, n = self.factors.shape
+        own = np.linalg.norm(self.inverse, axis=(1, 2))
+        limit = np.fmax(WORSE / np.linalg.svd(self.slope, compute_uv=False)[:, -1], own)
+        gram, far = np.swapaxes(self.inverse, 1, 2) @ self.inverse, [np.zeros(batch) for _ in self.moved]
+        for count in range(1, d + 1):
+            olds = np.array(list(combinations(range(n), count)))
+            for new in map(np.array, combinations(range(d), count)):
+                rows = self.factors[:, new]
+                blocks = np.moveaxis(rows[:, :, olds], 1, 2)
+                b, c = np.nonzero(np.abs(np.linalg.det(blocks)) > DEPENDENT)
+                inner, old = np.linalg.inv(blocks[b, c]), olds[c]
+                # |R - R[:, I] inner F[J]|^2 + |R[:, I] inner|^2, the square of the norm of the other inverse
+                inward = np.swapaxes(inner, 1, 2) @ gram[b[:, None, None], old[:, :, None], old[:, None, :]] @ inner
+                outward = (rows @ np.swapaxes(rows, 1, 2) + np.eye(count))[b]
+                shared = np.swapaxes((rows @ gram)[b[:, None], :, old], 1, 2)
+                size = own[b] ** 2 + np.sum(inward * outward - 2 * inner * np.swapaxes(shared, 1, 2), axis=(1, 2))
+                serve = size <= limit[b] ** 2
+                for level, moved in zip(far, self.moves(b[serve], new, old[serve], inner[serve]), strict=True):
+                    np.maximum.at(level, b[serve], np.max(np.abs(moved), axis=1))
+        return far
+
+    def moves(self, b: Any, new: Any, old: Any, inner: Any) -> Iterator[Any]:
+        """Yield, per level, how P choices move the answers at poses b (P,): rows old (P, k) give way to new (k,)."""
+
+        def of(matrix: Any) -> Any:
+            return np.swapaxes(matrix[b[:, None], :, old], 1, 2)
+
+        def through(left: Any, *parts: tuple[Any, Any]) -> Any:
+            right = left[b][:, new, -1]
+            return np.einsum("pij,pj->pi", inner, right + sum(_times(of(m)[:, new], a) for m, a in parts))
+
+        a = [through(self.missed[0])]
+        yield _times(of(self.inverse), a[0])
+        if len(self.moved) > 1:
+            a.append(through(self.missed[1], (self.missed[1], a[0])))
+            yield _times(of(self.moved[1]), a[0]) + _times(of(self.inverse), a[1])
+        if len(self.moved) > 2:
+            last = through(self.missed[2], (self.missed[2], a[0]), (self.missed_turning, a[1]))
+            yield _times(of(self.moved[2]), a[0]) + _times(of(self.turned), a[1]) + _times(of(self.inverse), last)
+
+
+def _times(matrices: Any, vectors: Any) -> Any:
+    return np.einsum("pij,pj->pi", matrices, vectors)
+
+
+def _missing(system: System, q: Any, t: Any, rates: list[Any]) -> list[Any]:
+    """Return what answers miss of all rows, (B, m) for each level: small by cancellation, so in extended precision."""
+    sharp, times, at = bounded_system(system.gauged(q), Extended), Times(t, len(rates)), box(q, 0.0, Extended)
+    slope = sharp.phi_q(at, times)
+    rows = [sharp.phi(at, times)]
+    for order, rate in enumerate(rates):
+        right = sharp.gamma(at, box(rates[0], 0.0, Extended), times) if order else sharp.nu(at, times)
+        rows.append(off_by(slope, box(rate, 0.0, Extended), right))
+    return [read(numbers, len(t)).mid.T.astype(float) for numbers in rows]
+
+
+def _change(system: System, q: Any, t: Any, rate: Any, along: Any, turned: Any, qd: Any) -> Any:
+    """Return the derivative of right side less phi_q rate along directions (B, n, L), by complex steps, (B, m, L).
+
+    The right side is nu or, where velocities change as well (`turned`), gamma.
+    """
+    batch, _, count = along.shape
+    many, times = (np.repeat(x, count, axis=-1) for x in (q, t))
+    moving = system.gauged(many)
+
+    def stepped(x: Any, by: Any) -> Any:
+        return x + 1j * STEP * np.moveaxis(by, 0, 1).reshape(len(q), -1)
+
+    at = stepped(many, along)
+    if turned is None:
+        w = np.imag(moving.nu(at, times)) / STEP
+    else:
+        w = np.imag(moving.gamma(at, stepped(np.repeat(qd, count, axis=-1), turned), times)) / STEP
+    if rate is not None:
+        w = w - product(np.imag(moving.phi_q(at, times)) / STEP, np.repeat(rate, count, axis=-1))
+    return np.moveaxis(w.reshape(-1, batch, count), 0, 1)
