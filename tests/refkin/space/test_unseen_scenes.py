@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import math
 import tomllib
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import refkin
 from refkin import fast
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 from refkin.scenes.files import to_dict
-from refkin.scenes.linkages import RSCR, RSSP, RSSR, Bennett, Bricard, DoubleHooke, Hooke, ScrewJack
+from refkin.scenes.linkages import RSCR, RSSR, Bennett, Bricard, DoubleHooke, Hooke, ScrewJack
+from tests.refkin.space import random_starts
 from tests.refkin.space.truth import Truth, off
 
 CORPUS = Path(__file__).parents[2] / "corpus"
@@ -114,37 +115,35 @@ def test_near_its_gimbal_pose_a_hooke_joint_is_right_or_says_that_it_is_not(powe
         assert errors[0] <= 8 * U * truth.condition
 
 
-def directions(scene, motion):
-    """Return h_i . h_j of all joints whose axes have one direction, at the first time."""
-    turned = {body: motion[body].rotation[..., 0] for body in motion.bodies} | {"ground": np.eye(3)}
-    for joint in scene.mechanism.joints:
-        if joint.type in ("revolute", "prismatic", "cylindrical", "fixed", "screw", "parallel"):
-            yield float(turned[joint.body_i] @ joint.axis_i @ (turned[joint.body_j] @ joint.axis_j))
-
-
 @pytest.mark.parametrize("name", ["space-dot-flipped.toml", "space-printed-flipped.toml"])
 def test_rows_with_false_roots_are_begun_at_a_true_one(name):
     scene = refkin.load(CORPUS / name)
     motion = refkin.solve(scene)
 
     assert motion.verdict is Status.OK
-    assert min(directions(scene, motion)) > 0.0
+    assert not random_starts.wrong(scene, motion)
+
+
+@pytest.mark.parametrize("form", random_starts.FORMS)
+@pytest.mark.parametrize("name", random_starts.LINKAGES)
+def test_no_estimate_leads_to_a_reversed_axis_or_a_crank_half_a_turn_off(name, form):
+    """One of the 1,001 estimates a form that `random_starts` goes through."""
+    ((_, statuses, wrong, _),) = random_starts.campaign(form, [name], [1])
+
+    assert (statuses, wrong) == ({"ok": 1}, [])
 
 
 @pytest.mark.parametrize(
-    "linkage",
+    ("turn", "body", "fault"),
     [
-        RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125), form="dot"),
-        Bennett(1.1, 1.0, 0.6, form="dot"),
-        RSSP(0.5, 2.0, (0.3, 0.2, 0.5), (1.0, 0.2, 0.3), form="printed"),
+        ((0.0, 1.0, 0.0, 0.0), "rocker", "R2: its axes are reversed"),
+        ((0.0, 0.0, 0.0, 1.0), "crank", "driver: the angle is half a turn off"),
     ],
-    ids=["RSSR", "Bennett", "RSSP"],
 )
-def test_no_estimate_leads_rows_with_false_roots_to_one(linkage):
-    scene, random = linkage.scene(samples=2), np.random.default_rng(11)
-    for _ in range(4):
-        bodies = tuple(replace(body, estimate=tuple(random.normal(size=7))) for body in scene.mechanism.bodies)
-        given = replace(scene, mechanism=replace(scene.mechanism, bodies=bodies), times=scene.times[:1])
-        motion = refkin.solve(given)
+def test_a_joint_the_wrong_way_round_would_be_seen(turn, body, fault):
+    scene = LINKAGES["RSSR by distance"].scene(samples=2)
+    motion = refkin.solve(scene)
+    turned = Rotation.from_quat(motion[body].q[3:, 0], scalar_first=True) * Rotation.from_quat(turn, scalar_first=True)
+    motion[body].q[3:, 0] = turned.as_quat(scalar_first=True)
 
-        assert motion.verdict is not Status.OK or min(directions(given, motion)) > 0.0
+    assert fault in random_starts.wrong(scene, motion)
