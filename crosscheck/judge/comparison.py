@@ -13,7 +13,7 @@ from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import ErrorBudget, Propagation, derive, propagation
 from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, At
-from crosscheck.judge.spatial import alike, idle_lines, screw_coordinates, spun
+from crosscheck.judge.spatial import Spins, alike, idle_lines, screw_coordinates, spun
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Status
 from refkin.solving.solve import solve
@@ -38,10 +38,10 @@ class Reference:
         return propagation(self.system, self.motion, *self.levels)
 
     @cached_property
-    def idle(self) -> dict[str, tuple[Any, Any]]:
+    def idle(self) -> Spins:
         """The lines about which bodies of space spin as they like, in the system's unit (`idle_lines`)."""
         if self.system.kind.name != "spatial":
-            return {}
+            return ()
         return idle_lines(self.scene.mechanism, self.system.unit)
 
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:

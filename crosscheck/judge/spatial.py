@@ -1,9 +1,10 @@
 """What is compared of an answer in space: coordinates (r, p), the sign of p and idle spins being those of the truth.
 
 p and -p are one pose, so p, p' and p'' of an answer change their sign together wherever p . p_ref is negative. A body
-on two spherical joints and nothing else spins about the line of their centres as it likes: each producer ends on a spin
-of its own. So its answer is turned about that line, and given the rates of spin, that bring it nearest the truth; what
-is left of the difference is that of the points on the line, of its direction, and of their rates.
+on two spherical joints and nothing else spins about the line of their centres as it likes, and what is fixed to it with
+it: each producer ends on a spin of its own. So its answer is turned about that line, and given the rates of spin, that
+bring it nearest the truth; what is left of the difference is that of the points on the line, of its direction, and of
+their rates; of bodies that spin as one also that of their turns against each other.
 """
 
 from __future__ import annotations
@@ -13,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from crosscheck.engines.spatial.idle import Line
 from crosscheck.engines.spatial.reading import ANGLE, AXIAL, SCREW, Hold, numbers_of
 from crosscheck.engines.spatial.turning import bends, conjugate, product, rates, spin
 from refkin.joints import GROUND, SI, Unit
@@ -20,77 +22,87 @@ from refkin.model import Mechanism
 from refkin.motion import Motion
 
 Array = Any
+Spins = Sequence[dict[str, Line]]
 
 
-def idle_lines(mechanism: Mechanism, unit: Unit = SI) -> dict[str, tuple[Array, Array]]:
-    """Return for each idle body a point of the line about which it spins, and its direction, in its own frame."""
-    lines = {}
-    for body, (one, two) in numbers_of(mechanism, unit).idle.items():
-        at, line = one.end(body)[0], two.end(body)[0] - one.end(body)[0]
-        if np.linalg.norm(line) > 0.0:
-            lines[body] = (at, line / np.linalg.norm(line))
-    return lines
+def idle_lines(mechanism: Mechanism, unit: Unit = SI) -> Spins:
+    """Return for each idle spin its bodies, with a point of the line and its direction in the frame of each."""
+    return numbers_of(mechanism, unit).idle
 
 
-def alike(
-    levels: Sequence[Array], truth: Sequence[Array], bodies: Sequence[str], lines: dict[str, tuple[Array, Array]]
-) -> list[Array]:
+def alike(levels: Sequence[Array], truth: Sequence[Array], bodies: Sequence[str], spins: Spins) -> list[Array]:
     """Return an answer with signs of p and idle spins as near the truth's as can be.
+
+    Bodies that spin as one are turned by one angle: that which brings the first of them there.
 
     Parameters
     ----------
     levels, truth : sequence of (7 n, T) array
         Position, and as many rates as the answer has, of the bodies in their order, in one unit and from one origin.
-    lines : dict
+    spins : sequence of dict
         As `idle_lines`, in that unit.
     """
     out = [np.array(level, float) for level in levels]
-    for k, body in enumerate(bodies):
-        own = slice(7 * k, 7 * k + 7)
-        turn = slice(7 * k + 3, 7 * k + 7)
-        if body in lines:
-            parts = list(_respun(out, truth, own, *lines[body]))  # all of them before any is put in its place
+    for spin_of in spins:
+        there = [(slice(7 * k, 7 * k + 7), line) for k, line in _members(spin_of, bodies)]
+        by = _spin_between(out, truth, there[0][0], there[0][1][1]) if there else []
+        for own, line in there:
+            parts = list(_respun(out, own, *line, by))  # all of them before any is put in its place
             for level, part in zip(out, parts, strict=True):
                 level[own] = part
+    for k in range(len(bodies)):
+        turn = slice(7 * k + 3, 7 * k + 7)
         sign = np.where(np.sum(out[0][turn] * truth[0][turn], axis=0) < 0.0, -1.0, 1.0)
         for level in out:
             level[turn] *= sign
     return out
 
 
-def spun(allowed: Array, bodies: Sequence[str], lines: dict[str, tuple[Array, Array]]) -> Array:
+def _members(spin_of: dict[str, Line], bodies: Sequence[str]) -> list[tuple[int, Line]]:
+    """Return the places among some bodies of those that take part in a spin, with the line in each."""
+    return [(bodies.index(body), line) for body, line in spin_of.items() if body in bodies]
+
+
+def spun(allowed: Array, bodies: Sequence[str], spins: Spins) -> Array:
     """Return allowed errors (7 n, T) in which those of an idle body may be of any of its Euler parameters.
 
     Errors are carried to a body that spins as the reference's equations hold it, and compared where it spins as the
-    truth does: the one differs from the other by a spin, no larger than the error itself, which moves all four.
+    truth does, or the first of those that spin as one with it: the one differs from the other by a spin, no larger than
+    the errors of these two, which moves all four.
     """
     out = allowed.copy()
-    for k, body in enumerate(bodies):
-        if body in lines:
-            at, line = lines[body]
-            turn = np.sum(allowed[7 * k + 3 : 7 * k + 7], axis=0)
+    for spin_of in spins:
+        there = _members(spin_of, bodies)
+        for k, (at, line) in there:
+            turn = sum(np.sum(allowed[7 * n + 3 : 7 * n + 7], axis=0) for n in {k, there[0][0]})
             out[7 * k + 3 : 7 * k + 7] = turn
             out[7 * k : 7 * k + 3] += 2.0 * float(np.linalg.norm(np.cross(at, line))) * turn
     return out
 
 
-def _respun(out: Sequence[Array], truth: Sequence[Array], own: slice, at: Array, line: Array) -> Iterator[Array]:
-    """Yield the levels (7, T) of a body turned about a line of its own, spinning as the truth does."""
-    r, p = (part.T for part in np.split(out[0][own], [3]))
-    ours = truth[0][own][3:].T
+def _spin_between(out: Sequence[Array], truth: Sequence[Array], own: slice, line: Array) -> list[Array]:
+    """Return cosine and sine (T, 2) of half the angle about a line of a body that brings it to the truth, its rates."""
+    p, ours = (levels[0][own][3:].T for levels in (out, truth))
     between = product(conjugate(p), ours)  # what turns p into ours, in the body's frame; its part about the line
-    about = np.concatenate([between[:, :1], (between[:, 1:] @ line)[:, None] * line], axis=1)
-    about /= np.linalg.norm(about, axis=1, keepdims=True)
-    turned = product(p, about)
+    about = np.stack([between[:, 0], between[:, 1:] @ line], axis=1)
+    by = [about / np.linalg.norm(about, axis=1, keepdims=True)]
+    u, wanted = _turned(p, line), [spin(ours, level[own][3:].T) for level in truth[1:]]
+    for k, turning in enumerate([spin(p, level[own][3:].T) for level in out[1:]]):
+        by.append(np.sum((wanted[k] - turning) * u, axis=1, keepdims=True))
+    return by
+
+
+def _respun(out: Sequence[Array], own: slice, at: Array, line: Array, by: Sequence[Array]) -> Iterator[Array]:
+    """Yield the levels (7, T) of a body turned about a line of its own by an angle with rates (`_spin_between`)."""
+    r, p = (part.T for part in np.split(out[0][own], [3]))
+    turned = product(p, np.concatenate([by[0][:, :1], by[0][:, 1:] * line], axis=1))
     foot = r + _turned(p, at)
     yield np.concatenate([foot - _turned(turned, at), turned], axis=1).T
     if len(out) == 1:
         return
     u = _turned(p, line)
     v, w = out[1][own][:3].T, spin(p, out[1][own][3:].T)
-    wanted = spin(ours, truth[1][own][3:].T)
-    more = np.sum((wanted - w) * u, axis=1, keepdims=True)
-    spun = w + more * u
+    spun = w + by[1] * u
     arms = _turned(p, at), _turned(turned, at)
     foot_v = v + np.cross(w, arms[0])
     growing = np.sum(p * out[1][own][3:].T, axis=1, keepdims=True)  # the length of p is no spin
@@ -98,9 +110,7 @@ def _respun(out: Sequence[Array], truth: Sequence[Array], own: slice, at: Array,
     if len(out) == 2:
         return
     a, alpha = out[2][own][:3].T, spin(p, out[2][own][3:].T)
-    wanted = spin(ours, truth[2][own][3:].T)
-    bent = alpha + more * np.cross(w, u)  # the rate of `more` u, but for what lies along u
-    bent = bent + np.sum((wanted - bent) * u, axis=1, keepdims=True) * u
+    bent = alpha + by[1] * np.cross(w, u) + by[2] * u
     foot_a = a + np.cross(alpha, arms[0]) + np.cross(w, np.cross(w, arms[0]))
     origin = foot_a - np.cross(bent, arms[1]) - np.cross(spun, np.cross(spun, arms[1]))
     growing = np.sum(p * out[2][own][3:].T + out[1][own][3:].T ** 2, axis=1, keepdims=True)

@@ -281,12 +281,12 @@ def test_an_idle_body_is_brought_back_from_any_spin_and_sign(count):
             [np.concatenate([one, two][:: 1 - 2 * k]) for one, two in zip(*pair, strict=True)]
             for pair in ((spun, negative), (truth, beside))
         )
-        for level, right in zip(alike(there, expected, bodies, {"b": (at, line)}), expected, strict=True):
+        for level, right in zip(alike(there, expected, bodies, [{"b": (at, line)}]), expected, strict=True):
             assert level == pytest.approx(right, abs=1e-12)
 
 
 def test_the_line_of_an_idle_coupler_goes_through_its_two_balls():
-    (at, line) = idle_lines(rssr().mechanism)["coupler"]
+    ((at, line),) = (spin["coupler"] for spin in idle_lines(rssr().mechanism))
 
     assert at.tolist() == [0.0, 0.0, 0.0]
     assert line.tolist() == [1.0, 0.0, 0.0]

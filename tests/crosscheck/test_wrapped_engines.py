@@ -10,6 +10,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -212,7 +213,7 @@ def growing(order: str) -> Fault:
 
     def fault(motion: Motion, scene: Scene) -> Motion:
         level = getattr(motion, order).copy()
-        for body in reference(scene).idle:
+        for body in chain(*reference(scene).idle):
             own = slice(7 * motion.bodies.index(body) + 3, 7 * motion.bodies.index(body) + 7)
             level[own] += 0.3 * motion.q[own]
         return replace(motion, **{order: level})

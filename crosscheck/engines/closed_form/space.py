@@ -29,7 +29,7 @@ import numpy as np
 from crosscheck.engines.closed_form.jets import Arithmetic, Jet, midpoint, on_circle
 from crosscheck.engines.closed_form.laws import law_jet
 from crosscheck.engines.closed_form.space_vectors import Circle, Frame, Turning, Vector, basis, composed
-from crosscheck.engines.spatial.reading import Given, given
+from crosscheck.engines.spatial.reading import Given, given, numbers_of
 from crosscheck.engines.spatial.turning import matrix
 from refkin.joints import GROUND
 from refkin.model import Scene
@@ -114,6 +114,11 @@ class Assembly:
     def vector(self, values: Sequence[float]) -> Vector:
         """Return a constant vector."""
         return Vector(*(self.number(v) for v in values))
+
+    @cached_property
+    def idle(self) -> tuple[dict[str, Any], ...]:
+        """The bodies of each spin that moves nothing else."""
+        return numbers_of(self.scene.mechanism).idle
 
     @cached_property
     def ties(self) -> list[Tie]:
@@ -358,7 +363,7 @@ class Assembly:
             turning = Turning(frame, p, (q - p).unit())
             rows = list(self._conditions(body, turning, None))
             if not self._solved(body, turning, rows):
-                if any(body in t.bodies and t.kind != "spherical" for t in self.ties):
+                if not any(body in spin for spin in self.idle):
                     continue
                 self.placed[body] = frame
             return True

@@ -87,7 +87,7 @@ class _Marcher:
     ) -> None:
         self.model, self.scene, self.numbers, self.shipped = model, scene, numbers, shipped
         self.tolerances = tolerances
-        self.idle = [7 * numbers.bodies.index(body) + k for body in numbers.idle for k in range(3, 7)]
+        self.idle = [7 * numbers.bodies.index(body) + k for spin in numbers.idle for body in spin for k in range(3, 7)]
         self.moving = np.delete(np.arange(model.n), self.idle)
         self.last: _Pose | None = None
         self.default = quiet_settings()
@@ -235,11 +235,11 @@ class _Marcher:
 
     def _spins(self, q: Array) -> Sequence[Array]:
         rows = []
-        for body, holds in self.numbers.idle.items():
+        for spin in self.numbers.idle:
+            body, (_, line) = next(iter(spin.items()))
             k = self.numbers.bodies.index(body)
-            line = holds[1].end(body)[0] - holds[0].end(body)[0]
             row = np.zeros((1, 6 * len(self.numbers.bodies)))
-            row[0, 6 * k + 3 : 6 * k + 6] = matrix(q[7 * k + 3 : 7 * k + 7]) @ (line / np.linalg.norm(line))
+            row[0, 6 * k + 3 : 6 * k + 6] = matrix(q[7 * k + 3 : 7 * k + 7]) @ line
             rows.append(row)
         return rows
 

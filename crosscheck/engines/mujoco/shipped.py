@@ -122,12 +122,12 @@ class SpaceSimulation(MujocoSpace):
         super().__init__(system.tree, system.places, system.pairs)
         as_shipped(self.model)
         self.braked = np.eye(self.model.nv)
-        for body, (one, other) in system.tree.numbers.idle.items():
-            edge = next(edge for edge in system.tree.edges if edge.body == body)
-            if edge.kind == SPHERICAL:
-                line = self.frames[body][1].T @ (other.end(body)[0] - one.end(body)[0])
+        lines = {body: line for spin in system.tree.numbers.idle for body, (_, line) in spin.items()}
+        for edge in system.tree.edges:
+            if edge.kind == SPHERICAL and edge.body in lines:
+                line = self.frames[edge.body][1].T @ lines[edge.body]
                 spin = self.model.joint(f"q{self._first[edge.hold]}").dofadr[0] + np.arange(3)
-                self.braked[np.ix_(spin, spin)] -= np.outer(line, line) / (line @ line)
+                self.braked[np.ix_(spin, spin)] -= np.outer(line, line)
 
     def at_rest(self, q: Array, t: float) -> tuple[Array | None, float]:
         """Return where the mechanism comes to rest from q, None if it does not, and the largest violation."""

@@ -7,11 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from crosscheck.engines import Array, EngineRefusal
+from crosscheck.engines.spatial.idle import Line, spins
 from crosscheck.engines.spatial.turning import joint_frame
 from refkin.joints import (
     GROUND,
@@ -123,15 +125,10 @@ class Numbers:
     size: float
     origin: Any
 
-    @property
-    def idle(self) -> dict[str, tuple[Hold, Hold]]:
-        """Bodies on two spherical joints and nothing else, with these: they spin freely about the line of the two."""
-        idle = {}
-        for body in self.bodies:
-            on = [hold for hold in (*self.holds, *(d.hold for d in self.drives)) if body in hold.bodies]
-            if len(on) == 2 and all(hold.kind == SPHERICAL for hold in on):
-                idle[body] = (on[0], on[1])
-        return idle
+    @cached_property
+    def idle(self) -> tuple[dict[str, Line], ...]:
+        """Bodies that spin freely about a line while nothing else moves: those of each spin, with the line in each."""
+        return tuple(spins(self.bodies, self.holds, self.drives))
 
     def levels(self, coordinates: Any, order: int) -> Any:
         """Return coordinates or rates (7 bodies, T) of this unit as those of the scene, in metres."""

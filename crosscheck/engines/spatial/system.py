@@ -101,8 +101,9 @@ Row = Callable[[State], tuple[Any, Any]]
 class SpaceSystem:
     """The rows to be solved, of a tree in an engine.
 
-    The spin of an idle body (`Numbers.idle`) is held still by a row of rates alone, w . u = 0 along its line u: no step
-    of Newton turns it, and its rates and accelerations are those without it. Where it ends depends on the way there.
+    The spin of an idle body (`Numbers.idle`), the first of those that spin as one, is held still by a row of rates
+    alone, w . u = 0 along its line u: no step of Newton turns it, and its rates and accelerations are those without it.
+    Where it ends depends on the way there.
 
     Parameters
     ----------
@@ -120,7 +121,8 @@ class SpaceSystem:
             self._place(body, np.zeros(3), np.eye(3))
         for hold in tree.closures:
             self._close(hold)
-        self._spins = [self._spin(body, holds) for body, holds in tree.numbers.idle.items()]
+        first = [next(iter(spin.items())) for spin in tree.numbers.idle]
+        self._spins = [(tree.numbers.bodies.index(body), line) for body, (_, line) in first]
         self._driven = [(drive, Tabulated(drive.law), self._drive(drive)) for drive in tree.numbers.drives]
         self.engine = build(tree, self.places, self.pairs)
         self.own = 3 * len(self.pairs)
@@ -146,12 +148,6 @@ class SpaceSystem:
         self._rows += [_along(i, a, j) for a in ACROSS.get(hold.kind, ())]
         if hold.kind == DISTANCE:
             self._rows.append(_distance(i, j, hold.length))
-
-    def _spin(self, body: str, holds: tuple[Hold, Hold]) -> tuple[int, Any]:
-        """Return the place of an idle body, and the direction of its line in it."""
-        ends = [hold.end(body)[0] for hold in holds]
-        line = ends[1] - ends[0]
-        return self.tree.numbers.bodies.index(body), line / np.linalg.norm(line)
 
     def _drive(self, drive: Drive) -> Any:
         """Return the coordinate that a driver moves, or the places that its row is made of."""

@@ -1,0 +1,79 @@
+"""Bodies that spin as one on the engines: found anew, held, and compared but for the spin that they share."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from crosscheck.engines import load
+from crosscheck.engines.spatial.reading import numbers_of
+from crosscheck.engines.spatial.turning import product
+from crosscheck.judge.comparison import compare, reference
+from crosscheck.measure.check import check
+from refkin.joints import SI, idle_spins
+from tests.idle import SPINNING, driven_halves, held, loop, rod_of_two, rod_with_ballast, telescope
+
+FORMS = ("half", "dot", "printed")
+
+
+@pytest.mark.parametrize("coupler", [*SPINNING, held])
+def test_what_spins_is_found_twice_and_alike_wherever_frames_lie(coupler):
+    for seed in range(4):
+        mechanism = loop(coupler, seed, FORMS, far=10.0**seed)[0].mechanism
+        ours = {spin.name: spin.lines for spin in idle_spins(mechanism.bodies, mechanism.constraints)}
+        theirs = {" and ".join(spin): spin for spin in numbers_of(mechanism, SI).idle}
+        assert ours.keys() == theirs.keys()
+        for name, lines in ours.items():
+            for body, (through, line) in lines.items():
+                at, direction = theirs[name][body]
+                assert np.max(np.abs(np.cross(direction, line))) < 1e-9 * np.linalg.norm(line)
+                assert np.max(np.abs(np.cross(direction, through - at))) < 1e-9 * 10.0**seed
+
+
+@cache
+def answered(coupler):
+    scene = loop(coupler, 7, FORMS, off=0.002)[0]
+    return scene, reference(scene), load("pinocchio").solve(scene)
+
+
+@pytest.mark.parametrize("coupler", [rod_of_two, telescope])
+def test_engines_agree_with_the_reference_but_for_the_spin_that_bodies_share(coupler):
+    record = check(answered(coupler)[0], ["pinocchio", "mujoco", "exudyn"])
+
+    assert [str(seen) for seen in record.disagreements] == []
+    assert {a.engine for a in record.answers} == {"pinocchio", "mujoco", "exudyn"}
+    for answer in record.answers:
+        assert (answer.judged, answer.missing) == (3, 0)
+        assert max(q.ratio for q in answer.quantities.values()) < 0.1
+
+
+def respun(motion, bodies, lines, angle):
+    """An answer with some bodies turned about a line in each, at one angle."""
+    q = motion.q.copy()
+    for body in bodies:
+        k, (at, line) = motion.bodies.index(body), lines[body]
+        own, turn = slice(7 * k, 7 * k + 3), slice(7 * k + 3, 7 * k + 7)
+        about = np.array([np.cos(angle / 2), *(np.sin(angle / 2) * line)])
+        before = product(product(q[turn].T, [0.0, *at]), q[turn].T * [1, -1, -1, -1])[:, 1:]
+        q[turn] = product(q[turn].T, about).T
+        q[own] += (before - product(product(q[turn].T, [0.0, *at]), q[turn].T * [1, -1, -1, -1])[:, 1:]).T
+    return replace(motion, q=q, qd=None, qdd=None)
+
+
+@pytest.mark.parametrize("coupler", [rod_with_ballast, rod_of_two, driven_halves, telescope])
+def test_a_shared_spin_is_no_error_and_a_turn_of_one_against_the_other_is(coupler):
+    scene, ref, motion = answered(coupler)
+    (lines,) = numbers_of(scene.mechanism, SI).idle
+
+    assert compare(ref, respun(motion, lines, lines, 0.9)).agrees
+    for body in lines:
+        assert not compare(ref, respun(motion, [body], lines, 1e-9)).agrees
+
+
+def test_the_closed_form_places_a_rod_with_what_is_fixed_to_it():
+    scene, ref, _ = answered(rod_with_ballast)
+
+    assert compare(ref, load("closed_form").solve(scene)).agrees
