@@ -428,21 +428,25 @@ def close(equations: Equations, q: Array, t: Array, *, near: Array | None = None
         now = t[active]
         residual, jacobian = equations.rows(q, now)
         correction = solve(jacobian, residual)
-        size, gap = _largest(correction), _largest(residual)
-        ends = ~(size <= 1.0 / EPS)  # an angle that large has no digit left
-        closed = ~ends & (np.abs(residual) <= equations.round_off(q, now)).all(axis=1)
-        stalled = closed & ((size > STALLED * previous) | (size <= EPS * (1.0 + _largest(q))) | (left <= SQUARED))
+        size = _largest(correction)
+        on = size <= 1.0 / EPS  # an angle that large has no digit left
+        closed = (np.abs(residual) <= equations.round_off(q, now)).all(axis=1)
         if near is not None:
-            ends |= ~closed & ((size > CONTRACTION * previous) | (size > TRUST))
-            ends |= stalled & (_largest(q - guess[active]) > TRUST)
-        good = stalled & ~ends
-        if good.any():
-            done.append((active[good], q[good], jacobian[good], gap[good]))
-        on = ~(stalled | ends)
-        left = size[on] * (size[on] / previous[on]) ** 2 if previous[0] < np.inf else left[on]  # the error is squared
-        active, q, previous = active[on], q[on] - correction[on], size[on]
-        if not active.size:
-            break
+            on &= closed | ((size <= CONTRACTION * previous) & (size <= TRUST))
+        if closed.any():
+            noise = (size > STALLED * previous) | (size <= EPS * (1.0 + _largest(q))) | (left <= SQUARED)
+            stalled = on & closed & noise
+            on &= ~stalled
+            good = stalled if near is None else stalled & (_largest(q - guess[active]) <= TRUST)
+            if good.any():
+                done.append((active[good], q[good], jacobian[good], _largest(residual[good])))
+        if previous[0] < np.inf:
+            left = size * (size / previous) ** 2  # the error is squared
+        q, previous = q - correction, size
+        if not on.all():
+            active, q, previous, left = active[on], q[on], previous[on], left[on]
+            if not active.size:
+                break
     m = jacobian.shape[1]
     shapes = ((count, n), (count, m, n), (count,))
     at, jacobians, gaps = (np.full(shape, np.nan) for shape in shapes)
@@ -457,6 +461,8 @@ def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, r
     count, m, n = jacobian.shape
     inverse, qd = np.full((count, n, m), np.nan), np.full((count, n), np.nan)
     some = np.isfinite(residual)
+    if not some.any():
+        return Poses(t, q, jacobian, residual, inverse, qd, some)
     inverse[some] = inverses(jacobian[some])
     regular = some.copy()
     regular[some] = _regular(jacobian[some], inverse[some])
@@ -487,7 +493,7 @@ def solve(matrix: Array, right: Array) -> Array:
         x = (x + inverse @ (column - matrix @ x))[:, :, 0]  # a product with an inverse leaves more than rounding
     else:
         x = _each(lambda a, b: np.linalg.solve(a, b[:, :, None])[:, :, 0], matrix, right, out=right)
-    if not np.isfinite(x).all():
+    if not math.isfinite(x.sum()):
         x[~np.isfinite(x).all(axis=1)] = np.nan
     return x
 
@@ -536,15 +542,21 @@ def extrema(laws: Sequence[Callable[..., Any]], times: Array) -> Array:
 
 
 class Tabulated:
-    """A law whose values are kept, so that no time is asked for twice; new times are asked for in one row."""
+    """A law whose values are kept, so that no time is asked for twice; new times are asked for in one row.
 
-    def __init__(self, law: Callable[..., Any]) -> None:
-        self.law, self.known = law, dict[int, dict[float, float]]()
+    `times` are those that will be asked for: all of them at once, when the first one is.
+    """
+
+    def __init__(self, law: Callable[..., Any], times: Sequence[float] = ()) -> None:
+        self.law, self.times, self.known = law, times, dict[int, dict[float, float]]()
         self.batches: dict[tuple[int, bytes], Array] = {}
 
     def __call__(self, t: Any, order: int) -> Any:
         """Return the derivative of the given order at a time, or at times (B,)."""
-        known = self.known.setdefault(order, {})
+        known = self.known.get(order)
+        if known is None:
+            known = self.known[order] = {}
+            self._learn(known, list(self.times), order)
         if isinstance(t, float):
             if t not in known:
                 known[t] = float(self.law(t, order))
@@ -552,10 +564,12 @@ class Tabulated:
         key = order, t.tobytes()
         if key not in self.batches:
             times = t.tolist()
-            missing = [at for at in times if at not in known]
-            if missing:
-                values = np.broadcast_to(np.asarray(self.law(np.array(missing), order), float), len(missing))
-                known.update(zip(missing, values.tolist(), strict=True))
+            self._learn(known, [at for at in times if at not in known], order)
             self.batches[key] = np.array([known[at] for at in times])
             self.batches[key].flags.writeable = False  # it is handed out again
         return self.batches[key]
+
+    def _learn(self, known: dict[float, float], times: list[float], order: int) -> None:
+        if times:
+            values = np.broadcast_to(np.asarray(self.law(np.array(times), order), float), len(times))
+            known.update(zip(times, values.tolist(), strict=True))

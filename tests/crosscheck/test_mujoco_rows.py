@@ -313,7 +313,7 @@ def permuted_columns(patch: pytest.MonkeyPatch) -> None:
 
     def wrong(self: MujocoRows, plan: Plan) -> None:
         right(self, plan)
-        self._columns = np.roll(self._columns, 3)
+        self.columns = np.roll(self.columns, 3)
 
     patch.setattr(MujocoRows, "__init__", wrong)
 

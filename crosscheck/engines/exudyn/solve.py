@@ -148,9 +148,7 @@ class ExudynEquations:
         self.slides = [(angle, *map(columns.get, angle.bodies)) for angle in held]
         model.clock.least = max(order_of(scene), 1)
         for k, (law, shift, size) in enumerate(model.clock.laws):
-            table: Any = Tabulated(law)
-            for order in range(model.clock.least + 1):
-                table(np.array(scene.times), order)
+            table: Any = Tabulated(law, scene.times)
             model.clock.laws[k] = (table, shift, size)
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:

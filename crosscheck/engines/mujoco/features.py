@@ -109,4 +109,4 @@ def _minimum(rows: MujocoRows) -> Array:
     mujoco.mju_sparse2dense(jacobian, d.efc_J, d.efc_J_rownnz, d.efc_J_rowadr, d.efc_J_colind)
     weighted = jacobian.T * d.efc_D
     right = inertia @ d.qacc_smooth + weighted @ d.efc_aref
-    return np.array(np.linalg.solve(inertia + weighted @ jacobian, right)[rows._columns])
+    return np.array(np.linalg.solve(inertia + weighted @ jacobian, right)[rows.columns])

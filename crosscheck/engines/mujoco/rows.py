@@ -7,7 +7,8 @@ Arrays of `MjData` are views into memory that the next call reuses: whatever is 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,45 +17,56 @@ from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.tree.joint_tree import Array
 from crosscheck.engines.tree.tree_system import Places
 
-UNTURNED = np.array([1.0, 0.0, 0.0, 0.0])
 HEAVY = 2.0**60
 """The armature given to a tendon: so large that what else is in the bias force is below the last digit."""
 
 
 class _Points:
-    """Points of bodies, (body, place in it) each, where MuJoCo has them at `count` poses: read pose by pose."""
+    """Points of bodies where MuJoCo has them at `count` poses, from the frames and motion axes that it has at each.
 
-    def __init__(self, at: Sequence[tuple[int, Array]], count: int, n: int) -> None:
-        self._place, self._slope, self._bend = np.empty((len(at), 3)), *np.empty((2, len(at), 3, n))
-        self._at = [(*end, self._place[k], self._slope[k], self._bend[k]) for k, end in enumerate(at)]
-        self._places, self._frame = np.empty((count, len(at), 3)), np.empty(9)
-        self._slopes, self._bends = np.empty((2, count, len(at), 3, n))
+    A motion axis (`cdof`) is the twist of a joint at unit rate, at the centre of mass of the tree it is in; what
+    `mj_jac` and `mj_jacDot` make of them for a point is made of them here, for all poses at once.
+    """
 
-    def read(self, m: Any, d: Any, pose: int, *, moving: bool = False) -> None:
-        """Read where the points are, their Jacobians and, if bodies have rates, how those change."""
-        world, jac, jac_dot, frame = mujoco.mj_local2Global, mujoco.mj_jac, mujoco.mj_jacDot, self._frame
-        for body, u, place, slope, bend in self._at:
-            world(d, place, frame, u, UNTURNED, body, 0)
-            jac(m, d, slope, None, place, body)
-            if moving:
-                jac_dot(m, d, bend, None, place, body)
-        self._places[pose], self._slopes[pose] = self._place, self._slope
-        if moving:
-            self._bends[pose] = self._bend
+    def __init__(self, rows: MujocoRows, places: Places, count: int) -> None:
+        d = rows.data
+        self._bodies, self._u, self._roots, self._moves = rows.where(tuple(places))
+        self._columns = rows.columns
+        self._read = d.xpos, d.xmat, d.subtree_com, d.cdof, d.cdof_dot  # views: the stages fill them
+        self._kept = [np.empty((count, *view.shape)) for view in self._read]
 
-    @property
+    def read(self, pose: int) -> None:
+        """Keep what MuJoCo has at present as that of a pose."""
+        for kept, view in zip(self._kept, self._read, strict=True):
+            kept[pose] = view
+
+    @cached_property
     def r(self) -> Array:
         """Positions (B, P, 2)."""
-        return self._places[:, :, :2]
+        x, frames = self._kept[0][:, self._bodies], self._kept[1][:, self._bodies]
+        return x[:, :, :2] + np.sum(frames.reshape(*x.shape[:2], 3, 3)[:, :, :2, :2] * self._u[:, None], axis=-1)
 
-    @property
+    @cached_property
     def jacobian(self) -> Array:
-        """Jacobians (B, P, 2, n), columns in MuJoCo's order."""
-        return self._slopes[:, :, :2]
+        """Jacobians (B, P, 2, n), columns in the tree's order."""
+        return self._at_points(self._kept[3])
 
     def drift(self, qd: Array) -> Array:
-        """Return the accelerations (B, P, 2) at qdd = 0, from rates (B, n) in MuJoCo's order."""
-        return (self._bends[:, :, :2] @ qd[:, None, :, None])[..., 0]
+        """Return the accelerations (B, P, 2) at qdd = 0, from rates (B, n)."""
+        turning = (self._kept[3][:, self._columns, 2] * qd) @ self._moves.T
+        x, y = np.moveaxis(along(self.jacobian, qd), -1, 0)
+        return along(self._at_points(self._kept[4]), qd) + np.stack([-turning * y, turning * x], axis=-1)
+
+    def _at_points(self, twists: Array) -> Array:
+        """Return the velocities (B, P, 2, n) that twists (B, n, 6) of joints give the points that they move."""
+        off = (self.r - self._kept[2][:, self._roots, :2])[..., None]
+        spin, x, y = np.moveaxis(twists[:, None, self._columns, 2:5], -1, 0)
+        return np.stack([x - spin * off[:, :, 1], y + spin * off[:, :, 0]], axis=2) * self._moves[:, None]
+
+
+def along(slopes: Array, rates: Array) -> Array:
+    """Return the products (B, P, 2) of Jacobians (B, P, 2, n) with rates (B, n)."""
+    return (slopes @ rates[:, None, :, None])[..., 0]
 
 
 class MujocoRows:
@@ -72,8 +84,10 @@ class MujocoRows:
         self._owners = np.array(plan.owners, int)
         self._constants = np.array([s.constant for s in plan.sources if s.equality is None and s.guide is None])
         self._pick = self._places()
-        self._columns = np.array([self.model.joint(f"q{k}").id for k in range(plan.tree.width)], int)
-        self._bodies = {name: body.id for name, body in plan.bodies.items()}
+        self.columns = np.array([self.model.joint(f"q{k}").id for k in range(plan.tree.width)], int)
+        self._entries = (self._pick[:, None] * self.model.nv + self.columns).ravel()
+        self.bodies = {name: body.id for name, body in plan.bodies.items()}
+        self._ways: dict[Any, tuple[Any, Array, Any, Array]] = {}
         self._sites = {site.name: site.id for site in plan.spec.sites}
         tendon = mujoco.mj_tendon if self.model.ntendon else None
         self._stages = mujoco.mj_kinematics, mujoco.mj_comPos, tendon, mujoco.mj_makeConstraint
@@ -109,27 +123,29 @@ class MujocoRows:
         m, d, count, n = self.model, self.data, len(self._owners), self.model.nv
         residual, jacobian = np.empty((len(q), count)), np.empty((len(q), count * n))
         guides = np.empty((len(q), len(self.plan.guides), 1 + n))
-        points, more = self._points(len(q), places), bool(places or self.plan.guides)
+        points = _Points(self, places, len(q)) if places else None
         for k in self._posed(q):
             if d.nefc == count:
                 residual[k], jacobian[k] = d.efc_pos, d.efc_J
             else:
                 residual[k], jacobian[k] = self._filled(self._spread(d.efc_pos)), self._spread(self._dense()).ravel()
-            if more:
+            if guides.size:
                 self._read_guides(m, d, guides[k])
-                points.read(m, d, k)
-        slopes = jacobian.reshape(len(q), count, n)
+            if points:
+                points.read(k)
         if guides.size or self._constants.size:
-            none = np.zeros((len(q), len(self._constants), 1 + n))  # n may be 0: all that moves is fixed
-            slopes = np.concatenate([slopes, guides[:, :, 1:], none[:, :, 1:]], axis=1)
-            residual = np.concatenate([residual, guides[:, :, 0], none[:, :, 0] + self._constants], axis=1)
-        slopes = slopes[:, self._pick[:, None], self._columns]
-        return residual[:, self._pick], slopes, points.r, points.jacobian[..., self._columns]
+            still = np.zeros((len(q), len(self._constants), 1 + n))  # n may be 0: all that moves is fixed
+            residual = np.concatenate([residual, guides[:, :, 0], still[:, :, 0] + self._constants], axis=1)
+            rows = [part[:, :, 1:].reshape(len(q), -1) for part in (guides, still)]
+            jacobian = np.concatenate([jacobian, *rows], axis=1)
+        slopes = jacobian.take(self._entries, axis=1).reshape(len(q), len(self._pick), n)
+        residual = residual.take(self._pick, axis=1)
+        if points is None:
+            return residual, slopes, np.empty((len(q), 0, 2)), np.empty((len(q), 0, 2, n))
+        return residual, slopes, points.r, points.jacobian
 
     def _read_guides(self, m: Any, d: Any, out: Array) -> None:
         """Read the guides' rows, then their velocities at unit rates, column by column, into `out` (guides, 1 + n)."""
-        if not len(out):
-            return
         last, sensor, com_vel, rates = 6 * len(out), mujoco.mj_sensorVel, mujoco.mj_comVel, d.qvel
         position, velocity = d.sensordata[1:last:6], d.sensordata[4:last:6]
         mujoco.mj_sensorPos(m, d)
@@ -150,7 +166,7 @@ class MujocoRows:
         m, d, count, guides = self.model, self.data, len(self._owners), self.plan.guides
         gap, rate, drift = np.empty((3, len(q), count))
         sensed, turning = np.empty((len(q), len(guides))), np.empty((len(q), len(guides), 3))
-        com_vel, reference, points = mujoco.mj_comVel, mujoco.mj_referenceConstraint, self._points(len(q), places)
+        com_vel, reference, points = mujoco.mj_comVel, mujoco.mj_referenceConstraint, _Points(self, places, len(q))
         for k in self._posed(q, qd):
             com_vel(m, d)
             reference(m, d)
@@ -165,38 +181,47 @@ class MujocoRows:
                     site = self._sites[guide.line]
                     turning[k, j] = (*d.site_xmat[site, 1:5:3], d.cvel[m.site_bodyid[site], 2])
             if places:
-                points.read(m, d, k, moving=True)
+                points.read(k)
             for row in self.plan.spatial:
                 drift[k, row] = self._length_drift(row)
         still = np.zeros((len(q), len(self._constants)))
         of_guides = self._guide_drift(gap, rate, drift, turning)
-        bends = points.drift(self._in_order(qd))
-        return self._picked(rate, sensed, still), self._picked(drift, of_guides, still), bends
+        return (
+            self._picked(rate, sensed, still),
+            self._picked(drift, of_guides, still),
+            (points.drift(qd) if places else np.empty((len(q), 0, 2))),
+        )
 
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
         """Return position, velocity and acceleration (B, P, 2) of points of bodies, as far as rates are given."""
-        m, d, points = self.model, self.data, self._points(len(q), places)
-        rates = None if qdd is None else qd
-        for k in self._posed(q, rates, constrained=False):
-            if rates is not None:
+        m, d, points = self.model, self.data, _Points(self, places, len(q))
+        for k in self._posed(q, None if qdd is None else qd, constrained=False):
+            if qdd is not None:
                 mujoco.mj_comVel(m, d)
-            points.read(m, d, k, moving=rates is not None)
-        levels = [points.r]
-        for rate in (qd, qdd):
-            if rate is not None:
-                levels.append((points.jacobian @ self._in_order(rate)[:, None, :, None])[..., 0])
-        if rates is not None:
-            levels[2] += points.drift(self._in_order(rates))
+            points.read(k)
+        levels = [points.r, *(along(points.jacobian, rate) for rate in (qd, qdd) if rate is not None)]
+        if qd is not None and qdd is not None:
+            levels[2] += points.drift(qd)
         return levels
 
-    def _points(self, count: int, places: Places) -> _Points:
-        at = [(self._bodies[body], np.array(self.plan.place(body, u))) for body, u in places]
-        return _Points(at, count, self.model.nv)
+    def where(self, places: Any) -> tuple[Any, Array, Any, Array]:
+        """Return the bodies of points (P,), places in them (P, 2), roots of their trees (P,), what moves them (P, n).
+
+        Columns are the tree's.
+        """
+        if places not in self._ways:
+            m, bodies = self.model, np.array([self.bodies[body] for body, _ in places], int)
+            moves = np.zeros((m.nbody, m.nv))
+            for body, parent in enumerate(m.body_parentid):
+                moves[body] = moves[parent] + (m.dof_bodyid == body)
+            u = np.array([self.plan.place(body, u)[:2] for body, u in places]).reshape(-1, 2)
+            self._ways[places] = bodies, u, m.body_rootid[bodies], moves[bodies][:, self.columns]
+        return self._ways[places]
 
     def _in_order(self, q: Array) -> Array:
         """Return coordinates or rates (B, n) of the tree in MuJoCo's order."""
         out = np.empty_like(q)
-        out[:, self._columns] = q
+        out[:, self.columns] = q
         return out
 
     def _posed(self, q: Array, qd: Array | None = None, *, constrained: bool = True) -> Iterator[int]:
@@ -224,7 +249,7 @@ class MujocoRows:
         """
         m, d = self.model, self.data
         self.drive(t)
-        d.qpos[self._columns], d.qvel[self._columns] = q, qd
+        d.qpos[self.columns], d.qvel[self.columns] = q, qd
         mujoco.mj_fwdPosition(m, d)
         mujoco.mj_sensorPos(m, d)
         mujoco.mj_fwdVelocity(m, d)
@@ -235,7 +260,7 @@ class MujocoRows:
             d.efc_aref[: d.ne][d.efc_id[: d.ne] == driven.equality] += driven.value(t, 2)
         mujoco.mj_fwdConstraint(m, d)
         mujoco.mj_sensorAcc(m, d)
-        return np.array(d.qacc[self._columns])
+        return np.array(d.qacc[self.columns])
 
     def length(self, source: int) -> float:
         """Return the length of the spatial tendon that holds a row, where the bodies were last placed."""

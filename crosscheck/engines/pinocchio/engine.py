@@ -33,7 +33,7 @@ from crosscheck.engines import (
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.pinocchio.effects import EFFECTS, MISSING, ForwardDynamics, affected
 from crosscheck.engines.pinocchio.features import FEATURES, with_feature
-from crosscheck.engines.pinocchio.model import Frame, absolute_model, tree_model
+from crosscheck.engines.pinocchio.model import WORLD_AXES, Frame, absolute_model, tree_model
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, SpaceExample, closed_chain
 from crosscheck.engines.pinocchio.space import PinocchioSpace
@@ -197,20 +197,26 @@ class PinocchioTree:
 
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
         """Return position, velocity and acceleration (B, P, 2) of points: one call of forward kinematics a pose."""
-        planar, frames = self.planar, self._at(places)
-        read = [planar.point, planar.point_velocity, planar.point_acceleration][
-            : 1 + (qd is not None) + (qdd is not None)
-        ]
-        levels = [np.empty((len(q), len(frames), 2)) for _ in read]
-        for k, at in enumerate(q):
+        planar, levels = self.planar, np.empty((3, len(q), len(places), 3))
+        m, d, velocity, acceleration = (
+            planar.model,
+            planar.data,
+            pin.getFrameVelocity,
+            pin.getFrameClassicalAcceleration,
+        )
+        ends = [(planar.placed[f.joint], f.placement.translation, f.joint, f.placement) for f in self._at(places)]
+        for k, (at, *out) in enumerate(zip(q, *levels, strict=True)):
             if qd is None:
                 planar.place(at)
             else:
                 planar.move(at, qd[k], None if qdd is None else qdd[k])
-            for level, of_point in zip(levels, read, strict=True):
-                for j, frame in enumerate(frames):
-                    level[k, j] = of_point(frame)
-        return levels
+            for j, (joint, u, *frame) in enumerate(ends):
+                out[0][j] = joint.act(u)
+                if qd is not None:
+                    out[1][j] = velocity(m, d, *frame, WORLD_AXES).linear
+                if qdd is not None:
+                    out[2][j] = acceleration(m, d, *frame, WORLD_AXES).linear
+        return list(levels[: 1 + (qd is not None) + (qdd is not None), ..., :2])
 
     def contacts(self) -> tuple[list[Any], list[Any]]:
         """Return Pinocchio's constraints of the closures, and their data."""

@@ -55,6 +55,8 @@ class PlanarModel:
     def __post_init__(self) -> None:
         self.model.gravity.setZero()  # no call of kinematics takes it; whoever makes another finds none
         self.data = self.model.createData()
+        self.placed = list(self.data.oMi)  # views: whatever places the model fills them
+        self._single = self.model.nv < 2
         self._rest = np.zeros(self.model.nv)
 
     def place(self, q: Array) -> None:
@@ -67,7 +69,7 @@ class PlanarModel:
 
     def point(self, frame: Frame) -> Array:
         """Return where a placed frame is, (2,)."""
-        return self.data.oMi[frame.joint].act(frame.placement.translation)[:2]
+        return self.placed[frame.joint].act(frame.placement.translation)[:2]
 
     def point_jacobian(self, frame: Frame) -> Array:
         """Return the Jacobian (2, nv) of a placed frame's point."""
@@ -77,7 +79,9 @@ class PlanarModel:
 
     def matrix(self, jacobian: Any) -> Array:
         """Return a Jacobian with its columns: Pinocchio hands over a single column as a vector, and none as nothing."""
-        return jacobian.reshape(-1, self.model.nv) if self.model.nv else np.zeros((6, 0))
+        if self._single:
+            return jacobian.reshape(-1, 1) if self.model.nv else np.zeros((6, 0))
+        return jacobian
 
     def point_velocity(self, frame: Frame) -> Array:
         """Return the velocity (2,) of a moving frame's point."""

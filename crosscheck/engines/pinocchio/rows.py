@@ -48,11 +48,12 @@ class TwoPoints:
         ends = (j.joint, j.placement, i.joint, i.placement)
         self.constraint = pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, planar.model, *ends, WORLD_AXES)
         self.data = self.constraint.createData()
+        self._j, self._i = (place.translation[:2] for place in (self.data.oMc1, self.data.oMc2))  # views: `calc` fills
 
     def read(self, q: Array, residual: Array, jacobian: Array) -> None:
         model, data = self.planar.model, self.planar.data
         self.constraint.calc(model, data, self.data)
-        residual[:] = (self.data.oMc1.translation - self.data.oMc2.translation)[:2]
+        np.subtract(self._j, self._i, out=residual)
         jacobian[:] = self.planar.matrix(pin.getConstraintJacobian(model, data, self.constraint, self.data))[:2]
 
     def velocity(self) -> Array:

@@ -88,7 +88,7 @@ def tree_motion(
         If a body of the scene has no estimate.
     """
     order = order_of(scene)
-    poses = march(TreeSystem(engine), engine.tree.start(), scene.times, order)
+    poses = march(TreeSystem(engine, scene.times), engine.tree.start(), scene.times, order)
     if (accelerations or departing) and order == 2:
         q, qd, qdd = poses.levels
         for k in np.flatnonzero(np.isfinite(qdd).all(axis=0)):

@@ -56,14 +56,16 @@ class TreeSystem:
     solved).
     """
 
-    def __init__(self, engine: TreeEngine) -> None:
+    def __init__(self, engine: TreeEngine, times: Sequence[float] = ()) -> None:
         self.engine, self.tree, self.driven = engine, engine.tree, engine.tree.driven
         for e in self.driven:
             if not isinstance(e, RelativeAngle | PointCoordinate | PointDistance):
                 raise EngineError(f"{e.key} of {e.name!r}: a joint tree has no row for it")
-        self._tables = [Tabulated(e.laws[0]) for e in self.driven]
+        self._tables = [Tabulated(e.laws[0], times) for e in self.driven]
+        self._rounding = 16.0 * (1 + self.tree.depth) ** 2 * EPS
         self._places: list[tuple[str, Pair]] = []
         self._ends = [list(self._read_ends(e)) for e in self.driven]
+        self._turns = {k: self._turn(*e.bodies) for k, e in enumerate(self.driven) if isinstance(e, RelativeAngle)}
 
     def _read_ends(self, e: Element) -> Iterator[tuple[float, int | Array]]:
         """Yield, for each point of an element, its sign in the element's vector and its place, fixed or an index."""
@@ -71,6 +73,11 @@ class TreeSystem:
             scaled = self.tree.scaled(body, u)
             yield sign, np.array(scaled) if body == GROUND else len(self._places)
             self._places += [] if body == GROUND else [(body, scaled)]
+
+    def _turn(self, i: str, j: str) -> tuple[Array, float]:
+        """Return the row (n,) and the constant of the angle of body j against body i."""
+        rows, offsets = self.tree.angle_rows, self.tree.angle_offsets
+        return rows[j] - rows[i], offsets[j] - offsets[i]
 
     def _vector(self, k: int, of_places: Array, *, fixed: bool = False) -> Array:
         """Return the vector of element k, a point or d = r_j - r_i, or what else is known of its points (B, P, ...).
@@ -88,10 +95,9 @@ class TreeSystem:
         residual[:, :closures], jacobian[:, :closures], r, slopes = self.engine.closure(q, self._places)
         for k, e in enumerate(self.driven):
             f, row = self._law(k, t, 0), closures + k
-            if isinstance(e, RelativeAngle):
-                i, j = e.bodies
-                jacobian[:, row] = self.tree.angle_rows[j] - self.tree.angle_rows[i]
-                residual[:, row] = self.tree.angle(j, q.T) - self.tree.angle(i, q.T) - f
+            if k in self._turns:
+                turns, offset = self._turns[k]
+                jacobian[:, row], residual[:, row] = turns, q @ turns + offset - f
                 continue
             d, slope = self._vector(k, r, fixed=True), self._vector(k, slopes)
             if isinstance(e, PointCoordinate):
@@ -136,7 +142,7 @@ class TreeSystem:
         4 EPS of that (cosine and sine, a product of rotations, a sum), the rounding of the angles themselves another
         EPS |q|: together less than 8 (1 + depth)^2 EPS (1 + |q|) for a point, and twice that for two.
         """
-        return 16.0 * (1 + self.tree.depth) ** 2 * EPS * (1.0 + np.abs(q).max(axis=1, initial=0.0, keepdims=True))
+        return self._rounding * (1.0 + np.abs(q).max(axis=1, initial=0.0, keepdims=True))
 
     def extrema(self, times: Array) -> Array:
         """Return times between those given at which a law turns back."""
