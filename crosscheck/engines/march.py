@@ -45,8 +45,8 @@ HALVINGS, HALVINGS_AFTER_FAILURE = 40, 6
 """How often a step may be halved on the way to the next time: down to 1e-12 of it; less after a time that failed."""
 DIVISIONS, MOST_DIVIDED, PARTS = 4, 4, 6
 """How often steps may be divided, how many together, and into how many parts on either side."""
-ATTEMPTS = 500
-"""Steps that may be tried between two times."""
+ATTEMPTS = 3000
+"""Steps that may be tried between two times: beside a gimbal pose exudyn's Newton contracts in a thousandth of one."""
 SINGULAR = 8.0 * math.sqrt(EPS)
 """The least singular value of a regular pose, lengths in sizes: rates err by EPS over its square, there by 1/64."""
 STRIDE, ROUGH, MOST_ROUGH = 18, 1e-2, 6

@@ -34,14 +34,14 @@ from crosscheck.engines import (
 from crosscheck.engines.exudyn.effects import EFFECTS
 from crosscheck.engines.exudyn.features import FEATURES, INITIAL, with_initial_accelerations
 from crosscheck.engines.exudyn.model import ExudynModel, quiet_settings
-from crosscheck.engines.exudyn.solve import LOST, ExudynEquations, ShippedSolve, StaticNewton, in_metres
+from crosscheck.engines.exudyn.solve import ExudynEquations, ShippedSolve, StaticNewton, in_metres
 from crosscheck.engines.exudyn.space import ExudynSpaceRows
 from crosscheck.engines.exudyn.space_solve import shipped_stop, space_solved
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.scenes.names import called_for, order_of
 from refkin.joints import SI, PointDistance, Unit, elements_of
 from refkin.model import Effect, Scene
-from refkin.motion import Motion, Producer, Route, Status, engine_motion
+from refkin.motion import Motion, Producer, Route, engine_motion
 
 STATIC = route_by(
     "exudyn",
@@ -189,27 +189,16 @@ def _shipped_stop(scene: Scene) -> Term:
 
 
 def _motion(model: ExudynModel, scene: Scene, unit: Unit, producer: Producer) -> Motion:
-    """Return the poses of the wanted bodies in metres, NaN where there is no answer.
-
-    Where exudyn's solver came to a pose, but to none that continues the motion, the branch is lost.
-    """
+    """Return the poses of the wanted bodies in metres, NaN where there is no answer."""
     start = np.array([body.estimate for body in scene.mechanism.bodies], float)
     start[:, :2] = (start[:, :2] - unit.origin) / unit.size
     at_best = producer.route == STATIC
     solver = StaticNewton(model) if at_best else ShippedSolve(model, scene.mechanism.size() / unit.size)
     equations = ExudynEquations(model, scene, solver)
     poses = equations.march(start.ravel(), scene.times, order_of(scene))
-    status, reasons = list(poses.status), {Status.SINGULAR: "its Jacobian is singular", Status.BRANCH_LOST: LOST}
-    for k, t in enumerate(scene.times):
-        if status[k] is Status.NOT_CONVERGED and t not in equations.failed:
-            status[k] = Status.BRANCH_LOST
-    message = ""
-    if failures := [k for k, each in enumerate(status) if each is not Status.OK]:
-        first = scene.times[failures[0]]
-        reason = reasons.get(status[failures[0]]) or equations.failed[first]
-        message = f"exudyn: {len(failures)} of {len(status)} times not ok, first t = {first!r}: {reason}"
+    status, message = equations.status(poses, scene.times)
     names = [body.name for body in scene.mechanism.bodies]
     wanted = [3 * names.index(name) + k for name in scene.wanted for k in range(3)]
     levels = called_for(scene, [level[wanted] for level in in_metres(unit, poses.levels)])
     more = {"residual": poses.residual, "message": message}
-    return engine_motion(scene.times, scene.wanted, *levels, tuple(status), producer, **more)
+    return engine_motion(scene.times, scene.wanted, *levels, status, producer, **more)

@@ -13,10 +13,11 @@ import numpy as np
 from crosscheck.engines import Array, EngineError
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
-from crosscheck.engines.march import EPS, March, Tabulated, close, extrema, march, march_of, solve
+from crosscheck.engines.march import EPS, Equations, March, Tabulated, close, extrema, march, march_of, solve
 from crosscheck.scenes.names import order_of
 from refkin.joints import RelativeAngle, Unit, elements_of
 from refkin.model import Scene
+from refkin.motion import Status
 
 TOLERANCES = (1e-14, 1e-13, 1e-12)
 """Norms of the residual, in sizes of the mechanism, at which exudyn's Newton may stop: the first that it reaches."""
@@ -26,9 +27,10 @@ SETTLED = 0.5 * EPS
 """A residual up to this is not corrected once more; with four times as much rates were off by twice as much."""
 ASTRAY, NEAR = 0.25, 0.01
 """A pose may differ from its prediction by this part of the way from the last pose, or by this much [sizes, rad]."""
-SMALLEST_STEP = 2.0**-24
-"""Smallest part of the way to the next time that a march of space goes at once."""
-LOST = "no step is small enough to tell which of two assemblies continues the motion"
+REASONS = {
+    Status.SINGULAR: "its Jacobian is singular",
+    Status.BRANCH_LOST: "no step is small enough to tell which of two assemblies continues the motion",
+}
 """Why there is no answer where exudyn's solver did come to a pose."""
 
 
@@ -125,23 +127,99 @@ class ShippedSolve:
         return model.data.GetODE2Coordinates(CURRENT)
 
 
-class ExudynEquations:
-    """exudyn's rows of a scene, lengths in sizes, and poses by its own solver: `Equations` of `march`.
+class OwnSolver(Equations):
+    """Equations of which poses are found by exudyn's own solver: `Equations` of `march`, but for rows and rates.
 
-    A solver that `predicts` is started at the estimates that it is given, another one at the last pose that it found.
+    A solver that `predicts` is started at the estimates that it is given, another one at the last pose that it reached.
 
     Attributes
     ----------
+    m, accepted : int, float
+        How many rows there are, and the largest component of one with which a pose is believed, of coordinates up to 1.
     failed : dict
         Time -> why there is no pose of exudyn's at it.
+    together : bool
+        Whether poses may be found all at once.
+    furthest : float
+        By so much a pose may differ from its prediction at most [sizes, rad]: further off is another assembly.
     """
 
+    predicts = together = True
+    furthest = math.inf
+
+    def __init__(self, m: int, accepted: float) -> None:
+        self.m, self.accepted = m, accepted
+        self.failed = dict[float, str]()
+        self._last: Array | None = None
+
+    def solved(self, start: Array, t: float) -> tuple[Array, float, Array]:
+        """Return exudyn's pose, its largest residual and Jacobian; EngineError says why there is none."""
+        raise NotImplementedError
+
+    def round_off(self, q: Array, t: Array) -> Array:
+        """Return the largest components of residuals with which poses are believed, (B, 1)."""
+        return self.accepted * np.maximum(1.0, np.abs(q).max(axis=1, keepdims=True))
+
+    def apart(self, q: Array, other: Array) -> float:
+        """Return the largest component [sizes, rad] by which a pose differs from another."""
+        return _largest(q - other)
+
+    def closed(self, q: Array, t: Array, last: Array | None) -> tuple[Array, Array, Array]:
+        """Return poses, Jacobians and residuals (B,) by exudyn's solver, NaN where it reached none or none is believed.
+
+        Predictions from `last` are not to be left by more than a part of the way from there: as `close` of `march`.
+        """
+        count, n = q.shape
+        poses, residuals, jacobians = (np.full((count, *more), np.nan) for more in ((n,), (), (self.m, n)))
+        for k, (start, at) in enumerate(zip(q, t.tolist(), strict=True)):
+            if self._last is not None and not self.predicts:
+                start = self._last
+            try:
+                pose, *of_pose = self.solved(start, at)
+            except EngineError as error:
+                self.failed[at] = str(error)
+                continue
+            self._last = pose
+            self.failed.pop(at, None)
+            if last is None or self.apart(pose, start) <= self._near(pose, last):
+                poses[k], (residuals[k], jacobians[k]) = pose, of_pose
+        return poses, jacobians, residuals
+
+    def _near(self, pose: Array, last: Array) -> float:
+        return min(max(ASTRAY * self.apart(pose, last), NEAR), self.furthest)
+
+    def motion(self, start: Array, times: Sequence[float], order: int) -> March:
+        """Return the motion from an estimate of the first pose."""
+        if self.predicts:
+            return march(self, start, times, order, together=self.together, resumes=True)
+        t = np.array(times)
+        return march_of(self, t, [close(self, np.tile(start, (len(t), 1)), t)], order)
+
+    def status(self, poses: March, times: Sequence[float]) -> tuple[tuple[Status, ...], str]:
+        """Return the status of each time, and in words what is not ok.
+
+        Where exudyn's solver came to a pose, but to none that continues the motion, the branch is lost.
+        """
+        lost = {Status.NOT_CONVERGED: Status.BRANCH_LOST}
+        status = [s if t in self.failed else lost.get(s, s) for s, t in zip(poses.status, times, strict=True)]
+        failures = [k for k, each in enumerate(status) if each is not Status.OK]
+        if not failures:
+            return tuple(status), ""
+        first = times[failures[0]]
+        reason = REASONS.get(status[failures[0]]) or self.failed[first]
+        message = f"exudyn: {len(failures)} of {len(status)} times not ok, first t = {first!r}: {reason}"
+        return tuple(status), message
+
+
+class ExudynEquations(OwnSolver):
+    """exudyn's rows of a scene of the plane, lengths in sizes, and poses by a solver of its own."""
+
     def __init__(self, model: ExudynModel, scene: Scene, solver: StaticNewton | ShippedSolve) -> None:
-        self.model, self.solver, self.failed = model, solver, dict[float, str]()
+        super().__init__(len(model.live), solver.accepted)
+        self.model, self.solver, self.predicts = model, solver, solver.predicts
         self.row_scale = solver.size**model.powers
         self.column_scale = np.tile([solver.size, solver.size, 1.0], model.n // 3)
         self._at_rest = dict[tuple[float, bytes], Array]()
-        self._found: Array | None = None
         columns = {body.name: 3 * k + 2 for k, body in enumerate(scene.mechanism.bodies)}
         joints = [tuple(elements_of([joint])) for joint in scene.mechanism.joints]
         held: list[Any] = [elements[1] for elements in joints if is_slider(elements)]
@@ -179,42 +257,20 @@ class ExudynEquations:
         poses = zip(q * self.column_scale, qd * self.column_scale, t.tolist(), strict=True)
         return np.array([self.model.drift(*pose) for pose in poses])[:, self.model.live] / self.row_scale
 
-    def round_off(self, q: Array, t: Array) -> Array:
-        """Return the largest components of residuals with which poses are believed, (B, 1)."""
-        return self.solver.accepted * np.maximum(1.0, np.abs(q).max(axis=1, keepdims=True))
-
     def extrema(self, times: Array) -> Array:
         """Return times at which the law of a driver turns back."""
         return extrema([law for law, _, _ in self.model.clock.laws], times)
 
-    def closed(self, q: Array, t: Array, last: Array | None) -> tuple[Array, Array, Array]:
-        """Return poses, Jacobians and residuals (B,) by exudyn's solver, NaN where it found none or none is believed.
-
-        Predictions from `last` are not to be left by more than a part of the way from there: as `close` of `march`.
-        """
-        count, n = q.shape
-        poses, jacobians = np.full((count, n), np.nan), np.full((count, len(self.model.live), n), np.nan)
-        residuals = np.full(count, np.nan)
-        for k, (start, at) in enumerate(zip(q, t.tolist(), strict=True)):
-            if self._found is not None and not self.solver.predicts:
-                start = self._found
-            try:
-                pose = self.solver(at, start * self.column_scale) / self.column_scale
-                rows = self._believed(pose, at)
-            except EngineError as error:
-                self.failed[at] = str(error)
-                continue
-            self._found = pose
-            self.failed.pop(at, None)
-            if last is None or np.abs(pose - start).max() <= max(ASTRAY * np.abs(pose - last).max(), NEAR):
-                poses[k], (residuals[k], jacobians[k]) = pose, rows
-        return poses, jacobians, residuals
+    def solved(self, start: Array, t: float) -> tuple[Array, float, Array]:
+        """Return exudyn's pose, its largest residual and Jacobian; EngineError says why there is none."""
+        pose = self.solver(t, start * self.column_scale) / self.column_scale
+        return pose, *self._believed(pose, t)
 
     def _believed(self, q: Array, t: float) -> tuple[float, Array]:
         """Return the largest residual and the Jacobian of what exudyn found; EngineError says why it is no answer."""
         residual, jacobian = self._rows(q, t)
         gap = _largest(residual)
-        if not gap <= self.solver.accepted * max(1.0, _largest(q)):
+        if not gap <= self.accepted * max(1.0, _largest(q)):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
         for held, _, off in self._turned(q):
             if abs(off) > 1.0:
@@ -239,11 +295,7 @@ class ExudynEquations:
 
     def march(self, start: Array, times: Sequence[float], order: int) -> March:
         """Return the motion in the model's unit, from an estimate of the first pose in it."""
-        start, t = self._on_the_turn_meant(start / self.column_scale), np.array(times)
-        if self.solver.predicts:
-            poses = march(self, start, times, order, resumes=True)
-        else:
-            poses = march_of(self, t, [close(self, np.tile(start, (len(t), 1)), t)], order)
+        poses = self.motion(self._on_the_turn_meant(start / self.column_scale), times, order)
         return replace(poses, levels=tuple(level * self.column_scale[:, None] for level in poses.levels))
 
 

@@ -15,23 +15,22 @@ import numpy as np
 
 from crosscheck.engines import EngineError, Term
 from crosscheck.engines.exudyn.model import CURRENT, quiet_settings
-from crosscheck.engines.exudyn.solve import ASTRAY, NEAR, SMALLEST_STEP, TOLERANCES
+from crosscheck.engines.exudyn.solve import TOLERANCES, OwnSolver
 from crosscheck.engines.exudyn.space import FORM, ExudynSpace, law_value
-from crosscheck.engines.march import EPS, SINGULAR, connected, inverses, solve
-from crosscheck.engines.spatial.motion import coordinates, estimates, reported
+from crosscheck.engines.march import EPS, extrema
+from crosscheck.engines.spatial.motion import estimates, reported
 from crosscheck.engines.spatial.reading import ANGLE, AXIAL, DISTANCE, Numbers, numbers_of
-from crosscheck.engines.spatial.turning import matrix, rates
+from crosscheck.engines.spatial.turning import common_columns, matrix
+from crosscheck.scenes.names import order_of
 from refkin.joints import GROUND
-from refkin.model import Effect, Scene
-from refkin.motion import Motion, Producer, Status
+from refkin.model import Scene
+from refkin.motion import Motion, Producer
 
 Array = Any
 ACCEPTED, SHIPPED_ACCEPTED = 1e-11, 1e-6
 """Largest component of its rows with which an answer is believed, for coordinates of order 1."""
 CORRECTIONS, SETTLED = 4, 4.0 * EPS
 """How often a pose may be corrected once more, and the largest component of its rows at which it no longer is."""
-LARGEST_TURN = 0.25
-"""A pose may differ from its prediction by so much at most [sizes, half rad]: further off is another assembly."""
 
 
 def space_solved(scene: Scene, producer: Producer, *, shipped: bool) -> Motion:
@@ -69,106 +68,88 @@ class SpaceModel:
 
     def solve(self, scene: Scene, producer: Producer, *, shipped: bool = False) -> Motion:
         """Return the motion of a scene of the same mechanism, from the estimates."""
-        marcher = _Marcher(self.model, scene, self.numbers, self.tolerances, shipped=shipped)
-        return marcher.run(self.start, producer)
+        equations = SpaceEquations(self.model, self.numbers, self.tolerances, shipped=shipped)
+        poses = equations.motion(self.start, scene.times, order_of(scene))
+        status, message = equations.status(poses, scene.times)
+        more = {"residual": poses.residual, "message": message}
+        return reported(scene, self.numbers, list(poses.levels), status, producer, **more)
 
 
-class _Pose:
-    """A pose with its Jacobian in columns (v, w), spins included, and its velocities (6 b,)."""
+class SpaceEquations(OwnSolver):
+    """exudyn's rows of a mechanism of space in coordinates (r, p) of each body, and poses by its own solver.
 
-    def __init__(self, t: float, q: Array, jacobian: Array, velocity: Array) -> None:
-        self.t, self.q, self.jacobian, self.velocity = t, q, jacobian, velocity
-        self.inverse = inverses(jacobian[None])
+    A row for each idle spin holds it still, u . w = 0 (its pose is wherever exudyn leaves it), and one for each body
+    keeps its Euler parameters at length 1. exudyn has rows at that length alone.
+    """
 
+    furthest = 0.25
 
-class _Marcher:
     def __init__(
-        self, model: ExudynSpace, scene: Scene, numbers: Numbers, tolerances: Sequence[float], *, shipped: bool
+        self, model: ExudynSpace, numbers: Numbers, tolerances: Sequence[float] = TOLERANCES, *, shipped: bool = False
     ) -> None:
-        self.model, self.scene, self.numbers, self.shipped = model, scene, numbers, shipped
-        self.tolerances = tolerances
-        self.idle = [7 * numbers.bodies.index(body) + k for spin in numbers.idle for body in spin for k in range(3, 7)]
-        self.moving = np.delete(np.arange(model.n), self.idle)
-        self.last: _Pose | None = None
+        accepted = SHIPPED_ACCEPTED if shipped else max(ACCEPTED, 10.0 * tolerances[-1])
+        super().__init__(len(model.lines) + len(numbers.idle) + len(numbers.bodies), accepted)
+        self.model, self.numbers, self.tolerances, self.predicts = model, numbers, tolerances, not shipped
+        self.together = not numbers.idle
+        idle = [7 * numbers.bodies.index(body) + k for spin in numbers.idle for body in spin for k in range(3, 7)]
+        self.moving = np.delete(np.arange(model.n), idle)
         self.default = quiet_settings()
 
-    def run(self, start: Array, producer: Producer) -> Motion:
-        """Return the poses at all times of the scene, from an estimate of the first."""
-        times, count = self.scene.times, len(self.numbers.bodies)
-        r, w = np.full((3, len(times), count, 3), np.nan), np.full((2, len(times), count, 3), np.nan)
-        p = np.full((len(times), count, 4), np.nan)
-        status, residual, message = [], np.full(len(times), np.nan), ""
-        for k, t in enumerate(times):
-            try:
-                pose = self._pose(t, start, None) if self.last is None else self._advanced(self.last, t)
-            except EngineError as error:
-                status.append(Status.NOT_CONVERGED)
-                message = message or f"exudyn, first at t = {t!r}: {error}"
-                continue
-            self.last = pose
-            at = pose.q.reshape(count, 7)
-            r[0, k], p[k] = at[:, :3], at[:, 3:]
-            residual[k] = self._residual(pose.q, t)
-            # At a fold a residual r leaves a pose that is off by about the root of r, and so is sigma_min.
-            limit = SINGULAR if self.shipped else max(SINGULAR, np.sqrt(residual[k]))
-            sigma = np.linalg.svd(pose.jacobian, compute_uv=False)
-            if len(sigma) < 6 * count or sigma[-1] <= limit:
-                status.append(Status.SINGULAR)
-                continue
-            acceleration = self._acceleration(pose)
-            for order, level in enumerate((pose.velocity, acceleration), 1):
-                r[order, k], w[order - 1, k] = np.split(level.reshape(count, 6), 2, axis=1)
-            finite = np.isfinite(pose.velocity).all() and np.isfinite(acceleration).all()
-            status.append(Status.OK if finite else Status.SINGULAR)
-        levels = coordinates(r, p, w)
-        return reported(self.scene, self.numbers, levels, tuple(status), producer, residual=residual, message=message)
+    def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
+        """Return residuals (B, m) and Jacobians (B, m, n)."""
+        residuals, jacobians = zip(*map(self._rows, q, t.tolist()), strict=True)
+        return np.array(residuals), np.array(jacobians)
 
-    def _advanced(self, last: _Pose, t: float) -> _Pose:
-        """Return the pose at t on the branch of the last one, by steps that are halved where its Newton goes astray."""
-        if self.shipped:
-            return self._pose(t, last.q, None)
-        step = t - last.t
-        smallest = step * SMALLEST_STEP
-        while last.t < t:
-            target = t if last.t + step >= t else last.t + step
-            try:
-                last = self._pose(target, self._predicted(last, target - last.t), last)
-            except EngineError:
-                step = (target - last.t) / 2
-                if step < smallest:
-                    raise
-            else:
-                step *= 2
-        return last
+    def _rows(self, q: Array, t: float) -> tuple[Array, Array]:
+        bodies = q.reshape(-1, 7)
+        lengths = 0.5 * (np.sum(bodies[:, 3:] ** 2, axis=1) - 1.0)
+        q = unit(q)
+        still = np.zeros(len(self.numbers.idle))
+        columns = common_columns(q).T * np.tile([1.0, 1.0, 1.0, 4.0, 4.0, 4.0], len(bodies))[:, None]  # w = 2 E p'
+        units = np.zeros((len(bodies), len(q)))
+        for k, at in enumerate(q.reshape(-1, 7)):
+            units[k, 7 * k + 3 : 7 * k + 7] = at[3:]
+        common = np.concatenate([self.model.jacobian(q, t), *self._spins(q)])
+        return np.concatenate([self.model.residual(q, t), still, lengths]), np.concatenate([common @ columns, units])
 
-    def _predicted(self, last: _Pose, h: float) -> Array:
-        at, v = last.q.reshape(-1, 7), last.velocity.reshape(-1, 6)
-        moved = np.concatenate([at[:, :3] + h * v[:, :3], at[:, 3:] + h * rates(at[:, 3:], v[:, 3:])], axis=1)
-        moved[:, 3:] /= np.linalg.norm(moved[:, 3:], axis=1, keepdims=True)
-        return moved.ravel()
+    def nu(self, q: Array, t: Array) -> Array:
+        """Return the right sides of the velocities (B, m)."""
+        return np.array([self._with_own(-self._law_rates(*each)) for each in zip(q, t.tolist(), strict=True)])
 
-    def _pose(self, t: float, start: Array, last: _Pose | None) -> _Pose:
-        """Return the pose that exudyn finds from a start; EngineError says why it is not believed."""
-        q = (self._shipped_newton if self.shipped else self._newton)(t, start)
+    def _law_rates(self, q: Array, t: float) -> Array:
+        self.model.set_state(q, t, np.zeros(self.model.n))
+        return self.model.law_rates(q, t)
+
+    def _with_own(self, right: Array, qd: Any = None) -> Array:
+        bodies = len(self.numbers.bodies)
+        lengths = np.zeros(bodies) if qd is None else -np.sum(qd.reshape(-1, 7)[:, 3:] ** 2, axis=1)
+        return np.concatenate([right, np.zeros(len(self.numbers.idle)), lengths])
+
+    def gamma(self, q: Array, qd: Array, t: Array) -> Array:
+        """Return the right sides of the accelerations (B, m)."""
+        each = zip(q, qd, t.tolist(), strict=True)
+        return np.array([self._with_own(self.model.drift(at, rate, now), rate) for at, rate, now in each])
+
+    def extrema(self, times: Array) -> Array:
+        """Return times at which the law of a driver turns back."""
+        return extrema([drive.law for drive in self.numbers.drives], times)
+
+    def apart(self, q: Array, other: Array) -> float:
+        """Return the largest component [sizes, half rad] by which a pose differs from another, but for idle spins."""
+        return super().apart(q[..., self.moving], other[..., self.moving])
+
+    def solved(self, start: Array, t: float) -> tuple[Array, float, Array]:
+        """Return exudyn's pose, its largest residual and Jacobian; EngineError says why it is not believed."""
+        q = (self._newton if self.predicts else self._shipped_newton)(t, unit(start))
         if not np.isfinite(q).all():
             raise EngineError("its Newton ended in no number")
-        at = q.reshape(-1, 7)
-        at[:, 3:] /= np.linalg.norm(at[:, 3:], axis=1, keepdims=True)
+        q = unit(q)
         gap = self._residual(q, t)
-        accepted = SHIPPED_ACCEPTED if self.shipped else max(ACCEPTED, 10.0 * self.tolerances[-1])
-        if not gap <= accepted * max(1.0, np.abs(q).max()):
+        if not gap <= self.accepted * max(1.0, np.abs(q).max()):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
-        if not self.shipped:
+        if self.predicts:
             self._check_directions(q, t)
-        jacobian = self._jacobian(q, t)
-        pose = _Pose(t, q, jacobian, self._solved(jacobian, -self._rates_at_rest(q, t)))
-        if last is not None:
-            off, way = (np.abs((q - x)[self.moving]).max() for x in (start, last.q))
-            if off > min(max(ASTRAY * way, NEAR), LARGEST_TURN):
-                raise EngineError("no step is small enough for its Newton to stay near the motion predicted")
-            if not connected(last.inverse, jacobian[None])[0]:
-                raise EngineError("a singular pose may lie between two poses")
-        return pose
+        return q, gap, self._rows(q, t)[1]
 
     def _newton(self, t: float, start: Array) -> Array:
         extent = max(1.0, np.abs(start).max())
@@ -229,10 +210,6 @@ class _Marcher:
                 if (np.cos(f) * x[:, 0] + np.sin(f) * x[:, 1]) @ y[:, 0] < 0.0:
                     raise EngineError(f"it reported success with {drive.name!r} off by pi")
 
-    def _jacobian(self, q: Array, t: float) -> Array:
-        """Return exudyn's Jacobian in columns (v, w), with a row for each idle spin."""
-        return np.concatenate([self.model.jacobian(q, t), *self._spins(q)])
-
     def _spins(self, q: Array) -> Sequence[Array]:
         rows = []
         for spin in self.numbers.idle:
@@ -243,21 +220,12 @@ class _Marcher:
             rows.append(row)
         return rows
 
-    def _rates_at_rest(self, q: Array, t: float) -> Array:
-        self.model.set_state(q, t, np.zeros(self.model.n))
-        return self.model.law_rates(q, t)
 
-    def _solved(self, jacobian: Array, right: Array) -> Array:
-        whole = np.concatenate([right, np.zeros(len(jacobian) - len(right))])
-        found: Array = solve(jacobian[None], whole[None])[0]
-        return found
-
-    def _acceleration(self, pose: _Pose) -> Array:
-        if Effect.ACCELERATION not in self.scene.effects:
-            return np.zeros_like(pose.velocity)
-        at, v = pose.q.reshape(-1, 7), pose.velocity.reshape(-1, 6)
-        qd = np.concatenate([v[:, :3], rates(at[:, 3:], v[:, 3:])], axis=1).ravel()
-        return self._solved(pose.jacobian, self.model.drift(pose.q, qd, pose.t))
+def unit(q: Array) -> Array:
+    """Return coordinates (r, p) of each body with p of length 1."""
+    bodies = np.array(q).reshape(-1, 7)
+    bodies[:, 3:] /= np.linalg.norm(bodies[:, 3:], axis=1, keepdims=True)
+    return bodies.ravel()
 
 
 def shipped_stop(scene: Scene) -> Term:
