@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from refkin.analysis import SINGULAR, estimated, position, sigma_min
-from refkin.errors import InvalidScene
 from refkin.joints import SPACE, polar_cams
 from refkin.model import Mechanism, Scene
 from refkin.motion import Status
@@ -96,11 +95,8 @@ def in_form(mechanism: Mechanism, form: str) -> Mechanism:
 
 
 def _meant(scene: Scene) -> Scene:
-    """Return the scene with rows in half angles, if it is not one by its redundant rows alone."""
-    try:
-        mechanism = in_form(scene.mechanism, "half")
-    except InvalidScene:  # redundant rows had hidden a freedom from the count: its poses are all singular, none is ok
-        return scene
+    """Return the scene with rows in half angles."""
+    mechanism = in_form(scene.mechanism, "half")
     return scene if mechanism is scene.mechanism else replace(scene, mechanism=mechanism)
 
 

@@ -19,9 +19,9 @@ from crosscheck.judge.budget import (
     SAFETY,
     _first_order,
     _solve_error,
-    _table_error,
     carried,
     output_rounding,
+    table_error,
 )
 from crosscheck.judge.comparison import QUANTITIES, reference
 from crosscheck.judge.hard_poses import _output_rounding, least_error, residual_error
@@ -139,7 +139,7 @@ def test_a_table_is_rounded_by_its_largest_value_over_its_finest_step(order):
     mechanism = LINKAGE.scene(law=table, times=(0.2, 0.5)).mechanism
     system, t = compile_system(mechanism, unit=mechanism.unit()), np.array([0.2, 0.5])
     (row,) = (p.row for p in system.placed if p.constraint.laws)
-    off = _table_error(system, t, order)
+    off = table_error(system, t, order)
 
     assert off[row] / (32 * U) == pytest.approx(2.5 / 0.25**order * np.maximum(1.0, np.abs(table(t, 0))))
     assert not np.delete(off, row, axis=0).any()

@@ -8,10 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 
-from crosscheck.engines import load
+from crosscheck.engines import Level, load, refused_joints
 from crosscheck.engines.spatial.reading import numbers_of
 from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.comparison import compare, reference
+from crosscheck.judge.levels import compare_levels, configurations
 from crosscheck.measure.check import check
 from refkin.joints import SI, idle_spins
 from tests.idle import SPINNING, driven_halves, held, loop, rod_of_two, rod_with_ballast, telescope
@@ -48,6 +49,36 @@ def test_engines_agree_with_the_reference_but_for_the_spin_that_bodies_share(cou
     for answer in record.answers:
         assert (answer.judged, answer.missing) == (3, 0)
         assert max(q.ratio for q in answer.quantities.values()) < 0.1
+
+
+@pytest.mark.parametrize(("engine", "rows"), [("exudyn", 23), ("mujoco", 22), ("pinocchio", 15)])
+def test_rows_of_joints_as_printed_are_compared_in_the_form_that_the_engine_has(engine, rows):
+    """They were refused, with `no elements say what it is`; a wrong entry in such a row shows at its level."""
+    scene = loop(rod_with_ballast, 7, ("printed",))[0]
+    loaded, m = load(engine), scene.mechanism
+    model, at = loaded.constraints(scene), configurations(m, scene_estimates(scene), scene.times[:1], "s", 3)
+    levels = compare_levels(loaded, model, m, at, loaded.terms(scene))
+    assert {level.agrees for level in levels.values()} == {True}
+    assert {level.rows for level in levels.values()} == {rows}
+    assert not any("no elements" in reason for _, _, reason in refused_joints(loaded, m.joints, Level.JACOBIAN))
+    printed = next(
+        k for k, row in enumerate(model.rows) if row.constraint in {j.name for j in m.joints if j.type == "fixed"}
+    )
+    right = model.jacobian
+
+    def wrong(q, t):
+        jacobian = right(q, t)
+        jacobian[model.rows[printed].engine_row, -1] += 1e-9
+        return jacobian
+
+    model.jacobian = wrong
+    worst = compare_levels(loaded, model, m, at, loaded.terms(scene))[Level.JACOBIAN]
+    model.close()
+    assert not worst.agrees
+
+
+def scene_estimates(scene):
+    return np.concatenate([body.estimate for body in scene.mechanism.bodies])[:, None]
 
 
 def respun(motion, bodies, lines, angle):
