@@ -308,9 +308,7 @@ def refused_joints(engine: Engine, constraints: Iterable[Constraint], level: Lev
     for constraint in constraints:
         elements = list(elements_of([constraint]))
         reasons = []
-        printed = (
-            getattr(constraint, "form", "") == "printed"
-        )  # more rows, the same joint: in another form
+        printed = getattr(constraint, "form", "") == "printed"  # more rows, the same joint
         if sum(element.rows for element in elements) != constraint.rows and not printed:
             reasons.append("no such joint in this engine: no elements say what it is")
         for element in elements:
