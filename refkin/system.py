@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -46,7 +47,7 @@ class System:
     gauge: Mapping[int, Any] = field(default_factory=dict, repr=False, compare=False)
     _kept: dict[Any, tuple[Any, Any]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    @property
+    @cached_property
     def kind(self) -> Kind:
         """Whether the bodies are of the plane or of space."""
         return self.mechanism.kind
@@ -66,7 +67,7 @@ class System:
         p = next(p for p in self.placed if p.constraint.name == joint)
         return slice(p.starts[2], p.starts[2] + 1) if p.constraint.parameters else slice(0, 0)  # type: ignore[operator]
 
-    @property
+    @cached_property
     def of_bodies(self) -> int:
         """The number of coordinates that belong to bodies; those of parameters come after them."""
         return self.kind.width * len(self.mechanism.bodies)
@@ -135,12 +136,13 @@ class System:
         """Return the values of each body and parameter by the place where it starts in q; None is the ground."""
         numbers = q.tolist() if q.ndim == 1 else q
         kind, bodies = self.kind, range(0, self.of_bodies, self.kind.width)
-        values: dict[int | None, Any] = {None: kind.values(*kind.still)}
+        # The ground in whole numbers: bounded ones and balls take a product with 0 or 1 for what it is.
+        values: dict[int | None, Any] = {None: kind.values(*map(int, kind.still))}
         values |= {k: kind.values(*numbers[k : k + kind.width]) for k in bodies}
         values |= {k: ParameterValue(numbers[k]) for k in range(self.of_bodies, self.n)}
         if qd is not None:
             rates = qd.tolist() if qd.ndim == 1 else qd
-            values[None].moving(*(0.0,) * kind.width)
+            values[None].moving(*(0,) * kind.width)
             for k in bodies:
                 values[k].moving(*rates[k : k + kind.width])
             for k in range(self.of_bodies, self.n):

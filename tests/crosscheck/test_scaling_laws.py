@@ -19,7 +19,7 @@ import refkin
 from crosscheck.documents.convergence import ObservedKind, slope
 from refkin import FourBar, InvertedSliderCrank, Polynomial, SliderCrank, Status, compile_system
 from refkin.differences import EPS
-from refkin.proof.pose.certificate import certify
+from refkin.proof.pose.certificate import certify, unique_within
 
 TOLERANCE = 0.02
 DISTANCES = 10.0 ** np.arange(-7.0, -3.5, 0.5)
@@ -110,13 +110,14 @@ def found(request):
         motion = refkin.solve(scene)
         system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
         proof = certify(system, system.to_unit(motion.q), motion.t)
+        unique = unique_within(system, proof, motion.t)
         assert motion.verdict is Status.OK
         rows.append(
             (
                 motion.sigma_min[0],
                 np.max(np.abs(motion.qd)),
                 np.max(np.abs(motion.qdd)),
-                proof.unique[0],
+                unique[0],
                 motion.certified_radius.position[0],
                 proof.position[0],
             )

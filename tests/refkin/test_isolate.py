@@ -15,7 +15,7 @@ from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
 from refkin.proof.numbers.exact import exact_system
 from refkin.proof.numbers.inputs import half_ulp
-from refkin.proof.pose.certificate import Certificate, certify
+from refkin.proof.pose.certificate import Certificate, certify, unique_within
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import column, objects
 from refkin.system import System, compile_system
@@ -45,7 +45,8 @@ def test_towards_a_fold_the_pose_stays_certified(k: int) -> None:
 @pytest.mark.parametrize("k", range(2, 53, 5))
 def test_the_uniqueness_radius_does_not_reach_the_other_branch(k: int) -> None:
     phi = 2 * np.arcsin(np.sqrt(2.0 ** -(k + 1)))
-    unique = certify(bar(1 - 2.0**-k), at_angle(phi), [0.0]).unique[0]
+    system = bar(1 - 2.0**-k)
+    unique = unique_within(system, certify(system, at_angle(phi), [0.0]), np.zeros(1))[0]
     assert phi / 2 < unique <= 2 * phi
 
 
@@ -66,20 +67,19 @@ def test_an_answer_between_two_branches_is_not_isolated(part: float) -> None:
 
 
 def test_what_is_said_to_be_unique_is_the_box_that_balls_prove_and_no_more(monkeypatch: Any) -> None:
-    """Float64 is made to prove nothing: balls take the box of twice the distance, which leaves the other branch out."""
+    """Float64 is made to prove nothing: balls take a box that holds the answer and leaves the other branch out."""
     phi, off = 0.5, 1e-3
     monkeypatch.setattr("refkin.proof.pose.isolate.certify", lambda *args, **_: nothing_of(certify(*args)))
     isolation = isolate(bar(float(np.cos(phi))), at_angle(phi + off), [0.0])
 
     assert isolation.ok[0]
     assert isolation.position[0] == pytest.approx(off, rel=1e-6, abs=0.0)
-    assert isolation.unique[0] == pytest.approx(2 * off, rel=1e-6, abs=0.0)
+    assert isolation.enclosures[0].radii[2] == pytest.approx(off, rel=1e-6, abs=0.0)
 
 
 def nothing_of(proof: Certificate) -> Certificate:
     """Return a certificate of nothing."""
-    lost = np.full(len(proof.ok), np.nan)
-    return replace(proof, ok=np.zeros(len(proof.ok), bool), unique=lost, radii=proof.radii * np.nan)
+    return replace(proof, ok=np.zeros(len(proof.ok), bool), radii=proof.radii * np.nan)
 
 
 def test_balls_take_over_where_float64_proves_nothing() -> None:

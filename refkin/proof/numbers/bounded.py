@@ -29,7 +29,7 @@ from typing import Any, Self, cast
 import numpy as np
 from flint import arb, ctx
 
-from refkin.joints import SPACE, Unit
+from refkin.joints import Unit
 from refkin.proof.numbers.exact import exact_system
 from refkin.system import System
 
@@ -46,14 +46,15 @@ LAW_BITS = 160
 class Bounded:
     """A float or a row of floats (B,), with the bounds `rounding` and `spread` of the module."""
 
-    __slots__ = ("mid", "rounding", "spread")
+    __slots__ = ("_size", "mid", "rounding", "spread")
     __array_ufunc__ = None  # an array on the left of + - * leaves the operation to this class
     unit = U
 
-    def __init__(self, mid: Any, rounding: Any = 0.0, spread: Any = 0.0) -> None:
+    def __init__(self, mid: Any, rounding: Any = 0.0, spread: Any = 0.0, size: Any = None) -> None:
         self.mid = mid
         self.rounding = rounding
         self.spread = spread
+        self._size = size
 
     @classmethod
     def near(cls, parts: Any, spread: Any = 0.0) -> Self:
@@ -67,9 +68,16 @@ class Bounded:
         return cls(mid, 0.0, spread)
 
     @staticmethod
-    def size(mid: Any) -> Any:
+    def size_of(mid: Any) -> Any:
         """Return |mid| in binary64."""
         return abs(mid)
+
+    @property
+    def size(self) -> Any:
+        """The size of `mid`, which is a factor of several products."""
+        if self._size is None:
+            self._size = self.size_of(self.mid)
+        return self._size
 
     def __add__(self, other: Any) -> Bounded:
         if isinstance(other, int) and other == 0:
@@ -78,7 +86,7 @@ class Bounded:
         mid = self.mid + x.mid
         back = mid - self.mid
         lost = (self.mid - (mid - back)) + (x.mid - back)  # exactly (Knuth's two-sum)
-        return type(self)(mid, self.rounding + x.rounding + self.size(lost), self.spread + x.spread)
+        return type(self)(mid, self.rounding + x.rounding + self.size_of(lost), self.spread + x.spread)
 
     def __sub__(self, other: Any) -> Bounded:
         return self.__add__(-other)
@@ -91,16 +99,16 @@ class Bounded:
             return self if other == 1 else -self if other else 0
         x = other if isinstance(other, Bounded) else self.exactly(other)
         mid = self.mid * x.mid
-        most, most_x = self.size(self.mid) + self.rounding, self.size(x.mid)
-        rounding = most * x.rounding + most_x * self.rounding + (self.unit * self.size(mid) + TINY)
+        size, most, most_x = self.size_of(mid), self.size + self.rounding, x.size
+        rounding = most * x.rounding + most_x * self.rounding + (self.unit * size + TINY)
         spread = (most + self.spread) * x.spread + (most_x + x.rounding) * self.spread
-        return type(self)(mid, rounding, spread)
+        return type(self)(mid, rounding, spread, size)
 
     __radd__ = __add__
     __rmul__ = __mul__
 
     def __neg__(self) -> Bounded:
-        return type(self)(-self.mid, self.rounding, self.spread)
+        return type(self)(-self.mid, self.rounding, self.spread, self._size)
 
     def cos(self) -> Bounded:
         """Return the cosine; its slope is at most 1."""
@@ -112,7 +120,8 @@ class Bounded:
 
     def _trigonometric(self, mid: Any) -> Bounded:
         # An ulp of x is at most 2 unit |x|.
-        return type(self)(mid, self.rounding + (4 * self.unit * self.size(mid) + TINY), self.spread)
+        size = self.size_of(mid)
+        return type(self)(mid, self.rounding + (4 * self.unit * size + TINY), self.spread, size)
 
 
 class Extended(Bounded):
@@ -132,8 +141,8 @@ class Extended(Bounded):
         return cls(np.longdouble(mid), 0.0, spread)
 
     @staticmethod
-    def size(mid: Any) -> Any:
-        return np.float64(abs(mid))
+    def size_of(mid: Any) -> Any:
+        return abs(mid).astype(float)
 
 
 @dataclass(frozen=True)
@@ -157,41 +166,53 @@ def box(q: Any, radii: Any = 0.0, number: type[Bounded] = Bounded) -> Any:
     number : type
         `Bounded`, or a kind of it that carries more.
     """
-    radii = np.broadcast_to(radii, np.shape(q))
+    spreads = [0.0] * len(q) if isinstance(radii, float) and not radii else np.broadcast_to(radii, np.shape(q))
     out = np.empty(len(q), object)
-    for k, (mid, spread) in enumerate(zip(q, radii, strict=True)):
+    for k, (mid, spread) in enumerate(zip(q, spreads, strict=True)):
         out[k] = number.exactly(mid, spread)
     return out
 
 
-def read(numbers: Any, batch: int) -> Bounds:
-    """Return an object array of `Bounded` numbers and plain ones as binary64 arrays, B = `batch`."""
-    mid, rounding, spread = (np.zeros((*numbers.shape, batch)) for _ in range(3))
+def read(numbers: Any, batch: int, wide: Any = float) -> Bounds:
+    """Return an object array of `Bounded` numbers and plain ones as arrays, B = `batch`.
+
+    The middles are binary64, or `wide`: then they are as they are.
+    """
+    mid, rounding, spread = (np.zeros((*numbers.shape, batch), kind) for kind in (wide, float, float))
     for place, x in np.ndenumerate(numbers):
         if isinstance(x, Bounded):
-            narrowed = U * x.size(x.mid) if x.unit < U else 0.0
-            mid[place], rounding[place], spread[place] = x.mid, x.rounding + narrowed, x.spread + TINY
-        else:
+            mid[place], rounding[place], spread[place] = x.mid, x.rounding, x.spread + TINY
+            if x.unit < U and wide is float:
+                rounding[place] += U * x.size
+        elif not isinstance(x, int) or x:
             mid[place] = x
     return Bounds(mid, rounding * UP, spread * UP)
 
 
-def off_by(slope: Any, rates: Any, right: Any) -> Any:
-    """Return slope rates - right (m,), number by number, of rates as `box` returns them.
+def off_by(slope: Bounds, rates: Any, right: Bounds) -> Bounds:
+    """Return slope rates - right, (m, B).
 
     Parameters
     ----------
-    slope : (m, n) array of object
-        phi_q in numbers with bounds; its plain zeros are left out.
-    rates : (n,) array of object
-        qd or qdd, as `box` returns them.
-    right : (m,) array of object
-        nu or gamma.
+    slope : Bounds
+        phi_q, (m, n, B), with middles of either kind.
+    rates : (n, B) array
+        qd or qdd, the numbers that they are.
+    right : Bounds
+        nu or gamma, (m, B).
     """
-    out = np.empty(len(slope), object)
-    for k, (row, side) in enumerate(zip(slope, right, strict=True)):
-        out[k] = sum((x * a for a, x in zip(row, rates, strict=True) if not (isinstance(a, int) and a == 0)), -side)
-    return out
+    sizes, unit = np.abs(rates), (Extended if slope.mid.dtype == np.longdouble else Bounded).unit
+    mid = product(slope.mid, rates) - right.mid
+    # A rounding per term that is not zero, and one of their sum, at most; U: what is lost of the result in binary64.
+    terms = 2 + np.count_nonzero(slope.mid.any(axis=-1), axis=1, keepdims=True)
+    lost = terms * unit * (product(np.abs(slope.mid), sizes) + np.abs(right.mid)) + U * np.abs(mid)
+    rounding = product(slope.rounding, sizes) + right.rounding + lost
+    return Bounds(mid.astype(float), UP * rounding.astype(float), UP * (product(slope.spread, sizes) + right.spread))
+
+
+def product(matrix: Any, vector: Any) -> Any:
+    """Return the product sample by sample of (m, n, B) and (n, B)."""
+    return np.einsum("ijb,jb->ib", matrix, vector)
 
 
 class Times:
@@ -309,7 +330,7 @@ def _bounded_system(system: System, number: type[Bounded], error: InputError) ->
         with ctx.workprec(LAW_BITS):
             written = [float(x) for x in p.constraint.constants(as_written(system.unit))]
             g = tuple(number.near(parts(x), error.of(size)) for x, size in zip(p.g, written, strict=True))
-            if system.kind is SPACE and error is EXACT:  # vectors of space are full of zeros, which cost nothing so
+            if error is EXACT:  # points are full of zeros, which cost nothing so
                 g = tuple(cast(Any, int(float(x))) if x in (0, 1, -1) else y for x, y in zip(p.g, g, strict=True))
         constraint = _Rounded(p.constraint, number, error)
         placed.append(replace(p, constraint=cast(Any, constraint), g=cast(Any, g)))

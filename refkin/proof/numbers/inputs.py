@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from refkin.proof.numbers.bounded import UP, InputError, Times, U, bounded_system, box, read
-from refkin.proof.numbers.preconditioned import Nearly, Preconditioned, product
+from refkin.proof.numbers.bounded import UP, InputError, Times, U, bounded_system, box, product, read
+from refkin.proof.numbers.preconditioned import Nearly, Preconditioned
 from refkin.system import System
 
 HALF_ULP = InputError(U)

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.proof.numbers.bounded import TINY, UP, Bounds, Extended, Times, U, bounded_system, box, read
+from refkin.proof.numbers.bounded import TINY, UP, Bounds, Extended, Times, U, bounded_system, box, product, read
 from refkin.system import System
 
 
@@ -41,17 +41,13 @@ class Preconditioned:
         system = system.gauged(q)
         self.system, self.sharp = bounded_system(system), bounded_system(system, Extended)
         self.times, self.rows, self.q = Times(t, order), rows, q
-        self.slope = self.slope_over(0.0)
-        stacked = np.moveaxis(self.slope.mid, -1, 0)
-        inverse = inverses(stacked)
-        self.inverse = np.moveaxis(inverse, 0, -1)
+        self.inverse = np.moveaxis(inverses(np.moveaxis(system.phi_q(q, self.times.t)[rows], -1, 0)), 0, -1)
         self.size = np.abs(self.inverse)
-        self.defect = np.moveaxis(np.abs(np.eye(len(q)) - inverse @ stacked), 0, -1)
         self.dot = (len(q) + 2) * U  # > n U/(1 - n U): the error of an inner product
 
-    def rows_of(self, numbers: Any) -> Bounds:
-        """Return the certified rows of what a system's method gave."""
-        return read(numbers[self.rows], self.q.shape[1])
+    def rows_of(self, numbers: Any, wide: Any = float) -> Bounds:
+        """Return the certified rows of what a system's method gave; the middles as `read` does."""
+        return read(numbers[self.rows], self.q.shape[1], wide)
 
     def slope_over(self, radii: Any) -> Bounds:
         """Return phi_q over a box around q."""
@@ -62,10 +58,11 @@ class Preconditioned:
         off = self.dot * np.abs(x.mid) + x.rounding + x.spread
         return product(self.inverse, x.mid), UP * product(self.size, off) + TINY
 
-    def defect_on(self, v: Any) -> Any:
-        """Return |I - R phi_q(q)| v for v >= 0."""
-        inner = product(self.dot * np.abs(self.slope.mid) + self.slope.rounding, v)
-        return UP * (product(self.defect, v) + product(self.size, inner)) + TINY
+    def defect_on(self, slope: Bounds, v: Any) -> Any:
+        """Return |I - R phi_q(q)| v for v >= 0, of what `slope_over` gave."""
+        left = np.abs(np.eye(len(v))[..., None] - np.einsum("ijb,jkb->ikb", self.inverse, slope.mid))
+        inner = product(self.dot * np.abs(slope.mid) + slope.rounding, v)
+        return UP * (product(left, v) + product(self.size, inner)) + TINY
 
     def spread_on(self, spread: Any, v: Any) -> Any:
         """Return |R| spread v for v >= 0."""
@@ -143,8 +140,3 @@ def inverses(stacked: Any) -> Any:
             return np.full_like(stacked, np.nan)
         half = len(stacked) // 2
         return np.concatenate([inverses(stacked[:half]), inverses(stacked[half:])])
-
-
-def product(matrix: Any, vector: Any) -> Any:
-    """Return the product sample by sample of (m, n, B) and (n, B)."""
-    return np.einsum("ijb,jb->ib", matrix, vector)

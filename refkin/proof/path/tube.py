@@ -24,7 +24,7 @@ import numpy as np
 from flint import arb, arb_mat, ctx
 
 from refkin.joints import Unit
-from refkin.proof.numbers.bounded import LAW_BITS, TINY, UP, Bounded, Times, U, box, off_by
+from refkin.proof.numbers.bounded import LAW_BITS, TINY, UP, Bounded, Extended, Times, U, box, off_by
 from refkin.proof.numbers.exact import continued, exact_system
 from refkin.proof.numbers.preconditioned import Preconditioned, independent_rows
 from refkin.proof.pose.krawczyk import Enclosure, column, krawczyk, objects
@@ -46,16 +46,17 @@ class Tubes:
         with np.errstate(all="ignore"):  # what leaves the numbers' range is not proved
             rows = independent_rows(system, q, t)
             pose = Preconditioned(system, rows, q, t, 1)
-            at_middle = pose.carried(pose.rows_of(pose.sharp.phi(box(q), pose.times)))
+            at_middle = pose.carried(pose.rows_of(pose.sharp.phi(box(q, 0.0, Extended), pose.times)))
             swept = UP * np.abs(v) * half
             line, spans = box(q, swept), _Spans(t, half)
             along = _over_times(pose.system)
-            rate = off_by(pose.system.phi_q(line, pose.times), box(v), along.nu(line, spans))
-            moving = pose.carried(pose.rows_of(rate))
+            rows_of = pose.rows_of
+            rate = off_by(rows_of(pose.system.phi_q(line, pose.times)), v, rows_of(along.nu(line, spans)))
+            moving = pose.carried(rate)
             eta = UP * (np.abs(at_middle[0]) + at_middle[1] + half * (np.abs(moving[0]) + moving[1]))
             self.w = w = eta + off + np.maximum(FLOOR * np.max(eta, axis=0), 64 * U)
-            spread = pose.slope_over(UP * (swept + 2 * w)).spread
-            defect = pose.defect_on(2 * w) + pose.spread_on(spread, 2 * w)
+            slope = pose.slope_over(UP * (swept + 2 * w))
+            defect = pose.defect_on(slope, 2 * w) + pose.spread_on(slope.spread, 2 * w)
             self.proved = np.all(UP * (eta + defect) <= 2 * w, axis=0)
 
 

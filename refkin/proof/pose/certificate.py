@@ -32,14 +32,14 @@ from typing import Any
 
 import numpy as np
 
-from refkin.proof.numbers.bounded import UP, Bounds, Extended, U, box, off_by
-from refkin.proof.numbers.preconditioned import Nearly, Preconditioned, independent_rows, product
+from refkin.proof.numbers.bounded import UP, Bounds, Extended, U, box, off_by, product
+from refkin.proof.numbers.preconditioned import Nearly, Preconditioned, independent_rows
 from refkin.system import System
 
 BOX = 2.5
 """Radius of the box in which Z2 is computed, in units of eta: r <= 2 eta / (1 - Z0), so it holds r if Z0 <= 1/5."""
 REACH = 8.0
-"""The ball in which K and the uniqueness radius are sought, in units of 1/beta."""
+"""The ball in which the uniqueness radius is sought, in units of 1/|R|."""
 BLOCK = 2**16
 """Matrix entries worked on at a time: what a cache holds."""
 
@@ -54,12 +54,6 @@ class Certificate:
         Whether exactly one solution lies within `radii` of q.
     radii : (n, B) array
         Bounds of |q - q*| per coordinate.
-    unique : (B,) array
-        No other solution has all its coordinates closer to q than this.
-    beta : (B,) array
-        Bound of the row-sum norm of the inverse of phi_q.
-    h : (B,) array
-        Kantorovich's h in the weighted norm, at most 1/2.
     velocity, acceleration : (n, B) array or None
         Bounds of |qd - qd*| and |qdd - qdd*|, if qd and qdd were given.
     rows : (n,) array of int
@@ -70,9 +64,6 @@ class Certificate:
 
     ok: Any
     radii: Any
-    unique: Any
-    beta: Any
-    h: Any
     velocity: Any
     acceleration: Any
     rows: Any
@@ -114,9 +105,7 @@ def _certify(system: System, rows: Any, q: Any, t: Any, qd: Any, qdd: Any) -> Ce
     ball = _Ball(pose, phi)
     radii = np.where(ball.ok, ball.radii, np.nan)
     velocity, acceleration = _rates(ball, qd, qdd)
-    unique, beta = _uniqueness(pose, radii)
-    h = np.where(ball.ok, ball.h, np.nan)
-    return Certificate(ball.ok, radii, unique, beta, h, velocity, acceleration, rows, ball.root)
+    return Certificate(ball.ok, radii, velocity, acceleration, rows, ball.root)
 
 
 class _Ball:
@@ -128,11 +117,11 @@ class _Ball:
         step = np.abs(shift) + error
         # No weight is far below the others: it would only magnify what rounding leaves of the zeros of R J.
         self.w = w = step + np.maximum(U, 2.0**-20 * np.max(step, axis=0))
-        first = pose.defect_on(w)
-        second = pose.spread_on(pose.slope_over(BOX * w).spread, w) / BOX
+        slope = pose.slope_over(BOX * w)
+        first = pose.defect_on(slope, w)
+        second = pose.spread_on(slope.spread, w) / BOX
         eta, z0, z2 = (np.max(v / w, axis=0) for v in (step, first, second))
         rest = 1 - z0
-        self.h = z2 * eta / rest**2
         r = 2 * eta / (rest + np.sqrt(rest**2 - 2 * z2 * eta)) * (1 + 2.0**-20)
         into_itself = UP * (eta + z0 * r + z2 * r * r / 2) <= r
         self.theta = UP * (z0 + z2 * r)
@@ -154,31 +143,30 @@ def _rates(ball: _Ball, qd: Any, qdd: Any) -> tuple[Any, Any]:
     if qd is None:
         return None, None
     pose, at = ball.pose, ball.root.box()
-    slope = pose.sharp.phi_q(at, pose.times)
-    velocity = ball.solved(qd, pose.rows_of(off_by(slope, box(qd, 0.0, Extended), pose.sharp.nu(at, pose.times))))
+    slope, nu = (pose.rows_of(f(at, pose.times), np.longdouble) for f in (pose.sharp.phi_q, pose.sharp.nu))
+    velocity = ball.solved(qd, off_by(slope, qd, nu))
     if qdd is None:
         return velocity.error, None
-    gamma = pose.sharp.gamma(at, velocity.box(), pose.times)
-    return velocity.error, ball.solved(qdd, pose.rows_of(off_by(slope, box(qdd, 0.0, Extended), gamma))).error
+    gamma = pose.rows_of(pose.sharp.gamma(at, velocity.box(), pose.times), np.longdouble)
+    return velocity.error, ball.solved(qdd, off_by(slope, qdd, gamma)).error
 
 
-def _uniqueness(pose: Preconditioned, radii: Any) -> tuple[Any, Any]:
-    """Return uniqueness radius and beta, (B,) each, in the plain largest-component norm.
+def unique_within(system: System, proof: Certificate, t: Any) -> Any:
+    """Return how close to each certified pose, (B,), no other solution has all its coordinates; NaN without a proof.
 
     With the root x at most p from q, any other root y at most u: |x - y| <= (Z0 + Z2 (p + u)/2) |x - y|, the mean of
     |. - q| on the segment being at most (p + u)/2. So u >= 2 (1 - Z0)/Z2 - p, as far as Z2 holds.
     """
-    ones = np.ones_like(pose.q)
-    norm = np.max(product(pose.size, ones), axis=0) * UP
-    rest = 1 - np.max(pose.defect_on(ones), axis=0)
-    reach = np.minimum(1.0, REACH / norm)
-    z2 = np.max(pose.spread_on(pose.slope_over(reach * ones).spread, ones), axis=0) / reach
-    position = np.max(radii, axis=0)
+    pose = Preconditioned(system, proof.rows, proof.root.given, t, 0)
+    ones, position = np.ones_like(pose.q), proof.position
+    reach = np.minimum(1.0, REACH / (UP * np.max(product(pose.size, ones), axis=0)))
+    slope = pose.slope_over(reach * ones)
+    rest = 1 - np.max(pose.defect_on(slope, ones), axis=0)
+    z2 = np.max(pose.spread_on(slope.spread, ones), axis=0) / reach
     free = np.minimum(reach, 2 * rest / (UP * z2) - UP * position) * (2 - UP)
     # The smallest side of the box that holds one root is proved in any case.
-    unique = np.fmax(np.where(position <= reach, free, np.nan), np.min(radii, axis=0))
-    beta = np.where((rest > 0) & ~np.isnan(position), UP * norm / rest, np.nan)
-    return np.where(np.isnan(position), np.nan, unique), beta
+    unique = np.fmax(np.where(position <= reach, free, np.nan), np.min(proof.radii, axis=0))
+    return np.where(np.isnan(position), np.nan, unique)
 
 
 def _joined(parts: list[Certificate]) -> Certificate:

@@ -118,7 +118,7 @@ def isolate_every_choice(system: System, q: Any, t: Any, qd: Any = None, qdd: An
     if len(parts) == 1:
         return parts[0][1]
     order = np.argsort(np.concatenate([samples for samples, _ in parts]))
-    names = ("ok", "bits", "position", "velocity", "acceleration", "unique", "contradiction")
+    names = ("ok", "bits", "position", "velocity", "acceleration", "contradiction")
     joined = {name: np.concatenate([getattr(p, name) for _, p in parts], axis=-1)[..., order] for name in names}
     balls = {int(samples[k]): ball for samples, part in parts for k, ball in part.enclosures.items()}
     why = next((part.why for _, part in parts if part.why), "")

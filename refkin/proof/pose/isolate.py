@@ -33,8 +33,6 @@ class Isolation:
         The precision of the proof: 53 float64, more for balls, 0 none.
     position, velocity, acceleration : (B,) array
         Bounds of the errors of q, qd, qdd; a rate that was not given has NaN.
-    unique : (B,) array
-        No other solution has all its coordinates closer to q than this.
     contradiction : (3, B) array
         Where rows are redundant, the largest |phi| of a row that was not needed, and what such a row misses of velocity
         and of acceleration, in units of what a few roundings of the mechanism's numbers explain: at most 1 is
@@ -52,7 +50,6 @@ class Isolation:
     position: Any
     velocity: Any
     acceleration: Any
-    unique: Any
     contradiction: Any
     rows: Any
     enclosures: dict[int, Enclosure] = field(default_factory=dict)
@@ -85,7 +82,6 @@ def isolate(
         position=proof.position,
         velocity=nothing.copy() if proof.velocity is None else np.max(proof.velocity, axis=0),
         acceleration=nothing.copy() if proof.acceleration is None else np.max(proof.acceleration, axis=0),
-        unique=proof.unique,
         contradiction=np.zeros((3, len(t))),
         rows=proof.rows,
     )
@@ -126,10 +122,6 @@ def _by_balls(bounds: Isolation, sample: Any, enclosure: Enclosure, levels: list
     known = (bounds.position, bounds.velocity, bounds.acceleration)
     for bound, distance in zip(known, enclosure.distances(*levels), strict=False):
         bound[sample] = distance
-    q, position = levels[0], bounds.position[sample]
-    if not bounds.ok[sample]:
-        wider = krawczyk(enclosure.system, q, enclosure.t, enclosure.bits, radius=2 * position)
-        bounds.unique[sample] = np.min(enclosure.radii) if wider is None else 2 * position
     bounds.ok[sample], bounds.bits[sample], bounds.enclosures[int(sample)] = True, enclosure.bits, enclosure
-    off = contradiction(enclosure.system, enclosure.rows, enclosure.root(q), [enclosure.t])
+    off = contradiction(enclosure.system, enclosure.rows, enclosure.root(levels[0]), [enclosure.t])
     bounds.contradiction[0, sample] = off[0]
