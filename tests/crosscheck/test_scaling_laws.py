@@ -110,7 +110,7 @@ def found(request):
         motion = refkin.solve(scene)
         system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
         proof = certify(system, system.to_unit(motion.q), motion.t)
-        unique = unique_within(system, proof, motion.t)
+        unique = unique_within(system, proof.rows, system.to_unit(motion.q), motion.t, proof.position)
         assert motion.verdict is Status.OK
         rows.append(
             (

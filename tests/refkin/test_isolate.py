@@ -46,7 +46,8 @@ def test_towards_a_fold_the_pose_stays_certified(k: int) -> None:
 def test_the_uniqueness_radius_does_not_reach_the_other_branch(k: int) -> None:
     phi = 2 * np.arcsin(np.sqrt(2.0 ** -(k + 1)))
     system = bar(1 - 2.0**-k)
-    unique = unique_within(system, certify(system, at_angle(phi), [0.0]), np.zeros(1))[0]
+    proof = certify(system, at_angle(phi), [0.0])
+    unique = unique_within(system, proof.rows, at_angle(phi), [0.0], proof.position)[0]
     assert phi / 2 < unique <= 2 * phi
 
 

@@ -138,7 +138,8 @@ def test_no_other_solution_is_within_the_proved_distance():
         poses = [motion.q for motion in motions]
         apart = np.max(np.abs(np.mod(poses[0] - poses[1] + math.pi, math.tau) - math.pi), axis=0)
         q, t = poses[0], np.array(TIMES[:2])
-        unique = unique_within(system, certify(system, q, t), t)
+        proof = certify(system, q, t)
+        unique = unique_within(system, proof.rows, q, t, proof.position)
         assert (unique > 0).all(), f"no proof {away} from the dead centre"
         assert (unique < apart).all(), f"unique within {unique}, another solution at {apart}"
 

@@ -151,22 +151,21 @@ def _rates(ball: _Ball, qd: Any, qdd: Any) -> tuple[Any, Any]:
     return velocity.error, ball.solved(qdd, off_by(slope, qdd, gamma)).error
 
 
-def unique_within(system: System, proof: Certificate, t: Any) -> Any:
-    """Return how close to each certified pose, (B,), no other solution has all its coordinates; NaN without a proof.
+def unique_within(system: System, rows: Any, q: Any, t: Any, position: Any) -> Any:
+    """Return how close to each pose q (n, B) no other solution has all its coordinates, (B,); NaN where none is proved.
+
+    Of the equations `rows`, with a root that is proved to lie within `position` (B,) of q.
 
     With the root x at most p from q, any other root y at most u: |x - y| <= (Z0 + Z2 (p + u)/2) |x - y|, the mean of
     |. - q| on the segment being at most (p + u)/2. So u >= 2 (1 - Z0)/Z2 - p, as far as Z2 holds.
     """
-    pose = Preconditioned(system, proof.rows, proof.root.given, t, 0)
-    ones, position = np.ones_like(pose.q), proof.position
+    pose, ones = Preconditioned(system, rows, q, t, 0), np.ones_like(q)
     reach = np.minimum(1.0, REACH / (UP * np.max(product(pose.size, ones), axis=0)))
     slope = pose.slope_over(reach * ones)
     rest = 1 - np.max(pose.defect_on(slope, ones), axis=0)
     z2 = np.max(pose.spread_on(slope.spread, ones), axis=0) / reach
     free = np.minimum(reach, 2 * rest / (UP * z2) - UP * position) * (2 - UP)
-    # The smallest side of the box that holds one root is proved in any case.
-    unique = np.fmax(np.where(position <= reach, free, np.nan), np.min(proof.radii, axis=0))
-    return np.where(np.isnan(position), np.nan, unique)
+    return np.where((position <= reach) & (free > 0.0), free, np.nan)
 
 
 def _joined(parts: list[Certificate]) -> Certificate:

@@ -26,9 +26,9 @@ from typing import Any
 import numpy as np
 
 from refkin.joints import SPACE
-from refkin.proof.numbers.bounded import Extended, Times, bounded_system, box, off_by, read
-from refkin.proof.numbers.preconditioned import WORSE, groups_of_rows, inverses, product
-from refkin.proof.pose.certificate import certify
+from refkin.proof.numbers.bounded import Extended, Times, bounded_system, box, off_by, product, read
+from refkin.proof.numbers.preconditioned import WORSE, groups_of_rows, inverses
+from refkin.proof.pose.certificate import certify, unique_within
 from refkin.proof.pose.isolate import Isolation, isolate
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import System
@@ -94,7 +94,7 @@ def over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any =
             rates = [np.asarray(x, float)[:, at] for x in (qd, qdd) if x is not None]
             away = _Moves(system, proof.rows, q[:, at], t[at], rates).farthest()
             with np.errstate(all="ignore"):
-                share = away[0] / proof.unique[at]
+                share = away[0] / unique_within(system, proof.rows, q[:, at], t[at], proof.position[at])
                 factor = np.where(share <= CLOSE, 1 + 8 * share, np.nan)  # what is beyond the first order
             for bound, far in zip(bounds, away, strict=False):
                 bound[at] += far * factor
@@ -258,12 +258,12 @@ def _times(matrices: Any, vectors: Any) -> Any:
 def _missing(system: System, q: Any, t: Any, rates: list[Any]) -> list[Any]:
     """Return what answers miss of all rows, (B, m) for each level: small by cancellation, so in extended precision."""
     sharp, times, at = bounded_system(system.gauged(q), Extended), Times(t, len(rates)), box(q, 0.0, Extended)
-    slope = sharp.phi_q(at, times)
-    rows = [sharp.phi(at, times)]
+    slope = read(sharp.phi_q(at, times), len(t), np.longdouble)
+    rows = [read(sharp.phi(at, times), len(t))]
     for order, rate in enumerate(rates):
         right = sharp.gamma(at, box(rates[0], 0.0, Extended), times) if order else sharp.nu(at, times)
-        rows.append(off_by(slope, box(rate, 0.0, Extended), right))
-    return [read(numbers, len(t)).mid.T.astype(float) for numbers in rows]
+        rows.append(off_by(slope, rate, read(right, len(t), np.longdouble)))
+    return [missing.mid.T for missing in rows]
 
 
 def _change(system: System, q: Any, t: Any, rate: Any, along: Any, turned: Any, qd: Any) -> Any:
