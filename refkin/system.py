@@ -94,12 +94,10 @@ class System:
         out = np.zeros((self.m, self.n, *q.shape[1:]), dtype=np.result_type(q, np.asarray(t)))
         for p in self.placed:
             blocks = p.constraint.jacobian(p.g, self._given(p, values, t, 0), *(values[s] for s in p.starts))
-            for start, block in zip(p.starts, blocks, strict=True):
-                if start is None:
-                    continue
-                for k, row in enumerate(block):
+            for start, block in ((s, b) for s, b in zip(p.starts, blocks, strict=True) if s is not None):
+                for k, row in enumerate(block, p.row):
                     for column, entry in enumerate(row, start):
-                        out[p.row + k, column] = entry
+                        out[k, column] = entry
         return out
 
     def nu(self, q: Any, t: Any) -> Any:
@@ -136,13 +134,12 @@ class System:
         """Return the values of each body and parameter by the place where it starts in q; None is the ground."""
         numbers = q.tolist() if q.ndim == 1 else q
         kind, bodies = self.kind, range(0, self.of_bodies, self.kind.width)
-        # The ground in whole numbers: bounded ones and balls take a product with 0 or 1 for what it is.
-        values: dict[int | None, Any] = {None: kind.values(*map(int, kind.still))}
+        values: dict[int | None, Any] = {None: kind.values(*kind.still)}
         values |= {k: kind.values(*numbers[k : k + kind.width]) for k in bodies}
         values |= {k: ParameterValue(numbers[k]) for k in range(self.of_bodies, self.n)}
         if qd is not None:
             rates = qd.tolist() if qd.ndim == 1 else qd
-            values[None].moving(*(0,) * kind.width)
+            values[None].moving(*(0.0,) * kind.width)
             for k in bodies:
                 values[k].moving(*rates[k : k + kind.width])
             for k in range(self.of_bodies, self.n):

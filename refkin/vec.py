@@ -93,8 +93,6 @@ def cosine_and_sine(angle: Scalar) -> tuple[Scalar, Scalar]:
     """Return cos and sin of an angle of any arithmetic."""
     if isinstance(angle, float):
         return (math.cos(angle), math.sin(angle)) if math.isfinite(angle) else (math.nan, math.nan)
-    if isinstance(angle, int) and not angle:
-        return 1, 0
     if hasattr(angle, "cos"):  # balls and symbols bring their own
         return angle.cos(), angle.sin()
     return np.cos(angle), np.sin(angle)

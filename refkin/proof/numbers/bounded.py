@@ -80,7 +80,7 @@ class Bounded:
         return self._size
 
     def __add__(self, other: Any) -> Bounded:
-        if isinstance(other, int) and other == 0:
+        if isinstance(other, int | float) and not other:
             return self
         x = other if isinstance(other, Bounded) else self.exactly(other)
         mid = self.mid + x.mid
@@ -95,7 +95,7 @@ class Bounded:
         return (-self).__add__(other)
 
     def __mul__(self, other: Any) -> Any:
-        if isinstance(other, int) and abs(other) <= 1:
+        if isinstance(other, int | float) and other in (0, 1, -1):  # as of the ground, and of points on an axis
             return self if other == 1 else -self if other else 0
         x = other if isinstance(other, Bounded) else self.exactly(other)
         mid = self.mid * x.mid
@@ -330,7 +330,7 @@ def _bounded_system(system: System, number: type[Bounded], error: InputError) ->
         with ctx.workprec(LAW_BITS):
             written = [float(x) for x in p.constraint.constants(as_written(system.unit))]
             g = tuple(number.near(parts(x), error.of(size)) for x, size in zip(p.g, written, strict=True))
-            if error is EXACT:  # points are full of zeros, which cost nothing so
+            if error is EXACT:  # zeros cost nothing so
                 g = tuple(cast(Any, int(float(x))) if x in (0, 1, -1) else y for x, y in zip(p.g, g, strict=True))
         constraint = _Rounded(p.constraint, number, error)
         placed.append(replace(p, constraint=cast(Any, constraint), g=cast(Any, g)))
