@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -228,3 +228,31 @@ def loop(coupler, seed, forms=("half",), far=1.0, **more):
     k.join(SpatialRevolute, "c", GROUND, o2, a2)
     names = coupler(k, p, q)
     return k.scene(coupler.__name__, **more), {frozenset(name.split(" and ")) for name in names}
+
+
+def sliding(cls, seed, wide, driven="crank"):
+    """A loop R-S-S and a joint with an axis that is moved across itself; what is driven, and (D, rho, L, crank).
+
+    D leads from the axis to the crank's end, or to its pivot where the crank is free, rho to the rod's other end.
+    """
+    k = Loop(seed, ("half", "dot", "printed"))
+    o1, a1, a2 = k.vector(), k.vector(), k.vector()
+    p = o1 + 0.5 * (across := np.cross(a1, k.across(a1))) / np.linalg.norm(across)
+    q = p + (rod := k.vector()) / np.linalg.norm(rod)
+    near = q + 0.4 * (across := np.cross(a2, k.across(a2))) / np.linalg.norm(across)
+    crank = k.join(SpatialRevolute, GROUND, "a", o1, a1, turn=0.3)
+    k.ball("a", "b", p), k.ball("b", "c", q)
+    ends = k.draw.permutation([GROUND, "c"]).tolist()
+    turn = {} if cls is SpatialPrismatic else {"turn": 0.2}
+    name = k.join(cls, *ends, near, a2, shift=0.1, **turn, **({"pitch": 0.3} if cls is Screw else {}))
+    k.drive(SpatialAngleDriver, crank if driven == "crank" else name, 0.3 if driven == "crank" else 0.2)
+    if cls is Cylindrical:
+        k.drive(SpatialAngleDriver, name, 0.2)
+    u = a2 / np.linalg.norm(a2)
+    away = np.cross(u, np.cross(p - near, u))
+    away = -away / np.linalg.norm(away)
+    side = "point_i" if ends[0] == GROUND else "point_j"
+    at = tuple((np.array(getattr(k.joints[-1], side)) + wide * away).tolist())
+    k.joints[-1] = replace(k.joints[-1], **{side: at})
+    far = np.linalg.norm(np.cross((p if driven == "crank" else o1) - near - wide * away, u))
+    return k.scene(cls.__name__, count=1), (far, 0.4, 1.0, 0.5)

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import Any
+from itertools import islice
+from typing import Any, cast
 
 from flint import arb, ctx
 
@@ -19,7 +20,7 @@ from refkin.analysis import position
 from refkin.joints import SPACE
 from refkin.motion import Array
 from refkin.proof.assembly.closed_form import MOST_BRANCHES, DeadEnd, PlacedBranch, Placement, place
-from refkin.proof.assembly.dyads import certain_miss, point_rows
+from refkin.proof.assembly.dyads import across, certain_miss, point_rows
 from refkin.proof.assembly.loci import Ball, above, below, length
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind, read_rows
@@ -107,7 +108,8 @@ def _in_space(system: System, t: float, trying: bool) -> Assemblies:
     if miss is not None:
         return Assemblies(complete=True, gap=max(0.0, below(miss.gap)), message=miss.words)
     with ctx.workprec(PRECISION):
-        end = open_loop(point_rows(system, t), system.unit.size)
+        rows = point_rows(system, t)
+        end = open_loop(rows, system.unit.size) or loose_loop(rows, system.unit.size)
     if end is not None:
         return _none([end])
     if not trying:
@@ -208,6 +210,40 @@ def open_loop(rows: Sequence[Any], size: float) -> DeadEnd | None:
             if x > others:
                 return DeadEnd(x - others, lambda n=name, x=x, y=others: _words(n, x * size, y * size))  # type: ignore[misc]
     return None
+
+
+def loose_loop(rows: Sequence[Any], size: float) -> DeadEnd | None:
+    """Return the proof that some loop with one joint of space that slides along an axis never closes; None if none is.
+
+    What enters the one body of that joint and what leaves the other are, at any slide, at least as far apart as their
+    distances from the axis differ: the rest of the loop has to reach that far.
+
+    Parameters
+    ----------
+    rows, size
+        As for `open_loop`.
+    """
+    links = [row for row in rows if row.kind is not RowKind.LINE]
+    loops = (loop for row in rows if row.kind is RowKind.LINE for loop in _closed([(row, row.i, row.j)], links))
+    for loop in islice(loops, MOST_LOOPS):
+        line, after, before = (cast(Any, loop[k][0]) for k in (0, 1, -1))
+        out = (after.p if after.i == line.j else after.q) - line.q
+        into = (before.q if before.j == line.i else before.p) - line.p
+        others = sum((x for _, x in _lengths(loop)), arb(0)) - length(into)
+        axis_i, axis_j = line.normal
+        apart = across(into, axis_i)
+        if axis_j is not None:
+            apart, others = abs(apart - across(out, axis_j)), others - length(out)
+        if apart > others:
+            return DeadEnd(apart - others, lambda n=line.name, x=apart * size, y=others * size: _beside(n, x, y))  # type: ignore[misc]
+    return None
+
+
+def _beside(name: str, x: Ball, others: Ball) -> str:
+    wide, rest = float(x.mid()), float(others.mid())
+    return (
+        f"across the axis of {name} its loop is {wide:.6g} m wide, the rest of it {rest:.6g} m long: no shift closes it"
+    )
 
 
 def _words(name: str, x: Ball, others: Ball) -> str:

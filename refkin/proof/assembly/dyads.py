@@ -1,10 +1,12 @@
 """The proof, in balls, that a spatial mechanism cannot be assembled: circle and line against sphere.
 
 A body on a hinge or a slide whose motion a driver gives stands where that says. A point of a body on a free hinge is on
-a circle, on a free slide on a line; a link, a distance or a body on two spherical joints, keeps it on a sphere around a
-point that stands. Where they certainly miss each other there is no pose: the gap is what is missing. So ends an RSSR
-whose K^2 > P^2 + Q^2, and an RSSP whose rod is too short. Of any mechanism the points that coincide, and the distances
-that are given, make loops (`point_rows`), of which none may have a side longer than all the others together.
+a circle, on a free slide on a line, on a cylinder or a screw at one distance from its axis; a link, a distance or a
+body on two spherical joints, keeps it on a sphere around a point that stands. Where they certainly miss each other
+there is no pose: the gap is what is missing. So ends an RSSR whose K^2 > P^2 + Q^2, and an RSSP whose rod is too short.
+Of any mechanism the points that coincide, and the distances that are given, make loops (`point_rows`), of which none
+may have a side longer than all the others together; nor may one that an axis closes, along which all may slide, be
+wider across it than the rest is long (`loose_loop` of `assembly`).
 """
 
 from __future__ import annotations
@@ -34,7 +36,9 @@ from refkin.proof.numbers.exact import exact
 from refkin.system import System
 
 PRECISION = 113
-HINGE, SLIDE = {PointsMeet, AxesParallel}, {AxesParallel, PointOnAxis, TurnAboutAxis}
+HINGE: set[type] = {PointsMeet, AxesParallel}
+LOOSE: set[type] = {AxesParallel, PointOnAxis}
+SLIDE: set[type] = {AxesParallel, PointOnAxis, TurnAboutAxis}
 Place = Callable[[Any], Vec3]
 """Where a point of a body, in its own frame, stands on the ground."""
 
@@ -60,15 +64,23 @@ def certain_miss(system: System, t: float) -> Miss | None:
 
 
 def point_rows(system: System, t: float) -> list[PointRow]:
-    """Return what joins point to point at time t: where they meet, and distances; slides driven along their axis."""
+    """Return what joins point to point at time t: where they meet, and distances; slides driven along their axis.
+
+    Of a point on an axis the row is that of a line; its `normal` are the axis, and that of body j along it, or None.
+    """
     size, rows = system.unit.size, list[PointRow]()
     slides = {j.name for j in system.mechanism.joints if any(isinstance(e, PointOnAxis) for e in j.elements())}
     for c in system.mechanism.constraints:
         for e in exact(tuple(c.elements())):
             driven = isinstance(e, ShiftAlongAxis) and getattr(c, "joint", "") in slides
-            if not (driven or isinstance(e, PointsMeet | SpatialPointDistance)):
+            if not (driven or isinstance(e, PointsMeet | SpatialPointDistance | PointOnAxis)):
                 continue
             (i, p), (j, q) = ((body, Vec3(*(arb(x) / size for x in u))) for body, u in e.ends)
+            if isinstance(e, PointOnAxis):
+                axis_j = getattr(exact(c), "axis_j", None)
+                axes = tuple(axis and frame(axis, None)[2] for axis in (e.axis_i, axis_j))
+                rows.append(PointRow(RowKind.LINE, i, j, cast(Any, p), cast(Any, q), c.name, normal=cast(Any, axes)))
+                continue
             meets = isinstance(e, PointsMeet)
             apart = None if meets else abs(arb(e.laws[0](arb(float(t)), 0) if e.laws else e.length)) / size
             kind = RowKind.PIN if meets else RowKind.DISTANCE
@@ -136,7 +148,7 @@ class _Reader:
             return abs(_length(self.places[body](u) - near) - length)
         for plain, c in self.joints.values():
             kinds = {type(e) for e in plain.elements()}
-            if GROUND not in plain.bodies or body not in plain.bodies or kinds not in (HINGE, SLIDE):
+            if GROUND not in plain.bodies or body not in plain.bodies or not (kinds == HINGE or kinds >= LOOSE):
                 continue
             i, j = ("i", "j") if c.body_i == GROUND else ("j", "i")
             axis, at = getattr(c, f"axis_{i}"), self._vector(getattr(c, f"point_{i}"))
@@ -150,13 +162,18 @@ class _Reader:
                 beside = _length(w - h * up)
                 nearest, furthest = (_root((beside - s * radius) ** 2 + up * up) for s in (1, -1))
                 return max([nearest - length, length - furthest], key=below)
-            if None in (c.zero_i, c.zero_j):
-                return None
+            if kinds != SLIDE:
+                return abs(across(near - at, h) - across(own, frame(getattr(c, f"axis_{j}"), None)[2])) - length
             rest = frame(getattr(c, f"axis_{j}"), getattr(c, f"zero_{j}"))
             f, g, _ = frame(axis, getattr(c, f"zero_{i}"))
             w = near - at - f * own.dot(rest[0]) - g * own.dot(rest[1])
             return _length(w - h * w.dot(h)) - length
         return None
+
+
+def across(v: Vec3, h: Vec3) -> Ball:
+    """Return how far a vector leads from a line along h."""
+    return _length(v - h * v.dot(h))
 
 
 def _length(v: Vec3) -> Ball:

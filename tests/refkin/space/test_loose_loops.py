@@ -1,0 +1,52 @@
+"""Loops with a joint that slides along an axis: what is proved not to close, and that nothing is that does."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import refkin
+from refkin.joints import Cylindrical, Screw, SpatialPrismatic
+from refkin.motion import Status
+from refkin.proof.assembly.assembly import assemblies
+from refkin.proof.assembly.dyads import certain_miss
+from refkin.system import compile_system
+from tests.idle import SPINNING, loop, sliding
+
+WIDE = np.linspace(0.0, 2.5, 11)
+
+
+def system_of(scene):
+    return compile_system(scene.mechanism, unit=scene.mechanism.unit())
+
+
+@pytest.mark.parametrize("cls", [Cylindrical, Screw])
+def test_a_rod_is_proved_not_to_reach_a_cylinder_exactly_where_the_distances_across_its_axis_say_so(cls):
+    proved, true = [], []
+    for seed in range(6):
+        for wide in WIDE:
+            scene, (far, rho, rod, _) = sliding(cls, seed, wide)
+            proved.append(certain_miss(system_of(scene), 0.0) is not None)
+            true.append(abs(far - rho) > rod)
+
+    assert proved == true
+    assert set(true) == {False, True}
+
+
+@pytest.mark.parametrize("wide", [0.0, 3.0])
+def test_a_screw_too_far_off_is_unassemblable_although_nothing_stands(wide):
+    """The crank is free, the screw driven: the loop across its axis is wider than crank, rod and arm are long."""
+    scene, (far, rho, rod, crank) = sliding(Screw, 2, wide, driven="screw")
+    answer, beyond = refkin.solve(scene), far - rho > rod + crank
+
+    assert beyond == (wide > 0.0)
+    assert answer.status[0] is (Status.UNASSEMBLABLE if beyond else Status.OK)
+    assert ("no shift closes it" in answer.message) == beyond
+
+
+def test_no_loop_that_closes_is_proved_open():
+    closing = [loop(coupler, seed, off=0.0)[0] for coupler in SPINNING for seed in range(3)]
+    closing += [sliding(c, s, 0.0, d)[0] for c in (Cylindrical, Screw) for s in range(6) for d in ("crank", "axis")]
+    closing += [sliding(SpatialPrismatic, seed, 0.0)[0] for seed in range(6)]
+    for scene in closing:
+        assert assemblies(system_of(scene), 0.0, trying=False).gap is None, scene.name
