@@ -30,7 +30,7 @@ from tests.idle import (
     two_halves,
 )
 
-FORMS = ("half", "dot", "printed")
+FORMS = ("half", "dot")
 SEED = 7
 
 

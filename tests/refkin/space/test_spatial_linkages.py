@@ -547,8 +547,7 @@ def test_without_its_spin_a_body_moves_the_points_of_its_line_as_before():
     p = q[3:] = q[3:] / np.linalg.norm(q[3:])
     qd[3:] -= p * (p @ qd[3:])
     qdd[3:] -= p * (p @ qdd[3:] + qd[3:] @ qd[3:])
-    g = (*draw.normal(size=4), *line, *through)
-    still = [level[:, 0] for level in _still(g, q[:, None], qd[:, None], qdd[:, None])]
+    still = [level[:, 0] for level in _still((line, through), q[:, None], [qd[:, None], qdd[:, None]])[0]]
     spin = hamilton(p, [0.0, *line])
 
     assert [spin @ level[3:] for level in still] == pytest.approx([0.0, 0.0], abs=1e-14)
