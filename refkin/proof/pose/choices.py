@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
+from functools import partial
 from itertools import combinations
 from typing import Any
 
@@ -38,7 +39,7 @@ MOST_CHOICES = 256
 MOST_OF_SPACE = 16
 """The same in space: a loop of four hinges has 2024 choices, each as costly as the first."""
 MOST_COMBINATIONS = 20_000
-"""Sets of rows of which it is asked whether they are such a choice; where there are more, no bound is given."""
+"""Sets of rows of which it is asked whether they are such a choice; of more of them norms say how far they lead."""
 STEP = 1e-100
 """Complex step: nothing of its square is left."""
 CLOSE = 2.0**-6
@@ -69,7 +70,7 @@ def over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any =
     -------
     Isolation
         With `why` where there are too many choices to certify: its bounds hold for those that serve as well as the
-        rows of the proof, or are NaN where there are too many for that, too.
+        rows of the proof, or are NaN where that is not known of some pose.
     """
     if system.m == system.n or not proof.ok.any():
         return proof
@@ -82,22 +83,22 @@ def over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any =
             for bound, of_choice in zip(bounds, _bounds(system, rows, proof.ok, q, t, qd, qdd), strict=True):
                 np.maximum(bound, of_choice, out=bound)
         return replace(proof, position=bounds[0], velocity=bounds[1], acceleration=bounds[2])
+    asked = np.flatnonzero(proof.ok)
+    for first in range(0, len(asked), AT_A_TIME):
+        at = asked[first : first + AT_A_TIME]
+        rates = [np.asarray(x, float)[:, at] for x in (qd, qdd) if x is not None]
+        moves = _Moves(system, proof.rows, q[:, at], t[at], rates)
+        away = moves.at_most() if combinations_of(system) > MOST_COMBINATIONS else moves.farthest()
+        with np.errstate(all="ignore"):
+            share = away[0] / unique_within(system, proof.rows, q[:, at], t[at], proof.position[at])
+            factor = np.where(share <= CLOSE, 1 + 8 * share, np.nan)  # what is beyond the first order
+        for bound, far in zip(bounds, away, strict=False):
+            bound[at] += far * factor
     why = f"redundant rows can be chosen in more than {most} ways"
-    if combinations_of(system) > MOST_COMBINATIONS:
-        bounds = [np.full_like(bound, np.nan) for bound in bounds]
+    if np.isnan(bounds[0][asked]).any():
         why = f"{why}: no error bound covers all of them"
     else:
         why = f"{why}: the bounds cover those whose inverse is at most {WORSE:g} times that of all rows"
-        asked = np.flatnonzero(proof.ok)
-        for first in range(0, len(asked), AT_A_TIME):
-            at = asked[first : first + AT_A_TIME]
-            rates = [np.asarray(x, float)[:, at] for x in (qd, qdd) if x is not None]
-            away = _Moves(system, proof.rows, q[:, at], t[at], rates).farthest()
-            with np.errstate(all="ignore"):
-                share = away[0] / unique_within(system, proof.rows, q[:, at], t[at], proof.position[at])
-                factor = np.where(share <= CLOSE, 1 + 8 * share, np.nan)  # what is beyond the first order
-            for bound, far in zip(bounds, away, strict=False):
-                bound[at] += far * factor
     return replace(proof, position=bounds[0], velocity=bounds[1], acceleration=bounds[2], why=why)
 
 
@@ -202,17 +203,42 @@ class _Moves:
         if len(rates) == 2:
             still = _change(system, q, t, None, 0.0 * self.inverse, self.inverse, rates[0])
             self.turned, self.missed_turning = self.solved(still)
+        own = np.linalg.norm(self.inverse, axis=(1, 2))
+        self.limit = np.fmax(WORSE / np.linalg.svd(self.slope, compute_uv=False)[:, -1], own)
 
     def solved(self, w: Any) -> tuple[Any, Any]:
         """Return what solves the first rows for right sides (B, m, L), and what that leaves of the others."""
         y = self.inverse @ w[:, self.rows]
         return y, w[:, self.others] - self.slope[:, self.others] @ y
 
+    def at_most(self) -> list[Any]:
+        """Return a bound of the distance of every choice that serves as well, by norms, (B,) for each level.
+
+        What another choice adds to a level is its inverse times what its rows miss there: of the rows left out what the
+        answer misses, and of all rows what the levels below are moved by.
+        """
+        inward = self.slope[:, self.rows]
+
+        def effect(moved: Any, missed: Any) -> Any:
+            right = self.slope @ moved
+            right[:, self.others] += missed
+            return right[:, :, : len(self.rows)] @ inward
+
+        missed = [np.linalg.norm(level[:, :, -1], axis=1) for level in self.missed]
+        far, norm = [self.limit * missed[0]], partial(np.linalg.norm, ord=2, axis=(1, 2))
+        if len(missed) > 1:
+            slopes = [effect(*both) for both in zip(self.moved[1:], self.missed[1:], strict=True)]
+            far.append(self.limit * (missed[1] + norm(slopes[0]) * far[0]))
+        if len(missed) > 2:
+            turning = effect(self.turned, self.missed_turning)
+            along = slopes[1] - turning @ self.moved[1][:, :, : len(self.rows)] @ inward
+            far.append(self.limit * (missed[2] + norm(along) * far[0] + norm(turning) * far[1]))
+        return far
+
     def farthest(self) -> list[Any]:
         """Return the largest distance of a choice that serves as well, (B,) for each level."""
         batch, d, n = self.factors.shape
-        own = np.linalg.norm(self.inverse, axis=(1, 2))
-        limit = np.fmax(WORSE / np.linalg.svd(self.slope, compute_uv=False)[:, -1], own)
+        own, limit = np.linalg.norm(self.inverse, axis=(1, 2)), self.limit
         gram, far = np.swapaxes(self.inverse, 1, 2) @ self.inverse, [np.zeros(batch) for _ in self.moved]
         for count in range(1, d + 1):
             olds = np.array(list(combinations(range(n), count)))
