@@ -80,6 +80,7 @@ class ExudynModel:
         self.solver = exu.MainSolverStatic()
         self.solver.InitializeSolver(self.mbs, quiet_settings())
         self.n, self.m = self.solver.GetODE2size(), self.solver.GetAEsize()
+        self._still = np.zeros(self.n)
 
     def _engine_rows(self, block: Block) -> list[int]:
         rows = list(self.data.GetObjectLTGAE(block.item))
@@ -107,7 +108,7 @@ class ExudynModel:
 
     def at_rest(self, q: Array, t: float) -> tuple[Array, Array, Array]:
         """Return residual, Jacobian, and velocity of the rows while the bodies rest; raises as `residual` does."""
-        self.set_state(q, t, np.zeros(self.n))
+        self.set_state(q, t, self._still)
         rows, velocity = (self._algebraic_equations(velocity_level=level) for level in (False, True))
         cylinders = self._cylinders()
         jacobian = self._jacobian({row: rows[row] + f for row, f, _ in cylinders})
@@ -125,7 +126,7 @@ class ExudynModel:
             self.solver.ComputeJacobianAE(self.mbs)
         except exu.InternalError as error:
             raise EngineError(f"exudyn: {error}") from error
-        rows: Array = self.solver.GetSystemJacobian()[self.n :, : self.n].copy()
+        rows: Array = self.solver.GetSystemJacobian()[self.n :, : self.n]
         for row, distance in distances.items():
             rows[row] *= distance
         return rows
@@ -178,7 +179,7 @@ class ExudynModel:
             self.solver.ComputeAlgebraicEquations(self.mbs, velocity_level)
         except exu.InternalError as error:
             raise EngineError(f"exudyn: {error}") from error
-        rows: Array = self.solver.GetSystemResidual()[self.n :].copy()
+        rows: Array = self.solver.GetSystemResidual()[self.n :]
         return rows
 
     def _cylinders(self) -> list[tuple[int, float, float]]:

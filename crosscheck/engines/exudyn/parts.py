@@ -27,6 +27,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 from exudyn import itemInterface as item
 
 from crosscheck.engines.exudyn.readings import Readings, dot, product_drift
@@ -58,23 +59,32 @@ class Clock:
     ----------
     follows : bool
         Whether the time is the one that exudyn asks for, as in its time integration, not the one that was set.
-    least : int
-        Up to which derivative laws are evaluated in any case: where all are asked for, one after another.
     """
 
     follows = False
-    least = 0
 
     def __init__(self) -> None:
         self.laws: list[tuple[Law, float, float]] = []
         self.values: list[tuple[float, ...]] = []
         self._known: tuple[float, int] = (math.nan, 0)
+        self._least = 0
+        self._table: dict[float, list[tuple[float, ...]]] = {}
 
     def add(self, law: Law, shift: float, size: float) -> int:
         """Take in a law, as (f - shift) / size, and return its number."""
         self.laws.append((law, shift, size))
         self.values.append((math.nan,) * 3)
         return len(self.laws) - 1
+
+    def tabulate(self, times: Sequence[float], order: int) -> None:
+        """Evaluate the laws at all times that will be asked for, with derivatives up to `order`; so at others, too."""
+        laws, self._least = list[list[tuple[float, ...]]](), order
+        for law, shift, size in self.laws:
+            rows = np.full((3, len(times)), math.nan)
+            for i in range(order + 1):
+                rows[i] = (law(np.array(times), i) - (0.0 if i else shift)) / size
+            laws.append(list(zip(*rows.tolist(), strict=True)))
+        self._table = {t: [rows[k] for rows in laws] for k, t in enumerate(times)}
 
     def set(self, t: float, order: int) -> None:
         """Evaluate the laws and their derivatives up to `order`, unless that is what they say already.
@@ -83,16 +93,20 @@ class Clock:
         """
         if t == self._known[0] and order <= self._known[1]:
             return
-        order = max(order, self.least)
+        order = max(order, self._least)
         self._known = (t, order)
+        if order == self._least and t in self._table:
+            self.values[:] = self._table[t]
+            return
         for k, (law, shift, size) in enumerate(self.laws):
             known = [(float(law(t, i)) - (0.0 if i else shift)) / size for i in range(order + 1)]
             self.values[k] = (*known, *(math.nan,) * (2 - order))
+        if order == self._least:
+            self._table[t] = list(self.values)
 
     def at(self, law: int, order: int, t: float) -> float:
-        """Return what a law says when exudyn asks for it at its own time t."""
-        if self.follows:
-            self.set(t, 1)
+        """Return what a law says at exudyn's own time t."""
+        self.set(t, 1)
         return self.values[law][order]
 
 
@@ -184,13 +198,13 @@ class Builder:
 
     def driven(self, markers: list[Any], law: int) -> Any:
         """Add a CoordinateConstraint: the second marker's coordinate minus the first's follows a law."""
-        at = self.clock.at
+        clock, at, values = self.clock, self.clock.at, self.clock.values
         return self.mbs.AddObject(
             item.CoordinateConstraint(
                 markerNumbers=markers,
-                offsetUserFunction=lambda mbs, t, number, offset: at(law, 0, t),
+                offsetUserFunction=lambda mbs, t, number, offset: at(law, 0, t) if clock.follows else values[law][0],
                 # Without this one exudyn silently takes the rate of the driver as zero.
-                offsetUserFunction_t=lambda mbs, t, number, offset: at(law, 1, t),
+                offsetUserFunction_t=lambda mbs, t, number, offset: at(law, 1, t) if clock.follows else values[law][1],
             )
         )
 
@@ -205,11 +219,11 @@ def is_slider(elements: Sequence[Element]) -> bool:
 def _coincide(b: Builder, e: PointsCoincide) -> None:
     joint = b.mbs.AddObject(item.RevoluteJoint2D(markerNumbers=b.points(e)))
 
-    acceleration, (one, other) = b.read.acceleration, e.ends
+    one, other = (b.read.acceleration_of(*end) for end in e.ends)
 
     def drift() -> Iterable[float]:
-        i, j = acceleration(*one), acceleration(*other)
-        return i[0] - j[0], i[1] - j[1]
+        (xi, yi, _), (xj, yj, _) = one(), other()
+        return xi - xj, yi - yj
 
     b.blocks.append(Block(e.name, joint, e.row, ((1.0, Linear()), (1.0, Linear())), (1, 1), drift))
 
@@ -302,9 +316,10 @@ def _coordinate(b: Builder, e: PointCoordinate) -> None:
         axis0=[1.0 - e.axis, float(e.axis), 0.0],
     )
     actuator = b.driven([b.still, b.mbs.AddMarker(along)], law)
+    acceleration = b.read.acceleration_of(e.body_j, e.point_j)
 
     def drift() -> Iterable[float]:
-        return (b.clock.values[law][2] - b.read.acceleration(e.body_j, e.point_j)[e.axis],)
+        return (b.clock.values[law][2] - acceleration()[e.axis],)
 
     b.blocks.append(Block(e.name, actuator, e.row, ((1.0, Linear()),), (1,), drift))
 

@@ -6,7 +6,7 @@ zero, as they are in a static solver, these accelerations are the parts that hol
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import exudyn as exu
@@ -43,15 +43,15 @@ class Readings:
         if body == GROUND:
             return (local[0], local[1]), ZERO, ZERO
         number = self.bodies[body]
-        x, v = (self.output(number, kind, local).tolist() for kind in (OUT.Position, OUT.Velocity))
-        return (x[0], x[1]), (v[0], v[1]), self.acceleration(body, point)
+        x, v, a = (self.output(number, kind, local).tolist() for kind in (OUT.Position, OUT.Velocity, ACCELERATION))
+        return (x[0], x[1]), (v[0], v[1]), (a[0], a[1])
 
-    def acceleration(self, body: str, point: Pair) -> Pair:
-        """Return exudyn's acceleration of a point at the present state; exudyn itself gives none for the ground."""
+    def acceleration_of(self, body: str, point: Pair) -> Callable[[], Sequence[float]]:
+        """Return what reads exudyn's acceleration (3,) of a point; exudyn itself gives none for the ground."""
         if body == GROUND:
-            return ZERO
-        x, y, _ = self.output(self.bodies[body], ACCELERATION, self.local(body, point)).tolist()
-        return x, y
+            return lambda: (0.0, 0.0, 0.0)
+        read, number, local = self.output, self.bodies[body], self.local(body, point)
+        return lambda: read(number, ACCELERATION, local).tolist()
 
     def spin(self, body: str) -> float:
         """Return exudyn's angular velocity of a body."""

@@ -13,7 +13,7 @@ import numpy as np
 from crosscheck.engines import Array, EngineError
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
-from crosscheck.engines.march import EPS, Equations, March, Tabulated, close, extrema, march, march_of, solve
+from crosscheck.engines.march import EPS, Equations, March, close, extrema, march, march_of, solve
 from crosscheck.scenes.names import order_of
 from refkin.joints import RelativeAngle, Unit, elements_of
 from refkin.model import Scene
@@ -219,15 +219,15 @@ class ExudynEquations(OwnSolver):
         self.model, self.solver, self.predicts = model, solver, solver.predicts
         self.row_scale = solver.size**model.powers
         self.column_scale = np.tile([solver.size, solver.size, 1.0], model.n // 3)
+        self._scale = self.column_scale / self.row_scale[:, None]
+        whole = model.live == list(range(model.m))  # nothing to be picked: most mechanisms have no empty row
+        self._live: Any = slice(None) if whole else model.live
         self._at_rest = dict[tuple[float, bytes], Array]()
         columns = {body.name: 3 * k + 2 for k, body in enumerate(scene.mechanism.bodies)}
         joints = [tuple(elements_of([joint])) for joint in scene.mechanism.joints]
         held: list[Any] = [elements[1] for elements in joints if is_slider(elements)]
         self.slides = [(angle, *map(columns.get, angle.bodies)) for angle in held]
-        model.clock.least = max(order_of(scene), 1)
-        for k, (law, shift, size) in enumerate(model.clock.laws):
-            table: Any = Tabulated(law, scene.times)
-            model.clock.laws[k] = (table, shift, size)
+        model.clock.tabulate(scene.times, max(order_of(scene), 1))
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
         """Return residuals (B, m) and Jacobians (B, m, n), NaN where exudyn has none."""
@@ -235,14 +235,14 @@ class ExudynEquations(OwnSolver):
         return np.array(residuals), np.array(jacobians)
 
     def _rows(self, q: Array, t: float) -> tuple[Array, Array]:
-        live, units = self.model.live, self.row_scale
+        live, units = self._live, self.row_scale
         try:
             residual, jacobian, velocity = self.model.at_rest(q * self.column_scale, t)
         except EngineError:
             residual = velocity = np.full(self.model.m, np.nan)
             jacobian = np.full((self.model.m, self.model.n), np.nan)
-        self._at_rest[t, q.tobytes()] = -velocity[live] / units
-        return residual[live] / units, jacobian[live] * self.column_scale / units[:, None]
+        self._at_rest[t, q.tobytes()] = velocity[live] / -units
+        return residual[live] / units, jacobian[live] * self._scale
 
     def nu(self, q: Array, t: Array) -> Array:
         """Return the right sides of the velocities (B, m), NaN where exudyn has none."""
