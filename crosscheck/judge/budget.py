@@ -31,6 +31,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -108,6 +109,11 @@ class Propagation:
     rounding: tuple[Any, Any, Any]
     radius: tuple[Any, Any, Any]
 
+    @cached_property
+    def own(self) -> list[Any]:
+        """What the reference may be off by, (n, T) per level: no more than an engine without terms."""
+        return [np.fmin(radius, ours) for radius, ours in zip(self.radius, self.carried(*self.e), strict=True)]
+
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors where an engine adds these terms."""
         added = [
@@ -118,10 +124,8 @@ class Propagation:
             for level, e, size, rates in zip(LEVELS, self.e, self.size, self.rates, strict=True)
         ]
         levels = [
-            theirs + np.fmin(radius, ours) + rounding
-            for theirs, ours, radius, rounding in zip(
-                self.carried(*added), self.carried(*self.e), self.radius, self.rounding, strict=True
-            )
+            theirs + ours + rounding
+            for theirs, ours, rounding in zip(self.carried(*added), self.own, self.rounding, strict=True)
         ]
         for term in (term for term in terms if term.form):
             levels = [level + more for level, more in zip(levels, self._left_in(term.form, term.absolute), strict=True)]
@@ -186,9 +190,11 @@ def residual_error(system: System, q: Any, t: Any) -> Any:
 def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
     """Return how errors of residuals move a solution (n, T) of the system; the products of the module's formulas."""
     inverse = _inverse(system, q, t)
-    second = _slope(lambda z: _times(system.phi_q(z, t), qd[:, None]) - system.nu(z, t), q)
-    third = _slope(lambda z: _times(system.phi_q(z, t), qdd[:, None]) - system.gamma(z, qd[:, None], t), q)
-    coriolis = _slope(lambda z: system.gamma(q[:, None], z, t), qd)
+    z, turning = _stepped(q), qd[:, None]
+    bent = np.imag(system.phi_q(z, t)) / STEP
+    second = _times(bent, turning) - np.imag(system.nu(z, t)) / STEP
+    third = _times(bent, qdd[:, None]) - np.imag(system.gamma(z, turning, t)) / STEP
+    coriolis = np.imag(system.gamma(q[:, None], _stepped(qd), t)) / STEP
     rate = _product(inverse, second)  # A S
     bend = _product(inverse, third + _product(coriolis, rate))
     own = np.abs(inverse)
@@ -237,13 +243,9 @@ def _solve_error(size: Any) -> Any:
     return len(size) * U * np.broadcast_to(np.max(size, axis=0), size.shape)
 
 
-def _slope(function: Any, x: Any) -> Any:
-    """Return the derivative (m, n, T) of a function of (n, T) by complex steps, exact to round-off.
-
-    All n steps are taken at once, along an axis in the middle: the function takes (n, n, T) and gives (m, n, T).
-    """
-    moved = x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
-    return np.imag(function(moved)) / STEP
+def _stepped(x: Any) -> Any:
+    """Return (n, n, T): x (n, T) with a complex step in each component, whose derivatives are exact to round-off."""
+    return x[:, None] + 1j * STEP * np.eye(len(x))[:, :, None]
 
 
 def _clock(system: System, t: Any) -> Any:
@@ -302,4 +304,4 @@ def _residual_error(left: Any, rate: Any, right: Any, shape: tuple[int, ...]) ->
 def _first_order(system: System, inverse: Any, dq: Any, q: Any, t: Any) -> Any:
     """Return per sample whether dq changes J by less than a tenth of itself, so that first order says enough."""
     change = np.imag(system.phi_q(q + 1j * STEP * dq, t)) / STEP
-    return np.max(np.sum(np.einsum("nmt,mkt->nkt", inverse, np.abs(change)), axis=1), axis=0) < 0.1
+    return np.max(_times(inverse, np.sum(np.abs(change), axis=1)), axis=0) < 0.1

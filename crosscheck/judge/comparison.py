@@ -214,7 +214,7 @@ def _judge(
         relative = np.where(np.max(error, axis=0) == 0.0, 0.0, np.max(error, axis=0) / scale)
         digits = np.minimum(MOST_DIGITS, -np.log10(relative))
     out.error[samples], out.ratio[samples], out.digits[samples] = np.max(error, axis=0), np.max(ratio, axis=0), digits
-    row, sample = (int(k) for k in np.unravel_index(np.nanargmax(ratio), ratio.shape))
+    row, sample = (int(k) for k in np.unravel_index(np.argmax(np.fmax(ratio, 0.0)), ratio.shape))
     return replace(out, worst=At(names[row], float(t[samples][sample])))
 
 

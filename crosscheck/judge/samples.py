@@ -55,7 +55,8 @@ def common_sample(ref: Reference) -> Common | None:
     if not times.size:
         return None
     k = int(times[times.size // 2])
-    return Common(k=k, scale={q: float(scales(ref.levels[level], level)[k]) for level, q in enumerate(QUANTITIES)})
+    at = np.s_[:, k : k + 1]
+    return Common(k=k, scale={q: float(scales(ref.levels[level][at], level)[0]) for level, q in enumerate(QUANTITIES)})
 
 
 def off_at(q: QuantityComparison, common: Common | None) -> list[float | None]:
@@ -67,19 +68,23 @@ def off_at(q: QuantityComparison, common: Common | None) -> list[float | None]:
 
 def histogram(digits: Iterable[float]) -> Histogram:
     """Return how often each number of digits occurs, in whole tenths, rounded down; NaN is left out."""
-    counts: Histogram = {}
-    for value in np.asarray(list(digits)):
-        if np.isfinite(value):
-            tenths = int(np.floor(value * 10))
-            counts[tenths] = counts.get(tenths, 0) + 1
-    return counts
+    values = np.asarray(list(digits))
+    return _counted(np.zeros(len(values), int), values).get(0, {})
 
 
 def by_decade(sigma: Any, digits: Any) -> By:
     """Return the histogram of digits for each decade of sigma_min, the distance to a singular pose."""
-    seen = np.isfinite(sigma) & np.isfinite(digits) & (np.asarray(sigma) > 0)
-    decades = np.floor(np.log10(sigma[seen])).astype(int)
-    return {d: histogram(digits[seen][decades == d]) for d in sorted(set(decades.tolist()))}
+    seen = np.isfinite(sigma) & (np.asarray(sigma) > 0)
+    return dict(sorted(_counted(np.floor(np.log10(sigma[seen])).astype(int), digits[seen]).items()))
+
+
+def _counted(groups: Any, digits: Any) -> By:
+    counts: By = {}
+    seen = np.isfinite(digits)
+    for group, tenths in zip(groups[seen].tolist(), np.floor(digits[seen] * 10).astype(int).tolist(), strict=True):
+        own = counts.setdefault(group, {})
+        own[tenths] = own.get(tenths, 0) + 1
+    return counts
 
 
 def largest(values: Any) -> float | None:
