@@ -37,7 +37,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Term
-from crosscheck.judge.running_error import Running, U, errors, product_sum, running
+from crosscheck.judge.running_error import Running, U, off_by, parts, running
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Table
 from refkin.solving.starts import in_form
@@ -161,11 +161,11 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     e_phi = residual_error(system, q, t)
     moving = _times(jacobian, np.abs(qd))
     at = running(q)
-    slope = system.phi_q(at, clock)
-    e_nu = SAFETY * _residual_error(slope, qd, system.nu(at, clock), t.shape) + _solve_error(moving)
+    slope = parts(system.phi_q(at, clock), t.shape)  # the rounding of the results is `output_rounding`
+    nu, gamma = (parts(x, t.shape) for x in (system.nu(at, clock), system.gamma(at, running(qd), clock)))
+    e_nu = SAFETY * off_by(slope, qd, nu)[1] + _solve_error(moving)
     bending = _times(jacobian, np.abs(qdd)) + np.abs(system.gamma(q, qd, t))
-    right = system.gamma(at, running(qd), clock)
-    e_gamma = SAFETY * _residual_error(slope, qdd, right, t.shape) + _solve_error(bending)
+    e_gamma = SAFETY * off_by(slope, qdd, gamma)[1] + _solve_error(bending)
     rate = np.max(np.abs(qd), axis=0)
     return Propagation(
         system=system,
@@ -184,7 +184,7 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
 
 def residual_error(system: System, q: Any, t: Any) -> Any:
     """Return what the formulas leave of the residual (m, T) at rounded coordinates, tables aside."""
-    return SAFETY * errors(system.phi(running(q, U * np.abs(q)), _clock(system, t)), t.shape)
+    return SAFETY * parts(system.phi(running(q, U * np.abs(q)), _clock(system, t)), t.shape)[1]
 
 
 def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
@@ -291,14 +291,6 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any
     bend = arms * (np.max(np.abs(qdd), axis=0) + np.max(np.abs(qd), axis=0) ** 2)
     roundings = 6 * U  # cosine or sine, product and sum for each arm, on both sides of a comparison
     return roundings * position, roundings * rate, roundings * bend
-
-
-def _residual_error(left: Any, rate: Any, right: Any, shape: tuple[int, ...]) -> Any:
-    """Return the running error (m, T) of phi_q rate less a right side, from running numbers of both."""
-    rows, moving = np.empty(len(left), object), running(rate)  # the rounding of the result is `output_rounding`
-    for m, row in enumerate(left):
-        rows[m] = product_sum(row, moving) - right[m]
-    return errors(rows, shape)
 
 
 def _first_order(system: System, inverse: Any, dq: Any, q: Any, t: Any) -> Any:

@@ -34,7 +34,7 @@ from flint import arb
 from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
-from crosscheck.judge.running_error import Running, U, errors, running
+from crosscheck.judge.running_error import Running, U, parts, running
 from crosscheck.judge.spatial import alike, idle_lines, reversed_joints, spun
 from crosscheck.scenes.hard_case import HardCase
 from refkin.joints import PLANE
@@ -258,7 +258,7 @@ ROUNDINGS = 6 * U
 def residual_error(system: System, q: Any, t: float) -> Any:
     """Return what rounding leaves of the residual (m,) at a pose (n,)."""
     rows = system.phi(running(q, U * np.abs(q)), Running(np.float64(t)))
-    return BOTH_SIDES * SAFETY * errors(rows, ())
+    return BOTH_SIDES * SAFETY * parts(rows)[1]
 
 
 def least_error(system: System, q: Any, t: float) -> Any:

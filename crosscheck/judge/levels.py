@@ -20,7 +20,7 @@ from crosscheck.engines.frames import RowMap
 from crosscheck.engines.spatial.turning import common_columns
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
 from crosscheck.judge.records import At
-from crosscheck.judge.running_error import Running, U, errors, product_sum, running
+from crosscheck.judge.running_error import Running, U, off_by, parts, running
 from refkin.joints import elements_of
 from refkin.model import Mechanism
 from refkin.solving.starts import in_form
@@ -209,18 +209,20 @@ def _size(level: Level, at: Configuration) -> float:
 def _ours(system: System, at: Configuration) -> dict[Any, Any]:
     """Return our values at a configuration, with the running errors of each."""
     coordinates = np.append(at.q, at.contacts)
-    q, qd = running(coordinates), running(np.append(at.qd, 0.0 * at.contacts))
+    rates = np.append(at.qd, 0.0 * at.contacts)
+    q, qd = running(coordinates), running(rates)
     rounded = running(coordinates, U * np.abs(coordinates))  # as a point's place in the ground frame is, once composed
-    slope = system.phi_q(q, at.t)
-    rate = np.empty(system.m, object)
-    nu = system.nu(q, at.t)
-    for m in range(system.m):
-        rate[m] = product_sum(slope[m], qd) - nu[m]
-    slope, gamma = slope[:, : system.of_bodies], system.gamma(q, qd, at.t)
+    slope, gamma = system.phi_q(q, at.t), system.gamma(q, qd, at.t)
+    rate = off_by(parts(slope), rates, parts(system.nu(q, at.t)))
+    slope = slope[:, : system.of_bodies]
     if system.kind.name == "spatial":
         slope, gamma = _in_common_columns(slope, gamma, at)
-    values = {"x": system.phi(rounded, at.t), "x_q": slope, "x'": rate, "gamma": gamma}
-    ours: dict[Any, Any] = {key: (_values(v), errors(v, ())) for key, v in values.items()}
+    ours: dict[Any, Any] = {
+        "x": parts(system.phi(rounded, at.t)),
+        "x_q": parts(slope),
+        "x'": rate,
+        "gamma": parts(gamma),
+    }
     largest = {Level.RESIDUAL: "x", Level.JACOBIAN: "x_q", Level.CONSTRAINT_VELOCITY: "x'", Level.DRIFT: "gamma"}
     ours["scale"] = {level: float(np.max(np.abs(ours[key][0]))) for level, key in largest.items()}
     return ours
@@ -263,8 +265,3 @@ def _mapped(level: Level, m: RowMap, row: int, ours: dict[Any, Any]) -> tuple[An
         # F'' at an x known to ex
         error = error + (abs(m.factor * (m.form(x + ex, 2) - m.form(x, 2))) + own) * rate**2
     return value, BOTH_SIDES * SAFETY * (error + 2 * U * np.abs(value))
-
-
-def _values(rows: Any) -> Any:
-    """Return the values of an object array of running numbers and plain ones."""
-    return np.vectorize(lambda entry: float(entry.value if isinstance(entry, Running) else entry), otypes=[float])(rows)

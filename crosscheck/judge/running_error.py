@@ -83,20 +83,33 @@ def running(q: Any, error: Any = 0.0) -> Any:
     return out
 
 
-def product_sum(row: Any, rates: Any) -> Running:
-    """Return the sum of the products of two rows (n,), the first with plain zeros where nothing stands."""
-    total = Running(0.0)
-    for a, x in zip(row, rates, strict=True):
-        total = total + (0.0 if isinstance(a, int | float) and a == 0 else x * a)
-    return total
-
-
-def errors(values: Any, shape: tuple[int, ...]) -> Any:
-    """Return the error bounds of an object array of results, each spread to `shape` (of the batch)."""
-    values = np.asarray(values, object)
-    out = np.zeros((*values.shape, *shape))
-    for place in np.ndindex(values.shape):
-        entry = values[place]
+def parts(numbers: Any, shape: tuple[int, ...] = ()) -> tuple[Any, Any]:
+    """Return values and error bounds of an object array of results, plain ones too, each spread to a batch's shape."""
+    numbers = np.asarray(numbers, object)
+    value, error = np.zeros((2, *numbers.shape, *shape))
+    for place in np.ndindex(numbers.shape):
+        entry = numbers[place]
         if isinstance(entry, Running):
-            out[place] = entry.error
-    return out
+            value[place], error[place] = entry.value, entry.error
+        else:
+            value[place] = entry
+    return value, error
+
+
+def off_by(slope: tuple[Any, Any], rates: Any, right: tuple[Any, Any]) -> tuple[Any, Any]:
+    """Return slope rates - right, (m,) or (m, B), and its error bounds: term by term, as numbers would be added up.
+
+    Parameters
+    ----------
+    slope, right : tuple of arrays
+        `parts` of phi_q, (m, n) or (m, n, B), and of nu or gamma.
+    rates : (n,) or (n, B) array
+        Without an error of their own.
+    """
+    value, error = np.zeros((2, *right[0].shape))
+    for column, own, x in zip(*(np.moveaxis(part, 1, 0) for part in slope), rates, strict=True):
+        term = column * x
+        value = value + term
+        error = error + (np.abs(x) * own + U * np.abs(term)) + U * np.abs(value)
+    value = value - right[0]
+    return value, error + right[1] + U * np.abs(value)
