@@ -14,7 +14,7 @@ from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.progress import shown_progress
-from crosscheck.commands.usage import Json, console
+from crosscheck.commands.usage import Json, coloured, console, table
 from crosscheck.engines.methods import OURS
 from crosscheck.errors import INFRASTRUCTURE, PASS, USAGE
 from crosscheck.measure.bench import measured_by_name, merged
@@ -81,7 +81,7 @@ def print_results(results: dict[str, Any], out: Console) -> None:
     """Print all workloads, then what was absent, and on what it was measured."""
     for name, rows in groupby(results["rows"], key=lambda row: row["workload"]):
         of_one = list(rows)
-        out.print(table(name, of_one))
+        out.print(workload_table(name, of_one))
         for line in (*claims(of_one), *notes(of_one)):
             out.print(line)
         out.print()
@@ -100,23 +100,22 @@ def named(row: Mapping[str, Any]) -> str:
     return ", ".join(filter(None, key_of(row)))
 
 
-def table(name: str, rows: list[dict[str, Any]]) -> Table:
+def workload_table(name: str, rows: list[dict[str, Any]]) -> Table:
     """Return the table of one workload: right answers by price, then the others, which have no rank."""
     times = {key_of(row): row["nanoseconds_per_configuration"] for row in rows if row["ranked"]}
     rivals = [rival for rival in RIVALS if rival in times]
-    shown = Table(title=f"{name}: per {rows[0]['unit']}", title_justify="left")
-    shown.add_column("engine, method, setting")
-    for heading in ("time", "spread", *(f"/ {', '.join(rival[:2])}" for rival in rivals), "error", "error / allowed"):
-        shown.add_column(heading, justify="right")
-    shown.add_column("computes")
-    shown.add_column("Newton by")
+    ratios_to = (f">/ {', '.join(rival[:2])}" for rival in rivals)
+    numbers_of = (">time", ">spread", *ratios_to, ">error", ">error / allowed")
+    shown: list[Any] = []
     for row in sorted(rows, key=lambda r: (not r["ranked"], r["nanoseconds_per_configuration"])):
         time = row["nanoseconds_per_configuration"]
         ratios = [ratio(time / times[rival]) if row["ranked"] else UNRANKED for rival in rivals]
         numbers = [duration(time), f"{row['spread']:.0%}", *ratios, *map(error, (row["max_error"], allowed(row)))]
         words = [", ".join(level[:3] for level in row["computes"]), row["newton_by"]]
-        shown.add_row(named(row), *numbers, *words, style=None if row["ranked"] else "red")
-    return shown
+        cells = [named(row), *numbers, *words]
+        shown.append(cells if row["ranked"] else [coloured(cell, "red") for cell in cells])
+    title = f"{name}: per {rows[0]['unit']}"
+    return table("engine, method, setting", *numbers_of, "computes", "Newton by", rows=shown, title=title)
 
 
 def aim_lines(aims: Iterable[dict[str, Any]]) -> list[str]:

@@ -7,10 +7,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from itertools import chain
 
-from rich.table import Table
-
 from crosscheck.commands.progress import shown_progress
-from crosscheck.commands.usage import Json, console
+from crosscheck.commands.usage import Json, console, table
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, NOTHING_RAN, PASS
 from crosscheck.measure.conform import LEVELS, Fault, Reply, hard_replies, replies, summary
 from crosscheck.scenes.conformance import questions
@@ -51,12 +49,13 @@ def conform(engine: str, *, as_json: Json = False) -> int:
 
 
 def _print(who: str, replied: Sequence[Reply]) -> None:
-    table = Table("asked about", "held against the reference", "wrong", title=f"{who}: what it was asked")
+    rows = []
     for reply in replied:
         wrong = ", ".join(dict.fromkeys(fault.level for fault in reply.faults))
         held = ", ".join(reply.levels) if reply.answered else "refused"
-        table.add_row(reply.about, held, wrong or ("nothing" if reply.answered else ""))
-    console(150).print(table)
+        rows.append([reply.about, held, wrong or ("nothing" if reply.answered else "")])
+    heads = ("asked about", "held against the reference", "wrong")
+    console(150).print(table(*heads, rows=rows, title=f"{who}: what it was asked"))
     for line in lines(replied):
         print(line)
 

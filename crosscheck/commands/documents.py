@@ -8,10 +8,8 @@ from collections.abc import Sequence
 from typing import Any
 
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from crosscheck.commands.usage import Json, console
+from crosscheck.commands.usage import Json, coloured, console, table
 from crosscheck.documents.ledger import ledger_rows, read
 from crosscheck.documents.page import closing, digits_told, tally
 from crosscheck.errors import DISAGREEMENT, PASS, USAGE
@@ -44,23 +42,23 @@ def ledger(*rows: str, as_json: Json = False) -> int:
     return DISAGREEMENT if any(row["status"] == "fail" for row in checked) else PASS
 
 
+def _counted(row: dict[str, Any]) -> list[Any]:
+    counts, errata = tally(row), sum(e["counts"] for e in row["errata"])
+    numbers = (counts["checked"], counts["right"], counts["truncated"], counts["wrong"], errata)
+    status = coloured(row["status"], COLOURS[row["status"]])
+    return [row["id"], row["document"], row["item"], status, *(n or "" for n in numbers)]
+
+
 def print_ledger(out: Console, rows: Sequence[dict[str, Any]]) -> None:
     """Print rows, errata, what is inferred, what is open, and what fails."""
-    table = Table("row", "document", "item", "status", "checked", "right", "cut off", "wrong", "errata")
-    for row in rows:
-        counts = tally(row)
-        status = Text(row["status"], style=COLOURS[row["status"]])
-        errata = sum(e["counts"] for e in row["errata"])
-        numbers = (counts["checked"], counts["right"], counts["truncated"], counts["wrong"], errata)
-        shown = (str(n) if n else "" for n in numbers)
-        table.add_row(row["id"], row["document"], row["item"], status, *shown)
-    out.print(table)
-    errata = Table("row", "kind", "what is wrong", "printed")
-    for row in rows:
-        for e in row["errata"]:
-            reading = f" ({e['reading']})" if e["reading"] else ""
-            errata.add_row(row["id"], e["kind"], e["cause"] + reading, digits_told(row, e))
-    out.print(errata)
+    heads = ("row", "document", "item", "status", "checked", "right", "cut off", "wrong", "errata")
+    out.print(table(*heads, rows=map(_counted, rows)))
+    errata = [
+        [row["id"], e["kind"], e["cause"] + (f" ({e['reading']})" if e["reading"] else ""), digits_told(row, e)]
+        for row in rows
+        for e in row["errata"]
+    ]
+    out.print(table("row", "kind", "what is wrong", "printed", rows=errata))
     for key, title in (("inferred", "inferred"), ("open", "open")):
         for row in rows:
             if row[key]:

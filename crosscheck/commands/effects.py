@@ -7,12 +7,13 @@ import sys
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.progress import shown_progress
-from crosscheck.commands.usage import Json, console
+from crosscheck.commands.usage import Json, coloured, console, table
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS
 from crosscheck.judge.effects_rows import EffectRow
 from crosscheck.measure.effects_ablations import REFKIN
@@ -81,26 +82,21 @@ def named(row: EffectRow) -> str:
 
 def ledger_table(scene: str, rows: Sequence[EffectRow]) -> Table:
     """Return the rows as a table, method by method; times are per configuration."""
-    table = Table(title=f"{scene}: what each effect costs per configuration, and whether it is inert")
-    table.add_column("engine, method")
-    table.add_column("effect")
-    for name in ("adds\nmicroseconds", "noise\nmicroseconds", "to\nmicroseconds"):
-        table.add_column(name, justify="right")
-    table.add_column("inert")
-    table.add_column("largest change", justify="right")
-    table.add_column("note")
+    prices = (">adds\nmicroseconds", ">noise\nmicroseconds", ">to\nmicroseconds")
+    heads = ("engine, method", "effect", *prices, "inert", ">largest change", "note")
+    shown: list[Any] = []
     last = ""
     for row in (row for row in rows if row.inert is not None):
         name = named(row)
-        if name != last and last:
-            table.add_section()
+        shown += [None] if last not in ("", name) else []
         price = "within noise" if row.within_noise else _number(row.microseconds)
         numbers = (price, _number(row.spread), _number(row.without))
         change = "-" if row.largest_change is None else f"{row.largest_change:.2g}"
         cells = ("" if name == last else name, row.effect, *numbers, "yes" if row.inert else "no", change, row.note)
-        table.add_row(*cells, style=None if row.inert else "red")
+        shown.append(cells if row.inert else [coloured(cell, "red") for cell in cells])
         last = name
-    return table
+    title = f"{scene}: what each effect costs per configuration, and whether it is inert"
+    return table(*heads, rows=shown, title=title)
 
 
 def felt_lines(rows: Sequence[EffectRow]) -> list[str]:

@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import json
 import sys
+from collections import Counter
 from collections.abc import Sequence
 from typing import Annotated, Any
 
 from cyclopts import Parameter
 from rich.console import Console
-from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.progress import shown_progress
-from crosscheck.commands.usage import Json, console, positive
+from crosscheck.commands.usage import Json, console, positive, table
 from crosscheck.engines import EngineError
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS, UsageError
 from crosscheck.judge.hard_poses import HardOutcome
@@ -82,19 +82,18 @@ def _print(rows: Sequence[dict[str, Any]]) -> None:
     names = list(dict.fromkeys((row["engine"], row["method"]) for row in rows))
     count, of = len({(row["case"], row["distance"]) for row in rows}), max((row["of"] for row in rows), default=0)
     asked = f"all {of}" if count == of else f"{count} of {of}, the same for all engines"
-    table = Table("case", "distance", *("\n".join(name) for name in names), title=f"Hard cases: {asked}")
     by_case: dict[tuple[str, float | None], dict[tuple[str, str], str]] = {}
     for row in rows:
         verdicts = by_case.setdefault((row["case"], row["distance"]), {})
         verdicts[row["engine"], row["method"]] = row["verdict"]
-    for (case, distance), verdicts in by_case.items():
-        shown_distance = "" if distance is None else f"{distance:.3g}"
-        table.add_row(case, shown_distance, *(verdicts.get(name, "") for name in names))
-    table.add_section()
-    for verdict in HardOutcome:
-        counts = [sum((r["engine"], r["method"], r["verdict"]) == (*name, verdict) for r in rows) for name in names]
-        table.add_row(f"all: {verdict}", "", *map(str, counts))
-    out.print(table)
+    shown: list[Any] = [
+        [case, "" if distance is None else f"{distance:.3g}", *(verdicts.get(name, "") for name in names)]
+        for (case, distance), verdicts in by_case.items()
+    ]
+    counts = Counter((r["engine"], r["method"], r["verdict"]) for r in rows)
+    shown += [None, *([f"all: {verdict}", "", *(counts[*name, verdict] for name in names)] for verdict in HardOutcome)]
+    heads = ("case", "distance", *("\n".join(name) for name in names))
+    out.print(table(*heads, rows=shown, title=f"Hard cases: {asked}"))
     _print_wrong(out, rows)
 
 

@@ -7,11 +7,9 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rich.table import Table
-
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.progress import shown_progress
-from crosscheck.commands.usage import Whole, console, positive, printable
+from crosscheck.commands.usage import Whole, console, positive, printable, table
 from crosscheck.engines import load
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS
 from crosscheck.night.campaign import OtherRun, seed_of
@@ -98,12 +96,10 @@ def _write(bag: Bag, out: Path, engines: Sequence[str]) -> None:
 
 def _print(bag: Bag, out: Path) -> None:
     shown = console(160)
-    table = Table("engine", "route", "quantity", title=f"The worst of {bag.scenes} scenes")
-    for head in ("error/allowed", "from", "found by scene"):
-        table.add_column(head, justify="right")
-    for name, catch in sorted(bag.catches.items(), key=lambda pair: -pair[1].ratio):
-        table.add_row(*name, f"{catch.ratio:.3g}", catch.origin, str(catch.number))
-    shown.print(table)
+    worst = sorted(bag.catches.items(), key=lambda pair: -pair[1].ratio)
+    rows = ([*name, f"{catch.ratio:.3g}", catch.origin, catch.number] for name, catch in worst)
+    heads = ("engine", "route", "quantity", ">error/allowed", ">from", ">found by scene")
+    shown.print(table(*heads, rows=rows, title=f"The worst of {bag.scenes} scenes"))
     for name, catch in bag.above():
         shown.print(f"above 1: {' '.join(name)}, {catch.ratio:.3g} times the allowed error")
     for failure in bag.failures:

@@ -10,9 +10,8 @@ from typing import Annotated, Any
 
 from cyclopts import Parameter
 from rich.table import Table
-from rich.text import Text
 
-from crosscheck.commands.usage import Json, console, printable
+from crosscheck.commands.usage import Json, coloured, console, table
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, PASS, USAGE
 from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
@@ -110,27 +109,21 @@ def baseline(
 
 
 def _night_table(kept: Sequence[Mapping[str, Any]]) -> Table:
-    table = Table("night (UTC)", "seed", "verdict", title="Nights")
-    for name in ("scenes", "new", "known"):
-        table.add_column(name, justify="right")
-    for night in kept:
-        verdict = Text(printable(night["verdict"]), "green" if night["verdict"] == "pass" else "red")
-        table.add_row(night["date"], night["seed"], verdict, *(str(night[k]) for k in ("scenes", "new", "known")))
-    return table
+    counts = ("scenes", "new", "known")
+    verdicts = [coloured(n["verdict"], "green" if n["verdict"] == "pass" else "red") for n in kept]
+    rows = ([n["date"], n["seed"], said, *(n[k] for k in counts)] for n, said in zip(kept, verdicts, strict=True))
+    return table("night (UTC)", "seed", "verdict", *(f">{name}" for name in counts), rows=rows, title="Nights")
 
 
 def _digit_table(kept: Sequence[Mapping[str, Any]]) -> Table:
     """Return the digits of the latest night, and the fewest and most worst digits of the nights shown."""
-    table = Table("engine", "route", title="Digits: median / worst of the last night (range of the worst)")
-    for quantity in SOLVED:
-        table.add_column(quantity, justify="right")
     by_route: dict[tuple[str, str], dict[str, list[Mapping[str, Any]]]] = {}
     for night in kept:
         for row in night["accuracy"]:
             by_route.setdefault((row["engine"], row["route"]), {}).setdefault(row["quantity"], []).append(row)
-    for (engine, route), quantities in sorted(by_route.items()):
-        table.add_row(engine, route, *(_digits(quantities.get(q, [])) for q in SOLVED))
-    return table
+    rows = [[*route, *(_digits(of.get(q, [])) for q in SOLVED)] for route, of in sorted(by_route.items())]
+    title = "Digits: median / worst of the last night (range of the worst)"
+    return table("engine", "route", *(f">{quantity}" for quantity in SOLVED), rows=rows, title=title)
 
 
 def _digits(rows: Sequence[Mapping[str, Any]]) -> str:
@@ -141,14 +134,15 @@ def _digits(rows: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _cost_table(series: Sequence[Mapping[str, Any]]) -> Table:
-    table = Table("series", "nights", "last", "course", "change of level", title="Time relative to refkin")
+    rows = []
     for one in series:
         if not one["changes"] and PRICED in one["name"]:
             continue
         changes = "; ".join(f"{one['nights'][int(k)]}: × {factor:.2f}" for k, factor in one["changes"].items())
         course = _blocks(one["values"][-MOST_NIGHTS:])
-        table.add_row(one["name"], str(len(one["values"])), f"{one['values'][-1]:.3g}", course, changes or "none")
-    return table
+        rows.append([one["name"], len(one["values"]), f"{one['values'][-1]:.3g}", course, changes or "none"])
+    heads = ("series", "nights", "last", "course", "change of level")
+    return table(*heads, rows=rows, title="Time relative to refkin")
 
 
 def _blocks(values: Sequence[float]) -> str:

@@ -15,7 +15,7 @@ from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.progress import shown_progress
-from crosscheck.commands.usage import Json, console
+from crosscheck.commands.usage import Json, console, table
 from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.errors import DISAGREEMENT, PASS, USAGE
 from crosscheck.judge.prices import POSES, STEPS, SUFFIX, cheapest, repeated
@@ -162,11 +162,10 @@ def lines(result: Mapping[str, Any]) -> list[str]:
 
 def cheapest_table(cheapest: Mapping[str, Mapping[str, Mapping[str, Any] | None]], title: str) -> Table:
     """Return digits x quantity: who, how, for how many microseconds, and the second best."""
-    table = Table("digits", *cheapest, title=title)
+    rows: list[Any] = []
     for step in STEPS:
-        cells = [_cell(for_quantity[str(step)]) for for_quantity in cheapest.values()]
-        table.add_row(str(step), *cells, end_section=True)
-    return table
+        rows += [[step, *(_cell(for_quantity[str(step)]) for for_quantity in cheapest.values())], None]
+    return table("digits", *cheapest, rows=rows, title=title)
 
 
 def _cell(best: Mapping[str, Any] | None) -> str:
@@ -185,12 +184,9 @@ def _offer(offer: Mapping[str, Any]) -> str:
 
 def methods_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
     """Return for each method and quantity its setting of most digits: digits, and us of one pose, a cycle, in bulk."""
-    table = Table("engine", "method", "Newton by", title=title)
-    table.add_column("build\nms", justify="right")
     quantities = list(dict.fromkeys(row["quantity"] for row in rows))
-    for quantity in quantities:
-        table.add_column(f"{quantity}\ndigits", justify="right")
-        table.add_column("us: one/\ncycle/bulk", justify="right")
+    numbers = [head for q in quantities for head in (f">{q}\ndigits", ">us: one/\ncycle/bulk")]
+    shown = []
     best: dict[tuple[str, str, str], dict[str, Any]] = {}
     for row in rows:
         cells = best.setdefault((row["engine"], row["method"], row["newton_by"]), {"build": None})
@@ -199,8 +195,8 @@ def methods_table(rows: Sequence[Mapping[str, Any]], title: str) -> Table:
             cells[row["quantity"]] = row
     for name, cells in best.items():
         build = "-" if cells["build"] is None else f"{cells['build'] / 1e3:.2g}"
-        table.add_row(*name, build, *(text for q in quantities for text in _digits_and_price(cells.get(q))))
-    return table
+        shown.append([*name, build, *(text for q in quantities for text in _digits_and_price(cells.get(q)))])
+    return table("engine", "method", "Newton by", ">build\nms", *numbers, rows=shown, title=title)
 
 
 def _digits_and_price(row: Mapping[str, Any] | None) -> tuple[str, str]:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from crosscheck.commands.progress import shown_progress
-from crosscheck.commands.usage import Json, Whole, console, positive
+from crosscheck.commands.usage import Json, Whole, console, positive, table
 from crosscheck.errors import DISAGREEMENT, PASS, UsageError
 from crosscheck.problems import SHA256, VERSION
 from crosscheck.problems.export import export
@@ -70,14 +70,12 @@ def grade(answers: Path, *, problems: Path = Path("problems"), as_json: Json = F
 
 
 def _print(scores_of: dict[str, Any], attainable: dict[str, Any]) -> None:
-    from rich.table import Table
-
-    table = Table("problem", *(f"{level} (attainable)" for level in LEVELS.values()), "")
+    rows = []
     for name, scores in scores_of.items():
         cells = [_cell(scores.get(level), attainable[name][level]) for level in LEVELS.values()]
-        table.add_row(name, *cells, scores.get("refused") and f"refused: {scores['refused']}")
+        rows.append([name, *cells, f"refused: {scores['refused']}" if "refused" in scores else ""])
     out = console(140)
-    out.print(table)
+    out.print(table("problem", *(f"{level} (attainable)" for level in LEVELS.values()), "", rows=rows))
     for level in LEVELS.values():
         scored = sorted(scores[level] for scores in scores_of.values() if level in scores)
         if scored:

@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
+from typing import Any
 
 from rich.table import Table
 
+from crosscheck.commands.usage import table
 from crosscheck.engines import ELEMENTS, Engine, Level, Support
 from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import QUANTITIES, Disagreement, Quantity, Record, RefusalRow
@@ -18,55 +20,54 @@ PLACES = ("inside", "outside", "undecidable", "no_answer")
 
 def capability_table(engines: Iterable[Engine]) -> Table:
     """Return element x engine x level: native, derived, or refused with its reason."""
-    table = Table("engine", "element", *(level.value for level in Level), "why not", title="What engines can do")
+    rows: list[Any] = []
     for engine in engines:
         known = engine.capabilities()
         for key in ELEMENTS:
             levels = known.get(key, {})
             cells = [str(levels[level].support) if level in levels else Support.REFUSED.value for level in Level]
             reasons = {levels[level].reason for level in levels if levels[level].reason}
-            table.add_row(engine.name, key, *cells, "; ".join(sorted(reasons)))
-        table.add_section()
-    return table
+            rows.append([engine.name, key, *cells, "; ".join(sorted(reasons))])
+        rows.append(None)
+    return table("engine", "element", *Level, "why not", rows=rows, title="What engines can do")
 
 
 def agreement_table(record: Record) -> Table:
     """Return engine and route x quantity: worst digits and worst error / allowed, and who did what."""
-    table = Table("engine", "route", "Newton by", "seeding", title=f"{record.scene}: agreement with refkin")
-    for quantity in QUANTITIES:
-        table.add_column(f"{quantity}\nworst digits", justify="right")
-        table.add_column("error/\nallowed", justify="right")
-    table.add_column("no answer", justify="right")
+    numbers = [head for quantity in QUANTITIES for head in (f">{quantity}\nworst digits", ">error/\nallowed")]
+    rows = []
     for answer in record.answers:
         route = answer.route
         cells = [answer.engine, route.name, route.newton_by, route.seeding]
         for quantity in QUANTITIES:
             cells += _cells(answer.quantities.get(quantity))
-        table.add_row(*cells, f"{answer.missing} of {answer.times}")
-    return table
+        rows.append([*cells, f"{answer.missing} of {answer.times}"])
+    heads = ("engine", "route", "Newton by", "seeding", *numbers, ">no answer")
+    return table(*heads, rows=rows, title=f"{record.scene}: agreement with refkin")
 
 
 def rows_table(record: Record) -> Table:
     """Return the comparison of the engines' own rows at configurations that are not assembled."""
-    table = Table("engine", "own rows", "rows", "worst digits", "error/allowed", title="Translation of the model")
+    rows = []
     for row in record.levels:
         worst = f"{min(row.digits) / 10:.1f}" if row.digits else "-"
         ratio = "-" if row.ratio is None else f"{row.ratio:.2g}"
-        table.add_row(row.engine, row.level, str(row.rows), worst, ratio)
-    return table
+        rows.append([row.engine, row.level, row.rows, worst, ratio])
+    heads = ("engine", "own rows", "rows", "worst digits", "error/allowed")
+    return table(*heads, rows=rows, title="Translation of the model")
 
 
 def arbiter_table(record: Record) -> Table:
     """Return where each answer lies by the certificate: at how many times, and the farthest, in attainable radii."""
-    table = Table("engine", "route", title="Positions by the certificate (113 bits), within what float64 can attain")
-    for place in (*PLACES, "worst, radii"):
-        table.add_column(place.replace("_", " "), justify="right")
+    rows = []
     for answer in record.answers:
         certificate = answer.certificate
         cells = [str(getattr(certificate, place)) for place in PLACES] if certificate else ["-"] * len(PLACES)
         worst = "-" if certificate is None or certificate.radii is None else f"{certificate.radii:.2g}"
-        table.add_row(answer.engine, answer.route.name, *cells, worst)
-    return table
+        rows.append([answer.engine, answer.route.name, *cells, worst])
+    heads = ("engine", "route", *(f">{place.replace('_', ' ')}" for place in PLACES), ">worst, radii")
+    title = "Positions by the certificate (113 bits), within what float64 can attain"
+    return table(*heads, rows=rows, title=title)
 
 
 def refusal_lines(refusals: Iterable[RefusalRow]) -> list[str]:

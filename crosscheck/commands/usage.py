@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TextIO
@@ -16,6 +16,7 @@ from crosscheck.errors import UsageError
 
 if TYPE_CHECKING:
     from rich.console import Console
+    from rich.table import Table
     from rich.text import Text
 
 
@@ -70,6 +71,38 @@ def console(width: int | None, stderr: bool = False) -> Console:
     return PrintableConsole(stderr=stderr, width=None if stream.isatty() else width, markup=False, highlight=False)
 
 
+def coloured(text: str, colour: str) -> Text:
+    """Return a cell of a table in a colour."""
+    from rich.text import Text
+
+    return Text(printable(text), colour)
+
+
+def table(*heads: str, rows: Iterable[Sequence[Any] | None], title: str | None = None) -> Table:
+    """Return a table as the terminal shows it; what is in it is made printable where it is printed.
+
+    Parameters
+    ----------
+    heads : str
+        Headings; one that begins with > is that of numbers, which stand at the right.
+    rows : iterable of sequence, or None
+        Text, other cells as `str` has them; None draws a line between two rows.
+    title : str, optional
+    """
+    from rich.table import Table
+    from rich.text import Text
+
+    shown = Table(title=title)
+    for head in heads:
+        shown.add_column(head.removeprefix(">"), justify="right" if head.startswith(">") else "left")
+    for row in rows:
+        if row is None:
+            shown.add_section()
+        else:
+            shown.add_row(*(cell if isinstance(cell, Text) else str(cell) for cell in row))
+    return shown
+
+
 def print_numbers(columns: Mapping[str, Any], first: int) -> bool:
     """Print columns of numbers as a table, as wide as it is where standard output is no terminal.
 
@@ -104,24 +137,14 @@ def print_numbers(columns: Mapping[str, Any], first: int) -> bool:
             status = f"{group[0][first - 1]} ({len(group)} times)"
             lines.append([times, *[""] * (first - 2), status, *["-"] * (len(columns) - first)])
     if sys.stdout.isatty():
-        _print_fitted(list(columns), lines)
+        console(None).print(table(*columns, rows=lines))
     else:
         print(boxed([printable(name) for name in columns], lines))
     return True
 
 
-def _print_fitted(head: Sequence[str], lines: Sequence[Sequence[str]]) -> None:
-    """Print a table that is no wider than the terminal."""
-    from rich.table import Table  # where the table need not fit a terminal, Rich would take longer than the solution
-
-    table = Table(*head)
-    for line in lines:
-        table.add_row(*line)
-    console(None).print(table)
-
-
 def boxed(head: Sequence[str], lines: Sequence[Sequence[str]]) -> str:
-    """Return a table as text, as wide as it is."""
+    """Return a table as text, as wide as it is: Rich would take longer than the solution."""
     widths = [max(map(len, column)) for column in zip(head, *lines, strict=True)]
 
     def line(cells: Sequence[str], bars: str) -> str:
