@@ -227,10 +227,9 @@ class Constraint:
         """Return the blocks of Phi_q for body i and body j."""
         raise NotImplementedError
 
-    @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        """Return -Phi_t."""
-        raise NotImplementedError
+    def nu(self, g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        """Return -Phi_t: zero where no law moves anything."""
+        return (0,) * self.rows
 
     @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:

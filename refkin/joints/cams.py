@@ -199,8 +199,8 @@ class Cam(Constraint):
     def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
         return self.contact.jacobian(g, f, *at)  # type: ignore[no-any-return]
 
-    def nu(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
-        return self.contact.nu(g, f, *at)  # type: ignore[no-any-return]
+    def nu(self, g: Any, f: Any, *at: Any) -> Rows:
+        return (0,) * self.rows
 
     def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
         return self.contact.gamma(g, f, *at)  # type: ignore[no-any-return]

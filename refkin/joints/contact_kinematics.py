@@ -42,28 +42,16 @@ class FaceOnDisc:
         return (block_i,), (block_j,)
 
     @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (0,)
-
-    @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
         a_i, a_j, d = arms(g, i, j)
         n = j.turned(Vec(g[4], g[5]))
         return (face_gamma(n, d, gap_rate(a_i, a_j, i, j), drift(a_i, a_j, i, j), j.omega),)
 
 
-class _OnCurve:
-    """What the followers of a polar profile share: two rows, of which none depends on time."""
+class PointOnCurve:
+    """A point, such as a knife edge, on a polar profile."""
 
     rows = 2
-
-    @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Rows:
-        return 0, 0
-
-
-class PointOnCurve(_OnCurve):
-    """A point, such as a knife edge, on a polar profile."""
 
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Rows:
@@ -82,8 +70,10 @@ class PointOnCurve(_OnCurve):
         return -bias.x, -bias.y
 
 
-class FaceOnCurve(_OnCurve):
+class FaceOnCurve:
     """A flat face on a polar profile: the touched point lies in the face, and the face along the tangent."""
+
+    rows = 2
 
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Rows:
@@ -108,8 +98,10 @@ class FaceOnCurve(_OnCurve):
         return first, face_gamma(n, t, gap.curve_rate(1), gap.curve_drift(1), j.omega)
 
 
-class RollerOnCurve(_OnCurve):
+class RollerOnCurve:
     """A roller on a polar profile: its centre lies rho away from the touched point, along the normal there."""
+
+    rows = 2
 
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Rows:

@@ -100,10 +100,6 @@ class Fixed(Constraint):
         return (*block_i, (0, 0, -1)), (*block_j, (0, 0, 1))
 
     @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return 0, 0, 0
-
-    @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
         return (*Revolute.gamma(g, f, i, j), 0)
 
@@ -140,10 +136,6 @@ class PointOnLine(Constraint):
         n = i.turned(Vec(g[4], g[5]))
         (x, y, phi), block_j = along(n, a_i, a_j)
         return ((x, y, phi + n.perp().dot(d)),), (block_j,)
-
-    @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (0,)
 
     @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
@@ -186,10 +178,6 @@ class Prismatic(Constraint):
         return (*block_i, (0, 0, -1)), (*block_j, (0, 0, 1))
 
     @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return 0, 0
-
-    @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
         return (*PointOnLine.gamma(g, f, i, j), 0)
 
@@ -230,10 +218,6 @@ class Distance(Constraint):
         a_i, a_j, d = arms(g, i, j)
         block_i, block_j = along(d * g[5], a_i, a_j)
         return (block_i,), (block_j,)
-
-    @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (0,)
 
     @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:

@@ -60,10 +60,6 @@ class Gear(Constraint):
         return ((0, 0, g[0]),), ((0, 0, g[1]),)
 
     @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (0,)
-
-    @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
         return (0,)
 
@@ -114,10 +110,6 @@ class RackAndPinion(Constraint):
     def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
         ((x_i, y_i, phi_i),), ((x_j, y_j, phi_j),) = PointOnLine.jacobian(g, f, i, j)
         return ((x_i, y_i, phi_i + g[6]),), ((x_j, y_j, phi_j - g[6]),)
-
-    @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (0,)
 
     @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:

@@ -140,7 +140,7 @@ class SpatialConstraint(Constraint):
     def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
         return blocks_of([row for term, own in self._placed for row in term.jacobian(g[own], f, *at)])
 
-    def nu(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+    def nu(self, g: Any, f: Any, *at: Any) -> Rows:
         return tuple(row for term, own in self._placed for row in term.nu(g[own], f, *at))
 
     def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
@@ -508,7 +508,7 @@ class UnitLength(SpatialConstraint):
     def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
         return ((0,) * 7,), ((0, 0, 0, *at[1].p.parts),)
 
-    def nu(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+    def nu(self, g: Any, f: Any, *at: Any) -> Rows:
         return (0,)
 
     def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]

@@ -148,7 +148,7 @@ class CountedAngle(TurnDriver):
     def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
         return ((0,) * 7,), ((0,) * 7,), ((2,),)
 
-    def nu(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
+    def nu(self, g: Any, f: Any, *at: Any) -> Rows:
         return (f[0][1],)
 
     def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
