@@ -53,8 +53,8 @@ class System:
         return self.mechanism.kind
 
     def gauged(self, q: Any) -> System:
-        """Return the system whose idle freedoms are held as at a pose (n,), or each of (n, B); else as estimated."""
-        held = {p.row: p.constraint.gauge(p.g, q[p.starts[1] :]) for p in self.placed if p.constraint.idle}
+        """Return the system whose passive freedoms are held as at a pose (n,), or each of (n, B); else as estimated."""
+        held = {p.row: p.constraint.gauge(p.g, q[p.starts[1] :]) for p in self.placed if p.constraint.passive}
         return replace(self, gauge=held) if held else self
 
     def columns(self, body: str) -> slice:

@@ -44,14 +44,14 @@ def mobility(scene: Path, *, as_json: Json = False) -> int:
 def to_json(counted: Count, posed: Mobility | None, message: str) -> dict[str, Any]:
     """Return mobility by count and by rank as plain data; null by rank where there is no pose, and why."""
     keys = ("bodies", "coordinates", "equations", "mobility", "useful")
-    by_count = {key: getattr(counted, key) for key in keys} | {"idle": list(counted.idle), "kind": counted.kind}
+    by_count = {key: getattr(counted, key) for key in keys} | {"passive": list(counted.passive), "kind": counted.kind}
     if posed is None:
         return {"by_count": by_count, "by_rank": None, "message": message}
     by_rank = {
         "mobility": posed.mobility,
         "kind": posed.kind,
         "useful": posed.useful,
-        "idle": list(posed.idle),
+        "passive": list(posed.passive),
         "joints": _rank(posed.joints),
         "driven": _rank(posed.driven),
     }
@@ -64,10 +64,10 @@ def _rank(rank: Rank) -> dict[str, Any]:
 
 
 def _of_count(counted: Count) -> str:
-    idle = f", {len(counted.idle)} of them idle: {', '.join(counted.idle)}" if counted.idle else ""
+    passive = f", {len(counted.passive)} of them passive: {', '.join(counted.passive)}" if counted.passive else ""
     return (
         f"by count: {counted.coordinates} x {counted.bodies} bodies - {counted.equations} equations"
-        f" = {counted.mobility}, {counted.kind}{idle}"
+        f" = {counted.mobility}, {counted.kind}{passive}"
     )
 
 
@@ -82,16 +82,16 @@ def _of_pose(mobility: Mobility | None, t: float, message: str) -> Iterator[str]
     )
     for row in joints.dependent:
         yield f"redundant: {row}"
-    yield from (f"idle: {words}" for words in mobility.idle)
-    yield f"drivers leave {driven.freedoms} of these free{_all_idle(mobility)}   ({_clear(driven)})"
+    yield from (f"passive degree of freedom: {words}" for words in mobility.passive)
+    yield f"drivers leave {driven.freedoms} of these free{_all_passive(mobility)}   ({_clear(driven)})"
     named = {row.row for row in joints.dependent}
     for row in driven.dependent:
         if row.row not in named:
             yield f"a driver that holds nothing here: {row}"
 
 
-def _all_idle(mobility: Mobility) -> str:
-    return ", all idle" if mobility.idle and mobility.driven.freedoms == len(mobility.idle) else ""
+def _all_passive(mobility: Mobility) -> str:
+    return ", all passive" if mobility.passive and mobility.driven.freedoms == len(mobility.passive) else ""
 
 
 def _clear(rank: Rank) -> str:

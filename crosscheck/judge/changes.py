@@ -11,7 +11,7 @@ import numpy as np
 from crosscheck.engines import QUANTITIES, Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.comparison import Reference
-from crosscheck.judge.spatial import alike, idle_lines
+from crosscheck.judge.spatial import alike, passive_lines
 from refkin.joints import PLANE
 from refkin.motion import Motion
 
@@ -102,8 +102,8 @@ def _levels(ref: Reference, off: Motion, on: Motion, terms: Sequence[Term]) -> I
 def _difference(ref: Reference, off: Motion, on: Motion, bodies: Sequence[str], order: int) -> Any:
     """Return on - off of some bodies at one level in scaled coordinates, angles of positions modulo full turns.
 
-    Signs of Euler parameters and idle spins are in both those of the reference. It is 0 where neither has a number, and
-    infinite where one has and the other has not.
+    Signs of Euler parameters and passive spins are in both those of the reference. It is 0 where neither has a number,
+    and infinite where one has and the other has not.
     """
     kind = ref.system.kind
     before, after = (_coordinates(ref, motion, bodies, order) for motion in (off, on))
@@ -123,5 +123,5 @@ def _coordinates(ref: Reference, motion: Motion, bodies: Sequence[str], order: i
     if ref.system.kind is not PLANE:
         truth = [np.concatenate([getattr(ref.motion[body], name) for body in bodies]) for name in names]
         with np.errstate(invalid="ignore", divide="ignore"):
-            levels = alike(levels, truth, bodies, idle_lines(ref.scene.mechanism))
+            levels = alike(levels, truth, bodies, passive_lines(ref.scene.mechanism))
     return levels[order]

@@ -13,7 +13,7 @@ from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import ErrorBudget, Propagation, derive, propagation
 from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, At
-from crosscheck.judge.spatial import Spins, alike, idle_lines, screw_coordinates, spun
+from crosscheck.judge.spatial import Spins, alike, passive_lines, screw_coordinates, spun
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Status
 from refkin.solving.solve import solve
@@ -38,11 +38,11 @@ class Reference:
         return propagation(self.system, self.motion, *self.levels)
 
     @cached_property
-    def idle(self) -> Spins:
-        """The lines about which bodies of space spin as they like, in the system's unit (`idle_lines`)."""
+    def passive(self) -> Spins:
+        """The lines about which bodies of space spin as they like, in the system's unit (`passive_lines`)."""
         if self.system.kind.name != "spatial":
             return ()
-        return idle_lines(self.scene.mechanism, self.system.unit)
+        return passive_lines(self.scene.mechanism, self.system.unit)
 
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors against another answer."""
@@ -141,7 +141,7 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
         quantity = QUANTITIES[k]
         if difference is None:
             continue
-        allowed = spun(getattr(budget, quantity)[rows][:, at], motion.bodies, ref.idle)
+        allowed = spun(getattr(budget, quantity)[rows][:, at], motion.bodies, ref.passive)
         judged = _judge(np.abs(difference), allowed, ours, samples, k, names, motion.t)
         signed = np.full((ref.system.of_bodies, len(samples)), np.nan)
         signed[np.ix_(rows, samples)] = difference[:, samples]
@@ -178,7 +178,7 @@ def scaled_differences(
     if ref.system.kind.name == "spatial":
         known = [x for x in theirs if x is not None]
         with np.errstate(invalid="ignore", divide="ignore"):
-            known = alike(known, ours, bodies, ref.idle)
+            known = alike(known, ours, bodies, ref.passive)
         theirs = [None if x is None else known[sum(y is not None for y in theirs[:k])] for k, x in enumerate(theirs)]
     return [(None if x is None else difference(ref.system, x, ours[k], k), ours[k]) for k, x in enumerate(theirs)]
 

@@ -35,7 +35,7 @@ from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
 from crosscheck.judge.running_error import Running, U, parts, running
-from crosscheck.judge.spatial import alike, idle_lines, reversed_joints, spun
+from crosscheck.judge.spatial import alike, passive_lines, reversed_joints, spun
 from crosscheck.scenes.hard_case import HardCase
 from refkin.joints import PLANE
 from refkin.model import Scene
@@ -50,7 +50,7 @@ GRANTED = 20.0
 scenes begin, |phi_q^-1| is below 20 (but where many loops hang on each other). What a singular pose makes of a
 tolerance beyond that is what is looked for."""
 TOO_WIDE = 0.1
-"""An attainable error above this says nothing [rad, sizes]: a linkage that folds up is idle there."""
+"""An attainable error above this says nothing [rad, sizes]: a linkage that folds up is free there."""
 
 
 class HardOutcome(StrEnum):
@@ -150,20 +150,20 @@ def _singular(system: System, q: Any, t: float) -> tuple[tuple[Any, ...], Any]:
 
 
 def _allowed(system: System, q: Any, t: float) -> Any:
-    """Return the least error (n,); a body that spins idly may have it in any of its Euler parameters."""
+    """Return the least error (n,); a body that spins passively may have it in any of its Euler parameters."""
     least = least_error(system.gauged(q), q, t)
     if system.kind is PLANE:
         return least
-    lines = idle_lines(system.mechanism, system.unit)
+    lines = passive_lines(system.mechanism, system.unit)
     return spun(least[:, None], [body.name for body in system.mechanism.bodies], lines)[:, 0]
 
 
 def _alike(system: System, q: Any, middle: Any) -> Any:
-    """Return an answer (n,) with signs of Euler parameters and idle spins as near a root's as can be."""
+    """Return an answer (n,) with signs of Euler parameters and passive spins as near a root's as can be."""
     if system.kind is PLANE:
         return q
     names = [body.name for body in system.mechanism.bodies]
-    lines = idle_lines(system.mechanism, system.unit)
+    lines = passive_lines(system.mechanism, system.unit)
     with np.errstate(invalid="ignore"):
         (own,) = alike([q[: system.of_bodies, None]], [middle[: system.of_bodies, None]], names, lines)
     return np.append(own[:, 0], q[system.of_bodies :])

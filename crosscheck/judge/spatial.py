@@ -1,4 +1,4 @@
-"""What is compared of an answer in space: coordinates (r, p), the sign of p and idle spins being those of the truth.
+"""What is compared of an answer in space: coordinates (r, p), the sign of p and passive spins being those of the truth.
 
 p and -p are one pose, so p, p' and p'' of an answer change their sign together wherever p . p_ref is negative. A body
 on two spherical joints and nothing else spins about the line of their centres as it likes, and what is fixed to it with
@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines.spatial.idle import Line
+from crosscheck.engines.spatial.passive import Line
 from crosscheck.engines.spatial.reading import ANGLE, AXIAL, SCREW, Hold, numbers_of
 from crosscheck.engines.spatial.turning import bends, conjugate, product, rates, spin
 from refkin.joints import GROUND, SI, Unit
@@ -25,13 +25,13 @@ Array = Any
 Spins = Sequence[dict[str, Line]]
 
 
-def idle_lines(mechanism: Mechanism, unit: Unit = SI) -> Spins:
-    """Return for each idle spin its bodies, with a point of the line and its direction in the frame of each."""
-    return numbers_of(mechanism, unit).idle
+def passive_lines(mechanism: Mechanism, unit: Unit = SI) -> Spins:
+    """Return for each passive spin its bodies, with a point of the line and its direction in the frame of each."""
+    return numbers_of(mechanism, unit).passive
 
 
 def alike(levels: Sequence[Array], truth: Sequence[Array], bodies: Sequence[str], spins: Spins) -> list[Array]:
-    """Return an answer with signs of p and idle spins as near the truth's as can be.
+    """Return an answer with signs of p and passive spins as near the truth's as can be.
 
     Bodies that spin as one are turned by one angle: that which brings the first of them there.
 
@@ -40,7 +40,7 @@ def alike(levels: Sequence[Array], truth: Sequence[Array], bodies: Sequence[str]
     levels, truth : sequence of (7 n, T) array
         Position, and as many rates as the answer has, of the bodies in their order, in one unit and from one origin.
     spins : sequence of dict
-        As `idle_lines`, in that unit.
+        As `passive_lines`, in that unit.
     """
     out = [np.array(level, float) for level in levels]
     for spin_of in spins:
@@ -64,7 +64,7 @@ def _members(spin_of: dict[str, Line], bodies: Sequence[str]) -> list[tuple[int,
 
 
 def spun(allowed: Array, bodies: Sequence[str], spins: Spins) -> Array:
-    """Return allowed errors (7 n, T) in which those of an idle body may be of any of its Euler parameters.
+    """Return allowed errors (7 n, T) in which those of a passive body may be of any of its Euler parameters.
 
     Errors are carried to a body that spins as the reference's equations hold it, and compared where it spins as the
     truth does, or the first of those that spin as one with it: the one differs from the other by a spin, no larger than

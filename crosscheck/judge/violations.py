@@ -52,7 +52,7 @@ def violations(ref: Reference, motion: Motion, order: int, t: float) -> Violatio
         return NOT_KNOWN
     residual, scale = levels
     for placed in ref.system.placed:
-        if placed.constraint.idle:  # a row of the reference's own: each answer ends on a spin of its own
+        if placed.constraint.passive:  # a row of the reference's own: each answer ends on a spin of its own
             residual[placed.row : placed.row + placed.constraint.rows] = 0.0
     worst = float(np.max(np.abs(residual)))
     if worst <= ROUNDING * scale:

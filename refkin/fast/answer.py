@@ -16,7 +16,7 @@ from refkin.analysis import SINGULAR, motion_of
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.blocks import LARGEST_SELECTED
-from refkin.fast.elimination.trace import idle_of
+from refkin.fast.elimination.trace import passive_of
 from refkin.fast.residual import residual
 from refkin.joints import Unit
 from refkin.joints.elements import Triple
@@ -67,7 +67,7 @@ def motion(
     closed = (off <= ROUND_OFF).all() or is_round_off(off[None], levels[0]).all()
     if not closed or not all(math.isfinite(level.sum()) for level in levels):
         return None
-    message = "; ".join(filter(None, (message, *(p.constraint.idle for p in system.placed))))
+    message = "; ".join(filter(None, (message, *(p.constraint.passive for p in system.placed))))
     levels = without_spin(system, levels)
     evidence = _evidence(scene, system, made, levels, t, pivot)
     if evidence is None:
@@ -89,10 +89,10 @@ def motion(
 
 
 def without_spin(system: System, levels: list[Any]) -> list[Any]:
-    """Return the levels (n, L) with rates of which idle bodies do not spin: the program holds them as estimated."""
+    """Return the levels (n, L) with rates of which passive bodies do not spin: the program holds them as estimated."""
     q, *rates = levels
     names = [body.name for body in system.mechanism.bodies]
-    for _, p in idle_of(system) if rates else ():
+    for _, p in passive_of(system) if rates else ():
         held: Any = p.constraint
         lines, spin = [(p.g[4:7], p.g[7:]), *map(partial(_line, system.unit), held.others)], None
         for body, line in zip((held.body, *(body for body, _ in held.others)), lines, strict=True):

@@ -15,7 +15,7 @@ import numpy as np
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.prove import LARGEST_GAMMA, ORDERS
 from refkin.fast.elimination.run import Workspace, block_samples
-from refkin.fast.elimination.trace import Known, idle_of
+from refkin.fast.elimination.trace import Known, passive_of
 from refkin.motion_laws import Table
 from refkin.proof.numbers.bounded import TINY, UP, Bounded, Times, U, bounded_system
 from refkin.proof.numbers.exact import by_parts
@@ -43,7 +43,9 @@ def radii(system: System, made: Compiled, levels: Sequence[Any], t: Any) -> Radi
     proof = made.proof(zeros_of(geometry)) if len(levels) == made.levels else None
     if proof is None:
         return None
-    laws = {k: _law(system, k, t) for k, p in enumerate(system.placed) if p.constraint.laws} | _idle(system, levels[0])
+    laws = {k: _law(system, k, t) for k, p in enumerate(system.placed) if p.constraint.laws} | _passive(
+        system, levels[0]
+    )
     bounds = np.empty((len(levels), len(t)))
     samples = block_samples(proof.program)
     for start in range(0, len(t), samples):
@@ -79,19 +81,19 @@ class FamilyProof:
         if not self.possible:
             return self.nothing
         laws = {k: _law(self.system, k, t) for k, p in enumerate(self.system.placed) if p.constraint.laws}
-        return proved(self.space, {**laws, **_idle(self.system, levels[0]), len(self.system.placed): levels})
+        return proved(self.space, {**laws, **_passive(self.system, levels[0]), len(self.system.placed): levels})
 
 
-def _idle(system: System, q: Any) -> dict[int, Any]:
-    """Return how what is idle is held at poses (n, L), by constraint, as laws of one number each."""
-    return {k: [[x] for x in p.constraint.gauge(p.g, q[p.starts[1] :])] for k, p in idle_of(system)}
+def _passive(system: System, q: Any) -> dict[int, Any]:
+    """Return how what is passive is held at poses (n, L), by constraint, as laws of one number each."""
+    return {k: [[x] for x in p.constraint.gauge(p.g, q[p.starts[1] :])] for k, p in passive_of(system)}
 
 
 def exact_geometry(system: System) -> list[tuple[Any, ...]]:
-    """Return per constraint its numbers, and then their errors; what holds an idle body is given as laws instead."""
+    """Return per constraint its numbers, and then their errors; what holds a passive body is given as laws instead."""
     geometry = []
     for p in system.placed:
-        exact: Any = p.g if p.constraint.idle else _numbers(p.constraint).constants(system.unit)
+        exact: Any = p.g if p.constraint.passive else _numbers(p.constraint).constants(system.unit)
         off = [UP * (np.abs(x.mid - g) + x.rounding) for g, x in zip(p.g, map(_read, exact), strict=True)]
         geometry.append((*p.g, *off))
     return geometry

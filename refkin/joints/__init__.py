@@ -23,7 +23,7 @@ from refkin.joints.spatial_elements import (
     AxesParallel, AxesPerpendicular, PointInPlane, PointOnAxis, PointsMeet, ScrewMotion, ShiftAlongAxis,
     SpatialPointDistance, TurnAboutAxis,
 )
-from refkin.joints.spatial_idle import idle_spins
+from refkin.joints.spatial_passive import passive_spins
 # isort: on
 # fmt: on
 
@@ -42,7 +42,7 @@ __all__ = [
     "RackAndPinion", "RelativeAngle", "Revolute", "RollingOnLine", "RollingWheels", "Screw", "ScrewMotion",
     "ShiftAlongAxis", "SpatialAngleDriver", "SpatialDistance", "SpatialDistanceDriver", "SpatialFixed",
     "SpatialPointDistance", "SpatialPointOnLine", "SpatialPrismatic", "SpatialRevolute", "Spherical", "Triple",
-    "TurnAboutAxis", "Unit", "Universal", "XDriver", "YDriver", "elements_of", "idle_spins", "initial_contacts",
-    "polar_cams", "with_unit_length",
+    "TurnAboutAxis", "Unit", "Universal", "XDriver", "YDriver", "elements_of", "initial_contacts",
+    "passive_spins", "polar_cams", "with_unit_length",
 ]
 # fmt: on

@@ -147,12 +147,12 @@ class Constraint:
         return self
 
     @property
-    def idle(self) -> str:
+    def passive(self) -> str:
         """In words the freedom that moves nothing else, if the constraint only holds one, as `gauge` says; else ""."""
         return ""
 
     def gauge(self, g: Any, q: Any) -> tuple[Any, ...]:
-        """Return what holds an idle freedom as it is in coordinates that begin with those of its body."""
+        """Return what holds a passive degree of freedom as it is in coordinates that begin with those of its body."""
         return ()
 
     @property

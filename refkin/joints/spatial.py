@@ -34,7 +34,7 @@ from refkin.joints.spatial_elements import (
     SpatialPointDistance,
     TurnAboutAxis,
 )
-from refkin.joints.spatial_idle import idle_spins
+from refkin.joints.spatial_passive import passive_spins
 from refkin.joints.spatial_terms import (
     Across,
     Angle,
@@ -68,14 +68,16 @@ UNTURNED["printed"] = UNTURNED["dot"]
 
 
 def own_rows(bodies: Sequence[Any], constraints: Sequence[Constraint]) -> Iterator[Constraint]:
-    """Yield the rows that bodies of space bring: that of each one's unit length, and one for each idle spin."""
+    """Yield the rows that bodies of space bring: that of each one's unit length, and one for each passive spin."""
     for body in bodies:
         yield UnitLength(name=body.name, body=body.name)
     estimates = {body.name: body.estimate for body in bodies}
-    for spin in idle_spins(bodies, constraints):
+    for spin in passive_spins(bodies, constraints):
         (body, (through, line)), *others = spin.lines.items()
         reference: Any = (estimates[body] or SPACE.still)[3:]
-        yield IdleSpin(name=spin.name, body=body, through=through, line=line, reference=reference, others=tuple(others))
+        yield PassiveSpin(
+            name=spin.name, body=body, through=through, line=line, reference=reference, others=tuple(others)
+        )
 
 
 def with_unit_length(estimate: Any) -> Any:
@@ -516,7 +518,7 @@ class UnitLength(SpatialConstraint):
 
 
 @dataclass(frozen=True, kw_only=True)
-class IdleSpin(UnitLength):
+class PassiveSpin(UnitLength):
     """A body that nothing keeps from spinning about a line in it is held as far turned as at a pose: 2 s . p = 0.
 
     Of bodies that spin as one the first is held; `others` has the rest, with the line in each.
@@ -530,13 +532,13 @@ class IdleSpin(UnitLength):
     line: Triple
     reference: tuple[float, float, float, float]
     others: tuple[tuple[str, tuple[Triple, Triple]], ...] = ()
-    type: str = "idle_spin"
+    type: str = "passive_spin"
 
     @property
-    def idle(self) -> str:
+    def passive(self) -> str:
         line, through = (", ".join(f"{x + 0.0:.6g}" for x in v) for v in (unit_vector(self.line).parts, self.through))
-        who = f"spin as one about ({line}) through ({through}) of {self.body}"
-        return f"idle: {self.name} {who if self.others else f'spins about ({line}) through ({through}) of its own'}"
+        spins, of = ("spin as one", self.body) if self.others else ("spins", "its own")
+        return f"passive degree of freedom: {self.name} {spins} about ({line}) through ({through}) of {of}"
 
     def gauge(self, g: Any, q: Any) -> tuple[Any, ...]:
         """Return 2 s of a body that is at q, which begins with its coordinates: (7 or more,) or (7 or more, B)."""

@@ -17,7 +17,7 @@ import numpy as np
 
 from refkin.analysis import SINGULAR
 from refkin.errors import Fault, InvalidScene
-from refkin.joints import GROUND, SPACE, idle_spins
+from refkin.joints import GROUND, SPACE, passive_spins
 from refkin.joints.spatial_vectors import Quaternion
 from refkin.model import Mechanism
 from refkin.system import System, compile_system
@@ -69,24 +69,24 @@ class Count:
         n_b with the ground, n_c with the ground's own.
     coordinates : int
         d of one body.
-    idle : tuple of str
+    passive : tuple of str
         Bodies that spin on their own without moving anything else: in space, those held by two spherical joints alone.
     """
 
     bodies: int
     equations: int
     coordinates: int
-    idle: tuple[str, ...]
+    passive: tuple[str, ...]
 
     @property
     def mobility(self) -> int:
-        """n_d = d n_b - n_c, idle spins included."""
+        """n_d = d n_b - n_c, passive spins included."""
         return self.coordinates * self.bodies - self.equations
 
     @property
     def useful(self) -> int:
-        """Mobility without the idle spins."""
-        return self.mobility - len(self.idle)
+        """Mobility without the passive spins."""
+        return self.mobility - len(self.passive)
 
     @property
     def kind(self) -> str:
@@ -122,7 +122,7 @@ def gruebler(joints: Sequence[Connection], dimension: str = "planar") -> Count:
         bodies=len(bodies),
         equations=d + sum(d - free[kind] for kind, _, _ in joints),
         coordinates=d,
-        idle=tuple(body for body, by in held.items() if by == ["spherical"] * 2 and body != GROUND),
+        passive=tuple(body for body, by in held.items() if by == ["spherical"] * 2 and body != GROUND),
     )
 
 
@@ -134,8 +134,8 @@ def count(mechanism: Mechanism) -> Count:
     d, joints = mechanism.kind.freedoms, mechanism.joints
     bodies = {GROUND, *(body.name for body in mechanism.bodies)}
     taken = sum(joint.independent - joint.parameters for joint in joints)
-    idle = tuple(row.name for row in mechanism.kind.own_rows(mechanism.bodies, mechanism.constraints) if row.idle)
-    return Count(bodies=len(bodies), equations=d + taken, coordinates=d, idle=idle)
+    passive = tuple(row.name for row in mechanism.kind.own_rows(mechanism.bodies, mechanism.constraints) if row.passive)
+    return Count(bodies=len(bodies), equations=d + taken, coordinates=d, passive=passive)
 
 
 def too_many_drivers(mechanism: Mechanism) -> str:
@@ -190,12 +190,12 @@ class Rank:
 class Mobility:
     """Rank-based mobility at a pose: of the joints alone, and with the drivers.
 
-    `idle` are in words the motions that one body of space, or several as one, can make while nothing else moves.
+    `passive` are in words the motions that one body of space, or several as one, can make while nothing else moves.
     """
 
     joints: Rank
     driven: Rank
-    idle: tuple[str, ...] = ()
+    passive: tuple[str, ...] = ()
 
     @property
     def mobility(self) -> int:
@@ -204,8 +204,8 @@ class Mobility:
 
     @property
     def useful(self) -> int:
-        """Mobility without what is idle."""
-        return self.mobility - len(self.idle)
+        """Mobility without what is passive."""
+        return self.mobility - len(self.passive)
 
     @property
     def kind(self) -> str:
@@ -261,7 +261,7 @@ def _alone(system: System, q: Any, phi_q: Any, tolerance: float) -> Iterator[str
     if system.kind is not SPACE:
         return
     bodies, constraints = system.mechanism.bodies, system.mechanism.constraints
-    together = [tuple(spin.lines) for spin in idle_spins(bodies, constraints) if len(spin.lines) > 1]
+    together = [tuple(spin.lines) for spin in passive_spins(bodies, constraints) if len(spin.lines) > 1]
     for names in [*((body.name,) for body in bodies), *together]:
         at = [q[system.columns(name)] for name in names]
         columns = sum(

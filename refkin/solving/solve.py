@@ -150,7 +150,7 @@ class _Answer:
     def __init__(self, system: System, scene: Scene, q: Any, status: list[Status], message: str) -> None:
         self.system, self.scene, self.t, self.q, self.status = system, scene, np.array(scene.times), q, status
         count = len(status)
-        self.messages = [message, *(p.constraint.idle for p in system.placed)]
+        self.messages = [message, *(p.constraint.passive for p in system.placed)]
         self.contradicted = False
         self.qd, self.qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
         self.residual, self.sigma_min, self.condition = (nowhere(count) for _ in range(3))

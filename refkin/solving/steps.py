@@ -44,7 +44,7 @@ APART = 64
 FURTHEST = 1.0
 """Largest move of an angle in one step: predictions do not know what lies within a radian [rad]."""
 TURNED = 0.6
-"""Cosine of half the turn of an idle body up to which it is held as it was: at 0 nothing would hold it."""
+"""Cosine of half the turn of a passive body up to which it is held as it was: at 0 nothing would hold it."""
 REACH = 0.25
 """Largest distance to a singular pose from which it is approached in one step [sizes, rad]."""
 
@@ -66,7 +66,7 @@ class Steps:
     tiny : float
         First corrections below it are not looked at.
     regauged : list of (int, System)
-        The numbers of the poses from which idle bodies were held another way, each with the system up to there.
+        The numbers of the poses from which passive bodies were held another way, each with the system up to there.
     jumps : list of int
         The numbers of the poses from which the next was found in a way of its own, proved as far as it must be.
     """
@@ -100,10 +100,10 @@ class Steps:
         self._hold(q)
 
     def _hold(self, q: Any) -> None:
-        """Hold idle bodies as they are turned here, if they have turned far from where they are held."""
+        """Hold passive bodies as they are turned here, if they have turned far from where they are held."""
         here = self.system.gauged(q)
         for p in self.system.placed if here.gauge else ():
-            if p.constraint.idle:
+            if p.constraint.passive:
                 held = self.system.gauge.get(p.row, p.g[:4])
                 if abs(sum(x * y for x, y in zip(held, here.gauge[p.row], strict=True))) < 4 * TURNED:
                     self.regauged.append((len(self.q) - 1, self.system))

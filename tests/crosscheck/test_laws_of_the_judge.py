@@ -29,7 +29,7 @@ from crosscheck.judge.levels import _mapped
 from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram
 from crosscheck.judge.sharpness import attainable_by_inputs, sharpness
-from crosscheck.judge.spatial import _half_angle, alike, idle_lines, reversed_joints
+from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints
 from crosscheck.measure.check import _enclosure
 from refkin import FourBar, Polynomial, Table, compile_system
 from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
@@ -220,8 +220,8 @@ def test_what_is_attainable_holds_every_residual_of_round_off_at_a_regular_pose(
 def test_where_a_body_spins_as_it_likes_no_pose_is_enclosed():
     scene = LINKAGE.scene(samples=2)
 
-    assert _enclosure(load("closed_form"), scene, refkin.solve(scene), idle=True) is None
-    assert _enclosure(load("closed_form"), scene, refkin.solve(scene), idle=False).inside == 2
+    assert _enclosure(load("closed_form"), scene, refkin.solve(scene), passive=True) is None
+    assert _enclosure(load("closed_form"), scene, refkin.solve(scene), passive=False).inside == 2
 
 
 NUMBERS = np.random.default_rng(5)
@@ -260,7 +260,7 @@ def carried_point(p, u):
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_an_idle_body_is_brought_back_from_any_spin_and_sign(count):
+def test_a_passive_body_is_brought_back_from_any_spin_and_sign(count):
     """Spun about its line by any angle, at any rate, with the other sign of p: as near the truth as can be is there."""
     at, line = np.array([0.3, -0.2, 0.5]), np.array([2.0, -1.0, 2.0]) / 3.0
     p, foot = turning(6), NUMBERS.normal(size=(3, 6, 3))
@@ -285,8 +285,8 @@ def test_an_idle_body_is_brought_back_from_any_spin_and_sign(count):
             assert level == pytest.approx(right, abs=1e-12)
 
 
-def test_the_line_of_an_idle_coupler_goes_through_its_two_balls():
-    ((at, line),) = (spin["coupler"] for spin in idle_lines(rssr().mechanism))
+def test_the_line_of_a_passive_coupler_goes_through_its_two_balls():
+    ((at, line),) = (spin["coupler"] for spin in passive_lines(rssr().mechanism))
 
     assert at.tolist() == [0.0, 0.0, 0.0]
     assert line.tolist() == [1.0, 0.0, 0.0]

@@ -13,7 +13,7 @@ from refkin.joints import GROUND, Revolute
 from refkin.motion_laws import Polynomial
 from refkin.scenes.files import to_toml
 from refkin.scenes.linkages import RSSP, RSSR, Bennett, Hooke, RSSRChain
-from tests.idle import loop, rod_of_two
+from tests.passive import loop, rod_of_two
 
 
 def told(tmp_path, capsys, scene, **options):
@@ -102,24 +102,28 @@ OF_SPACE = {
 
 
 @pytest.mark.parametrize("name", OF_SPACE)
-def test_what_spins_idly_is_named_by_count_and_by_rank_in_text_and_in_json(name, tmp_path, capsys):
-    scene, by_count, by_rank, idle = OF_SPACE[name]
+def test_what_spins_passively_is_named_by_count_and_by_rank_in_text_and_in_json(name, tmp_path, capsys):
+    scene, by_count, by_rank, passive = OF_SPACE[name]
     code, lines = told(tmp_path, capsys, scene)
     _, (text,) = told(tmp_path, capsys, scene, as_json=True)
     answer = json.loads(text)
 
     assert code == 0
     assert f" = {by_count}, " in lines[0]
-    assert lines[0].endswith(f"{len(idle)} of them idle: {', '.join(idle)}") == bool(idle)
+    assert lines[0].endswith(f"{len(passive)} of them passive: {', '.join(passive)}") == bool(passive)
     assert f" = {by_rank}, " in lines[1]
-    named = [line.removeprefix("idle: ") for line in lines if line.startswith("idle: ")]
-    assert [words.partition(" spin")[0] for words in named] == idle
-    assert (f"drivers leave {len(idle)} of these free" in "\n".join(lines), "all idle" in lines[-1]) == (
+    named = [
+        line.removeprefix("passive degree of freedom: ")
+        for line in lines
+        if line.startswith("passive degree of freedom: ")
+    ]
+    assert [words.partition(" spin")[0] for words in named] == passive
+    assert (f"drivers leave {len(passive)} of these free" in "\n".join(lines), "all passive" in lines[-1]) == (
         True,
-        bool(idle),
+        bool(passive),
     )
     assert (answer["by_count"]["mobility"], answer["by_rank"]["mobility"]) == (by_count, by_rank)
-    assert (answer["by_count"]["idle"], answer["by_rank"]["idle"]) == (idle, named)
+    assert (answer["by_count"]["passive"], answer["by_rank"]["passive"]) == (passive, named)
     assert len(answer["by_rank"]["joints"]["redundant"]) == by_rank - by_count
     assert sum(line.startswith("redundant: ") for line in lines) == by_rank - by_count
 

@@ -105,7 +105,7 @@ def test_what_is_written_for_the_plane_alone_is_refused_by_name(engine: str) -> 
 
 
 @pytest.mark.parametrize("engine", ENGINES)
-def test_an_idle_coupler_is_compared_but_for_its_spin(engine: str) -> None:
+def test_a_passive_coupler_is_compared_but_for_its_spin(engine: str) -> None:
     """Turned about its line by any angle and rate the answer agrees; bent off it by 1e-9 it does not."""
     scene = space_scenes.rssr()
     ref, motion = reference(scene), load(engine).solve(scene)
@@ -127,7 +127,7 @@ def test_one_sign_of_euler_parameters_for_a_pose_and_another_for_its_rates_is_wr
     assert not compare(ref, replace(motion, qdd=qdd)).agrees
 
 
-def test_the_other_assembly_is_told_as_one_whatever_its_idle_coupler_spins_like() -> None:
+def test_the_other_assembly_is_told_as_one_whatever_its_passive_coupler_spins_like() -> None:
     """No row that holds the reference's spin is held against an answer's."""
     linkage = RSSR(crank=1.0, coupler=3.0, rocker=2.0, pivot=(2.5, -0.5, 0.75), axis=(0.25, 1.0, 0.125))
     ours, theirs = (linkage.scene(samples=5, turns=0.1, branch=branch) for branch in Branch)

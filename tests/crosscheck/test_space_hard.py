@@ -32,7 +32,7 @@ def answer() -> Motion:
     return refkin.solve(COUPLER.scene)
 
 
-def test_the_other_sign_of_p_and_another_idle_spin_are_no_error(answer: Motion) -> None:
+def test_the_other_sign_of_p_and_another_passive_spin_are_no_error(answer: Motion) -> None:
     q = answer.q.copy()
     q[3:7] *= -1.0
     spin = np.array([np.cos(0.4), np.sin(0.4), 0.0, 0.0])  # the coupler lies along its own x axis

@@ -44,7 +44,7 @@ def test_a_drawn_scene_closes_at_all_times_from_its_estimate(drawn: Spatial) -> 
     numbers = numbers_of(drawn.scene.mechanism)
     first = motion.q[:, 0].reshape(-1, 7)
     for at, (body, estimate) in zip(first, estimates(drawn.scene, numbers).items(), strict=True):
-        if not any(body in spin for spin in numbers.idle):
+        if not any(body in spin for spin in numbers.passive):
             assert np.max(np.abs((at[:3] - numbers.origin) / numbers.size - estimate[:3])) < 0.05
             assert abs(at[3:] @ estimate[3:]) > 0.999
 
@@ -124,9 +124,9 @@ def test_scenes_of_space_end_in_a_singular_pose_or_in_none_by_proof() -> None:
 def test_engines_agree_with_the_closed_form_on_what_is_drawn(engine: str, drawn: Spatial) -> None:
     ours, theirs = solved(drawn), load(engine).solve(drawn.scene)
     assert set(theirs.status) == {Status.OK}
-    idle = numbers_of(drawn.scene.mechanism).idle
+    passive = numbers_of(drawn.scene.mechanism).passive
     for k, body in enumerate(ours.bodies):
-        if any(body in spin for spin in idle):
+        if any(body in spin for spin in passive):
             continue
         one, other = (m.q[7 * k : 7 * k + 7] for m in (ours, theirs))
         sign = np.sign(np.sum(one[3:] * other[3:], axis=0))

@@ -209,11 +209,11 @@ def made_up(motion: Motion, scene: Scene) -> Motion:
 
 
 def growing(order: str) -> Fault:
-    """Return the fault that rates of Euler parameters of an idle body have a part along these parameters."""
+    """Return the fault that rates of Euler parameters of a passive body have a part along these parameters."""
 
     def fault(motion: Motion, scene: Scene) -> Motion:
         level = getattr(motion, order).copy()
-        for body in chain(*reference(scene).idle):
+        for body in chain(*reference(scene).passive):
             own = slice(7 * motion.bodies.index(body) + 3, 7 * motion.bodies.index(body) + 7)
             level[own] += 0.3 * motion.q[own]
         return replace(motion, **{order: level})
@@ -238,8 +238,8 @@ FAULTS: dict[str, tuple[Fault, str]] = {
         "not delivered",
     ),
     "a pose made up where it is singular": (made_up, "ok where joints are open"),
-    "velocities of an idle body along its parameters": (growing("qd"), "beyond the allowed error"),
-    "accelerations of an idle body along its parameters": (growing("qdd"), "beyond the allowed error"),
+    "velocities of a passive body along its parameters": (growing("qd"), "beyond the allowed error"),
+    "accelerations of a passive body along its parameters": (growing("qdd"), "beyond the allowed error"),
     "not a number in one place": (At("qd", on(-1, -1, lambda x: math.nan)), "status ok without a number"),
     "infinity in one place": (At("qdd", on(0, -1, lambda x: math.inf)), "status ok without a number"),
     "positions of float32": (At("q", on(EVERY, EVERY, lambda x: np.float32(x))), "beyond the allowed error"),

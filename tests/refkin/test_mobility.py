@@ -26,19 +26,19 @@ RSSR = (
 # ---- by count
 
 
-def test_the_rssr_has_two_of_which_one_is_the_idle_spin_of_its_coupler():
+def test_the_rssr_has_two_of_which_one_is_the_passive_spin_of_its_coupler():
     """6 x 4 - 22."""
     freedoms = gruebler(RSSR, "spatial")
 
     assert (freedoms.bodies, freedoms.equations, freedoms.mobility) == (4, 22, 2)
-    assert (freedoms.idle, freedoms.useful) == (("coupler",), 1)
+    assert (freedoms.passive, freedoms.useful) == (("coupler",), 1)
 
 
 def test_a_coupler_held_by_a_universal_joint_does_not_spin():
     """R-U-S-R: 6 x 4 - (6 + 5 + 4 + 3 + 5) = 1."""
     joints = (RSSR[0], ("universal", "crank", "coupler"), *RSSR[2:])
 
-    assert (gruebler(joints, "spatial").mobility, gruebler(joints, "spatial").idle) == (1, ())
+    assert (gruebler(joints, "spatial").mobility, gruebler(joints, "spatial").passive) == (1, ())
 
 
 def test_a_four_bar_counted_in_space_seems_overconstrained():

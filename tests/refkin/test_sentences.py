@@ -117,4 +117,4 @@ def test_a_body_of_space_that_slides_alone_is_said_to_slide_and_not_to_spin():
     pose = (*at, 1.0, 0.0, 0.0, 0.0)
     both = Mechanism(tuple(Body(name=name, estimate=pose) for name in ("still", "slide")), joints, ())
 
-    assert mobility(both, [*pose, *pose]).idle == ("slide slides along (0, 0, 1) of its own",)
+    assert mobility(both, [*pose, *pose]).passive == ("slide slides along (0, 0, 1) of its own",)

@@ -76,7 +76,7 @@ def refkin_d2(given: Given) -> Values:
         "coordinates": counted.coordinates * counted.bodies,
         "equations": counted.equations,
         "mobility by count": counted.mobility,
-        "without the idle spin": counted.useful,
+        "without the passive spin": counted.useful,
         "mobility by rank": of_rank.mobility,
         "with its driver": of_rank.driven.freedoms,
     }

@@ -13,7 +13,7 @@ Two conditions that differ say cos psi and sin psi at once. One has two roots,
 
 of which the estimate chooses one at the first time; it is kept. Slid by s, a distance is a line against a sphere,
 s = w.u +- sqrt(L^2 - w.w + (w.u)^2). A body of which two points are placed turns about the line of the two; if nothing
-else holds it, it is idle, and its spin is left as it comes.
+else holds it, it is passive, and its spin is left as it comes.
 """
 
 from __future__ import annotations
@@ -116,9 +116,9 @@ class Assembly:
         return Vector(*(self.number(v) for v in values))
 
     @cached_property
-    def idle(self) -> tuple[dict[str, Any], ...]:
+    def passive(self) -> tuple[dict[str, Any], ...]:
         """The bodies of each spin that moves nothing else."""
-        return numbers_of(self.scene.mechanism).idle
+        return numbers_of(self.scene.mechanism).passive
 
     @cached_property
     def ties(self) -> list[Tie]:
@@ -353,7 +353,7 @@ class Assembly:
                 yield point, there, arm.dot(arm).sqrt()
 
     def _between_points(self, body: str) -> bool:
-        """Place a body of which two points are known; one that nothing else holds is idle, and turned anyhow."""
+        """Place a body of which two points are known; one that nothing else holds is passive, and turned anyhow."""
         known = [(tie, at) for tie in self.ties if body in tie.bodies and (at := self._known(tie, body)) is not None]
         for (one, p), (two, q) in combinations(known, 2):
             arm = two.points[two.side(body)] - one.points[one.side(body)]
@@ -363,7 +363,7 @@ class Assembly:
             turning = Turning(frame, p, (q - p).unit())
             rows = list(self._conditions(body, turning, None))
             if not self._solved(body, turning, rows):
-                if not any(body in spin for spin in self.idle):
+                if not any(body in spin for spin in self.passive):
                     continue
                 self.placed[body] = frame
             return True

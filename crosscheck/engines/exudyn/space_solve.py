@@ -78,7 +78,7 @@ class SpaceModel:
 class SpaceEquations(OwnSolver):
     """exudyn's rows of a mechanism of space in coordinates (r, p) of each body, and poses by its own solver.
 
-    A row for each idle spin holds it still, u . w = 0 (its pose is wherever exudyn leaves it), and one for each body
+    A row for each passive spin holds it still, u . w = 0 (its pose is wherever exudyn leaves it), and one for each body
     keeps its Euler parameters at length 1. exudyn has rows at that length alone.
     """
 
@@ -88,11 +88,11 @@ class SpaceEquations(OwnSolver):
         self, model: ExudynSpace, numbers: Numbers, tolerances: Sequence[float] = TOLERANCES, *, shipped: bool = False
     ) -> None:
         accepted = SHIPPED_ACCEPTED if shipped else max(ACCEPTED, 10.0 * tolerances[-1])
-        super().__init__(len(model.lines) + len(numbers.idle) + len(numbers.bodies), accepted)
+        super().__init__(len(model.lines) + len(numbers.passive) + len(numbers.bodies), accepted)
         self.model, self.numbers, self.tolerances, self.predicts = model, numbers, tolerances, not shipped
-        self.together = not numbers.idle
-        idle = [7 * numbers.bodies.index(body) + k for spin in numbers.idle for body in spin for k in range(3, 7)]
-        self.moving = np.delete(np.arange(model.n), idle)
+        self.together = not numbers.passive
+        passive = [7 * numbers.bodies.index(body) + k for spin in numbers.passive for body in spin for k in range(3, 7)]
+        self.moving = np.delete(np.arange(model.n), passive)
         self.default = quiet_settings()
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
@@ -104,7 +104,7 @@ class SpaceEquations(OwnSolver):
         bodies = q.reshape(-1, 7)
         lengths = 0.5 * (np.sum(bodies[:, 3:] ** 2, axis=1) - 1.0)
         q = unit(q)
-        still = np.zeros(len(self.numbers.idle))
+        still = np.zeros(len(self.numbers.passive))
         columns = common_columns(q).T * np.tile([1.0, 1.0, 1.0, 4.0, 4.0, 4.0], len(bodies))[:, None]  # w = 2 E p'
         units = np.zeros((len(bodies), len(q)))
         for k, at in enumerate(q.reshape(-1, 7)):
@@ -123,7 +123,7 @@ class SpaceEquations(OwnSolver):
     def _with_own(self, right: Array, qd: Any = None) -> Array:
         bodies = len(self.numbers.bodies)
         lengths = np.zeros(bodies) if qd is None else -np.sum(qd.reshape(-1, 7)[:, 3:] ** 2, axis=1)
-        return np.concatenate([right, np.zeros(len(self.numbers.idle)), lengths])
+        return np.concatenate([right, np.zeros(len(self.numbers.passive)), lengths])
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
         """Return the right sides of the accelerations (B, m)."""
@@ -135,7 +135,7 @@ class SpaceEquations(OwnSolver):
         return extrema([drive.law for drive in self.numbers.drives], times)
 
     def apart(self, q: Array, other: Array) -> float:
-        """Return the largest component [sizes, half rad] by which a pose differs from another, but for idle spins."""
+        """Return the largest component [sizes, half rad] by which a pose differs from another, passive spins apart."""
         return super().apart(q[..., self.moving], other[..., self.moving])
 
     def solved(self, start: Array, t: float) -> tuple[Array, float, Array]:
@@ -212,7 +212,7 @@ class SpaceEquations(OwnSolver):
 
     def _spins(self, q: Array) -> Sequence[Array]:
         rows = []
-        for spin in self.numbers.idle:
+        for spin in self.numbers.passive:
             body, (_, line) = next(iter(spin.items()))
             k = self.numbers.bodies.index(body)
             row = np.zeros((1, 6 * len(self.numbers.bodies)))

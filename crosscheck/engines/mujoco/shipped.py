@@ -122,7 +122,7 @@ class SpaceSimulation(MujocoSpace):
         super().__init__(system.tree, system.places, system.pairs)
         as_shipped(self.model)
         self.braked = np.eye(self.model.nv)
-        lines = {body: line for spin in system.tree.numbers.idle for body, (_, line) in spin.items()}
+        lines = {body: line for spin in system.tree.numbers.passive for body, (_, line) in spin.items()}
         for edge in system.tree.edges:
             if edge.kind == SPHERICAL and edge.body in lines:
                 line = self.frames[edge.body][1].T @ lines[edge.body]

@@ -40,7 +40,7 @@ def space_motion(
     tree = SpaceScene.of(scene, build)
     if own is not None:
         return tree.motion(one_by_one(own(tree.system), tree.start(), scene.times), producer)
-    poses = march(tree.system, tree.start(), scene.times, order_of(scene), together=not tree.numbers.idle)
+    poses = march(tree.system, tree.start(), scene.times, order_of(scene), together=not tree.numbers.passive)
     return tree.motion(poses, producer)
 
 

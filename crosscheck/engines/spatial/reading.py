@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Array, EngineRefusal
-from crosscheck.engines.spatial.idle import Line, spins
+from crosscheck.engines.spatial.passive import Line, spins
 from crosscheck.engines.spatial.turning import joint_frame
 from refkin.joints import (
     GROUND,
@@ -126,7 +126,7 @@ class Numbers:
     origin: Any
 
     @cached_property
-    def idle(self) -> tuple[dict[str, Line], ...]:
+    def passive(self) -> tuple[dict[str, Line], ...]:
         """Bodies that spin freely about a line while nothing else moves: those of each spin, with the line in each."""
         return tuple(spins(self.bodies, self.holds, self.drives))
 

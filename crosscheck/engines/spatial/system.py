@@ -101,7 +101,7 @@ Row = Callable[[State], tuple[Any, Any]]
 class SpaceSystem:
     """The rows to be solved, of a tree in an engine.
 
-    The spin of an idle body (`Numbers.idle`), the first of those that spin as one, is held still by a row of rates
+    The spin of a passive body (`Numbers.passive`), the first of those that spin as one, is held still by a row of rates
     alone, w . u = 0 along its line u: no step of Newton turns it, and its rates and accelerations are those without it.
     Where it ends depends on the way there.
 
@@ -121,7 +121,7 @@ class SpaceSystem:
             self._place(body, np.zeros(3), np.eye(3))
         for hold in tree.closures:
             self._close(hold)
-        first = [next(iter(spin.items())) for spin in tree.numbers.idle]
+        first = [next(iter(spin.items())) for spin in tree.numbers.passive]
         self._spins = [(tree.numbers.bodies.index(body), line) for body, (_, line) in first]
         self._driven = [(drive, Tabulated(drive.law), self._drive(drive)) for drive in tree.numbers.drives]
         self.engine = build(tree, self.places, self.pairs)

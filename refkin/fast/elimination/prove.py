@@ -28,7 +28,7 @@ from refkin.fast.elimination.program import Program
 from refkin.fast.elimination.run import Workspaces
 from refkin.fast.elimination.schedule import schedule
 from refkin.fast.elimination.symbols import Graph, Symbol, rewritten
-from refkin.fast.elimination.trace import Known, Traced, held_by, idle_of, trace
+from refkin.fast.elimination.trace import Known, Traced, held_by, passive_of, trace
 from refkin.proof.numbers.bounded import TINY
 from refkin.system import System
 
@@ -165,7 +165,7 @@ class _Prover:
             for law in range(len(p.constraint.laws)):
                 for m in range(ORDERS):
                     errors[self.graph.input("f", k, law, m)] = self.graph.input("f", k, law, ORDERS + m)
-        for k, _ in idle_of(self.system):  # numbers that are meant as they stand
+        for k, _ in passive_of(self.system):  # numbers that are meant as they stand
             errors |= dict.fromkeys(held_by(self.graph, k), self.graph.constant(0.0))
         return errors
 

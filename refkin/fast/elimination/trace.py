@@ -44,7 +44,7 @@ class Traced:
 def trace(system: System, known: Known, rows: Sequence[int], held: bool = False) -> Traced:
     """Return the traced equations of a system, on all levels: scheduling leaves out what nobody calls for.
 
-    What is idle is held as it was estimated, so that poses are functions of time; or, `held`, as laws say (`held_by`).
+    What is passive is held as it was estimated, so that poses are functions of time; or, `held`, as laws say.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ def trace(system: System, known: Known, rows: Sequence[int], held: bool = False)
     symbolic = replace(system, placed=tuple(placed), effects=EVERYTHING)
     q, qd = (_coordinates(graph, kind, system.n) for kind in ("q", "qd"))
     if held:
-        symbolic = replace(symbolic, gauge={p.row: held_by(graph, k) for k, p in idle_of(system)})
+        symbolic = replace(symbolic, gauge={p.row: held_by(graph, k) for k, p in passive_of(system)})
     slope = symbolic.phi_q(q, 0.0)[list(rows)]
     lifted = [[graph.lift(x) for x in row] for row in slope]
     return Traced(
@@ -73,13 +73,13 @@ def trace(system: System, known: Known, rows: Sequence[int], held: bool = False)
     )
 
 
-def idle_of(system: System) -> list[tuple[int, Placed]]:
-    """Return the constraints that hold what is idle, by their numbers."""
-    return [(k, p) for k, p in enumerate(system.placed) if p.constraint.idle]
+def passive_of(system: System) -> list[tuple[int, Placed]]:
+    """Return the constraints that hold what is passive, by their numbers."""
+    return [(k, p) for k, p in enumerate(system.placed) if p.constraint.passive]
 
 
 def held_by(graph: Graph, k: int) -> tuple[Symbol, ...]:
-    """Return the inputs that say how a constraint holds what is idle, as `gauge` does."""
+    """Return the inputs that say how a constraint holds what is passive, as `gauge` does."""
     return tuple(graph.input("f", k, m, 0) for m in range(4))
 
 

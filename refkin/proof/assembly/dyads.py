@@ -26,7 +26,7 @@ from refkin.joints import (
     SpatialPointDistance,
     TurnAboutAxis,
     Unit,
-    idle_spins,
+    passive_spins,
 )
 from refkin.joints.spatial_terms import frame
 from refkin.joints.spatial_vectors import Vec3
@@ -130,13 +130,13 @@ class _Reader:
                 if isinstance(e, SpatialPointDistance):
                     length = e.laws[0](self.t, 0) if e.laws else e.length
                     links.append((c.name, e.ends, abs(length) / self.scale.size))  # a law may be negative
-        for spin in idle_spins(self.mechanism.bodies, self.mechanism.constraints):
+        for spin in passive_spins(self.mechanism.bodies, self.mechanism.constraints):
             joints = [c for c in self.mechanism.joints if len(spin.lines.keys() & {*c.bodies}) == 1]
             held = [e for c in joints for e in exact(tuple(c.elements()))]
             own = [end for e in held for end in e.ends if end[0] in spin.lines]
             if [type(e) for e in held] == [PointsMeet] * 2 and own[0][0] == own[1][0]:
                 ends = tuple(next(end for end in e.ends if end[0] not in spin.lines) for e in held)
-                links.append((spin.name, ends, _length(self._vector(own[0][1]) - self._vector(own[1][1]))))
+                links.append((own[0][0], ends, _length(self._vector(own[0][1]) - self._vector(own[1][1]))))
         for name, ends, length in links:
             for (a, u), (b, v) in (ends, ends[::-1]):
                 if a in self.places:

@@ -34,7 +34,7 @@ class Nearly:
 class Preconditioned:
     """Poses q (n, B) at times t, with R about the inverse of n rows of phi_q(q); all bounds are rounded up.
 
-    What is idle is held as it is at each pose.
+    What is passive is held as it is at each pose.
     """
 
     def __init__(self, system: System, rows: Any, q: Any, t: Any, order: int) -> None:

@@ -11,7 +11,7 @@ from refkin.motion import Status
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.dyads import certain_miss
 from refkin.system import compile_system
-from tests.idle import SPINNING, loop, sliding
+from tests.passive import SPINNING, loop, sliding
 
 WIDE = np.linspace(0.0, 2.5, 11)
 

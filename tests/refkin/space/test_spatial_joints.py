@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from refkin.differences import jacobian
 from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, Spherical, elements_of
-from refkin.joints.spatial import _across, idle_spins, with_unit_length
+from refkin.joints.spatial import _across, passive_spins, with_unit_length
 from refkin.joints.spatial_terms import frame, parameters_of, relative
 from refkin.joints.spatial_vectors import SpatialValues, Vec3
 from refkin.model import Body
@@ -221,7 +221,7 @@ def test_the_elements_of_a_joint_have_its_rows(form):
 
 
 def test_the_equations_of_a_linkage_have_a_row_for_each_unit_length_and_hold_off_it():
-    """An RSSR: 18 rows of joints, a driver, three unit lengths, one idle spin; anywhere, by complex steps."""
+    """An RSSR: 18 rows of joints, a driver, three unit lengths, one passive spin; anywhere, by complex steps."""
     mechanism = RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125)).scene(start=0.4).mechanism
     system = compile_system(mechanism, unit=mechanism.unit())
     q, qd = np.random.default_rng(7).normal(size=(2, system.n))
@@ -271,7 +271,7 @@ def test_a_body_on_balls_spins_if_they_lie_on_a_line_whatever_its_size(size):
     def spins(*points):
         ends = {"body_i": "ground", "point_i": (0.0, 0.0, 0.0), "body_j": "b"}
         balls = [Spherical(name=str(k), **ends, point_j=tuple(size * x for x in u)) for k, u in enumerate(points)]
-        return [spin.name for spin in idle_spins([Body(name="b")], balls)]
+        return [spin.name for spin in passive_spins([Body(name="b")], balls)]
 
     assert spins((0.1, 0.2, 0.3), (0.8, 0.3, 0.6)) == ["b"]
     assert spins((0.1, 0.2, 0.3), (0.8, 0.3, 0.6), (2.2, 0.5, 1.2)) == ["b"]

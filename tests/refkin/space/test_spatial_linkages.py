@@ -1,4 +1,4 @@
-"""Spatial linkages against closed forms in 40 digits, their mobility, their idle bodies, their limits."""
+"""Spatial linkages against closed forms in 40 digits, their mobility, their passive bodies, their limits."""
 
 from __future__ import annotations
 
@@ -282,14 +282,14 @@ def test_mobility_by_count_and_by_rank_with_the_redundant_rows_by_name(name):
     assert all(d.row.partition("[")[0] in {j.name for j in scene.mechanism.joints} for d in result.joints.dependent)
 
 
-def test_the_coupler_of_an_rssr_spins_idly_and_is_named():
+def test_the_coupler_of_an_rssr_spins_passively_and_is_named():
     scene = EVERY["RSSR"].scene(start=0.4, samples=2)
     motion = refkin.solve(scene)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
 
-    assert count(scene.mechanism).idle == ("coupler",)
-    assert "idle: coupler spins about (1, 0, 0) through (0, 0, 0) of its own" in motion.message
-    (words,) = mobility_of(system, system.to_unit(motion.q[:, 0])).idle
+    assert count(scene.mechanism).passive == ("coupler",)
+    assert "passive degree of freedom: coupler spins about (1, 0, 0) through (0, 0, 0) of its own" in motion.message
+    (words,) = mobility_of(system, system.to_unit(motion.q[:, 0])).passive
     assert words.startswith("coupler spins about")
     assert mobility_of(system, system.to_unit(motion.q[:, 0])).driven.freedoms == 1
 
@@ -498,7 +498,7 @@ def test_a_stewart_platform_goes_with_its_six_legs():
 
 @pytest.mark.parametrize("name", ["RSSR", "RSSR by distance", "RSSP"])
 def test_the_fast_path_proves_linkages_of_space_by_its_own_program(name, monkeypatch):
-    """An idle coupler has the rates that it has without spin; how far it is turned itself is nobody's."""
+    """A passive coupler has the rates that it has without spin; how far it is turned itself is nobody's."""
     scene = EVERY[name].scene(speed=1.7, start=0.4, samples=19)
     reference = refkin.solve(scene)
     monkeypatch.setattr("refkin.fast.answer.isolate_every_choice", None)

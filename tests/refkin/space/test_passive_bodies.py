@@ -10,13 +10,13 @@ import pytest
 
 import refkin
 from refkin import fast
-from refkin.joints import GROUND, SpatialRevolute, idle_spins
+from refkin.joints import GROUND, SpatialRevolute, passive_spins
 from refkin.model import Mechanism
 from refkin.motion import Status
 from refkin.solving.mobility import count, mobility_of
 from refkin.solving.starts import find_start
 from refkin.system import compile_system
-from tests.idle import (
+from tests.passive import (
     SPINNING,
     cylinder,
     driven_halves,
@@ -100,13 +100,13 @@ def test_what_spins_alone_or_as_one_is_found_named_held_and_certified(coupler):
     motion, system = answer(coupler), compile_system(scene.mechanism, unit=scene.mechanism.unit())
 
     assert {
-        frozenset(spin.lines) for spin in idle_spins(scene.mechanism.bodies, scene.mechanism.constraints)
+        frozenset(spin.lines) for spin in passive_spins(scene.mechanism.bodies, scene.mechanism.constraints)
     } == spinning
     assert motion.verdict is Status.OK, motion.message
     assert np.max(motion.certified_radius.acceleration) < 1e-11
-    assert motion.message.count("idle: ") == len(spinning)
+    assert motion.message.count("passive degree of freedom: ") == len(spinning)
     named = mobility_of(system, find_start(system, scene).q)
-    assert {frozenset(words.partition(" spin")[0].split(" and ")) for words in named.idle} == spinning
+    assert {frozenset(words.partition(" spin")[0].split(" and ")) for words in named.passive} == spinning
     assert named.driven.freedoms == len(spinning)
 
 
@@ -133,7 +133,7 @@ def test_rates_are_those_of_rows_stated_anew_without_a_spin(coupler):
     rate = (rows(scene, q, t + h) - rows(scene, q, t - h)) / (2 * h)
     v = np.concatenate([np.append(motion[body].qd[:3, k], motion[body].omega[:, k]) for body in q])
     assert np.max(np.abs(slope(scene, q, t) @ v + rate)) < 1e-7
-    for spin in idle_spins(scene.mechanism.bodies, scene.mechanism.constraints):
+    for spin in passive_spins(scene.mechanism.bodies, scene.mechanism.constraints):
         body, (_, line) = next(iter(spin.lines.items()))
         for level in (motion[body].omega, motion[body].alpha):
             assert abs(level[:, k] @ q[body][1] @ line) < 1e-10 * np.linalg.norm(line)
@@ -152,11 +152,11 @@ def test_the_fast_path_has_the_rates_without_spin_of_all_bodies_that_spin_as_one
             assert np.max(np.abs(off)) < 1e-10, f"{level} of {body}"
 
 
-def test_what_a_link_beside_the_line_holds_is_not_idle():
+def test_what_a_link_beside_the_line_holds_is_not_passive():
     scene, spinning = drawn(held)
 
     assert not spinning
-    assert list(idle_spins(scene.mechanism.bodies, scene.mechanism.constraints)) == []
+    assert list(passive_spins(scene.mechanism.bodies, scene.mechanism.constraints)) == []
 
 
 @pytest.mark.parametrize("coupler", [rod, rod_of_two, two_halves])
@@ -165,7 +165,7 @@ def test_a_ball_beside_the_line_of_others_ends_the_spin(coupler, off):
     """A third ball, on the line at first, then moved across it."""
     scene, _ = drawn(coupler)
     m = scene.mechanism
-    spins = list(idle_spins(m.bodies, m.constraints))
+    spins = list(passive_spins(m.bodies, m.constraints))
     body, (through, line) = next(iter(spins[0].lines.items()))
     ball = next(j for j in m.joints if j.type == "spherical" and body in (j.body_i, j.body_j))
     across = np.cross(line, (0.3, -0.5, 0.8)) / np.linalg.norm(line)
@@ -175,13 +175,13 @@ def test_a_ball_beside_the_line_of_others_ends_the_spin(coupler, off):
         third = replace(
             ball, name="third", **{f"point_{side}": tuple((0.3 * np.array(line) + through + shift).tolist())}
         )
-        return {spin.name for spin in idle_spins(m.bodies, (*m.constraints, third))}
+        return {spin.name for spin in passive_spins(m.bodies, (*m.constraints, third))}
 
     assert with_third(0.0 * across) == {spin.name for spin in spins}
     assert with_third(off * across) == {spin.name for spin in spins[1:]}
 
 
-def test_a_body_that_hangs_on_one_joint_lacks_a_driver_and_is_not_idle():
+def test_a_body_that_hangs_on_one_joint_lacks_a_driver_and_is_not_passive():
     scene, _ = drawn(rod)
     m = scene.mechanism
     at, axis = (0.1, 0.2, 0.3), (0.0, 0.0, 1.0)
@@ -189,7 +189,7 @@ def test_a_body_that_hangs_on_one_joint_lacks_a_driver_and_is_not_idle():
     hanging = SpatialRevolute(name="hook", **ends)
     bodies = (*m.bodies, refkin.Body(name="d"))
 
-    assert [spin.name for spin in idle_spins(bodies, (*m.constraints, hanging))] == ["b"]
+    assert [spin.name for spin in passive_spins(bodies, (*m.constraints, hanging))] == ["b"]
     with pytest.raises(refkin.RefkinError, match="1 more constraint: add drivers"):
         Mechanism(bodies, (*m.joints, hanging), m.drivers)
 

@@ -1,4 +1,4 @@
-"""Loops of space whose coupler spins idly, alone or as several bodies: built where they close, with frames anywhere."""
+"""Loops of space whose coupler spins passively, alone or as several bodies: built where they close, in any frames."""
 
 from __future__ import annotations
 

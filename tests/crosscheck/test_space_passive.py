@@ -14,8 +14,8 @@ from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.levels import compare_levels, configurations
 from crosscheck.measure.check import check
-from refkin.joints import SI, idle_spins
-from tests.idle import SPINNING, driven_halves, held, loop, rod_of_two, rod_with_ballast, telescope
+from refkin.joints import SI, passive_spins
+from tests.passive import SPINNING, driven_halves, held, loop, rod_of_two, rod_with_ballast, telescope
 
 FORMS = ("half", "dot", "printed")
 
@@ -24,8 +24,8 @@ FORMS = ("half", "dot", "printed")
 def test_what_spins_is_found_twice_and_alike_wherever_frames_lie(coupler):
     for seed in range(4):
         mechanism = loop(coupler, seed, FORMS, far=10.0**seed)[0].mechanism
-        ours = {spin.name: spin.lines for spin in idle_spins(mechanism.bodies, mechanism.constraints)}
-        theirs = {" and ".join(spin): spin for spin in numbers_of(mechanism, SI).idle}
+        ours = {spin.name: spin.lines for spin in passive_spins(mechanism.bodies, mechanism.constraints)}
+        theirs = {" and ".join(spin): spin for spin in numbers_of(mechanism, SI).passive}
         assert ours.keys() == theirs.keys()
         for name, lines in ours.items():
             for body, (through, line) in lines.items():
@@ -97,7 +97,7 @@ def respun(motion, bodies, lines, angle):
 @pytest.mark.parametrize("coupler", [rod_with_ballast, rod_of_two, driven_halves, telescope])
 def test_a_shared_spin_is_no_error_and_a_turn_of_one_against_the_other_is(coupler):
     scene, ref, motion = answered(coupler)
-    (lines,) = numbers_of(scene.mechanism, SI).idle
+    (lines,) = numbers_of(scene.mechanism, SI).passive
 
     assert compare(ref, respun(motion, lines, lines, 0.9)).agrees
     for body in lines:

@@ -49,7 +49,7 @@ class Spin:
         return " and ".join(self.lines)
 
 
-def idle_spins(bodies: Sequence[Any], constraints: Sequence[Any]) -> Iterator[Spin]:
+def passive_spins(bodies: Sequence[Any], constraints: Sequence[Any]) -> Iterator[Spin]:
     """Yield the spins that move nothing else, each once: no body takes part in two."""
     at: dict[str, list[Any]] = {body.name: [] for body in bodies}
     for c in constraints:
