@@ -44,7 +44,7 @@ STEP = 1e-100
 """Complex step: nothing of its square is left."""
 CLOSE = 2.0**-6
 """Distance of another choice's pose, in uniqueness radii, up to which the first order tells how far it is."""
-AT_A_TIME = 32
+AT_A_TIME = 128
 """Poses whose choices are compared at a time: what a cache holds."""
 DEPENDENT = 2.0**-40
 """Determinant, largest over the poses, up to which rows depend on each other: far more than rounding leaves of 0."""
