@@ -243,12 +243,12 @@ def _sigma_per_step(ref: Reference) -> float | None:
     return smallest(sigma[moved] / steps[moved]) if moved.any() else None
 
 
-def _enclosure(engine: Engine, scene: Scene, motion: Motion, passive: bool) -> EnclosedTimes | None:
+def _enclosure(engine: Engine, scene: Scene, motion: Motion) -> EnclosedTimes | None:
     """Return at how many times a motion lies inside and outside of what is attainable, and how far.
 
-    None for cams and screws, and where a body spins as it likes: of its pose no enclosure is the only one.
+    None for cams and screws: answers have no parameters of joints.
     """
-    if any(joint.parameters for joint in scene.mechanism.joints) or passive:
+    if any(joint.parameters for joint in scene.mechanism.joints):
         return None
     samples = scene_samples(scene, motion, engine.terms(scene, motion.producer.route))
     judged = [sample.judgement for sample in samples if sample.judgement is not None]
@@ -295,7 +295,7 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *
             judged=compared.judged,
             times=len(motion.status),
             seconds=float(f"{seconds:.4g}"),
-            certificate=_enclosure(engine, scene, motion, bool(ref.passive)) if subject.arbiter else None,
+            certificate=_enclosure(engine, scene, motion) if subject.arbiter else None,
             feature=feature,
             granted={term.name: short(term.absolute) for term in terms if term.absolute > ABSOLUTE},
         )

@@ -8,6 +8,7 @@ from itertools import product as every
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 import refkin
 from crosscheck.engines import Level, load
@@ -32,6 +33,7 @@ from crosscheck.judge.sharpness import attainable_by_inputs, sharpness
 from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints
 from crosscheck.measure.check import _enclosure
 from refkin import FourBar, Polynomial, Table, compile_system
+from refkin.scenes.linkages import RSSR
 from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
 from tests.crosscheck.space_scenes import scene as spatial_scene
 
@@ -217,11 +219,19 @@ def test_what_is_attainable_holds_every_residual_of_round_off_at_a_regular_pose(
     assert np.max(granted) < 20 * np.max(corners)
 
 
-def test_where_a_body_spins_as_it_likes_no_pose_is_enclosed():
-    scene = LINKAGE.scene(samples=2)
+@pytest.mark.parametrize("engine", ["closed_form", "mujoco"])
+def test_where_a_body_spins_as_it_likes_balls_decide_of_all_but_its_spin(engine):
+    """Spun about its line by an angle of its own it is inside, turned out of it by 3e-12 outside."""
+    scene = RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125)).scene(start=0.4, samples=3)
+    motion = load(engine).solve(scene)
+    at = 7 * motion.bodies.index("coupler")
+    p = Rotation.from_quat(motion.q[at + 3 : at + 7].T, scalar_first=True)
+    for turn, inside in (((0.7, 0.0, 0.0), 3), ((0.0, 3e-12, 0.0), 0)):
+        q = motion.q.copy()
+        q[at + 3 : at + 7] = (p * Rotation.from_rotvec(turn)).as_quat(scalar_first=True).T
+        enclosed = _enclosure(load(engine), scene, replace(motion, q=q))
 
-    assert _enclosure(load("closed_form"), scene, refkin.solve(scene), passive=True) is None
-    assert _enclosure(load("closed_form"), scene, refkin.solve(scene), passive=False).inside == 2
+        assert (enclosed.inside, enclosed.outside) == (inside, 3 - inside)
 
 
 NUMBERS = np.random.default_rng(5)

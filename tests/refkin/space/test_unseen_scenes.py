@@ -15,7 +15,7 @@ from refkin import fast
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 from refkin.scenes.files import to_dict
-from refkin.scenes.linkages import RSCR, RSSR, Bennett, Bricard, DoubleHooke, Hooke, ScrewJack
+from refkin.scenes.linkages import RSCR, RSSR, Bennett, Bricard, DoubleHooke, Hooke, ScrewJack, Stewart
 from tests.refkin.space import random_starts
 from tests.refkin.space.truth import Truth, off
 
@@ -82,6 +82,7 @@ LINKAGES = {
     "Bricard": Bricard(1.0, 1.2),
     "double Hooke": DoubleHooke(0.5, 2.0),
     "screw jack": ScrewJack(0.1),
+    "Stewart": Stewart.three_three(),
 }
 
 
