@@ -15,8 +15,6 @@ SUFFIX = {"one": "_one", "cycle": "", "bulk": "_bulk"}
 """What the keys of a row end with, for so many poses."""
 LOOSER = 1.0
 """A setting that should be more accurate and has this many digits fewer is told of."""
-YARDSTICK = ("refkin", "Newton, analytic Jacobian", "to round-off")
-"""The row whose price is the unit of what is tracked over nights."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -156,19 +154,6 @@ def repeated(first: Cheapest, again: Cheapest) -> tuple[int, int, list[str]]:
                     where = f"{POSES[poses]}, {digits} digits of {quantity}"
                     changed.append(f"{where}: {', '.join(before)} before, {', '.join(after)} now")
     return cells, same, changed
-
-
-def ratios(rows: Sequence[PriceRow]) -> dict[tuple[str, str, str, str], float]:
-    """Return (engine, method, setting, quantity) -> its price in units of refkin's Newton to round-off.
-
-    Microseconds are those of a machine and its load; ratios are what is compared over nights.
-    """
-    unit = {r.quantity: r.microseconds for r in rows if (r.engine, r.method, r.setting) == YARDSTICK and r.microseconds}
-    return {
-        (r.engine, r.method, r.setting, r.quantity): r.microseconds / unit[r.quantity]
-        for r in rows
-        if r.microseconds is not None and r.quantity in unit
-    }
 
 
 def with_suspicions(rows: Sequence[PriceRow]) -> list[PriceRow]:

@@ -71,27 +71,26 @@ def _certificate(t: Times, work: str) -> float:
     return t(work, CERTIFICATE) - t(work, SAMPLES)
 
 
-AIMS = (
-    Aim("one four-bar: fast path / dense C", (SWEEP,), lambda t: t(SWEEP, SAMPLES) / t(SWEEP, DENSE), at_most=0.6),
-    Aim(
-        "one four-bar: fastest engine / fast path",
-        (SWEEP,),
-        lambda t: t.engine(SWEEP, SAMPLES) / t(SWEEP, SAMPLES),
+def _quotient(name: str, work: str, over: Key, under: Key, **bound: float) -> Aim:
+    """Return the aim for the time of one method of a workload over that of another."""
+    return Aim(name, (work,), lambda t: t(work, over) / t(work, under), **bound)
+
+
+def _beside_engines(linkage: str, work: str) -> Aim:
+    return Aim(
+        f"one {linkage}: fastest engine / fast path",
+        (work,),
+        lambda t: t.engine(work, SAMPLES) / t(work, SAMPLES),
         at_least=10.0,
-    ),
-    Aim(
-        "one four-bar: certificates / the fast path's solve",
-        (SWEEP,),
-        lambda t: t(SWEEP, CERTIFICATE) / t(SWEEP, SAMPLES),
-        at_most=5.0,
-    ),
+    )
+
+
+AIMS = (
+    _quotient("one four-bar: fast path / dense C", SWEEP, SAMPLES, DENSE, at_most=0.6),
+    _beside_engines("four-bar", SWEEP),
+    _quotient("one four-bar: certificates / the fast path's solve", SWEEP, CERTIFICATE, SAMPLES, at_most=5.0),
     Aim("10,000 four-bars, 2 % margin: fast path [ns]", (MANY,), lambda t: t(MANY, SAMPLES), at_most=200.0),
-    Aim(
-        "10,000 four-bars, 2 % margin: dense C / fast path",
-        (MANY,),
-        lambda t: t(MANY, DENSE) / t(MANY, SAMPLES),
-        at_least=4.0,
-    ),
+    _quotient("10,000 four-bars, 2 % margin: dense C / fast path", MANY, DENSE, SAMPLES, at_least=4.0),
     Aim("10,000 four-bars, no margin: fast path [ns]", (ANY,), lambda t: t(ANY, SAMPLES), at_most=550.0),
     Aim(
         "chains: growth exponent of a Newton iteration, 100 to 10,000 loops",
@@ -106,12 +105,7 @@ AIMS = (
         at_most=3.0,
     ),
     Aim("one RSSR: fast path [us]", (RSSR,), lambda t: t(RSSR, SAMPLES) / 1e3, at_most=6.0),
-    Aim(
-        "one RSSR: fastest engine / fast path",
-        (RSSR,),
-        lambda t: t.engine(RSSR, SAMPLES) / t(RSSR, SAMPLES),
-        at_least=10.0,
-    ),
+    _beside_engines("RSSR", RSSR),
     Aim(
         "certificate of a pose, per coordinate: RSSR / four-bar",
         (SWEEP, RSSR),

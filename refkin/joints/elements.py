@@ -75,21 +75,21 @@ class Element:
 
 
 @dataclass(frozen=True, kw_only=True)
-class _OfPoints(Element):
-    """What is said of a point of body i and a point of body j, each in its body's frame [m]."""
+class OfPoints(Element):
+    """What is said of a point of body i and a point of body j, each in its frame [m]: `Pair`s, or `Triple`s."""
 
     body_i: str
-    point_i: Pair
+    point_i: Any
     body_j: str
-    point_j: Pair
+    point_j: Any
 
     @property
-    def ends(self) -> tuple[tuple[str, Pair], tuple[str, Pair]]:
+    def ends(self) -> tuple[tuple[str, Any], tuple[str, Any]]:
         return (self.body_i, self.point_i), (self.body_j, self.point_j)
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointsCoincide(_OfPoints):
+class PointsCoincide(OfPoints):
     """Two points are one; or `laws` f1, f2 [m] give what leads from point i to point j in the ground frame."""
 
     kind = "points coincide"
@@ -97,7 +97,7 @@ class PointsCoincide(_OfPoints):
 
 
 @dataclass(frozen=True, kw_only=True)
-class GuidedPoint(_OfPoints):
+class GuidedPoint(OfPoints):
     """A point of body j stays on a line of body i: parallel to `axis_i`, `offset` [m] to the left of point i."""
 
     kind = "point on line"
@@ -106,7 +106,7 @@ class GuidedPoint(_OfPoints):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointDistance(_OfPoints):
+class PointDistance(OfPoints):
     """Two points keep a distance [m]: `length`, or that of the law."""
 
     kind = "distance"
@@ -153,7 +153,7 @@ class RollingWheels(Element):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RollingOnLine(_OfPoints):
+class RollingOnLine(OfPoints):
     """A wheel on body j with its centre at point j rolls without slip along a line of body i: a rack and its pinion."""
 
     kind = "rolling on a line"
@@ -164,7 +164,7 @@ class RollingOnLine(_OfPoints):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Contact(_OfPoints):
+class Contact(OfPoints):
     """Body j touches the profile d(s) [m] around point i, s [rad] from the x-axis of body i.
 
     With a face through point j of normal `normal_j`, with a roller of `roller_radius` [m] around it, else with the

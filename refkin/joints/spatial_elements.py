@@ -25,21 +25,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from refkin.joints.elements import Element, Triple
-
-
-@dataclass(frozen=True, kw_only=True)
-class _OfPoints(Element):
-    """What is said of a point of body i and a point of body j, each in its body's frame [m]."""
-
-    body_i: str
-    point_i: Triple
-    body_j: str
-    point_j: Triple
-
-    @property
-    def ends(self) -> tuple[tuple[str, Triple], tuple[str, Triple]]:
-        return (self.body_i, self.point_i), (self.body_j, self.point_j)
+from refkin.joints.elements import Element, OfPoints, Triple
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,7 +42,7 @@ class _OfAxes(Element):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointsMeet(_OfPoints):
+class PointsMeet(OfPoints):
     """Two points are one."""
 
     kind = "points of space coincide"
@@ -83,7 +69,7 @@ class AxesPerpendicular(Element):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointOnAxis(_OfPoints):
+class PointOnAxis(OfPoints):
     """A point of body j stays on the axis of body i through its point."""
 
     kind = "point on axis"
@@ -94,7 +80,7 @@ class PointOnAxis(_OfPoints):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointInPlane(_OfPoints):
+class PointInPlane(OfPoints):
     """A point of body j stays in the plane of body i through its point and across its axis."""
 
     kind = "point in plane"
@@ -110,7 +96,7 @@ class TurnAboutAxis(_OfAxes):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ShiftAlongAxis(_OfPoints):
+class ShiftAlongAxis(OfPoints):
     """Point j is a law's value [m] further along axis i than point i."""
 
     kind = "shift along axis"
@@ -118,7 +104,7 @@ class ShiftAlongAxis(_OfPoints):
 
 
 @dataclass(frozen=True, kw_only=True)
-class ScrewMotion(_OfPoints):
+class ScrewMotion(OfPoints):
     """Point j is `shift` [m] and `pitch` [m/rad] times the turn about the axis further along it than point i."""
 
     kind = "screw"
@@ -132,7 +118,7 @@ class ScrewMotion(_OfPoints):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpatialPointDistance(_OfPoints):
+class SpatialPointDistance(OfPoints):
     """Two points of space keep a distance [m]: `length`, or that of the law."""
 
     kind = "distance of space"
