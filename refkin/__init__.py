@@ -26,12 +26,13 @@ That is the reference, which runs alone. What stands above it is imported when i
 Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockwise in rad):
 
 ========= ======================================= ==============================================================
-`q`       coordinates, (x, y, phi) per body, in   space (x, y, z, e0 to e3); then those of joints; `qd`, `qdd` rates
+`q`       coordinates                             (x, y, phi) per body, in space (x, y, z, e0 to e3); then of joints
+`qd`      velocities                              `qdd`: accelerations
 `phi`     constraint residual, Shabana's C        phi(q, t) = 0
 `phi_q`   constraint Jacobian
 `nu`      velocity right side                     nu = -phi_t,  phi_q qd = nu
 `gamma`   acceleration right side                 gamma = -(phi_q qd)_q qd - 2 phi_qt qd - phi_tt,  phi_q qdd = gamma
-`size`    power of two nearest the largest        distance of two joint points on one body; every solve is scaled by it
+`size`    unit of length of every solve           power of two nearest the largest distance of two points on a body
 ========= ======================================= ==============================================================
 """
 

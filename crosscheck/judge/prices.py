@@ -14,7 +14,7 @@ POSES = {"one": "one pose now", "cycle": "one cycle", "bulk": "in bulk"}
 SUFFIX = {"one": "_one", "cycle": "", "bulk": "_bulk"}
 """What the keys of a row end with, for so many poses."""
 LOOSER = 1.0
-"""A setting that should be more accurate and has this many digits fewer is told of."""
+"""A setting that should be more accurate and has this many digits fewer is reported."""
 
 
 @dataclass(frozen=True, kw_only=True)

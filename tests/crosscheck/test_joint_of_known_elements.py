@@ -61,10 +61,6 @@ class BesideSlider(Constraint):
         return (*block_i, (0, 0, -1)), (*block_j, (0, 0, 1))
 
     @staticmethod
-    def nu(g: Any, f: Any, i: Any, j: Any) -> Rows:
-        return 0, 0
-
-    @staticmethod
     def gamma(g: Any, f: Any, i: Any, j: Any) -> Rows:
         return (*PointOnLine.gamma(g, f, i, j), 0)
 
