@@ -43,6 +43,8 @@ TRUST = 0.25
 """The largest correction (rad, or sizes) of a predicted pose; what lies further off may be another branch."""
 HALVINGS, HALVINGS_AFTER_FAILURE = 40, 6
 """How often a step may be halved on the way to the next time: down to 1e-12 of it; less after a time that failed."""
+MOST_OF_IT = 0.875
+"""The part of a step that is tried where only the last one went: towards a fold Newton bears it again and again."""
 DIVISIONS, MOST_DIVIDED, PARTS = 4, 4, 6
 """How often steps may be divided, how many together, and into how many parts on either side."""
 ATTEMPTS = 3000
@@ -347,7 +349,7 @@ def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
 
 def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVINGS) -> Poses:
     """Return the pose at t on the branch of `last`, if there is one: by steps halved until Newton contracts."""
-    first, step = last, t - float(last.t[0])
+    first, step, went = last, t - float(last.t[0]), False
     smallest = math.ldexp(step, -halvings)
     for _ in range(ATTEMPTS):
         now = float(last.t[0])
@@ -358,9 +360,9 @@ def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVING
         if joined and target == t:
             return pose
         if joined and pose.regular[0]:
-            last, step = pose, 2.0 * step
+            last, step, went = pose, 2.0 * step, True
         else:
-            step = 0.5 * (target - now)
+            step, went = (MOST_OF_IT if went else 0.5) * (target - now), False
             if step < smallest:
                 return _fold(equations, last, t) if halvings == HALVINGS else nowhere(first, t)
     return nowhere(first, t)

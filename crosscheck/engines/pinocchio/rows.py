@@ -119,13 +119,15 @@ class EqualAngles(Anchor):
 
     def __init__(self, planar: PlanarModel, i: Frame, j: Frame, held: RelativeAngle) -> None:
         super().__init__(planar, i, j)
-        self.held = held
+        angles = [
+            planar.angle(held.body_j, q) - planar.angle(held.body_i, q) for q in np.eye(1 + planar.model.nv)[:, 1:]
+        ]
+        self._near, self._turns = angles[0] - held.angle, np.round(np.subtract(angles[1:], angles[0]))
+        self._rotation = self.data.c1Mc2.rotation  # a view: `calc` fills it
 
     def _value(self, q: Array, data: Any) -> float:
-        rotation = data.c1Mc2.rotation
-        angle, held = self.planar.angle, self.held
-        near = angle(held.body_j, q) - angle(held.body_i, q) - held.angle
-        return unwrap_near(math.atan2(rotation[1, 0], rotation[0, 0]), near)
+        rotation = self._rotation
+        return unwrap_near(math.atan2(rotation[1, 0], rotation[0, 0]), self._near + float(self._turns @ q))
 
 
 def element_rows(planar: PlanarModel, e: Element, scaled: Scaling) -> Row:
