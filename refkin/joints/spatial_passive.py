@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from itertools import permutations
 from typing import Any
 
-from refkin.joints.elements import Element, Triple
+from refkin.joints.elements import GROUND, Element, Triple
 from refkin.joints.spatial_elements import (
     AxesParallel,
     AxesPerpendicular,
@@ -110,7 +110,16 @@ def _end(e: Any, body: str) -> tuple[Vec3 | None, Vec3 | None]:
 
 
 def _candidates(body: str, at: Touching) -> Iterator[Line]:
-    """Yield lines through two points of a body, or through one along an axis; those fixed to it have theirs on it."""
+    """Yield lines through two points of a body, or through one along an axis; those fixed to it have theirs on it.
+
+    A hinge, or a cylinder, on the ground leaves its own axis alone.
+    """
+    for c in at[body]:
+        parts = {type(e): _end(e, body) for e in c.placed_elements}
+        place = parts.get(PointsMeet) or parts.get(PointOnAxis)
+        if GROUND in c.bodies and AxesParallel in parts and place:
+            yield place[0], parts[AxesParallel][1]  # type: ignore[misc]  # both have them
+            return
     ends = list(_ends(body, at, {body}))
     points = list({p.parts: p for p, _ in ends if p is not None}.values())
     axes = [axis for _, axis in ends if axis is not None]
