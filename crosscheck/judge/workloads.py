@@ -97,14 +97,13 @@ def _truth(work: FourBars, piece: Piece) -> tuple[Any, ...]:
 def _errors(work: FourBars, piece: Piece, truth: tuple[Any, ...]) -> Iterator[tuple[Any, Any]]:
     """Yield per level the errors (rows, L) in sizes and radians, and what they are a part of, (L,)."""
     size = unit_of(work.lengths[:, piece.mechanisms]).size
-    rows = np.asarray(piece.rows)
-    angles = rows % 3 == 2
+    rows, angles = np.asarray(piece.rows), np.arange(9) % 3 == 2
     for order, (level, exact) in enumerate(zip(piece.levels, truth, strict=False)):
         error = np.asarray(level - exact[rows], float)
         if order == 0:
-            error[angles] = wrap(error[angles])
-        scaled = np.where((np.arange(9) % 3 == 2)[:, None], exact, exact / size)
-        error = np.abs(np.where(angles[:, None], error, error / size))
+            error[angles[rows]] = wrap(error[angles[rows]])
+        scaled = np.where(angles[:, None], exact, exact / size)
+        error = np.abs(np.where(angles[rows][:, None], error, error / size))
         part = np.max(np.abs(scaled), axis=0) if order else np.ones(error.shape[1])
         yield np.where(np.isfinite(error), error, np.inf), np.asarray(part, float)
 

@@ -11,9 +11,11 @@ import pytest
 import refkin
 from crosscheck.cli import main
 from crosscheck.commands.conform import lines
-from crosscheck.engines import load
+from crosscheck.engines import EngineRefusal, load
+from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.judge.hard_poses import HardOutcome
-from crosscheck.measure.conform import ask, hard_replies, replies, summary
+from crosscheck.judge.records import Cause, Disagreement, Record
+from crosscheck.measure.conform import _faults_of, ask, hard_replies, replies, summary
 from crosscheck.measure.hard_table import job, outcome_of
 from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import hard_cases
@@ -156,6 +158,34 @@ def test_an_engine_that_depends_on_the_order_of_bodies_is_told_so(tmp_path):
 def test_an_equality_that_no_joint_can_move_is_no_failure_of_mujoco():
     """Both shafts of a Hooke joint turn about the point that it holds together: MuJoCo leaves its rows out."""
     assert told("mujoco", "space: universal") == "1 of 1 questions answered, 0 refused, 0 wrong"
+
+
+def test_what_an_engine_refuses_of_a_whole_scene_is_told_and_is_no_fault():
+    class Refuses(ClosedForm):
+        def solve(self, scene, route=None):
+            raise EngineRefusal("not on Sundays")
+
+    reply = ask(Refuses(), next(iter(ASKED.values())))
+
+    assert (reply.refusals, reply.faults, reply.levels) == (("not on Sundays",), (), ())
+
+
+def test_of_each_route_the_first_level_that_is_beyond_is_told_and_every_fault_of_status_and_rows():
+    scene = next(iter(ASKED.values())).scene
+    seen = [
+        ("a", "position", Cause.BEYOND),
+        ("a", "velocity", Cause.BEYOND),
+        ("b", "velocity", Cause.BEYOND),
+        ("b", "acceleration", Cause.NOT_DELIVERED),
+        ("b", "status", Cause.NO_ANSWER),
+        ("rows", "jacobian", Cause.TRANSLATED),
+    ]
+    wrong = [Disagreement(engine="own", route=route, quantity=quantity, kind=kind) for route, quantity, kind in seen]
+    nothing = {"answers": [], "levels": [], "refusals": [], "about": {}}
+    record = Record(key=16 * "0", scene="any", disagreements=wrong, **nothing)
+
+    levels = ["position", "velocity", "acceleration", "status", "own rows"]
+    assert [fault.level for fault in _faults_of(record, scene)] == levels
 
 
 def test_an_engine_that_crashes_or_hangs_at_a_question_is_asked_the_next(tmp_path, monkeypatch):

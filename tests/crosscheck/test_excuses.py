@@ -11,7 +11,7 @@ import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.tree import joint_tree
-from crosscheck.judge.delivery import singular_between
+from crosscheck.judge.delivery import _within, singular_between
 from crosscheck.measure.check import REGULAR, check
 from refkin import FourBar
 
@@ -59,3 +59,7 @@ def test_full_turns_of_a_constant_angle_do_not_round_what_hangs_on_it(engine, mo
 
     monkeypatch.setattr(joint_tree, "_within_a_turn", lambda angle: angle)
     assert kinds(TURNED, engine) == {"depends on the order of bodies"}
+
+
+def test_times_are_put_evenly_between_each_two():
+    assert _within((0.0, 1.0, 3.0), 3) == [0.25, 0.5, 0.75, 1.5, 2.0, 2.5]

@@ -24,13 +24,14 @@ from crosscheck.judge.budget import (
     output_rounding,
     table_error,
 )
+from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import QUANTITIES, reference
 from crosscheck.judge.hard_poses import _output_rounding, least_error, residual_error
 from crosscheck.judge.levels import _mapped
 from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram
 from crosscheck.judge.sharpness import attainable_by_inputs, sharpness
-from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints
+from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints, spun
 from crosscheck.measure.check import _enclosure
 from refkin import FourBar, Polynomial, Table, compile_system
 from refkin.scenes.linkages import RSSR
@@ -295,6 +296,16 @@ def test_a_passive_body_is_brought_back_from_any_spin_and_sign(count):
             assert level == pytest.approx(right, abs=1e-12)
 
 
+def test_a_passive_body_may_be_off_by_a_spin_as_large_as_the_error_of_its_turn_and_no_other_body_may():
+    """A spin by d moves each Euler parameter by up to d, and a point that lies r from the line by up to 2 d r."""
+    allowed, turn = np.linspace(1.0, 14.0, 14)[:, None], 11.0 + 12.0 + 13.0 + 14.0
+    line = {"b": (np.array([0.3, 5.0, 0.4]), np.array([0.0, 1.0, 0.0]))}
+
+    expected = [*range(1, 8), *(own + 2.0 * 0.5 * turn for own in (8, 9, 10)), *[turn] * 4]
+    assert spun(allowed, ["a", "b"], [line])[:, 0] == pytest.approx(expected)
+    assert spun(allowed, ["a", "b"], []).tolist() == allowed.tolist()
+
+
 def test_the_line_of_a_passive_coupler_goes_through_its_two_balls():
     ((at, line),) = (spin["coupler"] for spin in passive_lines(rssr().mechanism))
 
@@ -358,3 +369,17 @@ def test_a_histogram_counts_every_number_of_digits_once_in_tenths_rounded_down()
     digits = [3.14, 3.19, np.nan, 3.2, -0.05, 3.1, np.inf, 16.0]
 
     assert histogram(digits) == {31: 3, 32: 1, -1: 1, 160: 1}
+
+
+@pytest.mark.parametrize(
+    ("level", "where"), [("q", "position of "), ("qd", "velocity of "), ("qdd", "acceleration of ")]
+)
+def test_a_change_is_a_part_of_the_size_of_the_mechanism_and_of_a_rate_of_the_largest_rate(level, where):
+    off, size = solved().motion, LINKAGE.scene().mechanism.size()
+    moved = np.array(getattr(off, level))
+    moved += np.tile([[1e-6 * size], [0.0], [0.0]], (3, 1)) if level == "q" else 1e-6 * moved
+    seen = change(solved(), off, replace(off, **{level: moved}), exact=False)
+
+    assert seen.largest == pytest.approx(1e-6, rel=1e-6)
+    assert seen.worst.startswith(where)
+    assert not seen.inert

@@ -245,9 +245,12 @@ def test_beyond_what_is_attainable_a_loss_of_digits_is_not_suspicious():
 
 
 def test_prices_are_tracked_in_units_of_the_reference():
-    rows = [priced(15.0, 200.0, "Newton, analytic Jacobian", "refkin", setting="to round-off"), priced(9.0, 50.0)]
+    """Of each quantity that the reference has a price of, and of what was timed."""
+    own = ("Newton, analytic Jacobian", "refkin")
+    rows = [priced(15.0, 200.0, *own, setting="to round-off"), priced(9.0, 50.0), priced(9.0, None, "chord")]
 
-    assert ratios(rows)["made up", "newton", "-", "position"] == 0.25
+    ratio = {key[:2] + key[3:]: value for key, value in ratios([*rows, priced(9.0, 5.0, quantity="velocity")]).items()}
+    assert ratio == {("refkin", own[0], "position"): 1.0, ("made up", "newton", "position"): 0.25}
 
 
 @pytest.mark.parametrize("arguments", [["no such scene.toml"], [str(EXAMPLE), "--page", "no such folder/page.html"]])

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crosscheck.judge.comparison import compare, reference
+from crosscheck.judge.comparison import QuantityComparison, compare, reference
 from crosscheck.judge.records import Cause, Disagreement, line_of, read_line
 from crosscheck.judge.samples import attainable_digits, by_decade, common_sample, off_at, short
 from crosscheck.measure.check import check
@@ -75,6 +75,13 @@ def test_a_record_comes_back_from_its_line_as_it_was(scene):
 
     assert read_line(line_of(record)) == record
     assert record.answers[0].certificate is not None
+
+
+@pytest.mark.parametrize(("ratio", "agrees"), [(1.0, True), (1.0 + 1e-12, False), (np.inf, False), (np.nan, True)])
+def test_an_answer_agrees_up_to_its_budget_at_every_time_that_is_judged(ratio, agrees):
+    nothing = np.zeros(3)
+
+    assert QuantityComparison(nothing, np.array([np.nan, ratio, 0.5]), nothing, None).agrees is agrees
 
 
 def test_a_ratio_that_is_shortened_stays_on_its_side_of_one():

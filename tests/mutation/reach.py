@@ -80,7 +80,7 @@ def cpu():
 
 def red(item, following=None, seconds=ENDLESS):
     """Return whether a test fails; one that takes longer than so many seconds of work, or very long, does."""
-    with limited(seconds, cpu=True), limited(60.0 + 10.0 * seconds):
+    with limited(seconds, cpu=True), limited(20.0 + 10.0 * seconds):
         return any(report.failed for report in runtestprotocol(item, log=False, nextitem=following))
 
 
