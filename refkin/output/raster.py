@@ -91,6 +91,6 @@ def _add(axes: Any, shape: Shape) -> None:
     elif shape.radius:
         axes.add_patch(Circle((x[0], y[0]), shape.radius, fc=fill, ec=line, lw=width))
     elif fill != "none" and len(x) > 2:
-        axes.add_patch(Polygon(shape.points.T, closed=True, fc=fill, ec=line, lw=width, joinstyle="round"))
+        axes.add_patch(Polygon(shape.points.T, fc=fill, ec=line, lw=width, joinstyle="round"))
     else:
         axes.plot(x, y, color=line, lw=width, ls="--" if "stroke-dasharray" in style else "-", solid_capstyle="round")

@@ -8,10 +8,13 @@ import math
 import mpmath
 import numpy as np
 import pytest
+from flint import arb
 
 from refkin.joints import AngleDriver, Distance, Fixed, PointOnLine, Prismatic, XDriver, YDriver
 from refkin.model import Mechanism
 from refkin.motion_laws import Polynomial, Sinusoid, Table
+from refkin.proof.assembly.loci import Line, meet
+from refkin.vec import Vec
 
 from .assembly_cases import (
     ROUND_OFF,
@@ -27,6 +30,17 @@ from .assembly_cases import (
     solved,
     turned,
 )
+
+# ---- loci
+
+
+def test_parallel_lines_are_proved_to_miss_each_other_by_their_distance_and_one_line_itself_is_no_proof():
+    normal = Vec(arb(0), arb(1))
+    one, other = (Line(Vec(arb(x), arb(y)), normal) for x, y in ((0.0, 0.0), (3.0, 0.25)))
+
+    assert meet(one, other).gap == 0.25
+    assert meet(one, Line(Vec(arb(7), arb(0)), normal)) is None
+
 
 # ---- four-bars
 

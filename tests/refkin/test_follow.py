@@ -293,3 +293,15 @@ def test_a_path_along_which_t_stands_still_does_not_turn():
     assert np.max(np.abs(path.t)) < 1e-12
     assert path.turning_points == ()
     assert [abs(math.cos(b.q[8])) for b in path.bifurcations] == pytest.approx([1.0, 1.0])
+
+
+@pytest.mark.parametrize(("linkage", "angle"), [(ROCKER, 0.5), (PARALLELOGRAM, math.pi - 2.5e-3)])
+def test_no_step_is_longer_than_the_longest_that_is_asked_for(linkage, angle):
+    """Neither the first one nor the one after a bifurcation, which the parallelogram meets after three."""
+    path = refkin.follow(driven(linkage, angle), max_step=1e-3, most_points=8, choose=straight_on)
+    unit = compile_system(driven(linkage).mechanism, unit=driven(linkage).mechanism.unit()).unit
+    steps = np.diff(path.q, axis=1) / np.tile([unit.size, unit.size, 1.0], 3)[:, None]
+
+    assert len(path.t) == 8
+    assert len(path.events) == (linkage is PARALLELOGRAM)
+    assert np.max(np.abs(steps)) <= 1e-3

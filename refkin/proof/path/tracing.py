@@ -93,7 +93,7 @@ class Tracer:
             )
         else:
             tangent = self.curve.tangent(x, along) * (direction if along is None else 1)
-        h = min(FIRST_STEP, self.max_step)
+        h = first = min(FIRST_STEP, self.max_step)
         while len(self.trace.points) < self.most_points:
             outcome = self._step(x, tangent, h)
             if isinstance(outcome, Crossing):
@@ -102,7 +102,7 @@ class Tracer:
                 if chosen is None:
                     return self._crossed(outcome, tangent)
                 self.trace.crossings.append((len(self.trace.points) - 1, outcome, tangent))
-                x, tangent, h = outcome.x, chosen / np.linalg.norm(chosen), FIRST_STEP
+                x, tangent, h = outcome.x, chosen / np.linalg.norm(chosen), first
                 continue
             if outcome is None:
                 return self._ended(TraceEnd.STOPPED)

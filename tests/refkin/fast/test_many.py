@@ -307,6 +307,15 @@ def test_axes_and_radii_may_be_rows():
             assert np.max(np.abs(many.q[:, sample] - motion.q)) < 1e-13
 
 
+def test_estimates_of_bodies_on_which_nothing_wanted_depends_are_no_hindrance():
+    lengths = grashof(10, margin=0.02)
+    many = solve_many(scene(6, bodies_wanted=("crank",)), geometry(lengths), estimates(lengths))
+
+    assert many.ok.all()
+    assert many.bodies == ("crank",)
+    assert np.max(np.abs(many.q - solved(lengths, samples=6).q[:3])) < 1e-14
+
+
 def test_laws_of_time_other_than_polynomials():
     wave = Sinusoid(amplitude=0.5, angular_frequency=3.0)
     some = bare(ROCKER.scene(law=wave, times=tuple(np.linspace(0.0, 2.0, 30).tolist())))

@@ -8,16 +8,18 @@ from dataclasses import astuple, replace
 import mpmath
 import numpy as np
 import pytest
+from flint import arb, ctx
 
 import refkin
 from refkin import fast
 from refkin.fast.answer import _still
-from refkin.joints.spatial_terms import frame
+from refkin.joints import SpatialDistanceDriver, SpatialRevolute
+from refkin.joints.spatial_terms import Vec3, frame, root
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 from refkin.proof.assembly.assembly import assemblies
-from refkin.proof.assembly.dyads import certain_miss
+from refkin.proof.assembly.dyads import _Reader, certain_miss
 from refkin.proof.numbers.preconditioned import WORSE
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import krawczyk
@@ -401,6 +403,30 @@ def test_a_link_is_proved_not_to_reach_exactly_where_the_closed_form_says_so(lin
     assert set(proved) == {False, True}
 
 
+@pytest.mark.parametrize("length", [0.3, 9.0])
+def test_a_link_to_a_point_on_a_hinge_misses_its_circle_by_as_much_as_the_nearest_angle_leaves(length):
+    """The point lies beside the hinge's own axis and above its place on it."""
+    hinge = {"point_i": (0.5, -0.25, 1.0), "axis_i": (1.0, 2.0, 2.0), "point_j": (0.25, 0.5, 0.0), "axis_j": (0, 3, 4)}
+    joint = SpatialRevolute(name="R", body_i="ground", body_j="arm", **hinge)
+    body = Body(name="arm", estimate=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+    law, ends = Polynomial(coefficients=(1.0,)), {"point_i": (0.0, 0.0, 0.0), "point_j": (1.0, 0.0, 0.0)}
+    driver = SpatialDistanceDriver(name="d", body_i="ground", body_j="arm", **ends, law=law)
+    system = compile_system(Mechanism((body,), (joint,), (driver,)))
+    u, near, z = np.array([1.0, -0.5, 2.0]), np.array([2.0, 1.0, -0.5]), np.array([1.0, 2.0, 2.0]) / 3
+    own, axis = u - hinge["point_j"], np.array([0.0, 3.0, 4.0]) / 5
+    height, radius = own @ axis, np.linalg.norm(own - (own @ axis) * axis)
+    x = np.cross(z, [1.0, 0.0, 0.0]) / np.linalg.norm(np.cross(z, [1.0, 0.0, 0.0]))
+    angles = np.linspace(0.0, 2 * np.pi, 4001)[:, None]
+    circle = hinge["point_i"] + height * z + radius * (np.cos(angles) * x + np.sin(angles) * np.cross(z, x))
+    distances = np.linalg.norm(circle - near, axis=1)
+    missed = max(distances.min() - length, length - distances.max())
+
+    with ctx.workprec(120):
+        gap = _Reader(system, 0.0).gap(Vec3(*map(arb, near.tolist())), tuple(u), "arm", arb(length))
+    assert missed > 0.1
+    assert float(gap) == pytest.approx(missed, rel=1e-5)
+
+
 def test_a_sweep_into_a_limit_ends_there_and_proves_that_it_goes_no_further():
     start = next(x / 10 for x in range(63) if _assembles(LIMITED, x / 10))
     motion = refkin.solve(LIMITED.scene(start=start + 0.1, speed=1.0, samples=19))
@@ -561,3 +587,8 @@ def test_without_its_spin_a_body_moves_the_points_of_its_line_as_before():
                 arm = sum(n * hamilton(hamilton(a, [0.0, *point]), sign * b) for a, b, n in turned)
                 moves.append(levels[k][:3] + arm[1:])
             assert moves[0] == pytest.approx(moves[1], abs=1e-13)
+
+
+@pytest.mark.parametrize("square", [6.25, np.array([6.25, 0.0, 1e-300])])
+def test_a_root_is_that_of_each_number_of_a_row(square):
+    assert np.all(root(square) == np.sqrt(square))
