@@ -278,18 +278,17 @@ def _made(out: Path) -> dict[str, Any] | None:
         return None
     try:
         made = json.loads(path.read_text(encoding="utf-8"))
-        return {"seed": int(made["seed"]), "versions": dict(made["versions"]), "date": made.get("date")}
-    except (ValueError, KeyError, TypeError) as error:
+        versions = {"refkin": made.get("refkin"), **made["versions"]}
+        return {"seed": int(made["seed"]), "versions": versions, "date": made.get("date")}
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise OtherRun(f"{path} does not say what run it belongs to: choose another folder") from error
 
 
 def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Turns) -> None:
-    """Write how the run is made, unless the folder holds one with other engines or other scenes."""
-    before = _made(plan.out)
-    if before is not None and before["versions"] != outcome.versions:
-        raise OtherRun(
-            f"{plan.out} holds a run with {before['versions']}, not {outcome.versions}: choose another folder"
-        )
+    """Write how the run is made, unless the folder holds one of other versions, engines or scenes."""
+    before, versions = _made(plan.out), {"refkin": version("refkin"), **outcome.versions}
+    if before is not None and before["versions"] != versions:
+        raise OtherRun(f"{plan.out} holds a run with {before['versions']}, not {versions}: choose another folder")
     for number in sorted(turns.numbers)[-1:]:
         if key_of(draw(plan.seed, number).scene) != turns.numbers[number]:
             raise OtherRun(f"{plan.out} holds a run whose scenes are not drawn any more: choose another folder")

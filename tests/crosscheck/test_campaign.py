@@ -271,10 +271,22 @@ def test_a_folder_with_other_engines_is_refused_and_left_as_it_is(tmp_path):
     before = (tmp_path / "out" / "run.json").read_text()
     spec = engine_file(tmp_path)
 
-    with pytest.raises(OtherRun, match=r"holds a run with \{'closed_form': .*\}, not \{.*'fake': '1'\}: choose"):
+    with pytest.raises(OtherRun, match=r"holds a run with \{'refkin': .*\}, not \{.*'fake': '1'\}: choose"):
         run(plan(tmp_path / "out", spec, scenes=2))
 
     assert (tmp_path / "out" / "run.json").read_text() == before
+
+
+def test_a_folder_of_another_version_is_refused_and_left_as_it_is(tmp_path):
+    run(plan(tmp_path, scenes=1))
+    path = tmp_path / "run.json"
+    other = {**json.loads(path.read_text()), "refkin": "9.9"}
+    path.write_text(json.dumps(other))
+
+    with pytest.raises(OtherRun, match=r"holds a run with \{'refkin': '9.9', .*\}, not .*: choose another folder"):
+        run(plan(tmp_path, scenes=2))
+
+    assert json.loads(path.read_text()) == other
 
 
 def test_a_folder_whose_scenes_are_not_drawn_any_more_is_refused(tmp_path, monkeypatch):
@@ -285,7 +297,7 @@ def test_a_folder_whose_scenes_are_not_drawn_any_more_is_refused(tmp_path, monke
         run(plan(tmp_path, scenes=3))
 
 
-@pytest.mark.parametrize("text", ['{"seed": 1', "[]", '{"seed": "x", "versions": {}}', "{}"])
+@pytest.mark.parametrize("text", ['{"seed": 1', "[]", '{"seed": "x", "versions": {}}', "{}", "[" * 10**5])
 def test_a_folder_whose_run_cannot_be_told_is_refused(tmp_path, text):
     (tmp_path / "run.json").write_text(text)
 

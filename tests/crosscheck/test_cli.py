@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 import subprocess
 import sys
@@ -22,6 +23,7 @@ from crosscheck.commands.solve import solve
 from crosscheck.engines import EngineRefusal, load
 from crosscheck.night.plan import SAMPLED
 from refkin.scenes.files import to_toml
+from refkin.solving.limits import expected_seconds
 
 from .fake_engines import RAISE, SEGFAULT, SHIFT, crosscheck, engine_file, key_of_drawn, records_of
 
@@ -552,3 +554,14 @@ def test_a_sweep_of_20000_times_says_what_it_takes_before_it_is_begun(monkeypatc
         assert solve(path, as_json=True) == 0
 
     assert said == ["20000 times: this takes about 12 s\n", ""]
+
+
+def test_two_laws_that_turn_back_1400_times_are_said_to_take_long():
+    rocker = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    wave = refkin.Sinusoid(offset=1.0, amplitude=0.2, angular_frequency=1400.0 * math.pi)
+    scene = rocker.scene(law=wave, times=(0.0, 1.0))
+    second = replace(scene.mechanism.drivers[0], name="second")
+    both = replace(scene, mechanism=replace(scene.mechanism, drivers=(*scene.mechanism.drivers, second)))
+
+    assert expected_seconds(scene) < 1.0  # the range of one law alone is gone through once
+    assert 5.0 < expected_seconds(both) < 30.0
