@@ -16,9 +16,11 @@ from crosscheck.measure.check import check
 from crosscheck.night.moving_parts import SceneDrawing
 from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, Status
 from refkin.fast import attempt
-from refkin.joints import Element, GuidedPoint, Pair, PointOnLine, RelativeAngle
+from refkin.joints import AxesParallel, Element, GuidedPoint, Pair, PointInPlane, PointOnLine, RelativeAngle
 from refkin.joints.base import Blocks, Constraint, Rows
 from refkin.joints.planar import ends_of, unit_normal
+from refkin.joints.spatial import PARALLEL, OfLines
+from refkin.joints.spatial_terms import Guide, Term
 from refkin.motion_laws import Polynomial
 from refkin.proof.assembly.rows import read_rows
 from refkin.scenes import files, keys
@@ -160,3 +162,47 @@ def test_an_element_that_is_not_what_the_formulas_say_is_seen_in_every_engine(en
 
     assert "position" in seen
     assert ("residual" in seen) == (engine in OWN_ROWS)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Plate(OfLines):
+    """In space: body j slides on a plane of body i, and turns about what stands upright on it."""
+
+    type: Literal["plate"] = "plate"
+
+    @property
+    def terms(self) -> tuple[Term, ...]:
+        return (*PARALLEL[self.form], Guide("hi"))
+
+    def elements(self) -> Iterator[Element]:
+        yield from self._elements(AxesParallel, PointInPlane)
+
+
+def plate_on_a_crank() -> Scene:
+    """Return a crank that draws a plate over a plane, which a rod holds too."""
+    x, z, at_0 = (1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+    axes: dict[str, Any] = {"axis_i": z, "zero_i": x, "axis_j": z, "zero_j": x}
+    ground: dict[str, Any] = {"body_i": "ground", "point_i": at_0}
+    joints = (
+        refkin.SpatialRevolute(name="R", **ground, body_j="crank", point_j=at_0, **axes),
+        refkin.Spherical(name="S", body_i="crank", point_i=x, body_j="plate", point_j=at_0),
+        Plate(name="P", **ground, body_j="plate", point_j=(0.0, 1.0, 0.0), **axes),
+        refkin.SpatialDistance(
+            name="D", body_i="ground", point_i=(4.0, 0.0, 0.0), body_j="plate", point_j=(3.0, 0.0, 0.0), length=1.5
+        ),
+    )
+    motor = refkin.SpatialAngleDriver(name="motor", joint="R", law=Polynomial(coefficients=(0.4, 1.0)))
+    bodies = (
+        Body(name="crank", estimate=(0, 0, 0, 1, 0, 0, 0.2)),
+        Body(name="plate", estimate=(1, 0.3, 0, 1, 0, 0, 0.1)),
+    )
+    return Scene(mechanism=Mechanism(bodies, joints, (motor,)), times=(0.0, 0.1, 0.2), name="plate")
+
+
+def test_in_space_engines_read_it_element_by_element():
+    record = check(plate_on_a_crank(), OWN_ROWS)
+
+    assert record.reference.verdict == Status.OK
+    assert [str(seen) for seen in record.disagreements] == []
+    assert {answer.engine for answer in record.answers} == set(OWN_ROWS)
+    assert {row.engine for row in record.levels} == {"exudyn", "mujoco", "pinocchio"}

@@ -163,7 +163,7 @@ class ExudynSpace:
     def _joint(self, hold: Hold) -> None:
         if hold.kind == SCREW:
             raise EngineRefusal(f"exudyn refuses screw {hold.name!r}: it has no screw joint")
-        row = 0
+        row = hold.row
 
         def add(number: Any, own: int, what: tuple[Any, ...], factor: float = 1.0) -> None:
             nonlocal row

@@ -115,10 +115,12 @@ class SpaceRows:
 
 
 def _maps(meeting: Sequence[Hold], welded: Sequence[Hold], factor: float) -> list[RowMap]:
-    maps = [RowMap(constraint=h.name, row=k, engine_row=3 * n + k) for n, h in enumerate(meeting) for k in range(3)]
+    maps = [
+        RowMap(constraint=h.name, row=h.row + k, engine_row=3 * n + k) for n, h in enumerate(meeting) for k in range(3)
+    ]
     first = 3 * len(meeting)
     for n, hold in enumerate(welded):
-        row = 3 if hold.kind in MEETING else 0
+        row = hold.row + (3 if hold.kind in MEETING else 0)
         last = row + (2 if hold.kind == "fixed" else 4)
         places = [row, row + 1, last] if hold.kind in WHOLE else [row, row + 1]
         maps += [

@@ -76,10 +76,13 @@ class Hold:
         Its frames, columns f, g, h (`joint_frame`); of a joint without axes the identity.
     length, pitch, shift : float
         Of a distance; of a screw: length for each radian, and length at angle zero.
+    row : int
+        The first of the joint's rows that it stands for: 0 but for what is read element by element.
     """
 
     name: str
     kind: str
+    row: int = 0
     body_i: str
     body_j: str
     u_i: Any
@@ -160,11 +163,12 @@ def refuse_in_space(engine: Any, route: Route | None, routes: Sequence[Route], e
 class Given:
     """A joint or driver in the scene's own numbers [m]: kind, bodies i and j, and what its elements say of each.
 
-    `joint` is the name of the joint that a driver moves, "" if there is none.
+    `joint` is the name of the joint that a driver moves, "" if there is none; `row` the first of the joint's rows.
     """
 
     name: str
     kind: str
+    row: int
     bodies: tuple[str, str]
     points: tuple[Any, Any]
     axes: tuple[Any, Any]
@@ -176,8 +180,13 @@ class Given:
     joint: str
 
 
-def given(mechanism: Mechanism) -> Iterator[Given]:
+def given(mechanism: Mechanism, *, apart: bool = False) -> Iterator[Given]:
     """Yield the joints, then the drivers of a mechanism of space, as their elements have them.
+
+    Parameters
+    ----------
+    apart : bool
+        Whether a joint that is none of `SHAPES` is yielded element by element, each as the joint that it alone makes.
 
     Raises
     ------
@@ -188,40 +197,54 @@ def given(mechanism: Mechanism) -> Iterator[Given]:
         elements: list[Any] = list(elements_of([constraint]))
         shape, driver = tuple(map(type, elements)), k >= len(mechanism.joints)
         kind = DRIVEN.get(shape[0]) if driver and shape else SHAPES.get(shape)
-        if kind is None:
+        if kind is not None:
+            yield _given(constraint.name, kind, elements, getattr(constraint, "joint", "") if driver else "")
+        elif apart and elements and not driver and all((each,) in SHAPES for each in shape):
+            yield from (_given(constraint.name, SHAPES[(type(e),)], [e], "") for e in elements)
+        else:
             raise EngineRefusal(f"{constraint.name!r} is no joint of space that is written here")
 
-        def said(key: str, elements: list[Any] = elements) -> tuple[Any, Any]:
-            values = ([getattr(e, f"{key}_{side}", None) for e in elements] for side in "ij")
-            one, other = (next((v for v in group if v is not None), None) for group in values)
-            return one, other
 
-        yield Given(
-            name=constraint.name,
-            kind=kind,
-            bodies=elements[0].bodies,
-            points=said("point"),
-            axes=said("axis"),
-            zeros=said("zero"),
-            length=getattr(elements[-1], "length", 0.0),
-            pitch=getattr(elements[-1], "pitch", 0.0),
-            shift=getattr(elements[-1], "shift", 0.0),
-            laws=elements[0].laws,
-            joint=getattr(constraint, "joint", "") if driver else "",
-        )
+def _given(name: str, kind: str, elements: list[Any], joint: str) -> Given:
+    def said(key: str) -> tuple[Any, Any]:
+        values = ([getattr(e, f"{key}_{side}", None) for e in elements] for side in "ij")
+        one, other = (next((v for v in group if v is not None), None) for group in values)
+        return one, other
+
+    return Given(
+        name=name,
+        kind=kind,
+        row=elements[0].row,
+        bodies=elements[0].bodies,
+        points=said("point"),
+        axes=said("axis"),
+        zeros=said("zero"),
+        length=getattr(elements[-1], "length", 0.0),
+        pitch=getattr(elements[-1], "pitch", 0.0),
+        shift=getattr(elements[-1], "shift", 0.0),
+        laws=elements[0].laws,
+        joint=joint,
+    )
 
 
 def numbers_of(mechanism: Mechanism, unit: Any = None) -> Numbers:
-    """Return a mechanism of space: joints, then drivers that know the joint they move; by default in its own unit."""
+    """Return a mechanism of space: joints, then drivers that know the joint they move; by default in its own unit.
+
+    Raises
+    ------
+    EngineRefusal
+        If a joint consists of other elements than are known here.
+    """
     unit = mechanism.unit() if unit is None else unit
     origin = np.array([*unit.origin, 0.0, 0.0, 0.0][:3], float)
-    every = list(given(mechanism))
-    holds = {g.name: _hold(g, unit.size, origin) for g in every if not g.laws}
+    every = list(given(mechanism, apart=True))
+    holds = [_hold(g, unit.size, origin) for g in every if not g.laws]
+    moved = {hold.name: hold for hold in holds}  # those that a driver may move are read whole
     drives = tuple(
         Drive(
             name=g.name,
             kind=g.kind,
-            hold=holds[g.joint] if g.joint else _hold(g, unit.size, origin),
+            hold=moved[g.joint] if g.joint else _hold(g, unit.size, origin),
             law=g.laws[0],
             size=1.0 if g.kind == ANGLE else unit.size,
         )
@@ -229,7 +252,7 @@ def numbers_of(mechanism: Mechanism, unit: Any = None) -> Numbers:
         if g.laws
     )
     bodies = tuple(body.name for body in mechanism.bodies)
-    return Numbers(bodies=bodies, holds=tuple(holds.values()), drives=drives, size=unit.size, origin=origin)
+    return Numbers(bodies=bodies, holds=tuple(holds), drives=drives, size=unit.size, origin=origin)
 
 
 def _hold(g: Given, size: float, origin: Array) -> Hold:
@@ -240,4 +263,6 @@ def _hold(g: Given, size: float, origin: Array) -> Hold:
         ends[f"u_{side}"] = (at - origin if body == GROUND and point is not None else at) / size
         if axis is not None:
             ends[f"frame_{side}"] = joint_frame(axis, zero)
-    return Hold(name=g.name, kind=g.kind, **ends, length=g.length / size, pitch=g.pitch / size, shift=g.shift / size)
+    return Hold(
+        name=g.name, kind=g.kind, row=g.row, **ends, length=g.length / size, pitch=g.pitch / size, shift=g.shift / size
+    )

@@ -179,7 +179,7 @@ def space_tree(numbers: Numbers, estimates: Mapping[str, Any]) -> SpaceTree:
         key=lambda hold: (hold.name not in driven, PREFERENCE.index(hold.kind)),
     )
     edges: list[Edge] = []
-    used, reached = set[str](), [GROUND]
+    used, reached = set[tuple[str, int]](), [GROUND]
     while len(reached) <= len(numbers.bodies):
         hold = next((h for h in order if (h.body_i in reached) != (h.body_j in reached)), None)
         if hold is None:
@@ -187,10 +187,10 @@ def space_tree(numbers: Numbers, estimates: Mapping[str, Any]) -> SpaceTree:
             edge = free_edge(body)
         else:
             edge = _edge(hold, hold.body_i if hold.body_i in reached else hold.body_j)
-            used.add(hold.name)
+            used.add((hold.name, hold.row))
         edges.append(replace(edge, first=sum(WIDTH[before.kind] for before in edges)))
         reached.append(edge.body)
-    closures = tuple(hold for hold in numbers.holds if hold.name not in used)
+    closures = tuple(hold for hold in numbers.holds if (hold.name, hold.row) not in used)
     return SpaceTree(numbers=numbers, edges=tuple(edges), closures=closures, estimates=dict(estimates))
 
 
