@@ -277,7 +277,7 @@ def _made(out: Path) -> dict[str, Any] | None:
     if not path.exists():
         return None
     try:
-        made = json.loads(path.read_text(encoding="utf-8"))
+        made = dict(json.loads(path.read_text(encoding="utf-8")))
         versions = {"refkin": made.get("refkin"), **made["versions"]}
         return {"seed": int(made["seed"]), "versions": versions, "date": made.get("date")}
     except (ValueError, KeyError, TypeError, RecursionError) as error:
