@@ -76,7 +76,7 @@ class Element:
 
 @dataclass(frozen=True, kw_only=True)
 class OfPoints(Element):
-    """What is said of a point of body i and a point of body j, each in its frame [m]: `Pair`s, or `Triple`s."""
+    """What is said of a point of body i and a point of body j, each in its frame [m], a `Pair` or a `Triple`."""
 
     body_i: str
     point_i: Any

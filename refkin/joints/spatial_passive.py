@@ -79,7 +79,7 @@ def _spinning(body: str, line: Line, at: Touching) -> dict[str, Line] | None:
                 return None
             lines[other] = found
             todo.append(other)
-    outer = {c.name for name in lines for c in at[name] if not lines.keys() >= {*c.bodies}}
+    outer = {getattr(c, "joint", "") or c.name for name in lines for c in at[name] if not lines.keys() >= {*c.bodies}}
     return lines if len(outer) > 1 else None
 
 

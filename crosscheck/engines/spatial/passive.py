@@ -61,8 +61,8 @@ def _group(body: str, line: Line, ties: Sequence[Any]) -> dict[str, Line] | None
                 return None
             group[other] = known[0]
             todo.append(other)
-    outer = sum(len(group.keys() & {*hold.bodies}) == 1 for hold, _ in ties)
-    return group if outer > 1 else None
+    outer = {hold.name for hold, _ in ties if len(group.keys() & {*hold.bodies}) == 1}
+    return group if len(outer) > 1 else None
 
 
 def _feels(hold: Any, kind: str, body: str, line: Line) -> bool:

@@ -10,9 +10,10 @@ import pytest
 
 import refkin
 from refkin import fast
-from refkin.joints import GROUND, SpatialRevolute, passive_spins
+from refkin.joints import GROUND, Cylindrical, DisplacementDriver, SpatialRevolute, passive_spins
 from refkin.model import Mechanism
 from refkin.motion import Status
+from refkin.motion_laws import Polynomial
 from refkin.solving.mobility import count, mobility_of
 from refkin.solving.starts import find_start
 from refkin.system import compile_system
@@ -189,7 +190,11 @@ def test_a_body_that_hangs_on_one_joint_lacks_a_driver_and_is_not_passive():
     hanging = SpatialRevolute(name="hook", **ends)
     bodies = (*m.bodies, refkin.Body(name="d"))
 
-    assert [spin.name for spin in passive_spins(bodies, (*m.constraints, hanging))] == ["b"]
+    sliding = Cylindrical(name="slide", **ends)
+    pushed = DisplacementDriver(name="push", joint="slide", law=Polynomial(coefficients=(0.1,))).among([sliding])
+
+    for joints in ((hanging,), (sliding,), (sliding, pushed)):
+        assert [spin.name for spin in passive_spins(bodies, (*m.constraints, *joints))] == ["b"]
     with pytest.raises(refkin.RefkinError, match="1 more constraint: add drivers"):
         Mechanism(bodies, (*m.joints, hanging), m.drivers)
 
