@@ -10,7 +10,6 @@ left of them is left to it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -22,6 +21,7 @@ from refkin.proof.numbers.extrema import extrema_of
 from refkin.solving.passages import OFTEN
 from refkin.solving.steps import APART, CLEAR, FIRST, FURTHEST, NEAR, SHORT, before, neville
 from refkin.solving.sweep import ALONE, Sweep
+from refkin.system import System
 
 DIVISIONS, MOST_DIVIDED, PARTS, SHRINKING = 4, 4, 10, 0.7
 """How often steps may be divided, how many together, into how many parts on either side, and how these shrink."""
@@ -76,9 +76,6 @@ class Ahead:
 
     def __init__(self, sweep: Sweep, asked: Any, between: Any) -> None:
         self.sweep, self.system = sweep, sweep.full
-        driven = tuple(p for p in self.system.placed if p.constraint.laws)
-        self.driven = [k for p in driven for k in range(p.row, p.row + p.constraint.rows)]
-        self.drivers = replace(self.system, placed=driven, m=len(self.driven))
         with np.errstate(all="ignore"):  # guesses may lie anywhere
             here, t = sweep.t[-1], _merged(asked, between)
             knots = self._rough(t)
@@ -111,7 +108,7 @@ class Ahead:
     def _rough(self, t: Any) -> tuple[Any, Any, Any]:
         """Return times (K,), poses and velocities (n, K), the sweep's last first, as far as Newton's method leads."""
         s, first, start = self.system, self.sweep.q[-1], self.sweep.t[-1]
-        knots = [(start, first, _solve(s.phi_q(first, start), self._pushed(first, start, t[0])))]
+        knots = [(start, first, _solve(s.phi_q(first, start), _pushed(s, first, start, t[0])))]
         bend, k, stride = np.zeros_like(first), -1, STRIDE
         while k < len(t) - 1 and stride:
             aim = min(k + stride, len(t) - 1)
@@ -125,7 +122,7 @@ class Ahead:
                 size = np.max(np.abs(correction))
                 if not ROUGH < size <= 1.0:
                     break
-            qd = _solve(jacobian, self._pushed(q, now, last))
+            qd = _solve(jacobian, _pushed(s, q, now, last))
             if size <= ROUGH and (stride == 1 or np.max(np.abs(q - predicted)) <= NEAR) and np.isfinite(qd).all():
                 bend, k, stride = (qd - rate) / h, aim, min(2 * stride, STRIDE)
                 knots.append((now, q, qd))
@@ -133,13 +130,6 @@ class Ahead:
                 stride //= 2
         times, poses, rates = zip(*knots, strict=True)
         return np.array(times), np.array(poses).T, np.array(rates).T
-
-    def _pushed(self, q: Any, t: Any, towards: Any) -> Any:
-        """Return -phi_t about as it is, by a difference of the rows with laws: guesses ask for no rates of theirs."""
-        s, other, out = self.drivers, t + 1e-6 * (towards - t), np.zeros_like(q)
-        other = np.where(other == t, towards, other)
-        out[self.driven] = (s.phi(q, t) - s.phi(q, other if np.ndim(t) else float(other))) / (other - t)
-        return out
 
     def _closed(self, q: Any, t: Any) -> Any:
         """Return the poses (n, B) that Newton's method finds from guesses, to round-off; NaN where it finds none."""
@@ -170,7 +160,7 @@ class Ahead:
         ends = np.stack([bad, bad + 1])
         q, t = self.q[:, ends], self.t[ends]
         slopes = self.system.phi_q(q.reshape(len(q), -1), t.ravel())
-        pushed = self._pushed(q.reshape(len(q), -1), t.ravel(), t[::-1].ravel())
+        pushed = _pushed(self.system, q.reshape(len(q), -1), t.ravel(), t[::-1].ravel())
         rates = _solve(slopes, pushed).reshape(q.shape)
         same, _ = self.sweep.sides_of(slopes)
         fastest = np.max(np.abs(rates), axis=(0, 1), initial=0.0)
@@ -263,6 +253,13 @@ def _among(some: Any, values: Any) -> Any:
     """Return which of the values are among some."""
     known = set(some.tolist())
     return np.array([x in known for x in values.tolist()], bool)
+
+
+def _pushed(system: System, q: Any, t: Any, towards: Any) -> Any:
+    """Return -phi_t about as it is, by a difference: guesses are no reason to ask for rates that no scene calls for."""
+    other = t + 1e-6 * (towards - t)
+    other = np.where(other == t, towards, other)
+    return (system.phi(q, t) - system.phi(q, other if np.ndim(t) else float(other))) / (other - t)
 
 
 def _cubic(knots: Any, q: Any, qd: Any, t: Any) -> Any:
