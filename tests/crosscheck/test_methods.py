@@ -13,7 +13,6 @@ import pytest
 
 from crosscheck.engines import QUANTITIES, EngineError
 from crosscheck.engines.methods import PRICED, Use, method, methods
-from crosscheck.judge.prices import YARDSTICK
 from crosscheck.judge.truth import CertifiedTruth
 from refkin.joints import AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
@@ -257,10 +256,6 @@ def test_every_setting_has_a_name_of_its_own_and_is_found_by_it(producer):
 
     assert len({one.key for one in listed}) == len(listed)
     assert method(producer, *listed[-1].key[1:]).key == listed[-1].key
-
-
-def test_the_yardstick_of_ratios_is_a_method_of_the_reference():
-    assert YARDSTICK in [one.key for one in methods("refkin", Use.PRICE)]
 
 
 FASTEST = [

@@ -12,7 +12,7 @@ import pytest
 from crosscheck.cli import main
 from crosscheck.commands.price import lines, to_json
 from crosscheck.engines.methods import PRICED
-from crosscheck.judge.prices import Offer, PriceRow, cheapest, ratios, repeated, with_suspicions
+from crosscheck.judge.prices import Offer, PriceRow, cheapest, repeated, with_suspicions
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.price import price
 from crosscheck.measure.price_process import best_of_each_first
@@ -242,15 +242,6 @@ def test_beyond_what_is_attainable_a_loss_of_digits_is_not_suspicious():
     rows = [priced(15.0, 1.0, attainable=9.0), priced(9.5, 1.0, attainable=9.0)]
 
     assert [row.note for row in with_suspicions(rows)] == ["", ""]
-
-
-def test_prices_are_tracked_in_units_of_the_reference():
-    """Of each quantity that the reference has a price of, and of what was timed."""
-    own = ("Newton, analytic Jacobian", "refkin")
-    rows = [priced(15.0, 200.0, *own, setting="to round-off"), priced(9.0, 50.0), priced(9.0, None, "chord")]
-
-    ratio = {key[:2] + key[3:]: value for key, value in ratios([*rows, priced(9.0, 5.0, quantity="velocity")]).items()}
-    assert ratio == {("refkin", own[0], "position"): 1.0, ("made up", "newton", "position"): 0.25}
 
 
 @pytest.mark.parametrize("arguments", [["no such scene.toml"], [str(EXAMPLE), "--page", "no such folder/page.html"]])
