@@ -8,6 +8,7 @@ import json
 import os
 import shutil
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -27,7 +28,7 @@ from crosscheck.measure import bench as measure
 from crosscheck.measure.bench_aims import key_of
 from crosscheck.scenes import workloads as works
 from crosscheck.scenes.four_bar_answers import four_bar
-from crosscheck.scenes.workloads import Piece, system_of
+from crosscheck.scenes.workloads import Piece, system_of, unit_of
 from crosscheck.workers.timing import Timing
 from refkin.system import compile_system
 
@@ -199,6 +200,18 @@ def test_right_answers_are_ranked():
 
     assert result.ranked
     assert result.configurations == work.configurations
+
+
+@pytest.mark.parametrize("level", range(3))
+@pytest.mark.parametrize("row", [0, 5])
+def test_an_error_is_stated_in_sizes_and_radians_and_that_of_a_rate_as_a_part_of_the_largest(level, row):
+    work, sample = replace(few(), lengths=7.0 * few().lengths), 77
+    levels, sizes = right(work), np.ones(9)
+    sizes[np.arange(9) % 3 < 2] = unit_of(work.lengths[:, [sample // len(work.t)]]).size[0]
+    part = np.max(np.abs(levels[level][:, sample] / sizes)) if level else 1.0
+    levels[level][row, sample] += 1e-3 * part * sizes[row]
+
+    assert of_four_bars(work, [answers(work, tuple(levels))]).max_error == pytest.approx(1e-3, rel=1e-6)
 
 
 @pytest.mark.parametrize("level", range(3))

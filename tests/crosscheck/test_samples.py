@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from dataclasses import replace
 
@@ -9,7 +10,7 @@ import numpy as np
 import pytest
 
 from crosscheck.judge.comparison import QuantityComparison, compare, reference
-from crosscheck.judge.records import Cause, Disagreement, line_of, read_line
+from crosscheck.judge.records import Cause, Disagreement, NoRecord, line_of, read_line
 from crosscheck.judge.samples import attainable_digits, by_decade, common_sample, off_at, short
 from crosscheck.measure.check import check
 from crosscheck.night.pictures import worst_sample
@@ -103,3 +104,15 @@ def test_a_disagreement_says_its_ratio_if_it_has_one():
 
     assert str(beyond) == "a (b), position: beyond the allowed error, 12.3 times the allowed error; "
     assert str(silent) == "a (b), status: no answer; at 3 times"
+
+
+def test_a_record_has_a_reference_or_a_failure_and_what_is_wrong_with_it_is_said():
+    empty = {key: [] for key in ("answers", "levels", "refusals", "disagreements")} | {"key": 16 * "0", "about": {}}
+
+    assert read_line(json.dumps({**empty, "scene": "a", "failure": "crash"})).failure == "crash"
+    with pytest.raises(NoRecord, match=r"^reference: missing; expected one, or a failure$"):
+        read_line(json.dumps({**empty, "scene": "a"}))
+    with pytest.raises(NoRecord, match=r"^scene: missing; field required$"):
+        read_line(json.dumps(empty))
+    with pytest.raises(NoRecord, match=r"^scene: 3; input should be a valid string$"):
+        read_line(json.dumps({**empty, "scene": 3}))

@@ -6,6 +6,7 @@ import subprocess
 import sys
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -168,3 +169,18 @@ def test_what_is_not_called_for_is_not_reported():
 
     assert motion.qd is None
     assert motion.bodies == ("rocker",)
+
+
+@pytest.mark.parametrize(("converged", "away", "taken"), [(True, 0.1, True), (True, 1.0, False), (False, 0.1, False)])
+def test_a_branch_ends_in_a_singular_pose_only_if_newton_came_to_one_nearby(monkeypatch, converged, away, taken):
+    m = ROCKER.scene().mechanism
+    system, q = compile_system(m, unit=m.unit()), np.zeros(9)
+    result = SimpleNamespace(converged=converged, q=q + away)
+    monkeypatch.setattr(analysis, "position", lambda *_, **__: result)
+    monkeypatch.setattr(analysis, "velocity", lambda *_: np.zeros(9))
+    monkeypatch.setattr(analysis, "_stays", lambda *_: False)
+    monkeypatch.setattr(analysis, "sigma_min", lambda *_: 0.0)
+    pose, goes_on = analysis._next(system, q, 0.0, 1.0)
+
+    assert not goes_on
+    assert np.array_equal(np.broadcast_to(pose, 9), q + away) is taken

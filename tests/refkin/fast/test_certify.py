@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 from dataclasses import replace
 
+import mpmath
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -13,7 +14,7 @@ import refkin
 from crosscheck.strategies import Hardness, drawn_scenes
 from refkin import Evidence, FourBar, Integral, Polynomial, Sinusoid, SliderCrank, Status, Table
 from refkin.fast import attempt
-from refkin.fast.certify import radii
+from refkin.fast.certify import _Number, radii
 from refkin.fast.compiled import forget
 from refkin.fast.elimination import errors, prove
 from refkin.fast.prepare import prepared
@@ -223,3 +224,14 @@ def test_an_inverse_that_is_wrong_proves_nothing(monkeypatch):
         assert radii(system, made, levels, t) is None
     finally:
         forget()
+
+
+@pytest.mark.parametrize("off", [0.0, 1e-18, 1e-3])
+@pytest.mark.parametrize("square", [0.7, 2.0, 3.0, 1e6 + 0.1])
+def test_the_root_of_a_number_is_as_near_as_its_bound_says(square, off):
+    root = _Number(square, off * square).sqrt()
+    with mpmath.workdps(40):
+        ends = [mpmath.sqrt(mpmath.mpf(square) * (1 + sign * mpmath.mpf(off))) for sign in (-1, 1)]
+        apart = max(float(abs(end - float(root.mid))) for end in ends)
+
+    assert apart <= float(root.rounding) <= 2.1 * apart + 2 * U * float(root.mid)

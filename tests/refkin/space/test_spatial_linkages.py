@@ -65,6 +65,17 @@ def test_a_linkage_goes_through_a_revolution_with_certified_radii(name):
     assert np.max(motion.certified_radius.velocity) < 1e-13
 
 
+@pytest.mark.parametrize("name", [name for name in EVERY if name != "screw jack"] + ["Bricard"])
+def test_what_a_linkage_is_said_to_assemble_to_closes_its_joints(name):
+    """A screw has a coordinate more than its bodies."""
+    linkage = {**EVERY, "Bricard": Bricard(1.0, 1.2)}[name]
+    m, poses = linkage.scene(start=0.9, samples=2).mechanism, linkage.assemble(0.9)
+    system = compile_system(m, unit=m.unit())
+    q = system.to_unit(np.concatenate([poses[body.name] for body in m.bodies]))
+
+    assert np.max(np.abs(system.gauged(q).phi(q, 0.0))) < 1e-14
+
+
 def test_a_threefold_bricard_linkage_moves_although_its_count_says_that_it_does_not():
     linkage = Bricard(1.0, 1.2)
     motion = turned(linkage, samples=3, speed=0.3, turns=0.02, start=0.9)
