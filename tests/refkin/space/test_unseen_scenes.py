@@ -108,7 +108,7 @@ def test_near_its_gimbal_pose_a_hooke_joint_is_right_or_says_that_it_is_not(powe
     scene = Hooke(math.pi / 2 - b).scene(law=law, times=(0.0,))
     motion = refkin.solve(scene)
 
-    assert motion.verdict is Status.OK or power > 6
+    assert motion.verdict is Status.OK or (power > 6 and motion.verdict is Status.SINGULAR)
     if motion.verdict is Status.OK:
         truth = Truth(to_dict(scene))
         errors, rates = off(truth.near(motion.q[:, 0], 0.0), motion, 0, 1.0)
