@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -137,6 +138,26 @@ def test_the_other_assembly_is_told_as_one_whatever_its_passive_coupler_spins_li
     spun = replace(motion, q=q)
     assert compare(ref, spun).other_assembly
     assert "rounding" in violations(ref, spun, 0, ours.times[0]).text
+
+
+def test_rows_that_contradict_each_other_by_an_ulp_are_not_chosen_by_the_closed_form() -> None:
+    """It left its own choice of them out of what is allowed: 1.4e3 times the allowed acceleration, and was blamed."""
+    half, legs, axis = math.sin(5e-4), (0.0, 1.0, 3.0), space_scenes.axes(*[(0.0, 0.0, 1.0), (1.0, 0.0, 0.0)] * 2)
+    joints = []
+    for k, x in enumerate(legs):
+        end = (1.0 + 2.2e-16 * (k == 2), 0.0, 0.0)
+        for name, ends in {
+            "O": ("ground", (x, 0, 0), f"c{k}", (0, 0, 0)),
+            "P": (f"c{k}", end, "bar", (x, 0, 0)),
+        }.items():
+            joints.append(refkin.SpatialRevolute(name=f"{name}{k}", **space_scenes.between(*ends), **axis))
+    bodies = [(f"c{k}", (x, 0, 0, 1, 0, 0, half)) for k, x in enumerate(legs)] + [("bar", (1, 0.001, 0, 1, 0, 0, 0))]
+    law = refkin.Polynomial(coefficients=(0.001, 1.0))
+    driver = refkin.SpatialAngleDriver(name="motor", joint="O0", law=law)
+    scene = replace(space_scenes.scene("three cranks", bodies, joints, driver), times=(0.0,))
+
+    with pytest.raises(EngineRefusal, match="bar: more points are held than the two that place it"):
+        load("closed_form").solve(scene)
 
 
 def test_a_pose_that_cannot_be_is_proved_so_by_the_closed_form() -> None:

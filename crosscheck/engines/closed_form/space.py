@@ -167,6 +167,9 @@ class Assembly:
 
     def _deduce(self, body: str) -> bool:
         """Place a body, or a point of it, if what is placed says where it is."""
+        ends = [tie for tie in self.ties if body in tie.bodies and self._known(tie, body) is not None]
+        if len({tuple(tie.points[tie.side(body)].part("v", 1)[:, 0]) for tie in ends}) > 2:
+            raise NotPlaced(f"{body}: more points are held than the two that place it, by rows that may differ")
         for tie in self._to_placed(body):
             freedom = self._freedom(tie, body)
             if isinstance(freedom, Frame):
