@@ -12,7 +12,8 @@ back between two times. For the same reason the times at which a law turns back 
 
 Nothing here knows an engine: residual, Jacobian and right sides of a batch of poses come from `Equations`. An engine
 with a Newton of its own has `closed` besides, (q, t, last or None) -> poses, Jacobians, largest residuals: it is called
-in the place of ours, on guesses (B, n), which are predictions from a pose `last` where there is one.
+in the place of ours, on guesses (B, n), which are predictions from a pose `last` where there is one. If it is not one
+that `predicts`, what it says is believed, whatever residual it leaves.
 """
 
 from __future__ import annotations
@@ -459,7 +460,11 @@ def close(equations: Equations, q: Array, t: Array, *, near: Array | None = None
 
 
 def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, residual: Array) -> Poses:
-    """Return poses where residuals are finite, with velocities where they are regular: NaN elsewhere."""
+    """Return poses where residuals are finite, with velocities where they are regular: NaN elsewhere.
+
+    A residual r is worth a correction of r / sigma. By Kantorovich's theorem one root is near and alone if
+    K r / sigma^2 < 1/2; with K of order 2 (rows of coordinates of order one) a pose beyond that may be a singular one.
+    """
     count, m, n = jacobian.shape
     inverse, qd = np.full((count, n, m), np.nan), np.full((count, n), np.nan)
     some = np.isfinite(residual)
@@ -467,19 +472,20 @@ def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, r
         return Poses(t, q, jacobian, residual, inverse, qd, some)
     inverse[some] = inverses(jacobian[some])
     regular = some.copy()
-    regular[some] = _regular(jacobian[some], inverse[some])
+    off = residual if getattr(equations, "predicts", True) else np.zeros(count)
+    regular[some] = _regular(jacobian[some], inverse[some], np.maximum(SINGULAR, 2.0 * np.sqrt(off[some])))
     if regular.any():
         qd[regular] = solve(jacobian[regular], equations.nu(q[regular], t[regular]))
     regular &= np.isfinite(qd).all(axis=1)
     return Poses(t, q, jacobian, residual, inverse, qd, regular)
 
 
-def _regular(jacobian: Array, inverse: Array) -> Any:
-    """Return whether the columns are independent by more than `SINGULAR`, of which the inverse's norm is a bound."""
+def _regular(jacobian: Array, inverse: Array, least: Array) -> Any:
+    """Return whether singular values are at least so large (B,), of which the inverse's norm is a bound."""
     _, m, n = jacobian.shape
-    regular: Any = (np.linalg.norm(inverse, axis=(1, 2)) <= 1.0 / SINGULAR) & (m == n or n == 0)  # else truncated
+    regular: Any = (np.linalg.norm(inverse, axis=(1, 2)) <= 1.0 / least) & (m == n or n == 0)  # else truncated
     for k in np.flatnonzero(~regular):
-        regular[k] = np.linalg.svd(jacobian[k], compute_uv=False)[-1] >= SINGULAR
+        regular[k] = np.linalg.svd(jacobian[k], compute_uv=False)[-1] >= least[k]
     return regular
 
 

@@ -78,6 +78,13 @@ def test_a_pose_with_a_joint_the_wrong_way_round_is_one_disagreement_and_no_more
     assert (shown.route, shown.kind, shown.message) == ("shipped", Cause.REVERSED, "'driver': 1 times, first t = 0.5")
 
 
+def test_a_pose_with_more_residual_than_its_distance_from_a_fold_bears_is_singular() -> None:
+    motion = load("exudyn").solve(refkin.load(CORPUS / "space-residual-beside-a-fold.toml"))
+    assert set(motion.status[:-1]) == {Status.OK}
+    assert motion.status[-1] is Status.SINGULAR
+    assert np.isnan(motion.qd[:, -1]).all()
+
+
 def test_metres_of_a_linkage_of_space_are_no_angles_to_its_program() -> None:
     """Of a chain of 256 m the third coordinates, 334 m, were: its term was no rounding any more."""
     (term,) = load("refkin-lanes").terms(refkin.load(CORPUS / "space-chain-of-256-m.toml"))
