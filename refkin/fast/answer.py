@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import SINGULAR, motion_of
+from refkin.analysis import SINGULAR, acceleration, motion_of, velocity
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.blocks import LARGEST_SELECTED
@@ -68,7 +68,7 @@ def motion(
     if not closed or not all(math.isfinite(level.sum()) for level in levels):
         return None
     message = "; ".join(filter(None, (message, *(p.constraint.passive for p in system.placed))))
-    levels = without_spin(system, levels)
+    levels = without_spin(system, _by_pivots(system, levels, t, np.flatnonzero(~(pivot > CLEAR))))
     evidence = _evidence(scene, system, made, levels, t, pivot)
     if evidence is None:
         return None
@@ -86,6 +86,20 @@ def motion(
         producer=Producer(name="refkin.fast", version=__version__, route=ROUTE),
         message=message,
     )
+
+
+def _by_pivots(system: System, levels: list[Any], t: Any, near: Any) -> list[Any]:
+    """Return the levels with rates of the samples near a singular pose by elimination with pivots.
+
+    Cramer's rule is forward stable alone: what it leaves of the rows is larger than rounding by the condition, and so
+    is the error of rates that do not feel the singular pose at all.
+    """
+    if near.size and len(levels) > 1:
+        q, now, here = levels[0][:, near], t[near], system.gauged(levels[0][:, near])
+        levels[1][:, near] = velocity(here, q, now)
+        if len(levels) > 2:
+            levels[2][:, near] = acceleration(here, q, levels[1][:, near], now)
+    return levels
 
 
 def without_spin(system: System, levels: list[Any]) -> list[Any]:

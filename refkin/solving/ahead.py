@@ -31,6 +31,8 @@ STRIDE, ROUGH, MOST_ROUGH = 18, 1e-2, 4
 """Every how manieth time has a rough pose, its last correction [sizes, rad], and how many it may take."""
 MOST_CORRECTIONS = 30
 """Corrections after which a guess that has not come to round-off is given up; at a limit the error halves."""
+CURVED = 4.0
+"""What is left of a pose after a correction e may be as large as this times e^2, however well the last one did."""
 MOST = 4
 """Batches that are begun for one sweep; one that it leaves is of no use any more."""
 SAME = 1e-9
@@ -144,8 +146,9 @@ class Ahead:
             size, scale = np.max(np.abs(at - q[:, open_]), axis=0), np.maximum(1.0, np.max(np.abs(at), axis=0))
             ratio = size / previous[open_]
             stalled = (size <= 1e-6 * scale) & is_round_off(residual, at) & (ratio > 0.6)
-            # The error is squared: of the next correction nothing would be left but rounding.
-            squared = (size * ratio**2 <= EPS / 8 * scale) & (ratio > 0.0) & (ratio < 1e-2)
+            # The error is squared: of the next correction nothing would be left but rounding. A correction along which
+            # the equations are straight says nothing of the next one: that is C e^2 with C of order 1 at the least.
+            squared = (size * np.maximum(ratio**2, CURVED * size) <= EPS / 8 * scale) & (ratio > 0.0) & (ratio < 1e-2)
             done = (size <= EPS * scale) | stalled | squared
             q[:, open_], previous[open_] = at, size
             out[:, open_[done]] = at[:, done]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -88,3 +89,10 @@ def test_a_pose_of_the_other_branch_is_taken_by_no_step(monkeypatch, place):
     assert set(answer.status) == {Status.OK}
     assert np.abs(answer.q - right.q).max() < 1e-12
     assert np.abs(answer.q - wrong.q).max() > 0.1
+
+
+def test_a_straight_correction_is_no_sign_that_the_next_one_is_rounding():
+    """Two poses were left 1e-13 off: their bounds said so, 40 and 6 times what the condition lets a float64 pose be."""
+    motion = refkin.solve(refkin.load(Path(__file__).parents[1] / "corpus" / "closed-by-a-straight-correction.toml"))
+
+    assert np.max(motion.certified_radius.position / motion.condition) < 2.0 * np.finfo(float).eps

@@ -16,6 +16,7 @@ from crosscheck.judge.comparison import compare, reference
 from crosscheck.measure.check import check
 from refkin import FourBar, Sinusoid, Status
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, elements_of
+from refkin.scenes.files import load
 
 from .scenes import ROCKER, SCENES, bare
 
@@ -109,3 +110,11 @@ def test_near_a_change_point_a_night_has_a_refusal_and_no_disagreement():
 
     assert any(row.reason.startswith("refkin-lanes refuses") for row in record.refusals)
     assert [d for d in record.disagreements if d.engine == Lanes.name] == []
+
+
+def test_rates_that_do_not_feel_a_change_point_are_exact_beside_it():
+    """By Cramer's rule the rate of a guided slider left its guide: 4.7 times the allowed error."""
+    scene = load(PROJECT.parent / "tests" / "corpus" / "fast-guided-beside-a-change-point.toml")
+    (x, y), rates = scene.mechanism.joints[3].axis_i, Lanes().solve(scene).qd[6:8]
+
+    assert np.max(np.abs(x * rates[1] - y * rates[0])) < 4e-15
