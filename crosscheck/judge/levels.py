@@ -104,18 +104,20 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
 
 
 def missing_rows(engine: Engine, model: ConstraintModel, mechanism: Mechanism) -> list[str]:
-    """Return which rows, by name, a model has not once, although the engine's table has all of their joint.
+    """Return which rows, by name, a model has not once, although the engine's table has their element.
 
-    What a joint that is refused drives is not asked for either.
+    A joint that is refused in part may be left out, whole; what it drives is not asked for.
     """
-    had = [(m.constraint, m.row) for m in model.rows]
+    had, table = [(m.constraint, m.row) for m in model.rows], engine.capabilities()
     refused = {name for _, name, _ in refused_joints(engine, mechanism.constraints, Level.RESIDUAL)}
+    left_out = refused - {name for name, _ in had}
     return [
         f"row {e.row + k} of {e.name}"
         for c in mechanism.constraints
-        if not refused & {c.name, getattr(c, "joint", "")}
+        if c.name not in left_out and getattr(c, "joint", "") not in refused
         for e in elements_of([c])
-        if model.owns_driver or not e.laws
+        if table.get(e.key, {}).get(Level.RESIDUAL, ABSENT).support is not Support.REFUSED
+        and (model.owns_driver or not e.laws)
         for k in range(e.rows)
         if had.count((e.name, e.row + k)) != 1
     ]

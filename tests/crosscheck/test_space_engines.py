@@ -188,3 +188,13 @@ def test_an_estimate_whole_turns_away_from_the_law_is_the_same_estimate(engine: 
     scene = refkin.load(Path(__file__).parents[1] / "corpus" / "space-estimate-a-turn-away.toml")
 
     assert [str(seen) for seen in check(scene, [engine]).disagreements] == []
+
+
+@pytest.mark.parametrize("engine", ENGINES)
+def test_points_that_a_scene_wants_move_as_the_reference_says(engine: str) -> None:
+    scene = space_scenes.rssr_by_distance()
+    points = (refkin.Point(name="P", body="rocker", position=(0.3, -0.4, 0.5)),)
+    scene = replace(scene, points=points, times=scene.times[:4])
+    ours, theirs = (motion.points["P"] for motion in (refkin.solve(scene), load(engine).solve(scene)))
+    for level in ("r", "v", "a"):
+        assert np.max(np.abs(getattr(theirs, level) - getattr(ours, level))) < 1e-12

@@ -149,6 +149,16 @@ def both_rates_forgotten(patch: Patch) -> None:
     patch.setattr(system, "_product", lambda a, b: a[2] @ b[0] + a[0] @ b[2])
 
 
+def third_rotation_elsewhere(patch: Patch) -> None:
+    """The third rotation of a slide's weld is said to be one of the rows of its displacements."""
+    real = absolute._maps
+
+    def maps(meeting: Any, welded: Any, factor: float) -> Any:
+        return [replace(m, row=2) if m.row == 4 and m.constraint == "P" else m for m in real(meeting, welded, factor)]
+
+    patch.setattr(absolute, "_maps", maps)
+
+
 ROWS, SOLVED = set(LEVELS[:4]), set(LEVELS[4:])
 JACK, SHAFTS = space_scenes.screw_jack, space_scenes.double_hooke
 IN_SCENES: list[tuple[Callable[[Patch], None], str, Callable[[], Any], set[str], set[str]]] = [
@@ -159,6 +169,7 @@ IN_SCENES: list[tuple[Callable[[Patch], None], str, Callable[[], Any], set[str],
     (columns_of_the_body, "pinocchio", space_scenes.rssr, {"jacobian"}, SOLVED | {"residual", "constraint_velocity"}),
     (bodies_swapped, "mujoco", space_scenes.rssr, {"position"}, ROWS),
     (spatial_acceleration, "pinocchio", space_scenes.rssr, {"drift", "acceleration"}, set(LEVELS[:3]) | {"velocity"}),
+    (third_rotation_elsewhere, "mujoco", space_scenes.rssp, {"status"}, set(LEVELS)),
     (both_rates_forgotten, "mujoco", SHAFTS, {"acceleration"}, ROWS | {"position", "velocity"}),
 ]
 
