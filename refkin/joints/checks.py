@@ -35,7 +35,7 @@ def mechanism_faults(m: Any) -> Iterator[Fault]:
         if c.kind is not own:
             yield Fault(f"{path}.type", str(c.type), f"one of a {own.name} mechanism, as the others are")
             return
-        for key in ("body", "body_i", "body_j", "relative_to"):
+        for key in () if hasattr(c, "joint") else ("body", "body_i", "body_j", "relative_to"):  # else its joint's
             body = getattr(c, key, None)
             if body is not None and body not in known:
                 yield Fault(f"{path}.{key}", body, f"a body of the scene: {', '.join(known)}")

@@ -220,8 +220,8 @@ def _fault(error: Any) -> Fault:
         asked = context.get("min_length", context.get("max_length"))
         return Fault(path, value, f"{asked} {_items(path)}, not {context.get('actual_length', 'these')}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
-        key = context["discriminator"].strip("'")
-        return Fault(f"{path}.{key}", context.get("tag"), f"one of {context.get('expected_tags', 'the known ones')}")
+        key, known = context["discriminator"].strip("'"), context.get("expected_tags")
+        return Fault(f"{path}.{key}", context.get("tag"), f"one of {known}" if known else MISSING_KEY)
     return Fault(
         path,
         value,

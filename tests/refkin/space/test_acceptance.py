@@ -79,6 +79,23 @@ def test_a_broken_file_of_space_gets_all_its_faults_at_once(tmp_path):
     assert {fault.path for fault in result.value.faults} == places
 
 
+@pytest.mark.parametrize(
+    ("good", "bad", "told"),
+    [
+        ('body_j = "crank"', 'body_j = "krank"', "joint[0].body_j"),  # and nothing of the driver, which has no such key
+        ('name = "S1"\ntype = "spherical"', 'name = "S1"', "joint[1].type: expected this key, which is missing"),
+    ],
+)
+def test_a_fault_is_told_once_and_where_it_stands(good, bad, told, tmp_path):
+    (tmp_path / "broken.toml").write_text(EXAMPLE.read_text(encoding="utf-8").replace(good, bad), encoding="utf-8")
+
+    with pytest.raises(refkin.InvalidScene) as result:
+        refkin.load(tmp_path / "broken.toml")
+
+    (fault,) = result.value.faults
+    assert told in str(fault)
+
+
 def test_a_driver_of_a_joint_that_does_not_turn_is_refused(tmp_path):
     text = EXAMPLE.read_text(encoding="utf-8").replace('joint = "R1"', 'joint = "S2"')
     (tmp_path / "broken.toml").write_text(text, encoding="utf-8")
