@@ -9,11 +9,13 @@ from refkin.motion_laws import Integral, Polynomial, Sinusoid, Table
 from refkin.proof.numbers.extrema import Signs, extrema, zeros
 
 TABLE = Table(argument=(0.0, 1.0, 2.5, 3.0, 4.5), value=(0.0, 0.4, 0.1, 1.0, 0.7))
+TWICE_IN_ONE_PIECE = Table(argument=(0.0, 1.0, 2.0, 3.0, 4.0), value=(-0.9, 0.7, 0.1, 0.1, -0.8))
 AROUND = Table(argument=(0.0, 1.0, 2.0, 3.0), value=(0.5, 0.9, -0.2, 0.5), periodic=True)
 WAVES = [
     Polynomial(coefficients=(0.1, -0.7, 0.3, 0.9, -0.4)),
     Sinusoid(amplitude=0.7, angular_frequency=-30.0, offset=0.2, phase=-0.4),
     TABLE,
+    TWICE_IN_ONE_PIECE,
     AROUND,
     Integral(rate=Polynomial(coefficients=(0.3, -1.0, 0.5)), initial=-0.1),
     Integral(rate=Sinusoid(amplitude=0.7, angular_frequency=30.0, offset=0.2, phase=-0.4), initial=0.01),
@@ -46,6 +48,13 @@ def test_extrema_closer_than_any_sampling_are_all_there():
     assert any(abs(t - 0.4001) < 1e-5 for t in extrema(narrow, 0.0, 1.0))
     assert len(extrema(close, 0.0, 1.0)) == 1  # the coefficients rounded: a double zero of f'
     assert extrema(Polynomial(coefficients=(-0.25, 1.0, -1.0)), 0.0, 1.0) == [0.5]
+
+
+@pytest.mark.parametrize("frequency", [1e19, 1e300, 1e308])
+def test_a_sinusoid_of_more_waves_than_can_be_counted_has_extrema_without_an_exception(frequency):
+    law = Sinusoid(amplitude=1.0, angular_frequency=frequency)
+
+    assert all(1.0 < t < 2.0 for t in extrema(law, 1.0, 2.0))
 
 
 def test_the_sign_of_a_polynomial_is_exact_where_rounding_decides_on_its_value():

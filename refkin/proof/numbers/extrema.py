@@ -114,7 +114,7 @@ def _of_sine(law: Sinusoid, a: float, b: float) -> list[float]:
     first, last = sorted((w * end + law.phase) / math.pi - 0.5 for end in (a, b))
     if not w * law.amplitude or not math.isfinite(last - first) or math.floor(last) < math.ceil(first):
         return []
-    numbers = math.floor(first) + np.arange(min(math.ceil(last) - math.floor(first) + 1, MOST))
+    numbers = float(math.floor(first)) + np.arange(min(math.ceil(last) - math.floor(first) + 1, MOST))
     return _inside(np.sort((math.pi * (numbers + 0.5) - law.phase) / w), a, b)
 
 
