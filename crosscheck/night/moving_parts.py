@@ -134,9 +134,9 @@ class SceneDrawing:
             ghost = self._frame(q + factor * off)
             return {**picture, "factor": factor, "ghost": ghost, "arrows": [], "cycle": self._cycle(errors)}
         rate = (self.motion.qd, self.motion.qdd)[level - 1]
-        if rate is None or not np.all(np.isfinite(rate[:, k])):
+        if rate is None or self.motion.qd is None or not np.all(np.isfinite(rate[:, k])):
             return None
-        factor, arrows = self._arrows(q, rate[:, k], off)
+        factor, arrows = self._arrows(q, rate[:, k], off, (level - 1) * self.motion.qd[:, k])
         return {**picture, "factor": factor, "ghost": [], "arrows": arrows, "cycle": None}
 
     def _visible(self, q: Any, off: Any) -> float:
@@ -173,17 +173,21 @@ class SceneDrawing:
         first = max((abs(x) for x in [*off[0::3], *off[1::3]]), default=0.0)
         return float(self.view.scale * max([math.hypot(*d) for d in there] + turned + [first]))
 
-    def _arrows(self, q: Any, rate: Any, off: Any) -> tuple[float, list[list[float]]]:
-        """Return the rates of the bodies' joint points as arrows, and the factor of the error in them."""
+    def _arrows(self, q: Any, rate: Any, off: Any, spin: Any) -> tuple[float, list[list[float]]]:
+        """Return the rates of the bodies' joint points as arrows, and the factor of the error in them.
+
+        Points are accelerated towards a body's origin as it turns, by the `spin` in the velocity (n,) that is given.
+        """
         tails, truths, errors = [], [], []
         for body, points in self.points.items():
             for point in points if body in self.names else ():
                 k = 3 * self.names[body]
                 x, y = _place(q, self.names[body], point)
-                arm = (-(y - q[k + 1]), x - q[k])
+                dx, dy = x - q[k], y - q[k + 1]
                 tails.append(self.view.pixels(x, y))
-                truths.append([rate[k] + arm[0] * rate[k + 2], rate[k + 1] + arm[1] * rate[k + 2]])
-                errors.append([off[k] + arm[0] * off[k + 2], off[k + 1] + arm[1] * off[k + 2]])
+                inward = spin[k + 2] ** 2
+                truths.append([rate[k] - dy * rate[k + 2] - dx * inward, rate[k + 1] + dx * rate[k + 2] - dy * inward])
+                errors.append([off[k] - dy * off[k + 2], off[k + 1] + dx * off[k + 2]])
         truth, error = np.array(truths), np.array(errors)
         scale = 0.22 * HEIGHT / max(np.max(np.hypot(*truth.T), initial=0.0), 1e-300)
         factor = factor_below(0.6 * VISIBLE * WIDTH / max(scale * np.max(np.hypot(*error.T), initial=0.0), 1e-300))

@@ -113,5 +113,5 @@ class SpaceDrawing(SceneDrawing):
         size = self.scene.mechanism.size()
         return off * np.tile([size] * 3 + [1.0] * 4, len(self.names))[:, None]
 
-    def _arrows(self, q: Any, rate: Any, off: Any) -> tuple[float, list[list[float]]]:
+    def _arrows(self, q: Any, rate: Any, off: Any, spin: Any) -> tuple[float, list[list[float]]]:
         return 1.0, []

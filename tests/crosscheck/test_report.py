@@ -360,6 +360,7 @@ def test_the_report_solves_nothing_and_recomputes_nothing(tmp_path: Path) -> Non
     real = check.check(scene, ["closed_form"], {"shard": 0})
     write(tmp_path, plain(real), record("a", good_answer("mujoco"), disagreements=[disagreement()]))
     drawn = pictures([real], lambda r: {"scene": to_dict(scene)}, {"closed_form": "closed_form"})
+    assert len(drawn["scenes"]) == 1
     for name, rows in {"price": PRICES, "effects": EFFECTS, "hard_cases": HARD, "pictures": drawn}.items():
         (tmp_path / f"{name}.json").write_text(json.dumps(rows))
     write_documents(tmp_path)

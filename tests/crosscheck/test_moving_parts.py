@@ -1,0 +1,165 @@
+"""Pictures of the night: each joint point is drawn where the motion has it, arrows are rates, margins are kept."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import refkin
+from crosscheck.night.moving_parts import HEIGHT, MARGIN, WIDTH, DrawnSample
+from crosscheck.night.pictures import drawing_of
+from refkin.joints import GROUND, GuidedPoint
+from refkin.scenes.linkages import RSSR
+
+AZIMUTH, ELEVATION = math.radians(-60.0), math.radians(25.0)
+TENTHS = 0.4
+"""Places and angles are rounded to tenths of a pixel and of a degree, arms are 200 pixels long at most."""
+PLANE = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0, origin=(0.5, -0.25), angle=0.2)
+SLIDER = refkin.SliderCrank(crank=1.0, rod=3.0, offset=0.25, origin=(0.5, -0.25), angle=0.4)
+TALL = refkin.FourBar(ground=1.0, crank=3.0, coupler=2.5, rocker=2.8, angle=1.5)
+SPACE = [RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125), massless=massless) for massless in (False, True)]
+
+
+@cache
+def solved(linkage: Any) -> Any:
+    """Return a scene and its motion, with that of every joint point."""
+    scene = linkage.scene(speed=1.0, samples=9)
+    some = [(body, point) for body, of_body in held(scene.mechanism).items() for point in of_body if body != GROUND]
+    points = tuple(refkin.Point(name=f"{body} {point}", body=body, position=point) for body, point in some)
+    return scene, refkin.solve(replace(scene, points=points))
+
+
+def held(mechanism: Any) -> dict[str, list[Any]]:
+    """Return the joint points of each body, each once."""
+    points: dict[str, list[Any]] = {}
+    for joint in mechanism.joints:
+        for body, point in joint.points():
+            points.setdefault(body, []).append(tuple(point))
+    return {body: list(dict.fromkeys(some)) for body, some in points.items()}
+
+
+def where(motion: Any, body: str, point: Any, k: int) -> Any:
+    """Return where a point of a body is at a time [m], seen from the place that pictures of space are seen from."""
+    p = np.array(point) if body == GROUND else motion.points[f"{body} {point}"].r[:, k]
+    if len(p) == 2:
+        return p
+    (c, s), (cos, sin) = ((math.cos(a), math.sin(a)) for a in (AZIMUTH, ELEVATION))
+    return np.array([[-s, c, 0.0], [-c * sin, -s * sin, cos], [c * cos, s * cos, sin]]) @ p
+
+
+def page(scene: Any, motion: Any) -> Any:
+    """Return the function from metres to pixels that shows all joint points in the middle, as large as can be."""
+    every = [where(motion, body, p, k) for body, some in held(scene.mechanism).items() for p in some for k in range(9)]
+    low, high = np.min(every, axis=0), np.max(every, axis=0)
+    scale = min((WIDTH - 2 * MARGIN) / (high - low)[0], (HEIGHT - 2 * MARGIN) / (high - low)[1])
+    middle = (low + high) / 2
+
+    def pixels(place: Any) -> Any:
+        x, y = (place - middle)[:2] * scale
+        return np.array([WIDTH / 2 + x, HEIGHT / 2 - y, *(place - middle)[2:] * scale])
+
+    return pixels, scale, np.array(every) - middle
+
+
+def guided(element: Any) -> bool:
+    return isinstance(element, GuidedPoint) and element.body_i == GROUND
+
+
+def guiding(joint: Any) -> bool:
+    return any(guided(element) for element in joint.elements())
+
+
+def turned(place: Any, pins: Any) -> Any:
+    """Return where pins of a part are, which a `transform` of the page shifts and turns."""
+    x, y, degrees = place
+    c, s = math.cos(math.radians(degrees)), math.sin(math.radians(degrees))
+    return np.array([[x + c * a - s * b, y + s * a + c * b] for a, b in pins])
+
+
+@pytest.mark.parametrize("linkage", [PLANE, SLIDER, TALL], ids=["wide", "slider", "tall"])
+def test_every_joint_point_is_drawn_where_the_motion_has_it(linkage: Any) -> None:
+    scene, motion = solved(linkage)
+    pixels, _, _ = page(scene, motion)
+    points = held(scene.mechanism)
+    picture = drawing_of(scene, motion).described("a", "b")
+
+    assert len(picture["frames"]) == 9
+    for k, frame in enumerate(picture["frames"]):
+        for body, part, place in zip(motion.bodies, picture["parts"], frame, strict=True):
+            wanted = [pixels(where(motion, body, point, k)) for point in points[body]]
+            assert turned(place, part["pins"]) == pytest.approx(np.array(wanted), abs=TENTHS)
+            assert (part["path"].count("L"), "z" in part["path"]) == ((1, False) if len(wanted) == 2 else (0, True))
+    assert np.array(picture["ground"]) == pytest.approx(
+        np.array([pixels(np.array(point)) for point in points[GROUND]]), abs=TENTHS
+    )
+
+
+def test_a_line_to_slide_along_goes_two_sizes_to_each_side_of_its_point() -> None:
+    """Along whatever vector, of whatever length, the joint has it."""
+    scene, motion = solved(SLIDER)
+    joints = [replace(j, axis_i=tuple(2.0 * x for x in j.axis_i)) if guiding(j) else j for j in scene.mechanism.joints]
+    scene = replace(scene, mechanism=replace(scene.mechanism, joints=tuple(joints)))
+    (guide,) = (element for joint in scene.mechanism.joints for element in joint.elements() if guided(element))
+    pixels, _, _ = page(scene, motion)
+    along = np.array(guide.axis_i) / math.hypot(*guide.axis_i)
+    foot = np.array(guide.point_i) + guide.offset * np.array([-along[1], along[0]])
+    drawn = drawing_of(scene, motion).described("a", "b")["guide"].strip("M").split("L")
+    ends = [pixels(foot + way * 2.0 * scene.mechanism.size() * along) for way in (-1, 1)]
+
+    assert [[float(x) for x in end.split()] for end in drawn] == pytest.approx(np.array(ends), abs=TENTHS)
+
+
+@pytest.mark.parametrize("level", [1, 2])
+def test_arrows_are_the_rates_of_the_joint_points_and_those_of_an_engine_with_its_error_magnified(level: int) -> None:
+    """The error is 1e-9 of the coupler's shift and of the rocker's turn; an arrow of a pixel or less is none."""
+    scene, motion = solved(PLANE)
+    k, size, off = 3, scene.mechanism.size(), np.zeros((9, 9))
+    off[3], off[8] = 1e-9, 1e-9
+    mark = drawing_of(scene, motion).ghost(DrawnSample(k, 9.0, off), level)
+    pixels, _, _ = page(scene, motion)
+    assert mark is not None
+    rows = []
+    for body, point in [(name, point) for name in motion.bodies for point in held(scene.mechanism)[name]]:
+        at, (x, y) = motion.points[f"{body} {point}"], where(motion, body, point, k) - motion[body].q[:2, k]
+        error = {"coupler": (1e-9 * size, 0.0), "rocker": (-1e-9 * y, 1e-9 * x)}.get(body, (0.0, 0.0))
+        rows.append((pixels(at.r[:, k]), (at.v, at.a)[level - 1][:, k], np.array(error)))
+    tails, rates, errors = map(np.array, zip(*rows, strict=True))
+    scale = 0.22 * HEIGHT / np.max(np.hypot(*rates.T))
+    true, wrong = (scale * x * [1, -1] for x in (rates, rates + mark["factor"] * errors))
+    shown = np.max(np.abs(np.hstack([true, wrong])), axis=1) > 1.0
+
+    assert np.array(mark["arrows"]) == pytest.approx(np.hstack([tails, tails + true, tails + wrong])[shown], abs=TENTHS)
+    assert 0 < sum(shown) < len(shown)
+    largest = scale * mark["factor"] * np.max(np.hypot(*errors.T))
+    assert 0.4 * 0.072 * WIDTH < largest <= 0.072 * WIDTH
+
+
+@pytest.mark.parametrize("linkage", SPACE, ids=["with its coupler", "by distance"])
+def test_every_bar_and_pin_of_space_is_drawn_from_where_it_is_seen(linkage: Any) -> None:
+    scene, motion = solved(linkage)
+    pixels, scale, away = page(scene, motion)
+    points = held(scene.mechanism)
+    picture = drawing_of(scene, motion).described("a", "b")
+    bars = [((body, one), (body, other)) for body in motion.bodies for one, other in [points[body]]]
+    if linkage.massless:
+        bars += [tuple(joint.points()) for joint in scene.mechanism.joints if "distance" in joint.type]
+    pins = [(body, point) for body in motion.bodies for point in points[body]]
+
+    for k, frame in enumerate(picture["frames"]):
+        assert len(frame) == len(picture["parts"]) == len(bars) + len(pins)
+        for (one, other), (x, y, degrees, stretch, *depths) in zip(bars, frame, strict=False):
+            first, last = (pixels(where(motion, *end, k)) for end in (one, other))
+            there = turned((x, y, degrees), [(0.0, 0.0), (100.0 * stretch, 0.0)])
+            ends = sorted(np.column_stack([there, depths]).tolist())
+            assert np.array(ends) == pytest.approx(np.array(sorted([first.tolist(), last.tolist()])), abs=TENTHS)
+        for pin, (x, y, _, stretch, depth) in zip(pins, frame[len(bars) :], strict=True):
+            assert [x, y, depth] == pytest.approx(pixels(where(motion, *pin, k)), abs=TENTHS)
+            assert stretch == 1.0
+    furthest = picture["fit"] * scale * np.max(np.linalg.norm(away, axis=1))
+    assert picture["fit"] == 1.0 or furthest == pytest.approx(HEIGHT / 2 - MARGIN / 2, abs=0.2)
+    assert furthest <= HEIGHT / 2 - MARGIN / 2 + 0.2
