@@ -37,8 +37,6 @@ WIDTHS = (2e-3, 1e-5, 1e-8)
 """Widths of intervals at which Newton is started from their middles [rad]."""
 MOST_INTERVALS = 2000
 """How many intervals are looked at before a proof is given up: about a second for a triad."""
-NARROWEST = 1e-14
-"""Width below which the ends of an interval are no longer different floats."""
 PROBE = 0.2
 """Width of the first intervals that are started from, a few of them: most assemblies, or a continuum, show [rad]."""
 MOST_STARTS = 64
@@ -125,8 +123,6 @@ class _Search:
             intervals.forget_known()
             if not intervals.open or self.exhausted:
                 break
-        if not self.exhausted:
-            intervals.halve(0.0)
         if not intervals.open:
             return self._result(complete=True) if self.known else self._none(intervals.gap)
         left = f"{len(intervals.open)} intervals of {intervals.width:.2g} rad of the angle of {self.turned[0]}"
@@ -247,9 +243,7 @@ class _Intervals:
 
     def halve(self, width: float) -> None:
         """Halve, and drop what is done with, until nothing is left, a width or the allowed number is reached."""
-        while (
-            self.open and self.width > max(width, NARROWEST) and self.looked_at + 2 * len(self.open) <= MOST_INTERVALS
-        ):
+        while self.open and self.width > width and self.looked_at + 2 * len(self.open) <= MOST_INTERVALS:
             self.looked_at += 2 * len(self.open)
             halves = [half for low, high in self.open for half in _halves(low, high)]
             self.open = [part for part in halves if not self._done(part)]
