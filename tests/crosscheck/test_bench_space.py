@@ -116,6 +116,7 @@ def test_one_wrong_number_of_space_is_noticed(solved, order):
 
 def test_the_answer_of_another_mechanism_is_noticed(solved):
     assert judged(solved[1], 1).ranked
+    assert 0.0 < judged(solved[1], 1).worst_over_allowed < 0.5
     assert not judged(solved[0], 1).ranked
 
 

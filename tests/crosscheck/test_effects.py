@@ -15,6 +15,7 @@ from crosscheck.cli import main
 from crosscheck.commands.effects import absent_lines, felt_lines, ledger_table, to_json
 from crosscheck.engines import load
 from crosscheck.engines.methods import Use, methods
+from crosscheck.judge.changes import same_bits
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.effects_rows import EffectRow
 from crosscheck.measure import effects_ledger as ledger
@@ -25,6 +26,7 @@ from crosscheck.scenes.names import PHYSICAL
 from refkin.model import Point
 from refkin.motion_laws import Sinusoid
 from refkin.scenes.linkages import FourBar
+from refkin.solving.solve import solve
 
 from .fake_engines import EXIT, HANG, RAISE, engine_file
 
@@ -208,6 +210,17 @@ def test_a_bit_of_the_residual_counts_in_refkin_too():
     result = bitwise("condition", lambda motion: replace(motion, residual=np.nextafter(motion.residual, np.inf)))
 
     assert [row.effect for row in result if row.inert is False] == ["condition"]
+
+
+@pytest.mark.parametrize("level", ["r", "v", "a"])
+def test_a_bit_of_a_point_counts_in_refkin_too(level):
+    motion = solve(replace(SCENE, points=(Point(name="P", body="coupler", position=(0.1, 0.2)),)))
+    point = motion.points["P"]
+    other = replace(point, **{level: np.nextafter(getattr(point, level), np.inf)})
+
+    assert same_bits(motion, motion)
+    assert not same_bits(motion, replace(motion, points={"P": other}))
+    assert same_bits(motion, replace(motion, points={}))
 
 
 @pytest.mark.parametrize(

@@ -10,12 +10,21 @@ import pytest
 
 import refkin
 from crosscheck.engines import load
-from crosscheck.judge.hard_poses import GRANTED, HardOutcome, fold, least_error, residual_error, samples, truths
+from crosscheck.judge.hard_poses import (
+    GRANTED,
+    HardOutcome,
+    PoseSample,
+    fold,
+    least_error,
+    residual_error,
+    samples,
+    truths,
+)
 from crosscheck.measure.hard_table import KEYS, classed, hard_case_rows, job, outcome_of
 from crosscheck.scenes.hard import KINDS, hard_cases
 from crosscheck.scenes.hard_case import DISTANCES, GAPS
 from refkin.motion import Status
-from refkin.proof.pose.krawczyk import Verdict, krawczyk
+from refkin.proof.pose.krawczyk import Judgement, Verdict, krawczyk
 
 ENGINES = Path(__file__).parent / "hard_engines.py"
 CASES = {case.key: case for case in hard_cases()}
@@ -109,6 +118,14 @@ def test_two_attainable_radii_off_is_wrong_and_half_of_one_is_not(case):
         q[2, -1] += factor * allowed[2]
         poses = samples(system, truth, case.scene, replace(motion, q=q), ())
         assert classed(poses)[0] == verdict
+
+
+def test_times_at_which_nothing_is_decided_are_counted_and_held_against_nobody():
+    inside, open_ = (Judgement(verdict, 0.5) for verdict in (Verdict.INSIDE, Verdict.UNDECIDABLE))
+    poses = [PoseSample(t, judged, True) for t, judged in enumerate((inside, open_, inside))]
+
+    assert classed(poses) == (HardOutcome.CORRECT, "undecidable at 1 of 3 times")
+    assert classed(poses[:1]) == (HardOutcome.CORRECT, "")
 
 
 def test_a_pose_that_lacks_one_number_is_no_pose():

@@ -383,3 +383,15 @@ def test_a_change_is_a_part_of_the_size_of_the_mechanism_and_of_a_rate_of_the_la
     assert seen.largest == pytest.approx(1e-6, rel=1e-6)
     assert seen.worst.startswith(where)
     assert not seen.inert
+
+
+def test_a_spin_spreads_allowed_errors_over_its_own_body_and_over_no_other():
+    allowed = np.arange(1.0, 22.0)[:, None]
+    line = (np.array([0.0, 0.0, 0.5]), np.array([1.0, 0.0, 0.0]))
+    of_its_own = np.sum(allowed[10:14])
+
+    result = spun(allowed, ["crank", "coupler", "rocker"], [{"coupler": line}])
+
+    assert np.array_equal(np.delete(result, range(7, 14), axis=0), np.delete(allowed, range(7, 14), axis=0))
+    assert (result[10:14] == of_its_own).all()
+    assert result[7:10] == pytest.approx(allowed[7:10] + 2.0 * 0.5 * of_its_own)

@@ -11,12 +11,15 @@ import pytest
 import refkin
 from crosscheck.engines import load
 from crosscheck.engines.spatial.turning import product
-from crosscheck.judge.hard_poses import HardOutcome, PoseSample, samples, truths
+from crosscheck.judge.hard_poses import HardOutcome, PoseSample, samples, scene_truths, truths
 from crosscheck.measure.hard_table import classed
 from crosscheck.scenes.hard import hard_cases
 from crosscheck.scenes.hard_case import GAPS, HardCase
-from crosscheck.scenes.hard_space import REACH
+from crosscheck.scenes.hard_space import LIMITED, REACH
 from refkin.motion import Motion
+from refkin.motion_laws import Sinusoid
+from refkin.scenes.linkages import RSSR
+from refkin.system import compile_system
 
 CASES = {case.key: case for case in hard_cases() if case.scene.mechanism.kind.name == "spatial"}
 COUPLER = CASES["limit of an RSSR with its coupler, 1e-03"]
@@ -71,6 +74,15 @@ def test_from_an_estimate_the_wrong_way_round_every_assembly_will_do(key: str) -
     _, truth = truths(CASES[key])
     assert [len(true.roots) for true in truth] == [2]
     assert classed(judged(CASES[key], load("pinocchio").solve(CASES[key].scene)))[0] == HardOutcome.CORRECT
+
+
+def test_where_the_reference_has_lost_the_branch_in_space_no_assembly_is_taken_for_the_truth() -> None:
+    """There are assemblies, but none that are proved to be all: an answer that is another one may be right."""
+    law = Sinusoid(amplitude=1.5, angular_frequency=1.0, offset=0.3)  # beyond the limit, and back
+    scene = RSSR(**LIMITED, coupler=REACH - 0.5, massless=True).scene(law=law, times=(0.0, 3.0))
+    first, last = scene_truths(compile_system(scene.mechanism, unit=scene.mechanism.unit()), scene)
+
+    assert (len(first.roots), last.roots, last.gap) == (1, (), None)
 
 
 @pytest.mark.parametrize("gap", GAPS)

@@ -7,8 +7,9 @@ process that runs those tests, the quickest first, until one is red; what surviv
 while there is time. A test that was red with a mutant has to be green without one in the same way, or its kills do not
 count.
 
-`survivors.toml` says of each survivor known so far what it is: "equivalent", "costs only time", or "to kill". One that
-is not in it ends the run with exit code 1. A test that runs the code in another program sees no mutant, and ends there.
+`survivors.toml` says of each survivor known so far what it is: "equivalent", "costs only time", "to kill", or "dies
+elsewhere". One that is not in it ends the run with exit code 1. A test that runs the code in another program sees no
+mutant, and ends there: what such a test kills, with the change written into the file, dies elsewhere.
 """
 
 from __future__ import annotations
@@ -49,7 +50,7 @@ NOTED = (*PACKAGES, *ADAPTERS, "crosscheck.night")
 ELSEWHERE = ("mutation/", "test_house", "test_readme", "browser", "cluster", "workers", "timing")
 """Tests that run the code in other programs, where no mutant is, or that measure times."""
 ALIVE = ("", "not covered")
-VERDICTS = ("equivalent", "costs only time", "to kill")
+VERDICTS = ("equivalent", "costs only time", "to kill", "dies elsewhere")
 MOST = 8.0
 """Seconds of work in which a mutant may survive quick tests; those that are left are not asked."""
 MORE = 5.0
@@ -276,14 +277,14 @@ def told(run):
         print(f"no such change any more, take it out of survivors.toml: {each}")
     alive = counts["unknown"] + counts["to kill"]
     fates = {
-        "died": counts["died"],
+        "died": counts["died"] + counts["dies elsewhere"],
         "equivalent": counts["equivalent"],
         "time": counts["costs only time"],
         "alive": alive,
     }
     print(f'[[sample]]\nseed = {run.given.seed}\npart = "{" ".join(run.given.only or PACKAGES)}"')
     print("\n".join(f"{key} = {value}" for key, value in {"tried": sum(fates.values()), **fates}.items()))
-    print(f"# of those that change an answer {counts['died']} of {counts['died'] + alive} died")
+    print(f"# of those that change an answer {fates['died']} of {fates['died'] + alive} died")
     print(f"# {run.noting:.0f} s of work to know which tests reach what, {cpu() - run.noting:.0f} s to try mutants")
     return int(bool(unknown or gone))
 

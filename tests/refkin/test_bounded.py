@@ -202,3 +202,13 @@ def test_an_error_of_the_inputs_moves_each_derivative_of_a_law_by_its_own_size()
     expected = error.of(law(t, 2)) + error.relative * t * law(t, 3)
     assert gamma.mid[2] == law(t, 2)
     assert gamma.spread[2] == pytest.approx(expected, rel=1e-9, abs=0.0)
+
+
+@pytest.mark.parametrize("kind", [Bounded, Extended])
+def test_the_bound_of_a_sine_or_a_cosine_is_no_less_than_nothing_at_zero_and_next_to_it(kind: type[Bounded]) -> None:
+    numbers = kind.exactly(np.array([0.0, -0.0, 5e-324, -1e-310]))
+    with ctx.workprec(BITS):
+        for name in ("sin", "cos"):
+            result = getattr(numbers, name)()
+            for x, middle, bound in zip(numbers.mid, result.mid, result.rounding, strict=True):
+                assert abs(getattr(number(x), name)() - number(middle)) <= bound

@@ -12,6 +12,7 @@ from refkin.errors import InvalidScene
 from refkin.joints import JOINT_TYPES, AngleDriver, XDriver, YDriver
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import ScrewJack
 from refkin.solving.mobility import COORDINATES, FREEDOMS, count, gruebler, kind_of, mobility, rank_of
 from tests.claims import assert_near
 
@@ -24,6 +25,11 @@ RSSR = (
 
 
 # ---- by count
+
+
+def test_a_screw_jack_has_one_freedom():
+    """6 x 3 - 6 - 5 - 6 + 0: the turn of a screw is a coordinate more, and a row more."""
+    assert count(ScrewJack(0.1).scene(samples=2).mechanism).mobility == 1
 
 
 def test_the_rssr_has_two_of_which_one_is_the_passive_spin_of_its_coupler():

@@ -7,6 +7,7 @@ import math
 import pickle
 import sys
 from dataclasses import replace
+from itertools import pairwise
 from xml.etree import ElementTree as ET
 
 import numpy as np
@@ -15,6 +16,7 @@ import pytest
 import refkin
 from refkin.motion import ContactMotion
 from refkin.output import Drawing, NothingToDraw, animated, still
+from refkin.output.svg import MARGIN, WIDTH
 from refkin.output.tables import MissingPackage, long, wide
 from refkin.scenes.linkages import RSSP, Hooke
 from refkin.solving.follow import driven_by
@@ -100,6 +102,52 @@ def test_an_animation_turns_each_body_by_its_angle(scene, motion):
     }
 
     assert [float(x) for x in turned["rocker"]] == pytest.approx(-np.degrees(motion["rocker"].phi), abs=0.006)
+
+
+def test_an_animation_shows_each_pose_at_its_part_of_the_time(scene):
+    uneven = replace(scene, times=(0.5, 0.75, 1.5, 2.5))
+    root = ET.fromstring(animated(Drawing(uneven, refkin.solve(uneven))))
+    keys = {moved.get("keyTimes") for moved in root.iter(f"{SVG}animateTransform")}
+
+    assert keys == {"0.00000;0.12500;0.50000;1.00000"}
+
+
+@pytest.mark.parametrize("k", [0, 3])
+def test_a_bar_is_drawn_from_pin_to_pin_and_the_mechanism_from_margin_to_margin(scene, motion, k):
+    """The width decides here: what lies furthest to the left and to the right is `MARGIN` away from the page's ends."""
+    drawing = Drawing(scene, motion)
+    root = ET.fromstring(still(drawing, k))
+    scale = (WIDTH - 2 * MARGIN) / (drawing.box[1] - drawing.box[0])[0]
+    paths = {group.find(f"{SVG}title").text: group.findall(f"{SVG}path") for group in root.iter(f"{SVG}g")}
+    bars = {name: path.get("d") for name, some in paths.items() for path in some if path.get("stroke-width") == "5"}
+    for part in (part for part in drawing.parts if part.name in motion.bodies):
+        points = next(shape for shape in part.at(k) if shape.role == "body").points
+        at = (points - drawing.box[0][:, None]) * scale
+        ends = np.array([[float(x) for x in end.split()] for end in bars[part.name].strip("Mz").split("L")]).T
+
+        assert ends[0] == pytest.approx(MARGIN + at[0], abs=0.02)
+        assert np.ptp(ends[1] + at[1]) == pytest.approx(0.0, abs=0.02)
+
+
+def test_a_body_with_one_joint_point_is_an_upright_block_around_it():
+    scene = refkin.SliderCrank(crank=1.0, rod=3.0).scene(samples=2, turns=0.05)
+    slider = next(part for part in Drawing(scene, refkin.solve(scene)).parts if part.name == "slider")
+    x, y = next(shape for shape in slider.shapes if shape.role == "slider").points
+    sides = np.diff(np.array([[*x, x[0]], [*y, y[0]]]), axis=1).T
+
+    assert [abs(one @ other) for one, other in pairwise(sides)] == pytest.approx([0.0, 0.0, 0.0])
+    assert min(np.hypot(*sides.T)) > 0.0
+    assert (min(x) + max(x), min(y) + max(y)) == pytest.approx((0.0, 0.0))
+
+
+def test_what_matplotlib_does_not_fill_it_does_not_close(scene, motion, tmp_path):
+    raster = pytest.importorskip("refkin.output.raster")
+    raster.save_still(Drawing(scene, motion), tmp_path / "picture.svg")
+    styled = [(path.get("style", ""), path.get("d")) for path in ET.parse(tmp_path / "picture.svg").iter(f"{SVG}path")]
+    hollow = [d for style, d in styled if "fill: none" in style and "stroke: #" in style]
+
+    assert any(d.count("L") + d.count("C") >= 8 for d in hollow)
+    assert not any(d.strip().endswith("z") for d in hollow)
 
 
 def test_a_name_cannot_leave_the_picture(scene, motion):

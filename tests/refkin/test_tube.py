@@ -11,7 +11,10 @@ from flint import arb, ctx
 
 import refkin
 from refkin import FourBar, Polynomial, SliderCrank, Status, compile_system
-from refkin.proof.path.tube import Tubes
+from refkin.motion_laws import Sinusoid
+from refkin.proof.path.branch import first_gap
+from refkin.proof.path.tube import ConnectionProof, Tubes
+from refkin.solving.sweep import pose_between
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
@@ -62,6 +65,25 @@ def test_at_a_singular_pose_no_interval_is_certified():
     q = system.to_unit(refkin.solve(scene).q[:, 0])
 
     assert widest(system, q, 0.0, np.zeros_like(q))[0] == 0.0
+
+
+@pytest.mark.parametrize(("swing", "inside"), [(0.3, True), (0.6, False)])
+def test_a_swing_is_one_motion_in_a_few_tubes_and_one_beyond_a_limit_is_none(swing, inside):
+    """There and back: both ends are one pose, 0.5 rad from the limit."""
+    start = LIMITED.input_range()[0][1] - 0.5
+    scene = LIMITED.scene(law=Sinusoid(amplitude=swing, angular_frequency=1.0, offset=start), times=(0.0,))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = system.to_unit(refkin.solve(scene).q[:, 0])
+
+    assert ConnectionProof(system, 40, pose_between).connects(0.0, math.pi, q, q) is inside
+
+
+def test_the_poses_between_those_of_a_crank_that_turns_are_found_from_their_chords_alone():
+    scene = ROCKER.scene(samples=9)
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = system.to_unit(refkin.solve(scene).q)
+
+    assert first_gap(system, np.array(scene.times), q, between=lambda *_: None) is None
 
 
 def test_a_law_that_moves_fast_has_a_short_interval():

@@ -563,11 +563,12 @@ def test_a_polynomial_of_rows_changes_by_no_more_than_its_taylor_terms():
 
 
 def test_a_distance_that_passes_nothing_in_one_mechanism_is_seen_there():
-    """Its row depends on the square: 0.5 - t has a zero between 0 and 1, 2 - t has none."""
+    """Its row depends on the square: 0.5 - t has a zero between 0 and 1, 2 - t has one between 0 and 3 only."""
     ends = {"body_i": "ground", "point_i": (0.0, 0.0), "body_j": "b", "point_j": (0.0, 0.0)}
-    driver = DistanceDriver(name="d", **ends, law=Polynomial(coefficients=(np.array([0.5, 2.0]), -1.0)))
+    driver = DistanceDriver(name="d", **ends, law=Polynomial(coefficients=(np.array([0.5, 2.0, 5.0]), -1.0)))
 
-    assert turning.may_turn((driver,), 0.0, 1.0, 2).tolist() == [True, False]
+    assert turning.may_turn((driver,), 0.0, 1.0, 3).tolist() == [True, False, False]
+    assert turning.may_turn((driver,), 0.0, 3.0, 3).tolist() == [True, True, False]
 
 
 def test_a_sample_whose_corrections_do_not_shrink_enough_is_not_answered_at_once():

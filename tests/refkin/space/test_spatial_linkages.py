@@ -20,6 +20,7 @@ from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.dyads import _Reader, certain_miss
+from refkin.proof.assembly.spatial import starts
 from refkin.proof.numbers.preconditioned import WORSE
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import krawczyk
@@ -603,3 +604,22 @@ def test_without_its_spin_a_body_moves_the_points_of_its_line_as_before():
 @pytest.mark.parametrize("square", [6.25, np.array([6.25, 0.0, 1e-300])])
 def test_a_root_is_that_of_each_number_of_a_row(square):
     assert np.all(root(square) == np.sqrt(square))
+
+
+def test_starts_from_anywhere_are_euler_parameters_that_favour_no_turn():
+    """The mean of p p^T of evenly spread p is I / 4."""
+    scene = EVERY["RSSR"].scene(samples=2)
+    poses = np.stack(list(starts(compile_system(scene.mechanism, unit=scene.mechanism.unit()), 0.0, 500)))
+    p = np.concatenate([poses[:, at : at + 4] for at in (3, 10, 17)])
+
+    assert np.linalg.norm(p, axis=1) == pytest.approx(1.0)
+    assert p.T @ p / len(p) == pytest.approx(np.eye(4) / 4, abs=0.02)
+
+
+def test_a_rod_that_just_reaches_its_line_reaches_it_whichever_way_its_square_is_rounded():
+    """As long as the crank, about whose axis the line goes, so at right angles to it at every input."""
+    rng = np.random.default_rng(0)
+    for length, value in zip(rng.uniform(0.5, 2.0, 50), rng.uniform(0.0, 6.0, 50), strict=True):
+        pose = RSSP(length, length, (0.0, 0.0, 0.5), (0.0, 0.0, 1.0)).assemble(value)
+
+        assert pose["slider"][:3] == pytest.approx((0.0, 0.0, 0.0), abs=1e-7)
