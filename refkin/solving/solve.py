@@ -236,7 +236,7 @@ class _Answer:
             getattr(self.radius, name)[samples] = getattr(isolation, name)
         for sample, enclosure in isolation.enclosures.items():
             self._take(samples[sample], enclosure)
-        self._contradicted(samples, isolation.contradiction > 1.0, isolation.contradiction)
+        self._contradicted(samples, (isolation.contradiction > 1.0) & isolation.ok, isolation.contradiction)
         self.radius.position[samples] += np.max(output_rounding(self.system, self.q[:, samples]), axis=0)
         return isolation.ok
 

@@ -148,3 +148,23 @@ def test_a_joint_the_wrong_way_round_would_be_seen(turn, body, fault):
     motion[body].q[3:, 0] = turned.as_quat(scalar_first=True)
 
     assert fault in random_starts.wrong(scene, motion)
+
+
+def test_two_motors_that_part_lock_the_pose_they_agree_on_and_no_pose_that_is_none():
+    hinge = refkin.SpatialRevolute(
+        name="hinge",
+        **{"body_i": "ground", "point_i": (0.0, 0.0, 0.0), "axis_i": (0.0, 0.0, 1.0), "zero_i": (1.0, 0.0, 0.0)},
+        **{"body_j": "arm", "point_j": (1.0, 0.0, 0.0), "axis_j": (0.0, 0.0, 1.0), "zero_j": (1.0, 0.0, 0.0)},
+    )
+    drivers = (
+        refkin.SpatialAngleDriver(name=f"motor {k}", joint="hinge", law=Polynomial(coefficients=(0.0, rate)))
+        for k, rate in enumerate((0.2, 0.9))
+    )
+    arm = refkin.Body(name="arm", estimate=(-1.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+    mechanism = refkin.Mechanism(bodies=(arm,), joints=(hinge,), drivers=tuple(drivers))
+
+    motion = refkin.solve(refkin.Scene(mechanism=mechanism, times=(0.0, 1.0), effects=frozenset({"velocity"})))
+
+    assert motion.status == (Status.LOCKED, Status.NOT_CONVERGED), "0.7 rad apart nothing is isolated"
+    assert np.isfinite(motion.q[:, 0]).all()
+    assert np.isnan(motion.q[:, 1]).all()
