@@ -23,7 +23,7 @@ def affected(planar: PlanarModel, effect: str | None) -> PlanarModel:
     """Return a model with one of `EFFECTS` switched on, or as it is."""
     if effect is not None:
         EFFECTS[effect].switch(planar)
-        planar.data = planar.model.createData()
+        planar.begin()
     return planar
 
 

@@ -54,10 +54,14 @@ class PlanarModel:
 
     def __post_init__(self) -> None:
         self.model.gravity.setZero()  # no call of kinematics takes it; whoever makes another finds none
-        self.data = self.model.createData()
-        self.placed = list(self.data.oMi)  # views: whatever places the model fills them
         self._single = self.model.nv < 2
         self._rest = np.zeros(self.model.nv)
+        self.begin()
+
+    def begin(self) -> None:
+        """Make what Pinocchio writes to; once more for a model that was changed."""
+        self.data = self.model.createData()
+        self.placed = list(self.data.oMi)  # views: whatever places the model fills them
 
     def place(self, q: Array) -> None:
         """Place everything at q, and the columns of the Jacobians."""

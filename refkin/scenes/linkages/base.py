@@ -13,12 +13,12 @@ import math
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from numbers import Real
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar, TypeVar, cast
 
 import numpy as np
 
 from refkin.errors import Fault, InvalidScene
-from refkin.joints import GROUND, AngleDriver, Constraint, Driver, Pair
+from refkin.joints import GROUND, PLANE, SPACE, AngleDriver, Constraint, Driver, Pair
 from refkin.model import Body, Effect, Evidence, Mechanism, Member, Scene
 from refkin.motion import Producer, Route, Status, __version__, engine_motion
 from refkin.motion_laws import Integral, Law, Polynomial
@@ -26,6 +26,7 @@ from refkin.output import Drawing, Picture
 from refkin.scenes.linkages.closures import DoesNotAssemble, Interval, covers
 
 Pose = dict[str, tuple[float, float, float]]
+AnyPose = TypeVar("AnyPose", bound=tuple[float, ...])
 """Body -> (x [m], y [m], phi [rad]) in the ground frame."""
 
 CLOSED_FORM = Route(name="closed form", residual_by="closed form")
@@ -268,7 +269,7 @@ def law_keys(law: Law) -> dict[str, Any]:
     return {"rate_law": law.rate, "initial": law.initial} if isinstance(law, Integral) else {"law": law}
 
 
-def rough(pose: Pose, size: float, margin: float) -> Pose:
+def rough(pose: Mapping[str, AnyPose], size: float, margin: float) -> dict[str, AnyPose]:
     """Return an assembled pose rounded to an estimate: two decimals of the size, more where two assemblies are near.
 
     They are about sqrt(margin / size) apart; the estimate stays within a twentieth of that.
@@ -276,7 +277,13 @@ def rough(pose: Pose, size: float, margin: float) -> Pose:
     near = math.sqrt(max(margin / size, 1e-20)) / 10
     decimals = max(2, math.ceil(-math.log10(near)))
     lengths = decimals - math.floor(math.log10(size))
-    return {body: (round(x, lengths), round(y, lengths), round(phi, decimals)) for body, (x, y, phi) in pose.items()}
+    turns = {kind.width: kind.turns for kind in (PLANE, SPACE)}
+    return {
+        body: cast(
+            AnyPose, tuple(round(x, decimals if turn else lengths) for x, turn in zip(q, turns[len(q)], strict=True))
+        )
+        for body, q in pose.items()
+    }
 
 
 def member(kind: type[AMember], value: str, key: str) -> AMember:
