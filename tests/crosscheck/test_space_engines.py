@@ -99,6 +99,12 @@ def test_rates_beside_a_gimbal_pose_are_as_good_as_rounding_lets_them_be(file: s
     assert max(q.ratio for q in answer.quantities.values()) < 0.1
 
 
+def test_conditions_that_nearly_say_the_same_cost_the_closed_form_no_digits() -> None:
+    """Normal equations square their condition: 1.8 times the allowed acceleration."""
+    (answer,) = check(refkin.load(CORPUS / "space-bennett-twists-alike.toml"), ["closed_form"]).answers
+    assert max(q.ratio for q in answer.quantities.values()) < 0.2
+
+
 def test_exudyn_names_the_screw_that_it_refuses() -> None:
     with pytest.raises(EngineRefusal, match="exudyn refuses screw 'H' at solve: exudyn has no screw joint"):
         load("exudyn").solve(space_scenes.screw_jack())

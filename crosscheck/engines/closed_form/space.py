@@ -435,10 +435,21 @@ def _together(rows: Sequence[Any]) -> float:
 
 
 def _least_squares(rows: Sequence[tuple[Jet, Jet, Jet]]) -> tuple[Jet, Jet]:
-    """Return cos and sin from conditions that agree, by the normal equations."""
-    pp, pq, qq, pk, qk = (
-        sum((row[a] * row[b] for row in rows[1:]), rows[0][a] * rows[0][b])
-        for a, b in ((0, 0), (0, 1), (1, 1), (0, 2), (1, 2))
-    )
+    """Return cos and sin from conditions that agree, by the normal equations.
+
+    These square the condition, so the solution is corrected by what it leaves of the conditions themselves.
+    """
+
+    def product(a: int, b: int, rows: Sequence[tuple[Jet, Jet, Jet]] = rows) -> Jet:
+        return sum((row[a] * row[b] for row in rows[1:]), rows[0][a] * rows[0][b])
+
+    pp, pq, qq = product(0, 0), product(0, 1), product(1, 1)
     det = pp * qq - pq * pq
-    return (pk * qq - qk * pq) / det, (pp * qk - pq * pk) / det
+
+    def solved(rows: Sequence[tuple[Jet, Jet, Jet]]) -> tuple[Jet, Jet]:
+        pk, qk = product(0, 2, rows), product(1, 2, rows)
+        return (pk * qq - qk * pq) / det, (pp * qk - pq * pk) / det
+
+    cos, sin = solved(rows)
+    more_cos, more_sin = solved([(p, q, k - p * cos - q * sin) for p, q, k in rows])
+    return cos + more_cos, sin + more_sin
