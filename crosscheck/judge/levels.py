@@ -28,6 +28,8 @@ from refkin.system import System, compile_system
 
 TINY = float(np.finfo(float).tiny)
 ABSENT = refused("not in the table")
+ROUNDINGS = 8
+"""Of w = 2 E p' four, of a row's product with v and w three, of the row's own entries one."""
 LEVELS = (Level.RESIDUAL, Level.JACOBIAN, Level.CONSTRAINT_VELOCITY, Level.DRIFT)
 
 
@@ -219,6 +221,7 @@ def _ours(system: System, at: Configuration) -> dict[Any, Any]:
     slope = slope[:, : system.of_bodies]
     if system.kind.name == "spatial":
         slope, gamma = _in_common_columns(slope, gamma, at)
+        rate = rate[0], rate[1] + ROUNDINGS * U * np.abs(parts(slope)[0]) @ _turning(at)
     ours: dict[Any, Any] = {
         "x": parts(system.phi(rounded, at.t)),
         "x_q": parts(slope),
@@ -228,6 +231,12 @@ def _ours(system: System, at: Configuration) -> dict[Any, Any]:
     largest = {Level.RESIDUAL: "x", Level.JACOBIAN: "x_q", Level.CONSTRAINT_VELOCITY: "x'", Level.DRIFT: "gamma"}
     ours["scale"] = {level: float(np.max(np.abs(ours[key][0]))) for level, key in largest.items()}
     return ours
+
+
+def _turning(at: Configuration) -> Any:
+    """Return bounds of v and w = 2 E p' as sums of products, by which an engine in common columns is given rates."""
+    columns = np.abs(common_columns(at.q)).T @ np.abs(at.qd)
+    return columns * np.tile([1.0, 1.0, 1.0, 4.0, 4.0, 4.0], len(at.q) // 7)  # the columns have E^T / 2
 
 
 def _in_common_columns(slope: Any, gamma: Any, at: Configuration) -> tuple[Any, Any]:

@@ -7,10 +7,11 @@ import pytest
 
 from crosscheck.engines import Level, load
 from crosscheck.engines.mujoco import engine as mujoco_engine
-from crosscheck.judge.levels import Configuration, compare_levels, missing_rows
+from crosscheck.judge.levels import Configuration, compare_levels, configurations, missing_rows
 from crosscheck.measure.check import check
-from crosscheck.scenes.drawing import draw
 from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene, YDriver
+
+from . import space_scenes
 
 GROUND_POINT = (116.83380688588964, 245.63337161426253)
 LEVER_POINT = (-7.402744570506538e-06, 3e-6)
@@ -94,8 +95,19 @@ def test_a_row_that_an_engine_leaves_out_or_has_twice_is_owed(engine, spoil, mon
 
 
 def test_a_refused_joint_and_what_drives_it_are_not_owed():
-    mechanism = draw(9202, 9, 2).scene.mechanism
+    mechanism = space_scenes.screw_jack().mechanism
     model = load("exudyn").constraints(Scene(mechanism=mechanism, times=(0.0,)))
 
     assert [joint.type for joint in mechanism.joints if joint.type == "screw"]
     assert missing_rows(load("exudyn"), model, mechanism) == []
+
+
+def test_a_row_that_states_one_number_is_allowed_what_its_rates_cost():
+    """Rates are given as v and w = 2 E p', sums of four products: 1.6 times what was allowed of a row of p' alone."""
+    mechanism = space_scenes.rssr().mechanism
+    near = np.concatenate([body.estimate for body in mechanism.bodies])[:, None]
+    at = configurations(mechanism, near, np.zeros(1), "rates", 40)
+    engine = load("mujoco")
+    model = engine.constraints(Scene(mechanism=mechanism, times=(0.0,)))
+
+    assert compare_levels(engine, model, mechanism, at)[Level.CONSTRAINT_VELOCITY].ratio < 0.25
