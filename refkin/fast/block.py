@@ -11,19 +11,7 @@ from refkin.fast.certify import FamilyProof
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.run import Workspace
 from refkin.fast.family import Family, of_samples, sample_of
-from refkin.fast.march import (
-    ENOUGH,
-    FARTHEST,
-    FURTHEST,
-    LEAST,
-    PART,
-    SHORT,
-    SMALL,
-    SMALLEST_PIVOT,
-    SMOOTH,
-    March,
-    Pose,
-)
+from refkin.fast.march import ENOUGH, FARTHEST, FURTHEST, LEAST, PART, SHORT, SMALL, SMALLEST_PIVOT, SMOOTH, March, Pose
 from refkin.fast.quintic import weights
 from refkin.fast.residual import residual_of_rows
 from refkin.fast.sweep import NEAR

@@ -115,10 +115,7 @@ class Cam(Constraint):
     def elements(self) -> Iterator[Element]:
         if isinstance(self.profile, Polar):
             yield Contact(
-                **ends_of(self),
-                profile=self.profile.law,
-                normal_j=self.normal_j,
-                roller_radius=self.roller_radius,
+                **ends_of(self), profile=self.profile.law, normal_j=self.normal_j, roller_radius=self.roller_radius
             )
         elif self.normal_j is None:
             yield PointDistance(**ends_of(self), length=self.profile.radius + (self.roller_radius or 0.0))

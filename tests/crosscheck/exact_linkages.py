@@ -279,10 +279,7 @@ def parallel_links() -> Case:
     """A plate swung without turning by two equal distance joints side by side; a line on the crank leads it."""
     law = Sinusoid(offset=0.3, amplitude=0.5, angular_frequency=2.0)
     swing = Angle(law(T), law(T, 1), law(T, 2))
-    rows = {
-        "plate": body_rows(swing.arm(1.5), Angle(0.0, 0.0, 0.0)),
-        "crank": body_rows(at_rest(0j), swing),
-    }
+    rows = {"plate": body_rows(swing.arm(1.5), Angle(0.0, 0.0, 0.0)), "crank": body_rows(at_rest(0j), swing)}
     ends = {"body_i": GROUND, "body_j": "plate", "length": 1.5}
     line = {"point_i": (0.0, 0.0), "axis_i": (1.0, 0.0), "point_j": (0.0, 0.0)}
     joints = (

@@ -32,12 +32,7 @@ def rapier(reading, times, **lengths):
         pin("C0", GROUND, c0, "rocker", 0j),
         pin("D", "lever", to_d, "rapier", 0j),
         Prismatic(
-            name="guide",
-            body_i=GROUND,
-            point_i=(0.0, guide),
-            axis_i=(1.0, 0.0),
-            body_j="rapier",
-            point_j=(0.0, 0.0),
+            name="guide", body_i=GROUND, point_i=(0.0, guide), axis_i=(1.0, 0.0), body_j="rapier", point_j=(0.0, 0.0)
         ),
     )
     bodies = tuple(Body(name=name, estimate=(*pair(z), phi)) for name, (z, phi) in estimate.items())

@@ -210,10 +210,7 @@ def test_a_night_of_which_every_engine_is_missing_ends_with_3(tmp_path):
             "no_such_module:Engine",
             "engine 'no_such_module:Engine' cannot be imported: No module named 'no_such_module'",
         ),
-        (
-            f"{FRAMES}:Linear",
-            "lacks: name, api, version, routes, capabilities, terms, solve",
-        ),
+        (f"{FRAMES}:Linear", "lacks: name, api, version, routes, capabilities, terms, solve"),
     ],
     ids=["no file", "no class", "no module", "no engine"],
 )
@@ -286,10 +283,7 @@ def test_a_log_gets_a_line_every_ten_seconds(monkeypatch, capsys):
         for checked in range(5):
             show(checked, "checking")
 
-    assert capsys.readouterr().err.splitlines() == [
-        "11 s, checking: 1 of 10 scenes",
-        "22 s, checking: 4 of 10 scenes",
-    ]
+    assert capsys.readouterr().err.splitlines() == ["11 s, checking: 1 of 10 scenes", "22 s, checking: 4 of 10 scenes"]
 
 
 def test_a_scene_on_which_all_agree_is_replayed_with_0(command):

@@ -146,10 +146,7 @@ def test_gravity_left_on_where_it_is_felt_is_not_inert_and_is_named(tmp_path):
 
 
 def test_gravity_that_is_felt_in_accelerations_alone_is_not_inert(tmp_path):
-    spec = simulating(
-        tmp_path,
-        "if effect == 'gravity': motion = replace(motion, qdd=motion.qdd + 9.81)",
-    )
+    spec = simulating(tmp_path, "if effect == 'gravity': motion = replace(motion, qdd=motion.qdd + 9.81)")
 
     assert only(rows_of(spec), "gravity").worst.startswith("acceleration of ")
 

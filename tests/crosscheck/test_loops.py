@@ -169,11 +169,7 @@ def test_all_estimates_may_be_used_up():
 
 @pytest.mark.parametrize(
     ("start", "status"),
-    [
-        (5.0, NewtonStatus.CONVERGED),
-        (2.0, NewtonStatus.SINGULAR),
-        (2.0 + 1e-12, NewtonStatus.ITERATION_LIMIT),
-    ],
+    [(5.0, NewtonStatus.CONVERGED), (2.0, NewtonStatus.SINGULAR), (2.0 + 1e-12, NewtonStatus.ITERATION_LIMIT)],
 )
 def test_the_three_outcomes_of_the_document_are_statuses(start, status):
     outcome = newton(

@@ -196,11 +196,7 @@ OF_REFERENCE = {
         ("position", "velocity"),
     ),
     "gamma of point_on_line without its Coriolis term": Fault(
-        static(PointOnLine, "gamma", gamma_without_coriolis),
-        INVERTED,
-        PEERS,
-        "acceleration",
-        ("position", "velocity"),
+        static(PointOnLine, "gamma", gamma_without_coriolis), INVERTED, PEERS, "acceleration", ("position", "velocity")
     ),
     "gamma with a sign wrong": Fault(
         lambda patch: patch.setattr(planar, "drift", drift_with_one_sign_wrong),
@@ -310,11 +306,7 @@ OF_ROWS = {
         ("position",),
     ),
     "mujoco: bodies permuted in its own rows": Fault(
-        around(
-            mujoco_engine.AbsoluteRows,
-            "jacobian",
-            lambda right, self, q, t: np.roll(right(self, q, t), 3, axis=1),
-        ),
+        around(mujoco_engine.AbsoluteRows, "jacobian", lambda right, self, q, t: np.roll(right(self, q, t), 3, axis=1)),
         FOUR_BAR,
         ("mujoco",),
         "jacobian",

@@ -243,11 +243,11 @@ def test_known_gap_covers_nothing_but_its_own(tmp_path: Path) -> None:
     folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=rows))
     report = reported(folder, gaps=[gap(quantity="velocity")])
 
-    assert (
-        report["verdict"],
-        report["new_disagreements"],
-        report["known_disagreements"],
-    ) == ("new disagreements", 1, 1)
+    assert (report["verdict"], report["new_disagreements"], report["known_disagreements"]) == (
+        "new disagreements",
+        1,
+        1,
+    )
 
 
 @pytest.mark.parametrize("ratio", [1.0000001, 40.0, None])

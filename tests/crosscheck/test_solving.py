@@ -48,10 +48,7 @@ def motions() -> list[tuple[Scene, vector_loop.LoopSystem, Any, Any]]:
             slider.scene(law=LAW, times=TIMES),
             loops.slider_crank(1.0, 3.0, 0.4, LAW),
             [0.0, 3.9],
-            lambda m, level: [
-                getattr(m["connecting_rod"], "phi" + level),
-                getattr(m["slider"], "x" + level),
-            ],
+            lambda m, level: [getattr(m["connecting_rod"], "phi" + level), getattr(m["slider"], "x" + level)],
         ),
         (
             lever.scene(law=LAW, times=TIMES),

@@ -5,12 +5,7 @@ from __future__ import annotations
 import mpmath
 import numpy as np
 
-from refkin.joints import (
-    AngleDriver,
-    DistanceDriver,
-    Prismatic,
-    Revolute,
-)
+from refkin.joints import AngleDriver, DistanceDriver, Prismatic, Revolute
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial
 from refkin.proof.assembly.assembly import assemblies
@@ -58,12 +53,7 @@ def slider_crank(crank, rod, offset, driver):
         pin("A", "crank", (crank, 0.0), "rod", (0.0, 0.0)),
         pin("C", "rod", (rod, 0.0), "slider", (0.0, 0.0)),
         Prismatic(
-            name="guide",
-            body_i="ground",
-            point_i=(0.0, offset),
-            axis_i=(1.0, 0.0),
-            body_j="slider",
-            point_j=(0.0, 0.0),
+            name="guide", body_i="ground", point_i=(0.0, offset), axis_i=(1.0, 0.0), body_j="slider", point_j=(0.0, 0.0)
         ),
     )
     return Mechanism(bodies("crank", "rod", "slider"), joints, (driver,))

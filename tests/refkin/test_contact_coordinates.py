@@ -8,13 +8,7 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import (
-    Body,
-    Mechanism,
-    Point,
-    Polar,
-    compile_system,
-)
+from refkin import Body, Mechanism, Point, Polar, compile_system
 
 from .contact_cases import CASES, scene
 

@@ -10,14 +10,7 @@ import pytest
 from flint import arb, ctx
 
 import refkin
-from refkin import (
-    Cam,
-    Polar,
-    Polynomial,
-    Sinusoid,
-    Table,
-    compile_system,
-)
+from refkin import Cam, Polar, Polynomial, Sinusoid, Table, compile_system
 from refkin.proof.numbers.bounded import Bounded, Extended, Times, _Rounded, bounded_system, box
 from refkin.proof.numbers.exact import exact, exact_system
 

@@ -10,19 +10,7 @@ import pytest
 from flint import ctx
 
 import refkin
-from refkin import (
-    Body,
-    Cam,
-    Distance,
-    Gear,
-    Mechanism,
-    Polar,
-    Polynomial,
-    Scene,
-    Sinusoid,
-    XDriver,
-    compile_system,
-)
+from refkin import Body, Cam, Distance, Gear, Mechanism, Polar, Polynomial, Scene, Sinusoid, XDriver, compile_system
 from refkin.analysis import position
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.closed_form import place

@@ -14,14 +14,7 @@ from hypothesis import strategies as st
 import refkin
 from crosscheck.strategies import four_bars, inverted_slider_cranks, slider_cranks
 from refkin.analysis import position
-from refkin.scenes.linkages import (
-    Branch,
-    DoesNotAssemble,
-    FourBar,
-    GrashofClass,
-    InvertedSliderCrank,
-    SliderCrank,
-)
+from refkin.scenes.linkages import Branch, DoesNotAssemble, FourBar, GrashofClass, InvertedSliderCrank, SliderCrank
 from refkin.scenes.linkages.base import rough
 from refkin.system import compile_system
 

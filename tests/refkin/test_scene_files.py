@@ -200,10 +200,7 @@ def test_an_example_reads_as_it_stands():
     assert scene.evidence == {"condition", "certificate"}
 
 
-@pytest.mark.parametrize(
-    ("name", "text"),
-    [("a.toml", "schema = = 1"), ("a.json", "{"), ("a.json", "[1, 2]")],
-)
+@pytest.mark.parametrize(("name", "text"), [("a.toml", "schema = = 1"), ("a.json", "{"), ("a.json", "[1, 2]")])
 def test_text_that_is_no_scene_file_is_refused_in_one_line(tmp_path, name, text):
     path = tmp_path / name
     path.write_text(text, encoding="utf-8")

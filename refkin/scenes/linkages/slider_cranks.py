@@ -36,12 +36,7 @@ class SliderCrank(Linkage):
     rod: float
     offset: float = 0.0
     LENGTHS = ("crank", "rod")
-    INPUTS = (
-        ("crank", GROUND),
-        ("slider", GROUND),
-        ("connecting_rod", GROUND),
-        ("connecting_rod", "crank"),
-    )
+    INPUTS = (("crank", GROUND), ("slider", GROUND), ("connecting_rod", GROUND), ("connecting_rod", "crank"))
 
     @property
     def slack(self) -> float:

@@ -237,10 +237,7 @@ def test_a_wrong_pivot_is_seen(monkeypatch):
         return blocks.Factored(
             determinant,
             abs(determinant),
-            lambda right: [
-                (right[0] * d - b * right[1]) / determinant,
-                (a * right[1] - right[0] * c) / determinant,
-            ],
+            lambda right: [(right[0] * d - b * right[1]) / determinant, (a * right[1] - right[0] * c) / determinant],
         )
 
     monkeypatch.setattr(blocks, "_by_cramer", wrong)

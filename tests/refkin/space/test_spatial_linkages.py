@@ -24,18 +24,7 @@ from refkin.proof.assembly.spatial import starts
 from refkin.proof.numbers.preconditioned import WORSE
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import krawczyk
-from refkin.scenes.linkages import (
-    RSCR,
-    RSSP,
-    RSSR,
-    Bennett,
-    Bricard,
-    DoubleHooke,
-    Hooke,
-    RSSRChain,
-    ScrewJack,
-    Stewart,
-)
+from refkin.scenes.linkages import RSCR, RSSP, RSSR, Bennett, Bricard, DoubleHooke, Hooke, RSSRChain, ScrewJack, Stewart
 from refkin.solving.mobility import count, mobility_of
 from refkin.system import compile_system
 
