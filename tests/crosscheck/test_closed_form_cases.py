@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Support, load
+from crosscheck.engines import EngineRefusal, Level, Support
 from crosscheck.engines.closed_form.engine import ClosedForm, truth
 from crosscheck.engines.closed_form.jets import Floats
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
 from refkin.model import Body, Mechanism, Point, Scene
-from refkin.motion import Seeding, Status
+from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.scenes.linkages import FourBar, SliderCrank
 from tests.drawn import Drawing
@@ -322,20 +322,6 @@ def test_there_are_no_constraint_rows():
 
     levels = {(lv, c.support) for joint in engine.capabilities().values() for lv, c in joint.items()}
     assert {lv for lv, support in levels if support is not Support.REFUSED} == {Level.SOLVE}
-
-
-def test_an_unknown_route_is_refused():
-    engine = ClosedForm()
-    with pytest.raises(EngineError, match="route"):
-        engine.solve(linkage(LENGTHS), replace(engine.routes()[0], name="guess"))
-
-
-def test_it_is_registered_as_an_engine():
-    assert isinstance(load("closed_form"), Engine)
-
-
-def test_only_the_branch_is_taken_from_the_estimate():
-    assert {route.seeding for route in ClosedForm().routes()} == {Seeding.INITIAL_GUESS}
 
 
 def test_no_geometry_is_shared_with_the_reference():

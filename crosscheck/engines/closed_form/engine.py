@@ -161,7 +161,7 @@ class ClosedForm(Adapter):
         if route.name == "arb":
             return truth(scene, self.bits).motion
         if route.name != "float":
-            raise EngineError(f"closed_form: route: expected 'float' or 'arb', got {route.name!r}")
+            raise EngineError(f"closed_form has no route {route.name!r}; there are: 'float', 'arb'")
         _refuse(scene)
         with np.errstate(all="ignore"):  # NaN and inf become statuses
             motion = _motion(_floats(scene), _route("float"))[0]

@@ -1,0 +1,169 @@
+"""What every engine of the plane owes: the closed form, what is called for and no more, and refusals by name."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from crosscheck.engines import Engine, EngineError, load
+from refkin.model import Effect, Point
+from refkin.motion import Seeding, Status
+
+from .exact_linkages import CASES, EPS, T, excess, four_bar, remade, turned_on
+
+ENGINES = ("mujoco", "pinocchio", "vector_loop", "exudyn", "closed_form")
+MARCHING = ENGINES[:3]
+"""Those whose rounding is as small as that of a march of the tests' own allowance."""
+TURNS = 5
+
+
+@pytest.fixture(params=ENGINES)
+def engine(request):
+    return load(request.param)
+
+
+@pytest.mark.parametrize("case", CASES)
+@pytest.mark.parametrize("name", MARCHING)
+def test_a_linkage_moves_as_its_closed_form(name, case):
+    if name == "pinocchio" and case == "geared five-bar":
+        assert "rolling wheels" not in load(name).capabilities()
+        return
+    case = CASES[case]()
+    motion = load(name).solve(case.scene)
+
+    assert motion.status == (Status.OK,) * len(T)
+    assert excess(case, motion) <= 1.0
+
+
+@pytest.mark.parametrize(
+    "case", [four_bar(at=2.0**30 + 2.0**29 * 1j), turned_on(four_bar(), TURNS)], ids=["far", "turned"]
+)
+def test_neither_distance_from_the_origin_nor_turns_cost_digits(engine, case):
+    assert excess(case, engine.solve(case.scene)) <= 1.0
+
+
+def test_the_angle_of_a_crank_runs_on_without_a_jump(engine):
+    assert np.abs(np.diff(engine.solve(four_bar().scene)["crank"].phi)).max() < 0.2
+
+
+@pytest.mark.parametrize("turns", [1, -3])
+def test_turns_of_the_estimate_of_one_body_are_kept(engine, turns):
+    case = four_bar()
+    *others, rocker = case.scene.mechanism.bodies
+    x, y, phi = rocker.estimate
+    motion = engine.solve(
+        remade(case, bodies=(*others, replace(rocker, estimate=(x, y, phi + turns * math.tau)))).scene
+    )
+    off = motion["rocker"].phi - case.rows["rocker"][0][2]
+
+    assert off == pytest.approx(turns * math.tau, abs=256 * EPS * case.kappa)
+
+
+def test_the_order_of_bodies_and_joints_does_not_matter(engine):
+    mechanism = four_bar().scene.mechanism
+    case = remade(four_bar(), bodies=mechanism.bodies[::-1], joints=mechanism.joints[::-1])
+    motion = engine.solve(case.scene)
+
+    assert motion.bodies == ("rocker", "coupler", "crank")
+    assert excess(case, motion) <= 1.0
+
+
+def test_only_what_is_called_for_is_reported_and_it_is_the_same(engine):
+    scene = four_bar().scene
+    part = engine.solve(replace(scene, effects=frozenset({Effect.ACCELERATION}), bodies_wanted=("rocker",)))
+    whole, velocity, position = (
+        engine.solve(replace(scene, effects=frozenset(effects))) for effects in (Effect, {Effect.VELOCITY}, ())
+    )
+
+    assert (part.bodies, part.q.shape, part.qd) == (("rocker",), (3, len(T)), None)
+    assert (velocity.qdd, position.qd, position.qdd) == (None, None, None)
+    assert np.array_equal(whole["rocker"].qdd, part["rocker"].qdd)
+    assert np.array_equal(whole.q, position.q)
+
+
+@pytest.mark.parametrize("name", MARCHING)
+def test_a_pin_moves_as_a_point_of_either_of_its_bodies(name):
+    pins = {"B": ("coupler", (1.75, -0.25)), "same": ("rocker", (1.5, 0.0))}
+    points = tuple(Point(name=name, body=body, position=at) for name, (body, at) in pins.items())
+    case = four_bar(points=points)
+    one, other = (load(name).solve(case.scene).points[pin] for pin in pins)
+
+    for power, level in enumerate(("r", "v", "a"), start=1):
+        gap = np.abs(getattr(one, level) - getattr(other, level))
+        assert np.max(gap) <= 64 * EPS * (4.0 * case.kappa) ** power
+
+
+def test_two_solves_give_the_same_bits(engine):
+    one, other = (engine.solve(four_bar().scene) for _ in range(2))
+
+    assert [level.tobytes() for level in one.levels] == [level.tobytes() for level in other.levels]
+
+
+def test_a_linkage_that_cannot_close_has_no_answer_and_nothing_is_printed_or_written(
+    engine, tmp_path, monkeypatch, capfd
+):
+    monkeypatch.chdir(tmp_path)
+    joints = {joint.name: joint for joint in four_bar().scene.mechanism.joints}
+    joints["B"] = replace(joints["B"], point_j=(7.75, -0.25))
+    open_loop = replace(remade(four_bar(), joints=tuple(joints.values())).scene, times=(0.0, 0.1))
+
+    for route in engine.routes():
+        motion = engine.solve(open_loop, route)
+
+        assert set(motion.status) <= {Status.NOT_CONVERGED, Status.UNASSEMBLABLE}
+        assert all(np.isnan(level).all() for level in motion.levels)
+    assert list(tmp_path.iterdir()) == []
+    assert capfd.readouterr() == ("", "")
+
+
+NO_ESTIMATE = {
+    "mujoco": "body 'coupler' has no estimate",
+    "pinocchio": "body 'coupler' has no estimate",
+    "vector_loop": "no body has an estimate of the angle of coupler",
+    "exudyn": "no estimate for coupler",
+}
+"""The closed form needs none."""
+
+
+@pytest.mark.parametrize("name", NO_ESTIMATE)
+def test_a_body_without_estimate_is_refused_by_name(name):
+    crank, coupler, rocker = four_bar().scene.mechanism.bodies
+    scene = remade(four_bar(), bodies=(crank, replace(coupler, estimate=None), rocker)).scene
+
+    with pytest.raises(EngineError, match=NO_ESTIMATE[name]):
+        load(name).solve(scene)
+
+
+def test_an_unknown_route_is_refused_with_those_there_are(engine):
+    names = ", ".join(repr(route.name) for route in engine.routes())
+    with pytest.raises(EngineError, match=f"{engine.name} has no route 'guess'; there are: {names}"):
+        engine.solve(four_bar().scene, replace(engine.routes()[0], name="guess"))
+
+
+@pytest.mark.parametrize(
+    ("name", "newton", "residual", "linear_solve"),
+    [
+        ("mujoco", "adapter", "mujoco", "numpy"),
+        ("pinocchio", "adapter", "pinocchio", "numpy"),
+        ("vector_loop", "refkin.newton", "vector loops", "numpy"),
+        ("exudyn", "exudyn (MainSolverStatic.Newton)", "exudyn", "position: exudyn; velocity, acceleration: adapter"),
+        ("closed_form", "none", "closed form", "closed form"),
+    ],
+)
+def test_an_engine_is_found_by_its_name_and_its_route_says_who_did_what(name, newton, residual, linear_solve):
+    """Of the estimate every one of them takes where to begin, and nothing else."""
+    engine = load(name)
+    route = engine.solve(four_bar().scene).producer.route
+
+    assert isinstance(engine, Engine)
+    assert (route.newton_by, route.residual_by) == (newton, residual)
+    assert route.linear_solve_by.startswith(linear_solve)
+    assert {route.seeding for route in engine.routes()} == {Seeding.INITIAL_GUESS}
+
+
+def test_the_crossed_assembly_is_not_taken_for_the_open_one(engine):
+    """Shows that what is allowed above can be exceeded."""
+    assert excess(four_bar(), engine.solve(four_bar(branch=-1).scene)) > 1.0
