@@ -14,7 +14,7 @@ from crosscheck.scenes.hard_case import GAPS, STEPS, UP, HardCase, timed, ways_t
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import RSSR, Bennett, Branch, Hooke
-from refkin.scenes.linkages.spatial import SpatialLinkage
+from refkin.scenes.linkages.spatial_base import SpatialLinkage
 
 REACH = 6.5
 """Of the rocker's tip from the crank's at the input 0, at most: across 5/2, along 5 + 1."""

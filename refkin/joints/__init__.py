@@ -13,9 +13,10 @@ from refkin.joints.elements import (
     RollingOnLine, RollingWheels, Triple, elements_of,
 )
 from refkin.joints.spatial import (
-    SPACE, SPATIAL_JOINT_TYPES, Cylindrical, Parallel, Perpendicular, PointOnPlane, Screw, SpatialDistance,
-    SpatialFixed, SpatialPointOnLine, SpatialPrismatic, SpatialRevolute, Spherical, Universal, with_unit_length,
+    SPATIAL_JOINT_TYPES, Cylindrical, Parallel, Perpendicular, PointOnPlane, Screw, SpatialDistance,
+    SpatialFixed, SpatialPointOnLine, SpatialPrismatic, SpatialRevolute, Spherical, Universal,
 )
+from refkin.joints.spatial_bodies import SPACE, with_unit_length
 from refkin.joints.spatial_drivers import (
     SPATIAL_DRIVER_TYPES, DisplacementDriver, SpatialAngleDriver, SpatialDistanceDriver,
 )

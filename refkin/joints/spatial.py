@@ -1,7 +1,8 @@
-"""The spatial joints, and what a body of space brings along: seven coordinates, and a row for its unit length.
+"""The spatial joints.
 
-To add a joint: write a dataclass like these (its fields are its keys in a scene file), say which `terms` it consists
-of, and name it in `SPATIAL_JOINT_TYPES` of the package. Its rows come in one of three forms where these differ:
+To add a joint: write a dataclass like these (its fields are its keys in a scene file), say by which `formulas` it is
+solved and of which elements it `consists_of`, and name it in `SPATIAL_JOINT_TYPES`. Its rows come in one of three forms
+where these differ:
 
 ========= ========================================================================================================
 `half`    of full rank and without false roots: half angles (`spatial_terms`)
@@ -13,7 +14,7 @@ of, and name it in `SPATIAL_JOINT_TYPES` of the package. Its rows come in one of
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
 from typing import Any, ClassVar, Literal
@@ -21,9 +22,9 @@ from typing import Any, ClassVar, Literal
 import numpy as np
 
 from refkin.errors import Fault
-from refkin.joints.base import Blocks, Constraint, Kind, Rows, Unit
-from refkin.joints.elements import GROUND, Element, Triple
-from refkin.joints.planar import ends_of
+from refkin.joints.base import Blocks, Constraint, Rows, Unit
+from refkin.joints.elements import Element, Triple
+from refkin.joints.spatial_bodies import SPACE
 from refkin.joints.spatial_elements import (
     AxesParallel,
     AxesPerpendicular,
@@ -34,7 +35,6 @@ from refkin.joints.spatial_elements import (
     SpatialPointDistance,
     TurnAboutAxis,
 )
-from refkin.joints.spatial_passive import passive_spins
 from refkin.joints.spatial_terms import (
     Across,
     Angle,
@@ -46,76 +46,39 @@ from refkin.joints.spatial_terms import (
     Term,
     Turn,
     blocks_of,
-    root,
-    unit_vector,
 )
-from refkin.joints.spatial_vectors import Quaternion, SpatialValues, Vec3
+from refkin.joints.spatial_vectors import Vec3
 from refkin.vec import Scalar
 
 Form = Literal["half", "dot", "printed"]
-PARALLEL: dict[str, tuple[Term, ...]] = {
-    "half": (Turn("12"),),
-    "dot": (Across("fi gi", "hj"),),
-    "printed": (Crossed(),),
-}
-ON_AXIS: dict[str, tuple[Term, ...]] = {
-    "half": (Guide("fi gi"),),
-    "dot": (Guide("fi gi"),),
-    "printed": (Crossed(gap=True),),
-}
-UNTURNED: dict[str, tuple[Term, ...]] = {"half": (Turn("3"),), "dot": (Across("fi", "gj"),)}
-UNTURNED["printed"] = UNTURNED["dot"]
-
-
-def own_rows(bodies: Sequence[Any], constraints: Sequence[Constraint]) -> Iterator[Constraint]:
-    """Yield the rows that bodies of space bring: that of each one's unit length, and one for each passive spin."""
-    for body in bodies:
-        yield UnitLength(name=body.name, body=body.name)
-    estimates = {body.name: body.estimate for body in bodies}
-    for spin in passive_spins(bodies, constraints):
-        (body, (through, line)), *others = spin.lines.items()
-        reference: Any = (estimates[body] or SPACE.still)[3:]
-        yield PassiveSpin(
-            name=spin.name, body=body, through=through, line=line, reference=reference, others=tuple(others)
-        )
-
-
-def with_unit_length(estimate: Any) -> Any:
-    """Return the coordinates of a body with its Euler parameters, if it has any, scaled to length 1."""
-    if estimate is None or len(estimate) != SPACE.width:
-        return estimate
-    length = math.hypot(*estimate[3:])
-    if length == 0.0 or not math.isfinite(length) or abs(length - 1) <= 2.0**-50:
-        return tuple(estimate)
-    return (*estimate[:3], *(x / length for x in estimate[3:]))
-
-
-SPACE = Kind(
-    name="spatial",
-    coordinates=("x", "y", "z", "e0", "e1", "e2", "e3"),
-    freedoms=6,
-    dimension=3,
-    turns=(0.0, 0.0, 0.0, 2.0, 2.0, 2.0, 2.0),
-    still=(0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0),
-    values=SpatialValues,
-    own_rows=own_rows,
-)
+Formed = dict[str, Term]
+"""What has other rows in each form."""
+PARALLEL: Formed = {"half": Turn("12"), "dot": Across("fi gi", "hj"), "printed": Crossed()}
+ON_AXIS: Formed = {"half": Guide("fi gi"), "dot": Guide("fi gi"), "printed": Crossed(gap=True)}
+UNTURNED: Formed = {"half": Turn("3"), "dot": Across("fi", "gj"), "printed": Across("fi", "gj")}
 
 
 @dataclass(frozen=True, kw_only=True)
 class SpatialConstraint(Constraint):
-    """A constraint between bodies of space: rows that are those of its `terms`, one term after another."""
+    """A constraint between bodies of space, which says twice what it is: by its formulas, and by its elements.
+
+    Its rows are those of `formulas`, one after another; of those that differ by form, its own form counts. An element
+    of `consists_of` takes the fields of the constraint that it has too.
+    """
 
     kind = SPACE
+    formulas: ClassVar[tuple[Term | Formed, ...]] = ()
+    consists_of: ClassVar[tuple[type[Element], ...]] = ()
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        """What the constraint consists of."""
-        raise NotImplementedError
+        """What the rows consist of, in the constraint's form."""
+        form = getattr(self, "form", "half")
+        return tuple(term[form] if isinstance(term, dict) else term for term in self.formulas)
 
     @property
     def rows(self) -> int:
-        return sum(term.rows for term in self.terms)
+        return sum(term.rows for term, _ in self._placed)
 
     @property
     def independent(self) -> int:
@@ -134,7 +97,9 @@ class SpatialConstraint(Constraint):
         return tuple(number for term in self.terms for number in term.constants(at))
 
     def elements(self) -> Iterator[Element]:
-        yield from ()
+        for element in self.consists_of:
+            keys = names_of(element) & {*names_of(type(self)), "laws"} - {"name"}
+            yield element(**{key: getattr(self, key) for key in keys})
 
     def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
         return tuple(row for term, own in self._placed for row in term.residual(g[own], f, *at))
@@ -181,13 +146,8 @@ class Spherical(SpatialConstraint):
     body_j: str
     point_j: Triple
     type: Literal["spherical"] = "spherical"
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (Meet(),)
-
-    def elements(self) -> Iterator[Element]:
-        yield PointsMeet(**ends_of(self))
+    formulas = (Meet(),)
+    consists_of = (PointsMeet,)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -198,12 +158,6 @@ class OfAxes(SpatialConstraint):
     axis_i: Triple
     body_j: str
     axis_j: Triple
-
-    def _elements(self, *types: type[Element]) -> Iterator[Element]:
-        """Yield elements of the types, each with what of the joint it asks for."""
-        for element in types:
-            keys = names_of(element) & names_of(type(self)) - {"name"}
-            yield element(**{key: getattr(self, key) for key in keys})
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,13 +194,11 @@ class SpatialRevolute(OfLines):
 
     spacing: float | None = None
     type: Literal["revolute"] = "revolute"
+    consists_of = (PointsMeet, AxesParallel)
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        return (Crossed(), _Spaced()) if self.form == "printed" else (Meet(), *PARALLEL[self.form])
-
-    def elements(self) -> Iterator[Element]:
-        yield from self._elements(PointsMeet, AxesParallel)
+        return (Crossed(), _Spaced()) if self.form == "printed" else (Meet(), PARALLEL[self.form])
 
     def faults(self, path: str) -> Iterator[Fault]:
         yield from super().faults(path)
@@ -280,13 +232,8 @@ class Cylindrical(OfLines):
     """Two axes are in line: body j turns about them and slides along them."""
 
     type: Literal["cylindrical"] = "cylindrical"
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (*PARALLEL[self.form], *ON_AXIS[self.form])
-
-    def elements(self) -> Iterator[Element]:
-        yield from self._elements(AxesParallel, PointOnAxis)
+    formulas = (PARALLEL, ON_AXIS)
+    consists_of = (AxesParallel, PointOnAxis)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -295,13 +242,8 @@ class SpatialPrismatic(OfLines):
 
     needs_zeros = True
     type: Literal["prismatic"] = "prismatic"
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (*PARALLEL[self.form], *ON_AXIS[self.form], *UNTURNED[self.form])
-
-    def elements(self) -> Iterator[Element]:
-        yield from self._elements(AxesParallel, PointOnAxis, TurnAboutAxis)
+    formulas = (PARALLEL, ON_AXIS, UNTURNED)
+    consists_of = (AxesParallel, PointOnAxis, TurnAboutAxis)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -310,13 +252,8 @@ class SpatialFixed(OfLines):
 
     needs_zeros = True
     type: Literal["fixed"] = "fixed"
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (Meet(), *PARALLEL[self.form], *UNTURNED[self.form])
-
-    def elements(self) -> Iterator[Element]:
-        yield from self._elements(PointsMeet, AxesParallel, TurnAboutAxis)
+    formulas = (Meet(), PARALLEL, UNTURNED)
+    consists_of = (PointsMeet, AxesParallel, TurnAboutAxis)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -331,6 +268,7 @@ class Screw(OfLines):
     pitch: float
     shift: float = 0.0
     type: Literal["screw"] = "screw"
+    consists_of = (AxesParallel, PointOnAxis, ScrewMotion)
 
     @property
     def parameters(self) -> int:
@@ -338,10 +276,7 @@ class Screw(OfLines):
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        return (*PARALLEL[self.form], *ON_AXIS[self.form], _Thread(), Angle(counted=True))
-
-    def elements(self) -> Iterator[Element]:
-        yield from self._elements(AxesParallel, PointOnAxis, ScrewMotion)
+        return (PARALLEL[self.form], ON_AXIS[self.form], _Thread(), Angle(counted=True))
 
     def reach(self) -> float:
         return abs(self.pitch)
@@ -387,13 +322,8 @@ class Universal(OfAxes):
     point_i: Triple
     point_j: Triple
     type: Literal["universal"] = "universal"
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (Meet(), Across("hi", "hj"))
-
-    def elements(self) -> Iterator[Element]:
-        yield from self._elements(PointsMeet, AxesPerpendicular)
+    formulas = (Meet(), Across("hi", "hj"))
+    consists_of = (PointsMeet, AxesPerpendicular)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -401,13 +331,8 @@ class Parallel(OfFrames):
     """Two axes have one direction."""
 
     type: Literal["parallel"] = "parallel"
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return PARALLEL[self.form]
-
-    def elements(self) -> Iterator[Element]:
-        yield from self._elements(AxesParallel)
+    formulas = (PARALLEL,)
+    consists_of = (AxesParallel,)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -415,13 +340,8 @@ class Perpendicular(OfAxes):
     """Two axes are perpendicular: h_i . h_j = 0."""
 
     type: Literal["perpendicular"] = "perpendicular"
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (Across("hi", "hj"),)
-
-    def elements(self) -> Iterator[Element]:
-        yield from self._elements(AxesPerpendicular)
+    formulas = (Across("hi", "hj"),)
+    consists_of = (AxesPerpendicular,)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -440,13 +360,8 @@ class SpatialPointOnLine(OfPoints):
     """A point of body j stays on the line along `axis_i`."""
 
     type: Literal["point_on_line"] = "point_on_line"
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return ON_AXIS["half"]
-
-    def elements(self) -> Iterator[Element]:
-        yield PointOnAxis(**ends_of(self), axis_i=self.axis_i)
+    formulas = (ON_AXIS,)
+    consists_of = (PointOnAxis,)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -454,13 +369,8 @@ class PointOnPlane(OfPoints):
     """A point of body j stays in the plane across `axis_i`: h_i . d = 0."""
 
     type: Literal["point_on_plane"] = "point_on_plane"
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (Guide("hi"),)
-
-    def elements(self) -> Iterator[Element]:
-        yield PointInPlane(**ends_of(self), axis_i=self.axis_i)
+    formulas = (Guide("hi"),)
+    consists_of = (PointInPlane,)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -473,13 +383,8 @@ class SpatialDistance(SpatialConstraint):
     point_j: Triple
     length: float
     type: Literal["distance"] = "distance"
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (Span(),)
-
-    def elements(self) -> Iterator[Element]:
-        yield SpatialPointDistance(**ends_of(self), length=self.length)
+    formulas = (Span(),)
+    consists_of = (SpatialPointDistance,)
 
     def reach(self) -> float:
         return self.length
@@ -487,80 +392,6 @@ class SpatialDistance(SpatialConstraint):
     def faults(self, path: str) -> Iterator[Fault]:
         if not self.length > 0:
             yield Fault(f"{path}.length", self.length, "a length above 0 (a spherical joint keeps two points together)")
-
-
-@dataclass(frozen=True, kw_only=True)
-class UnitLength(SpatialConstraint):
-    """The Euler parameters of a body have length 1: (p . p - 1) / 2 = 0."""
-
-    rows = 1
-    body: str
-    type: str = "unit_length"
-
-    @property
-    def bodies(self) -> tuple[str, str]:
-        return GROUND, self.body
-
-    def constants(self, unit: Unit) -> tuple[float, ...]:
-        return ()
-
-    def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
-        return ((at[1].p.dot(at[1].p) - 1) * 0.5,)
-
-    def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
-        return ((0,) * 7,), ((0, 0, 0, *at[1].p.parts),)
-
-    def nu(self, g: Any, f: Any, *at: Any) -> Rows:
-        return (0,)
-
-    def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
-        return (-at[1].pd.dot(at[1].pd),)
-
-
-@dataclass(frozen=True, kw_only=True)
-class PassiveSpin(UnitLength):
-    """A body that nothing keeps from spinning about a line in it is held as far turned as at a pose: 2 s . p = 0.
-
-    Of bodies that spin as one the first is held; `others` has the rest, with the line in each.
-
-    s = p0 (0, u), p0 the pose, u the line. Where the line has any direction but that opposite to its own at p0, p and
-    -p alone solve it; at p0 itself the rates are those without spin, omega . u = alpha . u = 0. p0 is the estimate
-    (`reference`), or what a system is gauged at.
-    """
-
-    through: Triple
-    line: Triple
-    reference: tuple[float, float, float, float]
-    others: tuple[tuple[str, tuple[Triple, Triple]], ...] = ()
-    type: str = "passive_spin"
-
-    @property
-    def passive(self) -> str:
-        line, through = (", ".join(f"{x + 0.0:.6g}" for x in v) for v in (unit_vector(self.line).parts, self.through))
-        spins, of = ("spin as one", self.body) if self.others else ("spins", "its own")
-        return f"passive degree of freedom: {self.name} {spins} about ({line}) through ({through}) of {of}"
-
-    def gauge(self, g: Any, q: Any) -> tuple[Any, ...]:
-        """Return 2 s of a body that is at q, which begins with its coordinates: (7 or more,) or (7 or more, B)."""
-        p = Quaternion.of(*(q[3:7] if q.ndim > 1 else q[3:7].tolist()))
-        return (p.times(Quaternion(0, Vec3(*g[4:7]))) * 2).parts
-
-    def constants(self, unit: Unit) -> tuple[float, ...]:
-        length = sum(x * x for x in self.line)
-        p0 = Quaternion.of(*self.reference)
-        size = p0.dot(p0) * length
-        scale = 2 / root(size)
-        held = p0.times(Quaternion(0, Vec3(*self.line))).parts
-        return (*(x * scale for x in held), *unit_vector(self.line).parts, *unit.point(self.body, self.through))
-
-    def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
-        return (Quaternion.of(*(f or g[:4])).dot(at[1].p),)
-
-    def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
-        return ((0,) * 7,), ((0, 0, 0, *(f or g[:4])),)
-
-    def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
-        return (0,)
 
 
 SPATIAL_JOINT_TYPES: tuple[type[Constraint], ...]

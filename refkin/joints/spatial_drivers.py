@@ -13,11 +13,11 @@ from typing import Any, ClassVar, Literal
 from refkin.errors import Fault
 from refkin.joints.base import Blocks, Constraint, Rows, Unit
 from refkin.joints.drivers import Driver
-from refkin.joints.elements import GROUND, Element, Triple
-from refkin.joints.planar import ends_of
-from refkin.joints.spatial import SPACE, SpatialConstraint, names_of
+from refkin.joints.elements import GROUND, Triple
+from refkin.joints.spatial import SpatialConstraint, names_of
+from refkin.joints.spatial_bodies import SPACE
 from refkin.joints.spatial_elements import ShiftAlongAxis, SpatialPointDistance, TurnAboutAxis
-from refkin.joints.spatial_terms import Angle, Guide, Sine, Span, Term
+from refkin.joints.spatial_terms import Angle, Guide, Sine, Span
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -108,19 +108,8 @@ class TurnDriver(_Bound):
     zero_i: Triple | None
     zero_j: Triple | None
     form: str
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (Angle(),) if self.form == "half" else (Sine(),)
-
-    def elements(self) -> Iterator[Element]:
-        axes: dict[str, Any] = {
-            "axis_i": self.axis_i,
-            "zero_i": self.zero_i,
-            "axis_j": self.axis_j,
-            "zero_j": self.zero_j,
-        }
-        yield TurnAboutAxis(body_i=self.body_i, body_j=self.body_j, **axes, form=self.form, laws=self.laws)
+    formulas = ({"half": Angle(), "dot": Sine()},)
+    consists_of = (TurnAboutAxis,)
 
     def faults(self, path: str) -> Iterator[Fault]:
         yield from Driver.faults(self, path)
@@ -162,13 +151,8 @@ class ShiftDriver(_Bound):
     point_i: Triple
     axis_i: Triple
     point_j: Triple
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (Guide("hi", law=True),)
-
-    def elements(self) -> Iterator[Element]:
-        yield ShiftAlongAxis(**ends_of(self), axis_i=self.axis_i, laws=self.laws)
+    formulas = (Guide("hi", law=True),)
+    consists_of = (ShiftAlongAxis,)
 
     def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
         return (0.0,), unit.size
@@ -183,13 +167,8 @@ class SpatialDistanceDriver(SpatialConstraint, Driver):  # type: ignore[override
     body_j: str
     point_j: Triple
     type: Literal["distance"] = "distance"
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (Span(law=True),)
-
-    def elements(self) -> Iterator[Element]:
-        yield SpatialPointDistance(**ends_of(self), laws=self.laws)
+    formulas = (Span(law=True),)
+    consists_of = (SpatialPointDistance,)
 
     def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
         return (0.0,), unit.size

@@ -66,19 +66,19 @@ def passive_spins(bodies: Sequence[Any], constraints: Sequence[Any]) -> Iterator
 
 def _spinning(body: str, line: Line, at: Touching) -> dict[str, Line] | None:
     """Return the bodies that spin as one with a body about a line of it, with the line in each; None if none may."""
-    lines, todo = {body: line}, [body]
-    while todo:
-        here = todo.pop()
+    lines, reached = {body: line}, [body]
+    while reached:
+        here = reached.pop()
         for c in at[here]:
             (other,) = {*c.bodies} - {here} or {here}
             if other in lines or all(_blind(e, here, lines[here]) for e in _elements(c)):
                 continue
             there = (_carried(k, here, lines[here]) for k in at[here] if other in k.bodies and other in at)
-            found = next((found for found in there if found is not None), None)
-            if found is None:
+            carried = next((line for line in there if line is not None), None)
+            if carried is None:
                 return None
-            lines[other] = found
-            todo.append(other)
+            lines[other] = carried
+            reached.append(other)
     outer = {getattr(c, "joint", "") or c.name for name in lines for c in at[name] if not lines.keys() >= {*c.bodies}}
     return lines if len(outer) > 1 else None
 

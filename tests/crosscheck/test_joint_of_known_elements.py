@@ -20,7 +20,7 @@ from refkin.joints import AxesParallel, Element, GuidedPoint, Pair, PointInPlane
 from refkin.joints.base import Blocks, Constraint, Rows
 from refkin.joints.planar import ends_of, unit_normal
 from refkin.joints.spatial import PARALLEL, OfLines
-from refkin.joints.spatial_terms import Guide, Term
+from refkin.joints.spatial_terms import Guide
 from refkin.motion_laws import Polynomial
 from refkin.proof.assembly.rows import read_rows
 from refkin.scenes import files, keys
@@ -169,13 +169,8 @@ class Plate(OfLines):
     """In space: body j slides on a plane of body i, and turns about what stands upright on it."""
 
     type: Literal["plate"] = "plate"
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (*PARALLEL[self.form], Guide("hi"))
-
-    def elements(self) -> Iterator[Element]:
-        yield from self._elements(AxesParallel, PointInPlane)
+    formulas = (PARALLEL, Guide("hi"))
+    consists_of = (AxesParallel, PointInPlane)
 
 
 def plate_on_a_crank() -> Scene:

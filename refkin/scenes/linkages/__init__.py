@@ -9,42 +9,14 @@ from refkin.scenes.linkages.base import Branch, Linkage, Pose, law_keys, rough
 from refkin.scenes.linkages.closures import ANYWHERE, DoesNotAssemble, Interval
 from refkin.scenes.linkages.four_bar import FourBar, GrashofClass
 from refkin.scenes.linkages.slider_cranks import InvertedSliderCrank, SliderCrank
-from refkin.scenes.linkages.spatial import (
-    RSCR,
-    RSSP,
-    RSSR,
-    Bennett,
-    Bricard,
-    DoubleHooke,
-    Hooke,
-    RSSRChain,
-    ScrewJack,
-    SpatialLinkage,
-    Stewart,
-)
+from refkin.scenes.linkages.spatial_base import SpatialLinkage
+from refkin.scenes.linkages.spatial_cranks import RSCR, RSSP, RSSR, RSSRChain
+from refkin.scenes.linkages.spatial_loops import Bennett, Bricard, DoubleHooke, Hooke, ScrewJack, Stewart
 
+# fmt: off
 __all__ = [
-    "ANYWHERE",
-    "RSCR",
-    "RSSP",
-    "RSSR",
-    "Bennett",
-    "Branch",
-    "Bricard",
-    "DoesNotAssemble",
-    "DoubleHooke",
-    "FourBar",
-    "GrashofClass",
-    "Hooke",
-    "Interval",
-    "InvertedSliderCrank",
-    "Linkage",
-    "Pose",
-    "RSSRChain",
-    "ScrewJack",
-    "SliderCrank",
-    "SpatialLinkage",
-    "Stewart",
-    "law_keys",
-    "rough",
+    "ANYWHERE", "RSCR", "RSSP", "RSSR", "Bennett", "Branch", "Bricard", "DoesNotAssemble", "DoubleHooke", "FourBar",
+    "GrashofClass", "Hooke", "Interval", "InvertedSliderCrank", "Linkage", "Pose", "RSSRChain", "ScrewJack",
+    "SliderCrank", "SpatialLinkage", "Stewart", "law_keys", "rough",
 ]
+# fmt: on

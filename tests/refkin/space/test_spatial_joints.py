@@ -10,7 +10,9 @@ from scipy.spatial.transform import Rotation
 
 from refkin.differences import jacobian
 from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, Spherical, elements_of
-from refkin.joints.spatial import _across, passive_spins, with_unit_length
+from refkin.joints.spatial import _across
+from refkin.joints.spatial_bodies import with_unit_length
+from refkin.joints.spatial_passive import passive_spins
 from refkin.joints.spatial_terms import frame, parameters_of, relative
 from refkin.joints.spatial_vectors import SpatialValues, Vec3
 from refkin.model import Body

@@ -1,0 +1,169 @@
+"""What spatial linkages share: their bodies' frames, the joints by few words, a scene at an assembly.
+
+Body frames have their z axis along the joint that leads to the body, their origin on it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, ClassVar
+
+from refkin.errors import Fault, InvalidScene
+from refkin.joints import (
+    Constraint,
+    Driver,
+    SpatialAngleDriver,
+    SpatialRevolute,
+    Spherical,
+    Triple,
+)
+from refkin.joints.spatial import Form
+from refkin.joints.spatial_terms import parameters_of
+from refkin.joints.spatial_vectors import Vec3
+from refkin.model import Body, Effect, Evidence, Mechanism, Scene
+from refkin.motion_laws import Law, Polynomial
+from refkin.output.picture import Picture
+from refkin.scenes.linkages.base import Branch, given_law, law_keys, member, pictured, uniform_law
+from refkin.scenes.linkages.closures import DoesNotAssemble
+
+X, Y, Z, AT = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
+Place = tuple[float, ...]
+"""The coordinates of a body."""
+ROUGH = 9
+"""Decimals that an estimate keeps: assemblies that are nearer to each other than that are not told apart."""
+
+
+def placed(r: Vec3, f: Vec3, h: Vec3) -> Place:
+    """Return the coordinates of a body at r with its x axis along f and its z axis along h."""
+    return (*r.parts, *parameters_of(f, h.cross(f), h))
+
+
+def turned(f: Vec3, g: Vec3, angle: float) -> Vec3:
+    """Return f turned towards g."""
+    return f * math.cos(angle) + g * math.sin(angle)
+
+
+def along(v: Vec3) -> tuple[float, Vec3]:
+    """Return length and direction of a vector."""
+    length = math.hypot(*v.parts)
+    return length, v * (1 / length)
+
+
+def revolute(name: str, i: str, point: Triple, axis: Triple, zero: Triple, j: str, **more: Any) -> SpatialRevolute:
+    """Return a revolute joint to a body whose own z axis it is, its angle counted from `zero` to the body's x axis."""
+    ends: dict[str, Any] = {"body_i": i, "point_i": point, "axis_i": axis, "zero_i": zero, "body_j": j}
+    return SpatialRevolute(name=name, **{**ends, "point_j": AT, "axis_j": Z, "zero_j": X, **more})
+
+
+def spherical(name: str, i: str, point_i: Triple, j: str, point_j: Triple) -> Spherical:
+    """Return a spherical joint."""
+    return Spherical(name=name, body_i=i, point_i=point_i, body_j=j, point_j=point_j)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SpatialLinkage:
+    """A spatial linkage with one input, the angle of its joint `R1` (of a screw jack `H1`).
+
+    Raises
+    ------
+    InvalidScene
+        If a length is not a finite number above 0.
+    """
+
+    form: Form = "half"
+    LENGTHS: ClassVar[tuple[str, ...]] = ()
+    DRIVEN: ClassVar[str] = "R1"
+
+    def __post_init__(self) -> None:
+        faults = [
+            Fault(key, getattr(self, key), "a length above 0 [m]")
+            for key in self.LENGTHS
+            if not (math.isfinite(getattr(self, key)) and getattr(self, key) > 0)
+        ]
+        if faults:
+            raise InvalidScene(faults, type(self).__name__)
+
+    def joints(self) -> tuple[Constraint, ...]:
+        """Return the joints, without driver."""
+        raise NotImplementedError
+
+    def assemble(self, value: float, branch: Branch | str = Branch.OPEN) -> dict[str, Place]:
+        """Return the coordinates of all bodies at an input [rad], in closed form.
+
+        Raises
+        ------
+        DoesNotAssemble
+            With the gap [m], or what of a cosine is beyond 1.
+        """
+        return dict(self._poses(value, member(Branch, branch, "branch").sign))
+
+    def plot(self, value: float = 0.0, branch: Branch | str = Branch.OPEN) -> Picture:
+        """Return a picture of the linkage at an input [rad], by its closed form; a notebook shows it.
+
+        Raises
+        ------
+        DoesNotAssemble
+            As `assemble` does.
+        """
+        scene = self.scene(law=Polynomial(coefficients=(value,)), times=(0.0,), branch=branch)
+        return pictured(scene, self.assemble(value, branch))
+
+    def _repr_svg_(self) -> str | None:
+        try:
+            return self.plot().svg
+        except DoesNotAssemble:
+            return None
+
+    def _poses(self, value: float, sign: int) -> Iterator[tuple[str, Place]]:
+        raise NotImplementedError
+
+    def _cosine(self, value: float, x: float) -> float:
+        """Return the angle in [0, pi] of a cosine; what rounding leaves beyond 1 counts as 1."""
+        if abs(x) > 1 + 2.0**-44:
+            raise DoesNotAssemble(self, self.DRIVEN, value, abs(x) - 1)
+        return math.acos(max(-1.0, min(1.0, x)))
+
+    def drivers(self, law: Law) -> tuple[Driver, ...]:
+        """Return the drivers that make the input follow a law."""
+        return (SpatialAngleDriver(name="driver", joint=self.DRIVEN, **law_keys(law)),)
+
+    def scene(
+        self,
+        speed: float = 2.0,
+        turns: float = 1,
+        samples: int = 361,
+        branch: Branch | str = Branch.OPEN,
+        *,
+        start: float = 0.0,
+        law: Law | None = None,
+        times: Sequence[float] | None = None,
+        effects: Collection[Effect | str] = tuple(Effect),
+        evidence: Collection[Evidence | str] = tuple(Evidence),
+        name: str | None = None,
+    ) -> Scene:
+        """Return a scene that starts on a branch.
+
+        Parameters
+        ----------
+        speed, turns, samples, start : float, float, int, float
+            The input turns from `start` [rad] at constant `speed` [rad/s], that many turns, over so many times.
+        branch : Branch or str
+            The assembly at the first time.
+        law, times : Law and sequence of float, optional
+            Instead of those four: any motion law of the input, and the times [s].
+        """
+        law, times = uniform_law(speed, turns, samples, start) if law is None else (law, given_law(law, times))
+        poses = self.assemble(float(law(times[0])), branch)
+        return Scene(
+            mechanism=Mechanism(
+                tuple(Body(name=body, estimate=tuple(round(x, ROUGH) for x in pose)) for body, pose in poses.items()),
+                self.joints(),
+                self.drivers(law),
+            ),
+            times=tuple(times),
+            name=name or f"{type(self).__name__} {member(Branch, branch, 'branch')}",
+            effects=frozenset(member(Effect, effect, "effects") for effect in effects),
+            evidence=frozenset(member(Evidence, kind, "evidence") for kind in evidence),
+        )
