@@ -142,8 +142,8 @@ def _boom(law: DriveLaw, times: Times) -> Scene:
 
 def _loops(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene]]:
     yield "more rows than are independent", Bennett(length=1.0, alpha=0.6, beta=1.1).scene(law=law, times=times)
-    for form, words in (("dot", "by dot products"), ("printed", "by cross products")):
-        yield f"joints written {words}", replace(LOOP, form=form).scene(law=law, times=times)
+    yield "joints written by dot products", replace(LOOP, form="dot").scene(law=law, times=times)
+    yield "joints written by cross products", replace(LOOP, form="printed").scene(law=law, times=times)
     yield "the other assembly", LOOP.scene(law=law, times=times, branch="crossed")
     plain = LOOP.scene(law=law, times=times)
     m: Any = plain.mechanism
