@@ -183,19 +183,59 @@ def test_near_a_change_point_the_path_stays_on_its_curve(slack):
         assert path["rocker"].phi[-1] == pytest.approx(linkage.assemble(0.0, "crossed")["rocker"][2], abs=1e-9)
 
 
+def two(one, other, angle=0.5):
+    """A scene of two four-bars on one crank, whose time is its angle."""
+    first, second = driven(one, angle), driven(other, angle).mechanism
+    again = {b.name: f"{b.name} 2" for b in second.bodies[1:]}
+    bodies = [replace(b, name=again[b.name]) for b in second.bodies[1:]]
+    joints = [
+        replace(j, name=f"{j.name} 2", body_i=again.get(j.body_i, j.body_i), body_j=again.get(j.body_j, j.body_j))
+        for j in second.joints
+        if {j.body_i, j.body_j} & set(again)
+    ]
+    m = first.mechanism
+    return replace(first, mechanism=replace(m, bodies=(*m.bodies, *bodies), joints=(*m.joints, *joints)))
+
+
+@pytest.mark.parametrize("other", [CHANGE_POINT, replace(PARALLELOGRAM, ground=4.0, coupler=4.0)])
+def test_where_four_curves_cross_at_once_a_path_stops_and_takes_none_of_them(other):
+    """Both linkages may go on in two ways; the determinant changes its sign twice."""
+    path, there = refkin.follow(two(PARALLELOGRAM, other)), refkin.follow(two(PARALLELOGRAM, other, np.pi))
+
+    assert (path.end, path.events) == (TraceEnd.STOPPED, ())
+    assert path.t[-1] == pytest.approx(np.pi, abs=1e-7)
+    assert np.max(sides(PARALLELOGRAM, path)[0]) < 1e-7
+    assert (there.end, there.t.size, there.events) == (TraceEnd.STOPPED, 1, ())
+
+
+@pytest.mark.parametrize("law", [(np.pi - 1.0, 2.0, -1.0), (np.pi - 1.0, 3.0, -3.0, 1.0)], ids=["back", "on"])
+def test_where_curves_only_touch_because_the_law_stands_still_a_path_stops(law):
+    """No tangent tells them apart, so there is none to choose."""
+    path = refkin.follow(PARALLELOGRAM.scene(law=Polynomial(coefficients=law), times=(0.0, 2.0)))
+
+    assert (path.end, path.events) == (TraceEnd.STOPPED, ())
+    assert path.t[-1] == pytest.approx(1.0, abs=1e-9)
+
+
+def test_a_path_stops_where_the_table_of_its_law_ends():
+    law = refkin.Table(argument=(0.0, 1.0, 2.0, 3.0), value=(0.0, 0.5, 0.3, 0.9))
+    path = refkin.follow(LIMITED.scene(law=law, times=(0.5,)))
+
+    assert path.end is TraceEnd.STOPPED
+    assert path.t[-1] == pytest.approx(3.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("most", [1, 2, 33, 34, 35])
+def test_a_path_has_no_more_poses_than_asked_for_also_where_the_last_is_a_turning_point(most):
+    path = refkin.follow(driven(LIMITED), most_points=most)
+
+    assert (path.end, path.t.size) == (TraceEnd.POINTS, most)
+
+
 def test_two_linkages_that_pass_a_near_change_point_together_stay_on_their_curves():
     """The determinant changes its sign twice, those of the blocks once each."""
     linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + 1e-5)
-    m = driven(linkage).mechanism
-    bodies = [replace(b, name=f"{b.name} 2") for b in m.bodies[1:]]
-    again = {b.name: f"{b.name} 2" for b in m.bodies[1:]}
-    joints = [
-        replace(j, name=f"{j.name} 2", body_i=again.get(j.body_i, j.body_i), body_j=again.get(j.body_j, j.body_j))
-        for j in m.joints
-        if {j.body_i, j.body_j} & set(again)
-    ]
-    twice = replace(m, bodies=(*m.bodies, *bodies), joints=(*m.joints, *joints))
-    path = refkin.follow(replace(driven(linkage), mechanism=twice), until=(0.0, 6.0), max_step=0.5)
+    path = refkin.follow(two(linkage, linkage), until=(0.0, 6.0), max_step=0.5)
 
     assert path.end is TraceEnd.RANGE
     assert np.max(sides(linkage, path)[0]) < 1e-8

@@ -157,13 +157,18 @@ class Crossing:
         return abs(self.mu) <= ROUND_OFF
 
     @property
+    def is_decided(self) -> bool:
+        """Whether the curves cross, and in which directions."""
+        return self.is_bifurcation and bool(self.tangents)
+
+    @property
     def tangents(self) -> tuple[Any, ...]:
         """Unit tangents (n + 1,) of the curves that cross here; none if they are not decided to second order."""
         return tuple(self.null @ a for a in roots(self.form))
 
 
 def crossing(curve: Curve, guess: Any) -> Crossing | None:
-    """Return the singular point that Newton finds from a guess of x; None if it finds none."""
+    """Return the singular point that Newton finds from a guess of x; None if it finds none, or more rows depend."""
     rows = curve.rows(guess)
     n = len(rows)
     psi = np.linalg.svd(curve.slope(guess)[rows])[0][:, -1]
@@ -185,7 +190,10 @@ def crossing(curve: Curve, guess: Any) -> Crossing | None:
     if not result.converged or result.residual > 1e-10:
         return None
     x, psi = result.q[: n + 1], result.q[n + 1 : -1]
-    null = np.linalg.svd(curve.slope(x)[rows])[2][-2:].T
+    _, sizes, directions = np.linalg.svd(curve.slope(x)[rows])
+    if n > 1 and sizes[-2] <= FLAT:  # more than two curves: this system does not hold their tangents
+        return None
+    null = directions[-2:].T
     return Crossing(x, _mu(curve, x, psi, rows), null.T @ curve.bend(x, psi, rows) @ null, null)
 
 

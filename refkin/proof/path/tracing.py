@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.proof.numbers.extrema import extrema_of
 from refkin.proof.path.blocks import Blocks, blocks
 from refkin.proof.path.curve import Crossing, Curve, crossing
 
@@ -64,6 +65,7 @@ class Tracer:
         self.max_step, self.most_points = max_step, most_points
         self.trace = Trace()
         self.blocks: Blocks | None = None
+        self.at_crossing = False
 
     def run(self, start: Any, along: Any, direction: int, choose: Chooser) -> Trace:
         """Trace the curve from a point near it.
@@ -84,8 +86,9 @@ class Tracer:
             return self.trace
         self.trace.points.append(x)
         here = crossing(self.curve, x) if self.curve.clearance(x) < math.sqrt(SAME) else None
-        if here is not None and here.is_bifurcation and np.max(np.abs(here.x - x)) < math.sqrt(SAME):
-            self.trace.points[0] = x = here.x
+        if here is not None and here.is_decided and np.max(np.abs(here.x - x)) < math.sqrt(SAME):
+            self.trace.points[0], self.at_crossing = here.x, True
+            x = here.x
             if along is None:
                 return self._crossed(here, None)
             tangent = max(
@@ -103,23 +106,23 @@ class Tracer:
                     return self._crossed(outcome, tangent)
                 self.trace.crossings.append((len(self.trace.points) - 1, outcome, tangent))
                 x, tangent, h = outcome.x, chosen / np.linalg.norm(chosen), first
+                self.at_crossing = True
                 continue
             if outcome is None:
                 return self._ended(TraceEnd.STOPPED)
-            new, after, h = outcome
+            self.at_crossing, (new, after, h) = False, outcome
             end = self._passed(x, tangent, new, after, h)
             if end is not None:
                 return self._ended(end)
-            self.trace.points.append(new)
+            if len(self.trace.points) < self.most_points:  # a turning point may have been the last
+                self.trace.points.append(new)
             straight = float(tangent @ after) > math.cos(BEND / 2)
             x, tangent, h = new, after, min(h * FASTER, self.max_step) if straight else h
         return self._ended(TraceEnd.POINTS)
 
     def _first(self, start: Any) -> Any:
         """Return the point of the curve at the same t as a point near it, or, at a singular pose, near it; or None."""
-        t_axis = np.zeros(len(start))
-        t_axis[-1] = 1.0
-        for across in (t_axis, None):
+        for across in (_along_t(len(start)), None):
             result = self.curve.corrected(start, self.curve.tangent(start) if across is None else across)
             if result.converged and np.max(np.abs(result.q - start)) <= 1.0:
                 return result.q
@@ -134,10 +137,10 @@ class Tracer:
             if new is not None and tangent @ after >= math.cos(BEND):
                 rows = self.curve.rows(new)
                 if before is None:
-                    before = self.curve.determinant(x, tangent, rows) if self.curve.clearance(x) > SAME else (0.0, 0.0)
+                    before = (0.0, 0.0) if self.at_crossing else self.curve.determinant(x, tangent, rows)
                 sign = self.curve.determinant(new, after, rows)[0]
                 if sign == before[0] or before[0] == 0.0:
-                    if self._same_sides(x, tangent, new, after):
+                    if self._same_sides(x, tangent, new, after) and not self._touches(x, new):
                         return new, after, h
                     h /= 2
                     continue
@@ -155,7 +158,7 @@ class Tracer:
         system, turns = self.curve.system, tangent[-1] * after[-1] <= 0
         if turns or system.m > system.n or min(abs(tangent[-1]), abs(after[-1])) < STANDING:
             return True
-        if self.curve.clearance(x) <= SAME:  # from a crossing each of its curves goes on with signs of its own
+        if self.at_crossing:  # from a crossing each of its curves goes on with signs of its own
             return True
         (q, t), pose = self.curve.pose(x), self.curve.pose(new)
         if self.blocks is None:
@@ -163,12 +166,22 @@ class Tracer:
         here, there = (self.blocks.determinants(system.phi_q(*at))[0] for at in ((q, t), pose))
         return here == there
 
+    def _touches(self, x: Any, new: Any) -> bool:
+        """Whether a law turns back between two points where another curve is: they touch, and no sign changes."""
+        times = sorted(float(y[-1] * self.curve.scale[-1]) for y in (x, new))
+        for t in extrema_of(self.curve.system.mechanism.constraints, *times):
+            part = (t / self.curve.scale[-1] - x[-1]) / (new[-1] - x[-1])
+            there = self.curve.corrected(x + part * (new - x), _along_t(len(x)))
+            if not (there.converged and self.curve.clearance(there.q) > SAME):
+                return True
+        return False
+
     def _crossing(self, x: Any, new: Any) -> Crossing | None:
         """Return the bifurcation between two points, if the curves do cross there and not only pass by each other."""
         chord = new - x
         for part in (0.5, 0.1, 0.9):
             branch_point = crossing(self.curve, x + part * chord)
-            if branch_point is not None and branch_point.is_bifurcation:
+            if branch_point is not None and branch_point.is_decided:
                 at = (branch_point.x - x) @ chord / (chord @ chord)
                 if -0.01 <= at <= 1.01 and np.linalg.norm(branch_point.x - x - at * chord) <= np.linalg.norm(chord):
                     return branch_point
@@ -209,10 +222,8 @@ class Tracer:
     def _stop_at(self, x: Any, tangent: Any, h: float, limit: float) -> None:
         """Add the point at which t reaches a limit, exactly, unless the trace is there already."""
         _, y = self._where(x, tangent, h, lambda y: float(y[-1] - limit))
-        axis = np.zeros(len(y))
-        axis[-1] = 1.0
         guess = np.append(y[:-1], limit)
-        exact = self.curve.corrected(guess, axis)
+        exact = self.curve.corrected(guess, _along_t(len(y)))
         y = exact.q if exact.converged and np.max(np.abs(exact.q - guess)) < 1e-3 else y
         if x[-1] != limit:
             self.trace.points.append(y)
@@ -249,3 +260,8 @@ class Tracer:
     def _ended(self, end: TraceEnd) -> Trace:
         self.trace.end = end
         return self.trace
+
+
+def _along_t(size: int) -> Any:
+    """Return the unit vector (size,) of t among the coordinates of a point."""
+    return np.append(np.zeros(size - 1), 1.0)
