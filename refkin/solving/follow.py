@@ -27,6 +27,7 @@ from refkin.proof.path.curve import Crossing, Curve
 from refkin.proof.path.tracing import Trace, Tracer
 from refkin.proof.path.tracing import TraceEnd as PathEnd
 from refkin.proof.pose.isolate import isolate
+from refkin.solving.patience import said_if_long
 from refkin.solving.starts import find_start
 from refkin.system import System, compile_system
 
@@ -216,7 +217,9 @@ def follow(
         raise ValueError("a system alone does not say where to start: give (q, t)")
     if q is None:
         return continuation.path(Trace(), message)
-    return continuation.path(continuation.trace(q, t, limits, along, direction, choose, max_step, most_points), message)
+    with said_if_long("following a path"):
+        trace = continuation.trace(q, t, limits, along, direction, choose, max_step, most_points)
+        return continuation.path(trace, message)
 
 
 def driven_by(scene: Scene, driver: str) -> Scene:

@@ -26,6 +26,7 @@ from refkin.proof.singularity.diagnosis import diagnose_scaled
 from refkin.solving.ahead import Leaps
 from refkin.solving.limits import check_size
 from refkin.solving.mobility import too_many_drivers
+from refkin.solving.patience import said_if_long
 from refkin.solving.starts import find_start, unassemblable
 from refkin.solving.sweep import Arrival, Sweep
 from refkin.system import System, compile_system
@@ -43,9 +44,14 @@ def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:
 
     Numbers that fail are statuses in the result, never exceptions. With `certified` it is also proved that between the
     times the branch was never changed (`proof.path.branch`); where that is not proved, the branch is lost. What would
-    take more than the limits (`solving.limits`) is refused.
+    take more than the limits (`solving.limits`) is refused; what takes long says so meanwhile (`solving.patience`).
     """
     check_size(scene)
+    with said_if_long(f"solving {scene.name!r} at {len(scene.times)} times"):
+        return _solved(scene, certified)
+
+
+def _solved(scene: Scene, certified: bool) -> SceneMotion:
     implied = {Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set()
     system = compile_system(scene.mechanism, scene.effects | implied, scene.mechanism.unit())
     assembled = cache(lambda t: assemblies(system, t, trying=False))
