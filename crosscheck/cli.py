@@ -76,8 +76,9 @@ def _run(arguments: Sequence[str] | None) -> int:
         code = USAGE
     except BrokenPipeError:
         code = PASS
-    except OSError as error:
-        code = _ended(error, INFRASTRUCTURE)
+    except OSError as error:  # no "[Errno 21]", which says nothing to who asked for it
+        about = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
+        code = _ended(about, INFRASTRUCTURE)
     except KeyboardInterrupt as error:
         code = _ended(error, INTERRUPTED)
     except Exception as error:  # a fault of our own: told like any other, with the place to look at
@@ -88,6 +89,6 @@ def _run(arguments: Sequence[str] | None) -> int:
     return int(code or PASS)
 
 
-def _ended(error: BaseException, code: int) -> int:
+def _ended(error: BaseException | str, code: int) -> int:
     print(str(error) or "interrupted", file=sys.stderr)
     return code

@@ -34,6 +34,7 @@ from flint import arb
 from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
+from crosscheck.judge.comparison import Reference
 from crosscheck.judge.running_error import Running, U, parts, running
 from crosscheck.judge.spatial import alike, passive_lines, reversed_joints, spun
 from crosscheck.scenes.hard_case import HardCase
@@ -42,7 +43,6 @@ from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.pose.krawczyk import Judgement, Verdict, judge, krawczyk
-from refkin.solving.solve import solve
 from refkin.system import System, compile_system
 
 GRANTED = 20.0
@@ -195,26 +195,18 @@ def samples(
     return tuple(made)
 
 
-def scene_samples(scene: Scene, motion: Motion, terms: Sequence[Term]) -> tuple[PoseSample, ...]:
-    """Return where a motion lies for a scene that is no hard case: the reference says which branch is meant.
+def scene_truths(ref: Reference) -> tuple[Solutions, ...]:
+    """Return what is proved of every time of a scene that is no hard case: the reference says which branch is meant.
 
     Where it has no pose of its own every assembly will do; where it proves that there is none, none will.
     """
-    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    return samples(system, scene_truths(system, scene), scene, motion, terms)
-
-
-def scene_truths(system: System, scene: Scene) -> tuple[Solutions, ...]:
-    """Return what is proved of every time of a scene."""
-    own = solve(replace(scene, bodies_wanted=None, effects=frozenset()))
-    q = system.to_unit(own.q)
     solutions = []
-    for k, t in enumerate(scene.times):
-        if np.isfinite(q[:, k]).all():
-            solutions.append(Solutions((_root(system, q[:, k], t),)))
+    for q, t in zip(ref.levels[0].T, ref.scene.times, strict=True):
+        if np.isfinite(q).all():
+            solutions.append(Solutions((_root(ref.system, q, t),)))
         else:
-            there = assemblies(system, t, trying=False)
-            solutions.append(Solutions(tuple(_root(system, x, t) for x in there.poses), there.gap))
+            there = assemblies(ref.system, t, trying=False)
+            solutions.append(Solutions(tuple(_root(ref.system, x, t) for x in there.poses), there.gap))
     return tuple(solutions)
 
 

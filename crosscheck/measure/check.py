@@ -27,7 +27,7 @@ from crosscheck.judge.delivery import (
     unclosed,
     undelivered,
 )
-from crosscheck.judge.hard_poses import scene_samples
+from crosscheck.judge.hard_poses import Solutions, samples, scene_truths
 from crosscheck.judge.levels import Configuration, compare_levels, configurations, missing_rows
 from crosscheck.judge.records import (
     QUANTITIES,
@@ -153,6 +153,11 @@ class _Subject:
         near = ref.system.to_physical(ref.levels[0][:, lanes])
         return configurations(ref.scene.mechanism, near, ref.motion.t[lanes], self.key, CONFIGURATIONS)
 
+    @cached_property
+    def truths(self) -> tuple[Solutions, ...]:
+        """What the certificate proves of every time."""
+        return scene_truths(self.ref)
+
     def excused(self, first: float) -> bool:
         """Whether an engine may give no answer from a time on, because of a nearly singular pose; noted as `excuse`."""
         pose = excuse(self.ref, first, REGULAR)
@@ -243,15 +248,11 @@ def _sigma_per_step(ref: Reference) -> float | None:
     return smallest(sigma[moved] / steps[moved]) if moved.any() else None
 
 
-def _enclosure(engine: Engine, scene: Scene, motion: Motion) -> EnclosedTimes | None:
-    """Return at how many times a motion lies inside and outside of what is attainable, and how far.
-
-    None for cams and screws: answers have no parameters of joints.
-    """
-    if any(joint.parameters for joint in scene.mechanism.joints):
-        return None
-    samples = scene_samples(scene, motion, engine.terms(scene, motion.producer.route))
-    judged = [sample.judgement for sample in samples if sample.judgement is not None]
+def _enclosure(engine: Engine, subject: _Subject, motion: Motion) -> EnclosedTimes:
+    """Return at how many times a motion lies inside and outside of what is attainable, and how far."""
+    ref, terms = subject.ref, engine.terms(subject.scene, motion.producer.route)
+    samples_of = samples(ref.system, subject.truths, ref.scene, motion, terms)
+    judged = [sample.judgement for sample in samples_of if sample.judgement is not None]
     inside, outside, undecidable = (
         sum(j.verdict is verdict for j in judged) for verdict in (Verdict.INSIDE, Verdict.OUTSIDE, Verdict.UNDECIDABLE)
     )
@@ -259,7 +260,7 @@ def _enclosure(engine: Engine, scene: Scene, motion: Motion) -> EnclosedTimes | 
         inside=inside,
         outside=outside,
         undecidable=undecidable,
-        no_answer=len(samples) - len(judged),
+        no_answer=len(samples_of) - len(judged),
         radii=largest([j.radii for j in judged]),
     )
 
@@ -295,7 +296,7 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *
             judged=compared.judged,
             times=len(motion.status),
             seconds=float(f"{seconds:.4g}"),
-            certificate=_enclosure(engine, scene, motion) if subject.arbiter else None,
+            certificate=_enclosure(engine, subject, motion) if subject.arbiter else None,
             feature=feature,
             granted={term.name: short(term.absolute) for term in terms if term.absolute > ABSOLUTE},
         )

@@ -280,7 +280,7 @@ def _made(out: Path) -> dict[str, Any] | None:
         made = dict(json.loads(path.read_text(encoding="utf-8")))
         versions = {"refkin": made.get("refkin"), **made["versions"]}
         return {"seed": int(made["seed"]), "versions": versions, "date": made.get("date")}
-    except (ValueError, KeyError, TypeError, RecursionError) as error:
+    except (OSError, ValueError, KeyError, TypeError, RecursionError) as error:  # it may be a folder
         raise OtherRun(f"{path} does not say what run it belongs to: choose another folder") from error
 
 

@@ -12,6 +12,7 @@ from crosscheck.commands.tables import PLACES, arbiter_table
 from crosscheck.judge import known_gaps
 from crosscheck.judge.known_gaps import InvalidGap
 from crosscheck.measure.check import check
+from refkin.scenes.linkages import ScrewJack
 
 ROOT = Path(__file__).parent.parent.parent
 JUMP = ROOT / "tests" / "corpus" / "exudyn-shipped-changes-assembly.toml"
@@ -27,6 +28,12 @@ def test_an_answer_on_the_other_assembly_is_outside_and_the_others_are_inside():
     assert [getattr(where["static"], place) for place in PLACES] == [9, 0, 0, 0]
     assert [getattr(where["shipped"], place) for place in PLACES] == [6, 3, 0, 0]
     assert where["shipped"].radii > 1e6 > 1.0 > where["static"].radii
+
+
+def test_answers_are_enclosed_where_joints_have_coordinates_of_their_own():
+    (where,) = places(check(ScrewJack(0.8).scene(samples=4), ["pinocchio"], arbiter=True)).values()
+
+    assert [getattr(where, place) for place in PLACES] == [4, 0, 0, 0]
 
 
 def test_without_the_arbiter_nothing_is_enclosed():

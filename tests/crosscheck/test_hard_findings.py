@@ -17,9 +17,10 @@ from crosscheck.engines.methods import method
 from crosscheck.engines.mujoco.model import Plan, mujoco
 from crosscheck.engines.mujoco.shipped import Simulation
 from crosscheck.engines.tree.joint_tree import joint_tree
+from crosscheck.judge.comparison import reference
 from crosscheck.judge.delivery import DOCUMENTED
 from crosscheck.judge.findings import closed, finding_of, read
-from crosscheck.judge.hard_poses import HardOutcome, scene_samples
+from crosscheck.judge.hard_poses import HardOutcome, samples, scene_truths
 from crosscheck.judge.known_gaps import InvalidGap
 from crosscheck.measure.hard_table import BAD, classed, job, listed, outcome_of, unexplained
 from crosscheck.scenes.hard import hard_cases
@@ -79,7 +80,10 @@ def test_the_minimal_scene_of_a_finding_shows_it(finding):
     scene = refkin.load(ROOT / finding.scene)
     candidate = method(finding.engine, finding.route)
 
-    assert classed(scene_samples(scene, candidate.solve(scene), candidate.terms(scene)))[0] == finding.verdict
+    ref, answer = reference(scene), candidate.solve(scene)
+    where = samples(ref.system, scene_truths(ref), scene, answer, candidate.terms(scene))
+
+    assert classed(where)[0] == finding.verdict
 
 
 @pytest.mark.parametrize("key", [None, *(c.key for c in hard_cases() if c.case == "parallelogram, passed")])

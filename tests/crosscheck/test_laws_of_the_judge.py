@@ -26,13 +26,12 @@ from crosscheck.judge.budget import (
 )
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import QUANTITIES, reference
-from crosscheck.judge.hard_poses import _output_rounding, least_error, residual_error
+from crosscheck.judge.hard_poses import _output_rounding, least_error, residual_error, samples, scene_truths
 from crosscheck.judge.levels import _mapped
 from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram
 from crosscheck.judge.sharpness import attainable_by_inputs, sharpness
 from crosscheck.judge.spatial import _half_angle, alike, passive_lines, reversed_joints, spun
-from crosscheck.measure.check import _enclosure
 from refkin import FourBar, Polynomial, Table, compile_system
 from refkin.scenes.linkages import RSSR
 from tests.crosscheck.space_scenes import AT, GROUND, SpatialRevolute, axes, between, motor, rssr, two_slides
@@ -224,15 +223,15 @@ def test_what_is_attainable_holds_every_residual_of_round_off_at_a_regular_pose(
 def test_where_a_body_spins_as_it_likes_balls_decide_of_all_but_its_spin(engine):
     """Spun about its line by an angle of its own it is inside, turned out of it by 3e-12 outside."""
     scene = RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125)).scene(start=0.4, samples=3)
-    motion = load(engine).solve(scene)
+    motion, ref = load(engine).solve(scene), reference(scene)
     at = 7 * motion.bodies.index("coupler")
     p = Rotation.from_quat(motion.q[at + 3 : at + 7].T, scalar_first=True)
     for turn, inside in (((0.7, 0.0, 0.0), 3), ((0.0, 3e-12, 0.0), 0)):
         q = motion.q.copy()
         q[at + 3 : at + 7] = (p * Rotation.from_rotvec(turn)).as_quat(scalar_first=True).T
-        enclosed = _enclosure(load(engine), scene, replace(motion, q=q))
+        there = samples(ref.system, scene_truths(ref), scene, replace(motion, q=q), load(engine).terms(scene))
 
-        assert (enclosed.inside, enclosed.outside) == (inside, 3 - inside)
+        assert sum(sample.judgement.verdict == "inside" for sample in there) == inside
 
 
 NUMBERS = np.random.default_rng(5)

@@ -11,6 +11,7 @@ import pytest
 import refkin
 from crosscheck.engines import load
 from crosscheck.engines.spatial.turning import product
+from crosscheck.judge.comparison import reference
 from crosscheck.judge.hard_poses import HardOutcome, PoseSample, samples, scene_truths, truths
 from crosscheck.measure.hard_table import classed
 from crosscheck.scenes.hard import hard_cases
@@ -19,7 +20,6 @@ from crosscheck.scenes.hard_space import LIMITED, REACH
 from refkin.motion import Motion
 from refkin.motion_laws import Sinusoid
 from refkin.scenes.linkages import RSSR
-from refkin.system import compile_system
 
 CASES = {case.key: case for case in hard_cases() if case.scene.mechanism.kind.name == "spatial"}
 COUPLER = CASES["limit of an RSSR with its coupler, 1e-03"]
@@ -80,7 +80,7 @@ def test_where_the_reference_has_lost_the_branch_in_space_no_assembly_is_taken_f
     """There are assemblies, but none that are proved to be all: an answer that is another one may be right."""
     law = Sinusoid(amplitude=1.5, angular_frequency=1.0, offset=0.3)  # beyond the limit, and back
     scene = RSSR(**LIMITED, coupler=REACH - 0.5, massless=True).scene(law=law, times=(0.0, 3.0))
-    first, last = scene_truths(compile_system(scene.mechanism, unit=scene.mechanism.unit()), scene)
+    first, last = scene_truths(reference(scene))
 
     assert (len(first.roots), last.roots, last.gap) == (1, (), None)
 
