@@ -16,7 +16,6 @@ from refkin.analysis import SINGULAR, acceleration, motion_of, velocity
 from refkin.fast.certify import radii
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.blocks import LARGEST_SELECTED
-from refkin.fast.elimination.trace import passive_of
 from refkin.fast.residual import residual
 from refkin.joints import Unit
 from refkin.joints.elements import Triple
@@ -26,6 +25,7 @@ from refkin.model import Evidence, Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, __version__, no_radius, nowhere
 from refkin.newton import ROUND_OFF, is_round_off
 from refkin.proof.numbers.inputs import half_ulp
+from refkin.proof.numbers.symbols import passive_of
 from refkin.proof.pose.choices import isolate_every_choice
 from refkin.proof.pose.isolate import FLOAT64
 from refkin.system import System

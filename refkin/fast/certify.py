@@ -15,10 +15,11 @@ import numpy as np
 from refkin.fast.compiled import Compiled
 from refkin.fast.elimination.prove import LARGEST_GAMMA, ORDERS
 from refkin.fast.elimination.run import Workspace, block_samples
-from refkin.fast.elimination.trace import Known, passive_of
+from refkin.fast.elimination.trace import Known
 from refkin.motion_laws import Table
 from refkin.proof.numbers.bounded import TINY, UP, Bounded, Times, U, bounded_system
 from refkin.proof.numbers.exact import by_parts
+from refkin.proof.numbers.symbols import passive_of
 from refkin.system import System
 
 

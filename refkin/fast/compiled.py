@@ -20,9 +20,9 @@ from refkin.fast.elimination.prove import Proof, proof_of
 from refkin.fast.elimination.run import Workspaces
 from refkin.fast.elimination.schedule import schedule
 from refkin.fast.elimination.single import Single, compile_single
-from refkin.fast.elimination.symbols import Graph
 from refkin.fast.elimination.trace import Known, known_of, trace
 from refkin.model import Effect
+from refkin.proof.numbers.symbols import Graph
 from refkin.system import System
 
 MOST_KEPT = 64

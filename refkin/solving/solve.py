@@ -29,6 +29,7 @@ from refkin.solving.mobility import too_many_drivers
 from refkin.solving.patience import said_if_long
 from refkin.solving.starts import find_start, unassemblable
 from refkin.solving.sweep import Arrival, Sweep
+from refkin.solving.written import Written
 from refkin.system import System, compile_system
 
 MISSING = 1e-9
@@ -53,7 +54,7 @@ def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:
 
 def _solved(scene: Scene, certified: bool) -> SceneMotion:
     implied = {Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set()
-    system = compile_system(scene.mechanism, scene.effects | implied, scene.mechanism.unit())
+    system = Written.of(compile_system(scene.mechanism, scene.effects | implied, scene.mechanism.unit()))
     assembled = cache(lambda t: assemblies(system, t, trying=False))
     q, status, message = _positions(system, scene, certified, lambda t: (assembled(t).gap or 0.0) > MISSING)
     answer = _Answer(system, scene, q, status, message)

@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from refkin.fast.elimination.symbols import Graph, Symbol
+from refkin.proof.numbers.symbols import Graph, Symbol
 
 LARGEST_INVERTED = 4
 """From here on the inverse, which nothing but its norm is asked of, costs more than all the rest."""

@@ -18,9 +18,9 @@ from dataclasses import dataclass
 
 from refkin.fast.elimination.blocks import Factored, factored
 from refkin.fast.elimination.groups import blocks_of
-from refkin.fast.elimination.symbols import Symbol, rewritten
 from refkin.fast.elimination.trace import Traced
 from refkin.fast.elimination.tree import Row, spanning_tree
+from refkin.proof.numbers.symbols import Symbol, rewritten
 
 
 @dataclass(frozen=True)

@@ -12,8 +12,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from refkin.errors import RefkinError
-from refkin.fast.elimination.symbols import Graph, Symbol, needed
 from refkin.proof.numbers.bounded import U
+from refkin.proof.numbers.symbols import Graph, Symbol, needed
 
 
 class NoBound(RefkinError):

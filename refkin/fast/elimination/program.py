@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from refkin.fast.elimination.symbols import Leaf
+from refkin.proof.numbers.symbols import Leaf
 
 SEGMENTS = ("mechanism", "time", "newton", "answer")
 """In the order in which they are run; `schedule` says what is in which."""

@@ -27,9 +27,9 @@ from refkin.fast.elimination.groups import NotReducible
 from refkin.fast.elimination.program import Program
 from refkin.fast.elimination.run import Workspaces
 from refkin.fast.elimination.schedule import schedule
-from refkin.fast.elimination.symbols import Graph, Symbol, rewritten
-from refkin.fast.elimination.trace import Known, Traced, held_by, passive_of, trace
+from refkin.fast.elimination.trace import Known, Traced, trace
 from refkin.proof.numbers.bounded import TINY
+from refkin.proof.numbers.symbols import Graph, Symbol, held_by, passive_of, rewritten
 from refkin.system import System
 
 ORDERS = 3

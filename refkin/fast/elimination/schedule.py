@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 
 from refkin.fast.elimination.eliminate import Eliminated
 from refkin.fast.elimination.program import Instruction, Outputs, Program, Register
-from refkin.fast.elimination.symbols import Graph, Leaf, Symbol, needed, rewritten
+from refkin.proof.numbers.symbols import Graph, Leaf, Symbol, needed, rewritten
 
 NOT_COMPUTED = ("const", "input")
 MASKS = ("greater",)

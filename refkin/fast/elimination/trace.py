@@ -9,13 +9,13 @@ mechanism with the same joints and the same such numbers.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
-from typing import Any, cast
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from refkin.fast.elimination.symbols import Graph, Symbol
-from refkin.system import EVERYTHING, Placed, System
+from refkin.proof.numbers.symbols import Graph, Symbol, coordinates, symbolic_system
+from refkin.system import System
 
 Known = tuple[tuple[float | None, ...], ...]
 """Per constraint, the numbers of its geometry that are structure: 0, 1 or -1; None stands for an input."""
@@ -54,14 +54,9 @@ def trace(system: System, known: Known, rows: Sequence[int], held: bool = False)
         The n rows to trace: all, or independent ones where there are more.
     """
     graph = Graph()
-    placed = [
-        replace(p, constraint=cast(Any, _Symbolic(p.constraint, graph, k)), g=cast(Any, _geometry(graph, k, numbers)))
-        for k, (p, numbers) in enumerate(zip(system.placed, known, strict=True))
-    ]
-    symbolic = replace(system, placed=tuple(placed), effects=EVERYTHING)
-    q, qd = (_coordinates(graph, kind, system.n) for kind in ("q", "qd"))
-    if held:
-        symbolic = replace(symbolic, gauge={p.row: held_by(graph, k) for k, p in passive_of(system)})
+    geometry = [_geometry(graph, k, numbers) for k, numbers in enumerate(known)]
+    symbolic = symbolic_system(system, graph, geometry, held=held)
+    q, qd = (coordinates(graph, kind, system.n) for kind in ("q", "qd"))
     slope = symbolic.phi_q(q, 0.0)[list(rows)]
     lifted = [[graph.lift(x) for x in row] for row in slope]
     return Traced(
@@ -71,16 +66,6 @@ def trace(system: System, known: Known, rows: Sequence[int], held: bool = False)
         nu=_lifted(graph, symbolic.nu(q, 0.0), rows),
         gamma=_lifted(graph, symbolic.gamma(q, qd, 0.0), rows),
     )
-
-
-def passive_of(system: System) -> list[tuple[int, Placed]]:
-    """Return the constraints that hold what is passive, by their numbers."""
-    return [(k, p) for k, p in enumerate(system.placed) if p.constraint.passive]
-
-
-def held_by(graph: Graph, k: int) -> tuple[Symbol, ...]:
-    """Return the inputs that say how a constraint holds what is passive, as `gauge` does."""
-    return tuple(graph.input("f", k, m, 0) for m in range(4))
 
 
 def known_of(geometry: Sequence[Sequence[Any]]) -> Known:
@@ -94,32 +79,8 @@ def _known(x: Any) -> float | None:
     return next((n for n in STRUCTURE if np.all(x == n)), None)
 
 
-class _Symbolic:
-    """A constraint whose laws and profile are inputs; its formulas are the constraint's own."""
-
-    def __init__(self, constraint: Any, graph: Graph, k: int) -> None:
-        self.constraint, self.graph, self.k = constraint, graph, k
-
-    def __getattr__(self, name: str) -> Any:
-        return getattr(self.constraint, name)
-
-    def inputs(self, t: Any, unit: Any, order: int) -> tuple[tuple[Symbol, ...], ...]:
-        laws = range(len(self.constraint.laws))
-        return tuple(tuple(self.graph.input("f", self.k, law, m) for m in range(order + 1)) for law in laws)
-
-    def profile_values(self, s: Symbol, unit: Any, order: int) -> tuple[Symbol, ...]:
-        return tuple(self.graph.node("profile", s, value=(self.k, m)) for m in range(order + 1))
-
-
 def _geometry(graph: Graph, k: int, known: Sequence[float | None]) -> tuple[Symbol, ...]:
     return tuple(graph.input("g", k, m) if x is None else graph.constant(x) for m, x in enumerate(known))
-
-
-def _coordinates(graph: Graph, kind: str, n: int) -> Any:
-    out = np.empty(n, object)
-    for c in range(n):
-        out[c] = graph.input(kind, c)
-    return out
 
 
 def _lifted(graph: Graph, values: Any, rows: Sequence[int]) -> list[Symbol]:

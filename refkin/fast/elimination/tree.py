@@ -6,7 +6,7 @@ import heapq
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
-from refkin.fast.elimination.symbols import Symbol
+from refkin.proof.numbers.symbols import Symbol
 
 Row = dict[int, Symbol]
 """The entries of a row of a matrix that are not zero, by coordinate."""

@@ -16,9 +16,9 @@ from refkin.fast.elimination.eliminate import Eliminated
 from refkin.fast.elimination.groups import NotReducible, blocks_of
 from refkin.fast.elimination.run import Workspace
 from refkin.fast.elimination.schedule import schedule
-from refkin.fast.elimination.symbols import Graph
 from refkin.fast.elimination.tree import spanning_tree
 from refkin.joints import AngleDriver
+from refkin.proof.numbers.symbols import Graph
 from refkin.system import compile_system
 
 from .linkworks import chain, pin

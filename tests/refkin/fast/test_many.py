@@ -28,9 +28,9 @@ from refkin import (
 from refkin.errors import InvalidScene, UnknownName
 from refkin.fast import solve_many, sweep, turning
 from refkin.fast.block import SMALL, Block
-from refkin.fast.elimination.symbols import Leaf
 from refkin.fast.family import family
 from refkin.newton import CONTRACTION
+from refkin.proof.numbers.symbols import Leaf
 from refkin.proof.pose.krawczyk import krawczyk
 from refkin.system import compile_system
 

@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from refkin.fast.elimination.schedule import half_angled
-from refkin.fast.elimination.symbols import Graph, needed, rewritten
+from refkin.proof.numbers.symbols import Graph, needed, rewritten
 
 PYTHON = {
     "add": lambda a, b: a + b,

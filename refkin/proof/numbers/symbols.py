@@ -7,9 +7,14 @@ always zero is the constant 0. Folding never changes a value: only exact identit
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
 from numbers import Real
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
+
+import numpy as np
+
+from refkin.system import EVERYTHING, Placed, System
 
 
 class Leaf(NamedTuple):
@@ -251,3 +256,51 @@ def rewritten(
         else:
             done[symbol] = symbol.graph.again(symbol, args) if args else symbol
     return done[output]
+
+
+def symbolic_system(system: System, graph: Graph, geometry: Sequence[tuple[Symbol, ...]], *, held: bool) -> System:
+    """Return a system whose formulas leave expressions: its geometry is given, per constraint; laws are inputs.
+
+    What is passive is held as it was estimated or, `held`, as inputs say.
+    """
+    placed = [
+        replace(p, constraint=cast(Any, _Symbolic(p.constraint, graph, k)), g=cast(Any, g))
+        for k, (p, g) in enumerate(zip(system.placed, geometry, strict=True))
+    ]
+    gauge = {p.row: held_by(graph, k) for k, p in passive_of(system)} if held else system.gauge
+    return replace(system, placed=tuple(placed), effects=EVERYTHING, gauge=gauge)
+
+
+def passive_of(system: System) -> list[tuple[int, Placed]]:
+    """Return the constraints that hold what is passive, by their numbers."""
+    return [(k, p) for k, p in enumerate(system.placed) if p.constraint.passive]
+
+
+def held_by(graph: Graph, k: int) -> tuple[Symbol, ...]:
+    """Return the inputs that say how a constraint holds what is passive, as `gauge` does."""
+    return tuple(graph.input("f", k, m, 0) for m in range(4))
+
+
+class _Symbolic:
+    """A constraint whose laws and profile are inputs; its formulas are the constraint's own."""
+
+    def __init__(self, constraint: Any, graph: Graph, k: int) -> None:
+        self.constraint, self.graph, self.k = constraint, graph, k
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.constraint, name)
+
+    def inputs(self, t: Any, unit: Any, order: int) -> tuple[tuple[Symbol, ...], ...]:
+        laws = range(len(self.constraint.laws))
+        return tuple(tuple(self.graph.input("f", self.k, law, m) for m in range(order + 1)) for law in laws)
+
+    def profile_values(self, s: Symbol, unit: Any, order: int) -> tuple[Symbol, ...]:
+        return tuple(self.graph.node("profile", s, value=(self.k, m)) for m in range(order + 1))
+
+
+def coordinates(graph: Graph, kind: str, n: int) -> Any:
+    """Return coordinates ("q"), or their rates ("qd"), as inputs, (n,)."""
+    out = np.empty(n, object)
+    for c in range(n):
+        out[c] = graph.input(kind, c)
+    return out
