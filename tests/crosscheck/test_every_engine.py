@@ -8,7 +8,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crosscheck.engines import Engine, EngineError, load
+from crosscheck.engines import OF_SPACE, Engine, EngineError, Level, Support, load
+from refkin.joints import elements_of
 from refkin.model import Effect, Point
 from refkin.motion import Seeding, Status
 
@@ -43,6 +44,15 @@ def test_a_linkage_moves_as_its_closed_form(name, case):
 )
 def test_neither_distance_from_the_origin_nor_turns_cost_digits(engine, case):
     assert excess(case, engine.solve(case.scene)) <= 1.0
+
+
+@pytest.mark.parametrize("name", ["mujoco", "pinocchio", "exudyn"])
+def test_every_element_of_its_table_is_solved_above(name):
+    table = load(name).capabilities()
+    solved = {e.key for build in CASES.values() for e in elements_of(build().scene.mechanism.constraints)}
+    declared = {key for key, levels in table.items() if levels[Level.SOLVE].support is not Support.REFUSED}
+
+    assert declared - set(OF_SPACE) == solved - ({"rolling wheels"} if name == "pinocchio" else set())
 
 
 def test_the_angle_of_a_crank_runs_on_without_a_jump(engine):

@@ -11,12 +11,11 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import OF_SPACE, EngineError, Level, refusals
-from crosscheck.engines.exudyn.engine import CAPABILITIES, SHIPPED, STATIC, Exudyn
+from crosscheck.engines.exudyn.engine import SHIPPED, STATIC, Exudyn
 from crosscheck.engines.exudyn.solve import solved
 from crosscheck.judge.budget import derive
 from crosscheck.measure.check import check
-from refkin.joints import GROUND, AngleDriver, Distance, RackAndPinion, elements_of
+from refkin.joints import GROUND, AngleDriver, Distance
 from refkin.model import Body
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Polynomial, Table
@@ -205,27 +204,6 @@ def test_a_law_by_rate_or_by_table_drives_as_the_polynomial_it_stands_for(kind: 
 
 
 # What is declared and what is refused
-
-
-def test_every_type_in_the_table_is_solved_by_a_case_above() -> None:
-    solved = [c for build in CASES.values() for c in build().scene.mechanism.constraints]
-
-    assert set(CAPABILITIES) - set(OF_SPACE) == {element.key for element in elements_of(solved)}
-
-
-def test_an_unknown_joint_is_refused_by_name_and_left_out_of_the_rows() -> None:
-    joints = four_bar().scene.mechanism.joints
-    ends: dict[str, Any] = {"body_i": "crank", "point_i": (0.0, 0.0), "body_j": "rocker", "point_j": (0.0, 0.0)}
-    rack = RackAndPinion(name="R", **ends, axis_i=(1.0, 0.0), radius=1.0)
-    scene = remade(four_bar(), joints=(*joints, rack)).scene
-    engine = Exudyn()
-
-    assert refusals(engine, scene, Level.RESIDUAL) == [
-        "exudyn refuses rack_and_pinion 'R' at residual: no such element in this engine: rolling on a line"
-    ]
-    assert "R" not in {row.constraint for row in engine.constraints(scene).rows}
-    with pytest.raises(EngineError, match="refuses rack_and_pinion 'R' at solve: no such element"):
-        engine.solve(scene)
 
 
 def test_its_version_and_its_routes_are_those_that_are_pinned() -> None:

@@ -1,0 +1,118 @@
+"""What every engine with rows owes: refkin's rows where nothing is assembled, each of them once, in fresh arrays."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import pytest
+
+from crosscheck.engines import ELEMENTS, OF_SPACE, EngineError, Level, Support, load, refusals
+from refkin.joints import Constraint, RackAndPinion, elements_of
+
+from .loose_rows import KINDS, ROWS, configurations, disagreement, loose_scene, rows_of
+
+REFUSED = {"exudyn": set(), "mujoco": set(), "pinocchio": {"rolling wheels"}}
+"""Elements of the plane that an engine has no rows of."""
+CASES = [(engine, kind) for engine, kinds in KINDS.items() for kind in kinds]
+
+
+@pytest.fixture(params=KINDS)
+def engine(request):
+    return request.param
+
+
+@pytest.mark.parametrize("level", ROWS)
+@pytest.mark.parametrize(("name", "kind"), CASES)
+def test_rows_agree_with_refkin_where_nothing_is_assembled(name, kind, level):
+    elements = elements_of(c for c in loose_scene(kind).mechanism.constraints if c.name.startswith(kind))
+    table = load(name).capabilities()
+
+    assert all(table[e.key][level].support is not Support.REFUSED for e in elements)
+    assert disagreement(name, loose_scene(kind), level) <= 1.0
+
+
+@pytest.mark.parametrize("level", ROWS)
+def test_rows_of_all_kinds_stand_together_in_one_model(engine, level):
+    assert disagreement(engine, loose_scene(*KINDS[engine]), level) <= 1.0
+
+
+def test_every_row_of_refkin_is_mapped_once_and_the_others_of_the_engine_are_empty(engine):
+    scene = loose_scene(*KINDS[engine])
+    model = load(engine).constraints(scene)
+    q, qd, t = next(configurations(1))
+    theirs = [rows_of(model, level, q, qd, t) for level in ROWS]
+    empty = sorted({*range(len(theirs[0]))} - {row.engine_row for row in model.rows})
+    ours = [(c.name, k) for c in scene.mechanism.constraints for k in range(c.rows)]
+
+    assert sorted((row.constraint, row.row) for row in model.rows) == sorted(ours)
+    assert len({row.engine_row for row in model.rows}) == len(ours)
+    assert len(empty) == (6 if engine == "exudyn" else 0)  # the second row of each point_on_line and face on a disc
+    assert not any(np.any(rows[empty]) for rows in (theirs[0], theirs[1], theirs[3]))
+
+
+@pytest.mark.parametrize("level", ROWS)
+def test_what_was_read_stays_and_what_is_read_depends_on_nothing_before(engine, level):
+    scene = loose_scene(*KINDS[engine])
+    (one, other) = configurations(2)
+    used, fresh = (load(engine).constraints(scene) for _ in range(2))
+    first = rows_of(used, level, *one)
+    kept = first.copy()
+    rows_of(used, Level.DRIFT, *other)
+
+    assert np.array_equal(rows_of(used, level, *one), rows_of(fresh, level, *one))
+    assert np.array_equal(first, kept)
+
+
+def test_the_table_names_every_element_that_is_built_at_every_level_and_says_why_it_is_not_native(engine):
+    table = load(engine).capabilities()
+    built = {e.key for e in elements_of(loose_scene(*KINDS["exudyn"]).mechanism.constraints)}
+    refused = built - set(table)
+
+    assert built == set(ELEMENTS) - {"points coincide by a law", "rolling on a line", "contact"} - set(OF_SPACE)
+    assert refused == REFUSED[engine]
+    assert all(set(levels) == set(Level) for levels in table.values())
+    assert all(c.reason for levels in table.values() for c in levels.values() if c.support is not Support.NATIVE)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Magnet(Constraint):
+    """A joint that no engine has."""
+
+    rows = 6
+    body_i: str
+    body_j: str
+    type: Literal["magnet"] = "magnet"
+
+
+ENDS = {"body_i": "ground", "point_i": (0.0, 0.0), "body_j": "a", "point_j": (0.0, 0.0)}
+UNKNOWN = [
+    (Magnet(name="snap", body_i="ground", body_j="a"), "no such joint in this engine: no elements say what it is"),
+    (RackAndPinion(name="rack", **ENDS, axis_i=(1.0, 0.0), radius=1.0), "no such element in this engine: rolling on a"),
+]
+
+
+@pytest.mark.parametrize(("joint", "reason"), UNKNOWN, ids=["joint", "element"])
+def test_what_is_in_no_table_is_refused_by_name_and_left_out_of_the_rows(engine, joint, reason):
+    loose = loose_scene("revolute")
+    mechanism = replace(loose.mechanism, joints=(*loose.mechanism.joints, joint))
+    scene, asked = replace(loose, mechanism=mechanism), load(engine)
+    (sentence,) = refusals(asked, scene, Level.RESIDUAL)
+
+    assert sentence.startswith(f"{engine} refuses {joint.type} '{joint.name}' at residual: {reason}")
+    assert {row.constraint for row in asked.constraints(scene).rows} == {j.name for j in loose.mechanism.joints}
+    with pytest.raises(EngineError, match=f"{engine} refuses {joint.type} '{joint.name}' at solve: {reason}"):
+        asked.solve(scene)
+
+
+@pytest.mark.parametrize("kind", ["distance", "angle", "x", "y", "cylinder"])
+def test_what_pinocchio_has_no_rows_of_is_refused_with_its_reason_and_left_out(kind):
+    scene, asked = loose_scene(kind), load("pinocchio")
+    model, refused = asked.constraints(scene), [c for c in scene.mechanism.constraints if c.name.startswith(kind)]
+    reasons = [asked.capabilities()[e.key][Level.RESIDUAL].reason for e in elements_of(refused)]
+    sentences = zip(refusals(asked, scene, Level.RESIDUAL), refused, reasons, strict=True)
+
+    assert all(s == f"pinocchio refuses {c.type} {c.name!r} at residual: {reason}" for s, c, reason in sentences)
+    assert {row.constraint for row in model.rows} == {"revolute 0", "revolute 1", "revolute 2"}
+    assert not model.owns_driver
