@@ -91,71 +91,55 @@ def test_a_truth_that_is_off_in_its_last_digit_fails(name, value, truth):
     assert check_row(changed(name, value, truth=truth))["status"] == "fail"
 
 
-def test_a_truth_that_lies_outside_its_bounds_fails():
-    assert check_row(changed("A8", "rate at the fold", truth=None, between=("0.6", "0.7")))["status"] == "fail"
+CAUSED = tuple(replace(e, explained_by=("f(1.0042)",)) if e.at == ("f'[2]",) else e for e in ROWS["A3"].errata)
+SAID = {
+    "a quantity that nobody computes": (
+        replace(ROWS["A9"], values=(*ROWS["A9"].values, Value(name="f(0)", truth="1"))),
+        "f(0): not computed",
+    ),
+    "a quantity that is not stated": (
+        replace(ROWS["A9"], values=ROWS["A9"].values[1:]),
+        "f(-1.2): computed, but not stated",
+    ),
+    "more digits than anybody encloses": (
+        changed("B6", "root from the new estimate", truth="3.73205080756887729"),
+        "not enclosed",
+    ),
+    "a misprint without an erratum": (
+        replace(ROWS["C8"], errata=()),
+        "phi moved[1][1]: -17.8108 is printed, which is wrong: no erratum says so",
+    ),
+    "nothing is checked": (replace(ROWS["D23"], computation="", also=(), values=()), "nothing is checked"),
+    "a truth outside its bounds": (changed("A8", "rate at the fold", truth=None, between=("0.6", "0.7")), ""),
+    "an erratum for a right number": (
+        replace(ROWS["C5"], errata=(Erratum(kind="wrong", at=("det",), cause="none"),)),
+        "",
+    ),
+    "a cause that does not explain": (replace(ROWS["A3"], errata=CAUSED), ""),
+    "a claim that nothing shows": (
+        replace(ROWS["D9"], errata=tuple(replace(e, shown_by="nothing") for e in ROWS["D9"].errata)),
+        "",
+    ),
+    "an open row that is wrong": (changed("D2", "mobility by count", truth=3), ""),
+}
 
 
-def test_a_quantity_that_nobody_computes_fails():
-    row = replace(ROWS["A9"], values=(*ROWS["A9"].values, Value(name="f(0)", truth="1")))
+@pytest.mark.parametrize(("row", "sentence"), SAID.values(), ids=SAID)
+def test_a_row_that_lies_fails(row, sentence):
+    value = check_row(row)
 
-    assert check_row(row)["failures"] == ["f(0): not computed"]
-
-
-def test_a_quantity_that_is_not_stated_fails():
-    row = replace(ROWS["A9"], values=ROWS["A9"].values[1:])
-
-    assert check_row(row)["failures"] == ["f(-1.2): computed, but not stated"]
-
-
-def test_more_digits_than_anybody_encloses_fail():
-    row = check_row(changed("B6", "root from the new estimate", truth="3.73205080756887729"))
-
-    assert any("not enclosed" in text for text in row["failures"])
-
-
-def test_a_misprint_without_an_erratum_fails():
-    row = replace(ROWS["C8"], errata=())
-
-    assert check_row(row)["failures"] == ["phi moved[1][1]: -17.8108 is printed, which is wrong: no erratum says so"]
-
-
-def test_an_erratum_for_a_right_number_fails():
-    wrong = Erratum(kind="wrong", at=("det",), cause="none")
-
-    assert check_row(replace(ROWS["C5"], errata=(wrong,)))["status"] == "fail"
-
-
-def test_a_cause_that_does_not_explain_fails():
-    errata = tuple(replace(e, explained_by=("f(1.0042)",)) if e.at == ("f'[2]",) else e for e in ROWS["A3"].errata)
-
-    assert check_row(replace(ROWS["A3"], errata=errata))["status"] == "fail"
-
-
-def test_a_claim_that_nothing_shows_fails():
-    errata = tuple(replace(e, shown_by="nothing") for e in ROWS["D9"].errata)
-
-    assert check_row(replace(ROWS["D9"], errata=errata))["status"] == "fail"
-
-
-def test_a_row_in_which_nothing_is_checked_fails():
-    assert check_row(replace(ROWS["D23"], computation="", also=(), values=()))["failures"] == ["nothing is checked"]
-
-
-def test_an_open_row_that_is_wrong_fails():
-    assert check_row(changed("D2", "mobility by count", truth=3))["status"] == "fail"
+    assert value["status"] == "fail"
+    assert value["failures"]
+    assert all(sentence in text for text in value["failures"])
 
 
 def test_the_digits_of_the_rates_in_the_notes_are_about_two():
     """Five are printed; they were evaluated before Newton had converged."""
     values = {v["name"]: v for v in ledger_rows(["D12"])[0]["values"]}
+    rates = [values[p] for p in ("omega[1]", "omega[2]", "alpha[1]", "alpha[2]")]
 
-    assert [values[p]["digits_correct"] for p in ("omega[1]", "omega[2]", "alpha[1]", "alpha[2]")] == [
-        1.7,
-        2.7,
-        2.0,
-        1.8,
-    ]
-    assert all(values[p]["digits_printed"] == 5 for p in ("omega[1]", "omega[2]", "alpha[1]", "alpha[2]"))
+    assert [rate["digits_correct"] for rate in rates] == [1.7, 2.7, 2.0, 1.8]
+    assert {rate["digits_printed"] for rate in rates} == {5}
 
 
 @pytest.mark.parametrize("text", ["", "1,5", "nan", "inf", "abc"])

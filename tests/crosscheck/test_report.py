@@ -202,97 +202,123 @@ def test_infinite_ratio_stays_the_largest_and_the_file_stays_json(tmp_path: Path
 # The verdict.
 
 
-def test_agreement_everywhere_is_a_pass(tmp_path: Path) -> None:
-    report = reported(write(tmp_path, record("a", good_answer("mujoco"))), outcome())
-
-    assert (report["verdict"], report["scenes"], report["configurations"]) == ("pass", 1, 4)
-
-
-def test_disagreement_of_a_record_is_new_even_if_the_run_did_not_say_so(tmp_path: Path) -> None:
-    folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=[disagreement()]))
-    report = reported(folder, outcome())
-
-    assert (report["verdict"], report["new_disagreements"]) == ("new disagreements", 1)
+GOOD = good_answer("mujoco")
+LOST = record("a", GOOD)
+LOST["reference"] |= {"verdict": "branch_lost", "statuses": {"ok": 1, "branch_lost": 3}}
+NO_ANSWER = disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)
+CRASH = {"engine": "mujoco", "route": "any", "quantity": "status", "kind": "crash", "how": "exit code -11"}
 
 
-def test_disagreement_the_run_tells_is_new_even_if_no_record_holds_it(tmp_path: Path) -> None:
-    folder = write(tmp_path, record("a", good_answer("mujoco")))
-    report = reported(folder, outcome(new=[case(disagreement(), "b")]))
-
-    assert (report["verdict"], report["new_disagreements"]) == ("new disagreements", 1)
+def off(ratio, *rows):
+    """Return a record whose positions are off by a ratio of what is allowed."""
+    return record("a", answer("mujoco", {"position": quantity({-1: [3.0]}, ratio)}), disagreements=rows)
 
 
-def test_disagreement_that_run_and_record_tell_counts_once(tmp_path: Path) -> None:
-    folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=[disagreement()]))
-    report = reported(folder, outcome(new=[case(disagreement())]))
+def listed(*rows, answer=GOOD):
+    return [record("a", answer, disagreements=rows)]
 
+
+GAP = [gap(quantity="velocity")]
+ONE, TWO = disagreement(), disagreement(quantity="position")
+TURNED = disagreement(quantity="position", kind=Cause.REVERSED)
+BEYOND = answer("mujoco", {name: quantity({-1: [0.0]}, 1e9) for name in ("position", "velocity")})
+VERDICTS = {
+    "agreement everywhere": ([record("a", GOOD)], {"run": outcome()}, ("pass", 0, 0)),
+    "a disagreement of a record alone": (listed(ONE), {"run": outcome()}, ("new disagreements", 1, 0)),
+    "one that the run alone tells": (
+        [record("a", GOOD)],
+        {"run": outcome(new=[case(ONE, "b")])},
+        ("new disagreements", 1, 0),
+    ),
+    "one that both tell": (listed(ONE), {"run": outcome(new=[case(ONE)])}, ("new disagreements", 1, 0)),
+    "a known gap": (listed(ONE), {"run": outcome(known=1), "gaps": GAP}, ("pass", 0, 1)),
+    "a known gap and another": (listed(ONE, TWO), {"gaps": GAP}, ("new disagreements", 1, 1)),
+    "a joint the wrong way round, once": (listed(TURNED, answer=BEYOND), {}, ("new disagreements", 1, 0)),
+    "an answer hardly beyond its budget": ([off(1.0000001)], {}, ("new disagreements", 1, 0)),
+    "an answer far beyond its budget": ([off(40.0)], {}, ("new disagreements", 1, 0)),
+    "an answer infinitely beyond its budget": ([off(None)], {}, ("new disagreements", 1, 0)),
+    "rows beyond what is allowed": (
+        [record("a", GOOD, levels=[level("mujoco", "jacobian", ratio=2.0)])],
+        {},
+        ("new disagreements", 1, 0),
+    ),
+    "a reference without an answer": ([LOST], {}, ("new disagreements", 1, 0)),
+    "a scene without a result": ([record("a", GOOD), failed_record("b")], {"run": outcome()}, ("infrastructure", 0, 0)),
+    "a failure that the run alone tells": (
+        [record("a", GOOD)],
+        {"run": outcome(failed=["x: the pool died"])},
+        ("infrastructure", 0, 0),
+    ),
+}
+
+
+@pytest.mark.parametrize(("records", "told", "expected"), VERDICTS.values(), ids=VERDICTS)
+def test_the_verdict_and_what_it_counts(tmp_path: Path, records: Any, told: Any, expected: Any) -> None:
+    report = reported(write(tmp_path, *records), told.get("run"), gaps=told.get("gaps", ()))
+
+    assert (report["verdict"], report["new_disagreements"], report["known_disagreements"]) == expected
+
+
+ALL_FAIL = dict.fromkeys(QUANTITIES, (1, 0))
+SILENT = good_answer("mujoco", missing=1)
+CELLS = {
+    "one that run and record tell": (listed(ONE), {"run": outcome(new=[case(ONE)])}, {"velocity": (1, 0)}),
+    "a known gap": (listed(ONE), {"gaps": GAP}, {"velocity": (0, 1)}),
+    "rows beyond what is allowed": (VERDICTS["rows beyond what is allowed"][0], {}, {"jacobian": (1, 0)}),
+    "no answer and a wrong one": (listed(ONE, NO_ANSWER, answer=SILENT), {}, {"velocity": (1, 0)}),
+    "a crash": ([record("a", GOOD), record("b", disagreements=[CRASH])], {}, ALL_FAIL),
+    "no answer": (listed(NO_ANSWER, answer=SILENT), {}, ALL_FAIL),
+}
+
+
+@pytest.mark.parametrize(("records", "told", "expected"), CELLS.values(), ids=CELLS)
+def test_what_counts_against_an_engine_in_a_quantity(tmp_path: Path, records: Any, told: Any, expected: Any) -> None:
+    report = reported(write(tmp_path, *records), told.get("run"), gaps=told.get("gaps", ()))
+    cells = report["engines"]["mujoco"]["newton"]
+
+    assert {name: (cells[name]["failures"], cells[name]["known_gaps"]) for name in expected} == expected
+
+
+def test_an_engine_that_crashed_on_every_scene_still_has_its_failures(tmp_path: Path) -> None:
+    report = reported(write(tmp_path, record("b", disagreements=[{**CRASH, "kind": "hang"}])))
+
+    assert report["engines"]["mujoco"]["any"]["position"]["failures"] == 1
+
+
+def test_scenes_without_an_answer_and_without_a_result_are_counted_and_no_scene_twice(tmp_path: Path) -> None:
+    missing = record("a", SILENT, disagreements=[NO_ANSWER])
+    report = reported(write(tmp_path, missing, missing, failed_record("b")))
     cell = report["engines"]["mujoco"]["newton"]["velocity"]
-    assert (report["new_disagreements"], cell["failures"], cell["worst_over_allowed"]) == (1, 1, 3.5)
+
+    assert (report["scenes"], report["scenes_without_result"]) == (2, 1)
+    assert (cell["scenes"], cell["unanswered"]) == (1, 1)
 
 
-def test_known_gap_is_counted_and_does_not_turn_the_night_red(tmp_path: Path) -> None:
-    folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=[disagreement()]))
-    report = reported(folder, outcome(known=1), gaps=[gap(quantity="velocity")])
+@pytest.mark.parametrize(
+    ("answer", "note"),
+    [(good_answer("mujoco", version="0.9"), "0.9"), (good_answer("mujoco", judged=6), "mujoco position 2")],
+    ids=["another version than the run names", "judged without digits"],
+)
+def test_what_does_not_fit_is_noted(tmp_path: Path, answer: Any, note: str) -> None:
+    report = reported(write(tmp_path, record("a", answer)), outcome())
 
-    cell = report["engines"]["mujoco"]["newton"]["velocity"]
-    assert (report["verdict"], cell["known_gaps"], cell["failures"], report["known_disagreements"]) == ("pass", 1, 0, 1)
-
-
-def test_known_gap_covers_nothing_but_its_own(tmp_path: Path) -> None:
-    rows = [disagreement(), disagreement(quantity="position")]
-    folder = write(tmp_path, record("a", good_answer("mujoco"), disagreements=rows))
-    report = reported(folder, gaps=[gap(quantity="velocity")])
-
-    assert (report["verdict"], report["new_disagreements"], report["known_disagreements"]) == (
-        "new disagreements",
-        1,
-        1,
-    )
+    assert any(note in text for text in report["notes"])
 
 
-@pytest.mark.parametrize("ratio", [1.0000001, 40.0, None])
-def test_answer_beyond_its_budget_is_a_disagreement_whether_listed_or_not(tmp_path: Path, ratio: float | None) -> None:
-    bad = answer("mujoco", {"position": quantity({-1: [3.0]}, ratio)})
+@pytest.mark.parametrize(
+    ("required", "missing", "verdict"),
+    [
+        (("exudyn",), {"exudyn": "no module named exudyn"}, "engine missing"),
+        ((), {"exudyn": "no module named exudyn"}, "pass"),
+        (("exudyn", "mujoco"), {}, "engine missing"),
+    ],
+    ids=["required and missing", "missing and not required", "required and answered nothing"],
+)
+def test_a_required_engine_that_is_missing_is_the_verdict(tmp_path, required, missing, verdict):
+    report = reported(write(tmp_path, record("a", GOOD), required=required, missing=missing))
 
-    assert reported(write(tmp_path, record("a", bad)))["verdict"] == "new disagreements"
-
-
-def test_what_a_joint_the_wrong_way_round_is_off_by_is_counted_once(tmp_path: Path) -> None:
-    beyond = answer("mujoco", {name: quantity({-1: [0.0]}, 1e9) for name in ("position", "velocity")})
-    rows = [disagreement(quantity="position", kind=Cause.REVERSED)]
-    report = reported(write(tmp_path, record("a", beyond, disagreements=rows)))
-
-    assert (report["new_disagreements"], report["known_disagreements"]) == (1, 0)
-
-
-def test_rows_beyond_their_allowed_error_are_a_disagreement_whether_listed_or_not(tmp_path: Path) -> None:
-    bad = record("a", good_answer("mujoco"), levels=[level("mujoco", "jacobian", ratio=2.0)])
-    report = reported(write(tmp_path, bad))
-
-    assert (report["verdict"], report["engines"]["mujoco"]["newton"]["jacobian"]["failures"]) == (
-        "new disagreements",
-        1,
-    )
-
-
-def test_reference_without_an_answer_is_a_disagreement_whether_listed_or_not(tmp_path: Path) -> None:
-    bad = record("a", good_answer("mujoco"))
-    bad["reference"] |= {"verdict": "branch_lost", "statuses": {"ok": 1, "branch_lost": 3}}
-    report = reported(write(tmp_path, bad))
-
-    assert (report["verdict"], report["reference"]["failures"]) == ("new disagreements", 1)
-
-
-def test_scene_without_a_result_is_an_infrastructure_failure(tmp_path: Path) -> None:
-    report = reported(write(tmp_path, record("a", good_answer("mujoco")), failed_record("b")), outcome())
-
-    assert (report["verdict"], report["scenes"], report["scenes_without_result"]) == ("infrastructure", 2, 1)
-
-
-def test_failure_that_only_the_run_tells_is_an_infrastructure_failure(tmp_path: Path) -> None:
-    report = reported(write(tmp_path, record("a", good_answer("mujoco"))), outcome(failed=["x: the pool died"]))
-
-    assert (report["verdict"], report["failures"]) == ("infrastructure", ["x: the pool died"])
+    assert report["verdict"] == verdict
+    assert "exudyn" in report["why"]
 
 
 def test_torn_line_is_an_infrastructure_failure_with_its_line(tmp_path: Path) -> None:
@@ -379,31 +405,10 @@ def test_unreadable_run_file_is_an_infrastructure_failure(tmp_path: Path) -> Non
     assert reported(folder)["verdict"] == "infrastructure"
 
 
-def test_required_engine_that_is_missing_is_the_verdict(tmp_path: Path) -> None:
-    missing = {"exudyn": "no module named exudyn"}
-    folder = write(tmp_path, record("a", good_answer("mujoco")), required=("exudyn",), missing=missing)
-
-    assert reported(folder)["verdict"] == "engine missing"
-
-
 def test_run_that_stopped_before_its_first_scene_for_want_of_an_engine_says_so(tmp_path: Path) -> None:
     ended = outcome(versions={}, missing={"exudyn": "no module"}, required=["exudyn"], checked=0)
 
     assert reported(tmp_path / "new", ended)["verdict"] == "engine missing"
-
-
-def test_missing_engine_that_nobody_requires_is_named_in_the_reason(tmp_path: Path) -> None:
-    folder = write(tmp_path, record("a", good_answer("mujoco")), missing={"exudyn": "no module named exudyn"})
-    report = reported(folder)
-
-    assert report["verdict"] == "pass"
-    assert "exudyn" in report["why"]
-
-
-def test_required_engine_that_answered_nothing_is_no_pass(tmp_path: Path) -> None:
-    folder = write(tmp_path, record("a", good_answer("mujoco")), required=("exudyn", "mujoco"))
-
-    assert reported(folder)["verdict"] == "engine missing"
 
 
 def test_engine_that_answered_nothing_has_cells_without_numbers(tmp_path: Path) -> None:
@@ -420,55 +425,6 @@ def test_folder_without_records_is_nothing_ran(tmp_path: Path, text: str | None)
         (tmp_path / "records.jsonl").write_text(text)
 
     assert reported(tmp_path, outcome(checked=0))["verdict"] == "nothing ran"
-
-
-def test_crash_counts_against_every_quantity_of_the_engine(tmp_path: Path) -> None:
-    crash = {"engine": "mujoco", "route": "any", "quantity": "status", "kind": "crash", "how": "exit code -11"}
-    crashed = record("b", disagreements=[{**crash, "message": "Abnormal termination"}])
-    report = reported(write(tmp_path, record("a", good_answer("mujoco")), crashed))
-
-    assert [report["engines"]["mujoco"]["newton"][name]["failures"] for name in QUANTITIES] == [1, 1, 1]
-
-
-def test_engine_that_crashed_on_every_scene_still_has_its_failures(tmp_path: Path) -> None:
-    crash = {"engine": "mujoco", "route": "any", "quantity": "status", "kind": "hang"}
-    report = reported(write(tmp_path, record("b", disagreements=[crash])))
-
-    assert report["engines"]["mujoco"]["any"]["position"]["failures"] == 1
-
-
-def test_no_answer_and_wrong_answer_in_one_scene_is_one_failing_scene(tmp_path: Path) -> None:
-    rows = [disagreement(), disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
-    report = reported(write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=rows)))
-
-    cell = report["engines"]["mujoco"]["newton"]["velocity"]
-    assert (cell["failures"], cell["unanswered"], report["new_disagreements"]) == (1, 1, 2)
-
-
-def test_route_without_an_answer_fails_in_every_quantity_it_owes(tmp_path: Path) -> None:
-    rows = [disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
-    report = reported(write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=rows)))
-
-    assert [report["engines"]["mujoco"]["newton"][name]["failures"] for name in QUANTITIES] == [1, 1, 1]
-
-
-def test_second_record_of_a_scene_is_not_counted(tmp_path: Path) -> None:
-    twice = record("a", good_answer("mujoco"))
-    report = reported(write(tmp_path, twice, twice))
-
-    assert (report["scenes"], report["engines"]["mujoco"]["newton"]["position"]["scenes"]) == (1, 1)
-
-
-def test_answers_of_another_version_than_the_run_names_are_noted(tmp_path: Path) -> None:
-    report = reported(write(tmp_path, record("a", good_answer("mujoco", version="0.9"))), outcome())
-
-    assert any("0.9" in note for note in report["notes"])
-
-
-def test_judged_configurations_without_digits_are_noted(tmp_path: Path) -> None:
-    report = reported(write(tmp_path, record("a", good_answer("mujoco", judged=6))))
-
-    assert any("mujoco position 2" in note for note in report["notes"])
 
 
 def test_coverage_counts_scenes_by_property_and_decade(tmp_path: Path) -> None:
