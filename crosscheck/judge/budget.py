@@ -47,6 +47,8 @@ SAFETY = 4.0
 BOTH_SIDES = 2.0
 """Where what an answer is held against is itself computed in float64, and no radius of it is known."""
 STEP = 1e-100
+TENTH = 0.1
+"""By less than this much of itself a change of position must change J for first order to say enough."""
 LEVELS = ("position", "velocity", "acceleration")
 
 
@@ -68,23 +70,28 @@ class ErrorBudget:
 class Carried:
     """How errors of the residuals of the three levels move the three levels; absolute values, (n, m, T) each.
 
-    `phi`, `nu` and `gamma` are what an error of that residual does to the levels from its own on.
+    `phi`, `nu` and `gamma` are what an error of that residual does to the levels from its own on. `bend` (n, T) bounds
+    by how much of itself a change of each coordinate changes J.
     """
 
     phi: tuple[Any, Any, Any]
     nu: tuple[Any, Any]
     gamma: tuple[Any]
+    bend: Any
 
-    def __call__(self, e_phi: Any, e_nu: Any, e_gamma: Any) -> list[Any]:
-        """Return what errors (m, T) of the residuals do to position, velocity and acceleration, (n, T) each."""
-        position = _times(self.phi[0], e_phi)
-        velocity = _times(self.phi[1], e_phi) + _times(self.nu[0], e_nu)
-        acceleration = _times(self.phi[2], e_phi) + _times(self.nu[1], e_nu) + _times(self.gamma[0], e_gamma)
-        return [position, velocity, acceleration]
+    def __call__(self, *errors: Any) -> list[Any]:
+        """Return what errors (m, T) of the three residuals do to position, velocity and acceleration, (n, T) each."""
+        alone = [self.of(level, e) for level, e in enumerate(errors)]
+        return [sum(alone[k][level - k] for k in range(level + 1)) for level in range(3)]
+
+    def of(self, level: int, error: Any) -> list[Any]:
+        """Return what errors (m, T) of the residual of one level alone do to the levels from its own on."""
+        return [_times(matrix, error) for matrix in (self.phi, self.nu, self.gamma)[level]]
 
     def at(self, samples: Any) -> Carried:
         """Return the same at some of the samples."""
-        return Carried(*(tuple(a[..., samples] for a in level) for level in (self.phi, self.nu, self.gamma)))
+        matrices = (tuple(a[..., samples] for a in level) for level in (self.phi, self.nu, self.gamma))
+        return Carried(*matrices, self.bend[:, samples])
 
 
 @dataclass(frozen=True)
@@ -110,29 +117,52 @@ class Propagation:
     radius: tuple[Any, Any, Any]
 
     @cached_property
-    def own(self) -> list[Any]:
-        """What the reference may be off by, (n, T) per level: no more than an engine without terms."""
-        return [np.fmin(radius, ours) for radius, ours in zip(self.radius, self.carried(*self.e), strict=True)]
+    def both(self) -> list[Any]:
+        """What is allowed of an engine without terms, (n, T) per level.
+
+        It is the engine's own error, that which the reference may be off by, no larger, and the rounding.
+        """
+        own = self.carried(*self.e)
+        return [
+            theirs + np.fmin(radius, theirs) + rounding
+            for theirs, radius, rounding in zip(own, self.radius, self.rounding, strict=True)
+        ]
+
+    @cached_property
+    def of_one(self) -> list[list[Any]]:
+        """What an error of 1 in every row of a residual does to the levels from its own on: (n, T), per residual."""
+        return [[np.sum(m, axis=1) for m in own] for own in (self.carried.phi, self.carried.nu, self.carried.gamma)]
+
+    @cached_property
+    def of_size(self) -> list[list[Any]]:
+        """What errors as large as what stands in a residual's equations do, as `of_one`."""
+        return [self.carried.of(level, size) for level, size in enumerate(self.size)]
 
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors where an engine adds these terms."""
-        added = [
-            sum(
-                (t.absolute + t.relative * size + t.of_rates * rates for t in terms if t.level == level and not t.form),
-                e,
-            )
-            for level, e, size, rates in zip(LEVELS, self.e, self.size, self.rates, strict=True)
-        ]
-        levels = [
-            theirs + ours + rounding
-            for theirs, ours, rounding in zip(self.carried(*added), self.own, self.rounding, strict=True)
-        ]
-        for term in (term for term in terms if term.form):
-            levels = [level + more for level, more in zip(levels, self._left_in(term.form, term.absolute), strict=True)]
-        judged = np.zeros(self.count, bool)
-        judged[self.samples] = _first_order(self.system, self.carried.phi[0], levels[0], self.levels[0], self.t)
+        levels = list(self.both)
+        for term in (term for term in terms if term.level in LEVELS):  # others are of an engine's own rows
+            first = LEVELS.index(term.level)
+            if term.form:
+                added = self._left_in(term.form, term.absolute)[first:]
+            else:
+                added = [(term.absolute + term.of_rates * self.rates[first]) * one for one in self.of_one[first]]
+                if term.relative:
+                    added = [a + term.relative * of for a, of in zip(added, self.of_size[first], strict=True)]
+            levels[first:] = [level + more for level, more in zip(levels[first:], added, strict=True)]
         position, velocity, acceleration = (_spread(level, self.samples, self.count) for level in levels)
-        return ErrorBudget(position, velocity, acceleration, judged)
+        return ErrorBudget(position, velocity, acceleration, self._judged(levels[0]))
+
+    def _judged(self, dq: Any) -> Any:
+        """Return (count,) whether first order says enough where a position is off by dq (n, T)."""
+        enough = _times(self.carried.bend[None], dq)[0] < TENTH
+        if not enough.all():  # bounds of each coordinate's part may say too much together
+            far = ~enough
+            inverse, q = self.carried.phi[0][..., far], self.levels[0][:, far]
+            enough[far] = _first_order(self.system, inverse, dq[:, far], q, self.t[far])
+        judged = np.zeros(self.count, bool)
+        judged[self.samples] = enough
+        return judged
 
     def _left_in(self, form: str, residual: float) -> list[Any]:
         """Return what a residual of the position, in rows of another form, does to the three levels, (n, T) each."""
@@ -157,14 +187,14 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     if not samples.size:
         return None
     t, q, qd, qdd = motion.t[samples], q[:, samples], qd[:, samples], qdd[:, samples]
-    clock, jacobian = _clock(system, t), np.abs(system.phi_q(q, t))
+    clock, at = _clock(system, t), running(q)
     e_phi = residual_error(system, q, t)
-    moving = _times(jacobian, np.abs(qd))
-    at = running(q)
     slope = parts(system.phi_q(at, clock), t.shape)  # the rounding of the results is `output_rounding`
     nu, gamma = (parts(x, t.shape) for x in (system.nu(at, clock), system.gamma(at, running(qd), clock)))
+    jacobian = np.abs(slope[0])
+    moving = _times(jacobian, np.abs(qd))
     e_nu = SAFETY * off_by(slope, qd, nu)[1] + _solve_error(moving)
-    bending = _times(jacobian, np.abs(qdd)) + np.abs(system.gamma(q, qd, t))
+    bending = _times(jacobian, np.abs(qdd)) + np.abs(gamma[0])
     e_gamma = SAFETY * off_by(slope, qdd, gamma)[1] + _solve_error(bending)
     rate = np.max(np.abs(qd), axis=0)
     return Propagation(
@@ -189,20 +219,21 @@ def residual_error(system: System, q: Any, t: Any) -> Any:
 
 def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
     """Return how errors of residuals move a solution (n, T) of the system; the products of the module's formulas."""
-    inverse = _inverse(system, q, t)
-    z, turning = _stepped(q), qd[:, None]
-    bent = np.imag(system.phi_q(z, t)) / STEP
-    second = _times(bent, turning) - np.imag(system.nu(z, t)) / STEP
-    third = _times(bent, qdd[:, None]) - np.imag(system.gamma(z, turning, t)) / STEP
-    coriolis = np.imag(system.gamma(q[:, None], _stepped(qd), t)) / STEP
-    rate = _product(inverse, second)  # A S
-    bend = _product(inverse, third + _product(coriolis, rate))
-    own = np.abs(inverse)
-    return Carried(
-        phi=(own, np.abs(_product(rate, inverse)), np.abs(_product(bend, inverse))),
-        nu=(own, np.abs(_product(_product(inverse, coriolis), inverse))),
-        gamma=(own,),
+    z, n = _stepped(q), len(q)
+    slope = system.phi_q(z, t)
+    inverse, bent = _inverse(np.real(slope[:, :, 0])), np.imag(slope) / STEP
+    # One call for both derivatives of gamma, to q and to qd: what a call costs is not its numbers.
+    both = (np.concatenate([a, b], axis=1) for a, b in ((z, q[:, None] + 0 * z), (qd[:, None] + 0 * z, _stepped(qd))))
+    gamma = np.imag(system.gamma(*both, t)) / STEP
+    second = _stacked(_times(bent, qd[:, None]) - np.imag(system.nu(z, t)) / STEP)
+    third, coriolis = _stacked(_times(bent, qdd[:, None]) - gamma[:, :n]), _stacked(gamma[:, n:])
+    rate = inverse @ second  # A S
+    bend = inverse @ (third + coriolis @ rate)
+    own, rate, bend, turned = (
+        np.moveaxis(np.abs(x), 0, -1) for x in (inverse, rate @ inverse, bend @ inverse, inverse @ coriolis @ inverse)
     )
+    changed = np.max(np.abs(inverse) @ _stacked(np.sum(np.abs(bent), axis=1)), axis=1)
+    return Carried(phi=(own, rate, bend), nu=(own, turned), gamma=(own,), bend=changed.T)
 
 
 def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Sequence[Term] = ()) -> ErrorBudget:
@@ -221,11 +252,10 @@ def _spread(values: Any, samples: Any, count: int) -> Any:
     return out
 
 
-def _inverse(system: System, q: Any, t: Any) -> Any:
-    """Return J^-1 (n, m, T), of a least-squares inverse where rows are redundant."""
-    stacked = np.moveaxis(system.phi_q(q, t), -1, 0)
-    inverse = np.linalg.inv(stacked) if system.m == system.n else np.linalg.pinv(stacked)
-    return np.moveaxis(inverse, 0, -1)
+def _inverse(slope: Any) -> Any:
+    """Return J^-1 (T, n, m) of J (m, n, T), of a least-squares inverse where rows are redundant."""
+    stacked = _stacked(slope)
+    return np.linalg.inv(stacked) if len(slope) == len(slope[0]) else np.linalg.pinv(stacked)
 
 
 def _times(matrix: Any, vector: Any) -> Any:
@@ -233,9 +263,9 @@ def _times(matrix: Any, vector: Any) -> Any:
     return np.einsum("mn...,n...->m...", matrix, vector)
 
 
-def _product(left: Any, right: Any) -> Any:
-    """Return the matrix product sample by sample of (a, b, T) and (b, c, T)."""
-    return np.einsum("abt,bct->act", left, right)
+def _stacked(matrices: Any) -> Any:
+    """Return (m, n, T) as (T, m, n), of which products are taken sample by sample."""
+    return np.ascontiguousarray(np.moveaxis(matrices, -1, 0))
 
 
 def _solve_error(size: Any) -> Any:
@@ -296,4 +326,4 @@ def output_rounding(system: System, q: Any, qd: Any, qdd: Any) -> tuple[Any, Any
 def _first_order(system: System, inverse: Any, dq: Any, q: Any, t: Any) -> Any:
     """Return per sample whether dq changes J by less than a tenth of itself, so that first order says enough."""
     change = np.imag(system.phi_q(q + 1j * STEP * dq, t)) / STEP
-    return np.max(_times(inverse, np.sum(np.abs(change), axis=1)), axis=0) < 0.1
+    return np.max(_times(inverse, np.sum(np.abs(change), axis=1)), axis=0) < TENTH

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -12,7 +13,7 @@ import numpy as np
 from crosscheck.engines import Term
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import ErrorBudget, Propagation, derive, propagation
-from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, At
+from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, At, Common
 from crosscheck.judge.spatial import Spins, alike, passive_lines, screw_coordinates, spun
 from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Status
@@ -33,6 +34,11 @@ class Reference:
     _budgets: dict[tuple[Term, ...], ErrorBudget] = field(default_factory=dict, repr=False)
 
     @cached_property
+    def ok(self) -> Any:
+        """At which times it has an answer, (T,)."""
+        return np.array([s is Status.OK for s in self.motion.status])
+
+    @cached_property
     def propagation(self) -> Propagation | None:
         """What budgets are derived from; it costs most of them, and is the same for all engines."""
         return propagation(self.system, self.motion, *self.levels)
@@ -44,6 +50,25 @@ class Reference:
             return ()
         return passive_lines(self.scene.mechanism, self.system.unit)
 
+    @cached_property
+    def common(self) -> Common | None:
+        """The one time of a scene at which answers are compared with each other, and what their errors relate to.
+
+        It is the middle one of the times at which a budget is derived; None if there is none.
+        """
+        times = np.flatnonzero(self.budget().judged)
+        if not times.size:
+            return None
+        k = int(times[times.size // 2])
+        at = np.s_[:, k : k + 1]
+        scale = {q: float(scales(self.levels[level][at], level)[0]) for level, q in enumerate(QUANTITIES)}
+        return Common(k=k, scale=scale)
+
+    @cached_property
+    def decades(self) -> list[int | None]:
+        """The decade of the distance to a singular pose at each time (`decades_of`)."""
+        return decades_of(self.sigma_min)
+
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors against another answer."""
         key = tuple(terms)
@@ -53,6 +78,11 @@ class Reference:
                 derive(self.system, self.motion, *self.levels) if errors is None else errors.budget(key)
             )
         return self._budgets[key]
+
+
+def decades_of(sigma: Any) -> list[int | None]:
+    """Return the decade of each smallest singular value (T,); None where there is none, or zero."""
+    return [math.floor(math.log10(s)) if 0.0 < s < math.inf else None for s in sigma.tolist()]
 
 
 @dataclass(frozen=True)
@@ -132,31 +162,30 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     Angles are compared modulo full turns. `at` are the places among the reference's times of those that the motion has.
     """
     budget = ref.budget(terms)
-    rows = np.concatenate([np.r_[ref.system.columns(body)] for body in motion.bodies])
-    names = [f"{body}.{c}" for body in motion.bodies for c in ref.system.kind.coordinates]
+    rows = rows_of(ref.system, motion.bodies)
     answered = np.array([s is Status.OK for s in motion.status])
     samples = budget.judged[at] & answered
     compared = {}
     for k, (difference, ours) in enumerate(scaled_differences(ref, motion.bodies, motion.levels, at)):
-        quantity = QUANTITIES[k]
-        if difference is None:
-            continue
-        allowed = spun(getattr(budget, quantity)[rows][:, at], motion.bodies, ref.passive)
-        judged = _judge(np.abs(difference), allowed, ours, samples, k, names, motion.t)
-        signed = np.full((ref.system.of_bodies, len(samples)), np.nan)
-        signed[np.ix_(rows, samples)] = difference[:, samples]
-        compared[quantity] = replace(judged, difference=signed)
-    reference_ok = np.array([s is Status.OK for s in ref.motion.status])[at]
-    missing = np.flatnonzero(reference_ok & ~answered)
+        if difference is not None:
+            allowed = spun(getattr(budget, QUANTITIES[k])[rows][:, at], motion.bodies, ref.passive)
+            compared[QUANTITIES[k]] = _judge(ref.system, motion, k, difference, allowed, ours, samples)
+    missing = np.flatnonzero(ref.ok[at] & ~answered)
     first = float(motion.t[missing[0]]) if missing.size else np.inf
     other = _other_assembly(ref, motion, compared, samples, at)
     return Comparison(compared, len(missing), int(samples.sum()), other, first)
 
 
+def rows_of(system: System, bodies: Sequence[str]) -> list[int]:
+    """Return the coordinates of some bodies, in their order."""
+    return [k for body in bodies for k in range(system.n)[system.columns(body)]]
+
+
 def scales(ours: Any, level: int) -> Any:
     """Return what an error is relative to, per time: 1 (the size) for position, else the largest component (or 1)."""
-    largest = np.max(np.abs(ours), axis=0)
-    return np.where((level == 0) | (largest == 0.0), 1.0, largest)
+    largest = np.ones(ours.shape[1]) if level == 0 else np.max(np.abs(ours), axis=0)
+    largest[largest == 0.0] = 1.0
+    return largest
 
 
 def scaled_differences(
@@ -172,7 +201,7 @@ def scaled_differences(
     at : index
         The places among the reference's times of those that the levels have.
     """
-    rows = np.concatenate([np.r_[ref.system.columns(body)] for body in bodies])
+    rows = rows_of(ref.system, bodies)
     ours = [level[rows][:, at] for level in ref.levels]
     theirs = [None if x is None else _in_unit(ref.system, np.array(x), k) for k, x in enumerate(levels)]
     if ref.system.kind.name == "spatial":
@@ -199,23 +228,26 @@ def difference(system: System, theirs: Any, ours: Any, level: int) -> Any:
 
 
 def _judge(
-    error: Any, allowed: Any, ours: Any, samples: Any, level: int, names: Sequence[str], t: Any
+    system: System, motion: Motion, level: int, difference: Any, allowed: Any, ours: Any, samples: Any
 ) -> QuantityComparison:
-    count = len(samples)
-    blank = np.full(count, np.nan)
-    out = QuantityComparison(blank.copy(), blank.copy(), blank.copy(), None)
+    error, ratio, digits = np.full((3, len(samples)), np.nan)
+    signed = np.full((system.of_bodies, len(samples)), np.nan)
+    out = QuantityComparison(error, ratio, digits, None, signed)
     if not samples.any():
         return out
-    error, allowed, ours = error[:, samples], allowed[:, samples], ours[:, samples]
+    signed[rows_of(system, motion.bodies)] = np.where(samples, difference, np.nan)
+    at = slice(None) if samples.all() else samples
     with np.errstate(divide="ignore", invalid="ignore"):
-        error = np.where(np.isfinite(error), error, np.inf)  # a NaN that calls itself an answer is as wrong as can be
-        ratio = np.where(error == 0.0, 0.0, error / allowed)
-        scale = scales(ours, level)
-        relative = np.where(np.max(error, axis=0) == 0.0, 0.0, np.max(error, axis=0) / scale)
-        digits = np.minimum(MOST_DIGITS, -np.log10(relative))
-    out.error[samples], out.ratio[samples], out.digits[samples] = np.max(error, axis=0), np.max(ratio, axis=0), digits
-    row, sample = (int(k) for k in np.unravel_index(np.argmax(np.fmax(ratio, 0.0)), ratio.shape))
-    return replace(out, worst=At(names[row], float(t[samples][sample])))
+        off = np.abs(difference[:, at])
+        off[~np.isfinite(off)] = np.inf  # a NaN that calls itself an answer is as wrong as can be
+        ratios = off / allowed[:, at]
+        ratios[off == 0.0] = 0.0
+        error[at], ratio[at] = np.max(off, axis=0), np.max(ratios, axis=0)
+        digits[at] = np.minimum(MOST_DIGITS, -np.log10(error[at] / scales(ours[:, at], level)))
+    row, sample = divmod(int(np.argmax(np.fmax(ratios, 0.0))), ratios.shape[1])
+    body, coordinate = divmod(row, system.kind.width)
+    name = f"{motion.bodies[body]}.{system.kind.coordinates[coordinate]}"
+    return replace(out, worst=At(name, float(motion.t[at][sample])))
 
 
 def _other_assembly(

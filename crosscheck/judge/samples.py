@@ -6,8 +6,10 @@ are asked one by one has the same record.
 
 from __future__ import annotations
 
+import math
 import sys
-from collections.abc import Iterable
+from collections import Counter
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 import numpy as np
@@ -19,13 +21,12 @@ from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, By, Common, Histog
 
 def quantities(ref: Reference, comparison: Comparison) -> dict[str, Quantity]:
     """Return what a record keeps of each quantity of a comparison."""
-    common = common_sample(ref)
     return {
         name: Quantity(
             ratio=largest_ratio(q.ratio),
             worst=q.worst,
-            digits_by_sigma=by_decade(ref.sigma_min, q.digits),
-            common=off_at(q, common),
+            digits_by_sigma=by_decade(ref.decades, q.digits),
+            common=off_at(q, ref.common),
         )
         for name, q in comparison.quantities.items()
     }
@@ -46,19 +47,6 @@ def attainable_digits(ref: Reference) -> dict[str, Any]:
     return attained
 
 
-def common_sample(ref: Reference) -> Common | None:
-    """Return the one time per scene at which answers are compared with each other, and what their errors relate to.
-
-    It is the middle one of the times at which a budget is derived; None if there is none.
-    """
-    times = np.flatnonzero(ref.budget().judged)
-    if not times.size:
-        return None
-    k = int(times[times.size // 2])
-    at = np.s_[:, k : k + 1]
-    return Common(k=k, scale={q: float(scales(ref.levels[level][at], level)[0]) for level, q in enumerate(QUANTITIES)})
-
-
 def off_at(q: QuantityComparison, common: Common | None) -> list[float | None]:
     """Return the signed error per scaled coordinate at the common time, to three figures; None where there is none."""
     if common is None or q.difference is None:
@@ -68,22 +56,22 @@ def off_at(q: QuantityComparison, common: Common | None) -> list[float | None]:
 
 def histogram(digits: Iterable[float]) -> Histogram:
     """Return how often each number of digits occurs, in whole tenths, rounded down; NaN is left out."""
-    values = np.asarray(list(digits))
-    return _counted(np.zeros(len(values), int), values).get(0, {})
+    values = list(digits)
+    return _counted([0] * len(values), values).get(0, {})
 
 
-def by_decade(sigma: Any, digits: Any) -> By:
-    """Return the histogram of digits for each decade of sigma_min, the distance to a singular pose."""
-    seen = np.isfinite(sigma) & (np.asarray(sigma) > 0)
-    return dict(sorted(_counted(np.floor(np.log10(sigma[seen])).astype(int), digits[seen]).items()))
+def by_decade(decades: Sequence[int | None], digits: Any) -> By:
+    """Return the histogram of digits (T,) for each decade of sigma_min, the distance to a singular pose."""
+    return dict(sorted(_counted(decades, digits).items()))
 
 
-def _counted(groups: Any, digits: Any) -> By:
+def _counted(groups: Sequence[int | None], digits: Any) -> By:
+    """Return the histogram of digits in each group; those without a group, or that are no number, are left out."""
+    tenths = np.floor(np.asarray(digits, float) * 10)
     counts: By = {}
-    seen = np.isfinite(digits)
-    for group, tenths in zip(groups[seen].tolist(), np.floor(digits[seen] * 10).astype(int).tolist(), strict=True):
-        own = counts.setdefault(group, {})
-        own[tenths] = own.get(tenths, 0) + 1
+    for (group, value), count in Counter(zip(groups, tenths.tolist(), strict=True)).items():
+        if group is not None and math.isfinite(value):
+            counts.setdefault(group, {})[int(value)] = count
     return counts
 
 

@@ -44,7 +44,6 @@ from crosscheck.judge.records import (
 from crosscheck.judge.samples import (
     attainable_digits,
     by_decade,
-    common_sample,
     histogram,
     largest,
     largest_ratio,
@@ -225,18 +224,17 @@ def _reference_row(ref: Reference, seconds: float) -> ReferenceRow:
         sigma_per_step=_sigma_per_step(ref),
         residual=largest(motion.residual),
         certified_radius={q: largest(getattr(radius, q)) for q in QUANTITIES},
-        common=common_sample(ref),
-        attainable_by_sigma={q: by_decade(ref.sigma_min, digits) for q, digits in attainable_digits(ref).items()},
+        common=ref.common,
+        attainable_by_sigma={q: by_decade(ref.decades, digits) for q, digits in attainable_digits(ref).items()},
         seconds=seconds,
     )
 
 
 def _sharpness(ref: Reference) -> dict[str, tuple[float, float]]:
     """Return how sharp the budgets are at the time at which answers are compared with each other."""
-    common = common_sample(ref)
-    if common is None:
+    if ref.common is None:
         return {}
-    at = {q: (largest(s.largest), smallest(s.smallest)) for q, s in sharpness(ref, [common.k]).items()}
+    at = {q: (largest(s.largest), smallest(s.smallest)) for q, s in sharpness(ref, [ref.common.k]).items()}
     return {q: (float(f"{loosest:.3g}"), float(f"{seen:.3g}")) for q, (loosest, seen) in at.items() if loosest and seen}
 
 

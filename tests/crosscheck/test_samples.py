@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from crosscheck.judge.comparison import QuantityComparison, compare, reference
+from crosscheck.judge.comparison import QuantityComparison, compare, decades_of, reference
 from crosscheck.judge.records import Cause, Disagreement, NoRecord, line_of, read_line
-from crosscheck.judge.samples import attainable_digits, by_decade, common_sample, off_at, short
+from crosscheck.judge.samples import attainable_digits, by_decade, off_at, short
 from crosscheck.measure.check import check
 from crosscheck.night.pictures import worst_sample
 from refkin import FourBar, Polynomial, solve
@@ -52,7 +52,7 @@ def test_a_decade_without_a_sample_has_no_worst(scene, ref):
 
 
 def test_common_sample_is_the_same_time_for_every_answer(scene, ref):
-    common = common_sample(ref)
+    common = ref.common
     right, wrong = (compare(ref, motion).quantities["position"] for motion in (solve(scene), shifted(scene, common.k)))
 
     assert off_at(right, common) == [0.0] * 9
@@ -95,7 +95,7 @@ def test_digits_are_counted_by_decade_where_both_they_and_the_distance_to_a_sing
     sigma = np.array([3e-3, 1e-3, 0.0, np.nan, 0.5, 0.5, 0.5])
     digits = np.array([5.0, 5.04, 6.0, 7.0, 9.0, np.nan, np.inf])
 
-    assert by_decade(sigma, digits) == {-3: {50: 2}, -1: {90: 1}}
+    assert by_decade(decades_of(sigma), digits) == {-3: {50: 2}, -1: {90: 1}}
 
 
 def test_a_disagreement_says_its_ratio_if_it_has_one():
