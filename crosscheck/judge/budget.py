@@ -90,8 +90,8 @@ class Carried:
 
     def at(self, samples: Any) -> Carried:
         """Return the same at some of the samples."""
-        matrices = (tuple(a[..., samples] for a in level) for level in (self.phi, self.nu, self.gamma))
-        return Carried(*matrices, self.bend[:, samples])
+        phi, nu, gamma = (tuple(a[..., samples] for a in level) for level in (self.phi, self.nu, self.gamma))
+        return Carried(phi, nu, gamma, self.bend[:, samples])
 
 
 @dataclass(frozen=True)
@@ -223,8 +223,9 @@ def carried(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> Carried:
     slope = system.phi_q(z, t)
     inverse, bent = _inverse(np.real(slope[:, :, 0])), np.imag(slope) / STEP
     # One call for both derivatives of gamma, to q and to qd: what a call costs is not its numbers.
-    both = (np.concatenate([a, b], axis=1) for a, b in ((z, q[:, None] + 0 * z), (qd[:, None] + 0 * z, _stepped(qd))))
-    gamma = np.imag(system.gamma(*both, t)) / STEP
+    still = np.zeros_like(z)
+    at, moving = (np.concatenate(x, axis=1) for x in ((z, q[:, None] + still), (qd[:, None] + still, _stepped(qd))))
+    gamma = np.imag(system.gamma(at, moving, t)) / STEP
     second = _stacked(_times(bent, qd[:, None]) - np.imag(system.nu(z, t)) / STEP)
     third, coriolis = _stacked(_times(bent, qdd[:, None]) - gamma[:, :n]), _stacked(gamma[:, n:])
     rate = inverse @ second  # A S
