@@ -17,6 +17,7 @@ from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.price_process import CYCLE, Key, measure
 from crosscheck.scenes.priced import classes
 from crosscheck.workers.processes import SECONDS_TO_START, start, stop
+from crosscheck.workers.timing import seconds_of
 from refkin.model import Scene
 from refkin.scenes.files import to_dict
 
@@ -25,7 +26,10 @@ WITHIN = 50.0
 LEAST = 1.0
 """What a process gets at least where another has ended late [s]."""
 PATIENCE = 20.0
-"""After this long at one method its process is ended [s]: some hundred times what the slowest takes."""
+"""After so much processor time at one method its process is ended [s]: some hundred times what the slowest takes."""
+ASLEEP, STARVED = 1e-3, 15.0
+"""On a busy machine a process gets a small part of the time: it is given so many times as long on the clock, if it gets
+any, and more than a process that sleeps."""
 
 
 @dataclass
@@ -119,7 +123,7 @@ def price(
         How much processor time answers and timings may take together [s]; what does not fit is timed once. On a busy
         machine that lasts longer.
     patience : float
-        After this long at one method it is given up [s].
+        After so much processor time at one method it is given up [s], or that on the clock if it sleeps.
     tell : callable
         Is told how many times a method was begun with, and which it is.
 
@@ -134,7 +138,7 @@ def price(
         left = max(within - progress.spent, within / 4)
         pipe, process = start(measure, to_dict(priced), tuple(producers), {*progress.failed}, left)
         with pipe:
-            failure = _listen(pipe, progress, patience)
+            failure = _listen(pipe, process.pid, progress, patience)
         ended = stop(process)
         progress.spent += time.monotonic() - progress.since
         if failure == "" and not progress.done:
@@ -164,10 +168,10 @@ def price_list(within: float = 4 * WITHIN, producers: Sequence[str] = PRICED) ->
     return rows
 
 
-def _listen(pipe: Any, progress: _Progress, patience: float) -> str:
+def _listen(pipe: Any, process: int, progress: _Progress, patience: float) -> str:
     """Take in what a process says until it ends; return why it was given up, or nothing."""
     while not progress.done:
-        if not pipe.poll(patience if progress.at else SECONDS_TO_START + patience):
+        if not _says_something(pipe, process, patience if progress.at else SECONDS_TO_START + patience):
             return f"no answer within {patience:g} s"
         try:
             message = pipe.recv()
@@ -177,6 +181,17 @@ def _listen(pipe: Any, progress: _Progress, patience: float) -> str:
             raise NoTruth(message[1])
         progress.take(*message)
     return ""
+
+
+def _says_something(pipe: Any, process: int, patience: float) -> bool:
+    """Wait for a message of a process, which has so much processor time for it [s]; return whether it came."""
+    begun, since = seconds_of(process), time.monotonic()
+    while not pipe.poll(min(patience, 1.0)):
+        now, passed = seconds_of(process), time.monotonic() - since
+        spent = passed if begun is None or now is None else now - begun
+        if spent > patience or passed > patience * (1.0 if spent < ASLEEP * passed else STARVED):
+            return bool(pipe.poll(0.0))
+    return True
 
 
 def _rows(scene: Scene, progress: _Progress) -> Iterator[PriceRow]:
