@@ -24,7 +24,7 @@ from refkin import (
     compile_system,
 )
 from refkin.proof.numbers.recentred import recentred
-from refkin.proof.singularity.diagnosis import PoseKind
+from refkin.proof.singularity.diagnosis import PoseKind, _Examination
 from refkin.proof.singularity.second_order import _common_roots
 from tests.refkin.test_sweep import three_cranks
 
@@ -157,6 +157,18 @@ def test_a_dead_centre_names_rows_bodies_and_a_driver_that_would_hold():
     assert diagnosis.rows == ("A0", "A", "B", "driver")
     assert diagnosis.bodies == ("crank", "connecting_rod")
     assert diagnosis.other_driver == "the angle of crank"
+
+
+@pytest.mark.parametrize("length", [1e-6, 1e6])
+def test_bodies_and_rows_are_involved_by_their_part_of_a_null_vector_however_long_it_is(length):
+    mechanism = dead_centre().mechanism
+    frames = recentred(compile_system(mechanism, unit=mechanism.unit()))
+    pose = _Examination(frames, np.linspace(0.1, 0.9, frames.inner.n), 0.0)
+    motion, rows = np.zeros((frames.inner.n, 1)), np.zeros((1, frames.inner.m))
+    motion[[2, 5, 8], 0] = rows[0, [0, 2, 4]] = length * np.array([1.0, 2e-4, 0.5e-4])
+
+    assert pose._bodies(motion) == ("crank", "connecting_rod")
+    assert pose._rows(rows) == ("A0", "A")
 
 
 def test_with_the_other_driver_the_same_pose_is_regular():

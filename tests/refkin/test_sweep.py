@@ -194,6 +194,23 @@ def test_an_uncertified_step_that_is_not_proved_ends_the_branch(monkeypatch):
     assert after.verdict is Status.BRANCH_LOST
 
 
+@pytest.mark.parametrize("short", [1e-2, 1e-9])
+def test_an_uncertified_step_may_be_off_by_noise_in_the_pose_it_starts_from_and_no_more(short, monkeypatch):
+    """Noise is what rounding leaves of phi over sigma_min; below 1e-6 nothing is looked at anyway."""
+    law, times = Polynomial(coefficients=(np.pi / 2, 1.0)), np.pi / 2 - short * np.array([3.0, 2.0, 1.0])
+    scene = PARALLELOGRAM.scene(law=law, times=(0.0,))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = [system.to_unit(refkin.solve(replace(scene, times=(t,))).q[:, 0]) for t in times]
+    sweep = Sweep(system, list(times[:2]), q[:2], lenient=True, step=short / 2)
+    with monkeypatch.context() as patch:
+        patch.setattr(Sweep, "_on_branch", lambda *_: False)
+        sweep._in_steps(times[2], 1)
+    noise = max(1e-6, 256 * np.finfo(float).eps / np.linalg.svd(system.phi_q(q[1], times[1]))[1][-1])
+
+    for off, taken in ((0.9 * noise, True), (1.1 * noise, False)):
+        assert sweep._on_branch(newton_result(q[2], q[2] + off, [off, off]), times[2]) is taken, off
+
+
 @pytest.mark.parametrize("distance", [1e-3, 1e-6, 1e-9, 1e-12])
 def test_a_pin_that_passes_the_pivot_of_its_slot_is_followed(distance):
     """The slot turns by half a turn within about a distance: by its law, atan2 of the pin from the pivot."""
