@@ -8,12 +8,12 @@ import math
 import mpmath
 import numpy as np
 import pytest
-from flint import arb
+from flint import arb, ctx
 
 from refkin.joints import AngleDriver, Distance, Fixed, PointOnLine, Prismatic, XDriver, YDriver
 from refkin.model import Mechanism
 from refkin.motion_laws import Polynomial, Sinusoid, Table
-from refkin.proof.assembly.loci import Line, meet
+from refkin.proof.assembly.loci import Circle, Line, meet
 from refkin.vec import Vec
 
 from .assembly_cases import (
@@ -40,6 +40,45 @@ def test_parallel_lines_are_proved_to_miss_each_other_by_their_distance_and_one_
 
     assert meet(one, other).gap == 0.25
     assert meet(one, Line(Vec(arb(7), arb(0)), normal)) is None
+
+
+def off(locus, p):
+    """How far a point is from a locus, with a sign."""
+    if isinstance(locus, Line):
+        return locus.normal.dot(p - locus.through)
+    return (p - locus.centre).dot(p - locus.centre).sqrt() - locus.radius
+
+
+def missed(first, second):
+    """What is missing for two loci to meet, and the direction whose left side is 1: of numbers, in 50 digits."""
+    if isinstance(first, Line):
+        return abs(off(first, second.centre)) - second.radius, second.centre, first.normal
+    if isinstance(second, Line):
+        return missed(second, first)
+    way = second.centre - first.centre
+    apart, least = way.dot(way).sqrt(), abs(first.radius - second.radius)
+    return (apart - first.radius - second.radius).max(least - apart), first.centre, way
+
+
+@pytest.mark.parametrize("kinds", ["line circle", "circle line", "circle circle"])
+@pytest.mark.parametrize("seed", range(20))
+def test_two_loci_meet_in_two_points_one_on_each_side_or_miss_each_other_by_what_is_missing(kinds, seed):
+    rng = np.random.default_rng(seed)
+    with ctx.workdps(50):
+        loci = []
+        for kind in kinds.split():
+            x, y, c, s, r = map(arb, (*rng.uniform(-1.0, 1.0, 4), rng.uniform(0.1, 1.5)))
+            normal = Vec(c, s) * (1 / (c * c + s * s).sqrt())
+            loci.append(Line(Vec(x, y), normal) if kind == "line" else Circle(Vec(x, y), r))
+        met, (missing, centre, way) = meet(*loci), missed(*loci)
+
+        if missing > 0:
+            assert met.gap.overlaps(missing) and not met.points
+            assert abs(met.apart - met.reach).overlaps(missing) and met.inside == (met.apart < met.reach)
+            return
+        assert met.gap is None and met.decided
+        assert all(off(locus, p).overlaps(arb(0, "1e-40")) for _, p in met.points for locus in loci)
+        assert [side for side, p in met.points if way.perp().dot(p - centre) * side > 1e-40] == [1, -1]
 
 
 # ---- four-bars

@@ -190,16 +190,16 @@ def test_the_bounds_over_a_box_are_reached_to_a_good_part(family: int) -> None:
     assert np.max(np.median(excess(family, Bounded, 1e-3, corner=True), axis=1)) > 0.1
 
 
-def test_an_error_of_the_inputs_moves_each_derivative_of_a_law_by_its_own_size():
+@pytest.mark.parametrize("least", [0.0, 1.0, 5.0])
+def test_an_error_of_the_inputs_moves_each_derivative_of_a_law_by_its_own_size_or_the_least(least: float) -> None:
     """Of gamma, which is f'' for the driver of an angle: that of f'', and that of the time by f'''."""
     law, t = Polynomial(coefficients=(2.0, -0.7, 0.4, 0.1)), np.array([0.5])
     pin = Revolute(name="pin", body_i="ground", point_i=(0.0, 0.0), body_j="b", point_j=(0.0, 0.0))
     mechanism = Mechanism((Body(name="b"),), (pin,), (AngleDriver(name="d", body="b", law=law),))
-    error = InputError(2.0**-40)
-    rough = bounded_system(compile_system(mechanism), error=error)
+    rough = bounded_system(compile_system(mechanism), error=InputError(2.0**-40, least))
     gamma = read(rough.gamma(box(np.zeros((3, 1))), box(np.zeros((3, 1))), Times(t, 3)), 1)
 
-    expected = error.of(law(t, 2)) + error.relative * t * law(t, 3)
+    expected = 2.0**-40 * (max(float(law(t, 2)[0]), least) + t * law(t, 3))
     assert gamma.mid[2] == law(t, 2)
     assert gamma.spread[2] == pytest.approx(expected, rel=1e-9, abs=0.0)
 
