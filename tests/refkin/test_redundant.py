@@ -159,3 +159,26 @@ def test_a_choice_of_rows_that_float64_does_not_prove_is_bounded_by_balls_if_its
 
     assert (bounds > 0.0).all() == near
     assert bounds[0, 0] == pytest.approx(shift * near, rel=1e-3)
+
+
+def test_of_poses_of_other_choices_that_are_compared_the_second_order_counts_too(monkeypatch):
+    """At a share of what is unique eight shares are put on the distance; and none of it is put on that of the proof."""
+    law = Polynomial(coefficients=(0.4, 1.0))
+    _, scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=law, times=TIMES))
+    motion, (*joints, again) = solve(scene), scene.mechanism.joints
+    longer = replace(scene.mechanism, joints=(*joints, replace(again, point_j=(-0.5 + 1e-9, 1e-9))))
+    system = compile_system(longer, unit=longer.unit())
+    answers = (system.to_unit(motion.q), np.array(TIMES), *(system.to_unit(motion.levels[k], k) for k in (1, 2)))
+    proof = isolate(system, *answers)
+    monkeypatch.setattr(choices, "MOST_CHOICES", 2)
+
+    def far(unique):
+        monkeypatch.setattr(choices, "unique_within", lambda *_: unique)
+        bounds = choices.over_all_choices(system, proof, *answers)
+        own = proof.position, proof.velocity, proof.acceleration
+        return [bound - x for bound, x in zip((bounds.position, bounds.velocity, bounds.acceleration), own, strict=True)]
+
+    first = far(np.full(3, np.inf))
+    assert np.min(first) > 0.0
+    for share, factor in ((0.01, 1.08), (0.015, 1.12), (0.016, np.nan)):
+        np.testing.assert_allclose(far(first[0] / share), factor * np.array(first), rtol=1e-2)
