@@ -290,6 +290,7 @@ def test_a_path_of_a_linkage_far_from_its_origin_is_the_same():
 
     assert path.end is TraceEnd.CLOSED
     assert [e.t for e in path.events] == pytest.approx([e.t for e in here.events], abs=1e-7)
+    assert np.nanmin(path.radius) > 2.0**-28, "half an ulp of 1e8, to which each pose is rounded"
 
 
 def test_tangents_point_along_the_path_all_around():

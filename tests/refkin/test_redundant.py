@@ -176,7 +176,9 @@ def test_of_poses_of_other_choices_that_are_compared_the_second_order_counts_too
         monkeypatch.setattr(choices, "unique_within", lambda *_: unique)
         bounds = choices.over_all_choices(system, proof, *answers)
         own = proof.position, proof.velocity, proof.acceleration
-        return [bound - x for bound, x in zip((bounds.position, bounds.velocity, bounds.acceleration), own, strict=True)]
+        return [
+            bound - x for bound, x in zip((bounds.position, bounds.velocity, bounds.acceleration), own, strict=True)
+        ]
 
     first = far(np.full(3, np.inf))
     assert np.min(first) > 0.0

@@ -109,24 +109,25 @@ def test_samples_of_every_size_are_answered():
 
 
 BAD = {
-    "does not assemble": (np.s_[:, 3::10], 0.01),
-    "no length": (np.s_[2, 3::10], np.nan),
-    "too long a link": (np.s_[2, 3::10], 1e300),
-    "zero": (np.s_[1:3, 3::10], 0.0),
+    "does not assemble": (np.s_[:, ::10], 0.01),
+    "no length": (np.s_[2, ::10], np.nan),
+    "too long a link": (np.s_[2, ::10], 1e300),
+    "zero": (np.s_[1:3, ::10], 0.0),
 }
 
 
 @pytest.mark.parametrize("fault", BAD)
 def test_bad_samples_change_no_bit_of_the_others(fault):
+    """Nor does the first, by which a family is made if it is good."""
     lengths = grashof(200, margin=0.02)
     good = solved(lengths, samples=40)
     where, value = BAD[fault]
     spoilt = lengths.copy()
     spoilt[where] = value
     if fault == "does not assemble":
-        spoilt[0, 3::10] = 1.0
+        spoilt[0, ::10] = 1.0
     many = solve_many(scene(40), geometry(spoilt), estimates(lengths))
-    others = np.arange(200) % 10 != 3
+    others = np.arange(200) % 10 != 0
 
     assert many.ok[others].all()
     assert not many.ok[~others].any()
