@@ -73,10 +73,11 @@ def test_two_loci_meet_in_two_points_one_on_each_side_or_miss_each_other_by_what
         met, (missing, centre, way) = meet(*loci), missed(*loci)
 
         if missing > 0:
-            assert met.gap.overlaps(missing) and not met.points
-            assert abs(met.apart - met.reach).overlaps(missing) and met.inside == (met.apart < met.reach)
+            assert met.gap.overlaps(missing)
+            assert abs(met.apart - met.reach).overlaps(missing)
+            assert (met.inside, met.points) == (met.apart < met.reach, ())
             return
-        assert met.gap is None and met.decided
+        assert (met.gap, met.decided) == (None, True)
         assert all(off(locus, p).overlaps(arb(0, "1e-40")) for _, p in met.points for locus in loci)
         assert [side for side, p in met.points if way.perp().dot(p - centre) * side > 1e-40] == [1, -1]
 
