@@ -241,6 +241,27 @@ def test_two_linkages_that_pass_a_near_change_point_together_stay_on_their_curve
     assert np.max(sides(linkage, path)[0]) < 1e-8
 
 
+@pytest.mark.parametrize("slack", [1e-6, -1e-6])
+def test_long_steps_of_a_linkage_with_redundant_rows_stay_on_its_curve(slack):
+    """A second coupler on the same pins: which rows are independent is asked anew on the way."""
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + slack)
+    m = driven(linkage).mechanism
+    pins = [j for j in m.joints if "coupler" in (j.body_i, j.body_j)]
+    again = {"coupler": "twin"}
+    joints = [
+        replace(j, name=f"{j.name} 2", body_i=again.get(j.body_i, j.body_i), body_j=again.get(j.body_j, j.body_j))
+        for j in pins
+    ]
+    twin = [replace(b, name="twin") for b in m.bodies if b.name == "coupler"]
+    scene = replace(driven(linkage), mechanism=replace(m, bodies=(*m.bodies, *twin), joints=(*m.joints, *joints)))
+    path = refkin.follow(scene, until=(0.0, 6.0), max_step=0.5)
+    alone = refkin.follow(driven(linkage), until=(0.0, 6.0), max_step=0.5)
+
+    assert [event.t for event in path.events] == pytest.approx([event.t for event in alone.events], abs=1e-9)
+    assert path["rocker"].phi[-1] == pytest.approx(alone["rocker"].phi[-1], abs=1e-9)
+    assert len(path.events) == (slack < 0)
+
+
 def test_time_may_be_the_parameter():
     scene = ROCKER.scene(law=Polynomial(coefficients=(0.3, 2.0)), times=(0.0, 1.0))
     path = refkin.follow(scene)

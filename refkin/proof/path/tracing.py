@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from refkin.proof.numbers.extrema import extrema_of
+from refkin.proof.numbers.preconditioned import independent_rows
 from refkin.proof.path.blocks import Blocks, blocks
 from refkin.proof.path.curve import Crossing, Curve, crossing
 
@@ -130,16 +131,13 @@ class Tracer:
 
     def _step(self, x: Any, tangent: Any, h: float) -> tuple[Any, Any, float] | Crossing | None:
         """Return the next point, its tangent and the step that led there; a crossing on the way; or None."""
-        before = None
         while h >= SHORTEST:
             new = self.curve.stepped(x, tangent, h)
             after = None if new is None else self.curve.tangent(new, tangent)
             if new is not None and tangent @ after >= math.cos(BEND):
                 rows = self.curve.rows(new)
-                if before is None:
-                    before = (0.0, 0.0) if self.at_crossing else self.curve.determinant(x, tangent, rows)
-                sign = self.curve.determinant(new, after, rows)[0]
-                if sign == before[0] or before[0] == 0.0:
+                sign, _ = self.curve.determinant(new, after, rows)
+                if self.at_crossing or sign == self.curve.determinant(x, tangent, rows)[0]:
                     if self._same_sides(x, tangent, new, after) and not self._touches(x, new):
                         return new, after, h
                     h /= 2
@@ -156,12 +154,14 @@ class Tracer:
         Two crossings passed at once change the sign of the determinant twice.
         """
         system, turns = self.curve.system, tangent[-1] * after[-1] <= 0
-        if turns or system.m > system.n or min(abs(tangent[-1]), abs(after[-1])) < STANDING:
+        if turns or min(abs(tangent[-1]), abs(after[-1])) < STANDING:
             return True
         if self.at_crossing:  # from a crossing each of its curves goes on with signs of its own
             return True
         (q, t), pose = self.curve.pose(x), self.curve.pose(new)
-        if self.blocks is None:
+        if system.m > system.n:  # which rows are independent changes along the way
+            self.blocks = blocks(system, q, t, independent_rows(system, q[:, None], np.array([t])))
+        elif self.blocks is None:
             self.blocks = blocks(system, q, t, np.arange(system.n))
         here, there = (self.blocks.determinants(system.phi_q(*at))[0] for at in ((q, t), pose))
         return here == there
