@@ -15,7 +15,6 @@ from typing import Any
 import pytest
 
 import refkin
-from crosscheck.cli import main
 from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, read_records
 from crosscheck.measure import jobs
 from crosscheck.night import campaign
@@ -313,12 +312,11 @@ def test_a_folder_whose_run_cannot_be_told_is_refused(tmp_path, text):
         ("records.jsonl", ": Is a directory", 4),
     ],
 )
-def test_a_folder_where_a_file_should_be_is_one_clear_line(tmp_path, capsys, name, said, code):
+def test_a_folder_where_a_file_should_be_is_one_clear_line(tmp_path, command, name, said, code):
     (tmp_path / name).mkdir()
-    with pytest.raises(SystemExit, match=str(code)):
-        main(["nightly", "--out", str(tmp_path), "--scenes", "1"])
+    told = command("nightly", "--out", tmp_path, "--scenes", 1)
 
-    assert capsys.readouterr().err == f"{tmp_path / name}{said}\n"
+    assert (told.returncode, told.stderr) == (code, f"{tmp_path / name}{said}\n")
 
 
 def test_a_folder_with_records_of_another_kind_is_refused(tmp_path):

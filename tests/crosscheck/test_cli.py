@@ -7,7 +7,7 @@ import math
 import re
 import subprocess
 import sys
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import reduce
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.cli import COMMANDS, app, main
+from crosscheck.cli import COMMANDS, app
 from crosscheck.commands import progress
 from crosscheck.commands.progress import shown_progress
 from crosscheck.commands.solve import solve
@@ -35,32 +35,11 @@ NIGHT = 31
 ENGINES = "exudyn,pinocchio,mujoco"
 
 
-@dataclass
-class Told:
-    """How a command ended, and what it said."""
-
-    returncode: int
-    stdout: str
-    stderr: str
-
-
-@pytest.fixture
-def command(capsys):
-    """The command line in this process: quicker than one of its own, which `crosscheck` starts."""
-
-    def run(*arguments: Any) -> Told:
-        with pytest.raises(SystemExit) as ended:
-            main([str(argument) for argument in arguments])
-        return Told(ended.value.code, *capsys.readouterr())  # type: ignore[arg-type]
-
-    return run
-
-
 @pytest.fixture
 def nightly(command):
     """A night with a few scenes."""
 
-    def run(out: Path, *more: Any, scenes: int | None = 3) -> Told:
+    def run(out: Path, *more: Any, scenes: int | None = 3) -> Any:
         return command(*night(out, *more, scenes=scenes))
 
     return run
@@ -381,22 +360,20 @@ def test_solving_waits_for_nothing_that_it_does_not_use():
     assert not loaded & {"hypothesis", "scipy", "jinja2", "exudyn", "pinocchio", "mujoco", "rich"}
 
 
-@pytest.mark.parametrize("command", sorted(COMMANDS))
-def test_every_command_in_the_list_is_there(command, capsys):
-    with pytest.raises(SystemExit) as end:
-        main([*command.split(), "--help"])
+@pytest.mark.parametrize("asked", sorted(COMMANDS))
+def test_every_command_in_the_list_is_there(asked, command):
+    told = command(*asked.split(), "--help")
 
-    assert end.value.code == 0
-    assert f"crosscheck {command}" in capsys.readouterr().out
+    assert told.returncode == 0
+    assert f"crosscheck {asked}" in told.stdout
 
 
-@pytest.mark.parametrize("command", ["draw", "animate"])
-def test_a_scene_becomes_a_picture(command, tmp_path, capsys):
-    with pytest.raises(SystemExit) as end:
-        main([command, str(ROOT / "examples" / "slider-crank.toml"), "--out", str(tmp_path / "picture.svg")])
+@pytest.mark.parametrize("asked", ["draw", "animate"])
+def test_a_scene_becomes_a_picture(asked, tmp_path, command):
+    told = command(asked, ROOT / "examples" / "slider-crank.toml", "--out", tmp_path / "picture.svg")
 
-    assert end.value.code == 0
-    assert "offset slider-crank" in capsys.readouterr().out
+    assert told.returncode == 0
+    assert "offset slider-crank" in told.stdout
     assert (tmp_path / "picture.svg").read_text(encoding="utf-8").startswith("<svg")
 
 
@@ -433,11 +410,8 @@ def test_a_table_in_a_file_and_one_object_are_had_at_once(command, tmp_path):
     assert (tmp_path / "answer.csv").exists()
 
 
-def test_an_answer_is_written_as_a_table(tmp_path):
-    with pytest.raises(SystemExit) as end:
-        main(["solve", str(ROOT / "examples" / "crank-rocker.toml"), "--csv", str(tmp_path / "answer.csv")])
-
-    assert end.value.code == 0
+def test_an_answer_is_written_as_a_table(tmp_path, command):
+    assert command("solve", GOOD, "--csv", tmp_path / "answer.csv").returncode == 0
     assert (tmp_path / "answer.csv").read_text(encoding="utf-8").startswith("t [s],status,crank.x [m],")
 
 

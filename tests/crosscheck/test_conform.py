@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.cli import main
 from crosscheck.commands.conform import lines
 from crosscheck.engines import EngineRefusal, load
 from crosscheck.engines.closed_form.engine import ClosedForm
@@ -65,15 +64,13 @@ def test_an_engine_that_answers_all_right_is_told_nothing(tmp_path):
     assert said == f"{len(some)} of {len(some)} questions answered, 0 refused, 0 wrong"
 
 
-def test_the_example_is_right_where_it_answers_and_says_what_it_refuses(capsys, monkeypatch):
+def test_the_example_is_right_where_it_answers_and_says_what_it_refuses(command, monkeypatch):
     some = ("revolute", "gear", "internal gear", "law: table", SPHERICAL)
     monkeypatch.setattr("crosscheck.commands.conform.hard_replies", lambda spec: iter(()))
     monkeypatch.setattr("crosscheck.measure.conform._asked", lambda: {about: ASKED[about] for about in some})
-    with pytest.raises(SystemExit) as ended:
-        main(["conform", OWN])
-    shown = capsys.readouterr().out
+    code, shown, _ = command("conform", OWN)
 
-    assert ended.value.code == 0
+    assert code == 0
     assert "WRONG" not in shown
     assert "refused (3 questions): no such element in this engine: rolling wheels, points of space coincide" in shown
     assert shown.splitlines()[-1].endswith(" refused, 0 wrong")
@@ -220,21 +217,17 @@ def test_an_engine_of_the_plane_is_asked_no_hard_case_of_space():
 
 
 def test_an_engine_that_is_not_there_is_named_and_one_that_answers_nothing_passes_nothing(
-    tmp_path, capsys, monkeypatch
+    tmp_path, command, monkeypatch
 ):
     monkeypatch.setattr("crosscheck.commands.conform.hard_replies", lambda spec: iter(()))
     monkeypatch.setattr("crosscheck.measure.conform._asked", lambda: {"fixed": ASKED["fixed"]})
     refuses = engine_file(
         tmp_path, name="no", before="raise __import__('crosscheck.engines').engines.EngineRefusal('never')"
     )
-    codes = []
-    for spec in ("nobody", "own.py", refuses):
-        with pytest.raises(SystemExit) as ended:
-            main(["conform", spec, "--json"])
-        codes.append(ended.value.code)
-    shown = capsys.readouterr().out
+    told = [command("conform", spec, "--json") for spec in ("nobody", "own.py", refuses)]
+    shown = "".join(one.stdout for one in told)
 
-    assert codes == [3, 3, 5]
+    assert [one.returncode for one in told] == [3, 3, 5]
     assert "no engine is called 'nobody'" in shown
     assert "own.py: name the class in it, too, as in own.py:Mine\n" in shown  # and no place in our code
     assert json.loads(shown.splitlines()[-1])["replies"][0]["refusals"] == ["never"]

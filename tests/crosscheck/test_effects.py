@@ -77,21 +77,21 @@ def of_refkin(scene=SCENE):
 
 
 @pytest.fixture(scope="module")
-def command(tmp_path_factory):
+def printed(tmp_path_factory):
     """What the command prints for refkin and the three engines."""
     path = tmp_path_factory.mktemp("scene") / "scene.toml"
     path.write_text(EXAMPLE.read_text(encoding="utf-8").replace("count = 73", "count = 3"), encoding="utf-8")
     with pytest.MonkeyPatch.context() as patch, pytest.MonkeyPatch.context() as out:
-        printed = []
-        patch.setattr("builtins.print", lambda text, file=None, **_: file or printed.append(text))
+        lines = []
+        patch.setattr("builtins.print", lambda text, file=None, **_: file or lines.append(text))
         out.setattr("crosscheck.commands.effects.effects_ledger", partial(effects_ledger, within=1.5))
         with pytest.raises(SystemExit) as ended:
             main(["effects", str(path), "--json"])
-    return ended.value.code, json.loads("".join(printed))
+    return ended.value.code, json.loads("".join(lines))
 
 
-def test_the_command_prints_one_object_with_the_promised_keys(command):
-    code, result = command
+def test_the_command_prints_one_object_with_the_promised_keys(printed):
+    code, result = printed
 
     assert code == 0
     assert (result["schema"], result["scene"]) == (2, "crank-rocker")
@@ -99,8 +99,8 @@ def test_the_command_prints_one_object_with_the_promised_keys(command):
     assert {row["engine"] for row in result["rows"]} == {"refkin", "exudyn", "mujoco", "pinocchio"}
 
 
-def test_every_effect_has_one_row_by_every_method(command):
-    _, result = command
+def test_every_effect_has_one_row_by_every_method(printed):
+    _, result = printed
     by_method = Counter((row["engine"], row["method"]) for row in result["rows"])
     effects = {(row["engine"], row["method"], row["effect"]) for row in result["rows"]}
 
@@ -109,27 +109,27 @@ def test_every_effect_has_one_row_by_every_method(command):
     assert set(by_method.values()) == {len(CALLED_FOR) + len(PHYSICAL)}
 
 
-def test_a_row_without_a_price_says_why(command):
-    _, result = command
+def test_a_row_without_a_price_says_why(printed):
+    _, result = printed
 
     assert all(row["note"] for row in result["rows"] if row["microseconds"] is None)
 
 
-def test_nothing_that_refkin_computes_in_addition_changes_a_bit_of_the_rest(command):
-    _, result = command
+def test_nothing_that_refkin_computes_in_addition_changes_a_bit_of_the_rest(printed):
+    _, result = printed
     ours = [row for row in result["rows"] if row["engine"] == "refkin" and row["effect"] in CALLED_FOR]
 
     assert [(row["inert"], row["largest_change"]) for row in ours] == [(True, 0.0)] * len(CALLED_FOR)
 
 
-def test_no_effect_is_felt_by_a_method_that_answers_the_crank_rocker(command):
-    _, result = command
+def test_no_effect_is_felt_by_a_method_that_answers_the_crank_rocker(printed):
+    _, result = printed
 
     assert not [row for row in result["rows"] if row["inert"] is False and row["method"] != "forward dynamics"]
 
 
-def test_ablation_sees_the_effects_where_soft_dynamics_feel_them(command):
-    _, result = command
+def test_ablation_sees_the_effects_where_soft_dynamics_feel_them(printed):
+    _, result = printed
     felt = {row["effect"] for row in result["rows"] if row["engine"] == "mujoco" and row["inert"] is False}
 
     assert felt == set(PHYSICAL) - {"sensors"}
@@ -281,8 +281,8 @@ def test_a_price_no_larger_than_its_noise_is_shown_as_such(microseconds, spread,
     assert shown == ("within noise" if within else f"{microseconds:.1f}")
 
 
-def test_no_price_of_the_command_is_a_saving_beyond_noise(command):
-    _, result = command
+def test_no_price_of_the_command_is_a_saving_beyond_noise(printed):
+    _, result = printed
     priced_rows = [row for row in result["rows"] if row["microseconds"] is not None]
 
     assert priced_rows
@@ -307,25 +307,18 @@ def test_points_of_the_scene_are_what_is_priced():
     assert only(rows(of_refkin(scene), reference(scene), 0.0), "points").note.startswith("2 of them")
 
 
-def usage(capsys, *arguments):
-    with pytest.raises(SystemExit) as ended:
-        main(["effects", *map(str, arguments)])
-    output = capsys.readouterr()
-    return ended.value.code, output.out, output.err
-
-
-def test_an_unknown_engine_is_told_in_one_line(capsys):
-    code, out, err = usage(capsys, EXAMPLE, "--engines", "nobody")
+def test_an_unknown_engine_is_told_in_one_line(command):
+    code, out, err = command("effects", EXAMPLE, "--engines", "nobody")
 
     assert (code, out) == (2, "")
     assert err.startswith("no engine is called 'nobody'; there are: closed_form, ")
 
 
 @pytest.mark.parametrize("text", ["schema = ", 'schema = 1\nname = "no bodies"\n'])
-def test_a_broken_scene_is_told_once_and_nothing_is_measured(text, tmp_path, capsys):
+def test_a_broken_scene_is_told_once_and_nothing_is_measured(text, tmp_path, command):
     path = tmp_path / "broken.toml"
     path.write_text(text, encoding="utf-8")
-    code, out, err = usage(capsys, path)
+    code, out, err = command("effects", path)
 
     assert (code, out) == (2, "")
     assert "broken.toml" in err
@@ -352,10 +345,10 @@ def test_no_engine_evaluates_a_law_beyond_the_rate_that_its_march_predicts_by(sp
     assert orders == set(range(3 if spec == "vector_loop" else highest + 1))
 
 
-def test_a_scene_without_a_pose_is_told_in_one_line_and_nobody_is_asked(tmp_path, capsys):
+def test_a_scene_without_a_pose_is_told_in_one_line_and_nobody_is_asked(tmp_path, command):
     path = tmp_path / "apart.toml"
     path.write_text(EXAMPLE.read_text(encoding="utf-8").replace("[4.0, 0.0]", "[40.0, 0.0]"), encoding="utf-8")
-    code, out, err = usage(capsys, path)
+    code, out, err = command("effects", path)
 
     assert (code, out) == (1, "")
     assert "no pose is found, so no effect has a price: coupler and rocker cannot meet" in err

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck.cli import main
 from crosscheck.measure.check import key_of
 from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
@@ -214,43 +213,40 @@ def test_the_reference_is_still_within_the_accepted_proof(accepted: Any) -> None
     assert differences(accepted["cases"], now, ()) == []
 
 
-def command(*words: Any) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main([str(word) for word in words])
-    return int(ended.value.code or 0)
-
-
-def test_nothing_is_accepted_without_being_asked(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    code = command("baseline", "--engines", "closed_form", "--file", tmp_path / "b.json")
+def test_nothing_is_accepted_without_being_asked(tmp_path: Path, command: Any) -> None:
+    code, _, err = command("baseline", "--engines", "closed_form", "--file", tmp_path / "b.json")
 
     assert code == 2
-    assert "crosscheck baseline --accept makes one" in capsys.readouterr().err
+    assert "crosscheck baseline --accept makes one" in err
     assert not (tmp_path / "b.json").exists()
 
 
-def test_a_loss_ends_the_command_with_1_and_leaves_the_baseline(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_loss_ends_the_command_with_1_and_leaves_the_baseline(file: Path, command: Any) -> None:
     expect_digits(file, ROUTE, attainable=True)
     before = file.read_bytes()
 
-    assert command("baseline", "--engines", "closed_form", "--file", file) == 1
-    assert f"{HARD}: closed_form (float), velocity: golden set: digits lost" in capsys.readouterr().out
+    code, out, _ = command("baseline", "--engines", "closed_form", "--file", file)
+
+    assert code == 1
+    assert f"{HARD}: closed_form (float), velocity: golden set: digits lost" in out
     assert file.read_bytes() == before
 
 
-def test_accepting_tells_what_is_worse_and_then_nothing_is(file: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_accepting_tells_what_is_worse_and_then_nothing_is(file: Path, command: Any) -> None:
     expect_digits(file, ROUTE, attainable=True)
 
-    assert command("baseline", "--accept", "--engines", "closed_form", "--file", file) == 0
-    assert "digits lost" in capsys.readouterr().out
-    assert command("baseline", "--engines", "closed_form", "--file", file) == 0
+    code, out, _ = command("baseline", "--accept", "--engines", "closed_form", "--file", file)
+
+    assert (code, "digits lost" in out) == (0, True)
+    assert command("baseline", "--engines", "closed_form", "--file", file).returncode == 0
 
 
-def test_an_engine_that_is_missing_ends_the_command_with_3(file: Path, tmp_path: Path) -> None:
-    assert command("baseline", "--engines", f"{tmp_path / 'gone.py'}:Gone", "--file", file) == 3
+def test_an_engine_that_is_missing_ends_the_command_with_3(file: Path, tmp_path: Path, command: Any) -> None:
+    assert command("baseline", "--engines", f"{tmp_path / 'gone.py'}:Gone", "--file", file).returncode == 3
 
 
-def test_a_baseline_that_was_asked_for_and_is_not_there_ends_the_night_with_2(tmp_path: Path) -> None:
+def test_a_baseline_that_was_asked_for_and_is_not_there_ends_the_night_with_2(tmp_path: Path, command: Any) -> None:
     pair = ("--engines", "closed_form", "--scenes", 1, "--out", tmp_path / "out", "--baseline", tmp_path / "b.json")
 
-    assert command("nightly", *pair) == 2
+    assert command("nightly", *pair).returncode == 2
     assert not (tmp_path / "out").exists()

@@ -10,7 +10,6 @@ from types import SimpleNamespace as Plain
 import pytest
 
 import refkin
-from crosscheck.cli import main
 from crosscheck.measure.hard_table import KEYS, hard_case_rows
 from crosscheck.night.hunting import CERTIFICATE, STRATA, Bag, Catch, hunt, ratios, turn_of
 from crosscheck.report.measured import measured
@@ -19,15 +18,9 @@ ENGINES = Path(__file__).parent / "hard_engines.py"
 SCENE = refkin.load(Path(__file__).parent.parent.parent / "examples" / "crank-rocker.toml")
 
 
-def run(*arguments: str) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main(list(arguments))
-    return int(ended.value.code or 0)
-
-
-def test_rows_are_printed_as_json(capsys):
-    code = run("hard", "--engines", f"{ENGINES}:Right", "--case", "large offset", "--json")
-    rows = json.loads(capsys.readouterr().out)
+def test_rows_are_printed_as_json(command):
+    code, out, _ = command("hard", "--engines", f"{ENGINES}:Right", "--case", "large offset", "--json")
+    rows = json.loads(out)
 
     assert code == 0
     assert [tuple(row) for row in rows] == [KEYS] * 8
@@ -35,33 +28,23 @@ def test_rows_are_printed_as_json(capsys):
     assert {row["verdict"] for row in rows} == {"correct"}
 
 
-def test_a_wrong_answer_that_no_finding_explains_fails(capsys):
-    assert run("hard", "--engines", f"{ENGINES}:Wrong", "--case", "large offset") == 1
-    assert "no finding explains this" in capsys.readouterr().out
-
-
-def test_the_table_counts_each_verdict(capsys):
-    assert run("hard", "--engines", f"{ENGINES}:Refuses", "--case", "far start") == 0
-    assert "all: refused" in capsys.readouterr().out
-
-
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("words", "code", "said"),
     [
-        (("hard", "--case", "nothing"), "no hard scene is called 'nothing'; there are: toggle"),
-        (("hard", "--engines", "nobody"), "no engine is called 'nobody'; there are: closed_form"),
-        (("hunt", "--engines", "nobody"), "no engine is called 'nobody'"),
-        (("hunt", "--minutes", "0"), "--minutes: expected a number above 0"),
+        (("hard", "--engines", f"{ENGINES}:Wrong", "--case", "large offset"), 1, "no finding explains this"),
+        (("hard", "--engines", f"{ENGINES}:Refuses", "--case", "far start"), 0, "all: refused"),
+        (("hard", "--engines", "nowhere.py:Engine"), 3, "there is no file nowhere.py"),
+        (("hard", "--case", "nothing"), 2, "no hard scene is called 'nothing'; there are: toggle"),
+        (("hard", "--engines", "nobody"), 2, "no engine is called 'nobody'; there are: closed_form"),
+        (("hunt", "--engines", "nobody"), 2, "no engine is called 'nobody'"),
+        (("hunt", "--minutes", "0"), 2, "--minutes: expected a number above 0"),
     ],
 )
-def test_a_name_that_nobody_knows_is_one_clear_error(arguments, told, capsys):
-    assert run(*arguments) == 2
-    assert told in capsys.readouterr().err
+def test_a_wrong_answer_a_refusal_and_a_name_that_nobody_knows_have_their_codes(words, code, said, command):
+    told = command(*words)
 
-
-def test_an_engine_that_cannot_be_loaded_is_missing(capsys):
-    assert run("hard", "--engines", "nowhere.py:Engine") == 3
-    assert "there is no file nowhere.py" in capsys.readouterr().err
+    assert told.returncode == code
+    assert said in (told.stdout if code < 2 else told.stderr)
 
 
 def test_the_rows_of_a_night_are_read_by_the_report(tmp_path):

@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck.cli import main
 from crosscheck.night.history import HistoryError, append, change_points, nights, remember, trends, warnings
 from crosscheck.report.build import build, summarized
 
@@ -194,16 +193,9 @@ def test_two_nights_can_be_added_at_once(tmp_path: Path) -> None:
     assert len(nights(path)) == 2
 
 
-def command(*words: Any) -> int:
-    with pytest.raises(SystemExit) as ended:
-        main([str(word) for word in words])
-    return int(ended.value.code or 0)
-
-
-def test_the_terminal_shows_nights_digits_and_the_change(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_terminal_shows_nights_digits_and_the_change(tmp_path: Path, command: Any) -> None:
     a_slower_engine(tmp_path / "h.sqlite", tmp_path / "run")
-    code = command("history", "--history", tmp_path / "h.sqlite")
-    shown = capsys.readouterr().out
+    code, shown, _ = command("history", "--history", tmp_path / "h.sqlite")
 
     assert code == 0
     assert "2026-10-24 02:17" in shown
@@ -212,23 +204,22 @@ def test_the_terminal_shows_nights_digits_and_the_change(tmp_path: Path, capsys:
     assert "warning: time of mujoco" in shown
 
 
-def test_the_terminal_gives_one_json_object_on_request(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_terminal_gives_one_json_object_on_request(tmp_path: Path, command: Any) -> None:
     a_slower_engine(tmp_path / "h.sqlite", tmp_path / "run")
-    command("history", "--history", tmp_path / "h.sqlite", "--json")
-    data = json.loads(capsys.readouterr().out)
+    data = json.loads(command("history", "--history", tmp_path / "h.sqlite", "--json").stdout)
 
     assert (len(data["nights"]), len(data["warnings"])) == (24, 1)
 
 
 @pytest.mark.parametrize(("text", "code"), [(None, 2), ("no database, and long enough to tell" * 40, 4)])
 def test_a_history_that_cannot_be_shown_is_told_in_one_line(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], text: str | None, code: int
+    tmp_path: Path, command: Any, text: str | None, code: int
 ) -> None:
     path = tmp_path / "h.sqlite"
     if text:
         path.write_text(text)
 
-    assert command("history", "--history", path) == code
-    value = capsys.readouterr().err
-    assert str(path) in value
-    assert value.count("\n") == 1
+    told = command("history", "--history", path)
+
+    assert (told.returncode, told.stderr.count("\n")) == (code, 1)
+    assert str(path) in told.stderr

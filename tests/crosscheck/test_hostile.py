@@ -9,7 +9,6 @@ from typing import Any
 
 import pytest
 
-from crosscheck.cli import main
 from crosscheck.commands.usage import Printable, printable
 from crosscheck.judge.records import EnclosedTimes
 from crosscheck.night import hunting
@@ -65,18 +64,15 @@ def test_the_makefile_removes_no_folder_of_a_night():
     assert "crosscheck nightly --fresh" in text
 
 
-@pytest.mark.parametrize("command", ["solve", "mobility", "replay"])
-def test_names_with_escape_sequences_reach_no_terminal(tmp_path, capsys, command):
+@pytest.mark.parametrize("asked", ["solve", "mobility", "replay"])
+def test_names_with_escape_sequences_reach_no_terminal(tmp_path, command, asked):
     text = (ROOT / "examples" / "crank-rocker.toml").read_text(encoding="utf-8")
     name = EVIL.replace("\x1b", "\\u001b").replace("\x07", "\\u0007")
     scene = tmp_path / "scene.toml"
     scene.write_text(text.replace('"crank"', f'"{name}"').replace('"crank-rocker"', f'"{name}"'), encoding="utf-8")
-    with pytest.raises(SystemExit):
-        main([command, str(scene), *(("--engines", "closed_form") if command == "replay" else ())])
-    output = capsys.readouterr()
+    told = command(asked, scene, *(("--engines", "closed_form") if asked == "replay" else ()))
 
-    assert "\x1b" not in output.out + output.err
-    assert "\x07" not in output.out + output.err
+    assert not {"\x1b", "\x07"} & {*told.stdout, *told.stderr}
 
 
 def test_what_is_printed_keeps_lines_and_letters():
@@ -103,13 +99,11 @@ def test_a_terminal_gets_colours_and_nothing_that_moves_its_cursor():
     assert stream.text == "\x1b[31mred\x1b[0m \\x1b]0;owned\\x07\\x1b[2J"
 
 
-def test_an_exception_of_our_own_ends_with_4_and_one_line(monkeypatch, capsys):
+def test_an_exception_of_our_own_ends_with_4_and_one_line(monkeypatch, command):
     monkeypatch.setattr("crosscheck.commands.solve.load", lambda path: 1 / 0)
-    with pytest.raises(SystemExit) as ended:
-        main(["solve", "scene.toml"])
-    value = capsys.readouterr().err
+    code, _, value = command("solve", "scene.toml")
 
-    assert (ended.value.code, value.count("\n"), "Traceback" in value) == (4, 1, False)
+    assert (code, value.count("\n"), "Traceback" in value) == (4, 1, False)
     assert value.startswith("crosscheck itself failed: ZeroDivisionError: division by zero (")
 
 
@@ -207,11 +201,9 @@ def test_climbing_begins_at_the_scene_that_was_drawn():
     assert len(set(seen)) > 1
 
 
-def test_every_command_of_the_line_has_a_reason_for_a_bad_end(tmp_path, capsys):
+def test_every_command_of_the_line_has_a_reason_for_a_bad_end(tmp_path, command):
     (tmp_path / "records.jsonl").write_text(json.dumps({"key": "../x"}) + "\n")
-    with pytest.raises(SystemExit) as ended:
-        main(["nightly", "--scenes", "1", "--engines", "closed_form", "--out", str(tmp_path)])
-    value = capsys.readouterr().err
+    code, _, value = command("nightly", "--scenes", 1, "--engines", "closed_form", "--out", tmp_path)
 
-    assert ended.value.code == 2
+    assert code == 2
     assert "records.jsonl, line 1: key: '../x'; string should match pattern" in value

@@ -9,7 +9,6 @@ import pytest
 from flint import arb, ctx
 from pydantic import TypeAdapter, ValidationError
 
-from crosscheck.cli import main
 from crosscheck.documents.ledger import all_rows, check_row, ledger_rows, read
 from crosscheck.documents.ledger.arithmetic import Balls, Binary64, NoRoot, Undecided, count_roots, excludes_zero
 from crosscheck.documents.ledger.rows import Erratum, Ledger, Value, Written, correct_digits
@@ -129,8 +128,7 @@ def test_a_row_that_lies_fails(row, sentence):
     value = check_row(row)
 
     assert value["status"] == "fail"
-    assert value["failures"]
-    assert all(sentence in text for text in value["failures"])
+    assert any(sentence in text for text in value["failures"])
 
 
 def test_the_digits_of_the_rates_in_the_notes_are_about_two():
@@ -195,38 +193,32 @@ def test_roots_are_counted_and_excluded():
         count_roots(me451.square(0), -1.0, 1.5)
 
 
-def run(capsys, *arguments):
-    with pytest.raises(SystemExit) as ended:
-        main(arguments)
-    return ended.value.code, capsys.readouterr()
-
-
-def test_the_command_prints_every_row_and_ends_well(capsys):
-    code, result = run(capsys, "ledger")
+def test_the_command_prints_every_row_and_ends_well(command):
+    code, out, _ = command("ledger")
 
     assert code == 0
-    assert "57 rows: 57 pass, 0 fail, 0 open" in result.out
-    assert "40 errata" in result.out
+    assert "57 rows: 57 pass, 0 fail, 0 open" in out
+    assert "40 errata" in out
 
 
-def test_the_command_prints_json(capsys):
-    code, result = run(capsys, "ledger", "--json", "A3", "D23")
+def test_the_command_prints_json(command):
+    code, out, _ = command("ledger", "--json", "A3", "D23")
 
     assert code == 0
-    assert [row["status"] for row in json.loads(result.out)["rows"]] == ["pass", "pass"]
+    assert [row["status"] for row in json.loads(out)["rows"]] == ["pass", "pass"]
 
 
-def test_the_command_fails_when_a_row_does(capsys, monkeypatch):
+def test_the_command_fails_when_a_row_does(command, monkeypatch):
     wrong = changed("A9", "f'(-1.2)", truth="-1.92")
     monkeypatch.setattr("crosscheck.documents.ledger.read", lambda: replace(read(), row=(wrong,)))
-    code, result = run(capsys, "ledger")
+    code, out, _ = command("ledger")
 
     assert code == 1
-    assert "FAIL A9: f'(-1.2)" in result.out
+    assert "FAIL A9: f'(-1.2)" in out
 
 
-def test_the_command_refuses_an_unknown_row(capsys):
-    code, result = run(capsys, "ledger", "Z9")
+def test_the_command_refuses_an_unknown_row(command):
+    code, _, err = command("ledger", "Z9")
 
     assert code == 2
-    assert "'Z9'" in result.err
+    assert "'Z9'" in err

@@ -4,30 +4,27 @@ from __future__ import annotations
 
 import json
 import math
+from dataclasses import replace
 
 import pytest
 
 import refkin
-from crosscheck.cli import main
 from refkin import FourBar, Polynomial, SliderCrank
-from refkin.scenes.files import to_toml
 from refkin.scenes.linkages import ScrewJack
 
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 CHANGE_POINT = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5)
 
 
-def told(tmp_path, capsys, scene, *words):
-    """The exit code, and what was printed."""
-    path = tmp_path / "scene.toml"
-    path.write_text(to_toml(scene), encoding="utf-8")
-    with pytest.raises(SystemExit) as ended:
-        main([words[0], str(path), *words[1:]])
-    return ended.value.code, capsys.readouterr()
-
-
 def limited():
     return LIMITED.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(0.0, 0.5))
+
+
+def beyond():
+    """A crank beyond its limit at the first time."""
+    m = limited().mechanism
+    law = Polynomial(coefficients=(2.5, 1.0))
+    return replace(limited(), mechanism=replace(m, drivers=(replace(m.drivers[0], law=law),)), times=(0.0,))
 
 
 def dead_centre():
@@ -35,10 +32,10 @@ def dead_centre():
     return SliderCrank(0.25, 0.5).scene(driven="slider", law=law, times=(0.0,))
 
 
-def test_a_path_is_told_by_its_turning_points(tmp_path, capsys):
-    code, printed = told(tmp_path, capsys, limited(), "follow")
+def test_a_path_is_told_by_its_turning_points(command):
+    code, out, _ = command("follow", limited())
     limit = LIMITED.input_range()[0][1]
-    lines = printed.out.splitlines()[-5:]
+    lines = out.splitlines()[-5:]
 
     assert code == 0
     assert [line.split(":")[1].split(" value ")[0] for line in lines[2:4]] == [
@@ -49,20 +46,20 @@ def test_a_path_is_told_by_its_turning_points(tmp_path, capsys):
     assert lines[-1].endswith("the path closes, at driver = 0")
 
 
-def test_the_poses_of_a_path_are_a_table_or_a_file(tmp_path, capsys):
-    _, printed = told(tmp_path, capsys, limited(), "follow")
-    told(tmp_path, capsys, limited(), "follow", "--csv", str(tmp_path / "path.csv"))
+def test_the_poses_of_a_path_are_a_table_or_a_file(command, tmp_path):
+    _, out, _ = command("follow", limited())
+    command("follow", limited(), "--csv", str(tmp_path / "path.csv"))
     header, *rows = (tmp_path / "path.csv").read_text(encoding="utf-8").splitlines()
-    poses = [line for line in printed.out.splitlines() if line.startswith("│")]
+    poses = [line for line in out.splitlines() if line.startswith("│")]
 
     assert header.startswith("pose,driver [rad],proved radius,crank.x [m]")
     assert len(rows) == len(poses)
     assert float(rows[-1].split(",")[1]) == pytest.approx(0.0, abs=1e-15)
 
 
-def test_a_path_as_json_is_its_poses_with_tangents_events_and_radii(tmp_path, capsys):
-    code, printed = told(tmp_path, capsys, limited(), "follow", "--json", "--backwards", "--until", "-1", "1")
-    path = json.loads(printed.out)
+def test_a_path_as_json_is_its_poses_with_tangents_events_and_radii(command):
+    code, out, _ = command("follow", limited(), "--json", "--backwards", "--until", "-1", "1")
+    path = json.loads(out)
 
     assert code == 0
     assert path["end"] == "range"
@@ -72,9 +69,9 @@ def test_a_path_as_json_is_its_poses_with_tangents_events_and_radii(tmp_path, ca
     assert all(tangent["bodies"]["crank"][2] == pytest.approx(tangent["t"], abs=1e-15) for tangent in path["tangents"])
 
 
-def test_a_bifurcation_as_json_has_both_tangents(tmp_path, capsys):
-    code, printed = told(tmp_path, capsys, CHANGE_POINT.scene(samples=3), "follow", "--json")
-    (event,) = json.loads(printed.out)["events"]
+def test_a_bifurcation_as_json_has_both_tangents(command):
+    code, out, _ = command("follow", CHANGE_POINT.scene(samples=3), "--json")
+    (event,) = json.loads(out)["events"]
 
     assert code == 0
     assert event["kind"] == "bifurcation"
@@ -82,62 +79,57 @@ def test_a_bifurcation_as_json_has_both_tangents(tmp_path, capsys):
     assert len(event["tangents"]) == 2
 
 
-def test_through_goes_straight_on_at_bifurcations(tmp_path, capsys):
+def test_through_goes_straight_on_at_bifurcations(command):
     words = ("follow", "--json", "--through", "--until", "0", "7")
-    path = json.loads(told(tmp_path, capsys, CHANGE_POINT.scene(samples=3), *words)[1].out)
+    path = json.loads(command(words[0], CHANGE_POINT.scene(samples=3), *words[1:]).stdout)
 
     assert path["t"][-1] == 7.0
 
 
-def test_a_driver_that_does_not_exist_is_a_usage_error(tmp_path, capsys):
-    code, printed = told(tmp_path, capsys, limited(), "follow", "--driver", "wheel")
+def test_a_driver_that_does_not_exist_is_a_usage_error(command):
+    code, _, err = command("follow", limited(), "--driver", "wheel")
 
     assert code == 2
-    assert printed.err.strip() == "no driver is called 'wheel'; there are: driver"
+    assert err.strip() == "no driver is called 'wheel'; there are: driver"
 
 
-def test_a_path_without_a_start_says_why(tmp_path, capsys):
-    scene = LIMITED.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(0.0,))
-    text = to_toml(scene).replace("coefficients = [0.0, 1.0]", "coefficients = [2.5, 1.0]")
-    path = tmp_path / "beyond.toml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(SystemExit) as ended:
-        main(["follow", str(path)])
-
-    assert ended.value.code == 1
-    assert "cannot meet" in capsys.readouterr().out
-
-
-def test_a_path_that_runs_out_of_points_is_not_done(tmp_path, capsys):
-    assert told(tmp_path, capsys, limited(), "follow", "--most-points", "9")[0] == 1
-
-
-def test_a_regular_scene_is_diagnosed_so(tmp_path, capsys):
-    code, printed = told(tmp_path, capsys, limited(), "diagnose")
-
-    assert code == 0
-    assert "regular: the pose is proved to be alone" in printed.out
-
-
-def test_a_screw_whose_coordinate_no_body_has_is_diagnosed(tmp_path, capsys):
-    code, printed = told(tmp_path, capsys, ScrewJack(0.1).scene(samples=2), "diagnose")
-
-    assert (code, "regular: the pose is proved to be alone" in printed.out) == (0, True)
-
-
-def test_a_dead_centre_is_told_with_its_rows_bodies_and_another_driver(tmp_path, capsys):
-    code, printed = told(tmp_path, capsys, dead_centre(), "diagnose")
+def test_a_path_without_a_start_says_why(command):
+    code, out, _ = command("follow", beyond())
 
     assert code == 1
-    assert "turning point: " in printed.out
-    assert "rows: A0, A, B, driver" in printed.out
-    assert "bodies: crank, connecting_rod" in printed.out
-    assert "driven by the angle of crank the same pose is regular" in printed.out
+    assert "cannot meet" in out
 
 
-def test_a_diagnosis_as_json_has_the_same_words(tmp_path, capsys):
-    code, printed = told(tmp_path, capsys, dead_centre(), "diagnose", "--json")
-    data = json.loads(printed.out)
+def test_a_path_that_runs_out_of_points_is_not_done(command):
+    assert command("follow", limited(), "--most-points", "9").returncode == 1
+
+
+def test_a_regular_scene_is_diagnosed_so(command):
+    code, out, _ = command("diagnose", limited())
+
+    assert code == 0
+    assert "regular: the pose is proved to be alone" in out
+
+
+def test_a_screw_whose_coordinate_no_body_has_is_diagnosed(command):
+    code, out, _ = command("diagnose", ScrewJack(0.1).scene(samples=2))
+
+    assert (code, "regular: the pose is proved to be alone" in out) == (0, True)
+
+
+def test_a_dead_centre_is_told_with_its_rows_bodies_and_another_driver(command):
+    code, out, _ = command("diagnose", dead_centre())
+
+    assert code == 1
+    assert "turning point: " in out
+    assert "rows: A0, A, B, driver" in out
+    assert "bodies: crank, connecting_rod" in out
+    assert "driven by the angle of crank the same pose is regular" in out
+
+
+def test_a_diagnosis_as_json_has_the_same_words(command):
+    code, out, _ = command("diagnose", dead_centre(), "--json")
+    data = json.loads(out)
 
     assert code == 1
     assert data["kind"] == "turning point"
@@ -146,12 +138,8 @@ def test_a_diagnosis_as_json_has_the_same_words(tmp_path, capsys):
     assert data["verdict"] == "singular"
 
 
-def test_a_scene_without_a_pose_is_diagnosed_by_its_verdict(tmp_path, capsys):
-    text = to_toml(limited()).replace("coefficients = [0.0, 1.0]", "coefficients = [2.5, 1.0]")
-    path = tmp_path / "beyond.toml"
-    path.write_text(text, encoding="utf-8")
-    with pytest.raises(SystemExit) as ended:
-        main(["diagnose", str(path), "--json"])
+def test_a_scene_without_a_pose_is_diagnosed_by_its_verdict(command):
+    code, out, _ = command("diagnose", beyond(), "--json")
 
-    assert ended.value.code == 1
-    assert json.loads(capsys.readouterr().out)["verdict"] == refkin.Status.UNASSEMBLABLE.value
+    assert code == 1
+    assert json.loads(out)["verdict"] == refkin.Status.UNASSEMBLABLE.value

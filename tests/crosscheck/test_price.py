@@ -9,7 +9,6 @@ from types import SimpleNamespace
 
 import pytest
 
-from crosscheck.cli import main
 from crosscheck.commands.price import lines, to_json
 from crosscheck.engines.methods import PRICED
 from crosscheck.judge.prices import Offer, PriceRow, cheapest, repeated, with_suspicions
@@ -245,25 +244,21 @@ def test_beyond_what_is_attainable_a_loss_of_digits_is_not_suspicious():
 
 
 @pytest.mark.parametrize("arguments", [["no such scene.toml"], [str(EXAMPLE), "--page", "no such folder/page.html"]])
-def test_a_request_that_makes_no_sense_is_told_in_one_line_before_anything_is_measured(arguments, capsys):
-    with pytest.raises(SystemExit) as ended:
-        main(["price", *arguments])
-    output = capsys.readouterr()
+def test_a_request_that_makes_no_sense_is_told_in_one_line_before_anything_is_measured(arguments, command):
+    code, out, err = command("price", *arguments)
 
-    assert ended.value.code == 2
-    assert "no such" in output.err
-    assert output.out == ""
+    assert (code, out) == (2, "")
+    assert "no such" in err
 
 
-def test_the_command_prints_one_object_with_the_promised_keys(tmp_path, capsys):
+def test_the_command_prints_one_object_with_the_promised_keys(tmp_path, command):
     path = tmp_path / "scene.toml"
     text = EXAMPLE.read_text(encoding="utf-8").replace("count = 73", "count = 3")
     path.write_text(text.replace('["acceleration", "velocity"]', "[]"), encoding="utf-8")
-    with pytest.raises(SystemExit) as ended:
-        main(["price", str(path), "--json", "--page", str(tmp_path / "page.html")])
-    data = json.loads(capsys.readouterr().out)
+    code, out, _ = command("price", path, "--json", "--page", tmp_path / "page.html")
+    data = json.loads(out)
 
-    assert ended.value.code == 0
+    assert code == 0
     assert (data["schema"], data["scene"]) == (2, "crank-rocker")
     assert all(set(row) == KEYS for row in data["rows"])
     assert {row["engine"] for row in data["rows"]} == {*PRICED}

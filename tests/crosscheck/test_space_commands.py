@@ -5,14 +5,12 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
 import refkin
-from crosscheck.cli import main
 from crosscheck.commands.effects import felt_lines
 from crosscheck.commands.follow import _direction
 from crosscheck.engines import EngineError, EngineRefusal
@@ -24,7 +22,6 @@ from crosscheck.measure.check import check
 from crosscheck.measure.effects import rows
 from crosscheck.measure.effects_ablations import ablations
 from refkin.model import Scene
-from refkin.scenes.files import to_toml
 from refkin.scenes.linkages import Hooke
 from refkin.solving.follow import driven_by
 
@@ -41,14 +38,11 @@ def few(scene: Scene) -> Scene:
     return replace(scene, times=TIMES)
 
 
-def test_a_crank_in_space_that_turns_once_closes_its_path(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+def test_a_crank_in_space_that_turns_once_closes_its_path(command: Any) -> None:
     """Its Euler parameters are those of the first pose with the other sign."""
-    file = tmp_path / "rssr.toml"
-    file.write_text(to_toml(space_scenes.rssr_by_distance()), encoding="utf-8")
-    with pytest.raises(SystemExit) as ended:
-        main(["follow", str(file), "--json"])
-    path = json.loads(capsys.readouterr().out)
-    assert (ended.value.code, path["end"]) == (0, "closed")
+    code, out, _ = command("follow", space_scenes.rssr_by_distance(), "--json")
+    path = json.loads(out)
+    assert (code, path["end"]) == (0, "closed")
     assert path["t"][-1] - path["t"][0] == pytest.approx(2.0 * np.pi, abs=1e-12)
     assert len(path["tangents"][0]["bodies"]["crank"]) == 7
     assert refkin.follow(driven_by(space_scenes.rssr(), "motor"), most_points=2).parameter == "motor [rad]"

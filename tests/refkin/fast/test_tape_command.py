@@ -5,9 +5,6 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-import pytest
-
-from crosscheck.cli import main
 from refkin.fast import tape
 from refkin.scenes.files import load
 
@@ -15,15 +12,8 @@ EXAMPLES = Path(__file__).parents[3] / "examples"
 SCENE = EXAMPLES / "slider-crank.toml"
 
 
-def told(capsys, *arguments):
-    with pytest.raises(SystemExit) as ended:
-        main(["tape", *map(str, arguments)])
-    out, err = capsys.readouterr()
-    return ended.value.code, out, err
-
-
-def test_every_operation_is_printed_and_counted(capsys):
-    code, out, _ = told(capsys, SCENE)
+def test_every_operation_is_printed_and_counted(command):
+    code, out, _ = command("tape", SCENE)
     counts = tape(load(SCENE)).counts()
 
     assert code == 0
@@ -33,13 +23,13 @@ def test_every_operation_is_printed_and_counted(capsys):
     assert "x, y, phi of slider" in out
 
 
-def test_counts_alone_are_five_lines(capsys):
-    code, out, _ = told(capsys, SCENE, "--counts")
+def test_counts_alone_are_five_lines(command):
+    code, out, _ = command("tape", SCENE, "--counts")
 
     assert (code, len(out.splitlines())) == (0, 5)
 
 
-def test_a_scene_without_a_program_says_why(capsys, tmp_path):
+def test_a_scene_without_a_program_says_why(command, tmp_path):
     text = (EXAMPLES / "crank-rocker.toml").read_text(encoding="utf-8")
     driver = re.search(r"\[\[driver\]\].*?(?=\n\[\[|\Z)", text, re.DOTALL).group()
     joint = re.search(r"\[\[joint\]\].*?(?=\n\[\[|\Z)", text, re.DOTALL).group()
@@ -48,16 +38,16 @@ def test_a_scene_without_a_program_says_why(capsys, tmp_path):
     drivers = "\n".join(f'[[driver]]\nname = "m{k}"\ntype = "x"\nbody = "{crank}"\n{law}' for k in range(3))
     path = tmp_path / "scene.toml"
     path.write_text(text.replace(driver, drivers).replace(joint, ""), encoding="utf-8")
-    code, out, _ = told(capsys, path)
+    code, out, _ = command("tape", path)
 
     assert code == 1
     assert "no program" in out
 
 
-def test_a_file_that_is_no_scene_is_a_usage_error(capsys, tmp_path):
+def test_a_file_that_is_no_scene_is_a_usage_error(command, tmp_path):
     path = tmp_path / "scene.toml"
     path.write_text("schema = 1\n", encoding="utf-8")
-    code, _, err = told(capsys, path)
+    code, _, err = command("tape", path)
 
     assert code == 2
     assert "Traceback" not in err
