@@ -97,7 +97,7 @@ def point_motion(u: Any, q: Any, qd: Any = None, qdd: Any = None) -> PointMotion
 
 
 def kind_of(width: int) -> Kind:
-    """Return what a body of so many coordinates is one of."""
+    """Return whether a body of so many coordinates is of the plane or of space."""
     return SPACE if width == SPACE.width else PLANE
 
 

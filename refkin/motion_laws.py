@@ -33,7 +33,7 @@ class Law(Protocol):
 
 
 class _Everywhere:
-    """A law without gaps: every finite set of its numbers is one."""
+    """A law that is defined at all times, whatever its numbers."""
 
     __pydantic_config__ = STRICT
 

@@ -64,7 +64,7 @@ class CorrectionNorm:
 class RoundOff:
     """Stop when the correction is below the spacing of the numbers, or stalls with the residual at round-off.
 
-    Near a multiple root it halves down to sqrt(u) and then only jitters: the second rule lets a factor 1/2 pass.
+    Near a multiple root corrections halve down to sqrt(u), then only jitter: the second rule lets a factor 1/2 pass.
     """
 
     previous: float = field(default=np.inf, repr=False)

@@ -21,7 +21,7 @@ from refkin.vec import ParameterValue
 
 EVERYTHING = frozenset(Effect)
 PROFILE_ORDER = 3
-"""The highest derivative of a profile that any formula takes: gamma that of a tangent, whose own rate it is."""
+"""The highest derivative of a profile that any formula takes: gamma holds the second rate of its tangent."""
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class System:
         return self.mechanism.kind
 
     def gauged(self, q: Any) -> System:
-        """Return the system whose passive freedoms are held as at a pose (n,), or each of (n, B); else as estimated."""
+        """Return the system with its passive freedoms held as they are at a pose, (n,) or (n, B), not as estimated."""
         held = {p.row: p.constraint.gauge(p.g, q[p.starts[1] :]) for p in self.placed if p.constraint.passive}
         return replace(self, gauge=held) if held else self
 
@@ -74,7 +74,7 @@ class System:
 
     @property
     def turns(self) -> Any:
-        """The turn [rad] that a change of each coordinate by 1 is, (n,): 1 for angles, as all parameters are."""
+        """How far a body turns [rad] as each coordinate changes by 1, (n,): 1 for angles, as all parameters are."""
         return np.append(np.tile(self.kind.turns, len(self.mechanism.bodies)), np.ones(self.n - self.of_bodies))
 
     @property

@@ -147,11 +147,9 @@ class Block:
         return min(counts, key=lambda count: count * together + float(np.sum(alone, where=~(asked <= count))))
 
     def _values(self, t: float) -> list[Any]:
-        """Return the laws' values."""
         return [law[0] for p in self.system.placed for law in p.constraint.inputs(t, self.system.unit, 0)]
 
     def _step(self, t: float, hasty: Any) -> None:
-        """Take all samples to time t."""
         before, last = [None, *self.times][-2:]
         assert last is not None
         h = t - last
@@ -299,7 +297,6 @@ class Block:
 
 
 def _largest(differences: Any) -> Any:
-    """Return the largest size in each sample."""
     return np.maximum.reduce(np.abs(differences))
 
 

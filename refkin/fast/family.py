@@ -136,7 +136,6 @@ def of_samples(system: System, samples: Any) -> System:
 
 
 def _cut(value: Any, samples: Any) -> Any:
-    """Return a value with some samples of its rows."""
     if isinstance(value, np.ndarray):
         return value[samples] if value.ndim and len(value) > 1 else value
     return by_parts(value, lambda part: _cut(part, samples)) if has_rows(value) else value
@@ -168,7 +167,6 @@ def _unit(constraints: tuple[Constraint, ...], size: int) -> Unit:
 
 
 def _reach(constraint: Constraint, size: int) -> Any:
-    """Return the lengths that a constraint itself brings."""
     if not has_rows(constraint):
         return constraint.reach()
     try:

@@ -141,7 +141,6 @@ def _law(path: str, value: Any) -> Any:
 
 
 def _parts(path: str, value: Any, count: int, expected: str) -> tuple[Any, ...]:
-    """Return the parts of a pair or triple."""
     if not isinstance(value, tuple | list | np.ndarray) or (isinstance(value, np.ndarray) and not value.ndim):
         raise _wrong(path, value, expected)
     if len(value) != count:

@@ -198,7 +198,6 @@ def _converged(steps: Sequence[float]) -> bool:
 
 
 def _largest(a: Sequence[float], b: Sequence[float]) -> float:
-    """Return the largest difference."""
     largest = 0.0
     for x, y in zip(a, b, strict=True):
         off = abs(x - y)

@@ -103,7 +103,6 @@ class _Task:
         return self.extrema[bisect_right(self.extrema, a) : bisect_left(self.extrema, b)]
 
     def _laws_of(self, k: int) -> list[float]:
-        """Return the laws' values at one of the scene's times."""
         return [self.laws[c][law][order].item(k) for c, law, order in self.made.march.laws]
 
     def _start(self) -> Pose | None:

@@ -148,11 +148,11 @@ class Constraint:
 
     @property
     def passive(self) -> str:
-        """In words the freedom that moves nothing else, if the constraint only holds one, as `gauge` says; else ""."""
+        """The passive degree of freedom, in words, that the constraint does nothing but hold; "" for all others."""
         return ""
 
     def gauge(self, g: Any, q: Any) -> tuple[Any, ...]:
-        """Return what holds a passive degree of freedom as it is in coordinates that begin with those of its body."""
+        """Return the numbers that hold a passive degree of freedom where it is at q, which begins with its body's."""
         return ()
 
     @property

@@ -128,7 +128,6 @@ def animated(drawing: Drawing, seconds: float = 4.0) -> str:
 
 
 def _moving(part: Part, sheet: _Sheet, frames: Sequence[int], timing: dict[str, str]) -> ET.Element:
-    """Return the group of a part's shapes, moved and turned."""
     places = [sheet.point(float(x), float(y)) for x, y in part.poses[:2, frames].T]
     degrees = -np.degrees(part.poses[2, frames])
     moves = {"translate": [f"{x:.2f} {y:.2f}" for x, y in places], "rotate": [f"{angle:.2f}" for angle in degrees]}

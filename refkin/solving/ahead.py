@@ -253,7 +253,6 @@ def _merged(one: Any, other: Any) -> Any:
 
 
 def _among(some: Any, values: Any) -> Any:
-    """Return which of the values are among some."""
     known = set(some.tolist())
     return np.array([x in known for x in values.tolist()], bool)
 
@@ -312,5 +311,4 @@ def _solve(matrix: Any, right: Any) -> Any:
 
 
 def _largest(values: Any) -> Any:
-    """Return the largest component (B,) of vectors (n, B)."""
     return np.max(np.abs(values), axis=0, initial=0.0)

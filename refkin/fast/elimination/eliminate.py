@@ -143,7 +143,6 @@ class Elimination:
         return total
 
     def _reduced(self, row: int) -> Row:
-        """Return a row of the core's matrix."""
         return _chained(self.slope[row], self.total, 1)
 
     def _factored(self, group: Sequence[int]) -> tuple[list[int], list[int], Factored]:

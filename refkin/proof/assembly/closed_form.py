@@ -133,7 +133,6 @@ class _Worker:
         return self.rows[k] if k < len(self.rows) else branch.pins[k - len(self.rows)]
 
     def _link(self, relation: Relation, step: Step, branch: PlacedBranch) -> Link:
-        """Return a relation in numbers."""
         first, second = self._row(relation.first, branch), self._row(relation.second, branch)
         zero = arb(0)
         poses, on_b = branch.poses, relation.line_on_b

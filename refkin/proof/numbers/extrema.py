@@ -192,6 +192,5 @@ def _halved(f: Callable[[float], float], lo: float, hi: float, sign: float) -> f
 
 
 def _inside(times: Any, a: float, b: float) -> list[float]:
-    """Return of times in order those between a and b."""
     inside: list[float] = times[(a < times) & (times < b)][:MOST].tolist()
     return inside

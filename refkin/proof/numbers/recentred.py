@@ -54,7 +54,6 @@ class Recentred:
         return tuple(out)
 
     def _bodies(self) -> Iterator[tuple[slice, Any]]:
-        """Yield where the coordinates of each body sit, and its shift."""
         width = self.system.kind.width
         for k, shift in enumerate(self.shifts):
             yield slice(width * k, width * (k + 1)), shift
@@ -88,7 +87,6 @@ class Recentred:
 
 
 def _turned(q: Any, u: Any) -> Any:
-    """Return a vector of a body in the ground frame."""
     if len(u) == 3:
         return SpatialValues(*q).arm(*u).at.parts
     c, s = (q[2].cos(), q[2].sin()) if hasattr(q[2], "cos") else (np.cos(q[2]), np.sin(q[2]))

@@ -206,7 +206,6 @@ def _mu(curve: Curve, x: Any, psi: Any, rows: Any) -> float:
 
 
 def _objects(q: Any) -> Any:
-    """Return numbers as an object array of exact balls."""
     out = np.empty(len(q), object)
     out[:] = [arb(v) for v in q.tolist()]
     return out

@@ -176,7 +176,6 @@ class _Examination:
         return self._of(PoseKind.REDUNDANT, f"the rows of {_and(rows)} depend on each other, and {how}", rows=rows)
 
     def _near(self) -> str:
-        """Return which singularity is near, in words."""
         if self.sigma >= NEAR:
             return ""
         like = _Examination(self.frames, self.q, self.t, vanishing=max(VANISHING, 4 * float(self.sigma))).singular()
@@ -269,6 +268,5 @@ def _counted(motions: int) -> str:
 
 
 def _and(names: Any) -> str:
-    """Return names in a row."""
     names = list(names)
     return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}" if names else "nothing"
