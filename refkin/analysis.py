@@ -129,7 +129,7 @@ def sweep(scene: Scene) -> Motion:
 
 
 def estimated(system: System, scene: Scene) -> Any:
-    """Return the scene's estimates in the system's coordinates (n,), else 0; for cams, where they are likely to touch."""
+    """Return the scene's estimates in the system's coordinates (n,), or 0; cams start where they may touch."""
     q = np.zeros(system.n)
     for body in scene.mechanism.bodies:
         q[system.columns(body.name)] = body.estimate or system.kind.still

@@ -114,6 +114,7 @@ class SpatialConstraint(Constraint):
         return tuple(row for term, own in self._placed for row in term.gamma(g[own], f, *at))
 
     def faults(self, path: str) -> Iterator[Fault]:
+        """Yield the axes that are zero, and the zeros that are zero or along their axis."""
         yield from super().faults(path)
         for body in "ij":
             axis, zero = (getattr(self, f"{key}_{body}", None) for key in ("axis", "zero"))

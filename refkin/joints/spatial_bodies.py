@@ -107,6 +107,7 @@ class PassiveSpin(UnitLength):
         return (p.times(Quaternion(0, Vec3(*g[4:7]))) * 2).parts
 
     def constants(self, unit: Unit) -> tuple[float, ...]:
+        """Return 2 s at the reference pose (4), the direction of the line (3), and the scaled point it goes through."""
         length = sum(x * x for x in self.line)
         p0 = Quaternion.of(*self.reference)
         size = p0.dot(p0) * length

@@ -111,6 +111,7 @@ class FourBar(Linkage):
         return {link: (*self.place(z), phi[link] + self.angle) for link, z in middles.items()}
 
     def joints(self) -> tuple[Constraint, ...]:
+        """Return the pins A0, A, B, B0, from the ground along crank, coupler and rocker to the ground."""
         crank, coupler, rocker = self.crank / 2, self.coupler / 2, self.rocker / 2
         pivot = self.place(complex(self.ground))
         return (

@@ -6,6 +6,7 @@ import cmath
 import math
 from dataclasses import dataclass
 from fractions import Fraction
+from typing import Any
 
 from refkin.joints import GROUND, Constraint, Driver, PointOnLine, Prismatic, Revolute, XDriver, YDriver
 from refkin.motion_laws import Law
@@ -105,21 +106,15 @@ class SliderCrank(Linkage):
         }
 
     def joints(self) -> tuple[Constraint, ...]:
+        """Return the pins A0, A, B and the guide, from the ground along crank, rod and slider to the ground."""
         c, r, rod = self.crank / 2, self.rod / 2, "connecting_rod"
         foot, along = self.place(complex(0.0, self.offset)), (math.cos(self.angle), math.sin(self.angle))
+        rail: dict[str, Any] = {"point_i": foot, "axis_i": along, "angle": self.angle}
         return (
             Revolute(name="A0", body_i=GROUND, point_i=self.origin, body_j="crank", point_j=(-c, 0.0)),
             Revolute(name="A", body_i="crank", point_i=(c, 0.0), body_j=rod, point_j=(-r, 0.0)),
             Revolute(name="B", body_i=rod, point_i=(r, 0.0), body_j="slider", point_j=(0.0, 0.0)),
-            Prismatic(
-                name="guide",
-                body_i=GROUND,
-                point_i=foot,
-                axis_i=along,
-                body_j="slider",
-                point_j=(0.0, 0.0),
-                angle=self.angle,
-            ),
+            Prismatic(name="guide", body_i=GROUND, **rail, body_j="slider", point_j=(0.0, 0.0)),
         )
 
     def driver(self, law: Law, driven: str = "crank", relative_to: str = GROUND) -> Driver:
@@ -202,18 +197,12 @@ class InvertedSliderCrank(Linkage):
         }
 
     def joints(self) -> tuple[Constraint, ...]:
-        c, pivot = self.crank / 2, self.place(complex(self.ground))
+        """Return the pins of crank and lever, and the line of the lever that the crank pin stays on."""
+        c, pivot, slot = self.crank / 2, self.place(complex(self.ground)), (0.0, self.offset)
         return (
             Revolute(name="A0", body_i=GROUND, point_i=self.origin, body_j="crank", point_j=(-c, 0.0)),
             Revolute(name="B0", body_i=GROUND, point_i=pivot, body_j="lever", point_j=(0.0, 0.0)),
-            PointOnLine(
-                name="A",
-                body_i="lever",
-                point_i=(0.0, self.offset),
-                axis_i=(1.0, 0.0),
-                body_j="crank",
-                point_j=(c, 0.0),
-            ),
+            PointOnLine(name="A", body_i="lever", point_i=slot, axis_i=(1.0, 0.0), body_j="crank", point_j=(c, 0.0)),
         )
 
 

@@ -71,6 +71,7 @@ class RSSR(SpatialLinkage):
     LENGTHS = ("crank", "coupler", "rocker")
 
     def joints(self) -> tuple[Constraint, ...]:
+        """Return R1, S1 and S2 (the distance L if the coupler is massless), R2."""
         inner, outer = (self.crank, 0.0, 0.0), (self.rocker, 0.0, 0.0)
         f, _, _ = frame(self.axis, None)
         ends: dict[str, Any] = {"body_i": "crank", "point_i": inner, "body_j": "rocker", "point_j": outer}
@@ -121,6 +122,7 @@ class RSSRChain(SpatialLinkage):
             at = (at[0] + of_frame(at, Vec3(*self.first.pivot)), f, g, h)
 
     def joints(self) -> tuple[Constraint, ...]:
+        """Return R1, then A, B and R of each copy, numbered."""
         one = self.first
         joints: list[Constraint] = [revolute("R1", GROUND, AT, Z, X, "rocker0", form=self.form)]
         for k, (origin, f, _, h) in enumerate(list(self._frames())[1:], 1):
@@ -159,6 +161,7 @@ class RSSP(SpatialLinkage):
     LENGTHS = ("crank", "rod")
 
     def joints(self) -> tuple[Constraint, ...]:
+        """Return R1, S1, S2 and the slide P."""
         f, _, _ = frame(self.axis, None)
         line: dict[str, Any] = {"point_i": self.guide, "axis_i": self.axis, "zero_i": f.parts}
         own: dict[str, Any] = {"body_j": "slider", "point_j": AT, "axis_j": Z, "zero_j": X}
@@ -202,6 +205,7 @@ class RSCR(SpatialLinkage):
     LENGTHS = ("crank", "coupler", "rocker")
 
     def joints(self) -> tuple[Constraint, ...]:
+        """Return R1, S, C, R2."""
         f, _, _ = frame(self.axis, None)
         line: dict[str, Any] = {"axis_i": Z, "zero_i": X, "axis_j": Z, "zero_j": X}
         ends: dict[str, Any] = {"body_i": "rocker", "point_i": (self.rocker, 0.0, 0.0), "body_j": "coupler"}

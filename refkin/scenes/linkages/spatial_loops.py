@@ -46,6 +46,7 @@ class Loop(SpatialLinkage):
         raise NotImplementedError
 
     def joints(self) -> tuple[Constraint, ...]:
+        """Return the hinges R1, R2 ... around the loop, the last one on the ground."""
         hinges, i, point, axis = [], GROUND, AT, Z
         *moving, (length, twist) = self.links
         for k, (a, t) in enumerate(moving, 1):
@@ -118,6 +119,7 @@ class Hooke(SpatialLinkage):
     beta: float
 
     def joints(self) -> tuple[Constraint, ...]:
+        """Return R1, the Hooke joint U, R2."""
         axis = (0.0, -math.sin(self.beta), math.cos(self.beta))
         ends: dict[str, Any] = {"body_i": "input", "point_i": AT, "body_j": "output", "point_j": AT}
         return (
@@ -154,6 +156,7 @@ class DoubleHooke(SpatialLinkage):
         return tuple(Vec3(0.0, -math.sin(b), math.cos(b)) for b in (self.beta, last))  # type: ignore[return-value]
 
     def joints(self) -> tuple[Constraint, ...]:
+        """Return R1, the Hooke joints U1 and U2, and C, which lets the output slide."""
         middle, last = self._axes
         fork = (math.sin(self.phase), math.cos(self.phase), 0.0)
         one: dict[str, Any] = {"body_i": "input", "point_i": AT, "body_j": "shaft", "point_j": AT}
@@ -190,6 +193,7 @@ class ScrewJack(SpatialLinkage):
     DRIVEN = "H1"
 
     def joints(self) -> tuple[Constraint, ...]:
+        """Return the screw H1, its tip in the plane of the platform, and the slide P."""
         line: dict[str, Any] = {"axis_i": Z, "zero_i": X, "axis_j": Z, "zero_j": X, "form": self.form}
         side, tip = (0.5 * self.height, 0.0, 0.0), (0.0, 0.0, self.height)
         return (
@@ -238,6 +242,7 @@ class Stewart(SpatialLinkage):
         return tuple(math.hypot(*(a - Vec3(*b)).parts) for a, b in zip(tops, self.base, strict=True))
 
     def joints(self) -> tuple[Constraint, ...]:
+        """Return none: the legs are drivers."""
         return ()
 
     def drivers(self, law: Law) -> tuple[Driver, ...]:
