@@ -130,7 +130,6 @@ class Table:
         return (-np.inf, np.inf) if self.periodic else (self.argument[0], self.argument[-1])
 
     def faults(self, path: str) -> Iterator[Fault]:
-        """Yield arguments that do not increase, missing values, ends that differ, a spline that is not finite."""
         x, y = self.argument, self.value
         if len(x) < 2:
             yield Fault(f"{path}.argument", list(x), "at least two arguments")
