@@ -23,6 +23,7 @@ from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Batch, Use, method, methods
 from crosscheck.engines.ours import c_kernels
 from crosscheck.engines.ours.c_kernels import text_of
+from crosscheck.judge import workloads
 from crosscheck.judge.workloads import of_four_bars
 from crosscheck.measure import bench as measure
 from crosscheck.measure.bench_aims import key_of
@@ -226,6 +227,19 @@ def test_one_wrong_number_among_all_is_noticed(level):
     assert result.worst_over_allowed > 1.0
     assert result.max_error > 1e-12
     assert not result.ranked
+
+
+def test_one_configuration_in_so_many_is_judged_over_all_mechanisms_and_times_and_the_worst_are(monkeypatch):
+    work, judged = few(), []
+    monkeypatch.setattr(workloads, "SAMPLE", work.configurations // 7)
+    monkeypatch.setattr(workloads, "WORST", 1)
+    monkeypatch.setattr(workloads, "_over_allowed", lambda work, piece: (judged.append(piece), (0.0, 0))[1])
+    levels = right(work)
+    levels[0][5, 79] += 1.0
+    of_four_bars(work, [answers(work, tuple(levels))])
+    numbers = [piece.mechanisms * len(work.t) + piece.times for piece in judged]
+
+    assert np.concatenate(numbers).tolist() == [*range(0, work.configurations, 7), 79]
 
 
 def test_the_other_branch_is_noticed():

@@ -12,8 +12,8 @@ import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import method
 from crosscheck.engines.ours import chains
-from crosscheck.judge.budget import derive
-from crosscheck.judge.workloads import allowed, of_chain, sparse_system
+from crosscheck.judge.budget import SAFETY, derive, output_rounding
+from crosscheck.judge.workloads import allowed, of_chain, residual_error, sparse_system
 from crosscheck.scenes import workloads as works
 
 FAST = importlib.util.find_spec("refkin.fast") is not None
@@ -40,6 +40,19 @@ def test_what_is_allowed_is_less_than_the_budget_of_a_comparison_and_not_much_le
 
     assert np.all(part <= 1.0)
     assert np.all(part > 0.2)
+
+
+def test_random_signs_carry_most_of_what_the_worst_signs_would_and_no_more():
+    system = sparse()
+    if system is None:
+        return
+    q, still = system.system.to_unit(refkin.solve(WORK.scene).q)[:, 0], np.zeros((system.system.n, 1))
+    rounded = output_rounding(system.system, q[:, None], still, still)[0][:, 0]
+    worst = np.abs(np.linalg.inv(system.system.phi_q(q, 0.0))) @ (SAFETY * residual_error(system, q, 0.0))
+    part = (allowed(system, q, 0.0) - rounded) / worst
+
+    assert np.all(part <= 1.0 + 1e-9)
+    assert np.all(part > 0.3)
 
 
 def test_the_truth_is_ranked_and_one_wrong_coordinate_is_not():

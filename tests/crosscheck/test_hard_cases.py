@@ -227,7 +227,9 @@ def test_full_turns_are_no_error():
     q = motion.q.copy()
     q[2::3] += 2 * np.pi
 
-    assert classed(samples(system, truth, EASY.scene, replace(motion, q=q), ()))[0] == HardOutcome.CORRECT
+    poses = samples(system, truth, EASY.scene, replace(motion, q=q), ())
+    assert classed(poses)[0] == HardOutcome.CORRECT
+    assert {pose.note for pose in poses} == {""}
 
 
 def test_an_answer_where_there_is_no_assembly_is_wrong_and_no_answer_is_right():

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from functools import cache
 from itertools import product as every
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,9 +26,9 @@ from crosscheck.judge.budget import (
     table_error,
 )
 from crosscheck.judge.changes import change
-from crosscheck.judge.comparison import QUANTITIES, reference
+from crosscheck.judge.comparison import QUANTITIES, compare, reference
 from crosscheck.judge.hard_poses import _output_rounding, least_error, residual_error, samples, scene_truths
-from crosscheck.judge.levels import _mapped
+from crosscheck.judge.levels import _mapped, configurations
 from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram
 from crosscheck.judge.sharpness import attainable_by_inputs, sharpness
@@ -382,6 +383,43 @@ def test_a_change_is_a_part_of_the_size_of_the_mechanism_and_of_a_rate_of_the_la
     assert seen.largest == pytest.approx(1e-6, rel=1e-6)
     assert seen.worst.startswith(where)
     assert not seen.inert
+
+
+def test_where_nothing_can_be_allowed_to_first_order_any_change_is_felt():
+    ref, off = solved(), solved().motion
+    on, budget = replace(off, q=off.q * (1.0 + 2.0**-52)), ref.budget()
+    none = replace(budget, judged=np.zeros_like(budget.judged))
+    near_singular = SimpleNamespace(system=ref.system, levels=ref.levels, motion=off, budget=lambda terms: none)
+
+    assert change(ref, off, on, exact=False).inert
+    assert change(near_singular, off, off, exact=False).inert
+    assert not change(near_singular, off, on, exact=False).inert
+
+
+def test_rates_that_come_without_positions_are_compared_and_are_no_other_assembly():
+    ref = solved()
+    compared = compare(ref, replace(ref.motion, q=None, qd=1.001 * ref.motion.qd))
+
+    assert [(name, q.agrees) for name, q in compared.quantities.items()] == [
+        ("velocity", False),
+        ("acceleration", True),
+    ]
+    assert not compared.other_assembly
+
+
+def test_configurations_lie_on_all_sides_of_a_pose_as_far_as_a_size_or_a_radian():
+    """With rates of three sizes or radians a second; of twenty there are both signs, and some beyond a half."""
+    mechanism, near = LINKAGE.scene().mechanism, np.arange(18.0).reshape(9, 2)
+    at = configurations(mechanism, near, np.array([0.5, 1.5]), "sides", 20)
+    scale = np.tile([mechanism.size(), mechanism.size(), 1.0], 3)
+    moves = np.array([(c.q - near[:, round(c.t - 0.5)]) / scale for c in at])
+    rates = np.array([c.qd / (3.0 * scale) for c in at])
+
+    assert {c.t for c in at} == {0.5, 1.5}
+    for part in (moves, rates):
+        assert np.all(np.max(part, axis=0) > 0.5)
+        assert np.all(np.min(part, axis=0) < -0.5)
+        assert np.max(np.abs(part)) <= 1.0
 
 
 def test_a_spin_spreads_allowed_errors_over_its_own_body_and_over_no_other():

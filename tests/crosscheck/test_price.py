@@ -3,20 +3,26 @@
 from __future__ import annotations
 
 import json
+import math
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from crosscheck.commands.price import lines, to_json
-from crosscheck.engines.methods import PRICED
+from crosscheck.engines.methods import PRICED, Model
 from crosscheck.judge.prices import Offer, PriceRow, cheapest, repeated, with_suspicions
 from crosscheck.judge.truth import NoTruth
+from crosscheck.measure import price_process
 from crosscheck.measure.price import price
-from crosscheck.measure.price_process import best_of_each_first
+from crosscheck.measure.price_process import BULK, CYCLE, best_of_each_first, measure
+from crosscheck.workers import timing
 from refkin.motion_laws import Polynomial
+from refkin.scenes.files import to_dict
 from refkin.scenes.linkages import FourBar
+from tests.crosscheck import price_fakes
 
 HERE = Path(__file__).parent
 EXAMPLE = HERE.parent.parent / "examples" / "crank-rocker.toml"
@@ -274,3 +280,103 @@ def test_where_time_is_short_every_method_comes_before_the_second_setting_of_any
     order = [run.method.key[1:] for run in best_of_each_first(runs, "cycle")]
 
     assert order == [("fast", "a"), ("slow", "loose"), ("fast", "b"), ("slow", "tight")]
+
+
+class Clock:
+    """A clock that the made-up methods alone set forward: what is measured is theirs to the last digit."""
+
+    def __init__(self):
+        self.now = 0.0
+
+    def process_time(self):
+        return self.now
+
+    monotonic = perf_counter = process_time
+
+    def method(self, name, call, pose, most=BULK, **more):
+        """A method that takes so long for a call and for each pose in it, twice for two levels, and answers so many."""
+
+        def build(scene):
+            self.now += 0.25
+            return Model(partial(solve, scene), list)
+
+        def solve(scene, order):
+            self.now += (call + pose * len(scene.times)) * (order + 1)
+            return price_fakes._moved(0.0 if len(scene.times) <= most else math.nan, scene, order)
+
+        return replace(price_fakes.made(name, "", solve, **more), build=build)
+
+
+@pytest.fixture(scope="module")
+def sent():
+    """What the process says of methods whose cost is known, in a pipe of a list."""
+    clock, messages = Clock(), []
+    listed = [
+        clock.method("plain", 1.0, 0.01),
+        clock.method("steps", 2.0, 0.5, steps=True),
+        clock.method("at once", 3.0, 0.02, at_once=True),
+        clock.method("cycles alone", 1.0, 0.03, most=CYCLE),
+    ]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(price_process, "time", clock)
+        patch.setattr(timing, "time", clock)
+        patch.setattr(price_process, "methods", lambda producer, use: listed)
+        pipe = SimpleNamespace(send=messages.append)
+        listed.append(clock.method("failed", 1.0, 1.0))
+        measure(to_dict(scene()), ["made up"], {("made up", "failed", "")}, 1e6, pipe)
+    return messages
+
+
+def timings(sent, name):
+    return {message[2:4]: message[4] for message in sent if message[0] == "timed" and message[1][1] == name}
+
+
+TIMES, LAST = len(scene().times), -1
+
+
+def test_a_price_is_what_one_new_pose_costs_in_a_cycle_alone_and_in_bulk(sent):
+    """One second for a call and a hundredth for a pose, twice for velocity too: shared by all poses of a call."""
+    alike = {("cycle", TIMES): 1.0 / TIMES + 0.01, ("one", 1): 1.0 + 0.01, ("bulk", BULK): 1.0 / BULK + 0.01}
+    expected = {(poses, order): (order + 1) * cost for (poses, _), cost in alike.items() for order in (0, 1, 2)}
+    actual = timings(sent, "plain")
+
+    assert {at: actual[at] for at in expected} == pytest.approx(expected)
+    assert {at: actual[at] for at in actual.keys() - expected} == pytest.approx(
+        {(poses, LAST): 3 * cost for (poses, _), cost in alike.items()}
+    )
+
+
+def test_a_method_that_steps_in_time_goes_one_pose_before_the_one_that_is_new(sent):
+    assert timings(sent, "steps")["one", 0] == pytest.approx(2.0 + 2 * 0.5)
+    assert timings(sent, "plain")["one", 0] == pytest.approx(1.0 + 0.01)
+
+
+def test_what_has_no_answer_in_bulk_is_priced_but_there(sent):
+    digits = {message[1][1]: message[3] for message in sent if message[0] == "digits"}
+
+    assert {poses for poses, _ in timings(sent, "cycles alone")} == {"cycle", "one"}
+    assert digits["cycles alone"]["position"] == (None, f"no answer at {BULK // 10} of {BULK // 10} times")
+    assert min(digits["plain"][quantity][0] for quantity in ("position", "velocity", "acceleration")) > 12.0
+
+
+def test_where_all_comes_at_once_the_highest_order_alone_is_timed(sent):
+    assert set(timings(sent, "at once")) == {
+        (poses, order) for poses in ("one", "cycle", "bulk") for order in (LAST, 2)
+    }
+
+
+def test_of_a_method_its_build_is_told_and_of_one_that_failed_nothing(sent):
+    answers = {message[1]: message[2] for message in sent if message[0] == "answered"}
+
+    assert {name: answer["build"] for (_, name, _), answer in answers.items()} == dict.fromkeys(
+        ("plain", "steps", "at once", "cycles alone"), 0.25
+    )
+    assert sent[-1] == ("done",)
+
+
+def test_every_message_is_of_the_method_that_was_begun_with(sent):
+    """A process that ends is blamed on what it said last."""
+    at = None
+    for kind, *rest in sent:
+        at = rest[0] if kind == "at" else at
+        assert kind not in ("answered", "digits", "failed") or rest[0] == at

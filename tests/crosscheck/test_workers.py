@@ -16,9 +16,8 @@ from typing import Any
 import pytest
 
 from crosscheck.judge.records import plain
-from crosscheck.measure.check import TURNED_ROUND
 from crosscheck.measure.jobs import checkers, joined
-from crosscheck.workers.pool import MOST_KILLS, Workers
+from crosscheck.workers.pool import Workers
 from crosscheck.workers.processes import call_each, hang
 
 from .fake_engines import EXIT, HANG, RAISE, SEGFAULT, SHIFT, alive, engine_file, jobs, key_of_drawn, kinds, settled
@@ -140,17 +139,6 @@ def test_a_disagreement_of_an_engine_stays_when_another_crashes_on_the_scene(tmp
     assert {(d["engine"], d["quantity"]) for d in value} == {("crashing", "status"), ("wrong", "position")}
 
 
-def test_a_batch_in_which_one_scene_hangs_is_done_once_but_for_that_scene(tmp_path):
-    tally = f"Path({str(tmp_path)!r}, 'calls').open('a').write(key + '\\n')"
-    run_with(tmp_path, f"{tally}; {on_scene(1, as_expression(HANG))}", seconds=5.0)
-    calls = (tmp_path / "calls").read_text().split()
-
-    # The turned round ones are scenes with keys of their own; the hanging one is begun twice.
-    drawn = [key_of_drawn(NIGHT, number) for number in range(COUNT)]
-    assert [calls.count(key) for key in drawn] == [1, 2] + [1] * (COUNT - 2)
-    assert len(calls) - COUNT - 1 == sum(int(key, 16) % TURNED_ROUND == 0 for key in drawn if key != drawn[1])
-
-
 def test_workers_killed_one_after_the_other_change_nothing(tmp_path, undisturbed):
     spec = engine_file(tmp_path, before="time.sleep(0.15)")
     records = []
@@ -198,15 +186,6 @@ def test_an_idle_worker_that_was_killed_is_replaced(tmp_path, undisturbed):
         again = workers.check_one(jobs(NIGHT, 1)[0])
 
     assert settled(first) == settled(again) == undisturbed[first.key]
-
-
-def test_a_scene_that_is_killed_again_and_again_is_given_up_and_named(tmp_path):
-    tally = f"Path({str(tmp_path)!r}, 'calls').open('a').write('.')"
-    records, _ = run_with(tmp_path, on_scene(1, f"({tally}, os.kill(os.getpid(), signal.SIGKILL))"))
-    value = records[key_of_drawn(NIGHT, 1)]["disagreements"]
-
-    assert ([d["engine"] for d in value], kinds(value)) == (["fake"], ["crash (SIGKILL)"])
-    assert len((tmp_path / "calls").read_text()) == 2 * (MOST_KILLS + 1)
 
 
 def test_no_worker_is_left_when_the_work_is_done(tmp_path):

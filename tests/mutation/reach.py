@@ -101,10 +101,12 @@ class Reach:
         if fixturedef.scope == "function":
             yield
             return
-        outer, hits, start = getattr(builtins, "__reached__", None), set(), cpu()
+        outer, hits, start = getattr(builtins, "__reached__", id), set(), cpu()
         builtins.__reached__ = hits.add
         yield
         builtins.__reached__ = outer
+        for each in hits:
+            outer(each)
         self.fixtures[fixturedef] = hits, cpu() - start
 
     def jobs(self, items, definitions):
@@ -174,9 +176,9 @@ class Reach:
     def order(self, target, definition, statement, items):
         """Return the quick tests that reach a statement, and the long ones: those first that cost least.
 
-        Tests that name its module count for cheaper; long ones that do are asked even if they were ended before they
-        reached it. Of a function that changed since it was noted: the tests that reached it before; of one that is
-        new, those that name its module.
+        Before all others come tests that name its module: they ask it something, others pass through it. Long ones that
+        do are asked even if they were ended before they reached it. Of a function that changed since it was noted: the
+        tests that reached it before; of one that is new, those that name its module.
         """
         wanted = key(target, definition, segments(definition)[1][statement])
         module = target.partition(":")[0]
@@ -189,9 +191,9 @@ class Reach:
         for nodeid in (names | mine if names or not before else mine) & items.keys():
             seconds = self.tests.get(nodeid, (most, []))[0]
             if seconds >= most or nodeid in names or not before:
-                cost = seconds * (0.25 if nodeid in mine else 1.0) * (1.0 if nodeid in names else 4.0)
-                (quick if seconds < most else long).append((cost, nodeid))
-        return [[items[nodeid] for _, nodeid in sorted(some)] for some in (quick, long)]
+                cost = seconds * (1.0 if nodeid in names else 4.0)
+                (quick if seconds < most else long).append((nodeid not in mine, cost, nodeid))
+        return [[items[nodeid] for *_, nodeid in sorted(some)] for some in (quick, long)]
 
 
 def name(path):

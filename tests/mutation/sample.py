@@ -44,8 +44,7 @@ from tests.mutation.reach import Reach, cpu, imported, red
 
 HERE = Path(__file__).parent
 PACKAGES = ("refkin", "crosscheck.judge", "crosscheck.measure")
-ADAPTERS = tuple(f"crosscheck.engines.{name}" for name in ("exudyn", "pinocchio", "mujoco"))
-NOTED = (*PACKAGES, *ADAPTERS, "crosscheck.night")
+NOTED = (*PACKAGES, *(f"crosscheck.{name}" for name in ("engines", "night", "report", "workers")))
 """What tests reach of these is noted; `--only` draws from any of them."""
 ELSEWHERE = ("mutation/", "test_house", "test_readme", "browser", "cluster", "workers", "timing")
 """Tests that run the code in other programs, where no mutant is, or that measure times."""
