@@ -11,7 +11,8 @@ import pytest
 
 from crosscheck.engines import EngineRefusal, Level, Support
 from crosscheck.engines.closed_form.engine import ClosedForm, truth
-from crosscheck.engines.closed_form.jets import Floats
+from crosscheck.engines.closed_form.groups import Circle, Line, line_and_circle
+from crosscheck.engines.closed_form.jets import Floats, Jet, Planar
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
 from refkin.model import Body, Mechanism, Point, Scene
 from refkin.motion import Status
@@ -337,3 +338,20 @@ def test_no_geometry_is_shared_with_the_reference():
         "refkin.motion",
         "refkin.motion_laws",
     }
+
+
+@pytest.mark.parametrize("far", [0.0, 1.0, 1e3, 1e6])
+@pytest.mark.parametrize("side", [1.0, -1.0])
+def test_a_line_touches_a_circle_as_far_as_their_places_are_rounded_and_not_farther(far, side):
+    """x = k against a circle of radius 1/2 about (c, 0), both far away, k on either side of c."""
+    arithmetic, scale = Floats(), 0.5 + 2.0 * far + 0.5
+
+    def constant(value):
+        return Jet(np.array([value]), np.array([0.0]), np.array([0.0]))
+
+    for off, touches in ((0.0, True), (0.5 * arithmetic.zero * scale, True), (4.0 * arithmetic.zero * scale, False)):
+        line = Line(Planar(constant(1.0), constant(0.0)), constant(far + side * (0.5 - off)))
+        with np.errstate(invalid="ignore"):  # there is no rate where they touch
+            meeting = line_and_circle(line, Circle(Planar(constant(far), constant(0.0)), constant(0.5)), arithmetic)
+
+        assert (meeting.singular.item(), meeting.absent.item()) == (touches, False), off

@@ -12,10 +12,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 import refkin
-from crosscheck.engines import Level, load
+from crosscheck.engines import EngineError, Level, load
+from crosscheck.engines.exudyn.solve import solved as solved_or_not
+from crosscheck.engines.exudyn.space_solve import SpaceEquations
 from crosscheck.engines.frames import Length, Linear, RowMap, Sine
 from crosscheck.engines.spatial.reading import SCREW, Hold
-from crosscheck.engines.spatial.turning import bends, conjugate, joint_frame, parameters, product, rates
+from crosscheck.engines.spatial.turning import bends, conjugate, joint_frame, matrix, parameters, product, rates
 from crosscheck.judge.budget import (
     BOTH_SIDES,
     SAFETY,
@@ -311,6 +313,42 @@ def test_the_line_of_a_passive_coupler_goes_through_its_two_balls():
 
     assert at.tolist() == [0.0, 0.0, 0.0]
     assert line.tolist() == [1.0, 0.0, 0.0]
+
+
+def test_euler_parameters_come_back_from_the_matrix_of_their_turn():
+    """Whichever of them are zero, and whichever are largest."""
+    weights = ((1.0, 1.0, 1.0, 1.0), (1.0, 2.0, 3.0, 4.0), (4.0, 1e-9, 2.0, 1.0), (1e-9, 1.0, 1e-9, 1.0))
+    for signs, weight in every(every([-1.0, 0.0, 1.0], repeat=4), weights):
+        if any(signs):
+            p = np.multiply(signs, weight) / np.linalg.norm(np.multiply(signs, weight))
+            back = parameters(matrix(p))
+
+            assert np.max(np.abs(back * np.sign(back @ p) - p)) < 1e-15, p
+
+
+@pytest.mark.parametrize("size", [1e-8, 1.0, 1e8])
+def test_where_a_solution_is_nothing_but_rounding_there_is_none_in_any_unit(size):
+    """Rows that differ by an ulp turn a right side of 1 into 1e16; regular ones do not, nor a right side that fits."""
+    ulp = np.array([[1.0, 1.0], [1.0, 1.0 + 2.0**-52]])
+    regular = np.array([[1.0, 0.5], [0.25, 1.0]])
+
+    assert not np.isfinite(solved_or_not(size * ulp, np.array([1.0, 0.0]))).any()
+    assert solved_or_not(size * ulp, size * np.array([2.0, 2.0])) == pytest.approx([2.0, 0.0])
+    assert solved_or_not(size * regular, size * (regular @ [3.0, -1.0])) == pytest.approx([3.0, -1.0])
+
+
+@pytest.mark.parametrize("far", [1.0, 1e5])
+@pytest.mark.parametrize(("gap", "believed"), [(0.5, True), (2.0, False)])
+def test_a_residual_is_believed_as_a_part_of_the_farthest_coordinate(far, gap, believed):
+    """Of exudyn's Newton in space, which reports success; a coordinate at zero beside it changes nothing."""
+    q = np.array([far, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+    parts = {"predicts": False, "accepted": 1e-10, "_rows": lambda q, t: (None, None)}
+    ends = SimpleNamespace(**parts, _shipped_newton=lambda t, start: q, _residual=lambda q, t: gap * 1e-10 * far)
+    if believed:
+        assert SpaceEquations.solved(ends, q, 0.0)[1] == gap * 1e-10 * far
+    else:
+        with pytest.raises(EngineError, match="reported success"):
+            SpaceEquations.solved(ends, q, 0.0)
 
 
 def test_half_the_angle_of_a_screw_counts_its_turns():

@@ -9,15 +9,17 @@ from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
+import refkin
 from crosscheck.commands.price import lines, to_json
 from crosscheck.engines.methods import PRICED, Model
 from crosscheck.judge.prices import Offer, PriceRow, cheapest, repeated, with_suspicions
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure import price_process
 from crosscheck.measure.price import price
-from crosscheck.measure.price_process import BULK, CYCLE, best_of_each_first, measure
+from crosscheck.measure.price_process import BULK, CYCLE, best_of_each_first, measure, questions
 from crosscheck.workers import timing
 from refkin.motion_laws import Polynomial
 from refkin.scenes.files import to_dict
@@ -285,8 +287,8 @@ def test_where_time_is_short_every_method_comes_before_the_second_setting_of_any
 class Clock:
     """A clock that the made-up methods alone set forward: what is measured is theirs to the last digit."""
 
-    def __init__(self):
-        self.now = 0.0
+    def __init__(self, sent):
+        self.now, self.sent = 0.0, sent
 
     def process_time(self):
         return self.now
@@ -301,6 +303,7 @@ class Clock:
             return Model(partial(solve, scene), list)
 
         def solve(scene, order):
+            self.sent.append(("asked", ("made up", name, "")))
             self.now += (call + pose * len(scene.times)) * (order + 1)
             return price_fakes._moved(0.0 if len(scene.times) <= most else math.nan, scene, order)
 
@@ -310,19 +313,19 @@ class Clock:
 @pytest.fixture(scope="module")
 def sent():
     """What the process says of methods whose cost is known, in a pipe of a list."""
-    clock, messages = Clock(), []
+    clock = Clock(messages := [])
     listed = [
-        clock.method("plain", 1.0, 0.01),
-        clock.method("steps", 2.0, 0.5, steps=True),
-        clock.method("at once", 3.0, 0.02, at_once=True),
-        clock.method("cycles alone", 1.0, 0.03, most=CYCLE),
+        clock.method("plain", 1e-2, 1e-4),
+        clock.method("steps", 2e-2, 5e-3, steps=True),
+        clock.method("at once", 3e-2, 2e-4, at_once=True),
+        clock.method("cycles alone", 1e-2, 3e-4, most=CYCLE),
     ]
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(price_process, "time", clock)
         patch.setattr(timing, "time", clock)
         patch.setattr(price_process, "methods", lambda producer, use: listed)
         pipe = SimpleNamespace(send=messages.append)
-        listed.append(clock.method("failed", 1.0, 1.0))
+        listed.append(clock.method("failed", 1e-2, 1e-2))
         measure(to_dict(scene()), ["made up"], {("made up", "failed", "")}, 1e6, pipe)
     return messages
 
@@ -335,20 +338,20 @@ TIMES, LAST = len(scene().times), -1
 
 
 def test_a_price_is_what_one_new_pose_costs_in_a_cycle_alone_and_in_bulk(sent):
-    """One second for a call and a hundredth for a pose, twice for velocity too: shared by all poses of a call."""
-    alike = {("cycle", TIMES): 1.0 / TIMES + 0.01, ("one", 1): 1.0 + 0.01, ("bulk", BULK): 1.0 / BULK + 0.01}
-    expected = {(poses, order): (order + 1) * cost for (poses, _), cost in alike.items() for order in (0, 1, 2)}
+    """So much for a call, a hundredth of it for a pose, twice for velocity too: shared by all poses of a call."""
+    alike = {poses: 1e-2 / count + 1e-4 for poses, count in (("cycle", TIMES), ("one", 1), ("bulk", BULK))}
+    expected = {(poses, order): (order + 1) * cost for poses, cost in alike.items() for order in (0, 1, 2)}
     actual = timings(sent, "plain")
 
     assert {at: actual[at] for at in expected} == pytest.approx(expected)
     assert {at: actual[at] for at in actual.keys() - expected} == pytest.approx(
-        {(poses, LAST): 3 * cost for (poses, _), cost in alike.items()}
+        {(poses, LAST): 3 * cost for poses, cost in alike.items()}
     )
 
 
 def test_a_method_that_steps_in_time_goes_one_pose_before_the_one_that_is_new(sent):
-    assert timings(sent, "steps")["one", 0] == pytest.approx(2.0 + 2 * 0.5)
-    assert timings(sent, "plain")["one", 0] == pytest.approx(1.0 + 0.01)
+    assert timings(sent, "steps")["one", 0] == pytest.approx(2e-2 + 2 * 5e-3)
+    assert timings(sent, "plain")["one", 0] == pytest.approx(1e-2 + 1e-4)
 
 
 def test_what_has_no_answer_in_bulk_is_priced_but_there(sent):
@@ -368,15 +371,26 @@ def test_where_all_comes_at_once_the_highest_order_alone_is_timed(sent):
 def test_of_a_method_its_build_is_told_and_of_one_that_failed_nothing(sent):
     answers = {message[1]: message[2] for message in sent if message[0] == "answered"}
 
-    assert {name: answer["build"] for (_, name, _), answer in answers.items()} == dict.fromkeys(
-        ("plain", "steps", "at once", "cycles alone"), 0.25
-    )
+    builds = {name: answer["build"] for (_, name, _), answer in answers.items()}
+    assert builds == pytest.approx(dict.fromkeys(("plain", "steps", "at once", "cycles alone"), 0.25))
     assert sent[-1] == ("done",)
 
 
-def test_every_message_is_of_the_method_that_was_begun_with(sent):
-    """A process that ends is blamed on what it said last."""
+def test_who_is_asked_is_told_before(sent):
+    """A process that ends is blamed on whom it named last: of each call and each answer that is who it is about."""
     at = None
     for kind, *rest in sent:
         at = rest[0] if kind == "at" else at
-        assert kind not in ("answered", "digits", "failed") or rest[0] == at
+        assert kind not in ("asked", "answered", "digits", "failed") or rest[0] == at
+
+
+def test_one_pose_is_asked_for_from_the_truth_at_the_time_before():
+    """And by whoever steps in time from that time on."""
+    asked, motion = questions(scene())["one"], refkin.solve(scene())
+    for kind in (asked.scenes, asked.stepped):
+        for one, _ in kind:
+            k = motion.t.tolist().index(one.times[-1])
+            estimates = np.concatenate([body.estimate for body in one.mechanism.bodies])
+
+            assert estimates == pytest.approx(motion.q[:, k - 1], abs=1e-12)
+            assert one.times == scene().times[k - 1 if kind is asked.stepped else k : k + 1]

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -21,10 +22,13 @@ from crosscheck.night.moving_parts import DrawnSample, SceneDrawing
 from crosscheck.night.moving_parts import factor_below as magnified
 from crosscheck.night.pictures import pictures
 from crosscheck.night.sections import write_documents
+from crosscheck.report import totals
 from crosscheck.report.build import build, summarized
+from crosscheck.report.cells import Cell, Place, RouteTotals
 from crosscheck.report.front import answer as sentence
 from crosscheck.report.front import first_table, hard_matrix
 from crosscheck.report.prices import cheapest
+from crosscheck.report.totals import OTHERS, Refusals
 from refkin import FourBar
 from refkin.scenes.files import to_dict
 
@@ -437,3 +441,60 @@ def test_what_users_of_an_engine_run_stands_beside_its_route_on_the_first_screen
     assert (row["silent"], row["silent_class"]) == ("1 of 2 hard cases that it answers (documented limit)", "gap")
     assert "at best" in page
     assert "not asked" in page
+
+
+ANSWERED = [
+    {"times": 4, "judged": 3, "missing": 1, "seconds": 4e-6 * 10**2.005, "granted": {"stopping rule": 2e-9}},
+    {"times": 10, "judged": 7, "missing": 2, "seconds": 1e-5, "granted": {"stopping rule": 5e-9, "step": 1e-6}},
+    {"times": 2, "judged": 2, "missing": 0, "seconds": 8e-2, "granted": {"stopping rule": 3e-9}},
+    {"times": 0, "judged": 0, "missing": 0, "seconds": 1e-9, "granted": {}},
+]
+
+
+def test_a_route_adds_up_its_answers_and_states_the_most_that_it_was_granted():
+    """Scenes of 101, 1 and 40,000 microseconds a configuration: the median is a scene's, the mean a configuration's."""
+    route = RouteTotals(SimpleNamespace(name="newton", newton_by="nobody"), "1.0")
+    for fields, decade in zip(ANSWERED, (-3, -1, -2, None), strict=True):
+        route.add(SimpleNamespace(**fields), decade)
+    described = route.described()
+
+    assert {k: described[k] for k in ("scenes", "configurations", "judged", "unanswered", "not_judged")} == {
+        **{"scenes": 4, "configurations": 16, "judged": 12, "unanswered": 3, "not_judged": 1}
+    }
+    assert described["granted"] == {"stopping rule": 5e-9, "step": 1e-6}
+    assert described["unanswered_by_sigma"] == {"-3": 1, "-1": 2}
+    assert described["microseconds_mean"] == pytest.approx(1e6 * sum(each["seconds"] for each in ANSWERED) / 16)
+    assert described["microseconds_median"] == pytest.approx(10**2.005, rel=1e-3)
+    assert (described["newton_by"], described["version"], "name" in described) == ("nobody", "1.0", False)
+
+
+def test_a_cell_keeps_its_largest_ratio_and_its_fewest_digits_with_their_places():
+    cell, places = Cell(), [Place(str(k), f"scene {k}", k) for k in range(4)]
+    for place, ratio, histogram in zip(
+        places, (0.5, math.nan, 2.0, 1.5), ({150: 2}, {121: 1, 140: 2}, {90: 0, 130: 3}, {}), strict=True
+    ):
+        cell.add({-1: histogram}, place)
+        cell.meet(ratio, place, None)
+    described = cell.described()
+
+    assert (described["scenes"], described["samples"]) == (4, 8)
+    assert (described["worst_over_allowed"], described["worst"]["key"]) == (2.0, "2")
+    assert (described["digits_worst_at"]["digits"], described["digits_worst_at"]["key"]) == (12.1, "1")
+    assert (described["digits_worst"], described["digits_median"]) == (12.1, 13.0)
+    assert {decade: row["samples"] for decade, row in described["digits_by_sigma"].items()} == {"-1": 8}
+
+
+def test_refusals_beyond_the_most_that_are_told_apart_are_counted_together(monkeypatch):
+    monkeypatch.setattr(totals, "MOST_VALUES", 3)
+    refusals = Refusals()
+    names = [("mujoco", "gear"), ("exudyn", "screw"), ("mujoco", "gear"), ("mujoco", "belt"), ("mujoco", "cam")]
+    for joints in (names, names[:3], names[4:]):
+        refusals.add([SimpleNamespace(engine=e, joint=j, level="solve", reason="none") for e, j in joints])
+    rows = [(row["engine"], row["joint"], row["reason"], row["scenes"], row["joints"]) for row in refusals.described()]
+
+    assert rows == [
+        ("", "", OTHERS, 2, 2),
+        ("exudyn", "screw", "none", 2, 2),
+        ("mujoco", "gear", "none", 2, 4),
+        ("mujoco", "belt", "none", 1, 1),
+    ]
