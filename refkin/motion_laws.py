@@ -52,14 +52,22 @@ class Polynomial(_Everywhere):
     kind: Literal["polynomial"] = "polynomial"
 
     def __call__(self, t: Any, order: int = 0) -> Any:
-        coefficients = list(self.coefficients)
-        for _ in range(order):
-            coefficients = [k * c for k, c in enumerate(coefficients)][1:]
-        return _horner(coefficients, t)
+        rows = self._derivatives
+        while len(rows) <= order:
+            rows.append([k * c for k, c in enumerate(rows[-1])][1:])
+        return _horner(rows[order], t)
 
     def integral(self, t: Any) -> Any:
         """Return sum_k coefficients[k] t^(k+1) / (k+1)."""
-        return _horner([0.0, *(c / (k + 1) for k, c in enumerate(self.coefficients))], t)
+        return _horner(self._primitive, t)
+
+    @cached_property
+    def _derivatives(self) -> list[list[float]]:
+        return [list(self.coefficients)]
+
+    @cached_property
+    def _primitive(self) -> list[float]:
+        return [0.0, *(c / (k + 1) for k, c in enumerate(self.coefficients))]
 
     def faults(self, path: str) -> Iterator[Fault]:
         if not self.coefficients:

@@ -70,9 +70,8 @@ class RoundOff:
     previous: float = field(default=np.inf, repr=False)
 
     def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
-        size, scale = np.max(np.abs(correction)), max(1.0, np.max(np.abs(q)))
-        small = size <= 1e-6 * scale and is_round_off(residual, q)
-        stalled = small and size > 0.6 * self.previous
+        size, scale = np.abs(correction).max(), max(1.0, np.abs(q).max())
+        stalled = 0.6 * self.previous < size <= 1e-6 * scale and is_round_off(residual, q)
         self.previous = size
         return bool(size <= EPS * scale or stalled)
 

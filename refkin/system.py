@@ -72,12 +72,12 @@ class System:
         """The number of coordinates that belong to bodies; those of parameters come after them."""
         return self.kind.width * len(self.mechanism.bodies)
 
-    @property
+    @cached_property
     def turns(self) -> Any:
         """How far a body turns [rad] as each coordinate changes by 1, (n,): 1 for angles, as all parameters are."""
         return np.append(np.tile(self.kind.turns, len(self.mechanism.bodies)), np.ones(self.n - self.of_bodies))
 
-    @property
+    @cached_property
     def angles(self) -> Any:
         """Which coordinates are angles, (n,) of bool: phi of each body of the plane, and all parameters."""
         return self.turns == 1.0

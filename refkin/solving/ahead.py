@@ -299,12 +299,13 @@ def _parts(t: Any, q: Any, rates: Any, worst: Any) -> tuple[Any, Any]:
 
 def _solve(matrix: Any, right: Any) -> Any:
     """Return x of a system (n, n), (n,), or of a batch (n, n, B), (n, B); NaN where a matrix is singular."""
-    if matrix.ndim == 2:
-        return _solve(matrix[..., None], right[:, None])[:, 0]
-    stacked, columns = np.moveaxis(matrix, -1, 0), right.T[..., None]
+    alone = matrix.ndim == 2
+    stacked, columns = (matrix, right) if alone else (matrix.transpose(2, 0, 1), right.T[..., None])
     try:
-        return np.linalg.solve(stacked, columns)[..., 0].T
+        return np.linalg.solve(stacked, columns) if alone else np.linalg.solve(stacked, columns)[..., 0].T
     except np.linalg.LinAlgError:  # one of them spoils the batch
+        if alone:
+            return np.full_like(right, np.nan)
         x, regular = np.full_like(right, np.nan), np.linalg.slogdet(stacked)[0] != 0.0
         x[:, regular] = np.linalg.solve(stacked[regular], columns[regular])[..., 0].T
         return x

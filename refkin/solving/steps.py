@@ -252,5 +252,6 @@ class _WhileContracting(RoundOff):
     sizes: list[float] = field(default_factory=list)
 
     def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
-        self.sizes.append(float(np.max(np.abs(correction))))
-        return super().__call__(residual, correction, q) or not contracts(self.sizes, self.tiny)
+        done = super().__call__(residual, correction, q)
+        self.sizes.append(self.previous)
+        return done or not contracts(self.sizes, self.tiny)

@@ -43,11 +43,10 @@ class Written(System):
 
     def _values_at(self, q: Any, t: Any) -> Any:
         """Return what all operations give, kept from phi to phi_q; None for other numbers, or of other equations."""
-        alone = isinstance(t, float)
-        real = all(isinstance(x, np.ndarray) and x.dtype == float for x in (q, q if alone else t))
-        if not real or self.text.placed is not self.placed:
+        real = isinstance(t, float) or (isinstance(t, np.ndarray) and t.dtype == float)
+        if not (real and isinstance(q, np.ndarray) and q.dtype == float and self.text.placed is self.placed):
             return None
-        key = (q.tobytes(), q.shape, t if alone else t.tobytes())
+        key = (q.tobytes(), q.shape, t if isinstance(t, float) else t.tobytes())
         kept = self._kept.get("values")
         if kept is None or kept[0] != key:
             kept = self._kept["values"] = (key, self._run(q, t))

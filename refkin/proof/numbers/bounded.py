@@ -89,7 +89,12 @@ class Bounded:
         return type(self)(mid, self.rounding + x.rounding + self.size_of(lost), self.spread + x.spread)
 
     def __sub__(self, other: Any) -> Bounded:
-        return self.__add__(-other)
+        if not isinstance(other, Bounded):
+            return self.__add__(-other)
+        mid = self.mid - other.mid
+        back = mid - self.mid
+        lost = (self.mid - (mid - back)) - (other.mid + back)
+        return type(self)(mid, self.rounding + other.rounding + self.size_of(lost), self.spread + other.spread)
 
     def __rsub__(self, other: Any) -> Bounded:
         return (-self).__add__(other)
@@ -100,8 +105,8 @@ class Bounded:
         x = other if isinstance(other, Bounded) else self.exactly(other)
         mid = self.mid * x.mid
         size, most, most_x = self.size_of(mid), self.size + self.rounding, x.size
-        rounding = most * x.rounding + most_x * self.rounding + (self.unit * size + TINY)
-        spread = (most + self.spread) * x.spread + (most_x + x.rounding) * self.spread
+        rounding = scaled(most_x, self.rounding) + scaled(most, x.rounding) + (self.unit * size + TINY)
+        spread = scaled(most_x + x.rounding, self.spread) + scaled(most + self.spread, x.spread)
         return type(self)(mid, rounding, spread, size)
 
     __radd__ = __add__
@@ -122,6 +127,11 @@ class Bounded:
         # An ulp of x is at most 2 unit |x|.
         size = self.size_of(mid)
         return type(self)(mid, self.rounding + (4 * self.unit * size + TINY), self.spread, size)
+
+
+def scaled(size: Any, bound: Any) -> Any:
+    """Return the product with a bound; no bounds, as those of what is exact, cost nothing so."""
+    return size * bound if isinstance(bound, np.ndarray) or bound else 0.0
 
 
 class Extended(Bounded):
@@ -328,10 +338,11 @@ def _bounded_system(system: System, number: type[Bounded], error: InputError) ->
     placed = []
     for p in exact_system(system, LAW_BITS).placed:
         with ctx.workprec(LAW_BITS):
-            written = [float(x) for x in p.constraint.constants(as_written(system.unit))]
-            g = tuple(number.near(parts(x), error.of(size)) for x, size in zip(p.g, written, strict=True))
             if error is EXACT:  # zeros cost nothing so
-                g = tuple(cast(Any, int(float(x))) if x in (0, 1, -1) else y for x, y in zip(p.g, g, strict=True))
+                g = tuple(int(float(x)) if x in (0, 1, -1) else number.near(parts(x)) for x in p.g)
+            else:
+                written = [float(x) for x in p.constraint.constants(as_written(system.unit))]
+                g = tuple(number.near(parts(x), error.of(size)) for x, size in zip(p.g, written, strict=True))
         constraint = _Rounded(p.constraint, number, error)
         placed.append(replace(p, constraint=cast(Any, constraint), g=cast(Any, g)))
     return replace(system, placed=tuple(placed))
