@@ -118,13 +118,13 @@ OPERATIONS = {
 """What is done with the values of two places; that of one has it twice."""
 
 
-def _result(entries: Any, places: dict[Symbol, int]) -> tuple[Any, Sequence[int], Sequence[int]]:
+def _result(entries: Any, places: dict[Symbol, int]) -> tuple[Any, Any, Sequence[int]]:
     symbols = {k: s for k, s in enumerate(entries.flat) if isinstance(s, Symbol)}
     constants = np.array([0.0 if k in symbols else float(s) for k, s in enumerate(entries.flat)])
-    return constants.reshape(entries.shape), list(symbols), [places[s] for s in symbols.values()]
+    return constants.reshape(entries.shape), np.array(list(symbols), int), [places[s] for s in symbols.values()]
 
 
-def _filled(result: tuple[Any, Sequence[int], Sequence[int]], values: list[Any], batch: tuple[int, ...]) -> Any:
+def _filled(result: tuple[Any, Any, Sequence[int]], values: list[Any], batch: tuple[int, ...]) -> Any:
     """Return entries (...,) or (..., B) from the values of all places."""
     constants, entries, places = result
     if not batch:
@@ -134,6 +134,6 @@ def _filled(result: tuple[Any, Sequence[int], Sequence[int]], values: list[Any],
     out = np.empty((*constants.shape, *batch))
     out[...] = constants[..., None]
     rows = out.reshape(-1, *batch)
-    for k, place in zip(entries, places, strict=True):
+    for k, place in zip(entries.tolist(), places, strict=True):
         rows[k] = values[place]
     return out
