@@ -155,12 +155,11 @@ class System:
 
     def _laws_at(self, p: Placed, t: Any, order: int) -> Any:
         """Return the values of a constraint's laws; Newton asks for those of the same times again and again."""
-        alone = isinstance(t, float)
-        if not alone and not (isinstance(t, np.ndarray) and t.dtype == float):
+        if not isinstance(t, float) and not (isinstance(t, np.ndarray) and t.dtype == float):
             return p.constraint.inputs(t, self.unit, order)
-        kept = self._kept.get(key := (p.row, order, alone))
-        if kept is None or not (kept[0] == t if alone else np.array_equal(kept[0], t)):
-            kept = self._kept[key] = (t if alone else t.copy(), p.constraint.inputs(t, self.unit, order))
+        at, kept = t if isinstance(t, float) else t.tobytes(), self._kept.get((p.row, order))
+        if kept is None or kept[0] != at:
+            kept = self._kept[p.row, order] = (at, p.constraint.inputs(t, self.unit, order))
         return kept[1]
 
     def rows(self, values: Any, t: Any, order: int, formula: Callable[[Constraint], Any]) -> Iterable[Any]:
