@@ -11,7 +11,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import accumulate, pairwise
+from itertools import pairwise
 from typing import Annotated, Any, Literal, Protocol
 
 import numpy as np
@@ -52,17 +52,14 @@ class Polynomial(_Everywhere):
     kind: Literal["polynomial"] = "polynomial"
 
     def __call__(self, t: Any, order: int = 0) -> Any:
-        return _horner(self._rows[min(order + 1, len(self._rows) - 1)], t)
+        coefficients = list(self.coefficients)
+        for _ in range(order):
+            coefficients = [k * c for k, c in enumerate(coefficients)][1:]
+        return _horner(coefficients, t)
 
     def integral(self, t: Any) -> Any:
-        return _horner(self._rows[0], t)
-
-    @cached_property
-    def _rows(self) -> list[list[float]]:
-        """The coefficients of the integral, c_k / (k+1), of f, and of its derivatives up to one that has none."""
-        own = list(self.coefficients)
-        every = accumulate(self.coefficients, lambda row, _: [k * c for k, c in enumerate(row)][1:], initial=own)
-        return [[0.0, *(c / (k + 1) for k, c in enumerate(own))], *every]
+        """Return sum_k coefficients[k] t^(k+1) / (k+1)."""
+        return _horner([0.0, *(c / (k + 1) for k, c in enumerate(self.coefficients))], t)
 
     def faults(self, path: str) -> Iterator[Fault]:
         if not self.coefficients:

@@ -71,7 +71,7 @@ class RoundOff:
 
     def __call__(self, residual: Any, correction: Any, q: Any) -> bool:
         size, scale = np.abs(correction).max(), max(1.0, np.abs(q).max())
-        stalled = 0.6 * self.previous < size <= 1e-6 * scale and is_round_off(residual, q)
+        stalled = size <= 1e-6 * scale and size > 0.6 * self.previous and is_round_off(residual, q)
         self.previous = size
         return bool(size <= EPS * scale or stalled)
 
