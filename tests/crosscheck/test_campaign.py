@@ -253,17 +253,12 @@ def test_every_number_has_one_turn_and_chains_have_turns_of_their_own():
     assert all(len({is_chain(number) for number in numbers_of(turn)}) == 1 for turn in turns)
 
 
-def test_a_folder_with_another_seed_is_refused(tmp_path):
-    run(plan(tmp_path, scenes=1))
-
-    with pytest.raises(OtherRun, match=f"holds a run with seed {NIGHT}, not 1: choose another folder"):
-        seed_of(tmp_path, 1)
-
-
-def test_a_folder_that_holds_a_run_gives_its_seed(tmp_path):
+def test_a_folder_that_holds_a_run_gives_its_seed_and_refuses_another(tmp_path):
     run(plan(tmp_path, scenes=1))
 
     assert seed_of(tmp_path, None) == NIGHT
+    with pytest.raises(OtherRun, match=f"holds a run with seed {NIGHT}, not 1: choose another folder"):
+        seed_of(tmp_path, 1)
 
 
 def test_a_folder_with_other_engines_is_refused_and_left_as_it_is(tmp_path):

@@ -271,16 +271,6 @@ def test_points_move_with_their_body():
         assert np.abs(got[0] + 1j * got[1] - want).max() < 1e-14
 
 
-def test_only_what_is_wanted_is_reported():
-    scene = replace(linkage(LENGTHS), bodies_wanted=("rocker",), effects=frozenset())
-    motion = ClosedForm().solve(scene)
-
-    assert motion.bodies == ("rocker",)
-    assert motion.q.shape == (3, 1)
-    assert motion.qd is None
-    assert motion.qdd is None
-
-
 def triad():
     """Three bodies on three pins of a coupler that is not held: class III."""
     d = Drawing({"1": (0j, 0.0), "2": (1 + 0j, 1.0), "3": (0j, 2.0), "4": (1j, 0.5)})

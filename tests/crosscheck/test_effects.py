@@ -145,16 +145,19 @@ def test_gravity_left_on_where_it_is_felt_is_not_inert_and_is_named(tmp_path):
     assert line.startswith("not inert: gravity in feeling, made up: changes position of ")
 
 
-def test_gravity_that_is_felt_in_accelerations_alone_is_not_inert(tmp_path):
-    spec = simulating(tmp_path, "if effect == 'gravity': motion = replace(motion, qdd=motion.qdd + 9.81)")
-
-    assert only(rows_of(spec), "gravity").worst.startswith("acceleration of ")
-
-
-def test_an_effect_that_costs_an_answer_is_not_inert(tmp_path):
-    spec = simulating(tmp_path, "motion = replace(motion, status=(Status.SINGULAR,) * 5) if effect else motion")
-
-    assert only(rows_of(spec), "gravity").worst.startswith("ok becomes singular at t = ")
+@pytest.mark.parametrize(
+    ("change", "worst"),
+    [
+        ("if effect == 'gravity': motion = replace(motion, qdd=motion.qdd + 9.81)", "acceleration of "),
+        (
+            "motion = replace(motion, status=(Status.SINGULAR,) * 5) if effect else motion",
+            "ok becomes singular at t = ",
+        ),
+    ],
+    ids=["accelerations alone", "an answer"],
+)
+def test_gravity_that_is_felt_in_accelerations_alone_or_costs_an_answer_is_not_inert(tmp_path, change, worst):
+    assert only(rows_of(simulating(tmp_path, change)), "gravity").worst.startswith(worst)
 
 
 def test_a_refusal_with_an_effect_alone_is_not_inert(tmp_path):

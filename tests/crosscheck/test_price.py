@@ -237,11 +237,8 @@ def test_the_cheapest_way_is_the_least_price_among_those_with_so_many_digits():
     assert [offers[str(d)] and offers[str(d)]["microseconds"] for d in (3, 6, 9, 12, 14)] == [1.0, 4.0, 4.0, 50.0, 50.0]
 
 
-def test_where_nobody_has_so_many_digits_there_is_no_cheapest_way():
+def test_where_nobody_has_so_many_digits_or_a_price_there_is_no_cheapest_way():
     assert best([priced(3.1, 1.0)])["6"] is None
-
-
-def test_a_route_that_was_not_timed_is_no_cheapest_way():
     assert best([priced(15.0, None)])["3"] is None
 
 

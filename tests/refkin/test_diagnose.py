@@ -327,14 +327,10 @@ def test_solve_says_what_its_first_singular_pose_is():
     assert "bifurcation: the joints allow 2 motions to first order" in motion.message
 
 
-def test_a_pose_that_does_not_close_is_refused():
-    with pytest.raises(ValueError, match="no pose"):
-        refkin.diagnose(at(LIMITED, 0.5), np.zeros(9), 0.0)
-
-
-def test_a_pose_of_another_number_of_coordinates_is_refused():
-    with pytest.raises(ValueError, match="q: 6 numbers; expected 9"):
-        refkin.diagnose(at(LIMITED, 0.5), np.zeros(6), 0.0)
+@pytest.mark.parametrize(("numbers", "said"), [(9, "no pose"), (6, "q: 6 numbers; expected 9")])
+def test_a_pose_that_does_not_close_or_has_too_few_coordinates_is_refused(numbers, said):
+    with pytest.raises(ValueError, match=said):
+        refkin.diagnose(at(LIMITED, 0.5), np.zeros(numbers), 0.0)
 
 
 def test_redundant_rows_that_contradict_each_other_are_refused_and_have_no_diagnosis():

@@ -83,16 +83,11 @@ def test_a_step_that_meets_every_condition_is_taken():
     assert sweep._on_branch(newton_result(q, q + 1e-3, [1e-3, 1e-5]), 0.2)
 
 
-def test_a_step_whose_second_correction_is_not_small_is_not_taken():
+@pytest.mark.parametrize(("off", "second"), [(1e-3, 2e-4), (0.05, 1e-4)], ids=["second correction", "prediction"])
+def test_a_step_far_from_its_prediction_or_with_a_second_correction_that_is_not_small_is_not_taken(off, second):
     sweep, q = swept_to(0.2)
 
-    assert not sweep._on_branch(newton_result(q, q + 1e-3, [1e-3, 2e-4]), 0.2)
-
-
-def test_a_step_far_from_its_prediction_is_not_taken():
-    sweep, q = swept_to(0.2)
-
-    assert not sweep._on_branch(newton_result(q, q + 0.05, [0.05, 1e-4]), 0.2)
+    assert not sweep._on_branch(newton_result(q, q + off, [off, second]), 0.2)
 
 
 def test_a_first_step_that_moves_far_is_not_taken():
