@@ -29,6 +29,7 @@ from .fake_engines import RAISE, SEGFAULT, SHIFT, crosscheck, engine_file, key_o
 
 ROOT = Path(__file__).parent.parent.parent
 GOOD = ROOT / "examples" / "crank-rocker.toml"
+CORPUS = ROOT / "tests" / "corpus"
 OWN = f"{ROOT / 'examples' / 'own_engine.py'}:TwoCircles"
 FRAMES = ROOT / "crosscheck" / "engines" / "frames.py"
 NIGHT = 31
@@ -265,42 +266,35 @@ def test_a_log_gets_a_line_every_ten_seconds(monkeypatch, capsys):
     assert capsys.readouterr().err.splitlines() == ["11 s, checking: 1 of 10 scenes", "22 s, checking: 4 of 10 scenes"]
 
 
-def test_a_scene_on_which_all_agree_is_replayed_with_0(command):
-    process = command("replay", GOOD)
-
-    assert (process.returncode, process.stderr) == (0, "")
-    assert all(name in process.stdout for name in ("exudyn", "pinocchio", "mujoco", "closed_form"))
-
-
-def test_a_scene_on_which_an_engine_errs_is_replayed_with_1(tmp_path, command):
-    process = command("replay", GOOD, "--engines", engine_file(tmp_path, after=SHIFT))
-
-    assert (process.returncode, "fake (made up), position: beyond the allowed error" in process.stdout) == (1, True)
+REPLAYS = {
+    "an engine that errs": ({"after": SHIFT}, "fake (made up), position: beyond the allowed error"),
+    "an engine that raises": ({"before": RAISE}, "error (ZeroDivisionError); ZeroDivisionError: by the test"),
+    "an engine that hangs": ({"before": "time.sleep(60)"}, "fake (any), status: hang; no answer within 1 s"),
+}
 
 
-def test_an_engine_that_raises_is_replayed_with_1_and_what_it_said(tmp_path, command):
-    ran = command("replay", GOOD, "--engines", engine_file(tmp_path, before=RAISE))
+@pytest.mark.parametrize(("does", "said"), REPLAYS.values(), ids=REPLAYS)
+def test_a_scene_on_which_an_engine_fails_is_replayed_with_1(tmp_path, command, does, said):
+    seconds = ("--scene-seconds", 1) if "sleep" in str(does) else ()
+    process = command("replay", GOOD, "--engines", engine_file(tmp_path, **does), *seconds)
 
-    assert (ran.returncode, "error (ZeroDivisionError); ZeroDivisionError: by the test" in ran.stdout) == (1, True)
-
-
-def test_an_engine_that_hangs_is_replayed_with_1(tmp_path, command):
-    spec = engine_file(tmp_path, before="time.sleep(60)")
-    process = command("replay", GOOD, "--engines", spec, "--scene-seconds", 1)
-
-    assert (process.returncode, "fake (any), status: hang; no answer within 1 s" in process.stdout) == (1, True)
+    assert (process.returncode, said in process.stdout) == (1, True)
 
 
-def test_a_known_gap_is_replayed_as_one(tmp_path, command):
-    process = command("replay", ROOT / "tests" / "corpus" / "exudyn-shipped-changes-assembly.toml")
+@pytest.mark.parametrize(
+    ("words", "code", "said"),
+    [
+        ((GOOD,), 0, ("exudyn", "pinocchio", "mujoco", "closed_form")),
+        ((GOOD, "--engines", OWN), 0, ("two circles",)),
+        ((CORPUS / "exudyn-shipped-changes-assembly.toml",), 1, ("[known since 2026-11-21: ",)),
+    ],
+    ids=["all agree", "an engine of one's own, without a package", "a known gap"],
+)
+def test_a_scene_is_replayed_with_what_it_shows(command, words, code, said):
+    process = command("replay", *words)
 
-    assert (process.returncode, "[known since 2026-11-21: " in process.stdout) == (1, True)
-
-
-def test_an_engine_of_ones_own_needs_no_package(command):
-    process = command("replay", GOOD, "--engines", OWN)
-
-    assert (process.returncode, "two circles" in process.stdout) == (0, True)
+    assert (process.returncode, process.stderr) == (code, "")
+    assert all(text in process.stdout for text in said)
 
 
 @pytest.mark.parametrize("branch", ["open", "crossed"])
