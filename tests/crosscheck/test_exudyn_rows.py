@@ -101,7 +101,7 @@ def rate_missing(m: pytest.MonkeyPatch) -> None:
 def coriolis_missing(m: pytest.MonkeyPatch) -> None:
     """Leave the mixed term out of the drift of a product."""
     whole = exudyn_parts.product_drift
-    m.setattr(exudyn_parts, "product_drift", lambda a, b: whole(a, b) + 2.0 * (a[1][0] * b[1][0] + a[1][1] * b[1][1]))
+    m.setattr(exudyn_parts, "product_drift", lambda a, b: whole(a, b) + 2.0 * exudyn_readings.dot(a[1], b[1]))
 
 
 def sign_of_velocity_rows(m: pytest.MonkeyPatch) -> None:

@@ -95,9 +95,9 @@ class Direct:
         qd = levels[1] = solved(jacobian, right)
         if len(levels) > 2:
             model.data.SetODE2Coordinates_t(qd, CURRENT)
-            drift = np.zeros(model.m)
+            drift, table = np.zeros(model.m), model.read.now().tolist()
             for rows, block in model.blocks:
-                drift[rows] = tuple(block.drift())
+                drift[rows] = block.drift(table, model.clock.values)
             levels[2] = solved(jacobian, drift[model.live])
 
 

@@ -76,11 +76,13 @@ class ExudynModel:
         self.blocks = [(self._engine_rows(block), block) for block in builder.blocks]
         self.rows: Sequence[RowMap] = tuple(row for rows, block in self.blocks for row in _row_maps(rows, block))
         self.live = [row.engine_row for row in self.rows]
+        self.read = builder.read
+        self._driven = [(rows[0], block) for rows, block in self.blocks if block.cylinder is not None]
         self.powers = np.array([power for _, block in self.blocks for power in block.powers])
         self.solver = exu.MainSolverStatic()
         self.solver.InitializeSolver(self.mbs, quiet_settings())
         self.n, self.m = self.solver.GetODE2size(), self.solver.GetAEsize()
-        self._still = np.zeros(self.n)
+        self.still = np.zeros(self.n)
 
     def _engine_rows(self, block: Block) -> list[int]:
         rows = list(self.data.GetObjectLTGAE(block.item))
@@ -106,16 +108,13 @@ class ExudynModel:
         self.set_state(q, t)
         return self._jacobian(self._driven_distances())
 
-    def at_rest(self, q: Array, t: float) -> tuple[Array, Array, Array]:
-        """Return residual, Jacobian, and velocity of the rows while the bodies rest; raises as `residual` does."""
-        self.set_state(q, t, self._still)
-        rows, velocity = (self._algebraic_equations(velocity_level=level) for level in (False, True))
-        cylinders = self._cylinders()
+    def rows_here(self) -> tuple[Array, Array]:
+        """Return residual (m,) and Jacobian (m, n) where exudyn stands; raises as `residual` does."""
+        rows, cylinders = self._algebraic_equations(velocity_level=False), self._cylinders()
         jacobian = self._jacobian({row: rows[row] + f for row, f, _ in cylinders})
-        for row, f, fd in cylinders:
-            velocity[row] = (rows[row] + f) * velocity[row] - f * fd
+        for row, f, _ in cylinders:
             rows[row] *= 0.5 * (rows[row] + 2.0 * f)
-        return rows, jacobian, velocity
+        return rows, jacobian
 
     def _jacobian(self, distances: Mapping[int, float]) -> Array:
         try:
@@ -140,23 +139,46 @@ class ExudynModel:
             rows[row] = distances[row] * rows[row] - f * fd
         return rows
 
+    def at_rest(self, q: Array, times: Sequence[float]) -> Array:
+        """Return exudyn's rows of velocity (B, m) at times while bodies rest at q, NaN where exudyn has none."""
+        out = np.full((len(times), self.m), math.nan)
+        for rows, t in zip(out, times, strict=True):
+            try:
+                self.set_state(q, t, self.still)
+                rows[:] = self._algebraic_equations(velocity_level=True)
+            except EngineError:
+                continue
+            for row, f, fd in self._cylinders():
+                rows[row] = -f * fd
+        return out
+
     def drift(self, q: Array, qd: Array, t: float) -> Array:
         """Return gamma, (m,): phi_q qdd = gamma; from exudyn's accelerations of points at qdd = 0."""
-        self.set_state(q, t, qd, order=2)
-        rows = [0.0] * self.m
-        for engine_rows, block in self.blocks:
-            for row, value in zip(engine_rows, block.drift(), strict=True):
-                rows[row] = value
-        return np.array(rows)
+        return self.drifts(q[None], qd[None], np.array([t]))[0]
+
+    def drifts(self, q: Array, qd: Array, t: Array) -> Array:
+        """Return gamma (B, m) at q (B, n), qd (B, n), t (B,): read state by state, put together for all at once."""
+        place, move, read = self.data.SetODE2Coordinates, self.data.SetODE2Coordinates_t, self.read.now
+        states = []
+        for at, rate in zip(q, qd, strict=True):
+            place(at, CURRENT)
+            move(rate, CURRENT)
+            states.append(read())
+        table, laws = np.array(states).T, self.clock.over(t, 2)
+        out = np.zeros((len(t), self.m))
+        for rows, block in self.blocks:
+            for row, values in zip(rows, block.drift(table, laws), strict=True):
+                out[:, row] = values
+        return out
 
     def close(self) -> None:
         """Free what exudyn holds."""
-        self.blocks = []
+        self.blocks, self._driven = [], []
         self.container.Reset()
 
-    def set_state(self, q: Array, t: float, qd: Array | None = None, order: int = 0) -> None:
-        """Put exudyn at (q, qd, t), with the laws' derivatives up to `order`, with rates at least 1."""
-        self.set_time(t, order if qd is None else max(order, 1))
+    def set_state(self, q: Array, t: float, qd: Array | None = None) -> None:
+        """Put exudyn at (q, qd, t), with the laws' rates if there is a qd."""
+        self.set_time(t, 0 if qd is None else 1)
         self.data.SetODE2Coordinates(q, CURRENT)
         if qd is not None:
             self.data.SetODE2Coordinates_t(qd, CURRENT)
@@ -166,12 +188,11 @@ class ExudynModel:
         self.clock.set(t, order)
         if t == self._distances_at:
             return
-        for _, block in self.blocks:
-            if block.cylinder is not None:
-                try:
-                    self.mbs.SetObjectParameter(block.item, "distance", self.clock.values[block.cylinder][0])
-                except exu.ExudynValueError as error:
-                    raise EngineError(f"exudyn: driver {block.constraint!r} at t = {t!r}: {error}") from error
+        for _, block in self._driven:
+            try:
+                self.mbs.SetObjectParameter(block.item, "distance", self.clock.values[block.cylinder][0])
+            except exu.ExudynValueError as error:
+                raise EngineError(f"exudyn: driver {block.constraint!r} at t = {t!r}: {error}") from error
         self._distances_at = t
 
     def _algebraic_equations(self, velocity_level: bool) -> Array:
@@ -188,8 +209,7 @@ class ExudynModel:
         exudyn's row is y = |d| - f, and it knows no f'. The map from ours, x = (d . d - f^2) / 2 = y (y + 2 f) / 2,
         would depend on time; so the model turns y into x: x_q = |d| y_q, x' = |d| |d|' - f f'.
         """
-        cylinders = [(rows[0], block.cylinder) for rows, block in self.blocks if block.cylinder is not None]
-        return [(row, self.clock.values[law][0], self.clock.values[law][1]) for row, law in cylinders]
+        return [(row, *self.clock.values[block.cylinder][:2]) for row, block in self._driven]
 
     def _driven_distances(self) -> dict[int, float]:
         """Return |d| of each driven distance by its engine row, as exudyn's own row gives it."""

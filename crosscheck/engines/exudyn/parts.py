@@ -30,7 +30,8 @@ from typing import Any
 import numpy as np
 from exudyn import itemInterface as item
 
-from crosscheck.engines.exudyn.readings import Readings, dot, product_drift
+from crosscheck.engines import Array
+from crosscheck.engines.exudyn.readings import ACCELERATION, Readings, Table, dot, product_drift
 from crosscheck.engines.frames import Form, Length, Linear, Sine, direction, through_its_point
 from refkin.joints import (
     GROUND,
@@ -78,13 +79,16 @@ class Clock:
 
     def tabulate(self, times: Sequence[float], order: int) -> None:
         """Evaluate the laws at all times that will be asked for, with derivatives up to `order`; so at others, too."""
-        laws, self._least = list[list[tuple[float, ...]]](), order
-        for law, shift, size in self.laws:
-            rows = np.full((3, len(times)), math.nan)
+        laws = self.over(np.array(times), order).transpose(2, 0, 1).tolist()
+        self._least, self._table = order, dict(zip(times, ([tuple(law) for law in row] for row in laws), strict=True))
+
+    def over(self, times: Array, order: int) -> Array:
+        """Return the laws with their derivatives up to `order`, NaN beyond, at times (B,): (laws, 3, B)."""
+        values = np.full((len(self.laws), 3, len(times)), math.nan)
+        for rows, (law, shift, size) in zip(values, self.laws, strict=True):
             for i in range(order + 1):
-                rows[i] = (law(np.array(times), i) - (0.0 if i else shift)) / size
-            laws.append(list(zip(*rows.tolist(), strict=True)))
-        self._table = {t: [rows[k] for rows in laws] for k, t in enumerate(times)}
+                rows[i] = (law(times, i) - (0.0 if i else shift)) / size
+        return values
 
     def set(self, t: float, order: int) -> None:
         """Evaluate the laws and their derivatives up to `order`, unless that is what they say already.
@@ -123,7 +127,7 @@ class Block:
     powers : tuple of int
         Per row the power of length that it is measured in.
     drift : callable
-        Returns the object's rows of gamma at the present state.
+        What was read (`Readings.now`), and value and derivatives of each law -> the object's rows of gamma.
     cylinder : int or None
         The law that the distance of a driven DistanceConstraint follows.
     """
@@ -133,7 +137,7 @@ class Block:
     first: int
     maps: tuple[tuple[float, Form], ...]
     powers: tuple[int, ...]
-    drift: Callable[[], Iterable[float]]
+    drift: Callable[[Table, Sequence[Any]], Iterable[Any]]
     cylinder: int | None = None
 
 
@@ -219,11 +223,11 @@ def is_slider(elements: Sequence[Element]) -> bool:
 def _coincide(b: Builder, e: PointsCoincide) -> None:
     joint = b.mbs.AddObject(item.RevoluteJoint2D(markerNumbers=b.points(e)))
 
-    one, other = (b.read.acceleration_of(*end) for end in e.ends)
+    one, other = (b.read.vector(ACCELERATION, *end) for end in e.ends)
 
-    def drift() -> Iterable[float]:
-        (xi, yi, _), (xj, yj, _) = one(), other()
-        return xi - xj, yi - yj
+    def drift(table: Table, laws: Sequence[Any]) -> Iterable[Any]:
+        d = one(table) - other(table)
+        return d.real, d.imag
 
     b.blocks.append(Block(e.name, joint, e.row, ((1.0, Linear()), (1.0, Linear())), (1, 1), drift))
 
@@ -240,15 +244,16 @@ def _guide(b: Builder, e: GuidedPoint, axis_j: Pair, rotation: bool) -> Any:
     )
 
 
-def _across(b: Builder, e: GuidedPoint) -> float:
-    """Return gamma of exudyn's row -(n . d), n the normal of the axis on body i."""
-    return -product_drift(b.read.gap(e), b.read.direction_jet(e.body_i, _normal(e)))
+def _across(b: Builder, e: GuidedPoint) -> Callable[[Table], Any]:
+    """Return what finds gamma of exudyn's row -(n . d), n the normal of the axis on body i."""
+    gap, normal = b.read.gap(e), b.read.direction_jet(e.body_i, _normal(e))
+    return lambda table: -product_drift(gap(table), normal(table))
 
 
 def _guided(b: Builder, e: GuidedPoint) -> None:
     e = through_its_point(e)
-    joint = _guide(b, e, (1.0, 0.0), rotation=False)
-    b.blocks.append(Block(e.name, joint, e.row, ((-1.0, Linear()),), (1,), lambda: (_across(b, e),)))
+    joint, across = _guide(b, e, (1.0, 0.0), rotation=False), _across(b, e)
+    b.blocks.append(Block(e.name, joint, e.row, ((-1.0, Linear()),), (1,), lambda table, laws: (across(table),)))
 
 
 def _slider(b: Builder, e: Any, turned: Any) -> None:
@@ -256,12 +261,14 @@ def _slider(b: Builder, e: Any, turned: Any) -> None:
     y, x = _normal(e)  # the axis is (x, -y)
     cos, sin = math.cos(turned.angle), math.sin(turned.angle)
     axis_j = (cos * x - sin * y, -sin * x - cos * y)
-    joint = _guide(b, e, axis_j, rotation=True)
+    joint, across = _guide(b, e, axis_j, rotation=True), _across(b, e)
+    spins = [b.read.spin(body) for body in e.bodies]
+    along, normal = b.read.direction(e.body_j, axis_j), b.read.direction(e.body_i, _normal(e))
 
-    def drift() -> Iterable[float]:
+    def drift(table: Table, laws: Sequence[Any]) -> Iterable[Any]:
         # Two unit vectors that turn with w against each other: (t . n)'' = -w^2 t . n.
-        w = b.read.spin(e.body_j) - b.read.spin(e.body_i)
-        return _across(b, e), w * w * dot(b.read.direction(e.body_j, axis_j), b.read.direction(e.body_i, _normal(e)))
+        i, j = (spin(table) for spin in spins)
+        return across(table), (j - i) ** 2 * dot(along(table), normal(table))
 
     b.blocks.append(Block(e.name, joint, e.row, ((-1.0, Linear()), (1.0, Sine())), (1, 0), drift))
 
@@ -270,13 +277,14 @@ def _distance(b: Builder, e: PointDistance) -> None:
     law = b.law(e, size=b.unit.size) if e.laws else None
     length = e.length / b.unit.size if law is None else 1.0
     rod = b.mbs.AddObject(item.DistanceConstraint(markerNumbers=b.points(e), distance=length))
+    gap = b.read.gap(e)
 
-    def drift() -> Iterable[float]:
-        d = b.read.gap(e)
+    def drift(table: Table, laws: Sequence[Any]) -> Iterable[Any]:
+        d = gap(table)
         if law is not None:
-            f, fd, fdd = b.clock.values[law]
+            f, fd, fdd = laws[law]
             return (0.5 * product_drift(d, d) + fd * fd + f * fdd,)
-        distance = math.hypot(*d[0])
+        distance = abs(d[0])
         rate = dot(d[0], d[1]) / distance
         return ((0.5 * product_drift(d, d) + rate * rate) / distance,)  # |d| |d|'' + |d|'^2 = (d . d)'' / 2
 
@@ -289,10 +297,10 @@ def _angle(b: Builder, e: RelativeAngle) -> None:
     if e.laws:
         law = b.law(e)
         held = b.driven(markers, law)
-        b.blocks.append(Block(e.name, held, e.row, ((1.0, Linear()),), (0,), lambda: (b.clock.values[law][2],)))
+        b.blocks.append(Block(e.name, held, e.row, ((1.0, Linear()),), (0,), lambda table, laws: (laws[law][2],)))
     else:
         held = b.mbs.AddObject(item.CoordinateConstraint(markerNumbers=markers, offset=e.angle))
-        b.blocks.append(Block(e.name, held, e.row, ((1.0, Linear()),), (0,), lambda: (0.0,)))
+        b.blocks.append(Block(e.name, held, e.row, ((1.0, Linear()),), (0,), lambda table, laws: (0.0,)))
 
 
 def _wheels(b: Builder, e: RollingWheels) -> None:
@@ -305,7 +313,7 @@ def _wheels(b: Builder, e: RollingWheels) -> None:
             offset=factor * e.zero_j - e.zero_i,
         )
     )
-    b.blocks.append(Block(e.name, teeth, e.row, ((-b.unit.size / e.radius_i, Linear()),), (0,), lambda: (0.0,)))
+    b.blocks.append(Block(e.name, teeth, e.row, ((-b.unit.size / e.radius_i, Linear()),), (0,), lambda table, laws: (0.0,)))
 
 
 def _coordinate(b: Builder, e: PointCoordinate) -> None:
@@ -316,10 +324,11 @@ def _coordinate(b: Builder, e: PointCoordinate) -> None:
         axis0=[1.0 - e.axis, float(e.axis), 0.0],
     )
     actuator = b.driven([b.still, b.mbs.AddMarker(along)], law)
-    acceleration = b.read.acceleration_of(e.body_j, e.point_j)
+    acceleration = b.read.vector(ACCELERATION, e.body_j, e.point_j)
 
-    def drift() -> Iterable[float]:
-        return (b.clock.values[law][2] - acceleration()[e.axis],)
+    def drift(table: Table, laws: Sequence[Any]) -> Iterable[Any]:
+        a = acceleration(table)
+        return (laws[law][2] - (a.imag if e.axis else a.real),)
 
     b.blocks.append(Block(e.name, actuator, e.row, ((1.0, Linear()),), (1,), drift))
 

@@ -1,7 +1,9 @@
-"""What exudyn says of points and directions of its bodies at the present state.
+"""What exudyn says of points and directions of its bodies.
 
 Its body outputs give position, velocity and acceleration of any point. With the accelerations of the coordinates at
 zero, as they are in a static solver, these accelerations are the parts that hold no qdd: what a drift term is made of.
+What a drift term is made of is asked for while the model is built, and read at one state after the other; the terms
+follow for all states at once. A vector of the plane is a complex number, or an array of them, one for each state.
 """
 
 from __future__ import annotations
@@ -10,14 +12,18 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import exudyn as exu
+import numpy as np
 
+from crosscheck.engines import Array
 from refkin.joints import GROUND, Pair, Unit
 
 OUT = exu.OutputVariableType
 ACCELERATION = OUT.Acceleration
 ZERO = (0.0, 0.0)
 
-Jet = tuple[Pair, Pair, Pair]
+Table = Sequence[Any]
+"""Numbers read from exudyn, in the order in which they were asked for, each a float or an array (B,) of B states."""
+Jet = tuple[Any, Any, Any]
 """A vector of the plane, its rate, and its second derivative at qdd = 0."""
 
 
@@ -26,67 +32,79 @@ class Readings:
 
     def __init__(self, mbs: Any, bodies: Mapping[str, Any], unit: Unit) -> None:
         self.output, self.bodies, self.unit = mbs.GetObjectOutputBody, bodies, unit
-        self._local: dict[tuple[str, Pair], list[float]] = {}
+        self._asked: dict[tuple[Any, ...], int] = {}
+        self._calls: list[tuple[Any, Any, list[float]]] = []
+        self._size = 0
+
+    def now(self) -> Array:
+        """Return all that was asked for, at the present state."""
+        output = self.output
+        return np.concatenate([output(*call) for call in self._calls]) if self._calls else np.zeros(0)
 
     def local(self, body: str, point: Pair) -> list[float]:
         """Return a point of a body as exudyn wants it: in the model's unit, three components."""
-        known = self._local.get((body, point))
-        if known is None:
-            ox, oy = self.unit.origin if body == GROUND else ZERO
-            known = [(point[0] - ox) / self.unit.size, (point[1] - oy) / self.unit.size, 0.0]
-            self._local[body, point] = known
-        return known
+        ox, oy = self.unit.origin if body == GROUND else ZERO
+        return [(point[0] - ox) / self.unit.size, (point[1] - oy) / self.unit.size, 0.0]
 
-    def point_jet(self, body: str, point: Pair) -> Jet:
-        """Return exudyn's position, velocity and acceleration of a point at the present state."""
-        local = self.local(body, point)
+    def _ask(self, kind: Any, body: str, point: Pair, size: int = 3) -> int:
+        """Ask for an output of a body at a point and return its place in the table."""
+        key = kind, body, point
+        if key not in self._asked:
+            self._asked[key], self._size = self._size, self._size + size
+            self._calls.append((self.bodies[body], kind, self.local(body, point)))
+        return self._asked[key]
+
+    def vector(self, kind: Any, body: str, point: Pair) -> Callable[[Table], Any]:
+        """Return what finds exudyn's position, velocity or acceleration of a point in a table."""
         if body == GROUND:
-            return (local[0], local[1]), ZERO, ZERO
-        number = self.bodies[body]
-        x, v, a = (self.output(number, kind, local).tolist() for kind in (OUT.Position, OUT.Velocity, ACCELERATION))
-        return (x[0], x[1]), (v[0], v[1]), (a[0], a[1])
+            x, y, _ = self.local(body, point)
+            fixed = complex(x, y) if kind == OUT.Position else 0j
+            return lambda table: fixed
+        k = self._ask(kind, body, point)
+        return lambda table: table[k] + 1j * table[k + 1]
 
-    def acceleration_of(self, body: str, point: Pair) -> Callable[[], Sequence[float]]:
-        """Return what reads exudyn's acceleration (3,) of a point; exudyn itself gives none for the ground."""
+    def spin(self, body: str) -> Callable[[Table], Any]:
+        """Return what finds exudyn's angular velocity of a body."""
         if body == GROUND:
-            return lambda: (0.0, 0.0, 0.0)
-        read, number, local = self.output, self.bodies[body], self.local(body, point)
-        return lambda: read(number, ACCELERATION, local).tolist()
+            return lambda table: 0.0
+        k = self._ask(OUT.AngularVelocity, body, ZERO)
+        return lambda table: table[k + 2]
 
-    def spin(self, body: str) -> float:
-        """Return exudyn's angular velocity of a body."""
+    def direction(self, body: str, u: Pair) -> Callable[[Table], Any]:
+        """Return what finds a body-fixed direction in the ground frame, by exudyn's rotation matrix."""
+        x, y = u
         if body == GROUND:
-            return 0.0
-        w: float = self.output(self.bodies[body], OUT.AngularVelocity).tolist()[2]
-        return w
+            return lambda table: complex(x, y)
+        k = self._ask(OUT.RotationMatrix, body, ZERO, 9)
+        return lambda a: (a[k] * x + a[k + 1] * y) + 1j * (a[k + 3] * x + a[k + 4] * y)
 
-    def direction(self, body: str, u: Pair) -> Pair:
-        """Return a body-fixed direction in the ground frame, by exudyn's rotation matrix."""
-        if body == GROUND:
-            return u
-        a = self.output(self.bodies[body], OUT.RotationMatrix).tolist()
-        return a[0] * u[0] + a[1] * u[1], a[3] * u[0] + a[4] * u[1]
+    def direction_jet(self, body: str, u: Pair) -> Callable[[Table], Jet]:
+        """Return what finds a body-fixed direction, its rate and its second derivative, as it turns with the body."""
+        direction, spin = self.direction(body, u), self.spin(body)
 
-    def direction_jet(self, body: str, u: Pair) -> Jet:
-        """Return a body-fixed direction, its rate and its second derivative, as it turns with exudyn's body."""
-        (x, y), w = self.direction(body, u), self.spin(body)
-        return (x, y), (-w * y, w * x), (-w * w * x, -w * w * y)
+        def jet(table: Table) -> Jet:
+            n, w = direction(table), spin(table)
+            return n, 1j * w * n, -w * w * n
 
-    def gap(self, c: Any) -> Jet:
-        """Return d = r_j - r_i of a constraint between two points."""
-        x, v, a = zip(self.point_jet(c.body_i, c.point_i), self.point_jet(c.body_j, c.point_j), strict=True)
-        return _step(*x), _step(*v), _step(*a)
+        return jet
+
+    def gap(self, e: Any) -> Callable[[Table], Jet]:
+        """Return what finds d = r_j - r_i of an element between two points."""
+        levels = [[self.vector(kind, *end) for end in e.ends] for kind in (OUT.Position, OUT.Velocity, ACCELERATION)]
+
+        def jet(table: Table) -> Jet:
+            x, v, a = (j(table) - i(table) for i, j in levels)
+            return x, v, a
+
+        return jet
 
 
-def product_drift(a: Jet, b: Jet) -> float:
+
+def product_drift(a: Jet, b: Jet) -> Any:
     """Return -(a . b)'' at qdd = 0, which is -(a'' . b + 2 a' . b' + a . b'')."""
     return -(dot(a[2], b[0]) + 2.0 * dot(a[1], b[1]) + dot(a[0], b[2]))
 
 
-def _step(a: Pair, b: Pair) -> Pair:
-    return b[0] - a[0], b[1] - a[1]
-
-
-def dot(a: Pair, b: Pair) -> float:
+def dot(a: Any, b: Any) -> Any:
     """Return the scalar product."""
-    return a[0] * b[0] + a[1] * b[1]
+    return a.real * b.real + a.imag * b.imag

@@ -37,6 +37,8 @@ REASONS = {
 class StaticNewton:
     """A pose at time t from a start by exudyn's static Newton, to the tightest of `TOLERANCES` that round-off allows.
 
+    exudyn stands at it then.
+
     Attributes
     ----------
     predicts : bool
@@ -86,7 +88,10 @@ class StaticNewton:
             better = self._newton(tolerance)
         except EngineError:
             better = False
-        return self.model.data.GetODE2Coordinates(CURRENT) if better else q
+        if better:
+            return self.model.data.GetODE2Coordinates(CURRENT)
+        self.model.data.SetODE2Coordinates(q, CURRENT)
+        return q
 
     def _newton(self, tolerance: float) -> bool:
         self.model.solver.newton.absoluteTolerance = tolerance
@@ -104,7 +109,7 @@ def bear_redundant_rows(settings: Any, model: ExudynModel) -> None:
 
 
 class ShippedSolve:
-    """A pose at time t from a start by mbs.SolveStatic with exudyn's own settings."""
+    """A pose at time t from a start by mbs.SolveStatic with exudyn's own settings; exudyn stands at it then."""
 
     predicts = False
     # Its relative tolerance 1e-8 refers to the residual of the start, at most a few sizes away.
@@ -135,7 +140,7 @@ class OwnSolver(Equations):
     Attributes
     ----------
     m, accepted : int, float
-        How many rows there are, and the largest component of one with which a pose is believed, of coordinates up to 1.
+        How many rows exudyn has, and the largest component of one with which a pose is believed, of coordinates up to 1.
     failed : dict
         Time -> why there is no pose of exudyn's at it.
     together : bool
@@ -215,14 +220,14 @@ class ExudynEquations(OwnSolver):
     """exudyn's rows of a scene of the plane, lengths in sizes, and poses by a solver of its own."""
 
     def __init__(self, model: ExudynModel, scene: Scene, solver: StaticNewton | ShippedSolve) -> None:
-        super().__init__(len(model.live), solver.accepted)
+        super().__init__(model.m, solver.accepted)
         self.model, self.solver, self.predicts = model, solver, solver.predicts
         self.row_scale = solver.size**model.powers
         self.column_scale = np.tile([solver.size, solver.size, 1.0], model.n // 3)
         self._scale = self.column_scale / self.row_scale[:, None]
         whole = model.live == list(range(model.m))  # nothing to be picked: most mechanisms have no empty row
         self._live: Any = slice(None) if whole else model.live
-        self._at_rest = dict[tuple[float, bytes], Array]()
+        self._at_rest = dict[float, Array]()
         columns = {body.name: 3 * k + 2 for k, body in enumerate(scene.mechanism.bodies)}
         joints = [tuple(elements_of([joint])) for joint in scene.mechanism.joints]
         held: list[Any] = [elements[1] for elements in joints if is_slider(elements)]
@@ -231,31 +236,35 @@ class ExudynEquations(OwnSolver):
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
         """Return residuals (B, m) and Jacobians (B, m, n), NaN where exudyn has none."""
-        residuals, jacobians = zip(*map(self._rows, q, t.tolist()), strict=True)
-        return np.array(residuals), np.array(jacobians)
+        residuals, jacobians = zip(*map(self._rows, q * self.column_scale, t.tolist()), strict=True)
+        return np.array(residuals)[:, self._live] / self.row_scale, self._scaled(np.array(jacobians))
 
     def _rows(self, q: Array, t: float) -> tuple[Array, Array]:
-        live, units = self._live, self.row_scale
         try:
-            residual, jacobian, velocity = self.model.at_rest(q * self.column_scale, t)
+            self.model.set_state(q, t)
+            return self.model.rows_here()
         except EngineError:
-            residual = velocity = np.full(self.model.m, np.nan)
-            jacobian = np.full((self.model.m, self.model.n), np.nan)
-        self._at_rest[t, q.tobytes()] = velocity[live] / -units
-        return residual[live] / units, jacobian[live] * self._scale
+            return np.full(self.m, np.nan), np.full((self.m, self.model.n), np.nan)
+
+    def _scaled(self, jacobians: Array) -> Array:
+        """Return exudyn's Jacobians (B, m, n) without empty rows, in units of the size."""
+        return jacobians[:, self._live] * self._scale
 
     def nu(self, q: Array, t: Array) -> Array:
-        """Return the right sides of the velocities (B, m), NaN where exudyn has none."""
-        poses = [(pose, (at, pose.tobytes())) for pose, at in zip(q, t.tolist(), strict=True)]
-        for pose, key in poses:
-            if key not in self._at_rest:  # it comes with the rows, which were asked for before but of an estimate
-                self._rows(pose, key[0])
-        return np.array([self._at_rest[key] for _, key in poses])
+        """Return the right sides of the velocities (B, m): what exudyn's rows of velocity leave while bodies rest.
+
+        They are the rates of what the laws move, wherever bodies are. NaN where exudyn has none.
+        """
+        new = [at for at in t.tolist() if at not in self._at_rest]
+        if new:
+            rows = self.model.at_rest(q[0] * self.column_scale, new)[:, self._live] / -self.row_scale
+            self._at_rest.update(zip(new, rows, strict=True))
+        return np.array([self._at_rest[at] for at in t.tolist()])
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
         """Return the right sides of the accelerations (B, m)."""
-        poses = zip(q * self.column_scale, qd * self.column_scale, t.tolist(), strict=True)
-        return np.array([self.model.drift(*pose) for pose in poses])[:, self.model.live] / self.row_scale
+        drift = self.model.drifts(q * self.column_scale, qd * self.column_scale, t)
+        return drift[:, self._live] / self.row_scale
 
     def extrema(self, times: Array) -> Array:
         """Return times at which the law of a driver turns back."""
@@ -263,19 +272,20 @@ class ExudynEquations(OwnSolver):
 
     def solved(self, start: Array, t: float) -> tuple[Array, float, Array]:
         """Return exudyn's pose, its largest residual and Jacobian; EngineError says why there is none."""
-        pose = self.solver(t, start * self.column_scale) / self.column_scale
-        return pose, *self._believed(pose, t)
-
-    def _believed(self, q: Array, t: float) -> tuple[float, Array]:
-        """Return the largest residual and the Jacobian of what exudyn found; EngineError says why it is no answer."""
-        residual, jacobian = self._rows(q, t)
-        gap = _largest(residual)
+        q = self.solver(t, start * self.column_scale) / self.column_scale
+        residual, jacobian = self.model.rows_here()
+        gap = _largest(residual[self._live] / self.row_scale)
         if not gap <= self.accepted * max(1.0, _largest(q)):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
         for held, _, off in self._turned(q):
             if abs(off) > 1.0:
                 raise EngineError(f"it holds only the sine of {held.name!r}, and settled {off:.2f} rad off its angle")
-        return gap, jacobian
+        return q, gap, jacobian
+
+    def closed(self, q: Array, t: Array, last: Array | None) -> tuple[Array, Array, Array]:
+        """Return poses, Jacobians and residuals as `OwnSolver`, of rows that are not empty."""
+        poses, jacobians, residuals = super().closed(q, t, last)
+        return poses, self._scaled(jacobians), residuals
 
     def _turned(self, q: Array) -> list[tuple[RelativeAngle, int | None, float]]:
         """Return for each held angle of a slider how far body j is turned from it against body i, turns included."""
@@ -329,7 +339,9 @@ def solved(jacobian: Array, right: Array) -> Array:
 
 
 def _largest(x: Array) -> float:
-    return float(np.abs(x).max())
+    """Return the largest component of a short vector, infinite if one is not finite."""
+    values = x.ravel().tolist()
+    return max(max(values), -min(values)) if math.isfinite(sum(values)) else math.inf
 
 
 def _first_line(error: Exception) -> str:
