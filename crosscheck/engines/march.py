@@ -52,12 +52,14 @@ ATTEMPTS = 3000
 """Steps that may be tried between two times: beside a gimbal pose exudyn's Newton contracts in a thousandth of one."""
 SINGULAR = 8.0 * math.sqrt(EPS)
 """The least singular value of a regular pose, lengths in sizes: rates err by EPS over its square, there by 1/64."""
-STRIDE, ROUGH, MOST_ROUGH = 18, 1e-2, 6
+STRIDE, ROUGH, MOST_ROUGH = 9, 1e-2, 6
 """Every how manieth time has a rough pose, the last correction [rad, sizes] that it needs, and how many it may take."""
 FEW = 4
 """So many times are worth finding all at once; fewer are found sooner one after another."""
 DEFECT, NEAR = 0.1, 1e-3
 """The part of a step, and the length [rad, sizes], by which it may miss what its two velocities say (trapezoid)."""
+CERTAIN = 1.0 / 16.0
+"""The part of a step times what the Jacobian changes by on it, up to which a tangent may be off without being asked."""
 GUESSED_WELL = 1e-9
 """A prediction that Newton's first correction brings this near its pose has contracted, whatever round-off adds."""
 
@@ -255,34 +257,37 @@ def _with_steps(equations: Equations, poses: Poses, kept: Any, more: Poses) -> t
 
 def _rough(equations: Equations, last: Poses, t: Array) -> tuple[Array, Array, Array]:
     """Return times (K,), coordinates and velocities (K, n) of rough poses from `last` on, as far as Newton goes."""
-    knots = [(float(last.t[0]), last.q[0], last.qd[0])]
-    bend, k, stride = np.zeros_like(last.q[0]), -1, STRIDE
+    at, q, qd = [float(last.t[0])], [last.q[0]], [last.qd[0]]
+    k, stride = -1, STRIDE
     while k < len(t) - 1 and stride:
         target = min(k + stride, len(t) - 1)
-        before, at, rate = knots[-1]
-        now, h = t[target : target + 1], t[target] - before
-        guess = predicted = (at + h * (rate + 0.5 * h * bend))[None]
+        now = t[target : target + 1]
+        guess = _cubic(*(np.array(known[-2:]) for known in (at, q, qd)), now)
+        predicted = guess
         for _ in range(MOST_ROUGH if stride > 1 else CAP):  # the next time may be at a fold
             residual, jacobian = equations.rows(guess, now)
             correction = solve(jacobian, residual)
             guess = guess - correction
             if not ROUGH < _largest(correction)[0] <= 1.0:
                 break
-        qd = solve(jacobian, equations.nu(guess, now))[0]
-        near = stride == 1 or _largest(guess - predicted)[0] <= TRUST
-        if near and _largest(correction)[0] <= ROUGH and np.isfinite(qd).all():
-            bend, k, stride = (qd - rate) / h, target, min(2 * stride, STRIDE)
-            knots.append((float(t[k]), guess[0], qd))
+        rate = solve(jacobian, equations.nu(guess, now))[0]
+        off = _largest(guess - predicted)[0]
+        if (stride == 1 or off <= TRUST) and _largest(correction)[0] <= ROUGH and np.isfinite(rate).all():
+            k = target
+            at.append(float(t[k]))
+            q.append(guess[0])
+            qd.append(rate)
+            if off <= TRUST / 16.0:  # what is left of a cubic goes with the fourth power of the step
+                stride = min(2 * stride, STRIDE)
         else:
             stride //= 2
-    at, q, qd = zip(*knots, strict=True)
     return np.array(at), np.array(q), np.array(qd)
 
 
 def _cubic(knots: Array, q: Array, qd: Array, t: Array) -> Array:
     """Return coordinates (B, n) at t by the cubics through knots (K,), with coordinates and velocities (K, n) there."""
     if len(knots) == 1:
-        return np.repeat(q, len(t), axis=0)
+        return q + (t - knots)[:, None] * qd
     k = np.clip(np.searchsorted(knots, t) - 1, 0, len(knots) - 2)
     h = (knots[k + 1] - knots[k])[:, None]
     s = (t - knots[k])[:, None] / h
@@ -325,7 +330,9 @@ def _divided(a: Poses, b: Poses) -> tuple[Array, Array]:
 def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
     """Return whether the tangents of poses a lead to poses b, (B,): what `advance` asks of a step, and more.
 
-    Newton contracts if from the tangent its first correction leads to b but for a small part of itself.
+    Newton contracts if from the tangent its first correction leads to b but for a small part of itself: about half of
+    what the Jacobian changes by, relative to itself, on a way as long as the tangent is off. Where that is far below
+    `CONTRACTION` by what it changes from a to b, the correction is not asked for.
     """
     h = (b.t - a.t)[:, None]
     good = a.regular & b.regular
@@ -333,8 +340,11 @@ def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
     move, far = b.q - a.q, _largest(b.q - guess)
     defect = _largest(move - 0.5 * h * (a.qd + b.qd))
     good &= (far <= TRUST) & (defect <= np.maximum(DEFECT * _largest(move), NEAR))
-    good[good] = connected(a.inverse[good], b.jacobian[good])
     some = np.flatnonzero(good)
+    change = a.inverse[some] @ b.jacobian[some]
+    size = _from_one(change)
+    good[some] = _stays_regular(change, size, a.inverse[some])
+    some = some[good[some] & ~(size * far[some] <= CERTAIN * _largest(move[some]))]
     if not some.size or hasattr(equations, "closed"):  # an engine's own Newton does not say how it contracts
         return good
     residual, jacobian = equations.rows(guess[some], b.t[some])
@@ -406,8 +416,19 @@ def connected(inverse: Array, other: Array, off: float = 0.0) -> Any:
         How far the others may be off: as much may an eigenvalue lie left of zero.
     """
     change = inverse @ other
-    near = np.linalg.norm(change - np.eye(change.shape[1]), axis=(1, 2)) < 1.0
-    for k in np.flatnonzero(~near & np.isfinite(change).all(axis=(1, 2))):
+    return _stays_regular(change, _from_one(change), inverse, off)
+
+
+def _from_one(change: Array) -> Array:
+    """Return by how much matrices (B, n, n) differ from 1, (B,)."""
+    size: Array = np.linalg.norm(change - np.eye(change.shape[1]), axis=(1, 2))
+    return size
+
+
+def _stays_regular(change: Array, size: Array, inverse: Array, off: float = 0.0) -> Any:
+    """Return what `connected` does, from J^-1 J' and by how much it differs from 1."""
+    near = size < 1.0
+    for k in np.flatnonzero(~near & np.isfinite(size)):
         near[k] = (np.linalg.eigvals(change[k]).real > -off * np.linalg.norm(inverse[k])).all()
     return near
 

@@ -313,7 +313,9 @@ def _wheels(b: Builder, e: RollingWheels) -> None:
             offset=factor * e.zero_j - e.zero_i,
         )
     )
-    b.blocks.append(Block(e.name, teeth, e.row, ((-b.unit.size / e.radius_i, Linear()),), (0,), lambda table, laws: (0.0,)))
+    b.blocks.append(
+        Block(e.name, teeth, e.row, ((-b.unit.size / e.radius_i, Linear()),), (0,), lambda table, laws: (0.0,))
+    )
 
 
 def _coordinate(b: Builder, e: PointCoordinate) -> None:

@@ -99,7 +99,6 @@ class Readings:
         return jet
 
 
-
 def product_drift(a: Jet, b: Jet) -> Any:
     """Return -(a . b)'' at qdd = 0, which is -(a'' . b + 2 a' . b' + a . b'')."""
     return -(dot(a[2], b[0]) + 2.0 * dot(a[1], b[1]) + dot(a[0], b[2]))
