@@ -28,12 +28,12 @@ class _Points:
     `mj_jac` and `mj_jacDot` make of them for a point is made of them here, for all poses at once.
     """
 
-    def __init__(self, rows: MujocoRows, places: Places, count: int) -> None:
+    def __init__(self, rows: MujocoRows, places: Places, count: int, like: _Points | None = None) -> None:
         d = rows.data
         self._bodies, self._u, self._roots, self._moves = rows.where(tuple(places))
         self._columns = rows.columns
         self._read = d.xpos, d.xmat, d.subtree_com, d.cdof, d.cdof_dot  # views: the stages fill them
-        self._kept = [np.empty((count, *view.shape)) for view in self._read]
+        self._kept = [np.empty((count, *view.shape)) for view in self._read] if like is None else like._kept
 
     def read(self, pose: int) -> None:
         """Keep what MuJoCo has at present as that of a pose."""
@@ -87,6 +87,8 @@ class MujocoRows:
         self.columns = np.array([self.model.joint(f"q{k}").id for k in range(plan.tree.width)], int)
         self._entries = (self._pick[:, None] * self.model.nv + self.columns).ravel()
         self.bodies = {name: body.id for name, body in plan.bodies.items()}
+        self._moved: Any = None, None, None
+        """The last poses and rates that were asked for, and what was read at them."""
         self._ways: dict[Any, tuple[Any, Array, Any, Array]] = {}
         self._sites = {site.name: site.id for site in plan.spec.sites}
         tendon = mujoco.mj_tendon if self.model.ntendon else None
@@ -180,10 +182,10 @@ class MujocoRows:
                 for j, guide in enumerate(guides):
                     site = self._sites[guide.line]
                     turning[k, j] = (*d.site_xmat[site, 1:5:3], d.cvel[m.site_bodyid[site], 2])
-            if places:
-                points.read(k)
+            points.read(k)
             for row in self.plan.spatial:
                 drift[k, row] = self._length_drift(row)
+        self._moved = q, qd, points
         still = np.zeros((len(q), len(self._constants)))
         of_guides = self._guide_drift(gap, rate, drift, turning)
         return (
@@ -194,8 +196,10 @@ class MujocoRows:
 
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
         """Return position, velocity and acceleration (B, P, 2) of points of bodies, as far as rates are given."""
-        m, d, points = self.model, self.data, _Points(self, places, len(q))
-        for k in self._posed(q, None if qdd is None else qd, constrained=False):
+        m, d = self.model, self.data
+        known = self._moved if qdd is not None and all(map(np.array_equal, self._moved, (q, qd))) else None
+        points = _Points(self, places, len(q), known and known[2])
+        for k in () if known else self._posed(q, None if qdd is None else qd, constrained=False):
             if qdd is not None:
                 mujoco.mj_comVel(m, d)
             points.read(k)
