@@ -52,7 +52,7 @@ ATTEMPTS = 3000
 """Steps that may be tried between two times: beside a gimbal pose exudyn's Newton contracts in a thousandth of one."""
 SINGULAR = 8.0 * math.sqrt(EPS)
 """The least singular value of a regular pose, lengths in sizes: rates err by EPS over its square, there by 1/64."""
-STRIDE, ROUGH, MOST_ROUGH = 9, 1e-2, 6
+STRIDE, ROUGH, MOST_ROUGH = 9, 3e-2, 6
 """Every how manieth time has a rough pose, the last correction [rad, sizes] that it needs, and how many it may take."""
 FEW = 4
 """So many times are worth finding all at once; fewer are found sooner one after another."""
@@ -258,7 +258,7 @@ def _with_steps(equations: Equations, poses: Poses, kept: Any, more: Poses) -> t
 def _rough(equations: Equations, last: Poses, t: Array) -> tuple[Array, Array, Array]:
     """Return times (K,), coordinates and velocities (K, n) of rough poses from `last` on, as far as Newton goes."""
     at, q, qd = [float(last.t[0])], [last.q[0]], [last.qd[0]]
-    k, stride = -1, STRIDE
+    k, stride = -1, STRIDE // 2
     while k < len(t) - 1 and stride:
         target = min(k + stride, len(t) - 1)
         now = t[target : target + 1]
@@ -548,7 +548,8 @@ def _each(function: Callable[..., Array], *given: Array, out: Array) -> Array:
 
 def _largest(values: Array) -> Array:
     """Return the largest component (B,) of vectors (B, n)."""
-    return np.abs(values).max(axis=1, initial=0.0)
+    largest: Array = np.maximum.reduce(np.abs(values), axis=1, initial=0.0)
+    return largest
 
 
 def extrema(laws: Sequence[Callable[..., Any]], times: Array) -> Array:

@@ -140,7 +140,7 @@ class OwnSolver(Equations):
     Attributes
     ----------
     m, accepted : int, float
-        How many rows exudyn has, and the largest component of one with which a pose is believed, of coordinates up to 1.
+        How many rows exudyn has, and the largest residual with which a pose is believed, of coordinates up to 1.
     failed : dict
         Time -> why there is no pose of exudyn's at it.
     together : bool
