@@ -262,7 +262,7 @@ def _rough(equations: Equations, last: Poses, t: Array) -> tuple[Array, Array, A
     while k < len(t) - 1 and stride:
         target = min(k + stride, len(t) - 1)
         now = t[target : target + 1]
-        guess = _cubic(*(np.array(known[-2:]) for known in (at, q, qd)), now)
+        guess = _cubic(np.array(at[-2:]), np.array(q[-2:]), np.array(qd[-2:]), now)
         predicted = guess
         for _ in range(MOST_ROUGH if stride > 1 else CAP):  # the next time may be at a fold
             residual, jacobian = equations.rows(guess, now)

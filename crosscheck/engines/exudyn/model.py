@@ -77,7 +77,7 @@ class ExudynModel:
         self.rows: Sequence[RowMap] = tuple(row for rows, block in self.blocks for row in _row_maps(rows, block))
         self.live = [row.engine_row for row in self.rows]
         self.read = builder.read
-        self._driven = [(rows[0], block) for rows, block in self.blocks if block.cylinder is not None]
+        self._driven = [(rows[0], b, b.cylinder) for rows, b in self.blocks if b.cylinder is not None]
         self.powers = np.array([power for _, block in self.blocks for power in block.powers])
         self.solver = exu.MainSolverStatic()
         self.solver.InitializeSolver(self.mbs, quiet_settings())
@@ -188,9 +188,9 @@ class ExudynModel:
         self.clock.set(t, order)
         if t == self._distances_at:
             return
-        for _, block in self._driven:
+        for _, block, law in self._driven:
             try:
-                self.mbs.SetObjectParameter(block.item, "distance", self.clock.values[block.cylinder][0])
+                self.mbs.SetObjectParameter(block.item, "distance", self.clock.values[law][0])
             except exu.ExudynValueError as error:
                 raise EngineError(f"exudyn: driver {block.constraint!r} at t = {t!r}: {error}") from error
         self._distances_at = t
@@ -209,7 +209,7 @@ class ExudynModel:
         exudyn's row is y = |d| - f, and it knows no f'. The map from ours, x = (d . d - f^2) / 2 = y (y + 2 f) / 2,
         would depend on time; so the model turns y into x: x_q = |d| y_q, x' = |d| |d|' - f f'.
         """
-        return [(row, *self.clock.values[block.cylinder][:2]) for row, block in self._driven]
+        return [(row, self.clock.values[law][0], self.clock.values[law][1]) for row, _, law in self._driven]
 
     def _driven_distances(self) -> dict[int, float]:
         """Return |d| of each driven distance by its engine row, as exudyn's own row gives it."""

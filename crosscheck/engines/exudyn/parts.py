@@ -137,7 +137,7 @@ class Block:
     first: int
     maps: tuple[tuple[float, Form], ...]
     powers: tuple[int, ...]
-    drift: Callable[[Table, Sequence[Any]], Iterable[Any]]
+    drift: Callable[[Table, Any], Iterable[Any]]
     cylinder: int | None = None
 
 

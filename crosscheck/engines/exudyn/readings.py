@@ -21,7 +21,7 @@ OUT = exu.OutputVariableType
 ACCELERATION = OUT.Acceleration
 ZERO = (0.0, 0.0)
 
-Table = Sequence[Any]
+Table = Sequence[Any] | Array
 """Numbers read from exudyn, in the order in which they were asked for, each a float or an array (B,) of B states."""
 Jet = tuple[Any, Any, Any]
 """A vector of the plane, its rate, and its second derivative at qdd = 0."""

@@ -33,7 +33,7 @@ class _Points:
         self._bodies, self._u, self._roots, self._moves = rows.where(tuple(places))
         self._columns = rows.columns
         self._read = d.xpos, d.xmat, d.subtree_com, d.cdof, d.cdof_dot  # views: the stages fill them
-        self._kept = [np.empty((count, *view.shape)) for view in self._read] if like is None else like._kept
+        self._kept: list[Array] = like._kept if like else [np.empty((count, *view.shape)) for view in self._read]
 
     def read(self, pose: int) -> None:
         """Keep what MuJoCo has at present as that of a pose."""
@@ -185,7 +185,7 @@ class MujocoRows:
             points.read(k)
             for row in self.plan.spatial:
                 drift[k, row] = self._length_drift(row)
-        self._moved = q, qd, points
+        self._moved = points, q, qd
         still = np.zeros((len(q), len(self._constants)))
         of_guides = self._guide_drift(gap, rate, drift, turning)
         return (
@@ -197,8 +197,10 @@ class MujocoRows:
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
         """Return position, velocity and acceleration (B, P, 2) of points of bodies, as far as rates are given."""
         m, d = self.model, self.data
-        known = self._moved if qdd is not None and all(map(np.array_equal, self._moved, (q, qd))) else None
-        points = _Points(self, places, len(q), known and known[2])
+        known, known_q, known_qd = self._moved
+        if qd is None or qdd is None or not (np.array_equal(known_q, q) and np.array_equal(known_qd, qd)):
+            known = None
+        points = _Points(self, places, len(q), known)
         for k in () if known else self._posed(q, None if qdd is None else qd, constrained=False):
             if qdd is not None:
                 mujoco.mj_comVel(m, d)
