@@ -36,8 +36,8 @@ def price(
     """Show what accuracy costs on a scene: every engine by every method, digits against microseconds.
 
     Exit codes: 0 done, 1 no pose of the scene is certified, so that there is nothing to hold digits against, or fewer
-    than 95 % of the winners are the same again, 2 the scene or a file is invalid. A method that crashes or hangs is a
-    row that says so.
+    than 95 % of the winners are the same again, or no winner is clear both times, 2 the scene or a file is invalid. A
+    method that crashes or hangs is a row that says so.
 
     Parameters
     ----------
@@ -71,7 +71,7 @@ def price(
     if page is not None:
         page.write_text(page_of(result), encoding="utf-8")
     if before is not None:
-        return PASS if print_repeated(before, result, as_json) >= SAME_WINNERS else DISAGREEMENT
+        return PASS if print_repeated(before, result, as_json) else DISAGREEMENT
     if as_json:
         print(json.dumps(result, allow_nan=False))
     else:
@@ -125,19 +125,22 @@ def print_list(result: Mapping[str, Any]) -> None:
         out.print(line)
 
 
-def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: bool) -> float:
-    """Print whether two lists have the same winners; return in what share of the cells (1 where none differs)."""
-    parts = {key: repeated(before[key], now[key]) for key in ("cheapest", "cheapest_engine")}
-    cells, same = sum(part[0] for part in parts.values()), sum(part[1] for part in parts.values())
-    share = same / cells if cells else 1.0
-    changed = [line for part in parts.values() for line in part[2]]
+def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: bool) -> bool:
+    """Print whether two lists have the same winners; return whether in enough cells, of which there must be one."""
+    parts = [repeated(before[key], now[key]) for key in ("cheapest", "cheapest_engine")]
+    cells, same = sum(part[0] for part in parts), sum(part[1] for part in parts)
+    share = same / cells if cells else None
+    changed = [line for part in parts for line in part[2]]
     if as_json:
         print(json.dumps({"cells": cells, "same": same, "share": share, "changed": changed, "again": now}))
-        return share
-    for line in changed:
-        print(line)
-    print(f"the same winner in {same} of {cells} cells that differ by more than the spread: {share:.1%}")
-    return share
+    else:
+        known = "nothing is known of winners" if share is None else f"{share:.1%}"
+        for line in (
+            *changed,
+            f"the same winner in {same} of {cells} cells that differ by more than the spread: {known}",
+        ):
+            print(line)
+    return share is not None and share >= SAME_WINNERS
 
 
 def lines(result: Mapping[str, Any]) -> list[str]:

@@ -13,10 +13,11 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.commands.price import lines, to_json
+from crosscheck.commands.price import lines, print_repeated, to_json
 from crosscheck.engines.methods import PRICED, Model
 from crosscheck.judge.prices import Offer, PriceRow, cheapest, repeated, with_suspicions
 from crosscheck.judge.truth import NoTruth
+from crosscheck.measure import price as measuring
 from crosscheck.measure import price_process
 from crosscheck.measure.price import price
 from crosscheck.measure.price_process import BULK, CYCLE, best_of_each_first, measure, questions
@@ -224,10 +225,30 @@ def test_a_list_repeats_itself_where_the_winners_are_the_same():
     assert repeated(*lists)[2][0] == "one cycle, 3 digits of position: made up, newton before, made up, chord now"
 
 
+@pytest.mark.parametrize(("share", "answers"), [(1.0, False), (0.05, True), (0.0, False)])
+def test_a_process_that_gets_a_small_part_of_a_busy_machine_is_no_hang(monkeypatch, share, answers):
+    """It answers after 40 s: none that worked all the time, nor that slept, is given more than 20."""
+    now = [0.0]
+
+    def poll(seconds):
+        now[0] += seconds
+        return now[0] >= 40.0
+
+    monkeypatch.setattr(measuring, "time", SimpleNamespace(monotonic=lambda: now[0]))
+    monkeypatch.setattr(measuring, "seconds_of", lambda process: share * now[0])
+    assert measuring._says_something(SimpleNamespace(poll=poll), 0, patience=20.0) is answers
+
+
 def test_winners_within_the_spread_count_for_nothing():
     near = cheapest([row.to_json() for row in (priced(9.0, 5.0), priced(9.0, 5.1, "chord"))])
 
     assert repeated(near, near)[:2] == (0, 0)
+    rows = [priced(9.0, 5.0), priced(9.0, 9.0, "chord")]
+    nothing, known = (
+        {"cheapest": one, "cheapest_engine": one} for one in (near, cheapest([r.to_json() for r in rows]))
+    )
+    assert not print_repeated(nothing, nothing, as_json=False)
+    assert print_repeated(known, known, as_json=False)
 
 
 def test_the_cheapest_way_is_the_least_price_among_those_with_so_many_digits():
