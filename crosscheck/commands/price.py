@@ -135,11 +135,8 @@ def print_repeated(before: Mapping[str, Any], now: Mapping[str, Any], as_json: b
         print(json.dumps({"cells": cells, "same": same, "share": share, "changed": changed, "again": now}))
     else:
         known = "nothing is known of winners" if share is None else f"{share:.1%}"
-        for line in (
-            *changed,
-            f"the same winner in {same} of {cells} cells that differ by more than the spread: {known}",
-        ):
-            print(line)
+        of = f"{same} of {cells} cells that differ by more than the spread"
+        print(*changed, f"the same winner in {of}: {known}", sep="\n")
     return share is not None and share >= SAME_WINNERS
 
 
