@@ -142,7 +142,7 @@ def two_slides() -> Scene:
     joint = Cylindrical(name="C", **between(GROUND, AT, "arm", AT), **axes((0.2, 0.1, 1.0), X, Z, X))
     rail = SpatialPrismatic(name="P", **between(GROUND, (2.0, 0.0, 0.0), "slider", AT), **axes(X, Y, X, Y))
     rod = SpatialDistance(name="rod", **between("arm", (0.5, 0.0, 0.0), "slider", (0.0, 0.5, 0.0)), length=3.0)
-    lift = DisplacementDriver(name="lift", joint="C", law=Polynomial(coefficients=(0.1, 0.05)))
+    lift = DisplacementDriver(name="lift", joint="C", law=Polynomial(coefficients=(0.1, 0.05, 0.03)))
     frame = joint_frame((0.2, 0.1, 1.0), X) @ np.array(
         [[math.cos(0.4), -math.sin(0.4), 0.0], [math.sin(0.4), math.cos(0.4), 0.0], [0.0, 0.0, 1.0]]
     )

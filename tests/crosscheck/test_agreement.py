@@ -171,6 +171,9 @@ def test_a_wrong_level_violates_that_level_alone():
     assert violations(ref, stale, 1, TIMES[4]).text.startswith("every joint and driver is satisfied there to rounding")
     assert [violations(ref, motion, order, TIMES[4]).names for order in range(3)] == [(), (), ()]
     assert violations(ref, replace(motion, bodies=("crank",), q=motion.q[:3]), 0, TIMES[4]) == NOT_KNOWN
+    alone = replace(motion, qd=None, qdd=None)
+    assert violations(ref, alone, 0, TIMES[4]) == violations(ref, motion, 0, TIMES[4]) != NOT_KNOWN
+    assert violations(ref, alone, 1, TIMES[4]) == NOT_KNOWN
 
 
 def run_example(source: str, folder: Path) -> str:

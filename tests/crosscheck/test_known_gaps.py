@@ -54,6 +54,23 @@ def test_the_best_route_is_free_of_what_a_row_about_another_route_says(gap):
     assert new_disagreements(record, GAPS) == []
 
 
+@pytest.mark.parametrize(
+    ("about", "sigma_per_step", "expected"),
+    [
+        ({}, 1.9, {"anywhere", "step_beyond_newton"}),
+        ({"dimension": "planar", "expected": "ok"}, 2.0, {"anywhere"}),
+        ({"dimension": "spatial"}, 2.1, {"anywhere"}),
+        ({"dimension": "spatial"}, 1.9, {"anywhere", "step_beyond_newton", "step_beyond_newton_in_space"}),
+        ({"expected": "singular"}, 2.1, {"anywhere", "ends_in_a_singular_pose"}),
+    ],
+)
+def test_a_gap_is_looked_for_in_the_scenes_that_it_is_about_and_in_no_other(about, sigma_per_step, expected):
+    record = typed(planted("a scene"))
+    record = replace(record, about=about, reference=replace(record.reference, sigma_per_step=sigma_per_step))
+
+    assert {name for name, predicate in PREDICATES.items() if predicate(record)} == expected
+
+
 def test_a_row_whose_reproduction_shows_nothing_is_stale():
     (gap,) = read(ROW)
 

@@ -30,7 +30,7 @@ from crosscheck.judge.budget import (
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import QUANTITIES, compare, reference
 from crosscheck.judge.hard_poses import _output_rounding, least_error, residual_error, samples, scene_truths
-from crosscheck.judge.levels import _mapped, configurations
+from crosscheck.judge.levels import LEVELS, Configuration, _mapped, _size, configurations
 from crosscheck.judge.running_error import Running, U
 from crosscheck.judge.samples import histogram
 from crosscheck.judge.sharpness import attainable_by_inputs, sharpness
@@ -423,6 +423,17 @@ def test_a_change_is_a_part_of_the_size_of_the_mechanism_and_of_a_rate_of_the_la
     assert not seen.inert
 
 
+@pytest.mark.parametrize(("order", "level"), [(0, "q"), (1, "qd"), (2, "qdd")])
+def test_digits_of_an_answer_are_of_the_size_of_the_mechanism_and_of_the_largest_rate_at_each_time(order, level):
+    ref, size = solved(), LINKAGE.scene().mechanism.size()
+    moved = np.array(getattr(ref.motion, level))
+    moved += np.tile([[1e-6 * size], [0.0], [0.0]], (3, 1)) if level == "q" else 1e-6 * moved
+    quantity = compare(ref, replace(ref.motion, **{level: moved})).quantities[QUANTITIES[order]]
+
+    assert quantity.digits == pytest.approx(6.0, abs=1e-6)
+    assert quantity.error == pytest.approx(1e-6 * (np.max(np.abs(ref.levels[order]), axis=0) if order else 1.0))
+
+
 def test_where_nothing_can_be_allowed_to_first_order_any_change_is_felt():
     ref, off = solved(), solved().motion
     on, budget = replace(off, q=off.q * (1.0 + 2.0**-52)), ref.budget()
@@ -443,6 +454,18 @@ def test_rates_that_come_without_positions_are_compared_and_are_no_other_assembl
         ("acceleration", True),
     ]
     assert not compared.other_assembly
+
+
+def test_rows_lose_what_the_farthest_coordinate_and_the_fastest_body_take_away():
+    """Of two bodies one lies 5 away and moves at 2, the other turns with |p'| = 0.4, at 0.8 rad/s."""
+    q = np.array([0.3, -5.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.1, 0.2, 0.3, 1.0, 0.0, 0.0, 0.0])
+    qd = np.array([0.5, 1.0, -2.0, 0.0, 0.1, 0.0, 0.0, 0.1, 0.0, 0.0, 0.0, 0.0, 0.4, 0.0])
+    at = Configuration(rssr().mechanism, q, qd, 0.0, np.zeros(0))
+    rate = 2.0 + 0.8 * 5.0
+
+    assert {level: _size(level, at) for level in Level if level in LEVELS} == pytest.approx(
+        {Level.RESIDUAL: 5.0, Level.JACOBIAN: 5.0, Level.CONSTRAINT_VELOCITY: rate, Level.DRIFT: 0.8 * rate}
+    )
 
 
 def test_configurations_lie_on_all_sides_of_a_pose_as_far_as_a_size_or_a_radian():
