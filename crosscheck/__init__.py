@@ -29,7 +29,7 @@ def compare(
     dict
         The `crosscheck.judge.records.Record` of the scene as plain data: what a line of `records.jsonl` holds.
     """
-    from crosscheck.commands.tables import agreement_table
+    from crosscheck.commands.engines import agreement_table
     from crosscheck.commands.usage import console
     from crosscheck.judge.records import plain
     from crosscheck.measure.check import check

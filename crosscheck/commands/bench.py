@@ -1,11 +1,13 @@
-"""The command `crosscheck bench`: every workload in a process of its own, on one thread; JSON, or tables."""
+"""What time is spent on: `crosscheck bench`, and `crosscheck effects`, the ledger of effects on a scene."""
 
 from __future__ import annotations
 
 import json
 import sys
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import asdict
 from itertools import groupby
+from pathlib import Path
 from typing import Annotated, Any
 
 from cyclopts import Parameter
@@ -13,23 +15,27 @@ from rich.console import Console
 from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.progress import shown_progress
-from crosscheck.commands.usage import Json, coloured, console, table
+from crosscheck.commands.usage import Json, coloured, console, shown_progress, table
 from crosscheck.engines.methods import OURS
-from crosscheck.errors import INFRASTRUCTURE, PASS, USAGE
+from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
+from crosscheck.judge.effects_rows import EffectRow
 from crosscheck.measure.bench import measured_by_name, merged
 from crosscheck.measure.bench_aims import DENSE, SAMPLES, SPARSE, Key, key_of
+from crosscheck.measure.effects import effects_ledger
+from crosscheck.measure.effects_ablations import REFKIN
 from crosscheck.scenes import workloads
+from crosscheck.workers.pool import find_engines
 from crosscheck.workers.processes import Failure, call_each
+from refkin.model import Scene
+from refkin.motion import Status
+from refkin.scenes.files import load
+from refkin.solving.solve import solve
 
 SECONDS_PER_WORKLOAD = 600.0
 
 
 def bench(
-    *,
-    only: Annotated[list[str] | None, Parameter(negative="")] = None,
-    engines: str = ENGINES,
-    as_json: Json = False,
+    *, only: Annotated[list[str] | None, Parameter(negative="")] = None, engines: str = ENGINES, as_json: Json = False
 ) -> int:
     """Measure this project's time and error against C, the engines, SciPy and the closed form, on one thread.
 
@@ -47,8 +53,7 @@ def bench(
     unknown = [name for name in only or () if name not in workloads.names()]
     if unknown:
         there = ", ".join(workloads.names())
-        print(f"--only: no workload is called {unknown[0]!r}; there are: {there}", file=sys.stderr)
-        return USAGE
+        raise UsageError(f"--only: no workload is called {unknown[0]!r}; there are: {there}")
     producers = (*OURS, *names(engines, always=()))
     parts: list[dict[str, Any]] = []
     asked = only or workloads.names()
@@ -68,10 +73,7 @@ def bench(
     return PASS
 
 
-RIVALS: dict[Key, str] = {
-    ("c", "same program", ""): "the same operations compiled as C",
-    DENSE: "dense Newton in C",
-}
+RIVALS: dict[Key, str] = {("c", "same program", ""): "the same operations compiled as C", DENSE: "dense Newton in C"}
 """The rivals that every claim names first: the same algorithm in C, then what a person would write in C."""
 CLAIMED = (SAMPLES, SPARSE)
 UNRANKED = "not ranked"
@@ -109,8 +111,13 @@ def workload_table(name: str, rows: list[dict[str, Any]]) -> Table:
     shown: list[Any] = []
     for row in sorted(rows, key=lambda r: (not r["ranked"], r["nanoseconds_per_configuration"])):
         time = row["nanoseconds_per_configuration"]
-        ratios = [ratio(time / times[rival]) if row["ranked"] else UNRANKED for rival in rivals]
-        numbers = [duration(time), f"{row['spread']:.0%}", *ratios, *map(error, (row["max_error"], allowed(row)))]
+        ratios = [f"{time / times[rival]:.3g}" if row["ranked"] else UNRANKED for rival in rivals]
+        numbers = [
+            duration(time),
+            f"{row['spread']:.0%}",
+            *ratios,
+            *map(error, (row["max_error"], row["worst_over_allowed"])),
+        ]
         words = [", ".join(level[:3] for level in row["computes"]), row["newton_by"]]
         cells = [named(row), *numbers, *words]
         shown.append(cells if row["ranked"] else [coloured(cell, "red") for cell in cells])
@@ -149,19 +156,13 @@ def claims(rows: Iterable[dict[str, Any]]) -> list[str]:
         if ours not in times:
             continue
         there = {what: times[rival] for rival, what in RIVALS.items() if rival in times}
-        words = [f"{ratio(times[ours] / time)} times {what}" for what, time in there.items()]
+        words = [f"{times[ours] / time:.3g} times {what}" for what, time in there.items()]
         if engines:
             first = min(engines, key=lambda key: engines[key])
-            words.append(f"{ratio(times[ours] / engines[first])} times {', '.join(first[:2])}, the fastest engine")
+            words.append(f"{times[ours] / engines[first]:.3g} times {', '.join(first[:2])}, the fastest engine")
         if words:
             sentences.append(f"{', '.join(ours[:2])} takes {', '.join(words)}.")
     return sentences
-
-
-def allowed(row: dict[str, Any]) -> float | None:
-    """Return error / allowed of a row."""
-    value: float | None = row["worst_over_allowed"]
-    return value
 
 
 def duration(nanoseconds: float) -> str:
@@ -172,11 +173,105 @@ def duration(nanoseconds: float) -> str:
     return f"{nanoseconds:.3g} ns"
 
 
-def ratio(x: float) -> str:
-    """Return a ratio with three digits."""
-    return f"{x:.3g}"
-
-
 def error(x: float | None) -> str:
     """Return an error, which is null where there was no answer."""
     return "no answer" if x is None else f"{x:.1e}"
+
+
+def effects(scene: Path, *, engines: str = ENGINES, as_json: Json = False) -> int:
+    """Show what every effect costs on a scene, and whether one that is not called for changes anything.
+
+    Exit codes: 0 done, 1 an effect changes another number of the reference, or no pose of the scene is found, 2 usage
+    or invalid scene, 3 engine missing.
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML, or JSON if it ends in .json); its first times are measured.
+    engines
+        Names, separated by commas, or `file.py:Class`.
+    as_json
+        Print one JSON object instead of a table.
+    """
+    read_scene = load(scene)
+    motion = solve(read_scene)
+    if Status.OK not in motion.status:
+        print(f"{read_scene.name}: no pose is found, so no effect has a price: {motion.message}", file=sys.stderr)
+        return DISAGREEMENT
+    installed, missing = find_engines(names(engines, always=()))
+    inert = show(read_scene, [spec for spec, _ in installed.values()], list(missing.values()), as_json)
+    if missing:
+        return ENGINE_MISSING
+    return PASS if inert else DISAGREEMENT
+
+
+SCHEMA = 2
+
+
+def show(scene: Scene, engines: Sequence[str], missing: Sequence[str], as_json: bool) -> bool:
+    """Measure the effects on a scene and print them; return whether each leaves refkin's other numbers as they were."""
+    with shown_progress(1 + len(engines), noun="producers") as tell:
+        rows = effects_ledger(scene, engines, tell=tell)
+    if as_json:
+        print(json.dumps(to_json(scene.name, rows, missing)))
+    else:
+        out = console(180)
+        out.print(ledger_table(scene.name, rows))
+        for line in (*felt_lines(rows), *absent_lines(rows), *missing):
+            out.print(line)
+    ours = [row.inert for row in rows if row.engine == REFKIN]
+    return True in ours and False not in ours
+
+
+def to_json(scene: str, rows: Sequence[EffectRow], missing: Sequence[str] = ()) -> dict[str, object]:
+    """Return the ledger as plain data."""
+    return {"schema": SCHEMA, "scene": scene, "rows": [asdict(row) for row in rows], "missing": list(missing)}
+
+
+def ledger_table(scene: str, rows: Sequence[EffectRow]) -> Table:
+    """Return the rows as a table, method by method; times are per configuration."""
+    prices = (">adds\nmicroseconds", ">noise\nmicroseconds", ">to\nmicroseconds")
+    heads = ("engine, method", "effect", *prices, "inert", ">largest change", "note")
+    shown: list[Any] = []
+    last = ""
+    for row in (row for row in rows if row.inert is not None):
+        name = named(vars(row))
+        shown += [None] if last not in ("", name) else []
+        price = "within noise" if row.within_noise else _number(row.microseconds)
+        numbers = (price, _number(row.spread), _number(row.without))
+        change = "-" if row.largest_change is None else f"{row.largest_change:.2g}"
+        cells = ("" if name == last else name, row.effect, *numbers, "yes" if row.inert else "no", change, row.note)
+        shown.append(cells if row.inert else [coloured(cell, "red") for cell in cells])
+        last = name
+    title = f"{scene}: what each effect costs per configuration, and whether it is inert"
+    return table(*heads, rows=shown, title=title)
+
+
+def felt_lines(rows: Sequence[EffectRow]) -> list[str]:
+    """Return a line for each effect that is not inert: which, where it is felt, and how much."""
+    lines = []
+    for row in rows:
+        if row.inert is False:
+            what = row.note if row.largest_change is None else f"changes {row.worst} by {row.largest_change:.2g}"
+            lines.append(f"not inert: {row.effect} in {named(vars(row))}: {what}")
+    if not lines and all(row.inert is None for row in rows):
+        return ["no effect was measured"]
+    return lines or ["every effect that was measured is inert where it is not called for"]
+
+
+def absent_lines(rows: Sequence[EffectRow]) -> list[str]:
+    """Return a line for each reason why effects have no price: in which engine, by which methods, and which."""
+    reasons: dict[tuple[str, str], tuple[list[str], list[str]]] = {}
+    for row in rows:
+        if row.inert is None:
+            by, effects = reasons.setdefault((row.engine, row.note), ([], []))
+            by += [row.method] if row.method not in by else []
+            effects += [row.effect] if row.effect not in effects else []
+    return [
+        f"no price in {engine} ({', '.join(by)}): {', '.join(effects)}: {why}"
+        for (engine, why), (by, effects) in reasons.items()
+    ]
+
+
+def _number(value: float | None) -> str:
+    return "-" if value is None else f"{value:.1f}"

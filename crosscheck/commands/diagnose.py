@@ -1,22 +1,29 @@
-"""`crosscheck diagnose`: what the poses of a scene are where they are hard, in words."""
+"""A scene's equations: `crosscheck diagnose` and `crosscheck mobility` at a pose, `crosscheck tape` as a list."""
 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
+from cyclopts import Parameter
 
 from crosscheck.commands.solve import SCHEMA, numbers
 from crosscheck.commands.usage import Json
+from crosscheck.errors import DISAGREEMENT, PASS
+from refkin.errors import RefkinError
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.proof.singularity.diagnosis import Diagnosis, PoseKind
 from refkin.scenes.files import load
 from refkin.solving.diagnose import diagnose
+from refkin.solving.mobility import Count, Mobility, Rank, count, mobility_of
 from refkin.solving.solve import solve
+from refkin.solving.starts import find_start
+from refkin.system import compile_system
 
 
 def hardest(motion: Motion) -> int | None:
@@ -27,8 +34,7 @@ def hardest(motion: Motion) -> int | None:
     return int(np.argmin(np.where(reached, motion.sigma_min, np.inf))) if reached.any() else None
 
 
-def lines(motion: Motion, t: float, diagnosis: Diagnosis) -> list[str]:
-    """Return a diagnosis as lines to print."""
+def _lines(motion: Motion, t: float, diagnosis: Diagnosis) -> list[str]:
     text = [
         f"verdict: {motion.verdict.value}",
         f"t = {t:.17g}",
@@ -42,7 +48,7 @@ def lines(motion: Motion, t: float, diagnosis: Diagnosis) -> list[str]:
     return text + [f"tangent: {np.array2string(tangent, precision=6)}" for tangent in diagnosis.tangents]
 
 
-def to_json(scene: Scene, motion: Motion, k: int | None, diagnosis: Diagnosis | None) -> dict[str, Any]:
+def _diagnosed(scene: Scene, motion: Motion, k: int | None, diagnosis: Diagnosis | None) -> dict[str, Any]:
     """Return a diagnosis as plain data; null where there is no pose."""
     header: dict[str, Any] = {"schema": SCHEMA, "scene": scene.name, "verdict": motion.verdict.value}
     if k is None or diagnosis is None:
@@ -82,11 +88,125 @@ def print_diagnosis(scene: Path, *, as_json: Json = False) -> int:
     k = hardest(motion)
     if k is None:
         none = f"{motion.verdict.value}: {motion.message}"
-        print(json.dumps(to_json(read, motion, None, None)) if as_json else none)
+        print(json.dumps(_diagnosed(read, motion, None, None)) if as_json else none)
         return 1
     contacts = [contact.s[k] for contact in motion.contacts.values()]
     answer = diagnose(read, np.append(motion.q[:, k], contacts), float(motion.t[k]))
-    text = json.dumps(to_json(read, motion, k, answer)) if as_json else "\n".join(lines(motion, motion.t[k], answer))
+    text = (
+        json.dumps(_diagnosed(read, motion, k, answer)) if as_json else "\n".join(_lines(motion, motion.t[k], answer))
+    )
     print(text)
     ended = motion.status[k] is Status.OK and answer.kind in (PoseKind.REGULAR, PoseKind.STRUCTURE, PoseKind.REDUNDANT)
     return 0 if ended else 1
+
+
+def mobility(scene: Path, *, as_json: Json = False) -> int:
+    """Count the freedoms of a scene's joints, take the rank of their equations at its first pose, name redundant rows.
+
+    Of bodies of space that spin, or slide, while nothing else moves it says so. Exit codes: 0 done, 1 no pose was found
+    to take the rank at, 2 the scene is invalid.
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML, or JSON if it ends in .json).
+    as_json
+        Print one JSON object instead of lines.
+    """
+    read = load(scene)
+    counted, system = count(read.mechanism), compile_system(read.mechanism, unit=read.mechanism.unit())
+    t, start = read.times[0], find_start(system, read)
+    posed = mobility_of(system, start.q, t) if start.status is Status.OK else None
+    if as_json:
+        print(json.dumps({"schema": SCHEMA, "scene": read.name, "t": t, **_freedoms(counted, posed, start.message)}))
+    else:
+        print("\n".join([_of_count(counted), *_of_pose(posed, t, start.message)]))
+    return 0 if posed else 1
+
+
+def _freedoms(counted: Count, posed: Mobility | None, message: str) -> dict[str, Any]:
+    """Return mobility by count and by rank as plain data; null by rank where there is no pose, and why."""
+    keys = ("bodies", "coordinates", "equations", "mobility", "useful")
+    by_count = {key: getattr(counted, key) for key in keys} | {"passive": list(counted.passive), "kind": counted.kind}
+    if posed is None:
+        return {"by_count": by_count, "by_rank": None, "message": message}
+    by_rank = {
+        "mobility": posed.mobility,
+        "kind": posed.kind,
+        "useful": posed.useful,
+        "passive": list(posed.passive),
+        "joints": _rank(posed.joints),
+        "driven": _rank(posed.driven),
+    }
+    return {"by_count": by_count, "by_rank": by_rank, "message": message}
+
+
+def _rank(rank: Rank) -> dict[str, Any]:
+    redundant = {row.row: dict(row.factors) for row in rank.dependent}
+    return {**{key: getattr(rank, key) for key in ("coordinates", "rank", "kept", "dropped")}, "redundant": redundant}
+
+
+def _of_count(counted: Count) -> str:
+    passive = f", {len(counted.passive)} of them passive: {', '.join(counted.passive)}" if counted.passive else ""
+    return (
+        f"by count: {counted.coordinates} x {counted.bodies} bodies - {counted.equations} equations"
+        f" = {counted.mobility}, {counted.kind}{passive}"
+    )
+
+
+def _of_pose(mobility: Mobility | None, t: float, message: str) -> Iterator[str]:
+    if mobility is None:
+        yield f"by rank: no pose at t = {t:g}: {message}"
+        return
+    joints, driven = mobility.joints, mobility.driven
+    yield (
+        f"by rank at t = {t:g}: {joints.coordinates} coordinates - rank {joints.rank}"
+        f" = {mobility.mobility}, {mobility.kind}   ({_clear(joints)})"
+    )
+    for row in joints.dependent:
+        yield f"redundant: {row}"
+    yield from (f"passive degree of freedom: {words}" for words in mobility.passive)
+    all_passive = ", all passive" if mobility.passive and driven.freedoms == len(mobility.passive) else ""
+    yield f"drivers leave {driven.freedoms} of these free{all_passive}   ({_clear(driven)})"
+    named = {row.row for row in joints.dependent}
+    for row in driven.dependent:
+        if row.row not in named:
+            yield f"a driver that holds nothing here: {row}"
+
+
+def _clear(rank: Rank) -> str:
+    return f"smallest singular value counted {rank.kept:.3g}, largest not counted {rank.dropped:.3g}"
+
+
+def tape(scene: Path, *, counts: Annotated[bool, Parameter(negative="")] = False) -> int:
+    """Print the operations that the fast path runs for a scene, and how many there are.
+
+    A scene that calls for less has fewer: no accelerations, or bodies wanted that do not hang on all others.
+
+    Exit codes: 0 done, 1 the equations of the scene have no such form, 2 the scene is invalid.
+
+    Parameters
+    ----------
+    scene
+        A scene file (TOML, or JSON if it ends in .json).
+    counts
+        Print the numbers of operations alone.
+    """
+    read = load(scene)
+    try:
+        from refkin import fast  # here, because no other command needs it
+    except ImportError as error:
+        print(f"this installation has no fast path: {error}")
+        return DISAGREEMENT
+    try:
+        compiled = fast.tape(read)
+    except RefkinError as error:
+        print(error)
+        return DISAGREEMENT
+    if not counts:
+        print(fast.legend(read) + str(compiled))
+    for segment, number in compiled.counts().items():
+        kinds = ", ".join(f"{k} {op}" for op, k in compiled.operations(segment).most_common())
+        print(f"{segment:9}  {number:5}  {kinds}".rstrip())
+    print(f"all        {sum(compiled.counts().values()):5}")
+    return PASS

@@ -1,14 +1,20 @@
-"""`crosscheck engines`, and the names of engines on the command line."""
+"""`crosscheck engines`, names of engines, and what the terminal shows of them: abilities, agreement, a night's end."""
 
 from __future__ import annotations
 
-from crosscheck.commands.tables import capability_table
-from crosscheck.commands.usage import console
-from crosscheck.engines import PEERS, available
+from collections.abc import Iterable, Sequence
+from typing import Any
+
+from rich.table import Table
+
+from crosscheck.commands.usage import console, table
+from crosscheck.engines import ELEMENTS, PEERS, Engine, Level, Support, available
 from crosscheck.engines import load as load_engine
 from crosscheck.errors import PASS, UsageError
-from crosscheck.night.plan import ALWAYS, SAMPLED
-from crosscheck.workers.installed import find_engines
+from crosscheck.judge.known_gaps import KnownGap
+from crosscheck.judge.records import QUANTITIES, Disagreement, Quantity, Record, RefusalRow
+from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome
+from crosscheck.workers.pool import find_engines
 
 ENGINES = ",".join(PEERS)
 
@@ -33,3 +39,103 @@ def names(text: str, always: tuple[str, ...] = (ALWAYS, *SAMPLED)) -> tuple[str,
         if name not in known and ":" not in name:
             raise UsageError(f"no engine is called {name!r}; there are: {', '.join(sorted(known))}, or file.py:Class")
     return tuple(dict.fromkeys((*always, *named)))
+
+
+MOST_LINES = 20
+"""Disagreements, and failures, that are told on a terminal; the report has all."""
+PLACES = ("inside", "outside", "undecidable", "no_answer")
+
+
+def capability_table(engines: Iterable[Engine]) -> Table:
+    """Return element x engine x level: native, derived, or refused with its reason."""
+    rows: list[Any] = []
+    for engine in engines:
+        known = engine.capabilities()
+        for key in ELEMENTS:
+            levels = known.get(key, {})
+            cells = [str(levels[level].support) if level in levels else Support.REFUSED.value for level in Level]
+            reasons = {levels[level].reason for level in levels if levels[level].reason}
+            rows.append([engine.name, key, *cells, "; ".join(sorted(reasons))])
+        rows.append(None)
+    return table("engine", "element", *Level, "why not", rows=rows, title="What engines can do")
+
+
+def agreement_table(record: Record) -> Table:
+    """Return engine and route x quantity: worst digits and worst error / allowed, and who did what."""
+    numbers = [head for quantity in QUANTITIES for head in (f">{quantity}\nworst digits", ">error/\nallowed")]
+    rows = []
+    for answer in record.answers:
+        route = answer.route
+        cells = [answer.engine, route.name, route.newton_by, route.seeding]
+        for quantity in QUANTITIES:
+            cells += _cells(answer.quantities.get(quantity))
+        rows.append([*cells, f"{answer.missing} of {answer.times}"])
+    heads = ("engine", "route", "Newton by", "seeding", *numbers, ">no answer")
+    return table(*heads, rows=rows, title=f"{record.scene}: agreement with refkin")
+
+
+def rows_table(record: Record) -> Table:
+    """Return the comparison of the engines' own rows at configurations that are not assembled."""
+    rows = []
+    for row in record.levels:
+        worst = f"{min(row.digits) / 10:.1f}" if row.digits else "-"
+        ratio = "-" if row.ratio is None else f"{row.ratio:.2g}"
+        rows.append([row.engine, row.level, row.rows, worst, ratio])
+    heads = ("engine", "own rows", "rows", "worst digits", "error/allowed")
+    return table(*heads, rows=rows, title="Translation of the model")
+
+
+def arbiter_table(record: Record) -> Table:
+    """Return where each answer lies by the certificate: at how many times, and the farthest, in attainable radii."""
+    rows = []
+    for answer in record.answers:
+        certificate = answer.certificate
+        cells = [str(getattr(certificate, place)) for place in PLACES] if certificate else ["-"] * len(PLACES)
+        worst = "-" if certificate is None or certificate.radii is None else f"{certificate.radii:.2g}"
+        rows.append([answer.engine, answer.route.name, *cells, worst])
+    heads = ("engine", "route", *(f">{place.replace('_', ' ')}" for place in PLACES), ">worst, radii")
+    title = "Positions by the certificate (113 bits), within what float64 can attain"
+    return table(*heads, rows=rows, title=title)
+
+
+def refusal_lines(refusals: Iterable[RefusalRow]) -> list[str]:
+    """Return what engines refuse, in one line for each engine, level and reason."""
+    joints: dict[tuple[str, str, str], list[str]] = {}
+    for row in refusals:
+        joints.setdefault((row.engine, row.level, row.reason), []).append(
+            f"{row.joint} {row.name!r}" if row.joint else ""
+        )
+    return [
+        f"{engine} refuses {', '.join(names)} at {level}: {reason}" if all(names) else reason
+        for (engine, level, reason), names in joints.items()
+    ]
+
+
+def line_with_gap(disagreement: Disagreement, record: Record, gaps: Sequence[KnownGap]) -> str:
+    """Return the line of a disagreement with the known gap that accounts for it, if any."""
+    gap = next((gap for gap in gaps if gap.covers(record, disagreement)), None)
+    return str(disagreement) if gap is None else f"{disagreement} [known since {gap.date}: {gap.reason}]"
+
+
+def outcome_lines(outcome: NightOutcome) -> list[str]:
+    """Return how a night ended, in lines that a log can hold."""
+    lines = [f"new: {case.disagreement}  ({case.file})" for case in outcome.new[:MOST_LINES]]
+    lines += [f"failed: {text}" for text in outcome.failed[:MOST_LINES]]
+    lines += [f"missing: {name}: {reason}" for name, reason in outcome.missing.items()]
+    for gap, chances in outcome.possibly_closed:
+        row = f"the gap of {gap.engine} known since {gap.date} ({gap.predicate})"
+        lines.append(f"possibly closed: {row} showed in none of {chances} scenes of its kind")
+    for gap, scenes in outcome.found_again:
+        when = f"found again by scene {scenes}" if scenes else "not found again"
+        lines.append(f"known gap {when}: {gap.engine}, {gap.reproduction}")
+    if outcome.new:
+        lines.append(f"simplifying disagreements took {outcome.shrinking_seconds:.0f} s")
+    counted = f"{len(outcome.new)} new and {outcome.known} known disagreements"
+    return [*lines, f"{outcome.checked} scenes checked, {counted}"]
+
+
+def _cells(quantity: Quantity | None) -> list[str]:
+    if quantity is None:
+        return ["-", "-"]
+    digits = [d for decade in quantity.digits_by_sigma.values() for d in decade]
+    return [f"{min(digits) / 10:.1f}" if digits else "-", "-" if quantity.ratio is None else f"{quantity.ratio:.2g}"]

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import sys
 from pathlib import Path as File
 from typing import Annotated, Any
 
@@ -12,6 +11,7 @@ from cyclopts import Parameter
 
 from crosscheck.commands.solve import SCHEMA, numbers
 from crosscheck.commands.usage import Json, print_numbers, writable
+from crosscheck.errors import UsageError
 from refkin.errors import UnknownName
 from refkin.model import Scene
 from refkin.motion import BodyMotion
@@ -142,8 +142,7 @@ def print_path(
     try:
         driven = read if parameter == TIME else driven_by(read, parameter)
     except UnknownName as error:
-        print(error, file=sys.stderr)
-        return 2
+        raise UsageError(str(error)) from error
     choose = straight_on if through else None
     path = follow(driven, direction=-1 if backwards else 1, until=until, choose=choose, most_points=most_points)
     if csv is not None:

@@ -1,30 +1,31 @@
-"""The command `crosscheck nightly`."""
+"""The commands about nights: `crosscheck nightly`, `crosscheck history`, `crosscheck baseline`."""
 
 from __future__ import annotations
 
+import json
 import os
 import sys
-from dataclasses import replace
+from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 from cyclopts import Parameter
+from rich.table import Table
 
-from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.progress import shown_progress
-from crosscheck.commands.tables import outcome_lines
-from crosscheck.commands.usage import Whole, console, positive
+from crosscheck.commands.engines import ENGINES, names, outcome_lines
+from crosscheck.commands.usage import Json, Whole, coloured, console, positive, shown_progress, table
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError
+from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
 from crosscheck.night.campaign import make_room, run, seed_of
-from crosscheck.night.history import HistoryError, remember, warnings
-from crosscheck.night.pictures import write_pictures
+from crosscheck.night.history import HistoryError, nights, remember, trends, warnings
 from crosscheck.night.plan import ALWAYS, SAMPLED, NightPlan, write_outcome
-from crosscheck.night.sections import write_documents, write_sections
+from crosscheck.night.sections import write_documents, write_pictures, write_sections
 from crosscheck.report import verdict
 from crosscheck.report.build import summarized, write
+from crosscheck.scenes.names import PEERS, QUANTITIES
 from crosscheck.workers.cluster import LOCAL
-from crosscheck.workers.pool import SECONDS_PER_SCENE
+from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
 
 CODES = {
     verdict.PASS: PASS,
@@ -99,8 +100,21 @@ def nightly(
     if fresh:
         make_room(out)
     accepted = baseline or (golden.DEFAULT if golden.DEFAULT.is_file() else None)
-    plan = _plan(minutes, scenes, seed, engines, require_engines, out, workers, cluster, scene_seconds, accepted)
-    plan = replace(plan, known_gaps=known_gaps)
+    _refuse(out, cluster, minutes=minutes, scenes=scenes, workers=workers, scene_seconds=scene_seconds)
+    required = names(require_engines, always=())
+    plan = NightPlan(
+        seed=seed_of(out, seed),
+        out=out,
+        engines=tuple(dict.fromkeys((*names(engines), *required))),
+        required=required,
+        minutes=3.0 if minutes is None and scenes is None else minutes,
+        scenes=scenes,
+        workers=workers or _processors(),
+        cluster=cluster,
+        scene_seconds=scene_seconds,
+        baseline=accepted,
+        known_gaps=known_gaps,
+    )
     with shown_progress(plan.scenes, plan.minutes) as progress:
         try:
             outcome = run(plan, progress)
@@ -132,42 +146,14 @@ def _told(doing: str) -> None:
     print(f"measuring {doing}", file=sys.stderr, flush=True)
 
 
-def _plan(
-    minutes: float | None,
-    scenes: int | None,
-    seed: int | None,
-    engines: str,
-    require_engines: str,
-    out: Path,
-    workers: int | None,
-    cluster: str | None,
-    scene_seconds: float,
-    baseline: Path | None,
-) -> NightPlan:
-    numbers = {"minutes": minutes, "scenes": scenes, "workers": workers, "scene-seconds": scene_seconds}
+def _refuse(out: Path, cluster: str | None, **numbers: float | None) -> None:
     for key, value in numbers.items():
-        positive(key, value)
+        positive(key.replace("_", "-"), value)
     if out.exists() and not out.is_dir():
         raise UsageError(f"--out: expected a folder, got the file {out}")
     if cluster is not None and cluster != LOCAL and "://" not in cluster:
-        raise UsageError(
-            f"--cluster: expected {LOCAL!r} or a scheduler's address like tcp://host:8786, got {cluster!r}"
-        )
-    if minutes is None and scenes is None:
-        minutes = 3.0
-    required = names(require_engines, always=())
-    return NightPlan(
-        seed=seed_of(out, seed),
-        out=out,
-        engines=tuple(dict.fromkeys((*names(engines), *required))),
-        required=required,
-        minutes=minutes,
-        scenes=scenes,
-        workers=workers or _processors(),
-        cluster=cluster,
-        scene_seconds=scene_seconds,
-        baseline=baseline,
-    )
+        where = f"{LOCAL!r} or a scheduler's address like tcp://host:8786"
+        raise UsageError(f"--cluster: expected {where}, got {cluster!r}")
 
 
 def _processors() -> int:
@@ -175,3 +161,131 @@ def _processors() -> int:
     if hasattr(os, "sched_getaffinity"):
         return len(os.sched_getaffinity(0))
     return os.cpu_count() or 1
+
+
+BLOCKS = "▁▂▃▄▅▆▇█"
+MOST_NIGHTS = 90
+"""Nights that a line of blocks shows."""
+
+PRICED = ": "
+"""What the name of a series of the price list has in it, and that of a route has not."""
+
+
+def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, as_json: Json = False) -> int:
+    """Show the nights that were kept: how they ended, their worst digits, times relative to refkin and their changes.
+
+    Exit codes: 0 shown, 2 there is no such file, 4 it cannot be read.
+
+    Parameters
+    ----------
+    history
+        The file that nights are kept in.
+    last
+        How many nights the tables show; changes are looked for in all.
+    as_json
+        Print one JSON object instead of tables.
+    """
+    if not history.is_file():
+        raise UsageError(f"there is no history {history}: crosscheck nightly makes one")
+    positive("last", last)
+    kept, course = nights(history), trends(history)
+    if as_json:
+        print(json.dumps({"schema": 1, "nights": kept, "series": course["series"], "warnings": warnings(course)}))
+        return PASS
+    out = console(140)
+    out.print(_night_table(kept[-last:]))
+    out.print(_digit_table(kept[-last:]))
+    out.print(_cost_table(course["series"]))
+    quiet = sum(not one["changes"] and PRICED in one["name"] for one in course["series"])
+    if quiet:
+        out.print(f"{quiet} series of the price list without a change: --json has them")
+    for line in warnings(course):
+        out.print(f"warning: {line}")
+    return PASS
+
+
+def baseline(
+    *,
+    accept: Annotated[bool, Parameter(negative="")] = False,
+    engines: str = ",".join((ALWAYS, *SAMPLED, *PEERS)),
+    file: Path = golden.DEFAULT,
+) -> int:
+    """Compare the golden set with the accepted baseline, or accept what is measured now as the new one.
+
+    Exit codes: 0 nothing is worse, 1 something is, 2 there is no baseline, 3 an engine is missing.
+
+    Parameters
+    ----------
+    accept
+        Write the baseline anew; what is worse than before is told all the same.
+    engines
+        Names, separated by commas.
+    file
+        The baseline.
+    """
+    installed, missing = find_engines(tuple(name.strip() for name in engines.split(",") if name.strip()))
+    if missing:
+        print("\n".join(f"{name}: {why}" for name, why in missing.items()), file=sys.stderr)
+        return ENGINE_MISSING
+    try:
+        before = golden.read(file)["cases"]
+    except golden.NoBaseline:
+        if not accept:
+            raise
+        before = {}
+    with checkers(1, {name: spec for name, (spec, _) in installed.items()}) as workers:
+        scenes = golden.golden_scenes() if accept else golden.scenes_of(before)
+        now = golden.measure(scenes, workers, list(installed))
+    worse = golden.differences({k: v for k, v in before.items() if k in now}, now, installed)
+    for case in worse:
+        print(f"{case.case}: {case.disagreement}")
+    if accept:
+        golden.write(file, now, {name: version for name, (_, version) in installed.items()})
+        print(f"accepted: {len(now)} cases in {file}")
+        return PASS
+    print(f"{len(now)} cases, {len(worse)} of their numbers are worse than the baseline")
+    return DISAGREEMENT if worse else PASS
+
+
+def _night_table(kept: Sequence[Mapping[str, Any]]) -> Table:
+    counts = ("scenes", "new", "known")
+    verdicts = [coloured(n["verdict"], "green" if n["verdict"] == "pass" else "red") for n in kept]
+    rows = ([n["date"], n["seed"], said, *(n[k] for k in counts)] for n, said in zip(kept, verdicts, strict=True))
+    return table("night (UTC)", "seed", "verdict", *(f">{name}" for name in counts), rows=rows, title="Nights")
+
+
+def _digit_table(kept: Sequence[Mapping[str, Any]]) -> Table:
+    """Return the digits of the latest night, and the fewest and most worst digits of the nights shown."""
+    by_route: dict[tuple[str, str], dict[str, list[Mapping[str, Any]]]] = {}
+    for night in kept:
+        for row in night["accuracy"]:
+            by_route.setdefault((row["engine"], row["route"]), {}).setdefault(row["quantity"], []).append(row)
+    rows = [[*route, *(_digits(of.get(q, [])) for q in QUANTITIES)] for route, of in sorted(by_route.items())]
+    title = "Digits: median / worst of the last night (range of the worst)"
+    return table("engine", "route", *(f">{quantity}" for quantity in QUANTITIES), rows=rows, title=title)
+
+
+def _digits(rows: Sequence[Mapping[str, Any]]) -> str:
+    worst = [row["digits_worst"] for row in rows if row["digits_worst"] is not None]
+    if not worst or rows[-1]["digits_worst"] is None:
+        return "no answer"
+    return f"{rows[-1]['digits_median']:.1f} / {rows[-1]['digits_worst']:.1f} ({min(worst):.1f} to {max(worst):.1f})"
+
+
+def _cost_table(series: Sequence[Mapping[str, Any]]) -> Table:
+    rows = []
+    for one in series:
+        if not one["changes"] and PRICED in one["name"]:
+            continue
+        changes = "; ".join(f"{one['nights'][int(k)]}: × {factor:.2f}" for k, factor in one["changes"].items())
+        course = _blocks(one["values"][-MOST_NIGHTS:])
+        rows.append([one["name"], len(one["values"]), f"{one['values'][-1]:.3g}", course, changes or "none"])
+    heads = ("series", "nights", "last", "course", "change of level")
+    return table(*heads, rows=rows, title="Time relative to refkin")
+
+
+def _blocks(values: Sequence[float]) -> str:
+    """Return a line of blocks, the lowest for the least value."""
+    low, high = min(values), max(values)
+    room = (high - low) or 1.0
+    return "".join(BLOCKS[round((value - low) / room * (len(BLOCKS) - 1))] for value in values)

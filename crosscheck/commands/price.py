@@ -14,10 +14,9 @@ from markupsafe import Markup
 from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.progress import shown_progress
-from crosscheck.commands.usage import Json, console, table
+from crosscheck.commands.usage import Json, console, shown_progress, table, writable
 from crosscheck.engines.methods import OURS, PRICED
-from crosscheck.errors import DISAGREEMENT, PASS, USAGE
+from crosscheck.errors import DISAGREEMENT, PASS, UsageError
 from crosscheck.judge.prices import POSES, STEPS, SUFFIX, cheapest, repeated
 from crosscheck.judge.truth import NoTruth
 from crosscheck.measure.price import WITHIN, PriceList
@@ -53,13 +52,8 @@ def price(
         What an earlier run printed with --json: measure anew, and say in what share of the cells that differ by more
         than the spread the winner is the same.
     """
-    if page is not None and not page.parent.is_dir():
-        print(f"--page: expected a file in a folder that exists, got {page}", file=sys.stderr)
-        return USAGE
+    writable("page", page)
     before = None if again is None else _earlier(again)
-    if again is not None and before is None:
-        print(f"--again: expected what `crosscheck price --json` prints, got {again}", file=sys.stderr)
-        return USAGE
     ours = [name for name in PRICED if name in OURS]
     try:
         with shown_progress(None, WITHIN / 60, "measurements") as show:
@@ -79,13 +73,14 @@ def price(
     return PASS
 
 
-def _earlier(file: Path) -> dict[str, Any] | None:
-    """Return an earlier list; None if the file is none."""
+def _earlier(file: Path) -> dict[str, Any]:
     try:
         earlier = json.loads(file.read_text(encoding="utf-8"))
     except (OSError, ValueError):
-        return None
-    return earlier if isinstance(earlier, dict) and "cheapest" in earlier else None
+        earlier = None
+    if not isinstance(earlier, dict) or "cheapest" not in earlier:
+        raise UsageError(f"--again: expected what `crosscheck price --json` prints, got {file}")
+    return earlier
 
 
 SCHEMA = 2

@@ -1,17 +1,30 @@
-"""The command `crosscheck replay`."""
+"""`crosscheck replay` and `crosscheck conform`: engines on one scene, and on every question."""
 
 from __future__ import annotations
 
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from itertools import chain
 from pathlib import Path
 
-from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.tables import agreement_table, arbiter_table, line_with_gap, refusal_lines, rows_table
-from crosscheck.commands.usage import console, positive
-from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS
+from crosscheck.commands.engines import (
+    ENGINES,
+    agreement_table,
+    arbiter_table,
+    line_with_gap,
+    names,
+    refusal_lines,
+    rows_table,
+)
+from crosscheck.commands.usage import Json, console, positive, shown_progress, table
+from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS
 from crosscheck.judge.known_gaps import read
+from crosscheck.measure.conform import LEVELS, Fault, Reply, hard_replies, replies, summary
 from crosscheck.measure.jobs import checkers
-from crosscheck.workers.installed import find_engines
-from crosscheck.workers.pool import SECONDS_PER_SCENE
+from crosscheck.scenes.conformance import questions
+from crosscheck.scenes.hard import KINDS
+from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
 from refkin.scenes.files import load, to_dict
 
 
@@ -55,3 +68,79 @@ def replay(
     if missing:
         return ENGINE_MISSING
     return DISAGREEMENT if record.disagreements else PASS
+
+
+def conform(engine: str, *, as_json: Json = False) -> int:
+    """Ask an engine everything: each joint and driver at each level, statuses, orders of bodies, hard cases.
+
+    Exit codes: 0 all that it answers is right, 1 something is wrong, 2 usage, 3 engine missing, 5 it answers nothing.
+
+    Parameters
+    ----------
+    engine
+        A name, or `file.py:Class`.
+    as_json
+        Print one JSON object instead of tables.
+    """
+    installed, missing = find_engines((engine,))
+    if missing:
+        print(*missing.values(), sep="\n")
+        return ENGINE_MISSING
+    ((name, (spec, version)),) = installed.items()
+    replied = []
+    with shown_progress(len(questions()) + len(KINDS), noun="questions") as show:
+        for reply in chain(replies(spec), hard_replies(spec)):
+            replied.append(reply)
+            show(len(replied), reply.about)
+    if as_json:
+        answers = {"replies": [asdict(reply) for reply in replied], "summary": summary(replied)}
+        print(json.dumps({"engine": name, "version": version, **answers}))
+    else:
+        _print(f"{name} {version}", replied)
+    if any(reply.faults for reply in replied):
+        return DISAGREEMENT
+    return PASS if any(reply.answered for reply in replied) else NOTHING_RAN
+
+
+def _print(who: str, replied: Sequence[Reply]) -> None:
+    rows = []
+    for reply in replied:
+        wrong = ", ".join(dict.fromkeys(fault.level for fault in reply.faults))
+        held = ", ".join(reply.levels) if reply.answered else "refused"
+        rows.append([reply.about, held, wrong or ("nothing" if reply.answered else "")])
+    heads = ("asked about", "held against the reference", "wrong")
+    console(150).print(table(*heads, rows=rows, title=f"{who}: what it was asked"))
+    for line in lines(replied):
+        print(line)
+
+
+def lines(replied: Sequence[Reply]) -> list[str]:
+    """Return in words what is wrong: each kind of fault once, with where it was met and an example."""
+    kinds: dict[tuple[str, str, tuple[str, ...]], list[tuple[str, Fault]]] = {}
+    for reply in replied:
+        for fault in reply.faults:
+            kinds.setdefault((fault.level, fault.what, fault.types), []).append((reply.about, fault))
+    out = []
+    for (_, what, types), met in sorted(kinds.items(), key=lambda item: (LEVELS.index(item[0][0]), item[0][1:])):
+        joints = f": {', '.join(types)}" if types else ""
+        out.append(f"WRONG: {what}{joints}")
+        out.append(f"    asked about {'; '.join(about for about, _ in met)}")
+        out += [f"    for instance {met[0][1].example}"] if met[0][1].example else []
+    out += _refusals([reply.refusals for reply in replied if not reply.answered])
+    answered = sum(reply.answered for reply in replied)
+    wrong = sum(bool(reply.faults) for reply in replied)
+    counted = f"{answered} of {len(replied)} questions answered, {len(replied) - answered} refused, {wrong} wrong"
+    return [*out, *summary(replied), counted]
+
+
+def _refusals(reasons: Sequence[Sequence[str]]) -> list[str]:
+    """Return each reason once, with how many questions it stands for; those that end differently in one line."""
+    kinds: dict[str, list[str]] = {}
+    for reason in dict.fromkeys(reason for of_one in reasons for reason in of_one):
+        kind, colon, end = reason.rpartition(": ")
+        kinds.setdefault(kind + colon, []).append(end)
+    counts = {
+        kind: sum(any(kind + end in of_one for end in ends) for of_one in reasons) for kind, ends in kinds.items()
+    }
+    plural = {kind: "s" * (n != 1) for kind, n in counts.items()}
+    return [f"refused ({counts[k]} question{plural[k]}): {k}{', '.join(ends)}" for k, ends in kinds.items()]

@@ -106,11 +106,8 @@ def _print_motion(motion: SceneMotion) -> None:
     if not print_numbers(wide(motion), len(motion.first_columns)):
         counts = ", ".join(f"{motion.status.count(s)} {s}" for s in dict.fromkeys(motion.status))
         print(f"no pose at any of {len(motion.t)} times: {counts}")
-    print(f"verdict: {motion.verdict.value}   worst scaled residual: {_worst(motion.residual)}")
+    residual = motion.residual[np.isfinite(motion.residual)]
+    worst = f"{residual.max():.3g}" if residual.size else "none"
+    print(f"verdict: {motion.verdict.value}   worst scaled residual: {worst}")
     if motion.message:
         print(motion.message)
-
-
-def _worst(values: object) -> str:
-    finite = np.asarray(values)[np.isfinite(np.asarray(values))]
-    return f"{finite.max():.3g}" if finite.size else "none"

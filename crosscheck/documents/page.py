@@ -35,10 +35,6 @@ from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import FourBar
 from refkin.system import System, compile_system
 
-STATUSES = ("pass", "fail", "open")
-"""What may be said of a row."""
-
-
 # ---- the ledger
 
 
@@ -89,7 +85,7 @@ def digits_told(row: dict[str, Any], erratum: dict[str, Any]) -> str:
 
 def closing(rows: Sequence[dict[str, Any]]) -> str:
     """Return the ledger in one line."""
-    counts = {status: sum(row["status"] == status for row in rows) for status in STATUSES}
+    counts = {status: sum(row["status"] == status for row in rows) for status in ("pass", "fail", "open")}
     errata = sum(e["counts"] for row in rows for e in row["errata"])
     checked = sum(len(row["values"]) for row in rows)
     by_status = ", ".join(f"{n} {status}" for status, n in counts.items())

@@ -35,14 +35,14 @@ class EffectRow:
     method: str
     setting: str
     effect: str
-    microseconds: float | None
-    without: float | None
-    spread: float | None
-    inert: bool | None
-    largest_change: float | None
-    worst: str
+    microseconds: float | None = None
+    without: float | None = None
+    spread: float | None = None
+    inert: bool | None = None
+    largest_change: float | None = None
+    worst: str = ""
     called_for: bool
-    note: str
+    note: str = ""
 
     @property
     def within_noise(self) -> bool:

@@ -7,6 +7,7 @@ import json
 import math
 import sys
 import time
+from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -81,11 +82,7 @@ def key_of(scene: Scene) -> str:
 
 
 def check(
-    scene: Scene,
-    engines: Sequence[str | Engine],
-    about: Mapping[str, Any] | None = None,
-    *,
-    arbiter: bool = False,
+    scene: Scene, engines: Sequence[str | Engine], about: Mapping[str, Any] | None = None, *, arbiter: bool = False
 ) -> Record:
     """Return the record of one scene.
 
@@ -251,20 +248,17 @@ def _enclosure(engine: Engine, subject: _Subject, motion: Motion) -> EnclosedTim
     ref, terms = subject.ref, engine.terms(subject.scene, motion.producer.route)
     samples_of = samples(ref.system, subject.truths, ref.scene, motion, terms)
     judged = [sample.judgement for sample in samples_of if sample.judgement is not None]
-    inside, outside, undecidable = (
-        sum(j.verdict is verdict for j in judged) for verdict in (Verdict.INSIDE, Verdict.OUTSIDE, Verdict.UNDECIDABLE)
-    )
+    counts = Counter(j.verdict for j in judged)
     return EnclosedTimes(
-        inside=inside,
-        outside=outside,
-        undecidable=undecidable,
+        inside=counts[Verdict.INSIDE],
+        outside=counts[Verdict.OUTSIDE],
+        undecidable=counts[Verdict.UNDECIDABLE],
         no_answer=len(samples_of) - len(judged),
         radii=largest([j.radii for j in judged]),
     )
 
 
 def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *, feature: bool = False) -> None:
-    """Compare one route's answer, or one feature's."""
     ref, scene = subject.ref, subject.scene
     who: Any = {"engine": engine.name, "route": route.name}
     try:
@@ -337,15 +331,8 @@ def _disagreements(
         else:
             continue
         kind = Cause.NO_NUMBER if np.isinf(q.error).any() else kind
-        ratio = largest_ratio(q.ratio)
-        seen: Any = {
-            "kind": kind,
-            "ratio": ratio,
-            "at": q.worst,
-            "message": violated.text,
-            "violated": list(violated.names),
-        }
-        yield Disagreement(**who, quantity=quantity, **seen)
+        seen: Any = {"ratio": largest_ratio(q.ratio), "at": q.worst, "violated": list(violated.names)}
+        yield Disagreement(**who, quantity=quantity, kind=kind, message=violated.text, **seen)
     for answered, kind in ((compared, Cause.NO_ANSWER), (turned_round, Cause.ORDER)):
         if answered is not None and answered.missing and not subject.excused(answered.first_missing):
             yield Disagreement(**who, quantity="status", kind=kind, message=f"{answered.missing} times without answer")
@@ -401,17 +388,8 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
         part.disagreements.append(Disagreement(**who, **owed))
     for level, compared in levels.items():
         ratio = short(compared.ratio) if np.isfinite(compared.ratio) else sys.float_info.max
-        digits = histogram(compared.digits)
-        part.levels.append(
-            LevelRow(
-                engine=engine.name,
-                level=level.value,
-                ratio=ratio,
-                digits=digits,
-                rows=compared.rows,
-                worst=compared.worst,
-            )
-        )
+        numbers: Any = {"ratio": ratio, "digits": histogram(compared.digits), "rows": compared.rows}
+        part.levels.append(LevelRow(engine=engine.name, level=level.value, worst=compared.worst, **numbers))
         if not compared.agrees:
             part.disagreements.append(
                 Disagreement(**who, quantity=level.value, kind=Cause.TRANSLATED, ratio=ratio, at=compared.worst)

@@ -1,9 +1,9 @@
-"""The rows of one engine, measured; this is what a process of the ledger does."""
+"""The ledger of effects: the reference and the engines one after the other, each in a process of its own."""
 
 from __future__ import annotations
 
-import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Generator, Mapping, Sequence
+from contextlib import closing
 from dataclasses import asdict, replace
 from typing import Any
 
@@ -12,12 +12,13 @@ from crosscheck.engines.methods import Method, Use, methods
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, reference
 from crosscheck.judge.effects_rows import EffectRow
-from crosscheck.measure.effects_ablations import Ablation, Ablations, ablations
+from crosscheck.measure.effects_ablations import REFKIN, Ablation, Ablations, ablations
 from crosscheck.scenes.names import PHYSICAL
+from crosscheck.workers.processes import Failure, FailureKind, call_in_turn
 from crosscheck.workers.timing import Timing, timed_in_turns
 from refkin.model import Scene
 from refkin.motion import Motion
-from refkin.scenes.files import parse
+from refkin.scenes.files import parse, to_dict
 
 MOST_TIMES = 37
 """Configurations of a scene that are measured, the first ones: a march depends on the times before it."""
@@ -26,25 +27,24 @@ ROUNDS = 25
 """An effect is a small difference of two large times: more rounds than elsewhere, as far as there is time."""
 FEWEST = 2
 """Rounds there are however long they take: nothing is known of the noise of a price of one."""
+KEY = ("engine", "method", "setting")
 GROUPS = 3
 """Into how many parts the rounds are divided, to see how far a difference repeats."""
 
 
-def task(scene: Mapping[str, Any], spec: str, within: float, effect: str = "") -> str:
-    """Return what `measured` takes, as text: a scene's data, an engine, how long to measure, an effect or all."""
-    return json.dumps({"scene": scene, "spec": spec, "within": within, "effect": effect})
+def measured(asked: tuple[Mapping[str, Any], str, float, str]) -> list[dict[str, Any]]:
+    """Return the rows of one engine, or of one effect alone, as plain data.
 
-
-def measured(text: str) -> list[dict[str, Any]]:
-    """Return the rows of one engine, or of one effect alone, as plain data."""
-    asked = json.loads(text)
-    scene = parse(asked["scene"])
+    Asked with a scene's data, what `crosscheck.engines.load` takes, how long to measure, and an effect, "" for all.
+    """
+    data, spec, within, effect = asked
+    scene = parse(data)
     scene = replace(scene, times=scene.times[:MOST_TIMES])
-    ablated = [ablations(method, scene) for method in methods(asked["spec"], Use.EFFECTS)]
-    if asked["effect"]:
-        ablated = [_alone(each, asked["effect"]) for each in ablated]
+    ablated = [ablations(method, scene) for method in methods(spec, Use.EFFECTS)]
+    if effect:
+        ablated = [_alone(each, effect) for each in ablated]
     ref = reference(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
-    share = asked["within"] / max(len(ablated), 1)
+    share = within / max(len(ablated), 1)
     return [asdict(row) for each in ablated for row in rows(each, ref, share, _terms(each.method, scene))]
 
 
@@ -108,9 +108,7 @@ def _row(
     changed = change(ref, off, on, terms, exact=ablated.exact)
     before, after, per = timings[a.off], timings[a.on], 1e6 / len(off.t)
     return EffectRow(
-        engine=key[0],
-        method=key[1],
-        setting=key[2],
+        **dict(zip(KEY, key, strict=True)),
         effect=a.effect,
         microseconds=(after.seconds - before.seconds) * per,
         without=before.seconds * per,
@@ -149,17 +147,83 @@ def noise(before: Sequence[float], after: Sequence[float], per: float = 1.0) -> 
 
 def unmeasured(key: tuple[str, str, str], effect: str, note: str, inert: bool | None = None) -> EffectRow:
     """Return the row of an effect without a price: not known to be inert, or known not to be."""
-    return EffectRow(
-        engine=key[0],
-        method=key[1],
-        setting=key[2],
-        effect=effect,
-        microseconds=None,
-        without=None,
-        spread=None,
-        inert=inert,
-        largest_change=None,
-        worst="",
-        called_for=effect not in PHYSICAL,
-        note=note,
-    )
+    who: Any = dict(zip(KEY, key, strict=True))
+    return EffectRow(**who, effect=effect, inert=inert, called_for=effect not in PHYSICAL, note=note)
+
+
+WITHIN = 30.0
+"""How long a ledger measures [s]."""
+START = 15.0
+"""How long an answer may take on top: to load an engine, to solve everything and to make the fewest rounds [s]."""
+MOST_HANGS = 4
+"""How many effects of an engine may hang before the others are no longer tried."""
+EFFECTS = ("velocity", "acceleration", "points", "other bodies", "condition", "certificate", *PHYSICAL)
+"""Each has a row for every method, be it one that says why it has no price."""
+ANY = "any"
+"""The method in a row about a process that failed."""
+
+
+def effects_ledger(
+    scene: Scene,
+    engines: Sequence[str] = (),
+    within: float = WITHIN,
+    tell: Callable[[int, str], None] = lambda done, producer: None,
+) -> list[EffectRow]:
+    """Return what every effect costs and whether it is inert, for refkin and some engines.
+
+    Parameters
+    ----------
+    scene : Scene
+        What it calls for is of no account: everything is switched on and off in turn.
+    engines : sequence of str
+        What `crosscheck.engines.load` takes. One after the other, so that none disturbs the timings of another.
+    within : float
+        How long to measure in all [s]; solving everything once comes on top.
+    tell : callable
+        Is told how many producers are done, and which comes next.
+
+    Returns
+    -------
+    list of EffectRow
+        refkin's first; of each method all of `EFFECTS`. An effect with which an engine's process ends, or hangs, has a
+        row that says so, and so has what an engine has not. `dataclasses.asdict` makes a row plain data.
+    """
+    data, share = to_dict(scene), within / (1 + len(engines))
+    ledger: list[EffectRow] = []
+    for done, spec in enumerate((REFKIN, *engines)):
+        tell(done, spec)
+        (answer,) = _asked(data, spec, share, [""])
+        ledger += _one_by_one(data, spec, answer) if isinstance(answer, Failure) else answer
+    return ledger
+
+
+def _asked(data: Any, spec: str, share: float, effects: Sequence[str]) -> Generator[list[EffectRow] | Failure]:
+    """Yield the rows of some effects; a process that fails at one is replaced for those that are left."""
+    for answer in call_in_turn(measured, [(data, spec, share, effect) for effect in effects], share + START):
+        yield answer if isinstance(answer, Failure) else [EffectRow(**row) for row in answer]
+
+
+def _one_by_one(data: Any, spec: str, first: Failure) -> list[EffectRow]:
+    """Return the rows of an engine whose process failed, asked for one after the other, until too many hang.
+
+    Timings of an engine with such an effect are not what matters: each takes the fewest rounds. An effect that fails
+    where another one answers is felt.
+    """
+    answers: dict[str, list[EffectRow] | Failure] = dict.fromkeys(EFFECTS, first)
+    hung = 0
+    with closing(_asked(data, spec, 0.0, EFFECTS)) as asked:
+        for effect, answer in zip(EFFECTS, asked, strict=False):
+            answers[effect] = answer
+            hung += isinstance(answer, Failure) and answer.kind is FailureKind.HANG
+            if hung == MOST_HANGS:
+                break
+    answered = [row for answer in answers.values() if not isinstance(answer, Failure) for row in answer]
+    name = answered[0].engine if answered else spec
+    inert = False if any(row.inert is not None for row in answered) else None
+    ledger: list[EffectRow] = []
+    for effect, answer in answers.items():
+        if isinstance(answer, Failure):
+            ledger.append(unmeasured((name, ANY, ""), effect, f"{answer.name}: {answer.text}", inert))
+        else:
+            ledger += answer
+    return ledger

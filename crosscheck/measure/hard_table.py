@@ -7,7 +7,6 @@ A verdict is the worst that a method did at any time of a scene, in a word and i
 
 from __future__ import annotations
 
-import json
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -30,14 +29,12 @@ def listed(spec: str) -> list[tuple[str, str, str]]:
     return [method.key for method in _methods(spec)]
 
 
-def job(spec: str, name: str, case: str, setting: str = "") -> str:
-    """Return what `outcome_of` takes."""
-    return json.dumps([spec, name, setting, case])
+def outcome_of(job: tuple[str, str, str, str]) -> tuple[str, str]:
+    """Return the outcome of one method on one case, and what there is to say of it. Runs in a process of its own.
 
-
-def outcome_of(text: str) -> tuple[str, str]:
-    """Return the outcome of one method on one case, and what there is to say of it. Runs in a process of its own."""
-    spec, name, setting, key = json.loads(text)
+    The job is what `crosscheck.engines.load` takes, name and setting of a method, and a case's key.
+    """
+    spec, name, setting, key = job
     case, system, truth = _known(key)
     method = next(m for m in _methods(spec) if (m.name, m.setting) == (name, setting))
     with warnings.catch_warnings(record=True) as heard:
@@ -46,15 +43,11 @@ def outcome_of(text: str) -> tuple[str, str]:
             terms = method.terms(case.scene)
             motion = method.solve(case.scene)
         except EngineError as error:
-            return HardOutcome.REFUSED.value, _rightly(truth) + str(error)
+            rightly = "" if any(t.roots for t in truth) else "rightly, there is no assembly: "
+            return HardOutcome.REFUSED.value, f"{rightly}{error}"
     poses = samples(system, truth, case.scene, motion, terms)
     said = " ".join(str(w.message) for w in heard if not issubclass(w.category, DeprecationWarning))
     return classed(poses, said)
-
-
-def outcome_of_failure(failure: Failure) -> tuple[str, str]:
-    """Return what it is that a process failed at a case: a hang, a crash, or an exception that is no refusal."""
-    return (HardOutcome.HANG if failure.kind == "hang" else HardOutcome.CRASH).value, f"{failure.name}: {failure.text}"
 
 
 def classed(poses: Sequence[PoseSample], said: str = "") -> tuple[str, str]:
@@ -66,7 +59,8 @@ def classed(poses: Sequence[PoseSample], said: str = "") -> tuple[str, str]:
     """
     wrong = [s for s in poses if s.called_ok and (s.judgement is None or s.judgement.verdict is Verdict.OUTSIDE)]
     if wrong:
-        worst = _told(max(wrong, key=_radii), len(wrong), len(poses))
+        farthest = max(wrong, key=lambda s: float("inf") if s.judgement is None else s.judgement.radii)
+        worst = _told(farthest, len(wrong), len(poses))
         return HardOutcome.WRONG.value, f"{worst}; it warned: {said}" if said else worst
     lost = [s for s in poses if s.judgement is None or (not s.called_ok and s.judgement.verdict is Verdict.OUTSIDE)]
     if lost:
@@ -84,18 +78,10 @@ def classed(poses: Sequence[PoseSample], said: str = "") -> tuple[str, str]:
     return HardOutcome.CORRECT.value, note
 
 
-def _radii(sample: PoseSample) -> float:
-    return float("inf") if sample.judgement is None else sample.judgement.radii
-
-
 def _told(worst: PoseSample, count: int, of: int) -> str:
     note = f"{worst.note}: " if worst.note else ""
     away = "" if worst.judgement is None else f"{worst.judgement.radii:.2g} radii outside "
     return f"{note}{away}at t = {worst.t:g}; wrong at {count} of {of} times"
-
-
-def _rightly(truth: Sequence[Solutions]) -> str:
-    return "" if any(t.roots for t in truth) else "rightly, there is no assembly: "
 
 
 @lru_cache(maxsize=1)
@@ -184,7 +170,7 @@ def _rows(
             raise EngineError(answer.text.removeprefix("EngineError: "))
     answers = {
         spec: call_in_turn(
-            outcome_of, [job(spec, name, case.key, setting) for case in cases for _, name, setting in keys], seconds
+            outcome_of, [(spec, name, setting, case.key) for case in cases for _, name, setting in keys], seconds
         )
         for spec, keys in by_engine.items()
     }
@@ -201,7 +187,10 @@ def _rows(
 
 def _row(key: tuple[str, str, str], case: HardCase, answer: Any, of: int, known: Sequence[Finding]) -> Row:
     engine, name, setting = key
-    verdict, note = outcome_of_failure(answer) if isinstance(answer, Failure) else answer
+    if isinstance(answer, Failure):  # a hang, a crash, or an exception that is no refusal
+        ended = HardOutcome.HANG if answer.kind == "hang" else HardOutcome.CRASH
+        answer = ended.value, f"{answer.name}: {answer.text}"
+    verdict, note = answer
     finding = finding_of(known, engine, name, case.case, verdict) if verdict in BAD else None
     return {
         "key": case.key,

@@ -10,8 +10,8 @@ from typing import Any
 from crosscheck.engines import Engine, load
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.check import check, key_of
-from crosscheck.scenes.coverage import pairs_of
 from crosscheck.scenes.drawing import describe, draw
+from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.pool import SECONDS_PER_SCENE, Parts, Work, Workers
 from crosscheck.workers.processes import Failure, preload
 from refkin.model import Scene

@@ -153,12 +153,7 @@ def price(
 def price_list(within: float = 4 * WITHIN, producers: Sequence[str] = PRICED) -> list[dict[str, Any]]:
     """Return the rows of all classes of priced scenes, each with its class under `class`.
 
-    Parameters
-    ----------
-    within : float
-        How long it may take [s], beside the start of processes and the proof of the truths.
-    producers
-        As in `price`.
+    It may take `within` [s], beside the start of processes and the proof of the truths; `producers` as in `price`.
     """
     end, rows = time.monotonic() + within, list[dict[str, Any]]()
     for done, (name, scene) in enumerate(classes().items()):
@@ -195,7 +190,6 @@ def _says_something(pipe: Any, process: int, patience: float) -> bool:
 
 
 def _rows(scene: Scene, progress: _Progress) -> Iterator[PriceRow]:
-    """Yield a row per method, setting and quantity."""
     for key, answer in progress.answered.items():
         engine, name, setting = key
         for quantity in quantities(scene):

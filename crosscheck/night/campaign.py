@@ -22,7 +22,6 @@ from crosscheck.measure.check import key_of
 from crosscheck.measure.jobs import CHECK
 from crosscheck.night.disagreements import FOLDER, SCENE_FILE, write_disagreements
 from crosscheck.night.golden import compare_night
-from crosscheck.night.journal import Journal, replace_file
 from crosscheck.night.plan import (
     ALWAYS,
     GOLDEN,
@@ -31,16 +30,17 @@ from crosscheck.night.plan import (
     SAMPLED,
     SAMPLED_EVERY,
     TRENDS,
+    Journal,
     NightOutcome,
     NightPlan,
     read_outcome,
+    replace_file,
     write_outcome,
 )
-from crosscheck.scenes.coverage import pairs_of
 from crosscheck.scenes.drawing import draw, is_chain, numbers_of, turn_of
+from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.cluster import ClusterWorkers
-from crosscheck.workers.installed import find_engines
-from crosscheck.workers.pool import Job, Pool, Workers
+from crosscheck.workers.pool import Job, Pool, Workers, find_engines
 
 ROUND = 140
 """Turns of a round. What a round prefers to draw is known from the records of all rounds but the one before it, so that
@@ -57,14 +57,9 @@ def run(plan: NightPlan, progress: Progress = lambda checked, doing: None) -> Ni
     """Carry out a plan; records go to `records.jsonl` in its folder, what is already there is not done again.
 
     If a required engine is missing, or all that were asked for are, nothing is run. `progress` is called about once a
-    second or more often, with the number of scenes checked and what is being done.
-
-    Raises
-    ------
-    OtherRun, Occupied
-        If the folder belongs to another run.
-    SameName, InvalidGap, NoCluster
-        If two engines have the same name; if the table of known gaps makes no sense; if the cluster is not there.
+    second or more often, with the number of scenes checked and what is being done. OtherRun or Occupied if the folder
+    belongs to another run; SameName, InvalidGap, NoCluster if two engines have one name, the table of known gaps makes
+    no sense, the cluster is not there.
     """
     gaps = known_gaps.table(plan.known_gaps)
     engines, missing = find_engines(plan.engines)
@@ -116,10 +111,7 @@ FILES = (
 def make_room(out: Path) -> None:
     """Remove what a finished night has written into a folder, and nothing else; one that was killed stays.
 
-    Raises
-    ------
-    OtherRun
-        If the folder holds a report that is none of a night.
+    OtherRun if the folder holds a report that is none of a night.
     """
     report = out / "report.json"
     if not report.exists():
@@ -243,14 +235,12 @@ def _by_engines(
     """Yield the jobs of a batch that are done on the same engines, with those."""
     fewer = tuple(name for name in engines if name not in SAMPLED)
     for names, wanted in ((engines, True), (fewer, False)):
-        jobs = [_job(seed, turn, turns) for turn in batch if is_sampled(turn) is wanted]
+        jobs: list[Job] = []
+        for turn in (turn for turn in batch if is_sampled(turn) is wanted):
+            numbers = numbers_of(turn)
+            jobs.append({"night": seed, "shards": numbers, "seen": turns.seen(turn) if len(numbers) > 1 else {}})
         if jobs:
             yield names, jobs
-
-
-def _job(seed: int, turn: int, turns: Turns) -> Job:
-    numbers = numbers_of(turn)
-    return {"night": seed, "shards": numbers, "seen": turns.seen(turn) if len(numbers) > 1 else {}}
 
 
 def is_sampled(turn: int) -> bool:

@@ -11,8 +11,7 @@ from pathlib import Path
 
 from crosscheck.judge.known_gaps import KnownGap, new_disagreements, table
 from crosscheck.judge.records import Disagreement, NewCase, plain
-from crosscheck.night.journal import replace_file
-from crosscheck.night.plan import NightPlan, engines_option
+from crosscheck.night.plan import NightPlan, engines_option, replace_file
 from crosscheck.scenes.drawing import AnyDrawn, describe, draw, effort, shrink
 from crosscheck.scenes.featured import Featured
 from crosscheck.workers.pool import Pool
@@ -131,14 +130,12 @@ def _again(
 
 
 def _notes(shown: Disagreement, case: NewCase | None = None) -> list[str]:
-    """Return what a scene file says of a disagreement."""
     fields = {**plain(shown), "at": str(shown.at) if shown.at else None}
     fields |= {} if case is None else {"key": case.key, "shard": case.shard}
     return [f"{key}: {value}" for key, value in fields.items() if value not in (None, "")]
 
 
 def _write(path: Path, notes: Sequence[str], drawn: AnyDrawn, plan: NightPlan) -> None:
-    """Write a scene with what disagrees on it as comments."""
     comments = "".join(f"# {line}\n" for text in notes for line in text.splitlines())
     path.parent.mkdir(parents=True, exist_ok=True)
     features = " --features" if isinstance(drawn, Featured) else ""

@@ -25,8 +25,7 @@ from crosscheck.errors import UsageError
 from crosscheck.judge.budget import SAFETY
 from crosscheck.judge.records import QUANTITIES, By, Cause, Disagreement, NewCase, Record, adapter
 from crosscheck.night.disagreements import FOLDER, slug
-from crosscheck.night.journal import replace_file
-from crosscheck.night.plan import GOLDEN, Golden
+from crosscheck.night.plan import GOLDEN, Golden, replace_file
 from crosscheck.workers.pool import Pool
 from refkin.errors import RefkinError
 from refkin.model import Scene
@@ -76,18 +75,15 @@ def golden_scenes() -> dict[str, Scene]:
 
 def measure(scenes: Mapping[str, Scene], workers: Pool, engines: Sequence[str]) -> dict[str, Case]:
     """Return scene, reference, attainable digits and those of every route, by the name of the case."""
-    names = {}
     for name, scene in scenes.items():
-        job = {"scene": to_dict(scene), "about": {"golden": name}}
-        workers.submit([job], engines)
-        names[name] = scene
+        workers.submit([{"scene": to_dict(scene), "about": {"golden": name}}], engines)
     records: dict[str, Record] = {}
     while workers.pending:
         for record in workers.results():
             records[str(record.about["golden"])] = record
     return {
         name: {"scene": to_dict(scene), "reference": _reference(solve(scene)), **_measured(records[name])}
-        for name, scene in names.items()
+        for name, scene in scenes.items()
     }
 
 
@@ -197,13 +193,7 @@ def _is_lost(old: Sequence[float], new: Sequence[float], attainable: Sequence[fl
 
 
 def read(path: Path) -> dict[str, Any]:
-    """Return the baseline in a file.
-
-    Raises
-    ------
-    NoBaseline
-        If there is none, or it cannot be read.
-    """
+    """Return the baseline in a file; NoBaseline if there is none, or it cannot be read."""
     try:
         baseline = json.loads(path.read_text(encoding="utf-8"))
         if baseline["schema"] != SCHEMA or not baseline["cases"]:
@@ -223,33 +213,24 @@ def write(path: Path, cases: Mapping[str, Case], versions: Mapping[str, str]) ->
     replace_file(path, json.dumps(baseline, indent=1, allow_nan=False) + "\n")
 
 
-def compared(path: Path, workers: Pool) -> Golden:
-    """Return the comparison with the baseline in a file."""
-    baseline = read(path)
-    engines = [name for name in workers.engines if any(_of(name, case) for case in baseline["cases"].values())]
-    scenes = scenes_of(baseline["cases"])
-    return Golden(
-        cases=len(scenes),
-        versions=baseline["versions"],
-        engines=engines,
-        without=[name for name in workers.engines if name not in engines],
-        worse=differences(baseline["cases"], measure(scenes, workers, engines), engines),
-    )
-
-
 def scenes_of(cases: Mapping[str, Case]) -> dict[str, Scene]:
     """Return the scenes of a baseline by name."""
     return {name: parse(dict(case["scene"])) for name, case in cases.items()}
 
 
-def _of(engine: str, case: Case) -> bool:
-    return any(who.partition(" · ")[0] == engine for who in case["routes"])
-
-
 def compare_night(path: Path, out: Path, workers: Pool) -> list[NewCase]:
     """Compare the golden set, leave `golden.json` and scene files in the folder of a night, return what is worse."""
-    comparison = compared(path, workers)
-    cases = read(path)["cases"]
+    baseline = read(path)
+    cases = baseline["cases"]
+    known, scenes = {who.partition(" · ")[0] for case in cases.values() for who in case["routes"]}, scenes_of(cases)
+    engines = [name for name in workers.engines if name in known]
+    comparison = Golden(
+        cases=len(scenes),
+        versions=baseline["versions"],
+        engines=engines,
+        without=[name for name in workers.engines if name not in known],
+        worse=differences(cases, measure(scenes, workers, engines), engines),
+    )
     for worse in comparison.worse:
         worse.file = f"{FOLDER}/{worse.key}.toml"
         (out / FOLDER).mkdir(parents=True, exist_ok=True)

@@ -27,10 +27,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.errors import CannotRun
-from crosscheck.night.journal import replace_file
-from crosscheck.night.plan import TRENDS
+from crosscheck.night.plan import TRENDS, replace_file
+from crosscheck.scenes.names import QUANTITIES
 
-SOLVED = ("position", "velocity", "acceleration")
 REFERENCE = "refkin"
 LATEST = 7
 """Of so many nights a change of level is a warning."""
@@ -57,15 +56,8 @@ class HistoryError(CannotRun):
 def remember(path: Path, report: Mapping[str, Any], folder: Path) -> dict[str, Any] | None:
     """Add a night to the history in a file, and write the trends that it is now part of into its folder.
 
-    Returns
-    -------
-    dict or None
-        The trends; None if there is no history, because no night was worth keeping yet.
-
-    Raises
-    ------
-    HistoryError, OSError
-        If the file is no history, or cannot be written.
+    They are returned; None if there is no history, because no night was worth keeping yet. HistoryError or OSError if
+    the file is no history, or cannot be written.
     """
     append(path, report)
     if not path.is_file():
@@ -80,15 +72,8 @@ def remember(path: Path, report: Mapping[str, Any], folder: Path) -> dict[str, A
 def append(path: Path, report: Mapping[str, Any]) -> bool:
     """Add a night to the history in a file; the same night once more, as after a resume, replaces itself.
 
-    Returns
-    -------
-    bool
-        Whether there was anything to keep: a night without scenes, or without a date, leaves no trace.
-
-    Raises
-    ------
-    HistoryError
-        If the file is no history, or cannot be written.
+    Return whether there was anything to keep: a night without scenes, or without a date, leaves no trace. HistoryError
+    if the file is no history, or cannot be written.
     """
     if not report["scenes"] or not report["date"]:
         return False
@@ -115,7 +100,7 @@ def _accuracies(night: int | None, report: Mapping[str, Any]) -> Iterator[tuple[
     keys = ("digits_median", "digits_p01", "digits_worst", "worst_over_allowed")
     for engine, routes in report["engines"].items():
         for route, quantities in routes.items():
-            for quantity in SOLVED:
+            for quantity in QUANTITIES:
                 yield (night, engine, route, quantity, *(quantities[quantity][key] for key in keys))
 
 
@@ -208,18 +193,13 @@ PER_CUT = 4.0
 
 
 def change_points(values: Sequence[float]) -> dict[int, float]:
-    """Return {first night of a new level: new level / old level}.
-
-    Parameters
-    ----------
-    values : sequence of float
-        One positive number per night, oldest first.
-    """
+    """Return {first night of a new level: new level / old level} of positive numbers, one per night, oldest first."""
     n = len(values)
     if n < FEWEST:
         return {}
     logs = np.log(np.asarray(values, float))
-    smooth = _median_of_five(logs)
+    padded = np.pad(logs, 2, mode="reflect")
+    smooth = np.median(np.stack([padded[k : k + n] for k in range(5)]), axis=0)
     price = PER_CUT * math.log(n) * _noise(logs) ** 2
     cuts = _partition(smooth, price)
     edges = [0, *cuts, n]
@@ -232,11 +212,6 @@ def _noise(logs: Any) -> float:
     """Return the standard deviation of the noise, from the median of the differences of neighbours (normal noise)."""
     typical = float(np.median(np.abs(np.diff(logs))))
     return max(QUIET, 1.4826 * typical / math.sqrt(2.0))
-
-
-def _median_of_five(x: Any) -> Any:
-    padded = np.pad(x, 2, mode="reflect")
-    return np.median(np.stack([padded[k : k + len(x)] for k in range(5)]), axis=0)
 
 
 def _partition(x: Any, price: float) -> list[int]:

@@ -18,12 +18,12 @@ from itertools import count, zip_longest
 from pathlib import Path
 from typing import Protocol
 
-from hypothesis import HealthCheck, Phase, Verbosity, given, seed, settings, target
+from hypothesis import Phase, given, seed, settings, target
 
 from crosscheck.engines import load
 from crosscheck.judge.records import ENDED, Record, Unreadable, read_records
 from crosscheck.measure.jobs import checkers
-from crosscheck.scenes.drawing import AnyDrawn, OutOfTime, climb, describe
+from crosscheck.scenes.drawing import AnyDrawn, OutOfTime, climb, describe, profile
 from crosscheck.strategies import Hardness, drawn_scenes
 from refkin.model import Scene
 from refkin.scenes.files import to_dict
@@ -182,18 +182,7 @@ def turn_of(check: Callable[[AnyDrawn], None], stratum: tuple[float, float], num
     """Run Hypothesis once on scenes of a stratum: half of them at random, half near the worst of those."""
     hardness = (Hardness.LIMIT,) if stratum[1] > FINEST_SLACK else (Hardness.LIMIT, Hardness.CHANGE_POINT)
     hard = drawn_scenes(hardness=hardness, decades=stratum, samples=SAMPLES)
-    made = settings(
-        settings.get_profile("default"),
-        max_examples=A_TURN,
-        phases=(Phase.generate, Phase.target),
-        derandomize=False,
-        database=None,
-        deadline=None,
-        print_blob=False,
-        report_multiple_bugs=False,
-        verbosity=Verbosity.quiet,
-        suppress_health_check=list(HealthCheck),
-    )
+    made = settings(profile((Phase.generate, Phase.target)), max_examples=A_TURN)
 
     def scene_property(drawn: AnyDrawn) -> None:
         check(drawn)

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 
-from refkin.joints import GROUND, GuidedPoint, PointDistance, elements_of
+from refkin.joints import GROUND, GuidedPoint, PointDistance, SpatialPointDistance, elements_of
 from refkin.model import Mechanism, Scene
-from refkin.motion import Motion
+from refkin.motion import Motion, point_motion
+from refkin.output.spatial import VIEW
 
 WIDTH, HEIGHT, MARGIN = 300, 190, 26
 MOST_FRAMES = 24
@@ -50,7 +53,9 @@ class SceneDrawing:
         self.scene, self.motion = scene, motion
         self.names = {body.name: k for k, body in enumerate(scene.mechanism.bodies)}
         self.shown = np.flatnonzero(np.all(np.isfinite(motion.q), axis=0))
+        self.width = scene.mechanism.kind.width
         self.points = _points(scene.mechanism)
+        self.pins = [(body, point) for body, points in self.points.items() for point in points]
         self.elements = list(elements_of(scene.mechanism.joints))
         self.links = [e for e in self.elements if isinstance(e, PointDistance) and not e.laws]
         step = max(1, -(-motion.t.size // MOST_FRAMES))
@@ -60,24 +65,30 @@ class SceneDrawing:
 
     def _view(self) -> View:
         """Return the view that holds every joint point at every time."""
-        x, y = (np.concatenate(part) for part in zip(*self._places(self.motion.q[:, self.shown]), strict=True))
+        q = self.motion.q[:, self.shown]
+        x, y = np.concatenate([self._seen(q, *pin)[:2] for pin in self.pins], axis=1)
         wide, high = np.ptp(x), np.ptp(y)
         room = min((WIDTH - 2 * MARGIN) / max(wide, 1e-300), (HEIGHT - 2 * MARGIN) / max(high, 1e-300))
         return View((x.max() + x.min()) / 2, (y.max() + y.min()) / 2, float(min(room, 1e300)))
 
-    def _places(self, q: Any) -> Any:
-        for body, points in self.points.items():
-            for point in points:
-                yield _place(q, self.names.get(body), point)
+    def _rows(self, body: str) -> slice:
+        return slice(self.width * self.names[body], self.width * (self.names[body] + 1))
+
+    def _seen(self, q: Any, body: str, point: Any) -> Any:
+        """Return where a point of a body is in the picture, (2,) or (2, T) [m]."""
+        if body == GROUND:
+            return np.add.outer(point, np.zeros(np.shape(q)[1:]))
+        return point_motion(point, q[self._rows(body)]).r
+
+    def _pixels(self, q: Any, body: str, point: Any) -> tuple[Any, ...]:
+        return self.view.pixels(*self._seen(q, body, point))
 
     def described(self, name: str, key: str) -> dict[str, Any]:
         """Return parts and frames."""
         frames = [self._frame(self.motion.q[:, k]) for k in self.frames]
-        picture = {"name": name, "key": key, "ground": self._ground(), "guide": self._guide(None)}
+        ground = [short(*self._pixels(self.motion.q[:, 0], GROUND, point)) for point in self.points.get(GROUND, ())]
+        picture = {"name": name, "key": key, "ground": ground, "guide": self._guide(None)}
         return {**picture, "parts": self._parts(), "frames": frames}
-
-    def _ground(self) -> list[list[float]]:
-        return [short(*self.view.pixels(x, y)) for x, y in self.points.get(GROUND, ())]
 
     def _guide(self, body: str | None) -> str:
         """Return the lines along which something slides on a body (None: the ground), two sizes to each side."""
@@ -112,9 +123,7 @@ class SceneDrawing:
             x, y = self.view.pixels(q[3 * k], q[3 * k + 1])
             places.append(short(x, y, -math.degrees(math.remainder(q[3 * k + 2], math.tau))))
         for link in self.links:
-            (xi, yi), (xj, yj) = (
-                self.view.pixels(*_place(q, self.names.get(body), point)) for body, point in link.ends
-            )
+            (xi, yi), (xj, yj) = (self._pixels(q, *end) for end in link.ends)
             places.append(short(xi, yi, math.degrees(math.atan2(yj - yi, xj - xi))))
         return places
 
@@ -133,10 +142,10 @@ class SceneDrawing:
             factor = self._visible(q, off)
             ghost = self._frame(q + factor * off)
             return {**picture, "factor": factor, "ghost": ghost, "arrows": [], "cycle": self._cycle(errors)}
-        rate = (self.motion.qd, self.motion.qdd)[level - 1]
-        if rate is None or self.motion.qd is None or not np.all(np.isfinite(rate[:, k])):
+        rates = [rate[:, k] for rate in (self.motion.qd, self.motion.qdd)[:level] if rate is not None]
+        if len(rates) < level or not np.all(np.isfinite(rates[-1])):
             return None
-        factor, arrows = self._arrows(q, rate[:, k], off, (level - 1) * self.motion.qd[:, k])
+        factor, arrows = self._arrows(q, rates, off)
         return {**picture, "factor": factor, "ghost": [], "arrows": arrows, "cycle": None}
 
     def _visible(self, q: Any, off: Any) -> float:
@@ -163,31 +172,20 @@ class SceneDrawing:
 
     def _moved(self, q: Any, off: Any) -> float:
         """Return how far an error moves the joint points at most, to first order, in pixels."""
-        there = [np.subtract(b, a) for a, b in zip(self._places(q), self._places(q + off), strict=True)]
-        turned = [
-            abs(off[3 * self.names[body] + 2]) * math.hypot(*point)
-            for body, points in self.points.items()
-            if body in self.names
-            for point in points
-        ]
+        there = [math.hypot(*(self._seen(q + off, *pin) - self._seen(q, *pin))) for pin in self.pins]
+        turned = [abs(off[3 * self.names[b] + 2]) * math.hypot(*point) for b, point in self.pins if b in self.names]
         first = max((abs(x) for x in [*off[0::3], *off[1::3]]), default=0.0)
-        return float(self.view.scale * max([math.hypot(*d) for d in there] + turned + [first]))
+        return float(self.view.scale * max([*there, *turned, first]))
 
-    def _arrows(self, q: Any, rate: Any, off: Any, spin: Any) -> tuple[float, list[list[float]]]:
-        """Return the rates of the bodies' joint points as arrows, and the factor of the error in them.
-
-        Points are accelerated towards a body's origin as it turns, by the `spin` in the velocity (n,) that is given.
-        """
+    def _arrows(self, q: Any, rates: Sequence[Any], off: Any) -> tuple[float, list[list[float]]]:
+        """Return the last of some rates at the bodies' joint points as arrows, and the factor of the error in them."""
         tails, truths, errors = [], [], []
-        for body, points in self.points.items():
-            for point in points if body in self.names else ():
-                k = 3 * self.names[body]
-                x, y = _place(q, self.names[body], point)
-                dx, dy = x - q[k], y - q[k + 1]
-                tails.append(self.view.pixels(x, y))
-                inward = spin[k + 2] ** 2
-                truths.append([rate[k] - dy * rate[k + 2] - dx * inward, rate[k + 1] + dx * rate[k + 2] - dy * inward])
-                errors.append([off[k] - dy * off[k + 2], off[k + 1] + dx * off[k + 2]])
+        for body, point in (pin for pin in self.pins if pin[0] in self.names):
+            rows = self._rows(body)
+            moves = point_motion(point, q[rows], *(rate[rows] for rate in rates))
+            tails.append(self.view.pixels(*moves.r))
+            truths.append(moves.v if len(rates) == 1 else moves.a)
+            errors.append(point_motion(point, q[rows], off[rows]).v)
         truth, error = np.array(truths), np.array(errors)
         scale = 0.22 * HEIGHT / max(np.max(np.hypot(*truth.T), initial=0.0), 1e-300)
         factor = factor_below(0.6 * VISIBLE * WIDTH / max(scale * np.max(np.hypot(*error.T), initial=0.0), 1e-300))
@@ -207,15 +205,6 @@ def _points(mechanism: Mechanism) -> dict[str, list[tuple[float, float]]]:
             if point not in of_body:
                 of_body.append(point)
     return points
-
-
-def _place(q: Any, body: int | None, point: tuple[float, float]) -> tuple[Any, Any]:
-    """Return a point of a body in metres; None is the ground."""
-    if body is None:
-        return point[0] + np.zeros(np.shape(q)[1:]), point[1] + np.zeros(np.shape(q)[1:])
-    x, y, phi = q[3 * body : 3 * body + 3]
-    c, s = np.cos(phi), np.sin(phi)
-    return x + c * point[0] - s * point[1], y + s * point[0] + c * point[1]
 
 
 def factor_below(*largest: float) -> float:
@@ -238,3 +227,91 @@ def _path(pins: list[tuple[float, float]]) -> str:
 def short(*numbers: float) -> list[float]:
     """Return numbers to a tenth of a pixel or a degree."""
     return [round(float(x), 1) for x in np.clip(numbers, -1e4, 1e4)]
+
+
+Ends = tuple[tuple[str, Any], tuple[str, Any]]
+LENGTH = 100.0
+SEEN = np.vstack([VIEW, np.cross(*VIEW)])
+"""From points of space to those of the picture, and how far in front of it they are."""
+
+
+class SpaceDrawing(SceneDrawing):
+    """A mechanism of space: its joint points and the bars between them, in projection; errors of rates are not drawn.
+
+    A bar becomes shorter as it is seen: its path is `LENGTH` pixels long, and a frame stretches it. A place is x, y,
+    degrees and stretch, and then how far in front of the picture's middle it lies, a bar with both ends: the page's
+    script turns it by these, about the middle.
+    """
+
+    def _view(self) -> View:
+        q = self.motion.q[:, self.shown]
+        depths = np.concatenate([self._seen(q, *pin)[2] for pin in self.pins])
+        self.middle = (depths.max() + depths.min()) / 2
+        return super()._view()
+
+    def described(self, name: str, key: str) -> dict[str, Any]:
+        """Return parts and frames; `fit` is what it shrinks by to hold every point from wherever it is seen."""
+        q, middle = self.motion.q[:, self.shown], [[self.view.x], [self.view.y], [self.middle]]
+        away = np.concatenate([self._seen(q, *pin) for pin in self.pins], axis=1) - middle
+        furthest = self.view.scale * float(np.max(np.linalg.norm(away, axis=0)))
+        fit = min(1.0, (HEIGHT / 2 - MARGIN / 2) / max(furthest, 1e-300))
+        return {**super().described(name, key), "fit": round(fit, 3)}
+
+    def _pixels(self, q: Any, body: str, point: Any) -> tuple[float, float, float]:
+        """Return where a point is drawn, and how far in front of the middle it lies in pixels."""
+        x, y, depth = self._seen(q, body, point)
+        return *self.view.pixels(x, y), float((depth - self.middle) * self.view.scale)
+
+    def _seen(self, q: Any, body: str, point: Any) -> Any:
+        """Return where a point is in the picture's plane, and how far in front of it, (3,) or (3, T) [m]."""
+        if body == GROUND:
+            return SEEN @ super()._seen(q, body, point)
+        pose = np.array(q[self._rows(body)])
+        pose[3:] /= np.linalg.norm(pose[3:], axis=0)  # a magnified error makes them longer
+        return SEEN @ point_motion(point, pose).r
+
+    def _bars(self) -> Iterator[Ends]:
+        for body in self.names:
+            points = self.points.get(body, [])
+            closed = [*points, points[0]] if len(points) > 2 else points
+            for one, other in pairwise(closed):
+                yield (body, one), (body, other)
+        for element in self.elements:
+            if isinstance(element, SpatialPointDistance):
+                yield element.ends
+
+    @property
+    def _moving(self) -> list[tuple[str, Any]]:
+        return [pin for pin in self.pins if pin[0] in self.names]
+
+    def _parts(self) -> list[dict[str, Any]]:
+        bars = [{"path": f"M0 0L{LENGTH:g} 0", "pins": [], "guide": ""} for _ in self._bars()]
+        return bars + [{"path": "M0 0", "pins": [[0.0, 0.0]], "guide": ""} for _ in self._moving]
+
+    def _frame(self, q: Any) -> list[list[float]]:
+        places = []
+        for ends in self._bars():
+            (xi, yi, zi), (xj, yj, zj) = (self._pixels(q, *end) for end in ends)
+            stretch = round(math.hypot(xj - xi, yj - yi) / LENGTH, 4)
+            places.append([*short(xi, yi, math.degrees(math.atan2(yj - yi, xj - xi))), stretch, *short(zi, zj)])
+        for pin in self._moving:
+            x, y, z = self._pixels(q, *pin)
+            places.append([*short(x, y), 0.0, 1.0, *short(z)])
+        return places
+
+    def _visible(self, q: Any, off: Any) -> float:
+        turned = max((2.0 * float(np.linalg.norm(off[k + 3 : k + 7])) for k in range(0, len(off), 7)), default=0.0)
+        return factor_below(VISIBLE * WIDTH / max(self._moved(q, off), 1e-300), BEND / max(turned, 1e-300))
+
+    def _moved(self, q: Any, off: Any) -> float:
+        longest = max((float(np.linalg.norm(point)) for _, point in self._moving), default=1.0)
+        turned = max(2.0 * float(np.linalg.norm(off[k + 3 : k + 7])) for k in range(0, len(off), 7))
+        shifted = max(float(np.linalg.norm(off[k : k + 3])) for k in range(0, len(off), 7))
+        return float(self.view.scale * (shifted + turned * longest))
+
+    def _in_metres(self, off: Any) -> Any:
+        size = self.scene.mechanism.size()
+        return off * np.tile([size] * 3 + [1.0] * 4, len(self.names))[:, None]
+
+    def _arrows(self, q: Any, rates: Sequence[Any], off: Any) -> tuple[float, list[list[float]]]:
+        return 1.0, []

@@ -1,8 +1,8 @@
 """The problem set: fixed mechanisms with answers proved to 30 digits, for whoever writes a solver.
 
-`planar` and `spatial` say which mechanisms there are, `statement` which assembly is meant, `certified` proves the
-answers, `mjcf` and `exudyn_script` write them for two engines, `export` puts it all into a folder, with `grader`, which
-needs nothing but Python, beside it.
+`planar` and `spatial` say which mechanisms there are, `statement` which assembly is meant, and proves the answers;
+`mjcf` and `exudyn_script` write them for two engines, `export` puts it all into a folder, with `grader`, which needs
+nothing but Python, beside it.
 """
 
 VERSION = "1"

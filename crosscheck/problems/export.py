@@ -52,7 +52,8 @@ def export(
     """
     index, hashes = [], []
     folder.mkdir(parents=True, exist_ok=True)
-    for done, (entry, files) in enumerate(_made(asked, processes)):
+    made = map(written, asked) if processes == 1 else ProcessPoolExecutor(processes).map(written, asked)
+    for done, (entry, files) in enumerate(made):
         at = folder / entry["name"]
         at.mkdir(exist_ok=True)
         for name, text in files.items():
@@ -67,12 +68,6 @@ def export(
     grade = Path(grader.__file__).read_text(encoding="utf-8")
     (folder / "grade.py").write_text(grade, encoding="utf-8", newline="\n")
     return total
-
-
-def _made(asked: Sequence[Draft], processes: int) -> Any:
-    if processes == 1:
-        return map(written, asked)
-    return ProcessPoolExecutor(processes).map(written, asked)
 
 
 def written(draft: Draft) -> tuple[dict[str, Any], dict[str, str]]:

@@ -8,8 +8,9 @@ from __future__ import annotations
 import math
 from typing import Any
 
+from crosscheck.engines.spatial.turning import joint_frame
 from crosscheck.errors import CannotRun
-from crosscheck.problems.frames import formula, joint_frame
+from crosscheck.problems.stated import formula
 from refkin.joints import (
     GROUND,
     PLANE,
@@ -173,10 +174,10 @@ def _guided(e: GuidedPoint) -> str:
     return f"mbs.AddObject(PrismaticJoint2D(markerNumbers=[{markers}], {normal}))"
 
 
-def _distance(e: PointDistance) -> str:
-    length = f"({_law(e)})({{now}})" if e.laws else repr(e.length)
-    distance = length.replace("{now}", "now")
-    rod = f"mbs.AddObject(DistanceConstraint(markerNumbers=[{_point(e, 'i')}, {_point(e, 'j')}], distance={distance}))"
+def _distance(e: PointDistance | SpatialPointDistance) -> str:
+    marker = _point if isinstance(e, PointDistance) else _place
+    distance = f"({_law(e)})(now)" if e.laws else repr(e.length)
+    rod = f"mbs.AddObject(DistanceConstraint(markerNumbers=[{marker(e, 'i')}, {marker(e, 'j')}], distance={distance}))"
     return f"cylinders.append(({rod}, {_law(e)}))" if e.laws else rod
 
 
@@ -217,7 +218,7 @@ ADD: dict[type[Element], Any] = {
     RollingWheels: _wheels,
     RollingOnLine: _rack,
     PointsMeet: lambda e: f"mbs.AddObject(ObjectJointSpherical(markerNumbers=[{_place(e, 'i')}, {_place(e, 'j')}]))",
-    SpatialPointDistance: lambda e: _spatial_distance(e),
+    SpatialPointDistance: _distance,
     AxesParallel: lambda e: _held(e, [0, 0, 0, 1, 1, 0]),
     AxesPerpendicular: lambda e: _held(e, [0, 0, 0, 0, 0, 1], "hfg", "ghf"),
     TurnAboutAxis: lambda e: _turned(e),
@@ -236,13 +237,6 @@ def _turned(e: Any) -> str:
     return f"turned.append(({_held(e, [0, 0, 0, 0, 0, 1])}, {_frame(e, 'i', 'fgh')}, {_law(e)}))"
 
 
-def _spatial_distance(e: Any) -> str:
-    ends = f"markerNumbers=[{_place(e, 'i')}, {_place(e, 'j')}]"
-    if not e.laws:
-        return f"mbs.AddObject(DistanceConstraint({ends}, distance={e.length!r}))"
-    return f"cylinders.append((mbs.AddObject(DistanceConstraint({ends}, distance=({_law(e)})(now))), {_law(e)}))"
-
-
 def _place(e: Any, side: str) -> str:
     """Return a marker on a body of space, at the element's point or, where it has none, at the origin."""
     return f"place{(getattr(e, f'body_{side}'), *getattr(e, f'point_{side}', (0.0, 0.0, 0.0)))!r}"
@@ -253,8 +247,8 @@ def _frame(e: Any, side: str, columns: str) -> str:
     axis = getattr(e, f"axis_{side}", None)
     if axis is None:
         return "[[1, 0, 0], [0, 1, 0], [0, 0, 1]]"
-    own = dict(zip("fgh", joint_frame(axis, getattr(e, f"zero_{side}", None)), strict=True))
-    return str([[float(own[column][row]) for column in columns] for row in range(3)])
+    own = joint_frame(axis, getattr(e, f"zero_{side}", None))
+    return str(own[:, ["fgh".index(column) for column in columns]].tolist())
 
 
 def _point(e: Any, side: str) -> str:

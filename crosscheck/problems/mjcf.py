@@ -16,8 +16,9 @@ from collections.abc import Sequence
 from typing import Any
 from xml.etree import ElementTree as ET
 
+from crosscheck.engines.spatial.turning import joint_frame, parameters
 from crosscheck.errors import CannotRun
-from crosscheck.problems.frames import formula, joint_frame, quaternion
+from crosscheck.problems.stated import formula
 from refkin.joints import (
     GROUND,
     PLANE,
@@ -128,36 +129,31 @@ class _Model:
         law : float, optional
             The angle of the first hinge.
         """
-        self.carriages += 1
-        carriage = f"carriage {self.carriages}"
-        frame = quaternion(joint_frame(e.axis_i, getattr(e, "zero_i", None)))
-        where = {"name": carriage, "pos": self.place(getattr(e, "point_i", ORIGIN)), "quat": _numbers(*frame)}
-        body = self.bodies[carriage] = ET.SubElement(self.bodies[e.body_i], "body", where)
-        ET.SubElement(body, "inertial", INERTIA)
-        for kind, axes in (("slide", slides), ("hinge", hinges)):
-            for axis in axes:
-                joint = {"name": f"{carriage}.{kind} {axis}", "type": kind, "axis": AXES[axis]}
-                ET.SubElement(body, "joint", joint)
-        f, g, h = joint_frame(e.axis_j, getattr(e, "zero_j", None))
-        on_j = quaternion([{"f": f, "g": g, "h": h}[column] for column in columns])
+        carriage = self.moving(e, slides, hinges)
+        on_j = parameters(joint_frame(e.axis_j, getattr(e, "zero_j", None))[:, ["fgh".index(c) for c in columns]])
         at = {"name": f"{name} j", "pos": self.place(getattr(e, "point_j", ORIGIN)), "quat": _numbers(*on_j)}
         ET.SubElement(self.bodies[e.body_j], "site", at)
-        ET.SubElement(body, "site", {"name": f"{name} i"})
+        ET.SubElement(self.bodies[carriage], "site", {"name": f"{name} i"})
         ET.SubElement(self.equalities, "weld", {"name": f"{name} weld", "site1": f"{name} j", "site2": f"{name} i"})
         if law is not None:
             self.couple(name, f"{carriage}.hinge {hinges[0]}", law)
 
     def guided(self, name: str, e: Any, slides: str) -> None:
         """Add a carriage in the frame of the element on body i that slides, and tie point j to it."""
-        self.carriages += 1
-        carriage = f"carriage {self.carriages}"
-        frame = quaternion(joint_frame(e.axis_i, getattr(e, "zero_i", None)))
-        where = {"name": carriage, "pos": self.place(e.point_i), "quat": _numbers(*frame)}
-        body = self.bodies[carriage] = ET.SubElement(self.bodies[e.body_i], "body", where)
-        ET.SubElement(body, "inertial", INERTIA)
-        for axis in slides:
-            ET.SubElement(body, "joint", {"name": f"{carriage}.slide {axis}", "type": "slide", "axis": AXES[axis]})
+        carriage = self.moving(e, slides)
         self.connect(name, self.site(f"{name} i", carriage, ORIGIN), self.site(f"{name} j", e.body_j, e.point_j))
+
+    def moving(self, e: Any, slides: str, hinges: str = "") -> str:
+        """Add a carriage in the frame of the element on body i and return its name."""
+        self.carriages += 1
+        name = f"carriage {self.carriages}"
+        frame = parameters(joint_frame(e.axis_i, getattr(e, "zero_i", None)))
+        where = {"name": name, "pos": self.place(getattr(e, "point_i", ORIGIN)), "quat": _numbers(*frame)}
+        body = self.bodies[name] = ET.SubElement(self.bodies[e.body_i], "body", where)
+        ET.SubElement(body, "inertial", INERTIA)
+        for kind, axis in (*(("slide", axis) for axis in slides), *(("hinge", axis) for axis in hinges)):
+            ET.SubElement(body, "joint", {"name": f"{name}.{kind} {axis}", "type": kind, "axis": AXES[axis]})
+        return name
 
     def site(self, name: str, body: str, point: Sequence[float]) -> str:
         ET.SubElement(self.bodies[body], "site", {"name": name, "pos": self.place(point)})

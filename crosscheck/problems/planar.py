@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from random import Random
 from typing import Any
 
-from crosscheck.problems.stated import TIMES, Family, Stated, polynomial, stated, within
+from crosscheck.problems.stated import TIMES, Family, Stated, ends, polynomial, stated, within
 from refkin.joints import (
     GROUND,
     AngleDriver,
@@ -39,11 +39,7 @@ NEARER = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 
 
 def _pin(name: str, i: str, p: Pair, j: str, q: Pair = (0.0, 0.0)) -> Revolute:
-    return Revolute(name=name, **_ends(i, p, j, q))
-
-
-def _ends(i: str, p: Pair, j: str, q: Pair = (0.0, 0.0)) -> dict[str, Any]:
-    return {"body_i": i, "point_i": p, "body_j": j, "point_j": q}
+    return Revolute(name=name, **ends(i, p, j, q))
 
 
 def _turning(body: str, law: Law, name: str = "motor") -> AngleDriver:
@@ -189,7 +185,7 @@ def _four_pins(ground: float, coupler: float, rocker: float) -> list[Constraint]
 
 
 def _guide(name: str, i: str, p: Pair, axis: Pair, j: str, angle: float = 0.0) -> Prismatic:
-    return Prismatic(name=name, **_ends(i, p, j), axis_i=axis, angle=angle)
+    return Prismatic(name=name, **ends(i, p, j), axis_i=axis, angle=angle)
 
 
 def geared_five_bars(random: Random) -> Iterator[Stated]:
@@ -221,7 +217,7 @@ def rolling_pinions(random: Random) -> Iterator[Stated]:
             _guide("guide", GROUND, (0.0, radius), (1.0, 0.0), "carrier"),
             _pin("C", "carrier", (0.5, 0.0), "pinion"),
             RackAndPinion(
-                name="teeth", **_ends(GROUND, (0.0, 0.0), "pinion"), axis_i=(1.0, 0.0), radius=-radius, s0=3.0
+                name="teeth", **ends(GROUND, (0.0, 0.0), "pinion"), axis_i=(1.0, 0.0), radius=-radius, s0=3.0
             ),
         ]
         yield stated("pinion rolling on a rack", joints, _turning("crank", polynomial(0.3, 2.0)))
@@ -264,11 +260,11 @@ def massless_links(random: Random) -> Iterator[Stated]:
         joints = [
             _pin("A0", GROUND, (0.0, 0.0), "crank"),
             _pin("B0", GROUND, (ground, 0.0), "rocker"),
-            Distance(name="link", **_ends("crank", (1.0, 0.0), "rocker", (rocker, 0.0)), length=coupler),
+            Distance(name="link", **ends("crank", (1.0, 0.0), "rocker", (rocker, 0.0)), length=coupler),
         ]
         yield stated("four-bar with a massless coupler", joints, _turning("crank", polynomial(0.3, 2.0)))
     for _ in range(2):
-        link = Distance(name="link", **_ends(GROUND, (4.0, 0.5), "plate", (1.5, 0.0)), length=within(random, 2.2, 2.6))
+        link = Distance(name="link", **ends(GROUND, (4.0, 0.5), "plate", (1.5, 0.0)), length=within(random, 2.2, 2.6))
         joints = [_pin("A0", GROUND, (0.0, 0.0), "crank"), _pin("A", "crank", (1.0, 0.0), "plate"), link]
         yield stated("plate on a crank and a link", joints, _turning("crank", polynomial(0.3, 0.4)))
 
@@ -278,8 +274,8 @@ def guided_bars(random: Random) -> Iterator[Stated]:
     for _ in range(2):
         first, last = (within(random, 0.5, 1.5), 0.0), (within(random, -1.5, -0.5), 0.0)
         joints: list[Constraint] = [
-            PointOnLine(name="level", **_ends(GROUND, (0.0, 0.0), "bar", first), axis_i=(1.0, 0.0)),
-            PointOnLine(name="upright", **_ends(GROUND, (0.0, 0.0), "bar", last), axis_i=(0.0, 1.0)),
+            PointOnLine(name="level", **ends(GROUND, (0.0, 0.0), "bar", first), axis_i=(1.0, 0.0)),
+            PointOnLine(name="upright", **ends(GROUND, (0.0, 0.0), "bar", last), axis_i=(0.0, 1.0)),
         ]
         yield stated("elliptic trammel", joints, _turning("bar", polynomial(0.3, 2.0)), assemblies=1)
     for k in range(2):
@@ -287,7 +283,7 @@ def guided_bars(random: Random) -> Iterator[Stated]:
         joints = [
             _pin("A0", GROUND, (0.0, 0.0), "crank"),
             _guide("guide", GROUND, (0.0, 0.0), (1.0, 0.0), "yoke"),
-            PointOnLine(name="slot", **_ends("yoke", (0.0, 0.0), "crank", (1.0, 0.0)), axis_i=slope),
+            PointOnLine(name="slot", **ends("yoke", (0.0, 0.0), "crank", (1.0, 0.0)), axis_i=slope),
         ]
         yield stated("scotch yoke", joints, _turning("crank", polynomial(0.3, 2.0)), assemblies=1)
     for _ in range(2):
@@ -295,7 +291,7 @@ def guided_bars(random: Random) -> Iterator[Stated]:
         joints = [
             _pin("A0", GROUND, (0.0, 0.0), "crank"),
             _pin("A", "crank", (1.0, 0.0), "bar"),
-            PointOnLine(name="line", **_ends(GROUND, (0.0, 0.25), "bar", end), axis_i=(1.0, 0.125)),
+            PointOnLine(name="line", **ends(GROUND, (0.0, 0.25), "bar", end), axis_i=(1.0, 0.125)),
         ]
         yield stated("bar with one end on a line", joints, _turning("crank", polynomial(0.3, 2.0)))
 
@@ -305,14 +301,14 @@ def cylinders(random: Random) -> Iterator[Stated]:
     for k in range(6):
         foot, eye = (within(random, 0.8, 1.2), 0.0), (within(random, 1.8, 2.4), 0.0)
         low = round(abs(eye[0] - foot[0]) + 0.3, 2)
-        ends = _ends(GROUND, foot, "boom", eye)
+        at = ends(GROUND, foot, "boom", eye)
         law: Law = polynomial(low, 0.3) if k % 2 else Sinusoid(offset=low + 0.3, amplitude=0.25, angular_frequency=2.0)
         joints: list[Constraint] = [_pin("O", GROUND, (0.0, 0.0), "boom")]
         if k % 3 == 2:
             joints.append(_pin("A", "boom", (3.0, 0.0), "rod"))
             joints.append(_pin("B", "rod", (4.0, 0.0), "slider"))
             joints.append(_guide("guide", GROUND, (0.0, 0.5), (1.0, 0.0), "slider"))
-        yield stated("boom on a cylinder", joints, DistanceDriver(name="cylinder", **ends, **law_keys(law)))
+        yield stated("boom on a cylinder", joints, DistanceDriver(name="cylinder", **at, **law_keys(law)))
 
 
 def platforms(random: Random) -> Iterator[Stated]:
@@ -324,8 +320,8 @@ def platforms(random: Random) -> Iterator[Stated]:
         for n, (foot, head) in enumerate(zip(feet, heads, strict=True)):
             if k % 2:
                 law = polynomial(within(random, 1.85, 2.05), within(random, 0.02, 0.08))
-                ends = _ends(GROUND, foot, "plate", head)
-                drivers.append(DistanceDriver(name=f"leg {n}", **ends, **law_keys(law)))
+                at = ends(GROUND, foot, "plate", head)
+                drivers.append(DistanceDriver(name=f"leg {n}", **at, **law_keys(law)))
                 continue
             joints += [
                 _pin(f"foot {n}", GROUND, foot, f"crank {n}"),
@@ -345,11 +341,11 @@ def cams(random: Random) -> Iterator[Stated]:
             radius = within(random, 1.5, 2.5)
             more: dict[str, Any] = {"normal_j": (0.0, 1.0)} if form == "flat" else {}
             more |= {"roller_radius": 0.375} if form == "roller" else {}
-            ends = _ends("cam", (0.5, 0.0), "follower")
+            at = ends("cam", (0.5, 0.0), "follower")
             joints = [
                 _pin("A0", GROUND, (0.0, 0.0), "cam"),
                 _guide("guide", GROUND, (0.25, 0.0), (0.0, 1.0), "follower"),
-                Cam(name="touch", **ends, profile=Disc(radius=radius), follower=form, **more),
+                Cam(name="touch", **at, profile=Disc(radius=radius), follower=form, **more),
             ]
             count = 1 if form == "flat" else 2
             yield stated(f"disc cam, {form} follower", joints, _turning("cam", polynomial(0.3, 2.0)), assemblies=count)
@@ -363,7 +359,7 @@ def welded_bodies(random: Random) -> Iterator[Stated]:
             _pin("A", "crank", (1.0, 0.0), "rod"),
             _pin("B", "rod", (within(random, 2.5, 3.5), 0.0), "slider"),
             _guide("guide", GROUND, (0.0, 0.25), (1.0, 0.0), "slider"),
-            Fixed(name="weld", **_ends("slider", (0.25, 0.5), "tool", (-0.5, 0.0)), angle=0.75),
+            Fixed(name="weld", **ends("slider", (0.25, 0.5), "tool", (-0.5, 0.0)), angle=0.75),
         ]
         law = Sinusoid(offset=2.75, amplitude=0.5, angular_frequency=1.0)
         yield stated("slider with a tool", joints, XDriver(name="actuator", body="slider", law=law))

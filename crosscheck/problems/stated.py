@@ -1,4 +1,7 @@
-"""A mechanism of the problem set as it is stated: without estimates, in numbers of a few decimals."""
+"""A mechanism of the problem set as it is stated: without estimates, in numbers of a few decimals.
+
+And motion laws as formulas, which the files of a problem have: read, and run, in Python.
+"""
 
 from __future__ import annotations
 
@@ -7,9 +10,10 @@ from dataclasses import dataclass
 from random import Random
 from typing import Any
 
+from crosscheck.errors import CannotRun
 from refkin.joints import GROUND, Constraint, Driver
 from refkin.model import Body, Mechanism
-from refkin.motion_laws import Polynomial
+from refkin.motion_laws import Integral, Polynomial, Sinusoid
 from refkin.scenes.linkages import Linkage
 
 TIMES = (0.0, 0.5, 1.0, 1.5, 2.0)
@@ -47,6 +51,11 @@ def stated(title: str, joints: Sequence[Constraint], drivers: Driver | list[Driv
     return Stated(title, Mechanism(tuple(Body(name=name) for name in names), tuple(joints), held), **more)
 
 
+def ends(i: str, p: tuple[float, ...], j: str, q: tuple[float, ...] = ()) -> dict[str, Any]:
+    """Return the keys of the two points of a joint; that on j is its origin by default."""
+    return {"body_i": i, "point_i": p, "body_j": j, "point_j": q or (0.0,) * len(p)}
+
+
 def polynomial(*coefficients: float) -> Polynomial:
     """Return c0 + c1 t + ..."""
     return Polynomial(coefficients=coefficients)
@@ -58,3 +67,19 @@ def within(random: Random, low: float, high: float, decimals: int = 2) -> float:
 
 
 Family = Callable[[Random], Iterator[Stated]]
+
+
+def formula(law: Any) -> str:
+    """Return f(t) as an expression in `t`, with `sin` and `cos`; CannotRun for a table, which has no formula."""
+    if isinstance(law, Polynomial):
+        return _polynomial(law.coefficients)
+    if isinstance(law, Sinusoid):
+        return f"{law.offset!r} + {law.amplitude!r} * sin({law.angular_frequency!r} * t + {law.phase!r})"
+    if isinstance(law, Integral) and isinstance(law.rate, Polynomial):
+        return _polynomial([law.initial, *(c / (k + 1) for k, c in enumerate(law.rate.coefficients))])
+    raise CannotRun(f"no formula for {law!r}")
+
+
+def _polynomial(coefficients: Any) -> str:
+    first, *rest = coefficients
+    return f"{first!r} + t * ({_polynomial(rest)})" if rest else repr(first)

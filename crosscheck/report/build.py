@@ -21,12 +21,11 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup
 
 from crosscheck.judge.records import QUANTITIES as SOLVED
-from crosscheck.night.journal import replace_file
-from crosscheck.night.plan import engines_option
+from crosscheck.night.plan import engines_option, replace_file
 from crosscheck.report import front, wording
 from crosscheck.report.figures import digits_figure, looks_of, newton_figure
 from crosscheck.report.figures_more import agreement_matrices, slopes_figure, trends_figure
-from crosscheck.report.posed import first_pose, pose_picture, spoken, spoken_moving
+from crosscheck.report.front import first_pose, pose_picture, spoken, spoken_moving
 from crosscheck.report.prices import GOALS, cheapest_tables, effects_figure, iterations_of_notes, price_figure
 from crosscheck.report.summary import Summary
 from crosscheck.report.svg import bar, power_of_ten
@@ -56,16 +55,8 @@ COVERAGE_NAMES = {
 def build(folder: Path) -> Path:
     """Write `report.json` and `index.html` for the run in a folder, and return the path of the page.
 
-    Parameters
-    ----------
-    folder : Path
-        Holds what a night wrote: records.jsonl, run.json, outcome.json, what was measured beside them, and
-        disagreements/*.toml. Whatever is missing was not done.
-
-    Returns
-    -------
-    Path
-        index.html. The same files give the same bytes.
+    The folder holds what a night wrote: records.jsonl, run.json, outcome.json, what was measured beside them, and
+    disagreements/*.toml. Whatever is missing was not done. The same files give the same bytes.
     """
     return write(folder, summarized(folder))
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import sys
 from collections import Counter
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
@@ -56,17 +55,22 @@ def describe(counts: Mapping[int, int]) -> dict[str, float | None]:
 
 
 def quantile(counts: Mapping[int, int], percent: int) -> float | None:
+    """Return the digits that at least `percent` of the samples in tenths do not exceed."""
+    tenths = reached(counts, percent)
+    return None if tenths is None else tenths / 10
+
+
+def reached(counts: Mapping[int, int], percent: int) -> int | None:
     """Return the smallest value that at least `percent` of the samples do not exceed.
 
     The inverse of their distribution: always a value that occurs. In integers, so that no rounding of percent * N / 100
     moves it by one sample.
     """
-    rank = max(1, -(-sum(counts.values()) * percent // 100))
-    reached = 0
-    for tenths in sorted(counts):
-        reached += counts[tenths]
-        if reached >= rank:
-            return tenths / 10
+    rank, so_far = max(1, -(-sum(counts.values()) * percent // 100)), 0
+    for value in sorted(counts):
+        so_far += counts[value]
+        if so_far >= rank:
+            return value
     return None
 
 
@@ -89,7 +93,7 @@ class WorstSample:
 
     def described(self) -> dict[str, Any]:
         """Return it as plain data."""
-        return {"ratio": finite(self.ratio), **vars(self.place), **sample(self.at)}
+        return {"ratio": self.ratio, **vars(self.place), **sample(self.at)}
 
 
 def sample(at: At | None) -> dict[str, Any]:
@@ -102,13 +106,6 @@ def worse(so_far: WorstSample | None, ratio: float | None, place: Place, at: At 
     if ratio is None or math.isnan(ratio) or (so_far is not None and ratio <= so_far.ratio):
         return so_far
     return WorstSample(ratio, place, at)
-
-
-def finite(ratio: float | None) -> float | None:
-    """Return a ratio as JSON can hold it: an infinite one as the largest double, NaN as None."""
-    if ratio is None or math.isnan(ratio):
-        return None
-    return min(ratio, sys.float_info.max)
 
 
 @dataclass
@@ -151,7 +148,7 @@ class Cell:
         least = self.least
         return {
             **self.digits.described(),
-            "worst_over_allowed": finite(self.worst.ratio) if self.worst else None,
+            "worst_over_allowed": self.worst.ratio if self.worst else None,
             "scenes": self.scenes,
             "samples": self.digits.samples,
             "judged": self.judged,
@@ -201,16 +198,9 @@ class RouteTotals:
     def microseconds(self) -> dict[str, float | None]:
         """Mean over all configurations; median over scenes of the scene's mean."""
         mean = 1e6 * self.seconds / self.times if self.times else None
-        return {"microseconds_mean": mean, "microseconds_median": self._median()}
-
-    def _median(self) -> float | None:
-        rank = -(-self.bins.total() // 2)
-        reached = 0
-        for bin_number in sorted(self.bins):
-            reached += self.bins[bin_number]
-            if reached >= rank:
-                return float(10 ** ((bin_number + 0.5) / TIME_BINS))
-        return None
+        middle = reached(self.bins, 50)
+        median = None if middle is None else float(10 ** ((middle + 0.5) / TIME_BINS))
+        return {"microseconds_mean": mean, "microseconds_median": median}
 
     def described(self) -> dict[str, Any]:
         """Return it as plain data."""

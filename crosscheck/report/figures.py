@@ -149,7 +149,6 @@ def _no_answers(plot: Plot, places: Sequence[float], look: Style, floor: float) 
 
 
 def _bins(report: Report) -> list[Bin]:
-    """Return every bin that holds a sample."""
     return [
         Bin((engine, route), quantity, int(decade), digits)
         for engine, routes in report["engines"].items()

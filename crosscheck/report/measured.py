@@ -6,11 +6,10 @@ night.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field, NonNegativeFloat, TypeAdapter, ValidationError
+from pydantic import AliasChoices, BaseModel, ConfigDict, Field, NonNegativeFloat, ValidationError
 
 from crosscheck.judge.records import adapter, fault
 
@@ -52,8 +51,6 @@ class _EffectFile(_Row):
 
 
 class _HardCaseFile(_Row):
-    """What one route made of one hard case."""
-
     engine: str
     method: str = Field(validation_alias=AliasChoices("method", "route"))
     case: str
@@ -69,21 +66,12 @@ KINDS: dict[str, type[_Row]] = {"price": _PriceFile, "effects": _EffectFile, "ha
 def measured(folder: Path) -> tuple[dict[str, Rows | None], list[str]]:
     """Return the rows of each kind (None: not measured), and what is wrong with the files."""
     rows: dict[str, Rows | None] = {}
-    faults = []
+    faults: list[str] = []
     for name, kind in KINDS.items():
-        path = folder / f"{name}.json"
-        rows[name] = None
-        if path.exists():
-            try:
-                rows[name] = _rows(path.read_bytes(), kind)
-            except ValidationError as error:
-                faults.append(f"{path.name} cannot be read: {fault(error)}")
+        read, wrong = read_file(folder, f"{name}.json", list[kind])  # type: ignore[valid-type]
+        rows[name] = None if read is None else [row.model_dump() for row in read]
+        faults += wrong
     return rows, faults
-
-
-def _rows(text: bytes, kind: type[_Row]) -> Rows:
-    rows: Sequence[_Row] = TypeAdapter(list[kind]).validate_json(text)  # type: ignore[valid-type]
-    return [row.model_dump() for row in rows]
 
 
 class Documents(_Row):

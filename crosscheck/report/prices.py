@@ -11,8 +11,8 @@ from markupsafe import Markup
 
 from crosscheck.judge.effects_rows import EffectRow
 from crosscheck.judge.records import QUANTITIES as SOLVED
-from crosscheck.report.effects_figures import effects_figure as effects_bars
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
+from crosscheck.report.figures_more import effects_figure as effects_bars
 from crosscheck.report.svg import COLOURS, DASHES, MARKERS, Mark, Plot, Style, power_of_ten, style, swatch
 from crosscheck.report.wording import number
 
@@ -55,17 +55,13 @@ def frontier(rows: Sequence[Row]) -> list[Row]:
     kept = []
     for group in groups.values():
         most = -math.inf
-        for row in sorted(group, key=_time_and_digits):
+        for row in sorted(group, key=lambda r: (r["microseconds"] is None, r["microseconds"], -(r["digits"] or 0.0))):
             if row["digits"] is None or row["microseconds"] is None:
                 kept.append(row)
             elif row["digits"] > most:
                 most = row["digits"]
                 kept.append(row)
     return kept
-
-
-def _time_and_digits(row: Row) -> tuple[float, float]:
-    return (math.inf if row["microseconds"] is None else row["microseconds"], -(row["digits"] or 0.0))
 
 
 def cheapest_tables(rows: Sequence[Row]) -> list[dict[str, Any]]:
@@ -215,5 +211,5 @@ def effects_figure(rows: Sequence[Row]) -> Figure:
 
 def _of_ledger(row: Row) -> EffectRow:
     """Return a row as the ledger has it; what a file leaves out is not known."""
-    unknown = {"method": "", "setting": "", "without": 0.0, "spread": None, "worst": "", "called_for": True, "note": ""}
-    return EffectRow(**{name: row.get(name, unknown.get(name)) for name in (f.name for f in fields(EffectRow))})
+    unknown: Any = {"method": "", "setting": "", "without": 0.0, "called_for": True}
+    return EffectRow(**unknown | {f.name: row[f.name] for f in fields(EffectRow) if f.name in row})

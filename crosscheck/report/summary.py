@@ -14,8 +14,7 @@ from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_records
 from crosscheck.night.plan import GOLDEN, Golden, read_outcome
 from crosscheck.report.cells import Cell, Place, RouteTotals
-from crosscheck.report.disagreements import Disagreements
-from crosscheck.report.features import Features
+from crosscheck.report.disagreements import Disagreements, Features
 from crosscheck.report.measured import PICTURES, Documents, Pictures, Trends, measured, read_file
 from crosscheck.report.totals import Coverage, Peers, ReferenceTotals, Refusals, Silent, Together, decade
 from crosscheck.report.verdict import verdict
@@ -25,12 +24,7 @@ ROWS, ANY = "rows", "any"
 REFERENCE = "refkin"
 MOST_FAILURES = 50
 NO_DOCUMENTS: dict[str, Any] = {"newton_histories": [], "slopes": [], "documents": None, "iterations": []}
-ROWS_MADE = {
-    "seeding": "configuration",
-    "newton_by": "none",
-    "linear_solve_by": "none",
-    "drift_by": "none",
-}
+ROWS_MADE = {"seeding": "configuration", "newton_by": "none", "linear_solve_by": "none", "drift_by": "none"}
 """An engine's own rows are evaluated at a configuration that it is handed; nothing is solved."""
 
 
@@ -141,6 +135,7 @@ class Summary:
         missing = dict(self.outcome.missing if self.outcome else run.get("missing", {}))
         engines = sorted({*versions, *(engine for engine, *_ in self.cells)} - {REFERENCE})
         answering = {engine for engine, _ in self.routes}
+        met = {engine: ", ".join(sorted(seen)) for engine, seen in sorted(self.versions.items())}
         if required is None:
             required = self.outcome.required if self.outcome else list(run.get("required", ()))
         how, why = verdict(
@@ -157,7 +152,7 @@ class Summary:
             "why": why,
             "date": run.get("date"),
             "seed": run.get("seed"),
-            "versions": {"refkin": run.get("refkin", "not known"), **self._seen_versions(), **versions},
+            "versions": {"refkin": run.get("refkin", "not known"), **met, **versions},
             "missing": missing,
             "required": list(required),
             "scenes": len(self.keys),
@@ -169,7 +164,7 @@ class Summary:
             "failures_total": len(self.failures),
             "notes": self._notes(versions, engines, answering),
             "reference": {**self.reference.described(), "failures": self.reference_failures},
-            "attainable": self.peers.attainable_described(),
+            "attainable": {quantity: d.described_by_sigma() for quantity, d in self.peers.attainable.items()},
             "agreement": self.peers.agreement_described(),
             "poses": self.pictures.model_dump() if self.pictures else PICTURES,
             "engines": {engine: self._engine(engine) for engine in engines},
@@ -217,9 +212,6 @@ class Summary:
         cell["failures"] += everywhere.failures
         cell["known_gaps"] += everywhere.known_gaps
         return cell
-
-    def _seen_versions(self) -> dict[str, str]:
-        return {engine: ", ".join(sorted(seen)) for engine, seen in sorted(self.versions.items())}
 
     def _notes(self, versions: Mapping[str, str], engines: Sequence[str], answering: set[str]) -> list[str]:
         notes = [f"{name} answered no scene" for name in engines if name not in answering]

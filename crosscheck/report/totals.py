@@ -9,17 +9,9 @@ from itertools import combinations
 from statistics import median
 from typing import Any
 
-from crosscheck.judge.records import (
-    MOST_DIGITS,
-    QUANTITIES,
-    Answer,
-    Disagreement,
-    Record,
-    ReferenceRow,
-    RefusalRow,
-)
+from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, Answer, Disagreement, Record, ReferenceRow, RefusalRow
 from crosscheck.report.cells import Digits, Place, describe
-from crosscheck.scenes.coverage import CELL, cell_of, features_of
+from crosscheck.scenes.names import CELL, cell_of, features_of
 
 MOST_VALUES = 60
 """Distinct values kept per property; what comes after is counted as "others"."""
@@ -50,7 +42,11 @@ class Coverage:
             if isinstance(value, int | float) and not isinstance(value, bool):
                 self.decades.setdefault(name, Counter())[decade(value)] += 1
             else:
-                _count(self.counts.setdefault(name, Counter()), "not applicable" if value is None else str(value))
+                counts, text = (
+                    self.counts.setdefault(name, Counter()),
+                    "not applicable" if value is None else str(value),
+                )
+                counts[text if text in counts or len(counts) < MOST_VALUES else OTHERS] += 1
         if reference is not None:
             self.decades.setdefault("sigma_min", Counter())[decade(reference.sigma_min)] += 1
 
@@ -132,10 +128,6 @@ class Together:
         }
 
 
-def _count(counts: Counter[str], value: str) -> None:
-    counts[value if value in counts or len(counts) < MOST_VALUES else OTHERS] += 1
-
-
 Who = tuple[str, str]
 
 
@@ -160,10 +152,6 @@ class Peers:
         for quantity, histograms in (record.reference.attainable_by_sigma if record.reference else {}).items():
             for decade, histogram in histograms.items():
                 self.attainable.setdefault(quantity, Digits()).add(decade, histogram)
-
-    def attainable_described(self) -> dict[str, Any]:
-        """Return {quantity: {decade: median, 1st percentile, worst}}."""
-        return {quantity: digits.described_by_sigma() for quantity, digits in self.attainable.items()}
 
     def agreement_described(self) -> list[dict[str, Any]]:
         """Return one row per pair: for each quantity the median over scenes and the worst scene."""

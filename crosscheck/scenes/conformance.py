@@ -65,7 +65,9 @@ class Question:
 
 def questions() -> tuple[Question, ...]:
     """Return all questions, the plainest first; no two are about the same."""
-    return (*_joints(), *_drivers_and_laws(), *_ways_to_say_it(), *_without_answer(), *_in_space())
+    verdicts = {True: Status.OK, False: Status.UNASSEMBLABLE}
+    of_space = (Question(about, scene, verdicts[a]) for about, scene, a in spatial_scenes(WAVE, TIMES[::2]))
+    return (*_joints(), *_drivers_and_laws(), *_ways_to_say_it(), *_without_answer(), *of_space)
 
 
 def _pin(name: str, i: str, at_i: tuple[float, float], j: str, at_j: tuple[float, float]) -> Revolute:
@@ -196,8 +198,3 @@ def _without_answer() -> Iterator[Question]:
     law = Polynomial(coefficients=(limit - 0.5, 0.1))
     ends = replace(LIMITED.scene(law=law, times=TIMES), times=(0.0, 1.0, 2.0, 7.0))
     yield Question("driven beyond its limit", ends, Status.UNASSEMBLABLE)
-
-
-def _in_space() -> Iterator[Question]:
-    for about, scene, answered in spatial_scenes(WAVE, TIMES[::2]):
-        yield Question(about, scene, Status.OK if answered else Status.UNASSEMBLABLE)

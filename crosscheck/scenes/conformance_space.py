@@ -43,14 +43,9 @@ MOTOR = "motor"
 
 
 def spatial_scenes(law: DriveLaw, times: Times) -> Iterator[tuple[str, Scene, bool]]:
-    """Yield what is asked about, the scene and whether there is an answer.
+    """Yield what is asked about, the scene and whether there is an answer, at some times [s].
 
-    Parameters
-    ----------
-    law : Polynomial or Sinusoid
-        Of the driven angle, from about 1.1 rad on.
-    times : tuple of float
-        At which each scene is asked [s].
+    The law is that of the driven angle, from about 1.1 rad on.
     """
     asked = (*_joints(law, times), *_driven(law, times), *_loops(law, times))
     yield from ((f"space: {about}", scene, True) for about, scene in asked)

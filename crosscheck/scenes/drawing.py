@@ -231,7 +231,7 @@ def effort(scene: Scene) -> int:
 
 
 def describe(drawn: AnyDrawn) -> dict[str, Any]:
-    """Return what the generator knows of a scene, as plain data: `crosscheck.scenes.coverage.FEATURES` among it."""
+    """Return what the generator knows of a scene, as plain data: `crosscheck.scenes.names.FEATURES` among it."""
     mechanism = drawn.scene.mechanism
     grashof = None if drawn.grashof is None else drawn.grashof.value
     return {

@@ -13,7 +13,7 @@ from hypothesis import assume
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
-from crosscheck.scenes.hard_trees import dyads
+from crosscheck.scenes.hard_case import dyads
 from crosscheck.strategies.spans import Hardness
 from refkin.joints import GROUND, AngleDriver, Pair, Revolute
 from refkin.model import Body, Mechanism, Scene

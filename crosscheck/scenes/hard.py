@@ -11,9 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from crosscheck.scenes.hard_case import DISTANCES, DOWN, GAPS, STEPS, UP, HardCase, timed, ways_to
-from crosscheck.scenes.hard_space import SPATIAL
-from crosscheck.scenes.hard_trees import dyads
+from crosscheck.scenes.hard_case import DISTANCES, DOWN, GAPS, SPATIAL, STEPS, UP, HardCase, dyads, timed, ways_to
 from refkin.joints import GROUND, AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial

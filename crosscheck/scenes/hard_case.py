@@ -1,11 +1,19 @@
-"""What a hard scene is, and how near hard scenes come to what makes them hard."""
+"""What a hard scene is, hard scenes of space, and branching mechanisms of many loops."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+import cmath
+import math
+import random
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-from refkin.model import Evidence, Mechanism, Scene
+from refkin.joints import GROUND, Pair, Revolute
+from refkin.model import Body, Evidence, Mechanism, Scene
+from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import RSSR, Bennett, Branch, Hooke, Pose
+from refkin.scenes.linkages.spatial_base import SpatialLinkage
 
 DISTANCES = (1e-3, 1e-6, 1e-9, 1e-12, 1e-15)
 """How near the scenes come to what makes them hard [sizes, rad]."""
@@ -64,3 +72,149 @@ def ways_to(d: float) -> list[float]:
 def timed(mechanism: Mechanism, times: Sequence[float], name: str) -> Scene:
     """Return the scene that calls for positions at some times, with all evidence."""
     return Scene(mechanism=mechanism, times=tuple(times), name=name, effects=frozenset(), evidence=frozenset(Evidence))
+
+
+Place = tuple[str, Pair]
+"""A body and a point of it."""
+
+
+def dyads(count: int, seed: int, angles: Sequence[float]) -> tuple[list[Revolute], dict[float, Pose]]:
+    """Return the joints of a crank with dyads, and the poses at some angles of the crank, right to round-off.
+
+    A dyad is two links pinned to each other and each to a body drawn among those before it, so that loops run through
+    all of a branching tree. Lengths are such that at no angle the dyad is near being stretched or folded.
+    """
+    draw = random.Random(seed)
+    joints = [Revolute(name="pivot", body_i=GROUND, point_i=(0.0, 0.0), body_j="crank", point_j=(0.0, 0.0))]
+    poses: dict[float, Pose] = {angle: {"crank": (0.0, 0.0, angle)} for angle in angles}
+    names = [GROUND, "crank"]
+    for n in range(count):
+        ends, first, second = _fitting(draw, names, poses)
+        a, b = f"a{n}", f"b{n}"
+        for pose in poses.values():
+            x, y = (_where(pose, end) for end in ends)
+            pin = x + _arm(y - x, first, second)
+            pose[a] = (x.real, x.imag, cmath.phase(pin - x))
+            pose[b] = (y.real, y.imag, cmath.phase(pin - y))
+        for link, (body, point) in zip((a, b), ends, strict=True):
+            joints.append(Revolute(name=f"foot {link}", body_i=body, point_i=point, body_j=link, point_j=(0.0, 0.0)))
+        knee = {"body_i": a, "point_i": (first, 0.0), "body_j": b, "point_j": (second, 0.0)}
+        joints.append(Revolute(name=f"knee {n}", **knee))  # type: ignore[arg-type]
+        names += [a, b]
+    return joints, poses
+
+
+def _fitting(
+    draw: random.Random, names: Sequence[str], poses: dict[float, Pose]
+) -> tuple[tuple[Place, Place], float, float]:
+    """Return two places and two lengths that join them at every angle."""
+    while True:
+        i, j = draw.sample(list(names), 2)
+        ends = tuple((body, (draw.uniform(-1.0, 1.0), draw.uniform(-1.0, 1.0))) for body in (i, j))
+        gaps = [abs(_where(pose, ends[0]) - _where(pose, ends[1])) for pose in poses.values()]
+        first, second = (gaps[0] * draw.uniform(0.7, 0.9) for _ in range(2))
+        reach = first + second
+        if 0.5 < gaps[0] < 4.0 and all(max(0.35 * reach, 1.2 * abs(first - second)) < g < 0.95 * reach for g in gaps):
+            return (ends[0], ends[1]), first, second
+
+
+def _where(pose: Pose, place: Place) -> complex:
+    body, point = place
+    x, y, phi = pose.get(body, (0.0, 0.0, 0.0))
+    return complex(x, y) + complex(*point) * cmath.rect(1.0, phi)
+
+
+def _arm(base: complex, first: float, second: float) -> complex:
+    """Return the first side of a triangle over its base, left of it."""
+    d = abs(base)
+    return cmath.rect(first, cmath.phase(base) + cmath.acos((d * d + first**2 - second**2) / (2 * first * d)).real)
+
+
+REACH = 6.5
+"""Of the rocker's tip from the crank's at the input 0, at most: across 5/2, along 5 + 1."""
+LIMITED: dict[str, Any] = {"crank": 1.0, "rocker": 1.0, "pivot": (-1.5, 3.0, 4.0), "axis": (1.0, 0.0, 0.0)}
+LIMITS = (1e-3, 1e-6, 1e-9, 1e-12)
+GIMBALS = (1e-2, 1e-4, 1e-6)
+"""What is left of a right angle between two shafts [rad]: the ratio of their speeds goes up to one over it."""
+TWISTS = (1e-2, 1e-3)
+"""By how much the twists of a Bennett linkage differ [rad]; where they do not it may fold in two ways."""
+FLIPS = (1.0, 2.0, 3.0)
+"""By how much the rocker of an estimate is turned about an axis across its joint's [rad]."""
+ESTIMATED = 3
+"""Decimals of estimates."""
+
+
+def rssr_limit() -> Iterator[HardCase]:
+    """Yield an RSSR whose crank goes to the input beyond which its coupler is too short."""
+    linkage = RSSR(**LIMITED, coupler=REACH, massless=True)
+    for d in LIMITS:
+        yield _case("limit of an RSSR", d, linkage, [-way for way in ways_to(d)])
+
+
+def rssr_limit_of_a_body() -> Iterator[HardCase]:
+    """Yield the same with a coupler that is a body, and spins as it likes."""
+    linkage = RSSR(**LIMITED, coupler=REACH)
+    for d in LIMITS[:2]:
+        yield _case("limit of an RSSR with its coupler", d, linkage, [-way for way in ways_to(d)])
+
+
+def rssr_too_long() -> Iterator[HardCase]:
+    """Yield an RSSR whose coupler is longer than crank and rocker can be apart, by a gap."""
+    closed = RSSR(**LIMITED, coupler=REACH, massless=True)
+    for gap in GAPS:
+        linkage = RSSR(**LIMITED, coupler=REACH + gap, massless=True)
+        scene = _scene("unassemblable in space by a gap", linkage, [0.0], closed.assemble(0.0))
+        yield HardCase("unassemblable in space by a gap", gap, scene, lambda _: None)
+
+
+def gimbal() -> Iterator[HardCase]:
+    """Yield a Hooke joint of almost a right angle, which comes to the pose where the output turns fastest."""
+    for b in GIMBALS:
+        inputs = [math.pi / 2 - way for way in (*ways_to(b), 0.0)]
+        yield _case("gimbal pose of a Hooke joint", b, Hooke(beta=math.pi / 2 - b), inputs)
+
+
+def bennett_nearly_alike() -> Iterator[HardCase]:
+    """Yield a Bennett linkage with twists nearly alike, which passes the pose where all links lie in a line."""
+    for d in TWISTS:
+        steps = [math.pi - way for way in (*ways_to(d), 0.0)]
+        yield _case("Bennett with twists nearly alike", d, Bennett(length=1.0, alpha=0.75, beta=0.75 + d), steps)
+
+
+def turns_over() -> Iterator[HardCase]:
+    """Yield a drag link whose coupler turns over once a turn, in steps of up to a third of a turn."""
+    linkage = RSSR(crank=1.0, coupler=1.0, rocker=1.25, pivot=(0.25, 0.0, 0.125), axis=(0.0, 0.125, 1.0))
+    for step in STEPS[1:]:
+        inputs = [step * k for k in range(round(2.0 * math.pi / step) + 1)]
+        yield _case("coupler that turns over", step, linkage, inputs)
+
+
+def flipped() -> Iterator[HardCase]:
+    """Yield an RSSR at one time, from an estimate whose rocker is turned over: its axis points the other way."""
+    linkage = RSSR(**LIMITED, coupler=REACH - 0.5, massless=True)
+
+    def every(t: float) -> Sequence[Any]:
+        return [linkage.assemble(t, branch) for branch in Branch]
+
+    for angle in FLIPS:
+        near = linkage.assemble(0.0)
+        *place, e0, e1, e2, e3 = near["rocker"]
+        c, s = math.cos(angle / 2), math.sin(angle / 2)  # a turn about the rocker's own x axis, after its own
+        over = (*place, e0 * c - e1 * s, e1 * c + e0 * s, e2 * c + e3 * s, e3 * c - e2 * s)
+        case = "estimate with a joint the wrong way round"
+        scene = _scene(case, linkage, [0.0], {**near, "rocker": over})
+        yield HardCase(case, angle, scene, lambda _: None, any_assembly=True, every=every)
+
+
+SPATIAL = (rssr_limit, rssr_limit_of_a_body, rssr_too_long, gimbal, bennett_nearly_alike, turns_over, flipped)
+
+
+def _case(case: str, d: float, linkage: SpatialLinkage, inputs: Sequence[float]) -> HardCase:
+    """Return the case whose input is the time, on the open branch."""
+    return HardCase(case, d, _scene(case, linkage, inputs, linkage.assemble(inputs[0])), linkage.assemble, exact=True)
+
+
+def _scene(case: str, linkage: SpatialLinkage, times: Sequence[float], poses: Any) -> Scene:
+    bodies = (Body(name=body, estimate=tuple(round(x, ESTIMATED) for x in at)) for body, at in poses.items())
+    drivers = linkage.drivers(Polynomial(coefficients=UP))
+    return timed(Mechanism(tuple(bodies), linkage.joints(), drivers), times, case)

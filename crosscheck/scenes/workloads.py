@@ -242,13 +242,7 @@ def names() -> tuple[str, ...]:
 
 
 def workload(name: str) -> Workload:
-    """Return a workload by its name.
-
-    Raises
-    ------
-    KeyError
-        If there is none of that name.
-    """
+    """Return a workload by its name; KeyError if there is none."""
     if name == "sweep-1000":
         return sweep(SWEEP)
     if name in ("many-10000x360", "many-10000x360-any"):

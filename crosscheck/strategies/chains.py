@@ -16,13 +16,11 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
 from crosscheck.strategies.chain_kinds import KINDS, SIGNS, Frames
-from crosscheck.strategies.driving import moved
-from crosscheck.strategies.laws import draw_law
+from crosscheck.strategies.laws import draw_law, moved
 from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS
 from crosscheck.strategies.spans import Hardness
-from refkin.joints import GROUND, AngleDriver, Driver
+from refkin.joints import GROUND, AngleDriver
 from refkin.model import Body, Mechanism, Scene
-from refkin.motion_laws import Law
 from refkin.scenes.linkages import Branch, law_keys, rough
 
 
@@ -88,17 +86,13 @@ def _chains(draw: DrawFn, kinds: tuple[str, ...], samples: int, min_size: float 
     times = tuple(np.linspace(0.0, duration, samples).tolist())
     start = plan.poses(float(law(0.0)))
     frames = _draw_frames(draw, tuple(start), size)
-    driver = _driver(frames, plan.driven, law)
+    of_frame = moved(law, frames.apart(GROUND, plan.driven))
+    driver = AngleDriver(name="driver", body=plan.driven, **law_keys(of_frame))
     pose = {body: frames.on_ground(place, body) for body, place in start.items()}
     bodies = tuple(Body(name=name, estimate=q) for name, q in rough(pose, plan.longest, plan.margin).items())
     mechanism = Mechanism(bodies, tuple(plan.joints(frames)), (driver,))
     scene = Scene(mechanism=mechanism, times=times, name=f"{kind} {branch}, {driver.type} driver")
     return Chain(scene, kind, branch, plan.margin / plan.longest)
-
-
-def _driver(frames: Frames, body: str, law: Law) -> Driver:
-    """Return the driver of a body's angle in its plane."""
-    return AngleDriver(name="driver", body=body, **law_keys(moved(law, frames.apart(GROUND, body))))
 
 
 def _draw_frames(draw: DrawFn, bodies: tuple[str, ...], size: float) -> Frames:

@@ -11,8 +11,7 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
-from crosscheck.strategies.driving import WIDEST, Drive, crank_drive, slider_drive
-from crosscheck.strategies.laws import draw_law
+from crosscheck.strategies.laws import WIDEST, Drive, crank_drive, draw_law, slider_drive
 from crosscheck.strategies.linkages import (
     AnyLinkage,
     Decades,
@@ -171,7 +170,6 @@ def scenes_of(
 def _draw_drive(
     draw: DrawFn, linkage: AnyLinkage, pair: Input, hard: Hardness, decades: Decades
 ) -> tuple[Drive, tuple[float, float]]:
-    """Draw what holds the input, and how far it goes."""
     held_by = draw(HELD_BY.get(pair, st.just("angle")), label="held by")
     on_circle = held_by != "angle" and pair[0] == "crank"
     span = draw_span(draw, linkage, pair, hard, decades, WIDEST if on_circle else math.inf)

@@ -109,8 +109,8 @@ def _to_gap(draw: DrawFn, linkage: AnyLinkage, pair: Input, widest: float) -> tu
     """Draw spans that end beside the small gap around the critical input, by a part of its half width."""
     middle = critical_input(linkage, pair)
     low, high = draw(st.sampled_from(linkage.input_range(*pair)), label="interval")
-    period = math.inf if pair[0] == "slider" else math.tau
-    from_low, from_high = (abs(_remainder(end - middle, period)) for end in (low, high))
+    off = low - middle, high - middle
+    from_low, from_high = (abs(x if pair[0] == "slider" else math.remainder(x, math.tau)) for x in off)
     ends = [(low, 1, from_low), (high, -1, from_high)]
     half = min(from_low, from_high)
     end, inward, _ = draw(st.sampled_from([e for e in ends if e[2] < 2 * half]), label="end")
@@ -141,7 +141,3 @@ def _shifted_over(value: float, interval: Interval) -> Interval:
         return low, high
     turns = math.tau * math.floor((value - low) / math.tau)
     return low + turns, high + turns
-
-
-def _remainder(angle: float, period: float) -> float:
-    return angle if math.isinf(period) else math.remainder(angle, period)

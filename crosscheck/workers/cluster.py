@@ -3,7 +3,7 @@
 A worker of the cluster checks a batch in an embedded child process of its own (`crosscheck.workers.pool`), so that an
 engine that crashes or hangs takes neither the worker nor the batch with it. A worker that ends in the middle of a
 batch has it done again elsewhere: a scene may be checked twice, and its first record counts
-(`crosscheck.night.journal`).
+(`crosscheck.night.plan`).
 
 Workers need `distributed.worker.daemon` to be false, or they may have no children; a local cluster is started that way.
 """
@@ -19,8 +19,7 @@ from functools import lru_cache
 from typing import Any
 
 from crosscheck.errors import CannotRun
-from crosscheck.workers.installed import name_and_version
-from crosscheck.workers.pool import LONGEST_WAIT, MOST_KILLS, SECONDS_PER_SCENE, Job, Work, Workers
+from crosscheck.workers.pool import LONGEST_WAIT, MOST_KILLS, SECONDS_PER_SCENE, Job, Work, Workers, name_and_version
 from crosscheck.workers.processes import Failure, call_each
 
 LOCAL = "local"

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 import refkin
-from crosscheck.commands.tables import PLACES, arbiter_table
+from crosscheck.commands.engines import PLACES, arbiter_table
 from crosscheck.judge import known_gaps
 from crosscheck.judge.known_gaps import InvalidGap
 from crosscheck.measure.check import check

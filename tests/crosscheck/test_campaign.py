@@ -20,12 +20,10 @@ from crosscheck.measure import jobs
 from crosscheck.night import campaign
 from crosscheck.night.campaign import ROUND, OtherRun, Turns, _records, run, seed_of
 from crosscheck.night.disagreements import write_disagreements
-from crosscheck.night.journal import Journal
-from crosscheck.night.plan import SAMPLED, NightPlan
-from crosscheck.scenes.coverage import FEATURES, pairs_of
+from crosscheck.night.plan import SAMPLED, Journal, NightPlan
 from crosscheck.scenes.drawing import CHAINS_EVERY, WARM_UP, draw, effort, is_chain, numbers_of, turn_of
-from crosscheck.workers.installed import SameName, find_engines
-from crosscheck.workers.pool import BATCH
+from crosscheck.scenes.names import FEATURES, pairs_of
+from crosscheck.workers.pool import BATCH, SameName, find_engines
 
 from .fake_engines import EXIT, alive, crosscheck, engine_file, key_of_drawn, records_of, start
 from .report_records import record, typed

@@ -10,8 +10,7 @@ from hypothesis import HealthCheck, Phase, given, seed, settings
 
 from crosscheck.measure.check import check
 from crosscheck.night.campaign import Turns, _by_engines, is_sampled
-from crosscheck.night.journal import Journal
-from crosscheck.night.plan import SAMPLED, SAMPLED_EVERY
+from crosscheck.night.plan import SAMPLED, SAMPLED_EVERY, Journal
 from crosscheck.scenes.drawing import CHAINS_EVERY, draw, is_chain
 from crosscheck.strategies import Chain, cams, chains, geared_linkages, racks, six_bars
 from refkin.motion import Status

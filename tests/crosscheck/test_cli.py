@@ -17,9 +17,9 @@ import pytest
 
 import refkin
 from crosscheck.cli import COMMANDS, app
-from crosscheck.commands import progress
-from crosscheck.commands.progress import shown_progress
+from crosscheck.commands import usage
 from crosscheck.commands.solve import solve
+from crosscheck.commands.usage import shown_progress
 from crosscheck.engines import EngineRefusal, load
 from crosscheck.night.plan import SAMPLED
 from refkin.scenes.files import to_toml
@@ -258,7 +258,7 @@ def test_a_log_shows_no_bar(tmp_path, nightly):
 
 def test_a_log_gets_a_line_every_ten_seconds(monkeypatch, capsys):
     now = iter([0.0, 3.0, 11.0, 12.0, 20.9, 21.5])
-    monkeypatch.setattr(progress, "time", type("Clock", (), {"monotonic": lambda: next(now)}))
+    monkeypatch.setattr(usage, "time", type("Clock", (), {"monotonic": lambda: next(now)}))
     with shown_progress(10, None) as show:
         for checked in range(5):
             show(checked, "checking")
@@ -481,9 +481,9 @@ def test_the_shell_can_complete_commands_and_options():
 @pytest.mark.parametrize("asked", ["price", "effects", "hard", "hunt"])
 def test_long_work_shows_how_far_it_is(asked, command, tmp_path, monkeypatch):
     """A line after every call instead of one in ten seconds."""
-    monkeypatch.setattr(progress, "SECONDS_BETWEEN_LINES", 0.0)
+    monkeypatch.setattr(usage, "SECONDS_BETWEEN_LINES", 0.0)
     monkeypatch.setattr("crosscheck.measure.price.WITHIN", 1.0)
-    monkeypatch.setattr("crosscheck.measure.effects_ledger.WITHIN", 1.0)
+    monkeypatch.setattr("crosscheck.measure.effects.WITHIN", 1.0)
     few = {
         "price": (GOOD, "--engines", "closed_form"),
         "effects": (GOOD, "--engines", "closed_form"),

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.commands.conform import lines
+from crosscheck.commands.replay import lines
 from crosscheck.engines import EngineRefusal, load
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.judge.hard_poses import HardOutcome
 from crosscheck.judge.records import Cause, Disagreement, Record
 from crosscheck.measure.conform import _faults_of, ask, hard_replies, replies, summary
-from crosscheck.measure.hard_table import job, outcome_of
+from crosscheck.measure.hard_table import outcome_of
 from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import hard_cases
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
@@ -66,7 +66,7 @@ def test_an_engine_that_answers_all_right_is_told_nothing(tmp_path):
 
 def test_the_example_is_right_where_it_answers_and_says_what_it_refuses(command, monkeypatch):
     some = ("revolute", "gear", "internal gear", "law: table", SPHERICAL)
-    monkeypatch.setattr("crosscheck.commands.conform.hard_replies", lambda spec: iter(()))
+    monkeypatch.setattr("crosscheck.commands.replay.hard_replies", lambda spec: iter(()))
     monkeypatch.setattr("crosscheck.measure.conform._asked", lambda: {about: ASKED[about] for about in some})
     code, shown, _ = command("conform", OWN)
 
@@ -210,7 +210,7 @@ def test_hard_cases_are_asked_and_what_is_wrong_there_is_told(tmp_path):
 def test_an_engine_of_the_plane_is_asked_no_hard_case_of_space():
     """Its capability table says so: it need not look itself."""
     case = next(c for c in hard_cases() if c.scene.mechanism.kind.name == "spatial")
-    verdict, note = outcome_of(job(OWN, "two circles", case.key))
+    verdict, note = outcome_of((OWN, "two circles", "", case.key))
 
     assert verdict == HardOutcome.REFUSED
     assert "no such element in this engine" in note
@@ -219,7 +219,7 @@ def test_an_engine_of_the_plane_is_asked_no_hard_case_of_space():
 def test_an_engine_that_is_not_there_is_named_and_one_that_answers_nothing_passes_nothing(
     tmp_path, command, monkeypatch
 ):
-    monkeypatch.setattr("crosscheck.commands.conform.hard_replies", lambda spec: iter(()))
+    monkeypatch.setattr("crosscheck.commands.replay.hard_replies", lambda spec: iter(()))
     monkeypatch.setattr("crosscheck.measure.conform._asked", lambda: {"fixed": ASKED["fixed"]})
     refuses = engine_file(
         tmp_path, name="no", before="raise __import__('crosscheck.engines').engines.EngineRefusal('never')"

@@ -12,16 +12,15 @@ import numpy as np
 import pytest
 
 from crosscheck.cli import main
-from crosscheck.commands.effects import absent_lines, felt_lines, ledger_table, to_json
+from crosscheck.commands.bench import absent_lines, felt_lines, ledger_table, to_json
 from crosscheck.engines import load
 from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.changes import same_bits
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.effects_rows import EffectRow
-from crosscheck.measure import effects_ledger as ledger
-from crosscheck.measure.effects import noise, rows
+from crosscheck.measure import effects as ledger
+from crosscheck.measure.effects import effects_ledger, noise, rows
 from crosscheck.measure.effects_ablations import ablations
-from crosscheck.measure.effects_ledger import effects_ledger
 from crosscheck.scenes.names import PHYSICAL
 from refkin.model import Point
 from refkin.motion_laws import Sinusoid
@@ -84,7 +83,7 @@ def printed(tmp_path_factory):
     with pytest.MonkeyPatch.context() as patch, pytest.MonkeyPatch.context() as out:
         lines = []
         patch.setattr("builtins.print", lambda text, file=None, **_: file or lines.append(text))
-        out.setattr("crosscheck.commands.effects.effects_ledger", partial(effects_ledger, within=1.5))
+        out.setattr("crosscheck.commands.bench.effects_ledger", partial(effects_ledger, within=1.5))
         with pytest.raises(SystemExit) as ended:
             main(["effects", str(path), "--json"])
     return ended.value.code, json.loads("".join(lines))

@@ -18,8 +18,7 @@ from crosscheck.engines.pinocchio.model import shift
 from crosscheck.judge.known_gaps import Tally, read
 from crosscheck.measure.check import check
 from crosscheck.night.campaign import run
-from crosscheck.night.journal import Journal
-from crosscheck.night.plan import NightPlan
+from crosscheck.night.plan import Journal, NightPlan
 from crosscheck.report.build import build, summarized
 from crosscheck.scenes.drawing import FEATURED, SPECIAL_EVERY, describe, draw
 

@@ -20,7 +20,7 @@ from crosscheck.judge.hard_poses import (
     samples,
     truths,
 )
-from crosscheck.measure.hard_table import KEYS, classed, hard_case_rows, job, outcome_of
+from crosscheck.measure.hard_table import KEYS, classed, hard_case_rows, outcome_of
 from crosscheck.scenes.hard import KINDS, hard_cases
 from crosscheck.scenes.hard_case import DISTANCES, GAPS
 from refkin.motion import Status
@@ -244,7 +244,7 @@ def test_an_answer_where_there_is_no_assembly_is_wrong_and_no_answer_is_right():
 
 
 def test_the_reference_is_nowhere_wrong():
-    outcomes = {key: outcome_of(job("refkin", "solve", key))[0] for key in CASES if "branching" not in key}
+    outcomes = {key: outcome_of(("refkin", "solve", "", key))[0] for key in CASES if "branching" not in key}
 
     assert {key for key, outcome in outcomes.items() if outcome == HardOutcome.WRONG} == set()
 

@@ -22,7 +22,7 @@ from crosscheck.judge.delivery import DOCUMENTED
 from crosscheck.judge.findings import closed, finding_of, read
 from crosscheck.judge.hard_poses import HardOutcome, samples, scene_truths
 from crosscheck.judge.known_gaps import InvalidGap
-from crosscheck.measure.hard_table import BAD, classed, job, listed, outcome_of, unexplained
+from crosscheck.measure.hard_table import BAD, classed, listed, outcome_of, unexplained
 from crosscheck.scenes.hard import hard_cases
 from refkin.motion import Status
 
@@ -53,7 +53,7 @@ date = 2026-11-21
 )
 def test_every_finding_still_shows_in_each_kind_of_its_scenes(finding, case):
     keys = [c.key for c in hard_cases() if c.case == case]
-    shown = (outcome_of(job(finding.engine, finding.route, key))[0] == finding.verdict for key in keys)
+    shown = (outcome_of((finding.engine, finding.route, "", key))[0] == finding.verdict for key in keys)
 
     assert any(shown)
 
@@ -64,7 +64,7 @@ def test_what_is_wrong_is_explained_by_a_finding(engine, route):
     case_of = {c.key: c.case for c in hard_cases()}
     new = []
     for key in sorted(k for k in keys if not k.startswith("branching") or k in FIRST.values()):
-        outcome, note = outcome_of(job(engine, route, key))
+        outcome, note = outcome_of((engine, route, "", key))
         if outcome in BAD and finding_of(FINDINGS, engine, route, case_of[key], outcome) is None:
             new.append((key, outcome, note))
 

@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 
 from crosscheck.judge.records import Record, line_of, read_line
-from crosscheck.night.journal import BLOCK, Journal, Occupied, replace_file
+from crosscheck.night.plan import BLOCK, Journal, Occupied, replace_file
 
 HOLD = """
 import pathlib, sys
-from crosscheck.night.journal import Journal
+from crosscheck.night.plan import Journal
 journal = Journal(pathlib.Path(sys.argv[1]))
 print("held", flush=True)
 input()

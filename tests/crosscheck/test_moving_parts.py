@@ -12,7 +12,7 @@ import pytest
 
 import refkin
 from crosscheck.night.moving_parts import HEIGHT, MARGIN, WIDTH, DrawnSample
-from crosscheck.night.pictures import drawing_of
+from crosscheck.night.sections import drawing_of
 from refkin.joints import GROUND, GuidedPoint
 from refkin.scenes.linkages import RSSR
 

@@ -17,10 +17,9 @@ from crosscheck.cli import main
 from crosscheck.commands.solve import to_json
 from crosscheck.engines.mujoco.model import mujoco
 from crosscheck.problems import VERSION, planar, spatial
-from crosscheck.problems.certified import digits_of
 from crosscheck.problems.export import export, written
 from crosscheck.problems.grader import LEVELS
-from crosscheck.problems.statement import drafts
+from crosscheck.problems.statement import digits_of, drafts
 from refkin.joints import PLANE, SPACE
 from refkin.scenes.files import load
 from refkin.solving.solve import solve

@@ -16,7 +16,7 @@ from crosscheck.measure import bench
 from crosscheck.measure.check import check
 from crosscheck.measure.effects import rows as effect_rows
 from crosscheck.measure.effects_ablations import ablations
-from crosscheck.measure.hard_table import job, listed, outcome_of
+from crosscheck.measure.hard_table import listed, outcome_of
 from crosscheck.measure.price import price
 from crosscheck.scenes import workloads
 from crosscheck.scenes.hard import hard_cases
@@ -65,7 +65,7 @@ def test_it_is_asked_hard_cases():
     case = next(c for c in hard_cases() if c.case == "large offset")
 
     assert listed(OWN) == [KEY]
-    assert outcome_of(job(OWN, KEY[1], case.key))[0] in ("correct", "warned", "refused", "wrong")
+    assert outcome_of((OWN, KEY[1], "", case.key))[0] in ("correct", "warned", "refused", "wrong")
 
 
 def test_what_its_table_has_not_is_refused_before_it_is_asked():

@@ -20,8 +20,7 @@ from crosscheck.documents.page import newton_histories
 from crosscheck.judge.records import At, Cause, plain
 from crosscheck.measure import check
 from crosscheck.night.history import remember
-from crosscheck.night.pictures import pictures
-from crosscheck.night.sections import write_documents
+from crosscheck.night.sections import pictures, write_documents
 from crosscheck.report.build import summarized
 from crosscheck.report.cells import quantile
 from crosscheck.report.summary import Summary

@@ -19,8 +19,7 @@ import pytest
 
 from crosscheck.judge.records import plain
 from crosscheck.measure.check import check
-from crosscheck.night.pictures import pictures
-from crosscheck.night.sections import write_documents
+from crosscheck.night.sections import pictures, write_documents
 from refkin import FourBar, SliderCrank
 from refkin.scenes.files import to_dict
 

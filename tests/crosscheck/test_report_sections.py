@@ -20,8 +20,7 @@ from crosscheck.measure.check import check
 from crosscheck.night.history import append, remember
 from crosscheck.night.moving_parts import DrawnSample, SceneDrawing
 from crosscheck.night.moving_parts import factor_below as magnified
-from crosscheck.night.pictures import pictures
-from crosscheck.night.sections import write_documents
+from crosscheck.night.sections import pictures, write_documents
 from crosscheck.report import totals
 from crosscheck.report.build import build, summarized
 from crosscheck.report.cells import Cell, Place, RouteTotals

@@ -13,7 +13,7 @@ from crosscheck.judge.comparison import QuantityComparison, compare, decades_of,
 from crosscheck.judge.records import Cause, Disagreement, NoRecord, line_of, read_line
 from crosscheck.judge.samples import attainable_digits, by_decade, off_at, short
 from crosscheck.measure.check import check
-from crosscheck.night.pictures import worst_sample
+from crosscheck.night.sections import worst_sample
 from refkin import FourBar, Polynomial, solve
 
 OFF = 3e-7

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from crosscheck.documents import loops
-from crosscheck.documents.moving_points import point_parts
+from crosscheck.documents.loops import point_parts
 from crosscheck.engines import vector_loop
 from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.commands.effects import felt_lines
+from crosscheck.commands.bench import felt_lines
 from crosscheck.commands.follow import _direction
 from crosscheck.engines import EngineError, EngineRefusal
 from crosscheck.engines.methods import Method, Use, methods

@@ -15,8 +15,7 @@ from crosscheck.judge.comparison import reference
 from crosscheck.judge.hard_poses import HardOutcome, PoseSample, samples, scene_truths, truths
 from crosscheck.measure.hard_table import classed
 from crosscheck.scenes.hard import hard_cases
-from crosscheck.scenes.hard_case import GAPS, HardCase
-from crosscheck.scenes.hard_space import LIMITED, REACH
+from crosscheck.scenes.hard_case import GAPS, LIMITED, REACH, HardCase
 from refkin.motion import Motion
 from refkin.motion_laws import Sinusoid
 from refkin.scenes.linkages import RSSR

@@ -17,7 +17,7 @@ from crosscheck.engines.spatial.reading import numbers_of
 from crosscheck.judge.comparison import reference
 from crosscheck.measure.check import check
 from crosscheck.night.moving_parts import DrawnSample
-from crosscheck.night.pictures import drawing_of
+from crosscheck.night.sections import drawing_of
 from crosscheck.scenes.drawing import SPATIAL, draw
 from crosscheck.strategies import Spatial, spatial_scenes
 from crosscheck.strategies.space import KINDS, Region

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import refkin
-from crosscheck.documents.moving_points import PointParts, point_parts, rod_and_block
+from crosscheck.documents.loops import PointParts, point_parts, rod_and_block
 from refkin.differences import EPS
 from refkin.motion import point_motion
 

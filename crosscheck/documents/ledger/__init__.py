@@ -18,13 +18,7 @@ __all__ = ["Ledger", "LedgerRow", "check_row", "ledger_rows", "read"]
 
 
 def ledger_rows(ids: Sequence[str] = ()) -> list[dict[str, Any]]:
-    """Return the rows with these names, all by default, each recomputed, as plain data.
-
-    Raises
-    ------
-    KeyError
-        If there is no row of that name.
-    """
+    """Return the rows with these names, all by default, each recomputed, as plain data; KeyError if there is none."""
     by_id = {row.id: row for row in read().row}
     return [check_row(by_id[name]) for name in (ids or by_id)]
 

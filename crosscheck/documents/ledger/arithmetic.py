@@ -67,7 +67,7 @@ class Binary64:
 
     def newton(self, system: SquareSystem, q0: Any, steps: int) -> History:
         """Return exactly so many Newton steps."""
-        result = newton(*system, q0, stop=_never, max_iterations=steps)
+        result = newton(*system, q0, stop=never, max_iterations=steps)
         if result.status is not NewtonStatus.ITERATION_LIMIT:
             raise NoRoot(f"after {result.iterations} of {steps} iterations: {result.status}")
         slopes = [np.asarray(system.phi_q(q), float) for q in result.iterates]
@@ -173,7 +173,8 @@ class Balls:
 Arithmetic = Binary64 | Balls
 
 
-def _never(residual: Any, correction: Any, q: Any) -> bool:
+def never(residual: Any, correction: Any, q: Any) -> bool:
+    """Go on to the cap: the stopping test of a for loop."""
     return False
 
 
@@ -224,11 +225,7 @@ def count_roots(system: SquareSystem, low: float, high: float) -> int:
     """Return how many roots a function of one variable has between low and high.
 
     Halves the interval until on each piece either f excludes zero, or f' does, so that the signs at its ends tell.
-
-    Raises
-    ------
-    Undecided
-        If a root lies where the interval is cut, or where f' vanishes too.
+    Undecided if a root lies where the interval is cut, or where f' vanishes too.
     """
     pieces, count = [(low, high)], 0
     while pieces:

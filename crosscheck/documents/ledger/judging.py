@@ -60,7 +60,7 @@ def check_row(row: LedgerRow) -> dict[str, Any]:
         sources, radii = computed(row)
         checked = [values for value in row.values for values in _judged(value, sources, radii)]
         failures = [f"{t['name']}: {text}" for t in checked for text in t.pop("failures")]
-        stated = {path for t in checked for path in (t["name"],)}
+        stated = {t["name"] for t in checked}
         unstated = sorted({path for values in sources.values() for path in values} - stated)
         failures += [f"{path}: computed, but not stated" for path in unstated]
         errata = [_erratum(e, checked, sources) for e in row.errata]
@@ -101,11 +101,9 @@ def _plain(tree: Any) -> Any:
 
 
 def _judged(value: Value, sources: Sources, radii: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return what is found out about each leaf of a quantity."""
     if value.between is not None:
         paths = [p for values in sources.values() for p in values if p == value.name or p.startswith(value.name + "[")]
-        leaf_truths: dict[str, Any] = dict.fromkeys(paths)
-        leaf_truths = leaf_truths or {value.name: None}
+        leaf_truths: dict[str, Any] = dict.fromkeys(paths or [value.name])
     else:
         leaf_truths = dict(leaves(value.name, value.truth))
     printed = dict(leaves(value.name, value.printed)) if value.printed is not None else {}
@@ -125,15 +123,10 @@ def _leaf(
             failures += [f"{source}: {text}" for text in _compared(value, truth, values[path], source, radii.get(path))]
     if not by:
         failures.append("not computed")
-    elif (
-        isinstance(truth, str) and _is_number(truth) and Written.read(truth).digits > MOST_BINARY64 and TRUTH not in by
-    ):
+    elif TRUTH not in by and _is_number(truth) and Written.read(truth).digits > MOST_BINARY64:
         failures.append(f"stated to {Written.read(truth).digits} digits, but not enclosed")
     checked = {"name": path, "truth": truth, "between": value.between, "computed": by, "failures": failures}
-    return {
-        **checked,
-        **_printed(printed, truth, next((f[path] for s, f in sources.items() if s == TRUTH and path in f), None)),
-    }
+    return {**checked, **_printed(printed, truth, sources.get(TRUTH, {}).get(path))}
 
 
 def _printed(printed: str, truth: Any, enclosed: Any) -> dict[str, Any]:
@@ -155,7 +148,7 @@ def _compared(value: Value, truth: Any, computed: Any, source: str, radius: Any)
         low, high = (arb(end) for end in value.between)
         inside = isinstance(computed, int | float | arb) and low <= arb(computed) <= high
         return [] if inside else [f"{_shown(computed)} is not between {value.between[0]} and {value.between[1]}"]
-    if not (isinstance(truth, str) and _is_number(truth)):
+    if not _is_number(truth):
         same = type(computed) is type(truth) and computed == truth
         return [] if same else [f"{_shown(computed)} is not {truth!r}"]
     if isinstance(computed, bool | str) or (isinstance(computed, float) and not np.isfinite(computed)):
@@ -165,11 +158,8 @@ def _compared(value: Value, truth: Any, computed: Any, source: str, radius: Any)
     if source != TRUTH and radius is not None:
         allowed += SAFETY * radius
     away = abs(arb(computed) - stated.value)
-    return (
-        []
-        if away <= allowed
-        else [f"{_shown(computed)} is not {truth}: off by {float(away):.2g}, allowed {float(allowed):.2g}"]
-    )
+    off = f"{_shown(computed)} is not {truth}: off by {float(away):.2g}, allowed {float(allowed):.2g}"
+    return [] if away <= allowed else [off]
 
 
 def _erratum(erratum: Erratum, rows: list[dict[str, Any]], sources: Sources) -> dict[str, Any]:
@@ -179,9 +169,8 @@ def _erratum(erratum: Erratum, rows: list[dict[str, Any]], sources: Sources) -> 
     for path in erratum.at:
         checked = by_name.get(path, {})
         if checked.get("verdict") != erratum.kind:
-            failures.append(
-                f"erratum {path}: stated as {erratum.kind}, but it is {checked.get('verdict', 'not printed')}"
-            )
+            verdict = checked.get("verdict", "not printed")
+            failures.append(f"erratum {path}: stated as {erratum.kind}, but it is {verdict}")
     if erratum.explained_by:
         for path, other in zip(erratum.at, erratum.explained_by, strict=True):
             failures += _explained(by_name.get(path, {}).get("printed") or "", other, sources)
@@ -207,12 +196,12 @@ def _uncovered(errata: tuple[Erratum, ...], rows: list[dict[str, Any]]) -> list[
     return [f"{t['name']}: {t['printed']} is printed, which is {t['verdict']}: no erratum says so" for t in off]
 
 
-def _is_number(text: str) -> bool:
+def _is_number(truth: Any) -> bool:
+    """Return whether a stated truth is a decimal number, which is text; what is yes, no, a count or a word is not."""
     try:
-        Written.read(text)
+        return isinstance(truth, str) and bool(Written.read(truth).text)
     except ValueError:
         return False
-    return True
 
 
 def _shown(value: Any) -> str:

@@ -101,11 +101,7 @@ def c5(n: Arithmetic, given: Given) -> Values:
     q = n.root(system, n.vector(["0.23", "2"]))
     r3, r4 = n(given["r"][2]), n(given["r"][3])
     angle = q[1] - q[0]
-    return {
-        "det": n.det(system.phi_q(q)),
-        "gamma": angle * 180 / n.pi,
-        "-r3 r4 sin(gamma)": -r3 * r4 * np.sin(angle),
-    }
+    return {"det": n.det(system.phi_q(q)), "gamma": angle * 180 / n.pi, "-r3 r4 sin(gamma)": -r3 * r4 * np.sin(angle)}
 
 
 def refkin_c5(given: Given) -> Values:
@@ -117,10 +113,7 @@ def c6(n: Arithmetic, given: Given) -> Values:
     """With theta4 as the driver: the determinant is r2 r3 sin(theta3 - theta2)."""
     m, q = lengths(n, given), n.vector(given["q"])
     system = me581.four_bar_by_rocker(m, n("2"))
-    return {
-        "det": n.det(system.phi_q(q)),
-        "r2 r3 sin(theta3 - theta2)": m.r2 * m.r3 * np.sin(q[1] - q[0]),
-    }
+    return {"det": n.det(system.phi_q(q)), "r2 r3 sin(theta3 - theta2)": m.r2 * m.r3 * np.sin(q[1] - q[0])}
 
 
 def c7(n: Arithmetic, given: Given) -> Values:
@@ -150,11 +143,7 @@ def refkin_c7(given: Given) -> Values:
 
 
 def c8(n: Arithmetic, given: Given) -> Values:
-    """Numerical partial derivatives with a step of 0.001, column by column, reset in between."""
-    return _partials(n, given)
-
-
-def _partials(n: Arithmetic, given: Given) -> Values:
+    """Numerical partial derivatives with the row's step, column by column, reset in between."""
     system, q, h = four_bar(n, given), estimate(n), n(given["step"])
     moved = [system.phi(np.array([q[0] + h, q[1]])), system.phi(np.array([q[0], q[1] + h]))]
     base, exact = system.phi(q), system.phi_q(q)
@@ -177,7 +166,7 @@ def refkin_c8(given: Given) -> Values:
 
 def c9(n: Arithmetic, given: Given) -> Values:
     """test_jac.m takes a step of 0.01."""
-    return {"error": _partials(n, given)["error"]}
+    return {"error": c8(n, given)["error"]}
 
 
 def refkin_c9(given: Given) -> Values:
@@ -206,7 +195,7 @@ def c10(n: Arithmetic, given: Given) -> Values:
 
 def c11(n: Arithmetic, given: Given) -> Values:
     """Steps 1 to 8: without the reset, the second column holds what the first coordinate was moved by as well."""
-    values = _partials(n, given)
+    values = c8(n, given)
     system, q, h = four_bar(n, given), estimate(n), n(given["step"])
     kept = (system.phi(np.array([q[0] + h, q[1] + h])) - system.phi(q)) / h
     return {"J": values["J"], "second column without the reset": list(kept)}

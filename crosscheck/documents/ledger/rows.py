@@ -51,13 +51,7 @@ class Written:
 
     @classmethod
     def read(cls, text: str) -> Written:
-        """Read a number.
-
-        Raises
-        ------
-        ValueError
-            If the text is no finite decimal number.
-        """
+        """Read a number; ValueError if the text is no finite decimal number."""
         try:
             number = Decimal(text)
         except InvalidOperation:

@@ -10,7 +10,7 @@ import numpy as np
 from crosscheck.documents import loops
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.me451 import Given, Values
-from crosscheck.documents.moving_points import point_parts, rod_and_block
+from crosscheck.documents.loops import point_parts, rod_and_block
 from crosscheck.documents.systems import printed, shabana
 from crosscheck.engines import vector_loop
 from refkin.analysis import acceleration, velocity

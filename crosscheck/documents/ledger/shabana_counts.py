@@ -114,11 +114,7 @@ def d21(n: Arithmetic, given: Given) -> Values:
     a, w, p = numbers(n, given, "amplitude", "frequency", "phase")
     cubic = [n(c) for c in given["cubic"]]
     whole = sum((c * t ** (k + 1) / (k + 1) for k, c in enumerate(cubic)), initial)
-    return {
-        "polynomial": whole,
-        "sinusoid": initial + a / w * (np.cos(p) - np.cos(w * t + p)),
-        "spline": whole,
-    }
+    return {"polynomial": whole, "sinusoid": initial + a / w * (np.cos(p) - np.cos(w * t + p)), "spline": whole}
 
 
 def refkin_d21(given: Given) -> Values:
@@ -209,13 +205,7 @@ def _rack(radius: float, turned: float) -> float:
     """Return how far a pinion rolls along a rack on the ground, its centre at height -radius."""
     origin = (0.0, 0.0)
     rolling = RackAndPinion(
-        name="rack",
-        body_i=GROUND,
-        point_i=origin,
-        axis_i=(1.0, 0.0),
-        body_j="pinion",
-        point_j=origin,
-        radius=radius,
+        name="rack", body_i=GROUND, point_i=origin, axis_i=(1.0, 0.0), body_j="pinion", point_j=origin, radius=radius
     )
     still = Polynomial(coefficients=(-radius,))
     held = YDriver(name="height", body="pinion", law=still)

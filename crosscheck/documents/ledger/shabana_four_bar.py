@@ -118,8 +118,7 @@ def _fewest(n: Arithmetic, levels: Any, truth: Any) -> int:
 def refkin_d12(given: Given) -> Values:
     """Pose and rates in absolute coordinates; the notes' rocker points the other way."""
     n = Binary64()
-    l1, l2, l3, l4 = (float(x) for x in given["l"])
-    linkage = FourBar(ground=l1, crank=l2, coupler=l3, rocker=l4)
+    linkage = FourBar(*(float(x) for x in given["l"]))
     at, omega = math.radians(float(given["theta2"])), float(given["omega"])
     mechanism = linkage.mechanism(linkage.driver(Polynomial(coefficients=(at, omega))))
     system, pose = compile_system(mechanism), linkage.assemble(at)
@@ -127,11 +126,7 @@ def refkin_d12(given: Given) -> Values:
     qd = velocity(system, q, 0.0)
     qdd = acceleration(system, q, qd, 0.0)
     angles = [2, 5, 8]
-    return {
-        "theta3, theta4": [q[5], q[8] % math.tau + n.pi],
-        "omega": qd[angles],
-        "alpha": qdd[angles],
-    }
+    return {"theta3, theta4": [q[5], q[8] % math.tau + n.pi], "omega": qd[angles], "alpha": qdd[angles]}
 
 
 def d13(n: Arithmetic, given: Given) -> Values:
@@ -158,8 +153,7 @@ def d14(n: Arithmetic, given: Given) -> Values:
 
 def refkin_d14(given: Given) -> Values:
     """The other assembly of the linkage; the notes' rocker points the other way."""
-    l1, l2, l3, l4 = (float(x) for x in given["l"])
-    linkage = FourBar(ground=l1, crank=l2, coupler=l3, rocker=l4)
+    linkage = FourBar(*(float(x) for x in given["l"]))
     pose = linkage.assemble(math.radians(float(given["theta2"])), "crossed")
     angles = [math.degrees(pose["coupler"][2]) % 360.0, (math.degrees(pose["rocker"][2]) + 180.0) % 360.0]
     return {"theta3, theta4 in degrees": angles, "class": linkage.grashof.name}

@@ -62,9 +62,7 @@ def problem_356(reach: Number, ground: Number, link: Number) -> SquareSystem:
 
     def phi(q: Any) -> Any:
         x, y, angle = q
-        return np.array(
-            [x - ground + link * np.sin(angle), y - link * np.cos(angle), x * x + y * y - reach * reach],
-        )
+        return np.array([x - ground + link * np.sin(angle), y - link * np.cos(angle), x * x + y * y - reach * reach])
 
     def phi_q(q: Any) -> Any:
         x, y, angle = q

@@ -24,13 +24,7 @@ def four_bar(l1: Number, l2: Number, l3: Number, l4: Number, driven: Number) -> 
 
     def phi(q: Any) -> Any:
         c, s = np.cos(q), np.sin(q)
-        return np.array(
-            [
-                l2 * c[0] + l3 * c[1] + l4 * c[2] - l1,
-                l2 * s[0] + l3 * s[1] + l4 * s[2],
-                q[0] - driven,
-            ]
-        )
+        return np.array([l2 * c[0] + l3 * c[1] + l4 * c[2] - l1, l2 * s[0] + l3 * s[1] + l4 * s[2], q[0] - driven])
 
     def phi_q(q: Any) -> Any:
         c, s = np.cos(q), np.sin(q)
@@ -59,12 +53,7 @@ def slider_crank(l2: Number, l3: Number, h: Number, theta2: Number) -> SquareSys
     """
 
     def phi(q: Any) -> Any:
-        return np.array(
-            [
-                l2 * np.cos(theta2) + l3 * np.cos(q[0]) - q[1],
-                l2 * np.sin(theta2) + l3 * np.sin(q[0]) - h,
-            ]
-        )
+        return np.array([l2 * np.cos(theta2) + l3 * np.cos(q[0]) - q[1], l2 * np.sin(theta2) + l3 * np.sin(q[0]) - h])
 
     def phi_q(q: Any) -> Any:
         return np.array([[-l3 * np.sin(q[0]), -1], [l3 * np.cos(q[0]), 0]])
@@ -99,9 +88,7 @@ def coriolis_example(l1: Number, l2: Number, theta2: Number) -> SquareSystem:
     """Return the block on rod 3 in q = (theta3, x): l2 e^(i theta2) - l1 - x e^(i theta3) = 0 (section 3.6)."""
 
     def phi(q: Any) -> Any:
-        return np.array(
-            [l2 * np.cos(theta2) - l1 - q[1] * np.cos(q[0]), l2 * np.sin(theta2) - q[1] * np.sin(q[0])],
-        )
+        return np.array([l2 * np.cos(theta2) - l1 - q[1] * np.cos(q[0]), l2 * np.sin(theta2) - q[1] * np.sin(q[0])])
 
     def phi_q(q: Any) -> Any:
         return np.array([[q[1] * np.sin(q[0]), -np.cos(q[0])], [-q[1] * np.cos(q[0]), -np.sin(q[0])]])
@@ -200,7 +187,4 @@ def pose(l2: Number, l3: Number, theta2: Number, theta3: Number) -> Any:
 
 def _arms(l2: Number, l3: Number, q: Any) -> tuple[Any, Any]:
     """Return A2 u_A and A3 u_B: half of crank and rod."""
-    return (
-        np.array([np.cos(q[5]), np.sin(q[5])]) * l2 / 2,
-        np.array([np.cos(q[8]), np.sin(q[8])]) * l3 / 2,
-    )
+    return (np.array([np.cos(q[5]), np.sin(q[5])]) * l2 / 2, np.array([np.cos(q[8]), np.sin(q[8])]) * l3 / 2)
