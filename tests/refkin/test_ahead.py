@@ -12,8 +12,11 @@ import pytest
 import refkin
 import refkin.solving.solve
 from refkin import FourBar, Polynomial, Sinusoid, SliderCrank, Status, compile_system
+from refkin.analysis import sigma_min
 from refkin.scenes.linkages.base import Branch
 from refkin.solving.ahead import Ahead, Leaps
+from refkin.solving.steps import neville
+from refkin.solving.sweep import Sweep
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 LIMIT = math.acos((16.0 + 9.0 - 25.0) / 24.0)  # a crank of 3 on a ground of 4, coupler and rocker 5 in line
@@ -89,6 +92,53 @@ def test_a_pose_of_the_other_branch_is_taken_by_no_step(monkeypatch, place):
     assert set(answer.status) == {Status.OK}
     assert np.abs(answer.q - right.q).max() < 1e-12
     assert np.abs(answer.q - wrong.q).max() > 0.1
+
+
+PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
+UNEVEN = np.append(0.0, np.cumsum(np.random.default_rng(5).choice([0.01, 0.1, 0.3, 0.7, 1.1], 40)))
+NEARER = np.cumprod(np.random.default_rng(5).choice([0.3, 0.8, 0.98], 30))
+STRIDES = {
+    "a crank-rocker": (ROCKER, UNEVEN),
+    "near a change point": (FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 + 1e-3), 0.3 * UNEVEN),
+    "towards a flat pose": (PARALLELOGRAM, math.pi - NEARER),
+    "at a flat pose": (PARALLELOGRAM, math.pi - 1e-5 * NEARER),
+}
+
+
+@pytest.mark.parametrize("largest", [0.0, 0.3])
+@pytest.mark.parametrize("name", STRIDES)
+def test_a_step_is_sure_at_once_where_a_step_alone_is_taken(monkeypatch, name, largest):
+    """On the way to every fifth time; and at every third, where a law turns back, the pose there is to be alone.
+
+    Predictions are off by more than they are, by any power of ten up to the largest.
+    """
+    linkage, times = STRIDES[name]
+    monkeypatch.setattr("refkin.solving.ahead.DIVISIONS", 0)
+
+    def shifted(times, poses, t):
+        return neville(times, poses, t) + largest * np.multiply.outer(np.cos(np.arange(9)), 10.0 ** -(1e5 * t % 9))
+
+    for module in ("ahead", "steps"):
+        monkeypatch.setattr(f"refkin.solving.{module}.neville", shifted)
+    scene = linkage.scene(law=turning(1.0, 0.0), times=(float(times[0]),))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    alone = Sweep(system, [times[0]], [system.to_unit(refkin.solve(scene).q[:, 0])])
+    ahead = Ahead(alone, times[1:], times[:0])
+    times = ahead.t
+    ahead.stops, ahead.turning = np.append(times[:-1:5], times[-1]), np.arange(len(times)) % 3 == 0
+    ahead._test(np.arange(len(times) - 1))
+    taken = []
+    for k, t in enumerate(times[1:].tolist()):
+        alone.t[1:], alone.q[1:], alone.asked = (
+            times[1 : k + 1],
+            ahead.q.T[1 : k + 1],
+            np.ptp(ahead.stops[k // 5 :][:2]),
+        )
+        clear = (k + 1) % 3 or sigma_min(system.phi_q(ahead.q[:, k + 1], t)) > 1e-4
+        taken.append(bool(clear and alone._on_branch(alone._corrected(t), t)))
+
+    assert ahead.sure.tolist() == taken
+    assert {True, False} == set(taken)
 
 
 def test_a_straight_correction_is_no_sign_that_the_next_one_is_rounding():

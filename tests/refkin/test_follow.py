@@ -10,6 +10,7 @@ import pytest
 
 import refkin
 from refkin import FourBar, Polynomial, SliderCrank, compile_system
+from refkin.proof.path.curve import Curve
 from refkin.proof.path.tracing import TraceEnd
 from refkin.solving.follow import Bifurcation, Tangent, TurningPoint, driven_by, straight_on
 
@@ -312,6 +313,23 @@ def test_a_path_of_a_linkage_far_from_its_origin_is_the_same():
     assert path.end is TraceEnd.CLOSED
     assert [e.t for e in path.events] == pytest.approx([e.t for e in here.events], abs=1e-7)
     assert np.nanmin(path.radius) > 2.0**-28, "half an ulp of 1e8, to which each pose is rounded"
+
+
+@pytest.mark.parametrize("angle", [0.5, 1.5, 2.5, 4.0, 5.0])
+def test_a_point_is_a_pose_in_other_units_and_no_step_from_it_however_long_leads_to_the_other_branch(angle):
+    """Of a crank-rocker, where a determinant tells the branches apart all along them."""
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    scene = linkage.scene(law=Polynomial(coefficients=(angle - 2.0, 4.0)), times=(0.5,))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = system.to_unit(refkin.solve(scene).q[:, 0])
+    curve = Curve.through(system, q, scene.times)
+    x = curve.point(q, 0.5)
+    assert curve.pose(x)[1] == 0.5
+
+    tangent, side = curve.tangent(x), np.linalg.det(system.phi_q(q, 0.5))
+    steps = [curve.stepped(x, tangent, h) for h in np.linspace(0.1, 8.0, 50)]
+    assert (steps[0] - x) @ tangent > 0.0
+    assert all(np.linalg.det(system.phi_q(*curve.pose(y))) * side > 0.0 for y in steps if y is not None)
 
 
 def test_tangents_point_along_the_path_all_around():

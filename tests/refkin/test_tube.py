@@ -78,6 +78,19 @@ def test_a_swing_is_one_motion_in_a_few_tubes_and_one_beyond_a_limit_is_none(swi
     assert ConnectionProof(system, 40, pose_between).connects(0.0, math.pi, q, q) is inside
 
 
+@pytest.mark.parametrize(("swing", "holds"), [(1e-7, True), (0.6, False)])
+@pytest.mark.parametrize(("start", "sign"), [(-1.0, 1.0), (0.0, -1.0)], ids=["at once", "at last"])
+def test_one_tube_holds_no_motion_that_leaves_it_at_either_end(start, sign, swing, holds):
+    """A pulse of height 1, (1 + t) t^80 or (1 - t) t^80, that is below 1e-4 but for a sixth of the time."""
+    height = 81.0 * math.e * swing
+    law = Polynomial(coefficients=(LIMITED.input_range()[0][1] - 0.5, *[0.0] * 79, height, sign * height))
+    scene = LIMITED.scene(law=law, times=(start,))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = system.to_unit(refkin.solve(scene).q[:, 0])
+
+    assert ConnectionProof(system, 1, pose_between).connects(start, start + 1.0, q, q) is holds
+
+
 def test_the_poses_between_those_of_a_crank_that_turns_are_found_from_their_chords_alone():
     scene = ROCKER.scene(samples=9)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())

@@ -146,3 +146,8 @@ def test_half_angles_survive_half_a_turn():
     for x in (math.pi, -math.pi, 3 * math.pi, math.nextafter(math.pi, 4.0)):
         assert abs(half_angle("cos", x) + 1.0) <= 2.0**-52
         assert abs(half_angle("sin", x) - math.sin(x)) <= 2.0**-52
+
+
+def test_a_constant_zero_has_no_sign():
+    """As an argument of atan2 it would be the other side of the cut."""
+    assert math.copysign(1.0, Graph().constant(-0.0).value) == 1.0
