@@ -11,7 +11,8 @@ from crosscheck.strategies.chains import Chain, cams, chains, geared_linkages, r
 from crosscheck.strategies.laws import motion_laws
 from crosscheck.strategies.linkages import four_bars, inverted_slider_cranks, slider_cranks
 from crosscheck.strategies.scenes import Drawn, drawn_scenes, scenes
-from crosscheck.strategies.space import Region, Spatial, spatial_scenes
+from crosscheck.strategies.space import Spatial, spatial_scenes
+from crosscheck.strategies.space_plans import Region
 from crosscheck.strategies.spans import Hardness
 from crosscheck.strategies.verdicts import Ended, ended_scenes, equal_four_bars, equal_linkages
 

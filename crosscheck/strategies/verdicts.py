@@ -19,7 +19,7 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 
 from crosscheck.strategies.linkages import draw_place, draw_size
 from crosscheck.strategies.scenes import Drawn, scenes_of
-from crosscheck.strategies.space import Circle
+from crosscheck.strategies.space_plans import Circle
 from crosscheck.strategies.spans import Hardness
 from refkin.joints import GROUND, AngleDriver, Pair, Prismatic, Revolute
 from refkin.joints.spatial_terms import parameters_of

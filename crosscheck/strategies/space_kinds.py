@@ -1,0 +1,350 @@
+"""Kinds of spatial linkages: what each is made of, on which branch, and to which hard regions it can go."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from hypothesis import strategies as st
+from hypothesis.strategies import DrawFn
+
+from crosscheck.strategies.space_plans import (
+    ANGLES,
+    GRID,
+    ROOM,
+    UNITS,
+    Array,
+    Circle,
+    Plan,
+    Pose,
+    Region,
+    X,
+    Z,
+    coupler_frame,
+    crank,
+    decade,
+    direction,
+    drawn_coupler,
+    drawn_rocker,
+    drawn_span,
+    joint_frame,
+    link,
+    rod_is_a_body,
+    turn,
+)
+from refkin.joints import (
+    GROUND,
+    Cylindrical,
+    Screw,
+    SpatialDistanceDriver,
+    SpatialPrismatic,
+    SpatialRevolute,
+    Universal,
+)
+from refkin.joints.spatial_vectors import SpatialValues
+from refkin.motion_laws import Polynomial
+from refkin.scenes.linkages import RSCR, Branch, Bricard, Stewart
+
+TRIES = 4
+"""How many rockers are drawn for one at which a limit or a fold is."""
+NEARLY_ALIKE = (1.0, 2.0)
+"""Decades of what the twists of a Bennett linkage may differ by [rad]; its speeds go up to one over that."""
+
+
+def _to_tip(circle: Circle) -> Callable[[Array], tuple[Array, Array]]:
+    """Return what says how near and how far a crank's tip is from a circle."""
+    return lambda angles: circle.reach(crank(angles))
+
+
+def _rssr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+    whole = rod_is_a_body(draw)
+    for _ in range(TRIES):
+        circle = drawn_rocker(draw, region, decades)
+        span, length, room, there = drawn_coupler(draw, region, decades, _to_tip(circle))
+        if there is region:
+            break
+    tip = crank(span[0])
+    end = circle.at(np.array(circle.meets(tip, length, sign)))
+    bodies = {"crank": (np.zeros(3), turn(Z, span[0])), "rocker": (circle.centre, circle.frame)}
+    if whole:
+        bodies["coupler"] = coupler_frame((tip, end))
+
+    def joints(pose: Pose) -> None:
+        pose.add(SpatialRevolute, "R1", GROUND, "crank", np.zeros(3), Z, zero_i=X, zero_j=tip)
+        link(pose, "crank", "rocker", (tip, end), "coupler", whole)
+        pose.add(SpatialRevolute, "R2", GROUND, "rocker", circle.centre, circle.frame[:, 2])
+
+    return Plan(bodies, joints, "R1", span, room, there)
+
+
+def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+    axis, whole = joint_frame(direction(draw, "axis of the slide") + 0.125 * X, None), rod_is_a_body(draw)
+    foot = np.array([draw(UNITS, label="offset of the slide") for _ in range(3)])
+
+    def away(points: Array) -> Array:
+        w = (points - foot) @ axis
+        return np.hypot(w[..., 0], w[..., 1])
+
+    span = drawn_span(draw)
+    least = float(np.max(away(crank(np.linspace(*span, GRID)))))
+    if region is Region.LIMIT:
+        near = decade(draw, decades)
+        span = (
+            span[0],
+            span[0] + (span[1] - span[0]) * int(np.argmax(away(crank(np.linspace(*span, GRID))))) / GRID * 0.8,
+        )
+        if abs(span[1] - span[0]) < 0.1:
+            span = span[0], span[0] + 0.1
+        beyond = float(away(crank(span[1] + math.copysign(near, span[1] - span[0]))))
+        least = float(np.max(away(crank(np.linspace(*span, GRID)))))
+        if beyond > least:
+            least, room = beyond, 0.0
+        else:
+            region = Region.REGULAR
+    if region is not Region.LIMIT:
+        room = draw(st.floats(0.25, 2.0), label="room of the rod")
+    length = least + room
+    tip = crank(span[0])
+    along = (tip - foot) @ axis[:, 2] + sign * math.sqrt(max(length**2 - float(away(tip)) ** 2, 0.0))
+    end = foot + along * axis[:, 2]
+    bodies = {"crank": (np.zeros(3), turn(Z, span[0])), "slider": (end, axis)}
+    if whole:
+        bodies["coupler"] = coupler_frame((tip, end))
+
+    def joints(pose: Pose) -> None:
+        pose.add(SpatialRevolute, "R1", GROUND, "crank", np.zeros(3), Z, zero_i=X, zero_j=tip)
+        link(pose, "crank", "slider", (tip, end), "coupler", whole)
+        pose.add(SpatialPrismatic, "P", GROUND, "slider", end, axis[:, 2], zero_i=axis[:, 0], zero_j=axis[:, 0])
+
+    return Plan(bodies, joints, "R1", span, max(room, 1e-12), region)
+
+
+def _bennett(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+    alpha = draw(st.floats(0.25, 0.75), label="first twist")
+    if region is Region.ALIKE:
+        beta = alpha + decade(draw, NEARLY_ALIKE)
+    else:
+        beta = draw(st.floats(1.0, 1.5), label="second twist")
+    b, span = math.sin(beta) / math.sin(alpha), drawn_span(draw)
+    first = math.remainder(span[0], math.tau)
+    if abs(math.sin(first)) < 0.125:  # not begun where all links lie in a line
+        span, first = (span[0] + 0.25, span[1] + 0.25), first + 0.25
+    other = 2.0 * math.atan(math.sin((beta + alpha) / 2) / math.sin((beta - alpha) / 2) / math.tan(first / 2))
+    links = (("link 1", first, 1.0, alpha), ("link 2", other, b, beta), ("link 3", -first, 1.0, alpha))
+    at, bodies, axes = np.eye(4), dict[str, tuple[Array, Array]](), [(np.zeros(3), Z)]
+    for name, angle, length, twist in links:
+        a, r = turn(Z, angle), np.array([length * math.cos(angle), length * math.sin(angle), 0.0])
+        step = np.eye(4)
+        step[:3, :3], step[:3, 3] = a @ turn(X, twist), r
+        at = at @ step
+        bodies[name] = (at[:3, 3].copy(), at[:3, :3].copy())
+        axes.append((at[:3, 3].copy(), at[:3, 2].copy()))
+    chain = (GROUND, "link 1", "link 2", "link 3", GROUND)
+
+    def joints(pose: Pose) -> None:
+        zero = {"zero_i": X, "zero_j": np.array([math.cos(first), math.sin(first), 0.0])}
+        for k, (point, axis) in enumerate(axes):
+            pose.add(SpatialRevolute, f"R{k + 1}", chain[k], chain[k + 1], point, axis, **(zero if k == 0 else {}))
+
+    moved = span[0] - first
+    return Plan(bodies, joints, "R1", (first, span[1] - moved), abs(b - 1.0), region)
+
+
+def _hooke(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+    """One Hooke joint between two shafts that cross: two rows more than are independent."""
+    near = (
+        decade(draw, decades) if region is Region.GIMBAL else draw(st.floats(0.25, 1.5), label="angle off a right one")
+    )
+    bend = sign * (math.pi / 2 - near)
+    n, span = np.array([0.0, math.sin(bend), math.cos(bend)]), drawn_span(draw)
+    first = span[0]
+    if abs(math.cos(first)) < 0.25:  # where the pin of the input is across both shafts the speeds differ most
+        span = (first + 0.5, span[1] + 0.5)
+    pin = crank(span[0])
+    fork = np.cross(n, pin) / np.linalg.norm(np.cross(n, pin))
+    bodies = {"input": (np.zeros(3), turn(Z, span[0])), "output": (np.zeros(3), joint_frame(n, fork))}
+
+    def joints(pose: Pose) -> None:
+        pose.add(SpatialRevolute, "R1", GROUND, "input", -Z, Z, zero_i=X, zero_j=pin)
+        pose.add(Universal, "U", "input", "output", np.zeros(3), pin, axis_j=fork)
+        pose.add(SpatialRevolute, "R2", GROUND, "output", n, n)
+
+    return Plan(bodies, joints, "R1", span, near, region)
+
+
+def _double_hooke(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+    """Two shafts and a link between them, a universal joint at either end; the output may shift."""
+    bends = [
+        sign * draw(st.floats(0.125, 1.0), label="angle of the link"),
+        draw(st.floats(0.125, 1.0), label="of the output"),
+    ]
+    line = np.array([0.0, math.sin(bends[0]), math.cos(bends[0])])
+    n = turn(Z, draw(ANGLES, label="angle of the shafts")) @ turn(X, bends[1]) @ line
+    span, second = drawn_span(draw), line * draw(st.floats(0.5, 3.0), label="length of the link")
+    pin = crank(span[0])
+    one = np.cross(line, pin) / np.linalg.norm(np.cross(line, pin))
+    two = turn(line, draw(ANGLES, label="angle of the forks")) @ one
+    fork = np.cross(two, n) / np.linalg.norm(np.cross(two, n))
+    bodies = {
+        "input": (np.zeros(3), turn(Z, span[0])),
+        "link": (np.zeros(3), joint_frame(line, one)),
+        "output": (second, joint_frame(n, fork)),
+    }
+
+    def joints(pose: Pose) -> None:
+        pose.add(SpatialRevolute, "R1", GROUND, "input", -Z, Z, zero_i=X, zero_j=pin)
+        pose.add(Universal, "U1", "input", "link", np.zeros(3), pin, axis_j=one)
+        pose.add(Universal, "U2", "link", "output", second, two, axis_j=fork)
+        pose.add(Cylindrical, "C", GROUND, "output", second + n, n)
+
+    return Plan(bodies, joints, "R1", span, math.pi / 2 - max(map(abs, bends)), region)
+
+
+def _screw(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+    """A nut on a screw, and a slider that a rod ties to it."""
+    pitch, span = draw(st.floats(0.03125, 0.25), label="pitch"), drawn_span(draw)
+    axis = joint_frame(direction(draw, "axis of the slide"), None)
+    foot = np.array([draw(UNITS, label="offset of the slide") for _ in range(3)])
+    angles = np.linspace(*span, GRID)
+    shift = draw(UNITS, label="shift of the screw")
+    w = (crank(angles) + np.outer(pitch * angles + shift, Z) - foot) @ axis
+    away = np.hypot(w[:, 0], w[:, 1])
+    length = float(np.max(away)) + draw(st.floats(0.25, 2.0), label="room of the rod")
+    nut = (pitch * span[0] + shift) * Z
+    tip = crank(span[0]) + nut
+    end = foot + (w[0, 2] + sign * math.sqrt(length**2 - away[0] ** 2)) * axis[:, 2]
+    bodies = {"nut": (nut, turn(Z, span[0])), "slider": (end, axis)}
+
+    def joints(pose: Pose) -> None:
+        scale = getattr(pose, "size", 1.0)
+        turns = {"pitch": pitch * scale, "shift": shift * scale, "zero_i": X, "zero_j": crank(span[0])}
+        pose.add(Screw, "H", GROUND, "nut", np.zeros(3), Z, at_j=nut, **turns)
+        link(pose, "nut", "slider", (tip, end), "rod", False)
+        pose.add(SpatialPrismatic, "P", GROUND, "slider", end, axis[:, 2], zero_i=axis[:, 0], zero_j=axis[:, 0])
+
+    return Plan(bodies, joints, "H", span, length - float(np.max(away)), region)
+
+
+def _chain(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+    """An RSSR whose rocker is the crank of another."""
+    circle, whole = drawn_rocker(draw, region, decades), rod_is_a_body(draw)
+    span, length, room, region = drawn_coupler(draw, region, decades, _to_tip(circle))
+    second = Circle(
+        circle.centre + 2.0 * circle.radius * direction(draw, "second ground"),
+        joint_frame(direction(draw, "second axis"), None),
+        circle.radius,
+    )
+    arm = draw(st.floats(-1.0, 1.0), label="angle of the arm")
+
+    def arms(inputs: Array) -> Array:
+        return circle.at(np.array([circle.meets(crank(x), length, sign) for x in inputs]) + arm)
+
+    while True:
+        least, greatest = second.reach(arms(np.linspace(*span, GRID)))
+        low, high = float(np.max(least)), float(np.min(greatest))
+        if high - low > ROOM or abs(span[1] - span[0]) < 1e-2:
+            break
+        span = span[0], (span[0] + span[1]) / 2
+    tip, angle = crank(span[0]), circle.meets(crank(span[0]), length, sign)
+    end, begin = circle.at(np.array(angle)), circle.at(np.array(angle + arm))
+    last = second.at(np.array(second.meets(begin, (low + high) / 2, sign)))
+    bodies = {
+        "crank": (np.zeros(3), turn(Z, span[0])),
+        "rocker": (circle.centre, circle.frame),
+        "second rocker": (second.centre, second.frame),
+    }
+    if whole:
+        bodies |= {"coupler": coupler_frame((tip, end)), "second coupler": coupler_frame((begin, last))}
+
+    def joints(pose: Pose) -> None:
+        pose.add(SpatialRevolute, "R1", GROUND, "crank", np.zeros(3), Z, zero_i=X, zero_j=tip)
+        link(pose, "crank", "rocker", (tip, end), "coupler", whole)
+        pose.add(SpatialRevolute, "R2", GROUND, "rocker", circle.centre, circle.frame[:, 2])
+        link(pose, "rocker", "second rocker", (begin, last), "second coupler", whole)
+        pose.add(SpatialRevolute, "R3", GROUND, "second rocker", second.centre, second.frame[:, 2])
+
+    return Plan(bodies, joints, "R1", span, min(room, (high - low) / 2), region)
+
+
+def _of_linkage(linkage: Any, pose: Mapping[str, tuple[float, ...]]) -> tuple[dict[str, Any], Any]:
+    """Return the bodies of a linkage with lengths in cranks, and what adds its joints."""
+    frames = {GROUND: (np.zeros(3), np.eye(3))}
+    for body, q in pose.items():
+        frames[body] = (np.array(q[:3]), SpatialValues(*q).rotation())
+
+    def joints(out: Pose) -> None:
+        for j in linkage.joints():
+            (r, a), (r_j, a_j) = (frames[body] for body in j.bodies)
+            axis, more = None, dict[str, Any](at_j=r_j + a_j @ j.point_j)
+            if hasattr(j, "axis_i"):
+                axis = a @ j.axis_i
+                more |= {"axis_j": a_j @ j.axis_j, "zero_i": a @ j.zero_i, "zero_j": a_j @ j.zero_j}
+            out.add(type(j), j.name, j.body_i, j.body_j, r + a @ j.point_i, axis, **more)
+
+    return {body: frame for body, frame in frames.items() if body != GROUND}, joints
+
+
+def _rscr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+    """Seen along the axis of the rocker, which is that of the cylindrical joint: circle against circle."""
+    circle = drawn_rocker(draw, region, decades)
+
+    def reach(angles: Array) -> tuple[Array, Array]:
+        w = (crank(angles) - circle.centre) @ circle.frame
+        flat = np.hypot(w[:, 0], w[:, 1])
+        return np.abs(flat - circle.radius), flat + circle.radius
+
+    span, length, room, region = drawn_coupler(draw, region, decades, reach)
+    centre, axis = (tuple(v.tolist()) for v in (circle.centre, circle.frame[:, 2]))
+    linkage = RSCR(1.0, length, circle.radius, centre, axis)
+    branch = Branch.OPEN if sign > 0 else Branch.CROSSED
+    return Plan(*_of_linkage(linkage, linkage.assemble(span[0], branch)), "R1", span, room, region)
+
+
+def _bricard(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+    """Six hinges, of which the input turns as far as the other three follow it."""
+    linkage = Bricard(1.0, draw(st.floats(1.0, 1.5), label="twist"))
+    c, s = math.cos(linkage.alpha), math.sin(linkage.alpha)
+    first = draw(st.floats(0.25, 0.75), label="first angle")
+    angles = np.linspace(first, first + draw(st.floats(0.25, 1.0), label="turned"), GRID)
+    cosine = (c * c + s * s * np.cos(angles)) / np.hypot(s * s + (1 + c * c) * np.cos(angles), 2 * c * np.sin(angles))
+    rooms = np.minimum.accumulate(1.0 - np.abs(cosine))
+    last = max(int(np.sum(rooms > ROOM / 4)) - 1, 2)
+    branch = Branch.OPEN if sign > 0 else Branch.CROSSED
+    bodies, joints = _of_linkage(linkage, linkage.assemble(first, branch))
+    return Plan(bodies, joints, "R1", (first, float(angles[last])), float(rooms[last]), region)
+
+
+def _stewart(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
+    """A platform on six driven legs, each of which goes in and out in its own time."""
+    lengths = draw(st.floats(0.375, 0.75), label="top"), sign * draw(st.floats(0.5, 1.0), label="height")
+    stewart = Stewart.three_three(1.0, *lengths, stroke=draw(st.floats(0.0078125, 0.0625), label="stroke"))
+    speed = draw(st.floats(0.5, 2.0), label="speed")
+
+    def joints(out: Pose) -> None:
+        scale = getattr(out, "size", 1.0)
+        legs: Any = stewart.drivers(Polynomial(coefficients=(0.0, speed)))
+        for leg in legs:
+            law = replace(leg.law, amplitude=scale * leg.law.amplitude, offset=scale * leg.law.offset)
+            top = np.array([*leg.point_j[:2], leg.point_j[2] + lengths[1]])
+            out.add(SpatialDistanceDriver, leg.name, GROUND, "platform", np.array(leg.point_i), at_j=top, law=law)
+
+    bodies = {"platform": (np.array(stewart.home[:3]), np.eye(3))}
+    return Plan(bodies, joints, "", (0.0, 1.0), abs(lengths[1]) - stewart.stroke, region)
+
+
+KINDS: dict[str, tuple[Callable[..., Plan], Sequence[Region]]] = {
+    "RSSR": (_rssr, (Region.REGULAR, Region.LIMIT, Region.FOLD, Region.PLANAR, Region.OVER)),
+    "RSSP": (_rssp, (Region.REGULAR, Region.LIMIT)),
+    "Bennett": (_bennett, (Region.REGULAR, Region.ALIKE)),
+    "Hooke": (_hooke, (Region.REGULAR, Region.GIMBAL)),
+    "double Hooke": (_double_hooke, (Region.REGULAR,)),
+    "screw": (_screw, (Region.REGULAR,)),
+    "RSSR chain": (_chain, (Region.REGULAR,)),
+    "RSCR": (_rscr, (Region.REGULAR, Region.LIMIT, Region.FOLD)),
+    "Bricard": (_bricard, (Region.REGULAR,)),
+    "Stewart": (_stewart, (Region.REGULAR,)),
+}
+"""How each kind is made, and where it can go."""
