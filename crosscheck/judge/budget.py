@@ -19,7 +19,7 @@ code is told more. `SAFETY` covers that an engine evaluates the same closure by 
 three terms instead of two) and down a chain of frames (each pose composed of two before it), which is at most 2 * 2
 times the operations. The other side of a comparison, the reference, is off by no more than its certified radius, and no
 more than an engine without terms; the smaller is added, component by component. Velocity and acceleration are
-solutions of linear systems: LU adds a backward error of n u |J| |x|, which it may move from row to row
+solutions of linear systems: LU adds a backward error, a residual whose two-norm is n u of the largest row of |J| |x|
 (`_solve_error`).
 
 What an engine adds by its own doing, such as a stopping rule above round-off, is a named `Term` with its reason. Where
@@ -88,6 +88,11 @@ class Carried:
         """Return what errors (m, T) of the residual of one level alone do to the levels from its own on."""
         return [_times(matrix, error) for matrix in (self.phi, self.nu, self.gamma)[level]]
 
+    def of_norm(self, in_nu: Any, in_gamma: Any) -> list[Any]:
+        """Return what residuals of which only the two-norms (T,) are known do to the three levels."""
+        velocity, by_velocity, acceleration = (np.sqrt(np.einsum("nmt,nmt->nt", a, a)) for a in (*self.nu, *self.gamma))
+        return [0.0, velocity * in_nu, by_velocity * in_nu + acceleration * in_gamma]
+
     def at(self, samples: Any) -> Carried:
         """Return the same at some of the samples."""
         phi, nu, gamma = (tuple(a[..., samples] for a in level) for level in (self.phi, self.nu, self.gamma))
@@ -99,9 +104,9 @@ class Propagation:
     """What carries errors through the equations at a solution: the same for every engine. See `propagation`.
 
     `levels` are its coordinates and rates (n, T), `e` the errors of the residuals of the three levels (m, T) before an
-    engine adds its own, `size` what stands in their equations, `rates` the largest rate, acceleration and square of a
-    rate (T,), `rounding` what handing a result over costs, and `radius` (T,) how far the reference itself may be off;
-    NaN where it has no certificate.
+    engine adds its own, `solving` what solving for rates adds to the levels, `size` what stands in their equations,
+    `rates` the largest rate, acceleration and square of a rate (T,), `rounding` what handing a result over costs, and
+    `radius` (T,) how far the reference itself may be off; NaN where it has no certificate.
     """
 
     system: System
@@ -111,6 +116,7 @@ class Propagation:
     count: int
     carried: Carried
     e: tuple[Any, Any, Any]
+    solving: list[Any]
     size: tuple[Any, Any, Any]
     rates: tuple[Any, Any, Any]
     rounding: tuple[Any, Any, Any]
@@ -122,7 +128,7 @@ class Propagation:
 
         It is the engine's own error, that which the reference may be off by, no larger, and the rounding.
         """
-        own = self.carried(*self.e)
+        own = [moved + solving for moved, solving in zip(self.carried(*self.e), self.solving, strict=True)]
         return [
             theirs + np.fmin(radius, theirs) + rounding
             for theirs, radius, rounding in zip(own, self.radius, self.rounding, strict=True)
@@ -193,18 +199,20 @@ def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Pr
     nu, gamma = (parts(x, t.shape) for x in (system.nu(at, clock), system.gamma(at, running(qd), clock)))
     jacobian = np.abs(slope[0])
     moving = _times(jacobian, np.abs(qd))
-    e_nu = SAFETY * off_by(slope, qd, nu)[1] + _solve_error(moving)
+    e_nu = SAFETY * off_by(slope, qd, nu)[1]
     bending = _times(jacobian, np.abs(qdd)) + np.abs(gamma[0])
-    e_gamma = SAFETY * off_by(slope, qdd, gamma)[1] + _solve_error(bending)
+    e_gamma = SAFETY * off_by(slope, qdd, gamma)[1]
     rate = np.max(np.abs(qd), axis=0)
+    carry = carried(system, q, qd, qdd, t)
     return Propagation(
         system=system,
         levels=(q, qd, qdd),
         t=t,
         samples=samples,
         count=len(motion.t),
-        carried=carried(system, q, qd, qdd, t),
+        carried=carry,
         e=tuple(e + table_error(system, t, order) for order, e in enumerate((e_phi, e_nu, e_gamma))),
+        solving=carry.of_norm(_solve_error(moving), _solve_error(bending)),
         size=(e_phi, moving, bending),
         rates=(np.zeros_like(rate), rate, np.max(np.abs(qdd), axis=0) + rate**2),
         rounding=output_rounding(system, q, qd, qdd),
@@ -270,8 +278,12 @@ def _stacked(matrices: Any) -> Any:
 
 
 def _solve_error(size: Any) -> Any:
-    """Return the backward error of LU, as a residual (m, T), where |J| |x| is `size`: n u of its largest row."""
-    return len(size) * U * np.broadcast_to(np.max(size, axis=0), size.shape)
+    """Return the two-norm (T,) of LU's backward error, as a residual, where |J| |x| is `size`: n u of its largest row.
+
+    The worst case is n u in every row, with all signs alike. Rounding errors add up like a random walk: to some root of
+    n in every row, which is n for all rows together (Higham and Mary, SIAM J. Sci. Comput. 41, 2019).
+    """
+    return len(size) * U * np.max(size, axis=0)
 
 
 def _stepped(x: Any) -> Any:

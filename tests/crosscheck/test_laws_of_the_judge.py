@@ -119,8 +119,33 @@ def test_first_order_ends_where_the_jacobian_changes_by_a_tenth_of_itself():
     assert _first_order(system, stacked, direction * ends * [1.001, 0.999], q, t).tolist() == [False, True]
 
 
-def test_lu_leaves_a_rounding_of_its_largest_row_for_each_row():
-    assert _solve_error(np.array([[1.0, 4.0], [3.0, 2.0], [2.0, 5.0]])).tolist() == 3 * [[9.0 * U, 15.0 * U]]
+def test_lu_leaves_a_rounding_of_its_largest_row_for_each_row_in_the_norm_of_all():
+    assert _solve_error(np.array([[1.0, 4.0], [3.0, 2.0], [2.0, 5.0]])).tolist() == [9.0 * U, 15.0 * U]
+
+
+def moved_by_velocity(ref, own, t):
+    """Return how errors of the rows of the velocity move the acceleration, (n, m), by central differences."""
+    errors = np.zeros((ref.system.m, 3, ref.system.m))
+    errors[:, 1] = 1e-4 * np.eye(ref.system.m)
+    ends = [[moved_levels(ref.system, own, t, sign * row)[2] for row in errors] for sign in (1, -1)]
+    return np.subtract(*np.array(ends)).T / 2e-4
+
+
+@pytest.mark.parametrize("in_gamma", [0.0, 0.25])
+def test_no_residual_of_a_norm_moves_a_rate_further_than_the_worst_of_that_norm(in_gamma):
+    """The worst for a component is along its row of the inverse, and moves it as far as is said."""
+    ref = solved()
+    t, slope = float(ref.motion.t[0]), ref.system.phi_q(ref.levels[0][:, 0], float(ref.motion.t[0]))
+    _, velocity, acceleration = carried(ref.system, *ref.levels, ref.motion.t).of_norm(np.ones(2), np.full(2, in_gamma))
+    rows = np.linalg.inv(slope)
+    own = np.array([level[:, 0] for level in ref.levels])
+    stacked = np.zeros((ref.system.n, 3, ref.system.m))
+    stacked[:, 1] = rows / np.linalg.norm(rows, axis=1)[:, None]
+    moved = np.array([moved_levels(ref.system, own, t, 1e-4 * errors) - own for errors in stacked]) / 1e-4
+    largest = np.linalg.norm(moved_by_velocity(ref, own, t), axis=1) + in_gamma * np.linalg.norm(rows, axis=1)
+
+    assert velocity[:, 0] == pytest.approx(np.diagonal(moved[:, 1]), rel=1e-6)
+    assert acceleration[:, 0] == pytest.approx(largest, rel=1e-5)
 
 
 def test_an_answer_is_rounded_once_for_each_arm_and_as_far_as_it_lies_from_the_origin():
