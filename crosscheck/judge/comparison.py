@@ -141,6 +141,12 @@ class Comparison:
         return all(q.agrees for q in self.quantities.values())
 
 
+def begun_at(scene: Scene, motion: Motion, k: int, times: Sequence[float]) -> Scene:
+    """Return a scene at other times, its estimates being the poses of its motion at the k-th time."""
+    bodies = tuple(replace(body, estimate=tuple(motion[body.name].q[:, k].tolist())) for body in scene.mechanism.bodies)
+    return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies), times=tuple(times))
+
+
 def reference(scene: Scene) -> Reference:
     """Solve a scene with refkin for every body and effect, whatever the scene calls for."""
     evidence = scene.evidence | {Evidence.CONDITION}

@@ -22,7 +22,7 @@ import numpy as np
 
 from crosscheck.engines import Engine, Term
 from crosscheck.judge.budget import output_rounding, residual_error, table_error
-from crosscheck.judge.comparison import Reference, whole_poses
+from crosscheck.judge.comparison import Reference, begun_at, whole_poses
 from crosscheck.judge.records import QUANTITIES, Cause
 from crosscheck.judge.running_error import U
 from crosscheck.judge.spatial import reversed_joints
@@ -188,7 +188,7 @@ FIRST, LATER = 4, 8
 ROUNDS = 12
 """Each narrows the intervals ninefold: twelve reach the resolution of time."""
 NARROWED = 3
-"""Smallest local minima that are looked into."""
+"""Smallest local minima that are looked into, by themselves: what lies before them is solved already."""
 
 
 def excuse(ref: Reference, first: float, enough: float) -> tuple[float, float] | None:
@@ -215,19 +215,24 @@ def singular_between(scene: Scene, enough: float) -> tuple[float, float] | None:
     enough : float
         The largest sigma_min, of the scaled phi_q, that counts.
     """
-    times = sorted({*scene.times, *_within(scene.times, FIRST)})
+    parts = [replace(scene, times=tuple(sorted({*scene.times, *_within(scene.times, FIRST)})))]
     for _ in range(ROUNDS):
-        motion = solve(replace(scene, times=tuple(times), effects=frozenset(), evidence=frozenset(Evidence)))
-        proved = np.array([s is Status.OK for s in motion.status])
-        sigma = np.where(proved, motion.sigma_min, np.inf)
-        k = int(np.argmin(sigma))
-        if sigma[k] <= enough:
-            return times[k], float(sigma[k])
-        more = {t for k in _minima(motion) for side in pairwise(times[max(k - 1, 0) : k + 2]) for t in _within(side)}
-        if more <= set(times):
-            return None
-        times = sorted({*times, *more})
+        motions = [solve(replace(part, effects=frozenset(), evidence=frozenset(Evidence))) for part in parts]
+        lowest = sorted((pose for motion in motions for pose in _minima(motion)), key=lambda pose: pose[0])[:NARROWED]
+        if lowest and lowest[0][0] <= enough:
+            sigma, k, motion = lowest[0]
+            return float(motion.t[k]), sigma
+        parts = [part for _, k, motion in lowest for part in _narrowed(scene, motion, k)]
     return None
+
+
+def _narrowed(scene: Scene, motion: Motion, k: int) -> Iterator[Scene]:
+    """Yield the scene about the k-th time, begun from the pose before it, if there are times between."""
+    first = k - 1 if k and motion.status[k - 1] is Status.OK else k
+    times = motion.t[first : k + 2].tolist()
+    more = sorted({*times, *_within(times)})
+    if len(more) > len(times):
+        yield begun_at(scene, motion, first, more)
 
 
 def _within(times: tuple[float, ...] | list[float], count: int = LATER) -> list[float]:
@@ -235,8 +240,9 @@ def _within(times: tuple[float, ...] | list[float], count: int = LATER) -> list[
     return [float(t) for a, b in pairwise(times) for t in np.linspace(a, b, count + 2)[1:-1]]
 
 
-def _minima(motion: Motion) -> list[int]:
-    """Return where sigma_min is smaller than before and after, the smallest first."""
-    sigma = np.concatenate([[np.inf], np.where(np.isfinite(motion.sigma_min), motion.sigma_min, np.inf), [np.inf]])
-    lowest = np.flatnonzero((sigma[1:-1] <= sigma[:-2]) & (sigma[1:-1] <= sigma[2:]))
-    return [int(k) for k in lowest[np.argsort(sigma[1:-1][lowest])][:NARROWED]]
+def _minima(motion: Motion) -> Iterator[tuple[float, int, Motion]]:
+    """Yield (sigma_min, k, motion) of the certified poses at which it is smaller than before and after."""
+    proved = np.array([s is Status.OK for s in motion.status])
+    sigma = np.pad(np.where(proved, motion.sigma_min, np.inf), 1, constant_values=np.inf)
+    lowest = proved & (sigma[1:-1] <= sigma[:-2]) & (sigma[1:-1] <= sigma[2:])
+    yield from ((float(sigma[k + 1]), int(k), motion) for k in np.flatnonzero(lowest))

@@ -17,6 +17,7 @@ import numpy as np
 
 from crosscheck.engines import QUANTITIES, EngineError
 from crosscheck.engines.methods import Method, Model, Use, methods
+from crosscheck.judge.comparison import begun_at
 from crosscheck.judge.truth import CertifiedTruth, NoTruth, levels_or_nothing
 from crosscheck.scenes.names import order_of
 from crosscheck.workers.processes import Failure, told_if_raised
@@ -68,8 +69,8 @@ def questions(scene: Scene) -> dict[str, Question]:
     after = np.flatnonzero(truth.known[1:] & truth.known[:-1]) + 1
     if len(after):
         chosen = after[np.unique(np.linspace(0, len(after) - 1, SAMPLED + 2).astype(int)[1:-1])]
-        from_last = [_with_truth(_from(scene, truth, k, (scene.times[k],))) for k in chosen]
-        stepped = [_with_truth(_from(scene, truth, k, scene.times[k - 1 : k + 1])) for k in chosen]
+        from_last = [_with_truth(begun_at(scene, truth.ref.motion, k - 1, (scene.times[k],))) for k in chosen]
+        stepped = [_with_truth(begun_at(scene, truth.ref.motion, k - 1, scene.times[k - 1 : k + 1])) for k in chosen]
         asked["one"] = Question(tuple(from_last), tuple(stepped), 1)
         times = np.linspace(scene.times[0], scene.times[-1], BULK).tolist()
         bulk = replace(scene, times=tuple(times)), CertifiedTruth(replace(scene, times=tuple(times[::JUDGED])))
@@ -79,15 +80,6 @@ def questions(scene: Scene) -> dict[str, Question]:
 
 def _with_truth(scene: Scene) -> tuple[Scene, CertifiedTruth]:
     return scene, CertifiedTruth(scene)
-
-
-def _from(scene: Scene, truth: CertifiedTruth, k: int, times: tuple[float, ...]) -> Scene:
-    """Return a scene at other times, its estimates being the poses at the time before the k-th."""
-    motion = truth.ref.motion
-    bodies = tuple(
-        replace(body, estimate=tuple(motion[body.name].q[:, k - 1].tolist())) for body in scene.mechanism.bodies
-    )
-    return replace(scene, mechanism=replace(scene.mechanism, bodies=bodies), times=times)
 
 
 def measure(scene: dict[str, Any], producers: Sequence[str], failed: set[Key], within: float, pipe: Any) -> None:
