@@ -28,12 +28,11 @@ from refkin.solving.limits import check_size
 from refkin.solving.mobility import too_many_drivers
 from refkin.solving.patience import said_if_long
 from refkin.solving.starts import find_start, unassemblable
+from refkin.solving.steps import MISSING
 from refkin.solving.sweep import Arrival, Sweep
 from refkin.solving.written import Written
 from refkin.system import System, compile_system
 
-MISSING = 1e-9
-"""What a proof finds missing of a pose [sizes, rad] above which no sweep can take rounding for one."""
 AT_END = 1e-6
 """Distance [rad] from the end of a profile that a sweep, which halves its steps, certainly comes below."""
 MOST_SEARCHES = 4
