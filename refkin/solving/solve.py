@@ -19,6 +19,7 @@ from refkin.proof.assembly.assembly import Assemblies, assemblies
 from refkin.proof.numbers.inputs import output_rounding
 from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.branch import step_over_crossing
+from refkin.proof.path.curve import MISSING
 from refkin.proof.pose.choices import isolate_every_choice
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import Enclosure
@@ -28,7 +29,6 @@ from refkin.solving.limits import check_size
 from refkin.solving.mobility import too_many_drivers
 from refkin.solving.patience import said_if_long
 from refkin.solving.starts import find_start, unassemblable
-from refkin.solving.steps import MISSING
 from refkin.solving.sweep import Arrival, Sweep
 from refkin.solving.written import Written
 from refkin.system import System, compile_system

@@ -20,6 +20,7 @@ from refkin.joints import SPACE, TurnAboutAxis
 from refkin.newton import TINY, NewtonResult, RoundOff, contracts, newton
 from refkin.proof.numbers.preconditioned import independent_rows
 from refkin.proof.path.blocks import Blocks, blocks
+from refkin.proof.path.curve import is_pose
 from refkin.proof.pose.isolate import isolate
 from refkin.system import System
 
@@ -41,8 +42,6 @@ SHORT = 1 / 8
 """Steps shorter than this part of what was asked are short: they were halved."""
 APART = 64
 """Corrections below sigma_min / APART lead to no other root: near a singular pose roots are sigma_min apart or so."""
-MISSING = 1e-9
-"""What a pose misses [sizes, rad] above which no rounding explains it: least squares of redundant rows end so."""
 FURTHEST = 1.0
 """Largest move of an angle in one step: predictions do not know what lies within a radian [rad]."""
 TURNED = 0.6
@@ -131,7 +130,7 @@ class Steps:
 
     def _on_branch(self, result: NewtonResult, t: float) -> bool:
         sizes = np.max(np.abs(result.corrections), axis=1)
-        if not (result.converged and contracts(sizes, self.tiny)) or not _is_pose(result):
+        if not (result.converged and contracts(sizes, self.tiny)) or not is_pose(result):
             return False
         move, off = (float(np.max(np.abs(result.q - q))) for q in (self.q[-1], result.iterates[0]))
         turn = np.max(np.abs(result.q - self.q[-1]) * self.system.turns, initial=self.driven(self.t[-1], t))
@@ -187,7 +186,7 @@ class Steps:
         s, start = self.system, self.q[-1]
         result = newton(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start, max_iterations=60)
         if (
-            not (result.converged and _is_pose(result))
+            not (result.converged and is_pose(result))
             or self.driven(self.t[-1], t) > FURTHEST
             or np.max(np.abs(result.q - start)) > REACH
         ):
@@ -244,11 +243,6 @@ def neville(times: Sequence[Any], poses: list[Any], t: Any) -> Any:
             a, b = times[k], times[k + width]
             poses[k] = ((t - b) * poses[k] + (a - t) * poses[k + 1]) / (a - b)
     return poses[0]
-
-
-def _is_pose(result: NewtonResult) -> bool:
-    """Whether Newton's method did not end at a minimum, where redundant rows contradict each other."""
-    return bool(result.residual <= MISSING * max(1.0, float(np.max(np.abs(result.q)))))
 
 
 @dataclass

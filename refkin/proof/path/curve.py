@@ -33,6 +33,14 @@ from refkin.proof.numbers.exact import exact_system
 from refkin.proof.numbers.preconditioned import leading_rows
 from refkin.system import System
 
+MISSING = 1e-9
+"""What a pose misses [sizes, rad] above which no rounding explains it: least squares of redundant rows end so."""
+
+
+def is_pose(result: NewtonResult) -> bool:
+    """Whether Newton's method did not end at a minimum, where redundant rows contradict each other."""
+    return bool(result.residual <= MISSING * max(1.0, float(np.max(np.abs(result.q)))))
+
 
 @dataclass(frozen=True)
 class Curve:
@@ -91,6 +99,11 @@ class Curve:
         """Return the smallest singular value of [phi_q, phi_t]; 0 where curves cross."""
         return float(np.linalg.svd(self.slope(x), compute_uv=False)[self.system.n - 1])
 
+    def is_locked(self, x: Any) -> bool:
+        """Whether redundant rows contradict each other in the rates: then there is a pose, and no curve through it."""
+        n = self.system.n
+        return self.system.m > n and bool(np.linalg.svd(self.slope(x), compute_uv=False)[n] > FLAT)
+
     def rows(self, x: Any) -> Any:
         """Return n rows that are independent at a point."""
         n = self.system.n
@@ -129,7 +142,7 @@ class Curve:
             Length of the step, in the units of `scale`.
         """
         result = self.corrected(x + h * tangent, tangent)
-        if not (result.converged and contracts(np.max(np.abs(result.corrections), axis=1))):
+        if not (result.converged and is_pose(result) and contracts(np.max(np.abs(result.corrections), axis=1))):
             return None
         return result.q
 

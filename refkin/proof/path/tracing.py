@@ -131,7 +131,7 @@ class Tracer:
 
     def _step(self, x: Any, tangent: Any, h: float) -> tuple[Any, Any, float] | Crossing | None:
         """Return the next point, its tangent and the step that led there; a crossing on the way; or None."""
-        while h >= SHORTEST:
+        while h >= SHORTEST and not self.curve.is_locked(x):
             new = self.curve.stepped(x, tangent, h)
             after = None if new is None else self.curve.tangent(new, tangent)
             if new is not None and tangent @ after >= math.cos(BEND):

@@ -9,6 +9,7 @@ import numpy as np
 
 import refkin
 from refkin import Scene, Status
+from refkin.proof.path.tracing import TraceEnd
 from refkin.scenes.linkages import Bennett
 
 LINKAGE = Bennett(1.0, 0.7, 1.2)
@@ -42,3 +43,11 @@ def test_a_loop_that_cannot_move_is_not_swept_along_least_squares_to_where_it_cl
     motion = refkin.solve(loop())
 
     assert motion.status == (Status.OK, Status.BRANCH_LOST)
+
+
+def test_a_path_of_a_loop_that_cannot_move_stops_where_it_starts() -> None:
+    path = refkin.follow(loop())
+
+    assert path.end is TraceEnd.STOPPED
+    assert np.max(path.residual) <= 1e-9
+    assert np.max(np.abs(path.t - path.t[0])) < 1e-6
