@@ -112,18 +112,23 @@ def joint_frame(axis: Rows, zero: Rows | None) -> Array:
     Where no zero is given, no row but that of an angle asks for it: f then lies towards the first axis of the frame
     that is least along h but for three tenths, as the rows of a joint without one are stated.
     """
-    h = np.asarray(axis, float)
-    h = h / np.max(np.abs(h))  # so that no square over- or underflows
+    h = _near_one(axis)
     h = h / np.linalg.norm(h)
     if zero is None:
         sizes = np.abs(np.asarray(axis, float))
         zero = np.eye(3)[int(np.argmax(sizes <= np.min(sizes) / 0.7))]
-    f = np.asarray(zero, float) / np.max(np.abs(zero))
+    f = _near_one(zero)
     f = f - h * (h @ f)
     f = f / np.linalg.norm(f)
     f = f - h * (h @ f)
     f = f / np.linalg.norm(f)
     return np.stack([f, np.cross(h, f), h], axis=1)
+
+
+def _near_one(v: Rows) -> Array:
+    """Return a vector (3,) times a power of two, which rounds nothing: no square of it over- or underflows."""
+    v = np.asarray(v, float)
+    return np.ldexp(v, -np.frexp(np.max(np.abs(v)))[1])
 
 
 def _pure(v: Rows) -> Array:
