@@ -301,6 +301,7 @@ def _of_route(engine: Engine, route: Route, uses: frozenset[Use]) -> Method:
         seeding=route.seeding,
         uses=uses,
         build=partial(_asked_anew, engine, route),
+        highest=max((QUANTITIES.index(quantity) for quantity in getattr(engine, "delivers", ())), default=2),
         note="builds its model anew in every call",
         asked=(engine, route),
     )

@@ -95,7 +95,8 @@ def ablations(method: Method, scene: Scene) -> Ablations:
     """
     wanted, reported, absent = _wanted(scene)
     scenes = {**_levels(scene), **wanted}
-    listed = [*LEVELS, *reported]
+    listed = [*LEVELS[: method.highest], *reported]
+    absent |= {level.effect: "the engine delivers none" for level in LEVELS[method.highest :]}
     works: dict[str, Work] = {}
     if method.engine == REFKIN:
         whole = bare(scene, EVERY_LEVEL)
