@@ -28,7 +28,7 @@ Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockw
 ========= ======================================= ==============================================================
 `q`       coordinates                             (x, y, phi) per body, in space (x, y, z, e0 to e3); then of joints
 `qd`      velocities                              `qdd`: accelerations
-`phi`     constraint residual, Shabana's C        phi(q, t) = 0
+`phi`     constraint residual, Shabana's C        phi(q, t) = 0; of a body `phi` is its angle
 `phi_q`   constraint Jacobian
 `nu`      velocity right side                     nu = -phi_t,  phi_q qd = nu
 `gamma`   acceleration right side                 gamma = -(phi_q qd)_q qd - 2 phi_qt qd - phi_tt,  phi_q qdd = gamma

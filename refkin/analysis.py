@@ -28,7 +28,7 @@ from refkin.newton import TINY, NewtonResult, contracts, is_round_off, newton
 from refkin.system import System, compile_system
 
 SINGULAR = 8 * np.sqrt(EPS)
-"""Smallest singular value of the scaled phi_q at or below which a pose is not isolated by first-order terms."""
+"""A pose is singular where sigma_min of the scaled phi_q is no larger: first-order terms do not isolate it."""
 NEAR, FURTHEST, REACH = 1 / 4, 1.0, 1 / 4
 """Largest correction in units of the move; largest move in a step, and to a singular pose [sizes, rad]."""
 OWN = {"residual_by": "refkin", "jacobian_by": "refkin", "newton_by": "refkin", "drift_by": "refkin"}
@@ -182,7 +182,8 @@ def _next(system: System, q: Any, t: float, target: float) -> tuple[Any, bool]:
 def _stays(system: System, q: Any, t: float, result: NewtonResult, to: float) -> bool:
     """Return whether Newton's method, from a prediction, went to the branch of the last pose."""
     sizes, move = np.max(np.abs(result.corrections), axis=1), np.max(np.abs(result.q - q))
-    if not (result.converged and contracts(sizes) and sizes[0] <= max(NEAR * move, TINY) and move <= FURTHEST):
+    closed = result.converged and is_round_off(result.residuals[-1], result.q)  # not least squares of redundant rows
+    if not (closed and contracts(sizes) and sizes[0] <= max(NEAR * move, TINY) and move <= FURTHEST):
         return False
     before, after = system.phi_q(q, t), system.phi_q(result.q, to)
     kink = (to - t) * np.max(np.abs(velocity(system, result.q, to) - velocity(system, q, t)))

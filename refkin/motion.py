@@ -18,7 +18,7 @@ __version__ = "0.1.0"
 
 
 class Status(Member):
-    """What is known of one pose; defined in the scene file format."""
+    """What is known of one pose; docs/howto/scene.md has them in a table."""
 
     OK = "ok"
     """A proof isolates the pose; without certificates: the residual is round-off, sigma_min well above zero."""
@@ -31,7 +31,7 @@ class Status(Member):
     NOT_CONVERGED = "not_converged"
     """No answer, and no proof."""
     BRANCH_LOST = "branch_lost"
-    """The motion met a singular pose before, and was not followed beyond it."""
+    """Not followed so far: the motion met a singular pose before, or one where redundant rows contradict each other."""
 
 
 class Seeding(Member):

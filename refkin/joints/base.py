@@ -243,7 +243,7 @@ def turned_points(g: Any, i: BodyValues, j: BodyValues) -> tuple[Vec, Vec]:
 
 
 def arms(g: Any, i: BodyValues, j: BodyValues) -> tuple[Vec, Vec, Vec]:
-    """Return these and d = r_j + a_j - r_i - a_i (J1)."""
+    """Return a_i, a_j and d = r_j + a_j - r_i - a_i (J1)."""
     a_i, a_j = turned_points(g, i, j)
     return a_i, a_j, j.r + a_j - i.r - a_i
 

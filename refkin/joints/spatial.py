@@ -52,7 +52,7 @@ from refkin.vec import Scalar
 
 Form = Literal["half", "dot", "printed"]
 Formed = dict[str, Term]
-"""What has other rows in each form."""
+"""Terms that say the same by other rows in each form."""
 PARALLEL: Formed = {"half": Turn("12"), "dot": Across("fi gi", "hj"), "printed": Crossed()}
 ON_AXIS: Formed = {"half": Guide("fi gi"), "dot": Guide("fi gi"), "printed": Crossed(gap=True)}
 UNTURNED: Formed = {"half": Turn("3"), "dot": Across("fi", "gj"), "printed": Across("fi", "gj")}

@@ -1,10 +1,11 @@
 """Which bodies of space spin about a line while nothing else moves: by their joints' elements alone, at every pose.
 
-An element feels nothing of a spin of one of its bodies about a line that its point on that body lies on, or its axis is
-along: so couplers between two ball joints spin, rods between a ball and a distance, the halves of a rod that a hinge
-along it joins. What an element feels takes its other body along: bodies fixed to each other, or on a slide along the
-line, spin as one. The line is known in the other body where the joint says so; where it does not, or where the ground
-would have to come along, nothing spins. A body that hangs on one joint alone is no case of this: it lacks a driver.
+The rows of an element stay as they are while one of its bodies spins about a line that its point on that body lies on,
+or its axis is along: so couplers between two ball joints spin, rods between a ball and a distance, the halves of a rod
+that a hinge along it joins. Where they would change, its other body goes along: bodies fixed to each other, or on a
+slide along the line, spin as one. The line is known in the other body where the joint says so; where it does not, or
+where the ground would have to come along, nothing spins. A body that hangs on one joint alone is no case of this: it
+lacks a driver.
 """
 
 from __future__ import annotations
@@ -84,12 +85,12 @@ def _spinning(body: str, line: Line, at: Touching) -> dict[str, Line] | None:
 
 
 def _elements(c: Any) -> Sequence[Element | None]:
-    """Return the elements of a constraint; if it has rows and no element says them, None: that feels everything."""
+    """Return the elements of a constraint; if it has rows and no element says them, None: every spin changes those."""
     return c.placed_elements or ((None,) if c.rows else ())
 
 
 def _blind(e: Element | None, body: str, line: Line) -> bool:
-    """Whether an element feels nothing of a spin of a body about a line of it."""
+    """Whether the rows of an element stay as they are while a body spins about a line of it."""
     point, axis = _end(e, body)
     on, along = point is not None and _on(point, line), axis is not None and _along(axis, line)
     if isinstance(e, PointsMeet | SpatialPointDistance):

@@ -37,7 +37,7 @@ from refkin.vec import Scalar, cosine_and_sine
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 AT_REST = (0, 0, 0)
 CLEAR = 0.7
-"""Part of the largest of some numbers from which on one of them is large enough to divide by: no tie is decided."""
+"""A number of at least this part of the largest will do to divide by; the first is taken, so rounding breaks no tie."""
 
 
 def root(square: Scalar) -> Scalar:
@@ -139,7 +139,7 @@ Row = tuple[tuple[Scalar, ...], ...]
 
 
 class Term:
-    """Some rows; `size` numbers of the geometry are theirs."""
+    """Some rows of a constraint; `size` numbers of its geometry are theirs."""
 
     rows = 1
     size = 0

@@ -202,7 +202,8 @@ def given(mechanism: Mechanism, *, apart: bool = False) -> Iterator[Given]:
         elif apart and elements and not driver and all((each,) in SHAPES for each in shape):
             yield from (_given(constraint.name, SHAPES[(type(e),)], [e], "") for e in elements)
         else:
-            raise EngineRefusal(f"{constraint.name!r} is no joint of space that is written here")
+            what = f"{constraint.type} {constraint.name!r}"
+            raise EngineRefusal(f"{what}: no equations here for the elements that it consists of, taken together")
 
 
 def _given(name: str, kind: str, elements: list[Any], joint: str) -> Given:

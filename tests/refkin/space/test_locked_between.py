@@ -9,6 +9,7 @@ import numpy as np
 
 import refkin
 from refkin import Scene, Status
+from refkin.analysis import sweep
 from refkin.proof.path.tracing import TraceEnd
 from refkin.scenes.linkages import Bennett
 
@@ -43,6 +44,7 @@ def test_a_loop_that_cannot_move_is_not_swept_along_least_squares_to_where_it_cl
     motion = refkin.solve(loop())
 
     assert motion.status == (Status.OK, Status.BRANCH_LOST)
+    assert sweep(loop()).status == motion.status  # the plain one stepped along them for minutes
 
 
 def test_a_path_of_a_loop_that_cannot_move_stops_where_it_starts() -> None:
