@@ -186,7 +186,7 @@ def _stays(system: System, q: Any, t: float, result: NewtonResult, to: float) ->
     if not (closed and contracts(sizes) and sizes[0] <= max(NEAR * move, TINY) and move <= FURTHEST):
         return False
     before, after = system.phi_q(q, t), system.phi_q(result.q, to)
-    kink = (to - t) * np.max(np.abs(velocity(system, result.q, to) - velocity(system, q, t)))
+    kink = (to - t) * np.max(np.abs(velocity(system, result.q, t) - velocity(system, q, t)))  # of the path, not the law
     if sigma_min(after) <= SINGULAR or kink > move / 2:  # where branches cross, rounding would choose between them
         return False
     return bool(system.m > system.n or np.linalg.slogdet(before)[0] == np.linalg.slogdet(after)[0])

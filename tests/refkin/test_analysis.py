@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import FourBar, Polynomial, Sinusoid, SliderCrank, Status
+from refkin import FourBar, Polynomial, Sinusoid, SliderCrank, Status, compile_system
+from refkin.analysis import estimated, march, position, sweep
 from refkin.joints import Constraint
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
@@ -131,6 +132,28 @@ def test_a_step_that_lands_on_the_next_time_by_rounding_is_the_last():
     motion = refkin.solve(refkin.InvertedSliderCrank(ground=2.0, crank=1.0, offset=0.5).scene(law=law, times=times))
 
     assert set(motion.status) == {Status.OK}
+
+
+@pytest.mark.parametrize("turned", [2.0, 4.0, 6.0, 8.0])
+def test_a_long_way_in_steps_of_its_own_ends_where_a_short_one_does(turned):
+    """The crank slows down and turns back at the end: steps of twice the length fit there, and led beyond it."""
+    scene = ROCKER.scene(law=Polynomial(coefficients=(0.3, 2.0 * turned, -turned)), times=(0.0, 1.0))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = position(system, estimated(system, scene), 0.0).q
+    fine = march(system, q, np.linspace(0.0, 1.0, 100).tolist())
+
+    assert march(system, q, (0.0, 1.0))[:, -1] == pytest.approx(fine[:, -1], abs=1e-12)
+
+
+@pytest.mark.parametrize("samples", [3, 9, 73])
+def test_the_plain_analysis_goes_on_where_a_swing_turns_back(samples):
+    """Planted: the change of the law's rate was taken for a kink of the path, twice the move to where it turns."""
+    law = Sinusoid(amplitude=1.0, angular_frequency=1.0, phase=0.0, offset=0.3)
+    scene = ROCKER.scene(law=law, times=tuple(np.linspace(0.0, np.pi, samples).tolist()))
+    plain, proved = sweep(scene), refkin.solve(scene)
+
+    assert set(plain.status) == {Status.OK}
+    assert plain.q == pytest.approx(proved.q, abs=1e-13)
 
 
 @pytest.mark.parametrize("samples", [5, 8, 14, 30, 100])

@@ -81,6 +81,13 @@ def test_a_contact_estimate_chooses_among_contacts(contact, side, estimates):
     assert side * motion["follower"].y[0] > 0.9
 
 
+def test_a_contact_is_first_sought_where_what_is_missed_is_small_not_where_it_is_negative():
+    cam = next(j for j in over_profile(LOBES, "flat", times=(0.0,)).mechanism.joints if isinstance(j, Cam))
+    middle = sum(cam.span) / 2
+
+    assert cam.initial_contact(lambda s: np.array([s - middle, 0.0 * s])) == pytest.approx(middle, abs=1e-3)
+
+
 def test_a_lever_that_is_too_short_for_the_disc_is_proved_not_to_assemble():
     m = scene("tip on disc").mechanism
     joints = tuple(replace(j, point_j=(0.5, 0.0)) if isinstance(j, Cam) else j for j in m.joints)
