@@ -24,7 +24,7 @@ from crosscheck.measure.bench_aims import DENSE, SAMPLES, SPARSE, Key, key_of
 from crosscheck.measure.effects import effects_ledger
 from crosscheck.measure.effects_ablations import REFKIN
 from crosscheck.scenes import workloads
-from crosscheck.workers.pool import find_engines
+from crosscheck.workers.installed import find_engines
 from crosscheck.workers.processes import Failure, call_each
 from refkin.model import Scene
 from refkin.motion import Status

@@ -25,7 +25,8 @@ from crosscheck.report import verdict
 from crosscheck.report.build import summarized, write
 from crosscheck.scenes.names import PEERS, QUANTITIES
 from crosscheck.workers.cluster import LOCAL
-from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
+from crosscheck.workers.installed import find_engines
+from crosscheck.workers.pool import SECONDS_PER_SCENE
 
 CODES = {
     verdict.PASS: PASS,

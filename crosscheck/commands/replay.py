@@ -24,7 +24,8 @@ from crosscheck.measure.conform import LEVELS, Fault, Reply, hard_replies, repli
 from crosscheck.measure.jobs import checkers
 from crosscheck.scenes.conformance import questions
 from crosscheck.scenes.hard import KINDS
-from crosscheck.workers.pool import SECONDS_PER_SCENE, find_engines
+from crosscheck.workers.installed import find_engines
+from crosscheck.workers.pool import SECONDS_PER_SCENE
 from refkin.scenes.files import load, to_dict
 
 

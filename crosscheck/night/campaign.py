@@ -40,7 +40,8 @@ from crosscheck.night.plan import (
 from crosscheck.scenes.drawing import draw, is_chain, numbers_of, turn_of
 from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.cluster import ClusterWorkers
-from crosscheck.workers.pool import Job, Pool, Workers, find_engines
+from crosscheck.workers.installed import find_engines
+from crosscheck.workers.pool import Job, Pool, Workers
 
 ROUND = 140
 """Turns of a round. What a round prefers to draw is known from the records of all rounds but the one before it, so that

@@ -19,7 +19,8 @@ from functools import lru_cache
 from typing import Any
 
 from crosscheck.errors import CannotRun
-from crosscheck.workers.pool import LONGEST_WAIT, MOST_KILLS, SECONDS_PER_SCENE, Job, Work, Workers, name_and_version
+from crosscheck.workers.installed import name_and_version
+from crosscheck.workers.pool import LONGEST_WAIT, MOST_KILLS, SECONDS_PER_SCENE, Job, Work, Workers
 from crosscheck.workers.processes import Failure, call_each
 
 LOCAL = "local"

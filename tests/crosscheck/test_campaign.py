@@ -23,7 +23,8 @@ from crosscheck.night.disagreements import write_disagreements
 from crosscheck.night.plan import SAMPLED, Journal, NightPlan
 from crosscheck.scenes.drawing import CHAINS_EVERY, WARM_UP, draw, effort, is_chain, numbers_of, turn_of
 from crosscheck.scenes.names import FEATURES, pairs_of
-from crosscheck.workers.pool import BATCH, SameName, find_engines
+from crosscheck.workers.installed import SameName, find_engines
+from crosscheck.workers.pool import BATCH
 
 from .fake_engines import EXIT, alive, crosscheck, engine_file, key_of_drawn, records_of, start
 from .report_records import record, typed
