@@ -214,12 +214,14 @@ def _ours(system: System, at: Configuration) -> dict[Any, Any]:
     """Return our values at a configuration, with the running errors of each."""
     coordinates = np.append(at.q, at.contacts)
     rates = np.append(at.qd, 0.0 * at.contacts)
-    q, qd = running(coordinates), running(rates)
-    rounded = running(coordinates, U * np.abs(coordinates))  # as a point's place in the ground frame is, once composed
+    lost = U * np.abs(coordinates)  # of a point's place in the ground frame, once composed
+    rounded, qd, spatial = running(coordinates, lost), running(rates), system.kind.name == "spatial"
+    # Turns of space multiply by a lever what is lost of a place far from the origin: no `Term` knows it.
+    q = running(coordinates, lost * np.resize([1.0, 1.0, 1.0, 0.0, 0.0, 0.0, 0.0], len(lost)) if spatial else 0.0)
     slope, gamma = system.phi_q(q, at.t), system.gamma(q, qd, at.t)
     rate = off_by(parts(slope), rates, parts(system.nu(q, at.t)))
     slope = slope[:, : system.of_bodies]
-    if system.kind.name == "spatial":
+    if spatial:
         slope, gamma = _in_common_columns(slope, gamma, at)
         rate = rate[0], rate[1] + ROUNDINGS * U * np.abs(parts(slope)[0]) @ _turning(at)
     ours: dict[Any, Any] = {

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
 import pytest
 
+import refkin
 from crosscheck.engines import Level, load
 from crosscheck.engines.mujoco import engine as mujoco_engine
 from crosscheck.judge.levels import Configuration, compare_levels, configurations, missing_rows
@@ -12,6 +15,8 @@ from crosscheck.measure.check import check
 from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene, YDriver
 
 from . import space_scenes
+
+CORPUS = Path(__file__).parents[1] / "corpus"
 
 GROUND_POINT = (116.83380688588964, 245.63337161426253)
 LEVER_POINT = (-7.402744570506538e-06, 3e-6)
@@ -111,3 +116,11 @@ def test_a_row_that_states_one_number_is_allowed_what_its_rates_cost():
     model = engine.constraints(Scene(mechanism=mechanism, times=(0.0,)))
 
     assert compare_levels(engine, model, mechanism, at)[Level.CONSTRAINT_VELOCITY].ratio < 0.25
+
+
+def test_turns_of_space_multiply_what_is_lost_of_a_place_far_from_the_origin():
+    """Planted: the Jacobian of a row was allowed what it would be at the origin, and exudyn's was called wrong."""
+    record = check(refkin.load(CORPUS / "space-turns-far-from-origin.toml"), ["exudyn", "pinocchio", "mujoco"])
+
+    assert [d for d in record.disagreements if d.route not in {"shipped"}] == []
+    assert {level.level for level in record.levels} == set(Level) - {Level.SOLVE}
