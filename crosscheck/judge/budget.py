@@ -139,6 +139,15 @@ class Propagation:
         """What an error of 1 in every row of a residual does to the levels from its own on: (n, T), per residual."""
         return [[np.sum(m, axis=1) for m in own] for own in (self.carried.phi, self.carried.nu, self.carried.gamma)]
 
+    @property
+    def weights(self) -> float:
+        """How much more a residual that is left does to later levels, where rows are redundant.
+
+        Such a pose contradicts some rows, and rates are least squares of what is left: an engine's rows are ours times
+        1/2 to 2 (sines of angles or of their halves), so that their squares weigh up to four times as much.
+        """
+        return 4.0 if self.system.m > self.system.n else 1.0
+
     @cached_property
     def of_size(self) -> list[list[Any]]:
         """What errors as large as what stands in a residual's equations do, as `of_one`."""
@@ -155,7 +164,8 @@ class Propagation:
                 added = [(term.absolute + term.of_rates * self.rates[first]) * one for one in self.of_one[first]]
                 if term.relative:
                     added = [a + term.relative * of for a, of in zip(added, self.of_size[first], strict=True)]
-            levels[first:] = [level + more for level, more in zip(levels[first:], added, strict=True)]
+            weighed = [1.0, *[self.weights] * (len(added) - 1)]
+            levels[first:] = [a + w * more for a, w, more in zip(levels[first:], weighed, added, strict=True)]
         position, velocity, acceleration = (_spread(level, self.samples, self.count) for level in levels)
         return ErrorBudget(position, velocity, acceleration, self._judged(levels[0]))
 
