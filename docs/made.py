@@ -145,7 +145,7 @@ def findings() -> Iterator[str]:
         yield f"\n## {kind.capitalize()}\n\n{meaning}\n"
         for finding in (f for f in known if f.kind == kind):
             asked = f": {', '.join(finding.cases)}" if finding.cases else ""
-            yield f"\n### {finding.engine}, {finding.route}{asked}\n"
+            yield f"\n### {finding.engine}, {finding.method}{asked}\n"
             yield " ".join(finding.reason.split()) + "\n"
             yield f"> {' '.join(finding.quote.split())}\n>\n> — {finding.source}\n"
             shown = ", ".join(f"`{path}`" for path in (finding.script, finding.scene) if path)

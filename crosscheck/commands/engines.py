@@ -61,16 +61,16 @@ def capability_table(engines: Iterable[Engine]) -> Table:
 
 
 def agreement_table(record: Record) -> Table:
-    """Return engine and route x quantity: worst digits and worst error / allowed, and who did what."""
+    """Return engine and method x quantity: worst digits and worst error / allowed, and who did what."""
     numbers = [head for quantity in QUANTITIES for head in (f">{quantity}\nworst digits", ">error/\nallowed")]
     rows = []
     for answer in record.answers:
-        route = answer.route
-        cells = [answer.engine, route.name, route.newton_by, route.seeding]
+        method = answer.method
+        cells = [answer.engine, method.name, method.newton_by, method.seeding]
         for quantity in QUANTITIES:
             cells += _cells(answer.quantities.get(quantity))
         rows.append([*cells, f"{answer.missing} of {answer.times}"])
-    heads = ("engine", "route", "Newton by", "seeding", *numbers, ">no answer")
+    heads = ("engine", "method", "Newton by", "seeding", *numbers, ">no answer")
     return table(*heads, rows=rows, title=f"{record.scene}: agreement with refkin")
 
 
@@ -92,8 +92,8 @@ def arbiter_table(record: Record) -> Table:
         certificate = answer.certificate
         cells = [str(getattr(certificate, place)) for place in PLACES] if certificate else ["-"] * len(PLACES)
         worst = "-" if certificate is None or certificate.radii is None else f"{certificate.radii:.2g}"
-        rows.append([answer.engine, answer.route.name, *cells, worst])
-    heads = ("engine", "route", *(f">{place.replace('_', ' ')}" for place in PLACES), ">worst, radii")
+        rows.append([answer.engine, answer.method.name, *cells, worst])
+    heads = ("engine", "method", *(f">{place.replace('_', ' ')}" for place in PLACES), ">worst, radii")
     title = "Positions by the certificate (113 bits), within what float64 can attain"
     return table(*heads, rows=rows, title=title)
 

@@ -169,7 +169,7 @@ MOST_NIGHTS = 90
 """Nights that a line of blocks shows."""
 
 PRICED = ": "
-"""What the name of a series of the price list has in it, and that of a route has not."""
+"""What the name of a series of the price list has in it, and that of a method has not."""
 
 
 def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, as_json: Json = False) -> int:
@@ -257,13 +257,13 @@ def _night_table(kept: Sequence[Mapping[str, Any]]) -> Table:
 
 def _digit_table(kept: Sequence[Mapping[str, Any]]) -> Table:
     """Return the digits of the latest night, and the fewest and most worst digits of the nights shown."""
-    by_route: dict[tuple[str, str], dict[str, list[Mapping[str, Any]]]] = {}
+    by_method: dict[tuple[str, str], dict[str, list[Mapping[str, Any]]]] = {}
     for night in kept:
         for row in night["accuracy"]:
-            by_route.setdefault((row["engine"], row["route"]), {}).setdefault(row["quantity"], []).append(row)
-    rows = [[*route, *(_digits(of.get(q, [])) for q in QUANTITIES)] for route, of in sorted(by_route.items())]
+            by_method.setdefault((row["engine"], row["method"]), {}).setdefault(row["quantity"], []).append(row)
+    rows = [[*method, *(_digits(of.get(q, [])) for q in QUANTITIES)] for method, of in sorted(by_method.items())]
     title = "Digits: median / worst of the last night (range of the worst)"
-    return table("engine", "route", *(f">{quantity}" for quantity in QUANTITIES), rows=rows, title=title)
+    return table("engine", "method", *(f">{quantity}" for quantity in QUANTITIES), rows=rows, title=title)
 
 
 def _digits(rows: Sequence[Mapping[str, Any]]) -> str:

@@ -336,7 +336,7 @@ def refuse_joints(engine: Engine, scene: Scene, route: Route | None, routes: Seq
     """Raise EngineRefusal if `engine` cannot solve `scene`, EngineError if `route` is none of `routes` and not None."""
     if route is not None and route not in routes:
         known = ", ".join(repr(r.name) for r in routes)
-        raise EngineError(f"{engine.name} has no route {route.name!r}; there are: {known}")
+        raise EngineError(f"{engine.name} has no method {route.name!r}; there are: {known}")
     refuse(refusals(engine, scene, Level.SOLVE))
 
 

@@ -1,6 +1,6 @@
 """Features of engines as their users use them: what the adapters make safe elsewhere is left as it is.
 
-A feature is a route of its own (`Use.FEATURE`). A night asks it of the scenes that are drawn for it
+A feature is a method of its own (`Use.FEATURE`). A night asks it of the scenes that are drawn for it
 (`crosscheck.scenes.featured`), and its answers are judged like any other.
 """
 
@@ -70,7 +70,7 @@ def with_rates(
     Parameters
     ----------
     motion : Motion
-        Positions of all bodies, by another route of the same engine.
+        Positions of all bodies, by another method of the same engine.
     jacobian, drift : callable
         q (3 bodies,) -> rows of the pins (m, 3 bodies); q and qd -> gamma (m,); in sizes and rad.
     """

@@ -15,7 +15,10 @@ from typing import Any
 
 from crosscheck.judge.known_gaps import CLASSES, InvalidGap
 
-KEYS = ("engine", "route", "cases", "verdict", "class", "quote", "source", "reason", "scene", "script", "since", "date")
+KEYS = (
+    *("engine", "method", "cases", "verdict", "class", "quote", "source"),
+    *("reason", "scene", "script", "since", "date"),
+)
 SHOWN_BY = ("scene", "script")
 OPTIONAL = (*SHOWN_BY, "cases")
 
@@ -26,7 +29,7 @@ class Finding:
 
     Attributes
     ----------
-    engine, route, verdict : str
+    engine, method, verdict : str
         Whose answers, and what they are classed as.
     cases : tuple of str
         The kinds of hard scenes that show it; none for a feature, which a night asks by itself.
@@ -41,7 +44,7 @@ class Finding:
     """
 
     engine: str
-    route: str
+    method: str
     cases: tuple[str, ...]
     verdict: str
     kind: str
@@ -71,10 +74,10 @@ def read(text: str | None = None) -> tuple[Finding, ...]:
     return tuple(_finding(k, row) for k, row in enumerate(table.get("finding", [])))
 
 
-def finding_of(known: Sequence[Finding], engine: str, route: str, case: str, verdict: str) -> Finding | None:
+def finding_of(known: Sequence[Finding], engine: str, method: str, case: str, verdict: str) -> Finding | None:
     """Return the finding that explains a row of the table, if there is one."""
     return next(
-        (f for f in known if (f.engine, f.route, f.verdict) == (engine, route, verdict) and case in f.cases), None
+        (f for f in known if (f.engine, f.method, f.verdict) == (engine, method, verdict) and case in f.cases), None
     )
 
 
@@ -86,7 +89,7 @@ def closed(known: Sequence[Finding], rows: Sequence[Mapping[str, Any]]) -> list[
         (f, case)
         for f in known
         for case in f.cases
-        if (f.engine, f.route, case) in asked and (f.engine, f.route, case, f.verdict) not in shown
+        if (f.engine, f.method, case) in asked and (f.engine, f.method, case, f.verdict) not in shown
     ]
 
 

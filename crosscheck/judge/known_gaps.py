@@ -51,7 +51,7 @@ PREDICATES: dict[str, Predicate] = {
 }
 CLASSES = ("contract violated", "documented limit", "our misuse")
 REQUIRED = ("engine", "predicate", "reason", "class", "date", "reproduction")
-MATCHED = ("route", "quantity", "kind")
+MATCHED = ("method", "quantity", "kind")
 ENOUGH = 30
 """Scenes of its kind in which a gap should have shown: one that shows in a tenth is missed by one night in 24."""
 
@@ -75,7 +75,7 @@ class KnownGap:
     def covers(self, record: Record, disagreement: Disagreement) -> bool:
         """Return whether this row accounts for a disagreement of a record."""
         d = disagreement
-        has = {"route": (d.route,), "quantity": (d.quantity,), "kind": (d.kind, d.name)}
+        has = {"method": (d.method,), "quantity": (d.quantity,), "kind": (d.kind, d.name)}
         fits = d.engine == self.engine and all(value in has[key] for key, value in self.match.items())
         return fits and self.holds(record)
 
@@ -85,8 +85,8 @@ class KnownGap:
 
     def could_show(self, record: Record) -> bool:
         """Return whether the engine answered a scene in which the gap could show."""
-        routes = {answer.route.name for answer in record.answers if answer.engine == self.engine}
-        return bool(routes) and self.match.get("route", "rows") in (*routes, "rows") and self.holds(record)
+        methods = {answer.method.name for answer in record.answers if answer.engine == self.engine}
+        return bool(methods) and self.match.get("method", "rows") in (*methods, "rows") and self.holds(record)
 
 
 class Tally:

@@ -107,7 +107,7 @@ class Quantity:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RouteData:
+class MethodData:
     """Who did what on the way to an answer."""
 
     __pydantic_config__ = STRICT
@@ -137,9 +137,9 @@ class EnclosedTimes:
 
 @dataclass(frozen=True, kw_only=True)
 class Answer:
-    """One engine's answer to one scene by one route; `missing` times have none, `judged` were compared.
+    """One engine's answer to one scene by one method; `missing` times have none, `judged` were compared.
 
-    `feature`: by a feature of the engine that its other routes avoid. `granted`: the error terms that the engine's
+    `feature`: by a feature of the engine that its other methods avoid. `granted`: the error terms that the engine's
     documentation grants it beyond rounding, by name [sizes].
     """
 
@@ -147,7 +147,7 @@ class Answer:
 
     engine: str
     version: str
-    route: RouteData
+    method: MethodData
     quantities: dict[str, Quantity]
     missing: NonNegativeInt
     judged: NonNegativeInt
@@ -235,7 +235,7 @@ class RefusalRow:
 
 @dataclass(frozen=True, kw_only=True)
 class Disagreement:
-    """One engine, route and quantity that is not what it must be.
+    """One engine, method and quantity that is not what it must be.
 
     Attributes
     ----------
@@ -252,7 +252,7 @@ class Disagreement:
     __pydantic_config__ = STRICT
 
     engine: str
-    route: str
+    method: str
     quantity: str
     kind: Cause
     how: str = ""
@@ -273,12 +273,12 @@ class Disagreement:
 
     def __str__(self) -> str:
         ratio = "" if self.ratio is None else f", {self.ratio:.3g} times the allowed error"
-        return f"{self.engine} ({self.route}), {self.quantity}: {self.name}{ratio}; {self.worst}"
+        return f"{self.engine} ({self.method}), {self.quantity}: {self.name}{ratio}; {self.worst}"
 
     @property
     def signature(self) -> tuple[str, str, str, str]:
         """What makes two disagreements the same one in different scenes."""
-        return self.engine, self.route, self.quantity, self.name
+        return self.engine, self.method, self.quantity, self.name
 
 
 @dataclass(frozen=True, kw_only=True)

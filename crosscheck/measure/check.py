@@ -37,10 +37,10 @@ from crosscheck.judge.records import (
     Disagreement,
     EnclosedTimes,
     LevelRow,
+    MethodData,
     Record,
     ReferenceRow,
     RefusalRow,
-    RouteData,
 )
 from crosscheck.judge.samples import (
     attainable_digits,
@@ -72,7 +72,7 @@ SHARPNESS = 16
 REGULAR = 1e-4
 """Smallest singular value above which an engine has no excuse for giving no answer."""
 ROWS = "rows"
-"""The route of an engine's own rows."""
+"""The method of an engine's own rows."""
 
 
 def key_of(scene: Scene) -> str:
@@ -122,7 +122,7 @@ def _of_reference(subject: _Subject) -> Iterator[Disagreement]:
     motion = subject.ref.motion
     messages = [] if subject.as_expected else [motion.message]
     messages += [f"{row['message']}: {row['kind']}" for row in put_together_wrongly(subject.ref.scene, motion)[0]]
-    who: Any = {"engine": "refkin", "route": "newton", "quantity": "status"}
+    who: Any = {"engine": "refkin", "method": "newton", "quantity": "status"}
     for message in messages:
         yield Disagreement(**who, kind=Cause.REFERENCE, how=motion.verdict.value, message=message)
 
@@ -182,7 +182,7 @@ def _of_engine(engine: Engine, subject: _Subject) -> _Part:
     compared = () if refusals else [method for use in subject.uses for method in methods(engine, use)]
     for method in compared:
         if method.asked:
-            _check_route(engine, method.asked[1], subject, part, feature=Use.FEATURE in method.uses)
+            _check_method(engine, method.asked[1], subject, part, feature=Use.FEATURE in method.uses)
     if hasattr(engine, "constraints"):
         _check_levels(engine, subject, part)
     return part
@@ -258,13 +258,13 @@ def _enclosure(engine: Engine, subject: _Subject, motion: Motion) -> EnclosedTim
     )
 
 
-def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *, feature: bool = False) -> None:
+def _check_method(engine: Engine, method: Route, subject: _Subject, part: _Part, *, feature: bool = False) -> None:
     ref, scene = subject.ref, subject.scene
-    who: Any = {"engine": engine.name, "route": route.name}
+    who: Any = {"engine": engine.name, "method": method.name}
     try:
-        terms, faults = granted(engine, scene, engine.terms(scene, route))
+        terms, faults = granted(engine, scene, engine.terms(scene, method))
         start = time.perf_counter()
-        motion = engine.solve(scene, route)
+        motion = engine.solve(scene, method)
         seconds = time.perf_counter() - start
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
@@ -282,7 +282,7 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *
         Answer(
             engine=engine.name,
             version=motion.producer.version,
-            route=RouteData(**{k: str(v) for k, v in vars(motion.producer.route).items()}),
+            method=MethodData(**{k: str(v) for k, v in vars(motion.producer.route).items()}),
             quantities=quantities(ref, compared),
             missing=compared.missing,
             judged=compared.judged,
@@ -301,8 +301,8 @@ def _check_route(engine: Engine, route: Route, subject: _Subject, part: _Part, *
         *(believed(ref, motion) if subject.as_expected else ()),
     ]
     part.disagreements += [Disagreement(**who, **fault) for fault in faults]
-    asked = subject.drawn(TURNED_ROUND) and route == engine.routes()[0]
-    turned_round = _turned_round(engine, route, scene, ref, terms) if asked else None
+    asked = subject.drawn(TURNED_ROUND) and method == engine.routes()[0]
+    turned_round = _turned_round(engine, method, scene, ref, terms) if asked else None
     part.disagreements += _disagreements(who, compared, turned_round, subject, motion, wrong_at)
 
 
@@ -314,7 +314,7 @@ def _disagreements(
     motion: Motion,
     wrong_at: Any,
 ) -> Iterator[Disagreement]:
-    """Yield in what one route's answer, or its answer to the same scene in another order, is beyond what is allowed.
+    """Yield in what one method's answer, or its answer to the same scene in another order, is beyond what is allowed.
 
     At the times `wrong_at` (T,) it has a joint the wrong way round: that is said, and its numbers there add nothing.
     """
@@ -339,7 +339,7 @@ def _disagreements(
             return
 
 
-def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, terms: Sequence[Term]) -> Comparison:
+def _turned_round(engine: Engine, method: Route, scene: Scene, ref: Reference, terms: Sequence[Term]) -> Comparison:
     """Return the comparison of the engine's answer to the same scene with its bodies, joints and drivers reversed.
 
     It is asked for the first quarter of the times: what depends on the order of bodies does so at any time, and times
@@ -348,7 +348,7 @@ def _turned_round(engine: Engine, route: Route, scene: Scene, ref: Reference, te
     asked = np.arange(math.ceil(len(scene.times) / TURNED_ROUND))
     fewer = replace(permuted(scene), times=scene.times[: len(asked)])
     try:
-        motion = engine.solve(fewer, route)
+        motion = engine.solve(fewer, method)
         if any(misshapen(fewer, motion)):
             raise EngineError
         return compare(ref, motion, terms, asked)
@@ -369,7 +369,7 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
     known = [table.get(e.key, {}).get(Level.JACOBIAN) for e in elements_of(scene.mechanism.constraints)]
     if not at or not any(c is not None and c.support is not Support.REFUSED for c in known):
         return
-    who: Any = {"engine": engine.name, "route": ROWS}
+    who: Any = {"engine": engine.name, "method": ROWS}
     try:
         model = engine.constraints(scene)
         try:

@@ -23,7 +23,7 @@ HARD_WITHIN = 60.0
 """After so long no further hard case is asked [s]."""
 FORM = "form"
 """The level of what is wrong with an answer before any number is looked at."""
-ROUTES, STATUS, ROWS = "routes", "status", "own rows"
+METHODS, STATUS, ROWS = "methods", "status", "own rows"
 LEVELS = (*QUANTITIES, STATUS, FORM, ROWS)
 
 
@@ -92,15 +92,15 @@ def ask(engine: Engine, question: Question) -> Reply:
 
 
 def _faults_of(record: Record, scene: Scene) -> Iterator[Fault]:
-    """Yield what a record says against an engine, of each route the first level alone: the others follow from it."""
+    """Yield what a record says against an engine, of each method the first level alone: the others follow from it."""
     types = {c.name: c.type for c in scene.mechanism.constraints}
     beyond: set[str] = set()
     for wrong in record.disagreements:
         level = wrong.quantity if wrong.quantity in QUANTITIES else STATUS if wrong.quantity == STATUS else ROWS
         if level in QUANTITIES and wrong.kind in (Cause.BEYOND, Cause.OTHER_ASSEMBLY, Cause.NO_NUMBER, Cause.ORDER):
-            if wrong.route in beyond:
+            if wrong.method in beyond:
                 continue
-            beyond.add(wrong.route)
+            beyond.add(wrong.method)
         yield Fault(level, _words(wrong), _example(wrong), tuple(dict.fromkeys(types[n] for n in wrong.violated)))
 
 
@@ -110,7 +110,7 @@ def _words(wrong: Disagreement) -> str:
     words = {Cause.BEYOND: "is wrong", Cause.NOT_DELIVERED: f"is {wrong.message}", Cause.NO_ANSWER: "no answer"}
     text = words.get(wrong.kind, wrong.name)
     subject = "" if wrong.quantity == STATUS else f"{wrong.quantity} "
-    return f"{subject}{text} (route {wrong.route!r})"
+    return f"{subject}{text} (method {wrong.method!r})"
 
 
 def _example(wrong: Disagreement) -> str:
@@ -120,7 +120,7 @@ def _example(wrong: Disagreement) -> str:
 
 def _form_faults(engine: Engine, scene: Scene) -> Iterator[Fault]:
     """Yield what is wrong with the form of an engine's answers; nothing if it refuses or fails, which `check` says."""
-    names = [route.name for route in engine.routes()]
+    names = [method.name for method in engine.routes()]
     if not names or len(set(names)) < len(names):
         yield Fault(FORM, f"routes(): expected one or more, each with a name of its own, got {names}")
         return

@@ -68,7 +68,7 @@ def joined(job: Mapping[str, Any], engines: Sequence[str], parts: Parts) -> Reco
     for engine in engines:
         part = parts[engine]
         if isinstance(part, Failure):
-            who: Any = {"engine": engine, "route": "any", "quantity": "status"}
+            who: Any = {"engine": engine, "method": "any", "quantity": "status"}
             kind = Cause(part.kind.value)
             disagreements.append(Disagreement(**who, kind=kind, how=part.how, message=part.text))
             continue

@@ -27,7 +27,7 @@ LONGEST_NAME = 80
 """Characters of what a file's name says of a disagreement."""
 
 Signature = tuple[str, str, str, str]
-"""Engine, route, quantity and kind: what makes two disagreements one of a kind."""
+"""Engine, method, quantity and kind: what makes two disagreements one of a kind."""
 
 
 def write_disagreements(
@@ -120,13 +120,13 @@ def _again(
 ) -> Disagreement | None:
     """Return the disagreement of a kind that a scene shows, unless a known gap accounts for it.
 
-    A simpler scene in which the same route is wrong in one more way shows another fault: wrong rates of a right pose do
+    A simpler scene in which the method is wrong in one more way shows another fault: wrong rates of a right pose do
     not become those of a wrong one.
     """
     job = {"scene": to_dict(drawn.scene), "about": describe(drawn)}
     record = workers.check_one(job, [name for name in workers.engines if name == kind[0]])
-    of_route = {d.signature: d for d in new_disagreements(record, gaps) if d.signature[:2] == kind[:2]}
-    return of_route.get(kind) if of_route.keys() <= set(beside) else None
+    of_method = {d.signature: d for d in new_disagreements(record, gaps) if d.signature[:2] == kind[:2]}
+    return of_method.get(kind) if of_method.keys() <= set(beside) else None
 
 
 def _notes(shown: Disagreement, case: NewCase | None = None) -> list[str]:

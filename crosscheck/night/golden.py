@@ -74,7 +74,7 @@ def golden_scenes() -> dict[str, Scene]:
 
 
 def measure(scenes: Mapping[str, Scene], workers: Pool, engines: Sequence[str]) -> dict[str, Case]:
-    """Return scene, reference, attainable digits and those of every route, by the name of the case."""
+    """Return scene, reference, attainable digits and those of every method, by the name of the case."""
     for name, scene in scenes.items():
         workers.submit([{"scene": to_dict(scene), "about": {"golden": name}}], engines)
     records: dict[str, Record] = {}
@@ -103,20 +103,20 @@ def _plain(values: Any) -> Any:
 
 
 def _measured(record: Record) -> dict[str, Any]:
-    """Return the digits {quantity: [median, worst]} that rounding leaves attainable, and those of each route.
+    """Return the digits {quantity: [median, worst]} that rounding leaves attainable, and those of each method.
 
-    A quantity without a digit is None; a route has its largest error / allowed as well.
+    A quantity without a digit is None; a method has its largest error / allowed as well.
     """
     left = record.reference.attainable_by_sigma if record.reference else {}
-    routes = {
-        f"{answer.engine} · {answer.route.name}": {
+    methods = {
+        f"{answer.engine} · {answer.method.name}": {
             "missing": answer.missing,
             "ratio": {name: q.ratio for name, q in answer.quantities.items()},
             **{name: _digits(q.digits_by_sigma) for name, q in answer.quantities.items()},
         }
         for answer in record.answers
     }
-    return {"attainable": {name: _digits(by_sigma) for name, by_sigma in left.items()}, "routes": routes}
+    return {"attainable": {name: _digits(by_sigma) for name, by_sigma in left.items()}, "methods": methods}
 
 
 def _digits(by_sigma: By) -> list[float] | None:
@@ -132,17 +132,17 @@ def differences(before: Mapping[str, Case], now: Mapping[str, Case], engines: It
     worse = []
     for name, case in before.items():
         lost = [*_reference_changed(case, now[name])]
-        for who, digits in case["routes"].items():
-            engine, _, route = who.partition(" · ")
+        for who, digits in case["methods"].items():
+            engine, _, method = who.partition(" · ")
             if engine in engines:
-                lost += _digits_lost(engine, route, digits, now[name]["routes"].get(who), case["attainable"])
+                lost += _digits_lost(engine, method, digits, now[name]["methods"].get(who), case["attainable"])
         worse += [NewCase(disagreement=disagreement, key=f"golden-{slug(name)}", case=name) for disagreement in lost]
     return worse
 
 
 def _reference_changed(before: Case, now: Case) -> Iterator[Disagreement]:
     """Yield where two answers of the reference prove each other wrong."""
-    who: dict[str, Any] = {"engine": "refkin", "route": "newton", "kind": Cause.LEFT_PROOF}
+    who: dict[str, Any] = {"engine": "refkin", "method": "newton", "kind": Cause.LEFT_PROOF}
     old, new = before["reference"], now["reference"]
     if old["status"] != new["status"]:
         became = f"{' '.join(old['status'])} became {' '.join(new['status'])}"
@@ -164,10 +164,10 @@ def _reference_changed(before: Case, now: Case) -> Iterator[Disagreement]:
 
 
 def _digits_lost(
-    engine: str, route: str, before: Case, now: Case | None, attainable: Mapping[str, Sequence[float] | None]
+    engine: str, method: str, before: Case, now: Case | None, attainable: Mapping[str, Sequence[float] | None]
 ) -> Iterator[Disagreement]:
-    """Yield the quantities in which a route is worse than it was, and than rounding alone may make it."""
-    who: dict[str, Any] = {"engine": engine, "route": route, "kind": Cause.DIGITS_LOST}
+    """Yield the quantities in which a method is worse than it was, and than rounding alone may make it."""
+    who: dict[str, Any] = {"engine": engine, "method": method, "kind": Cause.DIGITS_LOST}
     if now is None or now["missing"] > before["missing"]:
         yield Disagreement(**who, quantity="status", message="no answer any more")
         return
@@ -222,7 +222,7 @@ def compare_night(path: Path, out: Path, workers: Pool) -> list[NewCase]:
     """Compare the golden set, leave `golden.json` and scene files in the folder of a night, return what is worse."""
     baseline = read(path)
     cases = baseline["cases"]
-    known, scenes = {who.partition(" · ")[0] for case in cases.values() for who in case["routes"]}, scenes_of(cases)
+    known, scenes = {who.partition(" · ")[0] for case in cases.values() for who in case["methods"]}, scenes_of(cases)
     engines = [name for name in workers.engines if name in known]
     comparison = Golden(
         cases=len(scenes),

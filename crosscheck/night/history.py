@@ -41,7 +41,7 @@ CREATE TABLE IF NOT EXISTS night (
     configurations INTEGER NOT NULL, new INTEGER NOT NULL, known INTEGER NOT NULL, versions TEXT NOT NULL,
     UNIQUE (date, seed));
 CREATE TABLE IF NOT EXISTS accuracy (
-    night INTEGER NOT NULL REFERENCES night (id), engine TEXT NOT NULL, route TEXT NOT NULL, quantity TEXT NOT NULL,
+    night INTEGER NOT NULL REFERENCES night (id), engine TEXT NOT NULL, method TEXT NOT NULL, quantity TEXT NOT NULL,
     digits_median REAL, digits_p01 REAL, digits_worst REAL, worst_over_allowed REAL);
 CREATE TABLE IF NOT EXISTS cost (
     night INTEGER NOT NULL REFERENCES night (id), series TEXT NOT NULL,
@@ -98,18 +98,18 @@ def append(path: Path, report: Mapping[str, Any]) -> bool:
 
 def _accuracies(night: int | None, report: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
     keys = ("digits_median", "digits_p01", "digits_worst", "worst_over_allowed")
-    for engine, routes in report["engines"].items():
-        for route, quantities in routes.items():
+    for engine, methods in report["engines"].items():
+        for method, quantities in methods.items():
             for quantity in QUANTITIES:
-                yield (night, engine, route, quantity, *(quantities[quantity][key] for key in keys))
+                yield (night, engine, method, quantity, *(quantities[quantity][key] for key in keys))
 
 
 def _costs(night: int | None, report: Mapping[str, Any]) -> Iterator[tuple[Any, ...]]:
-    """Yield the times of the night's routes and of its price list, each with its ratio to the reference's."""
+    """Yield the times of the night's methods and of its price list, each with its ratio to the reference's."""
     reference = report["reference"]["microseconds_mean"]
-    for row in report["routes"]:
+    for row in report["methods"]:
         if reference and row["microseconds_median"]:
-            name = f"{row['engine']} · {row['route']}"
+            name = f"{row['engine']} · {row['method']}"
             yield night, name, row["microseconds_median"], row["microseconds_median"] / reference
     prices = report.get("price") or []
     own: dict[tuple[str, str], float] = {}
@@ -125,17 +125,17 @@ def _costs(night: int | None, report: Mapping[str, Any]) -> Iterator[tuple[Any, 
 
 
 def nights(path: Path) -> list[dict[str, Any]]:
-    """Return the nights, oldest first, each with the worst digits of its routes."""
+    """Return the nights, oldest first, each with the worst digits of its methods."""
     with _opened(path, must_exist=True) as db:
         rows = db.execute("SELECT id, date, seed, verdict, scenes, new, known FROM night ORDER BY date, id").fetchall()
         keys = ("id", "date", "seed", "verdict", "scenes", "new", "known")
         kept = [dict(zip(keys, row, strict=True)) for row in rows]
         for night in kept:
             worst = db.execute(
-                "SELECT engine, route, quantity, digits_median, digits_worst FROM accuracy WHERE night = ?",
+                "SELECT engine, method, quantity, digits_median, digits_worst FROM accuracy WHERE night = ?",
                 (night.pop("id"),),
             )
-            names = ("engine", "route", "quantity", "digits_median", "digits_worst")
+            names = ("engine", "method", "quantity", "digits_median", "digits_worst")
             night["accuracy"] = [dict(zip(names, row, strict=True)) for row in worst]
         return kept
 
@@ -176,6 +176,8 @@ def _opened(path: Path, must_exist: bool = False) -> Iterator[sqlite3.Connection
     try:
         with closing(sqlite3.connect(path, timeout=30.0)) as db:
             db.executescript(TABLES)
+            if db.execute("SELECT 1 FROM pragma_table_info('accuracy') WHERE name = 'route'").fetchone():
+                db.execute("ALTER TABLE accuracy RENAME COLUMN route TO method")  # of nights before 22 November 2026
             yield db
     except sqlite3.Error as error:
         raise HistoryError(f"{path}: {error}") from error

@@ -2,7 +2,7 @@
 
 It begins with the worst scenes of a night, and with what Hypothesis derives from each. Then each stratum takes its
 turn: some scenes at random, then such as Hypothesis derives from the worst of them. Every best
-route, at every level, is a target of its own, and so is its distance from the certificate's enclosure in attainable
+method, at every level, is a target of its own, and so is its distance from the certificate's enclosure in attainable
 radii, which is known where a budget of first order says nothing. A ratio above 1 is a finding, or a budget that forgot
 something.
 """
@@ -40,7 +40,7 @@ CERTIFICATE = "certificate"
 """The quantity whose ratio is the distance from the enclosure of the position, in attainable radii."""
 
 Target = tuple[str, str, str]
-"""Engine, route, quantity."""
+"""Engine, method, quantity."""
 
 
 MOST_STARTS = 12
@@ -165,7 +165,7 @@ def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) ->
     Parameters
     ----------
     best : mapping
-        Name of each engine -> its best route: the others are not hunted.
+        Name of each engine -> its best method: the others are not hunted.
     """
     worst: dict[Target, list[tuple[float, int]]] = {}
     for _, record in read_records(folder / "records.jsonl"):
@@ -191,16 +191,16 @@ def turn_of(check: Callable[[AnyDrawn], None], stratum: tuple[float, float], num
 
 
 def ratios(record: Record, best: Mapping[str, str]) -> Iterator[tuple[Target, float]]:
-    """Yield the largest error / allowed of each best route at each level, and its distance from the certificate."""
+    """Yield the largest error / allowed of each best method at each level, and its distance from the certificate."""
     for answer in record.answers:
-        engine, route = answer.engine, answer.route.name
-        if best.get(engine) != route:
+        engine, method = answer.engine, answer.method.name
+        if best.get(engine) != method:
             continue
         for quantity, compared in answer.quantities.items():
             if compared.ratio is not None:
-                yield (engine, route, quantity), compared.ratio
+                yield (engine, method, quantity), compared.ratio
         if answer.certificate is not None and answer.certificate.radii is not None:
-            yield (engine, route, CERTIFICATE), answer.certificate.radii
+            yield (engine, method, CERTIFICATE), answer.certificate.radii
 
 
 def _weigh(bag: Bag, best: Mapping[str, str], record: Record, scene: Scene, origin: str) -> None:

@@ -105,7 +105,7 @@ def _effects(engines: Sequence[str], seconds: float) -> list[dict[str, Any]]:
 MOST_SCENES = 60
 """Scenes with a picture; marks of further ones have none. It bounds the page at some hundred kilobytes."""
 Mark = tuple[str, str, str, int]
-"""Engine, route, quantity, decade of sigma_min."""
+"""Engine, method, quantity, decade of sigma_min."""
 
 
 def write_pictures(folder: Path, seed: int, engines: Mapping[str, str], seconds: float) -> None:
@@ -127,7 +127,7 @@ def write_pictures(folder: Path, seed: int, engines: Mapping[str, str], seconds:
 def pictures(
     records: Iterable[Record], job_of: Callable[[Record], Job], engines: Mapping[str, str], seconds: float = math.inf
 ) -> dict[str, Any]:
-    """Return the scenes with their motion, and one mark per engine, route, quantity and decade that has a picture.
+    """Return the scenes with their motion, and one mark per engine, method, quantity and decade that has a picture.
 
     Of each the scene with the fewest digits is pictured; those with the fewest of all go first.
     """
@@ -141,7 +141,7 @@ def pictures(
             scenes.append(answer["scene"])
         if time.monotonic() > end:
             break
-    marks.sort(key=lambda m: (m["digits"], m["engine"], m["route"], m["quantity"], m["decade"]))
+    marks.sort(key=lambda m: (m["digits"], m["engine"], m["method"], m["quantity"], m["decade"]))
     return {"width": WIDTH, "height": HEIGHT, "scenes": scenes, "marks": marks}
 
 
@@ -167,7 +167,7 @@ def _digits(record: Record) -> Iterator[tuple[Mark, int]]:
         for quantity, q in answer.quantities.items():
             for decade, histogram in q.digits_by_sigma.items():
                 if histogram:
-                    yield (answer.engine, answer.route.name, quantity, decade), min(histogram)
+                    yield (answer.engine, answer.method.name, quantity, decade), min(histogram)
 
 
 def pictured(job: Job) -> dict[str, Any] | None:
@@ -180,24 +180,24 @@ def pictured(job: Job) -> dict[str, Any] | None:
     marks = []
     for name, spec in job["specs"].items():
         wanted = [mark for mark in job["marks"] if mark[0] == name]
-        for route, compared in _answers(spec, {mark[1] for mark in wanted}, ref):
-            for _, _, quantity, decade in (mark for mark in wanted if mark[1] == route):
+        for method, compared in _answers(spec, {mark[1] for mark in wanted}, ref):
+            for _, _, quantity, decade in (mark for mark in wanted if mark[1] == method):
                 sample = worst_sample(ref.sigma_min, compared[quantity], decade)
                 ghost = None if sample is None else drawing.ghost(sample, QUANTITIES.index(quantity))
                 if ghost is not None:
-                    who = {"engine": name, "route": route, "quantity": quantity, "decade": decade}
+                    who = {"engine": name, "method": method, "quantity": quantity, "decade": decade}
                     marks.append({**who, **ghost})
     return {"scene": drawing.described(scene.name, job["key"]), "marks": marks}
 
 
-def _answers(spec: str, routes: set[str], ref: Reference) -> Iterator[tuple[str, Mapping[str, QuantityComparison]]]:
-    """Yield what routes of an engine answer to a scene, compared with the reference."""
+def _answers(spec: str, methods: set[str], ref: Reference) -> Iterator[tuple[str, Mapping[str, QuantityComparison]]]:
+    """Yield what methods of an engine answer to a scene, compared with the reference."""
     engine = load(spec)
     scene = estimated(ref.scene, ref)
-    for route in engine.routes():
-        if route.name in routes:
+    for method in engine.routes():
+        if method.name in methods:
             try:
-                yield route.name, compare(ref, engine.solve(scene, route), engine.terms(scene, route)).quantities
+                yield method.name, compare(ref, engine.solve(scene, method), engine.terms(scene, method)).quantities
             except EngineError:
                 continue
 

@@ -154,7 +154,7 @@ def _posed(report: Mapping[str, Any]) -> dict[str, Any]:
     which = first_pose(report, looks)
     names = list(looks)
     marks = [
-        {**m, "look": names.index((m["engine"], m["route"])), "told": spoken(m), "moving": spoken_moving(m)}
+        {**m, "look": names.index((m["engine"], m["method"])), "told": spoken(m), "moving": spoken_moving(m)}
         for m in poses["marks"]
     ]
     kept = ("look", "told", "moving", "scene", "pose", "ghost", "arrows", "cycle")
@@ -182,15 +182,15 @@ def digest(text: str) -> str:
 
 
 def glance(report: Mapping[str, Any]) -> list[dict[str, Any]]:
-    """Return the table at a glance: by quantity, then engine and route; own rows are the same by every route."""
+    """Return the table at a glance: by quantity, then engine and method; own rows are the same by every method."""
     groups = []
     for quantity, title in GROUPS.items():
         solved = quantity in SOLVED
         rows = []
-        for engine, routes in report["engines"].items():
-            for route in routes if solved else list(routes)[:1]:
-                cell = routes[route][quantity]
-                rows.append({"engine": engine, "route": route if solved else None, "cell": cell})
+        for engine, methods in report["engines"].items():
+            for method in methods if solved else list(methods)[:1]:
+                cell = methods[method][quantity]
+                rows.append({"engine": engine, "method": method if solved else None, "cell": cell})
         absent = [{"engine": name, "reason": reason} for name, reason in report["missing"].items()]
         groups.append({"quantity": quantity, "title": title, "solved": solved, "rows": rows, "absent": absent})
     return groups

@@ -1,4 +1,4 @@
-"""What is counted per engine, route and quantity; digits as histograms, which merge exactly."""
+"""What is counted per engine, method and quantity; digits as histograms, which merge exactly."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
-from crosscheck.judge.records import Answer, At, Histogram, RouteData
+from crosscheck.judge.records import Answer, At, Histogram, MethodData
 
 PERCENT = {"digits_median": 50, "digits_p01": 1}
 
@@ -110,7 +110,7 @@ def worse(so_far: WorstSample | None, ratio: float | None, place: Place, at: At 
 
 @dataclass
 class Cell:
-    """One quantity by one route of one engine.
+    """One quantity by one method of one engine.
 
     Attributes
     ----------
@@ -165,10 +165,10 @@ TIME_BINS = 100
 
 
 @dataclass
-class RouteTotals:
-    """What one route of one engine did over the run, whatever the quantity."""
+class MethodTotals:
+    """What one method of one engine did over the run, whatever the quantity."""
 
-    made: RouteData
+    made: MethodData
     version: str
     scenes: int = 0
     times: int = 0

@@ -20,12 +20,12 @@ MOST_TEXT = 20_000
 """Characters of a scene file that are shown."""
 
 Identity = tuple[str, str, str, str, str]
-"""Record key, engine, route, quantity, kind."""
+"""Record key, engine, method, quantity, kind."""
 
 
 @dataclass
 class DisagreementGroup:
-    """The disagreements that share engine, route, quantity and kind, and the gap that accounts for them, if any."""
+    """The disagreements that share engine, method, quantity and kind, and the gap that accounts for them, if any."""
 
     signature: tuple[str, str, str, str]
     gap: KnownGap | None
@@ -46,7 +46,7 @@ class DisagreementGroup:
 
     def described(self) -> dict[str, Any]:
         """Return it as plain data."""
-        signature = dict(zip(("engine", "route", "quantity", "kind"), self.signature, strict=True))
+        signature = dict(zip(("engine", "method", "quantity", "kind"), self.signature, strict=True))
         return {
             **signature,
             "known": self.gap is not None,
@@ -144,20 +144,20 @@ def implied(record: Record) -> Iterator[Disagreement]:
     Whoever wrote the record should have listed it; that a list is empty is no proof. A joint put together the wrong way
     round accounts for everything that its answer is off by.
     """
-    listed = {(d.engine, d.route, d.quantity) for d in record.disagreements}
-    listed |= {(d.engine, d.route, q) for d in record.disagreements if d.kind is Cause.REVERSED for q in QUANTITIES}
+    listed = {(d.engine, d.method, d.quantity) for d in record.disagreements}
+    listed |= {(d.engine, d.method, q) for d in record.disagreements if d.kind is Cause.REVERSED for q in QUANTITIES}
     implied_ones = [*_of_reference(record), *(d for answer in record.answers for d in _of_answer(answer))]
     for row in record.levels:
         if row.ratio is None or not row.ratio <= 1.0:
-            who: Any = {"engine": row.engine, "route": "rows", "quantity": row.level}
+            who: Any = {"engine": row.engine, "method": "rows", "quantity": row.level}
             implied_ones.append(Disagreement(**who, kind=Cause.TRANSLATED, ratio=row.ratio, at=row.worst))
-    yield from (d for d in implied_ones if (d.engine, d.route, d.quantity) not in listed)
+    yield from (d for d in implied_ones if (d.engine, d.method, d.quantity) not in listed)
 
 
 def _of_reference(record: Record) -> Iterator[Disagreement]:
     reference = record.reference
     if reference is not None and reference.verdict != record.about.get("expected", "ok"):
-        who: Any = {"engine": "refkin", "route": "newton", "quantity": "status"}
+        who: Any = {"engine": "refkin", "method": "newton", "quantity": "status"}
         yield Disagreement(**who, kind=Cause.REFERENCE, how=reference.verdict, message=reference.message)
 
 
@@ -166,7 +166,7 @@ def _of_answer(answer: Answer) -> Iterator[Disagreement]:
         ratio = math.nan if q.ratio is None else q.ratio
         kind = Cause.BEYOND if ratio > 1.0 else Cause.NO_NUMBER
         if ratio > 1.0 or (answer.judged and math.isnan(ratio)):
-            who: Any = {"engine": answer.engine, "route": answer.route.name, "quantity": name}
+            who: Any = {"engine": answer.engine, "method": answer.method.name, "quantity": name}
             yield Disagreement(**who, kind=kind, ratio=q.ratio, at=q.worst)
 
 
@@ -189,7 +189,7 @@ class _Feature:
 
 
 class Features:
-    """Counts the answers of features, which are no answers of their engines' other routes."""
+    """Counts the answers of features, which are no answers of their engines' other methods."""
 
     def __init__(self) -> None:
         self.rows: dict[tuple[str, str], _Feature] = {}
@@ -198,7 +198,7 @@ class Features:
         """Count the answers of one record."""
         for answer in record.answers:
             if answer.feature:
-                row = self.rows.setdefault((answer.engine, answer.route.name), _Feature(answer.version))
+                row = self.rows.setdefault((answer.engine, answer.method.name), _Feature(answer.version))
                 row.scenes += 1
                 for quantity in answer.quantities.values():
                     row.worst = worse(row.worst, quantity.ratio, place, quantity.worst)
@@ -208,7 +208,7 @@ class Features:
         rest: list[tuple[Disagreement, bool]] = []
         blamed: dict[tuple[str, str], bool] = {}
         for disagreement, is_new in met:
-            who = disagreement.engine, disagreement.route
+            who = disagreement.engine, disagreement.method
             if who not in self.rows:
                 rest.append((disagreement, is_new))
                 continue
@@ -221,7 +221,7 @@ class Features:
 
     def described(self, gaps: Iterable[KnownGap]) -> list[dict[str, Any]]:
         """Return the rows, each with what the table of known gaps says of it."""
-        known = {(gap.engine, gap.match.get("route")): gap for gap in gaps}
+        known = {(gap.engine, gap.match.get("method")): gap for gap in gaps}
         return [
             {
                 "engine": engine,

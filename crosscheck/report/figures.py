@@ -29,7 +29,7 @@ class Figure:
 
 
 class Bin(NamedTuple):
-    """The samples of one quantity by one route in one decade of sigma_min."""
+    """The samples of one quantity by one method in one decade of sigma_min."""
 
     name: tuple[str, str]
     quantity: str
@@ -38,12 +38,13 @@ class Bin(NamedTuple):
 
 
 def looks_of(report: Report) -> dict[tuple[str, str], Style]:
-    """Return what each engine and route looks like in every figure of the page."""
-    return {name: style(k) for k, name in enumerate((e, r) for e, routes in report["engines"].items() for r in routes)}
+    """Return what each engine and method looks like in every figure of the page."""
+    named = ((engine, method) for engine, methods in report["engines"].items() for method in methods)
+    return {name: style(k) for k, name in enumerate(named)}
 
 
 def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
-    """Return digits against sigma_min: a panel per quantity, a line per engine and route, the attainable band.
+    """Return digits against sigma_min: a panel per quantity, a line per engine and method, the attainable band.
 
     `line` is what is drawn: "digits_worst", whose marks have a picture each, or "digits_median".
     """
@@ -53,7 +54,7 @@ def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
     floor = 4.0 if lowest >= 4 else min(0.0, math.floor(lowest))
     span = _decades([b.decade for b in bins] + [decade for _, decade in blanks])
     marks = report["poses"]["marks"] if line == "digits_worst" else ()
-    pictures = {(m["engine"], m["route"], m["quantity"], m["decade"]): k for k, m in enumerate(marks)}
+    pictures = {(m["engine"], m["method"], m["quantity"], m["decade"]): k for k, m in enumerate(marks)}
     panels = []
     for quantity in SOLVED if bins else ():
         plot = _digits_axes(quantity, line, span, floor)
@@ -73,7 +74,7 @@ def digits_figure(report: Report, line: str = "digits_worst") -> Figure:
             plot.text(plot.px(sum(span) / 2), plot.py((floor + HIGHEST_DIGITS) / 2), "no answer", size="13")
         panels.append(plot.markup())
     head = (
-        "engine · route",
+        "engine · method",
         "quantity",
         "sigma min",
         "samples",
@@ -114,7 +115,7 @@ def _digits_axes(quantity: str, line: str, span: tuple[int, int], floor: float) 
     plot = Plot(
         f"{line.replace('_', '-')}-{quantity}",
         title,
-        f"{title} per decade of sigma min, by engine and route",
+        f"{title} per decade of sigma min, by engine and method",
         span,
         (floor, HIGHEST_DIGITS),
         width=300,
@@ -150,9 +151,9 @@ def _no_answers(plot: Plot, places: Sequence[float], look: Style, floor: float) 
 
 def _bins(report: Report) -> list[Bin]:
     return [
-        Bin((engine, route), quantity, int(decade), digits)
-        for engine, routes in report["engines"].items()
-        for route, quantities in routes.items()
+        Bin((engine, method), quantity, int(decade), digits)
+        for engine, methods in report["engines"].items()
+        for method, quantities in methods.items()
         for quantity in SOLVED
         for decade, digits in quantities[quantity]["digits_by_sigma"].items()
         if digits["samples"]
@@ -160,10 +161,10 @@ def _bins(report: Report) -> list[Bin]:
 
 
 def _blanks(report: Report) -> list[tuple[tuple[str, str], int]]:
-    """Return ((engine, route), decade of a scene's smallest sigma_min) where configurations have no answer."""
+    """Return ((engine, method), decade of a scene's smallest sigma_min) where configurations have no answer."""
     return [
-        ((row["engine"], row["route"]), int(decade))
-        for row in report["routes"]
+        ((row["engine"], row["method"]), int(decade))
+        for row in report["methods"]
         for decade in row["unanswered_by_sigma"]
     ]
 

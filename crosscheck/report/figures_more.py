@@ -62,12 +62,12 @@ def _log(value: float) -> float:
 
 def agreement_matrices(rows: Sequence[Mapping[str, Any]]) -> list[dict[str, Any]]:
     """Return a table per quantity: who x who -> (median, worst) digits; None for oneself and where two never met."""
-    names = list(dict.fromkeys(n for row in rows for n in zip(row["engines"], row["routes"], strict=True)))
+    names = list(dict.fromkeys(n for row in rows for n in zip(row["engines"], row["methods"], strict=True)))
     tables = []
     for quantity in QUANTITIES:
         known = {}
         for row in rows:
-            a, b = zip(row["engines"], row["routes"], strict=True)
+            a, b = zip(row["engines"], row["methods"], strict=True)
             agreement = row[quantity]
             met = (agreement["digits_median"], agreement["digits_worst"]) if agreement["scenes"] else None
             known[a, b] = known[b, a] = met

@@ -1,4 +1,4 @@
-"""What the first screen says: one row per engine and route, one line per folded section, and the picture of a pose."""
+"""What the first screen says: one row per engine and method, one line per folded section, and the picture of a pose."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ SERIOUS = (None, "", "defect")
 
 
 def first_table(report: Report) -> list[dict[str, Any]]:
-    """Return a row per engine and route: digits, price, what was wrong without a word.
+    """Return a row per engine and method: digits, price, what was wrong without a word.
 
     The price is that of the engine's best method, whichever it is, as in all that is said of its price.
     After them come the methods of shipped defaults that no drawn scene is sent through, as users run them: their digits
@@ -32,20 +32,20 @@ def first_table(report: Report) -> list[dict[str, Any]]:
     prices = report["price"] or []
     best = best_methods(prices)
     priced = {row["engine"] for row in prices}
-    of_routes = {(row["engine"], row["route"]): row for row in report["routes"]}
+    of_methods = {(row["engine"], row["method"]): row for row in report["methods"]}
     rows = []
-    for engine, routes in report["engines"].items():
-        for route, quantities in routes.items():
-            made = of_routes.get((engine, route), {})
-            silent, seriousness = _silent(report, engine, route, made)
+    for engine, methods in report["engines"].items():
+        for method, quantities in methods.items():
+            made = of_methods.get((engine, method), {})
+            silent, seriousness = _silent(report, engine, method, made)
             paid = best.get(engine)
             rows.append(
                 {
                     "engine": engine,
-                    "route": route,
+                    "method": method,
                     "cells": [_cell(quantities[quantity]) for quantity in SOLVED],
                     "price": made.get("microseconds_median") if not prices else paid and paid["microseconds"],
-                    "priced_method": paid["method"] if paid and paid["method"] != route else "",
+                    "priced_method": paid["method"] if paid and paid["method"] != method else "",
                     "priced": engine in priced or not prices,
                     "silent": silent,
                     "silent_class": seriousness,
@@ -54,20 +54,20 @@ def first_table(report: Report) -> list[dict[str, Any]]:
                     "newton_by": quantities["position"]["newton_by"],
                 }
             )
-        rows += _as_shipped(report, engine, list(routes))
+        rows += _as_shipped(report, engine, list(methods))
     return rows
 
 
-def _as_shipped(report: Report, engine: str, routes: Sequence[str]) -> list[dict[str, Any]]:
+def _as_shipped(report: Report, engine: str, methods: Sequence[str]) -> list[dict[str, Any]]:
     """Return the rows of an engine's methods that were asked hard cases, and no drawn scene."""
     asked = dict.fromkeys(row["method"] for row in report["hard_cases"] or () if row["engine"] == engine)
     rows = []
-    for method in (name for name in asked if name not in routes):
+    for method in (name for name in asked if name not in methods):
         named = (method, f"{method}, as shipped")
         priced = [r for r in report["price"] or () if r["engine"] == engine and r["method"] in named]
         best = [max((r["digits"] for r in priced if r["quantity"] == q and r["digits"]), default=None) for q in SOLVED]
         silent, seriousness = _silent(report, engine, method, {})
-        row = {"engine": engine, "route": method, "cells": [{"best": digits, "samples": 0} for digits in best]}
+        row = {"engine": engine, "method": method, "cells": [{"best": digits, "samples": 0} for digits in best]}
         said = {"silent": silent, "silent_class": seriousness, "scenes": 1, "asked": False, "priced_method": ""}
         newton_by = priced[0].get("newton_by") if priced else None
         rows.append({**row, **said, "price": None, "priced": bool(priced), "newton_by": newton_by})
@@ -95,17 +95,17 @@ def _cell(cell: Mapping[str, Any]) -> dict[str, Any]:
     }
 
 
-def _silent(report: Report, engine: str, route: str, made: Mapping[str, Any]) -> tuple[str, str]:
+def _silent(report: Report, engine: str, method: str, made: Mapping[str, Any]) -> tuple[str, str]:
     """Return where a method was wrong and said nothing, and whether a known gap or a finding accounts for all of it."""
     kinds = {kind: n for kind, n in made.get("silent", {}).items() if kind != "any"}
     parts = [f"{kind}: {count(n)} scene{'s' * (n > 1)}" for kind, n in kinds.items()]
-    cases = [row for row in report["hard_cases"] or () if (row["engine"], row["method"]) == (engine, route)]
+    cases = [row for row in report["hard_cases"] or () if (row["engine"], row["method"]) == (engine, method)]
     wrong = [row for row in cases if row["verdict"] == "wrong"]
     if wrong:
         answered = sum(row["verdict"] in ANSWERED for row in cases)
         classes = ", ".join(dict.fromkeys(row["class"] or "not explained" for row in wrong))
         parts.append(f"{len(wrong)} of {answered} hard cases that it answers ({classes})")
-    new = any(not d["known"] for d in report["disagreements"] if (d["engine"], d["route"]) == (engine, route))
+    new = any(not d["known"] for d in report["disagreements"] if (d["engine"], d["method"]) == (engine, method))
     return "; ".join(parts), "bad" if new or any(row["class"] in SERIOUS for row in wrong) else "gap"
 
 
@@ -114,7 +114,7 @@ def answer(report: Report) -> str:
     prices = report["price"] or []
     ordered = list(best_methods(prices).values())
     if not ordered:
-        return "No route reaches nine digits of acceleration." if prices else ""
+        return "No method reaches nine digits of acceleration." if prices else ""
     cheapest_method = _paid(ordered[0])
     others = [row for row in ordered if row["engine"] in report["engines"]]
     if others and others[0] is not ordered[0]:
@@ -127,7 +127,7 @@ def _paid(row: Mapping[str, Any]) -> str:
 
 
 def hard_matrix(report: Report) -> dict[str, Any]:
-    """Return case x engine and route -> verdict; where a case has several for one route, the worst."""
+    """Return case x engine and method -> verdict; where a case has several for one method, the worst."""
     rows = report["hard_cases"] or []
     names = list(dict.fromkeys((r["engine"], r["method"]) for r in rows))
     verdicts: dict[tuple[str, tuple[str, str]], str] = {}
@@ -213,7 +213,7 @@ def first_pose(report: Mapping[str, Any], looks: Mapping[tuple[str, str], Style]
     """
     marks = report["poses"]["marks"]
     magnified = [k for k, m in enumerate(marks) if m["ghost"] and m["factor"] > 1.0]
-    own = {k for k in magnified if looks[marks[k]["engine"], marks[k]["route"]].colour != "currentColor"}
+    own = {k for k in magnified if looks[marks[k]["engine"], marks[k]["method"]].colour != "currentColor"}
     return max(magnified, key=lambda k: (k in own, marks[k]["decade"], -k), default=0 if marks else None)
 
 
@@ -232,7 +232,7 @@ def pose_picture(report: Mapping[str, Any], which: int, looks: Mapping[tuple[str
     _guide(ground, scene["guide"])
     truth = {"id": "pose-truth", "stroke": "currentColor", "fill": "currentColor", "stroke-width": "2.2"}
     _parts(ET.SubElement(root, "g", truth), scene["parts"], mark["pose"])
-    colour = looks[mark["engine"], mark["route"]].colour
+    colour = looks[mark["engine"], mark["method"]].colour
     ghost = {"stroke": colour, "fill": "none", "stroke-width": "2", "stroke-dasharray": "5 3"}
     _parts(ET.SubElement(root, "g", {"id": "pose-ghost", **ghost}), scene["parts"], mark["ghost"])
     arrows = ET.SubElement(root, "g", {"id": "pose-arrows", "fill": "none", "stroke-width": "1.6"})
@@ -264,14 +264,14 @@ def spoken(mark: Mapping[str, Any]) -> str:
     """Return what a picture shows, in words."""
     factor = "to scale" if mark["factor"] == 1.0 else f"× {number(mark['factor'], 1)}"
     return (
-        f"{mark['engine']} · {mark['route']}, {mark['quantity']}: {mark['digits']:.1f} digits"
+        f"{mark['engine']} · {mark['method']}, {mark['quantity']}: {mark['digits']:.1f} digits"
         f" at t = {mark['time']:.4g} s; error drawn {factor}"
     )
 
 
 def spoken_moving(mark: Mapping[str, Any]) -> str:
     """Return what a moving picture shows, in words."""
-    who = f"{mark['engine']} · {mark['route']}"
+    who = f"{mark['engine']} · {mark['method']}"
     if mark["cycle"] is None:
         return f"{who}: the reference over the cycle"
     factor = mark["cycle"]["factor"]

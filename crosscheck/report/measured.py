@@ -9,7 +9,7 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field, NonNegativeFloat, ValidationError
+from pydantic import BaseModel, ConfigDict, NonNegativeFloat, ValidationError
 
 from crosscheck.judge.records import adapter, fault
 
@@ -29,21 +29,21 @@ class _PriceFile(_Row):
     """What one setting of one method costs per configuration, and to how many digits it is right."""
 
     engine: str
-    method: str = Field(validation_alias=AliasChoices("method", "route"))
-    setting: str = Field(validation_alias=AliasChoices("setting", "knob"))
+    method: str
+    setting: str
     quantity: Literal["position", "velocity", "acceleration"]
     digits: float | None
     digits_attainable: float | None = None
     microseconds: NonNegativeFloat | None
     spread: NonNegativeFloat | None = None
-    scene_class: str = Field(validation_alias=AliasChoices("scene_class", "class"))
+    scene_class: str
 
 
 class _EffectFile(_Row):
     """What one effect adds to the time of an engine, and whether it changes what was called for."""
 
     engine: str
-    method: str = Field(validation_alias=AliasChoices("method", "route"))
+    method: str
     effect: str
     microseconds: float | None
     inert: bool | None
@@ -52,7 +52,7 @@ class _EffectFile(_Row):
 
 class _HardCaseFile(_Row):
     engine: str
-    method: str = Field(validation_alias=AliasChoices("method", "route"))
+    method: str
     case: str
     verdict: Literal["correct", "warned", "refused", "wrong", "crash", "hang"]
     # `class` is a word of Python's; what a file says under it is kept as it is.

@@ -19,7 +19,7 @@ from crosscheck.report.wording import number
 Row = Mapping[str, Any]
 GOALS = (3, 6, 9, 12, 14)
 SHIPPED = "shipped"
-"""The name of the routes that use no setting."""
+"""The name of the methods that use no setting."""
 PREFERRED = "regular"
 """The class of scenes that the first table speaks of, if there is one of that name."""
 
@@ -110,10 +110,10 @@ def price_figure(rows: Sequence[Row], looks: Mapping[tuple[str, str], Style]) ->
 
 
 def _looks(engines: Sequence[str], looks: Mapping[tuple[str, str], Style]) -> dict[str, Style]:
-    """Return what each engine looks like: as its best route in the other figures, if it has one there."""
+    """Return what each engine looks like: as its best method in the other figures, if it has one there."""
     look_of: dict[str, Style] = {}
     for engine in engines:
-        known = [look for (name, route), look in looks.items() if name == engine and route != SHIPPED]
+        known = [look for (name, method), look in looks.items() if name == engine and method != SHIPPED]
         look_of[engine] = known[0] if known else style(len(looks) + len(look_of))
     return look_of
 

@@ -13,7 +13,7 @@ from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_records
 from crosscheck.night.plan import GOLDEN, Golden, read_outcome
-from crosscheck.report.cells import Cell, Place, RouteTotals
+from crosscheck.report.cells import Cell, MethodTotals, Place
 from crosscheck.report.disagreements import Disagreements, Features
 from crosscheck.report.measured import PICTURES, Documents, Pictures, Trends, measured, read_file
 from crosscheck.report.totals import Coverage, Peers, ReferenceTotals, Refusals, Silent, Together, decade
@@ -45,7 +45,7 @@ class Summary:
         self.keys: set[str] = set()
         self.repeated = self.configurations = self.without_result = self.reference_failures = 0
         self.cells: dict[tuple[str, str, str], Cell] = {}
-        self.routes: dict[tuple[str, str], RouteTotals] = {}
+        self.methods: dict[tuple[str, str], MethodTotals] = {}
         self.versions: dict[str, Counter[str]] = {}
         self.reference = ReferenceTotals()
         self.coverage, self.together, self.refusals = Coverage(), Together(), Refusals()
@@ -76,7 +76,7 @@ class Summary:
         self.coverage.add(record.about, record.reference)
         self.together.add(record.about)
         self.features.add(record, place)
-        of_routes = self.features.blame(self.disagreements.add(place, record))
+        of_methods = self.features.blame(self.disagreements.add(place, record))
         record = replace(record, answers=[answer for answer in record.answers if not answer.feature])
         if record.failure is not None:
             self.without_result += 1
@@ -87,7 +87,7 @@ class Summary:
         self.peers.add(record)
         self.refusals.add(record.refusals)
         blamed: dict[tuple[str, str, str], bool] = {}
-        for disagreement, is_new in of_routes:
+        for disagreement, is_new in of_methods:
             who = _blamed(disagreement)
             blamed[who] = blamed.get(who, False) or is_new
             if disagreement.engine != REFERENCE and disagreement.quantity != "status":
@@ -97,11 +97,13 @@ class Summary:
 
     def _add_answers(self, record: Record, place: Place, sigma_decade: int | None) -> None:
         for answer in record.answers:
-            engine, route = answer.engine, answer.route.name
+            engine, method = answer.engine, answer.method.name
             self.versions.setdefault(engine, Counter())[answer.version] += 1
-            self.routes.setdefault((engine, route), RouteTotals(answer.route, answer.version)).add(answer, sigma_decade)
+            self.methods.setdefault((engine, method), MethodTotals(answer.method, answer.version)).add(
+                answer, sigma_decade
+            )
             for name, compared in answer.quantities.items():
-                cell = self._cell(engine, route, name)
+                cell = self._cell(engine, method, name)
                 cell.add(compared.digits_by_sigma, place)
                 cell.judged += answer.judged
                 cell.meet(compared.ratio, place, compared.worst)
@@ -110,21 +112,21 @@ class Summary:
             cell.add({None: row.digits}, place)
             cell.meet(row.ratio, place, row.worst)
 
-    def _cell(self, engine: str, route: str, quantity: str) -> Cell:
-        return self.cells.setdefault((engine, route, quantity), Cell())
+    def _cell(self, engine: str, method: str, quantity: str) -> Cell:
+        return self.cells.setdefault((engine, method, quantity), Cell())
 
     def _blame(self, blamed: Mapping[tuple[str, str, str], bool]) -> None:
         """Count one scene's disagreements, each cell once, as new where one is; no answer counts in every cell."""
         counted: dict[tuple[str, str, str], bool] = {}
-        for (engine, route, quantity), is_new in blamed.items():
-            everywhere = quantity == "status" and route != ANY and engine != REFERENCE
+        for (engine, method, quantity), is_new in blamed.items():
+            everywhere = quantity == "status" and method != ANY and engine != REFERENCE
             for name in SOLVED if everywhere else (quantity,):
-                counted[engine, route, name] = counted.get((engine, route, name), False) or is_new
-        for (engine, route, quantity), is_new in counted.items():
+                counted[engine, method, name] = counted.get((engine, method, name), False) or is_new
+        for (engine, method, quantity), is_new in counted.items():
             if engine == REFERENCE:
                 self.reference_failures += is_new
             else:
-                cell = self._cell(engine, route, quantity)
+                cell = self._cell(engine, method, quantity)
                 cell.failures += is_new
                 cell.known_gaps += not is_new
 
@@ -134,7 +136,7 @@ class Summary:
         versions = dict(self.outcome.versions if self.outcome else run.get("versions", {}))
         missing = dict(self.outcome.missing if self.outcome else run.get("missing", {}))
         engines = sorted({*versions, *(engine for engine, *_ in self.cells)} - {REFERENCE})
-        answering = {engine for engine, _ in self.routes}
+        answering = {engine for engine, _ in self.methods}
         met = {engine: ", ".join(sorted(seen)) for engine, seen in sorted(self.versions.items())}
         if required is None:
             required = self.outcome.required if self.outcome else list(run.get("required", ()))
@@ -168,9 +170,9 @@ class Summary:
             "agreement": self.peers.agreement_described(),
             "poses": self.pictures.model_dump() if self.pictures else PICTURES,
             "engines": {engine: self._engine(engine) for engine in engines},
-            "routes": [
-                {"engine": e, "route": r, **t.described(), "silent": self.silent.of(e, r)}
-                for (e, r), t in sorted(self.routes.items())
+            "methods": [
+                {"engine": e, "method": r, **t.described(), "silent": self.silent.of(e, r)}
+                for (e, r), t in sorted(self.methods.items())
             ],
             "features": self.features.described(self.gaps),
             "golden": plain(self.golden) if self.golden else None,
@@ -187,27 +189,27 @@ class Summary:
         }
 
     def _engine(self, engine: str) -> dict[str, Any]:
-        """Return {route: {quantity: numbers}}: every quantity under every route; what nobody answered is None."""
-        seen = {r for e, r in self.routes if e == engine} | {r for e, r, _ in self.cells if e == engine}
-        routes = sorted(seen - {ROWS, ANY}) or [ANY]
-        of_routes: dict[str, Any] = {}
-        for route in routes:
-            made = self.routes.get((engine, route))
+        """Return {method: {quantity: numbers}}: every quantity under every method; what nobody answered is None."""
+        seen = {r for e, r in self.methods if e == engine} | {r for e, r, _ in self.cells if e == engine}
+        methods = sorted(seen - {ROWS, ANY}) or [ANY]
+        of_methods: dict[str, Any] = {}
+        for method in methods:
+            made = self.methods.get((engine, method))
             who = {key: getattr(made.made, key) for key in ROWS_MADE} if made else dict.fromkeys(ROWS_MADE)
             speed = made.microseconds if made else {"microseconds_mean": None, "microseconds_median": None}
             unanswered = made.unanswered if made else 0
-            of_routes[route] = {
-                quantity: {**self._solved(engine, route, quantity), **who, "unanswered": unanswered, **speed}
+            of_methods[method] = {
+                quantity: {**self._solved(engine, method, quantity), **who, "unanswered": unanswered, **speed}
                 for quantity in SOLVED
             }
             for quantity in OWN_ROWS:
                 cell = self.cells.get((engine, ROWS, quantity), Cell())
-                of_routes[route][quantity] = {**cell.described(), **ROWS_MADE}
-        return of_routes
+                of_methods[method][quantity] = {**cell.described(), **ROWS_MADE}
+        return of_methods
 
-    def _solved(self, engine: str, route: str, quantity: str) -> dict[str, Any]:
-        """Return a cell, with the crashes and hangs, which count against every route of the engine."""
-        cell = self.cells.get((engine, route, quantity), Cell()).described()
+    def _solved(self, engine: str, method: str, quantity: str) -> dict[str, Any]:
+        """Return a cell, with the crashes and hangs, which count against every method of the engine."""
+        cell = self.cells.get((engine, method, quantity), Cell()).described()
         everywhere = self.cells.get((engine, ANY, "status"), Cell())
         cell["failures"] += everywhere.failures
         cell["known_gaps"] += everywhere.known_gaps
@@ -251,7 +253,7 @@ def _quantity(level: str) -> str:
 
 
 def _blamed(disagreement: Disagreement) -> tuple[str, str, str]:
-    return disagreement.engine, disagreement.route, _quantity(disagreement.quantity)
+    return disagreement.engine, disagreement.method, _quantity(disagreement.quantity)
 
 
 def _gap_row(gap: KnownGap, covered: int) -> dict[str, Any]:

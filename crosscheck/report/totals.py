@@ -141,8 +141,8 @@ class Peers:
     def add(self, record: Record) -> None:
         """Count one scene."""
         scale = record.reference.common.scale if record.reference and record.reference.common else {}
-        for one, other in combinations(sorted(record.answers, key=lambda a: (a.engine, a.route.name)), 2):
-            names = ((one.engine, one.route.name), (other.engine, other.route.name))
+        for one, other in combinations(sorted(record.answers, key=lambda a: (a.engine, a.method.name)), 2):
+            names = ((one.engine, one.method.name), (other.engine, other.method.name))
             counts = self.pairs.setdefault(names, [Counter() for _ in QUANTITIES])
             for quantity, of_quantity in zip(QUANTITIES, counts, strict=True):
                 turns = quantity == "position" and record.about.get("dimension") != "spatial"
@@ -158,7 +158,7 @@ class Peers:
         return [
             {
                 "engines": [first[0], second[0]],
-                "routes": [first[1], second[1]],
+                "methods": [first[1], second[1]],
                 **{
                     quantity: {"scenes": of_quantity.total(), **describe(of_quantity)}
                     for quantity, of_quantity in zip(QUANTITIES, counts, strict=True)
@@ -187,7 +187,7 @@ def _agreeing(one: Answer, other: Answer, quantity: str, scale: Mapping[str, flo
 
 
 class Silent:
-    """In how many scenes each route gave an answer that is wrong, by what is wrong with it: each scene counts once."""
+    """In how many scenes each method gave an answer that is wrong, by what is wrong with it: each scene counts once."""
 
     def __init__(self) -> None:
         self.scenes: dict[Who, dict[str, set[str]]] = {}
@@ -195,11 +195,11 @@ class Silent:
     def add(self, place: Place, wrong: Disagreement) -> None:
         """Count a disagreement; having no answer, or being ended, is not silent."""
         if wrong.quantity != "status":
-            self.scenes.setdefault((wrong.engine, wrong.route), {}).setdefault(wrong.name, set()).add(place.key)
+            self.scenes.setdefault((wrong.engine, wrong.method), {}).setdefault(wrong.name, set()).add(place.key)
 
-    def of(self, engine: str, route: str) -> dict[str, int]:
+    def of(self, engine: str, method: str) -> dict[str, int]:
         """Return {what is wrong: scenes}, most frequent first, with "any" for all of them together."""
-        kinds = self.scenes.get((engine, route), {})
+        kinds = self.scenes.get((engine, method), {})
         counts = sorted(((kind, len(keys)) for kind, keys in kinds.items()), key=lambda item: (-item[1], item[0]))
         return {"any": len(set().union(*kinds.values())), **dict(counts)} if kinds else {}
 

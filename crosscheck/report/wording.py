@@ -54,14 +54,14 @@ def ratio(value: float | None) -> str:
 
 
 def seeding(value: str | None) -> str:
-    """Return in words how much of the answer a route was given."""
+    """Return in words how much of the answer a method was given."""
     return NO_ANSWER if value is None else SEEDING.get(value, value)
 
 
 def whose(text: str | None, quantity: str) -> str:
-    """Return who did something for one quantity, in short: the table of routes has the whole text.
+    """Return who did something for one quantity, in short: the table of methods has the whole text.
 
-    A route may tell by quantity, as in "position: exudyn; velocity, acceleration: adapter (numpy)".
+    A method may tell by quantity, as in "position: exudyn; velocity, acceleration: adapter (numpy)".
     """
     if text is None:
         return NO_ANSWER

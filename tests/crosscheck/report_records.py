@@ -60,7 +60,7 @@ def answer(engine: str, quantities: Mapping[str, Any], **more: Any) -> dict[str,
     fields = {
         "engine": engine,
         "version": "1.0",
-        "route": {"name": ROUTES[engine], **WHO},
+        "method": {"name": ROUTES[engine], **WHO},
         "quantities": quantities,
         "missing": 0,
         "judged": 4,
@@ -113,7 +113,7 @@ def failed_record(name: str) -> dict[str, Any]:
 
 def disagreement(engine: str = "mujoco", quantity: str = "velocity", **more: Any) -> dict[str, Any]:
     """Return a disagreement as a record holds it."""
-    fields = {"engine": engine, "route": ROUTES[engine], "quantity": quantity, "kind": Cause.BEYOND, "ratio": 3.5}
+    fields = {"engine": engine, "method": ROUTES[engine], "quantity": quantity, "kind": Cause.BEYOND, "ratio": 3.5}
     return plain(Disagreement(**{**fields, "at": At("rocker.phi", 0.5), **more}))
 
 

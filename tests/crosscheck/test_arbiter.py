@@ -19,7 +19,7 @@ JUMP = ROOT / "tests" / "corpus" / "exudyn-shipped-changes-assembly.toml"
 
 
 def places(record):
-    return {answer.route.name: answer.certificate for answer in record.answers}
+    return {answer.method.name: answer.certificate for answer in record.answers}
 
 
 def test_an_answer_on_the_other_assembly_is_outside_and_the_others_are_inside():

@@ -452,7 +452,7 @@ def test_scenes_of_a_run_that_was_killed_before_it_told_its_disagreements_are_wr
 
 
 JUMP = Disagreement(
-    engine="exudyn", route="shipped", quantity="position", kind=Cause.OTHER_ASSEMBLY, ratio=2.0, at=At("a.x", 0.0)
+    engine="exudyn", method="shipped", quantity="position", kind=Cause.OTHER_ASSEMBLY, ratio=2.0, at=At("a.x", 0.0)
 )
 
 

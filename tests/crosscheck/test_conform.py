@@ -96,7 +96,7 @@ def test_an_engine_with_one_wrong_joint_is_told_which(kind, tmp_path):
     before, about = WRONG_JOINTS[kind]
     said = told(engine_file(tmp_path, before=before), "revolute", about)
 
-    assert f"WRONG: position is wrong (route 'made up'): {kind}\n    asked about {about}\n" in said
+    assert f"WRONG: position is wrong (method 'made up'): {kind}\n    asked about {about}\n" in said
     assert f"every answer with a wrong number violates a {kind}\n" in said
     assert "2 of 2 questions answered, 0 refused, 1 wrong" in said
 
@@ -104,12 +104,12 @@ def test_an_engine_with_one_wrong_joint_is_told_which(kind, tmp_path):
 @pytest.mark.parametrize(
     ("after", "said"),
     [
-        ("motion = replace(motion, qdd=motion.qdd * (1 + 1e-9))", "WRONG: acceleration is wrong (route 'made up')"),
-        ("motion = replace(motion, qd=motion.qd * (1 + 1e-9))", "WRONG: velocity is wrong (route 'made up')"),
-        ("motion = replace(motion, qd=None)", "WRONG: velocity is not delivered at any time (route 'made up')"),
+        ("motion = replace(motion, qdd=motion.qdd * (1 + 1e-9))", "WRONG: acceleration is wrong (method 'made up')"),
+        ("motion = replace(motion, qd=motion.qd * (1 + 1e-9))", "WRONG: velocity is wrong (method 'made up')"),
+        ("motion = replace(motion, qd=None)", "WRONG: velocity is not delivered at any time (method 'made up')"),
         (
             "motion = replace(motion, bodies=motion.bodies[:1], q=motion.q[:3], qd=motion.qd[:3], qdd=motion.qdd[:3])",
-            "WRONG: position is no answer for coupler, rocker (route 'made up')",
+            "WRONG: position is no answer for coupler, rocker (method 'made up')",
         ),
         ("motion = replace(motion, q=motion.q[:, :-1])", "WRONG: solve(): q has shape (9, 6), not (9, 7)"),
         ("motion = motion.q", "WRONG: solve(): expected a refkin.motion.Motion, got ndarray"),
@@ -137,7 +137,7 @@ def test_an_engine_that_lies_about_its_status_is_told_where(tmp_path):
     lying = f"motion = replace(motion, status=(Status.OK,) * len(motion.t), {numbers})"
     said = told(engine_file(tmp_path, after=lying), "revolute", "parts that do not meet", "driven beyond its limit")
 
-    assert "ok where there is no assembly (route 'made up')" in said
+    assert "ok where there is no assembly (method 'made up')" in said
     assert "asked about parts that do not meet; driven beyond its limit" in said
     assert "1 of 1" not in said
     assert said.endswith("3 of 3 questions answered, 0 refused, 2 wrong")
@@ -148,7 +148,7 @@ def test_an_engine_that_depends_on_the_order_of_bodies_is_told_so(tmp_path):
     ordered = "motion = motion if scene.mechanism.bodies[0].name == 'crank' else replace(motion, q=motion.q + 1e-9)"
     said = told(engine_file(tmp_path, after=ordered), "revolute", "law: table", "law: polynomial")
 
-    assert "position depends on the order of bodies (route 'made up')" in said
+    assert "position depends on the order of bodies (method 'made up')" in said
     assert "3 wrong" in said
 
 
@@ -167,7 +167,7 @@ def test_what_an_engine_refuses_of_a_whole_scene_is_told_and_is_no_fault():
     assert (reply.refusals, reply.faults, reply.levels) == (("not on Sundays",), (), ())
 
 
-def test_of_each_route_the_first_level_that_is_beyond_is_told_and_every_fault_of_status_and_rows():
+def test_of_each_method_the_first_level_that_is_beyond_is_told_and_every_fault_of_status_and_rows():
     scene = next(iter(ASKED.values())).scene
     seen = [
         ("a", "position", Cause.BEYOND),
@@ -177,7 +177,7 @@ def test_of_each_route_the_first_level_that_is_beyond_is_told_and_every_fault_of
         ("b", "status", Cause.NO_ANSWER),
         ("rows", "jacobian", Cause.TRANSLATED),
     ]
-    wrong = [Disagreement(engine="own", route=route, quantity=quantity, kind=kind) for route, quantity, kind in seen]
+    wrong = [Disagreement(engine="own", method=method, quantity=quantity, kind=kind) for method, quantity, kind in seen]
     nothing = {"answers": [], "levels": [], "refusals": [], "about": {}}
     record = Record(key=16 * "0", scene="any", disagreements=wrong, **nothing)
 

@@ -147,9 +147,9 @@ def test_a_body_without_estimate_is_refused_by_name(name):
         load(name).solve(scene)
 
 
-def test_an_unknown_route_is_refused_with_those_there_are(engine):
+def test_an_unknown_method_is_refused_with_those_there_are(engine):
     names = ", ".join(repr(route.name) for route in engine.routes())
-    with pytest.raises(EngineError, match=f"{engine.name} has no route 'guess'; there are: {names}"):
+    with pytest.raises(EngineError, match=f"{engine.name} has no method 'guess'; there are: {names}"):
         engine.solve(four_bar().scene, replace(engine.routes()[0], name="guess"))
 
 
@@ -163,7 +163,7 @@ def test_an_unknown_route_is_refused_with_those_there_are(engine):
         ("closed_form", "none", "closed form", "closed form"),
     ],
 )
-def test_an_engine_is_found_by_its_name_and_its_route_says_who_did_what(name, newton, residual, linear_solve):
+def test_an_engine_is_found_by_its_name_and_its_method_says_who_did_what(name, newton, residual, linear_solve):
     """Of the estimate every one of them takes where to begin, and nothing else."""
     engine = load(name)
     route = engine.solve(four_bar().scene).producer.route

@@ -66,7 +66,7 @@ def ratios(case: Case, motion: Motion, terms: tuple[Any, ...] = ()) -> list[floa
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_static_route_agrees_with_the_closed_form_within_the_budget(name: str) -> None:
+def test_static_method_agrees_with_the_closed_form_within_the_budget(name: str) -> None:
     case = CASES[name]()
     motion = Exudyn().solve(case.scene)
 
@@ -75,7 +75,7 @@ def test_static_route_agrees_with_the_closed_form_within_the_budget(name: str) -
 
 
 @pytest.mark.parametrize("name", [n for n in CASES if n not in ("four-bar of 1e-9 m", "four-bar 1e6 m away")])
-def test_shipped_route_agrees_with_the_closed_form_within_its_stopping_rule(name: str) -> None:
+def test_shipped_method_agrees_with_the_closed_form_within_its_stopping_rule(name: str) -> None:
     case = CASES[name]()
     motion = Exudyn().solve(case.scene, SHIPPED)
 
@@ -91,7 +91,7 @@ def test_shipped_tolerances_do_not_see_a_linkage_of_a_nanometre_and_no_answer_is
     assert "reported success with a residual" in motion.message
 
 
-def test_only_the_shipped_route_adds_to_the_allowed_error() -> None:
+def test_only_the_shipped_method_adds_to_the_allowed_error() -> None:
     scene = four_bar().scene
 
     assert Exudyn().terms(scene) == Exudyn().terms(scene, STATIC) == ()
@@ -100,7 +100,7 @@ def test_only_the_shipped_route_adds_to_the_allowed_error() -> None:
 
 @pytest.mark.parametrize("slack", [1e-3, 1e-6, 1e-9])
 @pytest.mark.parametrize("branch", [1, -1])
-def test_static_route_keeps_the_branch_past_a_near_change_point(slack: float, branch: int) -> None:
+def test_static_method_keeps_the_branch_past_a_near_change_point(slack: float, branch: int) -> None:
     """There the branches come as near as sqrt(slack), and a step of 0.2 rad passes them at once."""
     case = four_bar(branch, lengths=(1.0, 3.5, 3.0, 5.5 - slack))
     motion = Exudyn().solve(case.scene)
@@ -145,7 +145,7 @@ def parallelogram() -> Case:
     return Case(scene, {name: [level[:, first] for level in levels] for name, levels in rows.items()}, 1.0)
 
 
-def test_redundant_rows_are_solved_by_the_static_route() -> None:
+def test_redundant_rows_are_solved_by_the_static_method() -> None:
     case = parallelogram()
     motion = Exudyn().solve(case.scene)
 
@@ -206,7 +206,7 @@ def test_a_law_by_rate_or_by_table_drives_as_the_polynomial_it_stands_for(kind: 
 # What is declared and what is refused
 
 
-def test_its_version_and_its_routes_are_those_that_are_pinned() -> None:
+def test_its_version_and_its_methods_are_those_that_are_pinned() -> None:
     assert Exudyn().version().startswith("1.13.")
     assert [route.name for route in Exudyn().routes()] == ["static", "shipped"]
 
@@ -216,4 +216,4 @@ def test_the_row_of_a_distance_driver_stops_as_early_as_its_length_allows() -> N
     scene = refkin.load(Path(__file__).parents[1] / "corpus" / "exudyn-shipped-distance-driver.toml")
     record = check(scene, ["exudyn"])
 
-    assert [item for item in record.disagreements if item.route == SHIPPED.name] == []
+    assert [item for item in record.disagreements if item.method == SHIPPED.name] == []

@@ -28,8 +28,8 @@ SCENES = 10
 """Scenes for features, as a night of 280 scenes has them: half a minute of it."""
 
 
-def routes_of(disagreements) -> set[tuple[str, str]]:
-    return {(item.engine, item.route) for item in disagreements}
+def methods_of(disagreements) -> set[tuple[str, str]]:
+    return {(item.engine, item.method) for item in disagreements}
 
 
 def test_with_the_table_emptied_a_night_sees_every_feature_that_is_known_to_be_wrong():
@@ -39,7 +39,7 @@ def test_with_the_table_emptied_a_night_sees_every_feature_that_is_known_to_be_w
     empty, own = Tally([]), Tally(read())
     new = [item for record in records for item in empty.add(record)]
 
-    assert routes_of(new) == FEATURES
+    assert methods_of(new) == FEATURES
     assert [item for record in records for item in own.add(record)] == []
 
 
@@ -48,15 +48,15 @@ def test_a_night_asks_features_of_the_scenes_drawn_for_them_and_shows_them_by_th
     outcome = run(plan)
     report, page = summarized(tmp_path), build(tmp_path).read_text(encoding="utf-8")
     with Journal(tmp_path / "records.jsonl") as journal:
-        asked = [(r.about["shard"], a.engine, a.route.name) for r in journal for a in r.answers if a.feature]
+        asked = [(r.about["shard"], a.engine, a.method.name) for r in journal for a in r.answers if a.feature]
     empty = run(replace(plan, known_gaps="none"))
 
     assert (outcome.new, report["verdict"]) == ([], "pass")
     assert set(asked) == {(FEATURED, *feature) for feature in FEATURES}
     assert {(row["engine"], row["feature"]) for row in report["features"]} == FEATURES
-    assert not {(row["engine"], row["route"]) for row in report["routes"]} & FEATURES
+    assert not {(row["engine"], row["method"]) for row in report["methods"]} & FEATURES
     assert all(row["reason"] in unescape(page) for row in report["features"] if row["wrong"])
-    assert routes_of(case.disagreement for case in empty.new) == {
+    assert methods_of(case.disagreement for case in empty.new) == {
         (row["engine"], row["feature"]) for row in report["features"] if row["wrong"]
     }
 
@@ -64,8 +64,8 @@ def test_a_night_asks_features_of_the_scenes_drawn_for_them_and_shows_them_by_th
 def agrees(engine: str, feature: str) -> bool:
     """Whether a feature of an engine disagrees with nothing on the scene with frames beside pins."""
     record = check(refkin.load(BESIDE), [engine], {"of_features": True})
-    assert feature in {answer.route.name for answer in record.answers}
-    return (engine, feature) not in routes_of(record.disagreements)
+    assert feature in {answer.method.name for answer in record.answers}
+    return (engine, feature) not in methods_of(record.disagreements)
 
 
 def test_sites_that_the_compiler_leaves_where_they_are_agree(monkeypatch):

@@ -74,29 +74,29 @@ def test_a_baseline_comes_back_from_its_file_as_it_was(cases: Any, file: Path) -
         (0.4, -0.1, 0.3, False),
     ],
 )
-def test_a_route_that_loses_more_than_half_a_digit_and_more_than_luck_is_named(
+def test_a_method_that_loses_more_than_half_a_digit_and_more_than_luck_is_named(
     cases: Any, again: Any, which: int, lost: float, beyond: float, ratio: float, red: bool
 ) -> None:
     cases = copy.deepcopy(cases)
     left = cases["slider-crank"]["attainable"]["velocity"][which] - beyond
-    cases["slider-crank"]["routes"][ROUTE]["velocity"][which] = left + lost
-    again["slider-crank"]["routes"][ROUTE]["velocity"][which] = left
-    again["slider-crank"]["routes"][ROUTE]["ratio"]["velocity"] = ratio
+    cases["slider-crank"]["methods"][ROUTE]["velocity"][which] = left + lost
+    again["slider-crank"]["methods"][ROUTE]["velocity"][which] = left
+    again["slider-crank"]["methods"][ROUTE]["ratio"]["velocity"] = ratio
 
     expected = [("slider-crank", "closed_form", "velocity", "digits lost")] if red else []
     assert told(differences(cases, again, ENGINES)) == expected
 
 
-def test_a_route_that_does_not_answer_any_more_is_named(cases: Any, again: Any) -> None:
-    del again["slider-crank"]["routes"][ROUTE]
-    again["crank-rocker open"]["routes"][ROUTE]["missing"] = 1
+def test_a_method_that_does_not_answer_any_more_is_named(cases: Any, again: Any) -> None:
+    del again["slider-crank"]["methods"][ROUTE]
+    again["crank-rocker open"]["methods"][ROUTE]["missing"] = 1
 
     gone = [(case, "closed_form", "status", "digits lost") for case in FEW[:2]]
     assert told(differences(cases, again, ENGINES)) == gone
 
 
 def test_an_engine_that_was_not_asked_is_not_missed(cases: Any, again: Any) -> None:
-    del again["slider-crank"]["routes"][ROUTE]
+    del again["slider-crank"]["methods"][ROUTE]
 
     assert differences(cases, again, ()) == []
 
@@ -148,7 +148,7 @@ def expect_digits(file: Path, route: str, attainable: bool) -> None:
     """Write a baseline in which a route had 15 digits of the rates, and perhaps rounding left as many."""
     held = golden.read(file)
     case, digits = held["cases"][HARD], {"velocity": [15.0, 15.0], "acceleration": [15.0, 15.0]}
-    case["routes"][route] = {**case["routes"][ROUTE], **digits}
+    case["methods"][route] = {**case["methods"][ROUTE], **digits}
     case["attainable"] |= digits if attainable else {}
     file.write_text(json.dumps(held))
 
@@ -193,7 +193,7 @@ def accepted() -> Any:
 
 def test_the_accepted_baseline_holds_the_golden_scenes_and_every_engine(accepted: Any) -> None:
     held = {name: case["scene"] for name, case in accepted["cases"].items()}
-    engines = {who.partition(" · ")[0] for case in accepted["cases"].values() for who in case["routes"]}
+    engines = {who.partition(" · ")[0] for case in accepted["cases"].values() for who in case["methods"]}
 
     assert held == {name: json.loads(json.dumps(to_dict(s))) for name, s in golden.golden_scenes().items()}
     assert engines == set(accepted["versions"]) == {ALWAYS, *SAMPLED, *PEERS}

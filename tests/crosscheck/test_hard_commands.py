@@ -122,10 +122,10 @@ def test_the_worst_comes_first():
     assert [name[2] for name, _ in Bag(catches, 3, []).above()] == ["b", "a"]
 
 
-def test_only_best_routes_are_hunted():
+def test_only_best_methods_are_hunted():
     quantities = {"position": Plain(ratio=3.0), "velocity": Plain(ratio=None)}
     answers = [
-        Plain(engine="e", route=Plain(name=name), quantities=quantities, certificate=Plain(radii=2.0))
+        Plain(engine="e", method=Plain(name=name), quantities=quantities, certificate=Plain(radii=2.0))
         for name in ("best", "shipped")
     ]
 

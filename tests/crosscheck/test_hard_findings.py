@@ -29,13 +29,13 @@ from refkin.motion import Status
 ROOT = Path(__file__).parent.parent.parent
 FINDINGS = read()
 ROUTES = {name: tuple(key[1] for key in listed(name)) for name in PEERS}
-IN_TABLE = [f for f in FINDINGS if f.route in ROUTES[f.engine]]
+IN_TABLE = [f for f in FINDINGS if f.method in ROUTES[f.engine]]
 SLOW = ("mujoco", "mj_step")
 FIRST = {case.case: case.key for case in reversed(hard_cases())}
 ROW = """
 [[finding]]
 engine = "exudyn"
-route = "shipped"
+method = "shipped"
 cases = ["toggle"]
 verdict = "wrong"
 class = "our misuse"
@@ -49,11 +49,11 @@ date = 2026-11-21
 
 
 @pytest.mark.parametrize(
-    ("finding", "case"), [(f, case) for f in IN_TABLE for case in f.cases], ids=lambda x: getattr(x, "route", x)
+    ("finding", "case"), [(f, case) for f in IN_TABLE for case in f.cases], ids=lambda x: getattr(x, "method", x)
 )
 def test_every_finding_still_shows_in_each_kind_of_its_scenes(finding, case):
     keys = [c.key for c in hard_cases() if c.case == case]
-    shown = (outcome_of((finding.engine, finding.route, "", key))[0] == finding.verdict for key in keys)
+    shown = (outcome_of((finding.engine, finding.method, "", key))[0] == finding.verdict for key in keys)
 
     assert any(shown)
 
@@ -78,7 +78,7 @@ WITH_SCENE = [f for f in IN_TABLE if f.scene]
 @pytest.mark.parametrize("finding", WITH_SCENE, ids=lambda f: f"{f.engine} {f.scene}")
 def test_the_minimal_scene_of_a_finding_shows_it(finding):
     scene = refkin.load(ROOT / finding.scene)
-    candidate = method(finding.engine, finding.route)
+    candidate = method(finding.engine, finding.method)
 
     ref, answer = reference(scene), candidate.solve(scene)
     where = samples(ref.system, scene_truths(ref), scene, answer, candidate.terms(scene))
@@ -87,7 +87,7 @@ def test_the_minimal_scene_of_a_finding_shows_it(finding):
 
 
 @pytest.mark.parametrize("key", [None, *(c.key for c in hard_cases() if c.case == "parallelogram, passed")])
-def test_the_march_of_the_route_static_says_that_a_parallelogram_past_its_flat_pose_is_lost(key):
+def test_the_march_of_the_method_static_says_that_a_parallelogram_past_its_flat_pose_is_lost(key):
     engine = load("exudyn")
     scene = refkin.load(ROOT / PASSED) if key is None else next(c.scene for c in hard_cases() if c.key == key)
     motion = engine.solve(scene, engine.routes()[0])
@@ -136,7 +136,7 @@ def test_the_script_about_an_exudyn_tolerance_shows_success_with_an_angle_of_1e1
     assert float(gap) > 1.0
 
 
-@pytest.mark.parametrize("finding", FINDINGS, ids=lambda f: f"{f.engine} {f.route} {f.script}")
+@pytest.mark.parametrize("finding", FINDINGS, ids=lambda f: f"{f.engine} {f.method} {f.script}")
 def test_a_script_says_what_a_maintainer_asks(finding):
     """Its class, the documentation that it contradicts or follows, and the versions that show it."""
     text = (ROOT / finding.script).read_text(encoding="utf-8")

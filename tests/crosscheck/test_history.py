@@ -131,8 +131,8 @@ def a_slower_engine(path: Path, folder: Path) -> None:
     report = night(folder, 1)
     for day in range(1, 25):
         slower = 1.5 if day > 19 else 1.0
-        routes = [{**row, "microseconds_median": slower * row["microseconds_median"]} for row in report["routes"]]
-        append(path, {**report, "date": f"2026-10-{day:02d} 02:17", "routes": routes})
+        routes = [{**row, "microseconds_median": slower * row["microseconds_median"]} for row in report["methods"]]
+        append(path, {**report, "date": f"2026-10-{day:02d} 02:17", "methods": routes})
 
 
 def test_an_engine_that_got_slower_is_warned_of_with_the_night_it_did(tmp_path: Path) -> None:
@@ -169,7 +169,7 @@ def test_a_night_that_cannot_be_written_leaves_the_others_as_they_were(tmp_path:
     path = tmp_path / "h.sqlite"
     append(path, night(tmp_path / "run", 1))
     broken = night(tmp_path / "run", 2)
-    broken["routes"] = [{"engine": "mujoco"}]
+    broken["methods"] = [{"engine": "mujoco"}]
 
     with pytest.raises(KeyError):
         append(path, broken)

@@ -117,7 +117,7 @@ def test_a_long_name_makes_a_name_of_bounded_length_that_no_other_has():
 
 def test_a_case_of_a_baseline_names_no_file_outside_of_the_folder():
     fields = {"status": ["ok"], "certified_radius": {}}
-    case = {"scene": {}, "reference": fields, "routes": {}}
+    case = {"scene": {}, "reference": fields, "methods": {}}
     now = {**case, "reference": {**fields, "status": ["singular"]}}
     (worse,) = differences({"../../x": case}, {"../../x": now}, ())
 

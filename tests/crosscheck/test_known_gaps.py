@@ -21,7 +21,7 @@ GAPS = read()
 ROW = """
 [[gap]]
 engine = "exudyn"
-route = "shipped"
+method = "shipped"
 predicate = "anywhere"
 reason = "planted"
 class = "our misuse"
@@ -48,7 +48,7 @@ def test_the_reproduction_of_every_row_still_shows_its_gap(gap):
 
 
 @pytest.mark.parametrize("gap", GAPS, ids=lambda gap: gap.reproduction)
-def test_the_best_route_is_free_of_what_a_row_about_another_route_says(gap):
+def test_the_best_method_is_free_of_what_a_row_about_another_method_says(gap):
     record = record_of(gap.reproduction, gap.engine)
 
     assert new_disagreements(record, GAPS) == []
@@ -93,7 +93,7 @@ FAULTS = {
     "date": (ROW.replace("2026-11-21", '"today"'), r"gap\[0\].date: 'today'; expected a date"),
     "time": (ROW.replace("2026-11-21", "2026-11-21T10:00:00"), r"gap\[0\].date: .*; expected a date"),
     "no text": (ROW.replace('"planted"', '""'), r"gap\[0\].reason: ''; expected some text"),
-    "a number": (ROW.replace('"shipped"', "3"), r"gap\[0\].route: 3; expected some text"),
+    "a number": (ROW.replace('"shipped"', "3"), r"gap\[0].method: 3; expected some text"),
     "second row": (ROW + ROW.replace("anywhere", "nowhere"), r"gap\[1\].predicate"),
     "another table": (ROW.replace("[[gap]]", "[[gaps]]"), r"gaps: no such key; there is: gap"),
     "not TOML": (ROW + "[[", r"known_gaps.toml: .*\(at end of document\)"),
@@ -108,10 +108,10 @@ def test_a_row_that_makes_no_sense_gets_one_clear_error(text, told):
     assert "\n" not in str(error.value)
 
 
-def record(*kinds: Cause, sigma_per_step: float | None = 0.1, route: str = "shipped") -> Record:
-    """Return a record in which exudyn answered by a route and has disagreements of some kinds."""
-    scene = typed(planted("a", answer("exudyn", {}, route={**WHO, "name": route})))
-    fields = {"engine": "exudyn", "route": route, "quantity": "position", "ratio": 9.0}
+def record(*kinds: Cause, sigma_per_step: float | None = 0.1, method: str = "shipped") -> Record:
+    """Return a record in which exudyn answered by a method and has disagreements of some kinds."""
+    scene = typed(planted("a", answer("exudyn", {}, method={**WHO, "name": method})))
+    fields = {"engine": "exudyn", "method": method, "quantity": "position", "ratio": 9.0}
     disagreements = [Disagreement(**fields, kind=kind, how="SIGSEGV" * (kind is Cause.CRASH)) for kind in kinds]
     assert scene.reference is not None
     row = replace(scene.reference, sigma_per_step=sigma_per_step)
@@ -127,11 +127,11 @@ JUMP = Cause.OTHER_ASSEMBLY
         (record(JUMP), []),
         (record(JUMP, sigma_per_step=2.0), [JUMP]),
         (record(JUMP, sigma_per_step=None), [JUMP]),
-        (record(JUMP, route="static"), [JUMP]),
+        (record(JUMP, method="static"), [JUMP]),
         (record(Cause.BEYOND), ["beyond the allowed error"]),
         (record(JUMP, Cause.CRASH), ["crash (SIGSEGV)"]),
     ],
-    ids=["covered", "step within Newton's reach", "one time", "best route", "another kind", "one of two"],
+    ids=["covered", "step within Newton's reach", "one time", "best method", "another kind", "one of two"],
 )
 def test_a_row_covers_what_it_says_and_no_more(met, new):
     assert [d.name for d in new_disagreements(met, GAPS)] == new
@@ -157,9 +157,9 @@ def test_a_scene_of_which_nothing_is_known_is_covered_by_no_row():
         ([record()] * (ENOUGH - 1), False),
         ([record()] * ENOUGH + [record(JUMP)], False),
         ([record(sigma_per_step=5.0)] * (2 * ENOUGH), False),
-        ([record(route="static")] * (2 * ENOUGH), False),
+        ([record(method="static")] * (2 * ENOUGH), False),
     ],
-    ids=["many scenes of its kind", "too few", "it showed once", "scenes of another kind", "its route did not run"],
+    ids=["many scenes of its kind", "too few", "it showed once", "scenes of another kind", "its method did not run"],
 )
 def test_a_row_is_possibly_closed_when_it_did_not_show_in_many_scenes_of_its_kind(records, closed):
     tally = Tally(GAPS[:1])
@@ -195,4 +195,4 @@ def test_a_gap_is_told_by_its_row():
     (gap,) = read(ROW)
 
     assert isinstance(gap, KnownGap)
-    assert (gap.engine, gap.match, gap.kind_of_gap) == ("exudyn", {"route": "shipped"}, "our misuse")
+    assert (gap.engine, gap.match, gap.kind_of_gap) == ("exudyn", {"method": "shipped"}, "our misuse")

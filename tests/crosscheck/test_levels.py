@@ -93,7 +93,7 @@ def test_a_row_that_an_engine_leaves_out_or_has_twice_is_owed(engine, spoil, mon
             return getattr(right, name)
 
     monkeypatch.setattr(type(real), "constraints", lambda self, scene: Model())
-    found = [d for d in check(lever(), [real]).disagreements if d.route == "rows"]
+    found = [d for d in check(lever(), [real]).disagreements if d.method == "rows"]
 
     assert [(d.quantity, d.kind) for d in found] == [("status", "not delivered")]
     assert "of B0" in found[0].message
@@ -122,5 +122,5 @@ def test_turns_of_space_multiply_what_is_lost_of_a_place_far_from_the_origin():
     """Planted: the Jacobian of a row was allowed what it would be at the origin, and exudyn's was called wrong."""
     record = check(refkin.load(CORPUS / "space-turns-far-from-origin.toml"), ["exudyn", "pinocchio", "mujoco"])
 
-    assert [d for d in record.disagreements if d.route not in {"shipped"}] == []
+    assert [d for d in record.disagreements if d.method not in {"shipped"}] == []
     assert {level.level for level in record.levels} == set(Level) - {Level.SOLVE}

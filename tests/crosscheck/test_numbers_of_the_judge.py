@@ -95,7 +95,7 @@ def test_a_step_counts_by_the_smaller_sigma_at_its_ends():
 def test_a_finding_explains_its_own_rows_alone():
     known = read()
     finding = next(f for f in known if f.cases)
-    own = (finding.engine, finding.route, finding.cases[0], finding.verdict)
+    own = (finding.engine, finding.method, finding.cases[0], finding.verdict)
 
     assert finding_of(known, *own) is finding
     assert finding_of([finding], "another", *own[1:]) is None

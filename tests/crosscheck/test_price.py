@@ -106,23 +106,23 @@ def test_a_time_without_an_answer_leaves_no_digits(made_up):
 
 
 @pytest.mark.parametrize(("route", "told"), [("crashes", "SIGSEGV"), ("raises", "ValueError: no such thing")])
-def test_a_route_that_fails_is_a_row_that_says_how(made_up, route, told):
+def test_a_method_that_fails_is_a_row_that_says_how(made_up, route, told):
     row = row_of(made_up, route)
 
     assert (row.digits, row.microseconds) == (None, None)
     assert told in row.note
 
 
-def test_who_ran_newton_is_told_of_a_route_that_crashes_too(made_up):
+def test_who_ran_newton_is_told_of_a_method_that_crashes_too(made_up):
     assert row_of(made_up, "crashes").newton_by == "nobody"
 
 
-def test_a_crash_costs_no_other_route_its_price(made_up):
+def test_a_crash_costs_no_other_method_its_price(made_up):
     assert row_of(made_up, "right").microseconds > 0.0
     assert row_of(made_up, "slower with each order").microseconds > 0.0
 
 
-def test_a_route_that_gives_position_alone_has_no_row_for_velocity(made_up):
+def test_a_method_that_gives_position_alone_has_no_row_for_velocity(made_up):
     assert {r.quantity for r in made_up.rows if r.method == "position alone"} == {"position"}
 
 
@@ -148,7 +148,7 @@ def test_a_refusal_is_told(made_up):
     assert "made up, refused: refused: it does not like four-bars" in lines(to_json(made_up))
 
 
-def test_a_route_that_does_not_come_back_is_a_row_and_the_next_is_priced():
+def test_a_method_that_does_not_come_back_is_a_row_and_the_next_is_priced():
     prices = price(scene(effects=()), [HANGING], within=1.0, patience=4.0)
 
     assert "no answer within 4 s" in row_of(prices, "hangs").note

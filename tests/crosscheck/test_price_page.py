@@ -85,7 +85,7 @@ def test_a_quantity_that_nobody_was_measured_at_says_so():
     assert "nothing was measured" in str(methods_figure(price_list()["rows"], "acceleration"))
 
 
-def test_no_two_routes_look_alike():
+def test_no_two_methods_look_alike():
     many = [row(method=f"method {k}", engine=e).to_json() for e in ("refkin", "exudyn", "mujoco") for k in range(12)]
 
     assert len(set(looks_of_methods(many).values())) == len(many)
@@ -145,7 +145,7 @@ def test_the_terminal_tells_crashes_and_what_was_left_out():
     assert "mujoco, mj_step, crash: its process ended" in text
 
 
-def test_a_route_is_shown_with_its_most_digits():
+def test_a_method_is_shown_with_its_most_digits():
     table = methods_table(price_list()["rows"], "title")
 
     assert list(table.columns[4].cells) == ["9.0", "4.0"]

@@ -30,7 +30,7 @@ SCENE = load(ROOT / "examples" / "crank-rocker.toml")
 FEW = replace(SCENE, times=SCENE.times[:4])
 
 
-def test_an_engine_of_ones_own_serves_every_measurement_by_its_routes_alone():
+def test_an_engine_of_ones_own_serves_every_measurement_by_its_methods_alone():
     (method,) = methods(OWN)
 
     assert method.key == KEY
@@ -40,7 +40,7 @@ def test_an_engine_of_ones_own_serves_every_measurement_by_its_routes_alone():
 def test_it_is_compared():
     record = check(FEW, [OWN])
 
-    assert [(a.engine, a.route.name) for a in record.answers] == [KEY[:2]]
+    assert [(a.engine, a.method.name) for a in record.answers] == [KEY[:2]]
 
 
 def test_it_is_priced():

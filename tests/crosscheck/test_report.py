@@ -126,7 +126,7 @@ def test_fewest_digits_name_a_record_that_has_them(sampled: Any) -> None:
     assert cell["digits_worst"] == at["digits"] == min(int(d) for h in held.values() for d in h) / 10
 
 
-def test_own_rows_stand_under_the_route_and_drift_is_called_gamma(sampled: Any) -> None:
+def test_own_rows_stand_under_the_method_and_drift_is_called_gamma(sampled: Any) -> None:
     report, _, records = sampled
     drift = [int(d) / 10 for r in records for d, n in r["levels"][0]["digits"].items() for _ in range(n)]
 
@@ -144,8 +144,8 @@ def test_every_cell_has_every_key_that_is_promised(sampled: Any) -> None:
     digits = {"digits_median", "digits_p01", "digits_worst", "worst_over_allowed", "scenes", "failures", "known_gaps"}
     promised = digits | {"seeding", "newton_by", "linear_solve_by"}
 
-    for routes in sampled[0]["engines"].values():
-        for quantities in routes.values():
+    for methods in sampled[0]["engines"].values():
+        for quantities in methods.values():
             for name in (*QUANTITIES, "jacobian", "gamma"):
                 assert promised <= quantities[name].keys()
 
@@ -205,7 +205,7 @@ GOOD = good_answer("mujoco")
 LOST = record("a", GOOD)
 LOST["reference"] |= {"verdict": "branch_lost", "statuses": {"ok": 1, "branch_lost": 3}}
 NO_ANSWER = disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)
-CRASH = {"engine": "mujoco", "route": "any", "quantity": "status", "kind": "crash", "how": "exit code -11"}
+CRASH = {"engine": "mujoco", "method": "any", "quantity": "status", "kind": "crash", "how": "exit code -11"}
 
 
 def off(ratio, *rows):
@@ -471,7 +471,7 @@ def test_records_as_they_are_really_written_are_understood(tmp_path: Path) -> No
     report = reported(write(tmp_path, plain(real)))
 
     (result, *_) = plain(real)["answers"]
-    cell = report["engines"]["closed_form"][result["route"]["name"]]["position"]
+    cell = report["engines"]["closed_form"][result["method"]["name"]]["position"]
     assert (result["quantities"]["position"]["ratio"], result["judged"]) == (
         cell["worst_over_allowed"],
         cell["samples"],

@@ -63,7 +63,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     scenes = [linkage.scene(speed=2.0, turns=1, samples=25) for linkage in linkages]
     typed = [check(scene, ["closed_form"], {"kind": scene.name, "shard": k}) for k, scene in enumerate(scenes)]
     records = [plain(record) for record in typed]
-    fields = {**disagreement("mujoco"), "engine": "closed_form", "route": "float"}
+    fields = {**disagreement("mujoco"), "engine": "closed_form", "method": "float"}
     records[0]["disagreements"] = [fields]
     made = write(tmp_path_factory.mktemp("run"), *records)
     (made / "disagreements").mkdir()

@@ -92,7 +92,7 @@ def rich_run(folder: Path, text: str = "plain") -> tuple[Path, Any, Any]:
     """Write a run in which everything happens that a page can show, with `text` wherever a record has any."""
     about = {"kind": text, "grashof": text, text: text, "distance": 1e-3, "shard": 0}
     nasty = good_answer("mujoco", version=text)
-    nasty["route"] = {key: f"{key} {text}" for key in nasty["route"]}
+    nasty["method"] = {key: f"{key} {text}" for key in nasty["method"]}
     rows = [disagreement(), disagreement(quantity="position", how=text, at=At(text, 0.5), message=text)]
     levels = [level("mujoco", name) for name in ("residual", "jacobian", "constraint_velocity", "drift")]
     gear = {"joint": "gear", "name": "A", "level": "solve"}
@@ -230,12 +230,12 @@ def test_every_row_at_a_glance_is_what_report_json_says(tmp_path: Path) -> None:
     report = json.loads((folder / "report.json").read_text())
 
     for name in QUANTITIES:
-        for engine, route in ROUTES.items():
-            cell = report["engines"][engine][route][name]
+        for engine, method in ROUTES.items():
+            cell = report["engines"][engine][method][name]
             digits = [f"{cell[k]:.1f}" for k in ("digits_median", "digits_p01", "digits_worst")]
             counts = [str(cell[k]) for k in ("failures", "known_gaps", "unanswered", "scenes")]
             expected = [*digits, "0.13", *counts, cell["newton_by"], cell["linear_solve_by"]]
-            assert expected == rows[name.capitalize(), f"{engine} · {route}"][:10]
+            assert expected == rows[name.capitalize(), f"{engine} · {method}"][:10]
 
 
 def test_missing_engine_has_a_row_that_says_so_for_every_quantity(rich: Any) -> None:

@@ -23,7 +23,7 @@ from crosscheck.night.moving_parts import factor_below as magnified
 from crosscheck.night.sections import pictures, write_documents
 from crosscheck.report import totals
 from crosscheck.report.build import build, summarized
-from crosscheck.report.cells import Cell, Place, RouteTotals
+from crosscheck.report.cells import Cell, MethodTotals, Place
 from crosscheck.report.front import answer as sentence
 from crosscheck.report.front import first_table, hard_matrix
 from crosscheck.report.prices import cheapest
@@ -137,29 +137,28 @@ def test_the_first_table_quotes_the_best_method_of_the_engine_whichever_it_is(tm
     report, page = reported(tmp_path, price=[*PRICES, batch])
 
     (row,) = first_table(report)
-    assert (row["route"], row["price"], row["priced_method"]) == ("newton", 8.4, "mujoco.batch")
+    assert (row["method"], row["price"], row["priced_method"]) == ("newton", 8.4, "mujoco.batch")
     assert '<span class="unit soft">mujoco.batch</span>' in page
     assert "mujoco · mujoco.batch: 8.4 µs" in sentence(report)
 
 
-def test_route_that_never_has_nine_digits_has_no_price(tmp_path: Path) -> None:
+def test_method_that_never_has_nine_digits_has_no_price(tmp_path: Path) -> None:
     report, page = reported(tmp_path, price=PRICES[:1])
 
     assert [row["price"] for row in first_table(report)] == [None]
     assert "never reached" in page
-    assert "No route reaches nine digits of acceleration." in page
+    assert "No method reaches nine digits of acceleration." in page
 
 
 def test_rows_of_the_price_list_are_read_as_it_gives_them(tmp_path: Path) -> None:
-    by_name = {key: value for key, value in PRICES[2].items() if key != "scene_class"}
-    untimed = {**by_name, "class": "regular", "microseconds": None, "spread": None, "digits": 15.0}
-    report, _ = reported(tmp_path, price=[{**by_name, "class": "regular", "newton_by": "adapter", "note": ""}, untimed])
+    untimed = {**PRICES[2], "microseconds": None, "spread": None, "digits": 15.0}
+    report, _ = reported(tmp_path, price=[{**PRICES[2], "newton_by": "adapter", "note": ""}, untimed])
 
-    assert [row["scene_class"] for row in report["price"]] == ["regular", "regular"]
+    assert [row["scene_class"] for row in report["price"]] == [PRICES[2]["scene_class"]] * 2
     assert [row["price"] for row in first_table(report)] == [24.0]
 
 
-def test_route_that_was_not_priced_says_so(tmp_path: Path) -> None:
+def test_method_that_was_not_priced_says_so(tmp_path: Path) -> None:
     _, page = reported(tmp_path, price=PRICES[3:])
 
     assert "not priced" in page
@@ -209,7 +208,7 @@ def test_every_setting_that_its_engine_does_not_beat_is_a_mark_and_a_row(tmp_pat
         mark = f"{row['engine']} · {row['method']}, {row['setting']}: {row['digits']:.1f} digits of acceleration for"
         assert page.count(f'aria-label="{mark}') == 1
     section = page[page.index('<section id="price"') : page.index('<section id="effects"')]
-    assert section.count('<tr><th scope="row">') == len(PRICES) + 2  # and a line per route in the table of goals
+    assert section.count('<tr><th scope="row">') == len(PRICES) + 2  # and a line per method in the table of goals
 
 
 def test_effect_that_changes_what_was_called_for_is_named(tmp_path: Path) -> None:
@@ -236,18 +235,18 @@ def test_scene_that_is_wrong_in_three_quantities_counts_once_as_silent(tmp_path:
     values = [disagreement(quantity=q) for q in ("position", "velocity", "acceleration")]
     write(tmp_path, record("a", good_answer("mujoco"), disagreements=values), record("b", good_answer("mujoco")))
     build(tmp_path)
-    (route,) = json.loads((tmp_path / "report.json").read_text())["routes"]
+    (method,) = json.loads((tmp_path / "report.json").read_text())["methods"]
 
-    assert route["silent"] == {"any": 1, "beyond the allowed error": 1}
+    assert method["silent"] == {"any": 1, "beyond the allowed error": 1}
 
 
 def test_engine_that_gave_no_answer_was_not_silent(tmp_path: Path) -> None:
     rows = [disagreement(quantity="status", kind=Cause.NO_ANSWER, ratio=None)]
     write(tmp_path, record("a", good_answer("mujoco", missing=1), disagreements=rows))
     build(tmp_path)
-    (route,) = json.loads((tmp_path / "report.json").read_text())["routes"]
+    (method,) = json.loads((tmp_path / "report.json").read_text())["methods"]
 
-    assert route["silent"] == {}
+    assert method["silent"] == {}
 
 
 def agreement(folder: Path, dimension: str) -> dict[tuple[str, ...], float]:
@@ -420,11 +419,11 @@ def test_an_error_term_that_documentation_grants_is_shown_at_its_largest(tmp_pat
     page = build(tmp_path).read_text(encoding="utf-8")
     report = json.loads((tmp_path / "report.json").read_text(encoding="utf-8"))
 
-    assert [row["granted"] for row in report["routes"]] == [{"soft constraints": 3e-4}]
+    assert [row["granted"] for row in report["methods"]] == [{"soft constraints": 3e-4}]
     assert "“soft constraints”: up to 0.0003" in page
 
 
-def test_what_users_of_an_engine_run_stands_beside_its_route_on_the_first_screen(tmp_path: Path) -> None:
+def test_what_users_of_an_engine_run_stands_beside_its_method_on_the_first_screen(tmp_path: Path) -> None:
     """By its digits in the price list and its verdicts at hard cases: no drawn scene is sent through it."""
     stepped = {**HARD[1], "method": "mj_step", "class": "documented limit"}
     hard = [*HARD, stepped, {**stepped, "verdict": "correct", "class": ""}, {**stepped, "verdict": "refused"}]
@@ -433,7 +432,7 @@ def test_what_users_of_an_engine_run_stands_beside_its_route_on_the_first_screen
         for digits in (2.25, 3.5)
     ]
     report, page = reported(tmp_path, price=[*PRICES, *priced], hard_cases=hard)
-    row = next(row for row in first_table(report) if row["route"] == "mj_step")
+    row = next(row for row in first_table(report) if row["method"] == "mj_step")
 
     assert row["engine"] == "mujoco"
     assert [cell["best"] for cell in row["cells"]] == [3.5, None, None]
@@ -450,12 +449,12 @@ ANSWERED = [
 ]
 
 
-def test_a_route_adds_up_its_answers_and_states_the_most_that_it_was_granted():
+def test_a_method_adds_up_its_answers_and_states_the_most_that_it_was_granted():
     """Scenes of 101, 1 and 40,000 microseconds a configuration: the median is a scene's, the mean a configuration's."""
-    route = RouteTotals(SimpleNamespace(name="newton", newton_by="nobody"), "1.0")
+    method = MethodTotals(SimpleNamespace(name="newton", newton_by="nobody"), "1.0")
     for fields, decade in zip(ANSWERED, (-3, -1, -2, None), strict=True):
-        route.add(SimpleNamespace(**fields), decade)
-    described = route.described()
+        method.add(SimpleNamespace(**fields), decade)
+    described = method.described()
 
     assert {k: described[k] for k in ("scenes", "configurations", "judged", "unanswered", "not_judged")} == {
         **{"scenes": 4, "configurations": 16, "judged": 12, "unanswered": 3, "not_judged": 1}

@@ -99,8 +99,8 @@ def test_digits_are_counted_by_decade_where_both_they_and_the_distance_to_a_sing
 
 
 def test_a_disagreement_says_its_ratio_if_it_has_one():
-    beyond = Disagreement(engine="a", route="b", quantity="position", kind=Cause.BEYOND, ratio=12.34)
-    silent = Disagreement(engine="a", route="b", quantity="status", kind=Cause.NO_ANSWER, message="at 3 times")
+    beyond = Disagreement(engine="a", method="b", quantity="position", kind=Cause.BEYOND, ratio=12.34)
+    silent = Disagreement(engine="a", method="b", quantity="status", kind=Cause.NO_ANSWER, message="at 3 times")
 
     assert str(beyond) == "a (b), position: beyond the allowed error, 12.3 times the allowed error; "
     assert str(silent) == "a (b), status: no answer; at 3 times"

@@ -36,14 +36,14 @@ def test_every_engine_agrees_at_all_levels_or_refuses_by_name(scene: Scene) -> N
     record = check(scene, ENGINES)
     assert record.reference.verdict == Status.OK
     assert [str(seen) for seen in record.disagreements] == []
-    solved = {(answer.engine, answer.route.name) for answer in record.answers}
+    solved = {(answer.engine, answer.method.name) for answer in record.answers}
     refused = {seen.engine for seen in record.refusals if seen.level in ("", "solve")}
     assert refused == ({"exudyn"} if scene.name == "screw jack" else set())
     assert {engine for engine, _ in solved} == set(ENGINES) - refused
     for answer in record.answers:
         assert answer.judged == answer.times == len(scene.times)
         assert answer.missing == 0
-    best = [a for a in record.answers if a.route.name != "shipped"]
+    best = [a for a in record.answers if a.method.name != "shipped"]
     assert max(q.ratio for a in best for q in a.quantities.values()) < 0.5  # 0.31 with exudyn on Bennett's linkage
     seen = {(level.engine, level.level) for level in record.levels}
     for engine in ("mujoco", "exudyn"):
@@ -61,21 +61,21 @@ def test_what_a_stopping_rule_leaves_is_carried_by_the_rows_in_which_it_is_left(
     (shipped,) = (
         answer
         for answer in check(refkin.load(CORPUS / "space-hooke-stopped-in-turned-rows.toml"), ["exudyn"]).answers
-        if answer.route.name == "shipped"
+        if answer.method.name == "shipped"
     )
     assert max(q.ratio for q in shipped.quantities.values()) < 0.2
 
 
 def test_a_pose_of_redundant_rows_is_corrected_until_none_keeps_a_residual() -> None:
     answers = check(refkin.load(CORPUS / "space-bennett-corrected-twice.toml"), ["exudyn"]).answers
-    (static,) = (answer for answer in answers if answer.route.name == "static")
+    (static,) = (answer for answer in answers if answer.method.name == "static")
     assert max(q.ratio for q in static.quantities.values()) < 0.5
 
 
 def test_a_pose_with_a_joint_the_wrong_way_round_is_one_disagreement_and_no_more() -> None:
     record = check(refkin.load(CORPUS / "space-exudyn-shipped-half-a-turn.toml"), ["exudyn"])
     (shown,) = record.disagreements
-    assert (shown.route, shown.kind, shown.message) == ("shipped", Cause.REVERSED, "'driver': 1 times, first t = 0.5")
+    assert (shown.method, shown.kind, shown.message) == ("shipped", Cause.REVERSED, "'driver': 1 times, first t = 0.5")
 
 
 def test_a_pose_with_more_residual_than_its_distance_from_a_fold_bears_is_singular() -> None:

@@ -27,7 +27,7 @@ LEVELS = ("residual", "jacobian", "constraint_velocity", "drift", "position", "v
 
 def wrong_at(engine: str, scene: Any = None) -> set[str]:
     record = check(scene or space_scenes.rssr(), [engine])
-    return {item.quantity for item in record.disagreements if item.route != "shipped"}
+    return {item.quantity for item in record.disagreements if item.method != "shipped"}
 
 
 Patch = pytest.MonkeyPatch

@@ -42,7 +42,7 @@ def few(make: Callable[[], Scene]) -> Scene:
 
 
 def shipped(engine: str, scene: Scene) -> tuple[Motion, float]:
-    """Return an answer on the route of its users, and its largest error / allowed."""
+    """Return an answer by the method of its users, and its largest error / allowed."""
     peer = load(engine)
     (route,) = peer.discovery()  # type: ignore[attr-defined]
     motion = peer.solve(scene, route)
@@ -87,5 +87,5 @@ REFUSED = [
 def test_what_has_no_constraint_is_refused_by_name(engine: str, make: Callable[[], Scene], named: str) -> None:
     peer = load(engine)
     (route,) = peer.discovery()  # type: ignore[attr-defined]
-    with pytest.raises(EngineRefusal, match=f"refuses {named}.* on the route '{route.name}'"):
+    with pytest.raises(EngineRefusal, match=f"refuses {named}.* by the method '{route.name}'"):
         peer.solve(few(make), route)

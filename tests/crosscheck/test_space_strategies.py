@@ -122,7 +122,7 @@ def test_scenes_of_space_end_in_a_singular_pose_or_in_none_by_proof() -> None:
             seen.add(drawn.expected)
             record = check(drawn.scene, ["closed_form", "exudyn"], {"expected": str(drawn.expected)})
             assert record.reference.verdict == drawn.expected
-            assert [str(d) for d in record.disagreements if d.route != "shipped"] == []
+            assert [str(d) for d in record.disagreements if d.method != "shipped"] == []
 
     ends()
     assert seen == {Status.SINGULAR, Status.UNASSEMBLABLE}
@@ -150,7 +150,7 @@ def test_engines_agree_on_what_no_closed_form_answers(kind: str, data: st.DataOb
     drawn = data.draw(spatial_scenes(samples=8, kinds=(kind,), regions=(Region.REGULAR,)))
     record = check(drawn.scene, ["exudyn", "pinocchio", "mujoco"])
     assert record.reference.verdict == "ok"
-    assert [str(d) for d in record.disagreements if d.route != "shipped"] == []
+    assert [str(d) for d in record.disagreements if d.method != "shipped"] == []
     assert {a.engine for a in record.answers} == {"exudyn", "pinocchio", "mujoco"}
 
 

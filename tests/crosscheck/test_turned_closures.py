@@ -38,7 +38,7 @@ def test_engines_agree_on_it(engine):
     record = check(drawn_telescope(), [engine])
 
     assert record.reference.verdict == "ok"
-    assert [item for item in record.disagreements if item.route != "shipped"] == []
+    assert [item for item in record.disagreements if item.method != "shipped"] == []
 
 
 def test_a_turn_counted_with_the_wrong_sign_is_found(monkeypatch):

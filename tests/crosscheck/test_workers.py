@@ -93,7 +93,7 @@ def test_the_engine_that_failed_is_named_with_how(faulty):
     kind, records, _ = faulty
     value = records[key_of_drawn(NIGHT, 1)]["disagreements"]
 
-    assert [(d["engine"], d["route"], d["quantity"]) for d in value] == [("fake", "any", "status")]
+    assert [(d["engine"], d["method"], d["quantity"]) for d in value] == [("fake", "any", "status")]
     assert kinds(value) == [kind]
 
 

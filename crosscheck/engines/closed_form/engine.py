@@ -114,7 +114,7 @@ CAPABILITIES: Capabilities = {key: {**dict.fromkeys(Level, NO_ROWS), Level.SOLVE
 
 
 class ClosedForm(Adapter):
-    """Closed forms in float64 (route "float") or in `flint.arb` balls of at least `bits` bits (route "arb").
+    """Closed forms in float64 (method "float") or in `flint.arb` balls of at least `bits` bits (method "arb").
 
     Parameters
     ----------
@@ -155,13 +155,13 @@ class ClosedForm(Adapter):
             refuse(refusals(self, scene, Level.SOLVE))
             if route.name != "float":
                 raise EngineRefusal(
-                    f"closed_form refuses route {route.name!r} in space: balls decide its statuses alone"
+                    f"closed_form refuses method {route.name!r} in space: balls decide its statuses alone"
                 )
             return space_closed(scene, Producer(name=self.name, version=self.version(), route=route), self.bits)
         if route.name == "arb":
             return truth(scene, self.bits).motion
         if route.name != "float":
-            raise EngineError(f"closed_form has no route {route.name!r}; there are: 'float', 'arb'")
+            raise EngineError(f"closed_form has no method {route.name!r}; there are: 'float', 'arb'")
         _refuse(scene)
         with np.errstate(all="ignore"):  # NaN and inf become statuses
             motion = _motion(_floats(scene), _route("float"))[0]

@@ -131,7 +131,7 @@ class Exudyn(SimulatingAdapter):
         Raises
         ------
         EngineError
-            If exudyn cannot express a joint, a body has no estimate to start from, or the route is unknown.
+            If exudyn cannot express a joint, a body has no estimate to start from, or the method is unknown.
         """
         route = STATIC if route is None else route
         refuse_joints(self, scene, route, (*self.routes(), *FEATURES))

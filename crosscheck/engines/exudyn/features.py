@@ -17,7 +17,7 @@ from refkin.motion import Motion, Status
 INITIAL = route_by(
     "exudyn",
     "initial accelerations",
-    "exudyn (on the route static)",
+    "exudyn (by the method static)",
     linear_solve_by="velocity: adapter (numpy); acceleration: exudyn",
     drift_by="exudyn (numerical differences)",
 )
@@ -25,7 +25,7 @@ FEATURES = (INITIAL,)
 
 
 def with_initial_accelerations(scene: Scene, motion: Motion, unit: Unit) -> Motion:
-    """Return a motion of the route `static` of all bodies with the accelerations that exudyn computes for itself.
+    """Return a motion of the method `static` of all bodies with the accelerations that exudyn computes for itself.
 
     Its bodies have a mass of 1 and an inertia of 1 in the unit.
     """

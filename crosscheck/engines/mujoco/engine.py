@@ -1,8 +1,8 @@
 """MuJoCo as an engine: its own residual, Jacobian and drift term, in absolute coordinates and in a joint tree.
 
 MuJoCo closes loops by soft forces, never exactly. Its constraint rows are exact all the same, so that the adapter runs
-Newton on them. MuJoCo's dynamics and solver are used on the route of its shipped defaults (`shipped`), and by
-the route through mj_forward, which answers no scene: it is for the ledger of effects, to show what is felt there.
+Newton on them. MuJoCo's dynamics and solver are used by the method of its shipped defaults (`shipped`), and by
+the method through mj_forward, which answers no scene: it is for the ledger of effects, to show what is felt there.
 """
 
 from __future__ import annotations
@@ -155,7 +155,7 @@ class Mujoco(SimulatingAdapter):
         Raises
         ------
         EngineError
-            If the scene has a joint that is refused or a body without estimate, or the route is unknown.
+            If the scene has a joint that is refused or a body without estimate, or the method is unknown.
         """
         refuse_joints(self, scene, route, (NEWTON, STEPPED, FORWARD, *FEATURES))
         if in_space(scene.mechanism):

@@ -3,7 +3,7 @@
 `sites`: the model is in metres, with a site at the origin of each of the scene's bodies. Their places are `site_xpos`,
 their velocities the sites' Jacobians times the rates. `sparse Newton`: accelerations of the default solver, Newton,
 with sparse Jacobians and a tolerance of 0. It minimizes 1/2 |a - a_0|_M^2 + 1/2 |J a - a_ref|_D^2, which has one
-minimum; what it departs from that is added to the accelerations of the route `newton`. The minimum does not depend on
+minimum; what it departs from that is added to the accelerations of the method `newton`. The minimum does not depend on
 the order in which a model lists its joints, so the solver is asked in several.
 """
 
@@ -23,7 +23,7 @@ from crosscheck.engines.tree.tree_system import Places
 from refkin.model import Mechanism
 from refkin.motion import Route
 
-SITES = route_by("mujoco", "sites", "adapter (on the route newton)")
+SITES = route_by("mujoco", "sites", "adapter (by the method newton)")
 SPARSE = replace(SITES, name="sparse Newton", linear_solve_by="acceleration: mujoco")
 FEATURES = (SITES, SPARSE)
 ORDERS = 20
@@ -33,7 +33,7 @@ ORDERS = 20
 def _turning(tree: JointTree, route: Route) -> JointTree:
     """Return a tree if nothing in it but hinges moves; else raise EngineRefusal."""
     if any(edge.freedom is not Freedom.TURN for edge in tree.edges):
-        raise EngineRefusal(f"mujoco refuses this scene on the route {route.name!r}: it is written for trees of hinges")
+        raise EngineRefusal(f"mujoco refuses this by the method {route.name!r}: it is written for trees of hinges")
     return tree
 
 

@@ -81,7 +81,7 @@ def stepped(tree: JointTree, scene: Scene) -> March:
     plan = Plan(tree, (*tree.closures, *tree.driven))
     if plan.guides:
         raise EngineRefusal(
-            f"mujoco refuses this scene on the route {STEPPED.name!r}: no equality constraint holds a point on a line"
+            f"mujoco refuses this scene by the method {STEPPED.name!r}: no equality constraint holds a point on a line"
         )
     return one_by_one(Simulation(plan).at_rest, tree.start(), scene.times)
 
@@ -186,7 +186,7 @@ class SpaceSimulation(MujocoSpace):
 
 
 def _refuse(what: str) -> NoReturn:
-    raise EngineRefusal(f"mujoco refuses {what}, on the route {STEPPED.name!r}: no equality constraint holds it")
+    raise EngineRefusal(f"mujoco refuses {what}, by the method {STEPPED.name!r}: no equality constraint holds it")
 
 
 def freedoms(mechanism: Mechanism) -> int:

@@ -79,7 +79,7 @@ EFFECTS = {
     "friction": Switch(f"dry friction limits of 1 in every joint, {UNREAD}", _friction),
     "joint limits": Switch(f"every joint limited to 1e-3 about zero, {UNREAD}", _limits),
     "passive forces": Switch(f"damping 1 in every joint, {UNREAD}", _passive),
-    "actuation": Switch("an effort of 10 in every joint, where a route takes efforts", _actuation),
+    "actuation": Switch("an effort of 10 in every joint, where a method takes efforts", _actuation),
     "inertia": Switch("seven times the mass, off the joints", lambda planar: with_mass(planar, 7.0, (0.3, 0.1))),
 }
 

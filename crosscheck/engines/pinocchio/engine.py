@@ -126,7 +126,7 @@ class Pinocchio(SimulatingAdapter):
         Raises
         ------
         EngineError
-            If a joint or the route is refused, or a body has no estimate; the message names it.
+            If a joint or the method is refused, or a body has no estimate; the message names it.
         """
         refuse_joints(self, scene, route, (TREE, CLOSED_CHAIN, FORWARD, *FEATURES))
         if in_space(scene.mechanism):

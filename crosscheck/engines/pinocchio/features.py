@@ -25,7 +25,7 @@ from refkin.motion import Motion, Route
 COMPOSITE = route_by(
     "pinocchio",
     "composite joints",
-    "adapter (on the route joint tree)",
+    "adapter (by the method joint tree)",
     drift_by="pinocchio (getFrameJacobianTimeVariation)",
 )
 ANCHOR = replace(COMPOSITE, name="point anchors with an offset", drift_by="pinocchio (constraint_acceleration_error)")
@@ -33,7 +33,7 @@ FEATURES = (COMPOSITE, ANCHOR)
 
 
 def with_feature(scene: Scene, motion: Motion, route: Route) -> Motion:
-    """Return a motion of the route `joint tree` with its rates by a feature; raises EngineRefusal as `pins_of`."""
+    """Return a motion of the method `joint tree` with its rates by a feature; raises EngineRefusal as `pins_of`."""
     pins = pins_of(scene, route)
     rows: Any = _Composite(pins) if route == COMPOSITE else _Anchors(pins)
     return with_rates(motion, pins, route, rows.jacobian, rows.drift)

@@ -140,7 +140,7 @@ class SpaceExample:
 
 
 def _refuse(what: str, why: str) -> NoReturn:
-    raise EngineRefusal(f"pinocchio refuses {what} on the route {CLOSED_CHAIN.name!r}: {why}")
+    raise EngineRefusal(f"pinocchio refuses {what} by the method {CLOSED_CHAIN.name!r}: {why}")
 
 
 class _Chain(Example):

@@ -154,7 +154,7 @@ def in_space(mechanism: Mechanism) -> bool:
 def refuse_in_space(engine: Any, route: Route | None, routes: Sequence[Route], effect: str | None) -> None:
     """Raise EngineRefusal for a route, or physical effects, that an engine's adapter has in the plane alone."""
     if route is not None and route not in routes:
-        raise EngineRefusal(f"{engine.name} refuses route {route.name!r} in space: it is written for the plane")
+        raise EngineRefusal(f"{engine.name} refuses method {route.name!r} in space: it is written for the plane")
     if effect is not None:
         raise EngineRefusal(f"{engine.name} refuses physical effects in space: its adapter has them in the plane alone")
 

@@ -78,9 +78,9 @@ def test_what_is_left_to_the_reference_gets_no_answer():
         Lanes().solve(scene)
 
 
-def test_an_unknown_route_is_refused():
+def test_an_unknown_method_is_refused():
     route = replace(module.ROUTE, name="other")
-    with pytest.raises(EngineError, match="no route 'other'"):
+    with pytest.raises(EngineError, match="no method 'other'"):
         Lanes().solve(ROCKER.scene(samples=2), route)
 
 
