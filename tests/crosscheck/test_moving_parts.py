@@ -13,7 +13,7 @@ import pytest
 import refkin
 from crosscheck.night.moving_parts import HEIGHT, MARGIN, WIDTH, DrawnSample
 from crosscheck.night.sections import drawing_of
-from refkin.joints import GROUND, GuidedPoint
+from refkin.joints import GROUND, DisplacementDriver, GuidedPoint, SpatialPrismatic
 from refkin.scenes.linkages import RSSR
 
 AZIMUTH, ELEVATION = math.radians(-60.0), math.radians(25.0)
@@ -163,3 +163,20 @@ def test_every_bar_and_pin_of_space_is_drawn_from_where_it_is_seen(linkage: Any)
     furthest = picture["fit"] * scale * np.max(np.linalg.norm(away, axis=1))
     assert picture["fit"] == 1.0 or furthest == pytest.approx(HEIGHT / 2 - MARGIN / 2, abs=0.2)
     assert furthest <= HEIGHT / 2 - MARGIN / 2 + 0.2
+
+
+def test_what_is_as_tall_as_its_picture_is_not_made_larger_to_be_turned() -> None:
+    """A slide straight upwards in the picture: turned about its middle it would fill less than there is room for."""
+    up = (-math.cos(AZIMUTH) * math.sin(ELEVATION), -math.sin(AZIMUTH) * math.sin(ELEVATION), math.cos(ELEVATION))
+    across = (-math.sin(AZIMUTH), math.cos(AZIMUTH), 0.0)
+    line: Any = {"axis_i": up, "zero_i": across, "axis_j": (0.0, 0.0, 1.0), "zero_j": (1.0, 0.0, 0.0)}
+    at: Any = {"body_i": GROUND, "point_i": (0.0, 0.0, 0.0), "body_j": "slider", "point_j": (0.0, 0.0, 0.0)}
+    slide = SpatialPrismatic(name="P", **at, **line)
+    lift = DisplacementDriver(name="lift", joint="P", law=refkin.Polynomial(coefficients=(0.5, 1.0))).among([slide])
+    scene = refkin.Scene(mechanism=refkin.Mechanism((refkin.Body(name="slider"),), (slide,), (lift,)), times=(0.0, 1.0))
+    picture = drawing_of(scene, refkin.solve(scene)).described("a", "b")
+    (start, end), (ground,) = (frame[0][:2] for frame in picture["frames"]), picture["ground"]
+
+    assert picture["fit"] == 1.0
+    assert abs(end[1] - ground[1]) == pytest.approx(HEIGHT - 2 * MARGIN, abs=TENTHS)
+    assert abs(start[1] - ground[1]) == pytest.approx((HEIGHT - 2 * MARGIN) / 3, abs=TENTHS)

@@ -13,6 +13,7 @@ import builtins
 import gzip
 import json
 import os
+import tempfile
 import time
 import zlib
 from collections import Counter, defaultdict
@@ -95,6 +96,19 @@ class Reach:
         self.number = {name: k for k, name in enumerate(self.keys)}
         self.waiting, self.fixtures = Counter(), {}
         """How many parts of a file are still to be noted; what each fixture reached, and its seconds."""
+        self.said, self.read = None, 0
+        """What workers say that they reach, a file that they share, and how far it is read."""
+
+    def by_workers(self):
+        """Return what forked workers have reached since this was asked."""
+        said = os.pread(self.said.fileno(), 1 << 24, self.read) if self.said else b""
+        self.read += len(said)
+        return set(said.decode().split())
+
+    def in_worker(self):
+        """Have a process that was forked say what it reaches."""
+        met = set()
+        builtins.__reached__ = lambda key: key in met or met.add(key) or self.said.write(f"{key}\n".encode())
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_fixture_setup(self, fixturedef):
@@ -105,6 +119,7 @@ class Reach:
         builtins.__reached__ = hits.add
         yield
         builtins.__reached__ = outer
+        hits |= self.by_workers()
         for each in hits:
             outer(each)
         self.fixtures[fixturedef] = hits, cpu() - start
@@ -123,6 +138,8 @@ class Reach:
     def noted(self, items, others):
         """Return name, seconds and keys of each test of some that is not red; of a long one, at least these."""
         hits, result, most = set(), [], PROBED * LONGEST
+        self.said, self.read = tempfile.TemporaryFile(buffering=0), 0  # noqa: SIM115
+        os.register_at_fork(after_in_child=self.in_worker)
         with switched(others):
             for item, following in zip(items, [*items[1:], None], strict=True):
                 before, failed = set(self.fixtures), True
@@ -132,6 +149,7 @@ class Reach:
                 with suppress(TooLong):
                     failed = red(item, following, most)
                 spent = cpu() - start
+                hits |= self.by_workers()
                 if not failed or spent >= most:
                     result.append((item.nodeid, *self.whole(item, hits, spent, before)))
         return result

@@ -8,8 +8,9 @@ while there is time. A test that was red with a mutant has to be green without o
 count.
 
 `survivors.toml` says of each survivor known so far what it is: "equivalent", "costs only time", "to kill", or "dies
-elsewhere". One that is not in it ends the run with exit code 1. A test that runs the code in another program sees no
-mutant, and ends there: what such a test kills, with the change written into the file, dies elsewhere.
+elsewhere". One that is not in it ends the run with exit code 1. Workers are forked from the process that has the
+mutant. A test that runs the code in another program sees none, and ends there: what such a test kills, with the change
+written into the file, dies elsewhere.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import argparse
 import ast
 import builtins
 import importlib
+import multiprocessing
 import os
 import pickle
 import pkgutil
@@ -33,20 +35,21 @@ import warnings
 from collections import Counter
 from contextlib import suppress
 from functools import cache, partial
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 
 import pytest
 
+from crosscheck.workers import processes
 from tests.mutation.change import DoesNotFit, compiled, resolve, switched
 from tests.mutation.operators import change, changes, places
 from tests.mutation.reach import Reach, cpu, imported, red
 
 HERE = Path(__file__).parent
 PACKAGES = ("refkin", "crosscheck.judge", "crosscheck.measure")
-NOTED = (*PACKAGES, *(f"crosscheck.{name}" for name in ("engines", "night", "report", "workers")))
+OTHERS = ("commands", "documents", "engines", "night", "problems", "report", "scenes", "workers")
+NOTED = (*PACKAGES, *(f"crosscheck.{name}" for name in OTHERS))
 """What tests reach of these is noted; `--only` draws from any of them."""
-ELSEWHERE = ("mutation/", "test_house", "test_readme", "browser", "cluster", "workers", "timing")
+ELSEWHERE = ("mutation/", "test_house", "test_readme", "browser", "cluster", "timing")
 """Tests that run the code in other programs, where no mutant is, or that measure times."""
 ALIVE = ("", "not covered")
 VERDICTS = ("equivalent", "costs only time", "to kill", "dies elsewhere")
@@ -119,9 +122,8 @@ class Run:
             "mutation", phases=[Phase.explicit, Phase.generate], database=None, derandomize=True, deadline=None
         )
         settings.load_profile("mutation")
-        for starts in (subprocess.Popen, BaseProcess):
-            name = "__init__" if starts is subprocess.Popen else "start"
-            setattr(starts, name, lambda *_, **__: pytest.skip("what runs in another program sees no mutant"))
+        subprocess.Popen.__init__ = lambda *_, **__: pytest.skip("what runs in another program sees no mutant")
+        processes._context = partial(multiprocessing.get_context, "fork")  # workers that have the mutant
         items = [item for item in session.items if not any(part in item.nodeid for part in ELSEWHERE)]
         some = list(candidates(self.given.only or PACKAGES))
         random.Random(self.given.seed).shuffle(some)
