@@ -166,7 +166,8 @@ def _compare_at(
     """Return error / allowed per mapped row, and the digits of the worst row, at one configuration."""
     system, ours = at.in_form(getattr(model, "form", ""))
     first_row = {p.constraint.name: p.row for p in system.placed}
-    added = sum(t.absolute + t.relative * _size(level, at) for t in terms if t.level == level)
+    sizes = np.array([_size(level, at, turns=m.either) for m in maps])
+    added = sum(t.absolute + t.relative * sizes for t in terms if t.level == level)
     theirs = {
         Level.RESIDUAL: lambda: model.residual(at.q, at.t),
         Level.JACOBIAN: lambda: model.jacobian(at.q, at.t),
@@ -195,16 +196,19 @@ def _signed(maps: Sequence[RowMap], theirs: Any, ours: Any, first_row: Mapping[s
     return signed
 
 
-def _size(level: Level, at: Configuration) -> float:
+def _size(level: Level, at: Configuration, *, turns: bool) -> float:
     """Return the size of what an engine may add and take away again on the way to a row.
 
     Residual and Jacobian: the farthest coordinate from the origin; velocity: omega times that, and v; drift: omega
-    times all of these.
+    times all of these. Rows of turns are products of Euler parameters p, whatever the lengths: 1, |p'| and |p'|^2.
     """
     kind = at.mechanism.kind
     q, qd = (x.reshape(-1, kind.width) for x in (at.q, at.qd))
     lever, linear = (np.max(np.abs(x[:, : kind.dimension])) for x in (q, qd))
     turning = qd[:, kind.dimension :]
+    if turns:
+        rate = np.max(np.linalg.norm(turning, axis=1))
+        return float({Level.CONSTRAINT_VELOCITY: rate, Level.DRIFT: rate**2}.get(level, 1.0))
     omega = np.max(np.abs(turning)) if kind.name == "planar" else 2.0 * np.max(np.linalg.norm(turning, axis=1))
     rate = linear + omega * lever
     return float({Level.CONSTRAINT_VELOCITY: rate, Level.DRIFT: omega * rate}.get(level, lever))

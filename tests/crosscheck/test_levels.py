@@ -124,3 +124,11 @@ def test_turns_of_space_multiply_what_is_lost_of_a_place_far_from_the_origin():
 
     assert [d for d in record.disagreements if d.method not in {"shipped"}] == []
     assert {level.level for level in record.levels} == set(Level) - {Level.SOLVE}
+
+
+def test_rows_of_turns_have_no_lengths():
+    """Planted: in a linkage of 4 mm the drift of a turn was allowed millimetres times its rates, and MuJoCo blamed."""
+    record = check(refkin.load(CORPUS / "space-turns-of-a-tiny-linkage.toml"), ["mujoco"])
+
+    assert [d for d in record.disagreements if d.engine == "mujoco"] == []
+    assert 0.0 < max(row.ratio for row in record.levels) < 0.25

@@ -43,6 +43,7 @@ from crosscheck.engines.closed_form.solution import Solution, float_solution, so
 from crosscheck.engines.closed_form.space_motion import space_closed
 from crosscheck.engines.spatial.reading import in_space
 from crosscheck.scenes.names import called_for
+from refkin.joints import elements_of
 from refkin.model import Scene
 from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route, Status, __version__, engine_motion
 
@@ -84,6 +85,24 @@ JETS = (
         for level in ("velocity", "acceleration")
     ),
 )
+
+
+def _frames(scene: Scene) -> Term:
+    """Return what composing frames of space leaves of its conditions."""
+    rows = sum(element.rows for element in elements_of(scene.mechanism.constraints))
+    choice = CHOICE if rows > 6 * len(scene.mechanism.bodies) else 1.0
+    return Term(
+        name="frames",
+        level="position",
+        reason="a frame of space is one of a joint, a turn, another of a joint, and the frame before: three products, "
+        "each entry a sum of three (5 roundings), met from either end by arms and axes of up to one size; where rows "
+        "are redundant it solves some of them, whose inverse is up to three times as large as that of all",
+        absolute=choice * 32.0 * 2.0**-53,
+    )
+
+
+CHOICE = 3.0
+"""How much larger the inverse of as many rows as there are coordinates may be than that of all of them together."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -139,8 +158,8 @@ class ClosedForm(Adapter):
         return [_route("arb"), _route("float")] if self._balls_first else [_route("float")]
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
-        """Return the rounding of the jets that carry rates through the closed form."""
-        return JETS
+        """Return the rounding of the jets that carry rates through the closed form, and of frames in space."""
+        return (*JETS, _frames(scene)) if in_space(scene.mechanism) else JETS
 
     def solve(self, scene: Scene, route: Route | None = None) -> Motion:
         """Return the motion of a scene.
