@@ -13,6 +13,7 @@ import builtins
 import gzip
 import json
 import os
+import resource
 import tempfile
 import time
 import zlib
@@ -106,7 +107,8 @@ class Reach:
         return set(said.decode().split())
 
     def in_worker(self):
-        """Have a process that was forked say what it reaches."""
+        """Have a process that was forked say what it reaches, for a second of work."""
+        resource.setrlimit(resource.RLIMIT_CPU, (1, resource.RLIM_INFINITY))
         met = set()
         builtins.__reached__ = lambda key: key in met or met.add(key) or self.said.write(f"{key}\n".encode())
 
@@ -149,7 +151,10 @@ class Reach:
                 with suppress(TooLong):
                     failed = red(item, following, most)
                 spent = cpu() - start
-                hits |= self.by_workers()
+                of_workers = self.by_workers()
+                hits |= of_workers
+                if failed and of_workers:  # perhaps because of their end
+                    spent = max(spent, most)
                 if not failed or spent >= most:
                     result.append((item.nodeid, *self.whole(item, hits, spent, before)))
         return result
