@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from dataclasses import replace
+from dataclasses import asdict, replace
 from functools import partial
 from pathlib import Path
 
@@ -22,6 +22,7 @@ from crosscheck.measure import effects as ledger
 from crosscheck.measure.effects import effects_ledger, noise, rows
 from crosscheck.measure.effects_ablations import ablations
 from crosscheck.scenes.names import PHYSICAL
+from crosscheck.workers.processes import Failure, FailureKind
 from refkin.model import Point
 from refkin.motion_laws import Sinusoid
 from refkin.scenes.linkages import FourBar
@@ -245,9 +246,9 @@ def test_an_engine_that_always_ends_its_process_is_known_for_nothing(tmp_path):
     assert only(theirs, "velocity").note == "crash (exit code 7): its process ended: exit code 7"
 
 
-def priced(microseconds, spread, effect="gravity"):
+def priced(microseconds, spread, effect="gravity", engine="made up"):
     return EffectRow(
-        engine="made up",
+        engine=engine,
         method="newton",
         setting="",
         effect=effect,
@@ -354,3 +355,52 @@ def test_a_scene_without_a_pose_is_told_in_one_line_and_nobody_is_asked(tmp_path
 
     assert (code, out) == (1, "")
     assert "no pose is found, so no effect has a price: coupler and rocker cannot meet" in err
+
+
+def test_noise_is_told_from_three_groups_of_many_rounds_and_from_two_of_few():
+    after = [1.0 + extra for extra in (3.0, 5.0, 9.0, 4.0, 6.0, 8.0)]
+
+    assert noise([1.0] * 6, after) == 8.0 - 3.0  # by every third round: 3, 5 and 8
+    assert noise([1.0] * 5, after[:5], per=2.0) == 2.0 * (4.0 - 3.0)  # by every second one: 3 and 4
+
+
+HUNG = Failure(FailureKind.HANG, "no answer within 9 s")
+ENDED = Failure(FailureKind.CRASH, "its process ended: SIGSEGV", "SIGSEGV")
+
+
+@pytest.mark.parametrize("known", [True, False], ids=["answers with others", "has no answer at all"])
+def test_of_an_engine_that_fails_as_a_whole_every_effect_is_asked_alone_until_too_many_hang(known, monkeypatch):
+    """What fails where another effect is known is felt; what is no longer asked is told as the whole was."""
+    bad, asked, told = ("points", "condition", "gravity", "contact", "friction"), [], []
+
+    def answered(function, arguments, seconds):
+        for _, spec, share, effect in arguments:
+            asked.append((spec, share, effect, seconds))
+            if spec == "bad" and (not effect or effect in bad or not known):
+                yield ENDED if not effect else HUNG
+            else:
+                yield [asdict(priced(1.0, 0.5, engine=f"{spec} named", effect=effect or "all"))]
+
+    monkeypatch.setattr(ledger, "call_in_turn", answered)
+    there = effects_ledger(SCENE, ["bad"], 10.0, lambda *words: told.append(words))
+    found = {row.effect: row for row in there if row.engine != "refkin named"}
+    tried = [effect for spec, _, effect, _ in asked if spec == "bad"]
+
+    assert told == [(0, "refkin"), (1, "bad")]
+    assert [row.effect for row in there if row.engine == "refkin named"] == ["all"]
+    assert [asked[k][1:] for k in (0, 1, 2)] == [
+        (5.0, "", 5.0 + ledger.START),
+        (5.0, "", 5.0 + ledger.START),
+        (0.0, "velocity", ledger.START),
+    ]
+    assert list(found) == list(ledger.EFFECTS)
+    last = "contact" if known else ledger.EFFECTS[ledger.MOST_HANGS - 1]
+    assert tried == ["", *ledger.EFFECTS[: ledger.EFFECTS.index(last) + 1]]
+    for effect, row in found.items():
+        fails = effect not in tried or effect in bad or not known
+        assert row.engine == ("bad named" if known else "bad")
+        assert row.inert is ((False if known else None) if fails else True)
+        assert row.microseconds == (None if fails else 1.0)
+        whole = "crash (SIGSEGV): its process ended: SIGSEGV"
+        assert row.note == ("" if not fails else "hang: no answer within 9 s" if effect in tried else whole)
+        assert row.called_for is (fails and effect not in PHYSICAL)

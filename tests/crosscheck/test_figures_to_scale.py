@@ -39,10 +39,13 @@ class Read:
         (left, _), (right, _) = grid[0]
         self.left, self.right = left, right
         self.foot = max(line[0][1] for line in grid)
-        self.top = min(line[0][1] for line in grid)
         below = [(x, t.text or "") for x, y, t in self.texts if 12 < y - self.foot < 20]
         beside = [(y - 3.8, t.text or "") for x, y, t in self.texts if abs(x - (left - 7)) < PIXEL]
         self.below = below
+        _, _, width, height = map(float, (self.root.get("viewBox") or "").split())
+        assert 0 < left < left + width / 2 < right < width
+        assert all(left - PIXEL <= x <= right + PIXEL for x, _ in below)
+        assert all(20 < y < self.foot + PIXEL < height for y, _ in beside)
         self.x, self.y = self.scale(below), self.scale(beside)
 
     def scale(self, ticks: list[tuple[float, str]]) -> Any:
@@ -92,10 +95,10 @@ def digits_report(engines: Any, attainable: Any = None) -> dict[str, Any]:
             engine: {"newton": {**blank, **{name: {"digits_by_sigma": bins} for name, bins in quantities.items()}}}
             for engine, quantities in engines.items()
         },
-        "poses": {"marks": [{"engine": "b", "route": "newton", "quantity": "position", "decade": -3}]},
-        "routes": [
-            {"engine": "a", "route": "newton", "unanswered_by_sigma": {"-7": 2}},
-            {"engine": "b", "route": "newton", "unanswered_by_sigma": {}},
+        "poses": {"marks": [{"engine": "b", "method": "newton", "quantity": "position", "decade": -3}]},
+        "methods": [
+            {"engine": "a", "method": "newton", "unanswered_by_sigma": {"-7": 2}},
+            {"engine": "b", "method": "newton", "unanswered_by_sigma": {}},
         ],
         "attainable": attainable or {},
     }

@@ -2,14 +2,17 @@
 
 from __future__ import annotations
 
+import datetime
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import load
+from crosscheck.engines import EngineError, load
+from crosscheck.judge.findings import Finding
 from crosscheck.judge.hard_poses import (
     GRANTED,
     HardOutcome,
@@ -20,9 +23,11 @@ from crosscheck.judge.hard_poses import (
     samples,
     truths,
 )
-from crosscheck.measure.hard_table import KEYS, classed, hard_case_rows, outcome_of
+from crosscheck.measure import hard_table
+from crosscheck.measure.hard_table import KEYS, classed, hard_case_rows, outcome_of, unexplained
 from crosscheck.scenes.hard import KINDS, hard_cases
 from crosscheck.scenes.hard_case import DISTANCES, GAPS
+from crosscheck.workers.processes import Failure, FailureKind
 from refkin.motion import Status
 from refkin.proof.pose.krawczyk import Judgement, Verdict, krawczyk
 
@@ -274,3 +279,68 @@ def test_a_pose_next_to_two_branches_that_cross_is_singular_and_not_missing(engi
 
     assert set(value) <= {Status.OK, Status.SINGULAR}
     assert list(value) == sorted(value, key=lambda status: status is Status.SINGULAR)
+
+
+METHODS = {"a": [("a", "newton", ""), ("a", "steps", "1e-3")], "b": [("b", "newton", "")]}
+FATES = {"newton": ("correct", "well"), "steps": Failure(FailureKind.HANG, "no answer within 3 s")}
+SAID = Finding(
+    engine="a", method="steps", cases=("large offset",), verdict="hang", kind="documented limit",
+    quote="it may take long", source="its manual", reason="", since="", date=datetime.date(2026, 11, 22),
+)  # fmt: skip
+
+
+@pytest.fixture
+def table(monkeypatch):
+    """The table of two engines made up; of one method the answer never comes, of cases of space its end is told."""
+    asked = []
+
+    def in_turn(function, jobs, seconds):
+        for spec, name, setting, key in jobs:
+            asked.append((spec, name, setting, key, seconds))
+            yield Failure(FailureKind.CRASH, "SIGSEGV", "SIGSEGV") if "RSSR" in key else FATES[name]
+
+    monkeypatch.setattr(hard_table, "call_each", lambda function, specs: [METHODS.get(s, LACKING) for s in specs])
+    monkeypatch.setattr(hard_table, "call_in_turn", in_turn)
+    return lambda *some, **more: (hard_case_rows(*some, findings=[SAID], **more), asked)
+
+
+LACKING = Failure(FailureKind.ERROR, "EngineError: no engine is called 'c'")
+
+
+def test_every_method_is_asked_every_case_and_its_row_says_what_came_of_it(table):
+    some, told = list(CASES.values()), []
+    rows, asked = table(["a", "b"], seconds=3.0, tell=lambda *words: told.append(words))
+    every = [key for of_engine in METHODS.values() for key in of_engine]
+    crashed = [case for case in some if "RSSR" in case.key]
+
+    assert [(r["engine"], r["method"], r["setting"], r["case"], r["distance"]) for r in rows] == [
+        (*key, case.case, case.distance) for case in some for key in every
+    ]
+    assert sorted(asked) == sorted((*key, case.key, 3.0) for case in some for key in every)
+    assert [done for done, _ in told] == list(range(len(some)))
+    kinds = [CASES[key].case for _, key in told]
+    assert set(kinds[: len(set(kinds))]) == set(kinds)  # the first of every kind come first
+    for row, (_, name, _), case in zip(rows, every * len(some), [c for c in some for _ in every], strict=True):
+        explained = name == "steps" and case.case == "large offset"
+        verdict = "crash" if case in crashed else {"newton": "correct", "steps": "hang"}[name]
+        assert (row["verdict"], row["of"]) == (verdict, len(some))
+        assert row["class"] == ("documented limit" if explained else None)
+        assert row["quote"] == ("it may take long (its manual)" if explained else None)
+        assert row["note"].startswith({"crash": "crash (SIGSEGV): ", "correct": "well", "hang": "hang: "}[verdict])
+    assert crashed
+    assert unexplained(rows) == [row for row in rows if row["verdict"] != "correct" and not row["class"]]
+
+
+def test_when_time_is_up_no_other_case_is_begun_by_anybody(table, monkeypatch):
+    now = iter([0.0, 1.0, 2.0, 9.0])
+    monkeypatch.setattr(hard_table, "time", SimpleNamespace(monotonic=lambda: next(now)))
+    rows, _ = table(["a", "b"], 5.0)
+
+    assert len(rows) == 2 * 3
+    assert len({(row["case"], row["distance"]) for row in rows}) == 2
+    assert {row["of"] for row in rows} == {len(CASES)}
+
+
+def test_an_engine_that_is_not_there_is_named_before_any_case(table):
+    with pytest.raises(EngineError, match=r"^no engine is called 'c'$"):
+        table(["a", "c"])

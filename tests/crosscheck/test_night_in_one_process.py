@@ -39,11 +39,11 @@ reproduction = "none"
 
 
 def wrong(quantity: str) -> Disagreement:
-    who: Any = {"engine": "mujoco", "route": "newton", "quantity": quantity}
+    who: Any = {"engine": "mujoco", "method": "newton", "quantity": quantity}
     return Disagreement(**who, kind=Cause.BEYOND, ratio=2.0, at=At("rocker.phi", 0.0), message=f"planted {quantity}")
 
 
-JUMP = Disagreement(engine="exudyn", route="shipped", quantity="position", kind=Cause.OTHER_ASSEMBLY, ratio=2.0)
+JUMP = Disagreement(engine="exudyn", method="shipped", quantity="position", kind=Cause.OTHER_ASSEMBLY, ratio=2.0)
 PLANTED = {1: ("velocity",), 2: ("velocity", "position"), 8: ("acceleration", "velocity")}
 """Number of a scene -> in what mujoco is wrong there; the velocity is a known gap."""
 TWICE, LOST, GONE_OVER = {5: 3}, 4, 7

@@ -8,6 +8,7 @@ from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
+from unittest.mock import MagicMock
 
 import numpy as np
 import pytest
@@ -412,3 +413,106 @@ def test_one_pose_is_asked_for_from_the_truth_at_the_time_before():
 
             assert estimates == pytest.approx(motion.q[:, k - 1], abs=1e-12)
             assert one.times == scene().times[k - 1 if kind is asked.stepped else k : k + 1]
+
+
+ENDS = ("made up", "steps", "")
+"""The method that ends the process that measures."""
+
+
+@pytest.fixture
+def listed(sent, monkeypatch):
+    """The price list of what a process says that ends at one method, and of what the next one says without it."""
+    whole = [message for message in sent if message[0] != "asked"]
+    at = next(k for k, message in enumerate(whole) if message[0] == "timed" and message[1] == ENDS)
+    broken = [*whole[: at + 1], ("at", ENDS, "nobody")]
+    rest = [m for m in whole if ENDS not in m[1:2]]
+    rest.insert(1, ("refused", ("made up", "likes none", ""), "it does not like four-bars"))
+    asked = []
+
+    def start(function, *words):
+        asked.append(words)
+        said = iter((broken, rest)[len(asked) - 1])
+
+        def recv():
+            try:
+                return next(said)
+            except StopIteration:
+                raise EOFError from None
+
+        pipe = MagicMock(poll=lambda seconds: True, recv=recv)
+        return pipe, SimpleNamespace(pid=0)
+
+    monkeypatch.setattr(measuring, "start", start)
+    monkeypatch.setattr(measuring, "stop", lambda process: SimpleNamespace(text="its process ended: SIGSEGV"))
+    linkage, told = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0), []
+    prices = price(linkage.scene(samples=CYCLE + 7), ["made up"], 100.0, tell=lambda *words: told.append(words))
+    return prices, asked, told, sum(message[0] == "at" for message in (*broken, *rest))
+
+
+def test_the_list_holds_what_the_process_said_and_of_a_method_that_ended_it_how(listed):
+    prices, asked, *_ = listed
+    poses = {"": TIMES, "_one": 1, "_bulk": BULK}
+    for order, quantity in enumerate(("position", "velocity", "acceleration")):
+        plain, ended = row_of(prices, "plain", "", quantity), row_of(prices, "steps", "", quantity)
+        at_once, cycles = row_of(prices, "at once", "", quantity), row_of(prices, "cycles alone", "", quantity)
+
+        for suffix, count in poses.items():
+            cost = 1e6 * (1e-2 / count + 1e-4)
+            assert getattr(plain, f"microseconds{suffix}") == pytest.approx((order + 1) * cost)
+            assert getattr(plain, f"spread{suffix}") == pytest.approx(0.0, abs=1e-9)
+            assert getattr(plain, f"digits{suffix}") > 12.0
+            assert getattr(ended, f"microseconds{suffix}") is getattr(ended, f"digits{suffix}") is None
+        assert plain.microseconds_to_build == pytest.approx(0.25e6)
+        assert at_once.microseconds == pytest.approx(3 * 1e6 * (3e-2 / TIMES + 2e-4))
+        assert (cycles.microseconds_bulk, cycles.digits_bulk) == (None, None)
+        assert ended.note.startswith("its process ended: SIGSEGV")
+        assert 13.0 < plain.digits_attainable <= 17.0
+        assert "once" not in plain.note
+    assert prices.refused == [("made up", "likes none", "it does not like four-bars")]
+    assert (prices.times, prices.known, prices.asked) == (CYCLE, TIMES, CYCLE + 7)
+    assert [words[2] for words in asked] == [set(), {ENDS}]
+    assert [words[3] for words in asked] == pytest.approx([100.0, 100.0], abs=1.0)
+
+
+def test_whoever_waits_is_told_how_often_a_method_was_begun_with_and_which(listed):
+    _, _, told, begun = listed
+
+    assert [done for done, _ in told] == list(range(begun))
+    assert {"made up, plain", "made up, steps"} <= {method for _, method in told}
+
+
+def test_what_was_timed_once_is_said_to_be_and_costs_what_that_took():
+    key = ("made up", "newton", "")
+    answer = {"newton_by": "nobody", "note": "", "highest": 1, "cycle": {"position": (9.0, "a limit")}}
+    known = {"answered": {key: answer}, "attainable": dict.fromkeys(("position", "velocity", "acceleration"), 15.0)}
+    progress = measuring._Progress(**known, timed={(key, "cycle", -1): (2e-6, None)})
+    position, velocity = measuring._rows(scene(), progress)
+
+    assert (position.microseconds, velocity.microseconds, position.spread) == (
+        pytest.approx(2.0),
+        pytest.approx(2.0),
+        None,
+    )
+    assert (position.note, position.digits, velocity.digits) == ("a limit; one cycle timed once", 9.0, None)
+
+
+def test_a_list_of_all_classes_shares_its_time_among_those_that_are_left(monkeypatch):
+    asked = []
+
+    def priced_alone(scene, producers, within):
+        asked.append((scene.name, producers, within))
+        return SimpleNamespace(rows=[priced(9.0, 5.0, scene.name)])
+
+    monkeypatch.setattr(measuring, "price", priced_alone)
+    monkeypatch.setattr(measuring, "time", SimpleNamespace(monotonic=lambda: 7.0))
+    there = measuring.classes()
+    rows = measuring.price_list(60.0, ("made up",))
+
+    assert [(row["class"], row["method"]) for row in rows] == [(name, one.name) for name, one in there.items()]
+    left = [60.0 / (len(there) - k) for k in range(len(there))]
+    assert [(name, within) for name, _, within in asked] == list(
+        zip([s.name for s in there.values()], left, strict=True)
+    )
+    asked.clear()
+    measuring.price_list(0.0, ("made up",))
+    assert [within for *_, within in asked] == [measuring.LEAST] * len(there)

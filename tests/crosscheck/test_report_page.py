@@ -385,6 +385,19 @@ def test_short_form_of_who_did_it_says_where_it_is_cut(text: str | None, quantit
 
 
 @pytest.mark.parametrize(
+    ("place", "expected"),
+    [
+        ({"component": "rocker.phi", "time": 1.23456789}, "rocker.phi at t = 1.23457"),
+        ({"component": "row 3", "time": None}, "row 3"),
+        ({"component": None, "time": None, "message": "two times without answer"}, "two times without answer"),
+        ({"component": None, "time": None}, "not told by the record"),
+    ],
+)
+def test_where_a_number_was_met_is_told_in_words(place: Any, expected: str) -> None:
+    assert wording.sample(place) == expected
+
+
+@pytest.mark.parametrize(
     ("value", "expected"),
     [
         (None, wording.NO_ANSWER),
@@ -393,6 +406,7 @@ def test_short_form_of_who_did_it_says_where_it_is_cut(text: str | None, quantit
         (0.99999, "0.99999"),
         (1.0, "1.0"),
         (1.0000004, "1.0000004"),
+        (1.0412345, "1.04"),
         (5.26, "5.3"),
         (41234.0, "41\u202f234"),
         (2.6e13, "2.6 × 10¹³"),

@@ -27,7 +27,7 @@ from crosscheck.report.cells import Cell, MethodTotals, Place
 from crosscheck.report.front import answer as sentence
 from crosscheck.report.front import first_table, hard_matrix
 from crosscheck.report.prices import cheapest
-from crosscheck.report.totals import OTHERS, Refusals
+from crosscheck.report.totals import OTHERS, Refusals, Together
 from refkin import FourBar
 from refkin.scenes.files import to_dict
 
@@ -258,7 +258,7 @@ def agreement(folder: Path, dimension: str) -> dict[tuple[str, ...], float]:
         return result
 
     made = record("a", off("mujoco", 3e-7), off("exudyn", 3e-7 + 2 * math.pi), off("pinocchio", 0.0))
-    made["reference"]["common"] = {"k": 0, "scale": {"position": 1.0}}
+    made["reference"]["common"] = {"k": 0, "scale": {"position": 100.0}}
     made["about"]["dimension"] = dimension
     build(write(folder, made))
     rows = json.loads((folder / "report.json").read_text())["agreement"]
@@ -269,14 +269,14 @@ def test_two_that_are_wrong_alike_agree_and_the_odd_one_stands_out(tmp_path: Pat
     digits = agreement(tmp_path, "planar")
 
     assert digits.pop(("exudyn", "mujoco")) > 15
-    assert digits == {("exudyn", "pinocchio"): 6.5, ("mujoco", "pinocchio"): 6.5}
+    assert digits == {("exudyn", "pinocchio"): 8.5, ("mujoco", "pinocchio"): 8.5}
 
 
 def test_in_space_the_third_coordinate_is_a_length_and_counts_whole_turns(tmp_path: Path) -> None:
     assert agreement(tmp_path, "spatial") == {
-        ("exudyn", "mujoco"): -0.8,
-        ("exudyn", "pinocchio"): -0.8,
-        ("mujoco", "pinocchio"): 6.5,
+        ("exudyn", "mujoco"): 1.2,
+        ("exudyn", "pinocchio"): 1.2,
+        ("mujoco", "pinocchio"): 8.5,
     }
 
 
@@ -496,3 +496,28 @@ def test_refusals_beyond_the_most_that_are_told_apart_are_counted_together(monke
         ("mujoco", "gear", "none", 2, 4),
         ("mujoco", "belt", "none", 1, 1),
     ]
+
+
+def test_features_that_were_met_together_are_counted_and_the_rarest_cell_comes_last():
+    about = {"joints": "revolute", "driver": "angle", "law": "table", "class": "rocker", "hardness": "hard"}
+    scenes = [
+        about,
+        {**about, "law": "sine"},
+        {**about, "law": "sine", "distance": 0.02},
+        about,
+        about,
+        {"kind": "own"},
+    ]
+    together = Together()
+    for scene in scenes:
+        together.add(scene)
+    counted = together.described()
+    laws = {tuple(pair["features"]): pair for pair in counted["pairs"]}["decade of the distance", "law"]
+
+    assert [(row[2], row[5], row[-1]) for row in counted["rows"]] == [
+        ("table", "none", 3),
+        ("sine", "-2", 1),
+        ("sine", "none", 1),
+    ]
+    assert (counted["cells"], counted["once"]) == (3, 2)
+    assert (laws["met"], laws["of"], laws["once"], laws["missing"]) == (3, 4, 2, [["-2", "table"]])
