@@ -24,7 +24,7 @@ from refkin.differences import EPS
 from refkin.joints import initial_contacts, polar_cams
 from refkin.model import Effect, Scene
 from refkin.motion import ContactMotion, Motion, Producer, Route, Seeding, Status, __version__, no_radius, point_motion
-from refkin.newton import TINY, NewtonResult, contracts, is_round_off, newton
+from refkin.newton import TINY, NewtonResult, contracts, is_round_off, newton, solve_linear
 from refkin.system import System, compile_system
 
 SINGULAR = 8 * np.sqrt(EPS)
@@ -64,7 +64,7 @@ def velocity(system: System, q: Any, t: Any, phi_q: Any = None) -> Any:
     phi_q : (m, n) or (m, n, B) array, optional
         The Jacobian there, if it is known already.
     """
-    return _solve(system.phi_q(q, t) if phi_q is None else phi_q, system.nu(q, t))
+    return solve_linear(system.phi_q(q, t) if phi_q is None else phi_q, system.nu(q, t))
 
 
 def acceleration(system: System, q: Any, qd: Any, t: Any, phi_q: Any = None) -> Any:
@@ -77,18 +77,7 @@ def acceleration(system: System, q: Any, qd: Any, t: Any, phi_q: Any = None) -> 
     q, qd : (n,) or (n, B) array
         A pose and its velocity, or a batch of them.
     """
-    return _solve(system.phi_q(q, t) if phi_q is None else phi_q, system.gamma(q, qd, t))
-
-
-def _solve(matrix: Any, right: Any) -> Any:
-    """Solve for one right side, or for a batch in the last axis; redundant rows by least squares."""
-    stacked, columns = (np.moveaxis(x, -1, 0) if matrix.ndim == 3 else x for x in (matrix, right[:, None]))
-    if matrix.shape[0] == matrix.shape[1]:
-        x = np.linalg.solve(stacked, columns)
-    else:
-        x = (inverse := np.linalg.pinv(stacked)) @ columns
-        x = x + inverse @ (columns - stacked @ x)  # the product alone leaves |J^+| |J| roundings
-    return np.moveaxis(x[..., 0], 0, -1) if matrix.ndim == 3 else x[..., 0]
+    return solve_linear(system.phi_q(q, t) if phi_q is None else phi_q, system.gamma(q, qd, t))
 
 
 def sigma_min(phi_q: Any) -> float:

@@ -129,9 +129,10 @@ class BodyMotion:
 
     def __getattr__(self, name: str) -> Array:
         if kind_of(len(self.q)) is SPACE and name in ("omega", "alpha", "rotation"):
-            values: Array | None = getattr(SPACE.values(*self.q), name)(self.qd if name == "omega" else self.qdd)
-            if values is not None:
-                return values
+            body, rates = SPACE.values(*self.q), self.qd if name == "omega" else self.qdd
+            turn: Array | None = body.rotation() if name == "rotation" else body.omega(rates)
+            if turn is not None:
+                return turn
         raise AttributeError(f"{name!r}: not a coordinate, or not called for by the scene")
 
     def __repr__(self) -> str:
@@ -207,21 +208,6 @@ def _same(a: Any, b: Any) -> bool:
 def nowhere(times: int) -> Array:
     """Return (T,) NaN: numbers that nobody delivered."""
     return np.full(times, np.nan)
-
-
-def engine_motion(
-    t: Any, bodies: tuple[str, ...], q: Any, qd: Any, qdd: Any, status: Any, producer: Producer, **more: Any
-) -> Motion:
-    """Return a motion without evidence of its own, as engines deliver it.
-
-    Parameters
-    ----------
-    t, bodies, q, qd, qdd, status, producer, **more
-        As in `Motion`; NaN what is not given.
-    """
-    rest = {**dict.fromkeys(("residual", "sigma_min", "condition"), nowhere(len(status))), **more}
-    rest.setdefault("certified_radius", no_radius(len(status)))
-    return Motion(t=np.asarray(t, float), bodies=bodies, q=q, qd=qd, qdd=qdd, status=status, producer=producer, **rest)
 
 
 def no_radius(times: int) -> CertifiedRadius:

@@ -171,10 +171,24 @@ def newton(
 
 
 def solve_linear(matrix: Any, right: Any) -> Any:
-    """Return x with matrix x = right: by LU if square, by least squares if there are more rows than columns."""
-    if matrix.shape[0] == matrix.shape[1]:
-        return np.linalg.solve(matrix, right)
-    return np.linalg.lstsq(matrix, right, rcond=None)[0]
+    """Return x with matrix x = right: by LU if square, by least squares if there are more rows than columns.
+
+    Parameters
+    ----------
+    matrix : (m, n) or (m, n, B) array
+        One system, or a batch of them.
+    right : (m,) or (m, B) array
+    """
+    square = matrix.shape[0] == matrix.shape[1]
+    if matrix.ndim == 2:
+        return np.linalg.solve(matrix, right) if square else np.linalg.lstsq(matrix, right, rcond=None)[0]
+    stacked, columns = (np.moveaxis(x, -1, 0) for x in (matrix, right[:, None]))
+    if square:
+        x = np.linalg.solve(stacked, columns)
+    else:
+        x = (inverse := np.linalg.pinv(stacked)) @ columns  # least squares, which NumPy has of one system alone
+        x = x + inverse @ (columns - stacked @ x)  # the product leaves |J^+| |J| roundings
+    return np.moveaxis(x[..., 0], 0, -1)
 
 
 def _row(q0: Any) -> Any:

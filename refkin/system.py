@@ -133,17 +133,17 @@ class System:
     def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:
         """Return the values of each body and parameter by the place where it starts in q; None is the ground."""
         numbers = q.tolist() if q.ndim == 1 else q
-        kind, bodies = self.kind, range(0, self.of_bodies, self.kind.width)
+        kind, width = self.kind, self.kind.width
+        places = {k: slice(k, k + width) for k in range(0, self.of_bodies, width)}
+        places |= {k: slice(k, k + 1) for k in range(self.of_bodies, self.n)}
         values: dict[int | None, Any] = {None: kind.values(*kind.still)}
-        values |= {k: kind.values(*numbers[k : k + kind.width]) for k in bodies}
-        values |= {k: ParameterValue(numbers[k]) for k in range(self.of_bodies, self.n)}
+        for k, at in places.items():
+            values[k] = (kind.values if k < self.of_bodies else ParameterValue)(*numbers[at])
         if qd is not None:
             rates = qd.tolist() if qd.ndim == 1 else qd
-            values[None].moving(*(0.0,) * kind.width)
-            for k in bodies:
-                values[k].moving(*rates[k : k + kind.width])
-            for k in range(self.of_bodies, self.n):
-                values[k].moving(rates[k])
+            values[None].moving(*(0.0,) * width)
+            for k, at in places.items():
+                values[k].moving(*rates[at])
         return values
 
     def _given(self, p: Placed, values: dict[int | None, Any], t: Any, order: int) -> Any:

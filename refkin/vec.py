@@ -31,6 +31,9 @@ class Vec:
     def __sub__(self, other: Vec) -> Vec:
         return Vec(self.x - other.x, self.y - other.y)
 
+    def __neg__(self) -> Vec:
+        return Vec(-self.x, -self.y)
+
     def __mul__(self, factor: Scalar) -> Vec:
         return Vec(self.x * factor, self.y * factor)
 
@@ -40,6 +43,10 @@ class Vec:
     def perp(self) -> Vec:
         """Return the vector turned by a quarter turn counter-clockwise: d(A u)/dphi = (A u).perp()."""
         return Vec(-self.y, self.x)
+
+    @property
+    def parts(self) -> tuple[Scalar, Scalar]:
+        return self.x, self.y
 
 
 class BodyValues:
@@ -71,7 +78,7 @@ class BodyValues:
         if qdd is not None:
             a = Vec(qdd[0], qdd[1]) + arm.perp() * qdd[2] + arm * -(qd[2] * qd[2])
         for x in (self.r + arm, v, a):
-            yield None if x is None else (x.x, x.y)
+            yield None if x is None else x.parts
 
 
 class ParameterValue:

@@ -19,7 +19,7 @@ from crosscheck.strategies.laws import draw_law
 from crosscheck.strategies.space_kinds import KINDS
 from crosscheck.strategies.space_plans import ANGLES, UNITS, Array, Plan, Pose, Region, direction, turn
 from refkin.joints import GROUND, Screw, SpatialAngleDriver, SpatialDistanceDriver, Universal
-from refkin.joints.spatial_terms import parameters_of
+from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Law

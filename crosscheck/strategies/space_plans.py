@@ -17,7 +17,7 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
 from refkin.joints import SpatialDistance, Spherical
-from refkin.joints.spatial_terms import frame
+from refkin.joints.spatial_frames import frame
 from refkin.model import Member
 
 Array = Any

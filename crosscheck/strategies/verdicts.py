@@ -22,7 +22,7 @@ from crosscheck.strategies.scenes import Drawn, scenes_of
 from crosscheck.strategies.space_plans import Circle
 from crosscheck.strategies.spans import Hardness
 from refkin.joints import GROUND, AngleDriver, Pair, Prismatic, Revolute
-from refkin.joints.spatial_terms import parameters_of
+from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status

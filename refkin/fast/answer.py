@@ -19,7 +19,7 @@ from refkin.fast.elimination.blocks import LARGEST_SELECTED
 from refkin.fast.residual import residual
 from refkin.joints import Unit
 from refkin.joints.elements import Triple
-from refkin.joints.spatial_terms import unit_vector
+from refkin.joints.spatial_frames import unit_vector
 from refkin.joints.spatial_vectors import Quaternion, SpatialValues, Vec3
 from refkin.model import Evidence, Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, __version__, no_radius, nowhere

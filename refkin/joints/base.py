@@ -120,6 +120,8 @@ class Constraint:
     name: str
     type: str = field(init=False)
     kind = PLANE
+    law_is_length = False
+    """Whether a law gives lengths [m], which the unit scales, or angles [rad]."""
     __pydantic_config__ = STRICT
 
     @property
@@ -210,7 +212,7 @@ class Constraint:
 
     def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
         """Return per law the shift, and the factor: a scaled law is (f - shift) / factor."""
-        return (0.0,) * len(self.laws), 1.0
+        return (0.0,) * len(self.laws), unit.size if self.law_is_length else 1.0
 
     def faults(self, path: str) -> Iterator[Fault]:
         """Yield what is wrong with the constraint's own numbers."""
@@ -267,4 +269,4 @@ def offset(f: Any, order: int) -> Vec:
 
 def along(n: Vec, a_i: Vec, a_j: Vec) -> tuple[Triple, Triple]:
     """Return the gradient of n . d with n held fixed, for body i and for body j."""
-    return (-n.x, -n.y, -n.dot(a_i.perp())), (n.x, n.y, n.dot(a_j.perp()))
+    return (*(-n).parts, -n.dot(a_i.perp())), (*n.parts, n.dot(a_j.perp()))

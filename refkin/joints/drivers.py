@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, ClassVar, Literal
 
 from refkin.errors import Fault
 from refkin.joints.base import Blocks, Constraint, Rows, Unit, along, arms, drift, gap_rate
@@ -84,10 +84,11 @@ class AngleDriver(Driver):
 
 @dataclass(frozen=True, kw_only=True)
 class CoordinateDriver(Driver):
-    """A coordinate of a point of a body in the ground frame follows f(t) (J15) [m]."""
+    """A coordinate (0: x, 1: y) of a point of a body in the ground frame follows f(t): (r + A u) . e - f = 0 (J15)."""
 
     body: str
     point: Pair = (0.0, 0.0)
+    axis: ClassVar[int]
 
     @property
     def bodies(self) -> tuple[str, str]:
@@ -96,34 +97,33 @@ class CoordinateDriver(Driver):
     def points(self) -> Iterator[tuple[str, Pair]]:
         yield self.body, self.point
 
+    def elements(self) -> Iterator[Element]:
+        yield PointCoordinate(body_j=self.body, point_j=self.point, axis=self.axis, laws=self.laws)
+
+    def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
+        return (unit.origin[self.axis],), unit.size
+
+    def residual(self, g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:  # type: ignore[override]
+        return ((j.r + j.turned(Vec(g[0], g[1]))).parts[self.axis] - f[0][0],)
+
+    def jacobian(self, g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:  # type: ignore[override]
+        e = (1, 0) if self.axis == 0 else (0, 1)
+        return ((0, 0, 0),), ((*e, j.turned(Vec(g[0], g[1])).perp().parts[self.axis]),)
+
+    @staticmethod
+    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
+        return (f[0][1],)
+
+    def gamma(self, g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:  # type: ignore[override]
+        return (j.turned(Vec(g[0], g[1])).parts[self.axis] * (j.omega * j.omega) + f[0][2],)
+
 
 @dataclass(frozen=True, kw_only=True)
 class XDriver(CoordinateDriver):
     """x + (A point)_x - f(t) = 0 [m]."""
 
     type: Literal["x"] = "x"
-
-    def elements(self) -> Iterator[Element]:
-        yield PointCoordinate(body_j=self.body, point_j=self.point, axis=0, laws=self.laws)
-
-    def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
-        return (unit.origin[0],), unit.size
-
-    @staticmethod
-    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (j.r.x + j.turned(Vec(g[0], g[1])).x - f[0][0],)
-
-    @staticmethod
-    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
-        return ((0, 0, 0),), ((1, 0, -j.turned(Vec(g[0], g[1])).y),)
-
-    @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (f[0][1],)
-
-    @staticmethod
-    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (j.turned(Vec(g[0], g[1])).x * (j.omega * j.omega) + f[0][2],)
+    axis = 0
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -131,28 +131,7 @@ class YDriver(CoordinateDriver):
     """y + (A point)_y - f(t) = 0 [m]."""
 
     type: Literal["y"] = "y"
-
-    def elements(self) -> Iterator[Element]:
-        yield PointCoordinate(body_j=self.body, point_j=self.point, axis=1, laws=self.laws)
-
-    def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
-        return (unit.origin[1],), unit.size
-
-    @staticmethod
-    def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (j.r.y + j.turned(Vec(g[0], g[1])).y - f[0][0],)
-
-    @staticmethod
-    def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
-        return ((0, 0, 0),), ((0, 1, j.turned(Vec(g[0], g[1])).x),)
-
-    @staticmethod
-    def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (f[0][1],)
-
-    @staticmethod
-    def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        return (j.turned(Vec(g[0], g[1])).y * (j.omega * j.omega) + f[0][2],)
+    axis = 1
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -164,12 +143,10 @@ class DistanceDriver(Driver):
     body_j: str
     point_j: Pair
     type: Literal["distance"] = "distance"
+    law_is_length = True
 
     def elements(self) -> Iterator[Element]:
         yield PointDistance(**ends_of(self), laws=self.laws)
-
-    def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
-        return (0.0,), unit.size
 
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:

@@ -28,6 +28,7 @@ class Revolute(Constraint):
     """
 
     rows = 2
+    law_is_length = True
     body_i: str
     point_i: Pair
     body_j: str
@@ -39,9 +40,6 @@ class Revolute(Constraint):
     def laws(self) -> tuple[Law, ...]:
         return self.offset_law or ()
 
-    def law_scale(self, unit: Unit) -> tuple[tuple[float, ...], float]:
-        return (0.0,) * len(self.laws), unit.size
-
     @property
     def law_keys(self) -> tuple[str, ...]:
         return ("offset_law[0]", "offset_law[1]")[: len(self.laws)]
@@ -52,8 +50,7 @@ class Revolute(Constraint):
     @staticmethod
     def residual(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
         _, _, d = arms(g, i, j)
-        apart = d - offset(f, 0) if f else d
-        return apart.x, apart.y
+        return (d - offset(f, 0)).parts
 
     @staticmethod
     def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Blocks:
@@ -62,13 +59,11 @@ class Revolute(Constraint):
 
     @staticmethod
     def nu(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        moving = offset(f, 1)
-        return moving.x, moving.y
+        return offset(f, 1).parts
 
     @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        right = offset(f, 2) - drift(*turned_points(g, i, j), i, j)
-        return right.x, right.y
+        return (offset(f, 2) - drift(*turned_points(g, i, j), i, j)).parts
 
 
 @dataclass(frozen=True, kw_only=True)

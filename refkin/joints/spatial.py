@@ -13,7 +13,6 @@ where these differ:
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields
 from functools import cached_property
@@ -35,19 +34,19 @@ from refkin.joints.spatial_elements import (
     SpatialPointDistance,
     TurnAboutAxis,
 )
+from refkin.joints.spatial_frames import across
 from refkin.joints.spatial_terms import (
     Across,
     Angle,
     Crossed,
-    Frames,
     Guide,
     Meet,
     Span,
     Term,
+    Thread,
     Turn,
     blocks_of,
 )
-from refkin.joints.spatial_vectors import Vec3
 from refkin.vec import Scalar
 
 Form = Literal["half", "dot", "printed"]
@@ -93,8 +92,7 @@ class SpatialConstraint(Constraint):
         return [(term, slice(*ends[k : k + 2])) for k, term in enumerate(self.terms)]
 
     def constants(self, unit: Unit) -> tuple[float, ...]:
-        at = Frames(self, unit)
-        return tuple(number for term in self.terms for number in term.constants(at))
+        return tuple(number for term in self.terms for number in term.constants(self, unit))
 
     def elements(self) -> Iterator[Element]:
         for element in self.consists_of:
@@ -120,22 +118,13 @@ class SpatialConstraint(Constraint):
             axis, zero = (getattr(self, f"{key}_{body}", None) for key in ("axis", "zero"))
             if axis is not None and not any(axis):
                 yield Fault(f"{path}.axis_{body}", list(axis), "a vector that is not zero")
-            elif axis is not None and zero is not None and not _across(axis, zero):
+            elif axis is not None and zero is not None and not across(axis, zero):
                 yield Fault(f"{path}.zero_{body}", list(zero), "a vector that is not zero and not along the axis")
 
 
 def names_of(cls: Any) -> set[str]:
     """Return the names of the fields of a dataclass."""
     return {field.name for field in fields(cls)}
-
-
-def _across(axis: Triple, zero: Triple) -> bool:
-    """Return whether a zero has a part across its axis that is more than rounding; numbers that are none pass."""
-    sizes = [max(map(abs, v)) for v in (axis, zero)]
-    if not all(map(math.isfinite, sizes)) or 0.0 in sizes:
-        return 0.0 not in sizes
-    a, b = (Vec3(*(x / size for x in v)) for v, size in zip((axis, zero), sizes, strict=True))
-    return bool(max(map(abs, a.cross(b).parts)) > 2.0**-40)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -199,33 +188,18 @@ class SpatialRevolute(OfLines):
 
     @property
     def terms(self) -> tuple[Term, ...]:
-        return (Crossed(), _Spaced()) if self.form == "printed" else (Meet(), PARALLEL[self.form])
+        if self.form == "printed":
+            return Crossed(), Crossed(gap=True, shifted=True), Span(shifted=True)
+        return Meet(), PARALLEL[self.form]
+
+    def scaled_spacing(self, unit: Unit) -> float:
+        """Return the spacing in units of length, 1 by default."""
+        return 1.0 if self.spacing is None else self.spacing / unit.size
 
     def faults(self, path: str) -> Iterator[Fault]:
         yield from super().faults(path)
         if self.spacing is not None and (self.form != "printed" or self.spacing < 0):
             yield Fault(f"{path}.spacing", self.spacing, "a distance of at least 0, and only in the form 'printed'")
-
-
-class _Spaced(Term):
-    """h_i x s = 0 and (s . s - c) / 2 = 0, s from point i to the point at a distance from point j along its axis."""
-
-    rows, size = 4, 10
-    crossed, span = Crossed(gap=True), Span(law=True)
-
-    def constants(self, at: Frames) -> tuple[Scalar, ...]:
-        spacing = 1.0 if at.c.spacing is None else at.c.spacing / at.unit.size
-        points, h = at.points(), at.axes("hj")
-        return (*points[:3], *(x + spacing * y for x, y in zip(points[3:], h, strict=True)), *at.axes("hi"), spacing)
-
-    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        return (*self.crossed.residual(g[:9], f, i, j), *self.span.residual(g[:6], ((g[9], 0, 0),), i, j))
-
-    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Any]:
-        return [*self.crossed.jacobian(g[:9], f, i, j), *self.span.jacobian(g[:6], f, i, j)]
-
-    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        return (*self.crossed.gamma(g[:9], f, i, j), *self.span.gamma(g[:6], ((g[9], 0, 0),), i, j))
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -269,15 +243,12 @@ class Screw(OfLines):
     pitch: float
     shift: float = 0.0
     type: Literal["screw"] = "screw"
+    formulas = (PARALLEL, ON_AXIS, Thread(), Angle(counted=True))
     consists_of = (AxesParallel, PointOnAxis, ScrewMotion)
 
     @property
     def parameters(self) -> int:
         return 1
-
-    @property
-    def terms(self) -> tuple[Term, ...]:
-        return (PARALLEL[self.form], ON_AXIS[self.form], _Thread(), Angle(counted=True))
 
     def reach(self) -> float:
         return abs(self.pitch)
@@ -294,26 +265,6 @@ class Screw(OfLines):
         yield from super().faults(path)
         if self.pitch == 0.0:
             yield Fault(f"{path}.pitch", self.pitch, "a pitch other than 0 (a revolute joint does not shift)")
-
-
-class _Thread(Term):
-    """h_i . d - 2 pitch s - shift = 0, s half the angle."""
-
-    size = 11
-    guide = Guide("hi")
-
-    def constants(self, at: Frames) -> tuple[Scalar, ...]:
-        return (*self.guide.constants(at), at.c.pitch / at.unit.size, at.c.shift / at.unit.size)
-
-    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        (height,) = self.guide.residual(g[:9], f, i, j)
-        return (height - own[0].value * (2 * g[9]) - g[10],)
-
-    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Any]:
-        return [(*self.guide.jacobian(g[:9], f, i, j)[0], (-2 * g[9],))]
-
-    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
-        return self.guide.gamma(g[:9], f, i, j)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -395,8 +346,7 @@ class SpatialDistance(SpatialConstraint):
             yield Fault(f"{path}.length", self.length, "a length above 0 (a spherical joint keeps two points together)")
 
 
-SPATIAL_JOINT_TYPES: tuple[type[Constraint], ...]
-SPATIAL_JOINT_TYPES = (
+SPATIAL_JOINT_TYPES: tuple[type[Constraint], ...] = (
     Spherical,
     SpatialRevolute,
     SpatialPrismatic,

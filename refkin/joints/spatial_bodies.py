@@ -9,8 +9,8 @@ from typing import Any
 
 from refkin.joints.base import Blocks, Constraint, Kind, Rows, Unit
 from refkin.joints.elements import GROUND, Triple
+from refkin.joints.spatial_frames import root, unit_vector
 from refkin.joints.spatial_passive import passive_spins
-from refkin.joints.spatial_terms import root, unit_vector
 from refkin.joints.spatial_vectors import Quaternion, SpatialValues, Vec3
 
 
@@ -62,17 +62,11 @@ class UnitLength(Constraint):
     def bodies(self) -> tuple[str, str]:
         return GROUND, self.body
 
-    def constants(self, unit: Unit) -> tuple[float, ...]:
-        return ()
-
     def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
         return ((at[1].p.dot(at[1].p) - 1) * 0.5,)
 
     def jacobian(self, g: Any, f: Any, *at: Any) -> Blocks:  # type: ignore[override]
         return ((0,) * 7,), ((0, 0, 0, *at[1].p.parts),)
-
-    def nu(self, g: Any, f: Any, *at: Any) -> Rows:
-        return (0,)
 
     def gamma(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
         return (-at[1].pd.dot(at[1].pd),)
@@ -108,12 +102,9 @@ class PassiveSpin(UnitLength):
 
     def constants(self, unit: Unit) -> tuple[float, ...]:
         """Return 2 s at the reference pose (4), the direction of the line (3), and the scaled point it goes through."""
-        length = sum(x * x for x in self.line)
-        p0 = Quaternion.of(*self.reference)
-        size = p0.dot(p0) * length
-        scale = 2 / root(size)
-        held = p0.times(Quaternion(0, Vec3(*self.line))).parts
-        return (*(x * scale for x in held), *unit_vector(self.line).parts, *unit.point(self.body, self.through))
+        p0, u = Quaternion.of(*self.reference), unit_vector(self.line)
+        held = p0.times(Quaternion(0, u)) * (2 / root(p0.dot(p0)))
+        return (*held.parts, *u.parts, *unit.point(self.body, self.through))
 
     def residual(self, g: Any, f: Any, *at: Any) -> Rows:  # type: ignore[override]
         return (Quaternion.of(*(f or g[:4])).dot(at[1].p),)

@@ -27,7 +27,7 @@ from refkin.joints.spatial_elements import (
     SpatialPointDistance,
     TurnAboutAxis,
 )
-from refkin.joints.spatial_terms import frame
+from refkin.joints.spatial_frames import across, frame
 from refkin.joints.spatial_vectors import Vec3
 
 Line = tuple[Vec3, Vec3]
@@ -159,7 +159,7 @@ def _carried(c: Any, body: str, line: Line) -> Line | None:
     along, turn = _along(h, line), parts.get(TurnAboutAxis)
     if turn is not None and (PointsMeet in parts or along):
         given = [(getattr(turn, f"axis_{side}"), getattr(turn, f"zero_{side}")) for side in (here, there)]
-        if turn.angle or not all(zero is not None and _across(axis, zero) for axis, zero in given):
+        if turn.angle or not all(zero is not None and across(axis, zero) for axis, zero in given):
             return None
         own, other = (frame(axis, zero) for axis, zero in given)
         (p, u), zero = line, Vec3(0, 0, 0)
@@ -168,11 +168,6 @@ def _carried(c: Any, body: str, line: Line) -> Line | None:
     if along and _on(start, line):
         return end, k * math.copysign(1.0, h.dot(line[1]))
     return None
-
-
-def _across(axis: Triple, zero: Triple) -> bool:
-    h, z = Vec3(*axis), Vec3(*zero)
-    return _size(h.cross(z)) > ALIKE * _size(h) * _size(z) and math.isfinite(_size(h) * _size(z))
 
 
 def _size(v: Vec3) -> float:

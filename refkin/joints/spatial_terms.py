@@ -1,8 +1,8 @@
 """The terms that every spatial joint and driver is made of: gaps, vectors across each other, half angles, lengths.
 
-A joint's frame on a body has h along `axis`, f along the part of `zero` across it, and g = h x f, all of length 1. d
-leads from the point of body i to that of body j. With (e0, e) the Euler parameters that lead from the frame on body i
-to that on body j, conj(p_i c_i) (p_j c_j), c the parameters of a frame in its body:
+f, g and h are the vectors of a joint's frame on a body (`spatial_frames`), d leads from the point of body i to that of
+body j. With (e0, e) the Euler parameters that lead from the frame on body i to that on body j, conj(p_i c_i) (p_j c_j),
+c the parameters of a frame in its body:
 
 ========== ================================= =========================================================================
 term       rows                              gamma, with ' at constant rates and ^ for a vector's drift
@@ -14,6 +14,7 @@ term       rows                              gamma, with ' at constant rates and
 `Turn`     2 e_k                             -4 (conj(p_i' c_i) (p_j' c_j))_k
 `Angle`    2 (e3 cos s - e0 sin s)           s half an angle: a law's, or a coordinate; 2 sin((theta - 2 s) / 2)
 `Sine`     sin(theta - f)                    the same angle by dot products
+`Thread`   h . d - 2 p s - shift             as for `Guide`; p the pitch, s half the angle, a coordinate
 `Span`     (d . d - L^2) / 2, over L         -(d' . d' + d . d^), over L
 ========== ================================= =========================================================================
 
@@ -24,93 +25,15 @@ are the half-angle rows turned: f_i . h_j = e3 x1 + e0 x2 and g_i . h_j = e3 x2 
 
 from __future__ import annotations
 
-import math
 from typing import Any
 
-import numpy as np
-
 from refkin.joints.base import Blocks, Rows, Unit
-from refkin.joints.elements import Triple
+from refkin.joints.spatial_frames import axes, points, turns
 from refkin.joints.spatial_vectors import Arm, Quaternion, SpatialValues, Vec3
 from refkin.vec import Scalar, cosine_and_sine
 
 AXES = (Vec3(1, 0, 0), Vec3(0, 1, 0), Vec3(0, 0, 1))
 AT_REST = (0, 0, 0)
-CLEAR = 0.7
-"""A number of at least this part of the largest will do to divide by; the first is taken, so rounding breaks no tie."""
-
-
-def root(square: Scalar) -> Scalar:
-    """Return the square root of a float, a row, or a number that brings its own."""
-    if hasattr(square, "sqrt"):
-        return square.sqrt()
-    return np.sqrt(square) if isinstance(square, np.ndarray) else math.sqrt(square)
-
-
-def about(x: Scalar) -> float:
-    """Return a float near a number of any arithmetic; of a row the smallest."""
-    mid: Any = getattr(x, "mid", x)  # of balls a method
-    return float(x if callable(mid) else np.min(mid))
-
-
-def unit_vector(v: Triple) -> Vec3:
-    """Return a vector scaled to length 1."""
-    x, y, z = v
-    plain = all(isinstance(u, int | float) for u in v)
-    length: Any = math.hypot(*v) if plain else root(x * x + y * y + z * z)
-    return Vec3(x / length, y / length, z / length)
-
-
-def frame(axis: Triple, zero: Triple | None) -> tuple[Vec3, Vec3, Vec3]:
-    """Return (f, g, h); without a zero f lies across the axis somewhere, which no row but an angle's asks for."""
-    h = unit_vector(axis)
-    if zero is None:
-        sizes = [abs(about(x)) for x in axis]
-        k = next(k for k in range(3) if sizes[k] <= min(sizes) / CLEAR)
-        zero = tuple(float(n == k) for n in range(3))  # type: ignore[assignment]
-    z = Vec3(*zero)  # type: ignore[misc]
-    f = unit_vector((z - h * h.dot(z)).parts)
-    return f, h.cross(f), h
-
-
-def parameters_of(f: Vec3, g: Vec3, h: Vec3) -> tuple[Scalar, ...]:
-    """Return the Euler parameters c of a frame: 4 c c^T is the matrix below, of which the longest row is taken."""
-    (a, d, k), (b, e, m), (c, n, i) = f.parts, g.parts, h.parts
-    rows = (
-        (1 + a + e + i, m - n, c - k, d - b),
-        (m - n, 1 + a - e - i, d + b, c + k),
-        (c - k, d + b, 1 - a + e - i, m + n),
-        (d - b, c + k, m + n, 1 - a - e + i),
-    )
-    sizes = [about(row[k]) for k, row in enumerate(rows)]
-    place = next(k for k in range(4) if sizes[k] >= CLEAR * max(sizes))
-    length = 2 * root(rows[place][place])
-    return tuple(x / length for x in rows[place])
-
-
-class Frames:
-    """What a joint's terms may take as constants, scaled: points, axes and the parameters of its frames."""
-
-    def __init__(self, c: Any, unit: Unit) -> None:
-        self.c, self.unit = c, unit
-
-    def points(self) -> tuple[Scalar, ...]:
-        c = self.c
-        return (*self.unit.point(c.body_i, c.point_i), *self.unit.point(c.body_j, c.point_j))
-
-    def axes(self, names: str) -> tuple[Scalar, ...]:
-        """Return the vectors of names such as "fi hj", each by its frame's letter and its body's."""
-        numbers: list[Scalar] = []
-        for name in names.split():
-            letter, body = name[0], name[1]
-            vectors = frame(getattr(self.c, f"axis_{body}"), getattr(self.c, f"zero_{body}", None))
-            numbers += vectors["fgh".index(letter)].parts
-        return tuple(numbers)
-
-    def turns(self) -> tuple[Scalar, ...]:
-        """Return the parameters of both frames."""
-        c = self.c
-        return (*parameters_of(*frame(c.axis_i, c.zero_i)), *parameters_of(*frame(c.axis_j, c.zero_j)))
 
 
 class Gap:
@@ -144,9 +67,9 @@ class Term:
     rows = 1
     size = 0
 
-    def constants(self, at: Frames) -> tuple[Scalar, ...]:
-        """Return these numbers."""
-        raise NotImplementedError
+    def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
+        """Return these numbers of a constraint."""
+        return ()
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         raise NotImplementedError
@@ -166,8 +89,8 @@ class Meet(Term):
 
     rows, size = 3, 6
 
-    def constants(self, at: Frames) -> tuple[Scalar, ...]:
-        return at.points()
+    def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
+        return points(c, unit)
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         d: Vec3 = Gap(g, i, j).d
@@ -188,8 +111,8 @@ class Across(Term):
         self.names, self.rows = f"{on_i} {on_j}", len(on_i.split())
         self.size = 3 * self.rows + 3
 
-    def constants(self, at: Frames) -> tuple[Scalar, ...]:
-        return at.axes(self.names)
+    def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
+        return axes(c, self.names)
 
     def _arms(self, g: Any, i: Any, j: Any) -> tuple[list[Arm], Arm]:
         return [i.arm(*g[3 * k : 3 * k + 3]) for k in range(self.rows)], j.arm(*g[3 * self.rows :])
@@ -222,8 +145,8 @@ class Guide(Term):
         self.normals, self.rows, self.law = normals, len(normals.split()), law
         self.size = 6 + 3 * self.rows
 
-    def constants(self, at: Frames) -> tuple[Scalar, ...]:
-        return (*at.points(), *at.axes(self.normals))
+    def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
+        return (*points(c, unit), *axes(c, self.normals))
 
     def _arms(self, g: Any, i: Any) -> list[Arm]:
         return [i.arm(*g[k : k + 3]) for k in range(6, self.size, 3)]
@@ -254,15 +177,20 @@ def guided(n: Arm, direction: Vec3, gap: Gap, towards: Vec3 | None = None) -> Ro
 
 
 class Crossed(Term):
-    """h_i x h_j = 0, or h_i x d = 0: three rows of which two are independent."""
+    """h_i x h_j = 0, or h_i x d = 0: three rows of which two are independent.
+
+    `shifted`, d leads to a point at the joint's `spacing` from point j, along the axis there.
+    """
 
     rows = 3
 
-    def __init__(self, gap: bool = False) -> None:
-        self.gap, self.size = gap, 9 if gap else 6
+    def __init__(self, gap: bool = False, shifted: bool = False) -> None:
+        self.gap, self.shifted, self.size = gap, shifted, 9 if gap else 6
 
-    def constants(self, at: Frames) -> tuple[Scalar, ...]:
-        return (*at.points(), *at.axes("hi")) if self.gap else at.axes("hi hj")
+    def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
+        if not self.gap:
+            return axes(c, "hi hj")
+        return (*points(c, unit, c.scaled_spacing(unit) if self.shifted else None), *axes(c, "hi"))
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         other = Gap(g, i, j).d if self.gap else j.arm(*g[3:]).at
@@ -285,7 +213,7 @@ class Crossed(Term):
 
 def relative(g: Any, i: SpatialValues, j: SpatialValues) -> Quaternion:
     """Return the Euler parameters that lead from the frame on body i to that on body j."""
-    return _turned(i.p, g[:4]).after_inverse(_turned(j.p, g[4:8]))
+    return _turned(i.p, g[:4]).conj().times(_turned(j.p, g[4:8]))
 
 
 def _turned(p: Quaternion, c: Any) -> Quaternion:
@@ -295,8 +223,7 @@ def _turned(p: Quaternion, c: Any) -> Quaternion:
 def _of_rates(g: Any, i: SpatialValues, j: SpatialValues) -> tuple[Quaternion, Quaternion]:
     """Return the rate of the relative parameters, and half of what of their second rate holds no acceleration."""
     a, b, ad, bd = _turned(i.p, g[:4]), _turned(j.p, g[4:8]), _turned(i.pd, g[:4]), _turned(j.pd, g[4:8])
-    one, two = ad.after_inverse(b), a.after_inverse(bd)
-    return Quaternion(one.a + two.a, one.v + two.v), ad.after_inverse(bd)
+    return ad.conj().times(b) + a.conj().times(bd), ad.conj().times(bd)
 
 
 class Turn(Term):
@@ -308,8 +235,8 @@ class Turn(Term):
         self.places = [int(part) - 1 for part in parts]
         self.rows = len(parts)
 
-    def constants(self, at: Frames) -> tuple[Scalar, ...]:
-        return at.turns()
+    def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
+        return turns(c)
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         e = relative(g, i, j).v.parts
@@ -330,10 +257,10 @@ def turn_slopes(g: Any, i: SpatialValues, j: SpatialValues, directions: Any) -> 
     -x conj(w) of (x, -1).
     """
     a, b = _turned(i.p, g[:4]), _turned(j.p, g[4:8])
-    c_i, c_j = Quaternion.of(*g[:4]), Quaternion.of(*g[4:8])
+    c_i, c_j = Quaternion.of(*g[:4]).conj(), Quaternion.of(*g[4:8]).conj()
     rows: list[Row] = []
     for product in directions:
-        of_i, of_j = product(b, -1).before_inverse(c_i), product(a, 1).before_inverse(c_j)
+        of_i, of_j = product(b, -1).times(c_i), product(a, 1).times(c_j)
         rows.append(((*AT_REST, *(-2 * x for x in of_i.parts)), (*AT_REST, *(2 * x for x in of_j.parts))))
     return rows
 
@@ -346,8 +273,8 @@ class Angle(Term):
     def __init__(self, counted: bool = False) -> None:
         self.counted = counted
 
-    def constants(self, at: Frames) -> tuple[Scalar, ...]:
-        return at.turns()
+    def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
+        return turns(c)
 
     def _half(self, f: Any, own: Any) -> tuple[Scalar, Scalar]:
         """Return cosine and sine of half the angle."""
@@ -360,11 +287,11 @@ class Angle(Term):
     def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
         c, s = self._half(f, own)
 
-        def towards(x: Quaternion, sign: int) -> Quaternion:
-            z = x.times_axis(2)
-            return Quaternion(z.a * c - x.a * (s * sign), z.v * c - x.v * (s * sign))
+        def product(x: Quaternion, sign: int) -> Quaternion:
+            towards: Quaternion = x.times_axis(2) * c + x * (-sign * s)
+            return towards
 
-        rows = turn_slopes(g, i, j, [towards])
+        rows = turn_slopes(g, i, j, [product])
         if not self.counted:
             return rows
         e = relative(g, i, j)
@@ -384,13 +311,29 @@ class Angle(Term):
         return (right,) if self.counted else (right + (e.v.z * s + e.a * c) * f[0][2],)
 
 
+class Count(Term):
+    """The turn about the axis, turns counted, is a law's: 2 s - f = 0, s half the angle, a coordinate."""
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        return (2 * own[0].value - f[0][0],)
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
+        return [((0,) * 7, (0,) * 7, (2,))]
+
+    def nu(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        return (f[0][1],)
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        return (f[0][2],)
+
+
 class Sine(Term):
     """sin(theta - f) of a law f: g_i . f_j cos f - f_i . f_j sin f."""
 
     size = 9
 
-    def constants(self, at: Frames) -> tuple[Scalar, ...]:
-        return at.axes("fi gi fj")
+    def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
+        return axes(c, "fi gi fj")
 
     def _arms(self, g: Any, i: Any, j: Any) -> tuple[Arm, Arm, Arm]:
         return i.arm(*g[:3]), i.arm(*g[3:6]), j.arm(*g[6:])
@@ -417,19 +360,42 @@ class Sine(Term):
         return (turning + (y * s + x * c) * f[0][2] - bias,)
 
 
+class Thread(Term):
+    """h_i . d - 2 pitch s - shift = 0, s half the angle."""
+
+    size = 11
+    guide = Guide("hi")
+
+    def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
+        return (*self.guide.constants(c, unit), c.pitch / unit.size, c.shift / unit.size)
+
+    def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        (height,) = self.guide.residual(g[:9], f, i, j)
+        return (height - own[0].value * (2 * g[9]) - g[10],)
+
+    def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
+        return [(*self.guide.jacobian(g[:9], f, i, j)[0], (-2 * g[9],))]
+
+    def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        return self.guide.gamma(g[:9], f, i, j)
+
+
 class Span(Term):
-    """The points keep a distance L: (d . d - L^2) / (2 L), L the joint's; or (d . d - L^2) / 2 with L a law's."""
+    """The points keep a distance L: (d . d - L^2) / (2 L), L the joint's; or (d . d - L^2) / 2 with L a law's.
 
-    size = 8
+    `shifted`, (d . d - L^2) / 2 with L the joint's `spacing`, and d to the point that far from point j along the axis.
+    """
 
-    def __init__(self, law: bool = False) -> None:
-        self.law, self.size = law, 6 if law else 8
+    def __init__(self, law: bool = False, shifted: bool = False) -> None:
+        self.law, self.shifted, self.size = law, shifted, 6 if law else 8
 
-    def constants(self, at: Frames) -> tuple[Scalar, ...]:
+    def constants(self, c: Any, unit: Unit) -> tuple[Scalar, ...]:
         if self.law:
-            return at.points()
-        length = at.c.length / at.unit.size
-        return (*at.points(), length, 1 / length)
+            return points(c, unit)
+        if self.shifted:
+            return (*points(c, unit, spacing := c.scaled_spacing(unit)), spacing, 1.0)
+        length = c.length / unit.size
+        return (*points(c, unit), length, 1 / length)
 
     def residual(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
         d, length = Gap(g, i, j).d, f[0][0] if self.law else g[6]

@@ -75,15 +75,9 @@ class Quaternion:
         vector = other.v * self.a + self.v * other.a + self.v.cross(other.v)
         return Quaternion(self.a * other.a - self.v.dot(other.v), vector)
 
-    def after_inverse(self, other: Quaternion) -> Quaternion:
-        """Return conj(self) other: the turn that leads from this one to the other."""
-        vector = other.v * self.a - self.v * other.a - self.v.cross(other.v)
-        return Quaternion(self.a * other.a + self.v.dot(other.v), vector)
-
-    def before_inverse(self, other: Quaternion) -> Quaternion:
-        """Return self conj(other)."""
-        vector = self.v * other.a - other.v * self.a - self.v.cross(other.v)
-        return Quaternion(self.a * other.a + self.v.dot(other.v), vector)
+    def conj(self) -> Quaternion:
+        """Return the conjugate: the turn back."""
+        return Quaternion(self.a, -self.v)
 
     def __add__(self, other: Quaternion) -> Quaternion:
         return Quaternion(self.a + other.a, self.v + other.v)
@@ -103,6 +97,12 @@ class Quaternion:
     @property
     def parts(self) -> Quad:
         return (self.a, *self.v.parts)
+
+
+def turned(p: Quaternion, u: Vec3) -> tuple[Scalar, Vec3, Vec3]:
+    """Return s, c and A(p) u."""
+    s, c = p.v.dot(u), u * p.a + p.v.cross(u)
+    return s, c, c * p.a + p.v * s + p.v.cross(c)
 
 
 class SpatialValues:
@@ -133,14 +133,10 @@ class SpatialValues:
         yield None if qdd is None else (Vec3(*qdd[:3]) + arm.along(Quaternion.of(*qdd[3:])) + arm.drift).parts
 
     def omega(self, qd: Any) -> Any:
-        """Return the angular velocity 2 E p' in the ground frame, (3, T), of rates qd (7, T); None of None."""
-        return None if qd is None else np.array((Quaternion.of(*qd[3:]).before_inverse(self.p).v * 2).parts)
+        """Return 2 E p' in the ground frame, (3, T): the angular velocity of qd (7, T), the acceleration of qdd."""
+        return None if qd is None else np.array((Quaternion.of(*qd[3:]).times(self.p.conj()).v * 2).parts)
 
-    def alpha(self, qdd: Any) -> Any:
-        """Return the angular acceleration 2 E p'' in the ground frame, (3, T)."""
-        return self.omega(qdd)
-
-    def rotation(self, qdd: Any = None) -> Any:
+    def rotation(self) -> Any:
         """Return the matrix A, (3, 3, T)."""
         return np.array([self.arm(*axis).at.parts for axis in np.eye(3)]).swapaxes(0, 1)
 
@@ -151,10 +147,8 @@ class Arm:
     __slots__ = ("at", "body", "c", "s", "u")
 
     def __init__(self, body: SpatialValues, u: Vec3) -> None:
-        e0, e = body.p.a, body.p.v
         self.body, self.u = body, u
-        self.s, self.c = e.dot(u), u * e0 + e.cross(u)
-        self.at = self.c * e0 + e * self.s + e.cross(self.c)
+        self.s, self.c, self.at = turned(body.p, u)
 
     def slope(self, n: Vec3) -> Quad:
         """Return d(n . A u)/dp with n held fixed."""
@@ -179,7 +173,4 @@ class Arm:
     @property
     def drift(self) -> Vec3:
         """The part of (A u)'' that holds no p'': 2 A(p') u."""
-        e0, e = self.body.pd.a, self.body.pd.v
-        s, c = e.dot(self.u), self.u * e0 + e.cross(self.u)
-        drift: Vec3 = (c * e0 + e * s + e.cross(c)) * 2
-        return drift
+        return turned(self.body.pd, self.u)[2] * 2

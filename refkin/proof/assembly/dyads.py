@@ -28,7 +28,7 @@ from refkin.joints import (
     Unit,
     passive_spins,
 )
-from refkin.joints.spatial_terms import frame
+from refkin.joints.spatial_frames import frame
 from refkin.joints.spatial_vectors import Vec3
 from refkin.proof.assembly.loci import Ball, below
 from refkin.proof.assembly.rows import PointRow, RowKind

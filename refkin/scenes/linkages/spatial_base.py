@@ -20,7 +20,7 @@ from refkin.joints import (
     Triple,
 )
 from refkin.joints.spatial import Form
-from refkin.joints.spatial_terms import parameters_of
+from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Effect, Evidence, Mechanism, Scene
 from refkin.motion_laws import Law, Polynomial

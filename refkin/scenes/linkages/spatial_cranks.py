@@ -20,7 +20,7 @@ from refkin.joints import (
     SpatialPrismatic,
     Triple,
 )
-from refkin.joints.spatial_terms import frame
+from refkin.joints.spatial_frames import frame
 from refkin.joints.spatial_vectors import Vec3
 from refkin.scenes.linkages.closures import DoesNotAssemble
 from refkin.scenes.linkages.spatial_base import (

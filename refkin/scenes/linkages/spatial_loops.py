@@ -238,7 +238,7 @@ class Stewart(SpatialLinkage):
     def lengths(self) -> tuple[float, ...]:
         """Return the middle lengths of the legs [m]."""
         p = Quaternion.of(*self.home[3:])
-        tops = [Vec3(*self.home[:3]) + p.times(Quaternion(0.0, Vec3(*u))).before_inverse(p).v for u in self.platform]
+        tops = [Vec3(*self.home[:3]) + p.times(Quaternion(0.0, Vec3(*u))).times(p.conj()).v for u in self.platform]
         return tuple(math.hypot(*(a - Vec3(*b)).parts) for a, b in zip(tops, self.base, strict=True))
 
     def joints(self) -> tuple[Constraint, ...]:

@@ -10,10 +10,10 @@ from scipy.spatial.transform import Rotation
 
 from refkin.differences import jacobian
 from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, Spherical, elements_of
-from refkin.joints.spatial import _across
 from refkin.joints.spatial_bodies import with_unit_length
+from refkin.joints.spatial_frames import across, frame, parameters_of
 from refkin.joints.spatial_passive import passive_spins
-from refkin.joints.spatial_terms import frame, parameters_of, relative
+from refkin.joints.spatial_terms import relative
 from refkin.joints.spatial_vectors import SpatialValues, Vec3
 from refkin.model import Body
 from refkin.motion import BodyMotion
@@ -294,8 +294,8 @@ def test_an_estimate_turns_as_it_says_whatever_the_length_of_its_parameters():
 def test_a_line_of_angle_zero_lies_across_its_axis_by_more_than_rounding(size):
     axis = (0.3 * size, 0.6 * size, -0.2 * size)
 
-    assert not _across(axis, (0.9, 1.8, -0.6))
-    assert not _across(axis, (0.9, 1.8, -0.6 + 1e-14))
-    assert _across(axis, (0.9, 1.8, -0.6 + 1e-10))
-    assert not _across(axis, (0.0, 0.0, 0.0))
-    assert _across(axis, (np.nan, 0.0, 1.0)), "another fault says so"
+    assert not across(axis, (0.9, 1.8, -0.6))
+    assert not across(axis, (0.9, 1.8, -0.6 + 1e-14))
+    assert across(axis, (0.9, 1.8, -0.6 + 1e-10))
+    assert not across(axis, (0.0, 0.0, 0.0))
+    assert across(axis, (np.nan, 0.0, 1.0)), "another fault says so"

@@ -14,7 +14,8 @@ import refkin
 from refkin import fast
 from refkin.fast.answer import _still
 from refkin.joints import SpatialDistanceDriver, SpatialRevolute
-from refkin.joints.spatial_terms import Vec3, frame, root
+from refkin.joints.spatial_frames import frame, root
+from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
