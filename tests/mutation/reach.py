@@ -3,7 +3,8 @@
 A probe stands where a run of plain statements begins: at the head of every block, and after every statement that may
 leave it. All functions carry theirs at once while the suite runs, file by file in forked processes; what fixtures of a
 module or of the session reach counts for every test that asks for them, and so does their time. A test that is not done
-after `LONGEST` is ended: of it is known what it has reached by then.
+after `LONGEST` is ended: of it is known what it has reached by then. Of a test with many cases some are noted: its
+others are asked what survives those.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from tests.mutation.change import DoesNotFit, compiled, resolve, switched
 from tests.mutation.mutants import TooLong, limited
 
 KEPT = Path(".mutation.json.gz")
-LONGEST = 0.5
+LONGEST = 0.3
 """Seconds of work of a test that every mutant is tried on that it reaches, with the fixtures that it needs."""
 PROBED = 1.5
 """How many times as long a test may take with all probes."""
@@ -37,6 +38,8 @@ ENDLESS = 30.0
 """Seconds of work after which a test is red."""
 CHUNK = 40
 """Tests of one process, at most; all of one file."""
+CASES = 6
+"""Cases of one test that are noted, about."""
 BRANCHING = (ast.If, ast.For, ast.While, ast.Try, ast.With, ast.Match)
 
 
@@ -132,13 +135,14 @@ class Reach:
         for item in items:
             of_file[item.path].append(item)
         changed = {path: some for path, some in of_file.items() if self.files.get(name(path)) != digest(path)}
-        chunks = [some[k : k + CHUNK] for some in changed.values() for k in range(0, len(some), CHUNK)]
+        parts = [sampled(some) for some in changed.values()]
+        chunks = [some[k : k + CHUNK] for some in parts for k in range(0, len(some), CHUNK)]
         self.waiting = Counter(some[0].path for some in chunks)
         others = probes(definitions) if chunks else {}
         return [(some, lambda some=some: self.noted(some, others)) for some in chunks]
 
     def noted(self, items, others):
-        """Return name, seconds and keys of each test of some that is not red; of a long one, at least these."""
+        """Return name, seconds and keys of each test of some; of a long one, at least these; of a red one, none."""
         hits, result, most = set(), [], PROBED * LONGEST
         self.said, self.read = tempfile.TemporaryFile(buffering=0), 0  # noqa: SIM115
         os.register_at_fork(after_in_child=self.in_worker)
@@ -155,8 +159,8 @@ class Reach:
                 hits |= of_workers
                 if failed and of_workers:  # perhaps because of their end
                     spent = max(spent, most)
-                if not failed or spent >= most:
-                    result.append((item.nodeid, *self.whole(item, hits, spent, before)))
+                known = not failed or spent >= most
+                result.append((item.nodeid, *(self.whole(item, hits, spent, before) if known else (0.0, ()))))
         return result
 
     def whole(self, item, hits, seconds, before):
@@ -169,7 +173,7 @@ class Reach:
         return round(seconds, 3), sorted(hits)
 
     def take(self, items, entries):
-        """Keep what was noted of some tests of one file; of those that were red, nothing."""
+        """Keep what was noted of some tests of one file."""
         for each in items:
             self.tests.pop(each.nodeid, None)
         for nodeid, seconds, hits in entries:
@@ -211,12 +215,29 @@ class Reach:
         names = {name for each in ([wanted] if same else before) for name in self.by_key.get(each, ())}
         most = PROBED * LONGEST
         quick, long = [], []
-        for nodeid in (names | mine if names or not before else mine) & items.keys():
+        reached, noted = ({test_of(nodeid) for nodeid in some} for some in (names, self.tests))
+        cases = {nodeid for nodeid in items.keys() - self.tests.keys() if test_of(nodeid) in noted}
+        others = {nodeid for nodeid in cases if test_of(nodeid) in reached}
+        for nodeid in ((names | mine if names or not before else mine) - cases | others) & items.keys():
             seconds = self.tests.get(nodeid, (most, []))[0]
             if seconds >= most or nodeid in names or not before:
                 cost = seconds * (1.0 if nodeid in names else 4.0)
                 (quick if seconds < most else long).append((nodeid not in mine, cost, nodeid))
         return [[items[nodeid] for *_, nodeid in sorted(some)] for some in (quick, long)]
+
+
+def sampled(items):
+    """Return about `CASES` cases of each test of some, in their order."""
+    of_test = defaultdict(list)
+    for item in items:
+        of_test[test_of(item.nodeid)].append(item)
+    kept = {item for cases in of_test.values() for item in cases[:: -(-len(cases) // CASES)]}
+    return [item for item in items if item in kept]
+
+
+def test_of(nodeid):
+    """Return the test of which one is a case."""
+    return nodeid.partition("[")[0]
 
 
 def name(path):

@@ -154,6 +154,8 @@ class Run:
         for done, (number, outcome) in enumerate(in_parallel(jobs, self.workers, self.deadline), 1):
             if outcome != "not covered" or number not in self.outcomes:
                 self.outcomes[number] = "does not end" if outcome is None else outcome
+            if outcome in ALIVE:
+                print(f"\r{self.mutants[number][0].key}", file=sys.stderr)
             alive = sum(some in ALIVE for some in self.outcomes.values())
             print(f"\r{done} of {len(jobs)} tried, {alive} alive", end="", file=sys.stderr, flush=True)
         print(file=sys.stderr)
@@ -313,6 +315,7 @@ def main():
     given = parser.parse_args()
     reach = Reach()
     run = Run(given, reach)
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # either way what is known by then is printed
     quiet = ["-q", "-s", "-p", "no:cacheprovider", "-p", "no:xdist"]
     with suppress(pytest.PytestUnraisableExceptionWarning):  # of what was left open when tests were ended
         pytest.main([*quiet, *given.tests], plugins=[run, reach])

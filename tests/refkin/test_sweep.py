@@ -18,19 +18,24 @@ from refkin import (
     FourBar,
     InvertedSliderCrank,
     Mechanism,
+    Polar,
     Polynomial,
     Revolute,
     Scene,
     Sinusoid,
     Status,
     Table,
+    YDriver,
     compile_system,
 )
 from refkin.newton import NewtonResult, NewtonStatus
 from refkin.proof.path.blocks import diagonal_blocks
 from refkin.proof.path.branch import Piece, _linked, first_gap
 from refkin.solving.solve import _first_gap
+from refkin.solving.steps import Steps
 from refkin.solving.sweep import Arrival, Sweep, pose_between
+
+from .contact_cases import cam, guide
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
 PARALLELOGRAM = FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
@@ -119,6 +124,22 @@ def test_a_step_that_turns_a_body_by_a_whole_turn_is_not_taken():
     turned = q + np.where(np.arange(len(q)) == 5, 2 * np.pi, 0.0)
 
     assert not sweep._on_branch(newton_result(turned, turned + 1e-3, [1e-3, 1e-5]), 0.2)
+
+
+@pytest.mark.parametrize(("off", "taken"), [(1.0, True), (-1.0, True), (2.45, None), (-2.45, None)])
+def test_a_pose_next_to_a_singular_one_is_taken_only_on_the_side_of_the_last_pose(off, taken):
+    """A tip is lifted by the top of the sine on a cam's edge; from behind its inflection Newton steps over the top."""
+    law = Sinusoid(offset=1.0, amplitude=2.0**-7, angular_frequency=12.0)
+    joints, _ = cam(profile=Polar(law=law), follower="point", held=guide("follower"))
+    lift = YDriver(name="lift", body="follower", law=Polynomial(coefficients=(0.0, 1.0)))
+    bodies = (Body(name="cam"), Body(name="follower"))
+    m = Mechanism(bodies=bodies, joints=joints, drivers=(lift,))
+    s = (np.pi / 2 + off) / 12
+    steps = Steps(compile_system(m, unit=m.unit()), [law(s)], [np.array([0, 0, np.pi / 2 - s, 0, law(s), 0, s])])
+
+    assert steps._at_singular_pose(1 + 2.0**-7 - 100 * 2.0**-52) is taken
+    assert len(steps.q) == (2 if taken else 1)
+    assert (np.diff([q[6] - np.pi / 24 > 0 for q in steps.q]) == 0).all()
 
 
 def test_from_a_singular_pose_no_step_is_taken():

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from refkin.fast.elimination.schedule import half_angled
+from refkin.fast.elimination.schedule import half_angled, stages_of
 from refkin.proof.numbers.symbols import Graph, needed, rewritten
 
 PYTHON = {
@@ -151,3 +151,16 @@ def test_half_angles_survive_half_a_turn():
 def test_a_constant_zero_has_no_sign():
     """As an argument of atan2 it would be the other side of the cut."""
     assert math.copysign(1.0, Graph().constant(-0.0).value) == 1.0
+
+
+def test_what_depends_on_geometry_alone_is_done_once_for_a_mechanism_but_for_what_is_no_plain_arithmetic():
+    graph = Graph()
+    g, f, q = graph.input("g", 0, 0), graph.input("f", 0, 0, 0), graph.input("q", 0)
+    mask = graph.node("greater", g, g * g)
+    solution = graph.node("apply", graph.node("inverse", g, value=1), g, value=1)
+    chosen, entry = graph.node("select", mask, g, g * g), graph.node("entry", solution, value=0)
+    stages = stages_of([chosen, entry, g * f, q * f, mask, g * g])
+
+    assert {stages[some] for some in (g, g * g)} == {"mechanism"}
+    assert {stages[some] for some in (f, g * f, mask, chosen, solution, entry)} == {"time"}
+    assert {stages[some] for some in (q, q * f)} == {"core"}
