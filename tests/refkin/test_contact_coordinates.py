@@ -9,6 +9,7 @@ import pytest
 
 import refkin
 from refkin import Body, Mechanism, Point, Polar, compile_system
+from refkin.output import Drawing
 
 from .contact_cases import CASES, scene
 
@@ -87,3 +88,7 @@ def test_a_copy_of_another_size_gives_the_same_bits(name):
     for body in one.bodies:
         assert np.array_equal(one[body].qdd * [[factor], [factor], [1.0]], two[body].qdd)
     assert np.array_equal(one.certified_radius.position, two.certified_radius.position)
+    drawn = [[s for part in Drawing(m.scene, m).parts for s in part.at(0)] for m in (one, two)]
+    for shape, copy in zip(*drawn, strict=True) if name != "crank by its rate" else ():  # it has no length
+        assert (shape.role, shape.radius * factor) == (copy.role, copy.radius)
+        assert copy.points / factor == pytest.approx(shape.points, abs=1e-12)

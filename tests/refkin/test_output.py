@@ -339,6 +339,31 @@ def test_every_arrow_lies_on_the_page(rates):
     assert all(0 <= float(y) <= float(root.attrib["height"]) for _, y in tips)
 
 
+def test_the_barbs_of_an_arrow_are_mirror_images_and_point_back(scene):
+    paths = ET.fromstring(still(Drawing(scene, refkin.solve(scene)), 2, ["velocity"])).findall(f"{SVG}path")
+    arrows = [path.attrib["d"].split("M")[1:] for path in paths if path.attrib["d"].count("M") == 3]
+    assert arrows
+    for lines in arrows:
+        start, *tips = (complex(*map(float, line.split("L")[0].split())) for line in lines)
+        tip, *barbs = (complex(*map(float, line.split("L")[1].split())) for line in lines)
+        along = (start - tip) / abs(start - tip)
+
+        assert tips == [tip, tip]
+        turns = sorted(((barb - tip) / along for barb in barbs), key=lambda z: z.imag)
+        assert turns == pytest.approx([8 * np.exp(-0.4j), 8 * np.exp(0.4j)], abs=0.05)
+
+
+def test_a_guide_runs_along_its_axis_as_far_to_one_side_of_its_foot_as_to_the_other():
+    linkage = refkin.SliderCrank(crank=1.0, rod=3.0, offset=0.25, angle=0.5)
+    drawing = Drawing(scene := linkage.scene(samples=2, turns=0.05), refkin.solve(scene))
+    (guide,) = (s.points for part in drawing.parts for s in part.shapes if s.role == "guide")
+    way, axis = guide[:, 1] - guide[:, 0], np.array([np.cos(0.5), np.sin(0.5)])
+
+    assert way == pytest.approx(3 * scene.mechanism.size() * axis)
+    assert abs(guide.mean(axis=1) @ [-axis[1], axis[0]]) == pytest.approx(0.25)
+    assert guide.mean(axis=1) @ axis == pytest.approx(0.0, abs=1e-12)
+
+
 def test_a_motion_can_be_sent_to_another_process_and_is_the_same_there(motion):
     assert pickle.loads(pickle.dumps(motion)) == motion
     assert motion != replace(motion, qd=None)

@@ -12,7 +12,7 @@ import pytest
 from refkin.model import Effect
 from refkin.motion import point_motion
 from refkin.output import Drawing, animated, still
-from refkin.output.drawing import seen
+from refkin.output.drawing import Part, seen
 from refkin.output.spatial import VIEW
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
@@ -96,5 +96,14 @@ def test_every_joint_of_space_can_be_drawn(file):
     result = replace(load(file), evidence=frozenset())
     answer = solve(replace(result, times=result.times[:2]))
 
+    drawing = Drawing(answer.scene, answer)
+
     assert seen(np.zeros((3, 1))).shape == (2, 1)
-    assert still(Drawing(answer.scene, answer)).startswith("<svg")
+    assert still(drawing).startswith("<svg")
+    for part in (part for part in drawing.parts if isinstance(part, Part)):
+        points = [(0.0, 0.0, 0.0), *(s.points[:, 0] for s in part.shapes if s.role in ("pin", "ground"))]
+        for shape in part.shapes:
+            triad = part.name == "ground" and shape.role == "guide" and not shape.points[:, 0].any()
+            if shape.points.shape[1] > 1 and shape.role != "body" and not triad:
+                around = np.linalg.norm(shape.points.mean(axis=1) - points, axis=1)
+                assert np.min(around) < 1e-12 * answer.scene.mechanism.size()  # drawn evenly around a joint's point
