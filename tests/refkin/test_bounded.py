@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 import pytest
@@ -16,6 +16,7 @@ from refkin.proof.numbers.exact import exact, exact_system
 from refkin.system import compile_system
 
 from .assembled import FAMILIES
+from .contact_cases import LOBES, scene
 
 BITS = 200
 
@@ -161,10 +162,14 @@ def objects(q: Any) -> Any:
     return out
 
 
-def excess(family: int, kind: type[Bounded], radius: float, corner: bool) -> Any:
+EVERY = [*range(len(FAMILIES)), "tip on lobes", "plate over lobes", "roller over lobes"]
+
+
+def excess(family: int | str, kind: type[Bounded], radius: float, corner: bool) -> Any:
     """Return the true |value - mid| of all formulas at points of a box, over what `rounding` + `spread` allow."""
-    rng = np.random.default_rng(family)
-    system, q = FAMILIES[family](rng).system()
+    rng = np.random.default_rng(EVERY.index(family))
+    contact = isinstance(family, str) and compile_system(scene(family).mechanism)
+    system, q = (contact, np.zeros(contact.n)) if contact else FAMILIES[family](rng).system()
     q, qd = q + rng.uniform(-1, 1, q.shape), rng.uniform(-1, 1, q.shape)
     numbers = bounded_system(system, kind), box(q[:, None], radius, kind), box(qd[:, None], radius, kind)
     bounds = read(evaluated(*numbers, Times([0.3], 2)), 1)
@@ -183,14 +188,30 @@ def excess(family: int, kind: type[Bounded], radius: float, corner: bool) -> Any
 
 @pytest.mark.parametrize("kind", [Bounded, Extended])
 @pytest.mark.parametrize("radius", [0.0, 1e-12, 1e-3, 1.0])
-@pytest.mark.parametrize("family", range(len(FAMILIES)))
-def test_every_formula_stays_within_its_bounds_over_a_box(family: int, radius: float, kind: type[Bounded]) -> None:
+@pytest.mark.parametrize("family", EVERY)
+def test_every_formula_stays_within_its_bounds_over_a_box(
+    family: int | str, radius: float, kind: type[Bounded]
+) -> None:
     assert np.max(excess(family, kind, radius, corner=False)) <= 1
 
 
-@pytest.mark.parametrize("family", range(len(FAMILIES)))
-def test_the_bounds_over_a_box_are_reached_to_a_good_part(family: int) -> None:
+@pytest.mark.parametrize("family", EVERY)
+def test_the_bounds_over_a_box_are_reached_to_a_good_part(family: int | str) -> None:
     assert np.max(np.median(excess(family, Bounded, 1e-3, corner=True), axis=1)) > 0.1
+
+
+@pytest.mark.parametrize("kind", [Bounded, Extended])
+def test_a_profile_over_a_box_is_bounded_by_its_slope_there(kind: type[Bounded]) -> None:
+    system = compile_system(scene("tip on lobes").mechanism)
+    contact = next(p.constraint for p in bounded_system(system, kind).placed if p.constraint.name == "contact")
+    s = np.linspace(-3.0, 3.0, 41)
+    over = cast(Any, contact).profile_values(kind.exactly(s, np.full(41, 1e-3)), system.unit, 2)
+    for order, values in enumerate(over):
+        bounds = read(np.array([values]), 41)
+        off = [np.abs(LOBES(s + way, order) - bounds.mid[0]) for way in (-1e-3, 1e-3)]
+
+        assert (off <= bounds.rounding + bounds.spread + 1e-14).all()
+        assert np.median(off / bounds.spread) > 0.99
 
 
 @pytest.mark.parametrize("least", [0.0, 1.0, 5.0])
