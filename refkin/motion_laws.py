@@ -84,8 +84,9 @@ class Sinusoid(_Everywhere):
 
     def integral(self, t: Any) -> Any:
         """Return offset t + amplitude (cos(phase) - cos(w t + phase))/w, written so that a small w cancels nothing."""
-        half = 0.5 * self.angular_frequency
-        lobe = cosine_and_sine(half * t)[1] * (1.0 / half) if half else t
+        w, rows = self.angular_frequency, isinstance(self.angular_frequency, np.ndarray)
+        half = 0.5 * (np.where(w, w, 2.0**-499) if rows else w)  # a power of two: no digit of t is lost
+        lobe = cosine_and_sine(half * t)[1] * (1.0 / half) if rows or half else t
         return self.offset * t + self.amplitude * cosine_and_sine(half * t + self.phase)[1] * lobe
 
 

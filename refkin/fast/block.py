@@ -271,8 +271,7 @@ class Block:
         for order, rows in enumerate(self.core_rows):
             for k, row in enumerate(rows):
                 self.history[3 + order, k] = self.space.row(row)
-        if not self.alive.all():
-            self.history[:, :, ~self.alive] = 0.0
+        self.history[:, :, ~self.alive] = 0.0
 
     def radii(self, t: float) -> Any:
         """Return the certified radii (levels, L) of the present poses, NaN where nothing is proved; None if not asked.

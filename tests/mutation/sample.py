@@ -215,26 +215,30 @@ def in_parallel(jobs, workers, deadline):
     One that takes too long without that yields nothing: the machine may be busy.
     """
     waiting, running = list(jobs)[::-1], {}
-    while (waiting and time.monotonic() < deadline) or running:
-        while waiting and len(running) < workers and time.monotonic() < deadline:
-            number, run, seconds = waiting.pop()
-            pipe, child = forked(run)
-            running[pipe] = number, child, time.monotonic() + seconds, []
-        ready = select.select(list(running), [], [], 0.2)[0]
-        for pipe, (number, child, ends, parts) in list(running.items()):
-            part = os.read(pipe, 1 << 20) if pipe in ready else None
-            if part:
-                parts.append(part)
-                continue
-            if part is None and time.monotonic() < ends:
-                continue
-            if part is None:
-                os.kill(child, signal.SIGKILL)
-            os.waitpid(child, 0)
-            os.close(pipe)
-            del running[pipe]
-            if part is not None:
-                yield number, pickle.loads(b"".join(parts)) if parts else None
+    try:
+        while (waiting and time.monotonic() < deadline) or running:
+            while waiting and len(running) < workers and time.monotonic() < deadline:
+                number, run, seconds = waiting.pop()
+                pipe, child = forked(run)
+                running[pipe] = number, child, time.monotonic() + seconds, []
+            ready = select.select(list(running), [], [], 0.2)[0]
+            for pipe, (number, child, ends, parts) in list(running.items()):
+                part = os.read(pipe, 1 << 20) if pipe in ready else None
+                if part:
+                    parts.append(part)
+                    continue
+                if part is None and time.monotonic() < ends:
+                    continue
+                if part is None:
+                    os.kill(child, signal.SIGKILL)
+                os.waitpid(child, 0)
+                os.close(pipe)
+                del running[pipe]
+                if part is not None:
+                    yield number, pickle.loads(b"".join(parts)) if parts else None
+    finally:
+        for _, child, *_ in running.values():
+            os.kill(child, signal.SIGKILL)
 
 
 def forked(run):

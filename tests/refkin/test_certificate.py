@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from flint import arb
 
 from refkin.analysis import acceleration, velocity
 from refkin.joints import GROUND, AngleDriver, Distance, PointOnLine, Revolute, Unit, XDriver
@@ -17,7 +18,7 @@ from refkin.proof.numbers.bounded import Bounded, Extended, U
 from refkin.proof.numbers.inputs import HALF_ULP, input_effect
 from refkin.proof.numbers.preconditioned import Nearly
 from refkin.proof.pose.certificate import Certificate, certify
-from refkin.proof.pose.krawczyk import Enclosure, Verdict, judge, krawczyk
+from refkin.proof.pose.krawczyk import Enclosure, Judgement, Verdict, judge, krawczyk
 from refkin.system import System, compile_system
 from tests.drawn import Drawn
 
@@ -162,6 +163,13 @@ def test_balls_wider_than_what_is_allowed_are_undecidable() -> None:
     truth = krawczyk(system, q[:, 0], t[0], bits=53)
     assert truth is not None
     assert judge(truth.q, truth.nearest(), 1e-18).verdict is Verdict.UNDECIDABLE
+
+
+def test_what_may_not_be_off_at_all_is_not_off_or_off_without_measure() -> None:
+    truth = (arb(1.0), arb(2.0))
+
+    assert judge(truth, np.array([1.0, 2.5]), [0.0, 1.0]) == Judgement(Verdict.INSIDE, 0.5)
+    assert judge(truth, np.array([1.5, 2.5]), [0.0, 1.0]) == Judgement(Verdict.OUTSIDE, np.inf)
 
 
 def test_float64_and_balls_prove_the_same_radius() -> None:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -25,7 +26,7 @@ from refkin import (
 )
 from refkin.proof.numbers.recentred import recentred
 from refkin.proof.singularity.diagnosis import PoseKind, _Examination
-from refkin.proof.singularity.second_order import _common_roots
+from refkin.proof.singularity.second_order import _common_roots, balanced, cone
 from tests.refkin.test_sweep import three_cranks
 
 GROUND = "ground"
@@ -339,6 +340,52 @@ def test_redundant_rows_that_contradict_each_other_are_refused_and_have_no_diagn
     assert refkin.solve(scene).verdict is Status.UNASSEMBLABLE
     with pytest.raises(ValueError, match="no first pose"):
         refkin.diagnose(scene)
+
+
+def cone_of(*forms):
+    """The cone of motions that satisfy conditions with these forms, of coordinates that are free to first order."""
+    n = len(forms[0])
+    held = SimpleNamespace(
+        rank=lambda tolerance: 0, right_null=lambda tolerance: np.eye(n), system=SimpleNamespace(n=n)
+    )
+    return cone(SimpleNamespace(**vars(held), left_null=lambda rank: forms, bend=np.array), 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("forms", "independent", "count", "definite"),
+    [
+        ([np.zeros((2, 2))], 0, 0, False),
+        ([np.diag([1.0, 2.0])], 1, 0, True),
+        ([np.diag([1.0, -2.0])], 1, 2, False),
+        ([np.diag([1.0, -2.0]), np.diag([-3.0, 6.0])], 1, 2, False),
+        ([np.diag([1.0, -2.0]), np.array([[0.0, 1.0], [1.0, 0.0]])], 2, 0, False),
+        ([np.diag([1.0, -1.0, 0.0])], 1, 0, False),
+        ([np.diag([1.0, 2.0, 3.0])], 1, 0, True),
+        ([np.diag([1.0, -1.0, 0.0]), np.diag([0.0, 1.0, -1.0])], 2, 4, False),
+        ([np.diag([1.0, -1.0, 0.0]), np.diag([0.0, 1.0, -1.0]), np.diag([2.0, -1.0, -1.0])], 2, 4, False),
+        ([np.diag([1.0, -1.0, 0.0]), np.diag([0.0, 1.0, -1.0]), np.diag([0.0, 0.0, 1.0])], 3, 0, True),
+    ],
+)
+def test_the_motions_that_go_on_satisfy_every_condition_where_they_are_finitely_many(
+    forms, independent, count, definite
+):
+    result = cone_of(*forms)
+
+    assert (result.forms, len(result.tangents)) == (independent, count)
+    assert all(abs(a @ form @ a) < 1e-12 for a in result.tangents for form in forms)
+    if independent < 3:
+        assert result.is_definite is definite
+
+
+def test_the_bend_of_rows_is_their_second_difference():
+    scene = at(LIMITED, 0.3)
+    system, h = compile_system(scene.mechanism), 1e-3
+    rng = np.random.default_rng(1)
+    q, way, weights = rng.uniform(-1.0, 1.0, system.n), rng.uniform(-1.0, 1.0, system.n), rng.uniform(-1.0, 1.0, 5)
+    held = balanced(system, q, 0.0, np.arange(5))
+    sums = [weights @ system.phi(q + k * h * way, 0.0)[:5] for k in (-1, 0, 1)]
+
+    assert way @ held.bend(weights) @ way == pytest.approx((sums[0] - 2 * sums[1] + sums[2]) / h**2, rel=1e-5)
 
 
 def test_common_roots_of_forms_are_all_found_once():

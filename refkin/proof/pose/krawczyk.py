@@ -130,7 +130,9 @@ def judge(truth: tuple[Any, ...], answer: Any, allowed: Any) -> Judgement:
         distances = [abs(x - float(a)) for x, a in zip(truth, answer, strict=True)]
         outside = any(d > limit for d, limit in zip(distances, limits, strict=True))
         inside = all(d <= limit for d, limit in zip(distances, limits, strict=True))
-    away = [float(d) / limit if limit else np.inf * (d != 0) for d, limit in zip(distances, limits, strict=True)]
+    away = [
+        0.0 if d == 0 else float(d) / limit if limit else np.inf for d, limit in zip(distances, limits, strict=True)
+    ]
     verdict = Verdict.OUTSIDE if outside else Verdict.INSIDE if inside else Verdict.UNDECIDABLE
     return Judgement(verdict, float(np.max(away)))
 

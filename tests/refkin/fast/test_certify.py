@@ -14,10 +14,11 @@ import refkin
 from crosscheck.strategies import Hardness, drawn_scenes
 from refkin import Evidence, FourBar, Integral, Polynomial, Sinusoid, SliderCrank, Status, Table
 from refkin.fast import attempt
-from refkin.fast.certify import _Number, radii
+from refkin.fast.certify import _Number, exact_geometry, radii
 from refkin.fast.compiled import forget
 from refkin.fast.elimination import errors, prove
 from refkin.fast.prepare import prepared
+from refkin.proof.numbers.exact import exact_system
 from refkin.proof.pose.krawczyk import krawczyk
 
 from .linkworks import chain
@@ -212,6 +213,14 @@ def test_an_error_that_is_left_out_is_seen(monkeypatch):
             test_no_radius_is_less_than_the_error("four-bar")
     finally:
         forget()
+
+
+@pytest.mark.parametrize("name", CERTIFIED)
+def test_no_number_of_a_mechanism_is_off_by_more_than_its_error(name):
+    system = prepared(SCENES[name]).system
+    for exact, both in zip(exact_system(system, 200).placed, exact_geometry(system), strict=True):
+        numbers, off = both[: len(both) // 2], both[len(both) // 2 :]
+        assert all(abs(x - float(g)) <= float(e) for x, g, e in zip(exact.g, numbers, off, strict=True))
 
 
 def test_an_inverse_that_is_wrong_proves_nothing(monkeypatch):

@@ -13,6 +13,7 @@ import pytest
 
 import refkin
 from refkin import (
+    AngleDriver,
     Distance,
     DistanceDriver,
     Effect,
@@ -29,6 +30,7 @@ from refkin.errors import InvalidScene, UnknownName
 from refkin.fast import solve_many, sweep, turning
 from refkin.fast.block import SMALL, Block
 from refkin.fast.family import family
+from refkin.motion_laws import Integral
 from refkin.newton import CONTRACTION
 from refkin.proof.numbers.symbols import Leaf
 from refkin.proof.pose.krawczyk import krawczyk
@@ -40,6 +42,7 @@ from .scenes import ROCKER, SCENES, bare, system_of
 
 block = importlib.import_module("refkin.fast.block")
 U = 2.0**-53
+LAW = Sinusoid(amplitude=1.0, angular_frequency=1.0)
 
 
 def solved(lengths, sign=1, samples=72, **options):
@@ -328,6 +331,20 @@ def test_laws_of_time_other_than_polynomials():
     assert np.max(np.abs(np.exp(1j * many.q[5]) - np.exp(1j * coupler))) < 1e-13
 
 
+def test_the_rate_of_a_law_may_hold_rows_of_frequencies():
+    """One of them 0: there the rate is its offset and the sine of its phase."""
+    rate = Sinusoid(amplitude=0.5, offset=0.25, angular_frequency=np.array([3.0, 0.0, -0.5]), phase=0.25)
+    (driver,) = scene(9).mechanism.drivers
+    some = replace(scene(9), mechanism=replace(scene(9).mechanism, drivers=(replace(driver, law=None, rate_law=LAW),)))
+    lengths = grashof(3, margin=0.1)
+    many = solve_many(some, {**geometry(lengths), "driver": {"rate_law": rate}}, estimates(lengths))
+    each = [replace(rate, angular_frequency=w).integral(many.t) for w in rate.angular_frequency.tolist()]
+    _, _, coupler, _ = closed_form(lengths, np.array(each))
+
+    assert many.ok.all()
+    assert np.max(np.abs(np.exp(1j * many.q[5]) - np.exp(1j * coupler))) < 1e-12
+
+
 WRONG = {
     "a joint": ({"Z": {"point_j": (1.0, 0.0)}}, None, UnknownName, "'Z'"),
     "a key": ({"A": {"length": 1.0}}, None, UnknownName, "length"),
@@ -561,6 +578,30 @@ def test_a_polynomial_of_rows_changes_by_no_more_than_its_taylor_terms():
 
     assert change[0] == pytest.approx(moved[0], rel=1e-14, abs=0.0)
     assert change[1] > moved[1]
+
+
+def laws_of_rows():
+    """A law of each kind with a row of 300 for each of its numbers."""
+    rows = np.random.default_rng(3).uniform(-1.0, 1.0, (5, 300)) * [[4.0], [1.0], [3.0], [0.5], [1.0]]
+    wave = Sinusoid(offset=rows[0], amplitude=rows[1], angular_frequency=rows[2], phase=rows[3])
+    curve = Polynomial(coefficients=tuple(rows[:4] * [[1.0], [2.0], [1.0], [1.0]]))
+    return wave, curve, Integral(rate=wave, initial=rows[4]), Integral(rate=curve, initial=rows[4])
+
+
+@pytest.mark.parametrize("kind", range(4))
+@pytest.mark.parametrize("squared", [False, True])
+def test_no_law_of_rows_turns_back_or_passes_nothing_without_a_word(kind, squared):
+    """As their values at many times say; over a hundredth of the time few are suspected."""
+    law = laws_of_rows()[kind]
+    pin = {"body_i": "ground", "point_i": (0.0, 0.0), "body_j": "b", "point_j": (0.0, 0.0)}
+    driver = DistanceDriver(name="d", **pin, law=law) if squared else AngleDriver(name="d", body="b", law=law)
+    for a, b, most in ((0.5, 1.5, 1.0), (-0.25, 0.0, 1.0), (0.75, 0.76, 0.05)):
+        followed = [np.array([law(t, k) for t in np.linspace(a, b, 401)]) for k in ((0, 1) if squared else (1,))]
+        turns = np.any([(np.sign(x) != np.sign(x[0])).any(axis=0) for x in followed], axis=0)
+        suspected = turning.may_turn((driver,), a, b, 300)
+
+        assert not (turns & ~suspected).any()
+        assert suspected.mean() <= min(most, 0.1 + 3 * turns.mean())
 
 
 def test_a_distance_that_passes_nothing_in_one_mechanism_is_seen_there():

@@ -14,6 +14,8 @@ from refkin.joints import GROUND, Cylindrical, DisplacementDriver, SpatialRevolu
 from refkin.model import Mechanism
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
+from refkin.proof.numbers.bounded import bounded_system
+from refkin.proof.numbers.exact import exact_system
 from refkin.solving.mobility import count, mobility_of
 from refkin.solving.starts import find_start
 from refkin.system import compile_system
@@ -43,6 +45,17 @@ def drawn(coupler, seed=SEED):
 @cache
 def answer(coupler):
     return refkin.solve(drawn(coupler)[0])
+
+
+def test_the_equations_of_proofs_hold_a_body_as_the_system_does():
+    """However those of the same system were held before."""
+    scene, _ = drawn(rod)
+    system = compile_system(scene.mechanism)
+    ways = [system, *(system.gauged(np.random.default_rng(k).uniform(-1.0, 1.0, system.n)) for k in (1, 2)), system]
+
+    assert len({repr(way.gauge) for way in ways}) == 3
+    assert [exact_system(way, 64).gauge for way in ways] == [way.gauge for way in ways]
+    assert [bounded_system(way).gauge for way in ways] == [way.gauge for way in ways]
 
 
 def rows(scene, q, t):
