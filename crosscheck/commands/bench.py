@@ -15,7 +15,7 @@ from rich.console import Console
 from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.usage import Json, coloured, console, shown_progress, table
+from crosscheck.commands.usage import Json, Names, coloured, console, shown_progress, table
 from crosscheck.engines.methods import OURS
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
 from crosscheck.judge.effects_rows import EffectRow
@@ -35,7 +35,7 @@ SECONDS_PER_WORKLOAD = 600.0
 
 
 def bench(
-    *, only: Annotated[list[str] | None, Parameter(negative="")] = None, engines: str = ENGINES, as_json: Json = False
+    *, only: Annotated[list[str] | None, Parameter(negative="")] = None, engines: Names = ENGINES, as_json: Json = False
 ) -> int:
     """Measure this project's time and error against C, the engines, SciPy and the closed form, on one thread.
 
@@ -45,10 +45,6 @@ def bench(
     ----------
     only
         A workload, such as sweep-1000; may be given more than once. All by default, which takes some minutes.
-    engines
-        Names, separated by commas, or `file.py:Class`.
-    as_json
-        Print one JSON object instead of tables.
     """
     unknown = [name for name in only or () if name not in workloads.names()]
     if unknown:
@@ -178,7 +174,7 @@ def error(x: float | None) -> str:
     return "no answer" if x is None else f"{x:.1e}"
 
 
-def effects(scene: Path, *, engines: str = ENGINES, as_json: Json = False) -> int:
+def effects(scene: Path, *, engines: Names = ENGINES, as_json: Json = False) -> int:
     """Show what every effect costs on a scene, and whether one that is not called for changes anything.
 
     Exit codes: 0 done, 1 an effect changes another number of the reference, or no pose of the scene is found, 2 usage
@@ -188,10 +184,6 @@ def effects(scene: Path, *, engines: str = ENGINES, as_json: Json = False) -> in
     ----------
     scene
         A scene file (TOML, or JSON if it ends in .json); its first times are measured.
-    engines
-        Names, separated by commas, or `file.py:Class`.
-    as_json
-        Print one JSON object instead of a table.
     """
     read_scene = load(scene)
     motion = solve(read_scene)

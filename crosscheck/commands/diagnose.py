@@ -5,14 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from dataclasses import replace
-from pathlib import Path
 from typing import Annotated, Any
 
 import numpy as np
 from cyclopts import Parameter
 
 from crosscheck.commands.solve import SCHEMA, numbers
-from crosscheck.commands.usage import Json
+from crosscheck.commands.usage import Json, SceneFile
 from crosscheck.errors import DISAGREEMENT, PASS
 from refkin.errors import RefkinError
 from refkin.model import Scene
@@ -70,18 +69,11 @@ def _diagnosed(scene: Scene, motion: Motion, k: int | None, diagnosis: Diagnosis
     }
 
 
-def print_diagnosis(scene: Path, *, as_json: Json = False) -> int:
+def print_diagnosis(scene: SceneFile, *, as_json: Json = False) -> int:
     """Say what the hardest pose of a scene is: regular, or by which kind of singularity it is not.
 
     Exit codes: 0 it is regular, or a structure, or has redundant rows that agree; 1 it is singular, or there is no
     pose; 2 the scene is invalid.
-
-    Parameters
-    ----------
-    scene
-        A scene file (TOML, or JSON if it ends in .json).
-    as_json
-        Print one JSON object instead of lines.
     """
     read = replace(load(scene), bodies_wanted=None)
     motion = solve(read)
@@ -100,18 +92,11 @@ def print_diagnosis(scene: Path, *, as_json: Json = False) -> int:
     return 0 if ended else 1
 
 
-def mobility(scene: Path, *, as_json: Json = False) -> int:
+def mobility(scene: SceneFile, *, as_json: Json = False) -> int:
     """Count the freedoms of a scene's joints, take the rank of their equations at its first pose, name redundant rows.
 
     Of bodies of space that spin, or slide, while nothing else moves it says so. Exit codes: 0 done, 1 no pose was found
     to take the rank at, 2 the scene is invalid.
-
-    Parameters
-    ----------
-    scene
-        A scene file (TOML, or JSON if it ends in .json).
-    as_json
-        Print one JSON object instead of lines.
     """
     read = load(scene)
     counted, system = count(read.mechanism), compile_system(read.mechanism, unit=read.mechanism.unit())
@@ -178,7 +163,7 @@ def _clear(rank: Rank) -> str:
     return f"smallest singular value counted {rank.kept:.3g}, largest not counted {rank.dropped:.3g}"
 
 
-def tape(scene: Path, *, counts: Annotated[bool, Parameter(negative="")] = False) -> int:
+def tape(scene: SceneFile, *, counts: Annotated[bool, Parameter(negative="")] = False) -> int:
     """Print the operations that the fast path runs for a scene, and how many there are.
 
     A scene that calls for less has fewer: no accelerations, or bodies wanted that do not hang on all others.
@@ -187,8 +172,6 @@ def tape(scene: Path, *, counts: Annotated[bool, Parameter(negative="")] = False
 
     Parameters
     ----------
-    scene
-        A scene file (TOML, or JSON if it ends in .json).
     counts
         Print the numbers of operations alone.
     """

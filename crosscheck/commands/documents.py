@@ -31,8 +31,6 @@ def ledger(*rows: str, as_json: Json = False) -> int:
     ----------
     rows
         Names of rows, such as A3; all by default.
-    as_json
-        Print one JSON object instead of tables.
     """
     known = [row.id for row in read().row]
     unknown = [name for name in rows if name not in known]
@@ -108,8 +106,6 @@ def grade(answers: Path, *, problems: Path = Path("problems"), as_json: Json = F
         A JSON file; `grade.py` in the folder of the set, which does the same without this package, says its form.
     problems
         The folder that `crosscheck problems export` has written.
-    as_json
-        Print one JSON object instead of a table.
     """
     try:
         given = json.loads(answers.read_text(encoding="utf-8"), parse_float=str)

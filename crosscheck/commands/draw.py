@@ -11,7 +11,7 @@ from typing import Annotated
 import numpy as np
 from cyclopts import Parameter
 
-from crosscheck.commands.usage import positive, writable
+from crosscheck.commands.usage import SceneFile, positive, writable
 from crosscheck.errors import PASS, CannotRun, UsageError
 from refkin.model import Effect, Scene
 from refkin.output import MissingPackage, NothingToDraw, SceneMotion
@@ -22,7 +22,7 @@ Flag = Annotated[bool, Parameter(negative="")]
 
 
 def draw(
-    scene: Path,
+    scene: SceneFile,
     *,
     out: Path | None = None,
     time: float | None = None,
@@ -36,8 +36,6 @@ def draw(
 
     Parameters
     ----------
-    scene
-        A scene file (TOML, or JSON if it ends in .json).
     out
         The file, .svg in the working folder by default; .png, .pdf need the extra `figures`.
     time
@@ -60,15 +58,13 @@ def draw(
     return PASS
 
 
-def animate(scene: Path, *, out: Path | None = None, seconds: float = 4.0) -> int:
+def animate(scene: SceneFile, *, out: Path | None = None, seconds: float = 4.0) -> int:
     """Draw the motion of a scene as a file that plays by itself.
 
     Exit codes: as `crosscheck draw`.
 
     Parameters
     ----------
-    scene
-        A scene file (TOML, or JSON if it ends in .json).
     out
         The file, .svg in the working folder by default; .gif needs the extra `figures`, .mp4 ffmpeg as well.
     seconds

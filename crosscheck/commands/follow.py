@@ -10,7 +10,7 @@ import numpy as np
 from cyclopts import Parameter
 
 from crosscheck.commands.solve import SCHEMA, numbers
-from crosscheck.commands.usage import Json, print_numbers, writable
+from crosscheck.commands.usage import Json, SceneFile, print_numbers, writable
 from crosscheck.errors import UsageError
 from refkin.errors import UnknownName
 from refkin.model import Scene
@@ -102,7 +102,7 @@ def _turning(q: Any, rates: Any) -> str:
 
 
 def print_path(
-    scene: File,
+    scene: SceneFile,
     *,
     driver: str | None = None,
     backwards: Annotated[bool, Parameter(negative="")] = False,
@@ -119,8 +119,6 @@ def print_path(
 
     Parameters
     ----------
-    scene
-        A scene file (TOML, or JSON if it ends in .json).
     driver
         The driver whose value is the path's parameter; by default the only one, or else the time.
     backwards
@@ -131,8 +129,6 @@ def print_path(
         Go straight on where branches cross, instead of ending there.
     most_points
         Number of poses after which the path ends.
-    as_json
-        Print one JSON object instead of tables and lines.
     csv
         Write the poses to this file, one row per pose, instead of printing their table.
     """

@@ -183,8 +183,6 @@ def history(*, history: Path = Path("reports/history.sqlite"), last: int = 14, a
         The file that nights are kept in.
     last
         How many nights the tables show; changes are looked for in all.
-    as_json
-        Print one JSON object instead of tables.
     """
     if not history.is_file():
         raise UsageError(f"there is no history {history}: crosscheck nightly makes one")

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from rich.table import Table
 
 from crosscheck.commands.engines import ENGINES, names
-from crosscheck.commands.usage import Json, console, shown_progress, table, writable
+from crosscheck.commands.usage import Json, SceneFile, console, shown_progress, table, writable
 from crosscheck.engines.methods import OURS, PRICED
 from crosscheck.errors import DISAGREEMENT, PASS, UsageError
 from crosscheck.judge.prices import POSES, STEPS, SUFFIX, cheapest, repeated
@@ -30,7 +30,12 @@ SAME_WINNERS = 0.95
 
 
 def price(
-    scene: Path, *, engines: str = ENGINES, as_json: Json = False, page: Path | None = None, again: Path | None = None
+    scene: SceneFile,
+    *,
+    engines: str = ENGINES,
+    as_json: Json = False,
+    page: Path | None = None,
+    again: Path | None = None,
 ) -> int:
     """Show what accuracy costs on a scene: every engine by every method, digits against microseconds.
 
@@ -40,12 +45,8 @@ def price(
 
     Parameters
     ----------
-    scene
-        A scene file (TOML, or JSON if it ends in .json).
     engines
         Names, separated by commas, or `file.py:Class`; refkin, its fast path and SciPy are priced as well.
-    as_json
-        Print one JSON object instead of tables.
     page
         Write a page with the work-precision diagrams to this file, too.
     again

@@ -80,8 +80,6 @@ def conform(engine: str, *, as_json: Json = False) -> int:
     ----------
     engine
         A name, or `file.py:Class`.
-    as_json
-        Print one JSON object instead of tables.
     """
     installed, missing = find_engines((engine,))
     if missing:

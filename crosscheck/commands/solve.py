@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.commands.usage import Json, print_numbers, writable
+from crosscheck.commands.usage import Json, SceneFile, print_numbers, writable
 from refkin.model import Scene
 from refkin.motion import BodyMotion, Motion, Status
 from refkin.output import SceneMotion
@@ -23,17 +23,13 @@ LONG = 5.0
 """Seconds of silence: what takes longer says so first."""
 
 
-def solve(scene: Path, *, as_json: Json = False, csv: Path | None = None) -> int:
+def solve(scene: SceneFile, *, as_json: Json = False, csv: Path | None = None) -> int:
     """Solve a scene with the reference.
 
     Exit codes: 0 every pose is ok, 1 not every pose is ok, 2 the scene is invalid.
 
     Parameters
     ----------
-    scene
-        A scene file (TOML, or JSON if it ends in .json).
-    as_json
-        Print one JSON object instead of a table.
     csv
         Write all that the scene calls for to this file, one row per time, instead of printing a table.
     """

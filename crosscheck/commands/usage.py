@@ -31,7 +31,9 @@ def _whole(_: Any, tokens: Sequence[Any]) -> int:
 
 
 Whole = Annotated[int, Parameter(converter=_whole)]
-Json = Annotated[bool, Parameter(name="--json", negative="")]
+SceneFile = Annotated[Path, Parameter(help="A scene file (TOML, or JSON if it ends in .json).")]
+Names = Annotated[str, Parameter(help="Names of engines, separated by commas, or `file.py:Class`.")]
+Json = Annotated[bool, Parameter(name="--json", negative="", help="Print one JSON object instead.")]
 
 
 def positive(key: str, value: float | None) -> None:

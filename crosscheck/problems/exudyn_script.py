@@ -11,27 +11,7 @@ from typing import Any
 from crosscheck.engines.spatial.turning import joint_frame
 from crosscheck.errors import CannotRun
 from crosscheck.problems.stated import formula
-from refkin.joints import (
-    GROUND,
-    PLANE,
-    AxesParallel,
-    AxesPerpendicular,
-    Element,
-    GuidedPoint,
-    Pair,
-    PointCoordinate,
-    PointDistance,
-    PointInPlane,
-    PointOnAxis,
-    PointsCoincide,
-    PointsMeet,
-    RelativeAngle,
-    RollingOnLine,
-    RollingWheels,
-    SpatialPointDistance,
-    TurnAboutAxis,
-    elements_of,
-)
+from refkin import joints
 from refkin.model import Scene
 
 HEAD = '''"""{title}: positions by exudyn's static solver. Prints an answer for grade.py."""
@@ -139,9 +119,11 @@ def to_exudyn(scene: Scene, title: str) -> str:
     """Return the text of the script."""
     mechanism, kind = scene.mechanism, scene.mechanism.kind
     estimates = [(body.name, list(body.estimate or kind.still)) for body in mechanism.bodies]
-    lines = [line for e in elements_of(mechanism.constraints) for line in (f"# {e.name}: {e.kind}", ADD[type(e)](e))]
+    lines = [
+        line for e in joints.elements_of(mechanism.constraints) for line in (f"# {e.name}: {e.kind}", ADD[type(e)](e))
+    ]
     surplus = sum(c.rows for c in mechanism.constraints) > kind.freedoms * len(mechanism.bodies)
-    bodies = (BODIES if kind is PLANE else SPATIAL_BODIES).format(estimates=estimates)
+    bodies = (BODIES if kind is joints.PLANE else SPATIAL_BODIES).format(estimates=estimates)
     head = HEAD.format(title=f"{scene.name}: {title}", t=scene.times[0], bodies=bodies)
     tail = TAIL.format(
         tolerance=SLACK * mechanism.size(),
@@ -160,13 +142,13 @@ settings.linearSolver.ignoreSingularJacobian = True
 """
 
 
-def _coincide(e: PointsCoincide) -> str:
+def _coincide(e: joints.PointsCoincide) -> str:
     if e.laws:
         raise CannotRun(f"{e.name}: no script for points kept apart by laws")
     return f"mbs.AddObject(RevoluteJoint2D(markerNumbers=[{_point(e, 'i')}, {_point(e, 'j')}]))"
 
 
-def _guided(e: GuidedPoint) -> str:
+def _guided(e: joints.GuidedPoint) -> str:
     x, y = _direction(e.axis_i)
     line = (e.body_i, e.point_i[0] - y * e.offset, e.point_i[1] + x * e.offset)
     markers = f"frame{(e.body_j, *e.point_j)!r}, frame{line!r}"
@@ -174,34 +156,34 @@ def _guided(e: GuidedPoint) -> str:
     return f"mbs.AddObject(PrismaticJoint2D(markerNumbers=[{markers}], {normal}))"
 
 
-def _distance(e: PointDistance | SpatialPointDistance) -> str:
-    marker = _point if isinstance(e, PointDistance) else _place
+def _distance(e: joints.PointDistance | joints.SpatialPointDistance) -> str:
+    marker = _point if isinstance(e, joints.PointDistance) else _place
     distance = f"({_law(e)})(now)" if e.laws else repr(e.length)
     rod = f"mbs.AddObject(DistanceConstraint(markerNumbers=[{marker(e, 'i')}, {marker(e, 'j')}], distance={distance}))"
     return f"cylinders.append(({rod}, {_law(e)}))" if e.laws else rod
 
 
-def _coordinate(e: PointCoordinate) -> str:
+def _coordinate(e: joints.PointCoordinate) -> str:
     axis = [1.0 - e.axis, float(e.axis)]
     return f"driven([still, along('ground', [0, 0], {axis}, {e.body_j!r}, {list(e.point_j)})], {_law(e)})"
 
 
-def _angle(e: RelativeAngle) -> str:
+def _angle(e: joints.RelativeAngle) -> str:
     markers = f"[angle({e.body_i!r}), angle({e.body_j!r})]"
     if e.laws:
         return f"driven({markers}, {_law(e)})"
     return f"mbs.AddObject(CoordinateConstraint(markerNumbers={markers}, offset={e.angle!r}))"
 
 
-def _wheels(e: RollingWheels) -> str:
+def _wheels(e: joints.RollingWheels) -> str:
     factor = -e.radius_j / e.radius_i  # the row: factor phi_j - phi_i - offset
     markers = f"[angle({e.body_i!r}), angle({e.body_j!r})]"
     offset = factor * e.zero_j - e.zero_i
     return f"mbs.AddObject(CoordinateConstraint(markerNumbers={markers}, factorValue1={factor!r}, offset={offset!r}))"
 
 
-def _rack(e: RollingOnLine) -> str:
-    if e.body_i != GROUND:
+def _rack(e: joints.RollingOnLine) -> str:
+    if e.body_i != joints.GROUND:
         raise CannotRun(f"{e.name}: no script for a rack that moves")
     axis = list(_direction(e.axis_i))
     travel = f"along('ground', {list(e.point_i)}, {axis}, {e.body_j!r}, {list(e.point_j)})"
@@ -209,21 +191,23 @@ def _rack(e: RollingOnLine) -> str:
     return f"mbs.AddObject(CoordinateConstraint(markerNumbers=[{travel}, angle({e.body_j!r})], {numbers}))"
 
 
-ADD: dict[type[Element], Any] = {
-    PointsCoincide: _coincide,
-    GuidedPoint: _guided,
-    PointDistance: _distance,
-    PointCoordinate: _coordinate,
-    RelativeAngle: _angle,
-    RollingWheels: _wheels,
-    RollingOnLine: _rack,
-    PointsMeet: lambda e: f"mbs.AddObject(ObjectJointSpherical(markerNumbers=[{_place(e, 'i')}, {_place(e, 'j')}]))",
-    SpatialPointDistance: _distance,
-    AxesParallel: lambda e: _held(e, [0, 0, 0, 1, 1, 0]),
-    AxesPerpendicular: lambda e: _held(e, [0, 0, 0, 0, 0, 1], "hfg", "ghf"),
-    TurnAboutAxis: lambda e: _turned(e),
-    PointOnAxis: lambda e: _held(e, [1, 1, 0, 0, 0, 0]),
-    PointInPlane: lambda e: _held(e, [0, 0, 1, 0, 0, 0]),
+ADD: dict[type[joints.Element], Any] = {
+    joints.PointsCoincide: _coincide,
+    joints.GuidedPoint: _guided,
+    joints.PointDistance: _distance,
+    joints.PointCoordinate: _coordinate,
+    joints.RelativeAngle: _angle,
+    joints.RollingWheels: _wheels,
+    joints.RollingOnLine: _rack,
+    joints.PointsMeet: lambda e: (
+        f"mbs.AddObject(ObjectJointSpherical(markerNumbers=[{_place(e, 'i')}, {_place(e, 'j')}]))"
+    ),
+    joints.SpatialPointDistance: _distance,
+    joints.AxesParallel: lambda e: _held(e, [0, 0, 0, 1, 1, 0]),
+    joints.AxesPerpendicular: lambda e: _held(e, [0, 0, 0, 0, 0, 1], "hfg", "ghf"),
+    joints.TurnAboutAxis: lambda e: _turned(e),
+    joints.PointOnAxis: lambda e: _held(e, [1, 1, 0, 0, 0, 0]),
+    joints.PointInPlane: lambda e: _held(e, [0, 0, 1, 0, 0, 0]),
 }
 
 
@@ -255,10 +239,10 @@ def _point(e: Any, side: str) -> str:
     return f"point{(getattr(e, f'body_{side}'), *getattr(e, f'point_{side}'))!r}"
 
 
-def _law(e: Element) -> str:
+def _law(e: joints.Element) -> str:
     return f"lambda t: {formula(e.laws[0])}"
 
 
-def _direction(axis: Pair) -> Pair:
+def _direction(axis: joints.Pair) -> joints.Pair:
     length = math.hypot(*axis)
     return axis[0] / length, axis[1] / length

@@ -19,28 +19,7 @@ from xml.etree import ElementTree as ET
 from crosscheck.engines.spatial.turning import joint_frame, parameters
 from crosscheck.errors import CannotRun
 from crosscheck.problems.stated import formula
-from refkin.joints import (
-    GROUND,
-    PLANE,
-    SPACE,
-    AxesParallel,
-    AxesPerpendicular,
-    Element,
-    GuidedPoint,
-    Pair,
-    PointCoordinate,
-    PointDistance,
-    PointInPlane,
-    PointOnAxis,
-    PointsCoincide,
-    PointsMeet,
-    RelativeAngle,
-    RollingOnLine,
-    RollingWheels,
-    SpatialPointDistance,
-    TurnAboutAxis,
-    elements_of,
-)
+from refkin import joints
 from refkin.model import Scene
 
 INERTIA = {"pos": "0 0 0", "mass": "1", "diaginertia": "1 1 1"}
@@ -60,7 +39,7 @@ class _Model:
     """The model in the making; `carriages` counts the bodies that are not the scene's."""
 
     def __init__(self, scene: Scene) -> None:
-        plane = scene.mechanism.kind is PLANE
+        plane = scene.mechanism.kind is joints.PLANE
         self.t, size = scene.times[0], scene.mechanism.unit().size
         self.unit = size if size < SMALL else 1.0
         self.root = ET.Element("mujoco", {"model": scene.name})
@@ -70,12 +49,12 @@ class _Model:
         numeric = {"name": "metres per unit", "data": repr(self.unit)}
         ET.SubElement(ET.SubElement(self.root, "custom"), "numeric", numeric)
         world = ET.SubElement(self.root, "worldbody")
-        self.bodies = {GROUND: world}
+        self.bodies = {joints.GROUND: world}
         self.tendons, self.equalities = ET.Element("tendon"), ET.Element("equality")
         self.carriages = 0
         for body in scene.mechanism.bodies:
             self.bodies[body.name] = self._body(world, body.name, "xyh", (0.0, 0.0)) if plane else self._free(body.name)
-        for element in elements_of(scene.mechanism.constraints):
+        for element in joints.elements_of(scene.mechanism.constraints):
             name = element.name if not element.row else f"{element.name} {element.kind}"
             ADD[type(element)](self, name, element)
         self.root.extend(part for part in (self.tendons, self.equalities) if len(part))
@@ -93,7 +72,7 @@ class _Model:
         ET.indent(self.root)
         return ET.tostring(self.root, encoding="unicode") + "\n"
 
-    def _body(self, parent: ET.Element, name: str, freedoms: str, at: Pair, turned: float = 0.0) -> ET.Element:
+    def _body(self, parent: ET.Element, name: str, freedoms: str, at: joints.Pair, turned: float = 0.0) -> ET.Element:
         body = ET.SubElement(parent, "body", {"name": name, "pos": self.place(at), "euler": _numbers(0, 0, turned)})
         ET.SubElement(body, "inertial", INERTIA)
         for key, suffix, axis in (("x", "x", "1 0 0"), ("y", "y", "0 1 0"), ("h", "phi", "0 0 1")):
@@ -103,7 +82,7 @@ class _Model:
         return body
 
     def _free(self, name: str) -> ET.Element:
-        body = ET.SubElement(self.bodies[GROUND], "body", {"name": name})
+        body = ET.SubElement(self.bodies[joints.GROUND], "body", {"name": name})
         ET.SubElement(body, "inertial", INERTIA)
         ET.SubElement(body, "freejoint", {"name": name})
         return body
@@ -111,7 +90,7 @@ class _Model:
     def _coordinates_of(self, joint: ET.Element) -> Sequence[str]:
         """Return the names of a joint's entries in qpos."""
         if joint.tag == "freejoint":
-            return [f"{joint.get('name')}.{axis}" for axis in SPACE.coordinates]
+            return [f"{joint.get('name')}.{axis}" for axis in joints.SPACE.coordinates]
         return [joint.get("name", "")] if joint.tag == "joint" else []
 
     def place(self, point: Sequence[float]) -> str:
@@ -183,7 +162,7 @@ class _Model:
             ET.SubElement(tendon, "joint", {"joint": joint, "coef": repr(float(weight))})
         return name
 
-    def carriage(self, e: Any, freedoms: str, at: Pair) -> str:
+    def carriage(self, e: Any, freedoms: str, at: joints.Pair) -> str:
         """Add a body that slides on body i along the element's axis, and across it if "xy", and return its name."""
         self.carriages += 1
         name = f"carriage {self.carriages}"
@@ -191,7 +170,7 @@ class _Model:
         self.bodies[name] = self._body(self.bodies[e.body_i], name, freedoms, at, turned)
         return name
 
-    def said(self, e: Element, unit: float = 1.0, shift: float = 0.0) -> float:
+    def said(self, e: joints.Element, unit: float = 1.0, shift: float = 0.0) -> float:
         """Note in the file what a law prescribes, f / unit - shift, and return that at the first time."""
         (law,) = e.laws
         whole = formula(law) if unit == 1.0 else f"({formula(law)}) / {unit!r}"
@@ -199,20 +178,20 @@ class _Model:
         return float(law(self.t)) / unit - shift
 
 
-def _coincide(m: _Model, name: str, e: PointsCoincide) -> None:
+def _coincide(m: _Model, name: str, e: joints.PointsCoincide) -> None:
     if e.laws:
         raise CannotRun(f"{name}: MJCF has no points kept apart by laws")
     m.connect(name, *m.sites(name, e))
 
 
-def _guided(m: _Model, name: str, e: GuidedPoint) -> None:
+def _guided(m: _Model, name: str, e: joints.GuidedPoint) -> None:
     length = math.hypot(*e.axis_i)
     at = (e.point_i[0] - e.axis_i[1] / length * e.offset, e.point_i[1] + e.axis_i[0] / length * e.offset)
     carriage = m.carriage(e, "x", at)
     m.connect(name, m.site(f"{name} i", carriage, (0.0, 0.0)), m.site(f"{name} j", e.body_j, e.point_j))
 
 
-def _distance(m: _Model, name: str, e: PointDistance) -> None:
+def _distance(m: _Model, name: str, e: joints.PointDistance) -> None:
     tendon = ET.SubElement(m.tendons, "spatial", {"name": f"{name} length"})
     for site in m.sites(name, e):
         ET.SubElement(tendon, "site", {"site": site})
@@ -220,51 +199,51 @@ def _distance(m: _Model, name: str, e: PointDistance) -> None:
     m.hold(name, f"{name} length", m.said(e, m.unit, at_rest) if e.laws else e.length / m.unit - at_rest)
 
 
-def _coordinate(m: _Model, name: str, e: PointCoordinate) -> None:
+def _coordinate(m: _Model, name: str, e: joints.PointCoordinate) -> None:
     if e.point_j != (0.0, 0.0):
         raise CannotRun(f"{name}: MJCF drives coordinates of a body's origin alone")
     m.couple(name, f"{e.body_j}.{'xy'[e.axis]}", m.said(e, m.unit))
 
 
-def _angle(m: _Model, name: str, e: RelativeAngle) -> None:
+def _angle(m: _Model, name: str, e: joints.RelativeAngle) -> None:
     value = m.said(e) if e.laws else e.angle
-    if GROUND in e.bodies:
-        turned, sign = (e.body_j, 1.0) if e.body_i == GROUND else (e.body_i, -1.0)
+    if joints.GROUND in e.bodies:
+        turned, sign = (e.body_j, 1.0) if e.body_i == joints.GROUND else (e.body_i, -1.0)
         m.couple(name, f"{turned}.phi", sign * value)
     else:
         m.couple(name, f"{e.body_j}.phi", value, 1.0, second=f"{e.body_i}.phi")
 
 
-def _wheels(m: _Model, name: str, e: RollingWheels) -> None:
+def _wheels(m: _Model, name: str, e: joints.RollingWheels) -> None:
     ratio = -e.radius_i / e.radius_j
     m.couple(name, f"{e.body_j}.phi", e.zero_j - ratio * e.zero_i, ratio, second=f"{e.body_i}.phi")
 
 
-def _rack(m: _Model, name: str, e: RollingOnLine) -> None:
+def _rack(m: _Model, name: str, e: joints.RollingOnLine) -> None:
     carriage = m.carriage(e, "xy", e.point_i)
     centre = f"{name} centre"
     m.connect(centre, m.site(f"{centre} i", carriage, (0.0, 0.0)), m.site(f"{centre} j", e.body_j, e.point_j))
     radius = e.radius / m.unit
     weights = {f"{carriage}.x": 1.0, f"{e.body_j}.phi": -radius}
-    weights |= {} if e.body_i == GROUND else {f"{e.body_i}.phi": radius}
+    weights |= {} if e.body_i == joints.GROUND else {f"{e.body_i}.phi": radius}
     m.hold(name, m.fixed_tendon(f"{name} arc", weights), e.s0 / m.unit - radius * e.phi0)
 
 
-ADD: dict[type[Element], Any] = {
-    PointsCoincide: _coincide,
-    GuidedPoint: _guided,
-    PointDistance: _distance,
-    PointCoordinate: _coordinate,
-    RelativeAngle: _angle,
-    RollingWheels: _wheels,
-    RollingOnLine: _rack,
-    PointsMeet: _coincide,
-    SpatialPointDistance: _distance,
-    AxesParallel: lambda m, name, e: m.welded(name, e, "xyz", "z"),
-    AxesPerpendicular: lambda m, name, e: m.welded(name, e, "xyz", "zx", columns="hfg"),
-    TurnAboutAxis: lambda m, name, e: m.welded(name, e, "xyz", "zxy", law=m.said(e) if e.laws else e.angle),
-    PointOnAxis: lambda m, name, e: m.guided(name, e, "z"),
-    PointInPlane: lambda m, name, e: m.guided(name, e, "xy"),
+ADD: dict[type[joints.Element], Any] = {
+    joints.PointsCoincide: _coincide,
+    joints.GuidedPoint: _guided,
+    joints.PointDistance: _distance,
+    joints.PointCoordinate: _coordinate,
+    joints.RelativeAngle: _angle,
+    joints.RollingWheels: _wheels,
+    joints.RollingOnLine: _rack,
+    joints.PointsMeet: _coincide,
+    joints.SpatialPointDistance: _distance,
+    joints.AxesParallel: lambda m, name, e: m.welded(name, e, "xyz", "z"),
+    joints.AxesPerpendicular: lambda m, name, e: m.welded(name, e, "xyz", "zx", columns="hfg"),
+    joints.TurnAboutAxis: lambda m, name, e: m.welded(name, e, "xyz", "zxy", law=m.said(e) if e.laws else e.angle),
+    joints.PointOnAxis: lambda m, name, e: m.guided(name, e, "z"),
+    joints.PointInPlane: lambda m, name, e: m.guided(name, e, "xy"),
 }
 
 

@@ -15,20 +15,10 @@ from dataclasses import dataclass, field
 
 from crosscheck.engines.closed_form.jets import Arithmetic, Jet, Planar
 from crosscheck.engines.closed_form.laws import law_jet
-from refkin.joints import (
-    GROUND,
-    Element,
-    GuidedPoint,
-    Pair,
-    PointCoordinate,
-    PointDistance,
-    PointsCoincide,
-    RelativeAngle,
-    elements_of,
-)
+from refkin import joints
 from refkin.model import Scene
 
-Place = tuple[str, Pair]
+Place = tuple[str, joints.Pair]
 """A point of a body: the body's name, the point in its frame."""
 
 
@@ -105,32 +95,32 @@ class GroupedScene:
     distances: list[DistanceRow] = field(default_factory=list)
     places: list[tuple[Place, ...]] = field(default_factory=list)
     labels: list[str] = field(default_factory=list)
-    origin: Pair = (0.0, 0.0)
+    origin: joints.Pair = (0.0, 0.0)
 
 
 def read_linkage(scene: Scene, arithmetic: Arithmetic) -> GroupedScene:
     """Return the groups (one per body, ground first), nodes and rows of a scene; lengths in metres."""
     linkage = GroupedScene(origin=_origin(scene))
     nodes = _nodes(scene, linkage)
-    for name in (GROUND, *(body.name for body in scene.mechanism.bodies)):
+    for name in (joints.GROUND, *(body.name for body in scene.mechanism.bodies)):
         held = {k: _local(linkage, place, arithmetic) for place, k in nodes.items() if place[0] == name}
         zero, one = Jet(arithmetic.number(0.0)), Jet(arithmetic.number(1.0))
         still = JetPose(zero, Planar(one, zero), Planar(zero, zero))
         linkage.groups.append(RigidGroup({name: still}, held, len(linkage.groups), (zero, still.turn)))
-    for element in elements_of(scene.mechanism.constraints):
+    for element in joints.elements_of(scene.mechanism.constraints):
         _read_rows(linkage, element, nodes, scene, arithmetic)
     return linkage
 
 
-def _origin(scene: Scene) -> Pair:
+def _origin(scene: Scene) -> joints.Pair:
     """Return the first joint point on the ground: floats keep their digits when a mechanism stands far out."""
-    on_ground = (point for c in scene.mechanism.constraints for body, point in c.points() if body == GROUND)
+    on_ground = (point for c in scene.mechanism.constraints for body, point in c.points() if body == joints.GROUND)
     return next(on_ground, (0.0, 0.0))
 
 
 def _local(linkage: GroupedScene, place: Place, arithmetic: Arithmetic) -> Planar:
     body, (x, y) = place
-    ox, oy = linkage.origin if body == GROUND else (0.0, 0.0)
+    ox, oy = linkage.origin if body == joints.GROUND else (0.0, 0.0)
     number = arithmetic.number
     return Planar(Jet(number(x) - number(ox)), Jet(number(y) - number(oy)))
 
@@ -139,12 +129,12 @@ def _nodes(scene: Scene, linkage: GroupedScene) -> dict[Place, int]:
     """Return the node of every joint point; points that coincide share one."""
     members: dict[Place, list[Place]] = {}
     names: dict[Place, str] = {}
-    for element in elements_of(scene.mechanism.constraints):
+    for element in joints.elements_of(scene.mechanism.constraints):
         places = [(body, (float(point[0]), float(point[1]))) for body, point in element.ends]
         for place in places:
             members.setdefault(place, [place])
             names.setdefault(place, element.name)
-        if isinstance(element, PointsCoincide) and members[places[0]] is not members[places[1]]:
+        if isinstance(element, joints.PointsCoincide) and members[places[0]] is not members[places[1]]:
             merged = members[places[0]] + members[places[1]]
             members.update(dict.fromkeys(merged, merged))
     node: dict[Place, int] = {}
@@ -157,29 +147,29 @@ def _nodes(scene: Scene, linkage: GroupedScene) -> dict[Place, int]:
 
 
 def _read_rows(
-    linkage: GroupedScene, e: Element, nodes: dict[Place, int], scene: Scene, arithmetic: Arithmetic
+    linkage: GroupedScene, e: joints.Element, nodes: dict[Place, int], scene: Scene, arithmetic: Arithmetic
 ) -> None:
     """Append the row of one element, if it is one."""
     number, name = arithmetic.number, e.name
     law = law_jet(e.laws[0], scene.times, arithmetic) if e.laws else None
     ends = [nodes[body, (float(point[0]), float(point[1]))] for body, point in e.ends]
-    if isinstance(e, RelativeAngle):
+    if isinstance(e, joints.RelativeAngle):
         linkage.angles.append(AngleRow(name, e.body_i, e.body_j, Jet(number(e.angle)) if law is None else law))
-    elif isinstance(e, GuidedPoint):
+    elif isinstance(e, joints.GuidedPoint):
         anchor = _local(linkage, (e.body_i, e.point_i), arithmetic)
         normal, level = unit_normal(e.axis_i, arithmetic), Jet(number(e.offset))
         linkage.lines.append(LineRow(name, e.body_i, anchor, normal, ends[1], level))
-    elif isinstance(e, PointCoordinate):
+    elif isinstance(e, joints.PointCoordinate):
         assert law is not None
         along = Planar(*(Jet(number(float(k == e.axis))) for k in range(2)))
-        origin = _local(linkage, (GROUND, (0.0, 0.0)), arithmetic)
-        linkage.lines.append(LineRow(name, GROUND, origin, along, ends[0], law))
-    elif isinstance(e, PointDistance):
+        origin = _local(linkage, (joints.GROUND, (0.0, 0.0)), arithmetic)
+        linkage.lines.append(LineRow(name, joints.GROUND, origin, along, ends[0], law))
+    elif isinstance(e, joints.PointDistance):
         length = Jet(number(e.length)) if law is None else (law * law).sqrt()
         linkage.distances.append(DistanceRow(name, ends[0], ends[1], length))
 
 
-def unit_normal(axis: Pair, arithmetic: Arithmetic) -> Planar:
+def unit_normal(axis: joints.Pair, arithmetic: Arithmetic) -> Planar:
     """Return the axis turned by a quarter turn counter-clockwise, of length 1."""
     x, y = (Jet(arithmetic.number(c)) for c in axis)
     return Planar(x, y).perp().over(Planar(x, y).length())

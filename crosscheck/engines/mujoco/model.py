@@ -37,17 +37,7 @@ from crosscheck.engines import EngineError, EngineRefusal
 from crosscheck.engines.frames import Length, through_its_point
 from crosscheck.engines.mujoco.parts import LINEAR, Driven, Guide, Source
 from crosscheck.engines.tree.joint_tree import Edge, Freedom, JointTree
-from refkin.joints import (
-    GROUND,
-    Element,
-    GuidedPoint,
-    Pair,
-    PointCoordinate,
-    PointDistance,
-    PointsCoincide,
-    RelativeAngle,
-    RollingWheels,
-)
+from refkin import joints
 
 os.environ.setdefault("MUJOCO_GL", "disable")  # before the import: nothing is drawn, and there may be no display
 import mujoco as mujoco  # re-exported, so that whoever imports it gets it this way
@@ -72,11 +62,11 @@ class Plan:
         Those that become rows.
     """
 
-    def __init__(self, tree: JointTree, elements: Iterable[Element]) -> None:
+    def __init__(self, tree: JointTree, elements: Iterable[joints.Element]) -> None:
         self.tree = tree
         self.spec = kinematic_spec()
-        self.bodies: dict[str, Any] = {GROUND: self.spec.worldbody}
-        self.pins: dict[str, Pair] = {GROUND: (0.0, 0.0)}
+        self.bodies: dict[str, Any] = {joints.GROUND: self.spec.worldbody}
+        self.pins: dict[str, joints.Pair] = {joints.GROUND: (0.0, 0.0)}
         self.owners: list[int] = []
         self.sources: list[Source] = []
         self.guides: list[Guide] = []
@@ -108,7 +98,7 @@ class Plan:
         model.tendon_length0[:] = 0.0
         return model
 
-    def place(self, body: str, point: Pair) -> list[float]:
+    def place(self, body: str, point: joints.Pair) -> list[float]:
         """Return a point of the scene's body (in units of the size) in MuJoCo's, whose origin is the joint."""
         pin = self.pins[body]
         return [point[0] - pin[0], point[1] - pin[1], 0.0]
@@ -130,19 +120,19 @@ class Plan:
             body.add_joint(name=f"q{column}", type=kind, axis=axis)
         self.bodies[edge.body], self.pins[edge.body] = body, edge.pin
 
-    def _constrain(self, name: str, e: Element) -> None:
-        if isinstance(e, PointsCoincide) and not e.laws:
+    def _constrain(self, name: str, e: joints.Element) -> None:
+        if isinstance(e, joints.PointsCoincide) and not e.laws:
             first = self._connect(*self._ends(name, e))
             self.sources += [Source(element=e, row=k, equality=first + k) for k in range(2)]
-        elif isinstance(e, GuidedPoint):
+        elif isinstance(e, joints.GuidedPoint):
             self._guide(name, through_its_point(e))
-        elif isinstance(e, PointDistance):
+        elif isinstance(e, joints.PointDistance):
             self._distance(name, e)
-        elif isinstance(e, PointCoordinate):
+        elif isinstance(e, joints.PointCoordinate):
             self._coordinate(name, e)
-        elif isinstance(e, RollingWheels):
+        elif isinstance(e, joints.RollingWheels):
             self._wheels(name, e)
-        elif isinstance(e, RelativeAngle):
+        elif isinstance(e, joints.RelativeAngle):
             self._angle(name, e)
         else:
             raise EngineRefusal(f"mujoco refuses {e.key} of {e.name!r}: it is not written for this element")
@@ -153,7 +143,7 @@ class Plan:
             self._site(f"{name} {side}", body, point)
         return f"{name} j", f"{name} i"
 
-    def _site(self, name: str, body: str, point: Pair) -> Any:
+    def _site(self, name: str, body: str, point: joints.Pair) -> Any:
         return self.bodies[body].add_site(name=name, pos=self.place(body, self.tree.scaled(body, point)))
 
     def _equality(self, kind: Any, rows: int, *names: str) -> int:
@@ -168,7 +158,7 @@ class Plan:
     def _connect(self, j: str, i: str) -> int:
         return self._equality(mujoco.mjtEq.mjEQ_CONNECT, 3, j, i)
 
-    def _guide(self, name: str, e: GuidedPoint) -> None:
+    def _guide(self, name: str, e: joints.GuidedPoint) -> None:
         """Read a point on a line from sensors, in the frame of a site whose x axis is the line."""
         point, line = self._ends(name, e)
         ax, ay = _of_order_one(e.axis_i)
@@ -180,7 +170,7 @@ class Plan:
         self.sources.append(Source(element=e, guide=len(self.guides)))
         self.guides.append(Guide(line, point, self._connect(point, line)))
 
-    def _angle(self, name: str, e: RelativeAngle) -> None:
+    def _angle(self, name: str, e: joints.RelativeAngle) -> None:
         """Hold the angle between two bodies by a tendon over the hinges of one and, backwards, of the other."""
         i, j = e.bodies
         turns = self.tree.angle_rows[j] - self.tree.angle_rows[i]
@@ -204,7 +194,7 @@ class Plan:
             tendon.wrap_joint(f"q{column}", float(weights[column]))
         return self._equality(mujoco.mjtEq.mjEQ_TENDON, 1, tendon.name)
 
-    def _wheels(self, name: str, e: RollingWheels) -> None:
+    def _wheels(self, name: str, e: joints.RollingWheels) -> None:
         """Hold the turns of two bodies, each times its radius, at a sum of zero."""
         radii = {e.body_i: e.radius_i / self.tree.size, e.body_j: e.radius_j / self.tree.size}
         turns = sum(radius * self.tree.angle_rows[body] for body, radius in radii.items())
@@ -216,7 +206,7 @@ class Plan:
         self.sources.append(Source(element=e, equality=self._turning(f"{name} wheels", turns)))
         self.spec.equalities[-1].data[0] = wanted
 
-    def _distance(self, name: str, e: PointDistance) -> None:
+    def _distance(self, name: str, e: joints.PointDistance) -> None:
         tendon = self.spec.add_tendon(name=f"{name} length")
         for site in self._ends(name, e):
             tendon.wrap_site(site)
@@ -228,7 +218,7 @@ class Plan:
         else:
             self.spec.equalities[-1].data[0] = e.length / self.tree.size
 
-    def _coordinate(self, name: str, e: PointCoordinate) -> None:
+    def _coordinate(self, name: str, e: joints.PointCoordinate) -> None:
         """Tie a point to a ground site that the law moves along x or y; the other row of the `connect` is not read."""
         self._site(name, e.body_j, e.point_j)
         target = f"{name} target"
@@ -268,7 +258,7 @@ def _turn(item: Any, angle: float) -> None:
     item.alt.type, item.alt.axisangle = mujoco.mjtOrientation.mjORIENTATION_AXISANGLE, [0.0, 0.0, 1.0, angle]
 
 
-def _of_order_one(axis: Pair) -> Pair:
+def _of_order_one(axis: joints.Pair) -> joints.Pair:
     """Return the axis times a power of two: MuJoCo scales it to length 1, but takes none below 1e-14."""
     exponent = max(math.frexp(a)[1] for a in axis if a != 0.0)
     return math.ldexp(axis[0], -exponent), math.ldexp(axis[1], -exponent)

@@ -15,20 +15,7 @@ import numpy as np
 from crosscheck.engines import Array, EngineRefusal
 from crosscheck.engines.spatial.passive import Line, spins
 from crosscheck.engines.spatial.turning import joint_frame
-from refkin.joints import (
-    GROUND,
-    AxesParallel,
-    AxesPerpendicular,
-    Element,
-    PointInPlane,
-    PointOnAxis,
-    PointsMeet,
-    ScrewMotion,
-    ShiftAlongAxis,
-    SpatialPointDistance,
-    TurnAboutAxis,
-    elements_of,
-)
+from refkin import joints
 from refkin.model import Mechanism
 from refkin.motion import Route
 from refkin.motion_laws import Law
@@ -39,25 +26,25 @@ PARALLEL, PERPENDICULAR, ON_PLANE, ON_LINE = "parallel", "perpendicular", "point
 ANGLE, DISPLACEMENT = "angle", "displacement"
 MEETING = frozenset({SPHERICAL, REVOLUTE, UNIVERSAL, FIXED})
 """Joints whose two points are one."""
-SHAPES: Mapping[tuple[type[Element], ...], str] = {
-    (PointsMeet,): SPHERICAL,
-    (PointsMeet, AxesParallel): REVOLUTE,
-    (AxesParallel, PointOnAxis): CYLINDRICAL,
-    (AxesParallel, PointOnAxis, TurnAboutAxis): PRISMATIC,
-    (PointsMeet, AxesPerpendicular): UNIVERSAL,
-    (PointsMeet, AxesParallel, TurnAboutAxis): FIXED,
-    (AxesParallel, PointOnAxis, ScrewMotion): SCREW,
-    (SpatialPointDistance,): DISTANCE,
-    (AxesParallel,): PARALLEL,
-    (AxesPerpendicular,): PERPENDICULAR,
-    (PointInPlane,): ON_PLANE,
-    (PointOnAxis,): ON_LINE,
+SHAPES: Mapping[tuple[type[joints.Element], ...], str] = {
+    (joints.PointsMeet,): SPHERICAL,
+    (joints.PointsMeet, joints.AxesParallel): REVOLUTE,
+    (joints.AxesParallel, joints.PointOnAxis): CYLINDRICAL,
+    (joints.AxesParallel, joints.PointOnAxis, joints.TurnAboutAxis): PRISMATIC,
+    (joints.PointsMeet, joints.AxesPerpendicular): UNIVERSAL,
+    (joints.PointsMeet, joints.AxesParallel, joints.TurnAboutAxis): FIXED,
+    (joints.AxesParallel, joints.PointOnAxis, joints.ScrewMotion): SCREW,
+    (joints.SpatialPointDistance,): DISTANCE,
+    (joints.AxesParallel,): PARALLEL,
+    (joints.AxesPerpendicular,): PERPENDICULAR,
+    (joints.PointInPlane,): ON_PLANE,
+    (joints.PointOnAxis,): ON_LINE,
 }
 """What a joint of these elements is."""
-DRIVEN: Mapping[type[Element], str] = {
-    TurnAboutAxis: ANGLE,
-    ShiftAlongAxis: DISPLACEMENT,
-    SpatialPointDistance: DISTANCE,
+DRIVEN: Mapping[type[joints.Element], str] = {
+    joints.TurnAboutAxis: ANGLE,
+    joints.ShiftAlongAxis: DISPLACEMENT,
+    joints.SpatialPointDistance: DISTANCE,
 }
 """What a driver of this element moves."""
 AXIAL = frozenset({REVOLUTE, PRISMATIC, CYLINDRICAL, SCREW, FIXED, PARALLEL})
@@ -194,7 +181,7 @@ def given(mechanism: Mechanism, *, apart: bool = False) -> Iterator[Given]:
         If one consists of other elements than are known here.
     """
     for k, constraint in enumerate(mechanism.constraints):
-        elements: list[Any] = list(elements_of([constraint]))
+        elements: list[Any] = list(joints.elements_of([constraint]))
         shape, driver = tuple(map(type, elements)), k >= len(mechanism.joints)
         kind = DRIVEN.get(shape[0]) if driver and shape else SHAPES.get(shape)
         if kind is not None:
@@ -261,7 +248,7 @@ def _hold(g: Given, size: float, origin: Array) -> Hold:
     for side, body, point, axis, zero in zip("ij", g.bodies, g.points, g.axes, g.zeros, strict=True):
         at = np.array((0.0, 0.0, 0.0) if point is None else point, float)
         ends[f"body_{side}"] = body
-        ends[f"u_{side}"] = (at - origin if body == GROUND and point is not None else at) / size
+        ends[f"u_{side}"] = (at - origin if body == joints.GROUND and point is not None else at) / size
         if axis is not None:
             ends[f"frame_{side}"] = joint_frame(axis, zero)
     return Hold(

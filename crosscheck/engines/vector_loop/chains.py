@@ -28,20 +28,7 @@ from typing import Any
 from crosscheck.engines import EngineRefusal
 from crosscheck.engines.vector_loop.system import AngleRelation
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
-from refkin.joints import (
-    GROUND,
-    Constraint,
-    Element,
-    GuidedPoint,
-    Pair,
-    PointCoordinate,
-    PointDistance,
-    PointsCoincide,
-    RelativeAngle,
-    RollingOnLine,
-    RollingWheels,
-    elements_of,
-)
+from refkin import joints
 from refkin.model import Mechanism, Scene
 from refkin.motion_laws import Law
 
@@ -71,14 +58,14 @@ class Estimates:
     def __init__(self, scene: Scene) -> None:
         unit = scene.mechanism.unit()
         self.size, self.origin = unit.size, complex(*unit.origin)
-        self._frames: dict[str, Frame] = {GROUND: (0j, 0.0)}
+        self._frames: dict[str, Frame] = {joints.GROUND: (0j, 0.0)}
         for body in scene.mechanism.bodies:
             e = body.estimate
-            self._frames[body.name] = (NOWHERE, math.nan) if e is None else (self.local(GROUND, e[:2]), e[2])
+            self._frames[body.name] = (NOWHERE, math.nan) if e is None else (self.local(joints.GROUND, e[:2]), e[2])
 
     def local(self, body: str, u: Any) -> complex:
         """Return a point of a body in its frame; on the ground counted from the origin."""
-        return (complex(*u) - (self.origin if body == GROUND else 0.0)) / self.size
+        return (complex(*u) - (self.origin if body == joints.GROUND else 0.0)) / self.size
 
     def frame(self, body: str) -> Frame:
         """Return origin and angle of a body."""
@@ -97,57 +84,57 @@ class VectorChains:
         self._angles, self._estimates, self._t0 = angles, estimates, float(scene.times[0])
         self.guesses: dict[str, float] = {}
         self.relations: list[AngleRelation] = []
-        self.chains = [chain for e in elements_of(scene.mechanism.constraints) for chain in self._read(e)]
+        self.chains = [chain for e in joints.elements_of(scene.mechanism.constraints) for chain in self._read(e)]
 
-    def _read(self, e: Element) -> Iterator[VectorChain]:
-        if isinstance(e, RelativeAngle):
+    def _read(self, e: joints.Element) -> Iterator[VectorChain]:
+        if isinstance(e, joints.RelativeAngle):
             return
-        if isinstance(e, RollingWheels):
+        if isinstance(e, joints.RollingWheels):
             size = self._estimates.size
             turning = ((e.radius_i / size, self._angles[e.body_i]), (e.radius_j / size, self._angles[e.body_j]))
             self.relations.append(AngleRelation(turning, -(e.radius_i * e.zero_i + e.radius_j * e.zero_j) / size))
             return
-        ends = [(GROUND, 0j)] if isinstance(e, PointCoordinate) else []
+        ends = [(joints.GROUND, 0j)] if isinstance(e, joints.PointCoordinate) else []
         ends += [(body, self._estimates.local(body, u)) for body, u in e.ends]
         (i, p_i), (j, p_j) = ends
         open_chain = VectorChain(i, p_i, j, p_j, ())
         yield VectorChain(i, p_i, j, p_j, self._gap(e, self._estimates.gap(open_chain)))
 
-    def _gap(self, e: Element, gap: complex) -> tuple[Vector, ...]:
+    def _gap(self, e: joints.Element, gap: complex) -> tuple[Vector, ...]:
         """Return what leads from point i to point j; `gap` is the estimated one."""
         size = self._estimates.size
-        if isinstance(e, PointsCoincide):
+        if isinstance(e, joints.PointsCoincide):
             return tuple(Vector(along, self._law(law)) for along, law in zip((1.0, 1j), e.laws, strict=False))
-        if isinstance(e, PointCoordinate):
+        if isinstance(e, joints.PointCoordinate):
             origin = self._estimates.origin
             along, shift = (1j, origin.imag) if e.axis else (1.0, origin.real)
             across = self._unknown(f"coordinate across {e.name}", (gap / (1j * along)).real)
             return Vector(along, self._law(e.laws[0], shift)), Vector(1j * along, across)
-        if isinstance(e, PointDistance):
+        if isinstance(e, joints.PointDistance):
             length, sign = Variable(e.length / size), 1.0
             if e.laws:
                 length, sign = self._law(e.laws[0]), math.copysign(1.0, e.laws[0](self._t0))
             return (self._link(e, length, sign * gap),)
-        if isinstance(e, GuidedPoint):
+        if isinstance(e, joints.GuidedPoint):
             (x, y), slide = e.axis_i, self._slide(f"slide on {e.name}", e.body_i, e.axis_i, gap)
             aside = Vector(e.offset / size * complex(-y, x) / math.hypot(x, y), angle=self._angles[e.body_i])
             return (aside, slide) if e.offset else (slide,)
-        if isinstance(e, RollingOnLine):
+        if isinstance(e, joints.RollingOnLine):
             return self._rack(e, gap)
         raise EngineRefusal(
             f"vector_loop refuses {e.key} of {e.name!r}: no vector of given or sliding length stands for it"
         )
 
-    def _link(self, e: Element, length: Variable, gap: complex) -> Vector:
+    def _link(self, e: joints.Element, length: Variable, gap: complex) -> Vector:
         return Vector(1.0, length, self._unknown(f"direction of {e.name}", math.atan2(gap.imag, gap.real)))
 
-    def _slide(self, name: str, body: str, axis: Pair, gap: complex) -> Vector:
+    def _slide(self, name: str, body: str, axis: joints.Pair, gap: complex) -> Vector:
         """Return a vector of unknown length along an axis of a body."""
         along = complex(*axis) / math.hypot(*axis)
         length = (gap * cmath.exp(-1j * self._estimates.frame(body)[1]) / along).real
         return Vector(along, self._unknown(name, length), self._angles[body])
 
-    def _rack(self, e: RollingOnLine, gap: complex) -> tuple[Vector, ...]:
+    def _rack(self, e: joints.RollingOnLine, gap: complex) -> tuple[Vector, ...]:
         """Return slides along the axis and across; along - s0 - radius (phi_j - phi_i - phi0) = 0 is a relation."""
         size, (x, y) = self._estimates.size, e.axis_i
         along = self._slide(f"slide on {e.name}", e.body_i, (x, y), gap)
@@ -193,10 +180,10 @@ class Families:
     members: Mapping[str, tuple[str, ...]]
 
 
-def known_angles(constraints: Sequence[Constraint]) -> Iterator[KnownAngle]:
+def known_angles(constraints: Sequence[joints.Constraint]) -> Iterator[KnownAngle]:
     """Yield what joints and drivers say of two angles."""
-    for e in elements_of(constraints):
-        if isinstance(e, RelativeAngle):
+    for e in joints.elements_of(constraints):
+        if isinstance(e, joints.RelativeAngle):
             yield KnownAngle(e.name, e.body_i, e.body_j, Variable(e.angle, laws=tuple((1.0, law) for law in e.laws)))
 
 
@@ -211,10 +198,10 @@ def angle_families(mechanism: Mechanism) -> Families:
     left = list(known_angles(mechanism.constraints))
     angles: dict[str, Variable] = {}
     members: dict[str, tuple[str, ...]] = {}
-    for root in (GROUND, *(body.name for body in mechanism.bodies)):
+    for root in (joints.GROUND, *(body.name for body in mechanism.bodies)):
         if root in angles:
             continue
-        name = None if root == GROUND else f"angle of {root}"
+        name = None if root == joints.GROUND else f"angle of {root}"
         angles[root], family = Variable(unknown=name), [root]
         for body in family:
             for known in [known for known in left if known.other(body)]:
