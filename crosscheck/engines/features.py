@@ -59,11 +59,7 @@ def _scaled(unit: Unit, body: str, point: Pair) -> Pair:
 
 
 def with_rates(
-    motion: Motion,
-    pins: Pins,
-    route: Route,
-    jacobian: Callable[[Array], Array],
-    drift: Callable[[Array, Array], Array],
+    motion: Motion, pins: Pins, route: Route, jacobian: Callable[[Array], Array], drift: Callable[[Array, Array], Array]
 ) -> Motion:
     """Return a motion with velocity and acceleration from a feature's rows of the pins.
 

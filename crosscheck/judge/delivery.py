@@ -61,9 +61,7 @@ DOCUMENTED: Mapping[tuple[str, str], Documented] = {
         "MuJoCo 4.0.0, doc/XMLreference.rst, option/tolerance = 1e-8: of a soft constraint it leaves the root over k",
     ),
     ("pinocchio", "stopping rule"): Documented(
-        lambda scene: 1e-10,
-        "eps = 1e-10",
-        "Pinocchio 3.7.0, examples/simulation-closed-kinematic-chains.py",
+        lambda scene: 1e-10, "eps = 1e-10", "Pinocchio 3.7.0, examples/simulation-closed-kinematic-chains.py"
     ),
 }
 

@@ -157,11 +157,7 @@ def _worst_of(samples: Sequence[tuple[Any, Any]], maps: Sequence[RowMap]) -> Lev
 
 
 def _compare_at(
-    level: Level,
-    model: ConstraintModel,
-    at: Configuration,
-    maps: Sequence[RowMap],
-    terms: Sequence[Term],
+    level: Level, model: ConstraintModel, at: Configuration, maps: Sequence[RowMap], terms: Sequence[Term]
 ) -> tuple[Any, float]:
     """Return error / allowed per mapped row, and the digits of the worst row, at one configuration."""
     system, ours = at.in_form(getattr(model, "form", ""))

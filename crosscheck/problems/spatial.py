@@ -107,12 +107,7 @@ def arms(random: Random) -> Iterator[Stated]:
     for _ in range(2):
         weld = SpatialFixed(name="weld", **ends("arm", X, "tool"), axis_i=(0.0, 0.6, 0.8), zero_i=X, axis_j=Z, zero_j=X)
         rod = Cylindrical(
-            name="rod",
-            **ends(GROUND, (0.0, 0.0, 1.0), "sleeve"),
-            axis_i=(0.25, 0.0, 1.0),
-            zero_i=X,
-            axis_j=Z,
-            zero_j=X,
+            name="rod", **ends(GROUND, (0.0, 0.0, 1.0), "sleeve"), axis_i=(0.25, 0.0, 1.0), zero_i=X, axis_j=Z, zero_j=X
         )
         link = SpatialDistance(
             name="link", **ends("tool", (0.5, 0.0, 0.0), "sleeve", (0.5, 0.0, 0.0)), length=within(random, 2.0, 2.4)

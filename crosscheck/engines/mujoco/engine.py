@@ -43,15 +43,7 @@ from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree, joint_tree
 from crosscheck.engines.tree.tree_motion import CHAIN, Accelerations, marched_motion, tree_motion
 from crosscheck.engines.tree.tree_system import Places
-from refkin.joints import (
-    GROUND,
-    Constraint,
-    PointDistance,
-    PointsCoincide,
-    RelativeAngle,
-    RollingWheels,
-    elements_of,
-)
+from refkin.joints import GROUND, Constraint, PointDistance, PointsCoincide, RelativeAngle, RollingWheels, elements_of
 from refkin.model import Mechanism, Scene
 from refkin.motion import Motion, Producer, Route
 
@@ -298,11 +290,5 @@ def _absolute_tree(mechanism: Mechanism) -> JointTree:
     names = [body.name for body in mechanism.bodies]
     edges = [Edge(body=body, parent=GROUND, freedom=Freedom.FREE, first=3 * k) for k, body in enumerate(names)]
     return JointTree(
-        edges=tuple(edges),
-        closures=(),
-        driven=(),
-        size=mechanism.size(),
-        origin=(0.0, 0.0),
-        estimates={},
-        links={},
+        edges=tuple(edges), closures=(), driven=(), size=mechanism.size(), origin=(0.0, 0.0), estimates={}, links={}
     )

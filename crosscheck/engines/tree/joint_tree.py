@@ -23,16 +23,7 @@ from numpy.typing import NDArray
 from crosscheck.engines import EngineError, EngineRefusal
 from crosscheck.engines.frames import direction, through_its_point
 from crosscheck.engines.spatial.reading import in_space
-from refkin.joints import (
-    GROUND,
-    Element,
-    GuidedPoint,
-    Pair,
-    PointDistance,
-    PointsCoincide,
-    RelativeAngle,
-    elements_of,
-)
+from refkin.joints import GROUND, Element, GuidedPoint, Pair, PointDistance, PointsCoincide, RelativeAngle, elements_of
 from refkin.model import Mechanism
 
 Array = NDArray[np.float64]
