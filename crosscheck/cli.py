@@ -81,7 +81,7 @@ def _run(arguments: Sequence[str] | None) -> int:
         code = _ended(about, INFRASTRUCTURE)
     except KeyboardInterrupt as error:
         code = _ended(error, INTERRUPTED)
-    except Exception as error:  # a fault of our own: told like any other, with the place to look at
+    except Exception as error:  # a fault of our own: said like any other, with the place to look at
         at = traceback.extract_tb(error.__traceback__)[-1]
         where = f"{at.name}, {Path(at.filename).name}:{at.lineno}"
         print(f"crosscheck itself failed: {type(error).__name__}: {error} ({where})", file=sys.stderr)

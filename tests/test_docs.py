@@ -10,6 +10,8 @@ import sys
 import pytest
 
 from crosscheck.cli import main
+from crosscheck.measure.check import SHARPNESS, TURNED_ROUND
+from crosscheck.scenes import drawing
 from refkin.joints import DRIVER_TYPES, JOINT_TYPES, SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES
 from refkin.scenes.files import load
 from refkin.solving.solve import solve
@@ -65,6 +67,15 @@ def test_every_joint_and_driver_has_a_scene_that_shows_it():
             scene = load(DOCS / "scenes" / (f"{name}.toml" if kind == "joint" else f"{name}-driver.toml"))
 
             assert cls in {type(c) for c in getattr(scene.mechanism, f"{kind}s")}
+
+
+def test_the_shares_of_a_night_that_the_book_tells_are_those_of_the_code():
+    told = re.findall(r"one in (\d+)", (DOCS / "howto" / "cluster.md").read_text(encoding="utf-8"))
+    of_space = drawing.SPECIAL_EVERY // len(drawing.SPATIAL)
+
+    assert [*map(int, told)] == [drawing.CHAINS_EVERY, of_space, drawing.SPECIAL_EVERY, TURNED_ROUND, SHARPNESS]
+    numbers = range(4 * drawing.SPECIAL_EVERY)
+    assert sum(map(drawing.is_chain, numbers)) * drawing.CHAINS_EVERY == len(numbers)
 
 
 def test_equations_that_docstrings_cite_exist():

@@ -136,7 +136,7 @@ def notes(rows: Iterable[dict[str, Any]]) -> list[str]:
     """Return what each method does, and of how much of the workload, where that is a part of it."""
     lines = []
     for row in rows:
-        judged = f"; judged {row['judged']:,}" if row["unit"] == "configuration" else ""
+        judged = f"; compared {row['judged']:,}" if row["unit"] == "configuration" else ""
         without = f", no budget holds at {row['unjudged']} of the sample" if row["unjudged"] else ""
         lines.append(f"  {named(row)}: {row['note']} (timed {row['timed']:,}{judged}{without})")
     return list(dict.fromkeys(lines))
@@ -188,7 +188,7 @@ def effects(scene: Path, *, engines: Names = ENGINES, as_json: Json = False) -> 
     read_scene = load(scene)
     motion = solve(read_scene)
     if Status.OK not in motion.status:
-        print(f"{read_scene.name}: no pose is found, so no effect has a price: {motion.message}", file=sys.stderr)
+        print(f"{read_scene.name}: no pose, so no effect has a price: {motion.message}", file=sys.stderr)
         return DISAGREEMENT
     installed, missing = find_engines(names(engines, always=()))
     inert = show(read_scene, [spec for spec, _ in installed.values()], list(missing.values()), as_json)

@@ -42,7 +42,7 @@ def names(text: str, always: tuple[str, ...] = (ALWAYS, *SAMPLED)) -> tuple[str,
 
 
 MOST_LINES = 20
-"""Disagreements, and failures, that are told on a terminal; the report has all."""
+"""Disagreements, and failures, that a terminal shows; the report has all."""
 PLACES = ("inside", "outside", "undecidable", "no_answer")
 
 
@@ -126,7 +126,7 @@ def outcome_lines(outcome: NightOutcome) -> list[str]:
         row = f"the gap of {gap.engine} known since {gap.date} ({gap.predicate})"
         lines.append(f"possibly closed: {row} showed in none of {chances} scenes of its kind")
     for gap, scenes in outcome.found_again:
-        when = f"found again by scene {scenes}" if scenes else "not found again"
+        when = f"met again by scene {scenes}" if scenes else "not met again"
         lines.append(f"known gap {when}: {gap.engine}, {gap.reproduction}")
     if outcome.new:
         lines.append(f"simplifying disagreements took {outcome.shrinking_seconds:.0f} s")

@@ -105,7 +105,7 @@ def _print_bag(bag: Bag, out: Path) -> None:
     shown = console(160)
     worst = sorted(bag.catches.items(), key=lambda pair: -pair[1].ratio)
     rows = ([*name, f"{catch.ratio:.3g}", catch.origin, catch.number] for name, catch in worst)
-    heads = ("engine", "method", "quantity", ">error/allowed", ">from", ">found by scene")
+    heads = ("engine", "method", "quantity", ">error/allowed", ">starting from", ">number of the scene")
     shown.print(table(*heads, rows=rows, title=f"The worst of {bag.scenes} scenes"))
     for name, catch in bag.above():
         shown.print(f"above 1: {' '.join(name)}, {catch.ratio:.3g} times the allowed error")

@@ -83,10 +83,10 @@ def nightly(
     cluster
         Check the scenes on a Dask cluster: `local` for one of `workers` processes, or a scheduler, `tcp://host:8786`.
     scene_seconds
-        After this long on one scene a worker is ended, and the engine that it was at is told.
+        After this long on one scene the engine that is asked is ended, and said to hang.
     known_gaps
-        A table to hold the run against instead of our own: a file, or `none`. Then every row of our own is told, and
-        after how many scenes it was found again.
+        A table to hold the run against instead of our own: a file, or `none`. Then the outcome says of every row of
+        our own after how many scenes it was met again.
     sections_seconds
         How long to measure what the report shows beside the scenes, hard cases, prices and effects, when the scenes are
         done; not at all in less than eight. By default as long as `minutes`, four minutes at most, and not at all for
@@ -216,7 +216,7 @@ def baseline(
     Parameters
     ----------
     accept
-        Write the baseline anew; what is worse than before is told all the same.
+        Write the baseline anew; what is worse than before is printed all the same.
     engines
         Names, separated by commas.
     file

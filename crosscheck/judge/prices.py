@@ -8,7 +8,7 @@ from itertools import groupby, pairwise
 from typing import Any
 
 STEPS = (3, 6, 9, 12, 14)
-"""The digits whose cheapest way is told."""
+"""The digits whose cheapest method is named."""
 POSES = {"one": "one pose now", "cycle": "one cycle", "bulk": "in bulk"}
 """Who asks: somebody who needs one pose at once, one cycle, or a thousand poses and more."""
 SUFFIX = {"one": "_one", "cycle": "", "bulk": "_bulk"}

@@ -1,14 +1,14 @@
 """How far a method's answers to a workload are from the truth, and how far they may be.
 
 The truth is the closed form in long double; where that is no longer than a double the truth errs as a row does, which
-the budgets cover: they count roundings on both sides. The error of a position is told in sizes and radians, that of a
+the budgets cover: they count roundings on both sides. The error of a position is stated in sizes and radians, that of a
 rate as a part of the largest rate at that configuration. What is allowed is derived as everywhere
 (`crosscheck.judge.budget`), at the truth and component by component.
 
 Of four-bars every configuration's error is taken; budgets, which cost a hundred times more, are derived for a sample
 spread over all and for the configurations with the largest errors. Of a chain all coordinates are judged, with
 sparse matrices. |J^-1| has 4e9 entries for 10,000 loops, so |J^-1| e is taken from below, as the largest |J^-1 (s e)|
-over some random signs s: the ratio is told too large rather than too small.
+over some random signs s: the ratio is too large rather than too small.
 
 Of RSSRs the truth is the certified reference, so what the reference itself answers has no error. Every configuration
 is judged as a night judges it (`crosscheck.judge.comparison`): signs of p and spins of couplers are those of the truth.

@@ -188,7 +188,7 @@ FEWEST = 8
 SHORTEST = 4
 """Nights that a level must last to be one."""
 SMALLEST = 0.05
-"""Changes by less than this part of the level are not told."""
+"""Changes by less than this part of the level are not named."""
 QUIET = 0.01
 """The least noise that is believed of a timer, as a part of what it measures."""
 PER_CUT = 4.0

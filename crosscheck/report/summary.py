@@ -234,7 +234,7 @@ class Summary:
             bare[f"{engine} {quantity}"] += max(0, cell.judged - cell.digits.samples) if quantity in SOLVED else 0
         if bare.total():
             listed = ", ".join(f"{name} {count}" for name, count in sorted(bare.items()) if count)
-            notes.append(f"judged configurations without a finite number of digits: {listed}")
+            notes.append(f"compared configurations without a finite number of digits: {listed}")
         return notes
 
 

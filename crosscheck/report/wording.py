@@ -75,7 +75,7 @@ def whose(text: str | None, quantity: str) -> str:
 def sample(place: Mapping[str, Any]) -> str:
     """Return where a number was met, its time to six figures, or else what is known; report.json has all digits."""
     if place["component"] is None:
-        return str(place.get("message") or "not told by the record")
+        return str(place.get("message") or "not in the record")
     return str(place["component"]) if place["time"] is None else f"{place['component']} at t = {place['time']:.6g}"
 
 

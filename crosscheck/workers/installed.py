@@ -34,7 +34,7 @@ def find_engines(specs: Sequence[str]) -> tuple[dict[str, tuple[str, str]], dict
 
 
 def _tried(spec: str) -> tuple[str, str] | str:
-    """Return name and version, or why there is no such engine: no fault of ours, so no place in our code is told."""
+    """Return name and version, or why there is no such engine: no fault of ours, so no place in our code is named."""
     try:
         return name_and_version(spec)
     except EngineError as error:

@@ -212,7 +212,7 @@ def _begun(function: Callable[..., None], *arguments: Any) -> None:
 def told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
     """Return what a function returns, or a Failure that tells what it raised and where.
 
-    This is the border of a process: whatever an engine raises is told under its name, and nothing is lost beyond.
+    This is the border of a process: whatever an engine raises is reported under its name, and nothing is lost beyond.
     """
     try:
         return function(*arguments)
