@@ -354,7 +354,7 @@ def test_a_scene_without_a_pose_is_told_in_one_line_and_nobody_is_asked(tmp_path
     code, out, err = command("effects", path)
 
     assert (code, out) == (1, "")
-    assert "no pose is found, so no effect has a price: coupler and rocker cannot meet" in err
+    assert "no pose, so no effect has a price: coupler and rocker cannot meet" in err
 
 
 def test_noise_is_told_from_three_groups_of_many_rounds_and_from_two_of_few():
