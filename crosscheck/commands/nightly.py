@@ -19,7 +19,7 @@ from crosscheck.measure.jobs import checkers
 from crosscheck.night import golden
 from crosscheck.night.campaign import make_room, run, seed_of
 from crosscheck.night.history import HistoryError, nights, remember, trends, warnings
-from crosscheck.night.plan import ALWAYS, SAMPLED, NightPlan, write_outcome
+from crosscheck.night.plan import ALWAYS, SAMPLED, NightOutcome, NightPlan, write_outcome
 from crosscheck.night.sections import write_documents, write_pictures, write_sections
 from crosscheck.report import verdict
 from crosscheck.report.build import summarized, write
@@ -128,14 +128,19 @@ def nightly(
         _told("pictures and documents")
         write_pictures(plan.out, plan.seed, outcome.engines, SECONDS_FOR_PICTURES)
         write_documents(plan.out)
-    report = summarized(plan.out)
+    return _reported(plan.out, outcome, history or plan.out.parent / "history.sqlite")
+
+
+def _reported(out: Path, outcome: NightOutcome, history: Path) -> int:
+    """Keep a night in the history, write its report, print how it ended, and return its exit code."""
+    report = summarized(out)
     try:
-        report["trends"] = remember(history or plan.out.parent / "history.sqlite", report, plan.out)
+        report["trends"] = remember(history, report, out)
     except (HistoryError, OSError) as error:
         outcome.failed.append(f"the history cannot be kept: {error}")
-        write_outcome(plan.out, outcome)
-        report = summarized(plan.out)
-    page = write(plan.out, report)
+        write_outcome(out, outcome)
+        report = summarized(out)
+    page = write(out, report)
     warned = [f"warning: {line}" for line in warnings(report["trends"])] if report["trends"] else []
     shown = console(None, stderr=True)
     for line in (*outcome_lines(outcome), *warned, f"{report['verdict']}: {report['why']}", f"report: {page}"):

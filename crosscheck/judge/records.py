@@ -19,17 +19,21 @@ from pydantic import ConfigDict, NonNegativeInt, StringConstraints, TypeAdapter,
 
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
 
-"""What names a scene, and its files: nothing else is a name."""
 MOST_DIGITS = 17.0
 """What a sample without any error is given: binary64 holds no more."""
 
 Key = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{16}\z")]
+"""What names a scene, and its files: nothing else is a name."""
 Histogram = dict[int, NonNegativeInt]
 """Digits in whole tenths, rounded down -> how often."""
 By = dict[int, Histogram]
 """Decade of sigma_min, the distance to a singular pose -> the digits met there."""
 
-STRICT = ConfigDict(extra="forbid", allow_inf_nan=False)
+
+class Strict:
+    """What is read from a line holds nothing that is not known, and finite numbers."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid", allow_inf_nan=False)
 
 
 class Cause(StrEnum):
@@ -70,10 +74,8 @@ ENDED = (Cause.CRASH, Cause.HANG, Cause.ERROR)
 
 
 @dataclass(frozen=True)
-class At:
+class At(Strict):
     """Where a number was met: a coordinate and a time, or a row of an engine."""
-
-    __pydantic_config__ = STRICT
 
     component: str
     time: float | None = None
@@ -83,7 +85,7 @@ class At:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Quantity:
+class Quantity(Strict):
     """One quantity of an answer.
 
     Attributes
@@ -98,8 +100,6 @@ class Quantity:
         The signed error per scaled coordinate at the one time at which answers are compared with each other.
     """
 
-    __pydantic_config__ = STRICT
-
     ratio: float | None
     digits_by_sigma: By
     worst: At | None = None
@@ -107,10 +107,8 @@ class Quantity:
 
 
 @dataclass(frozen=True, kw_only=True)
-class MethodData:
+class MethodData(Strict):
     """Who did what on the way to an answer."""
-
-    __pydantic_config__ = STRICT
 
     name: str
     residual_by: str
@@ -122,10 +120,8 @@ class MethodData:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EnclosedTimes:
+class EnclosedTimes(Strict):
     """At how many times an answer lies inside and outside of what is attainable, by the certificate at 113 bits."""
-
-    __pydantic_config__ = STRICT
 
     inside: NonNegativeInt
     outside: NonNegativeInt
@@ -136,14 +132,12 @@ class EnclosedTimes:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Answer:
+class Answer(Strict):
     """One engine's answer to one scene by one method; `missing` times have none, `judged` were compared.
 
     `feature`: by a feature of the engine that its other methods avoid. `granted`: the error terms that the engine's
     documentation grants it beyond rounding, by name [sizes].
     """
-
-    __pydantic_config__ = STRICT
 
     engine: str
     version: str
@@ -159,10 +153,8 @@ class Answer:
 
 
 @dataclass(frozen=True, kw_only=True)
-class LevelRow:
+class LevelRow(Strict):
     """One engine's own rows at one level, compared at configurations that need not be assembled."""
-
-    __pydantic_config__ = STRICT
 
     engine: str
     level: str
@@ -173,17 +165,15 @@ class LevelRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Common:
+class Common(Strict):
     """The one time of a scene at which answers are compared with each other, and what their errors relate to."""
-
-    __pydantic_config__ = STRICT
 
     k: NonNegativeInt
     scale: dict[str, float]
 
 
 @dataclass(frozen=True, kw_only=True)
-class ReferenceRow:
+class ReferenceRow(Strict):
     """What the reference says of a scene.
 
     Attributes
@@ -198,8 +188,6 @@ class ReferenceRow:
     excuse : (time, sigma_min) or None
         A nearly singular pose, at a time or between two, that excused an engine for giving no answer.
     """
-
-    __pydantic_config__ = STRICT
 
     verdict: str
     statuses: dict[str, NonNegativeInt]
@@ -216,10 +204,8 @@ class ReferenceRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class RefusalRow:
+class RefusalRow(Strict):
     """What an engine refuses: one joint at one level for a reason, or, with `joint` empty, a scene."""
-
-    __pydantic_config__ = STRICT
 
     engine: str
     reason: str
@@ -234,7 +220,7 @@ class RefusalRow:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Disagreement:
+class Disagreement(Strict):
     """One engine, method and quantity that is not what it must be.
 
     Attributes
@@ -248,8 +234,6 @@ class Disagreement:
     violated : list of str
         The joints and drivers that the answer violates, by name, the most violated first.
     """
-
-    __pydantic_config__ = STRICT
 
     engine: str
     method: str
@@ -282,7 +266,7 @@ class Disagreement:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Record:
+class Record(Strict):
     """What was measured of one scene; `reference` is None only with a `failure`.
 
     Attributes
@@ -292,8 +276,6 @@ class Record:
     about : dict
         What the generator knows of the scene; its number in the night is `shard`.
     """
-
-    __pydantic_config__ = STRICT
 
     key: Key
     scene: str
@@ -307,7 +289,7 @@ class Record:
 
 
 @dataclass(kw_only=True)
-class NewCase:
+class NewCase(Strict):
     """A disagreement that no known gap accounts for, and the scene that shows it.
 
     Attributes
@@ -317,8 +299,6 @@ class NewCase:
     file, shrunk, note : str or None, bool, str
         Its scene file in the folder of the night; whether that is a minimal scene; what was done to have it.
     """
-
-    __pydantic_config__ = STRICT
 
     disagreement: Disagreement
     key: str
@@ -387,6 +367,17 @@ def fault(error: ValidationError) -> str:
     where = ".".join(map(str, first["loc"])) or "the line"
     value = "missing" if first["type"] == "missing" else repr(first["input"])
     return f"{where}: {value if len(value) <= 80 else value[:77] + '...'}; {first['msg'][0].lower()}{first['msg'][1:]}"
+
+
+def read_file(folder: Path, name: str, kind: Any) -> tuple[Any, list[str]]:
+    """Return what a file of a night holds (None: there is none), and what is wrong with it."""
+    path = folder / name
+    if not path.exists():
+        return None, []
+    try:
+        return adapter(kind).validate_json(path.read_bytes()), []
+    except ValidationError as error:
+        return None, [f"{name} cannot be read: {fault(error)}"]
 
 
 def _later_of_equals(path: Path) -> set[int]:

@@ -9,11 +9,11 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import TypeAdapter
 
 from crosscheck.errors import UsageError
 from crosscheck.judge.known_gaps import KnownGap
-from crosscheck.judge.records import STRICT, NewCase, Record, Unreadable, fault, line_of, read_records
+from crosscheck.judge.records import NewCase, Record, Strict, Unreadable, line_of, read_file, read_records
 from crosscheck.scenes.names import PEERS
 from crosscheck.workers.pool import SECONDS_PER_SCENE
 
@@ -175,7 +175,7 @@ class NightPlan:
 
 
 @dataclass
-class NightOutcome:
+class NightOutcome(Strict):
     """How a night ended.
 
     Attributes
@@ -204,8 +204,6 @@ class NightOutcome:
         Name of each engine that is there -> what `crosscheck.engines.load` takes for it.
     """
 
-    __pydantic_config__ = STRICT
-
     versions: dict[str, str]
     missing: dict[str, str]
     checked: int = 0
@@ -221,10 +219,8 @@ class NightOutcome:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Golden:
+class Golden(Strict):
     """The golden set of a night against the baseline: cases, engines, those that it lacks, what is worse."""
-
-    __pydantic_config__ = STRICT
 
     cases: int
     versions: dict[str, str]
@@ -241,13 +237,7 @@ def write_outcome(folder: Path, outcome: NightOutcome) -> None:
 
 def read_outcome(folder: Path) -> tuple[NightOutcome | None, list[str]]:
     """Return how the night of a folder ended, None if nobody wrote it; and what is wrong with the file."""
-    path = folder / OUTCOME
-    if not path.exists():
-        return None, []
-    try:
-        return TypeAdapter(NightOutcome).validate_json(path.read_bytes()), []
-    except ValidationError as error:
-        return None, [f"{OUTCOME} cannot be read: {fault(error)}"]
+    return read_file(folder, OUTCOME, NightOutcome)
 
 
 def engines_option(engines: Sequence[str]) -> str:

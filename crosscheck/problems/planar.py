@@ -13,6 +13,7 @@ from random import Random
 from typing import Any
 
 from crosscheck.problems.stated import TIMES, Family, Stated, ends, polynomial, stated, within
+from crosscheck.scenes.hard_case import pin
 from refkin.joints import (
     GROUND,
     AngleDriver,
@@ -28,7 +29,6 @@ from refkin.joints import (
     PointOnLine,
     Prismatic,
     RackAndPinion,
-    Revolute,
     XDriver,
 )
 from refkin.motion_laws import Integral, Law, Sinusoid
@@ -36,10 +36,6 @@ from refkin.scenes.linkages import FourBar, InvertedSliderCrank, Linkage, Slider
 
 NEARER = (1e-2, 1e-4, 1e-6, 1e-8, 1e-10, 1e-12)
 """How near hard problems come to a singular pose [sizes, rad]."""
-
-
-def _pin(name: str, i: str, p: Pair, j: str, q: Pair = (0.0, 0.0)) -> Revolute:
-    return Revolute(name=name, **ends(i, p, j, q))
 
 
 def _turning(body: str, law: Law, name: str = "motor") -> AngleDriver:
@@ -165,10 +161,10 @@ def six_bars(random: Random) -> Iterator[Stated]:
         if k % 3:
             base = (round(ground + reach, 2), within(random, -1.0, 1.0))
             link = round(reach * within(random, 0.9, 1.2), 2)
-            joints += [_pin("C", on, tip, "link"), _pin("D", "link", (link, 0.0), "last", (round(link * 0.9, 2), 0.0))]
-            joints.append(_pin("E0", GROUND, base, "last"))
+            joints += [pin("C", on, tip, "link"), pin("D", "link", (link, 0.0), "last", (round(link * 0.9, 2), 0.0))]
+            joints.append(pin("E0", GROUND, base, "last"))
         else:
-            joints += [_pin("C", on, tip, "rod"), _pin("D", "rod", (round(2 * reach, 2), 0.0), "slider")]
+            joints += [pin("C", on, tip, "rod"), pin("D", "rod", (round(2 * reach, 2), 0.0), "slider")]
             joints.append(_guide("guide", GROUND, (0.0, within(random, -1.0, 1.0)), (1.0, 0.0), "slider"))
         name = ("Watt" if k % 2 else "Stephenson") + (" six-bar" if k % 3 else " six-bar with a slider")
         yield stated(name, joints, _turning("crank", polynomial(0.3, 1.5, 0.25)))
@@ -177,10 +173,10 @@ def six_bars(random: Random) -> Iterator[Stated]:
 def _four_pins(ground: float, coupler: float, rocker: float) -> list[Constraint]:
     """Return a four-bar with a crank of length 1, each body's frame at one of its pins."""
     return [
-        _pin("A0", GROUND, (0.0, 0.0), "crank"),
-        _pin("A", "crank", (1.0, 0.0), "coupler"),
-        _pin("B", "coupler", (coupler, 0.0), "rocker", (rocker, 0.0)),
-        _pin("B0", GROUND, (ground, 0.0), "rocker"),
+        pin("A0", GROUND, (0.0, 0.0), "crank"),
+        pin("A", "crank", (1.0, 0.0), "coupler"),
+        pin("B", "coupler", (coupler, 0.0), "rocker", (rocker, 0.0)),
+        pin("B0", GROUND, (ground, 0.0), "rocker"),
     ]
 
 
@@ -196,12 +192,12 @@ def geared_five_bars(random: Random) -> Iterator[Stated]:
         left = within(random, 3.2, 3.6)
         right = round(left + within(random, -0.4, 0.4), 2)
         joints = [
-            _pin("A0", GROUND, (0.0, 0.0), "crank"),
-            _pin("B0", GROUND, (ground, 0.0), "second"),
+            pin("A0", GROUND, (0.0, 0.0), "crank"),
+            pin("B0", GROUND, (ground, 0.0), "second"),
             Gear(name="mesh", body_i="crank", radius_i=ratio, body_j="second", radius_j=1.0, phi0_j=0.5),
-            _pin("A", "crank", (1.0, 0.0), "left"),
-            _pin("B", "second", (second, 0.0), "right"),
-            _pin("P", "left", (left, 0.0), "right", (right, 0.0)),
+            pin("A", "crank", (1.0, 0.0), "left"),
+            pin("B", "second", (second, 0.0), "right"),
+            pin("P", "left", (left, 0.0), "right", (right, 0.0)),
         ]
         yield stated(f"geared five-bar, ratio {ratio:g}", joints, _turning("crank", polynomial(0.2, 2.0, 0.125)))
 
@@ -211,11 +207,11 @@ def rolling_pinions(random: Random) -> Iterator[Stated]:
     for _ in range(4):
         radius = within(random, 0.4, 1.2)
         joints = [
-            _pin("A0", GROUND, (0.0, 0.0), "crank"),
-            _pin("A", "crank", (1.0, 0.0), "rod"),
-            _pin("B", "rod", (within(random, 2.5, 4.0), 0.0), "carrier"),
+            pin("A0", GROUND, (0.0, 0.0), "crank"),
+            pin("A", "crank", (1.0, 0.0), "rod"),
+            pin("B", "rod", (within(random, 2.5, 4.0), 0.0), "carrier"),
             _guide("guide", GROUND, (0.0, radius), (1.0, 0.0), "carrier"),
-            _pin("C", "carrier", (0.5, 0.0), "pinion"),
+            pin("C", "carrier", (0.5, 0.0), "pinion"),
             RackAndPinion(
                 name="teeth", **ends(GROUND, (0.0, 0.0), "pinion"), axis_i=(1.0, 0.0), radius=-radius, s0=3.0
             ),
@@ -226,15 +222,15 @@ def rolling_pinions(random: Random) -> Iterator[Stated]:
 def chains(random: Random) -> Iterator[Stated]:
     """Yield four-bars in a row, the rocker of each the crank of the next."""
     for count in (3, 5, 7):
-        joints: list[Constraint] = [_pin("A0", GROUND, (0.0, 0.0), "b0")]
+        joints: list[Constraint] = [pin("A0", GROUND, (0.0, 0.0), "b0")]
         for k in range(count):
             coupler, rocker = within(random, 3.4, 3.7), within(random, 2.9, 3.1)
             crank = (1.0, 0.0)
             foot = (4.0 * (k + 1), 0.0)
             joints += [
-                _pin(f"A{k + 1}", f"b{k}", crank, f"c{k}"),
-                _pin(f"B{k + 1}", f"c{k}", (coupler, 0.0), f"b{k + 1}", (rocker, 0.0)),
-                _pin(f"F{k + 1}", GROUND, foot, f"b{k + 1}"),
+                pin(f"A{k + 1}", f"b{k}", crank, f"c{k}"),
+                pin(f"B{k + 1}", f"c{k}", (coupler, 0.0), f"b{k + 1}", (rocker, 0.0)),
+                pin(f"F{k + 1}", GROUND, foot, f"b{k + 1}"),
             ]
         yield stated(f"chain of {count} four-bars", joints, _turning("b0", polynomial(0.3, 1.5)))
 
@@ -245,8 +241,8 @@ def redundant_loops(random: Random) -> Iterator[Stated]:
         joints: list[Constraint] = []
         for name, x in (("crank", 0.0), ("middle", 1.5), ("rocker", 3.0)):
             joints += [
-                _pin(f"{name} 0", GROUND, (x, 0.0), name),
-                _pin(f"{name} 1", name, (1.0, 0.0), "coupler", (x, 0.0)),
+                pin(f"{name} 0", GROUND, (x, 0.0), name),
+                pin(f"{name} 1", name, (1.0, 0.0), "coupler", (x, 0.0)),
             ]
         yield stated(
             "coupler on three parallel cranks", joints, _turning("crank", polynomial(start, 0.25)), assemblies=1
@@ -258,14 +254,14 @@ def massless_links(random: Random) -> Iterator[Stated]:
     for _ in range(4):
         ground, coupler, rocker = _crank_rocker(random)
         joints = [
-            _pin("A0", GROUND, (0.0, 0.0), "crank"),
-            _pin("B0", GROUND, (ground, 0.0), "rocker"),
+            pin("A0", GROUND, (0.0, 0.0), "crank"),
+            pin("B0", GROUND, (ground, 0.0), "rocker"),
             Distance(name="link", **ends("crank", (1.0, 0.0), "rocker", (rocker, 0.0)), length=coupler),
         ]
         yield stated("four-bar with a massless coupler", joints, _turning("crank", polynomial(0.3, 2.0)))
     for _ in range(2):
         link = Distance(name="link", **ends(GROUND, (4.0, 0.5), "plate", (1.5, 0.0)), length=within(random, 2.2, 2.6))
-        joints = [_pin("A0", GROUND, (0.0, 0.0), "crank"), _pin("A", "crank", (1.0, 0.0), "plate"), link]
+        joints = [pin("A0", GROUND, (0.0, 0.0), "crank"), pin("A", "crank", (1.0, 0.0), "plate"), link]
         yield stated("plate on a crank and a link", joints, _turning("crank", polynomial(0.3, 0.4)))
 
 
@@ -281,7 +277,7 @@ def guided_bars(random: Random) -> Iterator[Stated]:
     for k in range(2):
         slope = (0.25 * k, 1.0)
         joints = [
-            _pin("A0", GROUND, (0.0, 0.0), "crank"),
+            pin("A0", GROUND, (0.0, 0.0), "crank"),
             _guide("guide", GROUND, (0.0, 0.0), (1.0, 0.0), "yoke"),
             PointOnLine(name="slot", **ends("yoke", (0.0, 0.0), "crank", (1.0, 0.0)), axis_i=slope),
         ]
@@ -289,8 +285,8 @@ def guided_bars(random: Random) -> Iterator[Stated]:
     for _ in range(2):
         end = (within(random, 2.0, 3.0), 0.0)
         joints = [
-            _pin("A0", GROUND, (0.0, 0.0), "crank"),
-            _pin("A", "crank", (1.0, 0.0), "bar"),
+            pin("A0", GROUND, (0.0, 0.0), "crank"),
+            pin("A", "crank", (1.0, 0.0), "bar"),
             PointOnLine(name="line", **ends(GROUND, (0.0, 0.25), "bar", end), axis_i=(1.0, 0.125)),
         ]
         yield stated("bar with one end on a line", joints, _turning("crank", polynomial(0.3, 2.0)))
@@ -303,10 +299,10 @@ def cylinders(random: Random) -> Iterator[Stated]:
         low = round(abs(eye[0] - foot[0]) + 0.3, 2)
         at = ends(GROUND, foot, "boom", eye)
         law: Law = polynomial(low, 0.3) if k % 2 else Sinusoid(offset=low + 0.3, amplitude=0.25, angular_frequency=2.0)
-        joints: list[Constraint] = [_pin("O", GROUND, (0.0, 0.0), "boom")]
+        joints: list[Constraint] = [pin("O", GROUND, (0.0, 0.0), "boom")]
         if k % 3 == 2:
-            joints.append(_pin("A", "boom", (3.0, 0.0), "rod"))
-            joints.append(_pin("B", "rod", (4.0, 0.0), "slider"))
+            joints.append(pin("A", "boom", (3.0, 0.0), "rod"))
+            joints.append(pin("B", "rod", (4.0, 0.0), "slider"))
             joints.append(_guide("guide", GROUND, (0.0, 0.5), (1.0, 0.0), "slider"))
         yield stated("boom on a cylinder", joints, DistanceDriver(name="cylinder", **at, **law_keys(law)))
 
@@ -324,9 +320,9 @@ def platforms(random: Random) -> Iterator[Stated]:
                 drivers.append(DistanceDriver(name=f"leg {n}", **at, **law_keys(law)))
                 continue
             joints += [
-                _pin(f"foot {n}", GROUND, foot, f"crank {n}"),
-                _pin(f"knee {n}", f"crank {n}", (1.25, 0.0), f"rod {n}"),
-                _pin(f"head {n}", f"rod {n}", (within(random, 1.4, 1.6), 0.0), "plate", head),
+                pin(f"foot {n}", GROUND, foot, f"crank {n}"),
+                pin(f"knee {n}", f"crank {n}", (1.25, 0.0), f"rod {n}"),
+                pin(f"head {n}", f"rod {n}", (within(random, 1.4, 1.6), 0.0), "plate", head),
             ]
             start = (0.75, 2.5, -1.5)[n]
             drivers.append(_turning(f"crank {n}", polynomial(start, within(random, 0.05, 0.15)), f"motor {n}"))
@@ -343,7 +339,7 @@ def cams(random: Random) -> Iterator[Stated]:
             more |= {"roller_radius": 0.375} if form == "roller" else {}
             at = ends("cam", (0.5, 0.0), "follower")
             joints = [
-                _pin("A0", GROUND, (0.0, 0.0), "cam"),
+                pin("A0", GROUND, (0.0, 0.0), "cam"),
                 _guide("guide", GROUND, (0.25, 0.0), (0.0, 1.0), "follower"),
                 Cam(name="touch", **at, profile=Disc(radius=radius), follower=form, **more),
             ]
@@ -355,9 +351,9 @@ def welded_bodies(random: Random) -> Iterator[Stated]:
     """Yield slider-cranks driven along x, whose slider carries a body that is fixed to it."""
     for _ in range(2):
         joints = [
-            _pin("A0", GROUND, (0.0, 0.0), "crank"),
-            _pin("A", "crank", (1.0, 0.0), "rod"),
-            _pin("B", "rod", (within(random, 2.5, 3.5), 0.0), "slider"),
+            pin("A0", GROUND, (0.0, 0.0), "crank"),
+            pin("A", "crank", (1.0, 0.0), "rod"),
+            pin("B", "rod", (within(random, 2.5, 3.5), 0.0), "slider"),
             _guide("guide", GROUND, (0.0, 0.25), (1.0, 0.0), "slider"),
             Fixed(name="weld", **ends("slider", (0.25, 0.5), "tool", (-0.5, 0.0)), angle=0.75),
         ]

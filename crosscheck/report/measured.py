@@ -9,9 +9,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any, Literal
 
-from pydantic import BaseModel, ConfigDict, NonNegativeFloat, ValidationError
+from pydantic import BaseModel, ConfigDict, NonNegativeFloat
 
-from crosscheck.judge.records import adapter, fault
+from crosscheck.judge.records import read_file
 
 Rows = list[dict[str, Any]]
 VERDICTS = ("correct", "warned", "refused", "wrong", "crash", "hang")
@@ -98,14 +98,3 @@ class Pictures(_Row):
     height: int
     scenes: Rows
     marks: Rows
-
-
-def read_file(folder: Path, name: str, kind: Any) -> tuple[Any, list[str]]:
-    """Return what a file of a night holds (None: there is none), and what is wrong with it."""
-    path = folder / name
-    if not path.exists():
-        return None, []
-    try:
-        return adapter(kind).validate_json(path.read_bytes()), []
-    except ValidationError as error:
-        return None, [f"{name} cannot be read: {fault(error)}"]

@@ -11,11 +11,11 @@ from typing import Any
 
 from crosscheck.judge.known_gaps import KnownGap
 from crosscheck.judge.records import QUANTITIES as SOLVED
-from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_records
+from crosscheck.judge.records import Disagreement, Record, Unreadable, plain, read_file, read_records
 from crosscheck.night.plan import GOLDEN, Golden, read_outcome
 from crosscheck.report.cells import Cell, MethodTotals, Place
 from crosscheck.report.disagreements import Disagreements, Features
-from crosscheck.report.measured import PICTURES, Documents, Pictures, Trends, measured, read_file
+from crosscheck.report.measured import PICTURES, Documents, Pictures, Trends, measured
 from crosscheck.report.totals import Coverage, Peers, ReferenceTotals, Refusals, Silent, Together, decade
 from crosscheck.report.verdict import verdict
 

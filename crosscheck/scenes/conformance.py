@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.scenes.conformance_space import spatial_scenes
+from crosscheck.scenes.hard_case import pin
 from refkin.joints import (
     GROUND,
     AngleDriver,
@@ -30,7 +31,6 @@ from refkin.joints import (
     Polar,
     Prismatic,
     RackAndPinion,
-    Revolute,
     XDriver,
     YDriver,
 )
@@ -70,11 +70,7 @@ def questions() -> tuple[Question, ...]:
     return (*_joints(), *_drivers_and_laws(), *_ways_to_say_it(), *_without_answer(), *of_space)
 
 
-def _pin(name: str, i: str, at_i: tuple[float, float], j: str, at_j: tuple[float, float]) -> Revolute:
-    return Revolute(name=name, body_i=i, point_i=at_i, body_j=j, point_j=at_j)
-
-
-CRANK = _pin("O", GROUND, (0.0, 0.0), "crank", (-0.5, 0.0))
+CRANK = pin("O", GROUND, (0.0, 0.0), "crank", (-0.5, 0.0))
 """The pivot of a crank of 1 m, whose frame is in its middle."""
 
 
@@ -101,21 +97,21 @@ def _joints() -> Iterator[Question]:
         point_j=(0.1, 0.0),
         angle=0.4,
     )
-    pins = (_pin("A", "crank", (0.5, 0.0), "block", (0.0, 0.0)), _pin("B0", GROUND, (3.0, 0.0), "lever", (0.0, 0.0)))
+    pins = (pin("A", "crank", (0.5, 0.0), "block", (0.0, 0.0)), pin("B0", GROUND, (3.0, 0.0), "lever", (0.0, 0.0)))
     moving = {**crank, "block": (0.42, 0.91, 2.9), "lever": (3.0, 0.0, 2.5)}
     yield Question("prismatic between moving bodies", _scene(moving, CRANK, *pins, slot))
     on_line = PointOnLine(name="line", **guide, point_i=(0.3, -0.2), body_j="rod", point_j=(2.5, 0.1))
     inverted = InvertedSliderCrank(ground=3.0, crank=1.0, offset=0.3).scene(law=WAVE, times=TIMES)
     yield Question("point_on_line of a moving body", inverted)
     rod = {**crank, "rod": (0.42, 0.91, 0.66)}
-    yield Question("point_on_line", _scene(rod, CRANK, _pin("A", "crank", (0.5, 0.0), "rod", (0.0, 0.0)), on_line))
+    yield Question("point_on_line", _scene(rod, CRANK, pin("A", "crank", (0.5, 0.0), "rod", (0.0, 0.0)), on_line))
     link = Distance(name="link", body_i="crank", point_i=(0.5, 0.0), body_j="rocker", point_j=(1.5, 0.0), length=3.5)
-    pivot = _pin("B0", GROUND, (4.0, 0.0), "rocker", (-1.5, 0.0))
+    pivot = pin("B0", GROUND, (4.0, 0.0), "rocker", (-1.5, 0.0))
     yield Question("distance", _scene({**crank, "rocker": (3.6, 1.45, 1.84)}, CRANK, pivot, link))
     plate = Fixed(name="weld", body_i="crank", point_i=(0.5, 0.1), body_j="plate", point_j=(-0.3, 0.2), angle=0.4)
     yield Question("fixed", _scene({**crank, "plate": (0.54, 1.24, 1.53)}, CRANK, plate))
     wheel = {**crank, "wheel": (2.0, 0.5, -1.7)}
-    axle = _pin("W", GROUND, (2.0, 0.5), "wheel", (0.0, 0.0))
+    axle = pin("W", GROUND, (2.0, 0.5), "wheel", (0.0, 0.0))
     mesh = Gear(name="mesh", body_i="crank", radius_i=1.2, body_j="wheel", radius_j=0.8, phi0_i=0.2, phi0_j=-0.3)
     yield Question("gear", _scene(wheel, CRANK, axle, mesh))
     yield Question(
@@ -177,7 +173,7 @@ def _ways_to_say_it() -> Iterator[Question]:
     plain = FOUR_BAR.scene(law=WAVE, times=TIMES)
     m = plain.mechanism
     pins: Any = m.joints
-    turned = tuple(_pin(j.name, j.body_j, j.point_j, j.body_i, j.point_i) for j in pins)
+    turned = tuple(pin(j.name, j.body_j, j.point_j, j.body_i, j.point_i) for j in pins)
     yield Question("the ground as second body", replace(plain, mechanism=replace(m, joints=turned)))
     yield Question("the other assembly", FOUR_BAR.scene(law=WAVE, times=TIMES, branch="crossed"))
     small = FourBar(ground=0.004, crank=0.001, coupler=0.0035, rocker=0.003, origin=(0.05, -0.02), angle=0.7)

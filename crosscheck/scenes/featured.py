@@ -13,9 +13,9 @@ from hypothesis import assume
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
-from crosscheck.scenes.hard_case import dyads
+from crosscheck.scenes.hard_case import dyads, pin
 from crosscheck.strategies.spans import Hardness
-from refkin.joints import GROUND, AngleDriver, Pair, Revolute
+from refkin.joints import GROUND, AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import Branch, FourBar, Pose
@@ -69,10 +69,10 @@ def _beside(draw: DrawFn, begin: float) -> tuple[tuple[Revolute, ...], Pose]:
     linkage = FourBar(ground=ground, crank=size, coupler=coupler, rocker=rocker)
     pose = {body: _moved(place, -beside) for body, place in linkage.assemble(begin).items()}
     joints = (
-        _pin("A0", GROUND, 0.0, "crank", beside),
-        _pin("A", "crank", size + beside, "coupler", beside),
-        _pin("B", "coupler", coupler + beside, "rocker", rocker + beside),
-        _pin("B0", GROUND, ground, "rocker", beside),
+        pin("A0", GROUND, (0.0, 0.0), "crank", (beside, 0.0)),
+        pin("A", "crank", (size + beside, 0.0), "coupler", (beside, 0.0)),
+        pin("B", "coupler", (coupler + beside, 0.0), "rocker", (rocker + beside, 0.0)),
+        pin("B0", GROUND, (ground, 0.0), "rocker", (beside, 0.0)),
     )
     return joints, pose
 
@@ -80,8 +80,3 @@ def _beside(draw: DrawFn, begin: float) -> tuple[tuple[Revolute, ...], Pose]:
 def _moved(pose: tuple[float, float, float], along: float) -> tuple[float, float, float]:
     x, y, phi = pose
     return x + along * math.cos(phi), y + along * math.sin(phi), phi
-
-
-def _pin(name: str, i: str, x_i: float, j: str, x_j: float) -> Revolute:
-    point_i: Pair = (x_i, 0.0)
-    return Revolute(name=name, body_i=i, point_i=point_i, body_j=j, point_j=(x_j, 0.0))

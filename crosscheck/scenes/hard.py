@@ -11,7 +11,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
 
-from crosscheck.scenes.hard_case import DISTANCES, DOWN, GAPS, SPATIAL, STEPS, UP, HardCase, dyads, timed, ways_to
+from crosscheck.scenes.hard_case import DISTANCES, DOWN, GAPS, SPATIAL, STEPS, UP, HardCase, dyads, pin, timed, ways_to
 from refkin.joints import GROUND, AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
@@ -211,9 +211,8 @@ def _parallel_joints() -> list[Revolute]:
     """Return the joints of a coupler on three parallel cranks."""
     joints = []
     for k, (crank, x) in enumerate((("crank", 0.0), ("middle", 1.5), ("rocker", 3.0))):
-        foot = {"body_i": GROUND, "point_i": (x, 0.0), "body_j": crank, "point_j": (-0.5, 0.0)}
-        head = {"body_i": crank, "point_i": (0.5, 0.0), "body_j": "coupler", "point_j": (x - 1.5, 0.0)}
-        joints += [Revolute(name=f"foot {k}", **foot), Revolute(name=f"head {k}", **head)]  # type: ignore[arg-type]
+        joints.append(pin(f"foot {k}", GROUND, (x, 0.0), crank, (-0.5, 0.0)))
+        joints.append(pin(f"head {k}", crank, (0.5, 0.0), "coupler", (x - 1.5, 0.0)))
     return joints
 
 

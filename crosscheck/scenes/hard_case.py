@@ -27,6 +27,11 @@ UP, DOWN = (0.0, 1.0), (0.0, -1.0)
 """Laws c0 + c1 t of an input that is the time, or its negative: times may be given as near to 0 as numbers go."""
 
 
+def pin(name: str, i: str, point_i: Pair, j: str, point_j: Pair = (0.0, 0.0)) -> Revolute:
+    """Return a revolute joint; on body j it is at the origin by default."""
+    return Revolute(name=name, body_i=i, point_i=point_i, body_j=j, point_j=point_j)
+
+
 @dataclass(frozen=True)
 class HardCase:
     """A hard scene.
@@ -85,7 +90,7 @@ def dyads(count: int, seed: int, angles: Sequence[float]) -> tuple[list[Revolute
     all of a branching tree. Lengths are such that at no angle the dyad is near being stretched or folded.
     """
     draw = random.Random(seed)
-    joints = [Revolute(name="pivot", body_i=GROUND, point_i=(0.0, 0.0), body_j="crank", point_j=(0.0, 0.0))]
+    joints = [pin("pivot", GROUND, (0.0, 0.0), "crank")]
     poses: dict[float, Pose] = {angle: {"crank": (0.0, 0.0, angle)} for angle in angles}
     names = [GROUND, "crank"]
     for n in range(count):
@@ -93,13 +98,12 @@ def dyads(count: int, seed: int, angles: Sequence[float]) -> tuple[list[Revolute
         a, b = f"a{n}", f"b{n}"
         for pose in poses.values():
             x, y = (_where(pose, end) for end in ends)
-            pin = x + _arm(y - x, first, second)
-            pose[a] = (x.real, x.imag, cmath.phase(pin - x))
-            pose[b] = (y.real, y.imag, cmath.phase(pin - y))
+            knee = x + _arm(y - x, first, second)
+            pose[a] = (x.real, x.imag, cmath.phase(knee - x))
+            pose[b] = (y.real, y.imag, cmath.phase(knee - y))
         for link, (body, point) in zip((a, b), ends, strict=True):
-            joints.append(Revolute(name=f"foot {link}", body_i=body, point_i=point, body_j=link, point_j=(0.0, 0.0)))
-        knee = {"body_i": a, "point_i": (first, 0.0), "body_j": b, "point_j": (second, 0.0)}
-        joints.append(Revolute(name=f"knee {n}", **knee))  # type: ignore[arg-type]
+            joints.append(pin(f"foot {link}", body, point, link))
+        joints.append(pin(f"knee {n}", a, (first, 0.0), b, (second, 0.0)))
         names += [a, b]
     return joints, poses
 

@@ -17,8 +17,9 @@ from typing import Any
 import numpy as np
 
 from crosscheck.scenes.four_bar_answers import four_bar
+from crosscheck.scenes.hard_case import pin
 from crosscheck.scenes.workloads_space import SpatialLoops, many_rssrs, one_rssr
-from refkin.joints import GROUND, AngleDriver, Pair, Revolute, Unit
+from refkin.joints import GROUND, AngleDriver, Unit
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import FourBar
@@ -199,12 +200,12 @@ class Chain:
         bodies, joints, tips = [], [], self._tips
         for k, (foot, tip, r) in enumerate(zip(self.feet, tips, self.rockers, strict=True)):
             bodies.append(_body(f"rocker{k}", (foot + tip) / 2, cmath.phase(tip - foot)))
-            joints.append(_pin(f"foot{k}", GROUND, (foot, 0.0), f"rocker{k}", (-r / 2, 0.0)))
+            joints.append(pin(f"foot{k}", GROUND, (foot, 0.0), f"rocker{k}", (-r / 2, 0.0)))
         for k, (a, b) in enumerate(pairwise(tips)):
             bodies.append(_body(f"coupler{k}", (a + b) / 2, cmath.phase(b - a)))
             half, left, right = self.couplers[k] / 2, self.rockers[k] / 2, self.rockers[k + 1] / 2
-            joints.append(_pin(f"left{k}", f"rocker{k}", (left, 0.0), f"coupler{k}", (-half, 0.0)))
-            joints.append(_pin(f"right{k}", f"coupler{k}", (half, 0.0), f"rocker{k + 1}", (right, 0.0)))
+            joints.append(pin(f"left{k}", f"rocker{k}", (left, 0.0), f"coupler{k}", (-half, 0.0)))
+            joints.append(pin(f"right{k}", f"coupler{k}", (half, 0.0), f"rocker{k + 1}", (right, 0.0)))
         driver = AngleDriver(name="motor", body="rocker0", law=self.law)
         mechanism = Mechanism(tuple(bodies), tuple(joints), (driver,))
         return Scene(mechanism=mechanism, times=(0.0,), name=self.name, evidence=frozenset())
@@ -278,10 +279,6 @@ def grashof(count: int, margin: float) -> Any:
         turns = (in_order[0] == lengths[1]) | (in_order[0] == lengths[0])
         four_bars = np.concatenate([four_bars, lengths[:, turns & (slack > margin * in_order[3])]], axis=1)
     return four_bars[:, :count]
-
-
-def _pin(name: str, i: str, at_i: Pair, j: str, at_j: Pair) -> Revolute:
-    return Revolute(name=name, body_i=i, point_i=at_i, body_j=j, point_j=at_j)
 
 
 def _body(name: str, middle: complex, phi: float) -> Body:

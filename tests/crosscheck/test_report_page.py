@@ -390,7 +390,7 @@ def test_short_form_of_who_did_it_says_where_it_is_cut(text: str | None, quantit
         ({"component": "rocker.phi", "time": 1.23456789}, "rocker.phi at t = 1.23457"),
         ({"component": "row 3", "time": None}, "row 3"),
         ({"component": None, "time": None, "message": "two times without answer"}, "two times without answer"),
-        ({"component": None, "time": None}, "not told by the record"),
+        ({"component": None, "time": None}, "not in the record"),
     ],
 )
 def test_where_a_number_was_met_is_told_in_words(place: Any, expected: str) -> None:

@@ -92,14 +92,19 @@ def correct_digits(printed: Written, truth: Any) -> float:
     return math.floor(10 * min(max(digits, 0.0), printed.digits)) / 10
 
 
-STRICT: dict[str, Any] = {"extra": "forbid", "strict": True}
+class _Strict:
+    """What the file of the ledger says is of the types that stand here, and nothing else is in it."""
+
+    __pydantic_config__: ClassVar[dict[str, Any]] = {"extra": "forbid", "strict": True}
+
+
 Leaf = str | int | bool
 Tree = Any
 """A leaf, or a list of trees."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class Value:
+class Value(_Strict):
     """One quantity of a row.
 
     Attributes
@@ -118,11 +123,10 @@ class Value:
     truth: Tree = None
     printed: Tree = None
     between: tuple[str, str] | None = None
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
 
 @dataclass(frozen=True, kw_only=True)
-class Erratum:
+class Erratum(_Strict):
     """What is wrong in a document.
 
     Attributes
@@ -149,11 +153,10 @@ class Erratum:
     shown_by: str = ""
     counts: int = 1
     reading: str = ""
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
 
 @dataclass(frozen=True, kw_only=True)
-class LedgerRow:
+class LedgerRow(_Strict):
     """One system, algorithm or printed number of the source documents.
 
     Attributes
@@ -179,16 +182,14 @@ class LedgerRow:
     inferred: str = ""
     open: str = ""
     note: str = ""
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
 
 @dataclass(frozen=True, kw_only=True)
-class Ledger:
+class Ledger(_Strict):
     """The whole file; `documents` are title and place by key."""
 
     documents: Mapping[str, str]
     row: tuple[LedgerRow, ...]
-    __pydantic_config__: ClassVar[dict[str, Any]] = STRICT
 
 
 @cache
