@@ -153,6 +153,13 @@ class Propagation:
         """What errors as large as what stands in a residual's equations do, as `of_one`."""
         return [self.carried.of(level, size) for level, size in enumerate(self.size)]
 
+    def left(self, order: int, t: float) -> Any:
+        """Return what rounding leaves of the rows (m,) of a level at one of the times: of formulas, answer, solving."""
+        k = int(np.flatnonzero(self.t == t)[0])
+        slope = np.abs(self.system.phi_q(self.levels[0][:, k], t))
+        solving = _solve_error(self.size[order][:, k]) if order else 0.0
+        return self.e[order][:, k] + np.sum(slope * self.rounding[order][..., k], axis=1) + solving
+
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors where an engine adds these terms."""
         levels = list(self.both)

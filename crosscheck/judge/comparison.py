@@ -209,7 +209,7 @@ def scaled_differences(
     """
     rows = rows_of(ref.system, bodies)
     ours = [level[rows][:, at] for level in ref.levels]
-    theirs = [None if x is None else _in_unit(ref.system, np.array(x), k) for k, x in enumerate(levels)]
+    theirs = [None if x is None else _in_unit(ref.system, np.array(x, float), k) for k, x in enumerate(levels)]
     if ref.system.kind.name == "spatial":
         known = [x for x in theirs if x is not None]
         with np.errstate(invalid="ignore", divide="ignore"):

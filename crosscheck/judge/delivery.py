@@ -28,7 +28,7 @@ from crosscheck.judge.running_error import U
 from crosscheck.judge.spatial import reversed_joints
 from crosscheck.scenes.names import called_for
 from refkin.model import Evidence, Scene
-from refkin.motion import Motion, Status
+from refkin.motion import Motion, Producer, Route, Status
 from refkin.solving.solve import solve
 from refkin.solving.starts import in_form
 from refkin.system import compile_system
@@ -67,12 +67,17 @@ DOCUMENTED: Mapping[tuple[str, str], Documented] = {
 
 
 def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[Term], list[dict[str, Any]]]:
-    """Return the terms that are granted, and the others as disagreements."""
-    kept, faults = [], []
+    """Return the terms that are granted, and the others as disagreements; many small ones count as one large one."""
+    kept: list[Term] = []
+    faults = []
     for term in terms:
         most = _most(engine.name, scene, term)
         formulas = OF_FORMULAS if term.level == QUANTITIES[0] else RELATIVE
-        if term.absolute <= most and term.relative <= formulas and term.of_rates <= OF_RATES:
+        same = [term, *(one for one in kept if one.level == term.level and _most(engine.name, scene, one) == most)]
+        absolute, relative, of_rates = (
+            sum(getattr(one, key) for one in same) for key in ("absolute", "relative", "of_rates")
+        )
+        if absolute <= most and relative <= formulas and of_rates <= OF_RATES:
             kept.append(term)
             continue
         size = max(term.absolute, term.relative, term.of_rates)
@@ -92,12 +97,22 @@ def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
         yield "its times are not those of the scene"
     if len(motion.status) != count:
         yield f"expected a status for each of {count} times, got {len(motion.status)}"
+    unknown = [status for status in motion.status if not isinstance(status, Status)]
+    if unknown:
+        yield f"expected statuses of refkin.motion.Status, got {unknown[0]!r}"
     for name, level in zip(("q", "qd", "qdd"), motion.levels, strict=True):
-        if level is not None and np.shape(level) != shape:
-            yield f"{name} has shape {np.shape(level)}, not {shape}: {width} rows a body"
+        if level is None and name != "q":
+            continue
+        if not (isinstance(level, np.ndarray) and level.dtype.kind == "f"):
+            yield f"{name}: expected an array of floats, got {getattr(level, 'dtype', type(level).__name__)}"
+        elif level.shape != shape:
+            yield f"{name} has shape {level.shape}, not {shape}: {width} rows a body"
     strange = [body for body in motion.bodies if body not in [b.name for b in scene.mechanism.bodies]]
     if strange:
         yield f"it answers for {', '.join(strange)}, which the scene has not"
+    who = motion.producer
+    if not (isinstance(who, Producer) and isinstance(who.version, str) and isinstance(who.route, Route)):
+        yield f"expected a refkin.motion.Producer with a version in words and a Route, got {who!r}"
 
 
 def undelivered(engine: Engine, scene: Scene, motion: Motion) -> Iterator[dict[str, Any]]:
@@ -112,7 +127,7 @@ def undelivered(engine: Engine, scene: Scene, motion: Motion) -> Iterator[dict[s
 
 
 def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:
-    """Yield where an engine says ok and there is nothing: no assembly, or rates in a singular pose.
+    """Yield where an engine says ok and there is nothing: no assembly, no rates in a singular pose or a locked one.
 
     Only to be asked where the reference's verdict is the one that the scene was made for.
     """
@@ -120,11 +135,13 @@ def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:
     nowhere = ok & np.array([s is Status.UNASSEMBLABLE for s in ref.motion.status])
     if nowhere.any():
         yield _at(motion, nowhere, QUANTITIES[0], Cause.NO_ASSEMBLY)
-    singular = ok & np.array([s is Status.SINGULAR for s in ref.motion.status])
-    for quantity, level in zip(QUANTITIES[1:], motion.levels[1:], strict=True):
-        rated = singular & (False if level is None else np.isfinite(level).all(axis=0))
-        if rated.any():
-            yield _at(motion, rated, quantity, Cause.SINGULAR_RATES)
+    for status, kind in ((Status.SINGULAR, Cause.SINGULAR_RATES), (Status.LOCKED, Cause.LOCKED_RATES)):
+        there = ok & np.array([s is status for s in ref.motion.status])
+        for order, quantity in enumerate(QUANTITIES[1:], 1):
+            level, none = motion.levels[order], np.isnan(ref.levels[order]).any(axis=0)
+            rated = there & none & (False if level is None else np.isfinite(level).all(axis=0))
+            if rated.any():
+                yield _at(motion, rated, quantity, kind)
 
 
 def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> Iterator[dict[str, Any]]:

@@ -13,13 +13,10 @@ from typing import Any
 import numpy as np
 
 from crosscheck.judge.comparison import Reference, difference
-from refkin.differences import EPS
 from refkin.motion import Motion
 
 SHARE = 0.02
 """A row with so much of the largest residual is named with it."""
-ROUNDING = 1e4 * EPS
-"""Of the largest coordinate or rate: a residual below that says nothing."""
 MOST = 3
 """Joints that are named."""
 
@@ -47,15 +44,15 @@ def violations(ref: Reference, motion: Motion, order: int, t: float) -> Violatio
     t : float
         One of its times [s].
     """
-    levels = _levels(ref, motion, order, t)
-    if levels is None:
+    residual = _residual(ref, motion, order, t)
+    if residual is None:
         return NOT_KNOWN
-    residual, scale = levels
     for placed in ref.system.placed:
         if placed.constraint.passive:  # a row of the reference's own: each answer ends on a spin of its own
             residual[placed.row : placed.row + placed.constraint.rows] = 0.0
     worst = float(np.max(np.abs(residual)))
-    if worst <= ROUNDING * scale:
+    assert ref.propagation is not None  # only what is judged is wrong
+    if np.all(np.abs(residual) <= ref.propagation.left(order, t)):
         other = "is it put together another way?" if order == 0 else "does its position belong to another pose?"
         return Violation((), f"every joint and driver is satisfied there to rounding: {other}")
     largest, words = {}, {}
@@ -70,8 +67,8 @@ def violations(ref: Reference, motion: Motion, order: int, t: float) -> Violatio
     return Violation(tuple(names), f"it violates the {what}{listed}{more}: scaled residual {worst:.2g}")
 
 
-def _levels(ref: Reference, motion: Motion, order: int, t: float) -> tuple[Any, float] | None:
-    """Return the residual (m,) of a level at a time, and the size of what stands in its equation."""
+def _residual(ref: Reference, motion: Motion, order: int, t: float) -> Any:
+    """Return the residual (m,) of a level at a time; None if there is no number."""
     names = [body.name for body in ref.scene.mechanism.bodies]
     if set(names) - set(motion.bodies):
         return None
@@ -86,7 +83,6 @@ def _levels(ref: Reference, motion: Motion, order: int, t: float) -> tuple[Any, 
         off = difference(ref.system, ref.system.to_unit(level[rows, theirs], k), bodies, k)
         state.append(np.concatenate([bodies + off, contacts]))  # the reference's turns: drivers count them
     if order == 0:
-        return ref.system.phi(state[0], t), max(1.0, float(np.max(np.abs(state[0]))))
+        return ref.system.phi(state[0], t)
     right = ref.system.nu(state[0], t) if order == 1 else ref.system.gamma(state[0], state[1], t)
-    left = ref.system.phi_q(state[0], t)
-    return left @ state[order] - right, float(np.max(np.abs(left) @ np.abs(state[order]) + np.abs(right)))
+    return ref.system.phi_q(state[0], t) @ state[order] - right

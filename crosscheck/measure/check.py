@@ -5,12 +5,17 @@ from __future__ import annotations
 import hashlib
 import json
 import math
+import os
 import sys
 import time
+import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -29,7 +34,7 @@ from crosscheck.judge.delivery import (
     undelivered,
 )
 from crosscheck.judge.hard_poses import Solutions, samples, scene_truths
-from crosscheck.judge.levels import Configuration, compare_levels, configurations, missing_rows
+from crosscheck.judge.levels import LEVELS, Configuration, compare_levels, configurations, missing_rows
 from crosscheck.judge.records import (
     QUANTITIES,
     Answer,
@@ -129,7 +134,7 @@ def _of_reference(subject: _Subject) -> Iterator[Disagreement]:
 
 @dataclass
 class _Subject:
-    """A scene that engines are asked: the reference's answer, and the scene as they are handed it."""
+    """A scene that engines are asked: the reference's answer, and the scene with what they need of it."""
 
     ref: Reference
     key: str
@@ -138,6 +143,18 @@ class _Subject:
     as_expected: bool
     uses: tuple[Use, ...] = (Use.COMPARE,)
     excuse: tuple[float, float] | None = None
+
+    @cached_property
+    def handed(self) -> Scene:
+        """The scene as engines are handed it: nothing that one does to it reaches the reference or the judge."""
+        return deepcopy(self.scene)
+
+    def changed(self) -> bool:
+        """Whether an engine has changed the scene that it was handed; what comes after it is handed another."""
+        changed = self.handed != self.scene
+        if changed:
+            del self.handed
+        return changed
 
     @cached_property
     def configurations(self) -> list[Configuration]:
@@ -177,15 +194,33 @@ class _Part:
 
 def _of_engine(engine: Engine, subject: _Subject) -> _Part:
     part = _Part()
-    refusals = _refusals(engine, subject.scene, Level.SOLVE)
-    part.refusals += refusals
-    compared = () if refusals else [method for use in subject.uses for method in methods(engine, use)]
-    for method in compared:
-        if method.asked:
+    who: Any = {"engine": engine.name, "method": "any", "quantity": "status"}
+    part.refusals += _refusals(engine, subject.scene, Level.SOLVE)
+    if not part.refusals:
+        compared = [method for use in subject.uses for method in methods(engine, use) if method.asked]
+        if not any(Use.COMPARE in method.uses for method in compared):
+            message = "none of its methods is a route that is there to be compared"
+            part.disagreements.append(Disagreement(**who, kind=Cause.NOT_DELIVERED, message=message))
+        for method in compared:
+            assert method.asked
             _check_method(engine, method.asked[1], subject, part, feature=Use.FEATURE in method.uses)
     if hasattr(engine, "constraints"):
-        _check_levels(engine, subject, part)
+        with undisturbed():
+            _check_levels(engine, subject, part)
+    if subject.changed():
+        part.disagreements.append(Disagreement(**who, kind=Cause.CHANGED))
     return part
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Give back what an engine may have changed for the whole process: the judge, and other engines, come after it."""
+    folder = Path.cwd()
+    with np.errstate(), warnings.catch_warnings():
+        try:
+            yield
+        finally:
+            os.chdir(folder)
 
 
 def _refusals(engine: Engine, scene: Scene, level: Level) -> list[RefusalRow]:
@@ -262,15 +297,17 @@ def _check_method(engine: Engine, method: Route, subject: _Subject, part: _Part,
     ref, scene = subject.ref, subject.scene
     who: Any = {"engine": engine.name, "method": method.name}
     try:
-        terms, faults = granted(engine, scene, engine.terms(scene, method))
-        start = time.perf_counter()
-        motion = engine.solve(scene, method)
-        seconds = time.perf_counter() - start
+        with undisturbed():
+            of_method = [term for term in engine.terms(subject.handed, method) if term.level not in LEVELS]
+            start = time.perf_counter()
+            motion = engine.solve(subject.handed, method)
+            seconds = time.perf_counter() - start
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene) and not subject.excused(ref.motion.t[-1]):
             part.disagreements.append(Disagreement(**who, quantity="status", kind=Cause.NO_ANSWER, message=str(error)))
         return
+    terms, faults = granted(engine, scene, of_method)
     wrong_form = [
         {"quantity": "status", "kind": Cause.NOT_DELIVERED, "message": why} for why in misshapen(scene, motion)
     ]
@@ -302,7 +339,7 @@ def _check_method(engine: Engine, method: Route, subject: _Subject, part: _Part,
     ]
     part.disagreements += [Disagreement(**who, **fault) for fault in faults]
     asked = subject.drawn(TURNED_ROUND) and method == engine.routes()[0]
-    turned_round = _turned_round(engine, method, scene, ref, terms) if asked else None
+    turned_round = _turned_round(engine, method, subject, terms) if asked else None
     part.disagreements += _disagreements(who, compared, turned_round, subject, motion, wrong_at)
 
 
@@ -339,16 +376,18 @@ def _disagreements(
             return
 
 
-def _turned_round(engine: Engine, method: Route, scene: Scene, ref: Reference, terms: Sequence[Term]) -> Comparison:
+def _turned_round(engine: Engine, method: Route, subject: _Subject, terms: Sequence[Term]) -> Comparison:
     """Return the comparison of the engine's answer to the same scene with its bodies, joints and drivers reversed.
 
     It is asked for the first quarter of the times: what depends on the order of bodies does so at any time, and times
     that are as near as ever take no more steps than before.
     """
+    ref, scene = subject.ref, permuted(subject.scene)
     asked = np.arange(math.ceil(len(scene.times) / TURNED_ROUND))
-    fewer = replace(permuted(scene), times=scene.times[: len(asked)])
+    fewer = replace(scene, times=scene.times[: len(asked)])
     try:
-        motion = engine.solve(fewer, method)
+        with undisturbed():
+            motion = engine.solve(deepcopy(fewer), method)
         if any(misshapen(fewer, motion)):
             raise EngineError
         return compare(ref, motion, terms, asked)
@@ -364,7 +403,7 @@ def _is_refusal(error: EngineError, scene: Scene) -> bool:
 
 def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
     """Compare the engine's own rows for the joints that it does not refuse; a refused joint is named, not skipped."""
-    scene, at, table = subject.scene, subject.configurations, engine.capabilities()
+    scene, at, table = subject.handed, subject.configurations, engine.capabilities()
     part.refusals += _refusals(engine, scene, Level.JACOBIAN)
     known = [table.get(e.key, {}).get(Level.JACOBIAN) for e in elements_of(scene.mechanism.constraints)]
     if not at or not any(c is not None and c.support is not Support.REFUSED for c in known):
@@ -374,7 +413,10 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
         model = engine.constraints(scene)
         try:
             missing = missing_rows(engine, model, scene.mechanism)
-            levels = compare_levels(engine, model, scene.mechanism, at, engine.terms(scene))
+            of_rows = [term for term in engine.terms(scene) if term.level in LEVELS]
+            terms, faults = granted(engine, scene, of_rows)
+            part.disagreements += [Disagreement(**who, **fault) for fault in faults]
+            levels = compare_levels(engine, model, scene.mechanism, at, terms)
         finally:
             model.close()
     except EngineError as error:

@@ -9,7 +9,7 @@ from typing import Any
 
 from crosscheck.engines import Engine, load
 from crosscheck.judge.records import Cause, Disagreement, Record
-from crosscheck.measure.check import check, key_of
+from crosscheck.measure.check import check, key_of, undisturbed
 from crosscheck.scenes.drawing import describe, draw
 from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.pool import SECONDS_PER_SCENE, Parts, Work, Workers
@@ -47,7 +47,8 @@ def check_job(job: Mapping[str, Any]) -> Record:
 
 @lru_cache
 def _loaded(specs: tuple[str, ...]) -> list[Engine]:
-    return [load(spec) for spec in specs]
+    with undisturbed():
+        return [load(spec) for spec in specs]
 
 
 def load_engines(job: Mapping[str, Any]) -> None:

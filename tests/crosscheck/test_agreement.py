@@ -76,6 +76,14 @@ def test_what_is_off_is_said_with_place_size_time_and_allowance(level, row, plac
     assert 1e3 < times < 1e8
 
 
+@pytest.mark.parametrize("level", ["q", "qd", "qdd"])
+def test_an_error_of_some_roundings_is_not_called_another_pose(level):
+    said = violations(reference(FOUR_BAR), wrong(FOUR_BAR, level, by=2e-13), ("q", "qd", "qdd").index(level), TIMES[3])
+
+    assert "joint 'B0'" in said.text or "joint 'B'" in said.text
+    assert "to rounding" not in said.text
+
+
 def test_no_answer_a_wrong_ok_and_the_other_assembly_are_said():
     rocker = refkin.solve(FOUR_BAR)["rocker"].phi.copy()
     rocker[5:] = np.nan

@@ -2,19 +2,25 @@
 
 from __future__ import annotations
 
+import os
+import warnings
+from copy import deepcopy
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
-from crosscheck.engines import Term
+import refkin
+from crosscheck.engines import ELEMENTS, NATIVE, Level, Term, load
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.judge.delivery import granted
 from crosscheck.judge.records import Cause
 from crosscheck.measure.check import check
 from crosscheck.scenes.drawing import draw
 from refkin import FourBar
-from refkin.model import Effect
+from refkin.joints import GROUND, AngleDriver, Revolute
+from refkin.model import Body, Effect, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 
@@ -72,6 +78,96 @@ def test_what_was_asked_and_not_delivered_is_a_failure(spoil, owed):
     assert found(Wrapped(spoil)) == owed
 
 
+@pytest.mark.parametrize(
+    ("spoil", "why"),
+    [
+        (lambda motion: replace(motion, q=None), "q: expected an array of floats, got NoneType"),
+        (lambda motion: replace(motion, qd=motion.qd.tolist()), "qd: expected an array of floats, got list"),
+        (lambda motion: replace(motion, qdd=motion.qdd + 0j), "qdd: expected an array of floats, got complex128"),
+        (lambda motion: replace(motion, q=np.rint(motion.q).astype(int)), "q: expected an array of floats, got int64"),
+        (
+            lambda motion: replace(motion, status=("ok",) * len(motion.t)),
+            "expected statuses of refkin.motion.Status, got 'ok'",
+        ),
+        (
+            lambda motion: replace(motion, producer=None),
+            "expected a refkin.motion.Producer with a version in words and a Route, got None",
+        ),
+    ],
+)
+def test_an_answer_of_another_form_is_named_by_what_it_is(spoil, why):
+    (fault,) = check(SCENE, [Wrapped(spoil)]).disagreements
+
+    assert (fault.kind, fault.message) == ("not delivered", why)
+
+
+def test_numbers_of_single_precision_are_compared_as_such():
+    assert found(Wrapped(lambda motion: replace(motion, q=motion.q.astype(np.float32)))) == {
+        ("position", "beyond the allowed error")
+    }
+
+
+class Meddling(Wrapped):
+    """It moves the first estimate and all times of the scene that it was given, and what NumPy does about errors."""
+
+    name = "meddling"
+
+    def solve(self, scene, route=None):
+        motion = super().solve(scene, route)
+        object.__setattr__(scene.mechanism.bodies[0], "estimate", (9.0, 9.0, 9.0))
+        object.__setattr__(scene, "times", tuple(t + 1.0 for t in scene.times))
+        np.seterr(all="raise")
+        warnings.simplefilter("error")
+        os.chdir(os.sep)
+        return motion
+
+
+def test_an_engine_that_changes_what_is_not_its_own_is_named_alone():
+    scene = replace(SCENE, name="meddled with")
+    before, folder = deepcopy(scene), Path.cwd()
+
+    said = {(d.engine, d.kind) for d in check(scene, [Meddling(), Wrapped(), "exudyn"]).disagreements}
+
+    assert said == {("meddling", "changed the scene that it was given")}
+    assert scene == before
+    assert np.geterr()["divide"] != "raise"
+    assert Path.cwd() == folder
+
+
+def test_an_engine_without_a_method_to_compare_is_not_passed_over():
+    engine = Wrapped(lambda motion: replace(motion, q=motion.q + 1.0))
+    engine.methods = list
+
+    assert found(engine) == {("status", "not delivered")}
+
+
+class Believing(Wrapped):
+    """What is locked has rates of 1, and is ok."""
+
+    def capabilities(self):
+        return {key: {Level.SOLVE: NATIVE} for key in ELEMENTS}
+
+    def solve(self, scene, route=None):
+        motion = refkin.solve(scene)
+        ones, ok = np.ones_like(motion.q), (Status.OK,) * len(motion.t)
+        qd = np.where(np.isfinite(motion.qd), motion.qd, ones)
+        return replace(motion, qd=qd, qdd=ones, status=ok)
+
+
+def test_rates_of_a_locked_mechanism_are_called_so():
+    crank = AngleDriver(name="d", body="a", law=Polynomial(coefficients=(0.0, 1.0)))
+    other = replace(crank, name="e", law=Polynomial(coefficients=(0.0, 1.0, 1.0)))
+    pin = Revolute(name="p", body_i=GROUND, point_i=(0.0, 0.0), body_j="a", point_j=(0.0, 0.0))
+    body = Body(name="a", estimate=(0.0, 0.0, 0.0))
+    scene = Scene(mechanism=Mechanism((body,), (pin,), (crank, other)), times=(0.0,), name="two motors")
+
+    record = check(scene, [Believing()], {"expected": "locked"})
+
+    assert {(d.quantity, d.kind) for d in record.disagreements} == {
+        ("acceleration", "rates of a mechanism that is locked")
+    }
+
+
 def test_a_level_that_nobody_asked_for_is_not_owed():
     scene = replace(SCENE, effects=frozenset({Effect.VELOCITY}))
 
@@ -104,6 +200,34 @@ def test_an_error_term_without_documentation_is_a_failure_and_allows_nothing(ter
 
     assert (term.level, "undocumented error term") in found(Wrapped(terms=[term]))
     assert ("position", "beyond the allowed error") in found(off)
+
+
+def test_an_error_term_in_many_pieces_is_granted_no_more_than_whole():
+    kept, faults = granted(Wrapped(), SCENE, [big(absolute=1e-13)] * 50)
+
+    assert (len(kept), len(faults)) == (1, 49)
+
+
+def test_a_term_for_own_rows_is_granted_no_more_than_others():
+    class Rows(Wrapped):
+        name = "rows"
+
+        def __init__(self, terms=()):
+            super().__init__(terms=terms)
+            self.inner = load("exudyn")
+
+        def capabilities(self):
+            return self.inner.capabilities()
+
+        def constraints(self, scene):
+            model = self.inner.constraints(scene)
+            jacobian = model.jacobian
+            model.jacobian = lambda q, t: jacobian(q, t) + 1e-6
+            return model
+
+    wrong = {("jacobian", "model translated wrongly")}
+    assert found(Rows()) == wrong
+    assert found(Rows([big(level="jacobian", absolute=1e-3)])) == {*wrong, ("jacobian", "undocumented error term")}
 
 
 def test_of_a_term_that_is_not_granted_the_largest_part_is_told():
