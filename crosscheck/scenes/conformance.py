@@ -178,10 +178,12 @@ def _ways_to_say_it() -> Iterator[Question]:
     yield Question("the other assembly", FOUR_BAR.scene(law=WAVE, times=TIMES, branch="crossed"))
     small = FourBar(ground=0.004, crank=0.001, coupler=0.0035, rocker=0.003, origin=(0.05, -0.02), angle=0.7)
     yield Question("millimetres, away from the origin, turned", small.scene(law=WAVE, times=TIMES))
-    apart = tuple(replace(j, point_j=(j.point_j[0], 0.4)) if j.body_j == "rocker" else j for j in pins)
-    yield Question("a frame beside its joints", replace(plain, mechanism=replace(m, joints=apart)))
+    beside = tuple(replace(j, point_j=(j.point_j[0], 0.4)) if j.body_j == "rocker" else j for j in pins)
+    yield Question("a frame beside its joints", replace(plain, mechanism=replace(m, joints=beside)))
     yield Question("positions alone", replace(plain, effects=frozenset()))
     yield Question("some of the bodies", replace(plain, bodies_wanted=("rocker",)))
+    apart = FOUR_BAR.scene(law=WAVE, times=(-0.9, -0.1, 0.0, 0.05, 0.8))
+    yield Question("times before zero, not evenly apart", apart)
     yield Question("one time", replace(plain, times=TIMES[:1]))
 
 

@@ -13,6 +13,7 @@ import re
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from dataclasses import replace
 from typing import Any
 from unittest import mock
 
@@ -47,9 +48,9 @@ FEWER_SAMPLES = (2, 3, 5, 9, 18, 36)
 """Numbers of times with which a failing scene is tried before it is shrunk."""
 CHAINS_EVERY = 7
 """Every how manieth scene is no linkage but a geared five-bar, a rack, a cam or a six-bar (`strategies.chains`)."""
-ENDED, FEATURED, EQUAL, SPECIAL_EVERY = 5, 12, 19, 28
-"""Of so many scenes, which one ends in a singular pose or in none, which is for features of engines, and which has
-equal links: `strategies.verdicts`, `scenes.featured`."""
+UNEVEN, ENDED, FEATURED, EQUAL, SPECIAL_EVERY = 2, 5, 12, 19, 28
+"""Of so many scenes, which one has times that are not evenly apart, which ends in a singular pose or in none, which is
+for features of engines, and which has equal links: `strategies.verdicts`, `scenes.featured`."""
 SPATIAL, MOST_OF_SPACE = (9, 23), 24
 """Of `SPECIAL_EVERY` scenes, which are of space, and how many times they have at most: a pose costs three times as much
 there."""
@@ -222,7 +223,17 @@ def _kind_of(number: int, samples: int) -> st.SearchStrategy[Any]:
         return ended_scenes(samples=samples)
     if number % SPECIAL_EVERY == FEATURED:
         return featured_scenes(samples=samples)
+    if number % SPECIAL_EVERY == UNEVEN:
+        return drawn_scenes(samples=samples).map(_unevenly)
     return equal_linkages(samples) if number % SPECIAL_EVERY == EQUAL else drawn_scenes(samples=samples)
+
+
+def _unevenly(drawn: Drawn) -> Drawn:
+    """Return the same motion at times of which the last are three times as far apart as the first."""
+    times = drawn.scene.times
+    first, whole = times[0], times[-1] - times[0]
+    moved = (t if t in (first, times[-1]) else first + (t - first) * (1.0 + (t - first) / whole) / 2.0 for t in times)
+    return replace(drawn, scene=replace(drawn.scene, times=tuple(moved)))
 
 
 def effort(scene: Scene) -> int:

@@ -199,6 +199,14 @@ def every_other(motion: Motion, scene: Scene) -> Motion:
     return replace(motion, t=motion.t[::2], status=motion.status[::2], **levels)
 
 
+def evenly(motion: Motion, scene: Scene) -> Motion:
+    """Times are taken to be evenly apart."""
+    times = tuple(np.linspace(scene.times[0], scene.times[-1], len(scene.times)))
+    if np.allclose(times, scene.times):
+        return motion
+    return replace(right(replace(scene, times=times)), t=motion.t)
+
+
 def made_up(motion: Motion, scene: Scene) -> Motion:
     """Where no error is bounded the pose is made up, and called ok without rates."""
     levels, there = {key: getattr(motion, key).copy() for key in ("q", "qd", "qdd")}, ~reference(scene).budget().judged
@@ -232,6 +240,7 @@ FAULTS: dict[str, tuple[Fault, str]] = {
     "ok where there is nothing": (believing, "ok where there is no assembly"),
     "no answer at a regular time": (giving_up, "no answer"),
     "times of its own": (lambda motion, scene: replace(motion, t=motion.t + 1e-3), "not delivered"),
+    "times of which it knows the first and the last": (evenly, "beyond the allowed error"),
     "half of the times": (every_other, "not delivered"),
     "a body that nobody knows": (
         lambda motion, scene: replace(motion, bodies=("stranger", *motion.bodies[1:])),
