@@ -226,11 +226,12 @@ def _all_at_once(equations: Equations, last: Poses, times: Array) -> tuple[Poses
     t = t[t <= knots[0][-1]]
     if not len(t):
         return last[:0], np.zeros(0, bool)
-    poses = close(equations, _cubic(*knots, t), t)
+    poses = close(equations, _cubics(*knots, t), t)
     poses, kept = _with_steps(equations, last, np.zeros(1, bool), poses)
+    side = _sides(last.jacobian)
     for _ in range(DIVISIONS):
         bad = np.flatnonzero(~kept[:-1])
-        bad = bad[_passable(poses[bad], poses[bad + 1])][:MOST_DIVIDED]
+        bad = bad[_passable(poses[bad], poses[bad + 1]) & (_sides(poses.jacobian[bad + 1]) == side)][:MOST_DIVIDED]
         if not bad.size:
             break
         guess, between = _divided(poses[bad], poses[bad + 1])
@@ -257,12 +258,12 @@ def _with_steps(equations: Equations, poses: Poses, kept: Any, more: Poses) -> t
 
 def _rough(equations: Equations, last: Poses, t: Array) -> tuple[Array, Array, Array]:
     """Return times (K,), coordinates and velocities (K, n) of rough poses from `last` on, as far as Newton goes."""
-    at, q, qd = [float(last.t[0])], [last.q[0]], [last.qd[0]]
+    at, q, qd, jacobians = [float(last.t[0])], [last.q], [last.qd], [last.jacobian]
     k, stride = -1, STRIDE // 2
     while k < len(t) - 1 and stride:
         target = min(k + stride, len(t) - 1)
         now = t[target : target + 1]
-        guess = _cubic(np.array(at[-2:]), np.array(q[-2:]), np.array(qd[-2:]), now)
+        guess = _hermite(at[-2:], q[-2:], qd[-2:], float(now[0]))
         predicted = guess
         for _ in range(MOST_ROUGH if stride > 1 else CAP):  # the next time may be at a fold
             residual, jacobian = equations.rows(guess, now)
@@ -270,30 +271,45 @@ def _rough(equations: Equations, last: Poses, t: Array) -> tuple[Array, Array, A
             guess = guess - correction
             if not ROUGH < _largest(correction)[0] <= 1.0:
                 break
-        rate = solve(jacobian, equations.nu(guess, now))[0]
+        rate = solve(jacobian, equations.nu(guess, now))
         off = _largest(guess - predicted)[0]
         if (stride == 1 or off <= TRUST) and _largest(correction)[0] <= ROUGH and np.isfinite(rate).all():
             k = target
             at.append(float(t[k]))
-            q.append(guess[0])
+            q.append(guess)
             qd.append(rate)
+            jacobians.append(jacobian)
             if off <= TRUST / 16.0:  # what is left of a cubic goes with the fourth power of the step
                 stride = min(2 * stride, STRIDE)
         else:
             stride //= 2
-    return np.array(at), np.array(q), np.array(qd)
+    sides = _sides(np.concatenate(jacobians))
+    end = 1 + int(np.argmax(np.append(sides != sides[0], True)))  # what follows the first on another branch is lost
+    return np.array(at[:end]), np.concatenate(q[:end]), np.concatenate(qd[:end])
 
 
-def _cubic(knots: Array, q: Array, qd: Array, t: Array) -> Array:
+def _sides(jacobian: Array) -> Array:
+    """Return the signs (B,) of determinants, which are the same all along a branch; 1 if rows are redundant."""
+    _, m, n = jacobian.shape
+    sides: Array = np.linalg.slogdet(jacobian)[0] if m == n else np.ones(len(jacobian))
+    return sides
+
+
+def _cubics(knots: Array, q: Array, qd: Array, t: Array) -> Array:
     """Return coordinates (B, n) at t by the cubics through knots (K,), with coordinates and velocities (K, n) there."""
-    if len(knots) == 1:
-        return q + (t - knots)[:, None] * qd
     k = np.clip(np.searchsorted(knots, t) - 1, 0, len(knots) - 2)
-    h = (knots[k + 1] - knots[k])[:, None]
-    s = (t - knots[k])[:, None] / h
-    rise = q[k + 1] - q[k]
-    one, other = h * qd[k] - rise, rise - h * qd[k + 1]
-    return q[k] + s * (rise + (1.0 - s) * (one * (1.0 - s) + other * s))
+    return _hermite((knots[k, None], knots[k + 1, None]), (q[k], q[k + 1]), (qd[k], qd[k + 1]), t[:, None])
+
+
+def _hermite(ends: Sequence[Any], q: Sequence[Array], qd: Sequence[Array], t: Any) -> Array:
+    """Return coordinates at t by the cubic through two ends; of one end alone, those on its tangent."""
+    if len(ends) == 1:
+        return q[0] + (t - ends[0]) * qd[0]
+    h = ends[1] - ends[0]
+    s = (t - ends[0]) / h
+    rise = q[1] - q[0]
+    left: Array = (1.0 - s) * (h * qd[0] - rise) + s * (rise - h * qd[1])
+    return q[0] + s * (rise + (1.0 - s) * left)
 
 
 def _passable(a: Poses, b: Poses) -> Any:
