@@ -74,30 +74,27 @@ class Anchor:
         self.planar = planar
         self.constraint = self.kind(planar.model, i.joint, i.placement, j.joint, j.placement)
         self.data = self.constraint.createData()
+        self._slot = slice(self.component, self.component + 1)
+        self._gap, self._rate, self._bend = (  # views: `calc` fills them
+            getattr(self.data, f"constraint_{level}_error") for level in ("position", "velocity", "acceleration")
+        )
 
     def read(self, q: Array, residual: Array, jacobian: Array) -> None:
-        data = self._calculated()
-        residual[0] = self._value(q, data)
-        jacobian[:] = self.planar.matrix(self.constraint.jacobian(self.planar.model, self.planar.data, data))[
-            self._slot
-        ]
+        model, data = self.planar.model, self.planar.data
+        self.constraint.calc(model, data, self.data)
+        residual[0] = self._value(q)
+        jacobian[:] = self.planar.matrix(self.constraint.jacobian(model, data, self.data))[self._slot]
 
     def velocity(self) -> Array:
-        return self._calculated().constraint_velocity_error[self._slot].copy()
+        self.constraint.calc(self.planar.model, self.planar.data, self.data)
+        return self._rate[self._slot].copy()
 
     def acceleration(self) -> Array:
-        return self._calculated().constraint_acceleration_error[self._slot].copy()
-
-    def _value(self, q: Array, data: Any) -> float:
-        return float(data.constraint_position_error[self.component])
-
-    @property
-    def _slot(self) -> slice:
-        return slice(self.component, self.component + 1)
-
-    def _calculated(self) -> Any:
         self.constraint.calc(self.planar.model, self.planar.data, self.data)
-        return self.data
+        return self._bend[self._slot].copy()
+
+    def _value(self, q: Array) -> float:
+        return float(self._gap[self.component])
 
 
 class PointToLine(Anchor):
@@ -125,9 +122,9 @@ class EqualAngles(Anchor):
         self._near, self._turns = angles[0] - held.angle, np.round(np.subtract(angles[1:], angles[0]))
         self._rotation = self.data.c1Mc2.rotation  # a view: `calc` fills it
 
-    def _value(self, q: Array, data: Any) -> float:
+    def _value(self, q: Array) -> float:
         rotation = self._rotation
-        return unwrap_near(math.atan2(rotation[1, 0], rotation[0, 0]), self._near + float(self._turns @ q))
+        return unwrap_near(math.atan2(rotation[1, 0], rotation[0, 0]), self._near + float(self._turns.dot(q)))
 
 
 def element_rows(planar: PlanarModel, e: Element, scaled: Scaling) -> Row:
