@@ -127,11 +127,16 @@ def stabilised(patch: pytest.MonkeyPatch) -> None:
 
 
 def no_coriolis_on_a_line(patch: pytest.MonkeyPatch) -> None:
-    def wrong(self: MujocoRows, gap: Any, rate: Any, drift: Any, turning: Any) -> Any:
-        at = [[g.connect, g.connect + 1] for g in self.plan.guides]
-        return np.sum(turning[..., :2] * drift[:, at], axis=-1)
+    right = MujocoRows._guide_rates
+    patch.setattr(MujocoRows, "_guide_rates", lambda self, guided, *known: right(self, guided, *still(*known)))
 
-    patch.setattr(MujocoRows, "_guide_drift", wrong)
+    def still(gap: Any, rate: Any, drift: Any) -> Any:
+        return 0.0 * gap, 0.0 * rate, drift
+
+
+def a_line_that_does_not_turn(patch: pytest.MonkeyPatch) -> None:
+    right = MujocoRows._guide_rows
+    patch.setattr(MujocoRows, "_guide_rows", lambda self, guided, gap, slopes: right(self, guided, 0.0 * gap, slopes))
 
 
 def no_bias_of_a_length(patch: pytest.MonkeyPatch) -> None:
@@ -152,6 +157,7 @@ FAULTS: list[tuple[Callable[[pytest.MonkeyPatch], None], str, Level]] = [
     *((stale_laws, kind, Level.RESIDUAL) for kind in ("angle", "x", "y", "cylinder")),
     *((stabilised, kind, Level.DRIFT) for kind in ("revolute", "fixed", "prismatic", "angle")),
     *((no_coriolis_on_a_line, kind, Level.DRIFT) for kind in ("prismatic", "point_on_line")),
+    *((a_line_that_does_not_turn, kind, Level.JACOBIAN) for kind in ("prismatic", "point_on_line")),
     *((no_bias_of_a_length, kind, Level.DRIFT) for kind in ("distance", "cylinder")),
     *((no_second_derivative_of_a_law, kind, Level.DRIFT) for kind in ("angle", "x", "y", "cylinder")),
 ]

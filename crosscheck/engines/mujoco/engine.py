@@ -66,11 +66,12 @@ def _levels(**exceptions: Capability) -> dict[Level, Capability]:
     return {level: exceptions.get(level.value, NATIVE) for level in Level}
 
 
+_BY_PARTS = derived(
+    "no such equality: product rule in the adapter, on the numbers of a connect and of the guide's frame"
+)
 _LINE = _levels(
-    jacobian=derived("no such equality: the velocity sensor in the frame of the guide at unit rates, column by column"),
-    drift=derived(
-        "no such equality: product rule in the adapter, on the numbers of a connect and of the guide's frame"
-    ),
+    jacobian=_BY_PARTS,
+    drift=_BY_PARTS,
     solve=derived("a tree joint is MuJoCo's own; for a closing one the adapter forms the drift term"),
 )
 _LAW = _levels(

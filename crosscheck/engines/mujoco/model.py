@@ -15,8 +15,8 @@ coordinate by a law `connect` with a ground site that the law moves          one
 
 delta is the angle between the bodies minus the one that is wanted. MuJoCo has no equality that holds a point on a line
 of a moving body, but sensors that state position and velocity of a site in the frame of another; a `connect` beside
-them, whose rows are no constraint of the scene, serves for the drift term. A `weld` would hold sin(delta / 2), which is
-blind to whole turns and rounded like a quaternion.
+them, whose rows are no constraint of the scene, serves for the Jacobian and the drift term. A `weld` would hold
+sin(delta / 2), which is blind to whole turns and rounded like a quaternion.
 
 Three habits of MuJoCo shape the model. A site within 1e-6 of the origin of its body counts as being there: lengths come
 in units of the mechanism's size, and `site_sameframe` is reset. An equality holds a tendon at its length in the pose of
@@ -168,7 +168,7 @@ class Plan:
         for kind in (mujoco.mjtSensor.mjSENS_FRAMEPOS, mujoco.mjtSensor.mjSENS_FRAMELINVEL):
             self.spec.add_sensor(name=f"{name} {int(kind)}", type=kind, objname=point, refname=line, **frame)
         self.sources.append(Source(element=e, guide=len(self.guides)))
-        self.guides.append(Guide(line, point, self._connect(point, line)))
+        self.guides.append(Guide(e.body_i, line, point, self._connect(point, line)))
 
     def _angle(self, name: str, e: joints.RelativeAngle) -> None:
         """Hold the angle between two bodies by a tendon over the hinges of one and, backwards, of the other."""

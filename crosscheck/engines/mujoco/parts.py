@@ -35,8 +35,9 @@ class Source:
 
 @dataclass(frozen=True)
 class Guide:
-    """A line along the x axis of site `line`, the site `point`, and the first row of the `connect` between the two."""
+    """A line along the x axis of site `line` on a body, the site `point`, and the first row of a `connect` of both."""
 
+    body: str
     line: str
     point: str
     connect: int

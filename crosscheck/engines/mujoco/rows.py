@@ -92,6 +92,12 @@ class MujocoRows:
         self._ways: dict[Any, tuple[Any, Array, Any, Array]] = {}
         self._sites = {site.name: site.id for site in plan.spec.sites}
         tendon = mujoco.mj_tendon if self.model.ntendon else None
+        self._lines = [self._sites[guide.line] for guide in plan.guides]
+        self._turned = [self.bodies[guide.body] for guide in plan.guides]
+        self._connects = np.array([[g.connect, g.connect + 1] for g in plan.guides], int).reshape(-1, 2)
+        self._turns = np.zeros((len(plan.guides), self.model.nv))
+        for turns, guide in zip(self._turns, plan.guides, strict=True):
+            turns[self.columns] = plan.tree.angle_rows[guide.body]
         self._stages = mujoco.mj_kinematics, mujoco.mj_comPos, tendon, mujoco.mj_makeConstraint
 
     def _places(self) -> Any:
@@ -124,51 +130,62 @@ class MujocoRows:
         """
         m, d, count, n = self.model, self.data, len(self._owners), self.model.nv
         residual, jacobian = np.empty((len(q), count)), np.empty((len(q), count * n))
-        guides = np.empty((len(q), len(self.plan.guides), 1 + n))
         points = _Points(self, places, len(q)) if places else None
+        guided, sensor = self._guided(len(q)), mujoco.mj_sensorPos
         for k in self._posed(q):
             if d.nefc == count:
                 residual[k], jacobian[k] = d.efc_pos, d.efc_J
             else:
                 residual[k], jacobian[k] = self._filled(self._spread(d.efc_pos)), self._spread(self._dense()).ravel()
-            if guides.size:
-                self._read_guides(m, d, guides[k])
+            if guided:
+                sensor(m, d)
+                for kept, view in guided:
+                    kept[k] = view
             if points:
                 points.read(k)
-        if guides.size or self._constants.size:
+        if guided or self._constants.size:
+            gaps, slopes = self._guide_rows(guided, residual, jacobian.reshape(len(q), count, n))
             still = np.zeros((len(q), len(self._constants), 1 + n))  # n may be 0: all that moves is fixed
-            residual = np.concatenate([residual, guides[:, :, 0], still[:, :, 0] + self._constants], axis=1)
-            rows = [part[:, :, 1:].reshape(len(q), -1) for part in (guides, still)]
-            jacobian = np.concatenate([jacobian, *rows], axis=1)
+            residual = np.concatenate([residual, gaps, still[:, :, 0] + self._constants], axis=1)
+            jacobian = np.concatenate([jacobian, slopes, still[:, :, 1:].reshape(len(q), -1)], axis=1)
         slopes = jacobian.take(self._entries, axis=1).reshape(len(q), len(self._pick), n)
         residual = residual.take(self._pick, axis=1)
         if points is None:
             return residual, slopes, np.empty((len(q), 0, 2)), np.empty((len(q), 0, 2, n))
         return residual, slopes, points.r, points.jacobian
 
-    def _read_guides(self, m: Any, d: Any, out: Array) -> None:
-        """Read the guides' rows, then their velocities at unit rates, column by column, into `out` (guides, 1 + n)."""
-        last, sensor, com_vel, rates = 6 * len(out), mujoco.mj_sensorVel, mujoco.mj_comVel, d.qvel
-        position, velocity = d.sensordata[1:last:6], d.sensordata[4:last:6]
-        mujoco.mj_sensorPos(m, d)
-        out[:, 0] = position
-        rates[:] = 0.0
-        for column in range(1, 1 + m.nv):
-            rates[column - 1] = 1.0
-            com_vel(m, d)
-            sensor(m, d)
-            out[:, column] = velocity
-            rates[column - 1] = 0.0
+    def _guided(self, count: int) -> list[tuple[Array, Any]]:
+        """Return what is kept of the guides at so many poses, and views of it: sensors, frames of sites, velocities."""
+        d = self.data
+        reads = (d.sensordata, d.site_xmat, d.cvel) if self.plan.guides else ()
+        return [(np.empty((count, *view.shape)), view) for view in reads]
+
+    def _guide_rows(self, guided: list[tuple[Array, Any]], gap: Array, slopes: Array) -> tuple[Array, Array]:
+        """Return the guides' residuals n . d (B, guides), from sensors, and their slopes (B, guides v).
+
+        The slopes are those of the product: of d, from the `connect` between the two points, and of n, which turns by
+        the angles of the tree on the way to its body.
+        """
+        if not guided:
+            return gap[:, :0], gap[:, :0]
+        d, n = gap[:, self._connects], self._normals(guided)
+        turning = n[..., 0] * d[..., 1] - n[..., 1] * d[..., 0]
+        rows = (n[..., None, :] @ slopes[:, self._connects])[..., 0, :] + turning[..., None] * self._turns
+        return guided[0][0][:, 1 : 6 * len(self._turns) : 6], rows.reshape(len(gap), -1)
+
+    def _normals(self, guided: list[tuple[Array, Any]]) -> Array:
+        """Return the guides' normals (B, guides, 2), the y axes of their sites."""
+        return guided[1][0][:, self._lines, 1:5:3]
 
     def rates(self, q: Array, qd: Array, places: Places = ()) -> tuple[Array, Array, Array]:
         """Return the rows' velocities (B, m) and drift terms -Jdot qd (B, m), both without what the laws bring.
 
         The adapter completes the drift of lines and lengths. And accelerations of points at qdd = 0, (B, P, 2).
         """
-        m, d, count, guides = self.model, self.data, len(self._owners), self.plan.guides
+        m, d, count = self.model, self.data, len(self._owners)
         gap, rate, drift = np.empty((3, len(q), count))
-        sensed, turning = np.empty((len(q), len(guides))), np.empty((len(q), len(guides), 3))
-        com_vel, reference, points = mujoco.mj_comVel, mujoco.mj_referenceConstraint, _Points(self, places, len(q))
+        com_vel, reference, sensor = mujoco.mj_comVel, mujoco.mj_referenceConstraint, mujoco.mj_sensorVel
+        points, guided = _Points(self, places, len(q)), self._guided(len(q))
         for k in self._posed(q, qd):
             com_vel(m, d)
             reference(m, d)
@@ -176,18 +193,16 @@ class MujocoRows:
                 rate[k], drift[k], gap[k] = d.efc_vel, d.efc_aref, d.efc_pos
             else:
                 rate[k], drift[k], gap[k] = map(self._spread, (d.efc_vel, d.efc_aref, d.efc_pos))
-            if guides:
-                mujoco.mj_sensorVel(m, d)
-                sensed[k] = d.sensordata[4 : 6 * len(guides) : 6]
-                for j, guide in enumerate(guides):
-                    site = self._sites[guide.line]
-                    turning[k, j] = (*d.site_xmat[site, 1:5:3], d.cvel[m.site_bodyid[site], 2])
+            if guided:
+                sensor(m, d)
+                for kept, view in guided:
+                    kept[k] = view
             points.read(k)
             for row in self.plan.spatial:
                 drift[k, row] = self._length_drift(row)
         self._moved = points, q, qd
+        sensed, of_guides = self._guide_rates(guided, gap, rate, drift)
         still = np.zeros((len(q), len(self._constants)))
-        of_guides = self._guide_drift(gap, rate, drift, turning)
         return (
             self._picked(rate, sensed, still),
             self._picked(drift, of_guides, still),
@@ -296,16 +311,19 @@ class MujocoRows:
     def _tendon(self, row: int) -> int:
         return int(self.model.eq_obj1id[self._owners[row]])
 
-    def _guide_drift(self, gap: Array, rate: Array, drift: Array, turning: Array) -> Array:
-        """Return the drift terms (B, guides) of n . d by the product rule, which MuJoCo does not have.
+    def _guide_rates(self, guided: Any, gap: Array, rate: Array, drift: Array) -> tuple[Array, Array]:
+        """Return the rates (B, guides) of n . d, from sensors, and drift terms by the product rule, which it has not.
 
-        (n . d)'' = n . d'' + 2 n' . d' + n'' . d with n' = omega x n. MuJoCo gives n and omega (`turning`), and with
+        (n . d)'' = n . d'' + 2 n' . d' + n'' . d with n' = omega x n. MuJoCo gives n and omega, and with
         the `connect` between the two points d, d' and the part of d'' that holds no acceleration: -efc_aref.
         """
-        at = np.array([[g.connect, g.connect + 1] for g in self.plan.guides], int).reshape(-1, 2)
-        n, omega = turning[..., :2], turning[..., 2:]
+        if not guided:
+            return gap[:, :0], gap[:, :0]
+        at = self._connects
+        n, omega = self._normals(guided), guided[2][0][:, self._turned, 2:3]
         turned = omega * np.stack([-n[..., 1], n[..., 0]], axis=-1)
-        return np.sum(n * drift[:, at] - 2.0 * turned * rate[:, at] + omega * omega * n * gap[:, at], axis=-1)
+        bent = n * drift[:, at] - 2.0 * turned * rate[:, at] + omega * omega * n * gap[:, at]
+        return guided[0][0][:, 4 : 6 * len(self._turns) : 6], np.sum(bent, axis=-1)
 
     def _length_drift(self, row: int) -> float:
         """Return -Jdot qd of the length of the spatial tendon in a row, which efc_aref leaves out.
