@@ -225,17 +225,20 @@ def glance_rows(page: Page) -> dict[tuple[str, str], list[str]]:
 
 def test_every_row_at_a_glance_is_what_report_json_says(tmp_path: Path) -> None:
     answers = [answer(e, {q: quantity({-1: [14.31, 12.6, 9.05]}, 0.13) for q in QUANTITIES}) for e in ROUTES]
-    folder = write(tmp_path, record("a", *answers))
+    answers.append({**answers[1], "method": {**answers[1]["method"], "name": "chord"}})
+    folder = write(tmp_path, record("a", *answers, levels=[level("mujoco", "jacobian")]))
     rows = glance_rows(page_of(folder))
     report = json.loads((folder / "report.json").read_text())
 
     for name in QUANTITIES:
-        for engine, method in ROUTES.items():
+        for engine, method in (*ROUTES.items(), ("mujoco", "chord")):
             cell = report["engines"][engine][method][name]
             digits = [f"{cell[k]:.1f}" for k in ("digits_median", "digits_p01", "digits_worst")]
             counts = [str(cell[k]) for k in ("failures", "known_gaps", "unanswered", "scenes")]
             expected = [*digits, "0.13", *counts, cell["newton_by"], cell["linear_solve_by"]]
             assert expected == rows[name.capitalize(), f"{engine} · {method}"][:10]
+    own = [name for title, name in rows if title == "The engine's own Jacobian, phi_q"]
+    assert sorted(own) == sorted(ROUTES)  # the same by every method
 
 
 def test_missing_engine_has_a_row_that_says_so_for_every_quantity(rich: Any) -> None:
