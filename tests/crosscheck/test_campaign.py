@@ -17,7 +17,7 @@ import pytest
 import refkin
 from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, read_records
 from crosscheck.measure import jobs
-from crosscheck.night import campaign
+from crosscheck.night import campaign, disagreements
 from crosscheck.night.campaign import ROUND, OtherRun, Turns, _records, run, seed_of
 from crosscheck.night.disagreements import write_disagreements
 from crosscheck.night.plan import SAMPLED, Journal, NightPlan
@@ -504,6 +504,20 @@ def test_simplifying_ends_when_its_time_is_over(tmp_path):
 
     # Once whether it shows again, once at the time of its worst sample alone.
     assert workers.calls == 2
+
+
+def test_kinds_that_are_still_to_be_simplified_share_the_time_that_is_left(tmp_path, monkeypatch):
+    now, given = iter((0.0, 0.0, 50.0, 50.0, 50.0, 80.0)), []
+    monkeypatch.setattr(
+        disagreements, "shrink", lambda seed, number, fails, seconds: given.append((number, seconds)) or (None, 1)
+    )
+    monkeypatch.setattr(disagreements, "time", SimpleNamespace(monotonic=lambda: next(now)))
+    other = replace(JUMP, quantity="velocity")
+    new = [jump(), jump(), replace(jump(), disagreement=other, key="f" * 16, shard=3)]
+    took = write_disagreements(plan(tmp_path, shrinking_seconds=60.0), new, Checking(10.0))  # type: ignore[arg-type]
+
+    assert given == [(0, 30.0), (3, 10.0)]  # one of each kind
+    assert took == 80.0
 
 
 def test_the_report_and_the_run_agree_on_what_is_new(disagreeing, tmp_path):

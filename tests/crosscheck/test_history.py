@@ -142,6 +142,32 @@ def test_an_engine_that_got_slower_is_warned_of_with_the_night_it_did(tmp_path: 
     assert warnings(trends(tmp_path / "h.sqlite")) == [text]
 
 
+def test_series_that_changed_come_first_and_methods_before_prices(tmp_path: Path) -> None:
+    path, report = tmp_path / "h.sqlite", night(tmp_path / "run", 1)
+    row = {
+        "engine": "a",
+        "method": "b",
+        "setting": "k",
+        "quantity": "position",
+        "scene_class": "regular",
+        "digits": 9.0,
+    }
+    prices = [{**row, "microseconds": 5.0}, {**row, "engine": "refkin", "microseconds": 1.0}]
+    steady = [{**report["methods"][0], "engine": name} for name in ("exudyn", "another")]
+    for day in range(1, 25):
+        slower = {**report["methods"][0], "microseconds_median": 1.5 if day > 19 else 1.0}
+        methods = [*steady, slower]
+        append(path, {**report, "date": f"2026-10-{day:02d} 02:17", "methods": methods, "price": prices})
+
+    assert [one["name"] for one in trends(path)["series"]] == [
+        "mujoco · newton",
+        "another · newton",
+        "exudyn · newton",
+        "a · b, k: position, regular",
+        "refkin · b, k: position, regular",
+    ]
+
+
 def test_a_slower_engine_does_not_fail_the_night_and_stands_on_its_page(tmp_path: Path) -> None:
     a_slower_engine(tmp_path / "h.sqlite", tmp_path / "run")
     write(tmp_path / "run", record("a", good_answer("mujoco", seconds=0.0006)))

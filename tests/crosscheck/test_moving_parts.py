@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import cmath
 import math
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -11,9 +12,9 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.night.moving_parts import HEIGHT, MARGIN, WIDTH, DrawnSample
+from crosscheck.night.moving_parts import BEND, HEIGHT, MARGIN, VISIBLE, WIDTH, DrawnSample
 from crosscheck.night.sections import drawing_of
-from refkin.joints import GROUND, DisplacementDriver, GuidedPoint, SpatialPrismatic
+from refkin.joints import GROUND, DisplacementDriver, Distance, GuidedPoint, SpatialPrismatic
 from refkin.scenes.linkages import RSSR
 
 AZIMUTH, ELEVATION = math.radians(-60.0), math.radians(25.0)
@@ -22,6 +23,30 @@ TENTHS = 0.4
 PLANE = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0, origin=(0.5, -0.25), angle=0.2)
 SLIDER = refkin.SliderCrank(crank=1.0, rod=3.0, offset=0.25, origin=(0.5, -0.25), angle=0.4)
 TALL = refkin.FourBar(ground=1.0, crank=3.0, coupler=2.5, rocker=2.8, angle=1.5)
+
+
+@dataclass(frozen=True)
+class Bent:
+    """A four-bar whose coupler has its joint points beside the axes of its frame."""
+
+    linkage: Any
+    angle: float = 0.7
+
+    def scene(self, **more: Any) -> Any:
+        scene, turn = self.linkage.scene(**more), cmath.rect(1.0, -self.angle)
+        m = scene.mechanism
+        beside = lambda p: ((turn * complex(*p)).real, (turn * complex(*p)).imag)  # noqa: E731
+        ends = [("point_i", j.point_i) if j.body_i == "coupler" else ("point_j", j.point_j) for j in m.joints]
+        joints = [
+            replace(j, **{end: beside(point)}) if "coupler" in (j.body_i, j.body_j) else j
+            for j, (end, point) in zip(m.joints, ends, strict=True)
+        ]
+        x, y, phi = m.bodies[1].estimate
+        bodies = (m.bodies[0], replace(m.bodies[1], estimate=(x, y, phi + self.angle)), m.bodies[2])
+        return replace(scene, mechanism=replace(m, bodies=bodies, joints=tuple(joints)))
+
+
+BENT = Bent(PLANE)
 SPACE = [RSSR(1.0, 3.0, 2.0, (2.5, -0.5, 0.75), (0.25, 1.0, 0.125), massless=massless) for massless in (False, True)]
 
 
@@ -81,7 +106,7 @@ def turned(place: Any, pins: Any) -> Any:
     return np.array([[x + c * a - s * b, y + s * a + c * b] for a, b in pins])
 
 
-@pytest.mark.parametrize("linkage", [PLANE, SLIDER, TALL], ids=["wide", "slider", "tall"])
+@pytest.mark.parametrize("linkage", [PLANE, SLIDER, TALL, BENT], ids=["wide", "slider", "tall", "bent"])
 def test_every_joint_point_is_drawn_where_the_motion_has_it(linkage: Any) -> None:
     scene, motion = solved(linkage)
     pixels, _, _ = page(scene, motion)
@@ -97,6 +122,24 @@ def test_every_joint_point_is_drawn_where_the_motion_has_it(linkage: Any) -> Non
     assert np.array(picture["ground"]) == pytest.approx(
         np.array([pixels(np.array(point)) for point in points[GROUND]]), abs=TENTHS
     )
+
+
+def test_a_link_without_a_body_is_drawn_from_end_to_end() -> None:
+    scene, _ = solved(PLANE)
+    (base, tip, other, pivot), m = scene.mechanism.joints, scene.mechanism
+    ends = {"body_i": "crank", "point_i": tip.point_i, "body_j": "rocker", "point_j": other.point_j}
+    bare = replace(m, bodies=(m.bodies[0], m.bodies[2]), joints=(base, Distance(name="L", **ends, length=3.5), pivot))
+    some = [("crank", tip.point_i), ("rocker", other.point_j)]
+    points = [refkin.Point(name=f"{body} {point}", body=body, position=point) for body, point in some]
+    scene = replace(scene, mechanism=bare, points=tuple(points))
+    motion = refkin.solve(scene)
+    picture = drawing_of(scene, motion)
+    drawn = picture.described("a", "b")
+
+    assert len(drawn["parts"]) == 3
+    for k, frame in enumerate(drawn["frames"]):
+        wanted = [picture.view.pixels(*where(motion, *pin, k)) for pin in some]
+        assert turned(frame[2], drawn["parts"][2]["pins"]) == pytest.approx(np.array(wanted), abs=TENTHS)
 
 
 def test_a_line_to_slide_along_goes_two_sizes_to_each_side_of_its_point() -> None:
@@ -180,3 +223,26 @@ def test_what_is_as_tall_as_its_picture_is_not_made_larger_to_be_turned() -> Non
     assert picture["fit"] == 1.0
     assert abs(end[1] - ground[1]) == pytest.approx(HEIGHT - 2 * MARGIN, abs=TENTHS)
     assert abs(start[1] - ground[1]) == pytest.approx((HEIGHT - 2 * MARGIN) / 3, abs=TENTHS)
+
+
+@pytest.mark.parametrize("entry", [1, 4], ids=["shifted", "turned"])
+def test_in_space_an_error_is_magnified_as_far_as_it_stays_a_small_one_that_can_be_seen(entry: int) -> None:
+    """The shift of the coupler, or a part of its Euler parameters: half of what it turns by."""
+    scene, motion = solved(SPACE[0])
+    k, off = 3, np.zeros((21, 9))
+    off[7 + entry] = 1e-9
+    mark = drawing_of(scene, motion).ghost(DrawnSample(k, 9.0, off), 0)
+    assert mark is not None
+    assert mark["cycle"] is not None
+    _, scale, _ = page(scene, motion)
+    factor, size = mark["factor"], scene.mechanism.size()
+    longest = max(np.linalg.norm(p) for body, some in held(scene.mechanism).items() if body != GROUND for p in some)
+    moved = scale * 1e-9 * (size if entry < 3 else 2.0 * longest)
+    limit = min(VISIBLE * WIDTH / moved, math.inf if entry < 3 else BEND / 2e-9)
+
+    assert limit / 2.51 < factor <= limit
+    assert mark["cycle"]["factor"] == pytest.approx(factor)
+    assert mark["ghost"] != mark["pose"]
+    of_coupler = {n for n, (one, other) in enumerate(zip(mark["pose"], mark["ghost"], strict=True)) if one != other}
+    assert 1 in of_coupler  # its bar
+    assert len(of_coupler) <= 3  # and its two pins

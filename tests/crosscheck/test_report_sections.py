@@ -17,6 +17,7 @@ import refkin
 from crosscheck.documents.page import slopes
 from crosscheck.judge.records import Cause
 from crosscheck.measure.check import check
+from crosscheck.night import sections
 from crosscheck.night.history import append, remember
 from crosscheck.night.moving_parts import DrawnSample, SceneDrawing
 from crosscheck.night.moving_parts import factor_below as magnified
@@ -31,7 +32,7 @@ from crosscheck.report.totals import OTHERS, Refusals, Together
 from refkin import FourBar
 from refkin.scenes.files import to_dict
 
-from .report_records import disagreement, good_answer, record, write
+from .report_records import answer, disagreement, good_answer, quantity, record, typed, write
 
 PRICES = [
     {"engine": "mujoco", "method": "newton", "setting": "k = 2", "digits": 7.0, "microseconds": 10.0},
@@ -369,6 +370,29 @@ def test_the_worst_of_each_decade_is_pictured_once(tmp_path: Path) -> None:
     positions = [mark for mark in drawn["marks"] if mark["quantity"] == "position"]
     assert sorted(mark["decade"] for mark in positions) == sorted(decades)
     assert 1 <= len(drawn["scenes"]) <= 2
+
+
+@pytest.mark.parametrize(("seconds", "there"), [(math.inf, "abc"), (15.0, "ab")])
+def test_a_mark_is_pictured_by_the_scene_with_its_fewest_digits_the_fewest_first(monkeypatch, seconds, there) -> None:
+    digits = {"c": {-3: [5.5], 0: [16.0]}, "a": {-1: [9.0, 12.0], -3: [5.0]}, "b": {-1: [14.0, 8.5], -3: [7.0]}}
+    records = [typed(record(name, answer("mujoco", {"position": quantity(of)}))) for name, of in digits.items()]
+    asked, now = [], iter((0.0, 10.0, 20.0, 30.0))
+
+    def drawn_at_once(function: Any, jobs: Any) -> Any:
+        for job in jobs:
+            asked.append(job)
+            keys = ("engine", "method", "quantity", "decade")
+            marks = [{**dict(zip(keys, mark, strict=True)), "digits": 0.0} for mark in job["marks"]]
+            yield {"scene": job["about"], "marks": marks}
+
+    monkeypatch.setattr(sections, "call_in_turn", drawn_at_once)
+    monkeypatch.setattr(sections, "time", SimpleNamespace(monotonic=lambda: next(now)))
+    drawn = pictures(records, lambda r: {"about": r.scene}, {"mujoco": "a.py", "exudyn": "b.py"}, seconds)
+    by_decade = {mark["decade"]: drawn["scenes"][mark["scene"]] for mark in drawn["marks"]}
+
+    assert [job["about"] for job in asked] == [f"scene {name}" for name in there]
+    assert by_decade == {d: f"scene {name}" for d, name in {-3: "a", -1: "b", 0: "c"}.items() if name in there}
+    assert all(job["specs"] == {"mujoco": "a.py"} for job in asked)
 
 
 def test_an_engine_that_is_not_there_any_more_is_not_pictured() -> None:

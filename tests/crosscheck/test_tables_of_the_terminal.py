@@ -1,0 +1,299 @@
+"""Tables and lines of the terminal hold the numbers that they were handed, in their places."""
+
+from __future__ import annotations
+
+import io
+import json
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from rich.console import Console
+
+import refkin
+from crosscheck.commands import bench, diagnose, engines, follow, hunt, nightly, price, usage
+from crosscheck.judge.effects_rows import EffectRow
+from crosscheck.judge.records import EnclosedTimes
+from crosscheck.measure.hard_table import hard_cases
+from crosscheck.night.hunting import Bag, Catch
+
+from .report_records import answer, good_answer, level, quantity, record, typed
+
+SCENE = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=3)
+
+
+def cells(table: Any) -> list[list[str]]:
+    """Return the rows of a table as text."""
+    columns = [[str(getattr(cell, "plain", cell)) for cell in column.cells] for column in table.columns]
+    return [list(row) for row in zip(*columns, strict=True)]
+
+
+def priced(method: str, digits: float | None, one: float | None, **more: Any) -> dict[str, Any]:
+    row = {"engine": "mujoco", "method": method, "setting": "", "quantity": "position", "note": "", "newton_by": "it"}
+    prices = {
+        "microseconds_one": one,
+        "microseconds": 12.34,
+        "microseconds_bulk": None,
+        "microseconds_to_build": 2500.0,
+    }
+    return {**row, "digits": digits, **prices, **more}
+
+
+def test_of_each_method_the_setting_of_most_digits_is_shown_with_its_three_prices():
+    rows = [
+        priced("newton", 9.0, 123.4),
+        priced("newton", 12.0, 150.6),
+        priced("newton", 11.0, 1.0),
+        priced("none", None, 5.0),
+    ]
+
+    assert cells(price.methods_table(rows, "all")) == [
+        ["mujoco", "newton", "it", "2.5", "12.0", "151/12.3/-"],
+        ["mujoco", "none", "it", "2.5", "-", "-"],
+    ]
+
+
+def test_the_cheapest_is_shown_with_the_second_and_whether_they_differ():
+    first = {"microseconds": 5.0, "digits": 9.0, "engine": "a", "method": "newton", "setting": "k"}
+    near = {**first, "second": {**first, "engine": "b", "microseconds": 6.0, "setting": ""}, "differs": False}
+    offers = [None, {**first, "second": None}, near, {**near, "differs": True}]
+    table = price.cheapest_table({str(k): dict.fromkeys(map(str, price.STEPS), o) for k, o in enumerate(offers)}, "all")
+    own = "5.0 us (9.0 digits) a: newton, k"
+
+    assert cells(table)[0] == [
+        str(price.STEPS[0]),
+        "nobody",
+        f"{own}\nnobody else",
+        f"{own}\n~ 6.0 us (9.0 digits) b: newton",
+        f"{own}\n< 6.0 us (9.0 digits) b: newton",
+    ]
+
+
+def test_a_price_list_says_what_it_left_out_and_who_gave_no_digits():
+    rows = [priced("newton", 9.0, None), priced("steps", None, None, setting="1e-3", note="it ended")]
+    said = price.lines({"times": {"priced": 73, "asked": 80, "certified": 70}, "rows": rows, "refused": []})
+    whole = price.lines({"times": {"priced": 73, "asked": 73, "certified": 73}, "rows": rows[:1], "refused": []})
+
+    assert said[3:] == [
+        "priced are the first 73 of the scene's 80 times",
+        "3 of them have no certified truth and are left out",
+        *(
+            f"{price.POSES[k]}: nothing was timed, for want of time or of several times in the scene"
+            for k in ("one", "bulk")
+        ),
+        "mujoco, steps, 1e-3: it ended",
+    ]
+    assert whole == said[:3] + said[5:7]
+
+
+def test_a_page_of_prices_takes_names_as_they_are():
+    spreads = dict.fromkeys(("spread", "spread_one", "spread_bulk"), 0.1)
+    digits = dict.fromkeys(("digits_attainable", "digits_one", "digits_bulk"), 9.0)
+    rows = [priced("<b>newton</b>", 9.0, 5.0, **{**spreads, **digits, "microseconds_bulk": 1.0})]
+    offers = {poses: {"position": dict.fromkeys(map(str, price.STEPS))} for poses in price.POSES}
+    result = {"scene": "<i>", "rows": rows, "cheapest": offers, "cheapest_engine": offers, "refused": []}
+    page = price.page_of({**result, "times": {"priced": 1, "asked": 1, "certified": 1}})
+
+    assert "&lt;b&gt;newton" in page
+    assert "<b>newton" not in page
+
+
+def test_a_course_is_a_block_for_each_night_as_high_as_its_ratio():
+    assert nightly._blocks([1.0, 8.0, 2.0, 4.4]) == "▁█▂▄"
+    assert nightly._blocks([3.0, 3.0]) == "▁▁"
+
+
+def test_digits_of_nights_are_those_of_the_last_and_the_range_of_the_worst():
+    def night(*rows: tuple[str, float | None, float | None]) -> Any:
+        keys = ("engine", "method", "quantity", "digits_median", "digits_worst")
+        return {"accuracy": [dict(zip(keys, ("a", "newton", *row), strict=True)) for row in rows]}
+
+    kept = [
+        night(("position", 15.0, 9.0), ("velocity", 14.0, 13.0)),
+        night(("position", 15.1, 12.0), ("velocity", None, None)),
+        night(("position", 15.2, 11.0), ("velocity", None, None)),
+    ]
+
+    assert cells(nightly._digit_table(kept)) == [["a", "newton", "15.2 / 11.0 (9.0 to 12.0)", "no answer", "no answer"]]
+
+
+def test_of_the_price_list_only_what_changed_is_shown_with_its_course():
+    nights = ["2026-10-01 02:17", "2026-10-02 02:17"]
+    quiet = {"nights": nights, "values": [1.0, 2.0], "changes": {}}
+    series = [{**quiet, "name": "a · b"}, {**quiet, "name": "a · b, k: position, regular"}]
+    series.append({**series[1], "changes": {"1": 1.5}})
+
+    assert cells(nightly._cost_table(series)) == [
+        ["a · b", "2", "2", "▁█", "none"],
+        ["a · b, k: position, regular", "2", "2", "▁█", "2026-10-02 02:17: × 1.50"],
+    ]
+
+
+def test_agreement_rows_and_certificates_stand_by_engine_and_method():
+    places = EnclosedTimes(inside=3, outside=1, undecidable=0, no_answer=2, radii=1.25)
+    sparse = answer(
+        "exudyn", {"position": quantity({-1: [14.0, 9.5], 0: [12.0]}, 0.25), "velocity": quantity({}, None)}
+    )
+    planted = record(
+        "a", good_answer("mujoco"), {**sparse, "missing": 1}, levels=[level("mujoco", "drift", [13.0, 9.0])]
+    )
+    met = typed(planted)
+    certified = [met.answers[0], replace(met.answers[1], certificate=places)]
+
+    assert [row[4:] for row in cells(engines.agreement_table(met))] == [
+        ["14.0", "0.5", "14.0", "0.5", "14.0", "0.5", "0 of 4"],
+        ["9.5", "0.25", "-", "-", "-", "-", "1 of 4"],
+    ]
+    assert cells(engines.rows_table(met)) == [["mujoco", "drift", "8", "9.0", "0.25"]]
+    assert [row[2:] for row in cells(engines.arbiter_table(replace(met, answers=certified)))] == [
+        ["-"] * 5,
+        ["3", "1", "0", "2", "1.2"],
+    ]
+
+
+def test_the_worst_of_a_hunt_stands_first_and_each_has_its_scene(tmp_path, capsys):
+    places = {"a": 2.0, "b": 9.0, "c": 0.5}
+    catches = {
+        ("e", "r", name): Catch(ratio, SCENE, "1e-1 .. 1e-3", k) for k, (name, ratio) in enumerate(places.items())
+    }
+    bag = Bag(catches, 7, ["one that failed"])
+    for _ in range(2):  # into the same folder again
+        hunt._write_bag(bag, tmp_path / "deep" / "out", ["own.py:Mine"])
+    hunt._print_bag(bag, tmp_path)
+    shown = capsys.readouterr().out
+    files = sorted(path.name for path in (tmp_path / "deep" / "out").iterdir())
+
+    assert files == ["e-r-a.toml", "e-r-b.toml", "e-r-c.toml"]
+    text = (tmp_path / "deep" / "out" / "e-r-b.toml").read_text(encoding="utf-8")
+    assert text.startswith(
+        "# e r b: 9 times the allowed error, the worst of 7 scenes\n# Show it again: crosscheck replay"
+    )
+    assert refkin.load(tmp_path / "deep" / "out" / "e-r-b.toml") == SCENE
+    order = [shown.index(f" {ratio} ") for ratio in ("9", "2", "0.5")]
+    assert order == sorted(order)
+    assert "above 1: e r b, 9 times" in shown
+    assert "e r c" not in shown
+    assert "failed: one that failed" in shown
+
+
+def test_hard_cases_of_the_kinds_that_are_asked_for_are_asked_in_their_order():
+    every, some = [case.key for case in hard_cases()], ("toggle", "large offset")
+
+    assert [case.key for case in hunt._cases(())] == every
+    assert [case.key for case in hunt._cases(some)] == [case.key for case in hard_cases() if case.case in some]
+
+
+def test_hard_cases_are_counted_by_verdict_and_what_is_wrong_stands_with_its_reason(capsys):
+    keys = ("engine", "method", "case", "distance", "of", "verdict", "class", "quote", "note")
+    rows = [
+        ("a", "newton", "toggle", 0.01, 3, "correct", None, None, ""),
+        ("a", "newton", "toggle", 0.001, 3, "wrong", "defect", "so it is", "far off"),
+        ("b", "newton", "toggle", 0.01, 3, "hang", None, None, "never came"),
+    ]
+    hunt._print_table([dict(zip(keys, row, strict=True)) for row in rows])
+    shown = capsys.readouterr().out
+    counts = {line.split("│")[1].strip(): line.split("│")[3:5] for line in shown.splitlines() if "all: " in line}
+
+    assert "Hard cases: 2 of 3, the same for all engines" in shown
+    assert {name: [int(x) for x in cell] for name, cell in counts.items() if any(int(x) for x in cell)} == {
+        "all: correct": [1, 0],
+        "all: wrong": [1, 0],
+        "all: hang": [0, 1],
+    }
+    assert "a (newton), wrong: defect: so it is\n  toggle, 0.001: far off" in shown
+    assert "b (newton), hang: no finding explains this\n  toggle, 0.01: never came" in shown
+
+
+def ledger_row(effect: str, **more: Any) -> EffectRow:
+    who: Any = {"engine": "a", "method": "newton", "setting": "", "effect": effect, "called_for": False}
+    return EffectRow(**{**who, "microseconds": 3.0, "without": 10.0, "spread": 1.0, "inert": True, **more})
+
+
+def test_effects_that_are_known_stand_in_the_table_and_those_that_are_felt_in_a_line():
+    felt = ledger_row("gravity", inert=False, largest_change=0.25, worst="rocker.phi at t = 1")
+    rows = [ledger_row("velocity", largest_change=0.0), felt, ledger_row("sensors", inert=None, microseconds=None)]
+
+    assert [row[:2] + row[5:7] for row in cells(bench.ledger_table("any", rows))] == [
+        ["a, newton", "velocity", "yes", "0"],
+        ["", "gravity", "no", "0.25"],
+    ]
+    assert bench.felt_lines(rows) == ["not inert: gravity in a, newton: changes rocker.phi at t = 1 by 0.25"]
+    assert bench.felt_lines(rows[:1]) == ["every effect that was measured is inert where it is not called for"]
+    assert bench.felt_lines(rows[2:]) == ["no effect was measured"]
+
+
+def test_what_a_benchmark_judged_is_said_where_it_is_a_part():
+    row = {
+        "engine": "a",
+        "method": "newton",
+        "setting": "",
+        "note": "in C",
+        "timed": 1000,
+        "judged": 100,
+        "unjudged": 3,
+    }
+    rows = [{**row, "unit": "configuration"}, {**row, "unit": "newton-iteration", "unjudged": 0}]
+
+    assert bench.notes(rows) == [
+        "  a, newton: in C (timed 1,000; judged 100, no budget holds at 3 of the sample)",
+        "  a, newton: in C (timed 1,000)",
+    ]
+
+
+def test_rows_without_a_number_share_one_and_no_number_at_all_is_told(capsys):
+    columns = {"t": [0.0, 1.0, 2.0, 3.0], "status": ["ok", "lost", "lost", "none"], "x": [0.125, *[np.nan] * 3]}
+    printed = usage.print_numbers({**columns, "y": [0.1, *[np.nan] * 3]}, 2)
+    lines = [line.split("│")[1:-1] for line in capsys.readouterr().out.splitlines() if line.startswith("│")]
+
+    assert printed
+    assert [[cell.strip() for cell in line] for line in lines] == [
+        ["0", "ok", "0.125", "0.1"],
+        ["1 ... 2", "lost (2 times)", "-", "-"],
+        ["3", "none (1 times)", "-", "-"],
+    ]
+    assert not usage.print_numbers({**columns, "x": [np.nan] * 4}, 2)
+    assert capsys.readouterr().out == ""
+
+
+@pytest.mark.parametrize(("count", "minutes", "part"), [(8, None, "25%"), (None, 2.0, "50%")])
+def test_a_bar_shows_the_part_that_is_done_of_a_count_or_of_the_time(monkeypatch, count, minutes, part):
+    shown: list[Any] = []
+    terminal = io.StringIO()
+    monkeypatch.setattr("rich.console.Console", lambda **_: Console(file=terminal, force_terminal=True, width=100))
+    monkeypatch.setattr(
+        "rich.progress.Progress.update", lambda self, task, **what: shown.append((self.tasks[0].total, what))
+    )
+    now = iter([100.0, *[160.0] * 99])
+    monkeypatch.setattr(usage, "time", SimpleNamespace(monotonic=lambda: next(now)))
+    with usage.shown_progress(count, minutes) as show:
+        show(2, "checking")
+    ((total, what),) = shown
+
+    assert f"{what['completed'] / total:.0%}" == part
+    assert what["description"] == "checking: 2 scenes"
+
+
+def test_a_path_says_how_bodies_turn_by_its_parameter_and_how_it_ended(tmp_path, command, monkeypatch):
+    path = refkin.follow(SCENE)
+    text = follow._direction(path, "driver", path.q[:, 0], SimpleNamespace(q=path.q[:, 0] * 0 + 6.0, t=2.0))
+    still = follow._direction(path, "driver", path.q[:, 0], SimpleNamespace(q=path.q[:, 0] * 0 + 6e8, t=0.5))
+
+    assert text == "crank 3, coupler 3, rocker 3 rad per unit of driver"
+    assert still == "crank 6e+08, coupler 6e+08, rocker 6e+08 with the parameter at rest"
+    few = command("follow", SCENE, "--most-points", 3)
+    whole = command("follow", SCENE, "--json")
+    assert (few.returncode, whole.returncode) == (1, 0)
+    assert json.loads(whole.stdout)["scene"]
+
+
+def test_a_singular_pose_is_said_with_its_tangents_and_as_plain_data(command):
+    flat = refkin.FourBar(ground=3.0, crank=1.0, coupler=3.0, rocker=1.0)
+    scene = flat.scene(times=[0.0], law=refkin.Polynomial(coefficients=(0.0,)))
+    words, data = command("diagnose", scene), json.loads(command("diagnose", scene, "--json").stdout)
+
+    assert words.returncode == 1
+    assert words.stdout.count("tangent: ") == len(data["tangents"]) > 0
+    assert words.stdout.startswith(f"verdict: {data['verdict']}\nt = 0\n{data['message']}\n")
+    assert diagnose.hardest(refkin.solve(SCENE)) == int(np.argmin(refkin.solve(SCENE).sigma_min))
