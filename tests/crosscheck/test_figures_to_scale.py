@@ -149,13 +149,15 @@ def test_digits_near_singular_poses_stand_in_their_decade_at_their_height(line: 
 def test_of_a_history_of_newton_every_residual_and_correction_stands_at_its_iteration() -> None:
     history = {"name": "a rocker", "status": "ok", "iterations": 3, "correction_ratio": [1e-2, 1e-4]}
     history |= {"residual": [0.5, 1e-3, 2e-8, 0.0], "correction": [0.3, 3e-3, 3e-7]}
-    figure = newton_figure({"newton_histories": [history]})
-    panel = Read(figure.panels[0])
+    short = {**history, "iterations": 1, "residual": [0.5, 0.1], "correction": [0.3], "correction_ratio": []}
+    figure = newton_figure({"newton_histories": [history, short]})
+    panel, once = (Read(drawn) for drawn in figure.panels)
     residuals, corrections = panel.lines()
 
     panel.near(residuals, [(k, math.log10(v) if v else -18.0) for k, v in enumerate(history["residual"])])
     panel.near(corrections, [(k + 1, math.log10(v)) for k, v in enumerate(history["correction"])])
-    assert figure.rows == (
+    assert [once.x(once.left), once.x(once.right)] == pytest.approx([0.0, 1.0])
+    assert figure.rows[:4] == (
         ("a rocker", 0, 0.5, None, None),
         ("a rocker", 1, 1e-3, 0.3, None),
         ("a rocker", 2, 2e-8, 3e-3, 1e-2),
