@@ -15,6 +15,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_left, bisect_right
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,8 +28,12 @@ from refkin.fast.prepare import Prepared, prepared
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.newton import CONTRACTION, contracts
+from refkin.proof.path.branch import first_gap
+from refkin.solving.passages import unseen
 from refkin.solving.solve import solve
 from refkin.solving.starts import find_start
+from refkin.solving.sweep import pose_between
+from refkin.system import EVERYTHING
 
 NEWTON_STEPS = 2, 4
 """How many Newton steps every sample makes, and how many at most: two go from 1e-5 to the square of its square."""
@@ -89,7 +94,17 @@ class _Task:
             if poses is None:
                 return None
             answer = self._samples(poses)
+            if answer is not None and not self._keeps_its_branch(answer[0][0]):
+                return None
         return None if answer is None else motion(self.scene, self.system, self.made, self.t, *answer, self.message)
+
+    def _keeps_its_branch(self, q: Any) -> bool:
+        """Whether the steps that their ends say too little of are proved, as the reference's are."""
+        steps = unseen(self.system, self.t, q.T)
+        if not steps:
+            return True
+        held = any(p.constraint.passive for p in self.system.placed)  # each step another way: left to the reference
+        return not held and first_gap(replace(self.system, effects=EVERYTHING), self.t, q, pose_between, steps) is None
 
     def _profile(self, constraint: int, order: int, s: Any) -> Any:
         return self.system.placed[constraint].constraint.profile_values(s, self.system.unit, order)[order]

@@ -15,14 +15,16 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from typing import Any, Protocol
 
 import numpy as np
 
 from refkin.analysis import position, sigma_min
+from refkin.joints import polar_cams
 from refkin.motion_laws import Law, Polynomial
 from refkin.newton import is_round_off, newton
-from refkin.proof.numbers.extrema import extrema, sign_changes
+from refkin.proof.numbers.extrema import extrema, hides, sign_changes
 from refkin.proof.path.blocks import diagonal_blocks
 from refkin.system import System, compile_system
 
@@ -71,6 +73,27 @@ def moving_law(system: System, a: float, b: float) -> tuple[int, Law] | None:
     ]
     first = len(mechanism.joints)
     return (moving[0][0] - first, moving[0][1]) if len(moving) == 1 and moving[0][0] >= first else None
+
+
+def unseen(system: System, t: Any, q: Any) -> list[int]:
+    """Return the steps k, from pose k to k + 1, of which their ends say too little: they are to be proved.
+
+    Where one law alone moves, and does not turn back, a pose is a function of its value, and that is between those at
+    the ends. Several laws together may turn back though none of them does; and a cam's profile may hide a bump.
+
+    Parameters
+    ----------
+    system : System
+    t, q : sequence of float and of (n,) array
+        Times in increasing order [s], and the poses there.
+    """
+    times = np.array(t)
+    moving = [np.diff(law(times)) != 0.0 for c in system.mechanism.constraints for law in c.laws]
+    steps = np.sum(moving, axis=0) > 1 if len(moving) > 1 else np.zeros(len(times) - 1, bool)
+    for cam in polar_cams(system.mechanism.joints):
+        contact = [float(pose[system.parameter(cam.name)][0]) for pose in q]
+        steps |= np.array([hides(cam.profile.law, *sorted(ends)) for ends in pairwise(contact)], bool)
+    return [int(k) for k in np.flatnonzero(steps)]
 
 
 def over_a_range(sweep: Continuation, target: float, turning: list[float]) -> Any:

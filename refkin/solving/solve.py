@@ -83,7 +83,7 @@ def _positions(
         sweep = Sweep(frames.inner, [scene.times[0]], [first], proving=proving, certified=certified, hopeless=hopeless)
         leaps = Leaps(sweep, scene.times if ahead else ())
         q, done, why, rest = _swept(sweep, scene.times, leaps)
-        gap = _first_gap(sweep, scene) if certified or sweep.uncertified else None
+        gap = _first_gap(sweep, scene)
         if leaps.ahead is None or (gap is None and (done == count or hopeless(scene.times[done]))):
             break
     q = np.stack([frames.outward(pose) for pose in q.T], axis=-1) if frames.shifts.any() else q
@@ -100,8 +100,10 @@ def _positions(
 
 def _first_gap(sweep: Sweep, scene: Scene) -> int | None:
     """Return the first step of a sweep that needs a proof and has none; None if all have one."""
-    full, t, q = sweep.full, np.array(sweep.t), np.array(sweep.q).T
     steps = sweep.unproved
+    if not steps:
+        return None
+    full, t, q = sweep.full, np.array(sweep.t), np.array(sweep.q).T
     crossed = step_over_crossing(full, t, q, sweep.uncertified)
     if crossed is not None:  # steps that lead to none of the times before it need no proof
         last = max(time for time in scene.times if time <= t[crossed])

@@ -8,7 +8,7 @@ that are noted as uncertified: they count only once it is proved (`proof.path.br
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from enum import Enum, auto
 from functools import cached_property
@@ -22,7 +22,7 @@ from refkin.newton import TINY
 from refkin.proof.numbers.extrema import extrema, extrema_of
 from refkin.proof.path.branch import first_gap
 from refkin.proof.pose.isolate import isolate
-from refkin.solving.passages import OFTEN, Winding, over_a_range
+from refkin.solving.passages import OFTEN, Winding, over_a_range, unseen
 from refkin.solving.steps import CLEAR, Steps
 from refkin.system import EVERYTHING, System
 
@@ -127,7 +127,9 @@ class Sweep(Steps):
     @property
     def unproved(self) -> list[int]:
         """The numbers of the poses from which a step was taken that is to be proved."""
-        steps = range(len(self.t) - 1) if self.certified else self.uncertified
+        steps: Sequence[int] = range(len(self.t) - 1)
+        if not self.certified:
+            steps = sorted({*self.uncertified, *unseen(self.system, self.t, self.q)})
         return [k for k in steps if k not in self.jumps]
 
     @property

@@ -137,6 +137,26 @@ def test_a_law_that_turns_a_rounding_beyond_the_flat_pose_is_lost_there(certifie
     assert "at t = 1, where a law turns back, no pose of the branch is proved to be alone" in motion.message
 
 
+@pytest.mark.parametrize("name", ["cam-bump-between-times.toml", "laws-turn-back-together.toml"])
+def test_what_turns_back_between_times_though_no_law_does_is_lost_at_the_limit(name):
+    """The bump of a cam's profile, and the sum of two angles."""
+    motion = refkin.solve(scene(name))
+
+    assert statuses(motion) == "ooo."
+    assert "it is not proved on which branch the motion goes on" in motion.message
+    assert fast.attempt(scene(name)) is None
+
+
+def test_what_turns_back_between_times_and_reaches_no_limit_is_answered():
+    within = scene("laws-turn-back-together.toml")
+    one, two = within.mechanism.drivers
+    less = replace(two, law=replace(two.law, coefficients=(two.law.coefficients[0] - 0.3, two.law.coefficients[1])))
+    bodies = tuple(replace(body, estimate=None) for body in within.mechanism.bodies)
+    within = replace(within, mechanism=Mechanism(bodies, within.mechanism.joints, (one, less)))
+
+    assert refkin.solve(within).verdict is fast.attempt(within).verdict is OK
+
+
 def test_a_law_that_turns_just_before_the_flat_pose_is_not_lost():
     touched = scene("limit-touched-1e-17.toml")
     (driver,) = touched.mechanism.drivers

@@ -8,7 +8,7 @@ So nothing is sampled and none is left out; each is a float64 number, next to th
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterable, Sequence
 from fractions import Fraction
 from functools import lru_cache
@@ -66,6 +66,25 @@ def extrema(law: Law, a: float, b: float) -> list[float]:
     if isinstance(law, Table):
         return _of_spline(law, a, b)
     raise TypeError(f"the extrema of a {type(law).__name__} are not known")
+
+
+def hides(law: Law, a: float, b: float) -> bool:
+    """Return whether a law may do between a and b what nobody expects who knows it there.
+
+    A table may where more than one of its arguments lies between, a sinusoid where its phase goes on by a radian, any
+    other law where it turns back.
+    """
+    if isinstance(law, Sinusoid):
+        return abs(law.angular_frequency) * (b - a) > 1.0
+    if not isinstance(law, Table):
+        return bool(extrema(law, a, b))
+    first, length = law.argument[0], law.argument[-1] - law.argument[0]
+    turns = [math.floor((x - first) / length) if law.periodic else 0 for x in (a, b)]
+    before, after = (
+        turn * (len(law.argument) - 1) + bisect_left(law.argument, x - turn * length)
+        for turn, x in zip(turns, (a, b), strict=True)
+    )
+    return after - before > 1
 
 
 def zeros(law: Law, a: float, b: float) -> list[float]:

@@ -26,6 +26,8 @@ SAGITTA = 0.1
 """How far a pose may lie from the middle of a chord, in units of its length, to be taken for one of the same branch."""
 DOUBTED = 3
 """How often that is until it is asked whether the step meets a crossing of branches."""
+FIRST_STEPS = 4
+"""How many steps are tried together first; then twice as many, and so on."""
 MOST_TUBES, FEW_TUBES = 4000, 400
 """Tubes that are tried in balls, a millisecond each, where all steps are asked for, and where some are."""
 BLURRED = 1e-7
@@ -74,12 +76,16 @@ def first_gap(system: System, t: Any, q: Any, between: Between, steps: Sequence[
     radii = np.full_like(q, np.nan)
     radii[:, poses] = _error_bounds(system, q[:, poses], t[poses])
     pieces = [Piece(t[k], t[k + 1], q[:, k], q[:, k + 1], radii[:, k], radii[:, k + 1], k) for k in asked]
-    left, gap = _left(system, pieces, between)
-    proof = ConnectionProof(system, MOST_TUBES if steps is None else FEW_TUBES, between)
-    for p in left:
-        if not proof.connects(p.t_0, p.t_1, p.q_0, p.q_1):
-            return p.number
-    return gap
+    proof, first, count = ConnectionProof(system, MOST_TUBES if steps is None else FEW_TUBES, between), 0, FIRST_STEPS
+    while first < len(pieces):  # what comes after a gap is not worth its proof
+        left, gap = _left(system, pieces[first : first + count], between)
+        for p in left:
+            if not proof.connects(p.t_0, p.t_1, p.q_0, p.q_1):
+                return p.number
+        if gap is not None:
+            return gap
+        first, count = first + count, 2 * count
+    return None
 
 
 def step_over_crossing(system: System, t: Any, q: Any, steps: Sequence[int]) -> int | None:
