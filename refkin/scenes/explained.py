@@ -47,7 +47,7 @@ def explained(faults: Iterable[Fault], data: Any, text: str = "") -> list[Fault]
     return [replace(_guessed(fault, data), where=_where(fault.path, data, lines)) for fault in faults]
 
 
-def _at(path: str, data: Any) -> Any:
+def at(path: str, data: Any) -> Any:
     """Return what stands at a path into the data, None if there is nothing."""
     for key in re.findall(r"\w+", path):
         try:
@@ -77,7 +77,7 @@ def _guessed(fault: Fault, data: Any) -> Fault:
         known = KEYS["law"] if inner else KEYS.get(group if "." in fault.path else "", ())
         return _meant(fault, key, known)
     if re.search(r", not \d+$", fault.expected):
-        return replace(fault, value=_at(fault.path, data))
+        return replace(fault, value=at(fault.path, data))
     if fault.path in GROUPS and fault.expected == "array":
         return replace(fault, expected=f"a list: each {group} under a header [[{group}]]")
     if fault.value == GROUND and group == "body":
@@ -86,7 +86,9 @@ def _guessed(fault: Fault, data: Any) -> Fault:
         if fault.value in [kind.type for kind in types] and dimension != data.get("dimension", "planar"):
             return replace(fault, expected=f'{fault.expected}; or dimension = "{dimension}", which has it')
     if group == "driver" and key == "joint" and isinstance(fault.value, str):
-        return _meant(fault, fault.value, [str(_at(f"joint[{k}].name", data)) for k in range(len(data["joint"]))])
+        joints = data.get("joint")
+        names = [joint.get("name") for joint in joints if isinstance(joint, dict)] if isinstance(joints, list) else []
+        return _meant(fault, fault.value, [name for name in names if isinstance(name, str)])
     if isinstance(fault.value, str):
         listed = re.findall(r"[^\s,']+", fault.expected.partition("one of")[2] or fault.expected.partition(":")[2])
         return _meant(fault, fault.value, listed)

@@ -16,11 +16,8 @@ from typing import Any
 
 from refkin.errors import Fault, InvalidScene
 from refkin.model import Mechanism, Scene
-from refkin.scenes import SCHEMA
+from refkin.scenes import DEEPEST, SCHEMA
 from refkin.scenes.explained import explained
-
-DEEPEST = 20
-"""How many tables and lists may stand in each other; a scene needs seven."""
 
 
 def load(path: str | Path) -> Scene:

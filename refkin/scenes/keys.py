@@ -6,7 +6,10 @@ import json
 import math
 import re
 from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from copy import deepcopy
+from functools import reduce
+from operator import getitem
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Union
 
@@ -17,6 +20,7 @@ from pydantic_core import PydanticCustomError
 from refkin.errors import Fault
 from refkin.joints import (
     DRIVER_TYPES,
+    GROUND,
     JOINT_TYPES,
     KINDS,
     PLANE,
@@ -28,8 +32,8 @@ from refkin.joints import (
 )
 from refkin.joints.checks import mechanism_faults, scene_faults
 from refkin.model import Body, Effect, Evidence, Point
-from refkin.scenes import SCHEMA
-from refkin.scenes.explained import UNTIED, unconnected
+from refkin.scenes import DEEPEST, SCHEMA
+from refkin.scenes.explained import UNTIED, at, unconnected
 
 MOST_TIMES = 10_000_000
 
@@ -174,43 +178,78 @@ def _meaning(file: SceneFile) -> list[Fault]:
 
 
 def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
-    """Return what else is wrong beside wrong keys and types: the meaning of the parts that can be read.
+    """Return what else is wrong beside wrong keys and types: whatever stands at the places that cannot be read.
 
-    The parts that cannot are left out, and so is every finding that leaving them out might have brought about.
+    Those places are filled in two ways; what is found with both does not come of what they were filled with.
     """
-    bad = {e["loc"][:2] if e["loc"][0] in _GROUPS else e["loc"][:1] for e in error.errors() if e["loc"]}
-    if not isinstance(data, dict) or any((group,) in bad for group in ("body", "times")):
-        return []
-    kept = {g: [k for k in range(len(data.get(g, ()))) if (g, k) not in bad] for g in _GROUPS if (g,) not in bad}
-    whole = {key: value for key, value in data.items() if key not in _GROUPS and (key,) not in bad}
-    parts = {g: [data[g][k] for k in places] for g, places in kept.items() if g in data}
-    try:
-        file = _read({**whole, **parts, "schema": SCHEMA})
-    except ValidationError:
-        return []
-    unread = {str(data[g][k].get("name")) for g, k in (b for b in bad if len(b) == 2) if isinstance(data[g][k], dict)}
-    faults = []
-    for fault in _meaning(file):
-        group, _, rest = fault.path.partition("[")
-        if group in kept and rest:
-            place, _, tail = rest.partition("]")
-            fault = Fault(f"{group}[{kept[group][int(place)]}]{tail}", fault.value, fault.expected)
-        names_unread = isinstance(fault.value, str) and fault.value in unread
-        of_what_is_left = fault.expected == UNTIED and any(place[0] in ("joint", "driver") for place in bad)
-        if (rest or group.startswith("times")) and not names_unread and not of_what_is_left:
-            faults.append(fault)
+    unread = [_fault(e).path for e in error.errors(include_url=False)]
+    one, other = (_meaning(file) if (file := _filled(data, way)) else [] for way in (0, 1))
+    inside, same = tuple(f"{path}{sign}" for path in unread for sign in ".["), set(map(str, other))
+    faults = [f for f in one if str(f) in same and f.path not in unread and not f.path.startswith(inside)]
+    items = [re.fullmatch(r"((?:joint|driver)(?:\[\d+\])?)(?:\.type)?", path) for path in unread]
+    lost = {at(f"{item[1]}.name", data) for item in items if item}
+    if lost:  # whom these tie, how many rows they have, and what they are, is not known
+        faults = [f for f in faults if f.expected != UNTIED and f.path != "driver"]
+        faults = [f for f in faults if not (f.path.endswith(".joint") and lost & {f.value, None})]
     return faults
+
+
+def _filled(data: Any, way: int) -> SceneFile | None:
+    """Return the file with something of the right type at each place that cannot be read, in one of two ways.
+
+    What a place lacks may show only when it was filled; None if that comes to no end.
+    """
+    data = {**deepcopy(data), "schema": SCHEMA} if isinstance(data, dict) else {}
+    for _ in range(DEEPEST):
+        try:
+            return _read(data)
+        except ValidationError as error:
+            for e in error.errors(include_url=False):
+                *tables, key = _parts(e["loc"])
+                with suppress(LookupError, TypeError, AttributeError):  # a place that was filled from further out
+                    _fill(reduce(getitem, tables, data), key, e, way, data)
+    return None
+
+
+def _fill(holder: Any, key: Any, error: Any, way: int, data: Any) -> None:
+    """Put into a table or list of a file what pydantic, by an error, asks for there."""
+    kind, context = error["type"], error.get("ctx", {})
+    words = re.findall(r"'([^']*)'", str(context.get("expected_tags", context.get("expected", ""))))
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+        del holder[key]
+    elif kind == "missing" and isinstance(holder, list):
+        holder.append(None)  # the next round says what it should be
+    elif kind in ("union_tag_invalid", "union_tag_not_found"):
+        holder[key][context["discriminator"].strip("'")] = words[way] if words else ""
+    elif kind == "too_long":
+        del holder[key][context["max_length"] :]
+    elif words:
+        holder[key] = words[way % len(words)]
+    elif kind == "string_type":
+        used, known = _names(data)
+        free = [name for name in used if name not in known] if key == "name" else [GROUND, *known]
+        holder[key] = [*free, "", "-"][way]
+    elif kind == "tuple_type" and key == "body" and way == 0:
+        holder[key] = [{"name": name} for name in dict.fromkeys(_names(data)[0]) if name != GROUND]
+    else:
+        holder[key] = {
+            "missing": None, "float_type": (1.0, 0.75)[way], "int_type": 2 + way, "bool_type": False, "tuple_type": [],
+            "dimension": PLANE.name,
+        }.get(kind, {})  # fmt: skip
+
+
+def _names(data: Any) -> tuple[list[str], list[str]]:
+    """Return the names by which bodies, and joints, are called in a file, and those that they have."""
+    items = [item for g in _GROUPS if isinstance(data.get(g), list) for item in data[g] if isinstance(item, dict)]
+    used = [item.get(key) for item in items for key in ("body", "body_i", "body_j", "relative_to", "joint")]
+    wanted = data.get("bodies_wanted")
+    used += wanted if isinstance(wanted, list) else []
+    return [x for x in used if isinstance(x, str)], [x["name"] for x in items if isinstance(x.get("name"), str)]
 
 
 def _fault(error: Any) -> Fault:
     """Return one of pydantic's findings as a fault, with the path as it is written in the file."""
-    path = "" if error["loc"] else "file"
-    for k, part in enumerate(error["loc"]):
-        if isinstance(part, int):
-            path += f"[{part}]"
-        elif part not in _TAGS or k == len(error["loc"]) - 1:
-            path += f".{part}" if path else part
-    value = error.get("input")
+    path, value = _path(error["loc"]), error.get("input")
     kind, context = error["type"], error.get("ctx", {})
     if kind == "missing":
         return Fault(path, None, MISSING_KEY)
@@ -227,6 +266,17 @@ def _fault(error: Any) -> Fault:
         value,
         error["msg"].removeprefix("Input should be ").removeprefix("a valid ").replace("integer", "an integer"),
     )
+
+
+def _parts(loc: Any) -> list[Any]:
+    """Return the keys and indices of a place, without the types and kinds that pydantic names on the way to it."""
+    return [part for k, part in enumerate(loc) if part not in _TAGS or k == len(loc) - 1]
+
+
+def _path(loc: Any) -> str:
+    """Return a place as it is written in a message."""
+    path = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in _parts(loc))
+    return path.removeprefix(".") or "file"
 
 
 def _items(path: str) -> str:

@@ -171,8 +171,62 @@ def test_each_broken_scene_gets_one_clear_message(change, told):
     assert sum(line.startswith(f"scene.toml: {told}") for line in lines) == 1, lines
 
 
-def test_all_faults_of_a_file_are_told_at_once():
-    """Of keys, types, references and numbers, also where one item cannot be read at all."""
+PLANTED = {
+    "key": (put("bodys", 1), "bodys"),
+    "type of times": (put("times", [0.0, 1.0]), "times"),
+    "estimate of two numbers": (put("body", 0, "estimate", [0.5, 0.0]), "body[0].estimate"),
+    "name twice": (put("joint", 2, "name", "A"), "joint[2].name"),
+    "unknown type of joint": (put("joint", 0, "type", "revolut"), "joint[0].type"),
+    "unknown body of that joint": (put("joint", 0, "body_i", "grund"), "joint[0].body_i"),
+    "key that is missing": (put("joint", 1, "point_i", ...), "joint[1].point_i"),
+    "number that is text": (put("joint", 2, "point_i", [1.75, "0"]), "joint[2].point_i[1]"),
+    "unknown body": (put("joint", 2, "body_i", "couplr"), "joint[2].body_i"),
+    "number that is not finite": (put("joint", 2, "point_j", [float("nan"), 0.0]), "joint[2].point_j[0]"),
+    "no coefficients": (put("driver", 0, "law", "coefficients", []), "driver[0].law.coefficients"),
+    "point of no body": (put("point", 0, "body", "couple"), "point[0].body"),
+}
+PLANTED_IN_SPACE = {
+    "three numbers for seven": (put("body", 0, "estimate", [0.0, 0.0, 0.0]), "body[0].estimate"),
+    "type of times": (put("times", []), "times"),
+    "effect": (put("effects", ["jerk"]), "effects[0]"),
+    "form": (put("joint", 0, "form", "quarter"), "joint[0].form"),
+    "two numbers for three": (put("joint", 0, "point_i", [0.0, 0.0]), "joint[0].point_i"),
+    "axis without direction": (put("joint", 0, "axis_i", [0.0, 0.0, 0.0]), "joint[0].axis_i"),
+    "zero along its axis": (put("joint", 0, "zero_j", [0.0, 0.0, 2.0]), "joint[0].zero_j"),
+    "pitch": (put("joint", 1, "pitch", 0.0), "joint[1].pitch"),
+    "unknown body": (put("joint", 1, "body_j", "nobody"), "joint[1].body_j"),
+    "joint that there is not": (put("driver", 0, "joint", "X"), "driver[0].joint"),
+    "planar type": (put("joint", 2, "type", "gear"), "joint[2].type"),
+}
+HINGE = {"point_i": [0.0, 0.0, 0.0], "axis_i": [0.0, 0.0, 1.0], "zero_i": [1.0, 0.0, 0.0]}
+HINGE |= {"point_j": [0.0, 0.0, 0.0], "axis_j": [0.0, 0.0, 1.0], "zero_j": [1.0, 0.0, 0.0]}
+SPACE = {
+    **{"schema": 1, "dimension": "spatial", "effects": ["velocity"], "times": {"values": [0.0, 1.0]}},
+    "body": [{"name": "a"}, {"name": "b"}, {"name": "c"}],
+    "joint": [
+        {"name": "R", "type": "revolute", "body_i": "ground", "body_j": "a", **HINGE},
+        {"name": "H", "type": "screw", "body_i": "a", "body_j": "b", "pitch": 0.5, **HINGE},
+        {"name": "S", "type": "spherical", "body_i": "b", "body_j": "c"}
+        | {"point_i": [1.0, 0.0, 0.0], "point_j": [0.0, 0.0, 0.0]},
+    ],
+    "driver": [{"name": "D", "type": "angle", "joint": "R", "law": {"kind": "polynomial", "coefficients": [1.0]}}],
+}
+
+
+@pytest.mark.parametrize(("good", "planted"), [(GOOD, PLANTED), (SPACE, PLANTED_IN_SPACE)], ids=["plane", "space"])
+def test_a_file_with_a_fault_of_every_kind_names_them_all_and_no_others(good, planted):
+    """Of structure and of value, also two in one joint, one of each kind."""
+    data = copy.deepcopy(good)
+    for change, _ in planted.values():
+        change(data)
+    with pytest.raises(InvalidScene) as result:
+        parse(copy.deepcopy(data))
+
+    assert sorted(fault.path for fault in result.value.faults) == sorted(path for _, path in planted.values())
+
+
+def test_what_a_wrong_key_may_bring_about_is_not_told():
+    """Whether a driver is missing, and what dimension it is, follows from other faults."""
     data = copy.deepcopy(GOOD)
     for name in ("no such dimension", "unknown joint type", "unknown law", "point of no body", "stop before start"):
         BROKEN[name][0](data)
