@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from crosscheck.engines import NATIVE, EngineRefusal, Level, engine_motion
-from refkin.motion import Producer, Route, Seeding, Status
+from crosscheck.engines import NATIVE, EngineRefusal, Level
+from refkin.motion import Producer, Route, Seeding, Status, engine_motion
 
 ROUTE = Route(name="two circles", residual_by="closed form", seeding=Seeding.INITIAL_GUESS)
 LINKS = {"crank": ("A0", "A"), "coupler": ("A", "B"), "rocker": ("B0", "B")}

@@ -210,6 +210,21 @@ def nowhere(times: int) -> Array:
     return np.full(times, np.nan)
 
 
+def engine_motion(
+    t: Any, bodies: tuple[str, ...], q: Any, qd: Any, qdd: Any, status: Any, producer: Producer, **more: Any
+) -> Motion:
+    """Return a motion without evidence of its own, as engines deliver it.
+
+    Parameters
+    ----------
+    t, bodies, q, qd, qdd, status, producer, **more
+        As in `Motion`; NaN what is not given.
+    """
+    rest = {**dict.fromkeys(("residual", "sigma_min", "condition"), nowhere(len(status))), **more}
+    rest.setdefault("certified_radius", no_radius(len(status)))
+    return Motion(t=np.asarray(t, float), bodies=bodies, q=q, qd=qd, qdd=qdd, status=status, producer=producer, **rest)
+
+
 def no_radius(times: int) -> CertifiedRadius:
     """Return bounds of which none is proved."""
     return CertifiedRadius(position=nowhere(times), velocity=nowhere(times), acceleration=nowhere(times))

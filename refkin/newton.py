@@ -171,14 +171,7 @@ def newton(
 
 
 def solve_linear(matrix: Any, right: Any) -> Any:
-    """Return x with matrix x = right: by LU if square, by least squares if there are more rows than columns.
-
-    Parameters
-    ----------
-    matrix : (m, n) or (m, n, B) array
-        One system, or a batch of them.
-    right : (m,) or (m, B) array
-    """
+    """Return x with matrix x = right, (m, n) and (m,) or batches of them: by LU, or by least squares if m > n."""
     square = matrix.shape[0] == matrix.shape[1]
     if matrix.ndim == 2:
         return np.linalg.solve(matrix, right) if square else np.linalg.lstsq(matrix, right, rcond=None)[0]

@@ -36,7 +36,7 @@ class Placed:
 
 @dataclass(frozen=True)
 class System:
-    """The equations of a mechanism in a unit of length: n coordinates, m >= n rows; see `compile_system`."""
+    """The equations of a mechanism, planar or spatial (`kind`): n coordinates, m >= n rows; see `compile_system`."""
 
     mechanism: Mechanism
     effects: frozenset[Effect]
@@ -44,13 +44,9 @@ class System:
     placed: tuple[Placed, ...]
     n: int
     m: int
+    kind: Kind
     gauge: Mapping[int, Any] = field(default_factory=dict, repr=False, compare=False)
     _kept: dict[Any, tuple[Any, Any]] = field(default_factory=dict, init=False, repr=False, compare=False)
-
-    @cached_property
-    def kind(self) -> Kind:
-        """Whether the bodies are of the plane or of space."""
-        return self.mechanism.kind
 
     def gauged(self, q: Any) -> System:
         """Return the system with its passive freedoms held as they are at a pose, (n,) or (n, B), not as estimated."""
@@ -124,10 +120,8 @@ class System:
         """Return coordinates (order 0) or rates (1, 2) in m, rad: all n, or the bodies'; in place if copy is None."""
         out = np.array(q, np.result_type(np.asarray(q), float), copy=copy)
         for k, shift in enumerate(self.unit.origin):
-            axis = out[k : self.of_bodies : self.kind.width]
-            axis *= self.unit.size
-            if shift and not order:
-                axis += shift
+            at = slice(k, self.of_bodies, self.kind.width)
+            out[at] = out[at] * self.unit.size + (shift if shift and not order else -0.0)  # which leaves 0.0 and -0.0
         return out
 
     def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:
@@ -195,7 +189,7 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
         where = (*(starts[body] for body in constraint.bodies), *own, *shared)
         placed.append(Placed(constraint, constraint.constants(unit), row, where))
         row, n = row + constraint.rows, n + len(own)
-    return System(mechanism, effects, unit, tuple(placed), n, row)
+    return System(mechanism, effects, unit, tuple(placed), n, row, kind)
 
 
 def _stack(rows: Iterable[Any], m: int, q: Any, t: Any) -> Any:

@@ -33,7 +33,7 @@ from crosscheck.scenes.names import PHYSICAL as PHYSICAL
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
 from refkin.joints import Constraint, elements_of
 from refkin.model import Scene
-from refkin.motion import Motion, Producer, Route, Seeding, __version__, no_radius, nowhere
+from refkin.motion import Motion, Route, Seeding, __version__
 
 API = (1, 0)
 Array = NDArray[np.float64]
@@ -123,21 +123,6 @@ def route_by(by: str, name: str, newton_by: str, *, linear_solve_by: str = "nump
     """Return a route on the rows of an engine, which is given estimates; also its drift terms where nobody is named."""
     who = {"residual_by": by, "jacobian_by": by, "linear_solve_by": linear_solve_by, "drift_by": drift_by or by}
     return Route(name=name, newton_by=newton_by, seeding=Seeding.INITIAL_GUESS, **who)
-
-
-def engine_motion(
-    t: Any, bodies: tuple[str, ...], q: Any, qd: Any, qdd: Any, status: Any, producer: Producer, **more: Any
-) -> Motion:
-    """Return a motion without evidence of its own, as engines deliver it.
-
-    Parameters
-    ----------
-    t, bodies, q, qd, qdd, status, producer, **more
-        As in `Motion`; NaN what is not given.
-    """
-    rest = {**dict.fromkeys(("residual", "sigma_min", "condition"), nowhere(len(status))), **more}
-    rest.setdefault("certified_radius", no_radius(len(status)))
-    return Motion(t=np.asarray(t, float), bodies=bodies, q=q, qd=qd, qdd=qdd, status=status, producer=producer, **rest)
 
 
 class EngineError(Exception):

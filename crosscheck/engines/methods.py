@@ -26,7 +26,6 @@ from crosscheck.engines import (
     Level,
     Simulating,
     Term,
-    engine_motion,
     load,
     refusals,
     refuse,
@@ -35,7 +34,7 @@ from crosscheck.scenes.names import called_for, order_of
 from crosscheck.scenes.workloads import Chain, FourBars, Piece, Workload, whole
 from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.model import Effect, Scene
-from refkin.motion import Motion, Producer, Route, Seeding, Status
+from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
 
 OURS = ("refkin", "refkin-lanes", "scipy", "numpy", "c")
 """Producers that are no engine: they solve the reference's equations, or know what a four-bar is."""

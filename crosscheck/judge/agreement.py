@@ -7,14 +7,14 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Term, engine_motion
+from crosscheck.engines import Term
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import believed, misshapen
 from crosscheck.judge.records import QUANTITIES
 from crosscheck.judge.violations import violations
 from refkin.errors import RefkinError
 from refkin.model import Scene
-from refkin.motion import Motion, Producer, Route, Seeding, Status
+from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
 from refkin.output.tables import UNITS
 
 OWN = Producer(

@@ -23,7 +23,6 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import engine_motion
 from crosscheck.engines.frames import wrap
 from crosscheck.judge.budget import SAFETY, derive, output_rounding
 from crosscheck.judge.comparison import Reference, compare, reference, scales
@@ -32,7 +31,7 @@ from crosscheck.scenes.four_bar_answers import four_bar
 from crosscheck.scenes.workloads import SPEED, Chain, FourBars, Piece, system_of, unit_of
 from crosscheck.scenes.workloads_space import SpatialLoops
 from refkin.model import Evidence
-from refkin.motion import Motion, Producer, Route, Seeding, Status
+from refkin.motion import Motion, Producer, Route, Seeding, Status, engine_motion
 from refkin.system import compile_system
 from refkin.vec import BodyValues
 

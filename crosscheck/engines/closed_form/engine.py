@@ -32,7 +32,6 @@ from crosscheck.engines import (
     EngineRefusal,
     Level,
     Term,
-    engine_motion,
     refusals,
     refuse,
     refused,
@@ -46,7 +45,7 @@ from crosscheck.engines.spatial.reading import in_space
 from crosscheck.scenes.names import called_for
 from refkin.joints import elements_of
 from refkin.model import Scene
-from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route, Status, __version__
+from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route, Status, __version__, engine_motion
 
 Array = NDArray[np.float64]
 

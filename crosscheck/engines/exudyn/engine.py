@@ -26,7 +26,6 @@ from crosscheck.engines import (
     Support,
     Term,
     derived,
-    engine_motion,
     expressed,
     refuse_joints,
     refused,
@@ -42,7 +41,7 @@ from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.scenes.names import called_for, order_of
 from refkin.joints import SI, PointDistance, Unit, elements_of
 from refkin.model import Effect, Scene
-from refkin.motion import Motion, Producer, Route
+from refkin.motion import Motion, Producer, Route, engine_motion
 
 STATIC = route_by(
     "exudyn",

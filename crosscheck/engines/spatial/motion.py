@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import engine_motion
 from crosscheck.engines.march import Closing, March, march, one_by_one
 from crosscheck.engines.spatial.reading import Numbers, numbers_of
 from crosscheck.engines.spatial.system import SpaceSystem
@@ -16,7 +15,7 @@ from crosscheck.engines.spatial.tree import space_tree
 from crosscheck.engines.spatial.turning import bends, continuous, parameters, rates
 from crosscheck.scenes.names import order_of
 from refkin.model import Effect, Scene
-from refkin.motion import Motion, PointMotion, Producer
+from refkin.motion import Motion, PointMotion, Producer, engine_motion
 
 Array = Any
 

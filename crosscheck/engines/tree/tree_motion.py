@@ -8,14 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Term, engine_motion
+from crosscheck.engines import Term
 from crosscheck.engines.march import March, march
 from crosscheck.engines.tree.joint_tree import Array
 from crosscheck.engines.tree.tree_system import TreeEngine, TreeSystem
 from crosscheck.scenes.names import called_for, order_of
 from refkin.joints import GROUND, PointDistance, elements_of
 from refkin.model import Mechanism, Scene
-from refkin.motion import Motion, PointMotion, Producer
+from refkin.motion import Motion, PointMotion, Producer, engine_motion
 
 Accelerations = Callable[[Array, Array, float], Array]
 

@@ -21,7 +21,6 @@ from crosscheck.engines import (
     Array,
     Capabilities,
     Level,
-    engine_motion,
     refuse_joints,
     refused,
     route_by,
@@ -30,7 +29,7 @@ from crosscheck.engines.vector_loop.marching import LoopMarch, march
 from crosscheck.engines.vector_loop.reading import Reading, read
 from crosscheck.scenes.names import called_for
 from refkin.model import Scene
-from refkin.motion import Motion, PointMotion, Producer, Route, Status
+from refkin.motion import Motion, PointMotion, Producer, Route, Status, engine_motion
 
 ROUTE = route_by("vector loops", "loop closure", "refkin.newton")
 

@@ -87,7 +87,7 @@ def alone(constraint: Constraint, unit: Unit | None = None) -> System:
     own = (14,) if constraint.parameters or constraint.shares else ()
     where = (*(starts[body] for body in constraint.bodies), *own)
     placed = Placed(constraint, constraint.constants(unit), 0, where)
-    return System(mechanism, EVERYTHING, unit, (placed,), 14 + len(own), constraint.rows)
+    return System(mechanism, EVERYTHING, unit, (placed,), 14 + len(own), constraint.rows, mechanism.kind)
 
 
 def anywhere(system: System, seed: int, length: float | None = None) -> tuple[Any, Any]:
