@@ -16,7 +16,8 @@ import numpy as np
 
 from crosscheck.judge.budget import SAFETY
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, scales
-from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, By, Common, Histogram, Quantity
+from crosscheck.judge.records import MOST_DIGITS, QUANTITIES, By, Common, Histogram, Quantity, ReferenceRow
+from crosscheck.judge.sharpness import sharpness
 
 
 def quantities(ref: Reference, comparison: Comparison) -> dict[str, Quantity]:
@@ -30,6 +31,40 @@ def quantities(ref: Reference, comparison: Comparison) -> dict[str, Quantity]:
         )
         for name, q in comparison.quantities.items()
     }
+
+
+def reference_row(ref: Reference, seconds: float) -> ReferenceRow:
+    """Return what a record keeps of the reference, which took so many seconds."""
+    motion = ref.motion
+    radius = motion.certified_radius
+    return ReferenceRow(
+        verdict=motion.verdict.value,
+        message=motion.message,
+        statuses={s.value: motion.status.count(s) for s in dict.fromkeys(motion.status)},
+        sigma_min=smallest(ref.sigma_min),
+        sigma_per_step=_sigma_per_step(ref),
+        residual=largest(motion.residual),
+        certified_radius={q: largest(getattr(radius, q)) for q in QUANTITIES},
+        common=ref.common,
+        attainable_by_sigma={q: by_decade(ref.decades, digits) for q, digits in attainable_digits(ref).items()},
+        seconds=seconds,
+    )
+
+
+def sharpness_at_common(ref: Reference) -> dict[str, tuple[float, float]]:
+    """Return how sharp the budgets are at the time at which answers are compared with each other."""
+    if ref.common is None:
+        return {}
+    at = {q: (largest(s.largest), smallest(s.smallest)) for q, s in sharpness(ref, [ref.common.k]).items()}
+    return {q: (float(f"{loosest:.3g}"), float(f"{seen:.3g}")) for q, (loosest, seen) in at.items() if loosest and seen}
+
+
+def _sigma_per_step(ref: Reference) -> float | None:
+    """Return the smallest ratio of sigma_min, at either end of a step, to what a coordinate changes by in it."""
+    steps = np.max(np.abs(np.diff(ref.levels[0], axis=1)), axis=0)
+    sigma = np.minimum(ref.sigma_min[1:], ref.sigma_min[:-1])
+    moved = np.isfinite(sigma) & (steps > 0.0)
+    return smallest(sigma[moved] / steps[moved]) if moved.any() else None
 
 
 def attainable_digits(ref: Reference) -> dict[str, Any]:

@@ -44,20 +44,17 @@ from crosscheck.judge.records import (
     LevelRow,
     MethodData,
     Record,
-    ReferenceRow,
     RefusalRow,
 )
 from crosscheck.judge.samples import (
-    attainable_digits,
-    by_decade,
     histogram,
     largest,
     largest_ratio,
     quantities,
+    reference_row,
+    sharpness_at_common,
     short,
-    smallest,
 )
-from crosscheck.judge.sharpness import sharpness
 from crosscheck.judge.violations import NOT_KNOWN, violations
 from refkin.joints import elements_of
 from refkin.model import Mechanism, Scene
@@ -105,13 +102,14 @@ def check(
     expected = str((about or {}).get("expected", Status.OK))
     uses = (Use.COMPARE, Use.FEATURE) if (about or {}).get("of_features") else (Use.COMPARE,)
     subject = _Subject(ref, key_of(scene), estimated(scene, ref), arbiter, ref.motion.verdict == expected, uses)
-    row = _reference_row(ref, time.perf_counter() - start)
+    row = reference_row(ref, time.perf_counter() - start)
+    sharp = sharpness_at_common(ref) if subject.drawn(SHARPNESS) else {}
     parts = [_of_engine(load(e) if isinstance(e, str) else e, subject) for e in engines]
     return Record(
         key=subject.key,
         scene=scene.name,
         about={"dimension": scene.mechanism.kind.name, **(about or {})},
-        reference=replace(row, excuse=subject.excuse, sharpness=_sharpness(ref) if subject.drawn(SHARPNESS) else {}),
+        reference=replace(row, excuse=subject.excuse, sharpness=sharp),
         answers=[answer for part in parts for answer in part.answers],
         levels=[level for part in parts for level in part.levels],
         refusals=[refusal for part in parts for refusal in part.refusals],
@@ -243,39 +241,6 @@ def estimated(scene: Scene, ref: Reference) -> Scene:
     at = rough({b.name: tuple(q[ref.system.columns(b.name)].tolist()) for b in m.bodies}, size, size * sigma**2)
     bodies = tuple(body if body.estimate else replace(body, estimate=at[body.name]) for body in m.bodies)
     return replace(scene, mechanism=replace(m, bodies=bodies))
-
-
-def _reference_row(ref: Reference, seconds: float) -> ReferenceRow:
-    motion = ref.motion
-    radius = motion.certified_radius
-    return ReferenceRow(
-        verdict=motion.verdict.value,
-        message=motion.message,
-        statuses={s.value: motion.status.count(s) for s in dict.fromkeys(motion.status)},
-        sigma_min=smallest(ref.sigma_min),
-        sigma_per_step=_sigma_per_step(ref),
-        residual=largest(motion.residual),
-        certified_radius={q: largest(getattr(radius, q)) for q in QUANTITIES},
-        common=ref.common,
-        attainable_by_sigma={q: by_decade(ref.decades, digits) for q, digits in attainable_digits(ref).items()},
-        seconds=seconds,
-    )
-
-
-def _sharpness(ref: Reference) -> dict[str, tuple[float, float]]:
-    """Return how sharp the budgets are at the time at which answers are compared with each other."""
-    if ref.common is None:
-        return {}
-    at = {q: (largest(s.largest), smallest(s.smallest)) for q, s in sharpness(ref, [ref.common.k]).items()}
-    return {q: (float(f"{loosest:.3g}"), float(f"{seen:.3g}")) for q, (loosest, seen) in at.items() if loosest and seen}
-
-
-def _sigma_per_step(ref: Reference) -> float | None:
-    """Return the smallest ratio of sigma_min, at either end of a step, to what a coordinate changes by in it."""
-    steps = np.max(np.abs(np.diff(ref.levels[0], axis=1)), axis=0)
-    sigma = np.minimum(ref.sigma_min[1:], ref.sigma_min[:-1])
-    moved = np.isfinite(sigma) & (steps > 0.0)
-    return smallest(sigma[moved] / steps[moved]) if moved.any() else None
 
 
 def _enclosure(engine: Engine, subject: _Subject, motion: Motion) -> EnclosedTimes:

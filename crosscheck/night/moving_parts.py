@@ -150,13 +150,17 @@ class SceneDrawing:
 
     def _visible(self, q: Any, off: Any) -> float:
         """Return the factor by which an error of a pose can be seen and is still a small one."""
-        bent = max(np.max(np.abs(off[2::3])), 1e-300)
+        bent = max(self._turned(off), 1e-300)
         return factor_below(VISIBLE * WIDTH / max(self._moved(q, off), 1e-300), BEND / bent)
 
+    def _turned(self, off: Any) -> float:
+        """Return by how much an error turns a body at most [rad]."""
+        return float(np.max(np.abs(off[2::3])))
+
     def _in_metres(self, off: Any) -> Any:
-        """Return signed errors in scaled coordinates in metres and rad."""
-        size = self.scene.mechanism.size()
-        return off * np.tile([size, size, 1.0], len(self.names))[:, None]
+        """Return signed errors in scaled coordinates in metres and rad, or Euler parameters."""
+        size, lengths = self.scene.mechanism.size(), self.scene.mechanism.kind.dimension
+        return off * np.tile([size] * lengths + [1.0] * (self.width - lengths), len(self.names))[:, None]
 
     def _cycle(self, errors: Any) -> dict[str, Any] | None:
         """Return the engine's answer in every frame, one factor for all: the smallest of those that suit a frame."""
@@ -299,19 +303,13 @@ class SpaceDrawing(SceneDrawing):
             places.append([*short(x, y), 0.0, 1.0, *short(z)])
         return places
 
-    def _visible(self, q: Any, off: Any) -> float:
-        turned = max((2.0 * float(np.linalg.norm(off[k + 3 : k + 7])) for k in range(0, len(off), 7)), default=0.0)
-        return factor_below(VISIBLE * WIDTH / max(self._moved(q, off), 1e-300), BEND / max(turned, 1e-300))
+    def _turned(self, off: Any) -> float:
+        return max((2.0 * float(np.linalg.norm(off[k + 3 : k + 7])) for k in range(0, len(off), 7)), default=0.0)
 
     def _moved(self, q: Any, off: Any) -> float:
         longest = max((float(np.linalg.norm(point)) for _, point in self._moving), default=1.0)
-        turned = max(2.0 * float(np.linalg.norm(off[k + 3 : k + 7])) for k in range(0, len(off), 7))
         shifted = max(float(np.linalg.norm(off[k : k + 3])) for k in range(0, len(off), 7))
-        return float(self.view.scale * (shifted + turned * longest))
-
-    def _in_metres(self, off: Any) -> Any:
-        size = self.scene.mechanism.size()
-        return off * np.tile([size] * 3 + [1.0] * 4, len(self.names))[:, None]
+        return float(self.view.scale * (shifted + self._turned(off) * longest))
 
     def _arrows(self, q: Any, rates: Sequence[Any], off: Any) -> tuple[float, list[list[float]]]:
         return 1.0, []

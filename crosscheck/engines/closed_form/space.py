@@ -28,7 +28,16 @@ import numpy as np
 
 from crosscheck.engines.closed_form.jets import Arithmetic, Jet, midpoint, on_circle
 from crosscheck.engines.closed_form.laws import law_jet
-from crosscheck.engines.closed_form.space_vectors import Circle, Frame, Turning, Vector, basis, composed
+from crosscheck.engines.closed_form.space_vectors import (
+    Condition,
+    Frame,
+    Turning,
+    Vector,
+    basis,
+    composed,
+    least_squares,
+    together,
+)
 from crosscheck.engines.spatial.reading import Given, given, numbers_of
 from crosscheck.engines.spatial.turning import matrix
 from refkin.joints import GROUND
@@ -220,11 +229,11 @@ class Assembly:
         rows = list(self._conditions(body, turning, held_by))
         return self._solved(body, turning, rows)
 
-    def _solved(self, body: str, turning: Turning, rows: Sequence[tuple[Jet, Jet, Jet]]) -> bool:
+    def _solved(self, body: str, turning: Turning, rows: Sequence[Condition]) -> bool:
         """Place a body that turns, from conditions P cos + Q sin = K, if these say enough."""
-        clear = [row for row in rows if _least(np.hypot(midpoint(row[0].v), midpoint(row[1].v))) > ALIKE]
-        if len(clear) > 1 and _together(clear) > np.sqrt(ALIKE):
-            cos, sin = _least_squares(clear)
+        clear = [row for row in rows if float(np.min(np.hypot(midpoint(row[0].v), midpoint(row[1].v)))) > ALIKE]
+        if len(clear) > 1 and together(clear) > np.sqrt(ALIKE):
+            cos, sin = least_squares(clear)
         elif clear:
             cos, sin = self._root(body, turning, *clear[0])
         else:
@@ -260,7 +269,7 @@ class Assembly:
             self.signs[body, how] = -1.0 if off[1] < off[0] else 1.0
         return self.signs[body, how]
 
-    def _conditions(self, body: str, turning: Turning, held_by: Tie | None) -> Iterator[tuple[Jet, Jet, Jet]]:
+    def _conditions(self, body: str, turning: Turning, held_by: Tie | None) -> Iterator[Condition]:
         """Yield P, Q, K of what else a body that turns hangs on, directly or by one body between."""
         for tie in self.ties:
             if tie is held_by or body not in tie.bodies:
@@ -271,27 +280,27 @@ class Assembly:
             else:
                 yield from self._by_link(tie, side, other, turning)
 
-    def _direct(self, tie: Tie, side: int, turning: Turning, base: Frame) -> Iterator[tuple[Jet, Jet, Jet]]:
+    def _direct(self, tie: Tie, side: int, turning: Turning, base: Frame) -> Iterator[Condition]:
         point, there = turning.point(tie.points[side]), base.point(tie.points[1 - side])
         if tie.kind == "distance":
-            yield _on_sphere(point, there, tie.length)
+            yield point.on_sphere(there, tie.length)
         if tie.kind in MEET:
             for axis in (base.x, base.y, base.z):
-                yield _in_plane(axis, point, axis.dot(there))
+                yield point.in_plane(axis, axis.dot(there))
         if tie.frames[0] is None:
             return
         own, their = turning.direction(tie.frames[side][2]), base.turned(tie.frames[1 - side][2])
         if tie.kind in AXIAL:
             for axis in (base.x, base.y, base.z):
-                yield _in_plane(axis, own, axis.dot(their))
+                yield own.in_plane(axis, axis.dot(their))
         if tie.kind in CROSSED:
-            yield _in_plane(their, own, self.number(0.0))
+            yield own.in_plane(their, self.number(0.0))
         if tie.kind == "point_on_plane" and side == 1:
-            yield _in_plane(their, point, their.dot(there))
+            yield point.in_plane(their, their.dot(there))
         if tie.kind == "point_on_plane" and side == 0:
-            yield _in_plane(there - turning.foot, own, own.still.dot(point.still - turning.foot) + own.c.dot(point.c))
+            yield own.in_plane(there - turning.foot, own.still.dot(point.still - turning.foot) + own.c.dot(point.c))
 
-    def _by_link(self, tie: Tie, side: int, link: str, turning: Turning) -> Iterator[tuple[Jet, Jet, Jet]]:
+    def _by_link(self, tie: Tie, side: int, link: str, turning: Turning) -> Iterator[Condition]:
         """Yield what a body between this one and a placed one says: the distance of its points, and of its axes."""
         for far in self.ties:
             if far is tie or link not in far.bodies or far.other(link) not in self.placed:
@@ -301,16 +310,16 @@ class Assembly:
             base, mine, its = self.placed[far.other(link)], tie.side(link), far.side(link)
             point, there = turning.point(tie.points[side]), base.point(far.points[1 - its])
             arm = tie.points[mine] - far.points[its]
-            yield _on_sphere(point, there, arm.dot(arm).sqrt())
+            yield point.on_sphere(there, arm.dot(arm).sqrt())
             if far.kind == "revolute":
                 axis, own = base.turned(far.frames[1 - its][2]), far.frames[its][2]
-                yield _in_plane(axis, point, axis.dot(there) + own.dot(arm))
+                yield point.in_plane(axis, axis.dot(there) + own.dot(arm))
                 if tie.kind == "revolute":
-                    yield _in_plane(axis, turning.direction(tie.frames[side][2]), own.dot(tie.frames[mine][2]))
+                    yield turning.direction(tie.frames[side][2]).in_plane(axis, own.dot(tie.frames[mine][2]))
             if tie.kind == "revolute":
                 own = turning.direction(tie.frames[side][2])
                 constant = own.still.dot(point.still - turning.foot) + own.c.dot(point.c)
-                yield _in_plane(there - turning.foot, own, constant - tie.frames[mine][2].dot(arm))
+                yield own.in_plane(there - turning.foot, constant - tie.frames[mine][2].dot(arm))
 
     def _slid(self, body: str, tie: Tie, frame: Frame, axis: Vector, turns: bool) -> bool:
         """Place a body that slides, or where the point of one that also turns about the line of sliding is."""
@@ -360,7 +369,7 @@ class Assembly:
         known = [(tie, at) for tie in self.ties if body in tie.bodies and (at := self._known(tie, body)) is not None]
         for (one, p), (two, q) in combinations(known, 2):
             arm = two.points[two.side(body)] - one.points[one.side(body)]
-            if _least(midpoint(arm.dot(arm).v)) <= ALIKE:
+            if np.min(midpoint(arm.dot(arm).v)) <= ALIKE:
                 continue
             frame = composed(p, _across(q - p, self), one.points[one.side(body)], _across(arm, self))
             turning = Turning(frame, p, (q - p).unit())
@@ -404,52 +413,3 @@ def _across(line: Vector, assembly: Assembly) -> tuple[Vector, Vector, Vector]:
     rows = [assembly.arithmetic.row(tuple((least == k).astype(float).tolist())) for k in range(3)]
     f, g, h = basis(line, Vector(*(Jet(row) for row in rows)))
     return h, f, g
-
-
-def _on_sphere(point: Circle, centre: Vector, radius: Jet) -> tuple[Jet, Jet, Jet]:
-    """Return P, Q, K of |point - centre| = radius; the arms c and s of a circle are equal and at right angles."""
-    w = point.still - centre
-    k = radius * radius - w.dot(w) - point.c.dot(point.c)
-    return w.dot(point.c).times(2.0), w.dot(point.s).times(2.0), k
-
-
-def _in_plane(normal: Vector, what: Circle, value: Jet) -> tuple[Jet, Jet, Jet]:
-    """Return P, Q, K of normal . what = value."""
-    return normal.dot(what.c), normal.dot(what.s), value - normal.dot(what.still)
-
-
-def _least(values: Any) -> float:
-    return float(np.min(values))
-
-
-def _together(rows: Sequence[Any]) -> float:
-    """Return the smallest singular value of all conditions together, each of length 1."""
-    p, q = (np.stack(np.broadcast_arrays(*[midpoint(row[k].v) for row in rows])).astype(float) for k in (0, 1))
-    length = np.hypot(p, q)
-    p, q = p / length, q / length
-    trace, det = (
-        np.sum(p * p + q * q, axis=0),
-        np.sum(p * p, axis=0) * np.sum(q * q, axis=0) - np.sum(p * q, axis=0) ** 2,
-    )
-    return float(np.sqrt(np.min(2.0 * det / (trace + np.sqrt(np.maximum(trace * trace - 4.0 * det, 0.0))))))
-
-
-def _least_squares(rows: Sequence[tuple[Jet, Jet, Jet]]) -> tuple[Jet, Jet]:
-    """Return cos and sin from conditions that agree, by the normal equations.
-
-    These square the condition, so the solution is corrected by what it leaves of the conditions themselves.
-    """
-
-    def product(a: int, b: int, rows: Sequence[tuple[Jet, Jet, Jet]] = rows) -> Jet:
-        return sum((row[a] * row[b] for row in rows[1:]), rows[0][a] * rows[0][b])
-
-    pp, pq, qq = product(0, 0), product(0, 1), product(1, 1)
-    det = pp * qq - pq * pq
-
-    def solved(rows: Sequence[tuple[Jet, Jet, Jet]]) -> tuple[Jet, Jet]:
-        pk, qk = product(0, 2, rows), product(1, 2, rows)
-        return (pk * qq - qk * pq) / det, (pp * qk - pq * pk) / det
-
-    cos, sin = solved(rows)
-    more_cos, more_sin = solved([(p, q, k - p * cos - q * sin) for p, q, k in rows])
-    return cos + more_cos, sin + more_sin

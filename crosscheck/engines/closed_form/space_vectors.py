@@ -77,6 +77,10 @@ class Frame:
         return Frame(self.origin + by, self.x, self.y, self.z)
 
 
+Condition = tuple[Jet, Jet, Jet]
+"""P, Q, K of P cos + Q sin = K."""
+
+
 @dataclass(frozen=True)
 class Circle:
     """What turns about a line: v = still + c cos + s sin, of a point or a direction."""
@@ -88,6 +92,16 @@ class Circle:
     def at(self, cos: Jet, sin: Jet) -> Vector:
         """Return it at an angle."""
         return self.still + self.c.scaled(cos) + self.s.scaled(sin)
+
+    def on_sphere(self, centre: Vector, radius: Jet) -> Condition:
+        """Return the condition |v - centre| = radius; the arms c and s of a circle are equal and at right angles."""
+        w = self.still - centre
+        k = radius * radius - w.dot(w) - self.c.dot(self.c)
+        return w.dot(self.c).times(2.0), w.dot(self.s).times(2.0), k
+
+    def in_plane(self, normal: Vector, value: Jet) -> Condition:
+        """Return the condition normal . v = value."""
+        return normal.dot(self.c), normal.dot(self.s), value - normal.dot(self.still)
 
 
 @dataclass(frozen=True)
@@ -135,3 +149,36 @@ def composed(at: Vector, axes: Sequence[Vector], u: Vector, own: Sequence[Vector
     one, zero = Jet(1.0), Jet(0.0)
     x, y, z = (turned(Vector(*e)) for e in ((one, zero, zero), (zero, one, zero), (zero, zero, one)))
     return Frame(at - turned(u), x, y, z)
+
+
+def together(rows: Sequence[Any]) -> float:
+    """Return the smallest singular value of all conditions together, each of length 1."""
+    p, q = (np.stack(np.broadcast_arrays(*[midpoint(row[k].v) for row in rows])).astype(float) for k in (0, 1))
+    length = np.hypot(p, q)
+    p, q = p / length, q / length
+    trace, det = (
+        np.sum(p * p + q * q, axis=0),
+        np.sum(p * p, axis=0) * np.sum(q * q, axis=0) - np.sum(p * q, axis=0) ** 2,
+    )
+    return float(np.sqrt(np.min(2.0 * det / (trace + np.sqrt(np.maximum(trace * trace - 4.0 * det, 0.0))))))
+
+
+def least_squares(rows: Sequence[Condition]) -> tuple[Jet, Jet]:
+    """Return cos and sin from conditions that agree, by the normal equations.
+
+    These square the condition, so the solution is corrected by what it leaves of the conditions themselves.
+    """
+
+    def product(a: int, b: int, rows: Sequence[Condition] = rows) -> Jet:
+        return sum((row[a] * row[b] for row in rows[1:]), rows[0][a] * rows[0][b])
+
+    pp, pq, qq = product(0, 0), product(0, 1), product(1, 1)
+    det = pp * qq - pq * pq
+
+    def solved(rows: Sequence[Condition]) -> tuple[Jet, Jet]:
+        pk, qk = product(0, 2, rows), product(1, 2, rows)
+        return (pk * qq - qk * pq) / det, (pp * qk - pq * pk) / det
+
+    cos, sin = solved(rows)
+    more_cos, more_sin = solved([(p, q, k - p * cos - q * sin) for p, q, k in rows])
+    return cos + more_cos, sin + more_sin
