@@ -11,7 +11,8 @@ import pytest
 import refkin
 from refkin import FourBar, Polynomial, SliderCrank, compile_system
 from refkin.proof.path.curve import Curve
-from refkin.proof.path.tracing import TraceEnd
+from refkin.proof.path.tracing import TraceEnd, Tracer
+from refkin.scenes.linkages import RSSP
 from refkin.solving.follow import Bifurcation, Tangent, TurningPoint, driven_by, straight_on
 
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
@@ -40,6 +41,31 @@ def sides(linkage, path):
             for branch in ("open", "crossed")
         ]
     )
+
+
+@pytest.mark.parametrize(("direction", "until"), [(1, (0.0, 0.5)), (-1, (0.5, 1.0))])
+def test_a_path_that_begins_where_it_may_not_go_on_is_one_pose(direction, until):
+    path = refkin.follow(driven(ROCKER), direction=direction, until=until)
+
+    assert path.t.tolist() == [0.5]
+
+
+@pytest.mark.parametrize("t_turns", [False, True])
+def test_a_point_less_its_whole_turns_is_the_first_one_in_the_plane_and_in_space(t_turns):
+    """Euler parameters p and -p are one turn; t is an angle where it is that of the driver."""
+    plane = compile_system(LIMITED.scene(law=Polynomial(coefficients=(0.5,)), times=(0.0,)).mechanism)
+    rod = RSSP(1.0, 3.0, (0.5, 0.25, 0.5), (1.0, 0.5, 0.25)).scene(samples=2, turns=0.1)
+    for system in (plane, compile_system(rod.mechanism)):
+        first = np.random.default_rng(2).uniform(-1.0, 1.0, system.n + 1)
+        scale = np.append(np.ones(system.n), 0.25)
+        tracer = Tracer(Curve(system, scale), (-9.0, 9.0), 1.0, 9, t_turns)
+        tracer.trace.points.append(first)
+        turned = first + 2 * np.pi * np.append(system.angles * np.arange(system.n), 3 * t_turns) / scale
+        if system is not plane:
+            turned[10:14] *= -1.0
+
+        assert turned - tracer._turns(turned) == pytest.approx(first)
+        assert turned + 0.1 - tracer._turns(turned + 0.1) == pytest.approx(first + 0.1)
 
 
 @pytest.mark.parametrize("direction", [1, -1])

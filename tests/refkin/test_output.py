@@ -15,7 +15,8 @@ import pytest
 
 import refkin
 from refkin.motion import ContactMotion
-from refkin.output import Drawing, NothingToDraw, animated, still
+from refkin.output import Drawing, NothingToDraw, animated, raster, still
+from refkin.output.shapes import Shape
 from refkin.output.svg import MARGIN, WIDTH
 from refkin.output.tables import MissingPackage, long, wide
 from refkin.scenes.linkages import RSSP, Hooke
@@ -168,6 +169,20 @@ def test_matplotlib_writes_the_same_parts(motion, tmp_path, suffix, first):
     (motion.plot() if suffix == ".png" else motion.animate()).save(file)
 
     assert file.read_bytes().startswith(first)
+
+
+def test_matplotlib_draws_each_shape_where_it_is():
+    figure = raster.Figure()
+    axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+    plate = np.array([[0.0, 1.0, 2.0], [0.0, 3.0, 1.0]])
+    for shape in (Shape("velocity", plate[:, :2] + 1), Shape("wheel", plate[:, 1:2], 2.5), Shape("body", plate)):
+        raster._add(axes, shape)
+    ((arrow,), (circle, polygon)) = axes.texts, axes.patches
+
+    assert (arrow.xyann, arrow.xy) == ((1.0, 1.0), (2.0, 4.0))
+    assert (circle.center, circle.radius) == ((1.0, 3.0), 2.5)
+    assert np.array_equal(polygon.get_xy()[:-1].T, plate)
+    assert not axes.lines
 
 
 def test_a_table_gives_every_number_back(scene, motion, tmp_path):

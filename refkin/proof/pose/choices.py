@@ -127,8 +127,8 @@ def isolate_every_choice(system: System, q: Any, t: Any, qd: Any = None, qdd: An
 
 
 def combinations_of(system: System) -> int:
-    """Return how many sets of n of the m rows there are beside a first one."""
-    return math.comb(system.m, system.n) - 1
+    """Return how many sets of n of the m rows there are."""
+    return math.comb(system.m, system.n)
 
 
 def other_choices(system: System, rows: Any, q: Any, t: Any, most: int) -> list[Any] | None:
