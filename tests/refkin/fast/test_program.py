@@ -218,3 +218,17 @@ def test_the_source_of_a_program_holds_nothing_of_the_scene():
     python = "def for in range if else break return prepare advance append Answer"
     names = "g u f q _ steps profile most enough cos sin abs inverse apply"
     assert {w for w in words if not re.fullmatch(r"[uwmx]\d+|e", w)} <= {*python.split(), *names.split()}
+
+
+def test_a_block_inverted_for_one_mechanism_says_its_sign_its_size_and_its_inverse():
+    from refkin.fast.elimination import single
+
+    for seed in range(4):
+        matrix = np.random.default_rng(seed).uniform(-1.0, 1.0, (4, 4))
+        sign, size, inverse = single._inverse(4, *matrix.ravel().tolist())
+
+        assert sign == np.sign(np.linalg.det(matrix))
+        assert size == pytest.approx(1 / np.linalg.norm(np.linalg.inv(matrix), np.inf))
+        assert np.max(np.abs(inverse @ matrix - np.eye(4))) < 1e-13
+    with pytest.raises(ZeroDivisionError):
+        single._inverse(2, 1.0, 2.0, 2.0, 4.0)
