@@ -263,10 +263,10 @@ def _check_method(engine: Engine, method: Route, subject: _Subject, part: _Part,
     who: Any = {"engine": engine.name, "method": method.name}
     try:
         with undisturbed():
-            of_method = [term for term in engine.terms(subject.handed, method) if term.level not in LEVELS]
             start = time.perf_counter()
             motion = engine.solve(subject.handed, method)
             seconds = time.perf_counter() - start
+            of_method = [term for term in engine.terms(subject.handed, method) if term.level not in LEVELS]
     except EngineError as error:
         part.refusals.append(RefusalRow(engine=engine.name, reason=str(error)))
         if not _is_refusal(error, scene) and not subject.excused(ref.motion.t[-1]):

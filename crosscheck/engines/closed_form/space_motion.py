@@ -86,7 +86,7 @@ def _statuses(scene: Scene, assembly: Assembly, bits: int) -> tuple[Status, ...]
     first = np.flatnonzero(unsure & ~absent & ~small & ~np.append((absent | small)[1:], False))
     lost_after = next((t[k] for k in first if _meets_zero(scene, assembly, t[k], t[k + 1])), np.inf)
     lost_after = min([lost_after, *t[absent | small][:1]])
-    proved = _proved_absent(scene, assembly, bits) if absent.any() else absent
+    proved = _proved_absent(scene, assembly, bits, absent) if absent.any() else absent
     status = np.where(t > lost_after, Status.BRANCH_LOST, Status.OK)
     status = np.where(small, Status.SINGULAR, status)
     status = np.where(absent, np.where(proved, Status.UNASSEMBLABLE, Status.NOT_CONVERGED), status)
@@ -117,15 +117,15 @@ def _lowest_between(t: Array, value: Array, rate: Array) -> Array:
     return cubic.min(axis=0) if len(t) > 1 else np.ones(0)
 
 
-def _proved_absent(scene: Scene, assembly: Assembly, bits: int) -> Array:
-    """Return at which times balls prove that a root does not exist; at a time after which nothing else is known."""
-    proved = np.zeros(len(scene.times), bool)
+def _proved_absent(scene: Scene, assembly: Assembly, bits: int, absent: Array) -> Array:
+    """Return at which of the times `absent` balls prove that a root does not exist; nothing else is known of them."""
+    proved = np.zeros(len(absent), bool)
     with ctx.workprec(bits):
-        for k in range(len(scene.times)):
-            exact = Assembly(replace(scene, times=scene.times[k : k + 1]), Balls(), dict(assembly.signs))
-            exact.run()
-            squares = [np.asarray(root.square.v, object).ravel()[0] for root in exact.roots]
-            proved[k] = any(bool(square < 0) for square in squares)
+        times = tuple(t for t, there in zip(scene.times, absent, strict=True) if there)
+        exact = Assembly(replace(scene, times=times), Balls(), dict(assembly.signs))
+        exact.run()
+        squares = [np.broadcast_to(np.asarray(root.square.v, object), (len(times),)) for root in exact.roots]
+        proved[absent] = np.any([square < 0 for square in squares], axis=0)
     return proved
 
 

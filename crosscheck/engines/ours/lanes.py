@@ -51,9 +51,15 @@ class Lanes(Adapter):
     solving = (ROUTE,)
     table = CAPABILITIES
 
+    def __init__(self) -> None:
+        self._last: tuple[Scene, Motion] | None = None
+
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return what carrying positions from body to body leaves of closing a loop, whichever row closes it."""
-        motion = attempt(replace(scene, effects=frozenset(), evidence=frozenset(), bodies_wanted=None))
+        if self._last is not None and self._last[0] is scene and scene.bodies_wanted is None:
+            motion: Motion | None = self._last[1]  # it was solved just now: its angles are known
+        else:
+            motion = attempt(replace(scene, effects=frozenset(), evidence=frozenset(), bodies_wanted=None))
         if motion is None:
             return ()
         angle = max(1.0, float(np.max(np.abs(_angles(scene, motion)), initial=0.0)))
@@ -82,6 +88,7 @@ class Lanes(Adapter):
         if motion is None:
             doubt = "a pose or the branch is in doubt, and left to the reference"
             raise EngineRefusal(f"{self.name} refuses {scene.name!r}: {doubt}")
+        self._last = scene, motion
         return replace(motion, producer=Producer(name=self.name, version=self.version(), route=ROUTE))
 
 
