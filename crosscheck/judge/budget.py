@@ -54,16 +54,29 @@ LEVELS = ("position", "velocity", "acceleration")
 
 @dataclass(frozen=True)
 class ErrorBudget:
-    """Allowed absolute errors in scaled coordinates, (n, T) per level; NaN where no first-order statement holds.
+    """Allowed absolute errors of the three levels in scaled coordinates (3, n, T); NaN where none is derived.
 
-    `judged` says per time whether it does: where the position error could change J by a good part of itself (near a
-    singular pose) it does not, and only a certificate can arbitrate.
+    `judged` says per time whether a first-order statement holds: where the position error could change J by a good part
+    of itself (near a singular pose) none does, and only a certificate can arbitrate.
     """
 
-    position: Any
-    velocity: Any
-    acceleration: Any
+    levels: Any
     judged: Any
+
+    @property
+    def position(self) -> Any:
+        """What is allowed of coordinates, (n, T)."""
+        return self.levels[0]
+
+    @property
+    def velocity(self) -> Any:
+        """What is allowed of their rates."""
+        return self.levels[1]
+
+    @property
+    def acceleration(self) -> Any:
+        """What is allowed of the rates of these."""
+        return self.levels[2]
 
 
 @dataclass(frozen=True)
@@ -123,21 +136,19 @@ class Propagation:
     radius: tuple[Any, Any, Any]
 
     @cached_property
-    def both(self) -> list[Any]:
-        """What is allowed of an engine without terms, (n, T) per level.
+    def both(self) -> Any:
+        """What is allowed of an engine without terms, (3, n, T).
 
         It is the engine's own error, that which the reference may be off by, no larger, and the rounding.
         """
         own = [moved + solving for moved, solving in zip(self.carried(*self.e), self.solving, strict=True)]
-        return [
-            theirs + np.fmin(radius, theirs) + rounding
-            for theirs, radius, rounding in zip(own, self.radius, self.rounding, strict=True)
-        ]
+        each = zip(own, self.radius, self.rounding, strict=True)
+        return np.array([theirs + np.fmin(radius, theirs) + rounding for theirs, radius, rounding in each])
 
     @cached_property
-    def of_one(self) -> list[list[Any]]:
-        """What an error of 1 in every row of a residual does to the levels from its own on: (n, T), per residual."""
-        return [[np.sum(m, axis=1) for m in own] for own in (self.carried.phi, self.carried.nu, self.carried.gamma)]
+    def of_one(self) -> list[Any]:
+        """What an error of 1 in every row of a residual does to its own level and those after, (3 - level, n, T)."""
+        return [np.sum(own, axis=2) for own in (self.carried.phi, self.carried.nu, self.carried.gamma)]
 
     @property
     def weights(self) -> float:
@@ -149,9 +160,9 @@ class Propagation:
         return 4.0 if self.system.m > self.system.n else 1.0
 
     @cached_property
-    def of_size(self) -> list[list[Any]]:
+    def of_size(self) -> list[Any]:
         """What errors as large as what stands in a residual's equations do, as `of_one`."""
-        return [self.carried.of(level, size) for level, size in enumerate(self.size)]
+        return [np.array(self.carried.of(level, size)) for level, size in enumerate(self.size)]
 
     def left(self, order: int, t: float) -> Any:
         """Return what rounding leaves of the rows (m,) of a level at one of the times: of formulas, answer, solving."""
@@ -162,19 +173,20 @@ class Propagation:
 
     def budget(self, terms: Sequence[Term] = ()) -> ErrorBudget:
         """Return the allowed errors where an engine adds these terms."""
-        levels = list(self.both)
+        levels = self.both.copy()
         for term in (term for term in terms if term.level in LEVELS):  # others are of an engine's own rows
             first = LEVELS.index(term.level)
             if term.form:
                 added = self._left_in(term.form, term.absolute)[first:]
             else:
-                added = [(term.absolute + term.of_rates * self.rates[first]) * one for one in self.of_one[first]]
+                added = (term.absolute + term.of_rates * self.rates[first]) * self.of_one[first]
                 if term.relative:
-                    added = [a + term.relative * of for a, of in zip(added, self.of_size[first], strict=True)]
-            weighed = [1.0, *[self.weights] * (len(added) - 1)]
-            levels[first:] = [a + w * more for a, w, more in zip(levels[first:], weighed, added, strict=True)]
-        position, velocity, acceleration = (_spread(level, self.samples, self.count) for level in levels)
-        return ErrorBudget(position, velocity, acceleration, self._judged(levels[0]))
+                    added += term.relative * self.of_size[first]
+            added[1:] *= self.weights
+            levels[first:] += added
+        whole = np.full((*levels.shape[:2], self.count), np.nan)
+        whole[..., self.samples] = levels
+        return ErrorBudget(whole, self._judged(levels[0]))
 
     def _judged(self, dq: Any) -> Any:
         """Return (count,) whether first order says enough where a position is off by dq (n, T)."""
@@ -187,11 +199,11 @@ class Propagation:
         judged[self.samples] = enough
         return judged
 
-    def _left_in(self, form: str, residual: float) -> list[Any]:
-        """Return what a residual of the position, in rows of another form, does to the three levels, (n, T) each."""
+    def _left_in(self, form: str, residual: float) -> Any:
+        """Return what a residual of the position, in rows of another form, does to the three levels, (3, n, T)."""
         system = compile_system(in_form(self.system.mechanism, form), unit=self.system.unit)
         left, nothing = np.full((2, system.m, len(self.t)), [[[residual]], [[0.0]]])
-        return carried(system, *self.levels, self.t)(left, nothing, nothing)
+        return np.array(carried(system, *self.levels, self.t)(left, nothing, nothing))
 
 
 def propagation(system: System, motion: Motion, q: Any, qd: Any, qdd: Any) -> Propagation | None:
@@ -266,16 +278,8 @@ def derive(system: System, motion: Motion, q: Any, qd: Any, qdd: Any, terms: Seq
     """Return the budget at a solution of the reference; parameters as in `propagation`."""
     errors = propagation(system, motion, q, qd, qdd)
     if errors is None:
-        blank = np.full(q.shape, np.nan)
-        return ErrorBudget(blank, blank, blank, np.zeros(q.shape[1], bool))
+        return ErrorBudget(np.full((3, *q.shape), np.nan), np.zeros(q.shape[1], bool))
     return errors.budget(terms)
-
-
-def _spread(values: Any, samples: Any, count: int) -> Any:
-    """Return (n, count) with the values in their samples and NaN elsewhere."""
-    out = np.full((len(values), count), np.nan)
-    out[:, samples] = values
-    return out
 
 
 def _inverse(slope: Any) -> Any:

@@ -168,14 +168,9 @@ def compare(ref: Reference, motion: Motion, terms: Sequence[Term] = (), at: Any 
     Angles are compared modulo full turns. `at` are the places among the reference's times of those that the motion has.
     """
     budget = ref.budget(terms)
-    rows = rows_of(ref.system, motion.bodies)
     answered = np.array([s is Status.OK for s in motion.status])
     samples = budget.judged[at] & answered
-    compared = {}
-    for k, (difference, ours) in enumerate(scaled_differences(ref, motion.bodies, motion.levels, at)):
-        if difference is not None:
-            allowed = spun(getattr(budget, QUANTITIES[k])[rows][:, at], motion.bodies, ref.passive)
-            compared[QUANTITIES[k]] = _judge(ref.system, motion, k, difference, allowed, ours, samples)
+    compared = _judge(ref, motion, budget, samples, at)
     missing = np.flatnonzero(ref.ok[at] & ~answered)
     first = float(motion.t[missing[0]]) if missing.size else np.inf
     other = _other_assembly(ref, motion, compared, samples, at)
@@ -195,34 +190,29 @@ def scales(ours: Any, level: int) -> Any:
 
 
 def scaled_differences(
-    ref: Reference, bodies: Sequence[str], levels: Sequence[Any], at: Any = slice(None)
-) -> list[tuple[Any, Any]]:
-    """Return per level an answer minus the reference, and the reference's own numbers, both scaled, (n, T) each.
+    ref: Reference, bodies: Sequence[str], levels: Mapping[int, Any], at: Any = slice(None)
+) -> tuple[Any, Any]:
+    """Return K levels of an answer minus the reference's, and the reference's own, both scaled, (K, n, T) each.
 
     Parameters
     ----------
-    levels : sequence of (width * bodies, T) array or None
-        Position, velocity, acceleration of the bodies [m, rad], in their order; what is None gives None. In space no
-        rate comes without what it is the rate of.
+    levels : mapping
+        Order 0, 1, 2 -> position, velocity, acceleration (width * bodies, T) of the bodies [m, rad], in their order. In
+        space no rate comes without what it is the rate of.
     at : index
         The places among the reference's times of those that the levels have.
     """
-    rows = rows_of(ref.system, bodies)
-    ours = [level[rows][:, at] for level in ref.levels]
-    theirs = [None if x is None else _in_unit(ref.system, np.array(x, float), k) for k, x in enumerate(levels)]
-    if ref.system.kind.name == "spatial":
-        known = [x for x in theirs if x is not None]
-        with np.errstate(invalid="ignore", divide="ignore"):
-            known = alike(known, ours, bodies, ref.passive)
-        theirs = [None if x is None else known[sum(y is not None for y in theirs[:k])] for k, x in enumerate(theirs)]
-    return [(None if x is None else difference(ref.system, x, ours[k], k), ours[k]) for k, x in enumerate(theirs)]
-
-
-def _in_unit(system: System, level: Any, order: int) -> Any:
-    """Return a level of some bodies in metres as it is in the system's unit."""
+    system, rows = ref.system, rows_of(ref.system, bodies)
+    ours = np.array([ref.levels[order][rows][:, at] for order in levels])
+    theirs = np.array([*levels.values()], float)
     for c, shift in enumerate(system.unit.origin):
-        level[c :: system.kind.width] = (level[c :: system.kind.width] - (0.0 if order else shift)) / system.unit.size
-    return level
+        if 0 in levels:
+            theirs[0, c :: system.kind.width] -= shift
+        theirs[:, c :: system.kind.width] /= system.unit.size
+    if system.kind.name == "spatial":
+        with np.errstate(invalid="ignore", divide="ignore"):
+            theirs = np.array(alike(list(theirs), list(ours), bodies, ref.passive))
+    return np.array([difference(system, *pair) for pair in zip(theirs, ours, levels, strict=True)]), ours
 
 
 def difference(system: System, theirs: Any, ours: Any, level: int) -> Any:
@@ -233,27 +223,39 @@ def difference(system: System, theirs: Any, ours: Any, level: int) -> Any:
     return apart
 
 
-def _judge(
-    system: System, motion: Motion, level: int, difference: Any, allowed: Any, ours: Any, samples: Any
-) -> QuantityComparison:
-    error, ratio, digits = np.full((3, len(samples)), np.nan)
-    signed = np.full((system.of_bodies, len(samples)), np.nan)
-    out = QuantityComparison(error, ratio, digits, None, signed)
-    if not samples.any():
-        return out
-    signed[rows_of(system, motion.bodies)] = np.where(samples, difference, np.nan)
-    at = slice(None) if samples.all() else samples
-    with np.errstate(divide="ignore", invalid="ignore"):
-        off = np.abs(difference[:, at])
-        off[~np.isfinite(off)] = np.inf  # a NaN that calls itself an answer is as wrong as can be
-        ratios = off / allowed[:, at]
-        ratios[off == 0.0] = 0.0
-        error[at], ratio[at] = np.max(off, axis=0), np.max(ratios, axis=0)
-        digits[at] = np.minimum(MOST_DIGITS, -np.log10(error[at] / scales(ours[:, at], level)))
-    row, sample = divmod(int(np.argmax(np.fmax(ratios, 0.0))), ratios.shape[1])
+def _judge(ref: Reference, motion: Motion, budget: ErrorBudget, samples: Any, at: Any) -> dict[str, QuantityComparison]:
+    """Return the comparison of each quantity that a motion has, by name; all of them at once, (K, n, T)."""
+    system, levels = ref.system, {k: level for k, level in enumerate(motion.levels) if level is not None}
+    if not levels:
+        return {}
+    error, ratio, digits = np.full((3, len(levels), len(samples)), np.nan)
+    signed = np.full((len(levels), system.of_bodies, len(samples)), np.nan)
+    worst: list[At | None] = [None] * len(levels)
+    if samples.any():
+        differences, ours = scaled_differences(ref, motion.bodies, levels, at)
+        rows, where = rows_of(system, motion.bodies), slice(None) if samples.all() else samples
+        signed[:, rows] = np.where(samples, differences, np.nan)
+        allowed = budget.levels[list(levels)][:, rows][..., at]
+        allowed = np.array([spun(level, motion.bodies, ref.passive) for level in allowed])[..., where]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            off = np.abs(differences[..., where])
+            off[~np.isfinite(off)] = np.inf  # a NaN that calls itself an answer is as wrong as can be
+            ratios = off / allowed
+            ratios[off == 0.0] = 0.0
+            error[:, where], ratio[:, where] = np.max(off, axis=1), np.max(ratios, axis=1)
+            relative = np.array([error[i, where] / scales(ours[i][:, where], k) for i, k in enumerate(levels)])
+            digits[:, where] = np.minimum(MOST_DIGITS, -np.log10(relative))
+        places = np.argmax(np.fmax(ratios, 0.0).reshape(len(levels), -1), axis=1).tolist()
+        worst = [_place(system, motion, motion.t[where], place) for place in places]
+    compared = zip(levels, error, ratio, digits, worst, signed, strict=True)
+    return {QUANTITIES[k]: QuantityComparison(*parts) for k, *parts in compared}
+
+
+def _place(system: System, motion: Motion, times: Any, place: int) -> At:
+    """Return the coordinate and the time of a place in a flattened (n, T)."""
+    row, sample = divmod(place, len(times))
     body, coordinate = divmod(row, system.kind.width)
-    name = f"{motion.bodies[body]}.{system.kind.coordinates[coordinate]}"
-    return replace(out, worst=At(name, float(motion.t[at][sample])))
+    return At(f"{motion.bodies[body]}.{system.kind.coordinates[coordinate]}", float(times[sample]))
 
 
 def _other_assembly(

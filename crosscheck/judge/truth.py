@@ -66,7 +66,8 @@ class CertifiedTruth:
 
         None if a time has no answer; the note says how many.
         """
-        signed, ours = scaled_differences(self.ref, self.bodies, [*(before or [None] * order), level])[order]
+        levels = {**dict(enumerate(before)), order: level}
+        signed, ours = (part[-1] for part in scaled_differences(self.ref, self.bodies, levels))
         every = np.abs(signed[self._rows][:, self.known])
         missing = int(np.sum(~np.isfinite(every).all(axis=0)))
         if missing:
