@@ -82,6 +82,9 @@ FORM = "dot"
 """The form of our joints of space that has exudyn's rows."""
 STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 OUT = exu.OutputVariableType
+OF_BODY, OF_POINT = (OUT.RotationMatrix, OUT.AngularVelocity), (OUT.Position, OUT.Velocity, OUT.Acceleration)
+Readings = dict[tuple[str, Any, tuple[float, ...]], Array]
+"""(body, what exudyn tells of it, at which of its points) -> that at each of B configurations, (B, 3) or (B, 9)."""
 
 
 @dataclass(frozen=True)
@@ -306,29 +309,36 @@ class ExudynSpace:
 
     def drift(self, q: Array, qd: Array, t: float) -> Array:
         """Return gamma (m,) in columns (v, w): minus the second derivative of rows while v and w stay as they are."""
-        self.set_state(q, t, qd)
-        return np.array([-self._bend(line, t) for line in self.lines])
+        return self.drifts(q[None], qd[None], [t])[0]
 
-    def _bend(self, line: Line, t: float) -> float:
+    def drifts(self, q: Array, qd: Array, t: Sequence[float]) -> Array:
+        """Return gamma (B, m) at several configurations."""
+        read = self._readings(q, qd, t)
+        return np.stack([-self._bend(line, t, read) for line in self.lines], axis=1)
+
+    def _bend(self, line: Line, t: Sequence[float], read: Readings) -> Array:
+        """Return the second derivatives (B,) of one row."""
         hold = line.hold
-        f = [0.0] * 3 if line.drive is None else [law_value(line.drive, t, k) for k in range(3)]
-        d = self._gap(hold)
+        f = [np.array([0.0 if line.drive is None else law_value(line.drive, x, k) for x in t]) for k in range(3)]
+        if line.what[0] in ("d", "length", "along"):
+            d = _gap(read, hold)
         if line.what[0] == "d":
-            return line.factor * float(d[2][line.what[1]])
+            return line.factor * d[2][:, line.what[1]]
         if line.what == ("length",):
             if line.drive is not None:
-                return float(d[1] @ d[1] + d[0] @ d[2]) - f[1] ** 2 - f[0] * f[2]
-            length = np.linalg.norm(d[0])
-            return float((d[1] @ d[1] + d[0] @ d[2] - (d[0] @ d[1] / length) ** 2) / length)
+                return _dot(d[1], d[1]) + _dot(d[0], d[2]) - f[1] ** 2 - f[0] * f[2]
+            length = np.sqrt(_dot(d[0], d[0]))
+            return (_dot(d[1], d[1]) + _dot(d[0], d[2]) - (_dot(d[0], d[1]) / length) ** 2) / length
         if line.what[0] == "along":
-            return _product(self._axis(hold.body_i, hold.frame_i[:, line.what[1]]), d) - f[2]
+            return _product(_axis(read, hold.body_i, hold.frame_i[:, line.what[1]]), d) - f[2]
         a, b = line.what[1:] if line.drive is None else (G, F)
-        j = self._axis(hold.body_j, hold.frame_j[:, b])
+        j = _axis(read, hold.body_j, hold.frame_j[:, b])
         if line.drive is None:
-            return _product(self._axis(hold.body_i, hold.frame_i[:, a]), j)
-        frame = hold.frame_i @ about_z(f[0])
-        x, y = (self._axis(hold.body_i, frame[:, k]) for k in (G, F))  # x' loses f' y, y' gains f' x
-        turned = (x[0], x[1] - f[1] * y[0], x[2] - 2.0 * f[1] * y[1] - f[2] * y[0] - f[1] ** 2 * x[0])
+            return _product(_axis(read, hold.body_i, hold.frame_i[:, a]), j)
+        frame = np.array([hold.frame_i @ about_z(angle) for angle in f[0]])
+        x, y = (_axis(read, hold.body_i, frame[..., k]) for k in (G, F))  # x' loses f' y, y' gains f' x
+        f1, f2 = f[1][:, None], f[2][:, None]
+        turned = (x[0], x[1] - f1 * y[0], x[2] - 2.0 * f1 * y[1] - f2 * y[0] - f1**2 * x[0])
         return _product(turned, j)
 
     # readings
@@ -338,26 +348,21 @@ class ExudynSpace:
             return np.eye(3)
         return self.mbs.GetObjectOutputBody(self.bodies[body], OUT.RotationMatrix).reshape(3, 3)
 
-    def _axis(self, body: str, u: Any) -> tuple[Any, Any, Any]:
-        """Return an axis of a body, its rate, and its second derivative while w stays as it is."""
-        if body == GROUND:
-            return u, np.zeros(3), np.zeros(3)
-        w = self.mbs.GetObjectOutputBody(self.bodies[body], OUT.AngularVelocity)
-        axis = self._turned(body) @ u
-        rate = np.cross(w, axis)
-        return axis, rate, np.cross(w, rate)
-
-    def _gap(self, hold: Hold) -> tuple[Any, Any, Any]:
-        ends = []
-        for body in hold.bodies:
-            u = list(map(float, hold.end(body)[0]))
-            if body == GROUND:
-                ends.append((np.array(u), np.zeros(3), np.zeros(3)))
-            else:
-                kinds = (OUT.Position, OUT.Velocity, OUT.Acceleration)
-                ends.append(tuple(self.mbs.GetObjectOutputBody(self.bodies[body], kind, u) for kind in kinds))
-        (x, v, a), (y, w, b) = ends
-        return y - x, w - v, b - a
+    def _readings(self, q: Array, qd: Array, t: Sequence[float]) -> Readings:
+        """Return what its rows' second derivatives are made of at some configurations, each read once."""
+        wanted = {
+            (body, kind, tuple(map(float, point))): None
+            for line in self.lines
+            for body in line.hold.bodies
+            if body != GROUND
+            for kinds, point in ((OF_BODY, (0.0, 0.0, 0.0)), (OF_POINT, line.hold.end(body)[0]))
+            for kind in kinds
+        }
+        read = []
+        for each in zip(q, t, qd, strict=True):
+            self.set_state(*each)
+            read.append([self.mbs.GetObjectOutputBody(self.bodies[body], kind, u) for body, kind, u in wanted])
+        return {key: np.array(column) for key, column in zip(wanted, zip(*read, strict=True), strict=True)}
 
     def newton(self, q: Array, t: float, tolerance: float) -> bool:
         """Let its static Newton go from a configuration; return whether it says it has converged."""
@@ -385,9 +390,35 @@ def about_z(angle: float) -> Array:
     return np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
 
 
-def _product(a: Any, b: Any) -> float:
+def _dot(a: Array, b: Array) -> Array:
+    """Return the scalar products of vectors (3,) or (B, 3)."""
+    return (a[..., None, :] @ b[..., None])[..., 0, 0]
+
+
+def _product(a: Any, b: Any) -> Array:
     """Return (a . b)'' from vectors with two derivatives."""
-    return float(a[2] @ b[0] + 2.0 * (a[1] @ b[1]) + a[0] @ b[2])
+    return _dot(a[2], b[0]) + 2.0 * _dot(a[1], b[1]) + _dot(a[0], b[2])
+
+
+def _axis(read: Readings, body: str, u: Array) -> tuple[Array, Array, Array]:
+    """Return an axis of a body, its rate, and its second derivative while w stays as it is."""
+    if body == GROUND:
+        return u, np.zeros(3), np.zeros(3)
+    rotation, w = (read[body, kind, (0.0, 0.0, 0.0)] for kind in OF_BODY)
+    axis = (rotation.reshape(-1, 3, 3) @ u[..., None])[..., 0]
+    rate = np.cross(w, axis)
+    return axis, rate, np.cross(w, rate)
+
+
+def _gap(read: Readings, hold: Hold) -> tuple[Array, Array, Array]:
+    """Return the vector between the points of a joint, its rate and its second derivative."""
+    ends = []
+    for body in hold.bodies:
+        u = tuple(map(float, hold.end(body)[0]))
+        at_rest = (np.array(u), np.zeros(3), np.zeros(3))
+        ends.append(at_rest if body == GROUND else tuple(read[body, kind, u] for kind in OF_POINT))
+    (x, v, a), (y, w, b) = ends
+    return y - x, w - v, b - a
 
 
 class ExudynSpaceRows(ExudynSpace):

@@ -127,8 +127,8 @@ class SpaceEquations(OwnSolver):
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
         """Return the right sides of the accelerations (B, m)."""
-        each = zip(q, qd, t.tolist(), strict=True)
-        return np.array([self._with_own(self.model.drift(at, rate, now), rate) for at, rate, now in each])
+        drifts = self.model.drifts(q, qd, t.tolist())
+        return np.array([self._with_own(drift, rate) for drift, rate in zip(drifts, qd, strict=True)])
 
     def extrema(self, times: Array) -> Array:
         """Return times at which the law of a driver turns back."""
