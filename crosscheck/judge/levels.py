@@ -162,7 +162,8 @@ def _compare_at(
     """Return error / allowed per mapped row, and the digits of the worst row, at one configuration."""
     system, ours = at.in_form(getattr(model, "form", ""))
     first_row = {p.constraint.name: p.row for p in system.placed}
-    sizes = np.array([_size(level, at, turns=m.either) for m in maps])
+    size = {turns: _size(level, at, turns=turns) for turns in {m.either for m in maps}}
+    sizes = np.array([size[m.either] for m in maps])
     added = sum(t.absolute + t.relative * sizes for t in terms if t.level == level)
     theirs = {
         Level.RESIDUAL: lambda: model.residual(at.q, at.t),
