@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+MOST_CHARACTERS = 2000
+"""Of what an engine says, so many are kept."""
 PASS, DISAGREEMENT, USAGE, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN = range(6)
 INTERRUPTED = 130
 
@@ -17,3 +19,9 @@ class UsageError(CannotRun):
     """A request that makes no sense."""
 
     code = USAGE
+
+
+def kept(text: str) -> str:
+    """Return what an engine says as records hold it: of bounded length, and what UTF-8 cannot say written out."""
+    text = text if len(text) <= MOST_CHARACTERS else f"{text[:MOST_CHARACTERS]} ..."
+    return text.encode("utf-8", "backslashreplace").decode()

@@ -28,6 +28,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from crosscheck.engines.frames import RowMap
+from crosscheck.errors import kept
 from crosscheck.scenes.names import PEERS as PEERS
 from crosscheck.scenes.names import PHYSICAL as PHYSICAL
 from crosscheck.scenes.names import QUANTITIES as QUANTITIES
@@ -127,6 +128,9 @@ def route_by(by: str, name: str, newton_by: str, *, linear_solve_by: str = "nump
 
 class EngineError(Exception):
     """An engine that failed in a way that is no status."""
+
+    def __str__(self) -> str:
+        return kept(super().__str__())
 
 
 class EngineRefusal(EngineError):
@@ -366,6 +370,9 @@ def load(spec: str) -> Engine:
     ]
     if missing:
         raise EngineError(f"engine {spec!r} lacks: {', '.join(missing)}")
+    for key, text in (("name", engine.name), ("version()", engine.version())):
+        if not (isinstance(text, str) and text and text.isprintable()):
+            raise EngineError(f"engine {spec!r}: {key}: expected printable text, got {text!r}")
     if engine.api[0] != API[0]:
         raise EngineError(f"engine {spec!r} speaks interface {engine.api[0]}.x, this suite {API[0]}.x")
     strange = [key for key in engine.capabilities() if key not in ELEMENTS]

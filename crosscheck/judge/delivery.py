@@ -21,6 +21,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Engine, Term
+from crosscheck.errors import kept
 from crosscheck.judge.budget import output_rounding, residual_error, table_error
 from crosscheck.judge.comparison import Reference, begun_at, whole_poses
 from crosscheck.judge.records import QUANTITIES, Cause
@@ -109,10 +110,10 @@ def misshapen(scene: Scene, motion: Any) -> Iterator[str]:
             yield f"{name} has shape {level.shape}, not {shape}: {width} rows a body"
     strange = [body for body in motion.bodies if body not in [b.name for b in scene.mechanism.bodies]]
     if strange:
-        yield f"it answers for {', '.join(strange)}, which the scene has not"
+        yield f"it answers for {kept(', '.join(map(str, strange)))}, which the scene has not"
     who = motion.producer
-    if not (isinstance(who, Producer) and isinstance(who.version, str) and isinstance(who.route, Route)):
-        yield f"expected a refkin.motion.Producer with a version in words and a Route, got {who!r}"
+    if not (isinstance(who, Producer) and str(who.version).isprintable() and isinstance(who.route, Route)):
+        yield f"expected a refkin.motion.Producer with a printable version and a Route, got {kept(repr(who))}"
 
 
 def undelivered(engine: Engine, scene: Scene, motion: Motion) -> Iterator[dict[str, Any]]:

@@ -283,7 +283,7 @@ def _check_method(engine: Engine, method: Route, subject: _Subject, part: _Part,
     part.answers.append(
         Answer(
             engine=engine.name,
-            version=motion.producer.version,
+            version=str(motion.producer.version),
             method=MethodData(**{k: str(v) for k, v in vars(motion.producer.route).items()}),
             quantities=quantities(ref, compared),
             missing=compared.missing,

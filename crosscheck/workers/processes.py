@@ -23,6 +23,8 @@ from enum import StrEnum
 from functools import cache
 from typing import Any
 
+from crosscheck.errors import kept
+
 SECONDS_TO_START = 60.0
 """How long a process may take to start and to prepare."""
 SERVER_DIES_WITHIN = (0.05, 0.2, 1.0)
@@ -219,7 +221,7 @@ def told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
     except Exception as error:
         where = traceback.extract_tb(error.__traceback__)[-1]
         name, file = type(error).__name__, os.path.basename(where.filename)
-        return Failure(FailureKind.ERROR, f"{name}: {error} ({where.name}, {file}:{where.lineno})", name)
+        return Failure(FailureKind.ERROR, f"{name}: {kept(str(error))} ({where.name}, {file}:{where.lineno})", name)
 
 
 def _begin(process: Any) -> None:

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import sys
+import types
 import warnings
 from copy import deepcopy
 from dataclasses import replace
@@ -12,10 +14,10 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.engines import ELEMENTS, NATIVE, Level, Term, load
+from crosscheck.engines import ELEMENTS, NATIVE, EngineError, Level, Term, load
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.judge.delivery import granted
-from crosscheck.judge.records import Cause
+from crosscheck.judge.records import Cause, line_of, read_line
 from crosscheck.measure.check import check
 from crosscheck.scenes.drawing import draw
 from refkin import FourBar
@@ -23,6 +25,8 @@ from refkin.joints import GROUND, AngleDriver, Revolute
 from refkin.model import Body, Effect, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
+
+from .fake_engines import engine_file
 
 SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=9)
 LIMIT = FourBar(ground=2.0, crank=2.0, coupler=1.0, rocker=2.0)
@@ -91,7 +95,7 @@ def test_what_was_asked_and_not_delivered_is_a_failure(spoil, owed):
         ),
         (
             lambda motion: replace(motion, producer=None),
-            "expected a refkin.motion.Producer with a version in words and a Route, got None",
+            "expected a refkin.motion.Producer with a printable version and a Route, got None",
         ),
     ],
 )
@@ -99,6 +103,28 @@ def test_an_answer_of_another_form_is_named_by_what_it_is(spoil, why):
     (fault,) = check(SCENE, [Wrapped(spoil)]).disagreements
 
     assert (fault.kind, fault.message) == ("not delivered", why)
+
+
+def test_a_record_holds_whatever_an_engine_says():
+    def raising(motion):
+        raise EngineError("cannot read \udce4.lib \x1b[2J\0" + 10**6 * "x")
+
+    record = check(SCENE, [Wrapped(raising)])
+    (said,) = read_line(line_of(record)).disagreements
+
+    assert len(said.message) < 2100
+    assert said.message.startswith("cannot read \\udce4.lib \x1b[2J\0xxx")
+
+
+@pytest.mark.parametrize(("attribute", "value"), [("name", "own\udce4"), ("name", ""), ("version", lambda self: 1)])
+def test_an_engine_whose_name_or_version_no_file_takes_is_none(tmp_path, monkeypatch, attribute, value):
+    spec = engine_file(tmp_path, before="pass")
+    fake = type(load(spec))
+    setattr(fake, attribute, value)
+    monkeypatch.setitem(sys.modules, "own_module", types.SimpleNamespace(Fake=fake))
+
+    with pytest.raises(EngineError, match=rf"{attribute}.*: expected printable text, got"):
+        load("own_module:Fake")
 
 
 def test_numbers_of_single_precision_are_compared_as_such():
