@@ -18,7 +18,7 @@ from crosscheck.commands.engines import ENGINES, names
 from crosscheck.commands.usage import Json, Names, coloured, console, shown_progress, table
 from crosscheck.engines.methods import OURS
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, PASS, UsageError
-from crosscheck.judge.effects_rows import EffectRow
+from crosscheck.judge.prices import EffectRow
 from crosscheck.measure.bench import measured_by_name, merged
 from crosscheck.measure.bench_aims import DENSE, SAMPLES, SPARSE, Key, key_of
 from crosscheck.measure.effects import effects_ledger

@@ -11,7 +11,7 @@ from crosscheck.engines import EngineError, EngineRefusal, Term
 from crosscheck.engines.methods import Method, Use, methods
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, reference
-from crosscheck.judge.effects_rows import EffectRow
+from crosscheck.judge.prices import EffectRow
 from crosscheck.measure.effects_ablations import REFKIN, Ablation, Ablations, ablations
 from crosscheck.scenes.names import PHYSICAL
 from crosscheck.workers.processes import Failure, FailureKind, call_in_turn

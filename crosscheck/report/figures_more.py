@@ -9,7 +9,7 @@ from xml.etree import ElementTree as ET
 
 from markupsafe import Markup
 
-from crosscheck.judge.effects_rows import EffectRow
+from crosscheck.judge.prices import EffectRow
 from crosscheck.report.figures import Figure
 from crosscheck.report.svg import COLOURS, Mark, Plot, Style, power_of_ten, style, swatch
 from crosscheck.report.wording import number

@@ -9,7 +9,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from crosscheck.judge.effects_rows import EffectRow
+from crosscheck.judge.prices import EffectRow
 from crosscheck.judge.records import QUANTITIES as SOLVED
 from crosscheck.report.figures import HIGHEST_DIGITS, Figure
 from crosscheck.report.figures_more import effects_figure as effects_bars

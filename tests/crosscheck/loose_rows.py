@@ -8,22 +8,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import Level, load
-from refkin.joints import (
-    DRIVER_TYPES,
-    AngleDriver,
-    Cam,
-    Constraint,
-    Disc,
-    Distance,
-    DistanceDriver,
-    Fixed,
-    Gear,
-    PointOnLine,
-    Prismatic,
-    Revolute,
-    XDriver,
-    YDriver,
-)
+from refkin import joints
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Sinusoid
 from refkin.system import compile_system
@@ -39,30 +24,30 @@ KINDS["exudyn"] = (*KINDS["mujoco"], "disc", "face on disc")
 """What each has rows of."""
 
 
-def constraint(kind: str, k: int, i: str, j: str, u: Callable[[], Any], size: float = 1.0) -> Constraint:
+def constraint(kind: str, k: int, i: str, j: str, u: Callable[[], Any], size: float = 1.0) -> joints.Constraint:
     """Return the k-th constraint of a kind between two bodies, its numbers drawn by `u`."""
     law = Sinusoid(offset=2.0 * size, amplitude=0.5 * size, angular_frequency=2.0, phase=0.3)
     turn = Sinusoid(offset=0.2, amplitude=0.5, angular_frequency=2.0, phase=0.3)
     name, axis, moving = f"{kind} {k}", ((0.6, -0.8), (-3.0, 2.0), (0.0, 1e-20))[k], i if j == "ground" else j
     if kind == "angle":
-        return AngleDriver(name=name, body=j, relative_to=i, law=turn)
+        return joints.AngleDriver(name=name, body=j, relative_to=i, law=turn)
     if kind == "gear":
         (radius_i, radius_j), (phi0_i, phi0_j) = u(), u()
         zeros = {"phi0_i": phi0_i / size, "phi0_j": phi0_j / size}
-        return Gear(name=name, body_i=i, radius_i=radius_i, body_j=j, radius_j=radius_j, **zeros)
+        return joints.Gear(name=name, body_i=i, radius_i=radius_i, body_j=j, radius_j=radius_j, **zeros)
     if kind in "xy":
-        return {"x": XDriver, "y": YDriver}[kind](name=name, body=moving, point=u(), law=law)
+        return {"x": joints.XDriver, "y": joints.YDriver}[kind](name=name, body=moving, point=u(), law=law)
     ends: dict[str, Any] = {"name": name, "body_i": i, "point_i": u(), "body_j": j, "point_j": u()}
-    disc = Disc(radius=0.8 * size)
-    made: dict[str, Callable[[], Constraint]] = {
-        "revolute": lambda: Revolute(**ends),
-        "fixed": lambda: Fixed(angle=0.7, **ends),
-        "prismatic": lambda: Prismatic(axis_i=axis, angle=-2.3, **ends),
-        "point_on_line": lambda: PointOnLine(axis_i=axis, **ends),
-        "distance": lambda: Distance(length=LENGTH * size, **ends),
-        "cylinder": lambda: DistanceDriver(law=law, **ends),
-        "disc": lambda: Cam(profile=disc, follower="roller", roller_radius=0.3 * size, **ends),
-        "face on disc": lambda: Cam(profile=disc, follower="flat", normal_j=axis, **ends),
+    disc = joints.Disc(radius=0.8 * size)
+    made: dict[str, Callable[[], joints.Constraint]] = {
+        "revolute": lambda: joints.Revolute(**ends),
+        "fixed": lambda: joints.Fixed(angle=0.7, **ends),
+        "prismatic": lambda: joints.Prismatic(axis_i=axis, angle=-2.3, **ends),
+        "point_on_line": lambda: joints.PointOnLine(axis_i=axis, **ends),
+        "distance": lambda: joints.Distance(length=LENGTH * size, **ends),
+        "cylinder": lambda: joints.DistanceDriver(law=law, **ends),
+        "disc": lambda: joints.Cam(profile=disc, follower="roller", roller_radius=0.3 * size, **ends),
+        "face on disc": lambda: joints.Cam(profile=disc, follower="flat", normal_j=axis, **ends),
     }
     return made[kind]()
 
@@ -77,7 +62,7 @@ def loose_scene(*kinds: str, size: float = 1.0) -> Scene:
     between = (("ground", "a"), ("a", "b"), ("b", "ground"))
     wanted = dict.fromkeys((*kinds, "revolute"))  # the revolute joints make it a mechanism: six rows at least
     values = [constraint(kind, k, i, j, u, size) for kind in wanted for k, (i, j) in enumerate(between)]
-    drivers = tuple(c for c in values if isinstance(c, DRIVER_TYPES))
+    drivers = tuple(c for c in values if isinstance(c, joints.DRIVER_TYPES))
     bodies = tuple(Body(name=name, estimate=(0.0, 0.0, 0.0)) for name in "ab")
     return Scene(mechanism=Mechanism(bodies, tuple(c for c in values if c not in drivers), drivers), times=(0.0,))
 
@@ -111,16 +96,21 @@ ROUNDINGS = {
 }
 
 
-def allowed_error(c: Constraint, level: Level, row: float) -> float:
+def allowed_error(c: joints.Constraint, level: Level, row: float) -> float:
     """Return what rounding allows a row of a constraint to differ.
 
     A distance joint is mapped by |d| = sqrt(L^2 + 2 L x), x = (d . d - L^2) / (2 L). Where |d| is below L the root
     cancels and magnifies its rounding by L / |d|; its derivatives L / |d| and -L^2 / |d|^3 do so once more each.
     """
     k = ROWS.index(level)
-    family = {PointOnLine: "lines", Prismatic: "lines", DistanceDriver: "squares", Distance: "lengths"}
-    bound = U * ROUNDINGS[family.get(type(c), "lines" if isinstance(c, Cam) else "points")][k]
-    return bound * max(1.0, c.length / (c.length + row)) ** (1, 2, 2, 3)[k] if isinstance(c, Distance) else bound
+    family = {
+        joints.PointOnLine: "lines",
+        joints.Prismatic: "lines",
+        joints.DistanceDriver: "squares",
+        joints.Distance: "lengths",
+    }
+    bound = U * ROUNDINGS[family.get(type(c), "lines" if isinstance(c, joints.Cam) else "points")][k]
+    return bound * max(1.0, c.length / (c.length + row)) ** (1, 2, 2, 3)[k] if isinstance(c, joints.Distance) else bound
 
 
 def disagreement(engine: str, scene: Scene, level: Level) -> float:

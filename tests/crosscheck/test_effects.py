@@ -17,7 +17,7 @@ from crosscheck.engines import load
 from crosscheck.engines.methods import Use, methods
 from crosscheck.judge.changes import same_bits
 from crosscheck.judge.comparison import reference
-from crosscheck.judge.effects_rows import EffectRow
+from crosscheck.judge.prices import EffectRow
 from crosscheck.measure import effects as ledger
 from crosscheck.measure.effects import effects_ledger, noise, rows
 from crosscheck.measure.effects_ablations import ablations

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from xml.etree import ElementTree as ET
 
-from crosscheck.judge.effects_rows import EffectRow
+from crosscheck.judge.prices import EffectRow
 from crosscheck.report.figures_more import CALLED_FOR, effects_figure, look, parts
 from crosscheck.scenes.names import PHYSICAL
 

@@ -10,7 +10,7 @@ from xml.etree import ElementTree as ET
 import numpy as np
 import pytest
 
-from crosscheck.judge.effects_rows import EffectRow
+from crosscheck.judge.prices import EffectRow
 from crosscheck.report.figures import digits_figure, newton_figure
 from crosscheck.report.figures_more import effects_figure, slopes_figure, trends_figure
 from crosscheck.report.prices import iterations_of_notes, price_figure
