@@ -172,6 +172,25 @@ def test_bodies_and_rows_are_involved_by_their_part_of_a_null_vector_however_lon
     assert pose._rows(rows) == ("A0", "A")
 
 
+@pytest.mark.parametrize("estimate", [0.0, 0.3])
+def test_a_lever_at_the_full_reach_of_its_cylinder_turns_back_though_nothing_else_feels_its_angle(estimate):
+    """What rounding leaves of the angle's column, 1e-16, passed for full rank."""
+    lever = Body(name="lever", estimate=(0.0, 0.0, estimate))
+    cylinder = DistanceDriver(
+        name="cylinder",
+        body_i="ground",
+        point_i=(1.0, 0.0),
+        body_j="lever",
+        point_j=(1.0, 0.0),
+        law=Polynomial(coefficients=(2.0,)),
+    )
+    mechanism = Mechanism((lever,), (pin("O", "ground", (0.0, 0.0), "lever", (0.0, 0.0)),), (cylinder,))
+    reached = refkin.diagnose(Scene(mechanism=mechanism, times=(0.0,)))
+
+    assert reached.kind is PoseKind.TURNING_POINT
+    assert (reached.bodies, reached.other_driver) == (("lever",), "the angle of lever")
+
+
 def test_with_the_other_driver_the_same_pose_is_regular():
     assert refkin.diagnose(at(SliderCrank(0.25, 0.5), 0.0)).kind is PoseKind.REGULAR
 

@@ -33,12 +33,11 @@ import numpy as np
 
 from refkin.joints import GROUND
 from refkin.motion import Array
-from refkin.proof.assembly.search import radical_inverse
 from refkin.proof.numbers.inputs import contradiction
 from refkin.proof.numbers.recentred import Recentred, recentred
 from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import krawczyk
-from refkin.proof.singularity.second_order import advances, balanced, cone
+from refkin.proof.singularity.second_order import advances, balanced, cone, elsewhere
 from refkin.system import System
 
 VANISHING = 1e-6
@@ -153,8 +152,8 @@ class _Examination:
 
     def _vanishing(self) -> Any:
         """Return the rows whose gradient is small against what it is elsewhere."""
-        elsewhere = self.q + np.array([0.1 + 0.2 * radical_inverse(k + 1, 2) for k in range(self.system.n)])
-        here, there = (np.linalg.norm(self.system.phi_q(q, self.t), axis=1) for q in (self.q, elsewhere))
+        slopes = self.system.phi_q(self.q, self.t), elsewhere(self.system, self.q, self.t)
+        here, there = (np.linalg.norm(slope, axis=1) for slope in slopes)
         return np.flatnonzero(here <= VANISHING * there)
 
     def _of(self, kind: PoseKind, message: str, **more: Any) -> Diagnosis:

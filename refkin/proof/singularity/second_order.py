@@ -63,7 +63,7 @@ class Balanced:
 
     def with_row(self, row: int, column: int) -> Balanced:
         """Return the matrix with a row replaced by one that holds a single coordinate."""
-        jacobian = self.system.phi_q(self.q, self.t)[self.rows]
+        jacobian = _slopes(self.system, self.q, self.t, self.rows)
         jacobian[row] = 0.0
         jacobian[row, column] = 1.0
         return _balanced(self.system, self.q, self.t, self.rows, jacobian)
@@ -83,7 +83,19 @@ def balanced(system: System, q: Any, t: float, rows: Any) -> Balanced:
     rows : (k,) array of int
         Which rows, of the m.
     """
-    return _balanced(system, q, t, rows, system.phi_q(q, t)[rows])
+    return _balanced(system, q, t, rows, _slopes(system, q, t, rows))
+
+
+def elsewhere(system: System, q: Any, t: float) -> Any:
+    """Return phi_q (m, n) at a place that has nothing to do with a pose: what its entries are when none vanishes."""
+    return system.phi_q(q + np.array([0.1 + 0.2 * radical_inverse(k + 1, 2) for k in range(system.n)]), t)
+
+
+def _slopes(system: System, q: Any, t: float, rows: Any) -> Any:
+    """Return rows of phi_q without the columns that vanish: to balance what rounding leaves of them would hide it."""
+    here, there = system.phi_q(q, t)[rows], elsewhere(system, q, t)[rows]
+    here[:, np.linalg.norm(here, axis=0) <= SATISFIED * np.linalg.norm(there, axis=0)] = 0.0
+    return here
 
 
 def _balanced(system: System, q: Any, t: float, rows: Any, jacobian: Any) -> Balanced:
