@@ -92,12 +92,12 @@ def sweep(scene: Scene) -> Motion:
     not; `not_converged` if Newton's method finds no pose; `branch_lost` at all times after one that is not ok.
     """
     system, t = compile_system(scene.mechanism, unit=scene.mechanism.unit()), np.array(scene.times)
-    first = position(system, estimated(system, scene), scene.times[0])
+    first = position(system, estimate_of(system, scene), scene.times[0])
     q = march(system, first.q, scene.times) if first.converged else np.full((system.n, len(t)), np.nan)
     status = [Status.BRANCH_LOST if first.converged else Status.NOT_CONVERGED] * len(t)
     residual, sigma, condition = (np.full(len(t), np.nan) for _ in range(3))
     for k in np.flatnonzero(np.isfinite(q[0])):
-        here = system.gauged(q[:, k])
+        here = system.held_at(q[:, k])
         phi, values = here.phi(q[:, k], t[k]), np.linalg.svd(here.phi_q(q[:, k], t[k]), compute_uv=False)
         residual[k], sigma[k] = np.max(np.abs(phi)), values[system.n - 1]
         condition[k] = values[0] / sigma[k] if sigma[k] else np.inf
@@ -107,7 +107,7 @@ def sweep(scene: Scene) -> Motion:
             q[:, k + (status[k] is Status.SINGULAR) :] = np.nan
             break
     ok = np.array(status) == Status.OK
-    system = system.gauged(q[:, ok])
+    system = system.held_at(q[:, ok])
     qd, qdd = np.full_like(q, np.nan), np.full_like(q, np.nan)
     qd[:, ok] = velocity(system, q[:, ok], t[ok])
     qdd[:, ok] = acceleration(system, q[:, ok], qd[:, ok], t[ok])
@@ -117,7 +117,7 @@ def sweep(scene: Scene) -> Motion:
     return motion_of(system, scene, t, (q, qd, qdd), status=tuple(status), producer=made, message=message, **evidence)
 
 
-def estimated(system: System, scene: Scene) -> Any:
+def estimate_of(system: System, scene: Scene) -> Any:
     """Return the scene's estimates in the system's coordinates (n,), or 0; cams start where they may touch."""
     q = np.zeros(system.n)
     for body in scene.mechanism.bodies:
@@ -140,7 +140,7 @@ def march(system: System, q: Any, times: Sequence[float]) -> Any:
     poses = np.full((system.n, len(times)), np.nan)
     poses[:, 0] = q
     for k in range(1, len(times)):
-        poses[:, k], goes_on = _next(system.gauged(poses[:, k - 1]), poses[:, k - 1], times[k - 1], times[k])
+        poses[:, k], goes_on = _next(system.held_at(poses[:, k - 1]), poses[:, k - 1], times[k - 1], times[k])
         if not goes_on:
             break
     return poses

@@ -131,6 +131,7 @@ class Table:
         return (-np.inf, np.inf) if self.periodic else (self.argument[0], self.argument[-1])
 
     def faults(self, path: str) -> Iterator[Fault]:
+        """Yield what keeps arguments and values from being those of a spline, and ends that do not meet if periodic."""
         x, y = self.argument, self.value
         if len(x) < 2:
             yield Fault(f"{path}.argument", list(x), "at least two arguments")

@@ -25,7 +25,7 @@ PROFILE_ORDER = 3
 
 
 @dataclass(frozen=True)
-class Placed:
+class ConstraintRows:
     """A constraint, its scaled geometry, its first row, where in q its bodies (ground: None) and parameters start."""
 
     constraint: Constraint
@@ -41,14 +41,14 @@ class System:
     mechanism: Mechanism
     effects: frozenset[Effect]
     unit: Unit
-    placed: tuple[Placed, ...]
+    placed: tuple[ConstraintRows, ...]
     n: int
     m: int
     kind: Kind
     gauge: Mapping[int, Any] = field(default_factory=dict, repr=False, compare=False)
     _kept: dict[Any, tuple[Any, Any]] = field(default_factory=dict, init=False, repr=False, compare=False)
 
-    def gauged(self, q: Any) -> System:
+    def held_at(self, q: Any) -> System:
         """Return the system with its passive freedoms held as they are at a pose, (n,) or (n, B), not as estimated."""
         held = {p.row: p.constraint.gauge(p.g, q[p.starts[1] :]) for p in self.placed if p.constraint.passive}
         return replace(self, gauge=held) if held else self
@@ -140,14 +140,14 @@ class System:
                 values[k].moving(*rates[at])
         return values
 
-    def _given(self, p: Placed, values: dict[int | None, Any], t: Any, order: int) -> Any:
+    def _given(self, p: ConstraintRows, values: dict[int | None, Any], t: Any, order: int) -> Any:
         """Return the values of a constraint's laws up to `order`, and of its profile as far as the formulas go."""
         f = self._laws_at(p, t, order) if p.constraint.laws else self.gauge.get(p.row, ())
         if not p.constraint.parameters:
             return f
         return (*f, p.constraint.profile_values(values[p.starts[2]].value, self.unit, min(order + 2, PROFILE_ORDER)))
 
-    def _laws_at(self, p: Placed, t: Any, order: int) -> Any:
+    def _laws_at(self, p: ConstraintRows, t: Any, order: int) -> Any:
         """Return the values of a constraint's laws; Newton asks for those of the same times again and again."""
         if not isinstance(t, float) and not (isinstance(t, np.ndarray) and t.dtype == float):
             return p.constraint.inputs(t, self.unit, order)
@@ -181,13 +181,13 @@ def compile_system(mechanism: Mechanism, effects: frozenset[Effect] = EVERYTHING
     """
     kind, bodies = mechanism.kind, mechanism.bodies
     starts: dict[str, int | None] = {GROUND: None, **{body.name: kind.width * k for k, body in enumerate(bodies)}}
-    placed, owners = list[Placed](), dict[str, range]()
+    placed, owners = list[ConstraintRows](), dict[str, range]()
     row, n = 0, kind.width * len(bodies)
     for constraint in (*mechanism.constraints, *kind.own_rows(bodies, mechanism.constraints)):
         own = owners[constraint.name] = range(n, n + constraint.parameters)
         shared = owners.get(constraint.shares, ())
         where = (*(starts[body] for body in constraint.bodies), *own, *shared)
-        placed.append(Placed(constraint, constraint.constants(unit), row, where))
+        placed.append(ConstraintRows(constraint, constraint.constants(unit), row, where))
         row, n = row + constraint.rows, n + len(own)
     return System(mechanism, effects, unit, tuple(placed), n, row, kind)
 

@@ -272,8 +272,8 @@ def _other_assembly(
     q, t, ours = whole_poses(ref, motion, wrong, at), motion.t[wrong], ref.levels[0][:, at][:, wrong]
     if q is None:
         return False
-    stacked = np.moveaxis(ref.system.gauged(ours).phi_q(ours, t), -1, 0)
-    residual = np.moveaxis(np.abs(ref.system.gauged(q).phi(q, t)), -1, 0)[..., None]  # no spin violates anything
+    stacked = np.moveaxis(ref.system.held_at(ours).phi_q(ours, t), -1, 0)
+    residual = np.moveaxis(np.abs(ref.system.held_at(q).phi(q, t)), -1, 0)[..., None]  # no spin violates anything
     carried = np.abs(np.linalg.pinv(stacked)) @ residual
     return bool(np.any(np.max(carried, axis=(1, 2)) < 0.1 * compared["position"].error[wrong]))
 

@@ -156,10 +156,10 @@ def unclosed(ref: Reference, motion: Motion, terms: Sequence[Term]) -> Iterator[
     q, t = whole_poses(ref, motion, asked), motion.t[asked]
     if q is None or not t.size:
         return
-    system = ref.system.gauged(q)  # no spin violates anything
+    system = ref.system.held_at(q)  # no spin violates anything
     form = next((term.form for term in terms if term.form), "")
     if form:
-        system = compile_system(in_form(system.mechanism, form), unit=system.unit).gauged(q)
+        system = compile_system(in_form(system.mechanism, form), unit=system.unit).held_at(q)
     rounded = np.einsum("mnt,nt->mt", np.abs(system.phi_q(q, t)), output_rounding(system, q, 0.0 * q, 0.0 * q)[0])
     rows = residual_error(system, q, t)
     added = sum(term.absolute + term.relative * rows for term in terms if term.level == QUANTITIES[0])

@@ -151,7 +151,7 @@ def _singular(system: System, q: Any, t: float) -> tuple[tuple[Any, ...], Any]:
 
 def _allowed(system: System, q: Any, t: float) -> Any:
     """Return the least error (n,); a body that spins passively may have it in any of its Euler parameters."""
-    least = least_error(system.gauged(q), q, t)
+    least = least_error(system.held_at(q), q, t)
     if system.kind is PLANE:
         return least
     lines = passive_lines(system.mechanism, system.unit)

@@ -95,7 +95,7 @@ def _by_pivots(system: System, levels: list[Any], t: Any, near: Any) -> list[Any
     is the error of rates that do not feel the singular pose at all.
     """
     if near.size and len(levels) > 1:
-        q, now, here = levels[0][:, near], t[near], system.gauged(levels[0][:, near])
+        q, now, here = levels[0][:, near], t[near], system.held_at(levels[0][:, near])
         levels[1][:, near] = velocity(here, q, now)
         if len(levels) > 2:
             levels[2][:, near] = acceleration(here, q, levels[1][:, near], now)
@@ -158,7 +158,7 @@ def _evidence(
     asked = Evidence.CONDITION in scene.evidence
     near = np.arange(count) if asked else np.flatnonzero(~(pivot > CLEAR))
     if near.size and (asked or not proved):
-        here = system.gauged(levels[0][:, near])
+        here = system.held_at(levels[0][:, near])
         slope = np.moveaxis(here.phi_q(levels[0][:, near], t[near]), -1, 0)
         sigma = np.linalg.svd(slope, compute_uv=False)
         smallest = sigma[:, system.n - 1]

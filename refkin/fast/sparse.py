@@ -19,7 +19,7 @@ from refkin.joints import initial_contacts
 from refkin.model import Effect, Scene
 from refkin.motion import Status
 from refkin.newton import ROUND_OFF, contracts
-from refkin.system import PROFILE_ORDER, Placed, System, compile_system
+from refkin.system import PROFILE_ORDER, ConstraintRows, System, compile_system
 from refkin.vec import BodyValues, ParameterValue, Vec, cosine_and_sine
 
 MOST_NEWTON = 30
@@ -73,7 +73,7 @@ class Group:
         Where the bodies and parameters start in q; None is the ground.
     """
 
-    def __init__(self, system: System, placed: Sequence[Placed]) -> None:
+    def __init__(self, system: System, placed: Sequence[ConstraintRows]) -> None:
         self.system, self.placed = system, placed
         first = placed[0]
         self.formulas: Any = first.constraint
@@ -110,7 +110,7 @@ class SparseSystem:
         if system.m != system.n:
             raise ValueError(f"expected as many rows as coordinates, got {system.m} and {system.n}")
         self.system = system
-        kinds: dict[Any, list[Placed]] = {}
+        kinds: dict[Any, list[ConstraintRows]] = {}
         for p in system.placed:
             c = p.constraint
             sides = tuple(start is None for start in p.starts)

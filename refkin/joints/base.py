@@ -14,7 +14,7 @@ Only `+ - *`: no array, no branch on a value, no root. So the same text runs on 
 balls and symbols, and what is read is what is run, batched, compiled and proved. Equation numbers as (K4) and (J7) are
 those of the book's theory, docs/theory.md.
 
-A constraint may bring coordinates of its own (`parameters`), such as where a cam is touched: its formulas then take a
+A constraint may bring coordinates of its own (`parameters`), such as a cam's contact parameter: its formulas take a
 `ParameterValue` after the bodies, `jacobian` returns a block of 1-tuples for it, and the last of ``f`` is what
 `profile_values` returns: a function of the parameter, with its derivatives.
 """

@@ -113,6 +113,7 @@ class Cam(Constraint):
     type: Literal["cam"] = "cam"
 
     def elements(self) -> Iterator[Element]:
+        """Yield the contact; of a disc the distance or the guided point that says the same."""
         if isinstance(self.profile, Polar):
             yield Contact(
                 **ends_of(self), profile=self.profile.law, normal_j=self.normal_j, roller_radius=self.roller_radius
@@ -152,6 +153,7 @@ class Cam(Constraint):
         return abs(float(self.profile.law(min(max(0.0, self.profile.law.domain()[0]), self.profile.law.domain()[1]))))
 
     def constants(self, unit: Unit) -> tuple[float, ...]:
+        """Return the two points, then what the follower's formulas take, as `contact_kinematics` has it in a table."""
         points = super().constants(unit)
         if self.normal_j is not None:
             disc = (self.profile.radius / unit.size,) if self.profile.kind == "disc" else ()
@@ -176,6 +178,7 @@ class Cam(Constraint):
         return tuple(self.profile.law(s, k) / unit.size for k in range(order + 1))  # type: ignore[union-attr]
 
     def faults(self, path: str) -> Iterator[Fault]:
+        """Yield the faults of the profile, and what the follower lacks, or has and does not need."""
         yield from self.profile.faults(f"{path}.profile")
         if self.follower == "flat" and self.normal_j is None:
             yield Fault(f"{path}.normal_j", None, "the normal of the face, as the follower is flat")

@@ -71,7 +71,7 @@ class PointOnCurve:
 
 
 class FaceOnCurve:
-    """A flat face on a polar profile: the touched point lies in the face, and the face along the tangent."""
+    """A flat face on a polar profile: the contact point lies in the face, and the face along the tangent."""
 
     rows = 2
 
@@ -83,6 +83,7 @@ class FaceOnCurve:
 
     @staticmethod
     def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Blocks:
+        """Return the gradients of n . w and n . A t, by body i, body j and s."""
         gap = Gap(g, f, i, j, s)
         n = j.turned(Vec(g[4], g[5]))
         t, bend = gap.curve[1], gap.curve[2]
@@ -99,7 +100,7 @@ class FaceOnCurve:
 
 
 class RollerOnCurve:
-    """A roller on a polar profile: its centre lies rho away from the touched point, along the normal there."""
+    """A roller on a polar profile: its centre lies rho away from the contact point, along the normal there."""
 
     rows = 2
 
@@ -111,6 +112,7 @@ class RollerOnCurve:
 
     @staticmethod
     def jacobian(g: Any, f: Any, i: BodyValues, j: BodyValues, s: ParameterValue) -> Blocks:
+        """Return the gradients of w . A t / rho and (w . w - rho^2) / (2 rho), by body i, body j and s."""
         gap = Gap(g, f, i, j, s)
         t, w = gap.curve[1] * g[5], gap.w * g[5]
         (x, y, phi), along_j = along(t, gap.arm, gap.a_j)
@@ -128,14 +130,14 @@ class RollerOnCurve:
 
 
 class Gap:
-    """The profile around its touched point, and what is missing from there to the follower's point, in ground axes.
+    """The profile around its contact point, and what is missing from there to the follower's point, in ground axes.
 
     Attributes
     ----------
     curve : list of Vec
         A u and its derivatives A u', A u'', ... by s, as far as the derivatives of d are given.
     arm, a_j : Vec
-        From the bodies' origins to the touched point and to the follower's point.
+        From the bodies' origins to the contact point and to the follower's point.
     w : Vec
         d - A u.
     """

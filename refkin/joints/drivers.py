@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, ClassVar, Literal
+from typing import Any, Literal
 
 from refkin.errors import Fault
 from refkin.joints.base import Blocks, Constraint, Rows, Unit, along, arms, drift, gap_rate
@@ -88,7 +88,7 @@ class CoordinateDriver(Driver):
 
     body: str
     point: Pair = (0.0, 0.0)
-    axis: ClassVar[int]
+    axis = 0
 
     @property
     def bodies(self) -> tuple[str, str]:
@@ -123,7 +123,6 @@ class XDriver(CoordinateDriver):
     """x + (A point)_x - f(t) = 0 [m]."""
 
     type: Literal["x"] = "x"
-    axis = 0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -80,7 +80,7 @@ class PassiveSpin(UnitLength):
 
     s = p0 (0, u), p0 the pose, u the line. Where the line has any direction but that opposite to its own at p0, p and
     -p alone solve it; at p0 itself the rates are those without spin, omega . u = alpha . u = 0. p0 is the estimate
-    (`reference`), or what a system is gauged at.
+    (`reference`), or what `System.held_at` is given.
     """
 
     through: Triple

@@ -32,7 +32,7 @@ from refkin.joints.spatial_vectors import Vec3
 
 Line = tuple[Vec3, Vec3]
 """A point of a line, and a vector along it."""
-Touching = Mapping[str, Sequence[Any]]
+ByBody = Mapping[str, Sequence[Any]]
 """The constraints of each body, by its name."""
 ALIKE, ROUNDED = 2.0**-40, 2.0**-48
 """How far off a line is on it: in parts of the way along it, and of the coordinates, which are rounded."""
@@ -65,7 +65,7 @@ def passive_spins(bodies: Sequence[Any], constraints: Sequence[Any]) -> Iterator
             yield Spin({name: (lines[name][0].parts, lines[name][1].parts) for name in at if name in lines})
 
 
-def _spinning(body: str, line: Line, at: Touching) -> dict[str, Line] | None:
+def _spinning(body: str, line: Line, at: ByBody) -> dict[str, Line] | None:
     """Return the bodies that spin as one with a body about a line of it, with the line in each; None if none may."""
     lines, reached = {body: line}, [body]
     while reached:
@@ -110,7 +110,7 @@ def _end(e: Any, body: str) -> tuple[Vec3 | None, Vec3 | None]:
     return (None if point is None else Vec3(*point)), (None if axis is None else Vec3(*axis))
 
 
-def _candidates(body: str, at: Touching) -> Iterator[Line]:
+def _candidates(body: str, at: ByBody) -> Iterator[Line]:
     """Yield lines through two points of a body, or through one along an axis; those fixed to it have theirs on it.
 
     A hinge, or a cylinder, on the ground leaves its own axis alone.
@@ -132,7 +132,7 @@ def _candidates(body: str, at: Touching) -> Iterator[Line]:
         yield from ((p, axis) for axis in axes)
 
 
-def _ends(body: str, at: Touching, seen: set[str]) -> Iterator[tuple[Vec3 | None, Vec3 | None]]:
+def _ends(body: str, at: ByBody, seen: set[str]) -> Iterator[tuple[Vec3 | None, Vec3 | None]]:
     """Yield the points and axes by which a body, or one fixed to it, is held, as they lie on it."""
     for c in at[body]:
         (other,) = {*c.bodies} - {body} or {body}

@@ -285,6 +285,7 @@ class Angle(Term):
         return (2 * (e.v.z * c - e.a * s),)
 
     def jacobian(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> list[Row]:
+        """Return the gradient of 2 (e3 cos s - e0 sin s), 2 <w, e> with w = k cos s - sin s; and its slope by s."""
         c, s = self._half(f, own)
 
         def product(x: Quaternion, sign: int) -> Quaternion:
@@ -352,6 +353,7 @@ class Sine(Term):
         return ((left.at.dot(b.at) * s + along.at.dot(b.at) * c) * f[0][1],)
 
     def gamma(self, g: Any, f: Any, i: Any, j: Any, *own: Any) -> Rows:
+        """Return it with x = f_i . f_j = cos(theta), y = g_i . f_j = sin(theta) and their rates and drifts."""
         (along, left, b), (c, s) = self._arms(g, i, j), cosine_and_sine(f[0][0])
         values = [(a.at.dot(b.at), a.rate.dot(b.at) + a.at.dot(b.rate)) for a in (along, left)]
         (x, x_rate), (y, y_rate) = values

@@ -205,7 +205,7 @@ class _Answer:
         Singular values are computed where the scene calls for them, and where a bound that costs less leaves doubt.
         """
         q, t, n = self.q[:, samples], self.t[samples], self.system.n
-        system = self.system.gauged(q)
+        system = self.system.held_at(q)
         self.residual[samples] = np.max(np.abs(system.phi(q, t)), axis=0)
         jacobian = np.moveaxis(system.phi_q(q, t), -1, 0)
         solvable = np.zeros(len(samples), bool)
@@ -226,7 +226,7 @@ class _Answer:
         if not self.system.effects or not samples.size:
             return
         q, t = self.q[:, samples], self.t[samples]
-        system = self.system.gauged(q)
+        system = self.system.held_at(q)
         phi_q = system.phi_q(q, t)
         self.qd[:, samples] = velocity(system, q, t, phi_q)
         if Effect.ACCELERATION in system.effects:

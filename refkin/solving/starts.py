@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import SINGULAR, estimated, position, sigma_min
+from refkin.analysis import SINGULAR, estimate_of, position, sigma_min
 from refkin.joints import SPACE, polar_cams
 from refkin.model import Mechanism, Scene
 from refkin.motion import Status
@@ -56,7 +56,7 @@ def find_start(system: System, scene: Scene) -> Start:
         return find_start(compile_system(meant.mechanism, system.effects, system.unit), meant)
     t, bodies = scene.times[0], scene.mechanism.bodies
     with np.errstate(all="ignore"):  # estimates may lie anywhere
-        estimate = estimated(system, scene)
+        estimate = estimate_of(system, scene)
         useless = np.abs(estimate) > USELESS
         missing = [b.name for b in bodies if b.estimate is None or useless[system.columns(b.name)].any()]
         estimate = np.where(useless, 0.0, estimate)

@@ -66,7 +66,7 @@ class Steps:
         The numbers of the poses from which such a step was taken: what rounding hides may have decided there.
     tiny : float
         First corrections below it are not looked at.
-    regauged : list of (int, System)
+    held_from : list of (int, System)
         The numbers of the poses from which passive bodies were held another way, each with the system up to there.
     jumps : list of int
         The numbers of the poses from which the next was found in a way of its own, proved as far as it must be.
@@ -81,7 +81,7 @@ class Steps:
     uncertified: list[int] = field(default_factory=list)
     tiny: float = TINY
     jumps: list[int] = field(default_factory=list)
-    regauged: list[tuple[int, System]] = field(default_factory=list)
+    held_from: list[tuple[int, System]] = field(default_factory=list)
     _blocks: Blocks | None = field(default=None, init=False)
     _signs: list[float] = field(default_factory=list, init=False)
 
@@ -89,8 +89,8 @@ class Steps:
         """Forget all poses but the first so many."""
         del self.t[count:], self.q[count:]
         self.uncertified = [k for k in self.uncertified if k < count - 1]
-        while self.regauged and self.regauged[-1][0] >= count:
-            self.system, self._blocks = self.regauged.pop()[1], None
+        while self.held_from and self.held_from[-1][0] >= count:
+            self.system, self._blocks = self.held_from.pop()[1], None
             vars(self).pop("full", None)
 
     def _accept(self, q: Any, t: float) -> None:
@@ -102,12 +102,12 @@ class Steps:
 
     def _hold(self, q: Any) -> None:
         """Hold passive bodies as they are turned here, if they have turned far from where they are held."""
-        here = self.system.gauged(q)
+        here = self.system.held_at(q)
         for p in self.system.placed if here.gauge else ():
             if p.constraint.passive:
                 held = self.system.gauge.get(p.row, p.g[:4])
                 if abs(sum(x * y for x, y in zip(held, here.gauge[p.row], strict=True))) < 4 * TURNED:
-                    self.regauged.append((len(self.q) - 1, self.system))
+                    self.held_from.append((len(self.q) - 1, self.system))
                     self.system, self._blocks = here, None
                     vars(self).pop("full", None)
                     break

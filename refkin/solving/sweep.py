@@ -150,7 +150,7 @@ class Sweep(Steps):
     def first_gap(self, steps: list[int]) -> int | None:
         """Return the first of some steps that is not proved; None if all are."""
         t, q, first = np.array(self.t), np.array(self.q).T, 0
-        for last, system in (*self.regauged, (len(t) - 1, self.system)):
+        for last, system in (*self.held_from, (len(t) - 1, self.system)):
             own, full = [k - first for k in steps if first <= k < last], replace(system, effects=EVERYTHING)
             at = np.s_[first : last + 1]
             gap = first_gap(full, t[at], q[:, at], pose_between, own) if own else None

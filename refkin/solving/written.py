@@ -70,7 +70,7 @@ class Text:
 
     Attributes
     ----------
-    placed : tuple of Placed
+    placed : tuple of ConstraintRows
         The constraints that were written out.
     start : list
         The values before anything is done: the constants.

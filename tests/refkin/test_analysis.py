@@ -9,7 +9,7 @@ import pytest
 
 import refkin
 from refkin import FourBar, Polynomial, Sinusoid, SliderCrank, Status, compile_system
-from refkin.analysis import estimated, march, position, sweep
+from refkin.analysis import estimate_of, march, position, sweep
 from refkin.joints import Constraint
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
@@ -139,7 +139,7 @@ def test_a_long_way_in_steps_of_its_own_ends_where_a_short_one_does(turned):
     """The crank slows down and turns back at the end: steps of twice the length fit there, and led beyond it."""
     scene = ROCKER.scene(law=Polynomial(coefficients=(0.3, 2.0 * turned, -turned)), times=(0.0, 1.0))
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    q = position(system, estimated(system, scene), 0.0).q
+    q = position(system, estimate_of(system, scene), 0.0).q
     fine = march(system, q, np.linspace(0.0, 1.0, 100).tolist())
 
     assert march(system, q, (0.0, 1.0))[:, -1] == pytest.approx(fine[:, -1], abs=1e-12)

@@ -149,7 +149,7 @@ def test_a_coarse_march_stays_on_its_branch():
     scene = ROCKER.scene(turns=2, samples=9)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     fine = refkin.solve(ROCKER.scene(turns=2, samples=721))
-    first = analysis.position(system, analysis.estimated(system, scene), 0.0).q
+    first = analysis.position(system, analysis.estimate_of(system, scene), 0.0).q
     poses = system.to_physical(analysis.march(system, first, scene.times))
 
     assert np.max(np.abs(poses - fine.q[:, ::90])) < 1e-13

@@ -32,7 +32,7 @@ def test_what_is_written_out_gives_the_formulas_numbers(name):
 
     for shape, t in (((system.n,), 0.125), ((system.n, 3), np.array([0.0, 0.0625, 0.125]))):
         q = random.normal(size=shape)
-        for one, text in ((system, other), (system.gauged(q), other.gauged(q))):
+        for one, text in ((system, other), (system.held_at(q), other.held_at(q))):
             assert np.array_equal(one.phi(q, t), text.phi(q, t))
             assert np.array_equal(one.phi_q(q, t), text.phi_q(q, t))
             assert np.array_equal(one.phi(q, t / 2), text.phi(q, t / 2))

@@ -12,7 +12,7 @@ import numpy as np
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, one_by_one
 from crosscheck.scenes.workloads import Chain, Workload
-from refkin.analysis import ROUTE, acceleration, estimated, velocity
+from refkin.analysis import ROUTE, acceleration, estimate_of, velocity
 from refkin.differences import Scheme, jacobian
 from refkin.model import Evidence, Scene
 from refkin.motion import Motion, Route
@@ -76,7 +76,7 @@ def problem(scene: Scene) -> Problem:
     if lost:
         raise EngineError(f"no estimate to start from: {', '.join(lost)}")
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
-    return Problem(scene, system, estimated(system, scene), scene.times)
+    return Problem(scene, system, estimate_of(system, scene), scene.times)
 
 
 def methods() -> Iterator[Method]:

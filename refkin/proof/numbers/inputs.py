@@ -58,7 +58,7 @@ def input_effect(system: System, q: Any, t: Any, error: InputError) -> Any:
     error : InputError
         How far each number may be off, by its size.
     """
-    return read(bounded_system(system.gauged(q), error=error).phi(box(q), Times(t, 1)), np.shape(q)[1]).spread
+    return read(bounded_system(system.held_at(q), error=error).phi(box(q), Times(t, 1)), np.shape(q)[1]).spread
 
 
 def contradiction(system: System, rows: Any, root: Nearly, t: Any) -> Any:
@@ -113,7 +113,7 @@ def rate_contradiction(system: System, rows: Any, q: Any, t: Any, acceleration: 
         return excess
     with np.errstate(all="ignore"):
         pose, times = Preconditioned(system, rows, q, t, 0), Times(t, 3 if acceleration else 2)
-        rough = bounded_system(system.gauged(q), error=A_FEW_ROUNDINGS)
+        rough = bounded_system(system.held_at(q), error=A_FEW_ROUNDINGS)
         near = product(pose.size, input_effect(system, q, t, A_FEW_ROUNDINGS)[rows]) + half_ulp(system, q)
         slope = read(rough.phi_q(box(q, near), times), batch)
         at, rate, radii = box(q, near), np.zeros_like(q), np.zeros_like(q)

@@ -38,7 +38,7 @@ class Preconditioned:
     """
 
     def __init__(self, system: System, rows: Any, q: Any, t: Any, order: int) -> None:
-        system = system.gauged(q)
+        system = system.held_at(q)
         self.system, self.sharp = bounded_system(system), bounded_system(system, Extended)
         self.times, self.rows, self.q = Times(t, order), rows, q
         self.inverse = np.moveaxis(inverses(np.moveaxis(system.phi_q(q, self.times.t)[rows], -1, 0)), 0, -1)

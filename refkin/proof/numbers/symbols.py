@@ -14,7 +14,7 @@ from typing import Any, NamedTuple, cast
 
 import numpy as np
 
-from refkin.system import EVERYTHING, Placed, System
+from refkin.system import EVERYTHING, ConstraintRows, System
 
 
 class Leaf(NamedTuple):
@@ -271,7 +271,7 @@ def symbolic_system(system: System, graph: Graph, geometry: Sequence[tuple[Symbo
     return replace(system, placed=tuple(placed), effects=EVERYTHING, gauge=gauge)
 
 
-def passive_of(system: System) -> list[tuple[int, Placed]]:
+def passive_of(system: System) -> list[tuple[int, ConstraintRows]]:
     """Return the constraints that hold what is passive, by their numbers."""
     return [(k, p) for k, p in enumerate(system.placed) if p.constraint.passive]
 

@@ -188,7 +188,7 @@ class _Moves:
 
     def __init__(self, system: System, rows: Any, q: Any, t: Any, rates: list[Any]) -> None:
         self.system, self.rows, self.others = system, rows, np.delete(np.arange(system.m), rows)
-        self.slope = np.moveaxis(system.gauged(q).phi_q(q, t), -1, 0)
+        self.slope = np.moveaxis(system.held_at(q).phi_q(q, t), -1, 0)
         self.inverse = inverses(self.slope[:, rows])
         self.factors = self.slope[:, self.others] @ self.inverse
         missing = _missing(system, q, t, rates)
@@ -283,7 +283,7 @@ def _times(matrices: Any, vectors: Any) -> Any:
 
 def _missing(system: System, q: Any, t: Any, rates: list[Any]) -> list[Any]:
     """Return what answers miss of all rows, (B, m) for each level: small by cancellation, so in extended precision."""
-    sharp, times, at = bounded_system(system.gauged(q), Extended), Times(t, len(rates)), box(q, 0.0, Extended)
+    sharp, times, at = bounded_system(system.held_at(q), Extended), Times(t, len(rates)), box(q, 0.0, Extended)
     slope = read(sharp.phi_q(at, times), len(t), np.longdouble)
     rows = [read(sharp.phi(at, times), len(t))]
     for order, rate in enumerate(rates):
@@ -299,7 +299,7 @@ def _change(system: System, q: Any, t: Any, rate: Any, along: Any, turned: Any, 
     """
     batch, _, count = along.shape
     many, times = (np.repeat(x, count, axis=-1) for x in (q, t))
-    moving = system.gauged(many)
+    moving = system.held_at(many)
 
     def stepped(x: Any, by: Any) -> Any:
         return x + 1j * STEP * np.moveaxis(by, 0, 1).reshape(len(q), -1)

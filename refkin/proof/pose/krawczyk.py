@@ -153,7 +153,7 @@ def krawczyk(
     rows : (n,) array of int, optional
         The rows to solve where there are more than n; by default a maximal independent set at q.
     """
-    system = system.gauged(q)
+    system = system.held_at(q)
     with ctx.workprec(bits):
         rows = independent_rows(system, *_one_sample(q, t)) if rows is None else rows
         equations = _Equations(system, t, rows, bits)

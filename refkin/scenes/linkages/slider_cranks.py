@@ -45,6 +45,7 @@ class SliderCrank(Linkage):
         return math.fsum((max(self.rod, self.crank), -min(self.rod, self.crank), -abs(self.offset)))
 
     def input_range(self, driven: str = "crank", relative_to: str = GROUND) -> tuple[Interval, ...]:
+        """Return where the wrist pin, on its line, is in reach of crank and rod: in exact fractions of the lengths."""
         self._check_input(driven, relative_to)
         crank, rod, offset = Fraction(self.crank), Fraction(self.rod), Fraction(self.offset)
         if driven == "slider":
@@ -55,6 +56,7 @@ class SliderCrank(Linkage):
         return shifted(between_lines(held, offset - free, offset + free), self.angle)
 
     def closure_margin(self, value: float, driven: str = "crank", relative_to: str = GROUND) -> float:
+        """Return by how much crank and rod meet, or the rod's end passes the line of the wrist pin [m]."""
         self._check_input(driven, relative_to)
         if driven == "slider":
             return two_links_margin(math.hypot(value, self.offset), self.crank, self.rod)

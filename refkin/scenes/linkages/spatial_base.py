@@ -147,12 +147,8 @@ class SpatialLinkage:
 
         Parameters
         ----------
-        speed, turns, samples, start : float, float, int, float
-            The input turns from `start` [rad] at constant `speed` [rad/s], that many turns, over so many times.
-        branch : Branch or str
-            The assembly at the first time.
-        law, times : Law and sequence of float, optional
-            Instead of those four: any motion law of the input, and the times [s].
+        speed, turns, samples, branch, start, law, times, effects, evidence, name
+            As in `refkin.FourBar.scene`.
         """
         law, times = uniform_law(speed, turns, samples, start) if law is None else (law, given_law(law, times))
         poses = self.assemble(float(law(times[0])), branch)

@@ -27,7 +27,7 @@ from refkin.joints import (
 )
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Polynomial, Sinusoid
-from refkin.system import EVERYTHING, Placed, System
+from refkin.system import EVERYTHING, ConstraintRows, System
 
 LAW = Polynomial(coefficients=(1.2, -0.7, 0.4, 0.1))
 WAVE = Sinusoid(amplitude=0.3, angular_frequency=1.7, offset=2.0, phase=0.4)
@@ -86,7 +86,7 @@ def alone(constraint: Constraint, unit: Unit | None = None) -> System:
     starts: dict[str, int | None] = {"ground": None, "a": 0, "b": 7}
     own = (14,) if constraint.parameters or constraint.shares else ()
     where = (*(starts[body] for body in constraint.bodies), *own)
-    placed = Placed(constraint, constraint.constants(unit), 0, where)
+    placed = ConstraintRows(constraint, constraint.constants(unit), 0, where)
     return System(mechanism, EVERYTHING, unit, (placed,), 14 + len(own), constraint.rows, mechanism.kind)
 
 

@@ -51,7 +51,7 @@ def test_the_equations_of_proofs_hold_a_body_as_the_system_does():
     """However those of the same system were held before."""
     scene, _ = drawn(rod)
     system = compile_system(scene.mechanism)
-    ways = [system, *(system.gauged(np.random.default_rng(k).uniform(-1.0, 1.0, system.n)) for k in (1, 2)), system]
+    ways = [system, *(system.held_at(np.random.default_rng(k).uniform(-1.0, 1.0, system.n)) for k in (1, 2)), system]
 
     assert len({repr(way.gauge) for way in ways}) == 3
     assert [exact_system(way, 64).gauge for way in ways] == [way.gauge for way in ways]

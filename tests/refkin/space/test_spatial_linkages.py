@@ -64,7 +64,7 @@ def test_what_a_linkage_is_said_to_assemble_to_closes_its_joints(name):
     system = compile_system(m, unit=m.unit())
     q = system.to_unit(np.concatenate([poses[body.name] for body in m.bodies]))
 
-    assert np.max(np.abs(system.gauged(q).phi(q, 0.0))) < 1e-14
+    assert np.max(np.abs(system.held_at(q).phi(q, 0.0))) < 1e-14
 
 
 def test_a_threefold_bricard_linkage_moves_although_its_count_says_that_it_does_not():
