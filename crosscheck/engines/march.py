@@ -46,8 +46,8 @@ HALVINGS, HALVINGS_AFTER_FAILURE = 40, 6
 """How often a step may be halved on the way to the next time: down to 1e-12 of it; less after a time that failed."""
 MOST_OF_IT = 0.875
 """The part of a step that is tried where only the last one went: towards a fold Newton bears it again and again."""
-DIVISIONS, MOST_DIVIDED, PARTS = 4, 4, 6
-"""How often steps may be divided, how many together, and into how many parts on either side."""
+DIVISIONS, MOST_DIVIDED, PARTS, CLOSER = 4, 4, 32, 0.55
+"""How often steps may be divided, how many together, into how many parts at most, each how much of the last."""
 ATTEMPTS = 3000
 """Steps that may be tried between two times: beside a gimbal pose exudyn's Newton contracts in a thousandth of one."""
 SINGULAR = 8.0 * math.sqrt(EPS)
@@ -322,8 +322,9 @@ def _divided(a: Poses, b: Poses) -> tuple[Array, Array]:
     """Return guesses and times within steps from poses a to poses b, on cubics through both in the space of q and t.
 
     A step fails where a singular pose is near, and J^-1 goes about as the inverse of the way that is left to it: so the
-    parts become smaller by halves towards the place where that way ends, from either side. In the space of q and t,
-    because towards a fold a coordinate goes as the root of the time that is left.
+    parts become smaller towards the place where that way ends, from either side, one more than it takes until they are
+    as small as the way that is left at the other end. In the space of q and t, because towards a fold a coordinate goes
+    as the root of the time that is left.
     """
     h, move = b.t - a.t, b.q - a.q
     length = np.maximum(_largest(move), EPS)
@@ -334,8 +335,11 @@ def _divided(a: Poses, b: Poses) -> tuple[Array, Array]:
     slopes = [slope * (chord / np.linalg.norm(slope, axis=1))[:, None] for slope in slopes]
     near, far = (1.0 / np.linalg.norm(pose.inverse, axis=(1, 2)) for pose in (a, b))
     worst = (near / (near + far))[:, None]
-    left = 0.5 ** np.arange(1, PARTS + 1)
-    u = np.append(worst * (1.0 - left), 1.0 - (1.0 - worst) * (1.0 - left), axis=1)[:, :, None]
+    part = np.arange(1.0, PARTS + 1.0)
+    left = [
+        np.where(part <= 1.0 + np.log(end) / math.log(CLOSER), CLOSER**part, np.nan) for end in (1.0 - worst, worst)
+    ]
+    u = np.append(worst * (1.0 - left[0]), 1.0 - (1.0 - worst) * (1.0 - left[1]), axis=1)[:, :, None]
     rise, one_slope, other = (ends[1] - ends[0])[:, None], slopes[0][:, None], slopes[1][:, None]
     at = ends[0][:, None] + u * (rise + (1.0 - u) * ((one_slope - rise) * (1.0 - u) + (rise - other) * u))
     t = a.t[:, None] + h[:, None] * at[:, :, -1] / one
