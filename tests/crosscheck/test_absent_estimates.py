@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from crosscheck.engines import EngineError, EngineRefusal
 from crosscheck.judge.comparison import reference
-from crosscheck.measure.check import check, estimated
+from crosscheck.measure.check import _is_refusal, check, estimated
 from refkin.joints import PLANE
 from refkin.model import Scene
 from refkin.scenes.files import load
+from refkin.scenes.linkages import FourBar
 
 EXAMPLES = sorted((Path(__file__).parent.parent.parent / "examples").glob("*.toml"))
 
@@ -41,3 +43,13 @@ def test_an_estimate_that_is_absent_is_the_first_pose_of_the_reference_rounded()
     off = [np.max(np.abs(given - ref.motion.q[:, k])) for k in (0, -1)]
 
     assert 0.0 < off[0] < 0.01 * scene.mechanism.size() < 0.2 * off[1]
+
+
+def test_what_an_engine_says_of_a_scene_without_all_estimates_is_taken_for_a_refusal():
+    """Which assembly is meant is left open; with all of them only what is called a refusal is one."""
+    whole = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=2)
+    first, *others = whole.mechanism.bodies
+    part = replace(whole, mechanism=replace(whole.mechanism, bodies=(replace(first, estimate=None), *others)))
+
+    assert [_is_refusal(EngineError("no"), scene) for scene in (whole, part)] == [False, True]
+    assert [_is_refusal(EngineRefusal("never"), scene) for scene in (whole, part)] == [True, True]

@@ -264,6 +264,36 @@ def test_no_answer_is_no_rank_and_null_in_the_json():
     assert json.dumps(row, allow_nan=False)
 
 
+def test_a_row_says_what_one_configuration_costs_and_of_how_many_how_much_was_judged():
+    work = few()
+    batch = Batch(lambda: None, 40, lambda: [answers(work, tuple(right(work)))], "of the batch")
+    row = measure.row(work, measure.Entry(method("numpy", "closed form"), 2, batch), Timing(2e-6, 0.25))
+
+    assert row["nanoseconds_per_configuration"] == pytest.approx(50.0)
+    assert (row["spread"], row["timed"], row["judged"], row["unjudged"]) == (0.25, 40, work.configurations, 0)
+    assert row["ranked"]
+    assert row["note"].endswith("of the batch")
+
+
+def test_results_of_workloads_are_put_together_and_first_use_is_measured_with_one(monkeypatch):
+    """Their rows one after the other; versions and machine as the last one has them."""
+    monkeypatch.setattr(measure, "measured", lambda work, producers: {"rows": [work.name], "absent": [producers]})
+    monkeypatch.setattr(measure, "first_use", lambda work: {"import_seconds": 0.5})
+    monkeypatch.setattr(measure, "reached", lambda whole: [sorted(whole)])
+    names = ("chain-10", measure.FIRST_USE, "many-10000x360")
+    parts = [
+        {**measure.measured_by_name((name, ["numpy"])), "versions": {"at": k}, "machine": {"number": k}}
+        for k, name in enumerate(names)
+    ]
+    whole = measure.merged(parts)
+
+    assert ["first_use" in part for part in parts] == [False, True, False]
+    assert (whole["rows"], whole["absent"]) == (list(names), [["numpy"]] * 3)
+    assert (whole["versions"], whole["machine"]) == ({"at": 2}, {"number": 2})
+    assert whole["first_use"] == {"import_seconds": 0.5}
+    assert "first_use" not in measure.merged(parts[:1])
+
+
 PLANTED = {
     "dense.c": ("gamma[6 + c] = -w[2]", "gamma[6 + c] = w[2]", "dense Newton"),
     "closed.c": ("rest > 0.0 ? sqrt(rest)", "rest > 0.0 ? -sqrt(rest)", "closed form"),

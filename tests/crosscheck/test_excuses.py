@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import refkin
@@ -14,6 +15,7 @@ from crosscheck.engines.tree import joint_tree
 from crosscheck.judge.delivery import _within, singular_between
 from crosscheck.measure.check import REGULAR, check
 from refkin import FourBar
+from refkin.motion import Status
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 PASSED = refkin.load(CORPUS / "near-singular-between-times.toml")
@@ -28,6 +30,20 @@ class Mute(ClosedForm):
 
     def solve(self, scene, route=None):
         raise EngineError("mute: Newton did not converge")
+
+
+class Short(ClosedForm):
+    """An engine that gives up before the last time."""
+
+    name = "short"
+
+    def solve(self, scene, route=None):
+        motion = super().solve(scene, route)
+        status = (*motion.status[:-1], Status.NOT_CONVERGED)
+        levels = {name: np.array(getattr(motion, name)) for name in ("q", "qd", "qdd")}
+        for level in levels.values():
+            level[:, -1] = np.nan
+        return replace(motion, status=status, producer=replace(motion.producer, name=self.name), **levels)
 
 
 def kinds(scene, engine) -> set[str]:
@@ -51,6 +67,7 @@ def test_a_motion_far_from_singular_poses_gives_no_excuse():
 @pytest.mark.parametrize(("scene", "blamed"), [(PASSED, set()), (REGULAR_MOTION, {"no answer"})])
 def test_no_answer_is_a_fault_but_where_the_motion_all_but_meets_a_singular_pose(scene, blamed):
     assert kinds(scene, Mute()) == blamed
+    assert kinds(scene, Short()) == blamed
 
 
 @pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])

@@ -263,6 +263,8 @@ def test_a_scene_that_was_taken_apart_is_joined_to_the_record_that_it_has_as_a_w
     bare = joined(job, list(engines), {"": crash})
 
     assert settled(joined(job, list(engines), parts)) == settled(whole)
+    assert whole.reference is not None
+    assert 0.0 < whole.reference.seconds < 60.0
     assert {d.engine for d in whole.disagreements} == {"refkin", "shifted"}
     assert [answer.engine for answer in lost.answers] == ["shifted"]
     assert [(d.engine, d.name) for d in lost.disagreements if d.engine != "shifted"] == [

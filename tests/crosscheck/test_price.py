@@ -317,8 +317,11 @@ class Clock:
     def method(self, name, call, pose, most=BULK, **more):
         """A method that takes so long for a call and for each pose in it, twice for two levels, and answers so many."""
 
+        built = []
+
         def build(scene):
-            self.now += 0.25
+            self.now += 0.25 if built else 0.75  # the first time a library is loaded
+            built.append(scene)
             return Model(partial(solve, scene), list)
 
         def solve(scene, order):
@@ -393,6 +396,15 @@ def test_of_a_method_its_build_is_told_and_of_one_that_failed_nothing(sent):
     builds = {name: answer["build"] for (_, name, _), answer in answers.items()}
     assert builds == pytest.approx(dict.fromkeys(("plain", "steps", "at once", "cycles alone"), 0.25))
     assert sent[-1] == ("done",)
+
+
+def test_of_two_answers_the_fewer_digits_count_and_none_at_all_are_the_fewest():
+    none, five, nine = (None, "no answer"), (5.0, ""), (9.0, "")
+    fewer = price_process._fewer
+
+    assert [fewer(None, x) for x in (none, five)] == [none, five]
+    assert [fewer(none, five), fewer(five, none), fewer(none, none)] == [none] * 3
+    assert [fewer(five, nine), fewer(nine, five)] == [five, five]
 
 
 def test_who_is_asked_is_told_before(sent):
