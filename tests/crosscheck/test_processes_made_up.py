@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from types import SimpleNamespace
 from typing import Any
 
@@ -83,6 +84,14 @@ def test_the_end_of_a_process_is_its_signal_or_its_exit_code_and_one_that_runs_i
     assert killed == []
     stop(SimpleNamespace(**{**vars(ended), "exitcode": None}))
     assert killed == [True]
+
+
+def test_a_process_is_begun_while_interrupts_are_held_back_and_they_are_let_through_after():
+    with processes._interrupts_held_back():
+        held = signal.pthread_sigmask(signal.SIG_BLOCK, [])
+
+    assert signal.SIGINT in held
+    assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
 @pytest.fixture

@@ -49,7 +49,7 @@ def test_a_quick_work_is_repeated_until_its_turn_is_long_enough(clock):
     timings = timed_in_turns({"a": lasting(clock, 1e-5)}, rounds=2, at_least=1e-3)
 
     assert timings["a"].seconds == pytest.approx(1e-5)
-    assert clock.now >= 2 * 1e-3
+    assert 2 * 1e-3 <= clock.now < 1e-2
 
 
 def test_works_are_taken_in_turns(clock):
