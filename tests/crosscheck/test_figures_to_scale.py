@@ -169,14 +169,16 @@ def test_errors_over_steps_stand_at_the_logarithms_of_both() -> None:
     lines = [
         {"name": "forward", "over": "step", "x": [1e-6, 1e-4, 1e-1], "y": [2e-10, 3e-8, 0.02], "fitted": 1.0},
         {"name": "exact", "over": "step", "x": [1e-6, 1e-1], "y": [0.0, 0.0], "fitted": None},
+        {"name": "sigma", "over": "distance", "x": [1e-6, 1e-3], "y": [2e-8, 0.05], "fitted": 0.5},
     ]
     rows = [{**line, "expected": 1.0, "spread": 0.01} for line in lines]
-    panel = Read(slopes_figure(rows).panels[0])
+    panels = [Read(drawn) for drawn in slopes_figure(rows).panels]
 
-    for drawn, line in zip(panel.lines(), rows, strict=True):
-        panel.near(
-            drawn, [(math.log10(x), math.log10(y) if y else -17.0) for x, y in zip(line["x"], line["y"], strict=True)]
-        )
+    assert len(panels) == 2
+    drawn = [(panel, line) for panel in panels for line in panel.lines()]
+    for (panel, places), line in zip(drawn, rows, strict=True):
+        wanted = [(math.log10(x), math.log10(y) if y else -17.0) for x, y in zip(line["x"], line["y"], strict=True)]
+        panel.near(places, wanted)
 
 
 def test_a_course_over_nights_stands_at_its_ratios_between_its_first_and_its_last_night() -> None:

@@ -26,7 +26,7 @@ from crosscheck.report import totals
 from crosscheck.report.build import build, summarized
 from crosscheck.report.cells import Cell, MethodTotals, Place
 from crosscheck.report.front import answer as sentence
-from crosscheck.report.front import first_table, hard_matrix
+from crosscheck.report.front import first_table, folds, hard_matrix
 from crosscheck.report.prices import cheapest
 from crosscheck.report.totals import OTHERS, Refusals, Together
 from refkin import FourBar
@@ -452,13 +452,13 @@ def test_what_users_of_an_engine_run_stands_beside_its_method_on_the_first_scree
     stepped = {**HARD[1], "method": "mj_step", "class": "documented limit"}
     hard = [*HARD, stepped, {**stepped, "verdict": "correct", "class": ""}, {**stepped, "verdict": "refused"}]
     priced = [
-        {**PRICES[0], "method": "mj_step, as shipped", "quantity": "position", "digits": digits}
+        {**PRICES[0], "method": "mj_step, as shipped", "quantity": "position", "digits": digits, "newton_by": "nobody"}
         for digits in (2.25, 3.5)
     ]
     report, page = reported(tmp_path, price=[*PRICES, *priced], hard_cases=hard)
     row = next(row for row in first_table(report) if row["method"] == "mj_step")
 
-    assert row["engine"] == "mujoco"
+    assert (row["engine"], row["newton_by"]) == ("mujoco", "nobody")
     assert [cell["best"] for cell in row["cells"]] == [3.5, None, None]
     assert (row["silent"], row["silent_class"]) == ("1 of 2 hard cases that it answers (documented limit)", "gap")
     assert "at best" in page
@@ -545,3 +545,39 @@ def test_features_that_were_met_together_are_counted_and_the_rarest_cell_comes_l
     ]
     assert (counted["cells"], counted["once"]) == (3, 2)
     assert (laws["met"], laws["of"], laws["once"], laws["missing"]) == (3, 4, 2, [["-2", "table"]])
+
+
+def test_folded_sections_say_how_much_is_in_them(tmp_path: Path) -> None:
+    report, _ = reported(tmp_path, price=PRICES, effects=EFFECTS, hard_cases=HARD)
+    planted = {
+        "slopes": [{"fitted": 1.0}, {"fitted": None}, {"fitted": 2.004}],
+        "newton_histories": [{"last_order": 1.9}, {"last_order": 2.01}, {"last_order": None}],
+        "trends": {"nights": ["a", "b"], "series": [{"changes": {"1": 1.5}}, {"changes": {}}]},
+        "golden": {"worse": [1, 2], "cases": 10},
+        "features": [{"wrong": 2, "new": 1}, {"wrong": 0, "new": 0}, {"wrong": 1, "new": 0}],
+        "known_gaps": [{"disagreements": 3}, {"disagreements": 0}],
+        "agreement": [1, 2],
+        "refusals": [1],
+    }
+    nothing = {"slopes": [], "trends": None, "features": [], "agreement": [], "price": None, "hard_cases": None}
+    full, bare = folds({**report, **planted}), folds({**report, **nothing})
+
+    assert {name: full[name] for name in planted if name in full} == {
+        "features": "3 asked, 2 of them wrong, 1 of these new",
+        "agreement": "2 pairs",
+        "trends": "golden set of 10 scenes: 2 numbers worse; 2 nights, 1 change of level",
+        "refusals": "1 kinds",
+    }
+    assert full["newton"] == "Newton's last order 2.01; fitted slopes 1.00, 2.00"
+    assert [full[name] for name in ("price", "effects", "gaps")] == [
+        "4 settings priced",
+        "2 effects priced",
+        "2 in the table, 1 met",
+    ]
+    assert full["hard_cases"] == "1 correct, 1 refused, 1 wrong"
+    assert full["disagreements"] == "0 new, 0 known"
+    assert [bare[name] for name in ("price", "hard_cases", "newton")] == ["not measured in this run"] * 3
+    assert (bare["features"], bare["agreement"]) == ("not asked in this run", "not in the records of this run")
+    assert bare["trends"] == "the golden set was not compared in this run; no history was kept with this run"
+    one = {**planted, "golden": {"worse": [], "cases": 9}, "trends": {"nights": ["a"], "series": [{"changes": {}}]}}
+    assert folds({**report, **one})["trends"] == ("golden set of 9 scenes: nothing worse; 1 night, 0 changes of level")
