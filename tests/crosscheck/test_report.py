@@ -21,6 +21,7 @@ from crosscheck.judge.records import At, Cause, plain
 from crosscheck.measure import check
 from crosscheck.night.history import remember
 from crosscheck.night.sections import pictures, write_documents
+from crosscheck.report.build import plain as plain_data
 from crosscheck.report.build import summarized
 from crosscheck.report.cells import quantile
 from crosscheck.report.summary import Summary
@@ -509,3 +510,29 @@ def test_the_page_says_how_many_pairs_of_features_were_met_and_the_report_which_
     assert pairs["driver · joints"] == {"met": 3, "of": 4, "once": 3, "missing": [["y", "cam"]]}
     without = [["cam", "table"], ["revolute", "sinusoid"]]
     assert pairs["joints · law"] == {"met": 2, "of": 4, "once": 1, "missing": without}
+
+
+def test_what_json_cannot_hold_is_none_or_the_largest_double_however_deep() -> None:
+    most = sys.float_info.max
+    given = {"a": [math.nan, math.inf, {"b": (-math.inf, 1.5, None)}], 1: "text"}
+
+    assert plain_data(given) == {"a": [None, most, {"b": [-most, 1.5, None]}], "1": "text"}
+
+
+def test_the_extremes_of_the_reference_name_the_records_that_they_were_met_at(tmp_path: Path) -> None:
+    met = {"a": (1e-16, 0.3, 2e-15), "b": (4e-16, 0.1, None), "c": (None, 0.2, 3e-15), "d": (2e-16, 0.25, 1e-15)}
+    records = []
+    for name, (residual, sigma, radius) in met.items():
+        planted = record(name, GOOD)
+        planted["reference"] |= {"residual": residual, "sigma_min": sigma, "certified_radius": {"velocity": radius}}
+        records.append(planted)
+    told = reported(write(tmp_path, *records))["reference"]
+    extremes = (told["largest_residual"], told["smallest_sigma_min"], told["largest_certified_radius"]["velocity"])
+
+    assert [(extreme["value"], extreme["scene"]) for extreme in extremes] == [
+        (4e-16, "scene b"),
+        (0.1, "scene b"),
+        (3e-15, "scene c"),
+    ]
+    assert told["microseconds_mean"] == pytest.approx(1e6 * 4 * 0.002 / 16)
+    assert (told["verdicts"], told["statuses"]) == ({"ok": 4}, {"ok": 16})
