@@ -237,7 +237,7 @@ def test_what_a_benchmark_judged_is_said_where_it_is_a_part():
     rows = [{**row, "unit": "configuration"}, {**row, "unit": "newton-iteration", "unjudged": 0}]
 
     assert bench.notes(rows) == [
-        "  a, newton: in C (timed 1,000; judged 100, no budget holds at 3 of the sample)",
+        "  a, newton: in C (timed 1,000; compared 100, no budget holds at 3 of the sample)",
         "  a, newton: in C (timed 1,000)",
     ]
 
