@@ -23,6 +23,7 @@ class Pipe:
 
     def __init__(self, *coming: Any, there: bool = True) -> None:
         self.coming, self.sent, self.there, self.closed = list(coming), [], there, False
+        self.waited: list[float] = []
 
     def send(self, message: Any) -> None:
         if not self.there:
@@ -35,6 +36,7 @@ class Pipe:
         return self.coming.pop(0)
 
     def poll(self, seconds: float) -> bool:
+        self.waited.append(seconds)
         return self.there
 
     def close(self) -> None:
@@ -94,6 +96,15 @@ def test_a_process_is_begun_while_interrupts_are_held_back_and_they_are_let_thro
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
+def test_a_process_that_hangs_in_c_is_ended_by_the_system_and_not_later():
+    before = signal.getsignal(signal.SIGALRM)
+    with processes.ended_by_the_system(500.0):
+        assert 400.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 500.0
+    signal.signal(signal.SIGALRM, before)
+
+    assert signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
+
+
 @pytest.fixture
 def child(monkeypatch):
     """A child at the other end of a made-up pipe, at a time that stands still."""
@@ -113,7 +124,7 @@ def test_a_child_has_its_time_to_start_and_then_that_of_each_argument(child):
     assert one.give(["a", "b"], 7.0, to_start=30.0)
     assert (one.pipe.sent, one.deadline) == ([(("a", "b"), 7.0)], 130.0)
     assert one.result(7.0) == "well"
-    assert one.deadline == 107.0
+    assert (one.deadline, one.pipe.waited) == (107.0, [30.0, 7.0])
     assert (one.result(7.0), one.pipe.closed) == (CRASH, True)  # nothing more comes in
 
 

@@ -49,7 +49,7 @@ PACKAGES = ("refkin", "crosscheck.judge", "crosscheck.measure")
 OTHERS = ("commands", "documents", "engines", "night", "problems", "report", "scenes", "workers")
 NOTED = (*PACKAGES, *(f"crosscheck.{name}" for name in OTHERS))
 """What tests reach of these is noted; `--only` draws from any of them."""
-ELSEWHERE = ("mutation/", "test_house", "test_readme", "browser", "cluster", "test_workers")
+ELSEWHERE = ("mutation/", "test_house", "test_readme", "browser", "test_cluster", "test_workers")
 """Tests that run the code in other programs, where no mutant is, or that kill processes."""
 ALIVE = ("", "not covered")
 VERDICTS = ("equivalent", "costs only time", "to kill", "dies elsewhere")
