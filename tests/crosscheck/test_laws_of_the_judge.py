@@ -550,3 +550,7 @@ def test_least_squares_of_rows_that_weigh_otherwise_are_within_what_redundant_ro
 )
 def test_a_residual_that_redundant_rows_leave_explains_the_rates_of_rows_that_weigh_otherwise(scene, engine):
     assert check(refkin.load(CORPUS / scene), [engine]).disagreements == []
+
+
+def test_rates_along_a_tree_lose_what_its_sines_have_lost():
+    assert check(refkin.load(CORPUS / "space-bennett-by-the-program.toml"), ["refkin-lanes"]).disagreements == []
