@@ -12,7 +12,7 @@ from typing import Annotated, Any
 from cyclopts import Parameter
 from rich.table import Table
 
-from crosscheck.commands.engines import ENGINES, names, outcome_lines
+from crosscheck.commands.engines import ENGINES, MOST_LINES, names, outcome_lines
 from crosscheck.commands.usage import Json, Whole, coloured, console, positive, shown_progress, table
 from crosscheck.errors import DISAGREEMENT, ENGINE_MISSING, INFRASTRUCTURE, NOTHING_RAN, PASS, UsageError
 from crosscheck.measure.jobs import checkers
@@ -143,7 +143,8 @@ def _reported(out: Path, outcome: NightOutcome, history: Path) -> int:
     page = write(out, report)
     warned = [f"warning: {line}" for line in warnings(report["trends"])] if report["trends"] else []
     shown = console(None, stderr=True)
-    for line in (*outcome_lines(outcome), *warned, f"{report['verdict']}: {report['why']}", f"report: {page}"):
+    unread = [f"failed: {text}" for text in report["failures"] if text not in outcome.failed][:MOST_LINES]
+    for line in (*unread, *outcome_lines(outcome), *warned, f"{report['verdict']}: {report['why']}", f"report: {page}"):
         shown.print(line, soft_wrap=True)
     return CODES[report["verdict"]]
 

@@ -243,6 +243,7 @@ def test_a_disagreement_is_worse_than_a_failure_of_the_run(tmp_path, nightly):
     process = nightly(tmp_path / "out", "--engines", engine_file(tmp_path, after=SHIFT), scenes=1)
 
     assert process.returncode == 1
+    assert "failed: records.jsonl, line 1 is no record: " in process.stderr
 
 
 def test_a_log_shows_no_bar(tmp_path, nightly):
