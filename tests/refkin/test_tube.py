@@ -12,8 +12,9 @@ from flint import arb, ctx
 import refkin
 from refkin import FourBar, Polynomial, SliderCrank, Status, compile_system
 from refkin.motion_laws import Sinusoid
+from refkin.proof.numbers.bounded import bounded_system, box, read
 from refkin.proof.path.branch import first_gap
-from refkin.proof.path.tube import ConnectionProof, Tubes
+from refkin.proof.path.tube import ConnectionProof, Tubes, _over_times, _Spans
 from refkin.solving.sweep import pose_between
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
@@ -140,3 +141,14 @@ def test_the_radius_counts_the_rounding_of_coordinates_far_from_the_origin():
 
     assert np.max(off) > 1e-11
     assert np.all(off <= motion.certified_radius.position * size)
+
+
+def test_the_right_sides_over_an_interval_hold_their_values_there():
+    law = Sinusoid(amplitude=1.0, angular_frequency=3.0, offset=0.5)
+    system = compile_system(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=law, times=(0.0,)).mechanism)
+    t, half, q = np.array([0.2, 0.9]), np.array([0.05, 0.2]), np.zeros(system.n)
+    over = read(_over_times(bounded_system(system)).nu(box(np.zeros((system.n, 2))), _Spans(t, half)), 2)
+    for part in (-1.0, -0.5, 0.5, 1.0):
+        there = np.stack([system.nu(q, at) for at in (t + part * half).tolist()], axis=1)
+
+        assert (np.abs(there - over.mid) <= over.rounding + over.spread + 1e-14).all()
