@@ -10,11 +10,11 @@ from typing import Any
 
 import numpy as np
 import pytest
-from crosscheck.judge.effects_rows import EffectRow
 from rich.console import Console
 
 import refkin
 from crosscheck.commands import bench, diagnose, engines, follow, hunt, nightly, price, usage
+from crosscheck.judge.prices import EffectRow
 from crosscheck.judge.records import EnclosedTimes
 from crosscheck.measure.hard_table import hard_cases
 from crosscheck.night.hunting import Bag, Catch
