@@ -56,7 +56,7 @@ def nightly(
     known_gaps: str = "",
     sections_seconds: float | None = None,
 ) -> int:
-    """Draw scenes, check them on all engines, write a report.
+    """Make up scenes, check them on all engines, write a report.
 
     Exit codes: 0 pass, 1 new disagreement, 2 usage, 3 engine missing, 4 infrastructure, 5 nothing ran, 130 interrupted.
     A run that was killed or interrupted is continued by the same command.

@@ -38,7 +38,7 @@ def mechanism_faults(m: Any) -> Iterator[Fault]:
         for key in () if hasattr(c, "joint") else ("body", "body_i", "body_j", "relative_to"):  # else its joint's
             body = getattr(c, key, None)
             if body is not None and body not in known:
-                yield Fault(f"{path}.{key}", body, f"a body of the scene: {', '.join(known)}")
+                yield Fault(f"{path}.{key}", body, f"a body of the scene: {', '.join(filter(None, known))}")
         if c.bodies[0] == c.bodies[1]:
             yield Fault(path, c.bodies[0], "two different bodies")
         yield from c.faults(path)
@@ -52,13 +52,13 @@ def scene_faults(scene: Any) -> Iterator[Fault]:
     """Yield all that is wrong with a scene, or with what has its attributes, beyond its mechanism."""
     times, bodies_wanted, bodies = scene.times, scene.bodies_wanted, scene.mechanism.bodies
     names = tuple(b.name for b in bodies)
-    one_of = f"a body of the scene: {', '.join(names)}"
+    one_of = f"a body of the scene: {', '.join(filter(None, dict.fromkeys(names)))}"
     finite = all(math.isfinite(t) for t in times)
     if not times:
         yield Fault("times", [], "at least one time")
     if not finite:
         yield Fault("times", list(times), "finite times")
-    elif any(b <= a for a, b in pairwise(times)):
+    if any(b <= a for a, b in pairwise(t for t in times if math.isfinite(t))):
         yield Fault("times", list(times), "strictly increasing times")
     if bodies_wanted is not None and not bodies_wanted:
         yield Fault("bodies_wanted", [], "at least one body, or no such key for all of them")

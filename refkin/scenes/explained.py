@@ -44,7 +44,12 @@ def explained(faults: Iterable[Fault], data: Any, text: str = "") -> list[Fault]
         The file itself, if it is TOML.
     """
     lines = _lines(text, data) if text else {}
-    return [replace(_guessed(fault, data), where=_where(fault.path, data, lines)) for fault in faults]
+    guessed = [_guessed(fault, data) for fault in faults]
+    meant = {
+        re.sub(r"\w+$", word, f.path) for f in guessed for word in re.findall(r"no such key .*'(\w+)'\?", f.expected)
+    }
+    kept = [f for f in guessed if f.value is not None or f.path not in meant]  # a misspelt key is not missing as well
+    return [replace(fault, where=_where(fault.path, data, lines)) for fault in kept]
 
 
 def at(path: str, data: Any) -> Any:
@@ -75,10 +80,13 @@ def _guessed(fault: Fault, data: Any) -> Fault:
     if fault.expected == "no such key":
         inner = re.search(r"(law|rate_law|profile)[^.]*\.[^.]*$", fault.path)
         known = KEYS["law"] if inner else KEYS.get(group if "." in fault.path else "", ())
-        return _meant(fault, key, known)
+        tables = isinstance(fault.value, list) and all(isinstance(x, dict) for x in fault.value)
+        return _meant(fault, key, GROUPS if tables and not inner else known)
+    if fault.path == "dimension" and fault.value is None:
+        return replace(fault, expected='"spatial", as the rest of the file is')
     if re.search(r", not \d+$", fault.expected):
         return replace(fault, value=at(fault.path, data))
-    if fault.path in GROUPS and fault.expected == "array":
+    if fault.path in GROUPS and fault.expected == "a list":
         return replace(fault, expected=f"a list: each {group} under a header [[{group}]]")
     if fault.value == GROUND and group == "body":
         return replace(fault, expected=f"a name other than {GROUND!r}, which is reserved for the fixed frame")
@@ -136,5 +144,8 @@ def _lines(text: str, data: Any) -> dict[tuple[str, int], dict[str, int]]:
             top.setdefault(table[1], number)
         elif key := re.match(r"\s*(\w+)\s*=", line):
             own.setdefault(key[1], number)
-    whole = {group for group in GROUPS if isinstance(data, dict) and counts[group] == len(data.get(group, ()))}
+    held = data if isinstance(data, dict) else {}
+    whole = {
+        group for group in GROUPS if isinstance(tables := held.get(group, []), list) and counts[group] == len(tables)
+    }
     return {place: keys for place, keys in lines.items() if place[0] in whole or place[0] not in GROUPS}

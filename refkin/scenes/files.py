@@ -96,7 +96,7 @@ def _readable(data: Any, path: str, faults: list[Fault], depth: int = 0) -> Any:
         return [_readable(v, f"{path}[{k}]", faults, depth + 1) for k, v in enumerate(data)]
     if isinstance(data, (date, time)):
         faults.append(Fault(path, str(data), "no date or time"))
-        return str(data)
+        return None  # which nothing else may stand on
     if isinstance(data, int) and abs(data) > sys.float_info.max:
         return math.copysign(math.inf, data > 0 or -1)
     return data

@@ -33,7 +33,7 @@ from refkin.joints import (
 from refkin.joints.checks import mechanism_faults, scene_faults
 from refkin.model import Body, Effect, Evidence, Point
 from refkin.scenes import DEEPEST, SCHEMA
-from refkin.scenes.explained import UNTIED, at, unconnected
+from refkin.scenes.explained import KEYS, UNTIED, at, unconnected
 
 MOST_TIMES = 10_000_000
 
@@ -76,7 +76,7 @@ class TimeGrid(_Strict):
         for key in ("start", "stop"):
             if grid[key] is not None and not math.isfinite(grid[key]):  # type: ignore[arg-type]
                 yield Fault(f"times.{key}", grid[key], "a finite number")
-                return
+                grid[key] = None
         if self.count is not None and self.count < 1:
             yield Fault("times.count", self.count, "a count of at least 1")
         if self.count is not None and self.count > MOST_TIMES:
@@ -160,20 +160,38 @@ def schema() -> dict[str, Any]:
 def _read(data: Any) -> SceneFile:
     """Return the file; raises ValidationError."""
     # Through JSON, because there a list may stand for a tuple although the reading is strict.
-    spatial = isinstance(data, dict) and data.get("dimension") == "spatial"
+    spatial = isinstance(data, dict) and _dimension(data) == SPACE.name
     return (SpatialSceneFile if spatial else SceneFile).model_validate_json(json.dumps(data))
+
+
+def _dimension(data: dict[str, Any]) -> str:
+    """Return the dimension of a file; if it has none, or a wrong one, that of which less in it is wrong."""
+    if (own := data.get("dimension")) in (PLANE.name, SPACE.name):
+        return str(own)
+    return min((PLANE.name, SPACE.name), key=lambda name: _errors({**data, "dimension": name}))
+
+
+def _errors(data: Any) -> int:
+    """Return how many keys and types are wrong; what is missing says nothing of what a file is meant to be."""
+    try:
+        _read(data)
+    except ValidationError as error:
+        return sum(e["type"] != "missing" for e in error.errors(include_url=False))
+    return 0
 
 
 def _meaning(file: SceneFile) -> list[Fault]:
     """Return what is wrong with a file whose keys and types are right."""
     grid = list(file.times.faults())
-    times = () if grid else file.times.times()
+    times = file.times.values or () if grid else file.times.times()
     mechanism = SimpleNamespace(bodies=file.body, joints=file.joint, drivers=file.driver)
     wanted = {"points": file.point, "bodies_wanted": file.bodies_wanted}
     scene = scene_faults(SimpleNamespace(mechanism=mechanism, times=times, **wanted))
     loose = list(unconnected(file.body, (*file.joint, *file.driver)))
-    faults = [*grid, *mechanism_faults(mechanism), *loose, *scene]
-    follows = {"times": grid, "driver": loose}  # what is said of these comes of what is wrong already
+    of_mechanism = list(mechanism_faults(mechanism))
+    misnamed = any(f.path.startswith(("joint", "driver")) and "a body of the scene" in f.expected for f in of_mechanism)
+    faults = [*grid, *of_mechanism, *([] if misnamed else loose), *scene]  # whom the misnamed ties is not known
+    follows = {"times": grid and not times, "driver": loose}  # what is said of these comes of what is wrong already
     return [f for f in faults if not follows.get(f.path)]
 
 
@@ -188,6 +206,7 @@ def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
     faults = [f for f in one if str(f) in same and f.path not in unread and not f.path.startswith(inside)]
     items = [re.fullmatch(r"((?:joint|driver)(?:\[\d+\])?)(?:\.type)?", path) for path in unread]
     lost = {at(f"{item[1]}.name", data) for item in items if item}
+    lost |= {None for path in unread if path not in KEYS[""] and isinstance(at(path, data), list) and "[" not in path}
     if lost:  # whom these tie, how many rows they have, and what they are, is not known
         faults = [f for f in faults if f.expected != UNTIED and f.path != "driver"]
         faults = [f for f in faults if not (f.path.endswith(".joint") and lost & {f.value, None})]
@@ -234,7 +253,7 @@ def _fill(holder: Any, key: Any, error: Any, way: int, data: Any) -> None:
     else:
         holder[key] = {
             "missing": None, "float_type": (1.0, 0.75)[way], "int_type": 2 + way, "bool_type": False, "tuple_type": [],
-            "dimension": PLANE.name,
+            "dimension": _dimension(data),
         }.get(kind, {})  # fmt: skip
 
 
@@ -260,12 +279,9 @@ def _fault(error: Any) -> Fault:
         return Fault(path, value, f"{asked} {_items(path)}, not {context.get('actual_length', 'these')}")
     if kind in ("union_tag_invalid", "union_tag_not_found"):
         key, known = context["discriminator"].strip("'"), context.get("expected_tags")
-        return Fault(f"{path}.{key}", context.get("tag"), f"one of {known}" if known else MISSING_KEY)
-    return Fault(
-        path,
-        value,
-        error["msg"].removeprefix("Input should be ").removeprefix("a valid ").replace("integer", "an integer"),
-    )
+        return Fault(f"{path}.{key}", value.get(key), f"one of {known}" if known else MISSING_KEY)
+    expected = error["msg"].removeprefix("Input should be ")
+    return Fault(path, value, _PLAIN.get(expected, expected.replace("a valid ", "a ")))
 
 
 def _parts(loc: Any) -> list[Any]:
@@ -297,6 +313,7 @@ def _lengths(faults: Iterable[Fault]) -> Iterator[Fault]:
 
 
 MISSING_KEY = "this key, which is missing"
+_PLAIN = {"a valid array": "a list", "an object": "a table of keys", "a valid integer": "an integer"}
 _GROUPS = ("body", "joint", "driver", "point")
 _TAGS = {
     *(c.__dataclass_fields__["type"].default for c in (*JOINT_TYPES, *DRIVER_TYPES)),

@@ -85,7 +85,7 @@ SPATIAL = (Path(__file__).parents[2] / "docs" / "scenes" / "spatial-cylindrical.
 @pytest.mark.parametrize(
     ("right", "wrong", "said"),
     [
-        ('dimension = "spatial"', "", "or dimension = \"spatial\", which has it, got 'cylindrical'"),
+        ('dimension = "spatial"', "", 'dimension: expected "spatial", as the rest of the file is'),
         ('joint = "rod"', 'joint = "rods"', "(did you mean 'rod'?), got 'rods' (driver 'motor', line 29)"),
         ("axis_i = [0.0, 0.0, 1.0]", "axis_i = [0.0, 1.0]", "3 numbers, not 2, got [0.0, 1.0] (joint 'rod', line 19)"),
         ('"cylindrical"', '"cylindical"', "(did you mean 'cylindrical'?), got 'cylindical' (joint 'rod', line 16)"),
@@ -139,3 +139,31 @@ def test_where_a_body_is_loose_nobody_is_told_to_add_drivers(tmp_path):
 
     assert "a body that joints or drivers tie to the ground, got 'loose'" in said
     assert "add drivers" not in said
+
+
+@pytest.mark.parametrize(
+    ("text", "right", "wrong", "paths"),
+    [
+        (TEXT, "[[joint]]", "[[joints]]", ["joints"]),  # and nothing of bodies that no joint ties
+        (TEXT, "[[body]]", "[[bodies]]", ["bodies"]),
+        (TEXT, "point_j = [-1.75", "pont_j = [-1.75", ["joint[1].pont_j"]),  # which is not missing as well
+        (TEXT, 'name = "crank"', "name = 2020-01-01", ["body[0].name"]),
+        (TEXT, "start = 0.0", "start = nan\ncount = -1", ["times.start", "times.count"]),
+        (TEXT, "count = 3", "values = [1.0, 1.0, nan]", ["times.start", "times.stop", "times", "times"]),
+        (SPATIAL, 'dimension = "spatial"', 'dimension = "spacial"', ["dimension"]),
+        (SPATIAL, 'dimension = "spatial"', "", ["dimension"]),
+    ],
+)
+def test_each_fault_is_named_once_and_none_that_follows_from_another(tmp_path, text, right, wrong, paths):
+    if "count = -1" in wrong:
+        text = text.replace("count = 3\n", "")
+    message = told(tmp_path, text.replace(right, wrong))
+
+    assert sorted(line.split(": ")[0] for line in message.splitlines()) == sorted(paths)
+
+
+def test_a_group_that_is_no_list_is_a_fault_like_any_other(tmp_path):
+    message = told(tmp_path, "schema = 1\nbody = 'a'\njoint = 3\ndriver = {}\ntimes = [0, 1]\n")
+
+    assert "joint: expected a list: each joint under a header [[joint]], got 3 (line 3)" in message
+    assert "times: expected a table of keys, got [0, 1] (line 5)" in message

@@ -132,7 +132,7 @@ BROKEN = {
     "unknown body in joint": (put("joint", 1, "body_i", "crnk"), "joint[1].body_i: expected a body of the scene"),
     "body against itself": (put("joint", 1, "body_j", "crank"), "joint[1]: expected two different bodies, got 'crank'"),
     "point missing": (put("joint", 1, "point_i", ...), "joint[1].point_i: "),
-    "point as text": (put("joint", 1, "point_i", [0.5, "0"]), "joint[1].point_i[1]: expected number, got '0'"),
+    "point as text": (put("joint", 1, "point_i", [0.5, "0"]), "joint[1].point_i[1]: expected a number, got '0'"),
     "three components": (put("joint", 1, "point_i", [0.5, 0.0, 0.0]), "joint[1].point_i: expected 2 numbers"),
     "not finite": (put("joint", 1, "point_i", [float("nan"), 0.0]), "joint[1].point_i[0]: expected a finite number"),
     "key of another joint": (put("joint", 1, "length", 2.0), "joint[1].length: expected no such key"),
