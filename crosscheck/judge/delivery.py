@@ -205,6 +205,8 @@ ROUNDS = 12
 """Each narrows the intervals ninefold: twelve reach the resolution of time."""
 NARROWED = 3
 """Smallest local minima that are looked into, by themselves: what lies before them is solved already."""
+FALLS = 2.0
+"""How many times a minimum one of its neighbours is where sigma_min may pass zero beside it: three, falling straight."""
 
 
 def excuse(ref: Reference, first: float, enough: float) -> tuple[float, float] | None:
@@ -232,14 +234,22 @@ def singular_between(scene: Scene, enough: float) -> tuple[float, float] | None:
         The largest sigma_min, of the scaled phi_q, that counts.
     """
     parts = [replace(scene, times=tuple(sorted({*scene.times, *_within(scene.times, FIRST)})))]
-    for _ in range(ROUNDS):
+    for narrowed in range(ROUNDS):
         motions = [solve(replace(part, effects=frozenset(), evidence=frozenset(Evidence))) for part in parts]
         lowest = sorted((pose for motion in motions for pose in _minima(motion)), key=lambda pose: pose[0])[:NARROWED]
         if lowest and lowest[0][0] <= enough:
             sigma, k, motion = lowest[0]
             return float(motion.t[k]), sigma
+        if narrowed:
+            lowest = [(s, k, motion) for s, k, motion in lowest if s <= FALLS * enough or _falls(motion, k)]
         parts = [part for _, k, motion in lowest for part in _narrowed(scene, motion, k)]
     return None
+
+
+def _falls(motion: Motion, k: int) -> bool:
+    """Return whether sigma_min may fall further beside a minimum: not if both its neighbours are hardly larger."""
+    beside = motion.sigma_min[[k - 1, k + 1]] if 0 < k < len(motion.t) - 1 else np.array([np.inf])
+    return not np.max(beside) < FALLS * motion.sigma_min[k]
 
 
 def _narrowed(scene: Scene, motion: Motion, k: int) -> Iterator[Scene]:

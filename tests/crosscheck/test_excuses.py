@@ -12,7 +12,7 @@ import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.tree import joint_tree
-from crosscheck.judge.delivery import _within, singular_between
+from crosscheck.judge.delivery import _falls, _within, singular_between
 from crosscheck.measure.check import REGULAR, check
 from refkin import FourBar
 from refkin.motion import Status
@@ -62,6 +62,16 @@ def test_the_pose_between_two_times_is_certified_to_be_nearly_singular():
 
 def test_a_motion_far_from_singular_poses_gives_no_excuse():
     assert singular_between(REGULAR_MOTION, REGULAR) is None
+
+
+@pytest.mark.parametrize(("floor", "falls"), [(0.0, True), (0.1, True), (0.7, False), (5.0, False)])
+@pytest.mark.parametrize("passed", [-0.5, -0.2, 0.0, 0.4])
+def test_a_minimum_is_narrowed_as_long_as_it_may_be_the_side_of_a_smaller_one(floor, falls, passed):
+    """Of sigma_min = |t - passed| with a floor, sampled once a second: straight down to zero, or flat at its bottom."""
+    t = np.array([-1.0, 0.0, 1.0])
+    motion = replace(refkin.solve(REGULAR_MOTION), t=t, sigma_min=np.hypot(t - passed, floor))
+
+    assert _falls(motion, 1) is falls
 
 
 @pytest.mark.parametrize(("scene", "blamed"), [(PASSED, set()), (REGULAR_MOTION, {"no answer"})])
