@@ -312,7 +312,9 @@ def test_a_linkage_in_another_unit_gives_the_same_bits():
 def mirrored(space):
     """Newton that leaves some samples on the other branch: B of the four-bar mirrored at the line from A to B0."""
     ok = module_newton(space)
-    crank = space.row(2)
+    crank = next(
+        space.row(at.number) for leaf, at in space.program.inputs.items() if (leaf.kind, leaf.place[-1]) == LAW
+    )
     for sample in range(0, space.samples, 7):
         other = ROCKER.assemble(float(crank[sample]), "crossed")
         for row, body in zip(space.core(), ("coupler", "rocker"), strict=True):
@@ -321,6 +323,8 @@ def mirrored(space):
 
 
 module_newton = module.newton
+LAW = "f", 0
+"""What a law's value is among the inputs of a program, of which its place says the order last."""
 
 
 def test_samples_on_the_other_branch_are_noticed_though_their_residual_is_round_off(monkeypatch):
