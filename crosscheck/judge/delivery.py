@@ -206,7 +206,7 @@ ROUNDS = 12
 NARROWED = 3
 """Smallest local minima that are looked into, by themselves: what lies before them is solved already."""
 FALLS = 2.0
-"""How many times a minimum one of its neighbours is where sigma_min may pass zero beside it: three, falling straight."""
+"""How many times a minimum a neighbour is, at least, where sigma_min may pass zero beside it: three if straight."""
 
 
 def excuse(ref: Reference, first: float, enough: float) -> tuple[float, float] | None:
