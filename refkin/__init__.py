@@ -26,7 +26,7 @@ That is the reference, which runs alone. What stands above it is imported when i
 Symbols (Haug, Nikravesh, Shabana; SI units, right-handed, angles counter-clockwise in rad):
 
 ========= ======================================= ==============================================================
-`q`       coordinates                             (x, y, phi) per body, in space (x, y, z, e0 to e3); then of joints
+`q`       coordinates                             (x, y, phi) per body, in space (x, y, z, e0 to e3); then of cams
 `qd`      velocities                              `qdd`: accelerations
 `phi`     constraint residual, Shabana's C        phi(q, t) = 0; of a body `phi` is its angle
 `phi_q`   constraint Jacobian

@@ -30,7 +30,7 @@ from refkin.system import System, compile_system
 SINGULAR = 8 * np.sqrt(EPS)
 """A pose is singular where sigma_min of the scaled phi_q is no larger: first-order terms do not isolate it."""
 NEAR, FURTHEST, REACH = 1 / 4, 1.0, 1 / 4
-"""Largest correction in units of the move; largest move in a step, and to a singular pose [sizes, rad]."""
+"""Of a step: largest first correction / move, largest move; largest move onto a singular pose [sizes, rad]."""
 OWN = {"residual_by": "refkin", "jacobian_by": "refkin", "newton_by": "refkin", "drift_by": "refkin"}
 ROUTE = Route(name="newton", linear_solve_by="LAPACK", seeding=Seeding.INITIAL_GUESS, **OWN)
 

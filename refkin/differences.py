@@ -32,7 +32,7 @@ class Scheme(StrEnum):
 
 
 def step(scheme: Scheme, x: Any) -> Any:
-    """Return the step per coordinate, in the shape of x; x + h - x is exactly the real steps."""
+    """Return the step h of each coordinate, in the shape of x; a real one is such that (x + h) - x is exactly h."""
     x = np.asarray(x, float)
     if scheme is Scheme.COMPLEX_STEP:
         return np.full(x.shape, 1e-100)

@@ -44,7 +44,7 @@ class Seeding(Member):
 
 @dataclass(frozen=True, kw_only=True)
 class Route:
-    """Who did what on the way to an answer, and who supplied the drift term of the acceleration; in every table."""
+    """A method, as tables say it: who computes phi, phi_q, Newton's steps, linear systems and gamma (the drift)."""
 
     name: str
     residual_by: str = "none"
@@ -57,7 +57,7 @@ class Route:
 
 @dataclass(frozen=True, kw_only=True)
 class Producer:
-    """Who made a motion: name, version, and by which route."""
+    """Who made a motion: name, version, and by which method."""
 
     name: str
     version: str
@@ -218,7 +218,7 @@ def engine_motion(
     Parameters
     ----------
     t, bodies, q, qd, qdd, status, producer, **more
-        As in `Motion`; NaN what is not given.
+        As in `Motion`; evidence that is not given is NaN.
     """
     rest = {**dict.fromkeys(("residual", "sigma_min", "condition"), nowhere(len(status))), **more}
     rest.setdefault("certified_radius", no_radius(len(status)))

@@ -177,7 +177,7 @@ class Integral:
 
 
 class ByKind:
-    """Says that what stands in a scene file is told by its key `kind`; pydantic asks, which reads them."""
+    """Tells pydantic, which reads scene files, that the key `kind` says which law stands there."""
 
     def __get_pydantic_core_schema__(self, source: Any, handler: Any) -> Any:
         from pydantic import Field

@@ -1,4 +1,4 @@
-"""Newton's method on callables: phi(q) = 0 by phi_q dq = -phi, with its whole history and never without an end.
+"""Newton's method on callables: phi(q) = 0 by phi_q dq = -phi, with its whole history, in a bounded number of steps.
 
 It knows nothing of mechanisms: `phi` maps (n,) to (m,), m >= n, `phi_q` to (m, n); scalars are accepted too. More
 rows than unknowns are solved by least squares (redundant rows change nothing where they are consistent).
@@ -17,7 +17,7 @@ from refkin.differences import EPS
 from refkin.errors import LONGEST, InvalidRequest
 
 CONTRACTION = 1 / 8
-"""Largest ratio of Newton's second correction to its first: a quarter of what Newton-Kantorovich needs for a root."""
+"""Largest second correction / first one: a quarter of the 1/2 that Newton-Kantorovich allows it at a proved root."""
 ROUND_OFF = 32 * EPS
 """What rounding leaves of phi at a root, in units of the largest coordinate or of 1."""
 TINY = 1e-6
@@ -113,7 +113,7 @@ def newton(
     jacobian_every: int = 1,
     damped: bool = False,
 ) -> NewtonResult:
-    """Solve phi(q) = 0 from q0. Numbers that fail are a status in the result.
+    """Solve phi(q) = 0 from q0. Failure is a status of the result, no exception.
 
     Parameters
     ----------

@@ -1,4 +1,4 @@
-"""Two-component vectors and the values of one body or parameter: all that a joint's formula may touch.
+"""Two-component vectors and the values of one body or parameter: all that a joint's formula may use.
 
 The components are scalars of any arithmetic: `float`, `complex`, NumPy rows of shape (B,), `flint.arb` balls, traced
 symbols. Nothing here branches on a value or makes an array, so a formula written with these runs on all of them.
@@ -50,7 +50,7 @@ class Vec:
 
 
 class BodyValues:
-    """One body: `r` [m], `phi` [rad], cos and sin of it (`c`, `s`); moving also `v` [m/s], `omega` [rad/s]."""
+    """One body: origin `r` [m], angle `phi` [rad], its cos `c` and sin `s`; moving also `v` [m/s], `omega` [rad/s]."""
 
     __slots__ = ("c", "omega", "phi", "r", "s", "v")
     v: Vec

@@ -134,8 +134,8 @@ def _rank(rank: Rank) -> dict[str, Any]:
 def _of_count(counted: Count) -> str:
     passive = f", {len(counted.passive)} of them passive: {', '.join(counted.passive)}" if counted.passive else ""
     return (
-        f"by count: {counted.coordinates} x {counted.bodies} bodies - {counted.equations} equations"
-        f" = {counted.mobility}, {counted.kind}{passive}"
+        f"by count: {counted.coordinates} x {counted.bodies} bodies - {counted.equations} equations,"
+        f" {counted.coordinates} of them the ground's, = {counted.mobility}, {counted.kind}{passive}"
     )
 
 
@@ -160,7 +160,7 @@ def _of_pose(mobility: Mobility | None, t: float, message: str) -> Iterator[str]
 
 
 def _clear(rank: Rank) -> str:
-    return f"smallest singular value counted {rank.kept:.3g}, largest not counted {rank.dropped:.3g}"
+    return f"singular values: {rank.kept:.3g} the smallest that counts, {rank.dropped:.3g} the largest that does not"
 
 
 def tape(scene: SceneFile, *, counts: Annotated[bool, Parameter(negative="")] = False) -> int:

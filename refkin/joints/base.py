@@ -131,7 +131,7 @@ class Constraint:
 
     @property
     def independent(self) -> int:
-        """The number of equations without those that repeat others of the constraint itself."""
+        """The number of equations less those that repeat others of the same constraint."""
         return self.rows
 
     @property
@@ -145,16 +145,16 @@ class Constraint:
         return ""
 
     def among(self, joints: Sequence[Constraint]) -> Constraint:
-        """Return the constraint with what it names of the mechanism's joints looked up."""
+        """Return the constraint with the joint that it names, if any, found among those of the mechanism."""
         return self
 
     @property
     def passive(self) -> str:
-        """The passive degree of freedom, in words, that the constraint does nothing but hold; "" for all others."""
+        """The passive degree of freedom, in words, if to hold it is all that the constraint does; "" otherwise."""
         return ""
 
     def gauge(self, g: Any, q: Any) -> tuple[Any, ...]:
-        """Return the numbers that hold a passive degree of freedom where it is at q, which begins with its body's."""
+        """Return the numbers that hold a passive freedom as it is at a pose; `q` starts with its body's coordinates."""
         return ()
 
     @property
@@ -184,7 +184,7 @@ class Constraint:
 
     @cached_property
     def placed_elements(self) -> tuple[Element, ...]:
-        """The elements with the joint's name, and the row of it where each begins."""
+        """The elements, each with the joint's name and with the first of the joint's rows that are its own."""
         own = list(self.elements())
         return tuple(replace(e, name=self.name, row=sum(x.rows for x in own[:k])) for k, e in enumerate(own))
 
@@ -193,7 +193,7 @@ class Constraint:
         return 0.0
 
     def row_size(self, g: tuple[Scalar, ...]) -> Scalar:
-        """Return what the geometry `g` multiplies all of the rows by: only a gear's radii do."""
+        """Return a factor that the geometry `g` gives to all rows: 1, but for a gear the larger of its radii."""
         return 1.0
 
     def constants(self, unit: Unit) -> tuple[float, ...]:
@@ -235,7 +235,7 @@ class Constraint:
 
     @staticmethod
     def gamma(g: Any, f: Any, i: BodyValues, j: BodyValues) -> Rows:
-        """Return the acceleration right side."""
+        """Return gamma, the right side of the acceleration equation, as many scalars as Phi has."""
         raise NotImplementedError
 
 

@@ -1,7 +1,7 @@
 """The drivers: what prescribes motion. angle, x, y, distance; each by a law, or by the rate of one.
 
 `law` gives the value, `rate_law` the rate, with `initial` the value at t = 0 (Shabana: theta - theta_0 - g(t) = 0, g
-the integral of the rate). A driving constraint is a constraint like any other whose nu is f' and whose gamma holds f''.
+the integral of the rate). A driving constraint is a constraint like any other whose nu holds f' and whose gamma f''.
 """
 
 from __future__ import annotations

@@ -243,6 +243,6 @@ def unit_normal(axis: Pair) -> Pair:
 
 
 def axis_faults(path: str, axis: Pair) -> Iterator[Fault]:
-    """Yield whether an axis has no direction."""
+    """Yield a fault if an axis has no direction."""
     if math.hypot(*axis) == 0.0:
         yield Fault(f"{path}.axis_i", list(axis), "a vector that is not zero")

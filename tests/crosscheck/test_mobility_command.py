@@ -37,7 +37,7 @@ def test_a_slider_crank_is_a_mechanism_with_one_freedom(tmp_path, capsys):
     code, lines = told(tmp_path, capsys, slider_crank())
 
     assert code == 0
-    assert lines[0] == "by count: 3 x 4 bodies - 11 equations = 1, mechanism with one freedom"
+    assert lines[0] == "by count: 3 x 4 bodies - 11 equations, 3 of them the ground's, = 1, mechanism with one freedom"
     assert lines[1].startswith("by rank at t = 0: 9 coordinates - rank 8 = 1, mechanism with one freedom")
     assert lines[2].startswith("drivers leave 0 of these free")
 

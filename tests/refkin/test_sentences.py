@@ -56,7 +56,7 @@ def test_what_is_said_of_assemblies_holds(sentence):
 DIAGNOSED = {
     "the pose is proved to be alone": ((at(LIMITED, 0.5),), (at(CHANGE_POINT, math.pi),)),
     "; it is nearly singular (sigma ": ((at(CHANGE_POINT, math.pi - 1e-7),), (at(CHANGE_POINT, 0.5),)),
-    "close to what would be this. bifurcation: ": (
+    "beside a pose of this kind: bifurcation: ": (
         (at(CHANGE_POINT, math.pi - 1e-7),),
         (at(LIMITED, LIMITED.input_range()[0][1] - 1e-7),),
     ),
@@ -65,7 +65,7 @@ DIAGNOSED = {
         (links(2.0, 1.0),),
         (links(2.0, 1.5),),
     ),
-    "the equation of rope has no gradient here: two points that it holds apart, or a tangent that it needs, vanish": (
+    "the equation of rope has no gradient here: points that it holds apart coincide, or a tangent is zero": (
         ONE[PoseKind.FORMULATION](),
         (reaching(0.5),),
     ),

@@ -178,11 +178,11 @@ class _Examination:
         if self.sigma >= NEAR:
             return ""
         like = _Examination(self.frames, self.q, self.t, vanishing=max(VANISHING, 4 * float(self.sigma))).singular()
-        return f"; it is nearly singular (sigma {self.sigma:.3g}), close to what would be this. {like.message}"
+        return f"; it is nearly singular (sigma {self.sigma:.3g}), beside a pose of this kind: {like.message}"
 
     def _formulation(self, vanishing: Any) -> Diagnosis:
         rows = self._names(vanishing)
-        what = "two points that it holds apart, or a tangent that it needs, vanish"
+        what = "points that it holds apart coincide, or a tangent is zero"
         return self._of(PoseKind.FORMULATION, f"the equation of {_and(rows)} has no gradient here: {what}", rows=rows)
 
     def _not_held(self) -> Diagnosis:
