@@ -28,6 +28,7 @@ from refkin.fast.prepare import Prepared, prepared
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.newton import CONTRACTION, contracts
+from refkin.proof.path.blocks import dips
 from refkin.proof.path.branch import first_gap
 from refkin.solving.passages import unseen
 from refkin.solving.solve import solve
@@ -94,17 +95,39 @@ class _Task:
             if poses is None:
                 return None
             answer = self._samples(poses)
-            if answer is not None and not self._keeps_its_branch(answer[0][0]):
+            if answer is not None and not self._keeps_its_branch(answer[0][0], poses):
                 return None
         return None if answer is None else motion(self.scene, self.system, self.made, self.t, *answer, self.message)
 
-    def _keeps_its_branch(self, q: Any) -> bool:
+    def _keeps_its_branch(self, q: Any, poses: list[Pose]) -> bool:
         """Whether the steps that their ends say too little of are proved, as the reference's are."""
         steps = unseen(self.system, self.t, q.T)
+        if len(self.march.signs) > 1:  # loops, of which one may move another
+            steps = sorted({*steps, *self._dipping(q, poses)})
         if not steps:
             return True
         held = any(p.constraint.passive for p in self.system.placed)  # each step another way: left to the reference
         return not held and first_gap(replace(self.system, effects=EVERYTHING), self.t, q, pose_between, steps) is None
+
+    def _dipping(self, q: Any, poses: list[Pose]) -> list[int]:
+        """Return the steps between times of which `dips` is not sure, seen at the marched poses, too."""
+        known = set(self.scene.times)
+        between = [p for p in poses if p.t not in known]
+        t = np.append(self.t, [p.t for p in between])
+        q = np.concatenate([q, *(self._whole(p)[:, None] for p in between)], axis=1)
+        order = np.argsort(t)
+        t = t[order]
+        starts = t[:-1][dips(self.system, t, q[:, order])]
+        steps: list[int] = (np.searchsorted(self.t, starts, side="right") - 1).tolist()
+        return steps
+
+    def _whole(self, pose: Pose) -> Any:
+        """Return all coordinates (n,) of a marched pose."""
+        whole, given = self.made.whole, {k: self.system.placed[k].constraint for k in self.laws}
+        laws = {k: constraint.inputs(pose.t, self.system.unit, 2) for k, constraint in given.items()}
+        values = [float(laws[c][law][order]) for c, law, order in whole.laws]
+        u = whole.prepare([self.geometry[c][k] for c, k in whole.geometry])
+        return np.array(whole.advance(u, values, pose.levels[0], self._profile, 1, ENOUGH).levels[0])
 
     def _profile(self, constraint: int, order: int, s: Any) -> Any:
         return self.system.placed[constraint].constraint.profile_values(s, self.system.unit, order)[order]

@@ -79,7 +79,8 @@ def unseen(system: System, t: Any, q: Any) -> list[int]:
     """Return the steps k, from pose k to k + 1, of which their ends say too little: they are to be proved.
 
     Where one law alone moves, and does not turn back, a pose is a function of its value, and that is between those at
-    the ends. Several laws together may turn back though none of them does; and a cam's profile may hide a bump.
+    the ends. Several laws together may turn back though none of them does; and a cam's profile may hide a bump. What
+    one loop does to another is seen by `proof.path.blocks.dips`.
 
     Parameters
     ----------

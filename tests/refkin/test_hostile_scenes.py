@@ -147,6 +147,26 @@ def test_what_turns_back_between_times_though_no_law_does_is_lost_at_the_limit(n
     assert fast.attempt(scene(name)) is None
 
 
+@pytest.mark.parametrize("name", ["limit-touched-by-another-loop.toml", "fast-limit-touched-by-another-loop.toml"])
+def test_a_loop_that_another_moves_to_its_limit_and_back_is_lost_there(name):
+    """One law alone moves both, and does not turn back."""
+    motion = refkin.solve(scene(name))
+
+    assert motion.status == (OK,) + (LOST,) * (len(motion.status) - 1)
+    assert "it is not proved on which branch the motion goes on" in motion.message
+    assert fast.attempt(scene(name)) is None
+
+
+@pytest.mark.parametrize("solver", [refkin.solve, fast.attempt])
+def test_a_loop_that_another_moves_to_and_fro_short_of_its_limit_is_answered(solver):
+    touching = scene("fast-limit-touched-by-another-loop.toml")
+    gear = next(j for j in touching.mechanism.joints if j.type == "gear")
+    joints = [replace(j, phi0_j=j.phi0_j - 0.01) if j is gear else j for j in touching.mechanism.joints]
+    clear = replace(touching, mechanism=replace(touching.mechanism, joints=tuple(joints)))
+
+    assert solver(clear).status == (OK,) * 3
+
+
 def test_what_turns_back_between_times_and_reaches_no_limit_is_answered():
     within = scene("laws-turn-back-together.toml")
     one, two = within.mechanism.drivers

@@ -18,6 +18,10 @@ from refkin.system import System
 
 LATER = 1e-9
 """A moment, in units of the time or of a second."""
+MOMENT = 1e-6
+"""A part of a step after which determinants have changed by their rate, and far more than by rounding."""
+NEAR_ZERO = 1 / 4
+"""Where tangents of a determinant meet for it to be near zero between, in units of the smaller end."""
 
 
 @dataclass(frozen=True)
@@ -37,11 +41,16 @@ class Blocks:
 
     def of_batch(self, phi_q: Any) -> tuple[Any, Any]:
         """Return the same of a batch of phi_q (m, n, B): signs (B, K), and logarithms (B,)."""
+        signs, logarithms = self.each_of_batch(phi_q)
+        return signs, np.min(logarithms, axis=1, initial=0.0)
+
+    def each_of_batch(self, phi_q: Any) -> tuple[Any, Any]:
+        """Return signs and logarithms (B, K) of the determinants of all blocks."""
         count = phi_q.shape[-1]
         stack = np.repeat(self.empty[None], count, axis=0)
         stack.reshape(count, -1)[:, self.places] = phi_q.reshape(-1, count)[self.entries].T
         signs, logarithms = np.linalg.slogdet(stack)
-        return signs, np.min(logarithms, axis=1, initial=0.0)
+        return signs, logarithms
 
 
 def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
@@ -62,6 +71,42 @@ def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
     elsewhere[:moved] += np.sqrt(np.arange(2, moved + 2))  # no two of them in a simple ratio
     pattern = (system.phi_q(q, t) != 0) | (system.phi_q(elsewhere, t + LATER * max(1.0, abs(t))) != 0)
     return _stacked([(rows[r], c) for r, c in diagonal_blocks(pattern[rows])], system.n)
+
+
+def dips(system: System, t: Any, q: Any) -> Any:
+    """Return of which steps (T - 1,), from pose to pose, the ends do not tell that no block becomes singular between.
+
+    A law that does not turn back moves one loop on and on, but that may move another to and fro: to its limit and back
+    again, between two times, with the same sign of its determinant at both. Then the determinant falls at first, and
+    rises at last, and its tangents at the ends meet near zero or below.
+
+    Parameters
+    ----------
+    system : System
+        Of as many equations as coordinates, none of them passive; others are not looked at.
+    t, q : (T,) and (n, T) array
+        Times in increasing order [s], and the poses there, in the system's coordinates.
+    """
+    if system.m > system.n or system.gauge or len(t) < 2:
+        return np.zeros(len(t) - 1, bool)
+    parts, jacobian, h = blocks(system, q[:, 0], t[0], np.arange(system.n)), system.phi_q(q, t), np.diff(t)
+    _, here = parts.each_of_batch(jacobian)
+    with np.errstate(invalid="ignore"):
+        changing = np.ptp(here, axis=0) > MOMENT
+    if np.count_nonzero(changing) < 2:  # one loop alone, which no other moves
+        return np.zeros(len(t) - 1, bool)
+    stacked = jacobian.transpose(2, 0, 1).copy()
+    stacked[np.linalg.slogdet(stacked)[0] == 0.0] = np.nan
+    after = t + np.maximum(MOMENT * np.append(h, h[-1]), np.spacing(np.abs(t)))
+    moment = after - t
+    with np.errstate(all="ignore"):
+        pushed = (system.phi(q, t) - system.phi(q, after)) / moment
+        later = q + moment * np.linalg.solve(stacked, pushed.T[..., None])[..., 0].T
+        rates = (parts.each_of_batch(system.phi_q(later, after))[1] - here) / moment[:, None]
+        rise = np.exp(here[1:] - here[:-1])  # the determinant at the end of a step, that at its start being 1
+        falls, rises = rates[:-1] * h[:, None], rise * rates[1:] * h[:, None]
+        least = 1.0 + falls * (rise - rises - 1.0) / (falls - rises)
+        return ((falls < 0.0) & (rises > 0.0) & (least <= NEAR_ZERO * np.minimum(1.0, rise))).any(axis=1)
 
 
 def diagonal_blocks(pattern: Any) -> list[tuple[Any, Any]]:
