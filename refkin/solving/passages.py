@@ -88,9 +88,10 @@ def unseen(system: System, t: Any, q: Any) -> list[int]:
     t, q : sequence of float and of (n,) array
         Times in increasing order [s], and the poses there.
     """
-    times = np.array(t)
-    moving = [np.diff(law(times)) != 0.0 for c in system.mechanism.constraints for law in c.laws]
-    steps = np.sum(moving, axis=0) > 1 if len(moving) > 1 else np.zeros(len(times) - 1, bool)
+    times, laws = np.array(t), [law for c in system.mechanism.constraints for law in c.laws]
+    steps = np.zeros(len(times) - 1, bool)
+    if len(laws) > 1:
+        steps = np.sum([np.diff(law(times)) != 0.0 for law in laws], axis=0) > 1
     for cam in polar_cams(system.mechanism.joints):
         contact = [float(pose[system.parameter(cam.name)][0]) for pose in q]
         steps |= np.array([hides(cam.profile.law, *sorted(ends)) for ends in pairwise(contact)], bool)

@@ -130,8 +130,8 @@ class Sweep(Steps):
         """The numbers of the poses from which a step was taken that is to be proved."""
         steps: Sequence[int] = range(len(self.t) - 1)
         if not self.certified:
-            dipping = np.flatnonzero(dips(self.system, np.array(self.t), np.array(self.q).T)).tolist()
-            steps = sorted({*self.uncertified, *unseen(self.system, self.t, self.q), *dipping})
+            dipping = np.flatnonzero(dips(self.system, np.array(self.t), np.array(self.q).T, self._blocks))
+            steps = sorted({*self.uncertified, *unseen(self.system, self.t, self.q), *dipping.tolist()})
         return [k for k in steps if k not in self.jumps]
 
     @property
@@ -147,7 +147,7 @@ class Sweep(Steps):
         """Go to a time, and return whether that is certain, or proved, as it is to be."""
         if self.to(target) is not Arrival.REACHED:
             return False
-        return not self.unproved or self.first_gap(self.unproved) is None
+        return not (steps := self.unproved) or self.first_gap(steps) is None
 
     def first_gap(self, steps: list[int]) -> int | None:
         """Return the first of some steps that is not proved; None if all are."""

@@ -87,7 +87,7 @@ def test_a_pose_with_more_residual_than_its_distance_from_a_fold_bears_is_singul
 
 def test_metres_of_a_linkage_of_space_are_no_angles_to_its_program() -> None:
     """Of a chain of 256 m the third coordinates, 334 m, were: its term was no rounding any more."""
-    (term,) = load("refkin-lanes").terms(refkin.load(CORPUS / "space-chain-of-256-m.toml"))
+    term, *_ = load("refkin-lanes").terms(refkin.load(CORPUS / "space-chain-of-256-m.toml"))
     assert term.absolute < 1e-14
 
 

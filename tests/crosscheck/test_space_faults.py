@@ -72,7 +72,8 @@ def rate_forgotten(patch: Patch) -> None:
 
 def curvature_forgotten(patch: Patch) -> None:
     """Drift terms of axes without the term of both rates."""
-    patch.setattr(exudyn_space, "_product", lambda a, b: float(a[2] @ b[0] + a[0] @ b[2]))
+    dot = exudyn_space._dot
+    patch.setattr(exudyn_space, "_product", lambda a, b: dot(a[2], b[0]) + dot(a[0], b[2]))
 
 
 def raw_columns(patch: Patch) -> None:

@@ -73,7 +73,7 @@ def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
     return _stacked([(rows[r], c) for r, c in diagonal_blocks(pattern[rows])], system.n)
 
 
-def dips(system: System, t: Any, q: Any) -> Any:
+def dips(system: System, t: Any, q: Any, parts: Blocks | None = None) -> Any:
     """Return of which steps (T - 1,), from pose to pose, the ends do not tell that no block becomes singular between.
 
     A law that does not turn back moves one loop on and on, but that may move another to and fro: to its limit and back
@@ -86,10 +86,13 @@ def dips(system: System, t: Any, q: Any) -> Any:
         Of as many equations as coordinates, none of them passive; others are not looked at.
     t, q : (T,) and (n, T) array
         Times in increasing order [s], and the poses there, in the system's coordinates.
+    parts : Blocks, optional
+        The blocks of phi_q, if they are known.
     """
     if system.m > system.n or system.gauge or len(t) < 2:
         return np.zeros(len(t) - 1, bool)
-    parts, jacobian, h = blocks(system, q[:, 0], t[0], np.arange(system.n)), system.phi_q(q, t), np.diff(t)
+    parts = blocks(system, q[:, 0], t[0], np.arange(system.n)) if parts is None else parts
+    jacobian, h = system.phi_q(q, t), np.diff(t)
     _, here = parts.each_of_batch(jacobian)
     with np.errstate(invalid="ignore"):
         changing = np.ptp(here, axis=0) > MOMENT
