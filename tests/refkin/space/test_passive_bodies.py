@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib import import_module
 from functools import cache
+from importlib import import_module
 
 import numpy as np
 import pytest
