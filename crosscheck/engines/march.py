@@ -40,6 +40,8 @@ STALLED = 0.9
 pose shrinks faster, so does that of a fold (1/2), and of four roots in one (3/4). Noise may shrink for ever."""
 SQUARED = EPS / 8.0
 """What Newton's convergence leaves of an error that its next correction only would exchange for other rounding."""
+LEFT = 16.0
+"""Units of rounding up to which it is believed that so little was left: an error that bends otherwise is larger."""
 TRUST = 0.25
 """The largest correction (rad, or sizes) of a predicted pose; what lies further off may be another branch."""
 HALVINGS, HALVINGS_AFTER_FAILURE = 40, 6
@@ -478,7 +480,8 @@ def close(equations: Equations, q: Array, t: Array, *, near: Array | None = None
         if near is not None:
             on &= closed | ((size <= CONTRACTION * previous) & (size <= TRUST))
         if closed.any():
-            noise = (size > STALLED * previous) | (size <= EPS * (1.0 + _largest(q))) | (left <= SQUARED)
+            rounding = EPS * (1.0 + _largest(q))
+            noise = (size > STALLED * previous) | (size <= rounding) | (left <= SQUARED) & (size <= LEFT * rounding)
             stalled = on & closed & noise
             on &= ~stalled
             good = stalled if near is None else stalled & (_largest(q - guess[active]) <= TRUST)

@@ -15,7 +15,7 @@ from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.records import Cause
 from crosscheck.judge.violations import violations
-from crosscheck.measure.check import check
+from crosscheck.measure.check import check, permuted
 from refkin.model import Scene
 from refkin.motion import Status
 from refkin.scenes.linkages import RSSR, Branch
@@ -83,6 +83,14 @@ def test_a_pose_with_more_residual_than_its_distance_from_a_fold_bears_is_singul
     assert set(motion.status[:-1]) == {Status.OK}
     assert motion.status[-1] is Status.SINGULAR
     assert np.isnan(motion.qd[:, -1]).all()
+
+
+@pytest.mark.parametrize("engine", ["pinocchio", "mujoco"])
+def test_a_correction_is_the_last_if_it_is_small_not_if_it_was_to_be(engine: str) -> None:
+    """Planted: what quadratic convergence foretells of the next correction ended Newton, whatever came."""
+    scene = permuted(refkin.load(CORPUS / "space-stopped-a-correction-early.toml"))
+    compared = compare(reference(scene), load(engine).solve(scene))
+    assert max(np.max(q.ratio) for q in compared.quantities.values()) < 0.2
 
 
 def test_metres_of_a_linkage_of_space_are_no_angles_to_its_program() -> None:
