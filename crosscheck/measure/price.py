@@ -151,7 +151,7 @@ def price(
 
 
 def price_list(within: float = 4 * WITHIN, producers: Sequence[str] = PRICED) -> list[dict[str, Any]]:
-    """Return the rows of all classes of priced scenes, each with its class under `class`.
+    """Return the rows of all classes of priced scenes, each with its class under `scene_class`.
 
     It may take `within` [s], beside the start of processes and the proof of the truths; `producers` as in `price`.
     """
@@ -159,7 +159,7 @@ def price_list(within: float = 4 * WITHIN, producers: Sequence[str] = PRICED) ->
     for done, (name, scene) in enumerate(classes().items()):
         left = (end - time.monotonic()) / (len(classes()) - done)
         prices = price(scene, producers, max(left, LEAST))
-        rows += [{"class": name, **row.to_json()} for row in prices.rows]
+        rows += [{"scene_class": name, **row.to_json()} for row in prices.rows]
     return rows
 
 

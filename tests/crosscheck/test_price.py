@@ -22,6 +22,7 @@ from crosscheck.measure import price as measuring
 from crosscheck.measure import price_process
 from crosscheck.measure.price import price
 from crosscheck.measure.price_process import BULK, CYCLE, best_of_each_first, measure, questions
+from crosscheck.report.measured import measured
 from crosscheck.workers import timing
 from refkin.motion_laws import Polynomial
 from refkin.scenes.files import to_dict
@@ -508,7 +509,7 @@ def test_what_was_timed_once_is_said_to_be_and_costs_what_that_took():
     assert (position.note, position.digits, velocity.digits) == ("a limit; one cycle timed once", 9.0, None)
 
 
-def test_a_list_of_all_classes_shares_its_time_among_those_that_are_left(monkeypatch):
+def test_a_list_of_all_classes_shares_its_time_among_those_that_are_left(monkeypatch, tmp_path):
     asked = []
 
     def priced_alone(scene, producers, within):
@@ -520,7 +521,9 @@ def test_a_list_of_all_classes_shares_its_time_among_those_that_are_left(monkeyp
     there = measuring.classes()
     rows = measuring.price_list(60.0, ("made up",))
 
-    assert [(row["class"], row["method"]) for row in rows] == [(name, one.name) for name, one in there.items()]
+    assert [(row["scene_class"], row["method"]) for row in rows] == [(name, one.name) for name, one in there.items()]
+    (tmp_path / "price.json").write_text(json.dumps(rows), encoding="utf-8")
+    assert measured(tmp_path)[1] == []  # what a night writes is what its report reads
     left = [60.0 / (len(there) - k) for k in range(len(there))]
     assert [(name, within) for name, _, within in asked] == list(
         zip([s.name for s in there.values()], left, strict=True)
