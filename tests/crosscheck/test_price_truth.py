@@ -95,7 +95,7 @@ def test_the_price_list_has_the_class_of_each_row():
     fakes = Path(__file__).parent / "price_fakes.py"
     rows = price_list(within=4.0, producers=[f"{fakes}:PositionAlone"])
 
-    assert [row["class"] for row in rows] == list(classes())
+    assert [row["scene_class"] for row in rows] == list(classes())
     assert all(row["microseconds"] > 0.0 for row in rows)
 
 
