@@ -318,7 +318,7 @@ def _bricard(draw: DrawFn, region: Region, sign: float, decades: tuple[float, fl
 
 
 def _stewart(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
-    """A platform on six driven legs, each of which goes in and out in its own time."""
+    """A platform on six driven legs, each of which goes in and out in its own time, from its home."""
     lengths = draw(st.floats(0.375, 0.75), label="top"), sign * draw(st.floats(0.5, 1.0), label="height")
     stewart = Stewart.three_three(1.0, *lengths, stroke=draw(st.floats(0.0078125, 0.0625), label="stroke"))
     speed = draw(st.floats(0.5, 2.0), label="speed")
@@ -327,12 +327,14 @@ def _stewart(draw: DrawFn, region: Region, sign: float, decades: tuple[float, fl
         scale = getattr(out, "size", 1.0)
         legs: Any = stewart.drivers(Polynomial(coefficients=(0.0, speed)))
         for leg in legs:
-            law = replace(leg.law, amplitude=scale * leg.law.amplitude, offset=scale * leg.law.offset)
+            stroke = leg.law.amplitude
+            home = leg.law.offset - stroke * math.sin(leg.law.phase)
+            law = replace(leg.law, amplitude=scale * stroke, offset=scale * home)
             top = np.array([*leg.point_j[:2], leg.point_j[2] + lengths[1]])
             out.add(SpatialDistanceDriver, leg.name, GROUND, "platform", np.array(leg.point_i), at_j=top, law=law)
 
     bodies = {"platform": (np.array(stewart.home[:3]), np.eye(3))}
-    return Plan(bodies, joints, "", (0.0, 1.0), abs(lengths[1]) - stewart.stroke, region)
+    return Plan(bodies, joints, "", (0.0, 1.0), abs(lengths[1]) - 2.0 * stewart.stroke, region)
 
 
 KINDS: dict[str, tuple[Callable[..., Plan], Sequence[Region]]] = {
