@@ -119,7 +119,7 @@ def line_with_gap(disagreement: Disagreement, record: Record, gaps: Sequence[Kno
 
 def outcome_lines(outcome: NightOutcome) -> list[str]:
     """Return how a night ended, in lines that a log can hold."""
-    lines = [f"new: {case.disagreement}  ({case.file})" for case in outcome.new[:MOST_LINES]]
+    lines = [f"new: {c.disagreement}{f'  ({c.file})' if c.file else ''}" for c in outcome.new[:MOST_LINES]]
     lines += [f"failed: {text}" for text in outcome.failed[:MOST_LINES]]
     lines += [f"missing: {name}: {reason}" for name, reason in outcome.missing.items()]
     for gap, chances in outcome.possibly_closed:

@@ -144,6 +144,7 @@ def _reported(out: Path, outcome: NightOutcome, history: Path) -> int:
     warned = [f"warning: {line}" for line in warnings(report["trends"])] if report["trends"] else []
     shown = console(None, stderr=True)
     unread = [f"failed: {text}" for text in report["failures"] if text not in outcome.failed][:MOST_LINES]
+    warned += [f"note: {line}" for line in report["notes"]]
     for line in (*unread, *outcome_lines(outcome), *warned, f"{report['verdict']}: {report['why']}", f"report: {page}"):
         shown.print(line, soft_wrap=True)
     return CODES[report["verdict"]]

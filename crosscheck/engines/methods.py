@@ -8,11 +8,16 @@ engine of a user's own appears in every table, and need say no more than its rou
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+import os
+import warnings
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import partial
 from importlib import import_module
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -184,7 +189,8 @@ class Method:
         if self.asked is not None:
             engine, route = self.asked
             _by_its_table(engine, scene)
-            answer: Motion = engine.solve(scene, route)
+            with undisturbed():
+                answer: Motion = engine.solve(deepcopy(scene), route)
             return answer
         model, order = self.model(scene), order_of(scene)
         return _as_motion(self, scene, model.read(model.solve(order)))
@@ -316,8 +322,24 @@ def _by_its_table(engine: Any, scene: Scene) -> None:
 def _asked_anew(engine: Engine, route: Route, scene: Scene) -> Model:
     """Return a scene as an engine takes it that has no model apart from its answer."""
     _by_its_table(engine, scene)
-    plain = replace(scene, evidence=frozenset(), points=(), bodies_wanted=None)
-    return Model(lambda order: engine.solve(replace(plain, effects=ORDERS[order]), route), levels_of)
+    plain = deepcopy(replace(scene, evidence=frozenset(), points=(), bodies_wanted=None))
+
+    def asked(order: int) -> Motion:
+        with undisturbed():
+            return engine.solve(replace(plain, effects=ORDERS[order]), route)
+
+    return Model(asked, levels_of)
+
+
+@contextmanager
+def undisturbed() -> Iterator[None]:
+    """Give back what an engine may have changed for the whole process: the judge, and other engines, come after it."""
+    folder = Path.cwd()
+    with np.errstate(), warnings.catch_warnings():
+        try:
+            yield
+        finally:
+            os.chdir(folder)
 
 
 def levels_of(motion: Motion) -> list[Array]:

@@ -13,6 +13,7 @@ is no fault. The excuse is a pose of the reference with a certificate, not a gue
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -20,11 +21,11 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.engines import Engine, Term
+from crosscheck.engines import Engine, Level, Term
 from crosscheck.errors import kept
 from crosscheck.judge.budget import output_rounding, residual_error, table_error
 from crosscheck.judge.comparison import Reference, begun_at, whole_poses
-from crosscheck.judge.records import QUANTITIES, Cause
+from crosscheck.judge.records import QUANTITIES, Cause, Disagreement, NewCase, Record
 from crosscheck.judge.running_error import U
 from crosscheck.judge.spatial import reversed_joints
 from crosscheck.scenes.names import called_for
@@ -125,6 +126,39 @@ def undelivered(engine: Engine, scene: Scene, motion: Motion) -> Iterator[dict[s
     absent = [body for body in scene.wanted if body not in motion.bodies]
     if absent:
         yield _not_delivered(QUANTITIES[0], f"no answer for {', '.join(absent)}")
+
+
+ENOUGH = 10
+"""Scenes that an engine is asked before it fails by answering none of them: one that refuses three of four by a reason
+that no table can hold refuses all ten in one night of eighteen."""
+
+
+class Unanswered:
+    """Engines that no scene has an answer of, and what they refused although their tables have every joint of it."""
+
+    def __init__(self) -> None:
+        self.answering: set[str] = set()
+        self.first: dict[str, tuple[Record, str]] = {}
+        self.refused = Counter[str]()
+
+    def add(self, record: Record) -> None:
+        """Count one scene."""
+        self.answering |= {answer.engine for answer in record.answers}
+        by_table = {row.engine for row in record.refusals if row.level == Level.SOLVE}
+        reasons = {row.engine: row.reason for row in record.refusals if not row.joint}
+        for engine in reasons.keys() - by_table:
+            self.first.setdefault(engine, (record, reasons[engine]))
+            self.refused[engine] += 1
+
+    def new(self) -> Iterator[NewCase]:
+        """Yield every engine that was asked often enough, and answered nothing, as a disagreement."""
+        for engine, (record, reason) in self.first.items():
+            many = self.refused[engine]
+            if engine not in self.answering and many >= ENOUGH:
+                message = f"answered none of {many} scenes whose joints its table has; the first: {reason}"
+                who: Any = {"engine": engine, "method": "any", "quantity": "status"}
+                fault = Disagreement(**who, kind=Cause.NOT_DELIVERED, message=message)
+                yield NewCase(disagreement=fault, key=record.key, shard=int(record.about.get("shard") or 0))
 
 
 def believed(ref: Reference, motion: Motion) -> Iterator[dict[str, Any]]:

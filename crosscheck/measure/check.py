@@ -5,23 +5,19 @@ from __future__ import annotations
 import hashlib
 import json
 import math
-import os
 import sys
 import time
-import warnings
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from copy import deepcopy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from crosscheck.engines import Engine, EngineError, EngineRefusal, Level, Support, Term, load, refused_joints
-from crosscheck.engines.methods import Use, methods
+from crosscheck.engines.methods import Use, methods, undisturbed
 from crosscheck.judge.comparison import Comparison, QuantityComparison, Reference, compare, reference
 from crosscheck.judge.delivery import (
     ABSOLUTE,
@@ -208,17 +204,6 @@ def _of_engine(engine: Engine, subject: _Subject) -> _Part:
     if subject.changed():
         part.disagreements.append(Disagreement(**who, kind=Cause.CHANGED))
     return part
-
-
-@contextmanager
-def undisturbed() -> Iterator[None]:
-    """Give back what an engine may have changed for the whole process: the judge, and other engines, come after it."""
-    folder = Path.cwd()
-    with np.errstate(), warnings.catch_warnings():
-        try:
-            yield
-        finally:
-            os.chdir(folder)
 
 
 def _refusals(engine: Engine, scene: Scene, level: Level) -> list[RefusalRow]:

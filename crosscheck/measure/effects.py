@@ -11,6 +11,7 @@ from crosscheck.engines import EngineError, EngineRefusal, Term
 from crosscheck.engines.methods import Method, Use, methods
 from crosscheck.judge.changes import change
 from crosscheck.judge.comparison import Reference, reference
+from crosscheck.judge.delivery import misshapen
 from crosscheck.judge.prices import EffectRow
 from crosscheck.measure.effects_ablations import REFKIN, Ablation, Ablations, ablations
 from crosscheck.scenes.names import PHYSICAL
@@ -73,19 +74,20 @@ def rows(ablated: Ablations, ref: Reference, within: float, terms: Sequence[Term
     within : float
         How long to measure [s].
     """
-    answers = {name: _answer(work) for name, work in ablated.works.items()}
+    answers = {name: _answer(work, ref.scene) for name, work in ablated.works.items()}
     works = {name: work for name, work in ablated.works.items() if not isinstance(answers[name], EngineError)}
     timings = timed_in_turns(works, rounds=ROUNDS, fewest=FEWEST, within=within) if works else {}
     there = [_row(ablated, a, answers, timings, ref, terms) for a in ablated.effects]
     return there + [unmeasured(ablated.method.key, effect, why) for effect, why in ablated.absent.items()]
 
 
-def _answer(work: Any) -> Motion | EngineError:
+def _answer(work: Any, scene: Scene) -> Motion | EngineError:
     try:
         answer: Motion = work()
     except EngineError as error:
         return error
-    return answer
+    wrong_form = "; ".join(misshapen(scene, answer))
+    return EngineError(wrong_form) if wrong_form else answer
 
 
 def _row(

@@ -15,6 +15,7 @@ from typing import Any
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Method, Use, methods
+from crosscheck.judge.delivery import misshapen
 from crosscheck.judge.findings import Finding, finding_of, read
 from crosscheck.judge.hard_poses import HardOutcome, PoseSample, Solutions, samples, truths
 from crosscheck.scenes.hard import hard_cases
@@ -45,6 +46,8 @@ def outcome_of(job: tuple[str, str, str, str]) -> tuple[str, str]:
         except EngineError as error:
             rightly = "" if any(t.roots for t in truth) else "rightly, there is no assembly: "
             return HardOutcome.REFUSED.value, f"{rightly}{error}"
+    for why in misshapen(case.scene, motion):
+        return HardOutcome.WRONG.value, why
     poses = samples(system, truth, case.scene, motion, terms)
     said = " ".join(str(w.message) for w in heard if not issubclass(w.category, DeprecationWarning))
     return classed(poses, said)

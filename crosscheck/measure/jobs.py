@@ -8,8 +8,9 @@ from functools import lru_cache
 from typing import Any
 
 from crosscheck.engines import Engine, load
+from crosscheck.engines.methods import undisturbed
 from crosscheck.judge.records import Cause, Disagreement, Record
-from crosscheck.measure.check import check, key_of, undisturbed
+from crosscheck.measure.check import check, key_of
 from crosscheck.scenes.drawing import describe, draw
 from crosscheck.scenes.names import pairs_of
 from crosscheck.workers.pool import SECONDS_PER_SCENE, Parts, Work, Workers

@@ -16,6 +16,7 @@ from typing import Any
 from crosscheck.errors import UsageError
 from crosscheck.judge import known_gaps
 from crosscheck.judge.budget import SAFETY
+from crosscheck.judge.delivery import Unanswered
 from crosscheck.judge.known_gaps import Tally
 from crosscheck.judge.records import NewCase, Record
 from crosscheck.measure.check import key_of
@@ -84,7 +85,7 @@ def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progres
         for record in _records(plan, workers, turns, journal, lambda: progress(outcome.checked, "checking")):
             journal.append(record)
             outcome.checked = len(journal.keys)
-        _sort(journal, outcome)
+        mute = _sort(journal, outcome)
         if plan.known_gaps:
             own = known_gaps.read()
             outcome.found_again = list(zip(own, known_gaps.found_again(own, journal), strict=True))
@@ -93,6 +94,7 @@ def _carry_out(plan: NightPlan, journal: Journal, outcome: NightOutcome, progres
         if plan.baseline is not None:
             progress(outcome.checked, "comparing the golden set")
             outcome.new += compare_night(plan.baseline, plan.out, workers)
+        outcome.new += mute.new()
         outcome.failed += workers.unexplained
 
 
@@ -249,17 +251,22 @@ def is_sampled(turn: int) -> bool:
     return is_chain(numbers_of(turn)[0]) or turn % SAMPLED_EVERY == 0
 
 
-def _sort(journal: Journal, outcome: NightOutcome) -> None:
-    """Sort the disagreements of all records, those of an earlier part of a resumed run included."""
-    tally = Tally(outcome.gaps)
+def _sort(journal: Journal, outcome: NightOutcome) -> Unanswered:
+    """Sort the disagreements of all records, those of an earlier part of a resumed run included.
+
+    Returned is who answered nothing: a disagreement of no one scene, so none that a simpler scene shows.
+    """
+    tally, mute = Tally(outcome.gaps), Unanswered()
     for record in journal:
         new = tally.add(record)
+        mute.add(record)
         outcome.known += len(record.disagreements) - len(new)
         shard = int(record.about["shard"] or 0)
         outcome.new += [NewCase(disagreement=disagreement, key=record.key, shard=shard) for disagreement in new]
         if record.failure is not None:
             outcome.failed.append(f"{record.key}: {record.failure}")
     outcome.possibly_closed = tally.possibly_closed()
+    return mute
 
 
 def _made(out: Path) -> dict[str, Any] | None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import shlex
 from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from types import TracebackType
@@ -73,8 +74,9 @@ class Journal:
             kept = self.keys[record.key]
             if number is None or kept is None or number >= kept:
                 return False
-        self._file.write(line_of(record) + b"\n")
-        self._file.flush()
+        with naming(self.path):
+            self._file.write(line_of(record) + b"\n")
+            self._file.flush()
         self.keys[record.key] = number
         return True
 
@@ -98,8 +100,9 @@ class Journal:
 
     def close(self) -> None:
         """Bring what was written to the disk."""
-        os.fsync(self._file.fileno())
-        self._file.close()
+        with naming(self.path):
+            os.fsync(self._file.fileno())
+            self._file.close()
 
     def _lock(self) -> None:
         """Take the file for this process; the system gives it back however the process ends."""
@@ -131,10 +134,21 @@ def _number(record: Record) -> int | None:
     return number if isinstance(number, int) else None
 
 
+@contextmanager
+def naming(path: Path) -> Iterator[None]:
+    """Name the file in what the system says while it is written: of a full disk it says no more than that."""
+    try:
+        yield
+    except OSError as error:
+        error.filename = error.filename or str(path)
+        raise
+
+
 def replace_file(path: Path, text: str) -> None:
     """Write a file so that whoever reads it, also after a kill, finds the old or the new one, never a part."""
     part = path.with_name(path.name + ".part")
-    part.write_text(text, encoding="utf-8")
+    with naming(part):
+        part.write_text(text, encoding="utf-8")
     os.replace(part, path)
 
 

@@ -21,6 +21,7 @@ from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from enum import StrEnum
 from functools import cache
+from threading import Thread
 from typing import Any
 
 from crosscheck.errors import kept
@@ -33,6 +34,8 @@ FROM_OUTSIDE = ("SIGKILL", "SIGTERM", "exit code 255")
 """Ends that come from outside: a person, a batch system, the kernel short of memory. (255 stands for a process of which
 nobody was left to tell how it ended.)"""
 
+MOST_PRINTED = 1 << 14
+"""Of what a process prints so many bytes are shown."""
 THREADS = [
     f"{name}_THREADS" for name in ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "BLIS_NUM", "NUMEXPR_NUM", "VECLIB_MAXIMUM")
 ]
@@ -199,16 +202,44 @@ def start(function: Callable[..., None], *arguments: Any) -> tuple[Any, Any]:
     """
     context = _context()
     ours, theirs = context.Pipe()
-    process = context.Process(target=_begun, args=(function, *arguments, theirs), daemon=True)
+    printed, printing = context.Pipe(duplex=False)
+    process = context.Process(target=_begun, args=(function, printing, *arguments, theirs), daemon=True)
     _begin(process)
     theirs.close()
+    printing.close()
+    shown = Thread(target=_show, args=(printed,), daemon=True)
+    _shown[process] = shown
+    shown.start()
     return ours, process
 
 
-def _begun(function: Callable[..., None], *arguments: Any) -> None:
-    """Call a function in a process whose standard output is standard error: results go through the pipe alone."""
-    os.dup2(2, 1)
+def _begun(function: Callable[..., None], printing: Any, *arguments: Any) -> None:
+    """Call a function in a process whose standard output and error are a pipe: results go through another alone.
+
+    It is a group of its own, with what an engine starts in it, and may start processes as any program may.
+    """
+    for stream in (1, 2):
+        os.dup2(printing.fileno(), stream)
+    printing.close()
+    if hasattr(os, "setpgid"):
+        os.setpgid(0, 0)
+    multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
     function(*arguments)
+
+
+_shown: dict[Any, Thread] = {}
+"""Process -> what shows what it prints."""
+
+
+def _show(printed: Any) -> None:
+    """Show on standard error what a process prints, up to `MOST_PRINTED`; say how much more it was."""
+    left, dropped = MOST_PRINTED, 0
+    with printed, suppress(OSError, ValueError):  # standard error may be closed
+        while some := os.read(printed.fileno(), MOST_PRINTED):
+            sys.stderr.write(some[:left].decode("utf-8", "replace"))
+            dropped, left = dropped + max(0, len(some) - left), max(0, left - len(some))
+        if dropped:
+            sys.stderr.write(f"\n... a process of engines printed {dropped:,} bytes more\n")
 
 
 def told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -245,6 +276,11 @@ def stop(process: Any) -> Failure:
     if code is None:
         process.kill()
         process.join(5.0)
+    if code != 0:
+        with suppress(OSError, AttributeError):  # it has started none, or there are no groups
+            os.killpg(process.pid, signal.SIGKILL)
+    if process in _shown:
+        _shown.pop(process).join(1.0)
     return _crash(code)
 
 

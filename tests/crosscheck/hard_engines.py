@@ -102,6 +102,15 @@ class Crashes(Right):
         return super().solve(scene)
 
 
+class Shapeless(Right):
+    """Answers with an array."""
+
+    name = "shapeless"
+
+    def solve(self, scene, route=None):
+        return super().solve(scene).q
+
+
 class Hangs(Right):
     name = "hangs"
 

@@ -49,6 +49,7 @@ def planted(name: str, seconds: float = 20.0, cases=(EASY,)):
         ("Warns", "warned", "called not ok at 1 of 6 times"),
         ("Empty", "wrong", "called ok without a number"),
         ("Refuses", "refused", "refuses every scene"),
+        ("Shapeless", "wrong", "expected a refkin.motion.Motion, got ndarray"),
         ("Raises", "crash", "error (ZeroDivisionError)"),
         ("Crashes", "crash", "SIGSEGV"),
     ],

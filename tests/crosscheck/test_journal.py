@@ -130,6 +130,33 @@ def test_the_file_of_a_killed_run_is_free_again(path):
     assert written(path, "a") == ["a"]
 
 
+@pytest.fixture
+def full(monkeypatch, path):
+    """A disk that takes no more than some bytes of a file; the system says so by an error without its name."""
+    resource = pytest.importorskip("resource")
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    handler = signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (1000, before[1]))
+    yield
+    resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    signal.signal(signal.SIGXFSZ, handler)
+
+
+def test_what_a_full_disk_says_names_the_file_and_what_was_whole_is_kept(path, full):
+    def filled() -> None:
+        with Journal(path) as journal:
+            for key in range(100):
+                journal.append(record(f"{key:x}"))
+
+    with pytest.raises(OSError, match=r"File too large: .*records\.jsonl'$"):
+        filled()
+    with pytest.raises(OSError, match=r"File too large: .*run\.json\.part'$"):
+        replace_file(path.with_name("run.json"), "x" * 2000)
+    with Journal(path) as journal:
+        assert 0 < len(list(journal)) == len(journal.keys)
+        assert journal.unreadable == []
+
+
 def test_a_file_is_replaced_whole_or_not_at_all(tmp_path, monkeypatch):
     path = tmp_path / "run.json"
     replace_file(path, "old")

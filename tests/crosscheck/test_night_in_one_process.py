@@ -10,14 +10,16 @@ from typing import Any
 
 import pytest
 
+from crosscheck.commands.engines import outcome_lines
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.judge import known_gaps
-from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, read_records
+from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, RefusalRow, read_records
 from crosscheck.measure.check import check, key_of
 from crosscheck.measure.jobs import joined
 from crosscheck.night import campaign
 from crosscheck.night.campaign import run
 from crosscheck.night.plan import ALWAYS, SAMPLED, SAMPLED_EVERY, NightPlan, read_outcome
+from crosscheck.report.build import summarized
 from crosscheck.scenes.drawing import draw, is_chain
 from crosscheck.workers.processes import Failure, FailureKind
 from refkin.scenes.files import to_dict
@@ -60,6 +62,8 @@ class InThisProcess:
     """Workers that answer at once with what was planted; a scene that is asked about by itself is right."""
 
     made: list[InThisProcess] = []  # noqa: RUF012
+    refusing: dict[str, str] = {}  # noqa: RUF012
+    planted = PLANTED
 
     def __init__(self, work: Any, count: int, engines: Any, seconds: float) -> None:
         self.engines, self.asked_for = dict(engines), (count, seconds)
@@ -103,8 +107,12 @@ class InThisProcess:
         assert (job["night"], job["seen"]) == (SEED, {})
         self.asked[number] = engines
         met = typed(failed_record("x") if number == LOST else record("x"))
-        rows = [wrong(quantity) for quantity in PLANTED.get(number, ())] + [JUMP] * (number == GONE_OVER)
+        rows = [wrong(quantity) for quantity in self.planted.get(number, ())] + [JUMP] * (
+            number == GONE_OVER and bool(self.planted)
+        )
         about = {**met.about, "shard": number}
+        if self.refusing:
+            met = replace(met, refusals=[RefusalRow(engine="mujoco", reason="not today", **self.refusing)])
         yield replace(met, key=key(number), about=about, disagreements=rows, scene=f"scene {number}")
 
 
@@ -227,6 +235,28 @@ def test_without_the_engines_that_it_needs_a_night_checks_nothing_and_says_which
 
 def test_a_required_engine_that_is_there_is_called_by_its_name(night):
     assert night(1, required=("mujoco.py",))[0].required == ["mujoco"]
+
+
+@pytest.mark.parametrize(
+    ("scenes", "refusing", "fails"),
+    [(13, {"joint": ""}, True), (9, {"joint": ""}, False), (13, {"joint": "gear", "level": "solve"}, False)],
+    ids=["asked and silent", "asked too seldom", "refused by its table"],
+)
+def test_an_engine_that_was_asked_and_answered_nothing_fails_the_night(
+    night, tmp_path, monkeypatch, scenes, refusing, fails
+):
+    monkeypatch.setattr(InThisProcess, "refusing", refusing)
+    monkeypatch.setattr(InThisProcess, "planted", {})
+    outcome, *_ = night(scenes)
+    report = summarized(tmp_path / "out")
+    said = "mujoco (any), status: not delivered; answered none of 13 scenes whose joints its table has; the first: "
+    lines = [line for line in outcome_lines(outcome) if "not delivered" in line]
+
+    assert lines == [f"new: {said}not today"] * fails
+    assert "mujoco answered no scene" in report["notes"]
+    assert (report["verdict"], report["engines"]["mujoco"]["any"]["position"]["failures"]) == (
+        ("new disagreements", 1) if fails else ("infrastructure", 0)
+    )
 
 
 def test_what_the_golden_set_lost_is_new_too(night, monkeypatch, tmp_path):

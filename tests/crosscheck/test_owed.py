@@ -16,9 +16,13 @@ import pytest
 import refkin
 from crosscheck.engines import ELEMENTS, NATIVE, EngineError, Level, Term, load
 from crosscheck.engines.closed_form.engine import ClosedForm
+from crosscheck.engines.methods import of_routes
+from crosscheck.judge.comparison import reference
 from crosscheck.judge.delivery import granted
 from crosscheck.judge.records import Cause, line_of, read_line
 from crosscheck.measure.check import check
+from crosscheck.measure.effects import rows
+from crosscheck.measure.effects_ablations import ablations
 from crosscheck.scenes.drawing import draw
 from refkin import FourBar
 from refkin.joints import GROUND, AngleDriver, Revolute
@@ -158,6 +162,25 @@ def test_an_engine_that_changes_what_is_not_its_own_is_named_alone():
     assert scene == before
     assert np.geterr()["divide"] != "raise"
     assert Path.cwd() == folder
+
+
+@pytest.mark.parametrize("ask", [lambda m, scene: m.solve(scene), lambda m, scene: m.model(scene).solve(2)])
+def test_an_engine_that_changes_what_is_not_its_own_changes_no_price_no_effect_and_no_hard_case(ask):
+    scene = replace(SCENE, name="meddled with")
+    before, folder, heard = deepcopy(scene), Path.cwd(), list(warnings.filters)
+    (method,) = of_routes(Meddling())
+    ask(method, scene)
+
+    assert scene == before
+    assert (np.geterr()["divide"] != "raise", Path.cwd(), warnings.filters) == (True, folder, heard)
+
+
+def test_an_answer_of_another_form_has_no_effects():
+    (method,) = of_routes(Wrapped(lambda motion: replace(motion, q=motion.q[:-1])))
+    ledger = rows(ablations(method, SCENE), reference(SCENE), 0.0)
+
+    assert {row.microseconds for row in ledger} == {None}
+    assert "no answer without it: q has shape (8, 9), not (9, 9): 3 rows a body" in {row.note for row in ledger}
 
 
 def test_an_engine_without_a_method_to_compare_is_not_passed_over():

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -18,7 +19,7 @@ import pytest
 from crosscheck.judge.records import plain
 from crosscheck.measure.jobs import checkers, joined
 from crosscheck.workers.pool import Workers
-from crosscheck.workers.processes import call_each, hang
+from crosscheck.workers.processes import MOST_PRINTED, call_each, hang
 
 from .fake_engines import EXIT, HANG, RAISE, SEGFAULT, SHIFT, alive, engine_file, jobs, key_of_drawn, kinds, settled
 
@@ -256,6 +257,41 @@ def test_starting_workers_leaves_the_environment_as_it_was(monkeypatch):
         workers.check_one(jobs(NIGHT, 1)[0])
 
     assert dict(os.environ) == before
+
+
+def test_what_an_engine_prints_is_shown_up_to_a_bound_and_the_rest_is_counted(tmp_path, capfd):
+    spec = engine_file(tmp_path, before=r"os.write(1, b'\x1b[2Jfirst' + b'x' * 300_000); os.write(2, b'y' * 300_000)")
+    with checkers(1, {"fake": spec}) as workers:
+        checked(workers, 1)
+    out, err = capfd.readouterr()
+
+    assert (out, "first" in err, MOST_PRINTED < len(err) < MOST_PRINTED + 100) == ("", True, True)
+    more = re.search(r"\n\.\.\. a process of engines printed ([0-9,]+) bytes more\n$", err)
+    assert more is not None
+    assert (int(more[1].replace(",", "")) + MOST_PRINTED) % 600_009 == 0  # once for each time it was asked
+
+
+STARTING = """
+        import multiprocessing
+        with multiprocessing.get_context("fork").Pool(1) as pool:
+            assert pool.map(abs, [-1.0]) == [1.0]
+        other = multiprocessing.get_context("fork").Process(target=time.sleep, args=(1000.0,))
+        other.start()
+        Path({note!r}).write_text(str(other.pid))
+"""
+
+
+def test_an_engine_may_start_processes_and_none_outlives_its_worker(tmp_path, undisturbed):
+    note = tmp_path / "pid"
+    spec = engine_file(tmp_path, before=STARTING.format(note=str(note)).strip())
+    with checkers(1, {"closed_form": "closed_form", "fake": spec}) as workers:
+        records = checked(workers, 1)
+    end = time.monotonic() + 60.0
+    while alive([int(note.read_text())]) and time.monotonic() < end:
+        time.sleep(0.01)
+
+    assert records == {key: undisturbed[key] for key in records}
+    assert alive([int(note.read_text())]) == []
 
 
 def name_of(argument: str) -> str:
