@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from refkin.joints import SPACE
 from refkin.system import System
 
 LATER = 1e-9
@@ -67,8 +66,7 @@ def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
         The rows that are solved, of the m.
     """
     elsewhere = np.array(q, float)
-    moved = system.n if system.kind is SPACE else system.of_bodies  # in space the own coordinate of a screw, too
-    elsewhere[:moved] += np.sqrt(np.arange(2, moved + 2))  # no two of them in a simple ratio
+    elsewhere[: system.of_bodies] += np.sqrt(np.arange(2, system.of_bodies + 2))  # no two of them in a simple ratio
     pattern = (system.phi_q(q, t) != 0) | (system.phi_q(elsewhere, t + LATER * max(1.0, abs(t))) != 0)
     return _stacked([(rows[r], c) for r, c in diagonal_blocks(pattern[rows])], system.n)
 
