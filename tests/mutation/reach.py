@@ -36,6 +36,8 @@ PROBED = 1.5
 """How many times as long a test may take with all probes."""
 ENDLESS = 30.0
 """Seconds of work after which a test is red."""
+CALL = 0.003
+"""Seconds that any test takes, however little it does."""
 CHUNK = 40
 """Tests of one process, at most; all of one file."""
 CASES = 6
@@ -201,11 +203,12 @@ class Reach:
         return result
 
     def order(self, target, definition, statement, items):
-        """Return the quick tests that reach a statement, and the long ones: those first that cost least.
+        """Return the quick tests that reach a statement, and the long ones: those first that cost and reach least.
 
-        Before all others come tests that name its module: they ask it something, others pass through it. Long ones that
-        do are asked even if they were ended before they reached it. Of a function that changed since it was noted: the
-        tests that reached it before; of one that is new, those that name its module.
+        Before all others come tests that name its module, and then those that reach little else: they ask it something,
+        others pass through it. Long ones that name it are asked even if they were ended before they reached it. Of a
+        function that changed since it was noted: the tests that reached it before; of one that is new, those that name
+        its module.
         """
         wanted = key(target, definition, segments(definition)[1][statement])
         module = target.partition(":")[0]
@@ -219,9 +222,9 @@ class Reach:
         cases = {nodeid for nodeid in items.keys() - self.tests.keys() if test_of(nodeid) in noted}
         others = {nodeid for nodeid in cases if test_of(nodeid) in reached}
         for nodeid in ((names | mine if names or not before else mine) - cases | others) & items.keys():
-            seconds = self.tests.get(nodeid, (most, []))[0]
+            seconds, hits = self.tests.get(nodeid, (most, []))
             if seconds >= most or nodeid in names or not before:
-                cost = seconds * (1.0 if nodeid in names else 4.0)
+                cost = (seconds + CALL) * (len(hits) + 1) ** 2 * (1.0 if nodeid in names else 4.0)
                 (quick if seconds < most else long).append((nodeid not in mine, cost, nodeid))
         return [[items[nodeid] for *_, nodeid in sorted(some)] for some in (quick, long)]
 
