@@ -10,9 +10,17 @@ import pytest
 import refkin
 from crosscheck.engines import Level, load
 from crosscheck.engines.mujoco import engine as mujoco_engine
-from crosscheck.judge.levels import Configuration, compare_levels, configurations, missing_rows
+from crosscheck.judge.levels import (
+    Configuration,
+    _in_common_columns,
+    _ours,
+    compare_levels,
+    configurations,
+    missing_rows,
+)
+from crosscheck.judge.running_error import parts, running
 from crosscheck.measure.check import check
-from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene, YDriver
+from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene, YDriver, compile_system
 
 from . import space_scenes
 
@@ -132,3 +140,15 @@ def test_rows_of_turns_have_no_lengths():
 
     assert [d for d in record.disagreements if d.engine == "mujoco"] == []
     assert 0.0 < max(row.ratio for row in record.levels) < 0.25
+
+
+def test_of_a_place_in_space_digits_are_lost_and_of_a_turn_none():
+    """Bodies at the origin have none to lose, however they are turned."""
+    m = space_scenes.rssr().mechanism
+    system, count = compile_system(m), len(m.bodies)
+    q, qd = np.tile([0.0, 0.0, 0.0, 0.5, 0.5, -0.5, 0.5], count), np.ones(7 * count)
+    at = Configuration(m, q, qd, 0.0, np.zeros(0))
+    exact = running(q, 0.0)
+    slope, _ = _in_common_columns(system.phi_q(exact, 0.0), system.gamma(exact, running(qd), 0.0), at)
+
+    assert np.array_equal(_ours(system, at)["x_q"][1], parts(slope)[1])

@@ -17,7 +17,7 @@ import refkin
 from crosscheck.commands.price import lines, print_repeated, to_json
 from crosscheck.engines.methods import PRICED, Model
 from crosscheck.judge.prices import Offer, PriceRow, cheapest, repeated, with_suspicions
-from crosscheck.judge.truth import NoTruth
+from crosscheck.judge.truth import CertifiedTruth, NoTruth
 from crosscheck.measure import price as measuring
 from crosscheck.measure import price_process
 from crosscheck.measure.price import price
@@ -416,14 +416,23 @@ def test_who_is_asked_is_told_before(sent):
         assert kind not in ("asked", "answered", "digits", "failed") or rest[0] == at
 
 
-def test_one_pose_is_asked_for_from_the_truth_at_the_time_before():
-    """And by whoever steps in time from that time on."""
+@pytest.mark.parametrize("unknown", [[], [2]])
+def test_one_pose_is_asked_for_from_the_truth_at_the_time_before(monkeypatch, unknown):
+    """And by whoever steps in time from that time on; only where both are known."""
+
+    class Truth(CertifiedTruth):
+        def __init__(self, scene):
+            super().__init__(scene)
+            self.known[[k for k in unknown if k < len(self.known)]] = False
+
+    monkeypatch.setattr(price_process, "CertifiedTruth", Truth)
     asked, motion = questions(scene())["one"], refkin.solve(scene())
     for kind in (asked.scenes, asked.stepped):
         for one, _ in kind:
             k = motion.t.tolist().index(one.times[-1])
             estimates = np.concatenate([body.estimate for body in one.mechanism.bodies])
 
+            assert not {k - 1, k} & {*unknown}
             assert estimates == pytest.approx(motion.q[:, k - 1], abs=1e-12)
             assert one.times == scene().times[k - 1 if kind is asked.stepped else k : k + 1]
 

@@ -48,6 +48,13 @@ class Trusting(Wrapped):
         return replace(motion, status=(Status.OK,) * len(motion.status), **levels)
 
 
+class Resting(Trusting):
+    """Says ok as well, and has no rates."""
+
+    def spoil(self, scene, motion):
+        return replace(super().spoil(scene, motion), qd=None, qdd=None)
+
+
 class Confusing(Wrapped):
     """Takes bodies whose joint points are equally far apart for one another."""
 
@@ -80,6 +87,7 @@ def test_an_engine_that_says_ok_where_there_is_nothing_fails(expected, kind):
 
     assert of_kind
     assert all(kind in kinds(d, Trusting()) for d in of_kind)
+    assert all((kind in kinds(d, Resting())) is (expected is Status.UNASSEMBLABLE) for d in of_kind)
 
 
 def test_another_verdict_than_the_one_a_scene_was_made_for_is_the_reference_s_disagreement():

@@ -50,6 +50,13 @@ def test_a_path_that_begins_where_it_may_not_go_on_is_one_pose(direction, until)
     assert path.t.tolist() == [0.5]
 
 
+def test_a_crossing_that_the_first_step_would_pass_is_met():
+    path = refkin.follow(driven(PARALLELOGRAM, math.pi - 0.004), most_points=5)
+
+    assert path.end is TraceEnd.BIFURCATION
+    assert path.t[-1] == pytest.approx(math.pi, abs=1e-12)
+
+
 @pytest.mark.parametrize("t_turns", [False, True])
 def test_a_point_less_its_whole_turns_is_the_first_one_in_the_plane_and_in_space(t_turns):
     """Euler parameters p and -p are one turn; t is an angle where it is that of the driver."""

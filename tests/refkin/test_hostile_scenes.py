@@ -9,8 +9,9 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, fast
+from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, compile_system, fast
 from refkin.motion_laws import Polynomial, Sinusoid
+from refkin.proof.path.blocks import dips
 
 CORPUS = Path(__file__).parents[1] / "corpus"
 OK, LOST = refkin.Status.OK, refkin.Status.BRANCH_LOST
@@ -157,14 +158,28 @@ def test_a_loop_that_another_moves_to_its_limit_and_back_is_lost_there(name):
     assert fast.attempt(scene(name)) is None
 
 
-@pytest.mark.parametrize("solver", [refkin.solve, fast.attempt])
-def test_a_loop_that_another_moves_to_and_fro_short_of_its_limit_is_answered(solver):
+def short_of_its_limit(by):
     touching = scene("fast-limit-touched-by-another-loop.toml")
     gear = next(j for j in touching.mechanism.joints if j.type == "gear")
-    joints = [replace(j, phi0_j=j.phi0_j - 0.01) if j is gear else j for j in touching.mechanism.joints]
-    clear = replace(touching, mechanism=replace(touching.mechanism, joints=tuple(joints)))
+    joints = [replace(j, phi0_j=j.phi0_j - by) if j is gear else j for j in touching.mechanism.joints]
+    return replace(touching, mechanism=replace(touching.mechanism, joints=tuple(joints)))
 
-    assert solver(clear).status == (OK,) * 3
+
+@pytest.mark.parametrize("solver", [refkin.solve, fast.attempt])
+def test_a_loop_that_another_moves_to_and_fro_short_of_its_limit_is_answered(solver):
+    assert solver(short_of_its_limit(0.01)).status == (OK,) * 3
+
+
+@pytest.mark.parametrize("speed", [1e-3, 1.0, 1e3])
+def test_what_another_loop_moves_near_its_limit_and_back_is_doubted_however_fast_it_goes(speed):
+    clear = short_of_its_limit(0.001)
+    motion = refkin.solve(replace(clear, times=tuple(np.linspace(*np.array(clear.times)[[0, -1]], 8))))
+    (driver,) = clear.mechanism.drivers
+    start, rate = driver.law.coefficients
+    law = replace(driver.law, coefficients=(start, rate * speed))
+    system = compile_system(replace(clear.mechanism, drivers=(replace(driver, law=law),)), unit=clear.mechanism.unit())
+
+    assert np.flatnonzero(dips(system, motion.t / speed, system.to_unit(motion.q))).tolist() == [0]
 
 
 def test_what_turns_back_between_times_and_reaches_no_limit_is_answered():

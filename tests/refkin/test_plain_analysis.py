@@ -94,6 +94,9 @@ def test_it_agrees_with_what_is_proved(linkage, branch):
     assert plain.status == proved.status
     for a, b in zip(plain.levels, proved.levels, strict=True):
         assert np.max(np.abs(a - b)) < 1e-12
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    left = [np.abs(system.phi(q, t)).max() for q, t in zip(system.to_unit(plain.q).T, plain.t, strict=True)]
+    assert plain.residual.tolist() == left
 
 
 def with_law(scene, law):

@@ -184,3 +184,17 @@ def test_of_poses_of_other_choices_that_are_compared_the_second_order_counts_too
     assert np.min(first) > 0.0
     for share, factor in ((0.01, 1.08), (0.015, 1.12), (0.016, np.nan)):
         np.testing.assert_allclose(far(first[0] / share), factor * np.array(first), rtol=1e-2)
+
+
+def test_the_radius_of_a_velocity_is_the_same_whether_accelerations_are_asked_for_or_not():
+    """Of three levels over all choices of rows each is its own."""
+    system, scene = doubled(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=TIMES))
+    q, qd, qdd = (system.to_unit(level, k) for k, level in enumerate(solve(scene).levels))
+    radii = []
+    for rates in ((qd,), (qd, qdd)):
+        proof = choices.over_all_choices(
+            system, isolate(system, q, np.array(TIMES), *rates), q, np.array(TIMES), *rates
+        )
+        radii.append(proof.velocity)
+
+    assert np.array_equal(*radii)

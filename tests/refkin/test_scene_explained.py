@@ -44,6 +44,12 @@ def test_a_misspelt_word_gets_the_one_that_was_perhaps_meant(tmp_path, right, wr
     assert meant in told(tmp_path, TEXT.replace(right, wrong, 1))
 
 
+def test_a_type_of_space_in_the_plane_is_told_where_it_belongs(tmp_path):
+    text = TEXT.replace('type = "revolute"', 'type = "spherical"', 1)
+
+    assert 'or dimension = "spatial", which has it' in told(tmp_path, text)
+
+
 def test_a_key_like_no_other_gets_no_guess(tmp_path):
     assert "did you mean" not in told(tmp_path, TEXT.replace("count = 3", "count = 3\nzzz = 1"))
 

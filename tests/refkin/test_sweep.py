@@ -95,6 +95,14 @@ def test_a_step_far_from_its_prediction_or_with_a_second_correction_that_is_not_
     assert not sweep._on_branch(newton_result(q, q + off, [off, second]), 0.2)
 
 
+@pytest.mark.parametrize(("jumps", "said"), [([], [4, 3, 2, 1]), ([1], [4, 3, 2]), ([0, 2], [4, 3])])
+def test_poses_before_the_last_jump_say_nothing_of_the_next_one(jumps, said):
+    sweep, q = swept_to(0.2)
+    sweep.t, sweep.q, sweep.jumps = [0.0, 0.1, 0.2, 0.3, 0.4], [q] * 5, jumps
+
+    assert sweep._before(0.5) == said
+
+
 def test_a_first_step_that_moves_far_is_not_taken():
     sweep, q = swept_to(0.9)
     alone = Sweep(sweep.system, sweep.t[1:], sweep.q[1:], asked=0.8)
@@ -153,8 +161,9 @@ def test_from_a_singular_pose_no_step_is_taken():
     assert len(sweep.t) == steps
 
 
-@pytest.mark.parametrize(("first", "taken"), [(5e-7, False), (1e-8, True)])
-def test_near_a_singular_pose_small_corrections_are_excused_only_where_no_other_root_is_so_near(first, taken):
+@pytest.mark.parametrize("first", [5e-7, 1e-8])
+@pytest.mark.parametrize("off", [5e-7, 1e-8])
+def test_near_a_singular_pose_small_corrections_are_excused_only_where_no_other_root_is_so_near(first, off):
     """Before a flat pose, at 1e-5 from it, sigma is about as small, and the other root as near."""
     law = Polynomial(coefficients=(np.pi / 2, 1.0))
     scene = PARALLELOGRAM.scene(law=law, times=tuple(np.pi / 2 - np.array([3e-5, 2e-5, 1e-5])))
@@ -162,7 +171,8 @@ def test_near_a_singular_pose_small_corrections_are_excused_only_where_no_other_
     q = system.to_unit(refkin.solve(scene).q)
     sweep = Sweep(system, list(scene.times[:2]), [q[:, 0], q[:, 1]], asked=1.0)
 
-    assert sweep._on_branch(newton_result(q[:, 2], q[:, 2] + first, [first, first / 2]), scene.times[2]) is taken
+    result = newton_result(q[:, 2], q[:, 2] + off, [first, first / 2])
+    assert sweep._on_branch(result, scene.times[2]) is (first + off < 1e-7)
 
 
 def test_a_step_from_which_newton_did_not_converge_is_not_taken():

@@ -15,6 +15,8 @@ from refkin.motion_laws import Sinusoid
 from refkin.proof.numbers.bounded import bounded_system, box, read
 from refkin.proof.path.branch import first_gap
 from refkin.proof.path.tube import ConnectionProof, Tubes, _over_times, _Spans
+from refkin.scenes.linkages import Hooke
+from refkin.solving.starts import _turned_to
 from refkin.solving.sweep import pose_between
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
@@ -92,6 +94,15 @@ def test_one_tube_holds_no_motion_that_leaves_it_at_either_end(start, sign, swin
     assert ConnectionProof(system, 1, pose_between).connects(start, start + 1.0, q, q) is holds
 
 
+def test_one_tube_holds_a_short_turn_in_space_whose_law_stands_in_the_jacobian():
+    """At another time than its own the line would leave the equations at once."""
+    scene = Hooke(0.5).scene(samples=2, turns=0.03)
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = system.to_unit(refkin.solve(scene).q)
+
+    assert ConnectionProof(system.held_at(q[:, 0]), 1, pose_between).connects(*scene.times, *q.T)
+
+
 def test_the_poses_between_those_of_a_crank_that_turns_are_found_from_their_chords_alone():
     scene = ROCKER.scene(samples=9)
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
@@ -126,6 +137,16 @@ def test_from_a_far_start_an_assembly_is_found_and_told(x):
     assert motion.verdict is Status.OK
     assert off < 1e-9 * max(1.0, abs(motion["rocker"].phi[0]))
     assert "assembly" in motion.message
+
+
+@pytest.mark.parametrize("held", ["crank", "rocker", "none"])
+def test_whole_turns_are_an_estimate_s_but_for_angles_that_a_driver_counts_or_that_have_none(held):
+    scene = ROCKER.scene(samples=2)
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q, twice = system.to_unit(refkin.solve(scene).q[:, 0]), 2 * math.tau * np.tile([0.0, 0.0, 1.0], 3)
+    at = np.repeat(np.array(["crank", "coupler", "rocker"]) == held, 3)
+
+    assert np.array_equal(_turned_to(system, q, q + twice, at, 0.0), q + twice * (at & (held == "rocker")))
 
 
 def test_the_radius_counts_the_rounding_of_coordinates_far_from_the_origin():

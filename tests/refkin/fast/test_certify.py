@@ -19,6 +19,7 @@ from refkin.fast.compiled import forget
 from refkin.fast.elimination import errors, prove
 from refkin.fast.prepare import prepared
 from refkin.proof.numbers.exact import exact_system
+from refkin.proof.numbers.symbols import Graph
 from refkin.proof.pose.krawczyk import krawczyk
 
 from .linkworks import chain
@@ -213,6 +214,14 @@ def test_an_error_that_is_left_out_is_seen(monkeypatch):
             test_no_radius_is_less_than_the_error("four-bar")
     finally:
         forget()
+
+
+def test_a_sum_and_a_product_of_exact_numbers_are_off_by_their_own_rounding():
+    graph = Graph()
+    a, b = (graph.input("g", 0, k) for k in (0, 1))
+    known = dict.fromkeys((a, b), graph.constant(0.0))
+    for x in (a + b, a - b, a * b):
+        assert errors.Errors(graph, known).of(x) is graph.constant(U) * abs(x)
 
 
 @pytest.mark.parametrize("name", CERTIFIED)

@@ -604,6 +604,13 @@ def test_no_law_of_rows_turns_back_or_passes_nothing_without_a_word(kind, square
         assert suspected.mean() <= min(most, 0.1 + 3 * turns.mean())
 
 
+@pytest.mark.parametrize(("more", "times"), [((0.5, -1.0), [0.25]), ((0.5,), []), ((), [])])
+def test_a_law_whose_offset_alone_holds_rows_turns_back_when_all_do(more, times):
+    law = Polynomial(coefficients=(np.array([0.5, 2.0]), *more))
+
+    assert turning.common_extrema((AngleDriver(name="d", body="b", law=law),), 0.0, 1.0) == times
+
+
 def test_a_distance_that_passes_nothing_in_one_mechanism_is_seen_there():
     """Its row depends on the square: 0.5 - t has a zero between 0 and 1, 2 - t has one between 0 and 3 only."""
     ends = {"body_i": "ground", "point_i": (0.0, 0.0), "body_j": "b", "point_j": (0.0, 0.0)}

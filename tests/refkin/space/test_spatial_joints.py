@@ -9,7 +9,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from refkin.differences import jacobian
-from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, Spherical, elements_of
+from refkin.joints import SPATIAL_DRIVER_TYPES, SPATIAL_JOINT_TYPES, Spherical, Unit, elements_of
 from refkin.joints.spatial_bodies import with_unit_length
 from refkin.joints.spatial_frames import across, frame, parameters_of
 from refkin.joints.spatial_passive import passive_spins
@@ -211,6 +211,13 @@ def test_a_printed_revolute_joint_without_spacing_is_a_singular_formulation():
     assert np.linalg.matrix_rank(in_six_columns(system, q), 1e-9) == 4
 
 
+def test_a_printed_revolute_joint_is_spaced_by_a_size_unless_it_says_otherwise():
+    c, unit = in_form("printed", "revolute"), Unit(0.5)
+    spaced = [replace(c, spacing=spacing).constants(unit) for spacing in (None, 0.5, 0.75)]
+
+    assert spaced[0] == spaced[1] != spaced[2]
+
+
 def in_six_columns(system, q):
     """Return phi_q in velocity and angular velocity of each body."""
     return common_columns(system, q, system.phi_q(q, T))
@@ -286,6 +293,7 @@ def test_an_estimate_turns_as_it_says_whatever_the_length_of_its_parameters():
     r = (1.0, 2.0, 3.0)
 
     assert with_unit_length((*r, 0.0, 6.0, 0.0, -8.0)) == (*r, 0.0, 0.6, 0.0, -0.8)
+    assert with_unit_length((*r, 0.0, 2.0, 0.0, 0.0)) == (*r, 0.0, 1.0, 0.0, 0.0)
     for p in ((0.0, 0.0, 0.0, 0.0), (0.0, 0.0, 1.0, 0.0), (np.inf, 0.0, 0.0, 0.0)):
         assert with_unit_length((*r, *p)) == (*r, *p)
 
