@@ -25,7 +25,8 @@ from crosscheck.problems.stated import Stated
 from refkin.joints import SPACE
 from refkin.model import Body, Scene
 from refkin.motion import Motion, Status
-from refkin.proof.assembly.assembly import Assemblies, assemblies
+from refkin.proof.assembly.assembly import assemblies
+from refkin.proof.assembly.search import Assemblies
 from refkin.proof.assembly.spatial import signed
 from refkin.proof.numbers.exact import exact_system
 from refkin.proof.pose.krawczyk import Enclosure, krawczyk, objects

@@ -1,5 +1,6 @@
 """How sure we are: what is proved of a pose, beside how it was computed."""
 
-from refkin.proof.assembly.assembly import Assemblies, assemblies
+from refkin.proof.assembly.assembly import assemblies
+from refkin.proof.assembly.search import Assemblies
 
 __all__ = ["Assemblies", "assemblies"]

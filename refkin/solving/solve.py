@@ -15,7 +15,8 @@ from refkin.model import Effect, Evidence, Scene
 from refkin.motion import Motion, Producer, Status, __version__, no_radius, nowhere
 from refkin.newton import is_round_off
 from refkin.output.scene_motion import SceneMotion
-from refkin.proof.assembly.assembly import Assemblies, assemblies
+from refkin.proof.assembly.assembly import assemblies
+from refkin.proof.assembly.search import Assemblies
 from refkin.proof.numbers.inputs import output_rounding
 from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.branch import step_over_crossing
@@ -25,9 +26,8 @@ from refkin.proof.pose.isolate import isolate
 from refkin.proof.pose.krawczyk import Enclosure
 from refkin.proof.singularity.diagnosis import diagnose_scaled
 from refkin.solving.ahead import Leaps
-from refkin.solving.limits import check_size
+from refkin.solving.limits import check_size, said_if_long
 from refkin.solving.mobility import too_many_drivers
-from refkin.solving.patience import said_if_long
 from refkin.solving.starts import find_start, unassemblable
 from refkin.solving.sweep import Arrival, Sweep
 from refkin.solving.written import Written
@@ -44,7 +44,7 @@ def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:
 
     Numbers that fail are statuses in the result, never exceptions. With `certified` it is also proved that between the
     times the branch was never changed (`proof.path.branch`); where that is not proved, the branch is lost. What would
-    take more than the limits (`solving.limits`) is refused; what takes long says so meanwhile (`solving.patience`).
+    take more than the limits (`solving.limits`) is refused; what takes long says so meanwhile.
     """
     check_size(scene)
     with said_if_long(f"solving {scene.name!r} at {len(scene.times)} times"):

@@ -13,9 +13,9 @@ from refkin.joints import SPACE, polar_cams
 from refkin.model import Mechanism, Scene
 from refkin.motion import Status
 from refkin.newton import NewtonResult, contracts
-from refkin.proof.assembly.assembly import Assemblies, assemblies
+from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
-from refkin.proof.assembly.search import PRIMES, closes, radical_inverse
+from refkin.proof.assembly.search import PRIMES, Assemblies, closes, radical_inverse
 from refkin.proof.assembly.spatial import signed, starts
 from refkin.proof.numbers.inputs import A_FEW_ROUNDINGS
 from refkin.proof.pose.isolate import isolate

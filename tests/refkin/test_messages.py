@@ -15,7 +15,7 @@ import pytest
 
 import refkin
 from refkin import AngleDriver, Body, Distance, FourBar, Mechanism, Polynomial, Scene, Sinusoid, XDriver, YDriver
-from refkin.proof.assembly.assembly import Assemblies
+from refkin.proof.assembly.search import Assemblies
 
 ROOT = Path(__file__).parents[2]
 CORPUS = ROOT / "tests" / "corpus"

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from itertools import islice
 from typing import Any, cast
 
@@ -21,10 +20,10 @@ from refkin.joints import SPACE
 from refkin.motion import Array
 from refkin.proof.assembly.closed_form import MOST_BRANCHES, DeadEnd, PlacedBranch, Placement, place
 from refkin.proof.assembly.dyads import across, certain_miss, point_rows
-from refkin.proof.assembly.loci import Ball, above, below, length
+from refkin.proof.assembly.loci import Ball, above, length
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import AssemblyRows, PointRow, RowKind, read_rows
-from refkin.proof.assembly.search import closes, coordinates, search
+from refkin.proof.assembly.search import Assemblies, by_search, closes, coordinates, none_of, search
 from refkin.proof.assembly.spatial import assemblies_in_space
 from refkin.system import System
 
@@ -33,44 +32,6 @@ MOST_LOOPS, LONGEST_LOOP = 200, 8
 """How many loops are looked at, of how many links, for one that is longer than all the others of its loop together."""
 SPREAD = 2.0**-50
 """Relative radius of the numbers that redundant constraints are held against: eight half-ulps, a few roundings."""
-
-
-@dataclass(frozen=True, kw_only=True)
-class Assemblies:
-    """What is known of the assemblies of a mechanism at one time.
-
-    Attributes
-    ----------
-    poses : tuple of (n,) arrays
-        The assemblies that were found, in the system's coordinates. An angle that no driver counts is in (-pi, pi].
-    branches : tuple of tuples of int
-        For each pose, on which side each dyad was assembled: 1 if its inner joint lies left of the line from the one
-        outer joint to the other, -1 if right, 0 if on it. Empty where the pose was found by search.
-    radii : tuple of float
-        For each pose, a bound of its error, largest component; NaN where none was proved.
-    complete : bool
-        Whether it is proved that these are all assemblies, up to whole turns of angles that no driver counts.
-    gap : float or None
-        If it is proved that there is none: a lower bound of what is missing over all branches, where the first loci
-        certainly do not meet (scaled lengths; rad if angles disagree). For a dyad it is sharp.
-    message : str
-        In words.
-    searched : bool
-        Whether closed form did not do and a search was made, which takes up to a second.
-    """
-
-    poses: tuple[Array, ...] = ()
-    branches: tuple[tuple[int, ...], ...] = ()
-    radii: tuple[float, ...] = ()
-    complete: bool = False
-    gap: float | None = None
-    message: str = ""
-    searched: bool = False
-
-    @property
-    def unassemblable(self) -> bool:
-        """Whether it is proved that there is no assembly."""
-        return self.gap is not None
 
 
 def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
@@ -96,7 +57,7 @@ def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
             rows = read_rows(system, t, SPREAD)
         placement = place(scheme, rows, names, system.unit.size)
         if placement.impossible:
-            return _none(placement.ends)
+            return none_of(placement.ends)
         if len(scheme.groups) == 1 and not (rows.foreign or placement.stuck):
             return _placed(system, t, placement)
         return _searched(system, t, rows, bool(placement.stuck), trying)
@@ -104,31 +65,17 @@ def assemblies(system: System, t: float, trying: bool = True) -> Assemblies:
 
 def _in_space(system: System, t: float, trying: bool) -> Assemblies:
     """Return the proof that some link does not reach, or what many starts lead to."""
-    miss = certain_miss(system, t)
-    if miss is not None:
-        return Assemblies(complete=True, gap=max(0.0, below(miss.gap)), message=miss.words)
-    with ctx.workprec(PRECISION):
-        rows = point_rows(system, t)
-        end = open_loop(rows, system.unit.size) or loose_loop(rows, system.unit.size)
+    end = certain_miss(system, t)
+    if end is None:
+        with ctx.workprec(PRECISION):
+            rows = point_rows(system, t)
+            end = _open_loop(rows, system.unit.size) or _loose_loop(rows, system.unit.size)
     if end is not None:
-        return _none([end])
+        return none_of([end])
     if not trying:
         return Assemblies(message="no closed form")
-    poses = assemblies_in_space(system, t, lambda q: closes(system, q, t))
-    what = f"{len(poses)} assemblies were found by search" if poses else "no assembly was found"
-    return Assemblies(
-        poses=tuple(poses),
-        branches=tuple(() for _ in poses),
-        radii=(math.nan,) * len(poses),
-        searched=True,
-        message=what,
-    )
-
-
-def _none(ends: Sequence[DeadEnd]) -> Assemblies:
-    """Return the proof that there is no assembly: the end that misses least speaks for all."""
-    least = min(ends, key=lambda end: below(end.gap))
-    return Assemblies(complete=True, gap=max(0.0, below(least.gap)), message=least.words())
+    poses = assemblies_in_space(system, t)
+    return by_search(tuple(poses), (math.nan,) * len(poses))
 
 
 def _placed(system: System, t: float, placement: Placement) -> Assemblies:
@@ -153,24 +100,12 @@ def _placed(system: System, t: float, placement: Placement) -> Assemblies:
 
 def _searched(system: System, t: float, rows: AssemblyRows, stuck: bool, trying: bool) -> Assemblies:
     """Return what a search finds, or proves."""
-    end = open_loop(rows.rows, system.unit.size)
+    end = _open_loop(rows.rows, system.unit.size)
     if end is not None:
-        return _none([end])
+        return none_of([end])
     if rows.foreign and not trying:
         return Assemblies(message=f"there is no closed form of {', '.join(rows.foreign)}")
-    result = search(system, t, rows)
-    gap = None if result.gap is None else below(result.gap)
-    what = f"{len(result.poses)} assemblies were found by search" if result.poses else "no assembly was found"
-    why = "the outer joints of a dyad coincide, or its lines are parallel" if stuck else ""
-    return Assemblies(
-        poses=result.poses,
-        branches=tuple(() for _ in result.poses),
-        radii=result.radii,
-        complete=result.complete or gap is not None,
-        gap=gap,
-        searched=True,
-        message=result.note if gap is not None else "; ".join(filter(None, (what, why, result.note))),
-    )
+    return search(system, t, rows, "the outer joints of a dyad coincide, or its lines are parallel" if stuck else "")
 
 
 def _pose(system: System, t: float, branch: PlacedBranch) -> tuple[Array, float]:
@@ -191,16 +126,8 @@ def _pose(system: System, t: float, branch: PlacedBranch) -> tuple[Array, float]
     return q, radius
 
 
-def open_loop(rows: Sequence[Any], size: float) -> DeadEnd | None:
-    """Return the proof that some loop of pins and distances never closes; None if there is none.
-
-    Parameters
-    ----------
-    rows : sequence of PointRow
-        Of the plane or of space.
-    size : float
-        The unit of length [m], for the message.
-    """
+def _open_loop(rows: Sequence[Any], size: float) -> DeadEnd | None:
+    """Return the proof that some loop of pins and distances never closes; None if there is none. `size` in metres."""
     for count, loop in enumerate(_loops(rows)):
         if count == MOST_LOOPS:
             break
@@ -212,16 +139,11 @@ def open_loop(rows: Sequence[Any], size: float) -> DeadEnd | None:
     return None
 
 
-def loose_loop(rows: Sequence[Any], size: float) -> DeadEnd | None:
+def _loose_loop(rows: Sequence[Any], size: float) -> DeadEnd | None:
     """Return the proof that some loop with one joint of space that slides along an axis never closes; None if none is.
 
     What enters the one body of that joint and what leaves the other are, at any slide, at least as far apart as their
     distances from the axis differ: the rest of the loop has to reach that far.
-
-    Parameters
-    ----------
-    rows, size
-        As for `open_loop`.
     """
     links = [row for row in rows if row.kind is not RowKind.LINE]
     loops = (loop for row in rows if row.kind is RowKind.LINE for loop in _closed([(row, row.i, row.j)], links))

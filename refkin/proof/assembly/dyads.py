@@ -6,13 +6,13 @@ body on two spherical joints, keeps it on a sphere around a point that stands. W
 there is no pose: the gap is what is missing. So ends an RSSR whose K^2 > P^2 + Q^2, and an RSSP whose rod is too short.
 Of any mechanism the points that coincide, and the distances that are given, make loops (`point_rows`), of which none
 may have a side longer than all the others together; nor may one that an axis closes, along which all may slide, be
-wider across it than the rest is long (`loose_loop` of `assembly`).
+wider across it than the rest is long (`assembly`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from functools import partial
 from typing import Any, cast
 
 from flint import arb, ctx
@@ -30,6 +30,7 @@ from refkin.joints import (
 )
 from refkin.joints.spatial_frames import frame
 from refkin.joints.spatial_vectors import Vec3
+from refkin.proof.assembly.closed_form import DeadEnd
 from refkin.proof.assembly.loci import Ball, below
 from refkin.proof.assembly.rows import PointRow, RowKind
 from refkin.proof.numbers.exact import exact
@@ -43,15 +44,7 @@ Place = Callable[[Any], Vec3]
 """Where a point of a body, in its own frame, stands on the ground."""
 
 
-@dataclass(frozen=True)
-class Miss:
-    """What certainly misses what, by how much at least [scaled], in words."""
-
-    gap: Ball
-    words: str
-
-
-def certain_miss(system: System, t: float) -> Miss | None:
+def certain_miss(system: System, t: float) -> DeadEnd | None:
     """Return the proof that some link of a spatial mechanism does not reach at time t; None if there is none."""
     with ctx.workprec(PRECISION):
         reader = _Reader(system, t)
@@ -59,7 +52,8 @@ def certain_miss(system: System, t: float) -> Miss | None:
             gap = reader.gap(near, far, body, length)
             if gap is not None and gap > 0:
                 metres = below(gap) * system.unit.size
-                return Miss(gap, f"{link} does not reach {body}: at least {metres:.6g} m are missing")
+                words = f"{link} does not reach {body}: at least {metres:.6g} m are missing"
+                return DeadEnd(gap, partial(str, words))
     return None
 
 

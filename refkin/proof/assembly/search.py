@@ -13,7 +13,7 @@ also ends where assemblies turn out not to be isolated, or where start after sta
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -24,7 +24,7 @@ from refkin.analysis import position
 from refkin.joints import GROUND, RollingOnLine, RollingWheels, elements_of, initial_contacts, polar_cams
 from refkin.motion import Array
 from refkin.newton import is_round_off
-from refkin.proof.assembly.closed_form import PlacedBranch, Placement, place
+from refkin.proof.assembly.closed_form import DeadEnd, PlacedBranch, Placement, place
 from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
 from refkin.proof.assembly.loci import Ball, above, below
 from refkin.proof.assembly.rigid_groups import AssemblyPlan, orientations, plan
@@ -53,28 +53,63 @@ NAME = "trial angle"
 PRIMES = (2, 3, 5, 7, 11, 13, 17, 19)
 
 
-@dataclass(frozen=True)
-class Roots:
-    """What a search came to.
+@dataclass(frozen=True, kw_only=True)
+class Assemblies:
+    """What is known of the assemblies of a mechanism at one time.
 
     Attributes
     ----------
-    poses, radii : tuple
-        The assemblies found, and how far each is from the true one at most (NaN where that is not proved).
+    poses : tuple of (n,) arrays
+        The assemblies that were found, in the system's coordinates. An angle that no driver counts is in (-pi, pi].
+    branches : tuple of tuples of int
+        For each pose, on which side each dyad was assembled: 1 if its inner joint lies left of the line from the one
+        outer joint to the other, -1 if right, 0 if on it. Empty where the pose was found by search.
+    radii : tuple of float
+        For each pose, a bound of its error, largest component; NaN where none was proved.
     complete : bool
-        Whether it is proved that there are no others.
-    gap : ball or None
-        If it is proved that there is none at all: a lower bound, over all angles, of what is missing where loci
-        certainly do not meet, each joint before being closed as far as it can be.
-    note : str
+        Whether it is proved that these are all assemblies, up to whole turns of angles that no driver counts.
+    gap : float or None
+        If it is proved that there is none: a lower bound of what is missing over all branches, where the first loci
+        certainly do not meet (scaled lengths; rad if angles disagree). For a dyad it is sharp.
+    message : str
         In words.
+    searched : bool
+        Whether closed form did not do and a search was made, which takes up to a second.
     """
 
     poses: tuple[Array, ...] = ()
+    branches: tuple[tuple[int, ...], ...] = ()
     radii: tuple[float, ...] = ()
     complete: bool = False
-    gap: Ball | None = None
-    note: str = ""
+    gap: float | None = None
+    message: str = ""
+    searched: bool = False
+
+    @property
+    def unassemblable(self) -> bool:
+        """Whether it is proved that there is no assembly."""
+        return self.gap is not None
+
+
+def none_of(ends: Sequence[DeadEnd]) -> Assemblies:
+    """Return the proof that there is no assembly: the end that misses least speaks for all."""
+    least = min(ends, key=lambda end: below(end.gap))
+    return Assemblies(complete=True, gap=max(0.0, below(least.gap)), message=least.words())
+
+
+def by_search(
+    poses: tuple[Array, ...], radii: tuple[float, ...], complete: bool = False, *, why: str = "", note: str = ""
+) -> Assemblies:
+    """Return the assemblies that were found by search.
+
+    Parameters
+    ----------
+    why, note : str
+        Why it was made, and what is to be said of it.
+    """
+    what = f"{len(poses)} assemblies were found by search" if poses else "no assembly was found"
+    message, branches = "; ".join(filter(None, (what, why, note))), tuple(() for _ in poses)
+    return Assemblies(poses=poses, branches=branches, radii=radii, complete=complete, message=message, searched=True)
 
 
 @dataclass(frozen=True)
@@ -86,7 +121,7 @@ class _Known:
     radius: float
 
 
-def search(system: System, t: float, rows: AssemblyRows) -> Roots:
+def search(system: System, t: float, rows: AssemblyRows, why: str = "") -> Assemblies:
     """Look for all assemblies of a system that closed form does not place, or the proof that there is none.
 
     Parameters
@@ -97,19 +132,21 @@ def search(system: System, t: float, rows: AssemblyRows) -> Roots:
         Time [s].
     rows : AssemblyRows
         Its constraints at that time, in balls (`read_rows`).
+    why : str
+        Why closed form does not.
     """
-    return _Search(system, t, rows).run()
+    return _Search(system, t, rows, why).run()
 
 
 class _Search:
-    def __init__(self, system: System, t: float, rows: AssemblyRows) -> None:
-        self.system, self.t, self.rows = system, t, rows
+    def __init__(self, system: System, t: float, rows: AssemblyRows, why: str) -> None:
+        self.system, self.t, self.rows, self.why = system, t, rows, why
         self.names = [body.name for body in system.mechanism.bodies]
         self.turned, self.plan = self._trial_angles()
         self.known: list[_Known] = []
         self.failures = 0
 
-    def run(self) -> Roots:
+    def run(self) -> Assemblies:
         """Search for all roots, in narrower and narrower intervals of the angle that opens the group."""
         if len(self.turned) != 1 or len(self.plan.groups) > 1 or self.rows.foreign:
             self._try(self._halton())
@@ -134,13 +171,14 @@ class _Search:
         rows = replace(self.rows, relative_angles=(*self.rows.relative_angles, *trial))
         return place(self.plan, rows, self.names, self.system.unit.size, holding)
 
-    def _result(self, note: str = "", complete: bool = False) -> Roots:
-        poses = tuple(known.q for known in self.known)
-        return Roots(poses, tuple(known.radius for known in self.known), complete, note=note)
+    def _result(self, note: str = "", complete: bool = False) -> Assemblies:
+        poses, radii = (tuple(getattr(known, key) for known in self.known) for key in ("q", "radius"))
+        return by_search(poses, radii, complete, why=self.why, note=note)
 
-    def _none(self, gap: Ball) -> Roots:
-        metres = below(gap) * self.system.unit.size
-        return Roots(gap=gap, note=f"no angle of {self.turned[0]} closes it: at least {metres:.6g} m are missing")
+    def _none(self, gap: Ball) -> Assemblies:
+        least = below(gap)
+        note = f"no angle of {self.turned[0]} closes it: at least {least * self.system.unit.size:.6g} m are missing"
+        return Assemblies(complete=True, gap=least, message=note, searched=True)
 
     def _orientations(self) -> list[set[str]]:
         return orientations(tuple((relative.i, relative.j) for relative in self.rows.relative_angles), self.names)
@@ -180,8 +218,9 @@ class _Search:
         """Note the new assemblies that Newton reaches from trial angles."""
         for angles in trials:
             for start in self._starts(angles):
-                q = self._refined(start)
+                q = refined(self.system, start, self.t)
                 self.failures = self.failures + 1 if q is None else 0
+                q = None if q is None else self._without_turns(q)
                 if q is not None and all(np.max(np.abs(q - other.q)) > SAME for other in self.known):
                     self.known.append(self._proved(q))
                 if self.exhausted or self.failures >= MOST_FAILURES:
@@ -197,18 +236,6 @@ class _Search:
             yield q
             if contacts:
                 yield initial_contacts(self.system, q, self.t)
-
-    def _refined(self, start: Array) -> Array | None:
-        """Return the assembly that Newton finds from a start, or else Levenberg and Marquardt."""
-        s, t = self.system, self.t
-        result = position(s, start, t, max_iterations=30)
-        if result.converged and closes(s, result.q, t):
-            return self._without_turns(result.q)
-        least = levenberg_marquardt(lambda q: s.phi(q, t), lambda q: s.phi_q(q, t), start)
-        if not least.converged:
-            return None
-        q = polished(least, position(s, least.q, t, max_iterations=30))
-        return self._without_turns(q) if closes(s, q, t) else None
 
     def _without_turns(self, q: Array) -> Array:
         """Return the pose with each angle turned back into (-pi, pi], unless a driver, gear or profile counts it."""
@@ -293,6 +320,26 @@ def radical_inverse(k: int, base: int) -> float:
         value += digit * weight
         weight /= base
     return value
+
+
+def refined(system: System, start: Array, t: float) -> Array | None:
+    """Return the assembly that Newton finds from a start, or else Levenberg and Marquardt; None if neither finds one.
+
+    Parameters
+    ----------
+    system : System
+        Compiled in its mechanism's own unit.
+    start : (n,) array
+        A guess of the pose at time t [s], in the system's coordinates.
+    """
+    result = position(system, start, t, max_iterations=30)
+    if result.converged and closes(system, result.q, t):
+        return result.q
+    least = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start)
+    if not least.converged:
+        return None
+    q: Array = polished(least, position(system, least.q, t, max_iterations=30))
+    return q if closes(system, q, t) else None
 
 
 def closes(system: System, q: Array, t: float, allowed: float = 0.0) -> bool:

@@ -12,10 +12,8 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import position
 from refkin.joints import initial_contacts
-from refkin.proof.assembly.levenberg import levenberg_marquardt, polished
-from refkin.proof.assembly.search import PRIMES, SAME, radical_inverse
+from refkin.proof.assembly.search import PRIMES, SAME, radical_inverse, refined
 from refkin.system import System
 
 MOST_STARTS = 120
@@ -39,20 +37,12 @@ def starts(system: System, t: float, count: int = MOST_STARTS, first: int = 1) -
         yield initial_contacts(system, q, t)
 
 
-def assemblies_in_space(system: System, t: float, is_root: Any, most: int = MOST_STARTS) -> list[Any]:
-    """Return the poses (n,) that Newton's method, or least squares, reaches from many starts; of p and -p one.
-
-    Parameters
-    ----------
-    system : System
-        Compiled in its mechanism's own unit.
-    is_root : callable
-        Whether a pose closes.
-    """
+def assemblies_in_space(system: System, t: float) -> list[Any]:
+    """Return the poses (n,) that Newton's method, or least squares, reaches from many starts; of p and -p one."""
     poses: list[Any] = []
     since = 0
-    for start in starts(system, t, most):
-        q = _refined(system, t, start, is_root)
+    for start in starts(system, t):
+        q = refined(system, start, t)
         q = None if q is None else signed(system, q, np.ones(system.n))
         new = q is not None and all(np.max(np.abs(q - other)) > SAME for other in poses)
         since = 0 if new else since + 1
@@ -61,17 +51,6 @@ def assemblies_in_space(system: System, t: float, is_root: Any, most: int = MOST
         if len(poses) >= MOST_POSES or since >= ENOUGH:
             break
     return poses
-
-
-def _refined(system: System, t: float, start: Any, is_root: Any) -> Any:
-    result = position(system, start, t, max_iterations=30)
-    if result.converged and is_root(result.q):
-        return result.q
-    least = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start)
-    if not least.converged:
-        return None
-    q = polished(least, position(system, least.q, t, max_iterations=30))
-    return q if is_root(q) else None
 
 
 def signed(system: System, q: Any, like: Any) -> Any:
