@@ -174,7 +174,7 @@ def test_of_poses_of_other_choices_that_are_compared_the_second_order_counts_too
 
     def far(unique):
         monkeypatch.setattr(choices, "unique_within", lambda *_: unique)
-        bounds = choices.over_all_choices(system, proof, *answers)
+        bounds = choices._over_all_choices(system, proof, *answers)
         own = proof.position, proof.velocity, proof.acceleration
         return [
             bound - x for bound, x in zip((bounds.position, bounds.velocity, bounds.acceleration), own, strict=True)

@@ -187,7 +187,7 @@ def not_a_knot_slopes(h: Sequence[Any], chord: Sequence[Any]) -> list[Any]:
         diagonal[rows] = b
         (above if rows == 0 else below)[rows] = a + b
         right[rows] = ((3 * a + 2 * b) * b * s + a * a * r) / (a + b)
-    return tridiagonal(below, diagonal, above, right)
+    return _tridiagonal(below, diagonal, above, right)
 
 
 def periodic_slopes(h: Sequence[Any], chord: Sequence[Any]) -> list[Any]:
@@ -199,7 +199,7 @@ def periodic_slopes(h: Sequence[Any], chord: Sequence[Any]) -> list[Any]:
     top, bottom = below[0], above[-1]
     diagonal[0], diagonal[-1] = diagonal[0] - top, diagonal[-1] - bottom
     corner = [top] + [arb(0)] * (count - 2) + [bottom]
-    y, z = tridiagonal(below, diagonal, above, right), tridiagonal(below, diagonal, above, corner)
+    y, z = _tridiagonal(below, diagonal, above, right), _tridiagonal(below, diagonal, above, corner)
     factor = (y[0] + y[-1]) / (1 + z[0] + z[-1])
     slopes = [a - factor * b for a, b in zip(y, z, strict=True)]
     return [*slopes, slopes[0]]
@@ -216,13 +216,12 @@ def _inner_rows(h: Sequence[Any], chord: Sequence[Any]) -> tuple[list[Any], ...]
     return below, diagonal, above, right
 
 
-def tridiagonal(below: Sequence[Any], diagonal: Sequence[Any], above: Sequence[Any], right: Sequence[Any]) -> list[Any]:
+def _tridiagonal(
+    below: Sequence[Any], diagonal: Sequence[Any], above: Sequence[Any], right: Sequence[Any]
+) -> list[Any]:
     """Return x with below[k] x[k-1] + diagonal[k] x[k] + above[k] x[k+1] = right[k], by elimination.
 
-    Parameters
-    ----------
-    below, diagonal, above, right : sequence of n arb
-        Without pivots: the diagonal is larger than the rest of its row (the Thomas algorithm).
+    Without pivots: the diagonal is larger than the rest of its row (the Thomas algorithm).
     """
     pivots, sides = [diagonal[0]], [right[0]]
     for k in range(1, len(diagonal)):

@@ -116,20 +116,24 @@ def diagonal_blocks(pattern: Any) -> list[tuple[Any, Any]]:
     Rows are matched to columns; then those belong to one block that depend on each other in both directions (A. L.
     Dulmage and N. S. Mendelsohn, 1958). One block of everything if there is no such matching.
     """
-    n = len(pattern)
-    row_of = _matching([np.flatnonzero(row).tolist() for row in pattern])
+    row_of = matching(pattern)
     if row_of is None:
-        return [(np.arange(n), np.arange(n))]
-    reached = pattern[row_of] | np.eye(n, dtype=bool)  # of columns, by way of the rows matched to them
-    for _ in range(max(1, int(np.ceil(np.log2(n))))):
+        return [(np.arange(len(pattern)), np.arange(len(pattern)))]
+    return [(row_of[columns], columns) for columns in strong_components(pattern[row_of])]
+
+
+def strong_components(pattern: Any) -> list[Any]:
+    """Return the columns of a pattern (n, n) that reach each other, row k being matched to column k, by groups."""
+    n = len(pattern)
+    reached = pattern | np.eye(n, dtype=bool)  # of columns, by way of the rows matched to them
+    for _ in range((n - 1).bit_length()):
         reached = (reached.astype(np.float32) @ reached.astype(np.float32)) > 0
-    both = reached & reached.T
-    firsts = np.flatnonzero(np.argmax(both, axis=1) == np.arange(n))
-    return [(row_of[both[k]], np.flatnonzero(both[k])) for k in firsts]
+    return [np.array(k) for k in sorted({tuple(np.flatnonzero(row).tolist()) for row in reached & reached.T})]
 
 
-def _matching(columns: list[list[int]]) -> Any:
+def matching(pattern: Any) -> Any:
     """Return a row with an entry there for each column, none twice, by augmenting paths; None if there is none."""
+    columns = [np.flatnonzero(row).tolist() for row in pattern]
     row_of: dict[int, int] = {}
     column_of: dict[int, int] = {}
     for start in range(len(columns)):

@@ -31,6 +31,7 @@ from refkin.differences import EPS, jacobian
 from refkin.newton import NewtonResult, contracts, newton
 from refkin.proof.numbers.exact import exact_system
 from refkin.proof.numbers.preconditioned import leading_rows
+from refkin.proof.pose.krawczyk import objects
 from refkin.system import System
 
 MISSING = 1e-9
@@ -214,14 +215,8 @@ def _mu(curve: Curve, x: Any, psi: Any, rows: Any) -> float:
     """Return mu = -psi . phi(x), in balls: to first order it feels no error of x, and of psi only mu times as much."""
     q, t = curve.pose(x)
     with ctx.workprec(BITS):
-        phi = exact_system(curve.system, BITS).phi(_objects(q), arb(t))[rows]
+        phi = exact_system(curve.system, BITS).phi(objects([arb(v) for v in q.tolist()]), arb(t))[rows]
         return float(-sum((arb(float(w)) * p for w, p in zip(psi, phi, strict=True)), arb(0)))
-
-
-def _objects(q: Any) -> Any:
-    out = np.empty(len(q), object)
-    out[:] = [arb(v) for v in q.tolist()]
-    return out
 
 
 def roots(form: Any) -> tuple[Any, ...]:

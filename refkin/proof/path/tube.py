@@ -25,9 +25,9 @@ from flint import arb, arb_mat, ctx
 
 from refkin.joints import Unit
 from refkin.proof.numbers.bounded import LAW_BITS, TINY, UP, Bounded, Extended, Times, U, box, off_by
-from refkin.proof.numbers.exact import continued, exact_system
+from refkin.proof.numbers.exact import continued
 from refkin.proof.numbers.preconditioned import Preconditioned, independent_rows
-from refkin.proof.pose.krawczyk import Enclosure, column, krawczyk, objects
+from refkin.proof.pose.krawczyk import BallEquations, Enclosure, column, krawczyk
 from refkin.system import System
 
 FLOOR = 2.0**-36
@@ -166,13 +166,13 @@ class ConnectionProof:
         t, half = (arb(first.t) + arb(last.t)) / 2, (length / 2).upper()
         middle = [(x + y) / 2 for x, y in zip(a, b, strict=True)]
         v = [(y - x) / length for x, y in zip(a, b, strict=True)]
-        equations = _Rows(self.system, first.rows)
-        inverse = equations.slope(middle, t).inv(nonstop=True).mid()
-        if not all(x.is_finite() for x in inverse.entries()):
+        here, over = (BallEquations(self.system, at, first.rows, BITS) for at in (t, t + arb(0, half)))
+        inverse = here.inverse(middle)
+        if inverse is None:
             return False
         line = [x + r * arb(0, half) for x, r in zip(middle, v, strict=True)]
-        moving = equations.slope(line, t + arb(0, half)) * column(v) - equations.nu(line, t + arb(0, half))
-        still = inverse * equations.phi(middle, t)
+        moving = over.slope(line) * column(v) - over.nu(line)
+        still = inverse * here.phi(middle)
         eta = [
             abs(x).upper() + half * abs(y).upper()
             for x, y in zip(still.entries(), (inverse * moving).entries(), strict=True)
@@ -182,22 +182,6 @@ class ConnectionProof:
         w = [(x + r + floor).upper() for x, r in zip(eta, ends, strict=True)]
         wide = [x + arb(0, 2 * y) for x, y in zip(line, w, strict=True)]
         identity = arb_mat(len(w), len(w), 1)
-        defect = identity - inverse * equations.slope(wide, t + arb(0, half))
+        defect = identity - inverse * over.slope(wide)
         reach = [sum((abs(defect[i, j]) * 2 * w[j] for j in range(len(w))), arb(0)) for i in range(len(w))]
         return all(e + r < 2 * x for e, r, x in zip(eta, reach, w, strict=True))
-
-
-class _Rows:
-    """n rows of a system's equations in balls, at times that are balls."""
-
-    def __init__(self, system: System, rows: Any) -> None:
-        self.system, self.rows = exact_system(system, BITS), rows
-
-    def phi(self, q: Any, t: Any) -> Any:
-        return column(self.system.phi(objects(q), t)[self.rows])
-
-    def nu(self, q: Any, t: Any) -> Any:
-        return column(self.system.nu(objects(q), t)[self.rows])
-
-    def slope(self, q: Any, t: Any) -> Any:
-        return arb_mat(self.system.phi_q(objects(q), t)[self.rows].tolist())

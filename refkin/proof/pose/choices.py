@@ -54,30 +54,18 @@ NEAR = 2.0**-10
 """Distance up to which the pose of another choice is one of the same assembly [sizes, rad]."""
 
 
-def over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any = None, qdd: Any = None) -> Isolation:
+def _over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any, qdd: Any) -> Isolation:
     """Return an isolation with bounds that hold for every choice of n rows that isolates a pose near the answer.
 
-    Parameters
-    ----------
-    system : System
-        Compiled in its mechanism's own unit.
-    proof : Isolation
-        What `isolate` proved of the same answers.
-    q, qd, qdd : (n, B) array
-        Answers in the system's coordinates, as for `isolate`.
-
-    Returns
-    -------
-    Isolation
-        With `why` where there are too many choices to certify: its bounds hold for those that serve as well as the
-        rows of the proof, or are NaN where that is not known of some pose.
+    With `why` where there are too many choices to certify: its bounds hold for those that serve as well as the rows of
+    the proof, or are NaN where that is not known of some pose.
     """
     if system.m == system.n or not proof.ok.any():
         return proof
     q, t = np.asarray(q, float), np.broadcast_to(np.asarray(t, float), np.shape(q)[1:])
     bounds = [proof.position.copy(), proof.velocity.copy(), proof.acceleration.copy()]
     most = MOST_OF_SPACE if system.kind is SPACE else MOST_CHOICES
-    choices = other_choices(system, proof.rows, q[:, proof.ok], t[proof.ok], most)
+    choices = _other_choices(system, proof.rows, q[:, proof.ok], t[proof.ok], most)
     if choices is not None:
         for rows in choices:
             for bound, of_choice in zip(bounds, _bounds(system, rows, proof.ok, q, t, qd, qdd), strict=True):
@@ -115,7 +103,7 @@ def isolate_every_choice(system: System, q: Any, t: Any, qd: Any = None, qdd: An
     for samples, rows in groups_of_rows(system, np.asarray(q, float), t):
         levels = [None if x is None else np.asarray(x, float)[:, samples] for x in (q, qd, qdd)]
         answers = (levels[0], t[samples], *levels[1:])
-        parts.append((samples, over_all_choices(system, isolate(system, *answers, rows=rows), *answers)))
+        parts.append((samples, _over_all_choices(system, isolate(system, *answers, rows=rows), *answers)))
     if len(parts) == 1:
         return parts[0][1]
     order = np.argsort(np.concatenate([samples for samples, _ in parts]))
@@ -131,19 +119,10 @@ def combinations_of(system: System) -> int:
     return math.comb(system.m, system.n)
 
 
-def other_choices(system: System, rows: Any, q: Any, t: Any, most: int) -> list[Any] | None:
-    """Return the sets of n rows, other than the given one, that are independent at some pose; None if too many.
+def _other_choices(system: System, rows: Any, q: Any, t: Any, most: int) -> list[Any] | None:
+    """Return the sets of n rows, other than the given one, that are independent at some pose; None if more than `most`.
 
-    Parameters
-    ----------
-    rows : (n,) array of int
-        The rows that were solved, of the m.
-    q : (n, B) array
-        Poses, in the system's coordinates; some of them are looked at.
-    t : (B,) array
-        Their times [s].
-    most : int
-        How many sets are too many.
+    Some of the poses q (n, B) at times t (B,) are looked at.
     """
     others = np.delete(np.arange(system.m), rows)
     if combinations_of(system) > MOST_COMBINATIONS:

@@ -15,7 +15,7 @@ Numerica 19 (2010), section 13.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
@@ -81,18 +81,17 @@ class Enclosure:
 
     def velocity(self) -> tuple[Any, ...]:
         """Return balls that enclose the solution of phi_q qd = nu at the root; NaN where phi_q may be singular."""
-        return self._solved(lambda s, q, t: s.nu(q, t))
+        return self._solved(lambda equations: equations.nu(self.q))
 
     def acceleration(self, qd: tuple[Any, ...] | None = None) -> tuple[Any, ...]:
         """Return balls that enclose the solution of phi_q qdd = gamma at the root."""
-        rates = objects(self.velocity() if qd is None else qd)
-        return self._solved(lambda s, q, t: s.gamma(q, rates, t))
+        rates = self.velocity() if qd is None else qd
+        return self._solved(lambda equations: equations.gamma(self.q, rates))
 
-    def _solved(self, right: Any) -> tuple[Any, ...]:
+    def _solved(self, right: Callable[[BallEquations], Any]) -> tuple[Any, ...]:
         with ctx.workprec(self.bits):
-            equations = _Equations(self.system, self.t, self.rows, self.bits)
-            side = right(equations.system, objects(self.q), equations.t)[self.rows]
-            return tuple(equations.slope(self.q).solve(column(side), nonstop=True).entries())
+            equations = BallEquations(self.system, self.t, self.rows, self.bits)
+            return tuple(equations.slope(self.q).solve(right(equations), nonstop=True).entries())
 
 
 class Verdict(StrEnum):
@@ -156,7 +155,7 @@ def krawczyk(
     system = system.held_at(q)
     with ctx.workprec(bits):
         rows = independent_rows(system, *_one_sample(q, t)) if rows is None else rows
-        equations = _Equations(system, t, rows, bits)
+        equations = BallEquations(system, t, rows, bits)
         if radius is not None:
             around = np.broadcast_to(np.asarray(radius, float), np.shape(q))
             box = equations.enclosed([arb(float(x)) for x in q], around, inflations=0)
@@ -172,17 +171,28 @@ def krawczyk(
         return Enclosure(system, t, bits, box[0], (box[1] - distance) * (1 - 2.0**-50), equations.rows)
 
 
-class _Equations:
-    """n rows of a system's equations at one time, in the precision in force."""
+class BallEquations:
+    """n rows of a system's equations in balls, at a time that may be a ball too, in the precision in force."""
 
-    def __init__(self, system: System, t: float, rows: Any, bits: int) -> None:
-        self.system, self.t, self.rows = exact_system(system, bits), arb(float(t)), rows
+    def __init__(self, system: System, t: Any, rows: Any, bits: int) -> None:
+        self.system, self.rows = exact_system(system, bits), rows
+        self.t = t if isinstance(t, arb) else arb(float(t))
 
     def phi(self, q: Any) -> Any:
+        """Return the residual (n, 1)."""
         return column(self.system.phi(objects(q), self.t)[self.rows])
 
     def slope(self, q: Any) -> Any:
+        """Return phi_q (n, n)."""
         return arb_mat(self.system.phi_q(objects(q), self.t)[self.rows].tolist())
+
+    def nu(self, q: Any) -> Any:
+        """Return the right side of the velocities (n, 1)."""
+        return column(self.system.nu(objects(q), self.t)[self.rows])
+
+    def gamma(self, q: Any, qd: Any) -> Any:
+        """Return the right side of the accelerations (n, 1)."""
+        return column(self.system.gamma(objects(q), objects(qd), self.t)[self.rows])
 
     def inverse(self, q: Any) -> Any:
         """Return the midpoints of the inverse of phi_q at a point, None where it is singular."""
