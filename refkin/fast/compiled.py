@@ -13,8 +13,7 @@ from functools import cached_property
 from threading import RLock
 from typing import Any
 
-from refkin.fast.elimination.eliminate import Eliminated, eliminate
-from refkin.fast.elimination.groups import NotReducible
+from refkin.fast.elimination.eliminate import Eliminated, NotReducible, eliminate
 from refkin.fast.elimination.program import Program
 from refkin.fast.elimination.prove import Proof, proof_of
 from refkin.fast.elimination.run import Workspaces

@@ -4,14 +4,12 @@
 tracing       symbols   expressions, each once, folded
               trace     the joints' formulas run on symbols
 elimination   tree      coordinates that a row states outright
-              groups    the rest by Assur groups
-              blocks    how a group is solved
+              blocks    how an Assur group of the others is solved
               eliminate all of it together: expressions of the solution
 scheduling    schedule  from expressions to instructions and registers
               program   the result, and its text for a person
 running       run       on rows, by NumPy
               single    one sample at a time, in Python
-proving       errors    bounds of the errors of expressions, as expressions
-              prove     that exactly one solution is near given numbers, and how near
+proving       prove     that exactly one solution is near given numbers, and how near
 ============= ========= =============================================================================================
 """

@@ -16,11 +16,18 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
+from refkin.errors import RefkinError
 from refkin.fast.elimination.blocks import Factored, factored
-from refkin.fast.elimination.groups import blocks_of
 from refkin.fast.elimination.trace import Traced
 from refkin.fast.elimination.tree import Row, spanning_tree
 from refkin.proof.numbers.symbols import Symbol, rewritten
+from refkin.proof.path.blocks import matching, strong_components
+
+
+class NotReducible(RefkinError):
+    """The equations have no unique solution by their structure alone: some are redundant, others are missing."""
 
 
 @dataclass(frozen=True)
@@ -202,3 +209,29 @@ def _chained(entries: Mapping[int, Symbol], total: Mapping[int, Row], sign: int)
             product = entry * derivative
             out[k] = out[k] + product if k in out else product
     return {k: x if sign > 0 else -x for k, x in out.items() if not x.zero}
+
+
+def blocks_of(matrix: Sequence[Row], core: Sequence[int]) -> tuple[dict[int, int], list[list[int]]]:
+    """Return for each core coordinate its row, and the coordinates by strongly connected groups, upstream first.
+
+    Raises
+    ------
+    NotReducible
+        If there is no perfect matching of rows and coordinates.
+    """
+    place = {c: k for k, c in enumerate(core)}
+    pattern = np.zeros((len(matrix), len(core)), bool)
+    for i, row in enumerate(matrix):
+        pattern[i, [place[c] for c in row]] = True
+    row_of = matching(pattern) if len(matrix) == len(core) else None
+    if row_of is None:
+        raise NotReducible(f"{len(core)} core coordinates and {len(matrix)} rows that cannot be matched one to one")
+    ordered = pattern[row_of]  # the row of each coordinate
+    left = [group.tolist() for group in strong_components(ordered)]
+    order: list[list[int]] = []
+    known: set[int] = set()
+    while left:
+        ready = [group for group in left if known.union(group).issuperset(np.flatnonzero(ordered[group].any(axis=0)))]
+        order, left = order + ready, [group for group in left if group not in ready]
+        known.update(*ready)
+    return {c: int(row_of[k]) for k, c in enumerate(core)}, [[core[k] for k in group] for group in order]

@@ -12,8 +12,7 @@ from refkin.fast import tape
 from refkin.fast.compiled import compiled
 from refkin.fast.elimination import blocks, eliminate
 from refkin.fast.elimination.blocks import LARGEST_SELECTED, factored
-from refkin.fast.elimination.eliminate import Eliminated
-from refkin.fast.elimination.groups import NotReducible, blocks_of
+from refkin.fast.elimination.eliminate import Eliminated, NotReducible, blocks_of
 from refkin.fast.elimination.run import Workspace
 from refkin.fast.elimination.schedule import schedule
 from refkin.fast.elimination.tree import spanning_tree
