@@ -14,7 +14,7 @@ from refkin.errors import Fault
 from refkin.joints.base import Blocks, Constraint, Rows, Unit
 from refkin.joints.contact_kinematics import FaceOnCurve, FaceOnDisc, PointOnCurve, RollerOnCurve
 from refkin.joints.elements import Contact, Element, GuidedPoint, Pair, PointDistance
-from refkin.joints.planar import Distance, direction, ends_of
+from refkin.joints.planar import BetweenPoints, Distance, direction, ends_of
 from refkin.motion_laws import STRICT, AnyLaw, ByKind, Table
 from refkin.vec import Scalar
 
@@ -84,7 +84,7 @@ AnyProfile = Annotated[Disc | Polar, ByKind()]
 
 
 @dataclass(frozen=True, kw_only=True)
-class Cam(Constraint):
+class Cam(BetweenPoints):
     """A follower on a cam: body i carries the profile around point_i, body j touches it.
 
     The follower is a point (point_j), a roller around point_j (`roller_radius`), or a flat face through point_j with
@@ -101,11 +101,7 @@ class Cam(Constraint):
     time, if it matters which of several contacts is meant: by default the nearest to the estimated pose.
     """
 
-    body_i: str
-    point_i: Pair
     profile: AnyProfile
-    body_j: str
-    point_j: Pair
     follower: Literal["flat", "point", "roller"]
     normal_j: Pair | None = None
     roller_radius: float | None = None

@@ -14,7 +14,7 @@ from typing import Any, Literal
 from refkin.errors import Fault
 from refkin.joints.base import Blocks, Constraint, Rows, Unit, along, arms, drift, gap_rate
 from refkin.joints.elements import GROUND, Element, Pair, PointCoordinate, PointDistance, RelativeAngle
-from refkin.joints.planar import ends_of
+from refkin.joints.planar import BetweenPoints, ends_of
 from refkin.motion_laws import AnyLaw, Integral, Law
 from refkin.vec import BodyValues, Vec
 
@@ -134,13 +134,9 @@ class YDriver(CoordinateDriver):
 
 
 @dataclass(frozen=True, kw_only=True)
-class DistanceDriver(Driver):
+class DistanceDriver(Driver, BetweenPoints):
     """The distance of two points follows f(t) [m], as a hydraulic cylinder does: (d . d - f^2) / 2 = 0 (J16)."""
 
-    body_i: str
-    point_i: Pair
-    body_j: str
-    point_j: Pair
     type: Literal["distance"] = "distance"
     law_is_length = True
 

@@ -20,7 +20,17 @@ from refkin.vec import BodyValues, Vec
 
 
 @dataclass(frozen=True, kw_only=True)
-class Revolute(Constraint):
+class BetweenPoints(Constraint):
+    """What is said of a point of body i and a point of body j, each in the frame of its body [m]."""
+
+    body_i: str
+    point_i: Pair
+    body_j: str
+    point_j: Pair
+
+
+@dataclass(frozen=True, kw_only=True)
+class Revolute(BetweenPoints):
     """Two points coincide, d = 0; or, by an `offset_law`, two functions of time keep them apart: d - f(t) = 0 (J3) [m].
 
     The offset leads from point i to point j, in the ground frame. (The source has the bodies the other way round:
@@ -29,10 +39,6 @@ class Revolute(Constraint):
 
     rows = 2
     law_is_length = True
-    body_i: str
-    point_i: Pair
-    body_j: str
-    point_j: Pair
     offset_law: tuple[AnyLaw, AnyLaw] | None = None
     type: Literal["revolute"] = "revolute"
 
@@ -67,14 +73,10 @@ class Revolute(Constraint):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Fixed(Constraint):
+class Fixed(BetweenPoints):
     """Two bodies move as one: d = 0 and phi_j - phi_i = angle (J4) [rad]."""
 
     rows = 3
-    body_i: str
-    point_i: Pair
-    body_j: str
-    point_j: Pair
     angle: float = 0.0
     type: Literal["fixed"] = "fixed"
 
@@ -100,15 +102,11 @@ class Fixed(Constraint):
 
 
 @dataclass(frozen=True, kw_only=True)
-class PointOnLine(Constraint):
+class PointOnLine(BetweenPoints):
     """A point of body j stays on a line of body i: axis_i x d = n . d = 0 (J5) with n the unit normal of the axis."""
 
     rows = 1
-    body_i: str
-    point_i: Pair
     axis_i: Pair
-    body_j: str
-    point_j: Pair
     type: Literal["point_on_line"] = "point_on_line"
 
     def elements(self) -> Iterator[Element]:
@@ -141,15 +139,11 @@ class PointOnLine(Constraint):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Prismatic(Constraint):
+class Prismatic(BetweenPoints):
     """Body j slides along an axis of body i and does not turn on it: n . d = 0, phi_j - phi_i = angle (J6) [rad]."""
 
     rows = 2
-    body_i: str
-    point_i: Pair
     axis_i: Pair
-    body_j: str
-    point_j: Pair
     angle: float = 0.0
     type: Literal["prismatic"] = "prismatic"
 
@@ -178,14 +172,10 @@ class Prismatic(Constraint):
 
 
 @dataclass(frozen=True, kw_only=True)
-class Distance(Constraint):
+class Distance(BetweenPoints):
     """Two points keep a distance, as the ends of a massless link do: (d . d - length^2) / (2 length) = 0 (J7)."""
 
     rows = 1
-    body_i: str
-    point_i: Pair
-    body_j: str
-    point_j: Pair
     length: float
     type: Literal["distance"] = "distance"
 

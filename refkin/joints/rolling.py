@@ -9,7 +9,7 @@ from typing import Any, Literal
 from refkin.errors import Fault
 from refkin.joints.base import Blocks, Constraint, Rows, Unit
 from refkin.joints.elements import Element, Pair, RollingOnLine, RollingWheels
-from refkin.joints.planar import PointOnLine, axis_faults, direction, ends_of
+from refkin.joints.planar import BetweenPoints, PointOnLine, axis_faults, direction, ends_of
 from refkin.vec import BodyValues, Scalar
 
 
@@ -65,7 +65,7 @@ class Gear(Constraint):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RackAndPinion(Constraint):
+class RackAndPinion(BetweenPoints):
     """A wheel rolls on a straight rack: axis_i . d - s0 - radius (phi_j - phi_i - phi0) = 0 (J9).
 
     Body i is the rack, and carries the axis (in its own frame, of any length); body j is the pinion, with its centre at
@@ -76,11 +76,7 @@ class RackAndPinion(Constraint):
     """
 
     rows = 1
-    body_i: str
-    point_i: Pair
     axis_i: Pair
-    body_j: str
-    point_j: Pair
     radius: float
     phi0: float = 0.0
     s0: float = 0.0

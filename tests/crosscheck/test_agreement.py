@@ -27,7 +27,7 @@ from crosscheck.judge.violations import NOT_KNOWN, violations
 from crosscheck.scenes.drawing import draw
 from refkin.errors import RefkinError
 from refkin.model import Mechanism
-from refkin.scenes.linkages import Branch
+from refkin.scenes.linkages import RSSP, Branch
 
 ROOT = Path(__file__).parent.parent.parent
 EXAMPLE = ROOT / "examples" / "test_own_solver.py"
@@ -217,6 +217,14 @@ def test_a_scene_that_hypothesis_shows_can_be_pasted(number):
     scene = draw(20261122, number, 3).scene
 
     assert eval(pretty(scene), names) == scene
+
+
+def test_spatial_linkages_and_their_joints_that_hypothesis_shows_can_be_pasted():
+    names = {name: getattr(refkin, name) for name in refkin.__all__}
+    linkage = RSSP(crank=1.0, rod=3.0, guide=(0.5, 0.0, 0.0), axis=(1.0, 0.5, 0.25))
+
+    assert eval(pretty(linkage), {"RSSP": RSSP}) == linkage
+    assert [eval(pretty(joint), names) for joint in linkage.joints()] == [*linkage.joints()]
 
 
 def test_what_strategies_beyond_linkages_yield_can_be_pasted():

@@ -52,8 +52,26 @@ def pictured(scene: Scene, pose: Mapping[str, Sequence[float]]) -> Picture:
     return Picture(Drawing(scene, engine_motion(scene.times, scene.wanted, q, None, None, (Status.OK,), producer)))
 
 
+class Shown:
+    """What shows itself: as a picture in a notebook, and as text that can be pasted."""
+
+    def plot(self) -> Picture:
+        """Return a picture."""
+        raise NotImplementedError
+
+    def _repr_svg_(self) -> str | None:
+        try:
+            return self.plot().svg
+        except DoesNotAssemble:
+            return None
+
+    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
+        """Show the text of `repr`, where IPython and Hypothesis would show class variables as arguments."""
+        printer.text(repr(self))
+
+
 @dataclass(frozen=True)
-class Linkage:
+class Linkage(Shown):
     """A linkage with one input: the coordinate that a driver holds, phi of `driven` against `relative_to` or a slide.
 
     Raises
@@ -193,13 +211,8 @@ class Linkage:
         driver = self.driver(law, driven, relative_to)
         size = self.mechanism(driver).size()
         margin = self.closure_margin(values[0], driven, relative_to)
-        return Scene(
-            mechanism=self.mechanism(driver, rough(pose, size, margin)),
-            times=tuple(times),
-            name=name or f"{type(self).__name__} {branch}",
-            effects=frozenset(member(Effect, effect, "effects") for effect in effects),
-            evidence=frozenset(member(Evidence, kind, "evidence") for kind in evidence),
-        )
+        mechanism = self.mechanism(driver, rough(pose, size, margin))
+        return scene_of(mechanism, times, name or f"{type(self).__name__} {branch}", effects, evidence)
 
     def plot(
         self,
@@ -231,13 +244,6 @@ class Linkage:
         mechanism = self.mechanism(self.driver(Polynomial(coefficients=(value,)), driven, relative_to), pose)
         scene = Scene(mechanism=mechanism, times=(0.0,), name=type(self).__name__)
         return pictured(scene, pose)
-
-    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
-        """Show the text that can be pasted, where IPython and Hypothesis would show class variables as arguments."""
-        printer.text(repr(self))
-
-    def _repr_svg_(self) -> str | None:
-        return self.plot().svg if self.input_range() else None
 
     def _input(self, coordinate: float, driven: str) -> float:
         """Return the input at which the coordinate of its driver has this value."""
@@ -298,6 +304,23 @@ def member(kind: type[AMember], value: str, key: str) -> AMember:
         return kind(value)
     except ValueError:
         raise InvalidScene([Fault(key, value, " or ".join(kind))], "linkage") from None
+
+
+def scene_of(
+    mechanism: Mechanism,
+    times: Sequence[float],
+    name: str,
+    effects: Collection[Effect | str],
+    evidence: Collection[Evidence | str],
+) -> Scene:
+    """Return the scene of a mechanism at times [s]; effects and evidence by their names, too."""
+    return Scene(
+        mechanism=mechanism,
+        times=tuple(times),
+        name=name,
+        effects=frozenset(member(Effect, effect, "effects") for effect in effects),
+        evidence=frozenset(member(Evidence, kind, "evidence") for kind in evidence),
+    )
 
 
 def uniform_law(speed: float, turns: float, samples: int, start: float) -> tuple[Law, Sequence[float]]:

@@ -11,21 +11,14 @@ from dataclasses import dataclass
 from typing import Any, ClassVar
 
 from refkin.errors import Fault, InvalidScene
-from refkin.joints import (
-    Constraint,
-    Driver,
-    SpatialAngleDriver,
-    SpatialRevolute,
-    Spherical,
-    Triple,
-)
+from refkin.joints import Constraint, Driver, SpatialAngleDriver, SpatialRevolute, Spherical, Triple
 from refkin.joints.spatial import Form
 from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Effect, Evidence, Mechanism, Scene
 from refkin.motion_laws import Law, Polynomial
 from refkin.output.picture import Picture
-from refkin.scenes.linkages.base import Branch, given_law, law_keys, member, pictured, uniform_law
+from refkin.scenes.linkages.base import Branch, Shown, given_law, law_keys, member, pictured, scene_of, uniform_law
 from refkin.scenes.linkages.closures import DoesNotAssemble
 
 X, Y, Z, AT = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.0, 0.0)
@@ -63,7 +56,7 @@ def spherical(name: str, i: str, point_i: Triple, j: str, point_j: Triple) -> Sp
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpatialLinkage:
+class SpatialLinkage(Shown):
     """A spatial linkage with one input, the angle of its joint `R1` (of a screw jack `H1`).
 
     Raises
@@ -110,12 +103,6 @@ class SpatialLinkage:
         scene = self.scene(law=Polynomial(coefficients=(value,)), times=(0.0,), branch=branch)
         return pictured(scene, self.assemble(value, branch))
 
-    def _repr_svg_(self) -> str | None:
-        try:
-            return self.plot().svg
-        except DoesNotAssemble:
-            return None
-
     def _poses(self, value: float, sign: int) -> Iterator[tuple[str, Place]]:
         raise NotImplementedError
 
@@ -152,14 +139,7 @@ class SpatialLinkage:
         """
         law, times = uniform_law(speed, turns, samples, start) if law is None else (law, given_law(law, times))
         poses = self.assemble(float(law(times[0])), branch)
-        return Scene(
-            mechanism=Mechanism(
-                tuple(Body(name=body, estimate=tuple(round(x, ROUGH) for x in pose)) for body, pose in poses.items()),
-                self.joints(),
-                self.drivers(law),
-            ),
-            times=tuple(times),
-            name=name or f"{type(self).__name__} {member(Branch, branch, 'branch')}",
-            effects=frozenset(member(Effect, effect, "effects") for effect in effects),
-            evidence=frozenset(member(Evidence, kind, "evidence") for kind in evidence),
-        )
+        bodies = (Body(name=body, estimate=tuple(round(x, ROUGH) for x in pose)) for body, pose in poses.items())
+        mechanism = Mechanism(tuple(bodies), self.joints(), self.drivers(law))
+        branch = member(Branch, branch, "branch")
+        return scene_of(mechanism, times, name or f"{type(self).__name__} {branch}", effects, evidence)
