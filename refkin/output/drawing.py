@@ -27,8 +27,7 @@ from refkin.joints.elements import (
 )
 from refkin.model import Scene
 from refkin.motion import Motion, point_motion
-from refkin.output.shapes import Shape
-from refkin.output.spatial import VIEW, block, features_of_joints, triad
+from refkin.output.spatial import VIEW, Shape, block, features_of_joints, triad
 
 RATES = ("velocity", "acceleration")
 LONGEST = 0.25

@@ -12,7 +12,7 @@ from matplotlib.markers import CARETUP
 from matplotlib.patches import Circle, Polygon
 
 from refkin.output.drawing import Drawing, NothingToDraw
-from refkin.output.shapes import Shape
+from refkin.output.spatial import Shape
 from refkin.output.svg import STYLES, frames_of
 
 RESOLUTION = 110

@@ -1,4 +1,4 @@
-"""What there is to see of a mechanism of space: from a place at its right, in front and above, without perspective.
+"""Shapes; and what there is to see of a mechanism of space: from its right, in front and above, without perspective.
 
 Axes of joints are drawn through their points: short ones where a body turns, long ones where it slides; a square where
 a point stays in a plane.
@@ -8,13 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from itertools import groupby
 from typing import Any
 
 import numpy as np
 
 from refkin.joints import AxesPerpendicular, Element, PointInPlane, PointOnAxis
-from refkin.output.shapes import Shape
 
 AZIMUTH, ELEVATION = math.radians(-60.0), math.radians(25.0)
 """Where it is seen from: turned from the x axis about z, and above the plane of x and y [rad]."""
@@ -23,6 +23,25 @@ VIEW = np.array([[-_S, _C, 0.0], [-_C * _UP, -_S * _UP, math.cos(ELEVATION)]])
 """From points of space to those of the picture."""
 HINGE, GUIDE, SQUARE, TRIAD, BLOCK = 0.12, 0.75, 0.5, 0.3, 0.05
 """Half of an axis, of a line to slide along, of a side of a plane; axes of the ground; half of a block [sizes]."""
+
+
+@dataclass(frozen=True)
+class Shape:
+    """A line, an outline or a circle.
+
+    Attributes
+    ----------
+    role : str
+        What it shows: ground, guide, axis, body, slider, link, wheel, pin, curve, velocity or acceleration.
+    points : (2, K) or (3, K) array
+        [m], in the frame of the part; or as they are seen, (2, K).
+    radius : float
+        Of a circle around the one point [m].
+    """
+
+    role: str
+    points: Any
+    radius: float = 0.0
 
 
 def features_of_joints(elements: Sequence[Element], name: str, size: float) -> Iterator[Shape]:

@@ -10,7 +10,7 @@ import numpy as np
 
 from refkin.joints import PLANE
 from refkin.output.drawing import Drawing, Link, Part
-from refkin.output.shapes import Shape
+from refkin.output.spatial import Shape
 
 WIDTH, MARGIN, TALLEST = 640, 36, 720
 """Pixels: of the picture, around the mechanism, and of the height at most."""

@@ -27,7 +27,7 @@ from refkin.proof.path.curve import Crossing, Curve
 from refkin.proof.path.tracing import Trace, Tracer
 from refkin.proof.path.tracing import TraceEnd as PathEnd
 from refkin.proof.pose.isolate import isolate
-from refkin.solving.patience import said_if_long
+from refkin.solving.limits import said_if_long
 from refkin.solving.starts import find_start
 from refkin.system import System, compile_system
 

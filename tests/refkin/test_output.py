@@ -16,7 +16,7 @@ import pytest
 import refkin
 from refkin.motion import ContactMotion
 from refkin.output import Drawing, NothingToDraw, animated, raster, still
-from refkin.output.shapes import Shape
+from refkin.output.spatial import Shape
 from refkin.output.svg import MARGIN, WIDTH
 from refkin.output.tables import MissingPackage, long, wide
 from refkin.scenes.linkages import RSSP, Hooke

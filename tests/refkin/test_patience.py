@@ -8,8 +8,8 @@ import time
 import pytest
 
 import refkin
-from refkin.solving import patience
-from refkin.solving.patience import said_if_long
+from refkin.solving import limits
+from refkin.solving.limits import said_if_long
 
 
 def waited_for(condition) -> bool:
@@ -21,9 +21,9 @@ def waited_for(condition) -> bool:
 
 @pytest.fixture
 def hurried(monkeypatch):
-    monkeypatch.setattr(patience, "LOOK", 0.005)
-    monkeypatch.setattr(patience, "LONG", 0.01)
-    assert waited_for(lambda: patience._WATCH.thread is None)
+    monkeypatch.setattr(limits, "LOOK", 0.005)
+    monkeypatch.setattr(limits, "LONG", 0.01)
+    assert waited_for(lambda: limits._WATCH.thread is None)
 
 
 def test_a_solve_that_takes_long_says_so_before_it_ends(hurried, monkeypatch, caplog):
@@ -57,13 +57,13 @@ def test_what_is_said_of_a_path_is_said_while_it_is_followed(hurried, caplog):
 
 
 def test_what_is_over_in_time_says_nothing_and_leaves_no_thread(monkeypatch, caplog):
-    monkeypatch.setattr(patience, "LOOK", 0.005)
+    monkeypatch.setattr(limits, "LOOK", 0.005)
     for _ in range(3):
         with said_if_long("nothing"):
             pass
 
-    assert waited_for(lambda: patience._WATCH.thread is None)
-    assert not patience._WATCH.begun
+    assert waited_for(lambda: limits._WATCH.thread is None)
+    assert not limits._WATCH.begun
     assert not caplog.messages
 
 
