@@ -333,12 +333,13 @@ def refined(system: System, start: Array, t: float) -> Array | None:
         A guess of the pose at time t [s], in the system's coordinates.
     """
     result = position(system, start, t, max_iterations=30)
-    if result.converged and closes(system, result.q, t):
-        return result.q
+    q: Array = result.q
+    if result.converged and closes(system, q, t):
+        return q
     least = levenberg_marquardt(lambda q: system.phi(q, t), lambda q: system.phi_q(q, t), start)
     if not least.converged:
         return None
-    q: Array = polished(least, position(system, least.q, t, max_iterations=30))
+    q = polished(least, position(system, least.q, t, max_iterations=30))
     return q if closes(system, q, t) else None
 
 
