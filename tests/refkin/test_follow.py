@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import FourBar, Polynomial, SliderCrank, compile_system
+from refkin import Body, FourBar, Polynomial, Revolute, SliderCrank, XDriver, YDriver, compile_system
 from refkin.proof.path.curve import Curve
 from refkin.proof.path.tracing import TraceEnd, Tracer
 from refkin.scenes.linkages import RSSP
@@ -294,6 +294,44 @@ def test_long_steps_of_a_linkage_with_redundant_rows_stay_on_its_curve(slack):
     assert [event.t for event in path.events] == pytest.approx([event.t for event in alone.events], abs=1e-9)
     assert path["rocker"].phi[-1] == pytest.approx(alone["rocker"].phi[-1], abs=1e-9)
     assert len(path.events) == (slack < 0)
+
+
+def test_two_turning_points_that_a_step_would_go_over_are_both_found():
+    """The height of a coupler's point rests and falls a little while the crank turns by 0.06 rad."""
+    point, angles = (-0.91430943, -2.95), np.linspace(0.0, 2 * np.pi, 20001)
+
+    def pose(angle):
+        return ROCKER.assemble(float(angle), "open")
+
+    def height(angle):
+        _, y, phi = pose(angle)["coupler"]
+        return y + np.sin(phi) * point[0] + np.cos(phi) * point[1]
+
+    rising = np.diff([height(angle) for angle in angles]) > 0
+    driver = YDriver(name="lift", body="coupler", point=point, law=Polynomial(coefficients=(0.0, 1.0)))
+    m = driven(ROCKER).mechanism
+    bodies = tuple(replace(b, estimate=pose(1.27)[b.name]) for b in m.bodies)
+    scene = replace(driven(ROCKER, height(1.27)), mechanism=replace(m, bodies=bodies, drivers=(driver,)))
+    path = refkin.follow(scene)
+    turns = sorted(float(event.q[2]) % (2 * np.pi) for event in path.turning_points)
+
+    assert path.end is TraceEnd.CLOSED
+    assert turns == pytest.approx(angles[1:-1][rising[1:] != rising[:-1]].tolist(), abs=2e-3)
+
+
+@pytest.mark.parametrize("slack", [1e-9, -1e-9])
+def test_curves_of_a_small_linkage_beside_a_large_body_do_not_cross_for_its_size(slack):
+    """They pass by each other 3e-5 rad apart; 1e-12 m are much to links of millimetres, not to a body of 1 km."""
+    small = FourBar(ground=4e-3, crank=1e-3, coupler=3.5e-3, rocker=(1.5 + slack) * 1e-3)
+    mast = Body(name="mast", estimate=(0.0, 0.0, np.arccos(0.6)))
+    foot = Revolute(name="foot", body_i="ground", point_i=(0.0, 0.0), body_j="mast", point_j=(0.0, 0.0))
+    tip = XDriver(name="tip", body="mast", point=(1000.0, 0.0), law=Polynomial(coefficients=(600.0,)))
+    m = driven(small, 2.9).mechanism
+    beside = replace(m, bodies=(*m.bodies, mast), joints=(*m.joints, foot), drivers=(*m.drivers, tip))
+    path = refkin.follow(replace(driven(small, 2.9), mechanism=beside), until=(2.9, 3.4))
+
+    assert path.end is TraceEnd.RANGE
+    assert [type(event) for event in path.events] == [TurningPoint] * (slack < 0)
 
 
 def test_time_may_be_the_parameter():

@@ -12,8 +12,8 @@ and mu (after Werner and Spence, SIAM J. Numer. Anal. 21, 1984)
     phi(x) + mu psi = 0     [phi_q, phi_t]^T psi = 0     psi . psi = 1
 
 is regular there, so Newton's method finds the point to round-off. mu tells what it is: 0 at a bifurcation, up to what a
-few roundings of the mechanism's lengths explain; elsewhere it says by how much the curves pass by each other (for a
-four-bar near its change point, about its slack).
+few roundings of the mechanism's numbers explain, each of its own size; elsewhere it says by how much the curves pass by
+each other (for a four-bar near its change point, about its slack).
 
 With z = N a in the plane of null vectors N, phi = 0 asks to second order that psi . phi_xx[z, z] = a^T B a = 0: two
 real directions a if det B < 0, none if det B > 0 (an isolated pose), and no answer to second order if det B = 0.
@@ -27,9 +27,11 @@ from typing import Any
 import numpy as np
 from flint import arb, ctx
 
-from refkin.differences import EPS, jacobian
+from refkin.differences import jacobian
 from refkin.newton import NewtonResult, contracts, newton
+from refkin.proof.numbers.bounded import InputError
 from refkin.proof.numbers.exact import exact_system
+from refkin.proof.numbers.inputs import input_effect
 from refkin.proof.numbers.preconditioned import leading_rows
 from refkin.proof.pose.krawczyk import objects
 from refkin.system import System
@@ -148,8 +150,8 @@ class Curve:
         return result.q
 
 
-ROUND_OFF = 16 * EPS
-"""|mu| up to which curves are taken to cross: what a few roundings of the mechanism's lengths explain [sizes]."""
+ROUNDED = InputError(2.0**-50)
+"""A few roundings of a number: curves cross where they explain mu."""
 BITS = 113
 """Precision in which mu is computed: at an angle of many turns float64 would only give the rounding of the angle."""
 FLAT = 1e-6
@@ -158,17 +160,21 @@ FLAT = 1e-6
 
 @dataclass(frozen=True)
 class Crossing:
-    """A singular point of the curve: x (n + 1,), mu, the form B (2, 2) and the null vectors (n + 1, 2) it is on."""
+    """A singular point of the curve: x (n + 1,), mu, the form B (2, 2) and the null vectors (n + 1, 2) it is on.
+
+    `explained` is the |mu| that rounding of the mechanism's numbers explains.
+    """
 
     x: Any
     mu: float
+    explained: float
     form: Any
     null: Any
 
     @property
     def is_bifurcation(self) -> bool:
         """Whether the curves cross, to round-off."""
-        return abs(self.mu) <= ROUND_OFF
+        return abs(self.mu) <= self.explained
 
     @property
     def is_decided(self) -> bool:
@@ -208,7 +214,9 @@ def crossing(curve: Curve, guess: Any) -> Crossing | None:
     if n > 1 and sizes[-2] <= FLAT:  # more than two curves: this system does not hold their tangents
         return None
     null = directions[-2:].T
-    return Crossing(x, _mu(curve, x, psi, rows), null.T @ curve.bend(x, psi, rows) @ null, null)
+    q, t = curve.pose(x)
+    explained = float(np.abs(psi) @ input_effect(curve.system, q[:, None], np.array([t]), ROUNDED)[rows, 0])
+    return Crossing(x, _mu(curve, x, psi, rows), explained, null.T @ curve.bend(x, psi, rows) @ null, null)
 
 
 def _mu(curve: Curve, x: Any, psi: Any, rows: Any) -> float:

@@ -24,6 +24,8 @@ FASTER = 1.5
 """Factor by which steps grow where the curve is nearly straight."""
 STANDING = 1e-9
 """Part of a tangent along t below which t stands still."""
+CLOSE = 1e-5
+"""Length of a step within which two turning points of t are not told from none."""
 SAME = 1e-7
 """Distance at which a trace has come back to its start."""
 
@@ -134,7 +136,7 @@ class Tracer:
         while h >= SHORTEST and not self.curve.is_locked(x):
             new = self.curve.stepped(x, tangent, h)
             after = None if new is None else self.curve.tangent(new, tangent)
-            if new is not None and tangent @ after >= math.cos(BEND):
+            if new is not None and tangent @ after >= math.cos(BEND) and not _turns_twice(x, tangent, new, after):
                 rows = self.curve.rows(new)
                 sign, _ = self.curve.determinant(new, after, rows)
                 if self.at_crossing or sign == self.curve.determinant(x, tangent, rows)[0]:
@@ -260,6 +262,21 @@ class Tracer:
     def _ended(self, end: TraceEnd) -> Trace:
         self.trace.end = end
         return self.trace
+
+
+def _turns_twice(x: Any, tangent: Any, new: Any, after: Any) -> bool:
+    """Whether t, which goes the same way at both ends of a step, nearly stands still, or turns twice, in between.
+
+    Its rate in the middle, m, follows from the way that t goes (Simpson's rule); the rate is that of the parabola.
+    """
+    length, way = float(np.linalg.norm(new - x)), float(np.sign(tangent[-1]))
+    first, last = way * float(tangent[-1]), way * float(after[-1])
+    if length <= CLOSE or min(first, last) <= 0.0:
+        return False
+    middle = (6 * way * float(new[-1] - x[-1]) / length - first - last) / 4
+    slope, bend = 4 * middle - 3 * first - last, 2 * (first + last - 2 * middle)
+    within = bend > 0.0 and 0.0 < -slope < 2 * bend
+    return within and first - slope * slope / (4 * bend) < min(first, last) / 4
 
 
 def _along_t(size: int) -> Any:
