@@ -70,7 +70,9 @@ def _over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any,
         for rows in choices:
             for bound, of_choice in zip(bounds, _bounds(system, rows, proof.ok, q, t, qd, qdd), strict=True):
                 np.maximum(bound, of_choice, out=bound)
-        return replace(proof, position=bounds[0], velocity=bounds[1], acceleration=bounds[2])
+        lost = np.isnan(bounds[0][proof.ok]).any()
+        why = "some choice of redundant rows is nearly singular: no error bound covers it" if lost else ""
+        return replace(proof, position=bounds[0], velocity=bounds[1], acceleration=bounds[2], why=why)
     asked = np.flatnonzero(proof.ok)
     for first in range(0, len(asked), AT_A_TIME):
         at = asked[first : first + AT_A_TIME]
@@ -142,7 +144,7 @@ def _other_choices(system: System, rows: Any, q: Any, t: Any, most: int) -> list
 
 
 def _bounds(system: System, rows: Any, asked: Any, q: Any, t: Any, qd: Any, qdd: Any) -> list[Any]:
-    """Return the error bounds (3, B) of one choice of rows: 0 where it isolates no pose near the answer."""
+    """Return the error bounds (3, B) of one choice of rows: 0 where its pose is another one, NaN without a proof."""
     proof = certify(system, q, t, qd, qdd, rows=rows)
     bounds = [np.zeros(len(t)) for _ in range(3)]
     for bound, radii in zip(bounds, (proof.radii, proof.velocity, proof.acceleration), strict=True):
@@ -151,8 +153,8 @@ def _bounds(system: System, rows: Any, asked: Any, q: Any, t: Any, qd: Any, qdd:
     for sample in np.flatnonzero(asked & ~proof.ok):
         root = krawczyk(system, q[:, sample], float(t[sample]), rows=rows)
         levels = [None if x is None else x[:, sample] for x in (q, qd, qdd)]
-        if root is not None and np.max(root.distance(levels[0])) <= NEAR:
-            for bound, distance in zip(bounds, root.distances(*levels), strict=False):
+        if root is None or np.max(root.distance(levels[0])) <= NEAR:
+            for bound, distance in zip(bounds, root.distances(*levels) if root else [np.nan] * 3, strict=False):
                 bound[sample] = distance
     return bounds
 
