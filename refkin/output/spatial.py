@@ -50,7 +50,7 @@ def features_of_joints(elements: Sequence[Element], name: str, size: float) -> I
         parts = list(group)
         for side in "ij":
             of_body = [e for e in parts if getattr(e, f"body_{side}") == name]
-            points = [p for e in of_body for body, p in e.ends if body == name and p == getattr(e, f"point_{side}")]
+            points = [p for e in of_body for body, p in e.ends if body == name]
             axes = [a for e in of_body if (a := getattr(e, f"axis_{side}", None)) is not None]
             if not axes:
                 continue
