@@ -9,7 +9,7 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
-from crosscheck.engines.exudyn.solve import bear_redundant_rows, solved
+from crosscheck.engines.exudyn.solve import solved
 from crosscheck.scenes.workloads import Chain
 from refkin.joints import Unit
 from refkin.model import Scene
@@ -34,26 +34,13 @@ class Direct:
         model = self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit)
         if any(block.cylinder is not None for _, block in model.blocks):
             raise EngineError("a driven distance is set anew at each time, which the direct Newton does not do")
-        self.settings = quiet_settings()
-        self.settings.staticSolver.newton.relativeTolerance = 0.0
-        self.settings.staticSolver.newton.absoluteTolerance = tolerance
-        bear_redundant_rows(self.settings, model)
-        model.solver.InitializeSolver(model.mbs, self.settings)
-        self.live = [model.n + row for row in model.live]
-        self.still = np.zeros(model.n)
-        self.laws = [
-            [
-                tuple((float(law(t, i)) - (0.0 if i else shift)) / size for i in range(3))
-                for law, shift, size in model.clock.laws
-            ]
-            for t in scene.times
-        ]
+        model.clock.tabulate(scene.times, 2)  # the laws themselves would be a good part of the time
 
     def solve(self, order: int) -> list[Any]:
         """Return coordinates and rates (n, T) up to an order, NaN where its Newton does not converge."""
         out = np.full((order + 1, self.model.n, len(self.t)), np.nan)
-        for k, values in enumerate(self.laws):
-            self.model.clock.values[:] = values  # the laws themselves would be a good part of the time
+        for k, t in enumerate(self.t):
+            self.model.clock.set(t, 2)
             out[0, :, k] = self._position(self._guess(out, k))
             if order:
                 self._rates(out[:, :, k])
@@ -75,23 +62,19 @@ class Direct:
         model = self.model
         for tolerance in (self.tolerance, max(self.tolerance, BARE)):
             model.data.SetODE2Coordinates(guess, CURRENT)
-            model.solver.newton.absoluteTolerance = tolerance
             try:
-                if model.solver.Newton(model.mbs, self.settings):
+                if model.newton(tolerance):
                     return model.data.GetODE2Coordinates(CURRENT)
-            except (exu.SolverError, exu.InternalError):
+            except EngineError:
                 break
         return np.full(model.n, np.nan)
 
     def _rates(self, levels: Any) -> None:
         """Fill in velocity, and acceleration if there is room for it; exudyn is at the pose already."""
-        model, solver = self.model, self.model.solver
-        model.data.SetODE2Coordinates_t(self.still, CURRENT)
-        solver.ComputeAlgebraicEquations(model.mbs, True)
-        right = -solver.GetSystemResidual()[self.live]
-        solver.ComputeJacobianODE2RHS(model.mbs, scalarFactor_ODE2=0, scalarFactor_ODE2_t=0, scalarFactor_ODE1=0)
-        solver.ComputeJacobianAE(model.mbs)
-        jacobian = solver.GetSystemJacobian()[self.live, : model.n]
+        model = self.model
+        model.data.SetODE2Coordinates_t(model.still, CURRENT)
+        right = -model.equations(of_velocity=True)[model.live]
+        jacobian = model.slopes()[model.live]
         qd = levels[1] = solved(jacobian, right)
         if len(levels) > 2:
             model.data.SetODE2Coordinates_t(qd, CURRENT)

@@ -9,7 +9,8 @@ exudyn does no velocity or acceleration analysis and exposes no linear solver, s
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from contextlib import closing
 from dataclasses import replace
 
 import exudyn as exu
@@ -33,13 +34,21 @@ from crosscheck.engines import (
 )
 from crosscheck.engines.exudyn.effects import EFFECTS
 from crosscheck.engines.exudyn.features import FEATURES, INITIAL, with_initial_accelerations
-from crosscheck.engines.exudyn.model import ExudynModel, quiet_settings
-from crosscheck.engines.exudyn.solve import ExudynEquations, ShippedSolve, StaticNewton, in_metres
+from crosscheck.engines.exudyn.model import ExudynModel
+from crosscheck.engines.exudyn.parts import Builder
+from crosscheck.engines.exudyn.solve import (
+    ExudynEquations,
+    ShippedSolve,
+    StaticNewton,
+    in_metres,
+    start_of,
+    stopped_at,
+)
 from crosscheck.engines.exudyn.space import ExudynSpaceRows
-from crosscheck.engines.exudyn.space_solve import shipped_stop, space_solved
+from crosscheck.engines.exudyn.space_solve import SpaceModel
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.scenes.names import called_for, order_of
-from refkin.joints import SI, PointDistance, Unit, elements_of
+from refkin.joints import SI, PointDistance, elements_of
 from refkin.model import Effect, Scene
 from refkin.motion import Motion, Producer, Route, engine_motion
 
@@ -101,6 +110,8 @@ class Exudyn(SimulatingAdapter):
     name = "exudyn"
     package, table, effects = exu, CAPABILITIES, EFFECTS
     solving, special = (STATIC, SHIPPED), FEATURES
+    _stop: tuple[Scene, Term] | None = None
+    """The scene that `shipped` solved last, and where it stopped: its terms are asked for next."""
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return what exudyn's stopping rule leaves of the residual: on `static` nothing above round-off.
@@ -112,11 +123,19 @@ class Exudyn(SimulatingAdapter):
         """
         if route in (None, STATIC, INITIAL):
             return ()
-        refuse_joints(self, scene, route, self.routes())
-        _refuse_lost(scene)
+        if self._stop is None or self._stop[0] is not scene:
+            refuse_joints(self, scene, route, self.routes())
+            _refuse_lost(scene)
+            with closing(self._model(scene, SHIPPED)) as model:
+                self._stop = scene, model.stop(scene)
+        return (self._stop[1],)
+
+    def _model(self, scene: Scene, route: Route) -> PlaneModel | SpaceModel:
         if in_space(scene.mechanism):
-            return (shipped_stop(scene),)
-        return (_shipped_stop(scene),)
+            refuse_in_space(self, route, self.routes(), self.effect)
+            return SpaceModel(scene, shipped=route == SHIPPED)
+        more = None if self.effect is None else EFFECTS[self.effect].switch
+        return PlaneModel(scene, shipped=route == SHIPPED, more=more)
 
     def constraints(self, scene: Scene) -> ConstraintModel:
         """Return exudyn's rows of the joints and drivers that it does not refuse, in metres."""
@@ -136,20 +155,14 @@ class Exudyn(SimulatingAdapter):
         route = STATIC if route is None else route
         refuse_joints(self, scene, route, (*self.routes(), *FEATURES))
         _refuse_lost(scene)
-        if in_space(scene.mechanism):
-            refuse_in_space(self, route, self.routes(), self.effect)
-            producer = Producer(name=self.name, version=self.version(), route=route)
-            return space_solved(scene, producer, shipped=route == SHIPPED)
-        if route == INITIAL:
+        if route == INITIAL and not in_space(scene.mechanism):
             whole = replace(scene, bodies_wanted=None, effects=scene.effects | {Effect.VELOCITY})
             return with_initial_accelerations(scene, self.solve(whole, STATIC), scene.mechanism.unit())
-        unit = scene.mechanism.unit() if route == STATIC else SI
-        more = None if self.effect is None else EFFECTS[self.effect].switch
-        model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit, more=more)
-        try:
-            return _motion(model, scene, unit, Producer(name=self.name, version=self.version(), route=route))
-        finally:
-            model.close()
+        producer = Producer(name=self.name, version=self.version(), route=route)
+        with closing(self._model(scene, route)) as model:
+            if route == SHIPPED:
+                self._stop = scene, model.stop(scene)
+            return model.solve(scene, producer)
 
 
 def _refuse_lost(scene: Scene) -> None:
@@ -158,47 +171,44 @@ def _refuse_lost(scene: Scene) -> None:
         raise EngineError(f"exudyn needs a start: no estimate for {', '.join(lost)}")
 
 
-def _shipped_stop(scene: Scene) -> Term:
-    """Return what SolveStatic leaves of the residual in metres and rad, all rows together, in the scaled residual.
+class PlaneModel:
+    """exudyn's model of a scene of the plane: in sizes, or in metres with its own settings, `shipped`."""
 
-    It stops at the larger of an absolute norm and a part of the norm it started with. A start is the last pose, where
-    only the drivers' rows are not zero, and at the first time the estimate. The row of a distance driver is exudyn's
-    |d| - f times f.
-    """
-    newton = quiet_settings().staticSolver.newton
-    model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints)
-    start = np.array([body.estimate for body in scene.mechanism.bodies], float).ravel()
-    try:
-        norms = [float(np.linalg.norm(model.residual(start, scene.times[0])))]
-    finally:
-        model.close()
-    size = scene.mechanism.size()
-    laws = [law for driver in scene.mechanism.drivers for law in driver.laws]
-    t = np.array(scene.times)
-    values = np.array([np.broadcast_to(law(t, 0), t.shape) for law in laws])
-    norms += np.linalg.norm(np.diff(values), axis=0).tolist() if laws else []
-    stop = max(newton.absoluteTolerance, newton.relativeTolerance * max(norms))
-    driven = [e for e in elements_of(scene.mechanism.constraints) if isinstance(e, PointDistance) and e.laws]
-    lengths = [float(np.max(np.abs(e.laws[0](t, 0)))) for e in driven]
-    return Term(
-        name="stopping rule",
-        level="position",
-        reason=f"SolveStatic stops at a residual of {stop:.1e} m or rad by its default tolerances",
-        absolute=stop * max(1.0, 1.0 / size) * max([1.0, *(length / size for length in lengths)]),
-    )
+    def __init__(self, scene: Scene, *, shipped: bool, more: Callable[[Builder], None] | None = None) -> None:
+        self.unit = SI if shipped else scene.mechanism.unit()
+        self.size = scene.mechanism.size() if shipped else 1.0
+        self.start = start_of(scene, self.unit)
+        self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, self.unit, more=more)
+        self.solver = ShippedSolve(self.model, self.size) if shipped else StaticNewton(self.model)
 
+    def close(self) -> None:
+        """Free what exudyn holds."""
+        self.model.close()
 
-def _motion(model: ExudynModel, scene: Scene, unit: Unit, producer: Producer) -> Motion:
-    """Return the poses of the wanted bodies in metres, NaN where there is no answer."""
-    start = np.array([body.estimate for body in scene.mechanism.bodies], float)
-    start[:, :2] = (start[:, :2] - unit.origin) / unit.size
-    at_best = producer.route == STATIC
-    solver = StaticNewton(model) if at_best else ShippedSolve(model, scene.mechanism.size() / unit.size)
-    equations = ExudynEquations(model, scene, solver)
-    poses = equations.march(start.ravel(), scene.times, order_of(scene))
-    status, message = equations.status(poses, scene.times)
-    names = [body.name for body in scene.mechanism.bodies]
-    wanted = [3 * names.index(name) + k for name in scene.wanted for k in range(3)]
-    levels = called_for(scene, [level[wanted] for level in in_metres(unit, poses.levels)])
-    more = {"residual": poses.residual, "message": message}
-    return engine_motion(scene.times, scene.wanted, *levels, status, producer, **more)
+    def solve(self, scene: Scene, producer: Producer) -> Motion:
+        """Return the poses of the wanted bodies in metres, NaN where there is no answer."""
+        equations = ExudynEquations(self.model, scene, self.solver)
+        poses = equations.march(self.start, scene.times, order_of(scene))
+        status, message = equations.status(poses, scene.times)
+        names = [body.name for body in scene.mechanism.bodies]
+        wanted = [3 * names.index(name) + k for name in scene.wanted for k in range(3)]
+        levels = called_for(scene, [level[wanted] for level in in_metres(self.unit, poses.levels)])
+        more = {"residual": poses.residual, "message": message}
+        return engine_motion(scene.times, scene.wanted, *levels, status, producer, **more)
+
+    def stop(self, scene: Scene) -> Term:
+        """Return what SolveStatic leaves of the residual in metres and rad, all rows together, in the scaled residual.
+
+        The row of a distance driver is exudyn's |d| - f times f.
+        """
+        elements, t = list(elements_of(scene.mechanism.constraints)), np.array(scene.times)
+        values = np.array([law(t, 0) + 0.0 * t for driver in scene.mechanism.drivers for law in driver.laws])
+        left = stopped_at(self.model.residual(self.start, scene.times[0]), values)
+        driven = [e for e in elements if isinstance(e, PointDistance) and e.laws]
+        lengths = [float(np.max(np.abs(e.laws[0](t, 0)))) / self.size for e in driven]
+        return Term(
+            name="stopping rule",
+            level="position",
+            reason=f"SolveStatic stops at a residual of {left:.1e} m or rad by its default tolerances",
+            absolute=left * max(1.0, 1.0 / self.size) * max([1.0, *lengths]),
+        )

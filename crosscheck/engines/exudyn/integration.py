@@ -15,8 +15,8 @@ import exudyn as exu
 import numpy as np
 
 from crosscheck.engines import EngineError
-from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
-from crosscheck.engines.exudyn.solve import StaticNewton, bear_redundant_rows, solved
+from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows, quiet_settings
+from crosscheck.engines.exudyn.solve import StaticNewton, solved
 from refkin.joints import PointDistance, Unit, elements_of
 from refkin.model import Scene
 
@@ -58,7 +58,8 @@ class Integration:
         model.mbs.SetPostStepUserFunction(partial(_keep, levels, steps, itertools.count()))
         with suppress(exu.SolverError, exu.InternalError):  # the times that were not reached have no answer
             settings = _settings(self.times, steps, radius)
-            bear_redundant_rows(settings, model)
+            if model.redundant:
+                bear_redundant_rows(settings)
             model.mbs.SolveDynamic(settings, solverType=kind)
         return levels
 

@@ -18,8 +18,8 @@ from crosscheck.engines import EngineError, EngineRefusal, Level, refusals
 from crosscheck.engines.exudyn.direct import ChainSolver, Direct
 from crosscheck.engines.exudyn.engine import STATIC, Exudyn
 from crosscheck.engines.exudyn.integration import Integration
-from crosscheck.engines.exudyn.model import ExudynModel
-from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, bear_redundant_rows, in_metres, solved
+from crosscheck.engines.exudyn.model import ExudynModel, bear_redundant_rows
+from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, in_metres, solved, start_of
 from crosscheck.engines.exudyn.space_solve import SpaceModel
 from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, of_routes, one_by_one
 from crosscheck.engines.spatial.reading import in_space
@@ -97,7 +97,7 @@ def _direct(tolerance: float, scene: Scene) -> Model:
         kept, producer = SpaceModel(scene, (tolerance,)), Producer(name="exudyn", version="", route=STATIC)
         return Model(lambda order: kept.solve(replace(scene, effects=ORDERS[order]), producer), levels_of)
     unit = scene.mechanism.unit()
-    direct = Direct(_checked(scene), unit, _estimate(scene, unit), tolerance)
+    direct = Direct(_checked(scene), unit, start_of(scene, unit), tolerance)
     return Model(direct.solve, partial(in_metres, unit))
 
 
@@ -118,7 +118,8 @@ def _static(tolerance: float, scene: Scene) -> Model:
     step = ShippedSolve(at.model, 1.0)
     step.settings.staticSolver.newton.absoluteTolerance = tolerance
     step.settings.staticSolver.newton.relativeTolerance = 0.0
-    bear_redundant_rows(step.settings, at.model)
+    if at.model.redundant:
+        bear_redundant_rows(step.settings)
     return at.by(step)
 
 
@@ -129,7 +130,7 @@ def _newton(tolerance: float, scene: Scene) -> Model:
 
 def _integrated(kind: Any, radius: float | None, steps: int, scene: Scene) -> Model:
     unit = scene.mechanism.unit()
-    integration = Integration(_checked(scene), unit, _estimate(scene, unit))
+    integration = Integration(_checked(scene), unit, start_of(scene, unit))
     return Model(partial(integration.solve, kind, radius, steps), partial(in_metres, unit))
 
 
@@ -139,7 +140,7 @@ class Static:
     def __init__(self, scene: Scene, unit: Unit) -> None:
         self.scene, self.unit = scene, unit
         self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints, unit)
-        self.start = _estimate(scene, unit)
+        self.start = start_of(scene, unit)
 
     def by(self, step: Any) -> Model:
         """Return the model that goes from pose to pose by `step`, (t, start) -> pose."""
@@ -166,9 +167,3 @@ class Static:
         levels[1][:, k] = qd
         if order > 1:
             levels[2][:, k] = solved(jacobian, model.drift(q, qd, t)[live])
-
-
-def _estimate(scene: Scene, unit: Unit) -> Any:
-    start = np.array([body.estimate for body in scene.mechanism.bodies], float)
-    start[:, :2] = (start[:, :2] - unit.origin) / unit.size
-    return start.ravel()

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
+from contextlib import suppress
 from typing import Any
 
 import exudyn as exu
@@ -16,9 +17,116 @@ from refkin.joints import SI, Constraint, Unit
 from refkin.model import Body
 
 CURRENT = exu.ConfigurationType.Current
+NO_FORCES = {"scalarFactor_ODE2": 0, "scalarFactor_ODE2_t": 0, "scalarFactor_ODE1": 0}
 
 
-class ExudynModel:
+class ExudynSystem:
+    """exudyn's system of a mechanism and its solvers of a pose: what models of the plane and of space share.
+
+    A row that is the length of a driven distance is exudyn's |d| - f, which knows no f'. The map from ours,
+    x = (d . d - f^2) / 2 = y (y + 2 f) / 2, would depend on time; so it is turned into x: x_q = |d| y_q.
+
+    Attributes
+    ----------
+    n, m : int
+        Number of coordinates, and of exudyn's rows.
+    redundant : bool
+        Whether rows may depend on each other.
+    settings : SimulationSettings
+        Those of its static Newton, which stops by an absolute tolerance alone.
+    """
+
+    def __init__(self) -> None:
+        exu.config.printToConsole = False  # for the whole process: exudyn knows no smaller scope
+        exu.config.suppressWarnings = True
+        self.container = exu.SystemContainer()
+        self.mbs = self.container.AddSystem()
+        self.settings = quiet_settings()
+        self.settings.staticSolver.newton.relativeTolerance = 0.0
+
+    def begin(self, *, redundant: bool) -> None:
+        """Set its static solver up for the assembled system."""
+        self.redundant = redundant
+        if redundant:
+            bear_redundant_rows(self.settings)
+        self.data, self.solver = self.mbs.systemData, exu.MainSolverStatic()
+        self.solver.InitializeSolver(self.mbs, self.settings)
+        self.n, self.m = self.solver.GetODE2size(), self.solver.GetAEsize()
+
+    def lengths(self) -> Sequence[tuple[int, float]]:
+        """Return exudyn's row and f of each driven distance at the present time."""
+        raise NotImplementedError
+
+    def equations(self, *, of_velocity: bool = False) -> Array:
+        """Return exudyn's rows (m,) where it stands, as it has them."""
+        try:
+            self.solver.ComputeAlgebraicEquations(self.mbs, of_velocity)
+        except exu.InternalError as error:
+            raise EngineError(f"exudyn: {error}") from error
+        return self.left()
+
+    def left(self) -> Array:
+        """Return exudyn's rows (m,) where they were computed last, be it by its own Newton."""
+        rows: Array = self.solver.GetSystemResidual()[self.n :]
+        return rows
+
+    def squared(self, rows: Array) -> Array:
+        """Return rows that exudyn has as ours: those of driven distances as (d . d - f^2) / 2."""
+        for row, f in self.lengths():
+            rows[row] *= 0.5 * (rows[row] + 2.0 * f)
+        return rows
+
+    def slopes(self, rows: Array | None = None) -> Array:
+        """Return the Jacobian (m, n) of `squared` rows where exudyn stands; `rows` are its own there, if known."""
+        try:
+            # The first call only clears the matrix, to which the second adds.
+            self.solver.ComputeJacobianODE2RHS(self.mbs, **NO_FORCES)
+            self.solver.ComputeJacobianAE(self.mbs)
+        except exu.InternalError as error:
+            raise EngineError(f"exudyn: {error}") from error
+        slopes: Array = self.solver.GetSystemJacobian()[self.n :, : self.n]
+        return self.times_lengths(slopes, rows)
+
+    def times_lengths(self, values: Array, rows: Array | None = None) -> Array:
+        """Return what exudyn has of each row with those of driven distances times |d|, which its row says."""
+        lengths = self.lengths()
+        if lengths:
+            rows = self.equations() if rows is None else rows
+            for row, f in lengths:
+                values[row] *= rows[row] + f
+        return values
+
+    def set_length(self, item: Any, name: str, t: float, length: float) -> None:
+        """Set a driven distance; EngineError if exudyn takes none of that length."""
+        try:
+            self.mbs.SetObjectParameter(item, "distance", length)
+        except exu.ExudynValueError as error:
+            raise EngineError(f"exudyn: driver {name!r} at t = {t!r}: {error}") from error
+
+    def newton(self, tolerance: float) -> bool:
+        """Let its static Newton go from where exudyn stands; return whether it reached a norm of the residual."""
+        self.solver.newton.absoluteTolerance = tolerance
+        try:
+            return bool(self.solver.Newton(self.mbs, self.settings))
+        except (exu.SolverError, exu.InternalError) as error:
+            raise EngineError(f"its Newton stopped: {_first_line(error)}") from error
+
+    def solve_static(self, start: Array, settings: Any) -> None:
+        """Let mbs.SolveStatic go from exudyn's own coordinates; exudyn stands at the answer then."""
+        self.data.SetODE2Coordinates(start, exu.ConfigurationType.Initial)
+        try:
+            success = self.mbs.SolveStatic(settings)
+        except (exu.SolverError, exu.InternalError) as error:
+            raise EngineError(f"SolveStatic: {_first_line(error)}") from error
+        if not success:
+            raise EngineError("SolveStatic reported no success")
+
+    def close(self) -> None:
+        """Free what exudyn holds."""
+        self.container.Reset()
+
+
+class ExudynModel(ExudynSystem):
     """A mechanism in exudyn, at configurations that need not be assembled.
 
     Lengths are in the unit given, metres by default. Arrays returned are fresh copies, columns (x, y, phi) per body.
@@ -38,10 +146,8 @@ class ExudynModel:
 
     Attributes
     ----------
-    n, m : int
-        Number of coordinates, and of exudyn's rows. A row that no RowMap names is empty.
     rows : tuple of RowMap
-        How exudyn's rows follow from ours.
+        How exudyn's rows follow from ours. A row that none names is empty.
     live : list of int
         exudyn's rows that are not empty, in the order of ours.
     """
@@ -58,35 +164,26 @@ class ExudynModel:
     ) -> None:
         if any(c.kind.name == "spatial" for c in constraints):
             raise EngineRefusal("a model of the plane takes no mechanism of space")
-        exu.config.printToConsole = False  # for the whole process: exudyn knows no smaller scope
-        exu.config.suppressWarnings = True
+        super().__init__()
         self.clock = Clock()
         self._distances_at = math.nan
-        self.container = exu.SystemContainer()
-        self.mbs = self.container.AddSystem()
         builder = Builder(self.mbs, bodies, constraints, unit, self.clock, mass)
         if more is not None:
             more(builder)
         self.mbs.Assemble()
-        self.data = self.mbs.systemData
+        data = self.mbs.systemData
         for k, body in enumerate(bodies):
-            columns = list(self.data.GetObjectLTGODE2(builder.bodies[body.name]))
+            columns = list(data.GetObjectLTGODE2(builder.bodies[body.name]))
             if columns != [3 * k, 3 * k + 1, 3 * k + 2]:
                 raise EngineError(f"exudyn keeps the coordinates of body {body.name!r} in columns {columns}")
-        self.blocks = [(self._engine_rows(block), block) for block in builder.blocks]
+        self.blocks = [(list(data.GetObjectLTGAE(b.item))[: len(b.maps)], b) for b in builder.blocks]
         self.rows: Sequence[RowMap] = tuple(row for rows, block in self.blocks for row in _row_maps(rows, block))
         self.live = [row.engine_row for row in self.rows]
         self.read = builder.read
         self._driven = [(rows[0], b, b.cylinder) for rows, b in self.blocks if b.cylinder is not None]
         self.powers = np.array([power for _, block in self.blocks for power in block.powers])
-        self.solver = exu.MainSolverStatic()
-        self.solver.InitializeSolver(self.mbs, quiet_settings())
-        self.n, self.m = self.solver.GetODE2size(), self.solver.GetAEsize()
+        self.begin(redundant=len(self.live) > 3 * len(bodies))
         self.still = np.zeros(self.n)
-
-    def _engine_rows(self, block: Block) -> list[int]:
-        rows = list(self.data.GetObjectLTGAE(block.item))
-        return rows[: len(block.maps)]
 
     def residual(self, q: Array, t: float) -> Array:
         """Return exudyn's residual, (m,).
@@ -98,58 +195,34 @@ class ExudynModel:
             positive.
         """
         self.set_state(q, t)
-        rows = self._algebraic_equations(velocity_level=False)
-        for row, f, _ in self._cylinders():
-            rows[row] *= 0.5 * (rows[row] + 2.0 * f)
-        return rows
+        return self.squared(self.equations())
 
     def jacobian(self, q: Array, t: float) -> Array:
         """Return exudyn's constraint Jacobian, (m, n); raises as `residual` does."""
         self.set_state(q, t)
-        return self._jacobian(self._driven_distances())
-
-    def rows_here(self) -> tuple[Array, Array]:
-        """Return residual (m,) and Jacobian (m, n) where exudyn stands; raises as `residual` does."""
-        rows, cylinders = self._algebraic_equations(velocity_level=False), self._cylinders()
-        jacobian = self._jacobian({row: rows[row] + f for row, f, _ in cylinders})
-        for row, f, _ in cylinders:
-            rows[row] *= 0.5 * (rows[row] + 2.0 * f)
-        return rows, jacobian
-
-    def _jacobian(self, distances: Mapping[int, float]) -> Array:
-        try:
-            # The first call only clears the matrix, to which the second adds.
-            self.solver.ComputeJacobianODE2RHS(
-                self.mbs, scalarFactor_ODE2=0, scalarFactor_ODE2_t=0, scalarFactor_ODE1=0
-            )
-            self.solver.ComputeJacobianAE(self.mbs)
-        except exu.InternalError as error:
-            raise EngineError(f"exudyn: {error}") from error
-        rows: Array = self.solver.GetSystemJacobian()[self.n :, : self.n]
-        for row, distance in distances.items():
-            rows[row] *= distance
-        return rows
+        return self.slopes()
 
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
         """Return exudyn's residual of velocities, phi_q qd + phi_t, (m,); raises as `residual` does."""
         self.set_state(q, t, qd)
-        distances = self._driven_distances()
-        rows = self._algebraic_equations(velocity_level=True)
-        for row, f, fd in self._cylinders():
-            rows[row] = distances[row] * rows[row] - f * fd
+        return self._with_rates(self.times_lengths(self.equations(of_velocity=True)))
+
+    def _with_rates(self, rows: Array) -> Array:
+        """Return rates of rows with what those of driven distances owe to f', which exudyn knows not."""
+        for row, _, law in self._driven:
+            f, fd, _ = self.clock.values[law]
+            rows[row] -= f * fd
         return rows
 
     def at_rest(self, q: Array, times: Sequence[float]) -> Array:
         """Return exudyn's rows of velocity (B, m) at times while bodies rest at q, NaN where exudyn has none."""
         out = np.full((len(times), self.m), math.nan)
+        self.data.SetODE2Coordinates(q, CURRENT)
+        self.data.SetODE2Coordinates_t(self.still, CURRENT)
         for rows, t in zip(out, times, strict=True):
-            try:
-                self.set_state(q, t, self.still)
-                rows[:] = self._algebraic_equations(velocity_level=True)
-            except EngineError:
-                continue
-            for row, f, fd in self._cylinders():
-                rows[row] = -f * fd
+            with suppress(EngineError):
+                self.set_time(t, 1)
+                rows[:] = self._with_rates(self.equations(of_velocity=True))
         return out
 
     def drift(self, q: Array, qd: Array, t: float) -> Array:
@@ -174,7 +247,7 @@ class ExudynModel:
     def close(self) -> None:
         """Free what exudyn holds."""
         self.blocks, self._driven = [], []
-        self.container.Reset()
+        super().close()
 
     def set_state(self, q: Array, t: float, qd: Array | None = None) -> None:
         """Put exudyn at (q, qd, t), with the laws' rates if there is a qd."""
@@ -189,35 +262,12 @@ class ExudynModel:
         if t == self._distances_at:
             return
         for _, block, law in self._driven:
-            try:
-                self.mbs.SetObjectParameter(block.item, "distance", self.clock.values[law][0])
-            except exu.ExudynValueError as error:
-                raise EngineError(f"exudyn: driver {block.constraint!r} at t = {t!r}: {error}") from error
+            self.set_length(block.item, block.constraint, t, self.clock.values[law][0])
         self._distances_at = t
 
-    def _algebraic_equations(self, velocity_level: bool) -> Array:
-        try:
-            self.solver.ComputeAlgebraicEquations(self.mbs, velocity_level)
-        except exu.InternalError as error:
-            raise EngineError(f"exudyn: {error}") from error
-        rows: Array = self.solver.GetSystemResidual()[self.n :]
-        return rows
-
-    def _cylinders(self) -> list[tuple[int, float, float]]:
-        """Return engine row, f and f' of each driven distance.
-
-        exudyn's row is y = |d| - f, and it knows no f'. The map from ours, x = (d . d - f^2) / 2 = y (y + 2 f) / 2,
-        would depend on time; so the model turns y into x: x_q = |d| y_q, x' = |d| |d|' - f f'.
-        """
-        return [(row, self.clock.values[law][0], self.clock.values[law][1]) for row, _, law in self._driven]
-
-    def _driven_distances(self) -> dict[int, float]:
-        """Return |d| of each driven distance by its engine row, as exudyn's own row gives it."""
-        cylinders = self._cylinders()
-        if not cylinders:
-            return {}
-        rows = self._algebraic_equations(velocity_level=False)
-        return {row: rows[row] + f for row, f, _ in cylinders}
+    def lengths(self) -> Sequence[tuple[int, float]]:
+        """Return exudyn's row and f of each driven distance at the present time."""
+        return [(row, self.clock.values[law][0]) for row, _, law in self._driven]
 
 
 def quiet_settings() -> Any:
@@ -225,6 +275,12 @@ def quiet_settings() -> Any:
     settings = exu.SimulationSettings()
     settings.solution.file.write = False
     return settings
+
+
+def bear_redundant_rows(settings: Any) -> None:
+    """Choose a linear solver that bears redundant rows: exudyn's default stops at their matrix."""
+    settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
+    settings.linearSolver.ignoreSingularJacobian = True
 
 
 def _row_maps(engine_rows: list[int], block: Block) -> list[RowMap]:
@@ -239,3 +295,7 @@ def _row_maps(engine_rows: list[int], block: Block) -> list[RowMap]:
         )
         for k, (engine_row, (factor, form)) in enumerate(zip(engine_rows, block.maps, strict=True))
     ]
+
+
+def _first_line(error: Exception) -> str:
+    return str(error).strip().splitlines()[0]

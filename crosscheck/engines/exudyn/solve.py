@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
-import exudyn as exu
 import numpy as np
 
 from crosscheck.engines import Array, EngineError
@@ -47,26 +47,25 @@ class StaticNewton:
         Size of the mechanism in the model's unit.
     accepted : float
         Largest component of the scaled residual with which its answer is believed, for coordinates of order 1.
+    rows : (m,) array
+        exudyn's rows at the pose, as its Newton left them.
     """
 
     predicts = True
     size = 1.0
     accepted = 10.0 * TOLERANCES[-1]
+    rows: Array
 
     def __init__(self, model: ExudynModel) -> None:
         self.model = model
-        self.settings = quiet_settings()
-        self.settings.staticSolver.newton.relativeTolerance = 0.0
-        bear_redundant_rows(self.settings, model)
-        model.solver.InitializeSolver(model.mbs, self.settings)
 
     def __call__(self, t: float, start: Array) -> Array:
         model = self.model
         model.set_state(start, t)
         extent = max(1.0, _largest(start))
         for tolerance in TOLERANCES:
-            done = self._newton(tolerance * extent)
-            left = _largest(model.solver.GetSystemResidual()[model.n :])
+            done, self.rows = model.newton(tolerance * extent), model.left()
+            left = _largest(self.rows)
             if done:
                 q: Array = model.data.GetODE2Coordinates(CURRENT)
                 return q if left <= SETTLED else self._corrected_once_more(q, tolerance * extent)
@@ -77,35 +76,19 @@ class StaticNewton:
     def once(self, t: float, start: Array, tolerance: float) -> Array:
         """Return the pose by one call of exudyn's Newton, stopped at this norm of the residual."""
         self.model.set_state(start, t)
-        if not self._newton(tolerance):
+        if not self.model.newton(tolerance):
             raise EngineError(f"its Newton did not reach {tolerance:g}")
         q: Array = self.model.data.GetODE2Coordinates(CURRENT)
         return q
 
     def _corrected_once_more(self, q: Array, tolerance: float) -> Array:
         """Return the pose without what the tolerance left: exudyn accepts no first residual without a correction."""
-        try:
-            better = self._newton(tolerance)
-        except EngineError:
-            better = False
-        if better:
-            return self.model.data.GetODE2Coordinates(CURRENT)
+        with suppress(EngineError):
+            if self.model.newton(tolerance):
+                self.rows = self.model.left()
+                return self.model.data.GetODE2Coordinates(CURRENT)
         self.model.data.SetODE2Coordinates(q, CURRENT)
         return q
-
-    def _newton(self, tolerance: float) -> bool:
-        self.model.solver.newton.absoluteTolerance = tolerance
-        try:
-            return bool(self.model.solver.Newton(self.model.mbs, self.settings))
-        except (exu.SolverError, exu.InternalError) as error:
-            raise EngineError(f"its Newton stopped: {_first_line(error)}") from error
-
-
-def bear_redundant_rows(settings: Any, model: ExudynModel) -> None:
-    """Choose a linear solver that bears the rows of a model: exudyn's default stops at the matrix of redundant ones."""
-    if len(model.live) > model.n:
-        settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
-        settings.linearSolver.ignoreSingularJacobian = True
 
 
 class ShippedSolve:
@@ -122,14 +105,14 @@ class ShippedSolve:
     def __call__(self, t: float, start: Array) -> Array:
         model = self.model
         model.set_time(t)
-        model.data.SetODE2Coordinates(start, exu.ConfigurationType.Initial)
-        try:
-            success = model.mbs.SolveStatic(self.settings)
-        except (exu.SolverError, exu.InternalError) as error:
-            raise EngineError(f"SolveStatic: {_first_line(error)}") from error
-        if not success:
-            raise EngineError("SolveStatic reported no success")
-        return model.data.GetODE2Coordinates(CURRENT)
+        model.solve_static(start, self.settings)
+        q: Array = model.data.GetODE2Coordinates(CURRENT)
+        return q
+
+    @property
+    def rows(self) -> Array:
+        """The rows of exudyn at the pose."""
+        return self.model.equations()
 
 
 class OwnSolver(Equations):
@@ -227,6 +210,8 @@ class ExudynEquations(OwnSolver):
         self._scale = self.column_scale / self.row_scale[:, None]
         whole = model.live == list(range(model.m))  # nothing to be picked: most mechanisms have no empty row
         self._live: Any = slice(None) if whole else model.live
+        self._weights = np.zeros(model.m)
+        self._weights[model.live] = 1.0 / self.row_scale
         self._at_rest = dict[float, Array]()
         columns = {body.name: 3 * k + 2 for k, body in enumerate(scene.mechanism.bodies)}
         joints = [tuple(elements_of([joint])) for joint in scene.mechanism.joints]
@@ -242,7 +227,8 @@ class ExudynEquations(OwnSolver):
     def _rows(self, q: Array, t: float) -> tuple[Array, Array]:
         try:
             self.model.set_state(q, t)
-            return self.model.rows_here()
+            rows = self.model.equations()
+            return self.model.squared(rows.copy()), self.model.slopes(rows)
         except EngineError:
             return np.full(self.m, np.nan), np.full((self.m, self.model.n), np.nan)
 
@@ -271,11 +257,14 @@ class ExudynEquations(OwnSolver):
         return extrema([law for law, _, _ in self.model.clock.laws], times)
 
     def solved(self, start: Array, t: float) -> tuple[Array, float, Array]:
-        """Return exudyn's pose, its largest residual and Jacobian; EngineError says why there is none."""
-        q = self.solver(t, start * self.column_scale) / self.column_scale
-        residual, jacobian = self.model.rows_here()
-        gap = _largest(residual[self._live] / self.row_scale)
-        if not gap <= self.accepted * max(1.0, _largest(q)):
+        """Return exudyn's pose, its largest residual and Jacobian; EngineError says why there is none.
+
+        Start, pose and Jacobian are in the model's unit, the residual in sizes.
+        """
+        q, rows = self.solver(t, start), self.solver.rows
+        jacobian = self.model.slopes(rows)
+        gap = _largest(self.model.squared(rows) * self._weights)
+        if gap > self.accepted and not gap <= self.accepted * _largest(q / self.column_scale):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
         for held, _, off in self._turned(q):
             if abs(off) > 1.0:
@@ -283,9 +272,10 @@ class ExudynEquations(OwnSolver):
         return q, gap, jacobian
 
     def closed(self, q: Array, t: Array, last: Array | None) -> tuple[Array, Array, Array]:
-        """Return poses, Jacobians and residuals as `OwnSolver`, of rows that are not empty."""
-        poses, jacobians, residuals = super().closed(q, t, last)
-        return poses, self._scaled(jacobians), residuals
+        """Return poses, Jacobians and residuals as `OwnSolver`, in sizes and of rows that are not empty."""
+        scale = self.column_scale
+        poses, jacobians, residuals = super().closed(q * scale, t, None if last is None else last * scale)
+        return poses / scale, self._scaled(jacobians), residuals
 
     def _turned(self, q: Array) -> list[tuple[RelativeAngle, int | None, float]]:
         """Return for each held angle of a slider how far body j is turned from it against body i, turns included."""
@@ -307,6 +297,24 @@ class ExudynEquations(OwnSolver):
         """Return the motion in the model's unit, from an estimate of the first pose in it."""
         poses = self.motion(self._on_the_turn_meant(start / self.column_scale), times, order)
         return replace(poses, levels=tuple(level * self.column_scale[:, None] for level in poses.levels))
+
+
+def start_of(scene: Scene, unit: Unit) -> Array:
+    """Return the estimates of all bodies (3 b,) in a unit."""
+    start = np.array([body.estimate for body in scene.mechanism.bodies], float)
+    start[:, :2] = (start[:, :2] - unit.origin) / unit.size
+    return start.ravel()
+
+
+def stopped_at(residual: Array, values: Array) -> float:
+    """Return the norm of the residual, all rows together, at which SolveStatic stops by its default tolerances.
+
+    That is the larger of an absolute one and a part of the norm that it started with. It starts at the estimate, whose
+    residual is given, and later at the last pose, where only rows of drivers, values (laws, T), are not zero.
+    """
+    newton = quiet_settings().staticSolver.newton
+    norms = [np.linalg.norm(residual), *(np.linalg.norm(np.diff(values), axis=0) if len(values) else ())]
+    return float(max(newton.absoluteTolerance, newton.relativeTolerance * max(norms)))
 
 
 def in_metres(unit: Unit, levels: Sequence[Array]) -> list[Array]:
@@ -342,7 +350,3 @@ def _largest(x: Array) -> float:
     """Return the largest component of a short vector, infinite if one is not finite."""
     values = x.ravel().tolist()
     return max(max(values), -min(values)) if math.isfinite(sum(values)) else math.inf
-
-
-def _first_line(error: Exception) -> str:
-    return str(error).strip().splitlines()[0]

@@ -35,7 +35,7 @@ import numpy as np
 from exudyn import itemInterface as item
 
 from crosscheck.engines import EngineError, EngineRefusal
-from crosscheck.engines.exudyn.model import CURRENT, quiet_settings
+from crosscheck.engines.exudyn.model import CURRENT, ExudynSystem
 from crosscheck.engines.frames import Length, Linear, RowMap
 from crosscheck.engines.spatial.reading import (
     ANGLE,
@@ -107,7 +107,7 @@ class Line:
     marker: Any = None
 
 
-class ExudynSpace:
+class ExudynSpace(ExudynSystem):
     """A mechanism in exudyn at configurations that need not be assembled; lengths in the numbers' unit.
 
     Attributes
@@ -117,11 +117,8 @@ class ExudynSpace:
     """
 
     def __init__(self, numbers: Numbers, holds: Sequence[Hold], drives: Sequence[Drive]) -> None:
-        exu.config.printToConsole = False
-        exu.config.suppressWarnings = True
+        super().__init__()
         self.numbers = numbers
-        self.container = exu.SystemContainer()
-        self.mbs = self.container.AddSystem()
         self.bodies = {GROUND: self.mbs.AddObject(item.ObjectGround())}
         for body in numbers.bodies:
             node = self.mbs.AddNode(item.NodeRigidBodyEP(referenceCoordinates=STILL.tolist()))
@@ -133,17 +130,12 @@ class ExudynSpace:
         for drive in drives:
             self._driver(drive)
         self.mbs.Assemble()
-        self.data = self.mbs.systemData
-        self.solver = exu.MainSolverStatic()
-        self.settings = quiet_settings()
-        self.settings.staticSolver.newton.relativeTolerance = 0.0
-        self.settings.linearSolver.solverType = exu.LinearSolverType.EigenDense  # rows may be redundant, spins idle
-        self.settings.linearSolver.ignoreSingularJacobian = True
-        self.solver.InitializeSolver(self.mbs, self.settings)
-        self.n = self.solver.GetODE2size()
+        self.begin(redundant=True)  # rows may depend on each other, spins idle
         self.lines = [line for _, _, line in self._parts]
         self.live = [list(self.data.GetObjectLTGAE(number))[k] for number, k, _ in self._parts]
-        self.t = np.nan
+        self.driven = [(k, line, line.drive) for k, line in enumerate(self.lines) if line.drive is not None]
+        self.t, self.f = np.nan, [np.nan] * len(self.driven)
+        self.still, self.no_forces = np.tile(STILL, len(numbers.bodies)), np.zeros(self.m)
 
     # building
 
@@ -218,86 +210,66 @@ class ExudynSpace:
     def set_state(self, q: Array, t: float, qd: Array | None = None) -> None:
         """Put exudyn at coordinates (r, p) of each body, their rates and a time."""
         self.set_time(t)
-        self.data.SetODE2Coordinates(q - np.tile(STILL, len(q) // 7), CURRENT)
+        self.data.SetODE2Coordinates(q - self.still, CURRENT)
         if qd is not None:
             self.data.SetODE2Coordinates_t(qd, CURRENT)
-        self.data.SetAECoordinates(np.zeros(self.solver.GetAEsize()), CURRENT)
+        self.data.SetAECoordinates(self.no_forces, CURRENT)
 
     def set_time(self, t: float) -> None:
         """Put what laws move at a time."""
         if t == self.t:
             return
-        self.t = t
-        for line in self.lines:
-            if line.drive is None:
-                continue
-            f = law_value(line.drive, t, 0)
+        self.f = [float(law_value(drive, t, 0)) for _, _, drive in self.driven]
+        for f, (_, line, _) in zip(self.f, self.driven, strict=True):
             if line.what == ("length",):
                 if not f > 0.0:
                     raise EngineError(f"exudyn: driver {line.name!r} at t = {t!r}: a distance of {f!r}")
-                self.mbs.SetObjectParameter(line.object, "distance", f)
+                self.set_length(line.object, line.name, t, f)
             elif line.what == ("turned",):
                 self.mbs.SetObjectParameter(line.object, "rotationMarker1", line.hold.frame_i @ about_z(f))
             else:
                 place = line.hold.u_i + f * line.hold.frame_i[:, H]
                 self.mbs.SetMarkerParameter(line.marker, "localPosition", place.tolist())
+        self.t = t
 
     def coordinates(self) -> Array:
         """Return where exudyn is."""
-        q = self.data.GetODE2Coordinates(CURRENT)
-        return q + np.tile(STILL, len(q) // 7)
+        q: Array = self.data.GetODE2Coordinates(CURRENT) + self.still
+        return q
 
     # rows
+
+    def lengths(self) -> Sequence[tuple[int, float]]:
+        """Return exudyn's row and f of each driven distance at the present time."""
+        moved = zip(self.f, self.driven, strict=True)
+        return [(self.live[k], f) for f, (k, line, _) in moved if line.what == ("length",)]
 
     def residual(self, q: Array, t: float) -> Array:
         """Return its rows (m,) at a configuration; that of a driven distance as (d . d - f^2) / 2."""
         self.set_state(q, t)
-        self.solver.ComputeAlgebraicEquations(self.mbs, False)
-        rows: Array = self.solver.GetSystemResidual()[self.n :][self.live].copy()
-        for k, f in self._driven_lengths(t):
-            rows[k] *= 0.5 * (rows[k] + 2.0 * f)
-        return rows
+        return self.squared(self.equations())[self.live]
 
     def jacobian(self, q: Array, t: float) -> Array:
         """Return its Jacobian (m, 6 b) in columns (v, w) of each body."""
+        return self.both(q, t, common_columns(q))[1]
+
+    def both(self, q: Array, t: float, columns: Array) -> tuple[Array, Array]:
+        """Return rows (m,) and Jacobian (m, 6 b) at a configuration, given its `common_columns`."""
         self.set_state(q, t)
-        zeros = {f"scalarFactor_{key}": 0 for key in ("ODE2", "ODE2_t", "ODE1")}
-        self.solver.ComputeJacobianODE2RHS(self.mbs, **zeros)
-        self.solver.ComputeJacobianAE(self.mbs)
-        raw = self.solver.GetSystemJacobian()[self.n :, : self.n][self.live]
-        rows = raw @ common_columns(q)
-        for k, f in self._driven_lengths(t):
-            self.solver.ComputeAlgebraicEquations(self.mbs, False)
-            rows[k] *= self.solver.GetSystemResidual()[self.n :][self.live][k] + f
-        return rows
+        rows = self.equations()
+        slopes = self.slopes(rows)[self.live] @ columns
+        return self.squared(rows)[self.live], slopes
 
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
         """Return the rates of its rows (m,), with what laws add."""
         self.set_state(q, t, qd)
-        self.solver.ComputeAlgebraicEquations(self.mbs, True)
-        rows: Array = self.solver.GetSystemResidual()[self.n :][self.live].copy()
-        return self._as_squares(rows, t) + self.law_rates(q, t)
-
-    def _as_squares(self, rates: Array, t: float) -> Array:
-        for k, f in self._driven_lengths(t):
-            self.solver.ComputeAlgebraicEquations(self.mbs, False)
-            rates[k] *= self.solver.GetSystemResidual()[self.n :][self.live][k] + f
-        return rates
-
-    def _driven_lengths(self, t: float) -> list[tuple[int, float]]:
-        return [
-            (k, law_value(line.drive, t, 0))
-            for k, line in enumerate(self.lines)
-            if line.drive is not None and line.what == ("length",)
-        ]
+        return self.times_lengths(self.equations(of_velocity=True))[self.live] + self.law_rates(q, t)
 
     def law_rates(self, q: Array, t: float) -> Array:
         """Return what laws add to the rates of rows (m,) at a configuration: exudyn knows no rate of what is set."""
         out = np.zeros(len(self.lines))
-        for k, line in enumerate(self.lines):
-            if line.drive is None:
-                continue
-            f, fd = (law_value(line.drive, t, order) for order in (0, 1))
+        for f, (k, line, drive) in zip(self.f, self.driven, strict=True):
+            fd = law_value(drive, t, 1)
             if line.what == ("length",):
                 out[k] = -f * fd
             elif line.what[0] == "along":
@@ -309,17 +281,17 @@ class ExudynSpace:
 
     def drift(self, q: Array, qd: Array, t: float) -> Array:
         """Return gamma (m,) in columns (v, w): minus the second derivative of rows while v and w stay as they are."""
-        return self.drifts(q[None], qd[None], [t])[0]
+        return self.drifts(q[None], qd[None], np.array([t]))[0]
 
-    def drifts(self, q: Array, qd: Array, t: Sequence[float]) -> Array:
+    def drifts(self, q: Array, qd: Array, t: Array) -> Array:
         """Return gamma (B, m) at several configurations."""
-        read = self._readings(q, qd, t)
+        read = self._readings(q, qd, t.tolist())
         return np.stack([-self._bend(line, t, read) for line in self.lines], axis=1)
 
-    def _bend(self, line: Line, t: Sequence[float], read: Readings) -> Array:
+    def _bend(self, line: Line, t: Array, read: Readings) -> Array:
         """Return the second derivatives (B,) of one row."""
         hold = line.hold
-        f = [np.array([0.0 if line.drive is None else law_value(line.drive, x, k) for x in t]) for k in range(3)]
+        f = [0.0 * t if line.drive is None else law_value(line.drive, t, k) for k in range(3)]
         if line.what[0] in ("d", "length", "along"):
             d = _gap(read, hold)
         if line.what[0] == "d":
@@ -364,24 +336,10 @@ class ExudynSpace:
             read.append([self.mbs.GetObjectOutputBody(self.bodies[body], kind, u) for body, kind, u in wanted])
         return {key: np.array(column) for key, column in zip(wanted, zip(*read, strict=True), strict=True)}
 
-    def newton(self, q: Array, t: float, tolerance: float) -> bool:
-        """Let its static Newton go from a configuration; return whether it says it has converged."""
-        self.set_state(q, t)
-        self.solver.newton.absoluteTolerance = tolerance
-        try:
-            return bool(self.solver.Newton(self.mbs, self.settings))
-        except (exu.SolverError, exu.InternalError) as error:
-            raise EngineError(f"its Newton stopped: {str(error).strip().splitlines()[0]}") from error
 
-    def close(self) -> None:
-        """Free what exudyn holds."""
-        self.container.Reset()
-
-
-def law_value(drive: Drive | None, t: float, order: int) -> float:
-    """Return a driver's law in the numbers' unit, or a derivative of it."""
-    assert drive is not None
-    return float(drive.law(t, order)) / drive.size
+def law_value(drive: Drive, t: Any, order: int) -> Any:
+    """Return a driver's law in the numbers' unit, or a derivative of it, at a time or at times (B,)."""
+    return (drive.law(t, order) + 0.0 * t) / drive.size
 
 
 def about_z(angle: float) -> Array:

@@ -10,12 +10,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import exudyn as exu
 import numpy as np
 
 from crosscheck.engines import EngineError, Term
-from crosscheck.engines.exudyn.model import CURRENT, quiet_settings
-from crosscheck.engines.exudyn.solve import TOLERANCES, OwnSolver
+from crosscheck.engines.exudyn.model import bear_redundant_rows, quiet_settings
+from crosscheck.engines.exudyn.solve import TOLERANCES, OwnSolver, stopped_at
 from crosscheck.engines.exudyn.space import FORM, ExudynSpace, law_value
 from crosscheck.engines.march import EPS, extrema
 from crosscheck.engines.spatial.motion import estimates, reported
@@ -33,21 +32,6 @@ CORRECTIONS, SETTLED = 4, 4.0 * EPS
 """How often a pose may be corrected once more, and the largest component of its rows at which it no longer is."""
 
 
-def space_solved(scene: Scene, producer: Producer, *, shipped: bool) -> Motion:
-    """Return exudyn's answer to a scene of space.
-
-    Raises
-    ------
-    EngineError
-        If a body has no estimate, or exudyn cannot express a joint.
-    """
-    model = SpaceModel(scene)
-    try:
-        return model.solve(scene, producer, shipped=shipped)
-    finally:
-        model.model.close()
-
-
 class SpaceModel:
     """exudyn's model of a scene of space, which may be solved again and again.
 
@@ -57,8 +41,8 @@ class SpaceModel:
         If a body has no estimate, or exudyn cannot express a joint.
     """
 
-    def __init__(self, scene: Scene, tolerances: Sequence[float] = TOLERANCES) -> None:
-        self.numbers, self.tolerances = numbers_of(scene.mechanism), tolerances
+    def __init__(self, scene: Scene, tolerances: Sequence[float] = TOLERANCES, *, shipped: bool = False) -> None:
+        self.numbers, self.tolerances, self.shipped = numbers_of(scene.mechanism), tolerances, shipped
         start = estimates(scene, self.numbers)
         lost = [body for body, at in start.items() if at is None]
         if lost:
@@ -66,13 +50,31 @@ class SpaceModel:
         self.start = np.concatenate([start[body] for body in self.numbers.bodies])
         self.model = ExudynSpace(self.numbers, self.numbers.holds, self.numbers.drives)
 
-    def solve(self, scene: Scene, producer: Producer, *, shipped: bool = False) -> Motion:
+    def close(self) -> None:
+        """Free what exudyn holds."""
+        self.model.close()
+
+    def solve(self, scene: Scene, producer: Producer) -> Motion:
         """Return the motion of a scene of the same mechanism, from the estimates."""
-        equations = SpaceEquations(self.model, self.numbers, self.tolerances, shipped=shipped)
+        equations = SpaceEquations(self.model, self.numbers, self.tolerances, shipped=self.shipped)
         poses = equations.motion(self.start, scene.times, order_of(scene))
         status, message = equations.status(poses, scene.times)
         more = {"residual": poses.residual, "message": message}
         return reported(scene, self.numbers, list(poses.levels), status, producer, **more)
+
+    def stop(self, scene: Scene) -> Term:
+        """Return what SolveStatic leaves of the residual, as in the plane."""
+        drives, t = self.numbers.drives, np.array(scene.times)
+        values = np.array([law_value(drive, t, 0) for drive in drives])
+        left = stopped_at(self.model.residual(self.start, scene.times[0]), values)
+        lengths = [float(np.abs(x).max()) for x, d in zip(values, drives, strict=True) if d.kind == DISTANCE]
+        return Term(
+            name="stopping rule",
+            level="position",
+            reason=f"SolveStatic stops at a residual of {left:.1e} sizes or half rad by its default tolerances",
+            absolute=2.0 * left * max([1.0, *lengths]),
+            form=FORM,
+        )
 
 
 class SpaceEquations(OwnSolver):
@@ -94,6 +96,7 @@ class SpaceEquations(OwnSolver):
         passive = [7 * numbers.bodies.index(body) + k for spin in numbers.passive for body in spin for k in range(3, 7)]
         self.moving = np.delete(np.arange(model.n), passive)
         self.default = quiet_settings()
+        bear_redundant_rows(self.default)
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
         """Return residuals (B, m) and Jacobians (B, m, n)."""
@@ -104,13 +107,14 @@ class SpaceEquations(OwnSolver):
         bodies = q.reshape(-1, 7)
         lengths = 0.5 * (np.sum(bodies[:, 3:] ** 2, axis=1) - 1.0)
         q = unit(q)
-        still = np.zeros(len(self.numbers.passive))
-        columns = common_columns(q).T * np.tile([1.0, 1.0, 1.0, 4.0, 4.0, 4.0], len(bodies))[:, None]  # w = 2 E p'
+        still, columns = np.zeros(len(self.numbers.passive)), common_columns(q)
         units = np.zeros((len(bodies), len(q)))
         for k, at in enumerate(q.reshape(-1, 7)):
             units[k, 7 * k + 3 : 7 * k + 7] = at[3:]
-        common = np.concatenate([self.model.jacobian(q, t), *self._spins(q)])
-        return np.concatenate([self.model.residual(q, t), still, lengths]), np.concatenate([common @ columns, units])
+        rows, slopes = self.model.both(q, t, columns)
+        common = np.concatenate([slopes, *self._spins(q)])
+        of_rates = columns.T * np.tile([1.0, 1.0, 1.0, 4.0, 4.0, 4.0], len(bodies))[:, None]  # w = 2 E p'
+        return np.concatenate([rows, still, lengths]), np.concatenate([common @ of_rates, units])
 
     def nu(self, q: Array, t: Array) -> Array:
         """Return the right sides of the velocities (B, m)."""
@@ -127,7 +131,7 @@ class SpaceEquations(OwnSolver):
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
         """Return the right sides of the accelerations (B, m)."""
-        drifts = self.model.drifts(q, qd, t.tolist())
+        drifts = self.model.drifts(q, qd, t)
         return np.array([self._with_own(drift, rate) for drift, rate in zip(drifts, qd, strict=True)])
 
     def extrema(self, times: Array) -> Array:
@@ -144,17 +148,19 @@ class SpaceEquations(OwnSolver):
         if not np.isfinite(q).all():
             raise EngineError("its Newton ended in no number")
         q = unit(q)
-        gap = self._residual(q, t)
+        rows, jacobian = self._rows(q, t)
+        gap = float(np.abs(rows).max())
         if not gap <= self.accepted * max(1.0, np.abs(q).max()):
             raise EngineError(f"it reported success with a residual of {gap:.1e}")
         if self.predicts:
             self._check_directions(q, t)
-        return q, gap, self._rows(q, t)[1]
+        return q, gap, jacobian
 
     def _newton(self, t: float, start: Array) -> Array:
         extent = max(1.0, np.abs(start).max())
         for tolerance in self.tolerances:
-            if self.model.newton(start, t, tolerance * extent):
+            self.model.set_state(start, t)
+            if self.model.newton(tolerance * extent):
                 return self._corrected(t, self.model.coordinates(), tolerance * extent)
         raise EngineError("its Newton did not converge")
 
@@ -165,7 +171,8 @@ class SpaceEquations(OwnSolver):
         """
         poses = [q]
         for _ in range(CORRECTIONS):
-            if not self.model.newton(poses[-1], t, tolerance):
+            self.model.set_state(poses[-1], t)
+            if not self.model.newton(tolerance):
                 break
             poses.append(self.model.coordinates())
             if self._residual(poses[-1], t) <= SETTLED * max(1.0, np.abs(q).max()):
@@ -177,20 +184,9 @@ class SpaceEquations(OwnSolver):
         return float(np.abs(self.model.residual(q, t)).max(initial=0.0))
 
     def _shipped_newton(self, t: float, start: Array) -> Array:
-        model = self.model
-        model.set_state(start, t)
-        initial = exu.ConfigurationType.Initial
-        model.data.SetODE2Coordinates(model.data.GetODE2Coordinates(CURRENT), initial)
-        settings = self.default
-        settings.linearSolver.solverType = exu.LinearSolverType.EigenDense
-        settings.linearSolver.ignoreSingularJacobian = True
-        try:
-            success = model.mbs.SolveStatic(settings)
-        except (exu.SolverError, exu.InternalError) as error:
-            raise EngineError(f"SolveStatic: {str(error).strip().splitlines()[0]}") from error
-        if not success:
-            raise EngineError("SolveStatic reported no success")
-        return model.coordinates()
+        self.model.set_time(t)
+        self.model.solve_static(start - self.model.still, self.default)
+        return self.model.coordinates()
 
     def _check_directions(self, q: Array, t: float) -> None:
         """Raise EngineError where axes are antiparallel, or a crank is off by pi: closed equations, and no assembly."""
@@ -226,30 +222,3 @@ def unit(q: Array) -> Array:
     bodies = np.array(q).reshape(-1, 7)
     bodies[:, 3:] /= np.linalg.norm(bodies[:, 3:], axis=1, keepdims=True)
     return bodies.ravel()
-
-
-def shipped_stop(scene: Scene) -> Term:
-    """Return what SolveStatic leaves of the residual by its default tolerances, as in the plane (`_shipped_stop`).
-
-    A start is the last pose, where only the drivers' rows are not zero, and at the first time the estimate.
-    """
-    numbers = numbers_of(scene.mechanism)
-    newton = quiet_settings().staticSolver.newton
-    start = estimates(scene, numbers)
-    model = ExudynSpace(numbers, numbers.holds, numbers.drives)
-    try:
-        at = np.concatenate([start[body] for body in numbers.bodies])
-        norms = [float(np.linalg.norm(model.residual(at, scene.times[0])))]
-    finally:
-        model.close()
-    values = np.array([[law_value(drive, t, 0) for t in scene.times] for drive in numbers.drives])
-    norms += np.linalg.norm(np.diff(values), axis=0).tolist() if numbers.drives else []
-    stop = max(newton.absoluteTolerance, newton.relativeTolerance * max(norms))
-    lengths = [abs(float(x)) for k, d in enumerate(numbers.drives) if d.kind == DISTANCE for x in values[k]]
-    return Term(
-        name="stopping rule",
-        level="position",
-        reason=f"SolveStatic stops at a residual of {stop:.1e} sizes or half rad by its default tolerances",
-        absolute=2.0 * stop * max([1.0, *lengths]),
-        form=FORM,
-    )
