@@ -14,6 +14,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import replace
+from functools import cache
 from typing import Any
 from unittest import mock
 
@@ -211,21 +212,26 @@ def _scenes_of(number: int, samples: int) -> st.SearchStrategy[Any]:
     Of equal links and for features, that is refused, as their simplest scenes are: so two more are drawn, and a number
     has the scene that it always had.
     """
-    return _with_ticket(_kind_of(number, samples), number % SPECIAL_EVERY in (EQUAL, FEATURED))
+    return _scenes_at(number % SPECIAL_EVERY, samples)
 
 
-def _kind_of(number: int, samples: int) -> st.SearchStrategy[Any]:
-    if is_chain(number):
+@cache  # Hypothesis looks through a strategy that it has not met for as long as it draws from it
+def _scenes_at(place: int, samples: int) -> st.SearchStrategy[Any]:
+    return _with_ticket(_kind_at(place, samples), place in (EQUAL, FEATURED))
+
+
+def _kind_at(place: int, samples: int) -> st.SearchStrategy[Any]:
+    if is_chain(place):  # `CHAINS_EVERY` divides `SPECIAL_EVERY`
         return chains(samples=samples)
-    if number % SPECIAL_EVERY in SPATIAL:
+    if place in SPATIAL:
         return spatial_scenes(samples=min(samples, MOST_OF_SPACE))
-    if number % SPECIAL_EVERY == ENDED:
+    if place == ENDED:
         return ended_scenes(samples=samples)
-    if number % SPECIAL_EVERY == FEATURED:
+    if place == FEATURED:
         return featured_scenes(samples=samples)
-    if number % SPECIAL_EVERY == UNEVEN:
+    if place == UNEVEN:
         return drawn_scenes(samples=samples).map(_unevenly)
-    return equal_linkages(samples) if number % SPECIAL_EVERY == EQUAL else drawn_scenes(samples=samples)
+    return equal_linkages(samples) if place == EQUAL else drawn_scenes(samples=samples)
 
 
 def _unevenly(drawn: Drawn) -> Drawn:
