@@ -7,24 +7,18 @@ finding is a fault of the engine only where it contradicts what the engine promi
 from __future__ import annotations
 
 import datetime
-import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from importlib.resources import files
-from typing import Any
+from typing import Annotated, Any
 
-from crosscheck.judge.known_gaps import CLASSES, InvalidGap
+from pydantic import Field
 
-KEYS = (
-    *("engine", "method", "cases", "verdict", "class", "quote", "source"),
-    *("reason", "scene", "script", "since", "date"),
-)
-SHOWN_BY = ("scene", "script")
-OPTIONAL = (*SHOWN_BY, "cases")
+from crosscheck.judge.known_gaps import KindOfGap, Text, rows_of
+from crosscheck.judge.records import Strict
 
 
 @dataclass(frozen=True, kw_only=True)
-class Finding:
+class Finding(Strict):
     """One finding.
 
     Attributes
@@ -34,7 +28,7 @@ class Finding:
     cases : tuple of str
         The kinds of hard scenes that show it; none for a feature, which a night asks by itself.
     kind : str
-        One of `crosscheck.judge.known_gaps.CLASSES`.
+        Under `class` in the file: whose fault it is.
     quote, source : str
         What the engine's documentation says, word for word, and where.
     reason, since : str
@@ -43,35 +37,27 @@ class Finding:
         A minimal scene, and a script in the engine's own API, from the root of the project; one of them may be "".
     """
 
-    engine: str
-    method: str
-    cases: tuple[str, ...]
-    verdict: str
-    kind: str
-    quote: str
-    source: str
-    reason: str
-    since: str
+    engine: Text
+    method: Text
+    cases: tuple[Text, ...] = ()
+    verdict: Text
+    kind: Annotated[KindOfGap, Field(validation_alias="class")]
+    quote: Text
+    source: Text
+    reason: Text
+    since: Text
     date: datetime.date
     scene: str = ""
     script: str = ""
 
+    def __post_init__(self) -> None:
+        if not (self.scene or self.script):
+            raise ValueError("neither scene nor script: nothing shows it")
+
 
 def read(text: str | None = None) -> tuple[Finding, ...]:
-    """Return the findings.
-
-    Raises
-    ------
-    InvalidGap
-        Naming the finding and key that is wrong.
-    """
-    if text is None:
-        text = files("crosscheck.judge").joinpath("findings.toml").read_text(encoding="utf-8")
-    try:
-        table = tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        raise InvalidGap(f"findings.toml: {error}") from error
-    return tuple(_finding(k, row) for k, row in enumerate(table.get("finding", [])))
+    """Return the findings; raises InvalidGap naming the finding and key that is wrong."""
+    return rows_of(Finding, "finding", "findings.toml", text)
 
 
 def finding_of(known: Sequence[Finding], engine: str, method: str, case: str, verdict: str) -> Finding | None:
@@ -91,21 +77,3 @@ def closed(known: Sequence[Finding], rows: Sequence[Mapping[str, Any]]) -> list[
         for case in f.cases
         if (f.engine, f.method, case) in asked and (f.engine, f.method, case, f.verdict) not in shown
     ]
-
-
-def _finding(k: int, row: Mapping[str, Any]) -> Finding:
-    for key in KEYS:
-        if key not in row and key not in OPTIONAL:
-            raise InvalidGap(f"finding[{k}].{key} is missing")
-    for key, value in row.items():
-        expected = {"cases": list, "date": datetime.date}.get(key, str)
-        if key not in KEYS:
-            raise InvalidGap(f"finding[{k}].{key}: no such key; there are: {', '.join(KEYS)}")
-        if type(value) is not expected or not value:
-            raise InvalidGap(f"finding[{k}].{key}: {value!r}; expected {expected.__name__}")
-    if not row.keys() & set(SHOWN_BY):
-        raise InvalidGap(f"finding[{k}]: neither scene nor script: nothing shows it")
-    if row["class"] not in CLASSES:
-        raise InvalidGap(f"finding[{k}].class: {row['class']!r}; there are: {', '.join(CLASSES)}")
-    named = {key: row[key] for key in KEYS if key not in ("class", "cases") and key in row}
-    return Finding(**named, kind=row["class"], cases=tuple(row.get("cases", ())))

@@ -9,14 +9,16 @@ from __future__ import annotations
 
 import datetime
 import tomllib
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from importlib.resources import files
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal
+
+from pydantic import AfterValidator, AliasChoices, Field, StringConstraints, ValidationError
 
 from crosscheck.errors import CannotRun
-from crosscheck.judge.records import Disagreement, Record
+from crosscheck.judge.records import Disagreement, Record, Strict, adapter, fault
 
 Predicate = Callable[[Record], bool]
 
@@ -49,9 +51,6 @@ def anywhere(record: Record) -> bool:
 PREDICATES: dict[str, Predicate] = {
     f.__name__: f for f in (step_beyond_newton, step_beyond_newton_in_space, ends_in_a_singular_pose, anywhere)
 }
-CLASSES = ("contract violated", "documented limit", "our misuse")
-REQUIRED = ("engine", "predicate", "reason", "class", "date", "reproduction")
-MATCHED = ("method", "quantity", "kind")
 ENOUGH = 30
 """Scenes of its kind in which a gap should have shown: one that shows in a tenth is missed by one night in 24."""
 
@@ -60,17 +59,37 @@ class InvalidGap(CannotRun):
     """A row of the table that makes no sense."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class KnownGap:
-    """One row: whose gap, where (`predicate`), why, since when, and a scene that shows it."""
+def _known(predicate: str) -> str:
+    if predicate not in PREDICATES:
+        raise ValueError(f"there are: {', '.join(PREDICATES)}")
+    return predicate
 
-    engine: str
-    predicate: str
-    reason: str
-    kind_of_gap: str
+
+Text = Annotated[str, StringConstraints(min_length=1)]
+KindOfGap = Literal["contract violated", "documented limit", "our misuse"]
+
+
+@dataclass(frozen=True, kw_only=True)
+class KnownGap(Strict):
+    """One row: whose gap, where (`predicate`), why, since when, and a scene that shows it.
+
+    `method`, `quantity` and `kind` are those of the disagreements that it accounts for; any, where one is empty.
+    """
+
+    engine: Text
+    predicate: Annotated[str, AfterValidator(_known)]
+    reason: Text
+    kind_of_gap: Annotated[KindOfGap, Field(validation_alias=AliasChoices("class", "kind_of_gap"))]
     date: datetime.date
-    reproduction: str
-    match: Mapping[str, str]
+    reproduction: Text
+    method: str = ""
+    quantity: str = ""
+    kind: str = ""
+
+    @property
+    def match(self) -> dict[str, str]:
+        """What it says of method, quantity and kind."""
+        return {key: getattr(self, key) for key in ("method", "quantity", "kind") if getattr(self, key)}
 
     def covers(self, record: Record, disagreement: Disagreement) -> bool:
         """Return whether this row accounts for a disagreement of a record."""
@@ -86,7 +105,7 @@ class KnownGap:
     def could_show(self, record: Record) -> bool:
         """Return whether the engine answered a scene in which the gap could show."""
         methods = {answer.method.name for answer in record.answers if answer.engine == self.engine}
-        return bool(methods) and self.match.get("method", "rows") in (*methods, "rows") and self.holds(record)
+        return bool(methods) and (self.method or "rows") in (*methods, "rows") and self.holds(record)
 
 
 class Tally:
@@ -144,43 +163,25 @@ def found_again(gaps: Sequence[KnownGap], records: Iterable[Record]) -> list[int
 
 def read(text: str | None = None) -> tuple[KnownGap, ...]:
     """Return the rows of the table; raises InvalidGap naming the row and key that is wrong."""
+    return rows_of(KnownGap, "gap", "known_gaps.toml", text)
+
+
+def rows_of(kind: Any, key: str, file: str, text: str | None) -> tuple[Any, ...]:
+    """Return the rows that stand under a key in TOML: in a file beside this module, or in a text of its form."""
     if text is None:
-        text = files("crosscheck.judge").joinpath("known_gaps.toml").read_text(encoding="utf-8")
+        text = files("crosscheck.judge").joinpath(file).read_text(encoding="utf-8")
     try:
         table = tomllib.loads(text)
+        rows: tuple[Any, ...] = adapter(tuple[kind, ...]).validate_python(table.pop(key, []))
     except tomllib.TOMLDecodeError as error:
-        raise InvalidGap(f"known_gaps.toml: {error}") from error
-    for key in table:
-        if key != "gap":
-            raise InvalidGap(f"{key}: no such key; there is: gap")
-    return tuple(_gap(k, row) for k, row in enumerate(table.get("gap", [])))
+        raise InvalidGap(f"{file}: {error}") from error
+    except ValidationError as error:
+        raise InvalidGap(f"{key}.{fault(error)}") from error
+    if table:
+        raise InvalidGap(f"{', '.join(table)}: no such key; there is: {key}")
+    return rows
 
 
 def new_disagreements(record: Record, gaps: Sequence[KnownGap]) -> list[Disagreement]:
     """Return the disagreements of a record that no row covers."""
     return Tally(gaps).add(record)
-
-
-def _gap(k: int, row: Mapping[str, Any]) -> KnownGap:
-    for key in REQUIRED:
-        if key not in row:
-            raise InvalidGap(f"gap[{k}].{key} is missing")
-    for key, value in row.items():
-        if key not in (*REQUIRED, *MATCHED):
-            raise InvalidGap(f"gap[{k}].{key}: no such key; there are: {', '.join((*REQUIRED, *MATCHED))}")
-        expected = datetime.date if key == "date" else str
-        if type(value) is not expected or not value:
-            raise InvalidGap(f"gap[{k}].{key}: {value!r}; expected {'a date' if key == 'date' else 'some text'}")
-    if row["predicate"] not in PREDICATES:
-        raise InvalidGap(f"gap[{k}].predicate: {row['predicate']!r}; there are: {', '.join(PREDICATES)}")
-    if row["class"] not in CLASSES:
-        raise InvalidGap(f"gap[{k}].class: {row['class']!r}; there are: {', '.join(CLASSES)}")
-    return KnownGap(
-        engine=row["engine"],
-        predicate=row["predicate"],
-        reason=row["reason"],
-        kind_of_gap=row["class"],
-        date=row["date"],
-        reproduction=row["reproduction"],
-        match={key: row[key] for key in MATCHED if key in row},
-    )

@@ -221,7 +221,7 @@ class Features:
 
     def described(self, gaps: Iterable[KnownGap]) -> list[dict[str, Any]]:
         """Return the rows, each with what the table of known gaps says of it."""
-        known = {(gap.engine, gap.match.get("method")): gap for gap in gaps}
+        known = {(gap.engine, gap.method): gap for gap in gaps}
         return [
             {
                 "engine": engine,

@@ -259,7 +259,7 @@ def _blamed(disagreement: Disagreement) -> tuple[str, str, str]:
 def _gap_row(gap: KnownGap, covered: int) -> dict[str, Any]:
     return {
         "engine": gap.engine,
-        "match": dict(gap.match),
+        "match": gap.match,
         "predicate": gap.predicate,
         "reason": gap.reason,
         "class": gap.kind_of_gap,

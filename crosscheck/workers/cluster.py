@@ -20,7 +20,7 @@ from typing import Any
 
 from crosscheck.errors import CannotRun
 from crosscheck.workers.installed import name_and_version
-from crosscheck.workers.pool import LONGEST_WAIT, MOST_KILLS, SECONDS_PER_SCENE, Job, Work, Workers
+from crosscheck.workers.pool import LONGEST_WAIT, MOST_KILLS, SECONDS_PER_SCENE, Job, Pool, Work, Workers
 from crosscheck.workers.processes import Failure, call_each
 
 LOCAL = "local"
@@ -36,8 +36,8 @@ class NoCluster(CannotRun):
     """The cluster that was asked for is not there, is not fit for the work, or was lost in the middle of it."""
 
 
-class ClusterWorkers:
-    """The workers of a Dask cluster, with the interface of `crosscheck.workers.pool.Workers`; a context manager.
+class ClusterWorkers(Pool):
+    """The workers of a Dask cluster; a context manager.
 
     Parameters
     ----------
@@ -80,46 +80,31 @@ class ClusterWorkers:
             self._stack.close()
             raise
 
-    def __enter__(self) -> ClusterWorkers:
-        return self
-
     def __exit__(self, *_: object) -> None:
         self._stack.close()
 
     def batch(self, scenes: int | None) -> int:
-        """Return how many scenes a batch should have if so many are to be checked in all: every worker gets some."""
+        # Every worker gets some.
         return BATCH if scenes is None else max(1, min(BATCH, scenes // (2 * self.count)))
 
     @property
     def hungry(self) -> bool:
-        """Whether a worker may soon be idle."""
         return len(self._waiting) < 2 * self.count
 
     @property
     def pending(self) -> bool:
-        """Whether records are still to come."""
         return bool(self._waiting)
 
     def submit(self, jobs: Iterable[Job], engines: Iterable[str] | None = None) -> None:
-        """Let scenes be checked, on all engines or on those that are named."""
         self._submit(tuple(jobs), tuple(self.engines) if engines is None else tuple(engines), 0)
 
     def drop_waiting(self) -> None:
-        """Forget the batches that no worker has begun with."""
         begun = {key for keys in self.client.processing().values() for key in keys}
         for future in [f for f in self._waiting if not f.done() and f.key not in begun]:
             del self._waiting[future]
             future.cancel()
 
-    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Any:
-        """Return the record of one scene; nothing else may be pending."""
-        self.submit([job], engines)
-        while True:
-            for record in self.results():
-                return record
-
     def results(self) -> Iterator[Any]:
-        """Wait until something happens, and yield the records that came in, perhaps none."""
         end = time.monotonic() + LONGEST_WAIT
         while not (done := [f for f in self._waiting if f.done()]) and time.monotonic() < end:
             time.sleep(0.01)

@@ -9,11 +9,12 @@ result, is handed over as a `Work`.
 from __future__ import annotations
 
 import time
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from multiprocessing import connection
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 from crosscheck.workers.processes import Child, Failure, Message, hang
 
@@ -90,26 +91,53 @@ class Trial:
         return any(isinstance(part, Failure) for part in self.parts.values())
 
 
-class Pool(Protocol):
+class Pool(ABC):
     """Whatever checks scenes: processes of this machine (`Workers`), or a cluster (`crosscheck.workers.cluster`)."""
 
     engines: dict[str, str]
     unexplained: list[str]
 
-    @property
-    def hungry(self) -> bool: ...
-    @property
-    def pending(self) -> bool: ...
-    def __enter__(self) -> Self: ...
+    def __enter__(self) -> Self:
+        return self
+
+    @abstractmethod
     def __exit__(self, *_: object) -> None: ...
-    def batch(self, scenes: int | None) -> int: ...
-    def submit(self, jobs: Iterable[Job], engines: Iterable[str] | None = None) -> None: ...
-    def drop_waiting(self) -> None: ...
-    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Any: ...
-    def results(self) -> Iterator[Any]: ...
+
+    @abstractmethod
+    def batch(self, scenes: int | None) -> int:
+        """Return how many scenes to hand over at once if so many are to be checked in all."""
+
+    @property
+    @abstractmethod
+    def hungry(self) -> bool:
+        """Whether a worker may soon be idle."""
+
+    @property
+    @abstractmethod
+    def pending(self) -> bool:
+        """Whether records are still to come."""
+
+    @abstractmethod
+    def submit(self, jobs: Iterable[Job], engines: Iterable[str] | None = None) -> None:
+        """Let scenes be checked, on all engines or on those that are named."""
+
+    @abstractmethod
+    def drop_waiting(self) -> None:
+        """Forget the scenes that no worker has begun with, unless they are being taken apart."""
+
+    @abstractmethod
+    def results(self) -> Iterator[Any]:
+        """Wait until something happens, and yield the records that came in, perhaps none."""
+
+    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Any:
+        """Return the record of one scene; nothing else may be pending."""
+        self.submit([job], engines)
+        while True:
+            for record in self.results():
+                return record
 
 
-class Workers:
+class Workers(Pool):
     """Some worker processes; use it as a context manager.
 
     Parameters
@@ -136,9 +164,6 @@ class Workers:
         self.busy: dict[Child, Task] = {}
         self.unexplained: list[str] = []
 
-    def __enter__(self) -> Workers:
-        return self
-
     def __exit__(self, *_: object) -> None:
         for process in (*self.idle, *self.busy):
             process.process.kill()
@@ -146,37 +171,24 @@ class Workers:
             process.end()
 
     def batch(self, scenes: int | None) -> int:
-        """Return how many scenes to hand over at once if so many are to be checked in all."""
         return BATCH
 
     @property
     def hungry(self) -> bool:
-        """Whether a process may soon be idle."""
         return len(self.waiting) < self.count
 
     @property
     def pending(self) -> bool:
-        """Whether records are still to come."""
         return bool(self.waiting or self.busy)
 
     def submit(self, jobs: Iterable[Job], engines: Iterable[str] | None = None) -> None:
-        """Let scenes be checked, on all engines or on those that are named."""
         names = tuple(self.engines) if engines is None else tuple(engines)
         self.waiting.append(Task(tuple(jobs), names))
 
     def drop_waiting(self) -> None:
-        """Forget the scenes that no process has begun with, unless they are being taken apart."""
         self.waiting = deque(task for task in self.waiting if task.trial)
 
-    def check_one(self, job: Job, engines: Iterable[str] | None = None) -> Any:
-        """Return the record of one scene; nothing else may be pending."""
-        self.submit([job], engines)
-        while True:
-            for record in self.results():
-                return record
-
     def results(self) -> Iterator[Any]:
-        """Wait until something happens, and yield the records that came in, perhaps none."""
         self._hand_out()
         if not self.busy:
             return

@@ -170,4 +170,4 @@ def gap(**match: str) -> KnownGap:
         "reason": "soft constraints",
         "kind_of_gap": "documented limit",
     }
-    return KnownGap(**fields, date=datetime.date(2026, 11, 20), reproduction="tests/corpus/a.toml", match=match)
+    return KnownGap(**fields, date=datetime.date(2026, 11, 20), reproduction="tests/corpus/a.toml", **match)

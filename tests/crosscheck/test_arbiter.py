@@ -66,7 +66,7 @@ def test_a_table_that_makes_no_sense_is_one_clear_error(tmp_path):
     path = tmp_path / "gaps.toml"
     path.write_text("[[gap]]\n", encoding="utf-8")
 
-    with pytest.raises(InvalidGap, match=r"gap\[0\].engine is missing"):
+    with pytest.raises(InvalidGap, match=r"gap.0.engine: missing"):
         known_gaps.table(str(path))
 
 
