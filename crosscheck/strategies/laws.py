@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import cmath
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
@@ -145,114 +146,61 @@ WIDEST = 1.0
 """Largest range of the crank [rad] over which a coordinate of its pin is driven, so that it stays off its extremes."""
 
 
+def _itself(value: float) -> float:
+    return value
+
+
+@dataclass(frozen=True)
 class Drive:
-    """How an input is held: `to` gives the driven coordinate at an input, `back` the input at a coordinate."""
+    """How an input is held: `to` gives the driven coordinate at an input, `back` the input at a coordinate.
 
-    def to(self, value: float) -> float:
-        return value
+    It is the input's angle; or, of a pin, x, y or, with an anchor, the distance from a point of the ground.
+    """
 
-    def back(self, coordinate: float) -> float:
-        return coordinate
+    kind: type[Any] = AngleDriver
+    pin: str = ""
+    anchor: Pair | None = None
+    to: Callable[[float], float] = _itself
+    back: Callable[[float], float] = _itself
 
     def driver(self, model: Model, pair: tuple[str, str], law: Law, turned: float) -> Driver:
         """Return the driver of the pair (driven, relative_to) in a model whose frames turn their angle by `turned`."""
-        return AngleDriver(name="driver", body=pair[0], relative_to=pair[1], **law_keys(moved(law, turned)))
-
-
-@dataclass(frozen=True)
-class Coordinate(Drive):
-    """x or y, by the angle of `axis` (0 or pi/2), of a pin."""
-
-    pin: str
-    axis: float
-
-    def driver(self, model: Model, pair: tuple[str, str], law: Law, turned: float) -> Driver:
-        body, point = model.pins[self.pin]
-        return (YDriver if self.axis else XDriver)(name="driver", body=body, point=point, **law_keys(law))
-
-
-@dataclass(frozen=True)
-class CircleCoordinate(Coordinate):
-    """Of a pin on a circle: p + radius cos(phi - axis), for phi near `middle`."""
-
-    pivot: float
-    radius: float
-    middle: float
-
-    def to(self, value: float) -> float:
-        return self.pivot + self.radius * math.cos(value - self.axis)
-
-    def back(self, coordinate: float) -> float:
-        corner = math.acos((coordinate - self.pivot) / self.radius)
-        return nearest(self.middle, self.axis + corner, self.axis - corner)
-
-
-@dataclass(frozen=True)
-class LineCoordinate(Coordinate):
-    """Of a pin on a line: foot + slope * position."""
-
-    foot: float
-    slope: float
-
-    def to(self, value: float) -> float:
-        return self.foot + self.slope * value
-
-    def back(self, coordinate: float) -> float:
-        return (coordinate - self.foot) / self.slope
-
-
-@dataclass(frozen=True)
-class Distance(Drive):
-    """The distance of a pin from a ground point, as a hydraulic cylinder sets it."""
-
-    pin: str
-    anchor: Pair
-
-    def driver(self, model: Model, pair: tuple[str, str], law: Law, turned: float) -> Driver:
-        body, point = model.pins[self.pin]
-        ends = {"body_i": GROUND, "point_i": self.anchor, "body_j": body, "point_j": point}
-        return DistanceDriver(name="driver", **ends, **law_keys(law))  # type: ignore[arg-type]
-
-
-@dataclass(frozen=True)
-class CircleDistance(Distance):
-    """Of a pin on a circle from a point 2 radii from its centre, a quarter turn ahead of the pin at `middle`."""
-
-    radius: float
-    middle: float
-
-    def to(self, value: float) -> float:
-        return self.radius * abs(2 - cmath.rect(1.0, value - self.middle - math.pi / 2))
-
-    def back(self, coordinate: float) -> float:
-        corner = math.acos((5 - (coordinate / self.radius) ** 2) / 4)
-        return self.middle + math.pi / 2 - corner
-
-
-@dataclass(frozen=True)
-class LineDistance(Distance):
-    """Of a pin on a line from a point at `behind` along the line and `aside` from it."""
-
-    behind: float
-    aside: float
-
-    def to(self, value: float) -> float:
-        return math.hypot(value - self.behind, self.aside)
-
-    def back(self, coordinate: float) -> float:
-        return self.behind + math.sqrt(coordinate**2 - self.aside**2)
+        if not self.pin:
+            held: dict[str, Any] = {"body": pair[0], "relative_to": pair[1], **law_keys(moved(law, turned))}
+        else:
+            body, point = model.pins[self.pin]
+            held = {"body": body, "point": point, **law_keys(law)}
+            if self.anchor is not None:
+                ends = {"body_i": GROUND, "point_i": self.anchor, "body_j": body, "point_j": point}
+                held = {**ends, **law_keys(law)}
+        driver: Driver = self.kind(name="driver", **held)
+        return driver
 
 
 def crank_drive(linkage: AnyLinkage, kind: str, middle: float) -> Drive:
-    """Return the drive of a crank by its angle, or by x, y (whichever changes faster) or a distance of its pin."""
-    radius = linkage.crank
+    """Return the drive of a crank by its angle, or by x, y (whichever changes faster) or a distance of its pin.
+
+    The distance is that from a point 2 radii from the centre, a quarter turn ahead of the pin at `middle`.
+    """
+    r = linkage.crank
     if kind == "coordinate":
         is_x = abs(math.sin(middle)) >= abs(math.cos(middle))
         axis, pivot = (0.0, linkage.origin[0]) if is_x else (math.pi / 2, linkage.origin[1])
-        return CircleCoordinate("crank", axis, pivot, radius, middle)
+
+        def angle(coordinate: float) -> float:
+            corner = math.acos((coordinate - pivot) / r)
+            return nearest(middle, axis + corner, axis - corner)
+
+        return Drive(XDriver if is_x else YDriver, "crank", to=lambda phi: pivot + r * math.cos(phi - axis), back=angle)
     if kind == "distance":
-        anchor = complex(*linkage.origin) + cmath.rect(2 * radius, middle + math.pi / 2)
-        return CircleDistance("crank", (anchor.real, anchor.imag), radius, middle)
+        anchor = complex(*linkage.origin) + cmath.rect(2 * r, middle + math.pi / 2)
+        return Drive(
+            DistanceDriver,
+            "crank",
+            (anchor.real, anchor.imag),
+            to=lambda phi: r * abs(2 - cmath.rect(1.0, phi - middle - math.pi / 2)),
+            back=lambda distance: middle + math.pi / 2 - math.acos((5 - (distance / r) ** 2) / 4),
+        )
     return Drive()
 
 
@@ -260,12 +208,23 @@ def slider_drive(linkage: SliderCrank, kind: str) -> Drive:
     """Return the drive of a slider by x or y (whichever changes faster) or a distance of the wrist pin."""
     if kind == "distance":
         behind, aside = -1.5 * (linkage.crank + linkage.rod), linkage.crank
-        return LineDistance("slider", linkage.place(complex(behind, linkage.offset + aside)), behind, aside)
+        return Drive(
+            DistanceDriver,
+            "slider",
+            linkage.place(complex(behind, linkage.offset + aside)),
+            to=lambda s: math.hypot(s - behind, aside),
+            back=lambda distance: behind + math.sqrt(distance**2 - aside**2),
+        )
     x, y = linkage.place(complex(0.0, linkage.offset))
     cosine, sine = math.cos(linkage.angle), math.sin(linkage.angle)
-    if abs(cosine) >= abs(sine):
-        return LineCoordinate("slider", 0.0, x, cosine)
-    return LineCoordinate("slider", math.pi / 2, y, sine)
+    is_x = abs(cosine) >= abs(sine)
+    foot, slope = (x, cosine) if is_x else (y, sine)
+    return Drive(
+        XDriver if is_x else YDriver,
+        "slider",
+        to=lambda s: foot + slope * s,
+        back=lambda coordinate: (coordinate - foot) / slope,
+    )
 
 
 def moved(law: Law, by: float) -> Law:

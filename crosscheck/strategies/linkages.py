@@ -87,10 +87,8 @@ def slider_cranks(
 
     Examples from this strategy shrink towards a central slider-crank of about one metre at the origin.
     """
-    _check_bounds(min_size, max_size, max_ratio, max_offset, slack_decades)
-    size = draw_size(draw, min_size, max_size)
-    crank, rod, offset = _draw_two_and_offset(draw, size, max_ratio, slack_decades)
-    return SliderCrank(crank, rod, offset, **draw_place(draw, max_offset * size))
+    crank, rod, offset, place = _draw_sliding(draw, (min_size, max_size), max_ratio, max_offset, slack_decades)
+    return SliderCrank(crank, rod, offset, **place)
 
 
 @st.composite
@@ -109,10 +107,8 @@ def inverted_slider_cranks(
 
     Examples from this strategy shrink towards a line through the pivot, about one metre at the origin.
     """
-    _check_bounds(min_size, max_size, max_ratio, max_offset, slack_decades)
-    size = draw_size(draw, min_size, max_size)
-    crank, ground, offset = _draw_two_and_offset(draw, size, max_ratio, slack_decades)
-    return InvertedSliderCrank(ground, crank, offset, **draw_place(draw, max_offset * size))
+    crank, ground, offset, place = _draw_sliding(draw, (min_size, max_size), max_ratio, max_offset, slack_decades)
+    return InvertedSliderCrank(ground, crank, offset, **place)
 
 
 def _draw_lengths(
@@ -132,10 +128,12 @@ def _draw_lengths(
     return [s, s + d, s + d + above, s + 2 * d + above - slack]
 
 
-def _draw_two_and_offset(
-    draw: DrawFn, size: float, max_ratio: float, decades: Decades | None
-) -> tuple[float, float, float]:
-    """Draw two lengths and an offset < their sum (so that they assemble) with |difference| - |offset| = slack."""
+def _draw_sliding(
+    draw: DrawFn, sizes: tuple[float, float], max_ratio: float, max_offset: float, decades: Decades | None
+) -> tuple[float, float, float, dict[str, Any]]:
+    """Draw two lengths, an offset below their sum with |difference| - |offset| = slack, and a place."""
+    _check_bounds(*sizes, max_ratio, max_offset, decades)
+    size = draw_size(draw, *sizes)
     form = draw(NEAR_CHANGE_POINT if decades else FORMS, label="form")
     slack = more = draw(st.floats(0.25, max_ratio - 1), label="difference")
     if form == "the shorter turns fully":
@@ -145,7 +143,8 @@ def _draw_two_and_offset(
     short, more, slack = _on_grid((size, more * size, slack * size), max_ratio * size)
     offset = (more - slack) * draw(st.sampled_from((1, -1)), label="side of the offset")
     first_is_shorter = draw(st.sampled_from((True, False)), label="first is shorter")
-    return (short, short + more, offset) if first_is_shorter else (short + more, short, offset)
+    lengths = (short, short + more) if first_is_shorter else (short + more, short)
+    return *lengths, offset, draw_place(draw, max_offset * size)
 
 
 def _draw_slack(draw: DrawFn, largest: float, decades: Decades | None) -> float:

@@ -176,15 +176,13 @@ EQUAL = (("crank", "rocker"), ("coupler", "rocker"), ("crank", "coupler"), ("cra
 
 
 @st.composite
-def equal_four_bars(
-    draw: DrawFn, *, min_size: float = 1e-3, max_size: float = 1e3, max_offset: float = 10.0
-) -> FourBar:
+def equal_four_bars(draw: DrawFn) -> FourBar:
     """Return four-bars of which two or three moving links are equal; none at a change point."""
-    size = draw_size(draw, min_size, max_size)
+    size = draw_size(draw, 1e-3, 1e3)
     equal = draw(st.sampled_from(EQUAL), label="equal links")
     other = {key: draw(RATIOS, label=key) for key in ("ground", "crank", "coupler", "rocker") if key not in equal}
     lengths = [size * other.get(key, 1.0) for key in FourBar.LENGTHS]
-    linkage = FourBar(*lengths, **draw_place(draw, max_offset * size))
+    linkage = FourBar(*lengths, **draw_place(draw, 10.0 * size))
     assume(abs(linkage.slack) > size / 16)
     return linkage
 
