@@ -8,7 +8,7 @@ SEED ?=
 OUT ?= reports/latest
 ENGINES := exudyn,pinocchio,mujoco
 
-.PHONY: test docs mutants mutation nightly lint types sample clean
+.PHONY: test docs mutants mutation nightly lint types clean
 
 test: $(READY) lint types
 	$(BIN)/python -m pytest -n auto tests

@@ -10,20 +10,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any
 
 import numpy as np
 
 from refkin.differences import EPS
-
-
-class ObservedKind(StrEnum):
-    """What a history shows."""
-
-    ORDER = "order"
-    RATE = "rate"
-    INCONCLUSIVE = "inconclusive"
 
 
 @dataclass(frozen=True)
@@ -37,20 +28,19 @@ class Observed:
     spread : float
         How far single estimates lie from it at most.
     points : int
-        How many estimates it rests on.
+        How many estimates it rests on; with none the history is inconclusive.
     """
 
-    kind: ObservedKind
     value: float
     spread: float
     points: int
 
     def is_near(self, expected: float, tolerance: float) -> bool:
         """Return whether value and expectation agree; never true when inconclusive."""
-        return self.kind is not ObservedKind.INCONCLUSIVE and abs(self.value - expected) <= tolerance
+        return self.points > 0 and abs(self.value - expected) <= tolerance
 
 
-NOTHING = Observed(ObservedKind.INCONCLUSIVE, np.nan, np.nan, 0)
+NOTHING = Observed(np.nan, np.nan, 0)
 
 
 def newton_order(errors: Sequence[float], floor: float = 64 * EPS, basin: float = 0.1) -> Observed:
@@ -63,7 +53,7 @@ def newton_order(errors: Sequence[float], floor: float = 64 * EPS, basin: float 
     estimates = [np.log(e[k + 2] / e[k + 1]) / np.log(e[k + 1] / e[k]) for k in range(len(e) - 2)]
     if len(estimates) < 2:
         return NOTHING
-    return Observed(ObservedKind.ORDER, float(estimates[-1]), float(np.ptp(estimates[-2:])), len(estimates))
+    return Observed(float(estimates[-1]), float(np.ptp(estimates[-2:])), len(estimates))
 
 
 def linear_rate(errors: Sequence[float], floor: float = 64 * EPS, basin: float = 0.1) -> Observed:
@@ -73,7 +63,7 @@ def linear_rate(errors: Sequence[float], floor: float = 64 * EPS, basin: float =
     if len(ratios) < 4:
         return NOTHING
     rate = float(np.median(ratios))
-    return Observed(ObservedKind.RATE, rate, float(np.max(np.abs(ratios - rate))), len(ratios))
+    return Observed(rate, float(np.max(np.abs(ratios - rate))), len(ratios))
 
 
 def slope(h: Any, errors: Any, floor: float, ceiling: float = np.inf) -> Observed:
@@ -88,7 +78,7 @@ def slope(h: Any, errors: Any, floor: float, ceiling: float = np.inf) -> Observe
     x, y = np.log(h[keep]), np.log(errors[keep])
     fitted = float(np.polyfit(x, y, 1)[0])
     local = np.diff(y) / np.diff(x)
-    return Observed(ObservedKind.ORDER, fitted, float(np.max(np.abs(local - fitted))), int(keep.sum()))
+    return Observed(fitted, float(np.max(np.abs(local - fitted))), int(keep.sum()))
 
 
 def _trimmed(errors: Sequence[float], floor: float, basin: float) -> Any:

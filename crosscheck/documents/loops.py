@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from enum import StrEnum
 from typing import Any
 
 import numpy as np
@@ -21,17 +20,6 @@ from refkin.motion_laws import Law
 from refkin.vec import BodyValues, Vec
 
 Input = Law | float
-
-
-class RapierReading(StrEnum):
-    """How the lost figure of the rapier drive may be read; which one the source means is not known.
-
-    R1: C lies between B and D, the guide below A0, s16 is counted from C0. R2: B lies between C and D, the guide above
-    A0, s16 is counted from A0.
-    """
-
-    R1 = "R1"
-    R2 = "R2"
 
 
 def four_bar(
@@ -128,7 +116,7 @@ RAPIER_LENGTHS: Mapping[str, float] = {
 """Of the rapier drive in METU 3.9 [mm]."""
 
 
-def rapier(reading: RapierReading | str, given: Input, **lengths: float) -> LoopSystem:
+def rapier(reading: str, given: Input) -> LoopSystem:
     """Return the two coupled loops of the six-link rapier drive in the unknowns theta13, theta14, theta15, s16.
 
     A0 is the origin, C0 = -d1 - i a1, D = C + c e^(i theta14), E = D + a6 on the guide at height g:
@@ -136,27 +124,13 @@ def rapier(reading: RapierReading | str, given: Input, **lengths: float) -> Loop
     a2 e^(i theta12) + a3 e^(i theta13) - a4 e^(i theta14) - a5 e^(i theta15) - C0 = 0
     C0 + a5 e^(i theta15) + c e^(i theta14) + a6 - s16 - o - i g = 0
 
-    with c = a4 - b4, g = -b1, o = -d1 in reading R1; c = a4 + b4, g = b1, o = 0 in reading R2. The source gives lengths
-    and a guess alone, so both readings are inferred.
-
-    Parameters
-    ----------
-    reading : RapierReading or str
-    given : Law or float
-        theta12.
-    lengths : float
-        Those that differ from `RAPIER_LENGTHS`.
-
-    Raises
-    ------
-    ValueError
-        If there is no such reading or length.
+    The source gives lengths and a guess alone, its figure is lost, so two readings are inferred. "R1": C lies between B
+    and D, the guide below A0, s16 is counted from C0: c = a4 - b4, g = -b1, o = -d1. "R2": B lies between C and D, the
+    guide above A0, s16 is counted from A0: c = a4 + b4, g = b1, o = 0. `given` is theta12.
     """
-    unknown = sorted(set(lengths) - set(RAPIER_LENGTHS))
-    if unknown:
-        raise ValueError(f"rapier: expected lengths among {', '.join(RAPIER_LENGTHS)}, got {', '.join(unknown)}")
-    long = {**RAPIER_LENGTHS, **lengths}
-    first_reading = RapierReading(reading) is RapierReading.R1
+    if reading not in ("R1", "R2"):
+        raise ValueError(f"reading: expected R1 or R2, got {reading!r}")
+    long, first_reading = RAPIER_LENGTHS, reading == "R1"
     names = ("theta13", "theta14", "theta15", "s16")
     theta13, theta14, theta15, s16 = (Variable(unknown=name) for name in names)
     c0 = complex(-long["d1"], -long["a1"])

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from crosscheck.documents.convergence import ObservedKind, slope
+from crosscheck.documents.convergence import slope
 from crosscheck.documents.ledger import all_rows, read
 from crosscheck.documents.ledger.arithmetic import Arithmetic, Balls, Binary64
 from crosscheck.documents.ledger.rows import Printed
@@ -209,7 +209,7 @@ def _posed(linkage: FourBar, angle: float) -> tuple[System, Any]:
 
 
 def _line(name: str, over: str, x: Any, y: Any, expected: float | None, fitted: Any) -> dict[str, Any]:
-    seen = fitted is not None and fitted.kind is not ObservedKind.INCONCLUSIVE
+    seen = fitted is not None and fitted.points > 0
     return {
         "name": name,
         "over": over,

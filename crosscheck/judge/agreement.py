@@ -118,7 +118,7 @@ def _sentence(ref: Reference, motion: Motion, order: int, quantity: QuantityComp
     axis, k = kind.coordinates.index(name), int(np.flatnonzero(ref.motion.t == at.time)[0])
     row = kind.width * ref.motion.bodies.index(body) + axis
     unit, size = UNITS[kind.name][order][axis], 1.0 if kind.turns[axis] else ref.system.unit.size
-    allowed = float(getattr(ref.budget(terms), QUANTITIES[order])[row, k]) * size
+    allowed = float(ref.budget(terms).levels[order, row, k]) * size
     off = abs(float(quantity.difference[row, k])) * size
     place = f"{body}.{name}{'d' * order}"
     violated = violations(ref, motion, order, at.time).text

@@ -63,21 +63,6 @@ class ErrorBudget:
     levels: Any
     judged: Any
 
-    @property
-    def position(self) -> Any:
-        """What is allowed of coordinates, (n, T)."""
-        return self.levels[0]
-
-    @property
-    def velocity(self) -> Any:
-        """What is allowed of their rates."""
-        return self.levels[1]
-
-    @property
-    def acceleration(self) -> Any:
-        """What is allowed of the rates of these."""
-        return self.levels[2]
-
 
 @dataclass(frozen=True)
 class Carried:

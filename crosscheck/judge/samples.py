@@ -75,7 +75,7 @@ def attainable_digits(ref: Reference) -> dict[str, Any]:
     budget = ref.budget()
     attained = {}
     for level, quantity in enumerate(QUANTITIES):
-        allowed = np.max(getattr(budget, quantity), axis=0) / SAFETY
+        allowed = np.max(budget.levels[level], axis=0) / SAFETY
         with np.errstate(divide="ignore", invalid="ignore"):
             digits = np.minimum(MOST_DIGITS, -np.log10(allowed / scales(ref.levels[level], level)))
         attained[quantity] = np.where(budget.judged, digits, np.nan)

@@ -51,8 +51,8 @@ def sharpness(ref: Reference, lanes: Sequence[int]) -> dict[str, Sharpness]:
     chosen = [k for k in lanes if budget.judged[k]]
     moved = attainable_by_inputs(ref, chosen)
     by_quantity = {}
-    for quantity, attainable in zip(QUANTITIES, moved, strict=True):
-        allowed = getattr(budget, quantity)[:, chosen]
+    for quantity, level, attainable in zip(QUANTITIES, budget.levels, moved, strict=True):
+        allowed = level[:, chosen]
         with np.errstate(divide="ignore", over="ignore"):
             smallest = np.min(allowed / attainable, axis=0)
         by_quantity[quantity] = Sharpness(np.max(allowed, axis=0) / np.max(attainable, axis=0), smallest)

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import QUANTITIES
-from crosscheck.judge.comparison import Reference, reference, scaled_differences
+from crosscheck.judge.comparison import Reference, reference, scaled_differences, scales
 from crosscheck.judge.records import MOST_DIGITS
 from refkin.model import Evidence, Scene
 from refkin.motion import Status
@@ -74,7 +74,7 @@ class CertifiedTruth:
             return None, f"no answer at {missing} of {every.shape[1]} times"
         radius = self._radius(order)
         at = np.argmax(every + radius, axis=0), np.arange(every.shape[1])
-        scale = _scale(ours[self._rows][:, self.known], order)
+        scale = scales(ours[self._rows][:, self.known], order)
         worst = (every + radius)[at] / scale
         k = int(np.argmax(worst))
         known, off = (radius[at] / scale)[k], (every[at] / scale)[k]
@@ -86,7 +86,7 @@ class CertifiedTruth:
         return half_ulp(self.ref.system, self.ref.levels[order][:, self.known], order)[self._rows] + radius
 
     def _fewest(self, allowed: Any, level: Any, order: int) -> float:
-        return _digits(np.max(allowed[self._rows], axis=0) / _scale(level[self._rows], order))
+        return _digits(np.max(allowed[self._rows], axis=0) / scales(level[self._rows], order))
 
 
 def attainable_levels(ref: Reference, known: Any) -> list[tuple[Any, Any]]:
@@ -118,12 +118,6 @@ def _inputs_in_rates(system: System, q: Any, qd: Any, qdd: Any, t: Any) -> tuple
     at_rate = slope @ rate - moved.nu(pose, times)
     at_bend = slope @ bend - moved.gamma(pose, rate, times)
     return read(at_rate, samples).spread, read(at_bend, samples).spread
-
-
-def _scale(level: Any, order: int) -> Any:
-    """Return what errors are relative to, (T,): 1 for scaled positions, else the largest component."""
-    largest = np.max(np.abs(level), axis=0)
-    return np.ones_like(largest) if order == 0 else np.where(largest == 0.0, 1.0, largest)
 
 
 def _digits(errors: Any) -> float:

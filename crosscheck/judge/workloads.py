@@ -144,9 +144,7 @@ def _over_allowed(work: FourBars, piece: Piece) -> tuple[float, int]:
     budget = derive(system, _as_motion(work.t[piece.times], levels), *levels)
     rows, known = np.asarray(piece.rows), budget.judged
     ratio = 0.0
-    for (error, _), allowed in zip(
-        _errors(work, piece, truth), (budget.position, budget.velocity, budget.acceleration), strict=False
-    ):
+    for (error, _), allowed in zip(_errors(work, piece, truth), budget.levels, strict=False):
         with np.errstate(divide="ignore", invalid="ignore"):
             part = np.where(error == 0.0, 0.0, error / allowed[rows])
         ratio = max(ratio, float(np.max(part[:, known], initial=0.0)))

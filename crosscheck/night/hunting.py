@@ -16,7 +16,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from itertools import count, zip_longest
 from pathlib import Path
-from typing import Protocol
 
 from hypothesis import Phase, given, seed, settings, target
 
@@ -139,24 +138,25 @@ def hunt(
     return bag
 
 
-class Check(Protocol):
-    """Checks a scene; `origin` says where it is from."""
-
-    def __call__(self, drawn: AnyDrawn, origin: str) -> None: ...
+Check = Callable[[AnyDrawn, str], None]
+"""Checks a scene; told where it is from."""
 
 
 def _turns(
     check: Check, seed_of_hunt: int, strata: Sequence[tuple[float, float]], starts: Sequence[tuple[int, int]]
 ) -> Iterator[tuple[str, Callable[[], None]]]:
     """Yield what is hunted, and how: the scenes of nights and what lies near them, then strata without end."""
+
+    def near(origin: str) -> Callable[[AnyDrawn], None]:
+        return lambda drawn: check(drawn, origin)
+
     for night, number in starts:
         origin = f"scene {number} of night {night}"
-        near = partial(check, origin=origin)
-        yield origin, lambda n=night, k=number, f=near: climb(n, k, f, A_TURN, SAMPLES)  # type: ignore[misc]
+        yield origin, partial(climb, night, number, near(origin), A_TURN, SAMPLES)
     for turn in count():
         stratum = strata[turn % len(strata)]
         origin = f"1e-{stratum[0]:g} .. 1e-{stratum[1]:g}"
-        yield origin, partial(turn_of, partial(check, origin=origin), stratum, seed_of_hunt * 1000 + turn)
+        yield origin, partial(turn_of, near(origin), stratum, seed_of_hunt * 1000 + turn)
 
 
 def worst_of_night(folder: Path, best: Mapping[str, str], seed_of_night: int) -> list[tuple[int, int]]:

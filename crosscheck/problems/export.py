@@ -99,7 +99,7 @@ def _certified(problem: Problem, scene: str) -> dict[str, Any]:
         "units": units,
         "columns": {body.name: len(units) * k for k, body in enumerate(mechanism.bodies)},
         "t": problem.scene.times,
-        **dict(zip(("q", "qd", "qdd"), problem.truth.levels, strict=True)),
+        **dict(zip(("q", "qd", "qdd"), problem.truth, strict=True)),
         "others": [
             {name: [float(NEAREST.format(x)) for x in pose] for name, pose in others.items()}
             for others in problem.others

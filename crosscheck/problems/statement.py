@@ -47,11 +47,8 @@ class NotProved(CannotRun):
     """A problem whose answer is not proved to so many digits: a fault of the set."""
 
 
-@dataclass(frozen=True)
-class Truth:
-    """Position, velocity and acceleration in metres and radians: per level, time and coordinate a number's digits."""
-
-    levels: tuple[list[list[str]], list[list[str]], list[list[str]]]
+Truth = Sequence[list[list[str]]]
+"""Position, velocity and acceleration in metres and radians: per level, time and coordinate a number's digits."""
 
 
 def certified(scene: Scene) -> Truth:
@@ -64,10 +61,10 @@ def certified(scene: Scene) -> Truth:
         raise NotProved(f"{scene.name}: {motion.verdict} {motion.message}")
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     times = [_digits_at(scene, system, motion, k) for k in range(len(scene.times))]
-    return Truth(tuple([levels[order] for levels in times] for order in range(3)))  # type: ignore[arg-type]
+    return [[levels[order] for levels in times] for order in range(3)]
 
 
-def _digits_at(scene: Scene, system: System, motion: Motion, k: int) -> tuple[list[str], ...]:
+def _digits_at(scene: Scene, system: System, motion: Motion, k: int) -> list[list[str]]:
     for bits in BITS:
         root = krawczyk(system, system.to_unit(motion.q[:, k]), scene.times[k], bits)
         if root is None:
@@ -77,7 +74,7 @@ def _digits_at(scene: Scene, system: System, motion: Motion, k: int) -> tuple[li
         enclosed = (root.q, velocity, root.acceleration(velocity))
         levels = [_decided(root, balls, order) for order, balls in enumerate(enclosed)]
         if None not in [number for level in levels for number in level]:
-            return tuple([str(number) for number in level] for level in levels)
+            return [[str(number) for number in level] for level in levels]
     raise NotProved(f"{scene.name}: {BITS[-1]} bits do not prove {DIGITS} digits at t = {scene.times[k]:g}")
 
 
@@ -135,7 +132,6 @@ class Problem:
         Family, number and assembly.
     assembly : str
         "open" or "crossed" of a linkage; on which side each dyad's inner joint lies; or a number, in order of size.
-    truth : Truth
     others : tuple of dict
         Per time, name of another assembly -> its coordinates in metres and radians (float64), as far as it goes.
     """

@@ -7,18 +7,17 @@ bodies, a branching tree with a loop each. The crank's law bends: its second der
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 from hypothesis import assume
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
 from crosscheck.scenes.hard_case import dyads, pin
-from crosscheck.strategies.spans import Hardness
+from crosscheck.strategies.spans import Binned
 from refkin.joints import GROUND, AngleDriver, Revolute
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion_laws import Polynomial
-from refkin.scenes.linkages import Branch, FourBar, Pose
+from refkin.scenes.linkages import FourBar, Pose
 
 MOST_TIMES = 3
 """Times of a scene: what a feature gets wrong it gets wrong at any."""
@@ -28,16 +27,8 @@ BENDS = st.floats(0.25, 1.0)
 """Second derivative of the crank's angle [rad/s^2], either way."""
 
 
-@dataclass(frozen=True)
-class Featured:
-    """A scene for the features of engines, and what reports are binned by, as `scenes.Drawn` has it."""
-
-    scene: Scene
-    kind: str
-    branch: Branch = Branch.OPEN
-    distance: float = 0.0
-    hardness: Hardness = Hardness.REGULAR
-    grashof: None = None
+class Featured(Binned):
+    """A drawn scene for the features of engines."""
 
 
 @st.composite

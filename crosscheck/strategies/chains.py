@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -17,29 +16,15 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 
 from crosscheck.strategies.chain_kinds import KINDS, SIGNS, Frames
 from crosscheck.strategies.laws import draw_law, moved
-from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS
-from crosscheck.strategies.spans import Hardness
+from crosscheck.strategies.linkages import ANGLES, COORDINATES, ORIGINS, draw_size
+from crosscheck.strategies.spans import Binned
 from refkin.joints import GROUND, AngleDriver
 from refkin.model import Body, Mechanism, Scene
 from refkin.scenes.linkages import Branch, law_keys, rough
 
 
-@dataclass(frozen=True)
-class Chain:
-    """A drawn scene of several loops or contacts, and what reports are binned by, as `scenes.Drawn` has it.
-
-    Attributes
-    ----------
-    distance : float
-        The smallest margin of its closures over a full turn, in longest lengths.
-    """
-
-    scene: Scene
-    kind: str
-    branch: Branch
-    distance: float
-    hardness: Hardness = Hardness.REGULAR
-    grashof: None = None
+class Chain(Binned):
+    """A drawn scene of several loops or contacts: `distance` is their smallest margin, in longest lengths."""
 
 
 def chains(*, kinds: Collection[str] | None = None, samples: int = 72, **sizes: float) -> SearchStrategy[Chain]:
@@ -76,7 +61,7 @@ def six_bars(**bounds: Any) -> SearchStrategy[Chain]:
 @st.composite
 def _chains(draw: DrawFn, kinds: tuple[str, ...], samples: int, min_size: float = 1e-2, max_size: float = 1e2) -> Chain:
     kind = draw(st.sampled_from(kinds), label="kind")
-    size = math.pow(10.0, draw(st.floats(math.log10(min_size), math.log10(max_size)), label="decade of the size"))
+    size = draw_size(draw, min_size, max_size)
     branch = draw(st.sampled_from(Branch), label="branch")
     plan = KINDS[kind](draw, size, 1 if branch is Branch.OPEN else -1)
     first = draw(ANGLES, label="first angle")

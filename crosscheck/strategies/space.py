@@ -6,7 +6,6 @@ on purpose (`Region`).
 
 from __future__ import annotations
 
-import math
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,8 +15,10 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
 from crosscheck.strategies.laws import draw_law
+from crosscheck.strategies.linkages import draw_size
 from crosscheck.strategies.space_kinds import KINDS
 from crosscheck.strategies.space_plans import ANGLES, UNITS, Array, Plan, Pose, Region, direction, turn
+from crosscheck.strategies.spans import Binned
 from refkin.joints import GROUND, Screw, SpatialAngleDriver, SpatialDistanceDriver, Universal
 from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
@@ -27,22 +28,8 @@ from refkin.scenes.linkages import Branch
 from refkin.scenes.linkages.base import law_keys
 
 
-@dataclass(frozen=True)
-class Spatial:
-    """A drawn scene of space, and what reports are binned by, as `scenes.Drawn` has it.
-
-    Attributes
-    ----------
-    distance : float
-        How near the span comes to a pose without an assembly: the least room of the coupler, in cranks.
-    """
-
-    scene: Scene
-    kind: str
-    branch: Branch
-    distance: float
-    hardness: Region
-    grashof: None = None
+class Spatial(Binned):
+    """A drawn scene of space: `distance` is the least room of the coupler over its span, in cranks."""
 
 
 def spatial_scenes(
@@ -51,10 +38,8 @@ def spatial_scenes(
     regions: Collection[Region] = tuple(Region),
     decades: tuple[float, float] = (2, 6),
     samples: int = 72,
-    min_size: float = 1e-2,
-    max_size: float = 1e2,
 ) -> SearchStrategy[Spatial]:
-    """Return scenes of `KINDS` that assemble at all times; `min_size`, `max_size` bound the crank [m].
+    """Return scenes of `KINDS` that assemble at all times, with a crank of a centimetre to a hundred metres.
 
     `decades` (k, k') say that hard regions are 10^-k ... 10^-k' wide. Examples from this strategy shrink towards an
     RSSR with a crank of about one metre at the origin.
@@ -64,7 +49,7 @@ def spatial_scenes(
     ]
     if not wanted or samples < 1:
         raise ValueError(f"expected kinds, regions, samples >= 1; got {kinds!r}, {regions!r}, {samples!r}")
-    return _spatial(tuple(wanted), decades, samples, min_size, max_size)
+    return _spatial(tuple(wanted), decades, samples)
 
 
 @st.composite
@@ -73,11 +58,9 @@ def _spatial(
     wanted: tuple[tuple[str, Region], ...],
     decades: tuple[float, float],
     samples: int,
-    min_size: float,
-    max_size: float,
 ) -> Spatial:
     kind, region = draw(st.sampled_from(wanted), label="kind and region")
-    size = math.pow(10.0, draw(st.floats(math.log10(min_size), math.log10(max_size)), label="decade of the size"))
+    size = draw_size(draw, 1e-2, 1e2)
     branch = draw(st.sampled_from(Branch), label="branch")
     plan = KINDS[kind][0](draw, region, 1.0 if branch is Branch.OPEN else -1.0, decades)
     duration = 10.0 ** draw(st.floats(-1.0, 1.0), label="decade of the duration")

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
 from crosscheck.strategies.linkages import AnyLinkage, Decades, draw_power_of_ten, longest
 from refkin.joints import GROUND
-from refkin.model import Member
-from refkin.scenes.linkages import ANYWHERE, Interval, InvertedSliderCrank, SliderCrank
+from refkin.model import Member, Scene
+from refkin.scenes.linkages import ANYWHERE, Branch, Interval, InvertedSliderCrank, SliderCrank
 
 Input = tuple[str, str]
 """(driven, relative_to), see `refkin.scenes.linkages.Linkage.INPUTS`."""
@@ -26,6 +27,26 @@ class Hardness(Member):
     REGULAR = "regular"
     LIMIT = "limit"
     CHANGE_POINT = "change-point"
+
+
+@dataclass(frozen=True)
+class Binned:
+    """A drawn scene, and what reports are binned by, as `scenes.Drawn` has it.
+
+    Attributes
+    ----------
+    distance : float
+        How near it comes to a pose without an assembly, as its kind has it.
+    hardness : Hardness or Region
+        Where it goes on purpose.
+    """
+
+    scene: Scene
+    kind: str
+    branch: Branch = Branch.OPEN
+    distance: float = 0.0
+    hardness: Member = Hardness.REGULAR
+    grashof: None = None
 
 
 def draw_span(

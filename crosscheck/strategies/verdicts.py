@@ -20,11 +20,11 @@ from hypothesis.strategies import DrawFn, SearchStrategy
 from crosscheck.strategies.linkages import draw_place, draw_size
 from crosscheck.strategies.scenes import Drawn, scenes_of
 from crosscheck.strategies.space_plans import Circle
-from crosscheck.strategies.spans import Hardness
+from crosscheck.strategies.spans import Binned, Hardness
 from refkin.joints import GROUND, AngleDriver, Pair, Prismatic, Revolute
 from refkin.joints.spatial_frames import parameters_of
 from refkin.joints.spatial_vectors import Vec3
-from refkin.model import Body, Mechanism, Scene
+from refkin.model import Body, Mechanism, Member, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 from refkin.scenes.linkages import RSSR, Branch, FourBar
@@ -40,22 +40,11 @@ GAPS = st.one_of(st.just(0), st.integers(1, 2**17))
 
 
 @dataclass(frozen=True)
-class Ended:
-    """A scene that ends in a singular pose or in none, and what reports are binned by, as `scenes.Drawn` has it.
+class Ended(Binned):
+    """A drawn scene that ends in a singular pose or in none: `expected` is the verdict that it must have."""
 
-    Attributes
-    ----------
-    expected : Status
-        The verdict that it must have.
-    """
-
-    scene: Scene
-    kind: str
-    branch: Branch
-    expected: Status
-    distance: float = 0.0
-    hardness: Hardness = Hardness.LIMIT
-    grashof: None = None
+    hardness: Member = Hardness.LIMIT
+    expected: Status = Status.OK
 
 
 @st.composite
@@ -74,7 +63,7 @@ def ended_scenes(draw: DrawFn, *, samples: int = 72) -> Ended:
     times = tuple(np.linspace(0.0, 1.0, samples).tolist())
     name, branch = f"{kind}, {expected} in the end", Branch.OPEN if side > 0 else Branch.CROSSED
     if kind == "RSSR":
-        return Ended(_rssr(one, two, gap, size * GRID, side, begin, times, name), kind, branch, expected)
+        return Ended(_rssr(one, two, gap, size * GRID, side, begin, times, name), kind, branch, expected=expected)
     if kind == "four-bar":
         assume(a + two - gap > one)  # what is left for the rocker
         lengths = (a, one, a + two - gap - one, two)
@@ -90,7 +79,7 @@ def ended_scenes(draw: DrawFn, *, samples: int = 72) -> Ended:
     driver = AngleDriver(name="driver", body="crank", law=law)
     bodies = tuple(Body(name=name, estimate=place) for name, place in pose.items())
     scene = Scene(mechanism=Mechanism(bodies, joints, (driver,)), times=times, name=name)
-    return Ended(scene, kind, branch, expected)
+    return Ended(scene, kind, branch, expected=expected)
 
 
 def _rssr(

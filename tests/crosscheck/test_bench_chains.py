@@ -35,7 +35,7 @@ def test_what_is_allowed_is_less_than_the_budget_of_a_comparison_and_not_much_le
         return
     motion = refkin.solve(WORK.scene)
     levels = [system.system.to_unit(level, order) for order, level in enumerate(motion.levels)]
-    whole = derive(system.system, motion, *levels).position[:, 0]
+    whole = derive(system.system, motion, *levels).levels[0, :, 0]
     part = allowed(system, levels[0][:, 0], 0.0) / whole
 
     assert np.all(part <= 1.0)

@@ -55,7 +55,7 @@ def ratios(case: Case, motion: Motion, terms: tuple[Any, ...] = ()) -> list[floa
     budget = derive(system, motion, *scaled, terms)
     size = system.to_physical(np.ones_like(exact[0]), order=1)
     rows = []
-    for k, allowed in enumerate((budget.position, budget.velocity, budget.acceleration)):
+    for k, allowed in enumerate(budget.levels):
         level = motion.levels[k]
         assert level is not None
         error = level - exact[k]

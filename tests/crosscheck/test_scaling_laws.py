@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 
 import refkin
-from crosscheck.documents.convergence import ObservedKind, slope
+from crosscheck.documents.convergence import slope
 from refkin import FourBar, InvertedSliderCrank, Polynomial, SliderCrank, Status, compile_system
 from refkin.differences import EPS
 from refkin.proof.pose.certificate import certify, unique_within
@@ -136,7 +136,7 @@ def test_a_level_scales_as_theory_says(found, level):
         return
     fitted = slope(DISTANCES, values[level], floor=0.0)
 
-    assert fitted.kind is ObservedKind.ORDER
+    assert fitted.points
     assert fitted.is_near(expected, TOLERANCE)
 
 
