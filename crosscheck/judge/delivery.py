@@ -70,22 +70,22 @@ DOCUMENTED: Mapping[tuple[str, str], Documented] = {
 
 def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[Term], list[dict[str, Any]]]:
     """Return the terms that are granted, and the others as disagreements; many small ones count as one large one."""
-    kept: list[Term] = []
+    allowed: list[Term] = []
     faults = []
     for term in terms:
         most = _most(engine.name, scene, term)
         formulas = OF_FORMULAS if term.level == QUANTITIES[0] else RELATIVE
-        same = [term, *(one for one in kept if one.level == term.level and _most(engine.name, scene, one) == most)]
+        same = [term, *(one for one in allowed if one.level == term.level and _most(engine.name, scene, one) == most)]
         absolute, relative, of_rates = (
             sum(getattr(one, key) for one in same) for key in ("absolute", "relative", "of_rates")
         )
         if absolute <= most and relative <= formulas and of_rates <= OF_RATES:
-            kept.append(term)
+            allowed.append(term)
             continue
         size = max(term.absolute, term.relative, term.of_rates)
         message = f"{term.name!r} of {size:.3g}: no documentation of {engine.name} states more than {most:.3g}"
         faults.append({"quantity": term.level, "kind": Cause.UNDOCUMENTED, "message": message})
-    return kept, faults
+    return allowed, faults
 
 
 def misshapen(scene: Scene, motion: Any) -> Iterator[str]:

@@ -180,8 +180,8 @@ def _four_pins(ground: float, coupler: float, rocker: float) -> list[Constraint]
     ]
 
 
-def _guide(name: str, i: str, p: Pair, axis: Pair, j: str, angle: float = 0.0) -> Prismatic:
-    return Prismatic(name=name, **ends(i, p, j), axis_i=axis, angle=angle)
+def _guide(name: str, i: str, p: Pair, axis: Pair, j: str) -> Prismatic:
+    return Prismatic(name=name, **ends(i, p, j), axis_i=axis)
 
 
 def geared_five_bars(random: Random) -> Iterator[Stated]:

@@ -33,8 +33,8 @@ ORIGIN: Triple = (0.0, 0.0, 0.0)
 X, Y, Z = (1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 
-def _hinge(name: str, at: Triple, axis: Triple, body: str, zero: Triple = X) -> SpatialRevolute:
-    return SpatialRevolute(name=name, **ends(GROUND, at, body), axis_i=axis, zero_i=zero, axis_j=Z, zero_j=X)
+def _hinge(name: str, at: Triple, axis: Triple, body: str) -> SpatialRevolute:
+    return SpatialRevolute(name=name, **ends(GROUND, at, body), axis_i=axis, zero_i=X, axis_j=Z, zero_j=X)
 
 
 def _driven(title: str, joints: Sequence[Constraint], speed: float = 1.0, **more: Any) -> Stated:

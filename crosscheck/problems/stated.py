@@ -61,9 +61,9 @@ def polynomial(*coefficients: float) -> Polynomial:
     return Polynomial(coefficients=coefficients)
 
 
-def within(random: Random, low: float, high: float, decimals: int = 2) -> float:
-    """Return a number between two, of a few decimals."""
-    return round(low + (high - low) * random.random(), decimals)
+def within(random: Random, low: float, high: float) -> float:
+    """Return a number between two, of two decimals."""
+    return round(low + (high - low) * random.random(), 2)
 
 
 Family = Callable[[Random], Iterator[Stated]]

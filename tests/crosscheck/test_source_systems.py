@@ -8,16 +8,12 @@ import numpy as np
 import pytest
 from flint import arb
 
-from crosscheck.documents import loops
-from crosscheck.documents.convergence import linear_rate, newton_order, slope
-from crosscheck.documents.systems import me451, me581, metu, printed, shabana
+from crosscheck.documents.convergence import newton_order, slope
+from crosscheck.documents.systems import me451, me581, metu, shabana
 from crosscheck.documents.systems.shabana import SLIDER_DRIVEN, pose, right_side, twelve_coordinates
-from crosscheck.engines import vector_loop
 from refkin.analysis import acceleration, position, velocity
 from refkin.differences import Scheme, jacobian
-from refkin.motion_laws import Polynomial
-from refkin.newton import NewtonStatus, newton
-from refkin.scenes.linkages import FourBar
+from refkin.newton import newton
 from refkin.system import compile_system
 from tests.claims import U, assert_near
 
@@ -154,53 +150,6 @@ def test_the_right_sides_of_problem_356_are_its_time_derivatives():
     assert me451.problem_356_nu(reach, 0.1) == pytest.approx(-phi_t, abs=1e-15)
 
 
-def test_at_the_fold_newton_halves_the_error_and_the_fold_equations_square_it():
-    fold = np.array([0.85, 0.0, -math.pi / 2])
-    slow = newton(*me451.problem_356(0.85, 0.6, 0.25), fold + np.array([-0.05, 0.05, 0.1]), max_iterations=60)
-    quick = newton(*me451.problem_356_fold(0.6, 0.25), [0.8, 0.05, -1.3, 0.8, 0.0, 1.0, 1.0])
-    halved = np.max(np.abs(slow.iterates - fold), axis=1)
-    squared = np.max(np.abs(quick.iterates - quick.q), axis=1)
-
-    assert quick.q[:4] == pytest.approx([*fold, 0.85], abs=1e-14)
-    assert linear_rate(halved, floor=1e-6).is_near(0.5, 0.02)
-    assert newton_order(squared, basin=0.5).is_near(2.0, 0.25)
-
-
-def test_the_printed_equation_has_no_root_near_and_newton_says_so():
-    assert newton(*me451.exponential_and_logarithm(1), [1.0, 0.0]).status is NewtonStatus.NOT_FINITE
-
-
-def test_the_root_that_is_not_differentiable_is_never_called_found():
-    statuses = {newton(*me451.root_minus_sine(), x).status for x in (0.01, 0.5, 1.0, 2.0, 3.0)}
-
-    assert statuses == {NewtonStatus.NOT_FINITE}
-
-
-def test_the_coupled_loops_close_in_real_and_in_complex_form_as_the_document_writes_them():
-    m = SLOTTED
-    vectors = loops.slotted(m.a1, m.a2, m.a4, m.a5, m.b1, m.c1, m.theta12)
-    plain = newton(*metu.slotted(m), CLOSED + OFF).q
-
-    for form in (False, True):
-        assert vector_loop.close(vectors, CLOSED + OFF, complex_form=form).q == pytest.approx(plain, abs=1e-14)
-    assert plain == pytest.approx(CLOSED, abs=1e-15)
-
-
-def test_with_the_printed_jacobian_the_error_doubles():
-    """In each step, from the second on."""
-    result = newton(*printed.metu_with_printed_jacobian(SLOTTED), CLOSED + OFF, max_iterations=6)
-    errors = np.max(np.abs(result.iterates - CLOSED), axis=1)
-
-    assert not result.converged
-    assert errors[2:6] / errors[1:5] == pytest.approx(2.0, abs=0.05)
-
-
-def test_with_the_printed_right_side_it_does_not_arrive():
-    result = newton(*printed.metu_with_printed_residual(SLOTTED), CLOSED + OFF, max_iterations=60)
-
-    assert not np.max(np.abs(result.q - CLOSED)) < 0.1
-
-
 @pytest.mark.parametrize("coordinate", [5, SLIDER_DRIVEN])
 def test_twelve_coordinates_give_the_rates_of_the_closed_form(coordinate):
     l2, l3, theta2 = 0.2, 0.35, 1.0
@@ -217,14 +166,6 @@ def test_twelve_coordinates_give_the_rates_of_the_closed_form(coordinate):
     assert [qdd[8], qdd[9]] == pytest.approx([10809.0591207778, -1468.39606892724], rel=1e-12, abs=0.0)
 
 
-def test_the_loop_of_the_notes_is_the_linkage():
-    linkage = FourBar(ground=90.0, crank=30.0, coupler=60.0, rocker=45.0)
-    q = newton(*me581.four_bar(NOTES, 1.1), [0.2, 2.0]).q
-    poses = linkage.assemble(1.1)
-
-    assert q == pytest.approx([poses["coupler"][2], poses["rocker"][2]], abs=1e-14)
-
-
 def test_the_same_text_runs_on_floats_complex_numbers_and_balls():
     for name, system, at in SYSTEMS:
         q = np.asarray(at, float)
@@ -234,15 +175,3 @@ def test_the_same_text_runs_on_floats_complex_numbers_and_balls():
 
         assert np.array_equal(np.real(numbers), floats) or np.max(np.abs(np.real(numbers) - floats)) < 1e-13, name
         assert np.max(np.abs(enclosed - floats)) < 1e-13 * max(1.0, np.max(np.abs(floats))), name
-
-
-def test_a_rate_that_is_given_is_that_of_the_loop():
-    """Problem of the Coriolis example: rates of rod and block from those of the crank."""
-    law = Polynomial(coefficients=(1.0, 2.0, -0.75))
-    q = newton(*shabana.coriolis_example(0.5, 0.2, 1.0), [2.7, 0.4]).q
-    qd = shabana.coriolis_velocity(0.2, 1.0, q, 2.0)
-    qdd = np.linalg.solve(*shabana.coriolis_right_side(0.2, 1.0, q, qd, 2.0, -1.5))
-    vectors = loops.inverted_slider_crank(0.5, 0.2, 0.0, law)
-
-    assert vectors.velocity(q, 0.0) == pytest.approx(qd, rel=1e-13, abs=0.0)
-    assert vectors.acceleration(q, qd, 0.0) == pytest.approx(qdd, rel=1e-13, abs=0.0)

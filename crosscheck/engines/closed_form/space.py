@@ -184,7 +184,7 @@ class Assembly:
             if isinstance(freedom, Frame):
                 self.placed[body] = freedom
                 return True
-            if isinstance(freedom, Turning) and self._turned(body, freedom, tie):
+            if isinstance(freedom, Turning) and self._solved(body, freedom, tie):
                 return True
             if isinstance(freedom, tuple) and self._slid(body, tie, *freedom):
                 return True
@@ -225,12 +225,9 @@ class Assembly:
         frame = frame.moved(h.scaled(shift * sign))
         return Turning(frame, at, h) if angle is None else frame
 
-    def _turned(self, body: str, turning: Turning, held_by: Tie) -> bool:
-        rows = list(self._conditions(body, turning, held_by))
-        return self._solved(body, turning, rows)
-
-    def _solved(self, body: str, turning: Turning, rows: Sequence[Condition]) -> bool:
+    def _solved(self, body: str, turning: Turning, held_by: Tie | None) -> bool:
         """Place a body that turns, from conditions P cos + Q sin = K, if these say enough."""
+        rows = self._conditions(body, turning, held_by)
         clear = [row for row in rows if float(np.min(np.hypot(midpoint(row[0].v), midpoint(row[1].v)))) > ALIKE]
         if len(clear) > 1 and together(clear) > np.sqrt(ALIKE):
             cos, sin = least_squares(clear)
@@ -245,14 +242,10 @@ class Assembly:
         whole = p * p + q * q
         square = whole - k * k
         self.roots.append(Root(body, square, square / whole))
-        half = self._rooted(square)
+        half = _root(square)
         roots = [((p * k - q * s) / whole, (q * k + p * s) / whole) for s in (half, -half)]
         sign = self._chosen(body, "turned", [turning.at(*pair) for pair in roots])
         return roots[0] if sign > 0 else roots[1]
-
-    def _rooted(self, square: Jet) -> Jet:
-        with np.errstate(all="ignore"):
-            return square.sqrt()
 
     def _chosen(self, body: str, how: str, both: Sequence[Frame]) -> float:
         """Return 1 for the first of two frames if it is nearer the body's estimate at the first time, else -1."""
@@ -334,21 +327,17 @@ class Assembly:
                     continue
                 along, square = axis.dot(arm), length * length - across.dot(across)
                 self.roots.append(Root(body, square, square / (length * length)))
-                half = self._rooted(square)
+                half = _root(square)
                 moved = [frame.moved(axis.scaled(s - along)) for s in (half, -half)]
                 sign = self._chosen(body, "slid", moved)
                 frame = moved[0] if sign > 0 else moved[1]
                 if turns:
                     self.points[tie.name, side] = frame.point(tie.points[side])
+                    self._solved(body, self._freedom(tie, body), tie)
                 else:
                     self.placed[body] = frame
-                return not turns or self._deduce_turn(body, tie)
+                return True
         return False
-
-    def _deduce_turn(self, body: str, tie: Tie) -> bool:
-        turning = self._freedom(tie, body)
-        self._turned(body, turning, tie)
-        return True
 
     def _reach(self, tie: Tie, body: str, frame: Frame) -> Iterator[tuple[Vector, Vector, Jet]]:
         """Yield a point of a body, where what holds it is, and the distance of the two."""
@@ -373,8 +362,7 @@ class Assembly:
                 continue
             frame = composed(p, _across(q - p, self), one.points[one.side(body)], _across(arm, self))
             turning = Turning(frame, p, (q - p).unit())
-            rows = list(self._conditions(body, turning, None))
-            if not self._solved(body, turning, rows):
+            if not self._solved(body, turning, None):
                 if not any(body in spin for spin in self.passive):
                     continue
                 self.placed[body] = frame
@@ -399,6 +387,11 @@ class Assembly:
                 base = self.placed[held.bodies[1 - side]]
                 return at + base.turned(held.frames[1 - side][2]).scaled(h.dot(local))
         return None
+
+
+def _root(square: Jet) -> Jet:
+    with np.errstate(all="ignore"):
+        return square.sqrt()
 
 
 def _off_line(frame: Frame, point: Vector, tie: Tie, side: int, axis: Vector, count: int) -> Any:
