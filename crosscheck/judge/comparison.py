@@ -261,21 +261,23 @@ def _place(system: System, motion: Motion, times: Any, place: int) -> At:
 def _other_assembly(
     ref: Reference, motion: Motion, compared: Mapping[str, QuantityComparison], samples: Any, at: Any
 ) -> bool:
-    """Whether a wrong position is another solution of the constraints: the same linkage, put together another way.
+    """Whether the worst position is another solution of the constraints: the same linkage, put together another way.
 
     It is if its own residual, carried by |J^-1|, accounts for less than a tenth of its error: to first order the two
-    are equal, and no second order is ten times as large but where it leads to the next solution.
+    are equal, and no second order is ten times as large but where it leads to the next solution. A better one that is
+    says nothing of the worst, which it would hide behind a gap that is known.
     """
     if "position" not in compared or compared["position"].agrees:
         return False
-    wrong = samples & (compared["position"].ratio > 1.0) & np.isfinite(compared["position"].error)
+    position = compared["position"]
+    wrong = samples & (position.ratio == np.nanmax(position.ratio)) & np.isfinite(position.error)
     q, t, ours = whole_poses(ref, motion, wrong, at), motion.t[wrong], ref.levels[0][:, at][:, wrong]
     if q is None:
         return False
     stacked = np.moveaxis(ref.system.held_at(ours).phi_q(ours, t), -1, 0)
     residual = np.moveaxis(np.abs(ref.system.held_at(q).phi(q, t)), -1, 0)[..., None]  # no spin violates anything
     carried = np.abs(np.linalg.pinv(stacked)) @ residual
-    return bool(np.any(np.max(carried, axis=(1, 2)) < 0.1 * compared["position"].error[wrong]))
+    return bool(np.any(np.max(carried, axis=(1, 2)) < 0.1 * position.error[wrong]))
 
 
 def whole_poses(ref: Reference, motion: Motion, samples: Any, at: Any = slice(None)) -> Any:

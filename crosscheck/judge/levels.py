@@ -19,6 +19,7 @@ from crosscheck.engines import ConstraintModel, Engine, Level, Support, Term, re
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.spatial.turning import common_columns
 from crosscheck.judge.budget import BOTH_SIDES, SAFETY
+from crosscheck.judge.delivery import ABSOLUTE
 from crosscheck.judge.records import At
 from crosscheck.judge.running_error import Running, U, off_by, parts, running
 from refkin.joints import elements_of
@@ -108,9 +109,11 @@ def configurations(mechanism: Mechanism, near: Any, t: Any, seed: str, count: in
 def missing_rows(engine: Engine, model: ConstraintModel, mechanism: Mechanism) -> list[str]:
     """Return which rows, by name, a model has not once, although the engine's table has their element.
 
-    A joint that is refused in part may be left out, whole; what it drives is not asked for.
+    A joint that is refused in part may be left out, whole; what it drives is not asked for. A map that makes nothing of
+    a row where that is zero (factor F'(0) = 0) has none.
     """
-    had, table = [(m.constraint, m.row) for m in model.rows], engine.capabilities()
+    had = [(m.constraint, m.row) for m in model.rows if TINY / U < abs(m.factor * m.form(0.0, 1)) < np.inf]
+    table = engine.capabilities()
     refused = {name for _, name, _ in refused_joints(engine, mechanism.constraints, Level.RESIDUAL)}
     left_out = refused - {name for name, _ in had}
     return [
@@ -263,7 +266,7 @@ def _mapped(level: Level, m: RowMap, row: int, ours: dict[Any, Any]) -> tuple[An
     """Return the row the engine must have, and the allowed error, at one level."""
     (x, ex), (rate, e_rate) = ([v[row] for v in ours[key]] for key in ("x", "x'"))
     f0, f1, f2 = (m.factor * m.form(x, order) for order in range(3))
-    own = abs(m.factor) * getattr(m.form, "rounding", 0.0)  # of an engine that has y by a product, not from x
+    own = abs(m.factor) * min(ABSOLUTE, getattr(m.form, "rounding", 0.0))  # of one that has y by a product, not from x
     if level is Level.RESIDUAL:
         value, error = f0, abs(f1) * ex + own
     elif level is Level.JACOBIAN:

@@ -375,7 +375,7 @@ def _check_levels(engine: Engine, subject: _Subject, part: _Part) -> None:
             part.disagreements.append(Disagreement(**who, quantity="status", kind=Cause.NO_ANSWER, message=str(error)))
         return
     if missing:
-        message = f"not there, or more than once: {', '.join(missing)}"
+        message = f"not there, multiplied by zero, or more than once: {', '.join(missing)}"
         owed: Any = {"quantity": "status", "kind": Cause.NOT_DELIVERED, "message": message}
         part.disagreements.append(Disagreement(**who, **owed))
     for level, compared in levels.items():

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -9,8 +10,10 @@ import pytest
 
 import refkin
 from crosscheck.engines import Level, load
+from crosscheck.engines.frames import Linear
 from crosscheck.engines.mujoco import engine as mujoco_engine
 from crosscheck.judge.levels import (
+    LEVELS,
     Configuration,
     _in_common_columns,
     _ours,
@@ -105,6 +108,39 @@ def test_a_row_that_an_engine_leaves_out_or_has_twice_is_owed(engine, spoil, mon
 
     assert [(d.quantity, d.kind) for d in found] == [("status", "not delivered")]
     assert "of B0" in found[0].message
+
+
+class Nothing:
+    def __call__(self, x, order):
+        return 0.0 * x
+
+
+class Loose(Linear):
+    rounding = 1.0
+
+
+@pytest.mark.parametrize(
+    ("change", "spoilt", "kind"),
+    [
+        ({"factor": 0.0}, 0.0, "not delivered"),
+        ({"form": Nothing()}, 0.0, "not delivered"),
+        ({"form": Loose()}, 1.001, "model translated wrongly"),
+    ],
+)
+def test_no_map_of_rows_makes_a_wrong_one_right(change, spoilt, kind, monkeypatch):
+    real, right = load("pinocchio"), load("pinocchio").constraints(lever())
+
+    class Model:
+        rows = [replace(row, **change) for row in right.rows]  # noqa: RUF012
+
+        def __getattr__(self, name):
+            value = getattr(right, name)
+            return (lambda *at: spoilt * value(*at)) if name in LEVELS else value
+
+    monkeypatch.setattr(type(real), "constraints", lambda self, scene: Model())
+    found = [d for d in check(lever(), [real]).disagreements if d.method == "rows"]
+
+    assert {d.kind for d in found} == {kind}
 
 
 def test_a_refused_joint_and_what_drives_it_are_not_owed():

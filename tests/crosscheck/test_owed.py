@@ -33,6 +33,7 @@ from refkin.motion_laws import Polynomial
 from .fake_engines import engine_file
 
 SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=9)
+CROSSED = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=9, branch="crossed")
 LIMIT = FourBar(ground=2.0, crank=2.0, coupler=1.0, rocker=2.0)
 """A crank that turns up to a limit."""
 
@@ -319,3 +320,17 @@ def test_a_limit_at_the_end_excuses_nobody_before_it():
 
     assert found(Wrapped(without_answers_from(8)), scene) == set()
     assert found(Wrapped(without_answers_from(4)), scene) == {("status", "no answer")}
+
+
+def test_one_pose_of_another_assembly_does_not_name_what_is_plainly_wrong_elsewhere():
+    def spoil(motion):
+        q = motion.q.copy()
+        q[:, 3] = ClosedForm().solve(replace(CROSSED, times=SCENE.times)).q[:, 3]
+        if plainly:
+            q[0, 5] += 100.0
+        return replace(motion, q=q)
+
+    plainly = False
+    assert found(Wrapped(spoil)) == {("position", "other assembly")}
+    plainly = True
+    assert found(Wrapped(spoil)) == {("position", "beyond the allowed error")}
