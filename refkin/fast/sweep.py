@@ -106,8 +106,7 @@ class _Task:
             steps = sorted({*steps, *self._dipping(q, poses)})
         if not steps:
             return True
-        held = any(p.constraint.passive for p in self.system.placed)  # each step another way: left to the reference
-        return not held and first_gap(replace(self.system, effects=EVERYTHING), self.t, q, pose_between, steps) is None
+        return first_gap(replace(self.system, effects=EVERYTHING), self.t, q, pose_between, steps) is None
 
     def _dipping(self, q: Any, poses: list[Pose]) -> list[int]:
         """Return the steps between times of which `dips` is not sure, seen at the marched poses, too."""

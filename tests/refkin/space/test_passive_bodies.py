@@ -155,11 +155,9 @@ def test_rates_are_those_of_rows_stated_anew_without_a_spin(coupler):
 
 
 @pytest.mark.parametrize("coupler", [rod_of_two, driven_halves, telescope, cylinder])
-def test_the_fast_path_has_the_rates_without_spin_of_all_bodies_that_spin_as_one(coupler, monkeypatch):
-    """Where several drivers move at once, it leaves them to the reference otherwise: its steps are not proved then."""
+def test_the_fast_path_has_the_rates_without_spin_of_all_bodies_that_spin_as_one(coupler):
     scene, _ = drawn(coupler)
     scene = replace(scene, evidence=frozenset())
-    monkeypatch.setattr(import_module("refkin.fast.sweep"), "unseen", lambda system, t, q: [])
     motion, reference = fast.attempt(scene), answer(coupler)
 
     assert motion is not None
@@ -167,6 +165,16 @@ def test_the_fast_path_has_the_rates_without_spin_of_all_bodies_that_spin_as_one
         for level in ("omega", "alpha"):
             off = getattr(motion[body], level) - getattr(reference[body], level)
             assert np.max(np.abs(off)) < 1e-10, f"{level} of {body}"
+
+
+@pytest.mark.parametrize("gap", [None, 1])
+def test_where_several_drivers_move_passive_bodies_each_step_is_proved(gap, monkeypatch):
+    scene, _ = drawn(driven_halves)
+    proof, asked = import_module("refkin.fast.sweep"), []
+    monkeypatch.setattr(proof, "first_gap", lambda system, t, q, between, steps: asked.append(steps) or gap)
+
+    assert (fast.attempt(replace(scene, evidence=frozenset())) is None) == (gap is not None)
+    assert asked == [[0, 1]]
 
 
 def test_what_a_link_beside_the_line_holds_is_not_passive():
