@@ -111,6 +111,17 @@ def test_the_poses_between_those_of_a_crank_that_turns_are_found_from_their_chor
     assert first_gap(system, np.array(scene.times), q, between=lambda *_: None) is None
 
 
+@pytest.mark.parametrize("slack", [1e-5, 1e-7])
+def test_a_step_past_a_nearly_singular_pose_is_proved_in_small_pieces_and_not_in_balls(slack, monkeypatch):
+    linkage = FourBar(ground=4.0, crank=1.0, coupler=3.0, rocker=2.0 + slack)
+    scene = linkage.scene(law=Polynomial(coefficients=(0.2, 1.0)), times=tuple(np.linspace(0.0, 6.0, 61)))
+    system, ends = compile_system(scene.mechanism, unit=scene.mechanism.unit()), [10, 50]
+    q = system.to_unit(refkin.solve(scene).q[:, ends])
+    monkeypatch.setattr(ConnectionProof, "connects", lambda *_: pytest.fail("in balls"))
+
+    assert first_gap(system, np.array(scene.times)[ends], q, pose_between) is None
+
+
 def test_a_law_that_moves_fast_has_a_short_interval():
     """The same motion at a thousand times the speed: an interval a thousand times shorter."""
     slow, *_ = interval(ROCKER.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=(0.0,)))

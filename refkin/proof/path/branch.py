@@ -16,7 +16,7 @@ from refkin.proof.path.tube import Between, ConnectionProof, Tubes
 from refkin.proof.pose.certificate import certify
 from refkin.system import System
 
-HALVINGS = 10
+HALVINGS = 20
 """How often a step is halved in float64; what is left then is not for want of small pieces, but of digits."""
 MOST_IN_VAIN = 9
 """How often all pieces of a step may be halved without one of them being proved in float64."""
