@@ -158,16 +158,22 @@ def test_a_loop_that_another_moves_to_its_limit_and_back_is_lost_there(name):
     assert fast.attempt(scene(name)) is None
 
 
-def short_of_its_limit(by):
+def short_of_its_limit(by, *more):
     touching = scene("fast-limit-touched-by-another-loop.toml")
     gear = next(j for j in touching.mechanism.joints if j.type == "gear")
     joints = [replace(j, phi0_j=j.phi0_j - by) if j is gear else j for j in touching.mechanism.joints]
-    return replace(touching, mechanism=replace(touching.mechanism, joints=tuple(joints)))
+    return replace(touching, mechanism=replace(touching.mechanism, joints=(*joints, *more)), evidence=frozenset())
 
 
+@pytest.mark.parametrize("redundant", [False, True], ids=["rows as many as coordinates", "a pin that is there twice"])
 @pytest.mark.parametrize("solver", [refkin.solve, fast.attempt])
-def test_a_loop_that_another_moves_to_and_fro_short_of_its_limit_is_answered(solver):
-    assert solver(short_of_its_limit(0.01)).status == (OK,) * 3
+def test_a_loop_that_another_moves_to_and_fro_is_answered_short_of_its_limit_alone(solver, redundant):
+    pin, *_ = short_of_its_limit(0.0).mechanism.joints
+    more = (replace(pin, name="again"),) if redundant else ()
+    clear, touching = (solver(short_of_its_limit(by, *more)) for by in (0.01, 0.0))
+
+    assert clear.verdict is OK
+    assert touching is None or touching.verdict is LOST
 
 
 @pytest.mark.parametrize("speed", [1e-3, 1.0, 1e3])

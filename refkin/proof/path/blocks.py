@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.proof.numbers.preconditioned import independent_rows
 from refkin.system import System
 
 LATER = 1e-9
@@ -56,7 +57,8 @@ def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
     """Return the irreducible diagonal blocks of n rows of phi_q.
 
     The entries that are not always zero are those that are not at the pose or at one with its bodies elsewhere,
-    a moment later: slopes of an angle driver of space hold its law, which may be zero now.
+    a moment later: slopes of an angle driver of space hold its law, which may be zero now. What is passive may be held
+    as it is at either.
 
     Parameters
     ----------
@@ -67,7 +69,8 @@ def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
     """
     elsewhere = np.array(q, float)
     elsewhere[: system.of_bodies] += np.sqrt(np.arange(2, system.of_bodies + 2))  # no two of them in a simple ratio
-    pattern = (system.phi_q(q, t) != 0) | (system.phi_q(elsewhere, t + LATER * max(1.0, abs(t))) != 0)
+    there = system.held_at(elsewhere).phi_q(elsewhere, t + LATER * max(1.0, abs(t)))
+    pattern = (system.phi_q(q, t) != 0) | (there != 0)
     return _stacked([(rows[r], c) for r, c in diagonal_blocks(pattern[rows])], system.n)
 
 
@@ -76,32 +79,34 @@ def dips(system: System, t: Any, q: Any, parts: Blocks | None = None) -> Any:
 
     A law that does not turn back moves one loop on and on, but that may move another to and fro: to its limit and back
     again, between two times, with the same sign of its determinant at both. Then the determinant falls at first, and
-    rises at last, and its tangents at the ends meet near zero or below.
+    rises at last, and its tangents at the ends meet near zero or below. Of redundant rows those are looked at that are
+    independent at the first pose: where all are singular so are these.
 
     Parameters
     ----------
     system : System
-        Of as many equations as coordinates, none of them passive; others are not looked at.
     t, q : (T,) and (n, T) array
         Times in increasing order [s], and the poses there, in the system's coordinates.
     parts : Blocks, optional
         The blocks of phi_q, if they are known.
     """
-    if system.m > system.n or system.gauge or len(t) < 2:
-        return np.zeros(len(t) - 1, bool)
-    parts = blocks(system, q[:, 0], t[0], np.arange(system.n)) if parts is None else parts
+    if len(t) < 2:
+        return np.zeros(0, bool)
+    rows = independent_rows(system, q, t)
+    parts = blocks(system, q[:, 0], t[0], rows) if parts is None else parts
+    system = system.held_at(q)
     jacobian, h = system.phi_q(q, t), np.diff(t)
     _, here = parts.each_of_batch(jacobian)
     with np.errstate(invalid="ignore"):
         changing = np.ptp(here, axis=0) > MOMENT
     if np.count_nonzero(changing) < 2:  # one loop alone, which no other moves
         return np.zeros(len(t) - 1, bool)
-    stacked = jacobian.transpose(2, 0, 1).copy()
+    stacked = jacobian[rows].transpose(2, 0, 1)  # a copy
     stacked[np.linalg.slogdet(stacked)[0] == 0.0] = np.nan
     after = t + np.maximum(MOMENT * np.append(h, h[-1]), np.spacing(np.abs(t)))
     moment = after - t
     with np.errstate(all="ignore"):
-        pushed = (system.phi(q, t) - system.phi(q, after)) / moment
+        pushed = (system.phi(q, t) - system.phi(q, after))[rows] / moment
         later = q + moment * np.linalg.solve(stacked, pushed.T[..., None])[..., 0].T
         rates = (parts.each_of_batch(system.phi_q(later, after))[1] - here) / moment[:, None]
         rise = np.exp(here[1:] - here[:-1])  # the determinant at the end of a step, that at its start being 1

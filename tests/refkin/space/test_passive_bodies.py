@@ -17,6 +17,7 @@ from refkin.motion import Status
 from refkin.motion_laws import Polynomial
 from refkin.proof.numbers.bounded import bounded_system
 from refkin.proof.numbers.exact import exact_system
+from refkin.proof.path.blocks import dips
 from refkin.solving.mobility import count, mobility_of
 from refkin.solving.starts import find_start
 from refkin.system import compile_system
@@ -175,6 +176,27 @@ def test_where_several_drivers_move_passive_bodies_each_step_is_proved(gap, monk
 
     assert (fast.attempt(replace(scene, evidence=frozenset())) is None) == (gap is not None)
     assert asked == [[0, 1]]
+
+
+@pytest.mark.parametrize(("far", "near"), [(0.29, True), (0.25, False)])
+def test_a_loop_with_a_passive_body_that_comes_near_its_limit_is_seen_however_it_is_held(far, near):
+    """Two of them side by side: the limit is 0.2904 rad from the first pose, the ends of the step 0.24 and 0.26."""
+    scene, _ = drawn(rod, 4)
+    m, (motor,) = scene.mechanism, scene.mechanism.drivers
+    law = Polynomial(coefficients=(0.3, 4.0 * far, -4.0 * far))
+    one = replace(scene, mechanism=replace(m, drivers=(replace(motor, law=law),)), times=(0.1, 0.2, 0.3, 0.5, 0.65))
+    motion = refkin.analysis.sweep(one)
+
+    def named(part, n):
+        ends = ("name", "body_i", "body_j", "joint")
+        return [replace(c, **{k: v + n for k, v in vars(c).items() if k in ends and v != GROUND}) for c in part]
+
+    parts = (m.bodies, m.joints, one.mechanism.drivers)
+    both = compile_system(Mechanism(*((*named(part, "1"), *named(part, "2")) for part in parts)), unit=m.unit())
+    q = both.to_unit(np.tile(motion.q, (2, 1)))[:, [2, 4]]
+
+    assert motion.verdict is Status.OK
+    assert [dips(way, motion.t[[2, 4]], q).tolist() for way in (both, both.held_at(q[:, 1]))] == [[near]] * 2
 
 
 def test_what_a_link_beside_the_line_holds_is_not_passive():
