@@ -28,7 +28,6 @@ from refkin.fast.prepare import Prepared, prepared
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.newton import CONTRACTION, contracts
-from refkin.proof.path.blocks import dips
 from refkin.proof.path.branch import first_gap
 from refkin.solving.passages import unseen
 from refkin.solving.solve import solve
@@ -101,24 +100,20 @@ class _Task:
 
     def _keeps_its_branch(self, q: Any, poses: list[Pose]) -> bool:
         """Whether the steps that their ends say too little of are proved, as the reference's are."""
-        steps = unseen(self.system, self.t, q.T)
-        if len(self.march.signs) > 1:  # loops, of which one may move another
-            steps = sorted({*steps, *self._dipping(q, poses)})
-        if not steps:
-            return True
-        return first_gap(replace(self.system, effects=EVERYTHING), self.t, q, pose_between, steps) is None
+        loops, t = len(self.march.signs) > 1, self.t
+        if loops:  # one may move another: it is seen at the marched poses, too
+            t, q = self._with_marched(q, poses)
+        steps = unseen(self.system, t, q, loops=loops)
+        return not steps or first_gap(replace(self.system, effects=EVERYTHING), t, q, pose_between, steps) is None
 
-    def _dipping(self, q: Any, poses: list[Pose]) -> list[int]:
-        """Return the steps between times of which `dips` is not sure, seen at the marched poses, too."""
+    def _with_marched(self, q: Any, poses: list[Pose]) -> tuple[Any, Any]:
+        """Return the times and poses of samples and, between them, of marched poses, in order."""
         known = set(self.scene.times)
         between = [p for p in poses if p.t not in known]
         t = np.append(self.t, [p.t for p in between])
         q = np.concatenate([q, *(self._whole(p)[:, None] for p in between)], axis=1)
         order = np.argsort(t)
-        t = t[order]
-        starts = t[:-1][dips(self.system, t, q[:, order])]
-        steps: list[int] = (np.searchsorted(self.t, starts, side="right") - 1).tolist()
-        return steps
+        return t[order], q[:, order]
 
     def _whole(self, pose: Pose) -> Any:
         """Return all coordinates (n,) of a marched pose."""

@@ -25,7 +25,7 @@ from refkin.joints import polar_cams
 from refkin.motion_laws import Law, Polynomial
 from refkin.newton import is_round_off, newton
 from refkin.proof.numbers.extrema import extrema, hides, sign_changes
-from refkin.proof.path.blocks import diagonal_blocks
+from refkin.proof.path.blocks import Blocks, diagonal_blocks, dips
 from refkin.system import System, compile_system
 
 OFTEN = 8
@@ -75,25 +75,29 @@ def moving_law(system: System, a: float, b: float) -> tuple[int, Law] | None:
     return (moving[0][0] - first, moving[0][1]) if len(moving) == 1 and moving[0][0] >= first else None
 
 
-def unseen(system: System, t: Any, q: Any) -> list[int]:
+def unseen(system: System, t: Any, q: Any, parts: Blocks | None = None, *, loops: bool = True) -> list[int]:
     """Return the steps k, from pose k to k + 1, of which their ends say too little: they are to be proved.
 
     Where one law alone moves, and does not turn back, a pose is a function of its value, and that is between those at
-    the ends. Several laws together may turn back though none of them does; and a cam's profile may hide a bump. What
-    one loop does to another is seen by `proof.path.blocks.dips`.
+    the ends. Several laws together may turn back though none of them does; a cam's profile may hide a bump; and one
+    loop may move another to and fro (`proof.path.blocks.dips`).
 
     Parameters
     ----------
     system : System
-    t, q : sequence of float and of (n,) array
-        Times in increasing order [s], and the poses there.
+    t, q : (T,) and (n, T) array
+        Times in increasing order [s], and the poses there, in the system's coordinates.
+    parts : Blocks, optional
+        The blocks of phi_q, if they are known.
+    loops : bool
+        Whether there may be a loop that another one moves.
     """
-    times, laws = np.array(t), [law for c in system.mechanism.constraints for law in c.laws]
-    steps = np.zeros(len(times) - 1, bool)
+    laws = [law for c in system.mechanism.constraints for law in c.laws]
+    steps = dips(system, t, q, parts) if loops else np.zeros(len(t) - 1, bool)
     if len(laws) > 1:
-        steps = np.sum([np.diff(law(times)) != 0.0 for law in laws], axis=0) > 1
+        steps |= np.sum([np.diff(law(t)) != 0.0 for law in laws], axis=0) > 1
     for cam in polar_cams(system.mechanism.joints):
-        contact = [float(pose[system.parameter(cam.name)][0]) for pose in q]
+        contact = q[system.parameter(cam.name).start].tolist()
         steps |= np.array([hides(cam.profile.law, *sorted(ends)) for ends in pairwise(contact)], bool)
     return [int(k) for k in np.flatnonzero(steps)]
 

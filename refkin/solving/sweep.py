@@ -20,7 +20,6 @@ from refkin.analysis import SINGULAR, sigma_min
 from refkin.differences import EPS
 from refkin.newton import TINY
 from refkin.proof.numbers.extrema import extrema, extrema_of
-from refkin.proof.path.blocks import dips
 from refkin.proof.path.branch import first_gap
 from refkin.proof.pose.isolate import isolate
 from refkin.solving.passages import OFTEN, Winding, over_a_range, unseen
@@ -130,8 +129,8 @@ class Sweep(Steps):
         """The numbers of the poses from which a step was taken that is to be proved."""
         steps: Sequence[int] = range(len(self.t) - 1)
         if not self.certified:
-            dipping = np.flatnonzero(dips(self.system, np.array(self.t), np.array(self.q).T, self._blocks))
-            steps = sorted({*self.uncertified, *unseen(self.system, self.t, self.q), *dipping.tolist()})
+            steps = unseen(self.system, np.array(self.t), np.array(self.q).T, self._blocks)
+            steps = sorted({*self.uncertified, *steps})
         return [k for k in steps if k not in self.jumps]
 
     @property
