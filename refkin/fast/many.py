@@ -114,9 +114,9 @@ def solve_many(
     """Return position and what else the scene calls for, for many mechanisms of one topology.
 
     A sample goes on the branch of its own estimate. It is ok as long as Newton contracts, no determinant changes its
-    sign and the residual, by the formulas of the joints, is at round-off; what several laws together, or a cam's
-    profile, pass between two times and come back from is not seen. A sample that fails is not ok from there on, and the
-    others do not wait for it: it is neither searched for nor proved unassemblable. That does
+    sign and the residual, by the formulas of the joints, is at round-off; what several laws together, a cam's profile,
+    or a loop that another one moves pass between two times and come back from is not seen. A sample that fails is not
+    ok from there on, and the others do not wait for it: it is neither searched for nor proved unassemblable. That does
     `refkin.solve(many.scene(sample))`, which also has condition numbers; they are not computed here. Certificates are,
     if the scene asks for them: a pose that is ok and has none is at round-off and on its branch, but not proved. A
     sample with numbers that no scene may have is never ok; `many.scene(sample)` says what is wrong with it.
