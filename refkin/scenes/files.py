@@ -9,7 +9,7 @@ import json
 import math
 import sys
 import tomllib
-from dataclasses import MISSING, fields
+from dataclasses import MISSING, fields, replace
 from datetime import date, time
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,10 @@ from typing import Any
 from refkin.errors import Fault, InvalidScene
 from refkin.model import Mechanism, Scene
 from refkin.scenes import DEEPEST, SCHEMA
-from refkin.scenes.explained import explained
+from refkin.scenes.explained import at, explained
+
+LONGEST_INTEGER = 14_000
+"""Bits of an integer that Python writes in decimals."""
 
 
 def load(path: str | Path) -> Scene:
@@ -64,13 +67,13 @@ def parse(data: Any, source: str = "scene", text: str = "") -> Scene:
     from refkin.scenes import keys  # here: pydantic is loaded when a file is read
 
     every: list[Fault] = []
-    data = _readable(data, "", every)
+    given, data = data, _readable(data, "", every)
     paths = {fault.path for fault in every}
     file, of_keys = keys.read(data)
     every += of_keys
     if every or file is None:
         kept = [f for k, f in enumerate(every) if k < len(paths) or f.path not in paths]
-        raise InvalidScene(explained(kept, data, text), source)
+        raise InvalidScene(explained((_quoted(f, given) for f in kept), data, text), source)
     return Scene(
         mechanism=Mechanism(file.body, file.joint, file.driver),
         times=file.times.times(),
@@ -80,6 +83,13 @@ def parse(data: Any, source: str = "scene", text: str = "") -> Scene:
         evidence=frozenset(file.evidence),
         points=file.point,
     )
+
+
+def _quoted(fault: Fault, data: Any) -> Fault:
+    """Return a fault with the integer that stands in the file where it was read as infinite, if it can be written."""
+    value = at(fault.path, data) if fault.value in (math.inf, -math.inf) else None
+    writable = isinstance(value, int) and value.bit_length() < LONGEST_INTEGER
+    return replace(fault, value=value) if writable else fault
 
 
 def _readable(data: Any, path: str, faults: list[Fault], depth: int = 0) -> Any:

@@ -201,7 +201,8 @@ def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
     Those places are filled in two ways; what is found with both does not come of what they were filled with.
     """
     unread = [_fault(e).path for e in error.errors(include_url=False)]
-    one, other = (_meaning(file) if (file := _filled(data, way)) else [] for way in (0, 1))
+    (file, hidden), (other_file, other_hidden) = (_filled(data, way) for way in (0, 1))
+    one, other = ([] if each is None else _meaning(each) for each in (file, other_file))
     inside, same = tuple(f"{path}{sign}" for path in unread for sign in ".["), set(map(str, other))
     faults = [f for f in one if str(f) in same and f.path not in unread and not f.path.startswith(inside)]
     items = [re.fullmatch(r"((?:joint|driver)(?:\[\d+\])?)(?:\.type)?", path) for path in unread]
@@ -210,31 +211,36 @@ def _further_faults(data: Any, error: ValidationError) -> list[Fault]:
     if lost:  # whom these tie, how many rows they have, and what they are, is not known
         faults = [f for f in faults if f.expected != UNTIED and f.path != "driver"]
         faults = [f for f in faults if not (f.path.endswith(".joint") and lost & {f.value, None})]
-    return faults
+    return [*(f for f in hidden if f in other_hidden), *faults]
 
 
-def _filled(data: Any, way: int) -> SceneFile | None:
+def _filled(given: Any, way: int) -> tuple[SceneFile | None, list[Fault]]:
     """Return the file with something of the right type at each place that cannot be read, in one of two ways.
 
-    What a place lacks may show only when it was filled; None if that comes to no end.
+    What a place lacks may show only when it was filled; None if that comes to no end. And what so shows to be wrong
+    with what stands in the file itself, such as the members of a list of the wrong length.
     """
-    data = {**deepcopy(data), "schema": SCHEMA} if isinstance(data, dict) else {}
-    for _ in range(DEEPEST):
+    data = {**deepcopy(given), "schema": SCHEMA} if isinstance(given, dict) else {}
+    hidden: list[Fault] = []
+    for k in range(DEEPEST):
         try:
-            return _read(data)
+            return _read(data), hidden
         except ValidationError as error:
             for e in error.errors(include_url=False):
+                stands = e["input"] is not None and at(_path(e["loc"]), given) == e["input"]
+                if k and stands and e["type"] not in UNKNOWN_KEY:
+                    hidden.append(_fault(e))
                 *tables, key = _parts(e["loc"])
                 with suppress(LookupError, TypeError, AttributeError):  # a place that was filled from further out
                     _fill(reduce(getitem, tables, data), key, e, way, data)
-    return None
+    return None, hidden
 
 
 def _fill(holder: Any, key: Any, error: Any, way: int, data: Any) -> None:
     """Put into a table or list of a file what pydantic, by an error, asks for there."""
     kind, context = error["type"], error.get("ctx", {})
     words = re.findall(r"'([^']*)'", str(context.get("expected_tags", context.get("expected", ""))))
-    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+    if kind in UNKNOWN_KEY:
         del holder[key]
     elif kind == "missing" and isinstance(holder, list):
         holder.append(None)  # the next round says what it should be
@@ -272,7 +278,7 @@ def _fault(error: Any) -> Fault:
     kind, context = error["type"], error.get("ctx", {})
     if kind == "missing":
         return Fault(path, None, MISSING_KEY)
-    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+    if kind in UNKNOWN_KEY:
         return Fault(path, value, "no such key")
     if kind in ("too_short", "too_long"):
         asked = context.get("min_length", context.get("max_length"))
@@ -313,6 +319,8 @@ def _lengths(faults: Iterable[Fault]) -> Iterator[Fault]:
 
 
 MISSING_KEY = "this key, which is missing"
+UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
+"""What pydantic calls a key that there is not."""
 _PLAIN = {"a valid array": "a list", "an object": "a table of keys", "a valid integer": "an integer"}
 _GROUPS = ("body", "joint", "driver", "point")
 _TAGS = {

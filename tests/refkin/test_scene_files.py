@@ -340,3 +340,27 @@ def test_json_nested_without_end_is_a_fault(tmp_path):
 
 def test_a_long_value_is_not_quoted_whole():
     assert len(str(Fault("times", [0.0] * 100_000, "strictly increasing times"))) < 300
+
+
+@pytest.mark.parametrize(
+    ("change", "paths"),
+    [
+        ({"point_i": [0.0, "x", 1.0]}, {"joint[0].point_i", "joint[0].point_i[1]"}),
+        ({"type": "revolut", "point_i": [0.0, "x"]}, {"joint[0].type", "joint[0].point_i[1]"}),
+        ({"type": "revolut", "pitch": 1.0}, {"joint[0].type"}),
+    ],
+)
+def test_what_cannot_be_read_as_a_whole_is_looked_into(change, paths):
+    data = copy.deepcopy(GOOD)
+    data["joint"][0] |= change
+    with pytest.raises(InvalidScene) as error:
+        parse(data)
+
+    assert {fault.path for fault in error.value.faults} == paths
+
+
+def test_an_integer_beyond_every_float_is_quoted_as_it_stands():
+    data = copy.deepcopy(GOOD)
+    data["joint"][0]["point_i"] = [-(10**400), 0.0]
+
+    assert any("joint[0].point_i[0]" in line and "-1" + "0" * 100 in line for line in messages(data))
