@@ -14,7 +14,7 @@ from crosscheck.commands.usage import Json, SceneFile, print_numbers, writable
 from refkin.model import Scene
 from refkin.motion import BodyMotion, Motion, Status
 from refkin.output import SceneMotion
-from refkin.scenes.files import load, schema
+from refkin.scenes.files import load
 from refkin.solving import solve as solving
 from refkin.solving.limits import expected_seconds
 
@@ -51,6 +51,8 @@ def solve(scene: SceneFile, *, as_json: Json = False, csv: Path | None = None) -
 
 def print_schema() -> int:
     """Print the JSON schema of scene files, for editors."""
+    from refkin.scenes.keys import schema  # here: pydantic is loaded where it is needed
+
     print(json.dumps(schema(), indent=2))
     return 0
 

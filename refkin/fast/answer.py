@@ -181,8 +181,7 @@ def _certified(system: System, made: Compiled, levels: list[Any], t: Any) -> Cer
     worth = len(t) >= MANY or max(map(len, made.program.blocks), default=0) <= LARGEST_SELECTED
     bounds = radii(system, made, levels, t) if system.m == system.n and worth else None
     if bounds is not None:
-        rates = [absent if x is None else x for x in (bounds.velocity, bounds.acceleration)]
-        position = bounds.position
+        position, *rates = (*bounds, absent, absent)[:3]
     else:
         dense = isolate_every_choice(system, levels[0], t, *levels[1:])
         if not dense.ok.all() or (dense.bits > FLOAT64).any() or (dense.contradiction > 1.0).any():

@@ -7,7 +7,6 @@ rounded, and what laws lose when they are evaluated, comes as errors beside them
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -23,17 +22,8 @@ from refkin.proof.numbers.symbols import passive_of
 from refkin.system import System
 
 
-@dataclass(frozen=True)
-class Radii:
-    """Proved bounds of the largest error of a pose and its rates, in scaled coordinates, (T,); None if not given."""
-
-    position: Any
-    velocity: Any
-    acceleration: Any
-
-
-def radii(system: System, made: Compiled, levels: Sequence[Any], t: Any) -> Radii | None:
-    """Return certified radii of poses and rates at all times; None if some pose has none by this means.
+def radii(system: System, made: Compiled, levels: Sequence[Any], t: Any) -> Any:
+    """Return certified radii of poses and rates, (levels, T) in scaled coordinates; None if some pose has none so.
 
     Parameters
     ----------
@@ -44,9 +34,7 @@ def radii(system: System, made: Compiled, levels: Sequence[Any], t: Any) -> Radi
     proof = made.proof(zeros_of(geometry)) if len(levels) == made.levels else None
     if proof is None:
         return None
-    laws = {k: _law(system, k, t) for k, p in enumerate(system.placed) if p.constraint.laws} | _passive(
-        system, levels[0]
-    )
+    laws = _laws(system, levels[0], t)
     bounds = np.empty((len(levels), len(t)))
     samples = block_samples(proof.program)
     for start in range(0, len(t), samples):
@@ -55,39 +43,32 @@ def radii(system: System, made: Compiled, levels: Sequence[Any], t: Any) -> Radi
             space.give_geometry(geometry)
             given = {k: [[x[at] for x in orders] for orders in law] for k, law in laws.items()}
             bounds[:, at] = proved(space, {**given, len(system.placed): [level[:, at] for level in levels]})
-    return Radii(*bounds, *[None] * (3 - len(levels))) if np.isfinite(bounds).all() else None
+    return bounds if np.isfinite(bounds).all() else None
 
 
 class FamilyProof:
-    """Certificates of a block of mechanisms, one time after another.
-
-    Attributes
-    ----------
-    possible : bool
-        Whether there are any; where not, all radii are NaN.
-    """
+    """Certificates of a block of mechanisms, one time after another."""
 
     def __init__(self, system: System, made: Compiled, samples: int) -> None:
-        self.system, self.made = system, made
+        self.system = system
         self.nothing = np.full((made.levels, samples), np.nan)
         geometry = exact_geometry(system)
         proof = None if any(_has_spline(p.constraint) for p in system.placed) else made.proof(zeros_of(geometry))
-        self.possible = proof is not None
-        if proof is not None:
-            self.space = Workspace(proof.program, samples, sample_geometry=True)
+        self.space = None if proof is None else Workspace(proof.program, samples, sample_geometry=True)
+        if self.space is not None:
             self.space.give_geometry(geometry)
 
     def radii(self, levels: Sequence[Any], t: float) -> Any:
         """Return the radii (levels, L) of poses and rates (n, L) at a time, NaN where nothing is proved."""
-        if not self.possible:
+        if self.space is None:
             return self.nothing
-        laws = {k: _law(self.system, k, t) for k, p in enumerate(self.system.placed) if p.constraint.laws}
-        return proved(self.space, {**laws, **_passive(self.system, levels[0]), len(self.system.placed): levels})
+        return proved(self.space, {**_laws(self.system, levels[0], t), len(self.system.placed): levels})
 
 
-def _passive(system: System, q: Any) -> dict[int, Any]:
-    """Return how what is passive is held at poses (n, L), by constraint, as laws of one number each."""
-    return {k: [[x] for x in p.constraint.gauge(p.g, q[p.starts[1] :])] for k, p in passive_of(system)}
+def _laws(system: System, q: Any, t: Any) -> dict[int, Any]:
+    """Return the laws by constraint; how what is passive is held at poses (n, L), as laws of one number each."""
+    laws = {k: _law(system, k, t) for k, p in enumerate(system.placed) if p.constraint.laws}
+    return laws | {k: [[x] for x in p.constraint.gauge(p.g, q[p.starts[1] :])] for k, p in passive_of(system)}
 
 
 def exact_geometry(system: System) -> list[tuple[Any, ...]]:

@@ -224,12 +224,9 @@ def solve_large(scene: Scene) -> Large:
     if missing:
         raise InvalidScene([Fault(f"body {missing[0]!r}", None, "an estimate of its first pose")], scene.name)
     estimate = system.to_unit(np.array([x for b in scene.mechanism.bodies for x in b.estimate or ()]))
-    return solve_at(SparseSystem(system), initial_contacts(system, estimate, scene.times[0]), scene.times[0])
-
-
-def solve_at(sparse: SparseSystem, q0: Any, t: float) -> Large:
-    """Return the answer at one time, from an estimate q0 (n,) in the system's coordinates."""
-    q, steps, residual = np.array(q0, float), [], sparse.phi(q0, t)
+    sparse, t, steps = SparseSystem(system), scene.times[0], list[float]()
+    q = initial_contacts(system, estimate, t)
+    residual = sparse.phi(q, t)
     try:
         for _ in range(MOST_NEWTON):
             correction = factors(sparse.phi_q(q, t)).solve(residual)

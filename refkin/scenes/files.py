@@ -144,13 +144,6 @@ def to_toml(scene: Scene) -> str:
     return "\n".join([*lines, *tables, ""])
 
 
-def schema() -> dict[str, Any]:
-    """Return the JSON schema of scene files, for editors."""
-    from refkin.scenes import keys
-
-    return keys.schema()
-
-
 def _plain(item: Any) -> Any:
     """Return a dataclass as plain data, leaving out what has its default."""
     if isinstance(item, tuple):

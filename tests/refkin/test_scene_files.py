@@ -9,7 +9,8 @@ import tomllib
 import pytest
 
 from refkin.errors import Fault, InvalidScene
-from refkin.scenes.files import load, parse, schema, to_dict, to_toml
+from refkin.scenes.files import load, parse, to_dict, to_toml
+from refkin.scenes.keys import schema
 
 TEXT = """
 schema = 1

@@ -104,10 +104,8 @@ def _least(determinant: Symbol, matrix: Sequence[Sequence[Symbol]]) -> Symbol:
     and its Applications 253, 1997). For the root of an odd power: sqrt f >= 2 f / (1 + f).
     """
     entries = [entry * entry for row in matrix for entry in row if not entry.zero]
-    square, others = entries[0], len(matrix) - 1
-    for entry in entries[1:]:
-        square = square + entry
-    factor, least = float(others) / square, abs(determinant)
+    others = len(matrix) - 1
+    factor, least = float(others) / sum(entries), abs(determinant)
     for _ in range(others // 2):
         least = least * factor
     return least * (2.0 * factor / (1.0 + factor)) if others % 2 else least
@@ -118,9 +116,7 @@ def _inverse_norm(graph: Graph, solve: Callable[[Sequence[Symbol]], list[Symbol]
     columns = [solve([graph.constant(float(k == j)) for k in range(size)]) for j in range(size)]
     norm = graph.constant(0.0)
     for row in zip(*columns, strict=True):
-        total = graph.constant(0.0)
-        for entry in row:
-            total = total + abs(entry)
+        total = sum(map(abs, row), graph.constant(0.0))
         norm = total if norm.zero else graph.node("max", norm, total)
     return norm
 

@@ -162,13 +162,7 @@ class Elimination:
         """Return the solution of the core's matrix for a right side in the order of `open_rows`."""
         solution: Row = {}
         for columns, rows, block in self.groups:
-            sides = []
-            for i in rows:
-                side = right[i]
-                for c, entry in self.matrix[i].items():
-                    if c in solution:
-                        side = side - entry * solution[c]
-                sides.append(side)
+            sides = [_without(right[i], self.matrix[i], solution) for i in rows]
             solution.update(zip(columns, block.solve(sides), strict=True))
         return solution
 
@@ -179,13 +173,7 @@ class Elimination:
         rows themselves, which costs less than the total derivatives would.
         """
         still = self.along_tree({}, right)
-        sides = []
-        for r in self.open_rows:
-            side = right[r]
-            for c, entry in self.slope[r].items():
-                if c in still:
-                    side = side - entry * still[c]
-            sides.append(side)
+        sides = [_without(right[r], self.slope[r], still) for r in self.open_rows]
         rates = self.along_tree(self._solved(sides), right)
         return [rates[c] for c in range(self.n)]
 
@@ -193,12 +181,17 @@ class Elimination:
         """Return the rates that the spanning tree's rows state for given rates of the core; those not given are 0."""
         rates = dict(core)
         for pivot in self.stated:
-            side = right[pivot.row]
-            for c, entry in self.slope[pivot.row].items():
-                if c != pivot.coordinate and c in rates:
-                    side = side - entry * rates[c]
+            side = _without(right[pivot.row], self.slope[pivot.row], rates)
             rates[pivot.coordinate] = side if pivot.sign > 0 else -side
         return rates
+
+
+def _without(side: Symbol, row: Row, known: Row) -> Symbol:
+    """Return a right side less what the coordinates that are known make of it."""
+    for c, entry in row.items():
+        if c in known:
+            side = side - entry * known[c]
+    return side
 
 
 def _chained(entries: Mapping[int, Symbol], total: Mapping[int, Row], sign: int) -> Row:

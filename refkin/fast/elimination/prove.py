@@ -25,6 +25,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 from refkin.errors import RefkinError
 from refkin.fast.elimination.eliminate import Eliminated, Elimination, NotReducible
@@ -222,12 +223,8 @@ class _Prover:
         return {s: e for s, e in self.errors.done.items() if s.op == "input" or s in self.numbers}
 
 
-def _dot(a: Iterable[Symbol], b: Iterable[Symbol]) -> Symbol:
-    products = [x * y for x, y in zip(a, b, strict=True)]
-    total = products[0]
-    for product in products[1:]:
-        total = total + product
-    return total
+def _dot(a: Iterable[Symbol], b: Iterable[Symbol]) -> Any:
+    return sum(x * y for x, y in zip(a, b, strict=True))
 
 
 def _largest(graph: Graph, symbols: Iterable[Symbol]) -> Symbol:

@@ -66,11 +66,11 @@ class Balanced:
         jacobian = _slopes(self.system, self.q, self.t, self.rows)
         jacobian[row] = 0.0
         jacobian[row, column] = 1.0
-        return _balanced(self.system, self.q, self.t, self.rows, jacobian)
+        return balanced(self.system, self.q, self.t, self.rows, jacobian)
 
 
-def balanced(system: System, q: Any, t: float, rows: Any) -> Balanced:
-    """Return some rows of phi_q, balanced.
+def balanced(system: System, q: Any, t: float, rows: Any, slopes: Any = None) -> Balanced:
+    """Return some rows of phi_q, balanced, or a matrix in their place.
 
     Parameters
     ----------
@@ -82,8 +82,20 @@ def balanced(system: System, q: Any, t: float, rows: Any) -> Balanced:
         Its time [s].
     rows : (k,) array of int
         Which rows, of the m.
+    slopes : (k, n) array, optional
+        Instead of them.
     """
-    return _balanced(system, q, t, rows, _slopes(system, q, t, rows))
+    matrix, by_row, by_column = slopes, np.ones(len(rows)), np.ones(system.n)
+    if slopes is None:
+        matrix = _slopes(system, q, t, rows)
+    for _ in range(ROUNDS):
+        row, column = (np.sqrt(np.max(np.abs(matrix), axis=axis, initial=0.0)) for axis in (1, 0))
+        row, column = np.where(row > 0, row, 1.0), np.where(column > 0, column, 1.0)
+        matrix = matrix / row[:, None] / column
+        by_row, by_column = by_row / row, by_column / column
+    left, sigma, right = np.linalg.svd(matrix)
+    sigma = np.append(sigma, np.zeros(max(0, system.n - len(sigma))))
+    return Balanced(system, q, t, rows, matrix, by_row, by_column, left, sigma, right)
 
 
 def elsewhere(system: System, q: Any, t: float) -> Any:
@@ -96,18 +108,6 @@ def _slopes(system: System, q: Any, t: float, rows: Any) -> Any:
     here, there = system.phi_q(q, t)[rows], elsewhere(system, q, t)[rows]
     here[:, np.linalg.norm(here, axis=0) <= SATISFIED * np.linalg.norm(there, axis=0)] = 0.0
     return here
-
-
-def _balanced(system: System, q: Any, t: float, rows: Any, jacobian: Any) -> Balanced:
-    matrix, by_row, by_column = jacobian, np.ones(len(rows)), np.ones(system.n)
-    for _ in range(ROUNDS):
-        row, column = (np.sqrt(np.max(np.abs(matrix), axis=axis, initial=0.0)) for axis in (1, 0))
-        row, column = np.where(row > 0, row, 1.0), np.where(column > 0, column, 1.0)
-        matrix = matrix / row[:, None] / column
-        by_row, by_column = by_row / row, by_column / column
-    left, sigma, right = np.linalg.svd(matrix)
-    sigma = np.append(sigma, np.zeros(max(0, system.n - len(sigma))))
-    return Balanced(system, q, t, rows, matrix, by_row, by_column, left, sigma, right)
 
 
 @dataclass(frozen=True)
