@@ -7,7 +7,8 @@ import copy
 import pytest
 
 from refkin.errors import InvalidScene
-from refkin.scenes.files import parse, schema, to_dict
+from refkin.scenes.files import parse, to_dict
+from refkin.scenes.keys import schema
 
 from .contact_cases import scene
 
