@@ -9,7 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from crosscheck.engines import EngineRefusal, Level, Support
+from crosscheck.engines import EngineError, EngineRefusal, Level, Support
+from crosscheck.engines.closed_form import engine as closed_form
 from crosscheck.engines.closed_form.engine import ClosedForm, truth
 from crosscheck.engines.closed_form.groups import Circle, Line, line_and_circle
 from crosscheck.engines.closed_form.jets import Floats, Jet, Planar
@@ -66,10 +67,12 @@ def test_the_estimate_chooses_the_branch_and_the_motion_keeps_it(sign, bits):
     assert set(orientation(motion)) == {sign}
 
 
-def test_a_flat_estimate_goes_to_the_nearer_assembly():
-    """Coupler and rocker in one line in the estimate, which lies on the upper side."""
+@pytest.mark.parametrize("lifted", [0.0, 0.15])
+def test_a_flat_estimate_goes_to_the_nearer_assembly(lifted):
+    """Coupler and rocker in one line in the estimate, which lies on the upper side; but not of a tip that is lifted."""
     scene = linkage(LENGTHS, sign=1)
     bodies = list(scene.mechanism.bodies)
+    bodies[0] = replace(bodies[0], estimate=(0.0, 0.0, 0.3 + lifted))
     tip, ground = cmath.rect(1.0, 0.3), 4.0 + 0j
     pin = 0.5 * (tip + ground) + 0.05j  # sine of the angle at the pin: 0.07, not decisive
     lean = cmath.phase(pin - tip)
@@ -137,6 +140,19 @@ def test_floats_alone_prove_no_unassemblable(monkeypatch):
 
     assert motion.verdict is Status.NOT_CONVERGED
     assert "not proved" in motion.message
+
+
+@pytest.mark.parametrize(("bits", "solver"), [(None, "_floats"), (113, "solve")])
+def test_a_joint_that_is_left_open_is_a_fault_of_the_program(monkeypatch, bits, solver):
+    solved = getattr(closed_form, solver)
+
+    def opened(*args):
+        solution = solved(*args)
+        return replace(solution, closure=solution.closure + 1e-3)
+
+    monkeypatch.setattr(closed_form, solver, opened)
+    with pytest.raises(EngineError, match=r"a joint is left open by 0\.001 sizes"):
+        ClosedForm(bits).solve(linkage(LENGTHS))
 
 
 def test_frames_far_from_their_joints_are_answered():
@@ -224,6 +240,14 @@ def test_balls_decide_near_a_dead_centre(slack):
 
     assert result.motion.verdict is Status.OK
     assert result.radius_q.max() < 4 * U * np.abs(result.motion.q).max()
+
+
+@pytest.mark.parametrize(("rocker", "bits"), [(3.0, 113), (1.5, 4 * 113)])
+def test_the_precision_is_doubled_where_balls_leave_open_whether_a_dyad_closes(rocker, bits):
+    """A crank in line with the ground; in the second linkage all links are in line then."""
+    law = Polynomial(coefficients=(0.0, 1.0))
+
+    assert truth(linkage({**LENGTHS, "rocker": rocker}, law)).bits == bits
 
 
 def test_scenes_scale_with_powers_of_two_bit_by_bit():

@@ -11,6 +11,11 @@ import pytest
 
 import refkin
 from crosscheck.engines import EngineRefusal, load
+from crosscheck.engines.closed_form.engine import _frames
+from crosscheck.engines.closed_form.jets import Floats, Jet, on_circle
+from crosscheck.engines.closed_form.space import Assembly
+from crosscheck.engines.closed_form.space_motion import _proved_absent
+from crosscheck.engines.closed_form.space_vectors import least_squares
 from crosscheck.engines.spatial.turning import product
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.judge.records import Cause
@@ -179,6 +184,40 @@ def test_rows_that_contradict_each_other_by_an_ulp_are_not_chosen_by_the_closed_
 
     with pytest.raises(EngineRefusal, match="bar: more points are held than the two that place it"):
         load("closed_form").solve(scene)
+
+
+def test_frames_are_granted_three_times_as_much_where_rows_are_redundant_and_nowhere_else() -> None:
+    frames = [_frames(make()).absolute for make in (space_scenes.rssr, space_scenes.bennett)]
+
+    assert frames == [32.0 * 2.0**-53, 96.0 * 2.0**-53]
+
+
+def test_the_closed_form_keeps_assemblies_that_were_chosen_and_proves_none_absent_that_is_there() -> None:
+    scene = space_scenes.rssr()
+    chosen = Assembly(scene, Floats())
+    first = chosen.run()["rocker"].x.part("v", chosen.count)
+    other = Assembly(scene, Floats(), {key: -sign for key, sign in chosen.signs.items()})
+
+    assert np.min(np.linalg.norm(other.run()["rocker"].x.part("v", other.count) - first, axis=0)) > 0.1
+    for assembly in (chosen, other):
+        assert not _proved_absent(scene, assembly, 113, np.ones(assembly.count, bool)).any()
+
+
+def test_a_cosine_and_a_sine_are_made_to_turn_by_their_rates_across() -> None:
+    """What rounding leaves along them is taken away."""
+    c, s, rate, bend = math.cos(0.7), math.sin(0.7), 3.0, -2.0
+    exact = (c, -s * rate, -s * bend - c * rate**2), (s, c * rate, c * bend - s * rate**2)
+    off = [Jet(v, d + 1e-3 * v, a + 1e-3 * v) for v, d, a in exact]
+    for jet, expected in zip(on_circle(*off), exact, strict=True):
+        assert (jet.v, jet.d, jet.a) == pytest.approx(expected, rel=1e-14)
+
+
+def test_least_squares_of_conditions_that_nearly_say_the_same_lose_their_condition_once() -> None:
+    """By the normal equations alone they lost its square: 4e-9."""
+    rows = [tuple(Jet(x) for x in (math.cos(a), math.sin(a), math.cos(a - 0.9))) for a in (0.3, 0.3001)]
+    cos, sin = least_squares(rows)
+
+    assert (cos.v, sin.v) == pytest.approx((math.cos(0.9), math.sin(0.9)), abs=1e-11)
 
 
 def test_a_pose_that_cannot_be_is_proved_so_by_the_closed_form() -> None:

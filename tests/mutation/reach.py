@@ -202,17 +202,23 @@ class Reach:
                 result[self.keys[number]].append(nodeid)
         return result
 
+    @cached_property
+    def longest_case(self):
+        """What is noted of the longest case of each test: others are taken for as long."""
+        return {test_of(nodeid): entry for nodeid, entry in sorted(self.tests.items(), key=lambda each: each[1][0])}
+
     def order(self, target, definition, statement, items):
         """Return the quick tests that reach a statement, and the long ones: those first that cost and reach least.
 
-        Before all others come tests that name its module, and then those that reach little else: they ask it something,
-        others pass through it. Long ones that name it are asked even if they were ended before they reached it. Of a
-        function that changed since it was noted: the tests that reached it before; of one that is new, those that name
-        its module.
+        Before all others come tests that name its module, or the package that it is in, and of all those that reach
+        little else: they ask it something, others pass through it. Long ones that name it are asked even if they were
+        ended before they reached it. Of a function that changed since it was noted: the tests that reached it before;
+        of one that is new, those that name its module.
         """
         wanted = key(target, definition, segments(definition)[1][statement])
         module = target.partition(":")[0]
-        mine = {item.nodeid for item in items.values() if module in imported(item.path)}
+        modules = {module, module.rpartition(".")[0]} - {"refkin", "crosscheck"}
+        mine = {item.nodeid for item in items.values() if modules & imported(item.path)}
         before = [each for each in self.by_key if each.startswith(f"{target}#")]
         same = [each for each in before if each.rpartition("#")[0] == wanted.rpartition("#")[0]]
         names = {name for each in ([wanted] if same else before) for name in self.by_key.get(each, ())}
@@ -222,7 +228,7 @@ class Reach:
         cases = {nodeid for nodeid in items.keys() - self.tests.keys() if test_of(nodeid) in noted}
         others = {nodeid for nodeid in cases if test_of(nodeid) in reached}
         for nodeid in ((names | mine if names or not before else mine) - cases | others) & items.keys():
-            seconds, hits = self.tests.get(nodeid, (most, []))
+            seconds, hits = self.tests.get(nodeid) or self.longest_case.get(test_of(nodeid), (most, []))
             if seconds >= most or nodeid in names or not before:
                 cost = (seconds + CALL) * (len(hits) + 1) ** 2 * (1.0 if nodeid in names else 4.0)
                 (quick if seconds < most else long).append((nodeid not in mine, cost, nodeid))
