@@ -20,7 +20,7 @@ from crosscheck.engines.methods import of_routes
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.delivery import granted
 from crosscheck.judge.records import Cause, line_of, read_line
-from crosscheck.measure.check import check
+from crosscheck.measure.check import TURNED_ROUND, check, key_of
 from crosscheck.measure.effects import rows
 from crosscheck.measure.effects_ablations import ablations
 from crosscheck.scenes.drawing import draw
@@ -148,21 +148,46 @@ class Meddling(Wrapped):
         object.__setattr__(scene.mechanism.bodies[0], "estimate", (9.0, 9.0, 9.0))
         object.__setattr__(scene, "times", tuple(t + 1.0 for t in scene.times))
         np.seterr(all="raise")
-        warnings.simplefilter("error")
+        warnings.simplefilter("always")
         os.chdir(os.sep)
         return motion
 
 
-def test_an_engine_that_changes_what_is_not_its_own_is_named_alone():
-    scene = replace(SCENE, name="meddled with")
-    before, folder = deepcopy(scene), Path.cwd()
+class Altering(type(load("mujoco"))):
+    """It changes the scene whose rows it gives."""
 
-    said = {(d.engine, d.kind) for d in check(scene, [Meddling(), Wrapped(), "exudyn"]).disagreements}
+    name = "altering"
 
-    assert said == {("meddling", "changed the scene that it was given")}
+    def constraints(self, scene):
+        object.__setattr__(scene, "times", (9.0, 10.0))
+        return super().constraints(scene)
+
+
+def turned_round(scene: Scene, is_asked: bool) -> Scene:
+    """Return the scene over a time with which it is, or is not, solved with its bodies in another order."""
+    scenes = (replace(scene, times=(*scene.times[:-1], scene.times[-1] + k)) for k in range(99))
+    return next(scene for scene in scenes if (int(key_of(scene), 16) % TURNED_ROUND == 0) is is_asked)
+
+
+@pytest.mark.parametrize("is_asked", [True, False])
+@pytest.mark.parametrize("engine", [Meddling, Altering])
+def test_an_engine_that_changes_what_is_not_its_own_is_named_alone(engine, is_asked):
+    scene = replace(turned_round(SCENE, is_asked), name="meddled with")
+    before, folder, heard = deepcopy(scene), Path.cwd(), list(warnings.filters)
+
+    said = {(d.engine, d.kind) for d in check(scene, [engine(), Wrapped(), "exudyn"]).disagreements}
+
+    assert said == {(engine.name, "changed the scene that it was given")}
     assert scene == before
-    assert np.geterr()["divide"] != "raise"
-    assert Path.cwd() == folder
+    assert (np.geterr()["divide"] != "raise", Path.cwd(), warnings.filters) == (True, folder, heard)
+
+
+def test_an_answer_in_another_order_that_has_no_shape_is_one_that_depends_on_the_order():
+    first = SCENE.mechanism.bodies[0].name
+    engine = Wrapped(lambda motion: motion if motion.bodies[0] == first else replace(motion, q=motion.q.T))
+
+    assert {kind for _, kind in found(engine, turned_round(SCENE, True))} == {"depends on the order of bodies"}
+    assert found(engine, turned_round(SCENE, False)) == set()
 
 
 @pytest.mark.parametrize("ask", [lambda m, scene: m.solve(scene), lambda m, scene: m.model(scene).solve(2)])

@@ -13,6 +13,7 @@ import pytest
 import refkin
 from crosscheck.documents.convergence import BothLargest, ResidualOrCorrection, ScaledNorms
 from crosscheck.documents.systems import me581
+from refkin.differences import EPS
 from refkin.newton import CorrectionNorm, NewtonStatus, RoundOff, StoppingTest, is_round_off, newton, solve_linear
 from tests.claims import assert_near
 
@@ -237,3 +238,14 @@ def test_real_estimates_stay_real():
 @pytest.mark.parametrize(("size", "closes"), [(1.0, False), (1000.0, True)])
 def test_a_residual_is_round_off_by_the_largest_coordinate(size, closes):
     assert is_round_off(np.array([0.0, 1e-13]), np.array([0.4, size])) == closes
+
+
+def test_redundant_rows_of_a_batch_that_agree_are_left_with_round_off_whatever_their_condition():
+    """By the pseudoinverse alone they were left with 1e6 times as much."""
+    numbers = np.random.default_rng(1)
+    (left, _), (right, _) = (np.linalg.qr(numbers.normal(size=(5, rows, 3))) for rows in (6, 3))
+    matrix = np.moveaxis(left * [1.0, 1e-3, 1e-6] @ right, 0, -1)
+    values = np.einsum("ijb,jb->ib", matrix, numbers.normal(size=(3, 5)))
+
+    left_over = np.einsum("ijb,jb->ib", matrix, solve_linear(matrix, values)) - values
+    assert np.max(np.abs(left_over)) < 16 * EPS
