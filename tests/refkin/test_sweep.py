@@ -398,6 +398,20 @@ def test_without_evidence_a_pose_whose_residual_is_more_than_round_off_is_not_ta
     assert motion.verdict is not Status.OK or np.max(np.abs(motion.q - root)) < 1e-14
 
 
+def test_after_a_pose_that_is_not_proved_none_is_one_of_the_branch(monkeypatch):
+    """Though each of them is proved to be alone."""
+    prove = refkin.solving.solve._Answer._prove
+
+    def but_the_second(self, samples):
+        return prove(self, samples) & (samples != 1)
+
+    monkeypatch.setattr(refkin.solving.solve._Answer, "_prove", but_the_second)
+    motion = refkin.solve(ROCKER.scene(samples=4))
+
+    assert motion.status == (Status.OK, Status.SINGULAR, Status.BRANCH_LOST, Status.BRANCH_LOST)
+    assert np.isfinite(motion.q).all(axis=0).tolist() == [True, True, False, False]
+
+
 @pytest.mark.parametrize("knot", [240, 248, 406])
 def test_a_pulse_of_a_table_between_two_times_is_not_stepped_over(knot):
     """One knot of 1601 takes the crank beyond its limit and back: the rate looked at in 65 places did not show it."""
