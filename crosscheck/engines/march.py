@@ -335,7 +335,7 @@ def _divided(a: Poses, b: Poses) -> tuple[Array, Array]:
     ends = [np.append(a.q, zero, axis=1), np.append(b.q, one, axis=1)]
     chord = np.linalg.norm(ends[1] - ends[0], axis=1)
     slopes = [slope * (chord / np.linalg.norm(slope, axis=1))[:, None] for slope in slopes]
-    near, far = (1.0 / np.linalg.norm(pose.inverse, axis=(1, 2)) for pose in (a, b))
+    near, far = (1.0 / _norm(pose.inverse) for pose in (a, b))
     worst = (near / (near + far))[:, None]
     part = np.arange(1.0, PARTS + 1.0)
     left = [
@@ -372,7 +372,7 @@ def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
     residual, jacobian = equations.rows(guess[some], b.t[some])
     correction = solve(jacobian, residual)
     first, second = _largest(correction), _largest(b.q[some] - guess[some] + correction)
-    closed = (np.abs(residual) <= equations.round_off(guess[some], b.t[some])).all(axis=1)
+    closed = _below(residual, equations.round_off(guess[some], b.t[some]))
     good[some] = closed | ((first <= TRUST) & (second <= np.maximum(CONTRACTION * first, GUESSED_WELL)))
     return good
 
@@ -443,8 +443,7 @@ def connected(inverse: Array, other: Array, off: float = 0.0) -> Any:
 
 def _from_one(change: Array) -> Array:
     """Return by how much matrices (B, n, n) differ from 1, (B,)."""
-    size: Array = np.linalg.norm(change - np.eye(change.shape[1]), axis=(1, 2))
-    return size
+    return _norm(change - np.eye(change.shape[1]))
 
 
 def _stays_regular(change: Array, size: Array, inverse: Array, off: float = 0.0) -> Any:
@@ -468,39 +467,38 @@ def close(equations: Equations, q: Array, t: Array, *, near: Array | None = None
     if own is not None:
         return with_velocities(equations, t, *own(q, t, near))
     count, n = q.shape
-    guess, active, previous, left = q, np.arange(count), *np.full((2, count), np.inf)
+    guess, now, active, previous, left = q, t, np.arange(count), *np.full((2, count), np.inf)
     done = list[tuple[Any, Array, Array, Array]]()
     for _ in range(CAP):
-        now = t[active]
         residual, jacobian = equations.rows(q, now)
         correction = solve(jacobian, residual)
         size = _largest(correction)
         on = size <= 1.0 / EPS  # an angle that large has no digit left
-        closed = (np.abs(residual) <= equations.round_off(q, now)).all(axis=1)
+        closed = _below(residual, equations.round_off(q, now))
         if near is not None:
             on &= closed | ((size <= CONTRACTION * previous) & (size <= TRUST))
-        if closed.any():
+        if np.count_nonzero(closed):
             rounding = EPS * (1.0 + _largest(q))
             noise = (size > STALLED * previous) | (size <= rounding) | (left <= SQUARED) & (size <= LEFT * rounding)
             stalled = on & closed & noise
             on &= ~stalled
             good = stalled if near is None else stalled & (_largest(q - guess[active]) <= TRUST)
-            if good.any():
+            if np.count_nonzero(good):
                 done.append((active[good], q[good], jacobian[good], _largest(residual[good])))
         if previous[0] < np.inf:
             left = size * (size / previous) ** 2  # the error is squared
         q, previous = q - correction, size
-        if not on.all():
+        if np.count_nonzero(on) < len(on):
             active, q, previous, left = active[on], q[on], previous[on], left[on]
             if not active.size:
                 break
-    m = jacobian.shape[1]
-    shapes = ((count, n), (count, m, n), (count,))
-    at, jacobians, gaps = (np.full(shape, np.nan) for shape in shapes)
+            now = t[active]
+    shapes = ((count, n), (count, *jacobian.shape[1:]), (count,))
+    poses = [np.full(shape, np.nan) for shape in shapes]
     for which, *parts in done:
-        for whole, part in zip((at, jacobians, gaps), parts, strict=True):
+        for whole, part in zip(poses, parts, strict=True):
             whole[which] = part
-    return with_velocities(equations, t, at, jacobians, gaps)
+    return with_velocities(equations, t, *poses)
 
 
 def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, residual: Array) -> Poses:
@@ -511,26 +509,41 @@ def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, r
     """
     count, m, n = jacobian.shape
     inverse, qd = np.full((count, n, m), np.nan), np.full((count, n), np.nan)
-    some = np.isfinite(residual)
-    if not some.any():
-        return Poses(t, q, jacobian, residual, inverse, qd, some)
-    inverse[some] = inverses(jacobian[some])
-    regular = some.copy()
-    off = residual if getattr(equations, "predicts", True) else np.zeros(count)
-    regular[some] = _regular(jacobian[some], inverse[some], np.maximum(SINGULAR, 2.0 * np.sqrt(off[some])))
-    if regular.any():
-        qd[regular] = solve(jacobian[regular], equations.nu(q[regular], t[regular]))
-    regular &= np.isfinite(qd).all(axis=1)
+    regular = np.isfinite(residual)
+    if np.count_nonzero(regular):
+        some = _which(regular)
+        inverse[some] = inverses(jacobian[some])
+        off = residual[some] * getattr(equations, "predicts", True)
+        regular[some] = _regular(jacobian[some], inverse[some], np.maximum(SINGULAR, 2.0 * np.sqrt(off)))
+    if np.count_nonzero(regular):
+        some = _which(regular)
+        qd[some] = solve(jacobian[some], equations.nu(q[some], t[some]))
+        regular &= np.isfinite(qd).all(axis=1)
     return Poses(t, q, jacobian, residual, inverse, qd, regular)
+
+
+def _which(mask: Any) -> Any:
+    """Return what picks the samples of a mask: all of them, if there is no other, without a copy."""
+    return mask if np.count_nonzero(mask) < len(mask) else slice(None)
+
+
+def _below(residual: Array, bound: Array) -> Any:
+    """Return whether all residuals of a pose are within a bound, (B,)."""
+    return np.logical_and.reduce(np.abs(residual) <= bound, axis=1)
 
 
 def _regular(jacobian: Array, inverse: Array, least: Array) -> Any:
     """Return whether singular values are at least so large (B,), of which the inverse's norm is a bound."""
     _, m, n = jacobian.shape
-    regular: Any = (np.linalg.norm(inverse, axis=(1, 2)) <= 1.0 / least) & (m == n or n == 0)  # else truncated
+    regular: Any = (_norm(inverse) <= 1.0 / least) & (m == n or n == 0)  # else truncated
     for k in np.flatnonzero(~regular):
         regular[k] = np.linalg.svd(jacobian[k], compute_uv=False)[-1] >= least[k]
     return regular
+
+
+def _norm(matrix: Array) -> Array:
+    """Return Frobenius norms (B,) of matrices (B, n, m)."""
+    return np.sqrt(np.add.reduce(matrix * matrix, axis=(1, 2)))
 
 
 def solve(matrix: Array, right: Array) -> Array:
@@ -595,34 +608,33 @@ def extrema(laws: Sequence[Callable[..., Any]], times: Array) -> Array:
 
 
 class Tabulated:
-    """A law whose values are kept, so that no time is asked for twice; new times are asked for in one row.
-
-    `times` are those that will be asked for: all of them at once, when the first one is.
-    """
+    """A law whose values are kept; at `times`, those that will be asked for, it is asked once for all of them."""
 
     def __init__(self, law: Callable[..., Any], times: Sequence[float] = ()) -> None:
-        self.law, self.times, self.known = law, times, dict[int, dict[float, float]]()
-        self.batches: dict[tuple[int, bytes], Array] = {}
+        self.law, self._times = law, np.array(times)
+        self._tables = dict[int, Array]()
+        self._known = dict[tuple[int, float | bytes], Any]()
 
     def __call__(self, t: Any, order: int) -> Any:
-        """Return the derivative of the given order at a time, or at times (B,)."""
-        known = self.known.get(order)
-        if known is None:
-            known = self.known[order] = {}
-            self._learn(known, list(self.times), order)
-        if isinstance(t, float):
-            if t not in known:
-                known[t] = float(self.law(t, order))
-            return known[t]
-        key = order, t.tobytes()
-        if key not in self.batches:
-            times = t.tolist()
-            self._learn(known, [at for at in times if at not in known], order)
-            self.batches[key] = np.array([known[at] for at in times])
-            self.batches[key].flags.writeable = False  # it is handed out again
-        return self.batches[key]
+        """Return the derivative of the given order at a time, or at times (B,): then read-only."""
+        single = isinstance(t, float)
+        key = order, t if single else t.tobytes()
+        if key not in self._known:
+            self._known[key] = float(self.law(t, order)) if single else self._row(t, order)
+        return self._known[key]
 
-    def _learn(self, known: dict[float, float], times: list[float], order: int) -> None:
-        if times:
-            values = np.broadcast_to(np.asarray(self.law(np.array(times), order), float), len(times))
-            known.update(zip(times, values.tolist(), strict=True))
+    def _row(self, t: Array, order: int) -> Array:
+        if not len(self._times):
+            return self._asked(t, order)
+        if order not in self._tables:
+            self._tables[order] = self._asked(self._times, order)
+        at = np.minimum(np.searchsorted(self._times, t), len(self._times) - 1)
+        row: Array = self._tables[order][at]
+        new = self._times[at] != t
+        if new.any():
+            row[new] = self._asked(t[new], order)
+        row.flags.writeable = False
+        return row
+
+    def _asked(self, t: Array, order: int) -> Array:
+        return np.broadcast_to(np.asarray(self.law(t, order), float), t.shape)

@@ -188,8 +188,8 @@ class TreeRows(MujocoRows):
         """Return the residual of the closures and its Jacobian, and likewise points."""
         return self.rows(q, places)
 
-    def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, Array]:
-        """Return gamma of the closures, and accelerations of points at qdd = 0."""
+    def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, ...]:
+        """Return gamma of the closures, and the motion of points at qdd = 0."""
         return self.rates(q, qd, places)[1:]
 
 

@@ -43,8 +43,9 @@ class _Points:
     @cached_property
     def r(self) -> Array:
         """Positions (B, P, 2)."""
-        x, frames = self._kept[0][:, self._bodies], self._kept[1][:, self._bodies]
-        return x[:, :, :2] + np.sum(frames.reshape(*x.shape[:2], 3, 3)[:, :, :2, :2] * self._u[:, None], axis=-1)
+        x, frames = (kept.take(self._bodies, axis=1) for kept in self._kept[:2])
+        turned: Array = frames[:, :, 0:4:3] * self._u[:, :1] + frames[:, :, 1:5:3] * self._u[:, 1:]
+        return x[:, :, :2] + turned
 
     @cached_property
     def jacobian(self) -> Array:
@@ -54,14 +55,20 @@ class _Points:
     def drift(self, qd: Array) -> Array:
         """Return the accelerations (B, P, 2) at qdd = 0, from rates (B, n)."""
         turning = (self._kept[3][:, self._columns, 2] * qd) @ self._moves.T
-        x, y = np.moveaxis(along(self.jacobian, qd), -1, 0)
-        return along(self._at_points(self._kept[4]), qd) + np.stack([-turning * y, turning * x], axis=-1)
+        velocity, bend = along(self.jacobian, qd), along(self._at_points(self._kept[4]), qd)
+        bend[:, :, 0] -= turning * velocity[:, :, 1]
+        bend[:, :, 1] += turning * velocity[:, :, 0]
+        return bend
 
     def _at_points(self, twists: Array) -> Array:
         """Return the velocities (B, P, 2, n) that twists (B, n, 6) of joints give the points that they move."""
-        off = (self.r - self._kept[2][:, self._roots, :2])[..., None]
-        spin, x, y = np.moveaxis(twists[:, None, self._columns, 2:5], -1, 0)
-        return np.stack([x - spin * off[:, :, 1], y + spin * off[:, :, 0]], axis=2) * self._moves[:, None]
+        off = self.r - self._kept[2].take(self._roots, axis=1)[:, :, :2]
+        twists = twists.take(self._columns, axis=1)[:, None]
+        out = np.empty((*off.shape, len(self._columns)))
+        out[:, :, 0] = twists[..., 3] - twists[..., 2] * off[:, :, 1:]
+        out[:, :, 1] = twists[..., 4] + twists[..., 2] * off[:, :, :1]
+        out *= self._moves[:, None]
+        return out
 
 
 def along(slopes: Array, rates: Array) -> Array:
@@ -177,10 +184,11 @@ class MujocoRows:
         """Return the guides' normals (B, guides, 2), the y axes of their sites."""
         return guided[1][0][:, self._lines, 1:5:3]
 
-    def rates(self, q: Array, qd: Array, places: Places = ()) -> tuple[Array, Array, Array]:
+    def rates(self, q: Array, qd: Array, places: Places = ()) -> tuple[Array, ...]:
         """Return the rows' velocities (B, m) and drift terms -Jdot qd (B, m), both without what the laws bring.
 
-        The adapter completes the drift of lines and lengths. And accelerations of points at qdd = 0, (B, P, 2).
+        The adapter completes the drift of lines and lengths. And of points, (B, P, 2) each, if there are any: where
+        they are, their velocities, and their accelerations at qdd = 0.
         """
         m, d, count = self.model, self.data, len(self._owners)
         gap, rate, drift = np.empty((3, len(q), count))
@@ -206,7 +214,7 @@ class MujocoRows:
         return (
             self._picked(rate, sensed, still),
             self._picked(drift, of_guides, still),
-            (points.drift(qd) if places else np.empty((len(q), 0, 2))),
+            *((points.r, along(points.jacobian, qd), points.drift(qd)) if places else ()),
         )
 
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:

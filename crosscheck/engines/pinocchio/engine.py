@@ -11,7 +11,6 @@ from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any
 
-import numpy as np
 import pinocchio as pin
 
 from crosscheck.engines import (
@@ -33,7 +32,7 @@ from crosscheck.engines import (
 from crosscheck.engines.frames import RowMap
 from crosscheck.engines.pinocchio.effects import EFFECTS, MISSING, ForwardDynamics, affected
 from crosscheck.engines.pinocchio.features import FEATURES, with_feature
-from crosscheck.engines.pinocchio.model import WORLD_AXES, Frame, absolute_model, tree_model
+from crosscheck.engines.pinocchio.model import Points, absolute_model, tree_model
 from crosscheck.engines.pinocchio.rows import Rows
 from crosscheck.engines.pinocchio.shipped import CLOSED_CHAIN, STOP, SpaceExample, closed_chain
 from crosscheck.engines.pinocchio.space import PinocchioSpace
@@ -153,6 +152,7 @@ class PinocchioConstraints:
         bodies = [body.name for body in scene.mechanism.bodies]
         elements = tuple(elements_of(joints))
         self._rows = Rows(absolute_model(bodies), elements, lambda body, u: u)
+        self._none = Points(self._rows.planar)
         ours = [(e.name, e.row + k) for e in elements for k in range(e.rows)]
         self.rows: Sequence[RowMap] = tuple(
             RowMap(constraint=name, row=row, engine_row=k) for k, (name, row) in enumerate(ours)
@@ -160,19 +160,19 @@ class PinocchioConstraints:
 
     def residual(self, q: Array, t: float) -> Array:
         """Return the residual (m,)."""
-        return self._rows.both(q[None])[0][0]
+        return self._rows.both(q[None], self._none)[0][0]
 
     def jacobian(self, q: Array, t: float) -> Array:
         """Return the Jacobian (m, n)."""
-        return self._rows.both(q[None])[1][0]
+        return self._rows.both(q[None], self._none)[1][0]
 
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
         """Return phi_q qd (m,), from Pinocchio's velocities of frames."""
-        return self._rows.velocity(q[None], qd[None])[0]
+        return self._rows.velocity(q[None], qd[None], self._none)[0]
 
     def drift(self, q: Array, qd: Array, t: float) -> Array:
         """Return gamma (m,), from Pinocchio's accelerations of frames."""
-        return self._rows.drift(q[None], qd[None])[0][0]
+        return self._rows.drift(q[None], qd[None], self._none)[0][0]
 
     def close(self) -> None:
         """Do nothing: Pinocchio frees its memory with the object."""
@@ -186,41 +186,29 @@ class PinocchioTree:
         self.planar = affected(tree_model(tree), effect)
         self._rows = Rows(self.planar, tree.closures, tree.scaled)
         self.closure_rows = self._rows.count
+        self._points = dict[Any, Points]()
 
     def closure(self, q: Array, places: Places) -> tuple[Array, Array, Array, Array]:
         """Return the residual of the closures and its Jacobian, and likewise points."""
         return self._rows.both(q, self._at(places))
 
-    def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, Array]:
-        """Return gamma of the closures, and accelerations of points at qdd = 0."""
+    def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, ...]:
+        """Return gamma of the closures, and the motion of points at qdd = 0."""
         return self._rows.drift(q, qd, self._at(places))
 
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
         """Return position, velocity and acceleration (B, P, 2) of points: one call of forward kinematics a pose."""
-        planar, levels = self.planar, np.empty((3, len(q), len(places), 3))
-        m, d, velocity, acceleration = (
-            planar.model,
-            planar.data,
-            pin.getFrameVelocity,
-            pin.getFrameClassicalAcceleration,
-        )
-        ends = [(planar.placed[f.joint], f.placement.translation, f.joint, f.placement) for f in self._at(places)]
-        for k, (at, *out) in enumerate(zip(q, *levels, strict=True)):
-            if qd is None:
-                planar.place(at)
-            else:
-                planar.move(at, qd[k], None if qdd is None else qdd[k])
-            for j, (joint, u, *frame) in enumerate(ends):
-                out[0][j] = joint.act(u)
-                if qd is not None:
-                    out[1][j] = velocity(m, d, *frame, WORLD_AXES).linear
-                if qdd is not None:
-                    out[2][j] = acceleration(m, d, *frame, WORLD_AXES).linear
-        return list(levels[: 1 + (qd is not None) + (qdd is not None), ..., :2])
+        given = [level for level in (q, qd, qdd) if level is not None]
+        levels, targets = self._at(places).motion(len(q), len(given))
+        self.planar.sampled(self.planar.place if qd is None else self.planar.move, given, targets)
+        return levels
 
     def contacts(self) -> tuple[list[Any], list[Any]]:
         """Return Pinocchio's constraints of the closures, and their data."""
         return self._rows.contacts()
 
-    def _at(self, places: Places) -> list[Frame]:
-        return [self.planar.frames[body].at(u) for body, u in places]
+    def _at(self, places: Places) -> Points:
+        key = tuple(places)
+        if key not in self._points:
+            self._points[key] = Points(self.planar, [self.planar.frames[body].at(u) for body, u in key])
+        return self._points[key]

@@ -20,6 +20,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,6 +31,10 @@ from refkin.joints import GROUND, Pair
 
 WORLD_AXES = pin.LOCAL_WORLD_ALIGNED
 Scaling = Callable[[str, Pair], Pair]
+Read = tuple[Callable[[], Any], tuple[int, ...]]
+"""What reads something where the model is, and its shape."""
+Target = tuple[Callable[[], Any], Array]
+"""What reads something where the model is, and where it goes: a row for each of B poses."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,6 @@ class PlanarModel:
 
     def __post_init__(self) -> None:
         self.model.gravity.setZero()  # no call of kinematics takes it; whoever makes another finds none
-        self._single = self.model.nv < 2
         self._rest = np.zeros(self.model.nv)
         self.begin()
 
@@ -71,30 +75,71 @@ class PlanarModel:
         """Place everything at q, moving with qd and qdd, or 0: what is not given would stay as it was left."""
         pin.forwardKinematics(self.model, self.data, q, qd, self._rest if qdd is None else qdd)
 
-    def point(self, frame: Frame) -> Array:
-        """Return where a placed frame is, (2,)."""
-        return self.placed[frame.joint].act(frame.placement.translation)[:2]
+    def sampled(self, pose: Callable[..., None], given: Sequence[Array], targets: Sequence[Target]) -> None:
+        """Read targets at B poses, one after the other, each into its row of the target's array.
 
-    def point_jacobian(self, frame: Frame) -> Array:
-        """Return the Jacobian (2, nv) of a placed frame's point."""
+        Parameters
+        ----------
+        pose : callable
+            `place` or `move`.
+        given : sequence of (B, nv) array
+            What it is called with.
+        """
+        for k, at in enumerate(zip(*given, strict=True)):
+            pose(*at)
+            for read, out in targets:
+                out[k] = read()
+
+    def columns(self, rows: int) -> tuple[int, ...]:
+        """Return the shape of a Jacobian: Pinocchio hands over a single column as a vector."""
+        return (rows,) if self.model.nv == 1 else (rows, self.model.nv)
+
+    def point(self, frame: Frame) -> Callable[[], Array]:
+        """Return what reads where a placed frame is, (3,)."""
+        return partial(self.placed[frame.joint].act, frame.placement.translation)
+
+    def point_jacobian(self, frame: Frame) -> Callable[[], Array]:
+        """Return what reads the Jacobian of a placed frame, its shape `columns(6)`."""
         if self.model.nv == 0:  # Pinocchio ends the process with a segmentation fault
-            return np.zeros((2, 0))
-        return self.matrix(pin.getFrameJacobian(self.model, self.data, frame.joint, frame.placement, WORLD_AXES))[:2]
+            return partial(np.zeros, (6, 0))
+        return partial(pin.getFrameJacobian, self.model, self.data, frame.joint, frame.placement, WORLD_AXES)
 
-    def matrix(self, jacobian: Any) -> Array:
-        """Return a Jacobian with its columns: Pinocchio hands over a single column as a vector, and none as nothing."""
-        if self._single:
-            return jacobian.reshape(-1, 1) if self.model.nv else np.zeros((6, 0))
-        return jacobian
+    def point_velocity(self, frame: Frame) -> Callable[[], Array]:
+        """Return what reads the velocity (3,) of a moving frame's point."""
+        return self._linear(pin.getFrameVelocity, frame)
 
-    def point_velocity(self, frame: Frame) -> Array:
-        """Return the velocity (2,) of a moving frame's point."""
-        return pin.getFrameVelocity(self.model, self.data, frame.joint, frame.placement, WORLD_AXES).linear[:2]
+    def point_acceleration(self, frame: Frame) -> Callable[[], Array]:
+        """Return what reads the acceleration (3,) of a moving frame's point: the classical one, not the spatial one."""
+        return self._linear(pin.getFrameClassicalAcceleration, frame)
 
-    def point_acceleration(self, frame: Frame) -> Array:
-        """Return the acceleration (2,) of a moving frame's point: the classical one, not Pinocchio's spatial one."""
-        motion = pin.getFrameClassicalAcceleration(self.model, self.data, frame.joint, frame.placement, WORLD_AXES)
-        return motion.linear[:2]
+    def _linear(self, motion: Callable[..., Any], frame: Frame) -> Callable[[], Array]:
+        model, data, joint, placement = self.model, self.data, frame.joint, frame.placement
+        return lambda: motion(model, data, joint, placement, WORLD_AXES).linear
+
+
+class Points:
+    """Points of frames, as what is to be read of them at B poses, and the arrays that it is read into."""
+
+    def __init__(self, planar: PlanarModel, frames: Sequence[Frame] = ()) -> None:
+        self._nv, self._columns = planar.model.nv, planar.columns(6)
+        self._slopes = [planar.point_jacobian(frame) for frame in frames]
+        kinds = (planar.point, planar.point_velocity, planar.point_acceleration)
+        self._levels = [[kind(frame) for frame in frames] for kind in kinds]
+
+    def jacobians(self, count: int) -> tuple[Array, list[Target]]:
+        """Return the Jacobians (B, P, 2, nv) of the points."""
+        out = np.empty((count, len(self._slopes), *self._columns))
+        return out.reshape(*out.shape[:2], 6, self._nv)[:, :, :2], _targets(self._slopes, out)
+
+    def motion(self, count: int, levels: int) -> tuple[list[Array], list[Target]]:
+        """Return positions, velocities and accelerations (B, P, 2) of the points, as many levels as are wanted."""
+        out = np.empty((levels, count, len(self._slopes), 3))
+        pairs = zip(self._levels, out, strict=False)
+        return list(out[..., :2]), [target for reads, level in pairs for target in _targets(reads, level)]
+
+
+def _targets(reads: Sequence[Callable[[], Any]], out: Array) -> list[Target]:
+    return [(read, out[:, k]) for k, read in enumerate(reads)]
 
 
 def shift(u: Pair) -> Any:

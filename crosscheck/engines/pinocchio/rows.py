@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
+from itertools import chain, pairwise
 from typing import Any, Protocol
 
 import numpy as np
@@ -16,91 +16,122 @@ import pinocchio as pin
 
 from crosscheck.engines import EngineRefusal
 from crosscheck.engines.frames import direction, through_its_point, unwrap_near
-from crosscheck.engines.pinocchio.model import WORLD_AXES, Frame, PlanarModel, Scaling, unit_vector
+from crosscheck.engines.pinocchio.model import (
+    WORLD_AXES,
+    Frame,
+    PlanarModel,
+    Points,
+    Read,
+    Scaling,
+    unit_vector,
+)
 from crosscheck.engines.tree.joint_tree import Array
 from refkin.joints import Element, GuidedPoint, PointsCoincide, RelativeAngle
 
 
 class Row(Protocol):
-    """Rows of one of Pinocchio's constraints, read after `place` or `move` of the model."""
+    """Rows of one of Pinocchio's constraints: what is read of it at a pose, in turn, and what that says of the rows.
+
+    Attributes
+    ----------
+    constraint, data : Any
+        Pinocchio's own.
+    still, rates, bends : sequence of Read
+        What is read where the model is placed (slopes, then gaps), where it moves, and where nothing accelerates it.
+    """
 
     count: int
     constraint: Any
     data: Any
+    still: Sequence[Read]
+    rates: Sequence[Read]
+    bends: Sequence[Read]
 
-    def read(self, q: Array, residual: Array, jacobian: Array) -> None:
-        """Write the residual (count,) and its Jacobian (count, nv) where the model was placed."""
+    def closure(self, q: Array, slopes: Array, gaps: Array) -> tuple[Array, Array]:
+        """Return residuals (B, count) and Jacobians (B, count, nv) at q (B, nv), from what was read."""
 
-    def velocity(self) -> Array:
-        """Return the residual's rate (count,) as the model moves."""
-
-    def acceleration(self) -> Array:
-        """Return the residual's second derivative (count,) as the model moves, without its acceleration."""
+    def change(self, *parts: Array) -> Array:
+        """Return first or second derivatives (B, count) of the residuals, from what was read."""
 
 
-class TwoPoints:
+class TwoPoints(Row):
     """r_j - r_i, along the axes of the ground."""
 
     count = 2
 
     def __init__(self, planar: PlanarModel, i: Frame, j: Frame) -> None:
-        self.planar, self.i, self.j = planar, i, j
+        model, data, self.i, self.j = planar.model, planar.data, i, j
         ends = (j.joint, j.placement, i.joint, i.placement)
-        self.constraint = pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, planar.model, *ends, WORLD_AXES)
-        self.data = self.constraint.createData()
-        self._j, self._i = (place.translation[:2] for place in (self.data.oMc1, self.data.oMc2))  # views: `calc` fills
+        constraint = pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends, WORLD_AXES)
+        of_pose = constraint.createData()
+        calc, slopes = constraint.calc, pin.getConstraintJacobian
+        at_j, at_i = of_pose.oMc1.translation, of_pose.oMc2.translation  # views: `calc` fills them
+        self.constraint, self.data, self._nv = constraint, of_pose, model.nv
 
-    def read(self, q: Array, residual: Array, jacobian: Array) -> None:
-        model, data = self.planar.model, self.planar.data
-        self.constraint.calc(model, data, self.data)
-        np.subtract(self._j, self._i, out=residual)
-        jacobian[:] = self.planar.matrix(pin.getConstraintJacobian(model, data, self.constraint, self.data))[:2]
+        def jacobian() -> Any:
+            calc(model, data, of_pose)
+            return slopes(model, data, constraint, of_pose)
 
-    def velocity(self) -> Array:
-        return self.planar.point_velocity(self.j) - self.planar.point_velocity(self.i)
+        self.still = ((jacobian, planar.columns(3)), (lambda: at_j - at_i, (3,)))
+        self.rates = ((planar.point_velocity(j), (3,)), (planar.point_velocity(i), (3,)))
+        self.bends = ((planar.point_acceleration(j), (3,)), (planar.point_acceleration(i), (3,)))
 
-    def acceleration(self) -> Array:
-        return self.planar.point_acceleration(self.j) - self.planar.point_acceleration(self.i)
+    def closure(self, q: Array, slopes: Array, gaps: Array) -> tuple[Array, Array]:
+        return gaps[:, :2], slopes.reshape(len(q), 3, self._nv)[:, :2]
+
+    def change(self, *parts: Array) -> Array:
+        return parts[0][:, :2] - parts[1][:, :2]
 
 
-class Anchor:
-    """One component of an anchor constraint: frame 2 as it is seen from frame 1."""
+class Anchor(Row):
+    """One component of an anchor constraint of so many: frame 2 as it is seen from frame 1."""
 
     count = 1
     component: int
+    components: int
     kind: Any
 
     def __init__(self, planar: PlanarModel, i: Frame, j: Frame) -> None:
-        self.planar = planar
-        self.constraint = self.kind(planar.model, i.joint, i.placement, j.joint, j.placement)
-        self.data = self.constraint.createData()
-        self._slot = slice(self.component, self.component + 1)
-        self._gap, self._rate, self._bend = (  # views: `calc` fills them
-            getattr(self.data, f"constraint_{level}_error") for level in ("position", "velocity", "acceleration")
+        model, data = planar.model, planar.data
+        constraint = self.kind(model, i.joint, i.placement, j.joint, j.placement)
+        of_pose = constraint.createData()
+        calc, slopes, self._nv = constraint.calc, constraint.jacobian, model.nv
+        self.constraint, self.data = constraint, of_pose
+        gap, rate, bend = (  # views: `calc` fills them
+            getattr(of_pose, f"constraint_{level}_error") for level in ("position", "velocity", "acceleration")
         )
 
-    def read(self, q: Array, residual: Array, jacobian: Array) -> None:
-        model, data = self.planar.model, self.planar.data
-        self.constraint.calc(model, data, self.data)
-        residual[0] = self._value(q)
-        jacobian[:] = self.planar.matrix(self.constraint.jacobian(model, data, self.data))[self._slot]
+        def jacobian() -> Any:
+            calc(model, data, of_pose)
+            return slopes(model, data, of_pose)
 
-    def velocity(self) -> Array:
-        self.constraint.calc(self.planar.model, self.planar.data, self.data)
-        return self._rate[self._slot].copy()
+        def calculated(view: Any) -> Any:
+            calc(model, data, of_pose)
+            return view
 
-    def acceleration(self) -> Array:
-        self.constraint.calc(self.planar.model, self.planar.data, self.data)
-        return self._bend[self._slot].copy()
+        vector = (self.components,)
+        self.still = ((jacobian, planar.columns(self.components)), (lambda: gap, vector))
+        self.rates = ((lambda: calculated(rate), vector),)
+        self.bends = ((lambda: calculated(bend), vector),)
 
-    def _value(self, q: Array) -> float:
-        return float(self._gap[self.component])
+    def closure(self, q: Array, slopes: Array, gaps: Array) -> tuple[Array, Array]:
+        return self._values(q, gaps), slopes.reshape(len(q), self.components, self._nv)[:, self._slot]
+
+    def change(self, *parts: Array) -> Array:
+        return parts[0][:, self._slot]
+
+    def _values(self, q: Array, gaps: Array) -> Array:
+        return gaps[:, self._slot]
+
+    @property
+    def _slot(self) -> slice:
+        return slice(self.component, self.component + 1)
 
 
 class PointToLine(Anchor):
     """The distance of a point of body j from the x axis of a frame on body i."""
 
-    component = 1
+    component, components = 1, 3
     kind = pin.PointAnchorConstraintModel
 
 
@@ -111,7 +142,7 @@ class EqualAngles(Anchor):
     is read from the relative rotation. Like every rotation it knows no turns: those are taken from the coordinates.
     """
 
-    component = 5
+    component, components = 5, 6
     kind = pin.FrameAnchorConstraintModel
 
     def __init__(self, planar: PlanarModel, i: Frame, j: Frame, held: RelativeAngle) -> None:
@@ -120,11 +151,13 @@ class EqualAngles(Anchor):
             planar.angle(held.body_j, q) - planar.angle(held.body_i, q) for q in np.eye(1 + planar.model.nv)[:, 1:]
         ]
         self._near, self._turns = angles[0] - held.angle, np.round(np.subtract(angles[1:], angles[0]))
-        self._rotation = self.data.c1Mc2.rotation  # a view: `calc` fills it
+        rotation = self.data.c1Mc2.rotation  # a view: `calc` fills it
+        self.still = (self.still[0], (lambda: rotation[:2, 0], (2,)))
 
-    def _value(self, q: Array) -> float:
-        rotation = self._rotation
-        return unwrap_near(math.atan2(rotation[1, 0], rotation[0, 0]), self._near + float(self._turns.dot(q)))
+    def _values(self, q: Array, gaps: Array) -> Array:
+        near = (self._near + q @ self._turns).tolist()
+        angles = [unwrap_near(math.atan2(y, x), at) for (x, y), at in zip(gaps.tolist(), near, strict=True)]
+        return np.array(angles)[:, None]
 
 
 def element_rows(planar: PlanarModel, e: Element, scaled: Scaling) -> Row:
@@ -157,41 +190,52 @@ class Rows:
         self._rows = [element_rows(planar, element, scaled) for element in elements]
         ends = np.cumsum([0, *(row.count for row in self._rows)]).tolist()
         self.count, self._parts = ends[-1], [slice(a, b) for a, b in pairwise(ends)]
+        self._work = dict[tuple[str, int, Points], Any]()
 
     def contacts(self) -> tuple[list[Any], list[Any]]:
         """Return Pinocchio's own constraints, and their data."""
         return [row.constraint for row in self._rows], [row.data for row in self._rows]
 
-    def both(self, q: Array, points: Sequence[Frame] = ()) -> tuple[Array, Array, Array, Array]:
+    def both(self, q: Array, points: Points) -> tuple[Array, Array, Array, Array]:
         """Return residual (B, count) and Jacobian (B, count, nv) at q (B, nv), points (B, P, 2) and their Jacobians."""
-        nv = self.planar.model.nv
-        residual, jacobian = np.empty((len(q), self.count)), np.empty((len(q), self.count, nv))
-        r, slopes = np.empty((len(q), len(points), 2)), np.empty((len(q), len(points), 2, nv))
-        rows = list(zip(self._rows, self._parts, strict=True))
-        for at, value, slope, *read in zip(q, residual, jacobian, r, slopes, strict=True):
-            self.planar.place(at)
-            for row, part in rows:
-                row.read(at, value[part], slope[part])
-            for k, frame in enumerate(points):
-                read[0][k], read[1][k] = self.planar.point(frame), self.planar.point_jacobian(frame)
-        return residual, jacobian, r, slopes
+        count = len(q)
+        kept, (r,), slopes, targets = self._kept("still", count, points, 1)
+        self.planar.sampled(self.planar.place, (q,), targets)
+        residual, jacobian = np.empty((count, self.count)), np.empty((count, self.count, self.planar.model.nv))
+        for row, part, read in zip(self._rows, self._parts, kept, strict=True):
+            residual[:, part], jacobian[:, part] = row.closure(q, *read)
+        return residual, jacobian, r.copy(), slopes.copy()
 
-    def velocity(self, q: Array, qd: Array) -> Array:
+    def velocity(self, q: Array, qd: Array, points: Points) -> Array:
         """Return the rates (B, count) of the residuals."""
-        out = np.empty((len(q), self.count))
-        for at, rate, velocity in zip(q, qd, out, strict=True):
-            self.planar.move(at, rate)
-            for row, part in zip(self._rows, self._parts, strict=True):
-                velocity[part] = row.velocity()
-        return out
+        kept, *_, targets = self._kept("rates", len(q), points, 0)
+        self.planar.sampled(self.planar.move, (q, qd), targets)
+        return self._changes(kept, len(q))
 
-    def drift(self, q: Array, qd: Array, points: Sequence[Frame] = ()) -> tuple[Array, Array]:
-        """Return gamma (B, count), minus the second derivative of the residual at qdd = 0, and that of points."""
-        out, bends = np.empty((len(q), self.count)), np.empty((len(q), len(points), 2))
-        for at, rate, acceleration, bend in zip(q, qd, out, bends, strict=True):
-            self.planar.move(at, rate)
-            for row, part in zip(self._rows, self._parts, strict=True):
-                acceleration[part] = row.acceleration()
-            for k, frame in enumerate(points):
-                bend[k] = self.planar.point_acceleration(frame)
-        return -out, bends
+    def drift(self, q: Array, qd: Array, points: Points) -> tuple[Array, ...]:
+        """Return gamma (B, count), minus the second derivative of the residual at qdd = 0; and the motion of points.
+
+        These are positions, velocities and, at qdd = 0, accelerations (B, P, 2).
+        """
+        kept, levels, _, targets = self._kept("bends", len(q), points, 3)
+        self.planar.sampled(self.planar.move, (q, qd), targets)
+        return -self._changes(kept, len(q)), *(level.copy() for level in levels)
+
+    def _kept(self, what: str, count: int, points: Points, levels: int) -> Any:
+        """Return arrays for what is read of each row and of points at so many poses, and the targets of both."""
+        key = what, count, points
+        if key not in self._work:
+            reads = [getattr(row, what) for row in self._rows]
+            kept = [[np.empty((count, *shape)) for _, shape in row] for row in reads]
+            of_points, more = points.motion(count, levels)
+            slopes, most = points.jacobians(count) if what == "still" else (None, [])
+            pairs = zip(chain.from_iterable(reads), chain.from_iterable(kept), strict=True)
+            targets = [*((read, out) for (read, _), out in pairs), *more, *most]
+            self._work[key] = kept, of_points, slopes, targets
+        return self._work[key]
+
+    def _changes(self, kept: list[list[Array]], count: int) -> Array:
+        out = np.empty((count, self.count))
+        for row, part, read in zip(self._rows, self._parts, kept, strict=True):
+            out[:, part] = row.change(*read)
+        return out

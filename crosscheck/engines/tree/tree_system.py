@@ -6,7 +6,7 @@ are appended here, the same way for every engine; `march` solves the whole.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -41,8 +41,11 @@ class TreeEngine(Protocol):
         And points in the ground frame, (B, P, 2), with theirs, (B, P, 2, n).
         """
 
-    def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, Array]:
-        """Return gamma of the closures (B, c), Jacobian times qdd, and accelerations of points (B, P, 2) at qdd = 0."""
+    def closure_drift(self, q: Array, qd: Array, places: Places) -> tuple[Array, ...]:
+        """Return gamma of the closures (B, c), which is Jacobian times qdd.
+
+        And of points, (B, P, 2) each, if there are any: positions, velocities, and accelerations at qdd = 0.
+        """
 
     def motion(self, q: Array, qd: Array | None, qdd: Array | None, places: Places) -> list[Array]:
         """Return position, velocity and acceleration (B, P, 2) of points of bodies, as far as rates are given."""
@@ -61,31 +64,44 @@ class TreeSystem:
         for e in self.driven:
             if not isinstance(e, RelativeAngle | PointCoordinate | PointDistance):
                 raise EngineError(f"{e.key} of {e.name!r}: a joint tree has no row for it")
-        self._tables = [Tabulated(e.laws[0], times) for e in self.driven]
         self._rounding = 16.0 * (1 + self.tree.depth) ** 2 * EPS
         self._places: list[tuple[str, Pair]] = []
-        self._ends = [list(self._read_ends(e)) for e in self.driven]
+        self._laws = [Tabulated(self._in_the_unit(e), times) for e in self.driven]
+        self._ends = [self._read_ends(e) for e in self.driven]
         self._turns = {k: self._turn(*e.bodies) for k, e in enumerate(self.driven) if isinstance(e, RelativeAngle)}
 
-    def _read_ends(self, e: Element) -> Iterator[tuple[float, int | Array]]:
-        """Yield, for each point of an element, its sign in the element's vector and its place, fixed or an index."""
-        for (body, u), sign in zip(reversed(e.ends), (1.0, -1.0), strict=False):
+    def _in_the_unit(self, e: Element) -> Callable[..., Any]:
+        """Return the law of a driven element, in the tree's unit and from its origin, and its derivatives."""
+        law, size = e.laws[0], self.tree.size
+        if isinstance(e, RelativeAngle):
+            return law
+        shift = self.tree.origin[e.axis] if isinstance(e, PointCoordinate) else 0.0
+        return lambda t, order: (law(t, order) - (0.0 if order else shift)) / size
+
+    def _read_ends(self, e: Element) -> tuple[Array, list[tuple[bool, int]]]:
+        """Return the vector of an element, a point or d = r_j - r_i, without places that move; and of these, which.
+
+        Of each: whether it is to be subtracted, and its index.
+        """
+        fixed, moving = np.zeros(2), []
+        for (body, u), minus in zip(reversed(e.ends), (False, True), strict=False):
             scaled = self.tree.scaled(body, u)
-            yield sign, np.array(scaled) if body == GROUND else len(self._places)
-            self._places += [] if body == GROUND else [(body, scaled)]
+            if body == GROUND:
+                fixed = np.array(scaled) * (-1.0 if minus else 1.0)
+            else:
+                moving.append((minus, len(self._places)))
+                self._places.append((body, scaled))
+        return fixed, moving
 
     def _turn(self, i: str, j: str) -> tuple[Array, float]:
         """Return the row (n,) and the constant of the angle of body j against body i."""
         rows, offsets = self.tree.angle_rows, self.tree.angle_offsets
         return rows[j] - rows[i], offsets[j] - offsets[i]
 
-    def _vector(self, k: int, of_places: Array, *, fixed: bool = False) -> Array:
-        """Return the vector of element k, a point or d = r_j - r_i, or what else is known of its points (B, P, ...).
-
-        Positions alone know of a `fixed` point.
-        """
-        ends = [(sign, at) for sign, at in self._ends[k] if fixed or isinstance(at, int)]
-        return np.asarray(sum(sign * (of_places[:, at] if isinstance(at, int) else at) for sign, at in ends))
+    def _vector(self, k: int, of_places: Array) -> Any:
+        """Return what the places that move, of which something is known (B, P, ...), add to the vector of element k."""
+        parts = [-of_places[:, at] if minus else of_places[:, at] for minus, at in self._ends[k][1]]
+        return sum(parts[1:], start=parts[0])
 
     def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
         """Return residual (B, m) and Jacobian (B, m, n)."""
@@ -99,39 +115,40 @@ class TreeSystem:
                 turns, offset = self._turns[k]
                 jacobian[:, row], residual[:, row] = turns, q @ turns + offset - f
                 continue
-            d, slope = self._vector(k, r, fixed=True), self._vector(k, slopes)
+            d, slope = self._ends[k][0] + self._vector(k, r), self._vector(k, slopes)
             if isinstance(e, PointCoordinate):
                 residual[:, row], jacobian[:, row] = d[:, e.axis] - f, slope[:, e.axis]
             else:
-                scale = np.where(f == 0.0, 1.0, f)
-                residual[:, row] = (np.sum(d * d, axis=1) - f * f) / (2.0 * scale)
-                jacobian[:, row] = (d[:, None] @ slope)[:, 0] / np.reshape(scale, (-1, 1))
+                scale = _not_zero(f)
+                residual[:, row] = (np.add.reduce(d * d, axis=1) - f * f) / (2.0 * scale)
+                jacobian[:, row] = (d[:, None] @ slope)[:, 0] / scale[:, None]
         return residual, jacobian
 
     def nu(self, q: Array, t: Array) -> Array:
         """Return the right side (B, m) of the velocities: zero for a closure, else the law's rate."""
-        right = np.zeros((len(t), self.engine.closure_rows + len(self.driven)))
+        closures = self.engine.closure_rows
+        right = np.zeros((len(t), closures + len(self.driven)))
         for k in range(len(self.driven)):
-            right[:, self.engine.closure_rows + k] = self._law(k, t, 1)
+            right[:, closures + k] = self._law(k, t, 1)
         return right
 
     def gamma(self, q: Array, qd: Array, t: Array) -> Array:
         """Return the right side (B, m) of the accelerations."""
         closures = self.engine.closure_rows
         right = np.empty((len(t), closures + len(self.driven)))
-        right[:, :closures], bends = self.engine.closure_drift(q, qd, self._places)
+        right[:, :closures], *levels = self.engine.closure_drift(q, qd, self._places)
         for k, e in enumerate(self.driven):
             f, fd, fdd = (self._law(k, t, order) for order in range(3))
             row = closures + k
             if isinstance(e, RelativeAngle):
                 right[:, row] = fdd
-            elif isinstance(e, PointCoordinate):
-                right[:, row] = fdd - self._vector(k, bends)[:, e.axis]
+                continue
+            d, rate, bend = (self._vector(k, level) for level in levels)
+            if isinstance(e, PointCoordinate):
+                right[:, row] = fdd - bend[:, e.axis]
             else:
-                r, v = self.engine.motion(q, qd, None, self._places)
-                d, rate = self._vector(k, r, fixed=True), self._vector(k, v)
-                bent = np.sum(rate * rate + d * self._vector(k, bends), axis=1)
-                right[:, row] = (fd * fd + f * fdd - bent) / np.where(f == 0.0, 1.0, f)
+                bent = np.add.reduce(rate * rate + (self._ends[k][0] + d) * bend, axis=1)
+                right[:, row] = (fd * fd + f * fdd - bent) / _not_zero(f)
         return right
 
     def round_off(self, q: Array, t: Array) -> Array:
@@ -142,17 +159,18 @@ class TreeSystem:
         4 EPS of that (cosine and sine, a product of rotations, a sum), the rounding of the angles themselves another
         EPS |q|: together less than 8 (1 + depth)^2 EPS (1 + |q|) for a point, and twice that for two.
         """
-        return self._rounding * (1.0 + np.abs(q).max(axis=1, initial=0.0, keepdims=True))
+        largest: Array = np.maximum.reduce(np.abs(q), axis=1, initial=0.0, keepdims=True)
+        return self._rounding * (1.0 + largest)
 
     def extrema(self, times: Array) -> Array:
         """Return times between those given at which a law turns back."""
-        return extrema(self._tables, times)
+        return extrema(self._laws, times)
 
     def _law(self, k: int, t: Array, order: int) -> Any:
         """Return the law of driven element k, or a derivative of it, in the tree's unit and from its origin."""
-        e, value = self.driven[k], self._tables[k](t, order)
-        if isinstance(e, RelativeAngle):
-            return value
-        if order == 0 and isinstance(e, PointCoordinate):
-            value = value - self.tree.origin[e.axis]
-        return value / self.tree.size
+        return self._laws[k](t, order)
+
+
+def _not_zero(f: Array) -> Array:
+    """Return the lengths (B,) that a law asks for, by which rows of distances are divided: 1 instead of 0."""
+    return f if f.all() else np.where(f == 0.0, 1.0, f)
