@@ -93,10 +93,10 @@ class Anchor(Row):
 
     def __init__(self, planar: PlanarModel, i: Frame, j: Frame) -> None:
         model, data = planar.model, planar.data
-        constraint = self.kind(model, i.joint, i.placement, j.joint, j.placement)
-        of_pose = constraint.createData()
-        calc, slopes, self._nv = constraint.calc, constraint.jacobian, model.nv
-        self.constraint, self.data = constraint, of_pose
+        anchor = self.kind(model, i.joint, i.placement, j.joint, j.placement)
+        of_pose = anchor.createData()
+        calc, slopes, self._nv = anchor.calc, anchor.jacobian, model.nv
+        self.constraint, self.data = anchor, of_pose
         gap, rate, bend = (  # views: `calc` fills them
             getattr(of_pose, f"constraint_{level}_error") for level in ("position", "velocity", "acceleration")
         )
