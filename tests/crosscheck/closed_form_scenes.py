@@ -25,63 +25,10 @@ def four_bar(d, p):
         d.pin(i, j, point)
 
 
-def four_bar_crank(d, p):
-    four_bar(d, p)
-    d.drive_angle("1")
-
-
-def four_bar_rocker(d, p):
-    four_bar(d, p)
-    d.drive_angle("3")
-
-
-def four_bar_coupler(d, p):
-    four_bar(d, p)
-    d.drive_angle("2")
-
-
-def four_bar_coupler_to_crank(d, p):
-    four_bar(d, p)
-    d.drive_angle("2", "1")
-
-
-def four_bar_rocker_to_coupler(d, p):
-    four_bar(d, p)
-    d.drive_angle("3", "2")
-
-
-def four_bar_rocker_to_crank(d, p):
-    four_bar(d, p)
-    d.drive_angle("3", "1")
-
-
-def four_bar_coupler_point_x(d, p):
-    four_bar(d, p)
-    d.drive_x("2", p[1])
-
-
-def four_bar_cylinder(d, p):
-    four_bar(d, p)
-    d.drive_distance("ground", "1", p[4], p[1])
-
-
-def four_bar_cylinder_on_rocker(d, p):
-    four_bar(d, p)
-    d.drive_distance("3", "ground", p[4], p[5])
-
-
 def massless_coupler(d, p):
     d.pin("ground", "1", p[0])
     d.link("1", "2", p[1], p[2])
     d.pin("ground", "2", p[3])
-    d.drive_angle("1")
-
-
-def massless_coupler_relative(d, p):
-    d.pin("ground", "1", p[0])
-    d.link("1", "2", p[1], p[2])
-    d.pin("2", "ground", p[3])
-    d.drive_angle("2", "1")
 
 
 def slider_crank(d, p):
@@ -91,43 +38,10 @@ def slider_crank(d, p):
     along(d, "ground", "3", p[3], p[4], 0.6)
 
 
-def slider_crank_by_crank(d, p):
-    slider_crank(d, p)
-    d.drive_angle("1")
-
-
-def slider_crank_by_x(d, p):
-    slider_crank(d, p)
-    d.drive_x("3", p[5])
-
-
-def slider_crank_by_y(d, p):
-    slider_crank(d, p)
-    d.drive_y("3", p[5])
-
-
-def slider_crank_by_distance(d, p):
-    slider_crank(d, p)
-    d.drive_distance("3", "ground", p[2], p[5])
-
-
-def slider_crank_by_rod(d, p):
-    slider_crank(d, p)
-    d.drive_angle("2")
-
-
 def slider_crank_massless_slider(d, p):
     d.pin("ground", "1", p[0])
     d.pin("1", "2", p[1])
     on_line(d, "ground", "2", p[3], p[2])
-    d.drive_angle("1")
-
-
-def slider_crank_massless_slider_by_x(d, p):
-    d.pin("ground", "1", p[0])
-    d.pin("1", "2", p[1])
-    on_line(d, "ground", "2", p[3], p[2])
-    d.drive_x("2", p[2])
 
 
 def moving_guide(d, p):
@@ -136,7 +50,6 @@ def moving_guide(d, p):
     along(d, "1", "2", p[1], p[2], -0.4)
     d.pin("2", "3", p[3])
     d.pin("3", "ground", p[4])
-    d.drive_angle("1")
 
 
 def inverted_slider_crank(d, p):
@@ -145,14 +58,12 @@ def inverted_slider_crank(d, p):
     d.pin("1", "2", p[1])
     along(d, "3", "2", p[3], p[4], 0.8)
     d.pin("3", "ground", p[2])
-    d.drive_angle("1")
 
 
 def inverted_massless_block(d, p):
     d.pin("ground", "1", p[0])
     on_line(d, "2", "1", p[3], p[1])
     d.pin("2", "ground", p[2])
-    d.drive_angle("1")
 
 
 def cylinder(d, p):
@@ -161,7 +72,6 @@ def cylinder(d, p):
     along(d, "1", "2", p[3], p[4], 0.8)
     d.pin("2", "3", p[1])
     d.pin("3", "ground", p[2])
-    d.drive_distance("1", "2", p[3], p[5])
 
 
 def watt(d, p):
@@ -169,7 +79,6 @@ def watt(d, p):
     d.pin("3", "4", p[4])
     d.pin("4", "5", p[5])
     d.pin("5", "ground", p[6])
-    d.drive_angle("1")
 
 
 def stephenson(d, p):
@@ -177,7 +86,6 @@ def stephenson(d, p):
     d.pin("2", "4", p[4])
     d.pin("4", "5", p[5])
     d.pin("5", "ground", p[6])
-    d.drive_angle("1")
 
 
 def coupler_point_slides(d, p):
@@ -185,7 +93,6 @@ def coupler_point_slides(d, p):
     d.pin("2", "4", p[4])
     along(d, "5", "4", p[5], p[0], 0.3)
     d.pin("5", "ground", p[6])
-    d.drive_angle("1")
 
 
 def two_sliders(d, p):
@@ -193,7 +100,6 @@ def two_sliders(d, p):
     along(d, "ground", "1", p[0], p[1], 0.5)
     along(d, "1", "2", p[2], p[3], 0.5)
     d.link("ground", "2", p[4], p[5])
-    d.drive_x("1", p[6])
 
 
 def double_slider(d, p):
@@ -202,7 +108,6 @@ def double_slider(d, p):
     along(d, "ground", "2", p[2], p[3], 0.5)
     d.pin("1", "3", p[4])
     d.pin("3", "2", p[5])
-    d.drive_y("1", p[6])
 
 
 def cross_slider(d, p):
@@ -211,7 +116,6 @@ def cross_slider(d, p):
     along(d, "1", "2", p[1], p[2], 0.5)
     d.pin("2", "3", p[3])
     along(d, "ground", "3", p[4], p[5], 0.5)
-    d.drive_angle("1")
 
 
 def welded(d, p):
@@ -219,40 +123,44 @@ def welded(d, p):
     d.weld("3", "4", p[4])
     d.pin("4", "5", p[5])
     on_line(d, "ground", "5", p[6], p[0])
+
+
+def by_crank(d, p):
     d.drive_angle("1")
 
 
 TOPOLOGIES = {
-    four_bar_crank: 3,
-    four_bar_rocker: 3,
-    four_bar_coupler: 3,
-    four_bar_coupler_to_crank: 3,
-    four_bar_rocker_to_coupler: 3,
-    four_bar_rocker_to_crank: 3,
-    four_bar_coupler_point_x: 3,
-    four_bar_cylinder: 3,
-    four_bar_cylinder_on_rocker: 3,
-    massless_coupler: 2,
-    massless_coupler_relative: 2,
-    slider_crank_by_crank: 3,
-    slider_crank_by_x: 3,
-    slider_crank_by_y: 3,
-    slider_crank_by_distance: 3,
-    slider_crank_by_rod: 3,
-    slider_crank_massless_slider: 2,
-    slider_crank_massless_slider_by_x: 2,
-    moving_guide: 3,
-    inverted_slider_crank: 3,
-    inverted_massless_block: 2,
-    cylinder: 3,
-    watt: 5,
-    stephenson: 5,
-    coupler_point_slides: 5,
-    two_sliders: 2,
-    double_slider: 3,
-    cross_slider: 3,
-    welded: 5,
+    "four_bar_crank": (four_bar, by_crank, 3),
+    "four_bar_rocker": (four_bar, lambda d, p: d.drive_angle("3"), 3),
+    "four_bar_coupler": (four_bar, lambda d, p: d.drive_angle("2"), 3),
+    "four_bar_coupler_to_crank": (four_bar, lambda d, p: d.drive_angle("2", "1"), 3),
+    "four_bar_rocker_to_coupler": (four_bar, lambda d, p: d.drive_angle("3", "2"), 3),
+    "four_bar_rocker_to_crank": (four_bar, lambda d, p: d.drive_angle("3", "1"), 3),
+    "four_bar_coupler_point_x": (four_bar, lambda d, p: d.drive_x("2", p[1]), 3),
+    "four_bar_cylinder": (four_bar, lambda d, p: d.drive_distance("ground", "1", p[4], p[1]), 3),
+    "four_bar_cylinder_on_rocker": (four_bar, lambda d, p: d.drive_distance("3", "ground", p[4], p[5]), 3),
+    "massless_coupler": (massless_coupler, by_crank, 2),
+    "massless_coupler_relative": (massless_coupler, lambda d, p: d.drive_angle("2", "1"), 2),
+    "slider_crank_by_crank": (slider_crank, by_crank, 3),
+    "slider_crank_by_x": (slider_crank, lambda d, p: d.drive_x("3", p[5]), 3),
+    "slider_crank_by_y": (slider_crank, lambda d, p: d.drive_y("3", p[5]), 3),
+    "slider_crank_by_distance": (slider_crank, lambda d, p: d.drive_distance("3", "ground", p[2], p[5]), 3),
+    "slider_crank_by_rod": (slider_crank, lambda d, p: d.drive_angle("2"), 3),
+    "slider_crank_massless_slider": (slider_crank_massless_slider, by_crank, 2),
+    "slider_crank_massless_slider_by_x": (slider_crank_massless_slider, lambda d, p: d.drive_x("2", p[2]), 2),
+    "moving_guide": (moving_guide, by_crank, 3),
+    "inverted_slider_crank": (inverted_slider_crank, by_crank, 3),
+    "inverted_massless_block": (inverted_massless_block, by_crank, 2),
+    "cylinder": (cylinder, lambda d, p: d.drive_distance("1", "2", p[3], p[5]), 3),
+    "watt": (watt, by_crank, 5),
+    "stephenson": (stephenson, by_crank, 5),
+    "coupler_point_slides": (coupler_point_slides, by_crank, 5),
+    "two_sliders": (two_sliders, lambda d, p: d.drive_x("1", p[6]), 2),
+    "double_slider": (double_slider, lambda d, p: d.drive_y("1", p[6]), 3),
+    "cross_slider": (cross_slider, by_crank, 3),
+    "welded": (welded, by_crank, 5),
 }
+"""What is built, how it is driven, and how many bodies it has, by name."""
 
 UNIT = st.floats(-1.0, 1.0)
 
@@ -265,8 +173,10 @@ def drawings(draw, build, spread=0.0, frames=1.0):
     """
     corners = [cmath.exp(2j * math.pi * (k * 3 % 7) / 7) for k in range(7)]
     p = [c * 10 ** (spread * draw(UNIT)) + 0.3 * complex(draw(UNIT), draw(UNIT)) for c in corners]
-    names = [str(k + 1) for k in range(TOPOLOGIES[build])]
+    structure, drive, count = TOPOLOGIES[build]
+    names = [str(k + 1) for k in range(count)]
     placed = {n: (frames * complex(draw(UNIT), draw(UNIT)), draw(st.floats(-9.0, 9.0))) for n in names}
     drawing = Drawing(placed, (0.7 + 0.3 * draw(UNIT), draw(UNIT)))
-    build(drawing, p)
+    structure(drawing, p)
+    drive(drawing, p)
     return drawing

@@ -23,10 +23,9 @@ from crosscheck.night.disagreements import write_disagreements
 from crosscheck.night.plan import SAMPLED, Journal, NightPlan
 from crosscheck.scenes.drawing import CHAINS_EVERY, WARM_UP, draw, effort, is_chain, numbers_of, turn_of
 from crosscheck.scenes.names import FEATURES, pairs_of
-from crosscheck.workers.installed import SameName, find_engines
-from crosscheck.workers.pool import BATCH
+from crosscheck.workers.installed import find_engines
 
-from .fake_engines import EXIT, alive, crosscheck, engine_file, key_of_drawn, records_of, start
+from .fake_engines import EXIT, alive, crosscheck, engine_file, records_of, start
 from .report_records import record, typed
 
 NIGHT = 21
@@ -84,10 +83,6 @@ def test_records_are_the_same_whatever_the_number_of_workers(slow, undisturbed, 
     assert records_of(tmp_path) == undisturbed
 
 
-def test_a_night_checks_as_many_different_scenes_as_it_is_asked_to(undisturbed):
-    assert len(undisturbed) == 12
-
-
 def test_a_killed_run_is_resumed_with_nothing_lost_or_counted_twice(slow, undisturbed, tmp_path):
     spec, pids = slow
     forgotten(pids)
@@ -143,26 +138,6 @@ def test_an_interrupted_run_says_so_in_one_line_keeps_its_records_and_leaves_no_
     assert (last, alive(pids_in(pids))) == (line, [])
     assert 3 <= len(kept) < 12
     assert (resumed.returncode, records_of(tmp_path)) == (0, undisturbed)
-
-
-def test_a_resumed_run_does_only_what_is_left(tmp_path):
-    calls = tmp_path / "calls"
-    spec = engine_file(tmp_path, before=f"Path({str(calls)!r}).open('a').write(key + ' ')")
-    run(plan(tmp_path / "out", spec, scenes=4))
-    before = calls.read_text().split()
-    outcome = run(plan(tmp_path / "out", spec, scenes=6))
-    after = calls.read_text().split()[len(before) :]
-
-    assert {key_of_drawn(NIGHT, number, 72) for number in range(4)} <= set(before)
-    assert not set(before) & set(after)
-    assert outcome.checked == len(records_of(tmp_path / "out")) == 6
-
-
-def test_a_run_that_is_complete_passes_again_without_doing_anything(tmp_path):
-    run(plan(tmp_path, scenes=2))
-    outcome = run(plan(tmp_path, scenes=2))
-
-    assert (outcome.checked, outcome.failed) == (2, [])
 
 
 class Doubles:
@@ -322,16 +297,6 @@ def test_a_folder_with_records_of_another_kind_is_refused(tmp_path):
         run(plan(tmp_path, scenes=1))
 
 
-def test_a_night_by_minutes_ends_when_they_are_over_and_what_was_begun_is_done(slow, tmp_path):
-    start_of_run = time.monotonic()
-    outcome = run(plan(tmp_path, slow[0], scenes=None, minutes=0.05))
-    took = time.monotonic() - start_of_run
-
-    # Beyond the three seconds: one batch per worker, of scenes that take the engine 0.2 s and the rest as much.
-    assert 3.0 < took < 3.0 + BATCH * 1.5
-    assert outcome.checked >= BATCH
-
-
 def test_scenes_end_a_night_that_has_minutes_left(tmp_path):
     began = time.monotonic()
     outcome = run(plan(tmp_path, scenes=2, minutes=5))
@@ -346,14 +311,6 @@ def test_an_engine_that_crashes_when_it_is_loaded_is_missing_and_ends_nothing_el
     result, missing = find_engines(("closed_form", spec))
 
     assert (list(result), missing) == (["closed_form"], {spec: "its process ended: exit code 7"})
-
-
-def test_two_engines_of_one_name_are_refused(tmp_path):
-    specs = [engine_file(tmp_path), engine_file(tmp_path, name="other")]
-    Path(specs[1].removesuffix(":Fake")).write_text(Path(specs[0].removesuffix(":Fake")).read_text())
-
-    with pytest.raises(SameName, match=r"engines '.*fake.py:Fake' and '.*other.py:Fake' are both called 'fake'"):
-        find_engines(tuple(specs))
 
 
 LONG_COUPLER = """

@@ -164,13 +164,6 @@ def test_a_residual_hides_its_root_at_a_fold_and_itself_away_from_one():
     assert np.isinf(fold(0.0, 0.0, 1e-16))
 
 
-@pytest.mark.parametrize("f", [1e-16, 0.1, 0.49])
-def test_what_a_residual_hides_beside_a_fold_has_that_residual(f):
-    x = fold(1.0, 1.0, f)
-
-    assert x - x * x / 2 == pytest.approx(f, rel=1e-12, abs=0.0)
-
-
 def test_what_is_attainable_covers_every_pose_with_a_residual_of_round_off():
     case = CASES["toggle, 1e-09"]
     system, truth = truths(case)

@@ -1,4 +1,4 @@
-"""Whole cycles of vector loops: the rapier drive in both readings, the end of a branch, assemblies that nearly meet."""
+"""Whole cycles of vector loops: rates of the rapier drive, assemblies that nearly meet."""
 
 from __future__ import annotations
 
@@ -8,50 +8,16 @@ import numpy as np
 import pytest
 
 from crosscheck.documents import loops
-from crosscheck.documents.convergence import BothLargest
 from crosscheck.engines import march, vector_loop
 from crosscheck.engines.march import connected
-from refkin.differences import EPS, Scheme, jacobian
+from refkin.differences import EPS
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
-from refkin.newton import newton
 
 ANGLE = Polynomial(coefficients=(0.0, 1.0))
 """Time is the input itself."""
 GUESS = np.array([*np.radians([200.0, 80.0, 180.0]), 400.0])
 """Of the rapier drive, as its source has it: theta13, theta14, theta15, s16."""
-
-
-def cycle(reading, stop=360.0, count=361):
-    times = np.radians(np.linspace(60.0, 60.0 + stop, count))
-    return vector_loop.march(loops.rapier(reading, ANGLE), times, GUESS)
-
-
-def test_reading_r1_turns_a_full_revolution_with_its_stroke():
-    motion = cycle("R1")
-
-    assert set(motion.status) == {Status.OK}
-    assert motion.q[:, -1] == pytest.approx(motion.q[:, 0], abs=64 * EPS * 400.0)
-    assert np.ptp(motion.q[3]) == pytest.approx(358.95, abs=0.01)
-
-
-def test_reading_r2_stops_where_its_jacobian_vanishes():
-    """The limit is found by itself: F = 0 and det J = 0 in the unknowns and theta12."""
-    system = loops.rapier("R2", ANGLE)
-
-    def limit(x):
-        return np.append(system.residual(x[:4], x[4]), np.linalg.det(system.jacobian(x[:4], x[4])) / system.scale**3)
-
-    motion = cycle("R2", 100.0, 101)
-    near = np.append(motion.q[:, motion.reached - 1], motion.t[motion.reached - 1])
-    fold = newton(limit, lambda x: jacobian(limit, x, Scheme.CENTRAL), near, stop=BothLargest(1e-9, 1e-9)).q[4]
-    just_before = vector_loop.march(system, [near[4], fold - 1e-6], near[:4])
-    just_beyond = vector_loop.march(system, [near[4], fold + 1e-6], near[:4])
-
-    assert math.degrees(fold) == pytest.approx(149.617, abs=5e-4)
-    assert motion.reached == 90
-    assert just_before.status[1] is Status.OK
-    assert just_beyond.status[1] is Status.NOT_CONVERGED
 
 
 def test_rates_of_the_cycle_are_those_of_its_positions():

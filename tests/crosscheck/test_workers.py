@@ -19,7 +19,7 @@ import pytest
 from crosscheck.judge.records import plain
 from crosscheck.measure.jobs import checkers, joined
 from crosscheck.workers.pool import Workers
-from crosscheck.workers.processes import MOST_PRINTED, call_each, hang
+from crosscheck.workers.processes import MOST_PRINTED, hang
 
 from .fake_engines import EXIT, HANG, RAISE, SEGFAULT, SHIFT, alive, engine_file, jobs, key_of_drawn, kinds, settled
 
@@ -110,25 +110,6 @@ def test_what_the_other_engines_answered_is_kept(faulty, undisturbed):
 
 def test_a_failure_that_is_told_as_a_disagreement_is_not_told_twice(faulty):
     assert faulty[2].unexplained == []
-
-
-def test_what_an_engine_raised_is_told_with_the_place_it_came_from(tmp_path):
-    records, _ = run_with(tmp_path, on_scene(1, as_expression("time.sleep('x')")))
-    worst = records[key_of_drawn(NIGHT, 1)]["disagreements"][0]["message"]
-
-    assert worst.startswith("TypeError: 'str' object cannot be interpreted as an integer (<module>, ")
-
-
-def test_a_crash_that_does_not_happen_again_is_told_and_loses_nothing(tmp_path, undisturbed):
-    once = f"Path({str(tmp_path / 'done')!r})"
-    before = on_scene(1, f"({once}.exists() or ({once}.touch(), {SEGFAULT}))")
-
-    records, workers = run_with(tmp_path, before)
-
-    assert (records, workers.unexplained) == (
-        undisturbed,
-        [f"{key_of_drawn(NIGHT, 1)}: crash (SIGSEGV), but not when it was done again"],
-    )
 
 
 def test_a_disagreement_of_an_engine_stays_when_another_crashes_on_the_scene(tmp_path):
@@ -292,20 +273,3 @@ def test_an_engine_may_start_processes_and_none_outlives_its_worker(tmp_path, un
 
     assert records == {key: undisturbed[key] for key in records}
     assert alive([int(note.read_text())]) == []
-
-
-def name_of(argument: str) -> str:
-    """Return, crash or hang: what a process is started for in the next test."""
-    if argument == "crash":
-        os._exit(3)
-    while argument == "hang":
-        time.sleep(1)
-    return argument.upper()
-
-
-def test_calls_in_processes_of_their_own_fail_alone(monkeypatch):
-    monkeypatch.syspath_prepend(str(Path(__file__).parent.parent.parent))
-    answers = call_each(name_of, ["crash", "well"], seconds=60.0)  # a busy machine takes seconds to start one
-    answers += call_each(name_of, ["hang"], seconds=2.0)
-
-    assert [getattr(f, "name", f) for f in answers] == ["crash (exit code 3)", "WELL", "hang"]
