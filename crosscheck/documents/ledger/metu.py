@@ -72,7 +72,7 @@ def b2(n: Arithmetic, given: Given) -> Values:
         values[f"error with the {name}"] = [_largest(q - pose) for q in n.newton(other, start, 4).iterates]
     if isinstance(n, Binary64):
         exact = jacobian(system.phi, start, Scheme.COMPLEX_STEP)
-        off = np.abs(exact - printed.metu_jacobian(m, start))
+        off = np.abs(exact - wrong["printed Jacobian"].phi_q(start))
         values["largest |J - printed J|"] = float(np.max(off))
         values["wrong entries of the printed J"] = [[int(i) + 1, int(j) + 1] for i, j in np.argwhere(off > 1e-9)]
         values["largest |J - right J|"] = float(np.max(np.abs(exact - system.phi_q(start))))
