@@ -53,6 +53,7 @@ def test_what_is_said_of_assemblies_holds(sentence):
     assert sentence not in false.message
 
 
+SHORT_OF_CROSSING = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=1.5 - 1e-9)
 DIAGNOSED = {
     "the pose is proved to be alone": ((at(LIMITED, 0.5),), (at(CHANGE_POINT, math.pi),)),
     "; it is nearly singular (sigma ": ((at(CHANGE_POINT, math.pi - 1e-7),), (at(CHANGE_POINT, 0.5),)),
@@ -72,6 +73,10 @@ DIAGNOSED = {
     "crank and connecting_rod can still move to first order, and driver turns back": (
         (dead_centre(),),
         (beside(dead_centre(), dead_centre()),),
+    ),
+    "coupler and rocker can still move to first order, and driver turns back": (
+        (at(SHORT_OF_CROSSING, SHORT_OF_CROSSING.input_range()[0][1] - 1e-9),),
+        (at(CHANGE_POINT, math.pi),),
     ),
     "driven by the angle of crank the same pose is regular": ((dead_centre(),), (at(CHANGE_POINT, math.pi),)),
     "with the drivers held crank, connecting_rod and slider can still move on and on": (

@@ -195,7 +195,8 @@ class _Examination:
         who = {"rows": rows, "bodies": bodies, "other_driver": other}
         held = f"with the drivers held {_and(bodies)} can still move"
         if free.shape[1] == 1 and abs(free[:, 0] @ self.all.bend(left) @ free[:, 0]) > self.vanishing:
-            drivers = [r for r in rows if r in {d.name for d in self.system.mechanism.drivers}]
+            # Beside a bifurcation all drivers have small parts of psi.
+            drivers = self._rows(np.where(np.arange(self.system.m) < self.of_joints, 0.0, left)[None])
             return self._of(
                 PoseKind.TURNING_POINT, f"{held} to first order, and {_and(drivers)} turns back{same}", **who
             )
