@@ -115,7 +115,7 @@ def _in_moved_frames(frames: Recentred, q: Any, t: float, bits: int) -> Enclosur
         root = frames.outward_balls(enclosure.q)
     # All that is closer in the given coordinates is in the box: shifts turn with the angles.
     radii = enclosure.radii / (1.0 + np.sum(np.abs(frames.shifts)))
-    return Enclosure(frames.system, t, bits, root, radii, enclosure.rows)
+    return Enclosure(frames.system.held_at(q), t, bits, root, radii, enclosure.rows)
 
 
 def _by_balls(bounds: Isolation, sample: Any, enclosure: Enclosure, levels: list[Any]) -> None:

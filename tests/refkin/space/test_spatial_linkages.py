@@ -301,6 +301,21 @@ def test_the_coupler_of_an_rssr_spins_passively_and_is_named():
 TURNING_OVER = {"crank": 3.0, "coupler": 3.2, "rocker": 3.0, "pivot": (0.8, 0.3, 0.4), "axis": (0.1, 0.2, 1.0)}
 
 
+def test_a_coupler_whose_frame_is_far_away_does_not_spin_either():
+    """Its rates are those of balls then: at each time it is held as it stands there, not as it stood at first."""
+    far, linkage = (300.0, -200.0, 100.0), RSSP(1.0, 3.0, (0.5, 0.25, 0.5), (1.0, 0.5, 0.25))
+    scene = linkage.scene(law=Polynomial(coefficients=(0.4, 1.0)), times=(0.0, 0.5))
+    m, points = scene.mechanism, {"S1": "point_j", "S2": "point_i"}
+    rod = [tuple(np.add(getattr(j, points[j.name]), far)) for j in m.joints if j.name in points]
+    joints = [replace(j, **{points[j.name]: rod.pop(0)}) if j.name in points else j for j in m.joints]
+    bodies = [replace(b, estimate=None) if b.name == "rod" else b for b in m.bodies]
+    there = replace(scene, mechanism=replace(m, joints=tuple(joints), bodies=tuple(bodies)))
+    here, moved = refkin.solve(scene), refkin.solve(there)
+
+    assert moved.verdict is Status.OK
+    assert np.max(np.abs(moved["rod"].omega - here["rod"].omega)) < 1e-9
+
+
 @pytest.mark.parametrize("certified", [False, True])
 def test_a_coupler_that_turns_over_is_followed_and_does_not_spin(certified):
     with_body, without = (RSSR(**TURNING_OVER, massless=m).scene(samples=91, start=0.4) for m in (False, True))
