@@ -132,13 +132,16 @@ def _new_estimate(system: System, estimate: Any, k: int, t: float) -> Any:
 
 
 def _leads_to_one(system: System, result: NewtonResult, t: float) -> bool:
-    """Whether it was not rounding that decided on the root: near a singular pose roots are sigma_min apart or so."""
+    """Whether it was not rounding that decided on the root.
+
+    Near a singular pose roots are sigma_min apart or so, and corrections are not known to EPS / sigma_min: below
+    `SINGULAR` that is more than sigma_min / `APART`, however small the corrections were.
+    """
     jacobian = system.phi_q(result.q, t)
     regular = system.m == system.n and np.linalg.slogdet(jacobian)[0] != 0.0
     if regular and np.linalg.norm(np.linalg.inv(jacobian)) < 1.0 / SINGULAR:  # this norm is at least 1 / sigma_min
         return True
-    sigma = sigma_min(jacobian)
-    return sigma > SINGULAR or bool(np.max(np.abs(result.corrections[:1]), initial=0.0) <= sigma / APART)
+    return bool(sigma_min(jacobian) > SINGULAR)
 
 
 def _is_root(system: System, q: Any, t: float) -> bool:

@@ -370,3 +370,15 @@ def test_peaucellier_starts_from_usable_estimates_in_a_regular_assembly(noise):
 
         assert motion.verdict is OK, (seed, motion.message)
         assert motion.sigma_min[0] > 1e-3
+
+
+@pytest.mark.parametrize("angle", [1e-9, 3e-9, 1e-8])
+def test_an_estimate_between_two_assemblies_that_closes_to_round_off_is_neither_of_them(angle):
+    """A parallelogram beside its flat pose: half way between its branches, 1e-8 from each, residuals are round-off."""
+    given = refkin.FourBar(3.0, 1.0, 3.0, 1.0).scene(law=Polynomial(coefficients=(angle,)), times=(0.0,))
+    half_way = {"crank": angle, "coupler": -angle / 2, "rocker": -angle / 2}
+    bodies = tuple(replace(b, estimate=(*b.estimate[:2], half_way[b.name])) for b in given.mechanism.bodies)
+    motion = refkin.solve(replace(given, mechanism=replace(given.mechanism, bodies=bodies)))
+
+    assert motion.verdict is OK
+    assert min(abs(motion["rocker"].phi[0] - x) for x in (angle, -2 * angle)) < 1e-15
