@@ -14,6 +14,8 @@ import math
 from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
+import numpy as np
+
 from refkin.differences import EPS
 from refkin.fast.elimination.single import Answer, Single
 from refkin.fast.quintic import at, coefficients, slope
@@ -174,6 +176,51 @@ class March:
             return self.single.advance(self.u, f, core, self.profile, MOST_NEWTON, ENOUGH)
         except (ArithmeticError, ValueError):  # a pivot of 0, an overflow, the sine of infinity
             return None
+
+
+class Guesses:
+    """The quintics between consecutive marched poses."""
+
+    def __init__(self, poses: list[Pose]) -> None:
+        self.poses = poses
+        self._fit()
+
+    def _fit(self) -> None:
+        self.t = np.array([p.t for p in self.poses])
+        self.width = np.diff(self.t)
+        self.polynomials: Any = np.array([p.path for p in self.poses[1:]]).T  # (6, core, intervals)
+
+    def at(self, t: Any) -> Any:
+        """Return the core coordinates at times (B,) in order, (core, B)."""
+        if len(self.poses) == 1:
+            return np.repeat(np.array(self.poses[0].levels[0])[:, None], len(t), axis=1)
+        ends = [0, *t.searchsorted(self.t[1:-1]), len(t)]  # t is in order, as the poses are
+        counts = np.subtract(ends[1:], ends[:-1])
+        s = (t - self.t[:-1].repeat(counts)) / self.width.repeat(counts)
+        c = self.polynomials.repeat(counts, axis=2)
+        value = c[5]
+        for power in (4, 3, 2, 1, 0):
+            value *= s
+            value += c[power]
+        return value
+
+    def quarter(self, t: Any, march: March) -> bool:
+        """March again, in a quarter of the step, between the poses around times; False if that leads elsewhere."""
+        if len(self.poses) == 1:
+            return False
+        for k in np.unique(self._interval(t))[::-1].tolist():
+            last = self.poses[k + 1]
+            between = march.to(last.t, self.poses[k], h=(last.t - self.poses[k].t) / 4)
+            if between is None:
+                return False
+            if any(abs(x - y) > SMALL for x, y in zip(between[-1].levels[0], last.levels[0], strict=True)):
+                return False
+            self.poses[k + 1 : k + 2] = between
+        self._fit()
+        return True
+
+    def _interval(self, t: Any) -> Any:
+        return self.t[1:-1].searchsorted(t, side="right")
 
 
 def predicted(t: float, last: Pose, before: Pose | None) -> tuple[list[float], list[float]]:

@@ -22,13 +22,13 @@ import numpy as np
 
 from refkin.fast.answer import motion
 from refkin.fast.elimination.run import Workspace, block_samples
-from refkin.fast.elimination.single import Answer
-from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, March, Pose, factor
+from refkin.fast.elimination.single import Answer, Single
+from refkin.fast.march import ENOUGH, SMALL, SMALLEST_PIVOT, Guesses, March, Pose, factor
 from refkin.fast.prepare import Prepared, prepared
 from refkin.model import Scene
 from refkin.motion import Motion, Status
 from refkin.newton import CONTRACTION, contracts
-from refkin.proof.path.branch import first_gap
+from refkin.proof.path.branch import first_unproved
 from refkin.solving.passages import unseen
 from refkin.solving.solve import solve
 from refkin.solving.starts import find_start
@@ -104,7 +104,7 @@ class _Task:
         if loops:  # one may move another: it is seen at the marched poses, too
             t, q = self._with_marched(q, poses)
         steps = unseen(self.system, t, q, loops=loops)
-        return not steps or first_gap(replace(self.system, effects=EVERYTHING), t, q, pose_between, steps) is None
+        return not steps or first_unproved(replace(self.system, effects=EVERYTHING), t, q, pose_between, steps) is None
 
     def _with_marched(self, q: Any, poses: list[Pose]) -> tuple[Any, Any]:
         """Return the times and poses of samples and, between them, of marched poses, in order."""
@@ -117,18 +117,20 @@ class _Task:
 
     def _whole(self, pose: Pose) -> Any:
         """Return all coordinates (n,) of a marched pose."""
-        whole, given = self.made.whole, {k: self.system.placed[k].constraint for k in self.laws}
-        laws = {k: constraint.inputs(pose.t, self.system.unit, 2) for k, constraint in given.items()}
-        values = [float(laws[c][law][order]) for c, law, order in whole.laws]
+        return np.array(self._advanced(pose.levels[0], self._laws_at(pose.t, self.made.whole), 1).levels[0])
+
+    def _advanced(self, core: Sequence[float], laws: Sequence[float], most: int) -> Answer:
+        """Return what at most so many steps of Newton make of core coordinates, number by number."""
+        whole = self.made.whole
         u = whole.prepare([self.geometry[c][k] for c, k in whole.geometry])
-        return np.array(whole.advance(u, values, pose.levels[0], self._profile, 1, ENOUGH).levels[0])
+        return whole.advance(u, laws, core, self._profile, most, ENOUGH)
 
     def _profile(self, constraint: int, order: int, s: Any) -> Any:
         return self.system.placed[constraint].constraint.profile_values(s, self.system.unit, order)[order]
 
-    def _laws_at(self, t: float) -> list[float]:
+    def _laws_at(self, t: float, single: Single | None = None) -> list[float]:
         given = {k: self.system.placed[k].constraint.inputs(t, self.system.unit, 2) for k in self.laws}
-        return [float(given[c][law][order]) for c, law, order in self.made.march.laws]
+        return [float(given[c][law][order]) for c, law, order in (single or self.made.march).laws]
 
     def _extrema(self, a: float, b: float) -> list[float]:
         """Return the times between a and b at which a law turns back."""
@@ -169,12 +171,10 @@ class _Task:
         return q if off <= SMALL or NEAR * off * second <= steps[0] ** 2 else None
 
     def _first(self, core: Sequence[float]) -> Answer | None:
-        """Return what Newton makes of core coordinates at the first time, number by number."""
-        whole = self.made.whole
-        u = whole.prepare([self.geometry[c][k] for c, k in whole.geometry])
-        values = [self.laws[c][law][order].item(0) for c, law, order in whole.laws]
+        """Return what Newton makes of core coordinates at the first time; None where numbers fail."""
+        laws = [self.laws[c][law][order].item(0) for c, law, order in self.made.whole.laws]
         try:
-            return whole.advance(u, values, core, self._profile, MOST_AT_FIRST, ENOUGH)
+            return self._advanced(core, laws, MOST_AT_FIRST)
         except (ArithmeticError, ValueError):
             return None
 
@@ -279,48 +279,3 @@ def newton(space: Workspace) -> Any:
             break
         space.run("newton")
     return ok & (step <= ENOUGH)
-
-
-class Guesses:
-    """The quintics between consecutive marched poses."""
-
-    def __init__(self, poses: list[Pose]) -> None:
-        self.poses = poses
-        self._fit()
-
-    def _fit(self) -> None:
-        self.t = np.array([p.t for p in self.poses])
-        self.width = np.diff(self.t)
-        self.polynomials: Any = np.array([p.path for p in self.poses[1:]]).T  # (6, core, intervals)
-
-    def at(self, t: Any) -> Any:
-        """Return the core coordinates at times (B,) in order, (core, B)."""
-        if len(self.poses) == 1:
-            return np.repeat(np.array(self.poses[0].levels[0])[:, None], len(t), axis=1)
-        ends = [0, *t.searchsorted(self.t[1:-1]), len(t)]  # t is in order, as the poses are
-        counts = np.subtract(ends[1:], ends[:-1])
-        s = (t - self.t[:-1].repeat(counts)) / self.width.repeat(counts)
-        c = self.polynomials.repeat(counts, axis=2)
-        value = c[5]
-        for power in (4, 3, 2, 1, 0):
-            value *= s
-            value += c[power]
-        return value
-
-    def quarter(self, t: Any, march: March) -> bool:
-        """March again, in a quarter of the step, between the poses around times; False if that leads elsewhere."""
-        if len(self.poses) == 1:
-            return False
-        for k in np.unique(self._interval(t))[::-1].tolist():
-            last = self.poses[k + 1]
-            between = march.to(last.t, self.poses[k], h=(last.t - self.poses[k].t) / 4)
-            if between is None:
-                return False
-            if any(abs(x - y) > SMALL for x, y in zip(between[-1].levels[0], last.levels[0], strict=True)):
-                return False
-            self.poses[k + 1 : k + 2] = between
-        self._fit()
-        return True
-
-    def _interval(self, t: Any) -> Any:
-        return self.t[1:-1].searchsorted(t, side="right")

@@ -60,7 +60,7 @@ def _solved(scene: Scene, certified: bool) -> SceneMotion:
     reached = np.flatnonzero(np.isfinite(q[0]))
     if reached.size:
         answer.judge(reached)
-    answer.prove_gaps(assembled)
+    answer.prove_impossible(assembled)
     answer.explain()
     return SceneMotion.of(scene, answer.motion())
 
@@ -83,22 +83,22 @@ def _positions(
         sweep = Sweep(frames.inner, [scene.times[0]], [first], proving=proving, certified=certified, hopeless=hopeless)
         leaps = Leaps(sweep, scene.times if ahead else ())
         q, done, why, rest = _swept(sweep, scene.times, leaps)
-        gap = _first_gap(sweep, scene)
-        if leaps.ahead is None or (gap is None and (done == count or hopeless(scene.times[done]))):
+        step = _first_unproved(sweep, scene)
+        if leaps.ahead is None or (step is None and (done == count or hopeless(scene.times[done]))):
             break
     q = np.stack([frames.outward(pose) for pose in q.T], axis=-1) if frames.shifts.any() else q
-    if gap is not None:
-        done = sum(t <= sweep.t[gap] for t in scene.times)
-        why = f"after t = {sweep.t[gap]:.17g} it is not proved on which branch the motion goes on"
-        ends_at = sweep.t[gap + 1]
-        if ends_at in scene.times and not isolate(frames.inner, sweep.q[gap + 1][:, None], [ends_at]).ok[0]:
+    if step is not None:
+        done = sum(t <= sweep.t[step] for t in scene.times)
+        why = f"after t = {sweep.t[step]:.17g} it is not proved on which branch the motion goes on"
+        ends_at = sweep.t[step + 1]
+        if ends_at in scene.times and not isolate(frames.inner, sweep.q[step + 1][:, None], [ends_at]).ok[0]:
             done, why = done + 1, _undecided(ends_at)  # no step to such a pose can be proved, nor is it ever called ok
         q[:, done:], rest = np.nan, Status.BRANCH_LOST
     status = [Status.OK] * done + [rest] * (count - done)
     return q, status, "; ".join(filter(None, (start.message, why)))
 
 
-def _first_gap(sweep: Sweep, scene: Scene) -> int | None:
+def _first_unproved(sweep: Sweep, scene: Scene) -> int | None:
     """Return the first step of a sweep that needs a proof and has none; None if all have one."""
     steps = sweep.unproved
     if not steps:
@@ -108,8 +108,8 @@ def _first_gap(sweep: Sweep, scene: Scene) -> int | None:
     if crossed is not None:  # steps that lead to none of the times before it need no proof
         last = max(time for time in scene.times if time <= t[crossed])
         steps = [k for k in steps if t[k] < last]
-    gap = sweep.first_gap(steps)
-    return crossed if gap is None else gap
+    step = sweep.first_unproved(steps)
+    return crossed if step is None else step
 
 
 def _swept(sweep: Sweep, times: tuple[float, ...], leaps: Leaps) -> tuple[Any, int, str, Status]:
@@ -292,8 +292,8 @@ class _Answer:
             k = self.status.index(Status.SINGULAR)
             self.messages.append(diagnose_scaled(self.system, self.q[:, k], float(self.t[k])).message)
 
-    def prove_gaps(self, assembled: Callable[[float], Assemblies]) -> None:
-        """Give the status UNASSEMBLABLE to poses that were not reached where that is proved; tell the first gap."""
+    def prove_impossible(self, assembled: Callable[[float], Assemblies]) -> None:
+        """Give the status UNASSEMBLABLE to poses that were not reached where that is proved; say what is missing."""
         message, searches = "", 0
         for k, t in enumerate(self.scene.times):
             if self.status[k] in (Status.BRANCH_LOST, Status.NOT_CONVERGED) and searches < MOST_SEARCHES:

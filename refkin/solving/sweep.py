@@ -20,7 +20,7 @@ from refkin.analysis import SINGULAR, sigma_min
 from refkin.differences import EPS
 from refkin.newton import TINY
 from refkin.proof.numbers.extrema import extrema, extrema_of
-from refkin.proof.path.branch import first_gap
+from refkin.proof.path.branch import first_unproved
 from refkin.proof.pose.isolate import isolate
 from refkin.solving.passages import OFTEN, Winding, over_a_range, unseen
 from refkin.solving.steps import CLEAR, Steps
@@ -146,17 +146,17 @@ class Sweep(Steps):
         """Go to a time, and return whether that is certain, or proved, as it is to be."""
         if self.to(target) is not Arrival.REACHED:
             return False
-        return not (steps := self.unproved) or self.first_gap(steps) is None
+        return not (steps := self.unproved) or self.first_unproved(steps) is None
 
-    def first_gap(self, steps: list[int]) -> int | None:
+    def first_unproved(self, steps: list[int]) -> int | None:
         """Return the first of some steps that is not proved; None if all are."""
         t, q, first = np.array(self.t), np.array(self.q).T, 0
         for last, system in (*self.held_from, (len(t) - 1, self.system)):
             own, full = [k - first for k in steps if first <= k < last], replace(system, effects=EVERYTHING)
             at = np.s_[first : last + 1]
-            gap = first_gap(full, t[at], q[:, at], pose_between, own) if own else None
-            if gap is not None:
-                return gap + first
+            step = first_unproved(full, t[at], q[:, at], pose_between, own) if own else None
+            if step is not None:
+                return step + first
             first = last
         return None
 

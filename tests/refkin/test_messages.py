@@ -178,7 +178,7 @@ def test_a_branch_that_is_not_proved_is_named_by_the_last_time_up_to_which_it_is
     given = ROCKER.scene(law=Polynomial(coefficients=(0.3, 1.0)), times=(0.0, 0.1, 0.2))
     sentence = "after t = {} it is not proved on which branch the motion goes on"
     assert not says(refkin.solve(given, certified=True), sentence)
-    monkeypatch.setattr("refkin.solving.sweep.first_gap", lambda _, t, *rest: len(t) - 2)
+    monkeypatch.setattr("refkin.solving.sweep.first_unproved", lambda _, t, *rest: len(t) - 2)
 
     motion = refkin.solve(given, certified=True)
 

@@ -30,8 +30,8 @@ from refkin import (
 )
 from refkin.newton import NewtonResult, NewtonStatus
 from refkin.proof.path.blocks import diagonal_blocks
-from refkin.proof.path.branch import Piece, _linked, first_gap
-from refkin.solving.solve import _first_gap
+from refkin.proof.path.branch import Piece, _linked, first_unproved
+from refkin.solving.solve import _first_unproved
 from refkin.solving.steps import Steps
 from refkin.solving.sweep import Arrival, Sweep, pose_between
 
@@ -212,7 +212,7 @@ def test_an_uncertified_step_that_is_not_proved_ends_the_branch(monkeypatch):
     scene = InvertedSliderCrank(ground=1.0 + 1e-9, crank=1.0).scene(turns=1, samples=9)
     before = refkin.solve(scene)
     asked = []
-    monkeypatch.setattr("refkin.solving.sweep.first_gap", lambda *a: asked.append(a[-1]) or asked[-1][0])
+    monkeypatch.setattr("refkin.solving.sweep.first_unproved", lambda *a: asked.append(a[-1]) or asked[-1][0])
     after = refkin.solve(scene)
 
     assert before.verdict is Status.OK
@@ -270,8 +270,8 @@ def test_a_jump_to_the_other_branch_is_no_motion():
         system.to_unit(refkin.solve(ROCKER.scene(law=law, times=t, branch=b)).q) for b in ("open", "crossed")
     )
 
-    assert first_gap(system, t, here, pose_between) is None
-    assert first_gap(system, t, np.column_stack([here[:, :2], there[:, 2:]]), pose_between) == 1
+    assert first_unproved(system, t, here, pose_between) is None
+    assert first_unproved(system, t, np.column_stack([here[:, :2], there[:, 2:]]), pose_between) == 1
 
 
 def test_a_singular_pose_is_reported_where_the_motion_is_certified_up_to_it():
@@ -356,7 +356,7 @@ def test_a_step_to_the_other_branch_is_a_gap_if_it_is_asked_for(certified, uncer
     sweep, scene = stepped(ROCKER, ("open", "open", "crossed"), (0.0, 0.1, 0.2))
     sweep.uncertified[:], sweep.certified = uncertified, certified
 
-    assert _first_gap(sweep, scene) == gap
+    assert _first_unproved(sweep, scene) == gap
 
 
 @pytest.mark.parametrize(
@@ -372,7 +372,7 @@ def test_beside_a_crossing_only_steps_to_the_times_before_it_need_a_proof(branch
     sweep, scene = stepped(PARALLELOGRAM, branches, (0.0, 1.0, 2.0, 3.0))
     sweep.uncertified[:], sweep.certified = [2], True
 
-    assert _first_gap(sweep, replace(scene, times=times)) == gap
+    assert _first_unproved(sweep, replace(scene, times=times)) == gap
 
 
 def test_the_worse_of_two_bounds_widens_a_tube():

@@ -13,7 +13,7 @@ import refkin
 from refkin import FourBar, Polynomial, SliderCrank, Status, compile_system
 from refkin.motion_laws import Sinusoid
 from refkin.proof.numbers.bounded import bounded_system, box, read
-from refkin.proof.path.branch import first_gap
+from refkin.proof.path.branch import first_unproved
 from refkin.proof.path.tube import ConnectionProof, Tubes, _over_times, _Spans
 from refkin.scenes.linkages import Hooke
 from refkin.solving.starts import _turned_to
@@ -108,7 +108,7 @@ def test_the_poses_between_those_of_a_crank_that_turns_are_found_from_their_chor
     system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
     q = system.to_unit(refkin.solve(scene).q)
 
-    assert first_gap(system, np.array(scene.times), q, between=lambda *_: None) is None
+    assert first_unproved(system, np.array(scene.times), q, between=lambda *_: None) is None
 
 
 @pytest.mark.parametrize("slack", [1e-5, 1e-7])
@@ -119,7 +119,7 @@ def test_a_step_past_a_nearly_singular_pose_is_proved_in_small_pieces_and_not_in
     q = system.to_unit(refkin.solve(scene).q[:, ends])
     monkeypatch.setattr(ConnectionProof, "connects", lambda *_: pytest.fail("in balls"))
 
-    assert first_gap(system, np.array(scene.times)[ends], q, pose_between) is None
+    assert first_unproved(system, np.array(scene.times)[ends], q, pose_between) is None
 
 
 def test_a_law_that_moves_fast_has_a_short_interval():

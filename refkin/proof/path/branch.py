@@ -53,7 +53,7 @@ class Piece(NamedTuple):
         return bool(np.isfinite(self.r_0).all() and np.isfinite(self.r_1).all())
 
 
-def first_gap(system: System, t: Any, q: Any, between: Between, steps: Sequence[int] | None = None) -> int | None:
+def first_unproved(system: System, t: Any, q: Any, between: Between, steps: Sequence[int] | None = None) -> int | None:
     """Return the first k for which it is not proved that poses k and k + 1 belong to one motion; None if all do.
 
     A step that one tube does not cover is halved, at the pose that is found in its middle; what float64 does not prove
@@ -77,13 +77,13 @@ def first_gap(system: System, t: Any, q: Any, between: Between, steps: Sequence[
     radii[:, poses] = _error_bounds(system, q[:, poses], t[poses])
     pieces = [Piece(t[k], t[k + 1], q[:, k], q[:, k + 1], radii[:, k], radii[:, k + 1], k) for k in asked]
     proof, first, count = ConnectionProof(system, MOST_TUBES if steps is None else FEW_TUBES, between), 0, FIRST_STEPS
-    while first < len(pieces):  # what comes after a gap is not worth its proof
-        left, gap = _left(system, pieces[first : first + count], between)
+    while first < len(pieces):  # what comes after the first is not worth its proof
+        left, meeting = _left(system, pieces[first : first + count], between)
         for p in left:
             if not proof.connects(p.t_0, p.t_1, p.q_0, p.q_1):
                 return p.number
-        if gap is not None:
-            return gap
+        if meeting is not None:
+            return meeting
         first, count = first + count, 2 * count
     return None
 
@@ -112,7 +112,7 @@ def _left(system: System, pieces: list[Piece], between: Between) -> tuple[list[P
     The number of that step is the second thing returned, None if there is none.
     """
     left: list[Piece] = []
-    steps, looked_at, in_vain, gap = {p.number: p for p in pieces}, 0, Counter[int](), None
+    steps, looked_at, in_vain, meeting = {p.number: p for p in pieces}, 0, Counter[int](), None
     for _ in range(HALVINGS):
         left += [p for p in pieces if not p.is_certified]
         pieces = [p for p in pieces if p.is_certified]
@@ -124,14 +124,14 @@ def _left(system: System, pieces: list[Piece], between: Between) -> tuple[list[P
         for number, count in before.items():
             in_vain[number] = in_vain[number] + 1 if after[number] == count else 0
         doubted = [steps[number] for number in sorted(before) if in_vain[number] == DOUBTED]
-        if gap is None and doubted:
-            gap = _crossing_in(system, doubted)
-        if gap is not None:
-            open_, left = ([p for p in some if p.number < gap] for some in (open_, left))
+        if meeting is None and doubted:
+            meeting = _crossing_in(system, doubted)
+        if meeting is not None:
+            open_, left = ([p for p in some if p.number < meeting] for some in (open_, left))
         left += [p for p in open_ if in_vain[p.number] > MOST_IN_VAIN]
         pieces, lost = _halved(system, [p for p in open_ if in_vain[p.number] <= MOST_IN_VAIN], between)
         left += lost
-    return _merged([*left, *pieces]), gap
+    return _merged([*left, *pieces]), meeting
 
 
 def _merged(pieces: list[Piece]) -> list[Piece]:

@@ -172,7 +172,7 @@ def test_the_fast_path_has_the_rates_without_spin_of_all_bodies_that_spin_as_one
 def test_where_several_drivers_move_passive_bodies_each_step_is_proved(gap, monkeypatch):
     scene, _ = drawn(driven_halves)
     proof, asked = import_module("refkin.fast.sweep"), []
-    monkeypatch.setattr(proof, "first_gap", lambda system, t, q, between, steps: asked.append(steps) or gap)
+    monkeypatch.setattr(proof, "first_unproved", lambda system, t, q, between, steps: asked.append(steps) or gap)
 
     assert (fast.attempt(replace(scene, evidence=frozenset())) is None) == (gap is not None)
     assert asked == [[0, 1]]
