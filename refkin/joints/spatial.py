@@ -128,13 +128,19 @@ def names_of(cls: Any) -> set[str]:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Spherical(SpatialConstraint):
-    """A ball joint: two points coincide, d = 0."""
+class BetweenSpatialPoints(SpatialConstraint):
+    """What is said of a point of body i and a point of body j, each in the frame of its body [m]."""
 
     body_i: str
     point_i: Triple
     body_j: str
     point_j: Triple
+
+
+@dataclass(frozen=True, kw_only=True)
+class Spherical(BetweenSpatialPoints):
+    """A ball joint: two points coincide, d = 0."""
+
     type: Literal["spherical"] = "spherical"
     formulas = (Meet(),)
     consists_of = (PointsMeet,)
@@ -297,14 +303,10 @@ class Perpendicular(OfAxes):
 
 
 @dataclass(frozen=True, kw_only=True)
-class OfPoints(SpatialConstraint):
+class OfPoints(BetweenSpatialPoints):
     """What an axis of body i through a point of it says of a point of body j."""
 
-    body_i: str
-    point_i: Triple
     axis_i: Triple
-    body_j: str
-    point_j: Triple
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -326,13 +328,9 @@ class PointOnPlane(OfPoints):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpatialDistance(SpatialConstraint):
+class SpatialDistance(BetweenSpatialPoints):
     """Two points keep a distance, as the ends of a massless link do: (d . d - length^2) / (2 length) = 0."""
 
-    body_i: str
-    point_i: Triple
-    body_j: str
-    point_j: Triple
     length: float
     type: Literal["distance"] = "distance"
     formulas = (Span(),)

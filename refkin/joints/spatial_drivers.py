@@ -14,7 +14,7 @@ from refkin.errors import Fault
 from refkin.joints.base import Constraint
 from refkin.joints.drivers import Driver
 from refkin.joints.elements import GROUND, Triple
-from refkin.joints.spatial import SpatialConstraint, names_of
+from refkin.joints.spatial import BetweenSpatialPoints, SpatialConstraint, names_of
 from refkin.joints.spatial_bodies import SPACE
 from refkin.joints.spatial_elements import ShiftAlongAxis, SpatialPointDistance, TurnAboutAxis
 from refkin.joints.spatial_terms import Angle, Count, Guide, Sine, Span
@@ -118,13 +118,9 @@ class DisplacementDriver(JointDriver):
 
 
 @dataclass(frozen=True, kw_only=True)
-class SpatialDistanceDriver(SpatialConstraint, Driver):  # type: ignore[override]
+class SpatialDistanceDriver(BetweenSpatialPoints, Driver):  # type: ignore[override]
     """The distance of two points follows f(t) [m], as a hydraulic cylinder does: (d . d - f^2) / 2 = 0."""
 
-    body_i: str
-    point_i: Triple
-    body_j: str
-    point_j: Triple
     type: Literal["distance"] = "distance"
     law_is_length = True
     formulas = (Span(law=True),)

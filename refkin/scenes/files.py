@@ -17,7 +17,7 @@ from typing import Any
 from refkin.errors import Fault, InvalidScene
 from refkin.model import Mechanism, Scene
 from refkin.scenes import DEEPEST, SCHEMA
-from refkin.scenes.explained import at, explained
+from refkin.scenes.explained import GROUPS, at, explained
 
 LONGEST_INTEGER = 14_000
 """Bits of an integer that Python writes in decimals."""
@@ -125,7 +125,7 @@ def to_dict(scene: Scene) -> dict[str, Any]:
         data["bodies_wanted"] = list(scene.bodies_wanted)
     data["times"] = {"values": list(scene.times)}
     groups = (scene.mechanism.bodies, scene.mechanism.joints, scene.mechanism.drivers, scene.points)
-    for key, items in zip(("body", "joint", "driver", "point"), groups, strict=True):
+    for key, items in zip(GROUPS, groups, strict=True):
         if items:
             data[key] = [_plain(item) for item in items]
     return data

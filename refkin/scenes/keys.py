@@ -33,7 +33,7 @@ from refkin.joints import (
 from refkin.joints.checks import mechanism_faults, scene_faults
 from refkin.model import Body, Effect, Evidence, Point
 from refkin.scenes import DEEPEST, SCHEMA
-from refkin.scenes.explained import KEYS, UNTIED, at, unconnected
+from refkin.scenes.explained import GROUPS, KEYS, TYPES, UNTIED, at, unconnected
 
 MOST_TIMES = 10_000_000
 
@@ -43,10 +43,10 @@ if TYPE_CHECKING:
     SpatialJoint = Constraint
     SpatialDriver = Driver
 else:
-    AnyJoint = Annotated[Union[JOINT_TYPES], Field(discriminator="type")]  # noqa: UP007 (a union of a tuple)
-    AnyDriver = Annotated[Union[DRIVER_TYPES], Field(discriminator="type")]  # noqa: UP007
-    SpatialJoint = Annotated[Union[SPATIAL_JOINT_TYPES], Field(discriminator="type")]  # noqa: UP007
-    SpatialDriver = Annotated[Union[SPATIAL_DRIVER_TYPES], Field(discriminator="type")]  # noqa: UP007
+    AnyJoint, AnyDriver, SpatialJoint, SpatialDriver = (
+        Annotated[Union[types], Field(discriminator="type")]  # noqa: UP007 (a union of a tuple)
+        for types in (JOINT_TYPES, DRIVER_TYPES, SPATIAL_JOINT_TYPES, SPATIAL_DRIVER_TYPES)
+    )
 
 
 class _Strict(BaseModel):
@@ -265,7 +265,7 @@ def _fill(holder: Any, key: Any, error: Any, way: int, data: Any) -> None:
 
 def _names(data: Any) -> tuple[list[str], list[str]]:
     """Return the names by which bodies, and joints, are called in a file, and those that they have."""
-    items = [item for g in _GROUPS if isinstance(data.get(g), list) for item in data[g] if isinstance(item, dict)]
+    items = [item for g in GROUPS if isinstance(data.get(g), list) for item in data[g] if isinstance(item, dict)]
     used = [item.get(key) for item in items for key in ("body", "body_i", "body_j", "relative_to", "joint")]
     wanted = data.get("bodies_wanted")
     used += wanted if isinstance(wanted, list) else []
@@ -310,7 +310,7 @@ def _lengths(faults: Iterable[Fault]) -> Iterator[Fault]:
     lacking: dict[str, list[int]] = {}
     for fault in faults:
         place = re.fullmatch(r"(.*[a-z_])\[(\d)\]", fault.path)
-        if place and fault.expected == MISSING_KEY and place[1].rpartition(".")[2] not in _GROUPS:
+        if place and fault.expected == MISSING_KEY and place[1].rpartition(".")[2] not in GROUPS:
             lacking.setdefault(place[1], []).append(int(place[2]))
         else:
             yield fault
@@ -322,10 +322,8 @@ MISSING_KEY = "this key, which is missing"
 UNKNOWN_KEY = ("extra_forbidden", "unexpected_keyword_argument")
 """What pydantic calls a key that there is not."""
 _PLAIN = {"a valid array": "a list", "an object": "a table of keys", "a valid integer": "an integer"}
-_GROUPS = ("body", "joint", "driver", "point")
 _TAGS = {
-    *(c.__dataclass_fields__["type"].default for c in (*JOINT_TYPES, *DRIVER_TYPES)),
-    *(c.__dataclass_fields__["type"].default for c in (*SPATIAL_JOINT_TYPES, *SPATIAL_DRIVER_TYPES)),
+    *(kind.type for by_dimension in TYPES.values() for kinds in by_dimension.values() for kind in kinds),
     "polynomial",
     "sinusoid",
     "table",

@@ -74,8 +74,7 @@ class Moves:
 
 def located(links: list[Link]) -> Moves | None:
     """Return where the point of B that two loci of A share can be; as shifts."""
-    met = meet(*(Line(k.p, k.normal) if k.kind is RowKind.LINE else Circle(k.p, k.distance) for k in links))
-    return None if met is None else Moves(tuple(Move(_mode(met, mode), None, x) for mode, x in met.points), met)
+    return _shifts([_locus(k, k.p) for k in links])
 
 
 def joined(links: list[Link], turning: bool) -> Moves | None:
@@ -84,9 +83,14 @@ def joined(links: list[Link], turning: bool) -> Moves | None:
         return _from_three_lines(links) if len(links) == 3 else _about_pin(*links)
     if links[0].kind is RowKind.PIN:
         return Moves((Move(None, None, links[0].p - links[0].q),))
-    loci: list[Locus] = []
-    for k in links:
-        loci.append(Line(k.p - k.q, k.normal) if k.kind is RowKind.LINE else Circle(k.p - k.q, k.distance))
+    return _shifts([_locus(k, k.p - k.q) for k in links])
+
+
+def _locus(link: Link, at: Vec) -> Locus:
+    return Line(at, link.normal) if link.kind is RowKind.LINE else Circle(at, link.distance)
+
+
+def _shifts(loci: list[Locus]) -> Moves | None:
     met = meet(*loci)
     return None if met is None else Moves(tuple(Move(_mode(met, mode), None, x) for mode, x in met.points), met)
 

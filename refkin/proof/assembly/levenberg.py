@@ -20,6 +20,8 @@ import numpy as np
 from refkin.differences import EPS
 from refkin.newton import NewtonResult, NewtonStatus, is_round_off
 
+MOST_TRIED = 60
+"""Corrections that are tried at most."""
 LOWER, RAISE = 0.2, 4.0
 """Factors of mu after a success and after a failure."""
 FLAT = 1e-10
@@ -49,9 +51,7 @@ class LeastSquares:
         return self.status is NewtonStatus.CONVERGED
 
 
-def levenberg_marquardt(
-    phi: Callable[[Any], Any], phi_q: Callable[[Any], Any], q0: Any, *, max_iterations: int = 60
-) -> LeastSquares:
+def levenberg_marquardt(phi: Callable[[Any], Any], phi_q: Callable[[Any], Any], q0: Any) -> LeastSquares:
     """Minimise |phi(q)|^2 from q0; never raises for numbers that fail.
 
     Parameters
@@ -60,8 +60,6 @@ def levenberg_marquardt(
         From (n,) to (m,) and to (m, n), m >= n or not; phi of the order of 1 (it is compared with round-off).
     q0 : (n,) array
         The estimate.
-    max_iterations : int
-        The cap on corrections that are tried.
     """
     q = np.atleast_1d(np.array(q0, float))
     with np.errstate(all="ignore"):  # what leaves the numbers' range is no success
@@ -69,7 +67,7 @@ def levenberg_marquardt(
         if not np.isfinite(residual).all():
             return LeastSquares(NewtonStatus.NOT_FINITE, q, np.nan, 0)
         diagonal, mu, slope = np.zeros(q.size), 1e-3, None
-        for k in range(max_iterations):
+        for k in range(MOST_TRIED):
             if is_round_off(residual, q):
                 return LeastSquares(NewtonStatus.CONVERGED, q, _largest(residual), k)
             if slope is None:
@@ -90,7 +88,7 @@ def levenberg_marquardt(
             else:
                 mu *= RAISE
     status = NewtonStatus.CONVERGED if is_round_off(residual, q) else NewtonStatus.ITERATION_LIMIT
-    return LeastSquares(status, q, _largest(residual), max_iterations)
+    return LeastSquares(status, q, _largest(residual), MOST_TRIED)
 
 
 def polished(fit: LeastSquares, by_newton: NewtonResult) -> Any:
