@@ -8,8 +8,8 @@ import exudyn as exu
 import numpy as np
 
 from crosscheck.engines import EngineError
-from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
-from crosscheck.engines.exudyn.solve import solved
+from crosscheck.engines.exudyn.model import CURRENT, ExudynModel
+from crosscheck.engines.exudyn.solve import rates_here
 from crosscheck.scenes.workloads import Chain
 from refkin.joints import Unit
 from refkin.model import Scene
@@ -42,8 +42,8 @@ class Direct:
         for k, t in enumerate(self.t):
             self.model.clock.set(t, 2)
             out[0, :, k] = self._position(self._guess(out, k))
-            if order:
-                self._rates(out[:, :, k])
+            if order and np.isfinite(out[0, 0, k]):
+                out[1:, :, k] = rates_here(self.model, t, order)
         return list(out)
 
     def _guess(self, out: Any, k: int) -> Any:
@@ -69,20 +69,6 @@ class Direct:
                 break
         return np.full(model.n, np.nan)
 
-    def _rates(self, levels: Any) -> None:
-        """Fill in velocity, and acceleration if there is room for it; exudyn is at the pose already."""
-        model = self.model
-        model.data.SetODE2Coordinates_t(model.still, CURRENT)
-        right = -model.equations(of_velocity=True)[model.live]
-        jacobian = model.slopes()[model.live]
-        qd = levels[1] = solved(jacobian, right)
-        if len(levels) > 2:
-            model.data.SetODE2Coordinates_t(qd, CURRENT)
-            drift, table = np.zeros(model.m), model.read.now().tolist()
-            for rows, block in model.blocks:
-                drift[rows] = block.drift(table, model.clock.values)
-            levels[2] = solved(jacobian, drift[model.live])
-
 
 class ChainSolver:
     """A chain in exudyn, with its sparse solver, at one configuration."""
@@ -90,23 +76,19 @@ class ChainSolver:
     def __init__(self, work: Chain) -> None:
         scene = work.scene
         self.start = work.start
-        self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints)
-        self.settings = quiet_settings()
-        self.settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
-        self.settings.staticSolver.newton.relativeTolerance = 0.0
-        self.model.solver.InitializeSolver(self.model.mbs, self.settings)
-        self.model.set_time(scene.times[0])
+        model = self.model = ExudynModel(scene.mechanism.bodies, scene.mechanism.constraints)
+        model.settings.linearSolver.solverType = exu.LinearSolverType.EigenSparse
+        model.solver.InitializeSolver(model.mbs, model.settings)
+        model.set_time(scene.times[0])
 
     def run(self) -> int:
         """Let its Newton go from the start to a tolerance; return how many iterations it made."""
-        model, solver = self.model, self.model.solver
-        model.data.SetODE2Coordinates(self.start, CURRENT)
-        solver.newton.absoluteTolerance = CHAIN_TOLERANCE
-        solver.Newton(model.mbs, self.settings)
-        return int(solver.it.newtonSteps)
+        self.model.data.SetODE2Coordinates(self.start, CURRENT)
+        self.model.newton(CHAIN_TOLERANCE)
+        return int(self.model.solver.it.newtonSteps)
 
     def answered(self) -> Any:
         """Return the coordinates (n,) where it ends, after one more correction."""
         self.run()
-        self.model.solver.Newton(self.model.mbs, self.settings)
+        self.model.newton(CHAIN_TOLERANCE)
         return self.model.data.GetODE2Coordinates(CURRENT)

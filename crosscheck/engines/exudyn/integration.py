@@ -16,7 +16,7 @@ import numpy as np
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, bear_redundant_rows, quiet_settings
-from crosscheck.engines.exudyn.solve import StaticNewton, solved
+from crosscheck.engines.exudyn.solve import StaticNewton, rates_here
 from refkin.joints import PointDistance, Unit, elements_of
 from refkin.model import Scene
 
@@ -43,8 +43,7 @@ class Integration:
         still = ExudynModel(bodies, constraints, unit)
         t = scene.times[0]
         self.q = StaticNewton(still)(t, start)
-        jacobian = still.jacobian(self.q, t)[still.live]
-        self.qd = solved(jacobian, -still.constraint_velocity(self.q, np.zeros_like(self.q), t)[still.live])
+        (self.qd,) = rates_here(still, t, 1)
         still.close()
 
     def solve(self, kind: Any, radius: float | None, steps: int, order: int) -> list[Any]:

@@ -19,7 +19,7 @@ from crosscheck.engines.exudyn.direct import ChainSolver, Direct
 from crosscheck.engines.exudyn.engine import STATIC, Exudyn
 from crosscheck.engines.exudyn.integration import Integration
 from crosscheck.engines.exudyn.model import ExudynModel, bear_redundant_rows
-from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, in_metres, solved, start_of
+from crosscheck.engines.exudyn.solve import ShippedSolve, StaticNewton, in_metres, rates_here, start_of
 from crosscheck.engines.exudyn.space_solve import SpaceModel
 from crosscheck.engines.methods import ORDERS, Batch, Method, Model, Use, levels_of, of_routes, one_by_one
 from crosscheck.engines.spatial.reading import in_space
@@ -157,13 +157,6 @@ class Static:
                 continue
             levels[0][:, k] = q
             if order:
-                self._rates(levels, k, q, t, order)
+                for level, rate in zip(levels[1:], rates_here(self.model, t, order), strict=True):
+                    level[:, k] = rate
         return levels
-
-    def _rates(self, levels: list[Any], k: int, q: Any, t: float, order: int) -> None:
-        model, live = self.model, self.model.live
-        jacobian = model.jacobian(q, t)[live]
-        qd = solved(jacobian, -model.constraint_velocity(q, np.zeros_like(q), t)[live])
-        levels[1][:, k] = qd
-        if order > 1:
-            levels[2][:, k] = solved(jacobian, model.drift(q, qd, t)[live])

@@ -205,9 +205,9 @@ class ExudynModel(ExudynSystem):
     def constraint_velocity(self, q: Array, qd: Array, t: float) -> Array:
         """Return exudyn's residual of velocities, phi_q qd + phi_t, (m,); raises as `residual` does."""
         self.set_state(q, t, qd)
-        return self._with_rates(self.times_lengths(self.equations(of_velocity=True)))
+        return self.with_rates(self.times_lengths(self.equations(of_velocity=True)))
 
-    def _with_rates(self, rows: Array) -> Array:
+    def with_rates(self, rows: Array) -> Array:
         """Return rates of rows with what those of driven distances owe to f', which exudyn knows not."""
         for row, _, law in self._driven:
             f, fd, _ = self.clock.values[law]
@@ -222,12 +222,20 @@ class ExudynModel(ExudynSystem):
         for rows, t in zip(out, times, strict=True):
             with suppress(EngineError):
                 self.set_time(t, 1)
-                rows[:] = self._with_rates(self.equations(of_velocity=True))
+                rows[:] = self.with_rates(self.equations(of_velocity=True))
         return out
 
     def drift(self, q: Array, qd: Array, t: float) -> Array:
         """Return gamma, (m,): phi_q qdd = gamma; from exudyn's accelerations of points at qdd = 0."""
         return self.drifts(q[None], qd[None], np.array([t]))[0]
+
+    def drift_here(self, qd: Array) -> Array:
+        """Return gamma, (m,), where exudyn stands, at the time and with the laws' derivatives that were set."""
+        self.data.SetODE2Coordinates_t(qd, CURRENT)
+        out, table = np.zeros(self.m), self.read.now().tolist()
+        for rows, block in self.blocks:
+            out[rows] = block.drift(table, self.clock.values)
+        return out
 
     def drifts(self, q: Array, qd: Array, t: Array) -> Array:
         """Return gamma (B, m) at q (B, n), qd (B, n), t (B,): read state by state, put together for all at once."""

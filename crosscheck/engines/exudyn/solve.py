@@ -324,6 +324,21 @@ def in_metres(unit: Unit, levels: Sequence[Array]) -> list[Array]:
     return [level * scale[:, None] + (shift[:, None] if k == 0 else 0.0) for k, level in enumerate(levels)]
 
 
+def rates_here(model: ExudynModel, t: float, order: int) -> list[Array]:
+    """Return velocity and, up to the order, acceleration of the pose at which exudyn stands, NaN where it is singular.
+
+    exudyn has no such analysis: the rows are its own, the linear systems are solved here.
+    """
+    model.set_time(t, order)
+    model.data.SetODE2Coordinates_t(model.still, CURRENT)
+    right = model.with_rates(model.equations(of_velocity=True))
+    jacobian = model.slopes()[model.live]
+    rates = [solved(jacobian, -right[model.live])]
+    if order > 1:
+        rates.append(solved(jacobian, model.drift_here(rates[0])[model.live]))
+    return rates
+
+
 def solved(jacobian: Array, right: Array) -> Array:
     """Return x of jacobian x = right, of redundant rows by least squares; NaN where the matrix is singular.
 
