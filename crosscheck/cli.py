@@ -77,7 +77,8 @@ def _run(arguments: Sequence[str] | None) -> int:
     except BrokenPipeError:
         code = PASS
     except OSError as error:  # no "[Errno 21]", which says nothing to who asked for it
-        about = f"{error.filename}: {error.strerror}" if error.filename and error.strerror else str(error)
+        file = error.filename2 or error.filename
+        about = f"{file}: {error.strerror}" if file and error.strerror else str(error)
         code = _ended(about, INFRASTRUCTURE)
     except KeyboardInterrupt as error:
         code = _ended(error, INTERRUPTED)

@@ -48,6 +48,9 @@ ROUND = 140
 """Turns of a round. What a round prefers to draw is known from the records of all rounds but the one before it, so that
 it does not depend on which worker was faster."""
 
+DRAWN_ANEW = 30
+"""Of the scenes that a folder holds about so many, and the last, are drawn once more: are they those of its seed?"""
+
 Progress = Callable[[int, str], None]
 
 
@@ -165,7 +168,8 @@ class Turns:
         self.pending: set[int] = set()
         self.next = 0
         for record in journal:
-            if not isinstance(record.about.get("shard"), int):
+            number = record.about.get("shard")
+            if type(number) is not int or number < 0:  # JSON's true is an int, too
                 raise OtherRun(f"{journal.path} holds records of another kind: choose another folder")
             self.settle(record)
         others = [line for line in journal.unreadable if not line.torn]
@@ -287,7 +291,8 @@ def _agree_with_what_is_there(plan: NightPlan, outcome: NightOutcome, turns: Tur
     before, versions = _made(plan.out), {"refkin": version("refkin"), **outcome.versions}
     if before is not None and before["versions"] != versions:
         raise OtherRun(f"{plan.out} holds a run with {before['versions']}, not {versions}: choose another folder")
-    for number in sorted(turns.numbers)[-1:]:
+    numbers = sorted(turns.numbers)
+    for number in (*numbers[:: max(1, len(numbers) // DRAWN_ANEW)], *numbers[-1:]):
         if key_of(draw(plan.seed, number).scene) != turns.numbers[number]:
             raise OtherRun(f"{plan.out} holds a run whose scenes are not drawn any more: choose another folder")
     made = {

@@ -17,7 +17,7 @@ from crosscheck.judge.records import At, Cause, Disagreement, NewCase, Record, R
 from crosscheck.measure.check import check, key_of
 from crosscheck.measure.jobs import joined
 from crosscheck.night import campaign
-from crosscheck.night.campaign import run
+from crosscheck.night.campaign import OtherRun, run
 from crosscheck.night.plan import ALWAYS, SAMPLED, SAMPLED_EVERY, NightPlan, read_outcome
 from crosscheck.report.build import summarized
 from crosscheck.scenes.drawing import draw, is_chain
@@ -203,6 +203,22 @@ def test_a_night_that_goes_on_does_the_rest_and_counts_the_whole(night, tmp_path
     assert (again.checked, again.known, sorted(case.shard for case in again.new)) == (9, 3, [2, 7, 8])
     assert {met.key for met in whole} == {key(number) for number in range(10)}
     assert said[0] == (4, "checking")
+
+
+@pytest.mark.parametrize(
+    ("own", "foreign"),
+    [('"key":"' + key(1), '"key":"0123456789abcdef'), ('"shard":1}', '"shard":-1}'), ('"shard":1}', '"shard":true}')],
+    ids=["key", "number", "no number"],
+)
+def test_records_of_another_night_between_its_own_are_refused(night, tmp_path, own, foreign):
+    night(3)
+    path = tmp_path / "out" / "records.jsonl"
+    text = path.read_text(encoding="utf-8")
+    assert own in text
+    path.write_text(text.replace(own, foreign), encoding="utf-8")
+
+    with pytest.raises(OtherRun, match="choose another folder"):
+        night(9)
 
 
 def test_a_night_whose_time_is_over_begins_with_no_other_scene(night, monkeypatch):
