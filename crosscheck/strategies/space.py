@@ -15,9 +15,9 @@ from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn, SearchStrategy
 
 from crosscheck.strategies.laws import draw_law
-from crosscheck.strategies.linkages import draw_size
+from crosscheck.strategies.linkages import ANGLES, COORDINATES, draw_size
 from crosscheck.strategies.space_kinds import KINDS
-from crosscheck.strategies.space_plans import ANGLES, UNITS, Array, Plan, Pose, Region, direction, turn
+from crosscheck.strategies.space_plans import Array, Plan, Pose, Region, direction, turn
 from crosscheck.strategies.spans import Binned
 from refkin.joints import GROUND, Screw, SpatialAngleDriver, SpatialDistanceDriver, Universal
 from refkin.joints.spatial_frames import parameters_of
@@ -76,13 +76,13 @@ def _scene(draw: DrawFn, plan: Plan, law: Law, size: float, times: tuple[float, 
     place, apart = np.eye(3), np.zeros(3)
     if draw(st.booleans(), label="somewhere else"):
         place = turn(direction(draw, "axis of the place"), draw(ANGLES, label="turn of the place"))
-        apart = 10.0 * np.array([draw(UNITS, label="origin") for _ in range(3)])
+        apart = 10.0 * np.array([draw(COORDINATES, label="origin") for _ in range(3)])
     frames = {GROUND: (np.zeros(3), np.eye(3))}
     other = draw(st.booleans(), label="other frames")
     for body, (r, a) in plan.bodies.items():
         if other:
             a = a @ turn(direction(draw, f"axis of {body}"), draw(ANGLES, label=f"turn of {body}"))
-            r = r + np.array([draw(UNITS, label=f"frame of {body}") for _ in range(3)])
+            r = r + np.array([draw(COORDINATES, label=f"frame of {body}") for _ in range(3)])
         frames[body] = (size * (apart + place @ r), place @ a)
     pose = _Scaled(frames, place=place, apart=apart, size=size)
     plan.joints(pose)

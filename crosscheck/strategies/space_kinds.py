@@ -11,11 +11,10 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
+from crosscheck.strategies.linkages import ANGLES, COORDINATES, draw_power_of_ten
 from crosscheck.strategies.space_plans import (
-    ANGLES,
     GRID,
     ROOM,
-    UNITS,
     Array,
     Circle,
     Plan,
@@ -25,7 +24,6 @@ from crosscheck.strategies.space_plans import (
     Z,
     coupler_frame,
     crank,
-    decade,
     direction,
     drawn_coupler,
     drawn_rocker,
@@ -82,7 +80,7 @@ def _rssr(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
 
 def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
     axis, whole = joint_frame(direction(draw, "axis of the slide") + 0.125 * X, None), rod_is_a_body(draw)
-    foot = np.array([draw(UNITS, label="offset of the slide") for _ in range(3)])
+    foot = np.array([draw(COORDINATES, label="offset of the slide") for _ in range(3)])
 
     def away(points: Array) -> Array:
         w = (points - foot) @ axis
@@ -91,7 +89,7 @@ def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
     span = drawn_span(draw)
     least = float(np.max(away(crank(np.linspace(*span, GRID)))))
     if region is Region.LIMIT:
-        near = decade(draw, decades)
+        near = draw_power_of_ten(draw, decades, "decade")
         span = (
             span[0],
             span[0] + (span[1] - span[0]) * int(np.argmax(away(crank(np.linspace(*span, GRID))))) / GRID * 0.8,
@@ -125,7 +123,7 @@ def _rssp(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float
 def _bennett(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
     alpha = draw(st.floats(0.25, 0.75), label="first twist")
     if region is Region.ALIKE:
-        beta = alpha + decade(draw, NEARLY_ALIKE)
+        beta = alpha + draw_power_of_ten(draw, NEARLY_ALIKE, "decade")
     else:
         beta = draw(st.floats(1.0, 1.5), label="second twist")
     b, span = math.sin(beta) / math.sin(alpha), drawn_span(draw)
@@ -156,7 +154,9 @@ def _bennett(draw: DrawFn, region: Region, sign: float, decades: tuple[float, fl
 def _hooke(draw: DrawFn, region: Region, sign: float, decades: tuple[float, float]) -> Plan:
     """One Hooke joint between two shafts that cross: two rows more than are independent."""
     near = (
-        decade(draw, decades) if region is Region.GIMBAL else draw(st.floats(0.25, 1.5), label="angle off a right one")
+        draw_power_of_ten(draw, decades, "decade")
+        if region is Region.GIMBAL
+        else draw(st.floats(0.25, 1.5), label="angle off a right one")
     )
     bend = sign * (math.pi / 2 - near)
     n, span = np.array([0.0, math.sin(bend), math.cos(bend)]), drawn_span(draw)
@@ -207,9 +207,9 @@ def _screw(draw: DrawFn, region: Region, sign: float, decades: tuple[float, floa
     """A nut on a screw, and a slider that a rod ties to it."""
     pitch, span = draw(st.floats(0.03125, 0.25), label="pitch"), drawn_span(draw)
     axis = joint_frame(direction(draw, "axis of the slide"), None)
-    foot = np.array([draw(UNITS, label="offset of the slide") for _ in range(3)])
+    foot = np.array([draw(COORDINATES, label="offset of the slide") for _ in range(3)])
     angles = np.linspace(*span, GRID)
-    shift = draw(UNITS, label="shift of the screw")
+    shift = draw(COORDINATES, label="shift of the screw")
     w = (crank(angles) + np.outer(pitch * angles + shift, Z) - foot) @ axis
     away = np.hypot(w[:, 0], w[:, 1])
     length = float(np.max(away)) + draw(st.floats(0.25, 2.0), label="room of the rod")

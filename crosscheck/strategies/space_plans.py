@@ -16,6 +16,7 @@ import numpy as np
 from hypothesis import strategies as st
 from hypothesis.strategies import DrawFn
 
+from crosscheck.strategies.linkages import ANGLES, COORDINATES, draw_power_of_ten
 from refkin.joints import SpatialDistance, Spherical
 from refkin.joints.spatial_frames import frame
 from refkin.model import Member
@@ -88,21 +89,14 @@ def turn(axis: Array, angle: float) -> Array:
     return f @ np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]]) @ f.T
 
 
-UNITS = st.floats(-1.0, 1.0, allow_subnormal=False)
-ANGLES = st.just(0.0) | st.floats(-math.pi, math.pi)
 SENSES = st.sampled_from((1.0, -1.0))
 
 
 def direction(draw: DrawFn, label: str) -> Array:
     """Draw a unit vector: the z axis, or any."""
-    z, angle = draw(st.just(1.0) | UNITS, label=f"{label}, height"), draw(ANGLES, label=f"{label}, angle")
+    z, angle = draw(st.just(1.0) | COORDINATES, label=f"{label}, height"), draw(ANGLES, label=f"{label}, angle")
     flat = math.sqrt(1.0 - z * z)
     return np.array([flat * math.cos(angle), flat * math.sin(angle), z])
-
-
-def decade(draw: DrawFn, decades: tuple[float, float]) -> float:
-    """Return 10^-k, k between two decades."""
-    return math.pow(10.0, -draw(st.floats(*decades), label="decade"))
 
 
 @dataclass
@@ -171,7 +165,7 @@ def drawn_coupler(
     regular = Region.REGULAR if region in (Region.LIMIT, Region.FOLD) else region
     first, last = drawn_span(draw)
     part = draw(st.floats(0.2, 0.8), label="part of the room")
-    near = decade(draw, decades) if region in (Region.LIMIT, Region.FOLD) else 0.0
+    near = draw_power_of_ten(draw, decades, "decade") if region in (Region.LIMIT, Region.FOLD) else 0.0
     if region is Region.FOLD:
         first, last = _around_least(first, last, reach)
     while True:
@@ -222,11 +216,13 @@ def drawn_rocker(draw: DrawFn, region: Region, decades: tuple[float, float]) -> 
         )
         axis, radius = Z + 0.125 * direction(draw, "axis of the rocker"), draw(st.floats(1.0, 1.5), label="rocker")
     elif region is Region.PLANAR:
-        tilt = decade(draw, decades)
-        centre = np.array([draw(st.floats(1.5, 4.0), label="ground"), 0.0, tilt * draw(UNITS, label="rise")])
+        tilt = draw_power_of_ten(draw, decades, "decade")
+        centre = np.array([draw(st.floats(1.5, 4.0), label="ground"), 0.0, tilt * draw(COORDINATES, label="rise")])
         axis, radius = Z + tilt * direction(draw, "tilt of the rocker"), draw(st.floats(1.0, 3.0), label="rocker")
     else:
-        centre = np.array([draw(st.floats(1.25, 4.0), label="ground"), *(draw(UNITS, label="rise") for _ in range(2))])
+        centre = np.array(
+            [draw(st.floats(1.25, 4.0), label="ground"), *(draw(COORDINATES, label="rise") for _ in range(2))]
+        )
         axis, radius = direction(draw, "axis of the rocker"), draw(st.floats(0.75, 3.0), label="rocker")
     return Circle(centre, joint_frame(axis, None), radius)
 

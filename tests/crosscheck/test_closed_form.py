@@ -105,9 +105,7 @@ def test_the_radius_holds_what_twice_the_bits_find(data, build):
     scene = data.draw(drawings(build)).scene(times=(0.0,))
     result, finer = truth(scene), truth(scene, bits=400)
     assume(result.motion.verdict is Status.OK)
-    for level, radius, exact in zip(
-        result.motion.levels, (result.radius_q, result.radius_qd, result.radius_qdd), finer.balls, strict=True
-    ):
+    for level, radius, exact in zip(result.motion.levels, result.radii, finer.balls, strict=True):
         with ctx.workprec(400):
             inside = [abs(arb(x) - y) <= arb(r) for x, y, r in zip(level.flat, exact.flat, radius.flat, strict=True)]
         assert all(inside)
@@ -121,6 +119,6 @@ def test_the_order_of_bodies_and_joints_does_not_matter(data, build):
     turned = replace(scene, mechanism=Mechanism(m.bodies[::-1], m.joints[::-1], m.drivers))
     one, two = truth(scene), truth(turned)
     assume(one.motion.verdict is Status.OK)
-    radius = np.fmax(one.radius_q, two.radius_q.reshape(-1, 3)[::-1].reshape(-1, 1))
+    radius = np.fmax(one.radii[0], two.radii[0].reshape(-1, 3)[::-1].reshape(-1, 1))
 
     assert np.all(abs(one.motion.q - two.motion.q.reshape(-1, 3)[::-1].reshape(-1, 1)) <= 2 * radius)

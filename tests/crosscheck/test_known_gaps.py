@@ -196,10 +196,3 @@ def test_a_record_says_how_small_sigma_is_against_the_steps_beside_it():
         ratios.append(min(motion.sigma_min[k], motion.sigma_min[k + 1]) / max(change))
 
     assert check(scene, []).reference.sigma_per_step == pytest.approx(min(ratios), rel=1e-12, abs=0.0)
-
-
-def test_a_gap_is_told_by_its_row():
-    (gap,) = read(ROW)
-
-    assert isinstance(gap, KnownGap)
-    assert (gap.engine, gap.match, gap.kind_of_gap) == ("exudyn", {"method": "shipped"}, "our misuse")

@@ -57,6 +57,8 @@ EXPRESSED = (
 )
 """The elements that it has."""
 
+BITS = 113
+"""Precision of the balls at first."""
 DOUBLINGS = 2
 """How often the precision of the balls is doubled where they decide nothing, or less than a double holds."""
 
@@ -107,14 +109,14 @@ CHOICE = 3.0
 
 @dataclass(frozen=True, kw_only=True)
 class TrueMotion:
-    """A motion with proven radii: |motion.q - exact| <= radius_q, entry by entry, rounding to float included.
+    """A motion with proven radii: |motion.q - exact| <= radii[0], entry by entry, rounding to float included.
 
     Attributes
     ----------
     motion : Motion
         The midpoints, rounded.
-    radius_q, radius_qd, radius_qdd : (n, T) array
-        In the units of the entries (m, rad and their rates); NaN where there is no answer.
+    radii : list of (n, T) array
+        Of each level, in the units of its entries; NaN where there is no answer.
     balls : tuple of (n, T) object array
         The enclosures themselves, unrounded: q, qd, qdd as `flint.arb` (the int 0 for the derivative of a constant).
     bits : int
@@ -122,9 +124,7 @@ class TrueMotion:
     """
 
     motion: Motion
-    radius_q: Array
-    radius_qd: Array
-    radius_qdd: Array
+    radii: list[Array]
     balls: tuple[Any, Any, Any]
     bits: int
 
@@ -133,29 +133,16 @@ CAPABILITIES: Capabilities = {key: {**dict.fromkeys(Level, NO_ROWS), Level.SOLVE
 
 
 class ClosedForm(Adapter):
-    """Closed forms in float64 (method "float") or in `flint.arb` balls of at least `bits` bits (method "arb").
+    """Closed forms in float64 (method "float"), or in `flint.arb` balls (method "arb").
 
-    Parameters
-    ----------
-    bits : int, optional
-        Precision of the balls. If given, "arb" is the default route; else it is "float", and "arb" uses 113.
+    `solve` knows both; "float" alone is compared: a night needs no second truth beside the certificates.
     """
 
     name = "closed_form"
     table = CAPABILITIES
 
-    def __init__(self, bits: int | None = None) -> None:
-        if bits is not None and bits < 64:
-            raise EngineError(f"closed_form: bits: expected at least 64, got {bits}")
-        self.bits = 113 if bits is None else bits
-        self._balls_first = bits is not None
-
     def routes(self) -> Sequence[Route]:
-        """Return the routes that are compared: "float", or with `bits` given "arb" before it.
-
-        `solve` knows both in either case; a night needs no second truth beside the certificates.
-        """
-        return [_route("arb"), _route("float")] if self._balls_first else [_route("float")]
+        return [_route("float")]
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of the jets that carry rates through the closed form, and of frames in space."""
@@ -176,18 +163,18 @@ class ClosedForm(Adapter):
                 raise EngineRefusal(
                     f"closed_form refuses method {route.name!r} in space: balls decide its statuses alone"
                 )
-            return space_closed(scene, Producer(name=self.name, version=self.version(), route=route), self.bits)
+            return space_closed(scene, Producer(name=self.name, version=self.version(), route=route), BITS)
         if route.name == "arb":
-            return truth(scene, self.bits).motion
+            return truth(scene).motion
         if route.name != "float":
             raise EngineError(f"closed_form has no method {route.name!r}; there are: 'float', 'arb'")
         _refuse(scene)
         with np.errstate(all="ignore"):  # NaN and inf become statuses
             motion = _motion(_floats(scene), _route("float"))[0]
-        return _proved(motion, scene, self.bits) if Status.UNASSEMBLABLE in motion.status else motion
+        return _proved(motion, scene) if Status.UNASSEMBLABLE in motion.status else motion
 
 
-def truth(scene: Scene, bits: int = 113) -> TrueMotion:
+def truth(scene: Scene, bits: int = BITS) -> TrueMotion:
     """Return a scene's motion in balls of at least `bits` bits: midpoints rounded, and proven radii.
 
     The precision is doubled, at most twice, if the balls leave open whether a dyad closes or are wider than doubles.
@@ -209,22 +196,15 @@ def truth(scene: Scene, bits: int = 113) -> TrueMotion:
             break
     with ctx.workprec(bits << doubling):
         q, qd, qdd = (_numbers(_jets(solution), part, len(scene.times)) for part in ("v", "d", "a"))
-    return TrueMotion(
-        motion=motion,
-        radius_q=radii[0],
-        radius_qd=radii[1],
-        radius_qdd=radii[2],
-        balls=(q, qd, qdd),
-        bits=bits << doubling,
-    )
+    return TrueMotion(motion=motion, radii=radii, balls=(q, qd, qdd), bits=bits << doubling)
 
 
-def _proved(motion: Motion, scene: Scene, bits: int) -> Motion:
+def _proved(motion: Motion, scene: Scene) -> Motion:
     """Return a float motion that says "unassemblable" only where balls prove it, else "not converged".
 
     A dyad behind a nearly singular one may have lost half of its digits: then its negative slack proves nothing.
     """
-    proof = truth(scene, bits).motion
+    proof = truth(scene).motion
     lost = [
         mine is Status.UNASSEMBLABLE and proved is not mine
         for mine, proved in zip(motion.status, proof.status, strict=True)
