@@ -15,7 +15,6 @@ from crosscheck.engines import vector_loop
 from crosscheck.engines.march import connected
 from crosscheck.engines.vector_loop.vectors import Variable, Vector
 from refkin.differences import Scheme, jacobian
-from refkin.motion import Status
 from refkin.motion_laws import Polynomial, Sinusoid
 from refkin.newton import newton
 from tests.claims import U, assert_near
@@ -182,20 +181,6 @@ def test_poses_close_in_either_form():
     beyond = vector_loop.minimise(loops.rapier("R2", math.radians(160.0)), start)
     assert beyond.status is vector_loop.MinimumStatus.STALLED, f"beyond the limit: {beyond.status}"
     assert beyond.gap > 1.0, f"beyond the limit: {beyond.status}"
-
-
-def test_a_march_ends_where_the_branch_does():
-    """A crank that turns fully is followed around; one that is led over its limit is followed there, and no further."""
-    turn = Polynomial(coefficients=(0.0, 1.0))
-    whole = vector_loop.march(
-        loops.four_bar(4.0, 1.0, 3.5, 1.55, turn), np.linspace(0.0, math.tau, 5).tolist(), [0.6, 1.9]
-    )
-    assert whole.reached == 5, f"{whole.reached} of 5 times"
-    assert_near(whole.q[:, -1] % math.tau, whole.q[:, 0] % math.tau, 1e-12, "back at the start")
-    swing = vector_loop.march(loops.four_bar(0.9, 0.3, 0.6, 0.45, turn), [0.0, 1.5, 1.95, 1.96, 2.5], [0.6, 1.9])
-    assert swing.reached == 3, f"{swing.reached} times reached, of which 3 lie before the limit 1.9552"
-    assert swing.status[3] is Status.NOT_CONVERGED, "a pose beyond the limit"
-    assert np.isnan(swing.q[:, 3:]).all(), "a pose beyond the limit"
 
 
 def test_new_estimates_are_taken_where_the_slope_vanishes():
