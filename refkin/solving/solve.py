@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cache
 from typing import Any
 
@@ -70,7 +70,8 @@ def _positions(
 ) -> tuple[Any, list[Status], str]:
     """Return the poses that were reached (NaN elsewhere), a first status per time, and a message.
 
-    What is lost with poses ahead, which only save time, is tried without, unless it is proved that there is no pose.
+    What is lost with poses ahead, which only save time, is tried without, unless it is proved that there is no pose, or
+    a step passed every test and is not proved: it would be taken again.
     """
     count = len(scene.times)
     start = find_start(system, scene)
@@ -83,8 +84,9 @@ def _positions(
         sweep = Sweep(frames.inner, [scene.times[0]], [first], proving=proving, certified=certified, hopeless=hopeless)
         leaps = Leaps(sweep, scene.times if ahead else ())
         q, done, why, rest = _swept(sweep, scene.times, leaps)
-        step = _first_unproved(sweep, scene)
-        if leaps.ahead is None or (step is None and (done == count or hopeless(scene.times[done]))):
+        step = _first_unproved(sweep, scene.times[:done])
+        lost = done < count and not hopeless(scene.times[done]) if step is None else step in sweep.uncertified
+        if leaps.ahead is None or not lost:
             break
     q = np.stack([frames.outward(pose) for pose in q.T], axis=-1) if frames.shifts.any() else q
     if step is not None:
@@ -98,17 +100,18 @@ def _positions(
     return q, status, "; ".join(filter(None, (start.message, why)))
 
 
-def _first_unproved(sweep: Sweep, scene: Scene) -> int | None:
-    """Return the first step of a sweep that needs a proof and has none; None if all have one."""
+def _first_unproved(sweep: Sweep, times: Sequence[float]) -> int | None:
+    """Return the first step of a sweep that needs a proof and has none; None if all have one.
+
+    Steps that lead to none of the times that it has reached, or to none before branches cross, need none.
+    """
     steps = sweep.unproved
     if not steps:
         return None
     full, t, q = sweep.full, np.array(sweep.t), np.array(sweep.q).T
     crossed = step_over_crossing(full, t, q, sweep.uncertified)
-    if crossed is not None:  # steps that lead to none of the times before it need no proof
-        last = max(time for time in scene.times if time <= t[crossed])
-        steps = [k for k in steps if t[k] < last]
-    step = sweep.first_unproved(steps)
+    last = max(time for time in times if crossed is None or time <= t[crossed])
+    step = sweep.first_unproved([k for k in steps if t[k] < last])
     return crossed if step is None else step
 
 

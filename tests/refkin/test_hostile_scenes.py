@@ -216,6 +216,25 @@ def test_where_t_has_no_digits_left_no_singular_pose_is_blamed(certified):
     assert "t has no more digits" in motion.message
 
 
+def test_a_step_that_passed_every_test_and_is_not_proved_is_tried_once(monkeypatch):
+    together = scene("laws-turn-back-together.toml")
+    often = replace(together, times=tuple(np.linspace(*np.array(together.times)[[0, 2]], 12)))
+    asked = []
+    monkeypatch.setattr("refkin.solving.sweep.first_unproved", lambda _, t, q, between, steps: asked.append(1) or steps[3])
+
+    assert refkin.solve(often).verdict is LOST
+    assert asked == [1]
+
+
+def test_steps_that_lead_to_no_time_before_the_branch_ends_are_not_proved(monkeypatch):
+    """From the only time that is reached they lead to the limit."""
+    monkeypatch.setattr("refkin.solving.sweep.first_unproved", lambda *_: pytest.fail("proved"))
+    motion = refkin.solve(scene("fast-table-pulse.toml"), certified=True)
+
+    assert motion.status == (OK, LOST, LOST)
+    assert "the branch ends at a singular pose" in motion.message
+
+
 def test_the_reference_takes_times_a_denormal_number_apart_too():
     assert statuses(refkin.solve(scene("fast-denormal-times.toml"))) == "oooo"
 
