@@ -24,7 +24,7 @@ from refkin.joints.spatial_vectors import Quaternion, SpatialValues, Vec3
 from refkin.model import Evidence, Scene
 from refkin.motion import CertifiedRadius, Motion, Producer, Route, Seeding, Status, __version__, no_radius, nowhere
 from refkin.newton import ROUND_OFF, is_round_off
-from refkin.proof.numbers.inputs import half_ulp
+from refkin.proof.numbers.inputs import half_ulp, has_digits
 from refkin.proof.numbers.symbols import passive_of
 from refkin.proof.pose.choices import isolate_every_choice
 from refkin.proof.pose.isolate import FLOAT64
@@ -155,6 +155,8 @@ def _evidence(
     count = len(t)
     sigma_min, condition = nowhere(count), nowhere(count)
     proved = Evidence.CERTIFICATE in scene.evidence
+    if not proved and not has_digits(levels[0]).all():
+        return None
     asked = Evidence.CONDITION in scene.evidence
     near = np.arange(count) if asked else np.flatnonzero(~(pivot > CLEAR))
     if near.size and (asked or not proved):

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from refkin.analysis import ROUTE, SINGULAR, acceleration, motion_of, velocity
+from refkin.analysis import ROUTE, SINGULAR, acceleration, motion_of, sigma_min, velocity
 from refkin.differences import EPS
 from refkin.joints import polar_cams
 from refkin.model import Effect, Evidence, Scene
@@ -17,7 +17,7 @@ from refkin.newton import is_round_off
 from refkin.output.scene_motion import SceneMotion
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.search import Assemblies
-from refkin.proof.numbers.inputs import output_rounding
+from refkin.proof.numbers.inputs import HALF_ULP, has_digits, input_effect, output_rounding
 from refkin.proof.numbers.recentred import recentred
 from refkin.proof.path.branch import step_over_crossing
 from refkin.proof.path.curve import MISSING
@@ -33,6 +33,8 @@ from refkin.solving.sweep import Arrival, Sweep
 from refkin.solving.written import Written
 from refkin.system import System, compile_system
 
+CLEARLY = 1 / 8
+"""How far numbers may move phi for its root to be told from others nearby, in units of sigma_min, by and large."""
 AT_END = 1e-6
 """Distance [rad] from the end of a profile that a sweep, which halves its steps, certainly comes below."""
 MOST_SEARCHES = 4
@@ -175,14 +177,14 @@ class _Answer:
         # Redundant rows that contradict each other leave a residual at a regular pose, or none but in the rates: proof
         # decides there.
         redundant = self.system.m > self.system.n and bool(self.system.effects)
-        ok = np.where(proved or redundant, False, self._closed(samples) & regular)
+        told = regular & has_digits(self.q[:, samples])
+        ok = np.where(proved or redundant, False, self._closed(samples) & told)
         for group in (~ok & solvable, ~ok & ~solvable):
             ok[group] = self._prove(samples[group])
         closed = self._closed(samples)
         for k, isolated, closes in zip(samples, ok, closed, strict=True):
-            if self.status[k] is Status.OK:
-                open_ = Status.SINGULAR if closes else Status.NOT_CONVERGED
-                self.status[k] = Status.OK if isolated else open_
+            if self.status[k] is Status.OK and not isolated:
+                self.status[k] = Status.SINGULAR if closes and self._has_digits(k) else Status.NOT_CONVERGED
         for k in samples[1:]:  # no pose counts as one of the branch after one that is not
             if self.status[k] is Status.OK and self.status[k - 1] is not Status.OK:
                 self.status[k] = Status.BRANCH_LOST
@@ -190,6 +192,15 @@ class _Answer:
         for k in samples:
             if self.status[k] not in (Status.OK, Status.LOCKED):
                 self._withhold(k, 0)
+
+    def _has_digits(self, k: int) -> bool:
+        """Return whether rounding of the scene's numbers moves phi by less than tells poses apart; note where not."""
+        q, t = self.q[:, [k]], self.t[[k]]
+        moved = float(np.max(input_effect(self.system, q, t, HALF_ULP)))
+        if moved <= max(SINGULAR, CLEARLY * sigma_min(self.system.held_at(q).phi_q(q, t)[..., 0])):
+            return True
+        self.messages.append(f"laws have no digits at t = {self.t[k]:.17g}: the last ones move phi by {moved:.3g}")
+        return False
 
     def _withhold(self, k: int, order: int) -> None:
         """Give no rates of this order or beyond at a time, and no radii from this order on."""

@@ -197,11 +197,13 @@ class Sweep(Steps):
     def _stopped(self, target: float) -> Arrival:
         """Say what the sweep stopped at: a singular pose, the last digit of t, or neither of them.
 
-        Before a limit sigma_min is about the root of what the laws are short of it.
+        Before a limit sigma_min is about the root of what the laws are short of it. Where a law turns back it stands
+        still: how fast it goes is asked at the pose before, too.
         """
         q, t = self.q[-1], self.t[-1]
         sigma = sigma_min(self.system.phi_q(q, t))
-        law = self._smallest(target) * float(np.max(np.abs(self.full.nu(q, t))))
+        rates = [self.full.nu(*pose) for pose in zip(self.q[-2:], self.t[-2:], strict=True)]
+        law = self._smallest(target) * float(np.max(np.abs(rates)))
         if self.singular or sigma <= min(BEFORE * max(law, EPS) ** 0.5, CLEAR):
             self.why = f"the branch ends at a singular pose after t = {t:.17g}"
         elif law > TINY:

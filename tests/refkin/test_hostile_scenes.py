@@ -10,7 +10,7 @@ import pytest
 
 import refkin
 from refkin import AngleDriver, Body, Mechanism, Revolute, Scene, compile_system, fast
-from refkin.motion_laws import Polynomial, Sinusoid
+from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.proof.path.blocks import dips
 
 CORPUS = Path(__file__).parents[1] / "corpus"
@@ -214,6 +214,27 @@ def test_where_t_has_no_digits_left_no_singular_pose_is_blamed(certified):
 
     assert motion.status == (OK, refkin.Status.NOT_CONVERGED, refkin.Status.NOT_CONVERGED)
     assert "t has no more digits" in motion.message
+
+
+def test_where_a_law_turns_back_and_t_has_no_digits_left_the_branch_is_not_blamed():
+    t = (2.308e-4, 2.236e-4, 3.707e-4, 5.307e-4, 9.414e-4, 9.344e-4)
+    first, *argument, last = (1e9 + after for after in t)
+    law = Table(argument=tuple(argument), value=(-3.0225165, -2.8989689, -2.5734628, -2.7694688))
+    rocker = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    motion = refkin.solve(rocker.scene(law=law, times=(first, last)))
+
+    assert motion.status == (OK, refkin.Status.NOT_CONVERGED)
+    assert "t has no more digits" in motion.message
+
+
+@pytest.mark.parametrize("law", [(0.3, 1e16), (2e17, -1e17, 0.5)])
+@pytest.mark.parametrize("evidence", [frozenset(), frozenset(refkin.Evidence)], ids=["unproved", "proved"])
+def test_an_angle_without_digits_is_no_answer_and_no_singular_pose(law, evidence):
+    rocker = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    far = replace(rocker.scene(law=Polynomial(coefficients=law), times=(1.0,)), evidence=evidence)
+
+    assert refkin.solve(far).verdict is refkin.Status.NOT_CONVERGED
+    assert fast.attempt(far) is None
 
 
 def test_a_step_that_passed_every_test_and_is_not_proved_is_tried_once(monkeypatch):

@@ -86,6 +86,10 @@ SAID = {
         moved("time-resolution", FAST),
         moved("time-resolution", SLOW, times=(0.0, 3e-7, 6e-7)),
     ),
+    "laws have no digits at t = {}: the last ones move phi by {}": (
+        ROCKER.scene(law=Polynomial(coefficients=(0.3, 1e16)), times=(1.0,)),
+        ROCKER.scene(law=Polynomial(coefficients=(0.3, 1e14)), times=(1.0,)),
+    ),
     "the pose at t = {} is singular: how the branch goes on is not decided": (
         parallelogram(0.0, 0.5, 0.6),
         parallelogram(0.0, 0.4),

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.analysis import SINGULAR
 from refkin.proof.numbers.bounded import UP, InputError, Times, U, bounded_system, box, product, read
 from refkin.proof.numbers.preconditioned import Nearly, Preconditioned
 from refkin.system import System
@@ -14,6 +15,11 @@ HALF_ULP = InputError(U)
 """What one rounding leaves of a number."""
 A_FEW_ROUNDINGS = InputError(2.0**-50, least=1.0)
 """Eight half-ulps of a number, at least of the size: what is left of one that was computed before it was written."""
+
+
+def has_digits(q: Any) -> Any:
+    """Return at which poses (n, B) rounding of the coordinates themselves is too little to be asked about, (B,)."""
+    return U * np.max(np.abs(q), axis=0) <= SINGULAR
 
 
 def half_ulp(system: System, q: Any, order: int = 0) -> Any:
