@@ -241,7 +241,9 @@ def test_a_step_that_passed_every_test_and_is_not_proved_is_tried_once(monkeypat
     together = scene("laws-turn-back-together.toml")
     often = replace(together, times=tuple(np.linspace(*np.array(together.times)[[0, 2]], 12)))
     asked = []
-    monkeypatch.setattr("refkin.solving.sweep.first_unproved", lambda _, t, q, between, steps: asked.append(1) or steps[3])
+    monkeypatch.setattr(
+        "refkin.solving.sweep.first_unproved", lambda _, t, q, between, steps: asked.append(1) or steps[3]
+    )
 
     assert refkin.solve(often).verdict is LOST
     assert asked == [1]

@@ -356,7 +356,7 @@ def test_a_step_to_the_other_branch_is_a_gap_if_it_is_asked_for(certified, uncer
     sweep, scene = stepped(ROCKER, ("open", "open", "crossed"), (0.0, 0.1, 0.2))
     sweep.uncertified[:], sweep.certified = uncertified, certified
 
-    assert _first_unproved(sweep, scene.times) == step
+    assert _first_unproved(sweep, scene.times) == gap
 
 
 @pytest.mark.parametrize(
@@ -372,7 +372,7 @@ def test_beside_a_crossing_only_steps_to_the_times_before_it_need_a_proof(branch
     sweep, _ = stepped(PARALLELOGRAM, branches, (0.0, 1.0, 2.0, 3.0))
     sweep.uncertified[:], sweep.certified = [2], True
 
-    assert _first_unproved(sweep, times) == step
+    assert _first_unproved(sweep, times) == gap
 
 
 def test_the_worse_of_two_bounds_widens_a_tube():
