@@ -121,7 +121,7 @@ class System:
         out = np.array(q, np.result_type(np.asarray(q), float), copy=copy)
         for k, shift in enumerate(self.unit.origin):
             at = slice(k, self.of_bodies, self.kind.width)
-            out[at] = out[at] * self.unit.size + (shift if shift and not order else -0.0)  # which leaves 0.0 and -0.0
+            out[at] = out[at] * self.unit.size + (-0.0 if order or not np.any(shift) else shift)  # -0.0 changes no bit
         return out
 
     def _values(self, q: Any, qd: Any = None) -> dict[int | None, Any]:

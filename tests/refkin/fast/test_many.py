@@ -538,6 +538,19 @@ def test_radii_of_many_are_those_of_a_sweep():
             assert np.all((0.25 * theirs < ours) & (ours < 4 * theirs))
 
 
+@pytest.mark.parametrize("far", [0.0, 1e6])
+def test_radii_of_many_far_from_their_origin_count_the_way_back(far):
+    lengths = grashof(4, margin=0.1)
+    ends, first = geometry(lengths), estimates(lengths)
+    for name in ("A0", "B0"):
+        ends[name]["point_i"] = (far + (lengths[0] if name == "B0" else 0.0 * lengths[0]), 0.0)
+    away = np.array([[far], [0.0], [0.0]])
+    many = solve_many(proving(3), ends, {body: rows + away for body, rows in first.items()})
+
+    assert many.ok.all()
+    assert np.all((many.radii[0] > 1e-12) == (far > 0.0))
+
+
 def test_bad_samples_have_no_radius_and_spoil_no_other():
     lengths = grashof(50, margin=0.02)
     good = solve_many(proving(), geometry(lengths), estimates(lengths)).radii
