@@ -11,7 +11,7 @@ import pytest
 import refkin
 from refkin import Body, FourBar, Polynomial, Revolute, SliderCrank, XDriver, YDriver, compile_system
 from refkin.proof.path.curve import Curve
-from refkin.proof.path.tracing import TraceEnd, Tracer
+from refkin.proof.path.tracing import FIRST_STEP, TraceEnd, Tracer
 from refkin.scenes.linkages import RSSP
 from refkin.solving.follow import Bifurcation, Tangent, TurningPoint, driven_by, straight_on
 
@@ -192,6 +192,8 @@ def test_from_a_change_point_each_branch_can_be_followed_in_both_directions(whic
     assert path.t[-1] == np.pi + np.sign(chosen.t)
     assert (np.max(away) < 1e-12) == parallel
     assert np.all((np.diff(path.t) > 0) == (chosen.t > 0))
+    unit = np.tile([PARALLELOGRAM.scene().mechanism.size()] * 2 + [1.0], 3)
+    assert np.linalg.norm((path.q[:, 1] - path.q[:, 0]) / unit) <= 1.01 * FIRST_STEP
 
 
 def test_straight_on_through_change_points_a_parallelogram_stays_one():

@@ -98,6 +98,10 @@ def test_a_complex_argument_moves_a_table_along_its_slope():
         assert_near([moved.real, moved.imag / STEP], [law.integral(0.83), law(0.83)], ROUNDING, f"integral of {law}")
 
 
+def test_a_table_that_is_zero_has_an_integral_there_all_the_same():
+    assert Table(argument=(-1.0, 0.0, 1.0), value=(-1.0, 0.0, 1.0)).integral(0.0) == 0.0
+
+
 def test_tables_pass_through_their_values():
     """A table has its values at its arguments, bends without a kink there, and has none beyond its ends."""
     law = Table(argument=KNOTS, value=(0.0, 0.4, 0.1, 1.0, 0.7))

@@ -29,8 +29,10 @@ from refkin import (
     compile_system,
 )
 from refkin.newton import NewtonResult, NewtonStatus
+from refkin.proof.numbers.extrema import extrema
 from refkin.proof.path.blocks import diagonal_blocks
 from refkin.proof.path.branch import Piece, _linked, first_unproved
+from refkin.solving import passages
 from refkin.solving.solve import _first_unproved
 from refkin.solving.steps import Steps
 from refkin.solving.sweep import Arrival, Sweep, pose_between
@@ -88,11 +90,14 @@ def test_a_step_that_meets_every_condition_is_taken():
     assert sweep._on_branch(newton_result(q, q + 1e-3, [1e-3, 1e-5]), 0.2)
 
 
-@pytest.mark.parametrize(("off", "second"), [(1e-3, 2e-4), (0.05, 1e-4)], ids=["second correction", "prediction"])
-def test_a_step_far_from_its_prediction_or_with_a_second_correction_that_is_not_small_is_not_taken(off, second):
-    sweep, q = swept_to(0.2)
+@pytest.mark.parametrize(
+    ("off", "second", "t"), [(1e-3, 2e-4, 0.2), (0.05, 1e-4, 0.2), (2e-3, 1e-6, 0.101)],
+    ids=["second correction", "prediction", "prediction of a short step"],
+)  # fmt: skip
+def test_a_step_far_from_its_prediction_or_with_a_second_correction_that_is_not_small_is_not_taken(off, second, t):
+    sweep, q = swept_to(t)
 
-    assert not sweep._on_branch(newton_result(q, q + off, [off, second]), 0.2)
+    assert not sweep._on_branch(newton_result(q, q + off, [off, second]), t)
 
 
 @pytest.mark.parametrize(("jumps", "said"), [([], [4, 3, 2, 1]), ([1], [4, 3, 2]), ([0, 2], [4, 3])])
@@ -148,6 +153,55 @@ def test_a_pose_next_to_a_singular_one_is_taken_only_on_the_side_of_the_last_pos
     assert steps._at_singular_pose(1 + 2.0**-7 - 100 * 2.0**-52) is taken
     assert len(steps.q) == (2 if taken else 1)
     assert (np.diff([q[6] - np.pi / 24 > 0 for q in steps.q]) == 0).all()
+
+
+def started(law):
+    """A sweep of the rocker mechanism at the first pose of a law."""
+    scene = ROCKER.scene(law=law, times=(0.0,))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    return Sweep(system, [0.0], [system.to_unit(refkin.solve(scene).q[:, 0])])
+
+
+@pytest.mark.parametrize("doubted", ["", "its range", "its ends", "its last pose"])
+def test_a_range_that_is_gone_through_leads_to_a_pose_that_is_beyond_doubt(monkeypatch, doubted):
+    law, right = Sinusoid(amplitude=0.3, angular_frequency=9.0, offset=1.0), passages.position
+    sweep = started(law)
+
+    def beside(*args):
+        result = right(*args)
+        return replace(result, q=result.q + 1e-6)
+
+    if doubted == "its range":
+        monkeypatch.setattr(Sweep, "unproved", [0])
+        monkeypatch.setattr(Sweep, "first_unproved", lambda *_: 0)
+    elif doubted == "its ends":
+        monkeypatch.setattr(passages, "sigma_min", lambda *_: 0.5 * passages.CLEAR)
+    elif doubted == "its last pose":
+        monkeypatch.setattr(passages, "position", beside)
+    pose = passages.over_a_range(sweep, 7.0, extrema(law, 0.0, 7.0))
+
+    assert (pose is None) == bool(doubted)
+
+
+@pytest.mark.parametrize(("turns", "moved", "known"), [(5, 0.0, True), (4, 0.0, False), (5, 0.01, False)])
+def test_a_pose_many_turns_on_is_where_the_wheel_is_and_the_loops_come_back(turns, moved, known):
+    sweep = started(Polynomial(coefficients=(0.5, 1.0)))
+    winding = passages.Winding.of(sweep.system, sweep.q[0], 0.0)
+    winding.closed = math.tau * (np.arange(9) == 2) + moved * (np.arange(9) == 8)
+    pose = winding.wound(sweep.q[0], 5 * math.tau, turns)
+
+    assert (pose is not None) == known
+    assert pose is None or np.max(np.abs(pose - sweep.q[0] - turns * winding.closed)) < 1e-13
+
+
+@pytest.mark.parametrize("proving", [True, False])
+def test_from_a_singular_first_pose_no_step_is_taken(proving):
+    scene = PARALLELOGRAM.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(0.0,))
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    sweep = Sweep(system, [0.0], [system.to_unit(refkin.solve(scene).q[:, 0])], proving=proving)
+
+    assert sweep.to(0.05) is Arrival.STOPPED
+    assert sweep.t == [0.0]
 
 
 def test_from_a_singular_pose_no_step_is_taken():

@@ -15,6 +15,7 @@ from refkin.newton import ROUND_OFF
 
 SCENES = {
     "four_bar": refkin.FourBar(crank=1.0, coupler=3.5, rocker=3.0, ground=4.0).scene(samples=40),
+    "fast four_bar": refkin.FourBar(crank=1.0, coupler=3.5, rocker=3.0, ground=4.0).scene(samples=40, speed=1e6),
     "inverted": refkin.InvertedSliderCrank(crank=1.0, ground=3.0).scene(samples=40),
 }
 
