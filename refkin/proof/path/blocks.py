@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from refkin.joints import SPACE
 from refkin.proof.numbers.preconditioned import independent_rows
 from refkin.system import System
 
@@ -68,7 +69,8 @@ def blocks(system: System, q: Any, t: float, rows: Any) -> Blocks:
         The rows that are solved, of the m.
     """
     elsewhere = np.array(q, float)
-    elsewhere[: system.of_bodies] += np.sqrt(np.arange(2, system.of_bodies + 2))  # no two of them in a simple ratio
+    moved = system.n if system.kind is SPACE else system.of_bodies  # in space the own coordinate of a screw, too
+    elsewhere[:moved] += np.sqrt(np.arange(2, moved + 2))  # no two of them in a simple ratio
     there = system.held_at(elsewhere).phi_q(elsewhere, t + LATER * max(1.0, abs(t)))
     pattern = (system.phi_q(q, t) != 0) | (there != 0)
     return _stacked([(rows[r], c) for r, c in diagonal_blocks(pattern[rows])], system.n)

@@ -232,6 +232,14 @@ def test_a_screw_counts_its_turns():
     assert motion["platform"].zd == pytest.approx([0.1, 0.1], rel=1e-14, abs=0.0)
 
 
+def test_a_screw_whose_turn_is_zero_at_first_is_followed_with_radii_at_all_times():
+    """Its own coordinate hides entries of phi_q there; and rows that serve elsewhere depend on each other."""
+    motion = refkin.solve(ScrewJack(0.8).scene(samples=5))
+
+    assert motion.verdict is Status.OK
+    assert np.max(motion.certified_radius.position) < 1e-14
+
+
 def test_rows_are_chosen_at_each_pose():
     """Those of the first pose are nearly dependent half a turn later: the bound of acceleration was 6e-8 there."""
     motion = turned(EVERY["Bennett"], samples=37)
