@@ -68,7 +68,13 @@ def _over_all_choices(system: System, proof: Isolation, q: Any, t: Any, qd: Any,
     choices = _other_choices(system, proof.rows, q[:, proof.ok], t[proof.ok], most)
     if choices is not None:
         for rows in choices:
-            for bound, of_choice in zip(bounds, _bounds(system, rows, proof.ok, q, t, qd, qdd), strict=True):
+            every = _bounds(system, rows, proof.ok, q, t, qd, qdd)
+            for k in np.flatnonzero(np.isnan(every[0])):
+                chosen = _factors(system, proof.rows, rows, q[:, [k]], t[[k]])[0]
+                if abs(np.linalg.det(chosen)) <= DEPENDENT:  # no choice at this pose
+                    for of_choice in every:
+                        of_choice[k] = 0.0
+            for bound, of_choice in zip(bounds, every, strict=True):
                 np.maximum(bound, of_choice, out=bound)
         lost = np.isnan(bounds[0][proof.ok]).any()
         why = "some choice of redundant rows is nearly singular: no error bound covers it" if lost else ""
@@ -130,8 +136,7 @@ def _other_choices(system: System, rows: Any, q: Any, t: Any, most: int) -> list
     if combinations_of(system) > MOST_COMBINATIONS:
         return None
     some = np.unique(np.linspace(0, q.shape[1] - 1, LOOKED_AT).astype(int))
-    slope = np.moveaxis(system.phi_q(q[:, some], t[some]), -1, 0)
-    factors = np.nan_to_num(slope[:, others] @ inverses(slope[:, rows]))
+    factors = np.nan_to_num(_factors(system, rows, others, q[:, some], t[some]))
     choices = []
     for count in range(1, len(others) + 1):
         for new in combinations(range(len(others)), count):
@@ -141,6 +146,12 @@ def _other_choices(system: System, rows: Any, q: Any, t: Any, most: int) -> list
                     if len(choices) > most:
                         return None
     return choices
+
+
+def _factors(system: System, rows: Any, others: Any, q: Any, t: Any) -> Any:
+    """Return the factors by which other rows of phi_q are sums of n rows, (B, others, n)."""
+    slope = np.moveaxis(system.phi_q(q, t), -1, 0)
+    return slope[:, others] @ inverses(slope[:, rows])
 
 
 def _bounds(system: System, rows: Any, asked: Any, q: Any, t: Any, qd: Any, qdd: Any) -> list[Any]:
