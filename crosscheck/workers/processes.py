@@ -9,6 +9,7 @@ must be importable.
 
 from __future__ import annotations
 
+import gc
 import multiprocessing
 import os
 import signal
@@ -36,6 +37,9 @@ nobody was left to tell how it ended.)"""
 
 MOST_PRINTED = 1 << 14
 """Of what a process prints so many bytes are shown."""
+COLLECTED_AFTER = 10_000
+"""So many objects more than there were make a child look for those that nobody needs. After 700, as Python has it, a
+thirtieth of a night went into looking: what a scene makes is needed for long."""
 THREADS = [
     f"{name}_THREADS" for name in ("OMP_NUM", "OPENBLAS_NUM", "MKL_NUM", "BLIS_NUM", "NUMEXPR_NUM", "VECLIB_MAXIMUM")
 ]
@@ -143,6 +147,7 @@ class Child:
 
 def serve(function: Callable[[Any], Any], prepare: Callable[[Any], None] | None, pipe: Any) -> None:
     """Call a function with what comes through a pipe until its other end is closed; this is what a child does."""
+    gc.set_threshold(COLLECTED_AFTER)
     with suppress(EOFError, OSError):  # the parent is gone: there is nobody left to tell
         while True:
             arguments, seconds = pipe.recv()

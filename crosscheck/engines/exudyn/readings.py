@@ -56,14 +56,10 @@ class Readings:
 
     def vector(self, kind: Any, body: str, point: Pair) -> Callable[[Table], Any]:
         """Return what finds exudyn's position, velocity or acceleration of a point in a table."""
-        x, y, _ = self.local(body, point)
-        there = complex(x, y)
         if body == GROUND:
-            fixed = there if kind == OUT.Position else 0j
+            x, y, _ = self.local(body, point)
+            fixed = complex(x, y) if kind == OUT.Position else 0j
             return lambda table: fixed
-        if kind == ACCELERATION:  # at qdd = 0 it turns and grows with the point: one call is enough for a body
-            k = self._ask(kind, body, (self.unit.size, 0.0))
-            return lambda table: there * (table[k] + 1j * table[k + 1])
         k = self._ask(kind, body, point)
         return lambda table: table[k] + 1j * table[k + 1]
 
