@@ -213,7 +213,7 @@ def start(function: Callable[..., None], *arguments: Any) -> tuple[Any, Any]:
     theirs.close()
     printing.close()
     shown = Thread(target=_show, args=(printed,), daemon=True)
-    _shown[process] = shown
+    _shown[id(process)] = shown
     shown.start()
     return ours, process
 
@@ -232,8 +232,8 @@ def _begun(function: Callable[..., None], printing: Any, *arguments: Any) -> Non
     function(*arguments)
 
 
-_shown: dict[Any, Thread] = {}
-"""Process -> what shows what it prints."""
+_shown: dict[int, Thread] = {}
+"""The `id` of a process that was begun -> what shows what it prints, until it is stopped."""
 
 
 def _show(printed: Any) -> None:
@@ -284,8 +284,8 @@ def stop(process: Any) -> Failure:
     if code != 0:
         with suppress(OSError, AttributeError):  # it has started none, or there are no groups
             os.killpg(process.pid, signal.SIGKILL)
-    if process in _shown:
-        _shown.pop(process).join(1.0)
+    if id(process) in _shown:
+        _shown.pop(id(process)).join(1.0)
     return _crash(code)
 
 
