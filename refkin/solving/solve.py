@@ -29,8 +29,8 @@ from refkin.solving.ahead import Leaps
 from refkin.solving.limits import check_size, said_if_long
 from refkin.solving.mobility import too_many_drivers
 from refkin.solving.starts import find_start, unassemblable
+from refkin.solving.straight_line import StraightLineSystem
 from refkin.solving.sweep import Arrival, Sweep
-from refkin.solving.written import Written
 from refkin.system import System, compile_system
 
 CLEARLY = 1 / 8
@@ -55,7 +55,7 @@ def solve(scene: Scene, *, certified: bool = False) -> SceneMotion:
 
 def _solved(scene: Scene, certified: bool) -> SceneMotion:
     implied = {Effect.VELOCITY} if Effect.ACCELERATION in scene.effects else set()
-    system = Written.of(compile_system(scene.mechanism, scene.effects | implied, scene.mechanism.unit()))
+    system = StraightLineSystem.of(compile_system(scene.mechanism, scene.effects | implied, scene.mechanism.unit()))
     assembled = cache(lambda t: assemblies(system, t, trying=False))
     q, status, message = _positions(system, scene, certified, lambda t: (assembled(t).gap or 0.0) > MISSING)
     answer = _Answer(system, scene, q, status, message)

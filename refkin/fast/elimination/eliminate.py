@@ -22,7 +22,7 @@ from refkin.errors import RefkinError
 from refkin.fast.elimination.blocks import Factored, factored
 from refkin.fast.elimination.trace import Traced
 from refkin.fast.elimination.tree import Row, spanning_tree
-from refkin.proof.numbers.symbols import Symbol, rewritten
+from refkin.proof.numbers.symbols import Symbol, substitute
 from refkin.proof.path.blocks import matching, strong_components
 
 
@@ -102,7 +102,7 @@ class Elimination:
         self.known: dict[Symbol, Symbol] = {}
         self.traced = traced
         self.q = self._coordinates()
-        self.slope = [{c: rewritten(x, self.known) for c, x in row.items()} for row in traced.phi_q]
+        self.slope = [{c: substitute(x, self.known) for c, x in row.items()} for row in traced.phi_q]
         self.total = self._total_derivatives()
         self.matrix = [self._reduced(r) for r in self.open_rows]
         self.matched, groups = blocks_of(self.matrix, self.core)
@@ -110,12 +110,12 @@ class Elimination:
 
     def result(self) -> Eliminated:
         """Return the corrections of Newton and the three levels."""
-        phi = [rewritten(self.traced.phi[r], self.known) for r in self.open_rows]
+        phi = [substitute(self.traced.phi[r], self.known) for r in self.open_rows]
         corrections = self._solved(phi)
-        qd = self._level([rewritten(x, self.known) for x in self.traced.nu])
+        qd = self._level([substitute(x, self.known) for x in self.traced.nu])
         for c, rate in enumerate(qd):
             self.known[self.graph.input("qd", c)] = rate
-        qdd = self._level([rewritten(x, self.known) for x in self.traced.gamma])
+        qdd = self._level([substitute(x, self.known) for x in self.traced.gamma])
         return Eliminated(
             core=tuple(self.core),
             blocks=tuple(tuple(columns) for columns, _, _ in self.groups),
@@ -136,7 +136,7 @@ class Elimination:
         for pivot in self.stated:
             # The row is sign x_c + rest; with 0 for x_c only the rest is left. That trial is not for others to see.
             trial = {**self.known, q[pivot.coordinate]: zero}
-            rest = rewritten(self.traced.phi[pivot.row], trial)
+            rest = substitute(self.traced.phi[pivot.row], trial)
             self.known[q[pivot.coordinate]] = rest if pivot.sign < 0 else -rest
         return [self.known[q[c]] for c in range(self.n)]
 

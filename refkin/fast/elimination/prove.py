@@ -34,7 +34,7 @@ from refkin.fast.elimination.run import Workspaces
 from refkin.fast.elimination.schedule import schedule
 from refkin.fast.elimination.trace import Known, Traced, trace
 from refkin.proof.numbers.bounded import TINY, U
-from refkin.proof.numbers.symbols import Graph, Symbol, held_by, needed, passive_of, rewritten
+from refkin.proof.numbers.symbols import Graph, Symbol, held_by, needed, passive_of, substitute
 from refkin.system import System
 
 ORDERS = 3
@@ -133,7 +133,7 @@ class _Prover:
         right = self.traced.nu
         known = dict(self.parts.known)
         for order in range(1, self.levels):
-            sides = [rewritten(x, known) for x in right]
+            sides = [substitute(x, known) for x in right]
             rates = self.parts.along_tree({c: self._given(order, c) for c in core}, sides)
             radii.append(self._level(order, self._equations(sides, rates), [self._at(rates[c]) for c in range(n)]))
             known |= {self.graph.input("qd", c): rates[c] for c in range(n)}
@@ -196,11 +196,11 @@ class _Prover:
         return rows
 
     def _here(self, symbol: Symbol) -> Symbol:
-        return self._at(rewritten(symbol, self.parts.known))
+        return self._at(substitute(symbol, self.parts.known))
 
     def _at(self, symbol: Symbol) -> Symbol:
         """Return an expression at the given core coordinates."""
-        return rewritten(symbol, self.moved)
+        return substitute(symbol, self.moved)
 
     def _given(self, order: int, c: int) -> Symbol:
         return self.graph.input("f", len(self.system.placed), order, c)

@@ -23,7 +23,7 @@ from dataclasses import dataclass, field
 
 from refkin.fast.elimination.eliminate import Eliminated
 from refkin.fast.elimination.program import Instruction, Outputs, Program, Register
-from refkin.proof.numbers.symbols import Graph, Leaf, Symbol, needed, rewritten
+from refkin.proof.numbers.symbols import Graph, Leaf, Symbol, needed, substitute
 
 NOT_COMPUTED = ("const", "input")
 MASKS = ("greater",)
@@ -190,7 +190,7 @@ class _Scheduler:
         return Instruction(symbol.op, out, tuple(self.at[a] for a in symbol.args), symbol.value)
 
     def _of(self, symbol: Symbol) -> Symbol:
-        return rewritten(symbol, self.done, self.rule) if self.rule else symbol
+        return substitute(symbol, self.done, self.rule) if self.rule else symbol
 
     def new(self, bank: str) -> Register:
         """Return a register that nobody has had."""

@@ -273,8 +273,8 @@ class _Rounded:
         if not self.exact.laws:
             return ()
         values = t.values(self.exact, unit)
-        written = values if self.error is EXACT else Times(t.t, 0).values(self.exact, as_written(unit))
-        return tuple(self._law(orders, at[0], t.t) for orders, at in zip(values, written, strict=True))
+        in_scene = values if self.error is EXACT else Times(t.t, 0).values(self.exact, scene_unit(unit))
+        return tuple(self._law(orders, at[0], t.t) for orders, at in zip(values, in_scene, strict=True))
 
     def profile_values(self, s: Bounded, unit: Unit, order: int) -> tuple[Bounded, ...]:
         """Return the profile around s: its exact values there, and how far its slope over all of s moves them."""
@@ -295,17 +295,17 @@ class _Rounded:
             rounded.append(self.number(x.mid, x.rounding + steep * s.rounding, own + steep * s.spread))
         return tuple(rounded)
 
-    def _law(self, orders: Any, written: Any, t: Any) -> tuple[Bounded, ...]:
+    def _law(self, orders: Any, in_scene: Any, t: Any) -> tuple[Bounded, ...]:
         if self.error is EXACT:
             return tuple(map(self.number.near, orders))
         # The time is a number too: what an error of it does to the value, by the derivative.
         by_time = [self.error.relative * abs(t * derivative[0]) for derivative in orders[1:]]
-        sizes = [written[0], *(at[0] for at in orders[1:])]
+        sizes = [in_scene[0], *(at[0] for at in orders[1:])]
         own = [self.error.of(size) + by for size, by in zip(sizes, by_time, strict=False)]
         return tuple(self.number.near(at, spread) for at, spread in zip(orders, own, strict=False))
 
 
-def as_written(unit: Unit) -> Unit:
+def scene_unit(unit: Unit) -> Unit:
     """Return the unit in which numbers have the size that they have in a scene, and with it their rounding.
 
     What is subtracted afterwards, the origin of a solve, takes none of that away.
@@ -317,7 +317,7 @@ def bounded_system(system: System, number: type[Bounded] = Bounded, error: Input
     """Return the system of `exact_system` with its numbers rounded, each with the bound of its rounding.
 
     Its `q` are object arrays of `number` (see `box`), its `t` are `Times`. With an `error` every geometric number, law
-    value and time also spreads by it (times of `order` 1 then serve order 0), each by that of its size `as_written`.
+    value and time also spreads by it (times of `order` 1 then serve order 0), each by that of its size `scene_unit`.
     Its gauge is that of the system.
 
     Parameters
@@ -341,8 +341,8 @@ def _bounded_system(system: System, number: type[Bounded], error: InputError) ->
             if error is EXACT:  # zeros cost nothing so
                 g = tuple(int(float(x)) if x in (0, 1, -1) else number.near(parts(x)) for x in p.g)
             else:
-                written = [float(x) for x in p.constraint.constants(as_written(system.unit))]
-                g = tuple(number.near(parts(x), error.of(size)) for x, size in zip(p.g, written, strict=True))
+                in_scene = [float(x) for x in p.constraint.constants(scene_unit(system.unit))]
+                g = tuple(number.near(parts(x), error.of(size)) for x, size in zip(p.g, in_scene, strict=True))
         constraint = _Rounded(p.constraint, number, error)
         placed.append(replace(p, constraint=cast(Any, constraint), g=cast(Any, g)))
     return replace(system, placed=tuple(placed))

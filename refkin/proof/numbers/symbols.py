@@ -242,7 +242,7 @@ def needed(outputs: Iterable[Symbol], known: Mapping[Symbol, Any] | None = None)
     return sorted(reached, key=lambda s: s.index)
 
 
-def rewritten(
+def substitute(
     output: Symbol, done: dict[Symbol, Symbol], rule: Callable[[Symbol, Any], Symbol] | None = None
 ) -> Symbol:
     """Return an expression with the symbols in `done` replaced; what is replaced on the way is added to `done`.

@@ -1,4 +1,4 @@
-"""Symbols: expressions are kept once, folded without changing a value, and rewritten without changing a meaning."""
+"""Symbols: expressions are kept once, folded without changing a value, and substituted without changing a meaning."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from refkin.fast.elimination.schedule import half_angled, stages_of
-from refkin.proof.numbers.symbols import Graph, needed, rewritten
+from refkin.proof.numbers.symbols import Graph, needed, substitute
 
 PYTHON = {
     "add": lambda a, b: a + b,
@@ -114,7 +114,7 @@ def test_rewriting_puts_an_expression_for_an_input(tree, numbers):
     graph = Graph()
     q = [graph.input("q", k) for k in range(3)]
     symbol = built(tree, lambda k: q[k], graph.constant)
-    moved = rewritten(symbol, {q[0]: q[1] * q[2] - 1.0})
+    moved = substitute(symbol, {q[0]: q[1] * q[2] - 1.0})
 
     assert value(moved, numbers) == value(symbol, (numbers[1] * numbers[2] - 1, *numbers[1:]))
 

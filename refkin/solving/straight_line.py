@@ -1,4 +1,4 @@
-"""The equations of a system written out once, for who asks for their numbers again and again.
+"""The equations of a system as a straight-line program, for who asks for their numbers again and again.
 
 No formula is stated here: the joints' own run on symbols (`proof.numbers.symbols`), which leaves one list of operations
 for phi and phi_q together, each of them once, without what is always 0 or 1. On floats, or rows of them, it gives the
@@ -21,30 +21,32 @@ from refkin.vec import cosine_and_sine
 
 
 @dataclass(frozen=True)
-class Written(System):
-    """A system whose phi and phi_q at floats are run from its text, as long as what is `placed` is what was written."""
+class StraightLineSystem(System):
+    """A system whose phi and phi_q at floats are run from a program, as long as it is that of what is `placed`."""
 
-    text: Text = field(kw_only=True, repr=False, compare=False)
+    program: StraightLineProgram = field(kw_only=True, repr=False, compare=False)
 
     @classmethod
-    def of(cls, system: System) -> Written:
+    def of(cls, system: System) -> StraightLineSystem:
         """Return a system with its equations written out."""
-        return cls(**{f.name: getattr(system, f.name) for f in fields(System) if f.init}, text=Text(system))
+        return cls(
+            **{f.name: getattr(system, f.name) for f in fields(System) if f.init}, program=StraightLineProgram(system)
+        )
 
     def phi(self, q: Any, t: Any) -> Any:
         """Return the constraint residual, (m,) or (m, B)."""
         values = self._values_at(q, t)
-        return super().phi(q, t) if values is None else _filled(self.text.phi, values, q.shape[1:])
+        return super().phi(q, t) if values is None else _filled(self.program.phi, values, q.shape[1:])
 
     def phi_q(self, q: Any, t: Any) -> Any:
         """Return the constraint Jacobian, (m, n) or (m, n, B)."""
         values = self._values_at(q, t)
-        return super().phi_q(q, t) if values is None else _filled(self.text.phi_q, values, q.shape[1:])
+        return super().phi_q(q, t) if values is None else _filled(self.program.phi_q, values, q.shape[1:])
 
     def _values_at(self, q: Any, t: Any) -> Any:
         """Return what all operations give, kept from phi to phi_q; None for other numbers, or of other equations."""
         real = isinstance(t, float) or (isinstance(t, np.ndarray) and t.dtype == float)
-        if not (real and isinstance(q, np.ndarray) and q.dtype == float and self.text.placed is self.placed):
+        if not (real and isinstance(q, np.ndarray) and q.dtype == float and self.program.placed is self.placed):
             return None
         key = (q.tobytes(), q.shape, t if isinstance(t, float) else t.tobytes())
         kept = self._kept.get("values")
@@ -53,25 +55,25 @@ class Written(System):
         return kept[1]
 
     def _run(self, q: Any, t: Any) -> list[Any]:
-        values = self.text.start.copy()
+        values = self.program.start.copy()
         values[: self.n] = q.tolist() if q.ndim == 1 else q.copy()
-        for p, inputs in self.text.inputs:
+        for p, inputs in self.program.inputs:
             held = self.gauge.get(p.row, p.g)
             given = [law[0] for law in self._laws_at(p, t, 0)] if p.constraint.laws else held
             for place, number in inputs:
                 values[place] = given[number]
-        for place, operation, a, b in self.text.steps:
+        for place, operation, a, b in self.program.steps:
             values[place] = operation(values[a], values[b])
         return values
 
 
-class Text:
+class StraightLineProgram:
     """The operations of phi and phi_q, on places in a list of values; the coordinates are the first of these.
 
     Attributes
     ----------
     placed : tuple of ConstraintRows
-        The constraints that were written out.
+        The constraints whose equations these are.
     start : list
         The values before anything is done: the constants.
     inputs : list

@@ -1,4 +1,4 @@
-"""Equations that were written out give the numbers of the formulas, to the last bit, and of no other mechanism."""
+"""Equations as a straight-line program give the numbers of the formulas, to the last bit, and of no other mechanism."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from refkin.scenes.files import load
-from refkin.solving.written import Written
+from refkin.solving.straight_line import StraightLineSystem
 from refkin.system import compile_system
 
 from .contact_cases import CASES, scene
@@ -20,38 +20,38 @@ MECHANISMS = {name: scene(name).mechanism for name in CASES} | {p.stem: load(p).
 SLIDER = MECHANISMS["plate over lobes"]
 
 
-def written(mechanism):
+def with_program(mechanism):
     system = compile_system(mechanism, unit=mechanism.unit())
-    return system, Written.of(system)
+    return system, StraightLineSystem.of(system)
 
 
 @pytest.mark.parametrize("name", MECHANISMS)
-def test_what_is_written_out_gives_the_formulas_numbers(name):
-    system, other = written(MECHANISMS[name])
+def test_a_program_gives_the_formulas_numbers(name):
+    system, other = with_program(MECHANISMS[name])
     random = np.random.default_rng(0)
 
     for shape, t in (((system.n,), 0.125), ((system.n, 3), np.array([0.0, 0.0625, 0.125]))):
         q = random.normal(size=shape)
-        for one, text in ((system, other), (system.held_at(q), other.held_at(q))):
-            assert np.array_equal(one.phi(q, t), text.phi(q, t))
-            assert np.array_equal(one.phi_q(q, t), text.phi_q(q, t))
-            assert np.array_equal(one.phi(q, t / 2), text.phi(q, t / 2))
+        for one, program in ((system, other), (system.held_at(q), other.held_at(q))):
+            assert np.array_equal(one.phi(q, t), program.phi(q, t))
+            assert np.array_equal(one.phi_q(q, t), program.phi_q(q, t))
+            assert np.array_equal(one.phi(q, t / 2), program.phi(q, t / 2))
 
 
-def test_another_mechanism_is_not_read_from_the_text_of_this_one():
-    system, text = written(SLIDER)
+def test_another_mechanism_is_not_run_by_the_program_of_this_one():
+    system, program = with_program(SLIDER)
     (first, *rest), q = system.placed, np.random.default_rng(0).normal(size=system.n)
     moved = (replace(first, g=tuple(x + 0.5 for x in first.g)), *rest)
 
-    assert np.array_equal(replace(text, placed=moved).phi(q, 0.0), replace(system, placed=moved).phi(q, 0.0))
+    assert np.array_equal(replace(program, placed=moved).phi(q, 0.0), replace(system, placed=moved).phi(q, 0.0))
 
 
 def test_numbers_that_were_kept_are_not_those_of_a_pose_that_was_overwritten():
-    system, text = written(SLIDER)
+    system, program = with_program(SLIDER)
     q, t = np.random.default_rng(0).normal(size=(system.n, 2)), np.zeros(2)
     old = q.copy()
-    text.phi(q, t)
+    program.phi(q, t)
     q += 1.0
 
-    assert np.array_equal(text.phi(old, t), system.phi(old, t))
-    assert np.array_equal(text.phi(q, t), system.phi(q, t))
+    assert np.array_equal(program.phi(old, t), system.phi(old, t))
+    assert np.array_equal(program.phi(q, t), system.phi(q, t))
