@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Any, Protocol, Self
 
 import numpy as np
@@ -111,12 +111,12 @@ class Poses:
         return np.isfinite(self.residual)
 
     def __getitem__(self, which: Any) -> Self:
-        return type(self)(*(getattr(self, f.name)[which] for f in fields(self)))
+        return type(self)(*[part[which] for part in vars(self).values()])
 
     @classmethod
     def joined(cls, parts: Sequence[Poses]) -> Self:
         """Return several batches as one."""
-        return cls(*(np.concatenate([getattr(part, f.name) for part in parts]) for f in fields(cls)))
+        return cls(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
 
 
 @dataclass(frozen=True)
@@ -416,7 +416,7 @@ def _near_again(equations: Equations, last: Poses, t: float) -> Poses:
 
 def nowhere(like: Poses, t: float) -> Poses:
     """Return no pose at t."""
-    nothing = {f.name: np.full_like(getattr(like, f.name), np.nan) for f in fields(like)}
+    nothing = {name: np.full_like(part, np.nan) for name, part in vars(like).items()}
     return Poses(**{**nothing, "t": np.array([t]), "regular": np.zeros(1, bool)})
 
 

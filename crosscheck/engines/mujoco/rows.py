@@ -88,6 +88,7 @@ class MujocoRows:
         self.plan = plan
         self.model: Any = plan.compile()
         self.data: Any = mujoco.MjData(self.model)
+        self._armature, self._bias = self.model.tendon_armature, self.data.qfrc_bias  # views
         self._owners = np.array(plan.owners, int)
         self._constants = np.array([s.constant for s in plan.sources if s.equality is None and s.guide is None])
         self._pick = self._places()
@@ -339,14 +340,16 @@ class MujocoRows:
         MuJoCo knows Jdot qd for the sake of tendons that have an armature: their bias force is J^T armature Jdot qd.
         """
         tendon = self._tendon(row)
-        self.model.tendon_armature[tendon] = HEAVY
-        mujoco.mj_fwdVelocity(self.model, self.data)
-        self.model.tendon_armature[tendon] = 0.0
-        full = self.data.ne == len(self._owners)
-        gradient = (self._dense() if full else self._spread(self._dense()))[row]
-        if not gradient.any():  # nothing moves it; or its ends coincide, where it has no direction
-            return 0.0 if self.data.ten_length[tendon] else math.nan
-        return -float(gradient @ self.data.qfrc_bias / (gradient @ gradient)) / HEAVY
+        m, d, armature = self.model, self.data, self._armature
+        armature[tendon] = HEAVY
+        mujoco.mj_fwdVelocity(m, d)
+        armature[tendon] = 0.0
+        full = d.ne == len(self._owners)
+        gradient = d.efc_J[row * m.nv : (row + 1) * m.nv] if full else self._spread(self._dense())[row]
+        square = float(gradient @ gradient)
+        if not square:  # nothing moves it; or its ends coincide, where it has no direction
+            return 0.0 if d.ten_length[tendon] else math.nan
+        return -float(gradient @ self._bias) / square / HEAVY
 
     def _dense(self) -> Any:
         return np.reshape(self.data.efc_J, (self.data.nefc, self.model.nv))

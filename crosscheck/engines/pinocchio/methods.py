@@ -11,11 +11,10 @@ from functools import partial
 from typing import Any
 
 import numpy as np
-import pinocchio as pin
 
 from crosscheck.engines.methods import Method, Model, Use, of_routes
 from crosscheck.engines.pinocchio.engine import Pinocchio
-from crosscheck.engines.pinocchio.rows import TwoPoints, element_rows
+from crosscheck.engines.pinocchio.rows import element_rows
 from crosscheck.engines.pinocchio.space import PinocchioSpace
 from crosscheck.engines.pinocchio.stepping import stepping_methods, tree_of
 from crosscheck.engines.tree.newton import Loops, newton_methods, solved_one
@@ -24,7 +23,6 @@ from refkin.model import Scene
 LIMITS = (1e-2, 1e-4, 1e-8)
 """Largest correction at which Newton stops; it squares the error."""
 MOST_NEWTON = 12
-AXES = pin.LOCAL_WORLD_ALIGNED
 
 
 def methods() -> Iterator[Method]:
@@ -55,13 +53,11 @@ class Direct:
     def __init__(self, loops: Loops, limit: float) -> None:
         self.loops, self.limit, self.t = loops, limit, loops.tree.scene.times
         engine: Any = loops.tree.engine
-        joints, planar = engine.tree, engine.planar
-        rows = [element_rows(planar, element, joints.scaled) for element in joints.closures]
-        self.ends = [row for row in rows if isinstance(row, TwoPoints)]
-        self.model, self.data = planar.model, planar.model.createData()
+        joints, self.planar = engine.tree, engine.planar
+        self.ends = [element_rows(self.planar, element, joints.scaled) for element in joints.closures]
         self.start, self.held, self.free = joints.start(), loops.clock.columns, loops.free
         self.values = loops.clock.values[:, :, 0]
-        self.still = np.zeros(self.model.nv)
+        self.still = np.zeros(joints.width)
 
     def solve(self, order: int) -> list[Any]:
         """Return tree coordinates and rates (n, T) up to an order; NaN from where Newton does not converge."""
@@ -107,7 +103,7 @@ class Direct:
         return v
 
     def _acceleration(self, jacobian: Any, q: Any, v: Any, rate: Any) -> Any:
-        pin.forwardKinematics(self.model, self.data, q, v, self.still)
+        self.planar.move(q, v)
         a = np.empty(len(self.start))
         a[self.held] = rate
         a[self.free] = -solved_one(jacobian[:, self.free], self._drift() + jacobian[:, self.held] @ rate)
@@ -115,19 +111,11 @@ class Direct:
 
     def _closure(self, q: Any) -> tuple[Any, Any]:
         """Return the gaps of the loops (2 L,) and their Jacobian (2 L, n)."""
-        pin.computeJointJacobians(self.model, self.data, q)
-        gaps, rows = [], []
-        for row in self.ends:
-            row.constraint.calc(self.model, self.data, row.data)
-            gaps.append((row.data.oMc1.translation - row.data.oMc2.translation)[:2])
-            rows.append(pin.getConstraintJacobian(self.model, self.data, row.constraint, row.data)[:2])
+        self.planar.place(q)
+        rows, gaps = zip(*([read()[:2] for read, _ in row.still] for row in self.ends), strict=True)
         return (gaps[0], rows[0]) if len(rows) == 1 else (np.concatenate(gaps), np.concatenate(rows))
 
     def _drift(self) -> Any:
         """Return the accelerations of the gaps (2 L,) as the model moves."""
-        rows = [self._bent(row.j) - self._bent(row.i) for row in self.ends]
+        rows = [np.subtract(*(read()[:2] for read, _ in row.bends)) for row in self.ends]
         return rows[0] if len(rows) == 1 else np.concatenate(rows)
-
-    def _bent(self, end: Any) -> Any:
-        acceleration = pin.getFrameClassicalAcceleration(self.model, self.data, end.joint, end.placement, AXES)
-        return acceleration.linear[:2]

@@ -30,6 +30,7 @@ from crosscheck.engines.tree.joint_tree import Array, Edge, Freedom, JointTree
 from refkin.joints import GROUND, Pair
 
 WORLD_AXES = pin.LOCAL_WORLD_ALIGNED
+UNTURNED = np.eye(3)
 Scaling = Callable[[str, Pair], Pair]
 Read = tuple[Callable[[], Any], tuple[int, ...]]
 """What reads something where the model is, and its shape."""
@@ -46,7 +47,8 @@ class Frame:
 
     def at(self, u: Pair, direction: Pair = (1.0, 0.0)) -> Frame:
         """Return the frame at a point of this one, its x axis along a unit vector."""
-        return Frame(self.joint, self.placement * shift(u) * turn(direction))
+        placement = self.placement * shift(u)
+        return Frame(self.joint, placement if direction == (1.0, 0.0) else placement * turn(direction))
 
 
 @dataclass
@@ -144,7 +146,7 @@ def _targets(reads: Sequence[Callable[[], Any]], out: Array) -> list[Target]:
 
 def shift(u: Pair) -> Any:
     """Return a translation in the plane."""
-    return pin.SE3(np.eye(3), np.array([*u, 0.0]))
+    return pin.SE3(UNTURNED, np.array([*u, 0.0]))
 
 
 def turn(direction: Pair) -> Any:

@@ -60,7 +60,7 @@ class TwoPoints(Row):
     count = 2
 
     def __init__(self, planar: PlanarModel, i: Frame, j: Frame) -> None:
-        model, data, self.i, self.j = planar.model, planar.data, i, j
+        model, data = planar.model, planar.data
         ends = (j.joint, j.placement, i.joint, i.placement)
         constraint = pin.RigidConstraintModel(pin.ContactType.CONTACT_3D, model, *ends, WORLD_AXES)
         of_pose = constraint.createData()
