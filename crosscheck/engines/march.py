@@ -46,8 +46,6 @@ TRUST = 0.25
 """The largest correction (rad, or sizes) of a predicted pose; what lies further off may be another branch."""
 HALVINGS, HALVINGS_AFTER_FAILURE = 40, 6
 """How often a step may be halved on the way to the next time: down to 1e-12 of it; less after a time that failed."""
-MOST_OF_IT = 0.875
-"""The part of a step that is tried where only the last one went: towards a fold Newton bears it again and again."""
 DIVISIONS, MOST_DIVIDED, PARTS, CLOSER = 4, 4, 32, 0.55
 """How often steps may be divided, how many together, into how many parts at most, each how much of the last."""
 ATTEMPTS = 3000
@@ -381,8 +379,11 @@ def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
 
 
 def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVINGS) -> Poses:
-    """Return the pose at t on the branch of `last`, if there is one: by steps halved until Newton contracts."""
-    first, step, went = last, t - float(last.t[0]), False
+    """Return the pose at t on the branch of `last`, if there is one: by steps halved until Newton contracts.
+
+    A step that went is followed by one twice as long, or as long if the one tried before it did not go.
+    """
+    first, step, failed = last, t - float(last.t[0]), False
     smallest = math.ldexp(step, -halvings)
     for _ in range(ATTEMPTS):
         now = float(last.t[0])
@@ -393,9 +394,9 @@ def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVING
         if joined and target == t:
             return pose
         if joined and pose.regular[0]:
-            last, step, went = pose, 2.0 * step, True
+            last, step, failed = pose, step if failed else 2.0 * step, False
         else:
-            step, went = (MOST_OF_IT if went else 0.5) * (target - now), False
+            step, failed = 0.5 * (target - now), True
             if step < smallest:
                 return _fold(equations, last, t) if halvings == HALVINGS else nowhere(first, t)
     return nowhere(first, t)
