@@ -10,10 +10,7 @@ A velocity, and with it the first derivative of each law, is taken of a scene to
 difference of a law's values would predict as well where times are close, but does not see a law that leaves and comes
 back between two times. For the same reason the times at which a law turns back are poses of their own.
 
-Nothing here knows an engine: residual, Jacobian and right sides of a batch of poses come from `Equations`. An engine
-with a Newton of its own has `closed` besides, (q, t, last or None) -> poses, Jacobians, largest residuals: it is called
-in the place of ours, on guesses (B, n), which are predictions from a pose `last` where there is one. If it is not one
-that `predicts`, what it says is believed, whatever residual it leaves.
+Nothing here knows an engine: poses are those of `Equations` (`poses`).
 """
 
 from __future__ import annotations
@@ -21,37 +18,34 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, Self
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from crosscheck.engines.poses import (
+    CAP,
+    CONTRACTION,
+    EPS,
+    SINGULAR,
+    TRUST,
+    Array,
+    Equations,
+    Poses,
+    close,
+    largest,
+    norm,
+    nowhere,
+    solve,
+    within,
+)
 from refkin.motion import Status
 
-Array = NDArray[np.float64]
-
-EPS = float(np.finfo(float).eps)
-CAP = 60
-"""Corrections that Newton may take; at a fold, where the error halves, it needs about 26 to reach round-off."""
-CONTRACTION = 0.25
-"""A correction larger than this part of the one before says that the prediction was too far off."""
-STALLED = 0.9
-"""A correction larger than this part of the one before, at a residual of round-off, is noise: the error of a regular
-pose shrinks faster, so does that of a fold (1/2), and of four roots in one (3/4). Noise may shrink for ever."""
-SQUARED = EPS / 8.0
-"""What Newton's convergence leaves of an error that its next correction only would exchange for other rounding."""
-LEFT = 16.0
-"""Units of rounding up to which it is believed that so little was left: an error that bends otherwise is larger."""
-TRUST = 0.25
-"""The largest correction (rad, or sizes) of a predicted pose; what lies further off may be another branch."""
 HALVINGS, HALVINGS_AFTER_FAILURE = 40, 6
 """How often a step may be halved on the way to the next time: down to 1e-12 of it; less after a time that failed."""
 DIVISIONS, MOST_DIVIDED, PARTS, CLOSER = 4, 4, 32, 0.55
 """How often steps may be divided, how many together, into how many parts at most, each how much of the last."""
 ATTEMPTS = 3000
 """Steps that may be tried between two times: beside a gimbal pose exudyn's Newton contracts in a thousandth of one."""
-SINGULAR = 8.0 * math.sqrt(EPS)
-"""The least singular value of a regular pose, lengths in sizes: rates err by EPS over its square, there by 1/64."""
 STRIDE, ROUGH, MOST_ROUGH = 9, 3e-2, 6
 """Every how manieth time has a rough pose, the last correction [rad, sizes] that it needs, and how many it may take."""
 FEW = 4
@@ -66,55 +60,6 @@ GUESSED_WELL = 1e-9
 
 Closing = Callable[[Array, float], tuple[Array | None, float]]
 """A pose (n,) and a time -> the pose that an engine leads it to, None if it leads nowhere, and its largest residual."""
-
-
-class Equations(Protocol):
-    """Constraint equations at B poses; n coordinates and m rows of order one, lengths in sizes of the mechanism."""
-
-    def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
-        """Return residual (B, m) and Jacobian (B, m, n) at q (B, n), t (B,)."""
-
-    def nu(self, q: Array, t: Array) -> Array:
-        """Return the right side (B, m) of the velocities."""
-
-    def gamma(self, q: Array, qd: Array, t: Array) -> Array:
-        """Return the right side (B, m) of the accelerations."""
-
-    def round_off(self, q: Array, t: Array) -> Array:
-        """Return a bound on what rounding leaves of residuals that are zero, (B, m) or (B, 1)."""
-
-    def extrema(self, times: Array) -> Array:
-        """Return times between those given at which the law of a driver turns back."""
-
-
-@dataclass(frozen=True)
-class Poses:
-    """B poses, NaN where Newton found none.
-
-    Times (B,), coordinates (B, n), Jacobians (B, m, n), largest components of the residuals (B,), inverses of the
-    Jacobians (B, n, m) and velocities (B, n): NaN too if a pose is not `regular`.
-    """
-
-    t: Array
-    q: Array
-    jacobian: Array
-    residual: Array
-    inverse: Array
-    qd: Array
-    regular: Any
-
-    @property
-    def known(self) -> Any:
-        """Which of them there are, (B,)."""
-        return np.isfinite(self.residual)
-
-    def __getitem__(self, which: Any) -> Self:
-        return type(self)(*[part[which] for part in vars(self).values()])
-
-    @classmethod
-    def joined(cls, parts: Sequence[Poses]) -> Self:
-        """Return several batches as one."""
-        return cls(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
 
 
 @dataclass(frozen=True)
@@ -195,7 +140,7 @@ def march(
 
 def _same(guessed: Poses, pose: Poses) -> bool:
     """Return whether a pose that was not believed is the one that was found step by step."""
-    return bool(len(guessed.t) and _largest(guessed.q - pose.q)[0] <= GUESSED_WELL)
+    return bool(len(guessed.t) and largest(guessed.q - pose.q)[0] <= GUESSED_WELL)
 
 
 def march_of(equations: Equations, t: Array, path: Sequence[Poses], order: int) -> March:
@@ -269,11 +214,11 @@ def _rough(equations: Equations, last: Poses, t: Array) -> tuple[Array, Array, A
             residual, jacobian = equations.rows(guess, now)
             correction = solve(jacobian, residual)
             guess = guess - correction
-            if not ROUGH < _largest(correction)[0] <= 1.0:
+            if not ROUGH < largest(correction)[0] <= 1.0:
                 break
         rate = solve(jacobian, equations.nu(guess, now))
-        off = _largest(guess - predicted)[0]
-        if (stride == 1 or off <= TRUST) and _largest(correction)[0] <= ROUGH and np.isfinite(rate).all():
+        off = largest(guess - predicted)[0]
+        if (stride == 1 or off <= TRUST) and largest(correction)[0] <= ROUGH and np.isfinite(rate).all():
             k = target
             at.append(float(t[k]))
             q.append(guess)
@@ -314,8 +259,8 @@ def _hermite(ends: Sequence[Any], q: Sequence[Array], qd: Sequence[Array], t: An
 
 def _passable(a: Poses, b: Poses) -> Any:
     """Return whether poses b may lie on the way of poses a, (B,): further off than their rates go is another branch."""
-    fastest = np.maximum(_largest(a.qd), _largest(b.qd))
-    return a.regular & b.regular & (_largest(b.q - a.q) <= 2.0 * (b.t - a.t) * fastest + GUESSED_WELL)
+    fastest = np.maximum(largest(a.qd), largest(b.qd))
+    return a.regular & b.regular & (largest(b.q - a.q) <= 2.0 * (b.t - a.t) * fastest + GUESSED_WELL)
 
 
 def _divided(a: Poses, b: Poses) -> tuple[Array, Array]:
@@ -327,13 +272,13 @@ def _divided(a: Poses, b: Poses) -> tuple[Array, Array]:
     as the root of the time that is left.
     """
     h, move = b.t - a.t, b.q - a.q
-    length = np.maximum(_largest(move), EPS)
+    length = np.maximum(largest(move), EPS)
     zero, one = np.zeros((len(h), 1)), length[:, None]
     slopes = [np.append(h[:, None] * pose.qd, one, axis=1) for pose in (a, b)]
     ends = [np.append(a.q, zero, axis=1), np.append(b.q, one, axis=1)]
     chord = np.linalg.norm(ends[1] - ends[0], axis=1)
     slopes = [slope * (chord / np.linalg.norm(slope, axis=1))[:, None] for slope in slopes]
-    near, far = (1.0 / _norm(pose.inverse) for pose in (a, b))
+    near, far = (1.0 / norm(pose.inverse) for pose in (a, b))
     worst = (near / (near + far))[:, None]
     part = np.arange(1.0, PARTS + 1.0)
     left = [
@@ -357,20 +302,20 @@ def _believed(equations: Equations, a: Poses, b: Poses) -> Any:
     h = (b.t - a.t)[:, None]
     good = a.regular & b.regular
     guess = a.q + h * a.qd
-    move, far = b.q - a.q, _largest(b.q - guess)
-    defect = _largest(move - 0.5 * h * (a.qd + b.qd))
-    good &= (far <= TRUST) & (defect <= np.maximum(DEFECT * _largest(move), NEAR))
+    move, far = b.q - a.q, largest(b.q - guess)
+    defect = largest(move - 0.5 * h * (a.qd + b.qd))
+    good &= (far <= TRUST) & (defect <= np.maximum(DEFECT * largest(move), NEAR))
     some = np.flatnonzero(good)
     change = a.inverse[some] @ b.jacobian[some]
     size = _from_one(change)
     good[some] = _stays_regular(change, size, a.inverse[some])
-    some = some[good[some] & ~(size * far[some] <= CERTAIN * _largest(move[some]))]
+    some = some[good[some] & ~(size * far[some] <= CERTAIN * largest(move[some]))]
     if not some.size or hasattr(equations, "closed"):  # an engine's own Newton does not say how it contracts
         return good
     residual, jacobian = equations.rows(guess[some], b.t[some])
     correction = solve(jacobian, residual)
-    first, second = _largest(correction), _largest(b.q[some] - guess[some] + correction)
-    closed = _below(residual, equations.round_off(guess[some], b.t[some]))
+    first, second = largest(correction), largest(b.q[some] - guess[some] + correction)
+    closed = within(residual, equations.round_off(guess[some], b.t[some]))
     good[some] = closed | ((first <= TRUST) & (second <= np.maximum(CONTRACTION * first, GUESSED_WELL)))
     return good
 
@@ -405,20 +350,14 @@ def advance(equations: Equations, last: Poses, t: float, halvings: int = HALVING
 def _fold(equations: Equations, last: Poses, t: float) -> Poses:
     """Return the pose at t if the branch of `last` ends there, in a singular pose, where Newton contracts by halves."""
     pose = close(equations, last.q, np.array([t]))
-    return nowhere(last, t) if pose.regular[0] or not _largest(pose.q - last.q)[0] <= TRUST else pose
+    return nowhere(last, t) if pose.regular[0] or not largest(pose.q - last.q)[0] <= TRUST else pose
 
 
 def _near_again(equations: Equations, last: Poses, t: float) -> Poses:
     """Return the pose at t that Newton finds from `last` itself, if it is near, and no singular one between them."""
     pose = close(equations, last.q, np.array([t]))
-    good = pose.regular[0] and _largest(pose.q - last.q)[0] <= TRUST and connected(last.inverse, pose.jacobian)[0]
+    good = pose.regular[0] and largest(pose.q - last.q)[0] <= TRUST and connected(last.inverse, pose.jacobian)[0]
     return pose if good else nowhere(last, t)
-
-
-def nowhere(like: Poses, t: float) -> Poses:
-    """Return no pose at t."""
-    nothing = {name: np.full_like(part, np.nan) for name, part in vars(like).items()}
-    return Poses(**{**nothing, "t": np.array([t]), "regular": np.zeros(1, bool)})
 
 
 def connected(inverse: Array, other: Array, off: float = 0.0) -> Any:
@@ -444,7 +383,7 @@ def connected(inverse: Array, other: Array, off: float = 0.0) -> Any:
 
 def _from_one(change: Array) -> Array:
     """Return by how much matrices (B, n, n) differ from 1, (B,)."""
-    return _norm(change - np.eye(change.shape[1]))
+    return norm(change - np.eye(change.shape[1]))
 
 
 def _stays_regular(change: Array, size: Array, inverse: Array, off: float = 0.0) -> Any:
@@ -453,189 +392,3 @@ def _stays_regular(change: Array, size: Array, inverse: Array, off: float = 0.0)
     for k in np.flatnonzero(~near & np.isfinite(size)):
         near[k] = (np.linalg.eigvals(change[k]).real > -off * np.linalg.norm(inverse[k])).all()
     return near
-
-
-# one pose
-
-
-def close(equations: Equations, q: Array, t: Array, *, near: Array | None = None) -> Poses:
-    """Return the poses to which full Newton converges from q (B, n) at t (B,).
-
-    Converged means that the residual is at round-off and the correction has stalled. With `near`, q are predictions
-    from there: then each correction must contract and the first not be large.
-    """
-    own = getattr(equations, "closed", None)
-    if own is not None:
-        return with_velocities(equations, t, *own(q, t, near))
-    count, n = q.shape
-    guess, now, active, previous, left = q, t, np.arange(count), *np.full((2, count), np.inf)
-    done = list[tuple[Any, Array, Array, Array]]()
-    for _ in range(CAP):
-        residual, jacobian = equations.rows(q, now)
-        correction = solve(jacobian, residual)
-        size = _largest(correction)
-        on = size <= 1.0 / EPS  # an angle that large has no digit left
-        closed = _below(residual, equations.round_off(q, now))
-        if near is not None:
-            on &= closed | ((size <= CONTRACTION * previous) & (size <= TRUST))
-        if np.count_nonzero(closed):
-            rounding = EPS * (1.0 + _largest(q))
-            noise = (size > STALLED * previous) | (size <= rounding) | (left <= SQUARED) & (size <= LEFT * rounding)
-            stalled = on & closed & noise
-            on &= ~stalled
-            good = stalled if near is None else stalled & (_largest(q - guess[active]) <= TRUST)
-            if np.count_nonzero(good):
-                done.append((active[good], q[good], jacobian[good], _largest(residual[good])))
-        if previous[0] < np.inf:
-            left = size * (size / previous) ** 2  # the error is squared
-        q, previous = q - correction, size
-        if np.count_nonzero(on) < len(on):
-            active, q, previous, left = active[on], q[on], previous[on], left[on]
-            if not active.size:
-                break
-            now = t[active]
-    shapes = ((count, n), (count, *jacobian.shape[1:]), (count,))
-    poses = [np.full(shape, np.nan) for shape in shapes]
-    for which, *parts in done:
-        for whole, part in zip(poses, parts, strict=True):
-            whole[which] = part
-    return with_velocities(equations, t, *poses)
-
-
-def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, residual: Array) -> Poses:
-    """Return poses where residuals are finite, with velocities where they are regular: NaN elsewhere.
-
-    A residual r is worth a correction of r / sigma. By Kantorovich's theorem one root is near and alone if
-    K r / sigma^2 < 1/2; with K of order 2 (rows of coordinates of order one) a pose beyond that may be a singular one.
-    """
-    count, m, n = jacobian.shape
-    inverse, qd = np.full((count, n, m), np.nan), np.full((count, n), np.nan)
-    regular = np.isfinite(residual)
-    if np.count_nonzero(regular):
-        some = _which(regular)
-        inverse[some] = inverses(jacobian[some])
-        off = residual[some] * getattr(equations, "predicts", True)
-        regular[some] = _regular(jacobian[some], inverse[some], np.maximum(SINGULAR, 2.0 * np.sqrt(off)))
-    if np.count_nonzero(regular):
-        some = _which(regular)
-        qd[some] = solve(jacobian[some], equations.nu(q[some], t[some]))
-        regular &= np.isfinite(qd).all(axis=1)
-    return Poses(t, q, jacobian, residual, inverse, qd, regular)
-
-
-def _which(mask: Any) -> Any:
-    """Return what picks the samples of a mask: all of them, if there is no other, without a copy."""
-    return mask if np.count_nonzero(mask) < len(mask) else slice(None)
-
-
-def _below(residual: Array, bound: Array) -> Any:
-    """Return whether all residuals of a pose are within a bound, (B,)."""
-    return np.logical_and.reduce(np.abs(residual) <= bound, axis=1)
-
-
-def _regular(jacobian: Array, inverse: Array, least: Array) -> Any:
-    """Return whether singular values are at least so large (B,), of which the inverse's norm is a bound."""
-    _, m, n = jacobian.shape
-    regular: Any = (_norm(inverse) <= 1.0 / least) & (m == n or n == 0)  # else truncated
-    for k in np.flatnonzero(~regular):
-        regular[k] = np.linalg.svd(jacobian[k], compute_uv=False)[-1] >= least[k]
-    return regular
-
-
-def _norm(matrix: Array) -> Array:
-    """Return Frobenius norms (B,) of matrices (B, n, m)."""
-    return np.sqrt(np.add.reduce(matrix * matrix, axis=(1, 2)))
-
-
-def solve(matrix: Array, right: Array) -> Array:
-    """Return x (B, n) with matrix (B, m, n) x = right (B, m), by least squares if rows are redundant.
-
-    NaN where there is no finite one.
-    """
-    _, m, n = matrix.shape
-    if n != m:
-        inverse, column = inverses(matrix), right[:, :, None]
-        x = inverse @ column
-        x = (x + inverse @ (column - matrix @ x))[:, :, 0]  # a product with an inverse leaves more than rounding
-    else:
-        x = _each(lambda a, b: np.linalg.solve(a, b[:, :, None])[:, :, 0], matrix, right, out=right)
-    if not math.isfinite(x.sum()):
-        x[~np.isfinite(x).all(axis=1)] = np.nan
-    return x
-
-
-def inverses(matrix: Array) -> Array:
-    """Return inverses (B, n, m) of matrices (B, m, n), pseudo-inverses if rows are redundant; NaN where singular."""
-    _, m, n = matrix.shape
-    if m == n:
-        return _each(np.linalg.inv, matrix, out=matrix)
-    return _each(lambda a: np.linalg.pinv(a, rcond=EPS * max(m, n)), matrix, out=matrix.transpose(0, 2, 1))
-
-
-def _each(function: Callable[..., Array], *given: Array, out: Array) -> Array:
-    """Return a function of batches, sample by sample where one singular matrix spoils the batch."""
-    try:
-        return function(*given)
-    except np.linalg.LinAlgError:
-        if len(out) == 1:
-            return np.full_like(out, np.nan)
-        single = (tuple(array[k : k + 1] for array in (*given, out)) for k in range(len(out)))
-        return np.concatenate([_each(function, *one[:-1], out=one[-1]) for one in single])
-
-
-def _largest(values: Array) -> Array:
-    """Return the largest component (B,) of vectors (B, n)."""
-    largest: Array = np.maximum.reduce(np.abs(values), axis=1, initial=0.0)
-    return largest
-
-
-def extrema(laws: Sequence[Callable[..., Any]], times: Array) -> Array:
-    """Return where laws turn back between times, one time a step: regula falsi on the rate, then Newton.
-
-    The sample is near the extremum, not at it: the law is flat there.
-    """
-    pieces = [np.zeros(0)]
-    for law in laws:
-        rate = np.broadcast_to(np.asarray(law(times, 1), float), times.shape)
-        k = np.flatnonzero(rate[:-1] * rate[1:] < 0.0)
-        if k.size:
-            a, b = times[k], times[k + 1]
-            t = a + (b - a) * rate[k] / (rate[k] - rate[k + 1])
-            for _ in range(2):
-                t = t - law(t, 1) / law(t, 2)
-                t = np.where((t > a) & (t < b), t, 0.5 * (a + b))
-            pieces.append(t)
-    return np.concatenate(pieces)
-
-
-class Tabulated:
-    """A law whose values are kept; at `times`, those that will be asked for, it is asked once for all of them."""
-
-    def __init__(self, law: Callable[..., Any], times: Sequence[float] = ()) -> None:
-        self.law, self._times = law, np.array(times)
-        self._tables = dict[int, Array]()
-        self._known = dict[tuple[int, float | bytes], Any]()
-
-    def __call__(self, t: Any, order: int) -> Any:
-        """Return the derivative of the given order at a time, or at times (B,): then read-only."""
-        single = isinstance(t, float)
-        key = order, t if single else t.tobytes()
-        if key not in self._known:
-            self._known[key] = float(self.law(t, order)) if single else self._row(t, order)
-        return self._known[key]
-
-    def _row(self, t: Array, order: int) -> Array:
-        if not len(self._times):
-            return self._asked(t, order)
-        if order not in self._tables:
-            self._tables[order] = self._asked(self._times, order)
-        at = np.minimum(np.searchsorted(self._times, t), len(self._times) - 1)
-        row: Array = self._tables[order][at]
-        new = self._times[at] != t
-        if new.any():
-            row[new] = self._asked(t[new], order)
-        row.flags.writeable = False
-        return row
-
-    def _asked(self, t: Array, order: int) -> Array:
-        return np.broadcast_to(np.asarray(self.law(t, order), float), t.shape)

@@ -13,7 +13,8 @@ import pytest
 
 from crosscheck.engines import EngineError
 from crosscheck.engines import march as continuation
-from crosscheck.engines.march import EPS, March, Poses, close, march, solve
+from crosscheck.engines.march import March, march
+from crosscheck.engines.poses import EPS, Poses, close, solve
 from crosscheck.engines.tree.tree_system import TreeSystem
 from refkin.joints import Revolute, elements_of
 from refkin.motion import Status

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import refkin.solving.solve
-from crosscheck.engines import march
+from crosscheck.engines import poses
 from crosscheck.engines.closed_form import assemble, linkage
 from crosscheck.engines.exudyn import engine as exudyn_engine
 from crosscheck.engines.exudyn import model as exudyn_model
@@ -372,7 +372,7 @@ def test_an_answer_that_is_none_is_called_what_it_is(spoil, quantity, kind, monk
 
 
 def test_an_engine_that_gives_no_answer_to_a_regular_scene_is_caught(monkeypatch):
-    monkeypatch.setattr(march, "CAP", 1)
+    monkeypatch.setattr(poses, "CAP", 1)
     listed = disagreements(FOUR_BAR)
 
     assert {(d.engine, d.quantity, d.kind) for d in listed} == {(engine, "status", "no answer") for engine in BY_TREE}

@@ -13,7 +13,8 @@ import numpy as np
 from crosscheck.engines import Array, EngineError
 from crosscheck.engines.exudyn.model import CURRENT, ExudynModel, quiet_settings
 from crosscheck.engines.exudyn.parts import is_slider
-from crosscheck.engines.march import EPS, Equations, March, close, extrema, march, march_of, solve
+from crosscheck.engines.march import March, march, march_of
+from crosscheck.engines.poses import EPS, Equations, close, extrema, solve
 from crosscheck.scenes.names import order_of
 from refkin.joints import RelativeAngle, Unit, elements_of
 from refkin.model import Scene
@@ -116,7 +117,7 @@ class ShippedSolve:
 
 
 class OwnSolver(Equations):
-    """Equations of which poses are found by exudyn's own solver: `Equations` of `march`, but for rows and rates.
+    """Equations of which poses are found by exudyn's own solver: `poses.Equations`, but for rows and rates.
 
     A solver that `predicts` is started at the estimates that it is given, another one at the last pose that it reached.
 
@@ -155,7 +156,7 @@ class OwnSolver(Equations):
     def closed(self, q: Array, t: Array, last: Array | None) -> tuple[Array, Array, Array]:
         """Return poses, Jacobians and residuals (B,) by exudyn's solver, NaN where it reached none or none is believed.
 
-        Predictions from `last` are not to be left by more than a part of the way from there: as `close` of `march`.
+        Predictions from `last` are not to be left by more than a part of the way from there: as `poses.close`.
         """
         count, n = q.shape
         poses, residuals, jacobians = (np.full((count, *more), np.nan) for more in ((n,), (), (self.m, n)))

@@ -16,7 +16,7 @@ from crosscheck.engines import EngineError, Term
 from crosscheck.engines.exudyn.model import bear_redundant_rows, quiet_settings
 from crosscheck.engines.exudyn.solve import TOLERANCES, OwnSolver, stopped_at
 from crosscheck.engines.exudyn.space import FORM, ExudynSpace, law_value
-from crosscheck.engines.march import EPS, extrema
+from crosscheck.engines.poses import EPS, extrema
 from crosscheck.engines.spatial.motion import estimates, reported
 from crosscheck.engines.spatial.reading import ANGLE, AXIAL, DISTANCE, Numbers, numbers_of
 from crosscheck.engines.spatial.turning import common_columns, matrix

@@ -1,4 +1,4 @@
-"""The equations of a joint tree of space (`march.Equations`): closures, unit lengths, spins held still, drivers.
+"""The equations of a joint tree of space (`poses.Equations`): closures, unit lengths, spins held still, drivers.
 
 Where two points meet, residual, Jacobian and drift term are the engine's own constraint (`SpaceEngine.pairs`). All
 other rows are put together from the engine's places and motions of joint frames: they are the adapter's, derived.
@@ -27,7 +27,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from crosscheck.engines import EngineRefusal
-from crosscheck.engines.march import EPS, Tabulated, extrema
+from crosscheck.engines.poses import EPS, Tabulated, extrema
 from crosscheck.engines.spatial.reading import (
     ANGLE,
     CYLINDRICAL,

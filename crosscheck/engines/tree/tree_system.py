@@ -12,7 +12,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from crosscheck.engines import EngineError
-from crosscheck.engines.march import EPS, Tabulated, extrema
+from crosscheck.engines.poses import EPS, Tabulated, extrema
 from crosscheck.engines.tree.joint_tree import Array, JointTree
 from refkin.joints import GROUND, Element, Pair, PointCoordinate, PointDistance, RelativeAngle
 
@@ -54,7 +54,7 @@ class TreeEngine(Protocol):
 class TreeSystem:
     """The rows to be solved: the engine's closures, then the driven elements, which the adapter appends.
 
-    These are `march.Equations`. A driven row rests on the engine's motion of its points; that of an angle on the sum of
+    These are `poses.Equations`. A driven row rests on the engine's motion of its points; that of an angle on the sum of
     the joint angles alone. That of a distance is (d . d - f^2) / 2, divided by the number f (t is fixed while it is
     solved).
     """

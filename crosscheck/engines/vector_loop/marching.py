@@ -14,7 +14,8 @@ from typing import Any
 import numpy as np
 
 from crosscheck.engines import march as continuation
-from crosscheck.engines.march import CONTRACTION, TRUST, Array, Poses
+from crosscheck.engines.poses import CONTRACTION, TRUST, Array, Poses, extrema
+from crosscheck.engines.poses import close as close_all
 from crosscheck.engines.vector_loop.solving import close
 from crosscheck.engines.vector_loop.system import LoopSystem
 from refkin.motion import Status
@@ -22,7 +23,7 @@ from refkin.newton import NewtonResult
 
 
 class LoopEquations:
-    """The equations of loops in unknowns of order one, q times `weights`: `march.Equations`."""
+    """The equations of loops in unknowns of order one, q times `weights`: `poses.Equations`."""
 
     def __init__(self, system: LoopSystem) -> None:
         self.system = system
@@ -47,7 +48,7 @@ class LoopEquations:
 
     def extrema(self, times: Array) -> Array:
         """Return times between those given at which a law turns back."""
-        return continuation.extrema(list(self.laws.values()), times)
+        return extrema(list(self.laws.values()), times)
 
     def unknowns(self, q: Array) -> Array:
         """Return the system's own unknowns or rates, (n, B)."""
@@ -98,7 +99,7 @@ def march(system: LoopSystem, times: Sequence[float], q0: Any, distance: Distanc
     def first(t: float) -> Poses:
         q = start(system, q0, float(t), distance)
         at = np.full((1, system.n), np.nan) if q is None else (q * system.weights)[None]
-        return continuation.close(equations, at, np.array([t]))
+        return close_all(equations, at, np.array([t]))
 
     poses = continuation.march(equations, first, times, 2)
     ok = [status is Status.OK for status in poses.status]

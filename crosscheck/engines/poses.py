@@ -1,0 +1,274 @@
+"""One pose, or many at once: full Newton on an engine's equations, its velocities, and whether it is regular.
+
+Nothing here knows an engine: residual, Jacobian and right sides of a batch of poses come from `Equations`. An engine
+with a Newton of its own has `closed` besides, (q, t, last or None) -> poses, Jacobians, largest residuals: it is called
+in the place of ours, on guesses (B, n), which are predictions from a pose `last` where there is one. If it is not one
+that `predicts`, what it says is believed, whatever residual it leaves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+EPS = float(np.finfo(float).eps)
+CAP = 60
+"""Corrections that Newton may take; at a fold, where the error halves, it needs about 26 to reach round-off."""
+CONTRACTION = 0.25
+"""A correction larger than this part of the one before says that the prediction was too far off."""
+STALLED = 0.9
+"""A correction larger than this part of the one before, at a residual of round-off, is noise: the error of a regular
+pose shrinks faster, so does that of a fold (1/2), and of four roots in one (3/4). Noise may shrink for ever."""
+SQUARED = EPS / 8.0
+"""What Newton's convergence leaves of an error that its next correction only would exchange for other rounding."""
+LEFT = 16.0
+"""Units of rounding up to which it is believed that so little was left: an error that bends otherwise is larger."""
+TRUST = 0.25
+"""The largest correction (rad, or sizes) of a predicted pose; what lies further off may be another branch."""
+SINGULAR = 8.0 * math.sqrt(EPS)
+"""The least singular value of a regular pose, lengths in sizes: rates err by EPS over its square, there by 1/64."""
+
+
+class Equations(Protocol):
+    """Constraint equations at B poses; n coordinates and m rows of order one, lengths in sizes of the mechanism."""
+
+    def rows(self, q: Array, t: Array) -> tuple[Array, Array]:
+        """Return residual (B, m) and Jacobian (B, m, n) at q (B, n), t (B,)."""
+
+    def nu(self, q: Array, t: Array) -> Array:
+        """Return the right side (B, m) of the velocities."""
+
+    def gamma(self, q: Array, qd: Array, t: Array) -> Array:
+        """Return the right side (B, m) of the accelerations."""
+
+    def round_off(self, q: Array, t: Array) -> Array:
+        """Return a bound on what rounding leaves of residuals that are zero, (B, m) or (B, 1)."""
+
+    def extrema(self, times: Array) -> Array:
+        """Return times between those given at which the law of a driver turns back."""
+
+
+@dataclass(frozen=True)
+class Poses:
+    """B poses, NaN where Newton found none.
+
+    Times (B,), coordinates (B, n), Jacobians (B, m, n), largest components of the residuals (B,), inverses of the
+    Jacobians (B, n, m) and velocities (B, n): NaN too if a pose is not `regular`.
+    """
+
+    t: Array
+    q: Array
+    jacobian: Array
+    residual: Array
+    inverse: Array
+    qd: Array
+    regular: Any
+
+    @property
+    def known(self) -> Any:
+        """Which of them there are, (B,)."""
+        return np.isfinite(self.residual)
+
+    def __getitem__(self, which: Any) -> Self:
+        return type(self)(*[part[which] for part in vars(self).values()])
+
+    @classmethod
+    def joined(cls, parts: Sequence[Poses]) -> Self:
+        """Return several batches as one."""
+        return cls(*map(np.concatenate, zip(*(vars(part).values() for part in parts), strict=True)))
+
+
+def close(equations: Equations, q: Array, t: Array, *, near: Array | None = None) -> Poses:
+    """Return the poses to which full Newton converges from q (B, n) at t (B,).
+
+    Converged means that the residual is at round-off and the correction has stalled. With `near`, q are predictions
+    from there: then each correction must contract and the first not be large.
+    """
+    own = getattr(equations, "closed", None)
+    if own is not None:
+        return with_velocities(equations, t, *own(q, t, near))
+    count, n = q.shape
+    guess, now, active, previous, left = q, t, np.arange(count), *np.full((2, count), np.inf)
+    done = list[tuple[Any, Array, Array, Array]]()
+    for _ in range(CAP):
+        residual, jacobian = equations.rows(q, now)
+        correction = solve(jacobian, residual)
+        size = largest(correction)
+        on = size <= 1.0 / EPS  # an angle that large has no digit left
+        closed = within(residual, equations.round_off(q, now))
+        if near is not None:
+            on &= closed | ((size <= CONTRACTION * previous) & (size <= TRUST))
+        if np.count_nonzero(closed):
+            rounding = EPS * (1.0 + largest(q))
+            noise = (size > STALLED * previous) | (size <= rounding) | (left <= SQUARED) & (size <= LEFT * rounding)
+            stalled = on & closed & noise
+            on &= ~stalled
+            good = stalled if near is None else stalled & (largest(q - guess[active]) <= TRUST)
+            if np.count_nonzero(good):
+                done.append((active[good], q[good], jacobian[good], largest(residual[good])))
+        if previous[0] < np.inf:
+            left = size * (size / previous) ** 2  # the error is squared
+        q, previous = q - correction, size
+        if np.count_nonzero(on) < len(on):
+            active, q, previous, left = active[on], q[on], previous[on], left[on]
+            if not active.size:
+                break
+            now = t[active]
+    shapes = ((count, n), (count, *jacobian.shape[1:]), (count,))
+    poses = [np.full(shape, np.nan) for shape in shapes]
+    for which, *parts in done:
+        for whole, part in zip(poses, parts, strict=True):
+            whole[which] = part
+    return with_velocities(equations, t, *poses)
+
+
+def nowhere(like: Poses, t: float) -> Poses:
+    """Return no pose at t."""
+    nothing = {name: np.full_like(part, np.nan) for name, part in vars(like).items()}
+    return Poses(**{**nothing, "t": np.array([t]), "regular": np.zeros(1, bool)})
+
+
+def with_velocities(equations: Equations, t: Array, q: Array, jacobian: Array, residual: Array) -> Poses:
+    """Return poses where residuals are finite, with velocities where they are regular: NaN elsewhere.
+
+    A residual r is worth a correction of r / sigma. By Kantorovich's theorem one root is near and alone if
+    K r / sigma^2 < 1/2; with K of order 2 (rows of coordinates of order one) a pose beyond that may be a singular one.
+    """
+    count, m, n = jacobian.shape
+    inverse, qd = np.full((count, n, m), np.nan), np.full((count, n), np.nan)
+    regular = np.isfinite(residual)
+    if np.count_nonzero(regular):
+        some = _which(regular)
+        inverse[some] = inverses(jacobian[some])
+        off = residual[some] * getattr(equations, "predicts", True)
+        regular[some] = _regular(jacobian[some], inverse[some], np.maximum(SINGULAR, 2.0 * np.sqrt(off)))
+    if np.count_nonzero(regular):
+        some = _which(regular)
+        qd[some] = solve(jacobian[some], equations.nu(q[some], t[some]))
+        regular &= np.isfinite(qd).all(axis=1)
+    return Poses(t, q, jacobian, residual, inverse, qd, regular)
+
+
+def _which(mask: Any) -> Any:
+    """Return what picks the samples of a mask: all of them, if there is no other, without a copy."""
+    return mask if np.count_nonzero(mask) < len(mask) else slice(None)
+
+
+def within(residual: Array, bound: Array) -> Any:
+    """Return whether all residuals of a pose are within a bound, (B,)."""
+    return np.logical_and.reduce(np.abs(residual) <= bound, axis=1)
+
+
+def _regular(jacobian: Array, inverse: Array, least: Array) -> Any:
+    """Return whether singular values are at least so large (B,), of which the inverse's norm is a bound."""
+    _, m, n = jacobian.shape
+    regular: Any = (norm(inverse) <= 1.0 / least) & (m == n or n == 0)  # else truncated
+    for k in np.flatnonzero(~regular):
+        regular[k] = np.linalg.svd(jacobian[k], compute_uv=False)[-1] >= least[k]
+    return regular
+
+
+def norm(matrix: Array) -> Array:
+    """Return Frobenius norms (B,) of matrices (B, n, m)."""
+    return np.sqrt(np.add.reduce(matrix * matrix, axis=(1, 2)))
+
+
+def solve(matrix: Array, right: Array) -> Array:
+    """Return x (B, n) with matrix (B, m, n) x = right (B, m), by least squares if rows are redundant.
+
+    NaN where there is no finite one.
+    """
+    _, m, n = matrix.shape
+    if n != m:
+        inverse, column = inverses(matrix), right[:, :, None]
+        x = inverse @ column
+        x = (x + inverse @ (column - matrix @ x))[:, :, 0]  # a product with an inverse leaves more than rounding
+    else:
+        x = _each(lambda a, b: np.linalg.solve(a, b[:, :, None])[:, :, 0], matrix, right, out=right)
+    if not math.isfinite(x.sum()):
+        x[~np.isfinite(x).all(axis=1)] = np.nan
+    return x
+
+
+def inverses(matrix: Array) -> Array:
+    """Return inverses (B, n, m) of matrices (B, m, n), pseudo-inverses if rows are redundant; NaN where singular."""
+    _, m, n = matrix.shape
+    if m == n:
+        return _each(np.linalg.inv, matrix, out=matrix)
+    return _each(lambda a: np.linalg.pinv(a, rcond=EPS * max(m, n)), matrix, out=matrix.transpose(0, 2, 1))
+
+
+def _each(function: Callable[..., Array], *given: Array, out: Array) -> Array:
+    """Return a function of batches, sample by sample where one singular matrix spoils the batch."""
+    try:
+        return function(*given)
+    except np.linalg.LinAlgError:
+        if len(out) == 1:
+            return np.full_like(out, np.nan)
+        single = (tuple(array[k : k + 1] for array in (*given, out)) for k in range(len(out)))
+        return np.concatenate([_each(function, *one[:-1], out=one[-1]) for one in single])
+
+
+def largest(values: Array) -> Array:
+    """Return the largest component (B,) of vectors (B, n)."""
+    largest: Array = np.maximum.reduce(np.abs(values), axis=1, initial=0.0)
+    return largest
+
+
+def extrema(laws: Sequence[Callable[..., Any]], times: Array) -> Array:
+    """Return where laws turn back between times, one time a step: regula falsi on the rate, then Newton.
+
+    The sample is near the extremum, not at it: the law is flat there.
+    """
+    pieces = [np.zeros(0)]
+    for law in laws:
+        rate = np.broadcast_to(np.asarray(law(times, 1), float), times.shape)
+        k = np.flatnonzero(rate[:-1] * rate[1:] < 0.0)
+        if k.size:
+            a, b = times[k], times[k + 1]
+            t = a + (b - a) * rate[k] / (rate[k] - rate[k + 1])
+            for _ in range(2):
+                t = t - law(t, 1) / law(t, 2)
+                t = np.where((t > a) & (t < b), t, 0.5 * (a + b))
+            pieces.append(t)
+    return np.concatenate(pieces)
+
+
+class Tabulated:
+    """A law whose values are kept; at `times`, those that will be asked for, it is asked once for all of them."""
+
+    def __init__(self, law: Callable[..., Any], times: Sequence[float] = ()) -> None:
+        self.law, self._times = law, np.array(times)
+        self._tables = dict[int, Array]()
+        self._known = dict[tuple[int, float | bytes], Any]()
+
+    def __call__(self, t: Any, order: int) -> Any:
+        """Return the derivative of the given order at a time, or at times (B,): then read-only."""
+        single = isinstance(t, float)
+        key = order, t if single else t.tobytes()
+        if key not in self._known:
+            self._known[key] = float(self.law(t, order)) if single else self._row(t, order)
+        return self._known[key]
+
+    def _row(self, t: Array, order: int) -> Array:
+        if not len(self._times):
+            return self._asked(t, order)
+        if order not in self._tables:
+            self._tables[order] = self._asked(self._times, order)
+        at = np.minimum(np.searchsorted(self._times, t), len(self._times) - 1)
+        row: Array = self._tables[order][at]
+        new = self._times[at] != t
+        if new.any():
+            row[new] = self._asked(t[new], order)
+        row.flags.writeable = False
+        return row
+
+    def _asked(self, t: Array, order: int) -> Array:
+        return np.broadcast_to(np.asarray(self.law(t, order), float), t.shape)
