@@ -13,8 +13,9 @@ import pytest
 
 from crosscheck.engines import EngineError
 from crosscheck.engines import march as continuation
+from crosscheck.engines import poses
 from crosscheck.engines.march import March, march
-from crosscheck.engines.poses import EPS, Poses, close, solve
+from crosscheck.engines.poses import EPS, Poses, close, extrema, solve
 from crosscheck.engines.tree.tree_system import TreeSystem
 from refkin.joints import Revolute, elements_of
 from refkin.motion import Status
@@ -35,7 +36,7 @@ class OneByOne:
         return np.array([residual for residual, _ in values]), np.array([jacobian for _, jacobian in values])
 
     def extrema(self, times: Any) -> Any:
-        return continuation.extrema((), times)
+        return extrema((), times)
 
 
 def lifted(function: Callable[..., Any]) -> Callable[..., Any]:
@@ -177,8 +178,10 @@ def test_the_march_stays_on_its_branch() -> None:
 
 def test_without_shorter_steps_it_would_jump(monkeypatch: pytest.MonkeyPatch) -> None:
     """Shows that the test before can fail: Newton from the prediction alone lands on the lower branch."""
-    for name in ("TRUST", "CONTRACTION", "NEAR"):
-        monkeypatch.setattr(continuation, name, math.inf)
+    monkeypatch.setattr(continuation, "NEAR", math.inf)
+    for name in ("TRUST", "CONTRACTION"):
+        for owner in (continuation, poses):
+            monkeypatch.setattr(owner, name, math.inf)
     monkeypatch.setattr(continuation, "connected", lambda inverse, other, off=0.0: np.ones(len(other), bool))
 
     assert run(tracked(two_tracks()), [0.0, 1.0]).levels[0][0, 1] == pytest.approx(4.9, abs=1e-12)
