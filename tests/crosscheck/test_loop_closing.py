@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from crosscheck.engines import EngineError
+from crosscheck.engines import EngineError, poses
 from crosscheck.engines import march as continuation
-from crosscheck.engines import poses
 from crosscheck.engines.march import March, march
 from crosscheck.engines.poses import EPS, Poses, close, extrema, solve
 from crosscheck.engines.tree.tree_system import TreeSystem
