@@ -13,7 +13,9 @@ from flint import arb, ctx
 from refkin.joints import AngleDriver, Distance, Fixed, PointOnLine, Prismatic, XDriver, YDriver
 from refkin.model import Mechanism
 from refkin.motion_laws import Polynomial, Sinusoid, Table
+from refkin.proof.assembly.group_poses import GroupPose, Link, joined
 from refkin.proof.assembly.loci import Circle, Line, meet
+from refkin.proof.assembly.rows import RowKind
 from refkin.vec import Vec
 
 from .assembly_cases import (
@@ -40,6 +42,27 @@ def test_parallel_lines_are_proved_to_miss_each_other_by_their_distance_and_one_
 
     assert meet(one, other).gap == 0.25
     assert meet(one, Line(Vec(arb(7), arb(0)), normal)) is None
+
+
+@pytest.mark.parametrize("on_b", [True, False])
+def test_three_points_that_are_laid_on_three_lines_lie_on_them_in_both_assemblies(on_b):
+    """The lines are those of group B, which comes to A, or of group A."""
+    pose = GroupPose(Vec(arb(1), arb(2)), arb("0.4"), arb("0.4").cos(), arb("0.4").sin())
+    links = []
+    for k, (x, y) in enumerate(((0.6, 0.8), (-0.8, 0.6), (0.28, -0.96))):
+        q, n = Vec(arb(k), arb(k * k - 1)), Vec(arb(x), arb(y))
+        along = n.perp() * arb(0.3 + 0.4 * k)
+        p = pose.point(q + along) if on_b else pose.point(q) + along
+        links.append(Link(RowKind.LINE, p, q, n, on_b, arb(0)))
+    moves = joined(links, turning=True).moves
+
+    assert len(moves) == 2
+    for move in moves:
+        there = GroupPose(move.shift, move.turn.phi, move.turn.c, move.turn.s)
+        for k in links:
+            gap = k.normal.dot(there.local(k.p) - k.q if on_b else there.point(k.q) - k.p)
+            assert gap.contains(0)
+            assert gap.rad() < 1e-9
 
 
 def off(locus, p):
