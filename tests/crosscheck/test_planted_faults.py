@@ -152,12 +152,12 @@ def rows_all_linear(right: Any, engine_rows: Any, block: Any) -> Any:
     return [replace(row, form=Linear()) for row in right(engine_rows, block)]
 
 
-def start_on_the_other_side(right: Any, model: Any, scene: Scene, *more: Any) -> Any:
+def start_on_the_other_side(right: Any, scene: Scene, unit: Any) -> Any:
     """Start exudyn's march at the four-bar's other assembly."""
     other = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(law=LAW, times=TIMES, branch="crossed")
     estimates = {body.name: body for body in other.mechanism.bodies}
     bodies = tuple(estimates[body.name] for body in scene.mechanism.bodies)
-    return right(model, replace(scene, mechanism=replace(scene.mechanism, bodies=bodies)), *more)
+    return right(replace(scene, mechanism=replace(scene.mechanism, bodies=bodies)), unit)
 
 
 def stale_drift(right: Any, self: Any, q: Any, qd: Any, places: Any) -> Any:
@@ -229,7 +229,7 @@ OF_ADAPTERS = {
         around(exudyn_parts.Clock, "set", stopped_clock), FOUR_BAR, ("exudyn",), "position"
     ),
     "exudyn: a start on the other assembly": Fault(
-        around(exudyn_engine, "_motion", start_on_the_other_side), FOUR_BAR, ("exudyn",), "position"
+        around(exudyn_engine, "start_of", start_on_the_other_side), FOUR_BAR, ("exudyn",), "position"
     ),
     "exudyn: a product rule without its mixed term": Fault(
         lambda patch: patch.setattr(exudyn_parts, "product_drift", product_without_mixed_term),
