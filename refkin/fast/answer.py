@@ -1,4 +1,4 @@
-"""From coordinates of every sample to a `Motion`, judged by the formulas a person reads.
+"""From coordinates of every sample to a `Motion`, checked by the formulas a person reads.
 
 Nothing here trusts the program. Residuals come from the formulas (`residual`), singular values from `System`,
 certificates from a program of their own, or from `refkin.proof`; the pose and the rates are what they are asked about.

@@ -101,8 +101,8 @@ def family(scene: Scene, system: System, geometry: Geometry, estimates: Estimate
     full = {name: None if x is None else np.broadcast_to(x, (3, size)) for name, x in given.items()}
     faulty = _faulty(constraints, size)
     made = Family(scene, constraints, replace(system, unit=unit, placed=placed), size, full, faulty)
-    estimated = np.all([np.isfinite(x).all(axis=0) for x in full.values() if x is not None], axis=0)
-    sound = np.flatnonzero(~faulty & estimated)
+    complete = np.all([np.isfinite(x).all(axis=0) for x in full.values() if x is not None], axis=0)
+    sound = np.flatnonzero(~faulty & complete)
     if sound.size:
         made.sample(sound[0])  # a scene like any other: what is wrong with all of them is wrong with it
     return made

@@ -1,4 +1,4 @@
-"""What `solve_many` is given, read and judged: rows of numbers in place of numbers, and nothing else.
+"""What `solve_many` is given, read and checked: rows of numbers in place of numbers, and nothing else.
 
 What has another shape or type than the scene's own value is refused at once, by its name: read as something else, it
 would be answered without a word.
