@@ -115,6 +115,12 @@ def test_tables_pass_through_their_values():
     assert law.domain() == (-1.0, 3.0), f"its domain is {law.domain()}"
 
 
+def test_the_integral_of_a_periodic_table_grows_by_its_values_in_every_piece():
+    for x in AROUND.argument[:-1]:
+        grown = AROUND.integral(x + 1e-3) - AROUND.integral(x)
+        assert_near(grown, 1e-3 * AROUND(x + 5e-4), 1e-8, f"behind {x}")
+
+
 def test_periodic_tables_go_on():
     """A periodic table repeats itself, is smooth where it closes, and its integral grows by one period's each time."""
     period = 3.0
