@@ -56,9 +56,11 @@ def price(
     writable("page", page)
     before = None if again is None else _earlier(again)
     ours = [name for name in PRICED if name in OURS]
+    asked, subject = (*ours, *names(engines, always=())), load(scene)
+    print(f"this takes up to {WITHIN:g} s of the processor, on a busy machine longer", file=sys.stderr, flush=True)
     try:
         with shown_progress(None, WITHIN / 60, "measurements") as show:
-            prices = measured(load(scene), (*ours, *names(engines, always=())), tell=show)
+            prices = measured(subject, asked, tell=show)
     except NoTruth as error:
         print(error, file=sys.stderr)
         return DISAGREEMENT
