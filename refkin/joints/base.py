@@ -124,8 +124,9 @@ class Constraint:
     """Whether a law gives lengths [m], which the unit scales, or angles [rad]."""
     __pydantic_config__ = STRICT
 
-    def _repr_pretty_(self, printer: Any, cycle: bool) -> None:
-        printer.text(repr(self))  # Hypothesis would print class variables, too, which nobody can paste
+    @property  # so that a class has none: Hypothesis prints those of drawn drivers as well
+    def _repr_pretty_(self) -> Any:
+        return lambda printer, cycle: printer.text(repr(self))  # without class variables, which nobody can paste
 
     @property
     def rows(self) -> int:
