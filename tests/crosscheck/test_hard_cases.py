@@ -279,7 +279,7 @@ METHODS = {"a": [("a", "newton", ""), ("a", "steps", "1e-3")], "b": [("b", "newt
 FATES = {"newton": ("correct", "well"), "steps": Failure(FailureKind.HANG, "no answer within 3 s")}
 SAID = Finding(
     engine="a", method="steps", cases=("large offset",), verdict="hang", kind="documented limit",
-    quote="it may take long", source="its manual", reason="", since="", date=datetime.date(2026, 11, 22),
+    quote="it may take long", source="its manual", reason="", since="", date=datetime.date(2026, 11, 22), script="a.py",
 )  # fmt: skip
 
 
