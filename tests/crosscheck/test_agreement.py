@@ -84,6 +84,16 @@ def test_an_error_of_some_roundings_is_not_called_another_pose(level):
     assert "to rounding" not in said.text
 
 
+@pytest.mark.parametrize("order", [0, 1, 2])
+def test_what_rounding_leaves_of_rows_is_that_of_the_time_that_is_asked_for(order):
+    right = reference(FOUR_BAR).propagation
+    errors = [e.copy() for e in right.e]
+    errors[order][:, 3] += 1.0
+    more = [np.max(replace(right, e=tuple(errors)).left(order, t) - right.left(order, t)) for t in TIMES]
+
+    assert more == pytest.approx([0.0, 0.0, 0.0, 1.0, *[0.0] * 5])
+
+
 def test_no_answer_a_wrong_ok_and_the_other_assembly_are_said():
     rocker = refkin.solve(FOUR_BAR)["rocker"].phi.copy()
     rocker[5:] = np.nan

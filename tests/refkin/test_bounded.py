@@ -11,7 +11,17 @@ from flint import arb, ctx
 from refkin.joints import AngleDriver, Revolute
 from refkin.model import Body, Mechanism
 from refkin.motion_laws import Integral, Law, Polynomial, Sinusoid, Table
-from refkin.proof.numbers.bounded import Bounded, Extended, InputError, Times, bounded_system, box, read
+from refkin.proof.numbers.bounded import (
+    Bounded,
+    Bounds,
+    Extended,
+    InputError,
+    Times,
+    bounded_system,
+    box,
+    off_by,
+    read,
+)
 from refkin.proof.numbers.exact import exact, exact_system
 from refkin.system import compile_system
 
@@ -236,3 +246,18 @@ def test_the_bound_of_a_sine_or_a_cosine_is_no_less_than_nothing_at_zero_and_nex
             result = getattr(numbers, name)()
             for x, middle, bound in zip(numbers.mid, result.mid, result.rounding, strict=True):
                 assert abs(getattr(number(x), name)() - number(middle)) <= bound
+
+
+@pytest.mark.parametrize(("wide", "unit"), [(float, Bounded.unit), (np.longdouble, Extended.unit)])
+def test_what_rates_miss_their_right_side_by_is_rounded_in_the_numbers_it_is_made_of(wide: Any, unit: float) -> None:
+    """Products that cancel with their right side: what is left of them is the rounding itself."""
+    rng = np.random.default_rng(5)
+    slope, rates = rng.normal(size=(1, 5, 200)).astype(wide) / 3, rng.normal(size=(5, 200))
+    right = np.sum(slope[0] * rates, axis=0)[None]
+    left = off_by(Bounds(slope, 0.0 * slope, 0.0 * slope), rates, Bounds(right, 0.0 * right, 0.0 * right))
+    with ctx.workprec(BITS):
+        for k in range(200):
+            exact_sum = sum((number(x) * number(y) for x, y in zip(slope[0, :, k], rates[:, k], strict=True)), arb(0))
+            assert abs(exact_sum - number(right[0, k]) - number(left.mid[0, k])) <= left.rounding[0, k]
+    size = np.sum(np.abs(slope[0] * rates), axis=0) + np.abs(right[0])
+    assert (left.rounding[0] <= 8 * unit * size).all()

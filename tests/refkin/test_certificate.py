@@ -241,3 +241,32 @@ def test_the_radius_of_one_square_holds_its_root_also_where_the_root_is_beyond_n
 
     assert certificate.ok[0]
     assert away <= certificate.radii[1, 0] <= 1.001 * away
+
+
+@pytest.mark.parametrize("rate", [1.0, -1.0])
+def test_the_bound_of_a_wrong_velocity_counts_what_the_inverse_at_a_pose_that_is_off_makes_of_it(rate):
+    """The height rests; of a rate given at a pose 5 % too high the inverse there takes 95 % away."""
+    root = 0.95
+    qd = np.array([[0.0], [rate], [0.0]])
+    certificate = certify(height(root), np.array([[0.0], [1.0], [0.0]]), np.zeros(1), qd)
+
+    assert certificate.ok[0]
+    assert 1.0 <= certificate.velocity[1, 0] <= 1.1
+
+
+def test_the_radius_counts_what_the_inverse_of_two_nearly_parallel_lines_leaves():
+    """Straight rows without curvature: a point is off along the lines by more than their rows have digits for."""
+    body = Body(name="b", estimate=(0.0, 0.0, 0.0))
+    ends: dict[str, Any] = {"body_i": GROUND, "point_i": (0.0, 0.0), "body_j": "b", "point_j": (0.0, 0.0)}
+    lines = [
+        PointOnLine(name=f"line {k}", **ends, axis_i=axis) for k, axis in enumerate([(1.0, 0.5), (1.0, 0.5 + 1e-7)])
+    ]
+    still = AngleDriver(name="phi", body="b", law=Polynomial(coefficients=(0.0,)))
+    system = compile_system(Mechanism((body,), tuple(lines), (still,)))
+    for along in (0.1, -0.3, 0.7):
+        q = along * np.array([[1.0], [0.5], [0.0]])
+        certificate = certify(system, q, np.zeros(1))
+
+        assert certificate.ok[0]
+        assert (np.abs(q + certificate.root.shift) <= certificate.root.remainder).all()
+        assert (np.abs(q) <= certificate.radii).all()

@@ -4,19 +4,33 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from flint import ctx
 
 import refkin
-from refkin import Body, Cam, Distance, Gear, Mechanism, Polar, Polynomial, Scene, Sinusoid, XDriver, compile_system
+from refkin import (
+    Body,
+    Cam,
+    Distance,
+    Gear,
+    Mechanism,
+    Polar,
+    Polynomial,
+    Scene,
+    Sinusoid,
+    Table,
+    XDriver,
+    compile_system,
+)
 from refkin.analysis import position
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.closed_form import place
 from refkin.proof.assembly.rigid_groups import plan
 from refkin.proof.assembly.rows import read_rows
-from refkin.proof.assembly.search import coordinates
+from refkin.proof.assembly.search import _Search, coordinates
 
 from .contact_cases import CASES, LOBES, TIMES, cam, guide, over_profile, pin, scene, turning
 
@@ -230,3 +244,17 @@ def test_steps_are_counted_anew_from_each_asked_time(monkeypatch):
     assert (
         refkin.solve(replace(scene("gear train"), mechanism=replace(m, drivers=(fast,)), times=times)).verdict == "ok"
     )
+
+
+def test_trial_angles_lie_within_a_turn_and_contacts_on_the_profile():
+    """Of an open table no contact lies before its first argument or behind its last."""
+    law = Table(argument=(0.5, 0.75, 1.0, 1.5), value=(1.0, 1.1, 1.15, 1.2))
+    joints, _ = cam(profile=Polar(law=law), follower="point", held=guide("follower"))
+    looking = object.__new__(_Search)
+    looking.system = SimpleNamespace(mechanism=SimpleNamespace(joints=joints))
+    looking.turned = ("cam",)
+    trials = np.array([point for point, _ in zip(looking._halton(), range(64), strict=False)])
+
+    assert (np.abs(trials[:, 0]) <= math.pi).all()
+    assert ((trials[:, 1] >= 0.5) & (trials[:, 1] <= 1.5)).all()
+    assert (np.ptp(trials, axis=0) > 0.9 * np.array([math.tau, 1.0])).all()

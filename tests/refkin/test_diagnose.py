@@ -414,3 +414,12 @@ def test_common_roots_of_forms_are_all_found_once():
 
     assert len(result) == len(signs) == 4
     assert np.max(np.abs(np.abs(result) - 3**-0.5)) < 1e-14
+
+
+def test_a_driver_of_another_coordinate_takes_the_row_of_one_that_is_there():
+    scene = at(LIMITED, 0.5)
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    q = system.to_unit(refkin.solve(scene).q[:, 0])
+    other = balanced(system, q, 0.0, np.arange(system.m)).with_row(8, 5)
+
+    assert np.flatnonzero(other.matrix[8]).tolist() == [5]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -31,7 +32,7 @@ from refkin import (
 from refkin.newton import NewtonResult, NewtonStatus
 from refkin.proof.numbers.extrema import extrema
 from refkin.proof.path.blocks import diagonal_blocks
-from refkin.proof.path.branch import Piece, _linked, first_unproved
+from refkin.proof.path.branch import Piece, _halved, _linked, first_unproved
 from refkin.solving import passages
 from refkin.solving.solve import _first_unproved
 from refkin.solving.steps import Steps
@@ -139,8 +140,11 @@ def test_a_step_that_turns_a_body_by_a_whole_turn_is_not_taken():
     assert not sweep._on_branch(newton_result(turned, turned + 1e-3, [1e-3, 1e-5]), 0.2)
 
 
-@pytest.mark.parametrize(("off", "taken"), [(1.0, True), (-1.0, True), (2.45, None), (-2.45, None)])
-def test_a_pose_next_to_a_singular_one_is_taken_only_on_the_side_of_the_last_pose(off, taken):
+@pytest.mark.parametrize(
+    ("off", "turn", "taken"),
+    [(1.0, 0.0, True), (-1.0, 0.9, True), (1.0, 1.1, None), (2.45, 0.0, None), (-2.45, 0.0, None)],
+)
+def test_a_pose_next_to_a_singular_one_is_taken_only_on_the_side_of_the_last_pose(off, turn, taken, monkeypatch):
     """A tip is lifted by the top of the sine on a cam's edge; from behind its inflection Newton steps over the top."""
     law = Sinusoid(offset=1.0, amplitude=2.0**-7, angular_frequency=12.0)
     joints, _ = cam(profile=Polar(law=law), follower="point", held=guide("follower"))
@@ -149,6 +153,8 @@ def test_a_pose_next_to_a_singular_one_is_taken_only_on_the_side_of_the_last_pos
     m = Mechanism(bodies=bodies, joints=joints, drivers=(lift,))
     s = (np.pi / 2 + off) / 12
     steps = Steps(compile_system(m, unit=m.unit()), [law(s)], [np.array([0, 0, np.pi / 2 - s, 0, law(s), 0, s])])
+
+    monkeypatch.setattr(Steps, "driven", lambda *_: turn)  # of a driver that turns a joint of space
 
     assert steps._at_singular_pose(1 + 2.0**-7 - 100 * 2.0**-52) is taken
     assert len(steps.q) == (2 if taken else 1)
@@ -438,6 +444,39 @@ def test_the_worse_of_two_bounds_widens_a_tube():
     assert _linked(sweep.system, pieces).tolist() == [True, False, False]
 
 
+@pytest.mark.parametrize(("wide", "linked"), [(1.0, True), (0.4, False)])
+def test_a_tube_links_no_poses_that_it_does_not_hold(wide, linked, monkeypatch):
+    """As wide as two poses may be off, or less, whatever is proved in it."""
+    sweep, _ = stepped(ROCKER, ("open", "open"), (0.0, 0.02))
+    known = np.full(9, 1e-9)
+    tube = SimpleNamespace(proved=np.array([True]), w=wide * known[:, None])
+    monkeypatch.setattr(refkin.proof.path.branch, "Tubes", lambda *_: tube)
+
+    assert _linked(sweep.system, [Piece(*sweep.t, *sweep.q, known, known, 0)]).tolist() == [linked]
+
+
+def test_between_two_neighbouring_times_there_is_no_middle(monkeypatch):
+    monkeypatch.setattr(refkin.proof.path.branch, "_near_chords", lambda system, times, q_0, q_1: (q_0 + q_1) / 2)
+    sweep, _ = stepped(ROCKER, ("open", "open"), (1.0, float(np.nextafter(1.0, 2.0))))
+    piece = Piece(*sweep.t, *sweep.q, *np.zeros((2, 9)), 0)
+
+    assert _halved(sweep.system, [piece], lambda system, q, *_: q) == ([], [piece])
+
+
+def test_a_step_is_halved_at_the_pose_in_its_middle_with_the_bound_of_its_own_error():
+    sweep, _ = stepped(ROCKER, ("open", "open", "open"), (0.0, 0.1, 0.2))
+    known = np.full(9, 1e-9)
+    (first, second), left = _halved(sweep.system, [Piece(0.0, 0.2, sweep.q[0], sweep.q[2], known, known, 7)], None)
+
+    assert (left, first.t_0, first.t_1, second.t_0, second.t_1) == ([], 0.0, 0.1, 0.1, 0.2)
+    assert (first.number, second.number) == (7, 7)
+    assert np.array_equal([first.q_0, second.q_1], [sweep.q[0], sweep.q[2]])
+    assert np.array_equal([first.q_1, first.r_1], [second.q_0, second.r_0])
+    assert np.array_equal([first.r_0, second.r_1], [known, known])
+    assert (np.abs(first.q_1 - sweep.q[1]) <= first.r_1 + 1e-15).all()
+    assert (first.r_1 < 1e-13).all()
+
+
 def test_without_evidence_a_pose_whose_residual_is_more_than_round_off_is_not_taken_as_it_is(monkeypatch):
     """Newton's root moved by 1e-10: what is reported is the root, or it is not ok."""
     scene = replace(ROCKER.scene(law=Polynomial(coefficients=(0.5, 1.0)), times=(0.0,)), evidence=frozenset())
@@ -481,3 +520,15 @@ def test_a_pulse_of_a_table_between_two_times_is_not_stepped_over(knot):
     motion = refkin.solve(replace(scene, mechanism=replace(m, drivers=(driver,), bodies=bodies)))
 
     assert [str(status) for status in motion.status] == ["ok", "branch_lost", "branch_lost"]
+
+
+@pytest.mark.parametrize(("smallest", "solvable", "known"), [(1e-2, True, False), (1e-6, False, True)])
+def test_what_is_below_the_rounding_of_the_largest_entries_is_nothing_to_solve_with(smallest, solvable, known):
+    """Rows of 1e12 are rounded by 1e-4: a singular value of 1e-6 is asked for, and is none."""
+    system = SimpleNamespace(m=2, n=2, placed=(), phi=lambda q, t: 0.0 * q)
+    system.held_at, system.phi_q = lambda q: system, lambda q, t: np.diag([1e12, smallest])[..., None]
+    scene = SimpleNamespace(times=(0.0,), evidence=frozenset())
+    answer = refkin.solving.solve._Answer(system, scene, np.zeros((2, 1)), [Status.OK], "")
+
+    assert answer._look(np.array([0]))[0].tolist() == [solvable]
+    assert np.isfinite(answer.sigma_min).tolist() == [known]

@@ -12,6 +12,7 @@ import pytest
 import refkin
 from refkin import fast
 from refkin.joints import GROUND, Cylindrical, DisplacementDriver, SpatialRevolute, passive_spins
+from refkin.joints.spatial_vectors import Quaternion
 from refkin.model import Mechanism
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
@@ -20,6 +21,7 @@ from refkin.proof.numbers.exact import exact_system
 from refkin.proof.path.blocks import dips
 from refkin.solving.mobility import count, mobility_of
 from refkin.solving.starts import find_start
+from refkin.solving.steps import Steps
 from refkin.system import compile_system
 from tests.passive import (
     SPINNING,
@@ -253,3 +255,30 @@ def test_rows_that_repeat_others_hide_no_missing_driver():
     assert count(Mechanism(m.bodies, printed, m.drivers)).mobility == count(m).mobility == 2
     with pytest.raises(refkin.RefkinError, match="1 more constraint: add drivers"):
         Mechanism(m.bodies, printed)
+
+
+def test_a_passive_body_is_held_at_its_estimate_as_at_any_other_pose():
+    system = compile_system(drawn(rod)[0].mechanism)
+    (p,) = (p for p in system.placed if p.constraint.passive)
+    reference = np.array(p.constraint.reference) / np.linalg.norm(p.constraint.reference)
+
+    assert p.constraint.gauge(p.g, np.array([0.0, 0.0, 0.0, *reference])) == pytest.approx(p.g[:4], abs=1e-15)
+
+
+@pytest.mark.parametrize(("angle", "again"), [(1.5, False), (2.0, True)])
+def test_a_passive_body_that_has_turned_far_is_held_as_it_is_there(angle, again):
+    """About a line across that of its spin: half of the way round the rows that hold it would be singular."""
+    scene, _ = drawn(rod)
+    system = compile_system(scene.mechanism)
+    (p,) = (p for p in system.placed if p.constraint.passive)
+    q = system.to_unit(answer(rod).q[:, 0])
+    system = system.held_at(q)
+    across = np.cross(p.g[4:7], [0.3, -0.8, 0.5])
+    turn = Quaternion.of(np.cos(angle / 2), *(np.sin(angle / 2) * across / np.linalg.norm(across)))
+    there, at = q.copy(), system.columns(p.constraint.body)
+    there[at][3:] = Quaternion.of(*q[at][3:]).times(turn).parts
+    steps = Steps(system, [0.0], [q])
+    steps._accept(there, 0.1)
+
+    assert steps.held_from == ([(1, system)] if again else [])
+    assert steps.system.gauge == (system.held_at(there) if again else system).gauge
