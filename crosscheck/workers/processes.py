@@ -281,9 +281,8 @@ def stop(process: Any) -> Failure:
     if code is None:
         process.kill()
         process.join(5.0)
-    if code != 0:
-        with suppress(OSError, AttributeError):  # it has started none, or there are no groups
-            os.killpg(process.pid, signal.SIGKILL)
+    with suppress(OSError, AttributeError):  # nothing that it started is left, or there are no groups
+        os.killpg(process.pid, signal.SIGKILL)
     if id(process) in _shown:
         _shown.pop(id(process)).join(1.0)
     return _crash(code)

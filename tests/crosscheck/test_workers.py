@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from contextlib import suppress
+from functools import partial
 from multiprocessing import forkserver
 from pathlib import Path
 from typing import Any
@@ -19,7 +20,7 @@ import pytest
 from crosscheck.judge.records import plain
 from crosscheck.measure.jobs import checkers, joined
 from crosscheck.workers.pool import Workers
-from crosscheck.workers.processes import MOST_PRINTED, hang
+from crosscheck.workers.processes import MOST_PRINTED, call_each, hang
 
 from .fake_engines import EXIT, HANG, RAISE, SEGFAULT, SHIFT, alive, engine_file, jobs, key_of_drawn, kinds, settled
 
@@ -273,3 +274,12 @@ def test_an_engine_may_start_processes_and_none_outlives_its_worker(tmp_path, un
 
     assert records == {key: undisturbed[key] for key in records}
     assert alive([int(note.read_text())]) == []
+
+
+def test_what_a_process_started_ends_with_it_although_it_ended_well():
+    (pid,) = call_each(partial(os.spawnlp, os.P_NOWAIT, "sleep", "sleep"), ["100"])
+    end = time.monotonic() + 20.0
+    while alive([pid]) and time.monotonic() < end:
+        time.sleep(0.01)
+
+    assert alive([pid]) == []
