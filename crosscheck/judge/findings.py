@@ -6,14 +6,13 @@ finding is a fault of the engine only where it contradicts what the engine promi
 
 from __future__ import annotations
 
-import datetime
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Annotated, Any
 
 from pydantic import Field
 
-from crosscheck.judge.known_gaps import KindOfGap, Text, rows_of
+from crosscheck.judge.known_gaps import Date, KindOfGap, Text, rows_of
 from crosscheck.judge.records import Strict
 
 
@@ -39,16 +38,16 @@ class Finding(Strict):
 
     engine: Text
     method: Text
-    cases: tuple[Text, ...] = ()
+    cases: Annotated[tuple[Text, ...], Field(min_length=1)] = ()
     verdict: Text
     kind: Annotated[KindOfGap, Field(validation_alias="class")]
     quote: Text
     source: Text
     reason: Text
     since: Text
-    date: datetime.date
-    scene: str = ""
-    script: str = ""
+    date: Date
+    scene: Text = ""
+    script: Text = ""
 
     def __post_init__(self) -> None:
         if not (self.scene or self.script):

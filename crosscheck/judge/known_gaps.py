@@ -66,6 +66,7 @@ def _known(predicate: str) -> str:
 
 
 Text = Annotated[str, StringConstraints(min_length=1)]
+Date = Annotated[datetime.date, Field(strict=True)]
 KindOfGap = Literal["contract violated", "documented limit", "our misuse"]
 
 
@@ -73,18 +74,18 @@ KindOfGap = Literal["contract violated", "documented limit", "our misuse"]
 class KnownGap(Strict):
     """One row: whose gap, where (`predicate`), why, since when, and a scene that shows it.
 
-    `method`, `quantity` and `kind` are those of the disagreements that it accounts for; any, where one is empty.
+    `method`, `quantity` and `kind` are those of the disagreements that it accounts for; any, where one is not said.
     """
 
     engine: Text
     predicate: Annotated[str, AfterValidator(_known)]
     reason: Text
     kind_of_gap: Annotated[KindOfGap, Field(validation_alias=AliasChoices("class", "kind_of_gap"))]
-    date: datetime.date
+    date: Date
     reproduction: Text
-    method: str = ""
-    quantity: str = ""
-    kind: str = ""
+    method: Text = ""
+    quantity: Text = ""
+    kind: Text = ""
 
     @property
     def match(self) -> dict[str, str]:
