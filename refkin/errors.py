@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 LONGEST = 200
 """How much of a value is quoted in a message [characters]: a table may have a million numbers."""
+MOST = 100
+"""How many faults of a scene a message tells: of 10,000 bodies each may have one."""
 
 
 class RefkinError(Exception):
@@ -38,11 +40,12 @@ class Fault:
 
 
 class InvalidScene(RefkinError):
-    """A scene or mechanism that makes no sense; `faults` lists everything that is wrong, not just the first."""
+    """A scene or mechanism that makes no sense; `faults` has everything that is wrong, its text the first hundred."""
 
     def __init__(self, faults: Sequence[Fault], source: str = "scene") -> None:
         self.faults, self.source = tuple(faults), source
-        super().__init__("\n".join(f"{source}: {fault}" for fault in self.faults))
+        more = [f"{source}: {len(self.faults) - MOST} more faults"] if len(self.faults) > MOST else []
+        super().__init__("\n".join([*(f"{source}: {fault}" for fault in self.faults[:MOST]), *more]))
 
 
 class InvalidRequest(RefkinError, ValueError):

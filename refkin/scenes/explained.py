@@ -64,10 +64,15 @@ def at(path: str, data: Any) -> Any:
 
 def unconnected(bodies: Sequence[Any], constraints: Sequence[Any]) -> Iterator[Fault]:
     """Yield the bodies that no joint and no driver ties, by way of others or not, to the ground."""
-    tied = {GROUND}
-    pairs = [constraint.bodies for constraint in constraints]
-    for _ in bodies:
-        tied |= {body for pair in pairs if tied & set(pair) for body in pair}
+    beside: dict[str, set[str]] = {}
+    for pair in (constraint.bodies for constraint in constraints):
+        for body in pair:
+            beside.setdefault(body, set()).update(pair)
+    tied, reached = {GROUND}, [GROUND]
+    while reached:
+        more = beside.get(reached.pop(), set()) - tied
+        tied |= more
+        reached += more
     for k, body in enumerate(bodies):
         if body.name not in tied:
             yield Fault(f"body[{k}]", body.name, UNTIED)

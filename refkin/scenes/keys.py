@@ -256,10 +256,11 @@ def _fill(holder: Any, key: Any, error: Any, way: int, data: Any) -> None:
         holder[key] = [*free, "", "-"][way]
     elif kind == "tuple_type" and key == "body" and way == 0:
         holder[key] = [{"name": name} for name in dict.fromkeys(_names(data)[0]) if name != GROUND]
+    elif kind == "dimension":
+        holder[key] = _dimension(data)
     else:
         holder[key] = {
             "missing": None, "float_type": (1.0, 0.75)[way], "int_type": 2 + way, "bool_type": False, "tuple_type": [],
-            "dimension": _dimension(data),
         }.get(kind, {})  # fmt: skip
 
 

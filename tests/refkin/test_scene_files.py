@@ -5,10 +5,13 @@ from __future__ import annotations
 import copy
 import json
 import tomllib
+from types import SimpleNamespace
 
 import pytest
 
 from refkin.errors import Fault, InvalidScene
+from refkin.scenes import keys
+from refkin.scenes.explained import unconnected
 from refkin.scenes.files import load, parse, to_dict, to_toml
 from refkin.scenes.keys import schema
 
@@ -365,3 +368,26 @@ def test_an_integer_beyond_every_float_is_quoted_as_it_stands():
     data["joint"][0]["point_i"] = [-(10**400), 0.0]
 
     assert any("joint[0].point_i[0]" in line and "-1" + "0" * 100 in line for line in messages(data))
+
+
+def test_a_file_with_a_fault_in_each_of_many_joints_is_not_read_anew_for_each(monkeypatch):
+    read, data = [], tomllib.loads(TEXT)
+    data["joint"] = [{"name": f"J{k}", "type": "fixed", "body_i": "ground", "body_j": "crank"} for k in range(40)]
+    monkeypatch.setattr(keys, "_read", lambda file, own=keys._read: read.append(file) or own(file))
+    with pytest.raises(InvalidScene) as refused:
+        parse(data)
+    assert len(refused.value.faults) >= 80
+    assert len(read) < 60
+
+
+def test_a_message_tells_the_first_hundred_of_ten_thousand_faults():
+    error = InvalidScene([Fault(f"body[{k}]", None, "a name") for k in range(10_000)], "many.toml")
+    assert len(error.faults) == 10_000
+    assert str(error).splitlines()[99:] == ["many.toml: body[99]: expected a name", "many.toml: 9900 more faults"]
+
+
+def test_a_chain_of_bodies_is_tied_to_the_ground_whatever_their_order():
+    pairs = [("ground" if k == 0 else f"b{k - 1}", f"b{k}") for k in range(500)]
+    bodies = [SimpleNamespace(name=name) for name in ("alone", *(b for _, b in reversed(pairs)))]
+    loose = unconnected(bodies, [SimpleNamespace(bodies=pair) for pair in reversed(pairs)])
+    assert [fault.value for fault in loose] == ["alone"]
