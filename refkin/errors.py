@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-LONGEST = 200
-"""How much of a value is quoted in a message [characters]: a table may have a million numbers."""
-MOST = 100
-"""How many faults of a scene a message tells: of 10,000 bodies each may have one."""
+LONGEST, MOST = 200, 100
+"""How much of a value a message quotes [characters], and of how many faults it tells: there may be thousands."""
 
 
 class RefkinError(Exception):
@@ -61,8 +59,7 @@ class NotCalledFor(RefkinError):
 
     def __init__(self, effect: str, effects: frozenset[str]) -> None:
         self.effect, self.effects = effect, effects
-        known = sorted(map(str, effects))
-        super().__init__(f"this system was compiled for {known}: {str(effect)!r} was not called for")
+        super().__init__(f"the system is compiled for {sorted(map(str, effects))}: {str(effect)!r} was not called for")
 
 
 class UnknownName(RefkinError):

@@ -27,6 +27,7 @@ from crosscheck.scenes.hard import KINDS
 from crosscheck.workers.installed import find_engines
 from crosscheck.workers.pool import SECONDS_PER_SCENE
 from refkin.scenes.files import load, to_dict
+from refkin.solving.limits import said_if_long
 
 
 def replay(
@@ -50,7 +51,8 @@ def replay(
     job = {"scene": to_dict(load(scene)), "about": {"of_features": features}, "arbiter": True}
     positive("scene-seconds", scene_seconds)
     installed, missing = find_engines(names(engines))
-    with checkers(1, {name: spec for name, (spec, _) in installed.items()}, scene_seconds) as pool:
+    specs = {name: spec for name, (spec, _) in installed.items()}
+    with said_if_long(f"asking {len(specs)} engines"), checkers(1, specs, scene_seconds) as pool:
         record = pool.check_one(job)
     out = console(160)
     if record.reference is None:
