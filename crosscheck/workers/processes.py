@@ -37,6 +37,8 @@ nobody was left to tell how it ended.)"""
 
 MOST_PRINTED = 1 << 14
 """Of what a process prints so many bytes are shown."""
+LAST_PRINTED = 1 << 10
+"""And of what is beyond them so many, the last."""
 COLLECTED_AFTER = 10_000
 """So many objects more than there were make a child look for those that nobody needs. After 700, as Python has it, a
 thirtieth of a night went into looking: what a scene makes is needed for long."""
@@ -237,14 +239,24 @@ _shown: dict[int, Thread] = {}
 
 
 def _show(printed: Any) -> None:
-    """Show on standard error what a process prints, up to `MOST_PRINTED`; say how much more it was."""
-    left, dropped = MOST_PRINTED, 0
+    """Show on standard error what a process prints, up to `MOST_PRINTED`; then how much more it was, and its end.
+
+    Why a process ended is what it said last.
+    """
+    left, dropped, last = MOST_PRINTED, 0, b""
     with printed, suppress(OSError, ValueError):  # standard error may be closed
         while some := os.read(printed.fileno(), MOST_PRINTED):
-            sys.stderr.write(some[:left].decode("utf-8", "replace"))
-            dropped, left = dropped + max(0, len(some) - left), max(0, left - len(some))
+            sys.stderr.write(_plain(some[:left]))
+            more, left = some[left:], max(0, left - len(some))
+            dropped, last = dropped + len(more), (last + more)[-LAST_PRINTED:]
         if dropped:
-            sys.stderr.write(f"\n... a process of engines printed {dropped:,} bytes more\n")
+            sys.stderr.write(f"\n... a process of engines printed {dropped:,} bytes more, at last:\n{_plain(last)}\n")
+
+
+def _plain(printed: bytes) -> str:
+    """Return what was printed, with all that a terminal would act on written out, but ends of lines and tabs."""
+    text = printed.decode("utf-8", "replace")
+    return "".join(c if c.isprintable() or c in "\n\t" else repr(c)[1:-1] for c in text)
 
 
 def told_if_raised(function: Callable[..., Any], *arguments: Any) -> Any:

@@ -20,7 +20,7 @@ import pytest
 from crosscheck.judge.records import plain
 from crosscheck.measure.jobs import checkers, joined
 from crosscheck.workers.pool import Workers
-from crosscheck.workers.processes import MOST_PRINTED, call_each, hang
+from crosscheck.workers.processes import LAST_PRINTED, MOST_PRINTED, call_each, hang
 
 from .fake_engines import EXIT, HANG, RAISE, SEGFAULT, SHIFT, alive, engine_file, jobs, key_of_drawn, kinds, settled
 
@@ -241,14 +241,16 @@ def test_starting_workers_leaves_the_environment_as_it_was(monkeypatch):
     assert dict(os.environ) == before
 
 
-def test_what_an_engine_prints_is_shown_up_to_a_bound_and_the_rest_is_counted(tmp_path, capfd):
-    spec = engine_file(tmp_path, before=r"os.write(1, b'\x1b[2Jfirst' + b'x' * 300_000); os.write(2, b'y' * 300_000)")
-    with checkers(1, {"fake": spec}) as workers:
+def test_what_an_engine_prints_is_shown_up_to_a_bound_the_rest_is_counted_and_its_end_is_shown(tmp_path, capfd):
+    long = r"os.write(1, b'\x1b[2Jfirst' + b'x' * 300_000); os.write(2, b'y' * 299_994 + b'at end')"
+    with checkers(1, {"fake": engine_file(tmp_path, before=long)}) as workers:
         checked(workers, 1)
     out, err = capfd.readouterr()
 
-    assert (out, "first" in err, MOST_PRINTED < len(err) < MOST_PRINTED + 100) == ("", True, True)
-    more = re.search(r"\n\.\.\. a process of engines printed ([0-9,]+) bytes more\n$", err)
+    assert r"\x1b[2Jfirst" in err
+    assert "\x1b" not in err  # no terminal acts on it
+    assert (out, MOST_PRINTED < len(err) < MOST_PRINTED + LAST_PRINTED + 100) == ("", True)
+    more = re.search(r"\n\.\.\. a process of engines printed ([0-9,]+) bytes more, at last:\ny+at end\n$", err)
     assert more is not None
     assert (int(more[1].replace(",", "")) + MOST_PRINTED) % 600_009 == 0  # once for each time it was asked
 
