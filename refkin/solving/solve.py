@@ -185,6 +185,9 @@ class _Answer:
         for k, isolated, closes in zip(samples, ok, closed, strict=True):
             if self.status[k] is Status.OK and not isolated:
                 self.status[k] = Status.SINGULAR if closes and self._has_digits(k) else Status.NOT_CONVERGED
+            if self.status[k] is Status.OK and not all(np.isfinite(level[:, k]).all() for level in self._called_for()):
+                self.status[k] = Status.NOT_CONVERGED
+                self.messages.append(f"rates at t = {self.t[k]:.17g} are not finite")
         for k in samples[1:]:  # no pose counts as one of the branch after one that is not
             if self.status[k] is Status.OK and self.status[k - 1] is not Status.OK:
                 self.status[k] = Status.BRANCH_LOST
@@ -242,9 +245,14 @@ class _Answer:
         q, t = self.q[:, samples], self.t[samples]
         system = self.system.held_at(q)
         phi_q = system.phi_q(q, t)
-        self.qd[:, samples] = velocity(system, q, t, phi_q)
-        if Effect.ACCELERATION in system.effects:
-            self.qdd[:, samples] = acceleration(system, q, self.qd[:, samples], t, phi_q)
+        with np.errstate(over="ignore", invalid="ignore"):  # a time whose rates are not finite is not ok
+            self.qd[:, samples] = velocity(system, q, t, phi_q)
+            if Effect.ACCELERATION in system.effects:
+                self.qdd[:, samples] = acceleration(system, q, self.qd[:, samples], t, phi_q)
+
+    def _called_for(self) -> list[Any]:
+        """Return the rates that the scene calls for."""
+        return [self.qd, self.qdd][: len(self.system.effects)]
 
     def _prove(self, samples: Any) -> Any:
         """Return which poses are isolated, by proof, and note the proved radii."""

@@ -424,3 +424,11 @@ def test_an_estimate_between_two_assemblies_that_closes_to_round_off_is_neither_
 
     assert motion.verdict is OK
     assert min(abs(motion["rocker"].phi[0] - x) for x in (angle, -2 * angle)) < 1e-15
+
+
+@pytest.mark.filterwarnings("error")
+def test_a_time_whose_accelerations_are_beyond_the_largest_number_is_not_ok():
+    law = refkin.Polynomial(coefficients=(0.0, 1e200))
+    crank = refkin.FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
+    motion = refkin.solve(crank.scene(law=law, times=[0.0]))
+    assert (motion.verdict, motion.message) == ("not_converged", "rates at t = 0 are not finite")
