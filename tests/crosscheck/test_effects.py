@@ -15,7 +15,7 @@ from crosscheck.cli import main
 from crosscheck.commands.bench import absent_lines, felt_lines, ledger_table, to_json
 from crosscheck.engines import load
 from crosscheck.engines.methods import Use, methods
-from crosscheck.judge.changes import same_bits
+from crosscheck.judge.changes import _difference, same_bits
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.prices import EffectRow
 from crosscheck.measure import effects as ledger
@@ -404,3 +404,11 @@ def test_of_an_engine_that_fails_as_a_whole_every_effect_is_asked_alone_until_to
         whole = "crash (SIGSEGV): its process ended: SIGSEGV"
         assert row.note == ("" if not fails else "hang: no answer within 9 s" if effect in tried else whole)
         assert row.called_for is (fails and effect not in PHYSICAL)
+
+
+def test_a_number_that_one_answer_has_and_the_other_has_not_is_a_change_without_end():
+    motion = (ref := reference(FourBar(4.0, 1.0, 3.5, 3.0).scene(samples=3))).motion
+    gone = replace(motion, q=np.where(np.arange(3) == 1, np.nan, motion.q))
+    changes = [_difference(ref, *pair, motion.bodies, 0) for pair in ((gone, motion), (motion, gone), (gone, gone))]
+
+    assert [np.max(change, axis=0).tolist() for change in changes] == [[0.0, np.inf, 0.0]] * 2 + [[0.0] * 3]

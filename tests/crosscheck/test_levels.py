@@ -17,6 +17,7 @@ from crosscheck.judge.levels import (
     Configuration,
     _in_common_columns,
     _ours,
+    _turning,
     compare_levels,
     configurations,
     missing_rows,
@@ -188,3 +189,11 @@ def test_of_a_place_in_space_digits_are_lost_and_of_a_turn_none():
     slope, _ = _in_common_columns(system.phi_q(exact, 0.0), system.gamma(exact, running(qd), 0.0), at)
 
     assert np.array_equal(_ours(system, at)["x_q"][1], parts(slope)[1])
+
+
+def test_the_bound_of_a_turning_is_the_same_about_every_axis():
+    """Of w = 2 E p', each entry of E being a half."""
+    q, qd = np.array([0.0, 0.0, 0.0, 0.5, 0.5, -0.5, 0.5]), np.array([1.0, -2.0, 3.0, 0.3, -0.2, 0.4, 0.1])
+    bound = _turning(Configuration(space_scenes.rssr().mechanism, q, qd, 0.0, np.zeros(0)))
+
+    np.testing.assert_allclose(bound, [1.0, 2.0, 3.0, 1.0, 1.0, 1.0], rtol=1e-15)

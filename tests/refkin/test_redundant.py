@@ -14,6 +14,8 @@ from refkin.joints import GROUND, AngleDriver, Gear, Revolute
 from refkin.model import Body, Evidence, Mechanism, Scene
 from refkin.motion import Motion, Status
 from refkin.motion_laws import Polynomial
+from refkin.proof.numbers import inputs
+from refkin.proof.numbers.preconditioned import Preconditioned
 from refkin.proof.pose import choices
 from refkin.proof.pose.certificate import certify, unique_within
 from refkin.proof.pose.isolate import isolate
@@ -102,6 +104,20 @@ def test_rounding_is_no_contradiction():
     assert again.verdict is Status.OK, f"{again.verdict} {again.message}"
     for level in ("q", "qd", "qdd"):
         assert_near(getattr(again, level), getattr(once, level), 256 * U, level)
+
+
+def test_accelerations_contradict_where_a_pin_that_is_there_twice_is_a_little_aside():
+    """What explains them is a sum of bounds: were one taken off, a contradiction would be less than nothing."""
+    times = np.linspace(0.0, 0.8, 5)
+    scene = FourBar(4.0, 1.0, 3.5, 3.0).scene(law=Polynomial(coefficients=(0.4, 1.0)), times=tuple(times.tolist()))
+    system, twice = doubled(scene)
+    q = system.to_unit(solve(twice).q)
+    *joints, again = twice.mechanism.joints
+    aside = replace(again, point_j=(again.point_j[0] + 1e-9, again.point_j[1] + 1e-9))
+    shifted = compile_system(replace(twice.mechanism, joints=(*joints, aside)), unit=system.unit)
+    rows = np.setdiff1d(np.arange(system.m), [8, 9])
+    assert (inputs.rate_contradiction(system, rows, q, times, True) < 0.1).all()
+    assert (inputs.rate_contradiction(shifted, rows, q, times, True) > 1e3).all()
 
 
 def test_a_change_of_branch_is_seen_with_redundant_rows():
@@ -206,3 +222,26 @@ def test_the_radius_of_a_velocity_is_the_same_whether_accelerations_are_asked_fo
         radii.append(choices.isolate_every_choice(system, q, np.array(TIMES), *rates).velocity)
 
     assert np.array_equal(*radii)
+
+
+def test_what_an_inverse_leaves_of_a_body_at_rest_contradicts_nothing(monkeypatch):
+    """A crank at rest whose pivot is there twice, beside one that turns: all of its rate is what the inverse is off."""
+    names, at = ("turning", "resting"), {"turning": (0.0, 0.0), "resting": (2.0, 0.0)}
+    pins = [Revolute(name=n, body_i=GROUND, point_i=at[n], body_j=n, point_j=(-0.5, 0.25)) for n in names]
+    laws = (Polynomial(coefficients=(0.4, 1.0)), Polynomial(coefficients=(0.7,)))
+    drivers = [AngleDriver(name=f"drives {n}", body=n, law=law) for n, law in zip(names, laws, strict=True)]
+    bodies = [Body(name=n, estimate=(*at[n], 0.5)) for n in names]
+    mechanism = Mechanism(tuple(bodies), (*pins, replace(pins[1], name="again")), tuple(drivers))
+    system = compile_system(mechanism, unit=mechanism.unit())
+    q = system.to_unit(turned(mechanism).q)
+
+    def off(*args: Any) -> Preconditioned:
+        pose = Preconditioned(*args)
+        pose.inverse[3:6, 4] += 2.0**-40 * np.array([[1.0], [0.5], [1.5]])  # of the row that drives the other
+        pose.size = np.abs(pose.inverse)
+        return pose
+
+    monkeypatch.setattr(inputs, "Preconditioned", off)
+    ratio = inputs.rate_contradiction(system, np.array([0, 1, 2, 3, 6, 7]), q, np.array(TIMES), False)[0]
+
+    assert ((ratio > 0.1) & (ratio <= 1.0)).all()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -14,7 +15,19 @@ import refkin
 from crosscheck.engines.ours.lanes import Lanes
 from crosscheck.judge.comparison import compare, reference
 from crosscheck.strategies import Hardness, drawn_scenes
-from refkin import Effect, Evidence, FourBar, InvertedSliderCrank, Point, Polynomial, Revolute, Sinusoid, Status, Table
+from refkin import (
+    Body,
+    Effect,
+    Evidence,
+    FourBar,
+    InvertedSliderCrank,
+    Point,
+    Polynomial,
+    Revolute,
+    Sinusoid,
+    Status,
+    Table,
+)
 from refkin.fast import sweep
 from refkin.fast.elimination import run
 
@@ -423,3 +436,18 @@ def test_after_many_turns_the_answer_is_still_that_of_the_reference(turns):
 
     assert motion.producer.name == FAST
     assert np.max(np.abs(motion.q - ref.q)) <= 8 * np.spacing(turns * math.tau)
+
+
+@pytest.mark.parametrize(("second", "taken"), [(0.003, True), (0.0033, False)])
+def test_an_estimate_decides_only_where_newton_says_that_the_other_solution_is_eight_times_further(second, taken):
+    """Corrections of 0.1 and then of e^2 / s tell how far s the other is; the furthest coordinate is off by 0.4."""
+    answer = SimpleNamespace(levels=[(0.4, 0.0, 0.1)], steps=(0.1, second, 1e-9))
+    task = SimpleNamespace(
+        scene=SimpleNamespace(mechanism=SimpleNamespace(bodies=[Body(name="b", estimate=(0.0, 0.0, 0.0))])),
+        system=SimpleNamespace(n=3, of_bodies=3, to_unit=np.array),
+        made=SimpleNamespace(core=[2]),
+        _first=lambda core: answer,
+    )
+    q = module._Task._near_estimate(task, ())
+
+    assert (q is not None) is taken
