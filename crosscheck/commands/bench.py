@@ -29,6 +29,7 @@ from crosscheck.workers.processes import Failure, call_each
 from refkin.model import Scene
 from refkin.motion import Status
 from refkin.scenes.files import load
+from refkin.solving.limits import said_if_long
 from refkin.solving.solve import solve
 
 SECONDS_PER_WORKLOAD = 600.0
@@ -56,7 +57,8 @@ def bench(
     with shown_progress(len(asked), noun="workloads") as show:
         for name in asked:
             show(len(parts), name)
-            (part,) = call_each(measured_by_name, [(name, producers)], SECONDS_PER_WORKLOAD)
+            with said_if_long(f"measuring {name}"):
+                (part,) = call_each(measured_by_name, [(name, producers)], SECONDS_PER_WORKLOAD)
             if isinstance(part, Failure):
                 print(f"{name}: {part.text}", file=sys.stderr)
                 return INFRASTRUCTURE

@@ -31,6 +31,7 @@ from crosscheck.scenes import workloads as works
 from crosscheck.scenes.four_bar_answers import four_bar
 from crosscheck.scenes.workloads import Piece, system_of, unit_of
 from crosscheck.workers.timing import Timing
+from refkin.solving import limits
 from refkin.system import compile_system
 
 COMPILER = any(map(shutil.which, c_kernels.COMPILERS))
@@ -439,18 +440,21 @@ def test_the_command_prints_one_json_object_measured_on_one_thread(capsys):
 
 
 def out_of_order(asked: object) -> None:
-    """End the process that measures: what it is started for in the next test."""
+    """End the process that measures, which says that it takes long: what it is started for in the next test."""
     os._exit(3)
 
 
-def test_a_process_that_fails_ends_with_one_error_and_the_exit_code_of_infrastructure(capsys, monkeypatch):
+def test_a_process_that_fails_ends_with_one_error_and_the_exit_code_of_infrastructure(capsys, monkeypatch, caplog):
     monkeypatch.syspath_prepend(str(Path(__file__).parents[2]))
     monkeypatch.setattr(command, "measured_by_name", out_of_order)
+    monkeypatch.setattr(limits, "LOOK", 0.005)
+    monkeypatch.setattr(limits, "LONG", 0.01)
     with pytest.raises(SystemExit) as end:
         main(["bench", "--only", "chain-10", "--json"])
 
     assert end.value.code == 4
     assert "chain-10: its process ended: exit code 3" in capsys.readouterr().err
+    assert caplog.messages[0].startswith("measuring chain-10: ")
 
 
 def test_a_workload_nobody_has_heard_of_is_a_usage_error(capsys):

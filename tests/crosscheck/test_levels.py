@@ -25,6 +25,7 @@ from crosscheck.judge.levels import (
 from crosscheck.judge.running_error import parts, running
 from crosscheck.measure.check import check
 from refkin import AngleDriver, Body, Mechanism, Polynomial, Prismatic, Revolute, Scene, YDriver, compile_system
+from refkin.scenes import files
 
 from . import space_scenes
 
@@ -197,3 +198,10 @@ def test_the_bound_of_a_turning_is_the_same_about_every_axis():
     bound = _turning(Configuration(space_scenes.rssr().mechanism, q, qd, 0.0, np.zeros(0)))
 
     np.testing.assert_allclose(bound, [1.0, 2.0, 3.0, 1.0, 1.0, 1.0], rtol=1e-15)
+
+
+def test_what_exudyn_loses_of_parameters_far_from_still_is_not_called_a_wrong_model():
+    record = check(files.load(CORPUS / "space-parameters-from-still.toml"), ["exudyn"])
+
+    assert [d for d in record.disagreements if d.engine == "exudyn"] == []
+    assert 0.0 < max(row.ratio for row in record.levels) < 0.5

@@ -44,7 +44,7 @@ from crosscheck.engines.exudyn.solve import (
     start_of,
     stopped_at,
 )
-from crosscheck.engines.exudyn.space import ExudynSpaceRows
+from crosscheck.engines.exudyn.space import STILL_TERMS, ExudynSpaceRows
 from crosscheck.engines.exudyn.space_solve import SpaceModel
 from crosscheck.engines.spatial.reading import in_space, refuse_in_space
 from crosscheck.scenes.names import called_for, order_of
@@ -114,21 +114,22 @@ class Exudyn(SimulatingAdapter):
     """The scene that `shipped` solved last, and where it stopped: its terms are asked for next."""
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
-        """Return what exudyn's stopping rule leaves of the residual: on `static` nothing above round-off.
+        """Return what exudyn's stopping rule leaves of the residual, on `static` nothing; and what its nodes round.
 
         Raises
         ------
         EngineError
             As `solve`: the rule of `shipped` depends on the start.
         """
+        nodes = STILL_TERMS if in_space(scene.mechanism) else ()
         if route in (None, STATIC, INITIAL):
-            return ()
+            return nodes
         if self._stop is None or self._stop[0] is not scene:
             refuse_joints(self, scene, route, self.routes())
             _refuse_lost(scene)
             with closing(self._model(scene, SHIPPED)) as model:
                 self._stop = scene, model.stop(scene)
-        return (self._stop[1],)
+        return self._stop[1], *nodes
 
     def _model(self, scene: Scene, route: Route) -> PlaneModel | SpaceModel:
         if in_space(scene.mechanism):

@@ -34,7 +34,7 @@ import exudyn as exu
 import numpy as np
 from exudyn import itemInterface as item
 
-from crosscheck.engines import EngineError, EngineRefusal
+from crosscheck.engines import EngineError, EngineRefusal, Level, Term
 from crosscheck.engines.exudyn.model import CURRENT, ExudynSystem
 from crosscheck.engines.frames import Length, Linear, RowMap
 from crosscheck.engines.spatial.reading import (
@@ -81,6 +81,17 @@ ROWS: dict[str, tuple[Any, ...]] = {
 FORM = "dot"
 """The form of our joints of space that has exudyn's rows."""
 STILL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
+STILL_TERMS = tuple(
+    Term(
+        name="parameters from still",
+        level=level.value,
+        reason="a node's parameters are added to those of its reference: of e0 = (e0 - 1) + 1 one rounding is lost, "
+        "|dA/de0| = 2, two bodies",
+        absolute=4.0 * 2.0**-53,
+    )
+    for level in (Level.RESIDUAL, Level.JACOBIAN)
+)
+"""What rows of turns lose by that."""
 OUT = exu.OutputVariableType
 OF_BODY, OF_POINT = (OUT.RotationMatrix, OUT.AngularVelocity), (OUT.Position, OUT.Velocity, OUT.Acceleration)
 Readings = dict[tuple[str, Any, tuple[float, ...]], Array]
