@@ -29,6 +29,7 @@ from crosscheck.judge.records import QUANTITIES, Cause, Disagreement, NewCase, R
 from crosscheck.judge.running_error import U
 from crosscheck.judge.spatial import reversed_joints
 from crosscheck.scenes.names import called_for
+from refkin.joints import PointDistance, elements_of
 from refkin.model import Evidence, Scene
 from refkin.motion import Motion, Producer, Route, Status
 from refkin.solving.solve import solve
@@ -38,7 +39,7 @@ from refkin.system import compile_system
 ABSOLUTE, RELATIVE, OF_FORMULAS, OF_RATES = 2.0**10 * U, 2.0**10 * U, 4.0, 2.0**20 * U
 """Up to these a term is rounding: a thousand roundings of a residual, or of what stands in its equation; four times
 the formulas' own (what multiplies a position's residual is their running error); and, of rates that a shape with short
-links makes, a million."""
+links makes, a million, or what the shortest link makes of a thousand (`_of_rates`)."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +80,7 @@ def granted(engine: Engine, scene: Scene, terms: Sequence[Term]) -> tuple[list[T
         absolute, relative, of_rates = (
             sum(getattr(one, key) for one in same) for key in ("absolute", "relative", "of_rates")
         )
-        if absolute <= most and relative <= formulas and of_rates <= OF_RATES:
+        if absolute <= most and relative <= formulas and of_rates <= _of_rates(scene):
             allowed.append(term)
             continue
         size = max(term.absolute, term.relative, term.of_rates)
@@ -231,6 +232,13 @@ def _not_delivered(quantity: str, what: str) -> dict[str, Any]:
 def _most(engine: str, scene: Scene, term: Term) -> float:
     documented = DOCUMENTED.get((engine, term.name)) if term.level == QUANTITIES[0] else None
     return max(ABSOLUTE, documented.largest(scene)) if documented else ABSOLUTE
+
+
+def _of_rates(scene: Scene) -> float:
+    """Return what of rates is rounding: a link turns with w = (v_i + v_j) / L, v up to twice the size; of w^2 it is."""
+    size, given = scene.mechanism.size(), elements_of(scene.mechanism.constraints)
+    shortest = min((e.length for e in given if isinstance(e, PointDistance) and not e.laws), default=size)
+    return max(OF_RATES, RELATIVE * (4.0 * size / shortest) ** 2)
 
 
 FIRST, LATER = 4, 8

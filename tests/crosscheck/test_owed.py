@@ -29,6 +29,7 @@ from refkin.joints import GROUND, AngleDriver, Revolute
 from refkin.model import Body, Effect, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
+from refkin.scenes import files
 
 from .fake_engines import engine_file
 
@@ -359,3 +360,11 @@ def test_one_pose_of_another_assembly_does_not_name_what_is_plainly_wrong_elsewh
     assert found(Wrapped(spoil)) == {("position", "other assembly")}
     plainly = True
     assert found(Wrapped(spoil)) == {("position", "beyond the allowed error")}
+
+
+def test_a_term_of_rates_is_granted_as_far_as_the_shortest_link_may_turn():
+    short = files.load(Path(__file__).parents[1] / "corpus" / "slider-on-a-short-rod.toml")
+    assert [d for d in check(short, ["pinocchio"]).disagreements if d.engine == "pinocchio"] == []
+
+    fast = Term(name="own", reason="because", level="acceleration", of_rates=1e-8)
+    assert [granted(Wrapped(), scene, [fast])[0] for scene in (short, SCENE)] == [[], []]
