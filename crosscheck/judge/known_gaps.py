@@ -83,9 +83,9 @@ class KnownGap(Strict):
     kind_of_gap: Annotated[KindOfGap, Field(validation_alias=AliasChoices("class", "kind_of_gap"))]
     date: Date
     reproduction: Text
-    method: Text = ""
-    quantity: Text = ""
-    kind: Text = ""
+    method: str = ""
+    quantity: str = ""
+    kind: str = ""
 
     @property
     def match(self) -> dict[str, str]:
