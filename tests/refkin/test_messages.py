@@ -104,7 +104,7 @@ SAID = {
 }
 """Sentence -> a scene where it is said, and one where it is not."""
 ELSEWHERE = {
-    "rates at t = {} are not finite": "test_hostile_scenes.py: a_time_whose_accelerations_are_beyond_the_largest_number_is_not_ok",
+    "rates at t = {} are not finite": "test_hostile_scenes.py: a_time_whose_accelerations_are_beyond",
     "gave up at t = {} after {} steps": "test_sweep.py: a_sweep_that_gives_up_before_a_law_turns_back",
     "no step from t = {} on, however small, is certain to stay on the branch": "test_messages.py: a_step_that_is_never",
     "after t = {} it is not proved on which branch the motion goes on": "test_messages.py: a_branch_that_is_not_proved",
