@@ -1,11 +1,45 @@
-"""Mechanisms of class II drawn at a known pose, for the tests of the closed form; not a test itself."""
+"""Mechanisms of class II drawn at a known pose, and their closed form in balls, for its tests; not a test itself."""
 
 import cmath
 import math
+from typing import Any, NamedTuple
 
+import numpy as np
+from flint import arb, ctx
 from hypothesis import strategies as st
 
+from crosscheck.engines.closed_form.engine import ROUTE
+from crosscheck.engines.closed_form.jets import Balls
+from crosscheck.engines.closed_form.solution import assembled
+from refkin.motion import Motion, Producer, Status, engine_motion
 from tests.drawn import Drawing
+
+
+class InBalls(NamedTuple):
+    """The closed form evaluated in balls: rounded as a motion, and q, qd, qdd themselves."""
+
+    motion: Motion
+    balls: list[Any]
+
+
+def in_balls(scene, bits=113):
+    count = len(scene.times)
+    with ctx.workprec(bits), np.errstate(all="ignore"):
+        assembly = assembled(scene, Balls())
+        x, y = map(arb, assembly.linkage.origin)
+        poses = [assembly.groups[0].bodies[body.name] for body in scene.mechanism.bodies]
+        jets = [(jet, shift) for p in poses for jet, shift in ((p.origin.x, x), (p.origin.y, y), (p.angle, arb(0)))]
+        balls = [
+            np.array([np.broadcast_to(np.asarray(arb(1) * getattr(jet, part)), (count,)) for jet, _ in jets])
+            for part in "vda"
+        ]
+        balls[0] = balls[0] + np.array([[shift] for _, shift in jets])
+        levels = [np.array(level, float) for level in balls]
+    unknown = assembly.singular | assembly.absent
+    status = tuple(Status.SINGULAR if k else Status.OK for k in unknown)
+    motion = engine_motion(scene.times, scene.wanted, *levels, status, Producer(name="balls", version="", route=ROUTE))
+    return InBalls(motion, balls)
+
 
 FEW = (-(2.0**-20), 0.0, 2.0**-20)
 

@@ -11,7 +11,7 @@ import pytest
 
 from crosscheck.engines import EngineError, EngineRefusal, Level, Support
 from crosscheck.engines.closed_form import engine as closed_form
-from crosscheck.engines.closed_form.engine import ClosedForm, truth
+from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.closed_form.groups import Circle, Line, line_and_circle
 from crosscheck.engines.closed_form.jets import Floats, Jet, Planar
 from refkin.joints import GROUND, AngleDriver, PointOnLine, Revolute
@@ -21,7 +21,8 @@ from refkin.motion_laws import Polynomial, Sinusoid, Table
 from refkin.scenes.linkages import FourBar, SliderCrank
 from tests.drawn import Drawing
 
-from .loop_closures import Carried, U
+from .closed_form_scenes import in_balls
+from .loop_closures import Carried
 
 LENGTHS = {"ground": 4.0, "crank": 1.0, "coupler": 3.5, "rocker": 3.0}
 LAW = Polynomial(coefficients=(0.3, 1.0))
@@ -56,16 +57,9 @@ def orientation(motion):
     return np.sign(np.sin(motion["rocker"].phi - motion["coupler"].phi))
 
 
-def solved(scene, method):
-    """The answer in floats or in balls."""
-    engine = ClosedForm()
-    return engine.solve(scene, replace(engine.routes()[0], name=method))
-
-
 @pytest.mark.parametrize("sign", [1, -1])
-@pytest.mark.parametrize("method", ["float", "arb"])
-def test_the_estimate_chooses_the_branch_and_the_motion_keeps_it(sign, method):
-    motion = solved(linkage(LENGTHS, times=tuple(np.linspace(0.0, 7.0, 40)), sign=sign), method)
+def test_the_estimate_chooses_the_branch_and_the_motion_keeps_it(sign):
+    motion = ClosedForm().solve(linkage(LENGTHS, times=tuple(np.linspace(0.0, 7.0, 40)), sign=sign))
 
     assert motion.verdict is Status.OK
     assert set(orientation(motion)) == {sign}
@@ -103,12 +97,11 @@ def test_angles_keep_the_turns_of_the_estimate(turns):
     assert np.abs(moved - math.tau * turns).max() < 1e-13
 
 
-@pytest.mark.parametrize("method", ["float", "arb"])
-def test_a_follower_that_turns_is_counted_between_far_times(method):
+def test_a_follower_that_turns_is_counted_between_far_times():
     """A drag link: crank, coupler and rocker all turn, 50 rad between two times that are asked for."""
     drag = {"ground": 1.0, "crank": 3.0, "coupler": 2.5, "rocker": 3.2}
     law = Polynomial(coefficients=(0.3, 100.0))
-    motion = solved(linkage(drag, law, times=(0.0, 0.5, 1.0, 1.5)), method)
+    motion = ClosedForm().solve(linkage(drag, law, times=(0.0, 0.5, 1.0, 1.5)))
     turned = motion["rocker"].phi - motion["crank"].phi
 
     assert motion.verdict is Status.OK
@@ -125,12 +118,11 @@ def test_turns_that_cannot_be_counted_are_no_answer():
     assert np.isnan(motion.q[:, 1]).all()
 
 
-@pytest.mark.parametrize("method", ["float", "arb"])
 @pytest.mark.parametrize(("coupler", "gap"), [(1.5, "(a + b) - D"), (8.5, "D - |a - b|")])
-def test_what_cannot_close_is_unassemblable_with_its_gap(method, coupler, gap):
+def test_what_cannot_close_is_unassemblable_with_its_gap(coupler, gap):
     """Crank at pi: D = 5. Rocker 3 and coupler 1.5 reach 4.5; coupler 8.5 and rocker 3 stay 5.5 apart."""
     law = Polynomial(coefficients=(math.pi, 1.0))
-    motion = solved(linkage({**LENGTHS, "coupler": coupler}, law), method)
+    motion = ClosedForm().solve(linkage({**LENGTHS, "coupler": coupler}, law))
 
     assert motion.verdict is Status.UNASSEMBLABLE
     assert f"{gap} = -0.5 m" in motion.message
@@ -146,17 +138,16 @@ def test_floats_alone_prove_no_unassemblable(monkeypatch):
     assert "not proved" in motion.message
 
 
-@pytest.mark.parametrize(("method", "solver"), [("float", "_floats"), ("arb", "solve")])
-def test_a_joint_that_is_left_open_is_a_fault_of_the_program(monkeypatch, method, solver):
-    closed = getattr(closed_form, solver)
+def test_a_joint_that_is_left_open_is_a_fault_of_the_program(monkeypatch):
+    closed = closed_form.float_solution
 
     def opened(*args):
         solution = closed(*args)
         return replace(solution, closure=solution.closure + 1e-3)
 
-    monkeypatch.setattr(closed_form, solver, opened)
+    monkeypatch.setattr(closed_form, "float_solution", opened)
     with pytest.raises(EngineError, match=r"a joint is left open by 0\.001 sizes"):
-        solved(linkage(LENGTHS), method)
+        ClosedForm().solve(linkage(LENGTHS))
 
 
 def test_frames_far_from_their_joints_are_answered():
@@ -192,13 +183,12 @@ PASSING = {
 
 @pytest.mark.parametrize("name", PASSING)
 @pytest.mark.parametrize("samples", [4, 9, 50])
-@pytest.mark.parametrize("method", ["float", "arb"])
-def test_past_a_pose_where_two_assemblies_meet_between_two_times_the_branch_is_lost(name, samples, method):
+def test_past_a_pose_where_two_assemblies_meet_between_two_times_the_branch_is_lost(name, samples):
     """The crank passes it at pi, and at pi/2 where rod and crank are as long as each other."""
     times = tuple(np.linspace(0.4, 5.0, samples))
     scene = PASSING[name].scene(law=Polynomial(coefficients=(0.0, 1.0)), times=times, branch="open")
     end = math.pi / 2 if "slider" in name else math.pi
-    motion = solved(scene, method)
+    motion = ClosedForm().solve(scene)
 
     assert list(motion.status) == [Status.OK if t < end else Status.BRANCH_LOST for t in times]
 
@@ -225,33 +215,14 @@ def test_a_limit_passed_and_come_back_from_between_two_times_is_seen(beyond, ver
     assert ClosedForm().solve(scene).verdict is verdict
 
 
-@pytest.mark.parametrize("method", ["float", "arb"])
-def test_a_dead_centre_is_singular_with_a_pose_and_no_rates(method):
+def test_a_dead_centre_is_singular_with_a_pose_and_no_rates():
     """Crank at 0 and 4 = 1 + 1.5 + 1.5: coupler and rocker in line."""
     lengths = {"ground": 4.0, "crank": 1.0, "coupler": 1.5, "rocker": 1.5}
-    motion = solved(linkage(lengths, Polynomial(coefficients=(0.0, 1.0))), method)
+    motion = ClosedForm().solve(linkage(lengths, Polynomial(coefficients=(0.0, 1.0))))
 
     assert motion.verdict is Status.SINGULAR
     assert motion["rocker"].phi == pytest.approx(math.pi, abs=1e-7)
     assert np.isnan(motion.qd).all()
-
-
-@pytest.mark.parametrize("slack", [1e-9, 1e-12])
-def test_balls_decide_near_a_dead_centre(slack):
-    """Slack 1e-12 is 1e-16 after its root: floats lose half of their digits there, balls do not."""
-    lengths = {"ground": 4.0, "crank": 1.0, "coupler": 1.5, "rocker": 1.5 + slack}
-    result = truth(linkage(lengths, Polynomial(coefficients=(0.0, 1.0))))
-
-    assert result.motion.verdict is Status.OK
-    assert result.radii[0].max() < 4 * U * np.abs(result.motion.q).max()
-
-
-@pytest.mark.parametrize(("rocker", "bits"), [(3.0, 113), (0.5, 4 * 113)])
-def test_the_precision_is_doubled_where_balls_leave_open_whether_a_dyad_closes(rocker, bits):
-    """A crank in line with the ground; in the second linkage all links are in line then."""
-    law = Polynomial(coefficients=(0.0, 1.0))
-
-    assert truth(linkage({**LENGTHS, "rocker": rocker}, law)).bits == bits
 
 
 def test_scenes_scale_with_powers_of_two_bit_by_bit():
@@ -281,7 +252,7 @@ def test_exact_laws_agree_with_float_laws(law, rate):
     driver = {"rate_law": law, "initial": 0.3} if rate else {"law": law}
     motor = AngleDriver(name="motor", body="crank", **driver)
     driven = replace(scene, mechanism=replace(scene.mechanism, drivers=(motor,)))
-    crank = truth(driven).motion["crank"]
+    crank = in_balls(driven).motion["crank"]
     expected = [motor.laws[0](np.array(scene.times), order) for order in range(3)]
 
     for got, want in zip((crank.phi, crank.phid, crank.phidd), expected, strict=True):
@@ -291,7 +262,7 @@ def test_exact_laws_agree_with_float_laws(law, rate):
 def test_points_move_with_their_body():
     scene = linkage(LENGTHS, times=tuple(np.linspace(0.0, 1.0, 5)))
     scene = replace(scene, points=(Point(name="P", body="coupler", position=(0.3, 0.2)),))
-    motion = truth(scene).motion
+    motion = ClosedForm().solve(scene)
     carried = Carried(motion, "coupler").point((0.3, 0.2))
     p = motion.points["P"]
 

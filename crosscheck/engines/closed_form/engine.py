@@ -1,4 +1,4 @@
-"""The independent closed form as an engine: class-II linkages, dyad by dyad, in float64 or in proven balls.
+"""The independent closed form as an engine: class-II linkages, dyad by dyad, in float64.
 
 It iterates on nothing and has no constraint rows, so it is the arbiter of the others' formulas; see
 `crosscheck.engines.closed_form`. Of the scene's estimates it takes the assembly of each dyad (the sign of the dyad's
@@ -16,11 +16,10 @@ Beyond class II (three bodies that close only together) a scene is refused by na
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-from flint import arb, ctx
+from flint import ctx
 from numpy.typing import NDArray
 
 from crosscheck.engines import (
@@ -32,20 +31,19 @@ from crosscheck.engines import (
     EngineRefusal,
     Level,
     Term,
-    refusals,
-    refuse,
+    refuse_joints,
     refused,
     route_by,
 )
 from crosscheck.engines.closed_form.assemble import NotDyadic
-from crosscheck.engines.closed_form.jets import Balls, Jet, Planar, midpoint
-from crosscheck.engines.closed_form.solution import Solution, float_solution, solve
+from crosscheck.engines.closed_form.jets import Balls, Jet, Planar
+from crosscheck.engines.closed_form.solution import Solution, assembled, float_solution
 from crosscheck.engines.closed_form.space_motion import space_closed
 from crosscheck.engines.spatial.reading import in_space
 from crosscheck.scenes.names import called_for
 from refkin.joints import elements_of
 from refkin.model import Scene
-from refkin.motion import CertifiedRadius, Motion, PointMotion, Producer, Route, Status, __version__, engine_motion
+from refkin.motion import Motion, PointMotion, Producer, Route, Status, engine_motion
 
 Array = NDArray[np.float64]
 
@@ -57,10 +55,9 @@ EXPRESSED = (
 )
 """The elements that it has."""
 
+ROUTE = route_by("closed form", "float", "none", linear_solve_by="closed form", drift_by="second-order jets")
 BITS = 113
-"""Precision of the balls at first."""
-DOUBLINGS = 2
-"""How often the precision of the balls is doubled where they decide nothing, or less than a double holds."""
+"""Precision of the balls that prove that nothing assembles."""
 
 OPEN = 1e-6
 """Closure of the loops, relative to the scaled coordinates, above which floats show a fault of this program."""
@@ -107,42 +104,14 @@ CHOICE = 3.0
 """How much larger the inverse of as many rows as there are coordinates may be than that of all of them together."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class TrueMotion:
-    """A motion with proven radii: |motion.q - exact| <= radii[0], entry by entry, rounding to float included.
-
-    Attributes
-    ----------
-    motion : Motion
-        The midpoints, rounded.
-    radii : list of (n, T) array
-        Of each level, in the units of its entries; NaN where there is no answer.
-    balls : tuple of (n, T) object array
-        The enclosures themselves, unrounded: q, qd, qdd as `flint.arb` (the int 0 for the derivative of a constant).
-    bits : int
-        The precision that was needed.
-    """
-
-    motion: Motion
-    radii: list[Array]
-    balls: tuple[Any, Any, Any]
-    bits: int
-
-
 CAPABILITIES: Capabilities = {key: {**dict.fromkeys(Level, NO_ROWS), Level.SOLVE: NATIVE} for key in EXPRESSED}
 
 
 class ClosedForm(Adapter):
-    """Closed forms in float64 (method "float"), or in `flint.arb` balls (method "arb").
-
-    `solve` knows both; "float" alone is compared: a night needs no second truth beside the certificates.
-    """
+    """Closed forms in float64; balls decide whether nothing assembles."""
 
     name = "closed_form"
-    table = CAPABILITIES
-
-    def routes(self) -> Sequence[Route]:
-        return [_route("float")]
+    solving, table = (ROUTE,), CAPABILITIES
 
     def terms(self, scene: Scene, route: Route | None = None) -> Sequence[Term]:
         """Return the rounding of the jets that carry rates through the closed form, and of frames in space."""
@@ -156,140 +125,51 @@ class ClosedForm(Adapter):
         EngineError
             If a joint is unknown, the linkage is not of class II, or it has redundant constraints.
         """
-        route = route or self.routes()[0]
+        refuse_joints(self, scene, route, (ROUTE,))
+        producer = Producer(name=self.name, version=self.version(), route=ROUTE)
         if in_space(scene.mechanism):
-            refuse(refusals(self, scene, Level.SOLVE))
-            if route.name != "float":
-                raise EngineRefusal(
-                    f"closed_form refuses method {route.name!r} in space: balls decide its statuses alone"
-                )
-            return space_closed(scene, Producer(name=self.name, version=self.version(), route=route), BITS)
-        if route.name == "arb":
-            return truth(scene).motion
-        if route.name != "float":
-            raise EngineError(f"closed_form has no method {route.name!r}; there are: 'float', 'arb'")
-        _refuse(scene)
+            return space_closed(scene, producer, BITS)
+        extra = sum(c.rows for c in scene.mechanism.constraints) - 3 * len(scene.mechanism.bodies)
+        if extra > 0:
+            raise EngineRefusal(f"closed_form refuses {scene.name!r}: {extra} redundant constraint{'s' * (extra > 1)}")
         with np.errstate(all="ignore"):  # NaN and inf become statuses
-            motion = _motion(_floats(scene), _route("float"))[0]
-        return _proved(motion, scene) if Status.UNASSEMBLABLE in motion.status else motion
+            try:
+                solution = float_solution(scene)
+            except NotDyadic as error:
+                raise EngineRefusal(f"closed_form refuses {scene.name!r}: {error}") from error
+            return _motion(solution, producer)
 
 
-def truth(scene: Scene, bits: int = BITS) -> TrueMotion:
-    """Return a scene's motion in balls of at least `bits` bits: midpoints rounded, and proven radii.
-
-    The precision is doubled, at most twice, if the balls leave open whether a dyad closes or are wider than doubles.
-
-    Raises
-    ------
-    EngineError
-        As `ClosedForm.solve`.
-    """
-    _refuse(scene)
-    with np.errstate(all="ignore"):
-        floats = _floats(scene)
-    for doubling in range(DOUBLINGS + 1):
-        with ctx.workprec(bits << doubling):
-            solution = solve(scene, Balls(), lambda k: floats.assembly.known_angles[k])
-            solution = replace(solution, sure_until=floats.sure_until, lost_after=floats.lost_after)
-            motion, radii = _motion(solution, _route("arb"))
-        if _sharp(scene, motion, radii):
-            break
-    with ctx.workprec(bits << doubling):
-        q, qd, qdd = (_numbers(_jets(solution), part, len(scene.times)) for part in ("v", "d", "a"))
-    return TrueMotion(motion=motion, radii=radii, balls=(q, qd, qdd), bits=bits << doubling)
-
-
-def _proved(motion: Motion, scene: Scene) -> Motion:
-    """Return a float motion that says "unassemblable" only where balls prove it, else "not converged".
-
-    A dyad behind a nearly singular one may have lost half of its digits: then its negative slack proves nothing.
-    """
-    proof = truth(scene).motion
-    lost = [
-        mine is Status.UNASSEMBLABLE and proved is not mine
-        for mine, proved in zip(motion.status, proof.status, strict=True)
-    ]
-    status = tuple(Status.NOT_CONVERGED if bad else mine for bad, mine in zip(lost, motion.status, strict=True))
-    message = f"{motion.message}; not proved at {sum(lost)} times" if any(lost) else motion.message
-    return replace(motion, status=status, message=message)
-
-
-def _route(name: str) -> Route:
-    by = "closed form"
-    return route_by(by, name, "none", linear_solve_by=by, drift_by="second-order jets")
-
-
-def _refuse(scene: Scene) -> None:
-    reasons = refusals(ClosedForm(), scene, Level.SOLVE)
-    extra = sum(c.rows for c in scene.mechanism.constraints) - 3 * len(scene.mechanism.bodies)
-    if extra > 0:
-        reasons.append(f"closed_form refuses {scene.name!r}: {extra} redundant constraint{'s' * (extra > 1)}")
-    refuse(reasons)
-
-
-def _floats(scene: Scene) -> Solution:
-    try:
-        return float_solution(scene)
-    except NotDyadic as error:
-        raise EngineRefusal(f"closed_form refuses {scene.name!r}: {error}") from error
-
-
-def _motion(solution: Solution, route: Route) -> tuple[Motion, list[Array]]:
-    """Return the motion, and the proven radius of each level (NaN in floats)."""
-    scene, assembly = solution.scene, solution.assembly
-    levels, radii = _levels(_jets(solution), len(scene.times))
+def _motion(solution: Solution, producer: Producer) -> Motion:
+    scene = solution.scene
+    poses = [solution.ground.bodies[name] for name in scene.wanted]
+    jets = [jet for pose in poses for jet in (*_in_scene(solution, pose.origin), pose.angle)]
+    levels = _levels(jets, len(scene.times))
     status = _status(solution, levels)
-    _blank(levels, radii, status)
-    residual = _residual(solution, levels, status)
-    producer = Producer(name=ClosedForm.name, version=__version__, route=route)
-    certified, points = _certified(scene, radii), _points(solution, status)
-    more = {"residual": residual, "certified_radius": certified, "points": points}
-    message = "; ".join(assembly.remarks)
+    _blank(levels, status)
+    residual, points = _residual(solution, levels, status), _points(solution, status)
+    message = "; ".join(solution.assembly.remarks)
     called = called_for(scene, levels)
-    motion = engine_motion(scene.times, scene.wanted, *called, status, producer, message=message, **more)
-    return motion, radii
-
-
-def _jets(solution: Solution) -> list[Jet]:
-    """Return x, y, phi of the wanted bodies, in the scene's own ground frame."""
-    poses = [solution.ground.bodies[name] for name in solution.scene.wanted]
-    return [jet for pose in poses for jet in (*_in_scene(solution, pose.origin), pose.angle)]
+    return engine_motion(
+        scene.times, scene.wanted, *called, status, producer, message=message, residual=residual, points=points
+    )
 
 
 def _in_scene(solution: Solution, place: Planar) -> tuple[Jet, Jet]:
-    x, y = (Jet(solution.assembly.arithmetic.number(c)) for c in solution.assembly.linkage.origin)
+    x, y = map(Jet, solution.assembly.linkage.origin)
     return place.x + x, place.y + y
 
 
-def _numbers(jets: list[Jet], part: str, count: int) -> Any:
-    """Return the values (v), rates (d) or accelerations (a) of jets as an object array (n, T)."""
-    return np.stack([np.broadcast_to(np.asarray(getattr(jet, part), object), (count,)) for jet in jets])
-
-
-def _levels(jets: list[Jet], count: int) -> tuple[list[Array], list[Array]]:
-    """Return value, rate and acceleration of the jets as float arrays (n, T), and the radii about those floats."""
-    levels, radii = list(np.empty((3, len(jets), count))), list(np.zeros((3, len(jets), count)))
-    for level, radius, part in zip(levels, radii, ("v", "d", "a"), strict=True):
-        for k, jet in enumerate(jets):
-            numbers = getattr(jet, part)
-            level[k] = midpoint(numbers)
-            if not isinstance(numbers, int):  # the derivative of a constant
-                radius[k] = _radius(numbers, level[k]) if np.asarray(numbers).dtype.hasobject else np.nan
-    return levels, radii
-
-
-def _ball_radius(ball: Any, rounded: float) -> float:
-    """Return a bound, rounded up, on the distance from a float to anything in a ball; NaN if it is none."""
-    if not isinstance(ball, arb) or not np.isfinite(rounded):
-        return np.nan
-    return float(np.nextafter(float((ball - rounded).abs_upper()), np.inf))
-
-
-_radius = np.frompyfunc(_ball_radius, 2, 1)
+def _levels(jets: list[Jet], count: int) -> list[Array]:
+    """Return value, rate and acceleration of the jets as float arrays (n, T)."""
+    return [np.stack([np.broadcast_to(getattr(jet, part), (count,)).astype(float) for jet in jets]) for part in "vda"]
 
 
 def _status(solution: Solution, levels: list[Array]) -> tuple[Status, ...]:
-    """Return what is known: first non-assembly, then singular (no number came out), then lost branch, unsure turns."""
+    """Return what is known: first non-assembly, then singular (no number came out), then lost branch, unsure turns.
+
+    A dyad behind a nearly singular one may have lost half of its digits: then its negative slack proves nothing.
+    """
     assembly = solution.assembly
     finite = np.all([np.isfinite(level).all(axis=0) for level in levels], axis=0)
     unsure, lost = (np.array(solution.scene.times) > end for end in (solution.sure_until, solution.lost_after))
@@ -299,19 +179,28 @@ def _status(solution: Solution, levels: list[Array]) -> tuple[Status, ...]:
         )
     if unsure.any():
         assembly.remarks.append(f"the turns of an angle are unsure after t = {solution.sure_until:.17g} s")
+    unproved = assembly.absent & ~_proved_absent(solution) if assembly.absent.any() else assembly.absent
+    if unproved.any():
+        assembly.remarks.append(f"not proved at {unproved.sum()} times")
     status = np.where(unsure, Status.NOT_CONVERGED, Status.OK)
     status = np.where(lost, Status.BRANCH_LOST, status)
     status = np.where(assembly.singular | ~finite, Status.SINGULAR, status)
-    return tuple(Status(word) for word in np.where(assembly.absent, Status.UNASSEMBLABLE, status))
+    status = np.where(assembly.absent, Status.UNASSEMBLABLE, status)
+    return tuple(Status(word) for word in np.where(unproved, Status.NOT_CONVERGED, status))
 
 
-def _blank(levels: list[Array], radii: list[Array], status: tuple[Status, ...]) -> None:
+def _proved_absent(solution: Solution) -> Any:
+    """Return at which times balls prove that a dyad does not close (T,)."""
+    with ctx.workprec(BITS):
+        return assembled(solution.scene, Balls(), lambda k: solution.assembly.known_angles[k]).absent
+
+
+def _blank(levels: list[Array], status: tuple[Status, ...]) -> None:
     """Take away what a status says is not known: the rates if singular, all if there is no pose."""
     absent = np.array([word not in (Status.OK, Status.SINGULAR) for word in status])
     known = np.array([word is Status.OK for word in status])
-    for order in range(3):
-        for array in (levels[order], radii[order]):
-            array[:, absent if order == 0 else ~known] = np.nan
+    for order, level in enumerate(levels):
+        level[:, absent if order == 0 else ~known] = np.nan
 
 
 def _residual(solution: Solution, levels: list[Array], status: tuple[Status, ...]) -> Array:
@@ -322,51 +211,22 @@ def _residual(solution: Solution, levels: list[Array], status: tuple[Status, ...
     EngineError
         If one is open although every dyad was placed: a fault of this program.
     """
-    gaps = np.abs(midpoint(solution.closure)).max(axis=0)
+    gaps: Array = np.abs(solution.closure).max(axis=0)
     known = np.array([word is Status.OK for word in status])
-    if isinstance(solution.assembly.arithmetic, Balls):
-        closed = all(ball.contains(0) for ball in solution.closure[:, known].flat)
-    else:
-        largest = np.abs(levels[0] / _scale(solution.scene)).max(axis=0)
-        closed = bool((gaps[known] < OPEN * np.maximum(1.0, largest[known])).all())
-    if not closed:
+    size = np.tile([solution.scene.mechanism.size()] * 2 + [1.0], len(solution.scene.wanted))[:, None]
+    largest = np.abs(levels[0] / size).max(axis=0)
+    if not (gaps[known] < OPEN * np.maximum(1.0, largest[known])).all():
         raise EngineError(
             f"closed_form: {solution.scene.name!r}: a joint is left open by {np.nanmax(gaps[known]):.3g} sizes"
         )
     return gaps
 
 
-def _certified(scene: Scene, radii: list[Array]) -> CertifiedRadius:
-    """Return the largest radius of the scaled coordinates per time."""
-    largest = [(radius / _scale(scene)).max(axis=0, initial=0.0) for radius in radii]
-    return CertifiedRadius(position=largest[0], velocity=largest[1], acceleration=largest[2])
-
-
 def _points(solution: Solution, status: tuple[Status, ...]) -> dict[str, PointMotion]:
-    scene, number = solution.scene, solution.assembly.arithmetic.number
-    motions = {}
+    scene, motions = solution.scene, {}
     for point in scene.points:
-        local = Planar(*(Jet(number(c)) for c in point.position))
-        place = solution.ground.bodies[point.body].point(local)
-        levels, radii = _levels(list(_in_scene(solution, place)), len(scene.times))
-        _blank(levels, radii, status)
+        place = solution.ground.bodies[point.body].point(Planar(*map(Jet, point.position)))
+        levels = _levels(list(_in_scene(solution, place)), len(scene.times))
+        _blank(levels, status)
         motions[point.name] = PointMotion(*called_for(scene, levels))
     return motions
-
-
-def _sharp(scene: Scene, motion: Motion, radii: list[Array]) -> bool:
-    """Return whether every time is decided, and no ball is wider than 4 eps of its level's largest scaled entry."""
-    if any(word is Status.SINGULAR for word in motion.status):
-        return False
-    scale = _scale(scene)
-    for level, radius in zip(motion.levels, radii, strict=True):
-        if level is not None and np.isfinite(level).any():
-            largest = np.nanmax(np.abs(level) / scale)
-            if np.nanmax(radius / scale) > 4 * np.finfo(float).eps * largest:
-                return False
-    return True
-
-
-def _scale(scene: Scene) -> Array:
-    """Return the unit of each coordinate, (n, 1): the mechanism's size for lengths, 1 for angles."""
-    return np.tile([scene.mechanism.size()] * 2 + [1.0], len(scene.wanted))[:, None]

@@ -22,8 +22,6 @@ Mask = NDArray[np.bool_]
 class Arithmetic(Protocol):
     """What distinguishes floats from balls."""
 
-    name: str
-
     def number(self, value: float) -> Number:
         """Return a float of the scene, exactly."""
 
@@ -47,7 +45,6 @@ class Floats:
     round-offs of the slack then are a good part of it.
     """
 
-    name = "float"
     zero = 32 * np.finfo(float).eps
 
     def number(self, value: float) -> Number:
@@ -69,8 +66,6 @@ class Floats:
 
 class Balls:
     """`flint.arb` balls at the precision of the current flint context: every number encloses the exact one."""
-
-    name = "arb"
 
     def number(self, value: float) -> Number:
         return arb(value)

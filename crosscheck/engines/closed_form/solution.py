@@ -1,4 +1,4 @@
-"""A scene solved in one arithmetic: poses on the ground as jets, what rows leave open, until when all this is sure.
+"""A scene solved: poses on the ground as jets, what rows leave open, until when all this is sure.
 
 A branch is lost where the two meeting points of a dyad are one, also between the asked times. Beyond such a pose the
 sign that tells meeting points apart says nothing of the branch: where a parallelogram is flat its sign changes, and
@@ -38,8 +38,8 @@ class Solution:
     lost_after: float = np.inf
 
 
-def solve(scene: Scene, arithmetic: Arithmetic, turns_of: Callable[[int], Any] | None = None) -> Solution:
-    """Return a scene solved; `turns_of(k)` gives the k-th angle found, with its turns, if these are known already.
+def assembled(scene: Scene, arithmetic: Arithmetic, turns_of: Callable[[int], Any] | None = None) -> Assembly:
+    """Return a scene's groups joined; `turns_of(k)` gives the k-th angle found, with its turns, if these are known.
 
     Raises
     ------
@@ -47,23 +47,28 @@ def solve(scene: Scene, arithmetic: Arithmetic, turns_of: Callable[[int], Any] |
         If the linkage is not of class II.
     """
     assembly = Assembly(read_linkage(scene, arithmetic), scene, arithmetic, turns_of=turns_of)
-    drawn = read_linkage(scene, arithmetic)
-    ground = assembly.run()
+    assembly.run()
+    return assembly
+
+
+def _solved(scene: Scene, turns_of: Callable[[int], Any] | None = None) -> Solution:
+    assembly = assembled(scene, Floats(), turns_of)
+    ground, drawn = assembly.groups[0], read_linkage(scene, Floats())
     closure = np.stack([np.broadcast_to(gap, (len(scene.times),)) for gap in _gaps(drawn, ground, scene)])
     return Solution(assembly, ground, scene, closure)
 
 
 def float_solution(scene: Scene) -> Solution:
-    """Solve in floats, on a finer grid where an angle's turns are unsure, and return it at the scene's own times."""
+    """Solve in floats, on a finer grid where an angle's turns are unsure, and return it at the scene's own times.
 
-    def joined(times: tuple[float, ...]) -> Assembly:
-        finer = replace(scene, times=times)
-        assembly = Assembly(read_linkage(finer, Floats()), finer, Floats())
-        assembly.run()
-        return assembly
-
+    Raises
+    ------
+    NotDyadic
+        If the linkage is not of class II.
+    """
     solution = _with_turns(scene)
-    return replace(solution, lost_after=lost_after(scene.times, joined, _moves(solution)))
+    lost = lost_after(scene.times, lambda t: assembled(replace(scene, times=t), Floats()), _moves(solution))
+    return replace(solution, lost_after=lost)
 
 
 def _moves(solution: Solution) -> Any:
@@ -85,20 +90,20 @@ def _moves(solution: Solution) -> Any:
 
 def _with_turns(scene: Scene) -> Solution:
     times = scene.times
-    solution = solve(scene, Floats())
+    solution = _solved(scene)
     for _ in range(REFINEMENTS):
         unsure = np.nonzero(solution.assembly.unsure_turns)[0]
         if not len(unsure):
             break
         middles = [0.5 * (times[k] + times[k + 1]) for k in unsure]
         times = tuple(sorted({*times, *middles}))
-        solution = solve(replace(scene, times=times), Floats())
+        solution = _solved(replace(scene, times=times))
     if times == scene.times:
         return solution
     near = [angles[np.searchsorted(times, scene.times)] for angles in solution.assembly.known_angles]
     unsure = np.nonzero(solution.assembly.unsure_turns)[0]
     sure_until = times[unsure[0]] if len(unsure) else np.inf
-    return replace(solve(scene, Floats(), lambda k: near[k]), sure_until=sure_until)
+    return replace(_solved(scene, lambda k: near[k]), sure_until=sure_until)
 
 
 def _gaps(drawn: GroupedScene, ground: RigidGroup, scene: Scene) -> list[Any]:
