@@ -2,14 +2,10 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import os
 import platform
-import subprocess
-import sys
-import time
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, version
 from typing import Any
@@ -17,10 +13,8 @@ from typing import Any
 from crosscheck.engines import PEERS, QUANTITIES, EngineError
 from crosscheck.engines.methods import OURS, Batch, Method, Use, methods
 from crosscheck.engines.ours.c_kernels import compiler_version
-from crosscheck.engines.ours.lanes_methods import fast
 from crosscheck.judge.workloads import Accuracy, of_chain, of_four_bars, of_spatial_loops, sparse_system
-from crosscheck.measure.bench_aims import reached
-from crosscheck.scenes.workloads import Chain, FourBars, Workload, workload
+from crosscheck.scenes.workloads import Chain, Workload, workload
 from crosscheck.scenes.workloads_space import SpatialLoops
 from crosscheck.workers.timing import Timing, timed_in_turns
 
@@ -32,8 +26,8 @@ SECONDS = 30.0
 PACKAGES = ("refkin", "numpy", "scipy", "exudyn", "pin", "mujoco")
 PRODUCERS = (*OURS, *PEERS)
 CONFIGURATION, NEWTON_ITERATION = "configuration", "newton-iteration"
-FIRST_USE = "sweep-1000"
-"""The workload beside which the costs of a first use are measured."""
+Key = tuple[str, str, str]
+"""Engine, method, setting."""
 
 
 @dataclass(frozen=True)
@@ -172,68 +166,15 @@ def merged(parts: Iterable[dict[str, Any]]) -> dict[str, Any]:
     last = parts[-1]
     rows = [r for part in parts for r in part["rows"]]
     absent = [a for part in parts for a in part["absent"]]
-    first = [part["first_use"] for part in parts if "first_use" in part]
-    whole = {"rows": rows, "absent": absent, "versions": last["versions"], "machine": last["machine"]}
-    if first:
-        whole["first_use"] = first[0]
-    return {**whole, "aims": reached(whole)}
+    return {"rows": rows, "absent": absent, "versions": last["versions"], "machine": last["machine"]}
+
+
+def key_of(row: Mapping[str, Any]) -> Key:
+    """Return engine, method and setting of a row."""
+    return row["engine"], row["method"], row["setting"]
 
 
 def measured_by_name(asked: tuple[str, Sequence[str]]) -> dict[str, Any]:
     """Return the results of one workload for some producers: what a process of its own does."""
     name, producers = asked
-    work = workload(name)
-    results = measured(work, producers)
-    if name == FIRST_USE and isinstance(work, FourBars):
-        results["first_use"] = first_use(work)
-    return results
-
-
-FIRST_ROUNDS = 5
-LIBRARIES = "import numpy, scipy"
-TIMED = "import time; start = time.perf_counter(); {}; print(time.perf_counter() - start)"
-
-
-def first_use(work: FourBars) -> dict[str, float]:
-    """Return seconds: `tape_seconds` to compile a four-bar, `import_seconds` beyond NumPy's and SciPy's own import.
-
-    Both are the least of several rounds. What the import of refkin loads of NumPy and SciPy beyond their bare import
-    counts as refkin's. The first is left out where there are no fast paths.
-    """
-    costs = {"import_seconds": import_seconds()}
-    with contextlib.suppress(EngineError):
-        costs["tape_seconds"] = tape_seconds(work)
-    return costs
-
-
-def tape_seconds(work: FourBars) -> float:
-    """Return what it takes from a scene to a program that can be run."""
-    fast()
-    from refkin.fast.compiled import forget
-    from refkin.fast.prepare import prepared
-
-    scene, taken = work.scene(), []
-    for _ in range(FIRST_ROUNDS):
-        forget()
-        start = time.perf_counter()
-        ready = prepared(scene)
-        if ready is None:
-            raise EngineError("there is no program for this scene")
-        assert ready.made.program.counts()
-        assert ready.made.march
-        taken.append(time.perf_counter() - start)
-    return min(taken)
-
-
-def import_seconds() -> float:
-    """Return what `import refkin` takes in processes of its own, after NumPy and SciPy are imported, in turns."""
-    with_it, without = [], []
-    for _ in range(FIRST_ROUNDS):
-        without.append(_timed(LIBRARIES))
-        with_it.append(_timed(f"{LIBRARIES}, refkin"))
-    return min(with_it) - min(without)
-
-
-def _timed(statement: str) -> float:
-    command = [sys.executable, "-c", TIMED.format(statement)]
-    return float(subprocess.run(command, capture_output=True, text=True, check=True).stdout)
+    return measured(workload(name), producers)

@@ -26,7 +26,7 @@ from crosscheck.engines.ours.c_kernels import text_of
 from crosscheck.judge import workloads
 from crosscheck.judge.workloads import of_four_bars
 from crosscheck.measure import bench as measure
-from crosscheck.measure.bench_aims import key_of
+from crosscheck.measure.bench import key_of
 from crosscheck.scenes import workloads as works
 from crosscheck.scenes.four_bar_answers import four_bar
 from crosscheck.scenes.workloads import Piece, system_of, unit_of
@@ -276,23 +276,18 @@ def test_a_row_says_what_one_configuration_costs_and_of_how_many_how_much_was_ju
     assert row["note"].endswith("of the batch")
 
 
-def test_results_of_workloads_are_put_together_and_first_use_is_measured_with_one(monkeypatch):
+def test_results_of_workloads_are_put_together(monkeypatch):
     """Their rows one after the other; versions and machine as the last one has them."""
     monkeypatch.setattr(measure, "measured", lambda work, producers: {"rows": [work.name], "absent": [producers]})
-    monkeypatch.setattr(measure, "first_use", lambda work: {"import_seconds": 0.5})
-    monkeypatch.setattr(measure, "reached", lambda whole: [sorted(whole)])
-    names = ("chain-10", measure.FIRST_USE, "many-10000x360")
+    names = ("chain-10", "many-10000x360")
     parts = [
         {**measure.measured_by_name((name, ["numpy"])), "versions": {"at": k}, "machine": {"number": k}}
         for k, name in enumerate(names)
     ]
     whole = measure.merged(parts)
 
-    assert ["first_use" in part for part in parts] == [False, True, False]
-    assert (whole["rows"], whole["absent"]) == (list(names), [["numpy"]] * 3)
-    assert (whole["versions"], whole["machine"]) == ({"at": 2}, {"number": 2})
-    assert whole["first_use"] == {"import_seconds": 0.5}
-    assert "first_use" not in measure.merged(parts[:1])
+    assert (whole["rows"], whole["absent"]) == (list(names), [["numpy"]] * 2)
+    assert (whole["versions"], whole["machine"]) == ({"at": 1}, {"number": 1})
 
 
 PLANTED = {
@@ -409,7 +404,8 @@ def test_an_engine_that_is_not_installed_is_absent(monkeypatch, engine):
 
 
 def test_claims_name_the_same_algorithm_in_c_first_then_dense_c():
-    row = right_rows()[0]
+    """By the price of all that a method computes, not of positions alone."""
+    row = right_rows()[0] | {"computes": ["position", "velocity"]}
     times = {
         ("refkin-lanes", "all times at once", "no evidence"): 200.0,
         ("c", "dense Newton", ""): 800.0,
@@ -418,6 +414,7 @@ def test_claims_name_the_same_algorithm_in_c_first_then_dense_c():
     }
     names = ("engine", "method", "setting")
     rows = [row | dict(zip(names, key, strict=True)) | {"nanoseconds_per_configuration": t} for key, t in times.items()]
+    rows.append(rows[0] | {"computes": ["position"], "nanoseconds_per_configuration": 150.0})
 
     text = printed({"rows": rows, "absent": [], "versions": {}, "machine": measure.machine()})
 
@@ -434,7 +431,7 @@ def test_the_command_prints_one_json_object_measured_on_one_thread(capsys):
     out = json.loads(capsys.readouterr().out)
 
     assert end.value.code == 0
-    assert set(out) == {"rows", "absent", "versions", "machine", "aims"}
+    assert set(out) == {"rows", "absent", "versions", "machine"}
     assert {entry["workload"] for entry in (*out["rows"], *out["absent"])} == {"chain-10"}
     assert out["machine"]["threads"] == "1"
 
