@@ -196,10 +196,6 @@ class Constraint:
         """Return a length [m] that the constraint itself brings, such as that of a massless link."""
         return 0.0
 
-    def row_size(self, g: tuple[Scalar, ...]) -> Scalar:
-        """Return a factor that the geometry `g` gives to all rows: 1, but for a gear the larger of its radii."""
-        return 1.0
-
     def constants(self, unit: Unit) -> tuple[float, ...]:
         """Return the scaled geometry, flat, in the order in which the formulas unpack it."""
         return tuple(c for body, point in self.points() for c in unit.point(body, point))

@@ -10,7 +10,7 @@ from refkin.errors import Fault
 from refkin.joints.base import Blocks, Constraint, Rows, Unit
 from refkin.joints.elements import Element, Pair, RollingOnLine, RollingWheels
 from refkin.joints.planar import BetweenPoints, PointOnLine, axis_faults, direction, ends_of
-from refkin.vec import BodyValues, Scalar
+from refkin.vec import BodyValues
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -42,9 +42,6 @@ class Gear(Constraint):
 
     def constants(self, unit: Unit) -> tuple[float, ...]:
         return self.radius_i / unit.size, self.radius_j / unit.size, self.phi0_i, self.phi0_j
-
-    def row_size(self, g: tuple[Scalar, ...]) -> Scalar:
-        return max(abs(g[0]), abs(g[1]))
 
     def faults(self, path: str) -> Iterator[Fault]:
         for key in ("radius_i", "radius_j"):

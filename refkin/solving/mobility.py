@@ -20,6 +20,7 @@ from refkin.errors import Fault, InvalidScene
 from refkin.joints import GROUND, SPACE, passive_spins
 from refkin.joints.spatial_vectors import Quaternion
 from refkin.model import Mechanism
+from refkin.proof.singularity.second_order import balance, elsewhere, without_rounding
 from refkin.system import System, compile_system
 
 FREEDOMS: Mapping[str, Mapping[str, int]] = {
@@ -169,7 +170,8 @@ class Rank:
     ----------
     coordinates, rank : int
     kept, dropped : float
-        Smallest singular value that counts and largest that does not (0 if there is none): how clear the decision is.
+        Smallest singular value of the balanced rows that counts and largest that does not (0 if there is none): how
+        clear the decision is.
     dependent : tuple of Dependence
         One for each row beyond the rank; the last of the rows that depend on each other is named.
     """
@@ -222,7 +224,7 @@ def mobility(mechanism: Mechanism, q: Any, t: float = 0.0, tolerance: float = SI
     q : (n,) array
         Coordinates of the bodies in their order [m, rad], then the parameters of contacts, if there are any.
     tolerance : float
-        Singular values of the scaled phi_q at or below this do not count.
+        Singular values of the balanced phi_q at or below this do not count.
     """
     system = compile_system(mechanism, unit=mechanism.unit())
     return mobility_of(system, system.to_unit(np.asarray(q, float)), t, tolerance)
@@ -238,28 +240,34 @@ def mobility_of(system: System, q: Any, t: float = 0.0, tolerance: float = SINGU
     q : (n,) array
         The pose at time t [s], in the system's coordinates.
     tolerance : float
-        Singular values of the scaled phi_q at or below this do not count.
+        Singular values of the balanced phi_q at or below this do not count.
     """
     if np.shape(q) != (system.n,):
         raise InvalidScene([Fault("q", np.shape(q), f"{system.n} coordinates")], "mobility")
-    # Small wheels turn each other as well as large ones do.
-    sizes = [p.constraint.row_size(p.g) for p in system.placed for _ in range(p.constraint.rows)]
-    phi_q, names = system.phi_q(q, t) / np.array(sizes)[:, None], row_names(system)
-    phi_q = common_columns(system, q, phi_q)
+    phi_q, names = _slopes(system, q, t), row_names(system)
     kinematic = sum(joint.rows for joint in system.mechanism.joints)
     driven = sum(constraint.rows for constraint in system.mechanism.constraints)
     of_joints, of_all = (rank_of(phi_q[:m], names[:m], tolerance) for m in (kinematic, driven))
     return Mobility(of_joints, of_all, tuple(_alone(system, q, phi_q[:driven], tolerance)))
 
 
+def _slopes(system: System, q: Any, t: float) -> Any:
+    """Return phi_q in `common_columns`, without the rows and columns of which only rounding is left."""
+    here, there = (common_columns(system, x, system.phi_q(x, t)) for x in (q, elsewhere(system, q)))
+    return without_rounding(without_rounding(here, there).T, there.T).T
+
+
 def _alone(system: System, q: Any, phi_q: Any, tolerance: float) -> Iterator[str]:
     """Yield the motions that a body of space, or bodies as one, can make while all others stand still.
 
     They are null vectors on the six columns of the one body; bodies that spin as one have those that a velocity of
-    their points at the origin and an angular velocity give them.
+    their points at the origin and an angular velocity give them. Rows and columns are balanced as those of all bodies
+    are: in the sum over bodies that are as one the rows between them hold nothing but rounding.
     """
     if system.kind is not SPACE:
         return
+    _, by_row, by_column = balance(phi_q)
+    phi_q = phi_q * by_row[:, None]
     bodies, constraints = system.mechanism.bodies, system.mechanism.constraints
     together = [tuple(spin.lines) for spin in passive_spins(bodies, constraints) if len(spin.lines) > 1]
     for names in [*((body.name,) for body in bodies), *together]:
@@ -268,10 +276,13 @@ def _alone(system: System, q: Any, phi_q: Any, tolerance: float) -> Iterator[str
             _as_one(phi_q, system.columns(name).start // 7, own[:3] - at[0][:3])
             for name, own in zip(names, at, strict=True)
         )
-        _, sigma, motions = np.linalg.svd(columns)
+        k = 6 * (system.columns(names[0]).start // 7)
+        scale = np.repeat([np.min(by_column[k : k + 3]), np.min(by_column[k + 3 : k + 6])], 3)
+        _, sigma, motions = np.linalg.svd(columns * scale)
         rotation = SPACE.values(*at[0]).rotation()
-        for motion in motions[int(np.sum(sigma > tolerance)) :]:
-            yield _in_words(names, rotation.T @ motion[:3], rotation.T @ motion[3:], system.unit.size, tolerance)
+        for motion in motions[int(np.sum(sigma > tolerance)) :] * scale:
+            v, w = (rotation.T @ part / np.linalg.norm(motion) for part in (motion[:3], motion[3:]))
+            yield _in_words(names, v, w, system.unit.size, tolerance)
 
 
 def _as_one(phi_q: Any, k: int, arm: Any) -> Any:
@@ -336,22 +347,27 @@ def rank_of(matrix: Any, names: Sequence[str], tolerance: float = SINGULAR) -> R
     names : sequence of str
         What the rows are called, m of them.
     tolerance : float
-        Singular values at or below this do not count.
+        Singular values of the balanced rows at or below this do not count: units, and small parts beside large ones,
+        say nothing of a rank.
     """
     m, n = matrix.shape
     if not m:
         return Rank(n, 0, 0.0, 0.0, ())
+    matrix, by_row, _ = balance(matrix)
     left, sigma, _ = np.linalg.svd(matrix)
     rank = int(np.sum(sigma > tolerance))
     kept = float(sigma[rank - 1]) if rank else 0.0
     dropped = float(sigma[rank]) if rank < len(sigma) else 0.0
     # What rounding and the pose leave of a factor that is zero: a perturbation over the smallest value that counts.
     smallest = min(0.1, tolerance / kept) if rank else 0.1
-    return Rank(n, rank, kept, dropped, tuple(_dependences(left[:, rank:].T, names, smallest)))
+    return Rank(n, rank, kept, dropped, tuple(_dependences(left[:, rank:].T, by_row, names, smallest)))
 
 
-def _dependences(null: Any, names: Sequence[str], smallest: float) -> Iterator[Dependence]:
-    """Yield the dependences in a basis (m - rank, m) of the left null space, by elimination from the last row on."""
+def _dependences(null: Any, by_row: Any, names: Sequence[str], smallest: float) -> Iterator[Dependence]:
+    """Yield the dependences in a basis (m - rank, m) of the left null space, by elimination from the last row on.
+
+    The basis is that of rows times `by_row` (m,); what is small is so for those.
+    """
     rest = np.array(null)
     solved: list[tuple[int, Any]] = []
     for row in range(len(names) - 1, -1, -1):
@@ -366,6 +382,7 @@ def _dependences(null: Any, names: Sequence[str], smallest: float) -> Iterator[D
         solved = [(other, basis - basis[row] * pivot) for other, basis in solved]
         solved.append((row, pivot))
     for row, basis in reversed(solved):
+        factors = -basis * by_row / by_row[row]
         yield Dependence(
-            names[row], {names[k]: -float(x) for k, x in enumerate(basis) if abs(x) > smallest and k != row}
+            names[row], {names[k]: float(factors[k]) for k, x in enumerate(basis) if abs(x) > smallest and k != row}
         )

@@ -1,4 +1,4 @@
-"""Linkages drawn around a pose, of five families, and many of their poses."""
+"""Linkages drawn around a pose, of five families, and many of their poses; and any linkage beside a large body."""
 
 from __future__ import annotations
 
@@ -9,7 +9,9 @@ from typing import Any
 import numpy as np
 
 from refkin.analysis import position
-from refkin.joints import GROUND, Unit
+from refkin.joints import GROUND, Revolute, Unit, XDriver
+from refkin.model import Body, Scene
+from refkin.motion_laws import Polynomial
 from refkin.system import System
 from tests.drawn import Drawn
 
@@ -97,3 +99,13 @@ def poses(count: int, seed: int, per_mechanism: int = 4) -> list[tuple[System, A
             result.append((system, np.stack([results[k].q for k in reached], axis=1), times[reached]))
             missing -= len(reached)
     return result
+
+
+def beside_a_mast(scene: Scene) -> Scene:
+    """A scene with a mast of 1 km that a driver of its own holds: the size of what is small is none of its business."""
+    mast = Body(name="mast", estimate=(0.0, 0.0, float(np.arccos(0.6))))
+    foot = Revolute(name="foot", body_i=GROUND, point_i=(0.0, 0.0), body_j="mast", point_j=(0.0, 0.0))
+    tip = XDriver(name="tip", body="mast", point=(1000.0, 0.0), law=Polynomial(coefficients=(600.0,)))
+    m = scene.mechanism
+    beside = replace(m, bodies=(*m.bodies, mast), joints=(*m.joints, foot), drivers=(*m.drivers, tip))
+    return replace(scene, mechanism=beside)

@@ -9,11 +9,13 @@ import numpy as np
 import pytest
 
 import refkin
-from refkin import Body, FourBar, Polynomial, Revolute, SliderCrank, XDriver, YDriver, compile_system
+from refkin import FourBar, Polynomial, SliderCrank, YDriver, compile_system
 from refkin.proof.path.curve import Curve
 from refkin.proof.path.tracing import FIRST_STEP, TraceEnd, Tracer
 from refkin.scenes.linkages import RSSP
 from refkin.solving.follow import Bifurcation, Tangent, TurningPoint, driven_by, straight_on
+
+from .assembled import beside_a_mast
 
 LIMITED = FourBar(ground=0.9, crank=0.3, coupler=0.6, rocker=0.45)
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
@@ -325,12 +327,7 @@ def test_two_turning_points_that_a_step_would_go_over_are_both_found():
 def test_curves_of_a_small_linkage_beside_a_large_body_do_not_cross_for_its_size(slack):
     """They pass by each other 3e-5 rad apart; 1e-12 m are much to links of millimetres, not to a body of 1 km."""
     small = FourBar(ground=4e-3, crank=1e-3, coupler=3.5e-3, rocker=(1.5 + slack) * 1e-3)
-    mast = Body(name="mast", estimate=(0.0, 0.0, np.arccos(0.6)))
-    foot = Revolute(name="foot", body_i="ground", point_i=(0.0, 0.0), body_j="mast", point_j=(0.0, 0.0))
-    tip = XDriver(name="tip", body="mast", point=(1000.0, 0.0), law=Polynomial(coefficients=(600.0,)))
-    m = driven(small, 2.9).mechanism
-    beside = replace(m, bodies=(*m.bodies, mast), joints=(*m.joints, foot), drivers=(*m.drivers, tip))
-    path = refkin.follow(replace(driven(small, 2.9), mechanism=beside), until=(2.9, 3.4))
+    path = refkin.follow(beside_a_mast(driven(small, 2.9)), until=(2.9, 3.4))
 
     assert path.end is TraceEnd.RANGE
     assert [type(event) for event in path.events] == [TurningPoint] * (slack < 0)

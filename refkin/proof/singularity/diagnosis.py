@@ -152,8 +152,8 @@ class _Examination:
 
     def _vanishing(self) -> Any:
         """Return the rows whose gradient is small against what it is elsewhere."""
-        slopes = self.system.phi_q(self.q, self.t), elsewhere(self.system, self.q, self.t)
-        here, there = (np.linalg.norm(slope, axis=1) for slope in slopes)
+        poses = self.q, elsewhere(self.system, self.q)
+        here, there = (np.linalg.norm(self.system.phi_q(q, self.t), axis=1) for q in poses)
         return np.flatnonzero(here <= VANISHING * there)
 
     def _of(self, kind: PoseKind, message: str, **more: Any) -> Diagnosis:

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from refkin.differences import jacobian
+from refkin.joints import GROUND
 from refkin.proof.assembly.search import closes, radical_inverse
 from refkin.proof.path.curve import roots
 from refkin.system import System
@@ -85,29 +87,53 @@ def balanced(system: System, q: Any, t: float, rows: Any, slopes: Any = None) ->
     slopes : (k, n) array, optional
         Instead of them.
     """
-    matrix, by_row, by_column = slopes, np.ones(len(rows)), np.ones(system.n)
-    if slopes is None:
-        matrix = _slopes(system, q, t, rows)
-    for _ in range(ROUNDS):
-        row, column = (np.sqrt(np.max(np.abs(matrix), axis=axis, initial=0.0)) for axis in (1, 0))
-        row, column = np.where(row > 0, row, 1.0), np.where(column > 0, column, 1.0)
-        matrix = matrix / row[:, None] / column
-        by_row, by_column = by_row / row, by_column / column
+    matrix, by_row, by_column = balance(_slopes(system, q, t, rows) if slopes is None else slopes)
     left, sigma, right = np.linalg.svd(matrix)
     sigma = np.append(sigma, np.zeros(max(0, system.n - len(sigma))))
     return Balanced(system, q, t, rows, matrix, by_row, by_column, left, sigma, right)
 
 
-def elsewhere(system: System, q: Any, t: float) -> Any:
-    """Return phi_q (m, n) at a place that has nothing to do with a pose: what its entries are when none vanishes."""
-    return system.phi_q(q + np.array([0.1 + 0.2 * radical_inverse(k + 1, 2) for k in range(system.n)]), t)
+def balance(matrix: Any) -> tuple[Any, Any, Any]:
+    """Return D_1 J D_2 of a matrix J (m, n), with rows and columns of one size or so, D_1 (m,) and D_2 (n,)."""
+    by_row, by_column = np.ones(len(matrix)), np.ones(matrix.shape[1])
+    for _ in range(ROUNDS):
+        row, column = (np.sqrt(np.max(np.abs(matrix), axis=axis, initial=0.0)) for axis in (1, 0))
+        row, column = np.where(row > 0, row, 1.0), np.where(column > 0, column, 1.0)
+        matrix = matrix / row[:, None] / column
+        by_row, by_column = by_row / row, by_column / column
+    return matrix, by_row, by_column
+
+
+def elsewhere(system: System, q: Any) -> Any:
+    """Return coordinates (n,) that have nothing to do with a pose: entries of phi_q are there what they usually are.
+
+    Each body is moved by a part of its own size, so that small bodies beside a large one are not torn apart.
+    """
+    shift = np.array([0.1 + 0.2 * radical_inverse(k + 1, 2) for k in range(system.n)])
+    for body in system.mechanism.bodies:
+        own = np.arange(system.n)[system.columns(body.name)]
+        shift[own[~system.turns[own].astype(bool)]] *= _size(system, body.name)
+    return q + shift
+
+
+def _size(system: System, body: str) -> float:
+    """Return how far a body's joints, and links on it, reach, in the system's unit; 1 where nothing says it."""
+    sizes = [0.0]
+    for constraint in system.mechanism.constraints:
+        if body in constraint.bodies:
+            sizes += [constraint.reach(), *(math.hypot(*at) for on, at in constraint.points() if on != GROUND)]
+    return max(sizes) / system.unit.size or 1.0
+
+
+def without_rounding(here: Any, there: Any) -> Any:
+    """Return a matrix without the columns that vanish against those elsewhere: only rounding is left there."""
+    vanishing = np.linalg.norm(here, axis=0) <= SATISFIED * np.linalg.norm(there, axis=0)
+    return np.where(vanishing, 0.0, here)
 
 
 def _slopes(system: System, q: Any, t: float, rows: Any) -> Any:
     """Return rows of phi_q without the columns that vanish: to balance what rounding leaves of them would hide it."""
-    here, there = system.phi_q(q, t)[rows], elsewhere(system, q, t)[rows]
-    here[:, np.linalg.norm(here, axis=0) <= SATISFIED * np.linalg.norm(there, axis=0)] = 0.0
-    return here
+    return without_rounding(*(system.phi_q(x, t)[rows] for x in (q, elsewhere(system, q))))
 
 
 @dataclass(frozen=True)
