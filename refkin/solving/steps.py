@@ -226,7 +226,9 @@ def before(times: Sequence[float], last: int, t: float, first: int = -1) -> list
 
 
 def neville(times: Sequence[Any], poses: list[Any], t: Any) -> Any:
-    """Return where the polynomial through poses is at a time, by Neville's scheme.
+    """Return where the polynomial through poses is at a time, by Neville's scheme on what they differ by from the last.
+
+    So what does not move is predicted where it is, to the last bit, however large it may be.
 
     Parameters
     ----------
@@ -237,12 +239,12 @@ def neville(times: Sequence[Any], poses: list[Any], t: Any) -> Any:
     t : float or (B,) array
         The time asked for [s].
     """
-    poses = list(poses)
+    last, moved = poses[-1], [pose - poses[-1] for pose in poses]
     for width in range(1, len(times)):
         for k in range(len(times) - width):
             a, b = times[k], times[k + width]
-            poses[k] = ((t - b) * poses[k] + (a - t) * poses[k + 1]) / (a - b)
-    return poses[0]
+            moved[k] = ((t - b) * moved[k] + (a - t) * moved[k + 1]) / (a - b)
+    return last + moved[0]
 
 
 @dataclass

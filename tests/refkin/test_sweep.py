@@ -38,6 +38,7 @@ from refkin.solving.solve import _first_unproved
 from refkin.solving.steps import Steps
 from refkin.solving.sweep import Arrival, Sweep, pose_between
 
+from .assembled import beside_a_mast
 from .contact_cases import cam, guide
 
 ROCKER = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0)
@@ -256,6 +257,33 @@ def test_two_linkages_that_pass_a_near_change_point_together_stay_on_their_branc
 
     assert ok[0]
     assert np.max(off[ok]) < 1e-8
+
+
+def test_a_small_linkage_beside_a_large_body_passes_its_near_change_point():
+    """The branches lie 3e-5 rad apart; what they miss, 1e-12 m, is no rounding of links of millimetres."""
+    small = FourBar(ground=4e-3, crank=1e-3, coupler=3.5e-3, rocker=(1.5 + 1e-9) * 1e-3)
+    scene = small.scene(law=Polynomial(coefficients=(0.0, 1.0)), times=(3.0, 3.1, 3.2))
+
+    assert refkin.solve(beside_a_mast(scene)).verdict is Status.OK
+
+
+@pytest.mark.parametrize("angle", [1e12, 1e14])
+@pytest.mark.parametrize("turning", [False, True], ids=["alone", "beside one that turns"])
+def test_a_linkage_at_a_large_angle_stands_still(angle, turning):
+    """Its poses are predicted where they are: to extrapolate the angle itself would leave its rounding, 1e-4 rad."""
+    times = np.linspace(0.0, 1.0, 7)
+    scene = ROCKER.scene(law=Polynomial(coefficients=(angle,)), times=times)
+    if turning:
+        wheel = Body(name="wheel")
+        pin = Revolute(name="pin", body_i="ground", point_i=(9.0, 0.0), body_j="wheel", point_j=(0.0, 0.0))
+        motor = AngleDriver(name="motor", body="wheel", law=Polynomial(coefficients=(0.0, 1.0)))
+        m = scene.mechanism
+        m = replace(m, bodies=(*m.bodies, wheel), joints=(*m.joints, pin), drivers=(*m.drivers, motor))
+        scene = replace(scene, mechanism=m)
+    motion = refkin.solve(scene)
+
+    assert motion.verdict is Status.OK
+    assert np.ptp(motion["rocker"].phi) < 1e-14
 
 
 @pytest.mark.parametrize("samples", [5, 8, 14, 30, 100])

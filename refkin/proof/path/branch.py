@@ -151,7 +151,9 @@ def _crossing_in(system: System, steps: list[Piece]) -> int | None:
         t, q = (p.t_0 + p.t_1) / 2, (p.q_0 + p.q_1) / 2
         curve = Curve.through(system, q, [t])
         at_crossing = crossing(curve, curve.point(q, t))
-        if at_crossing is not None and abs(at_crossing.mu) <= CROSSED * max(1.0, float(np.max(np.abs(at_crossing.x)))):
+        if at_crossing is None or not at_crossing.is_bifurcation:
+            continue
+        if abs(at_crossing.mu) <= CROSSED * max(1.0, float(np.max(np.abs(at_crossing.x)))):
             at, time = curve.pose(at_crossing.x)
             for step in steps:
                 move, off = np.max(np.abs(step.q_1 - step.q_0)), np.max(np.abs(at - step.q_0))
