@@ -201,6 +201,7 @@ def test_right_answers_are_ranked():
     result = of_four_bars(work, [answers(work, tuple(right(work)))])
 
     assert result.ranked
+    assert 0.0 < result.worst_over_allowed < 0.9
     assert result.configurations == work.configurations
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import importlib.util
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from crosscheck.engines import EngineError
 from crosscheck.engines.methods import Use, method, methods
+from crosscheck.judge import workloads
 from crosscheck.judge.workloads import of_spatial_loops
 from crosscheck.measure import bench as measure
 from crosscheck.scenes import workloads as works
@@ -119,6 +121,15 @@ def test_the_answer_of_another_mechanism_is_noticed(solved):
     assert judged(solved[1], 1).ranked
     assert 0.0 < judged(solved[1], 1).worst_over_allowed < 0.5
     assert not judged(solved[0], 1).ranked
+
+
+def test_every_time_without_a_proof_of_the_truth_is_counted_as_unjudged(solved, monkeypatch):
+    ref = workloads._certified(few(), 0)
+    radius = replace(ref.motion.certified_radius, acceleration=np.where(np.arange(8) < 5, np.nan, 1e-15))
+    unproved = replace(ref, motion=replace(ref.motion, certified_radius=radius))
+    monkeypatch.setattr(workloads, "_certified", lambda *_: unproved)
+
+    assert judged(solved[0]).unjudged == 5
 
 
 def test_an_answer_that_is_missing_in_space_is_no_rank(solved):

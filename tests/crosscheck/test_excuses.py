@@ -12,7 +12,7 @@ import refkin
 from crosscheck.engines import EngineError
 from crosscheck.engines.closed_form.engine import ClosedForm
 from crosscheck.engines.tree import joint_tree
-from crosscheck.judge.delivery import _falls, _within, singular_between
+from crosscheck.judge.delivery import _falls, _narrowed, _within, singular_between
 from crosscheck.measure.check import REGULAR, check
 from refkin import FourBar
 from refkin.motion import Status
@@ -90,3 +90,14 @@ def test_full_turns_of_a_constant_angle_do_not_round_what_hangs_on_it(engine, mo
 
 def test_times_are_put_evenly_between_each_two():
     assert _within((0.0, 1.0, 3.0), 3) == [0.25, 0.5, 0.75, 1.5, 2.0, 2.5]
+
+
+@pytest.mark.parametrize(("before", "first"), [(Status.OK, -1.0), (Status.NOT_CONVERGED, 0.0)])
+def test_a_minimum_is_narrowed_from_the_pose_before_it_if_there_is_one(before, first):
+    solved = refkin.solve(REGULAR_MOTION)
+    motion = replace(solved, t=np.array([-1.0, 0.0, 1.0]), status=(before, Status.OK, Status.OK))
+    (narrowed,) = _narrowed(REGULAR_MOTION, motion, 1)
+    k = int(first) + 1
+
+    assert (narrowed.times[0], narrowed.times[-1]) == (first, 1.0)
+    assert narrowed.mechanism.bodies[0].estimate == tuple(solved.q[:3, k].tolist())

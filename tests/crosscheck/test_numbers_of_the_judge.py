@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from flint import arb
 
 import refkin
 from crosscheck.engines import Level, load
@@ -14,11 +15,12 @@ from crosscheck.judge import levels
 from crosscheck.judge.budget import _clock
 from crosscheck.judge.comparison import reference
 from crosscheck.judge.findings import finding_of, read
-from crosscheck.judge.hard_poses import ROUNDINGS, _output_rounding, fold
+from crosscheck.judge.hard_poses import ROUNDINGS, _judged, _output_rounding, fold
 from crosscheck.judge.levels import compare_levels, configurations
 from crosscheck.judge.running_error import Running
 from crosscheck.measure.check import check
 from refkin import FourBar, Polynomial, Table, compile_system
+from refkin.proof.pose.krawczyk import Verdict
 
 SCENE = FourBar(ground=4.0, crank=1.0, coupler=3.5, rocker=3.0).scene(samples=3)
 
@@ -109,3 +111,15 @@ def test_times_are_rounded_numbers_but_where_a_table_has_an_error_of_its_own():
     systems = [compile_system(FourBar(4.0, 1.0, 3.5, 3.0).scene(law=law, times=(0.0,)).mechanism) for law in laws]
 
     assert [isinstance(_clock(system, np.zeros(1)), Running) for system in systems] == [True, False]
+
+
+def test_a_root_of_which_one_coordinate_is_hardly_known_decides_nothing():
+    """The allowed error of the others may be as small as ever."""
+    system = compile_system(SCENE.mechanism, unit=SCENE.mechanism.unit())
+    q = system.to_unit(refkin.solve(SCENE).q[:, 0])
+    allowed = np.full(len(q), 1e-12)
+    rows = np.arange(len(q))
+
+    assert _judged(system, tuple(map(arb, q.tolist())), allowed, q, rows, 0.0).verdict is Verdict.INSIDE
+    allowed[4] = 1.0
+    assert _judged(system, tuple(map(arb, q.tolist())), allowed, q, rows, 0.0).verdict is Verdict.UNDECIDABLE

@@ -21,6 +21,7 @@ import zlib
 from collections import Counter, defaultdict
 from contextlib import suppress
 from functools import cache, cached_property
+from itertools import accumulate
 from pathlib import Path
 
 import pytest
@@ -42,6 +43,11 @@ CHUNK = 40
 """Tests of one process, at most; all of one file."""
 CASES = 6
 """Cases of one test that are noted, about."""
+WIDE = ("test_answers.py", "test_judgements.py")
+"""Files whose tests hold whole answers against those of before: every case of them is noted and asked early, since what
+passes all tests of one claim mostly shows there."""
+EARLY = 2.0
+"""Seconds of work of tests of one claim that come before those, and of those that come before the others."""
 BRANCHING = (ast.If, ast.For, ast.While, ast.Try, ast.With, ast.Match)
 
 
@@ -211,7 +217,8 @@ class Reach:
         """Return the quick tests that reach a statement, and the long ones: those first that cost and reach least.
 
         Before all others come tests that name its module, or the package that it is in, and of all those that reach
-        little else: they ask it something, others pass through it. Long ones that name it are asked even if they were
+        little else: they ask it something, others pass through it. Wide ones follow those that are done at once, by
+        their seconds. Long ones that name it are asked even if they were
         ended before they reached it. Of a function that changed since it was noted: the tests that reached it before;
         of one that is new, those that name its module.
         """
@@ -223,7 +230,7 @@ class Reach:
         same = [each for each in before if each.rpartition("#")[0] == wanted.rpartition("#")[0]]
         names = {name for each in ([wanted] if same else before) for name in self.by_key.get(each, ())}
         most = PROBED * LONGEST
-        quick, long = [], []
+        quick, wide, long = [], [], []
         reached, noted = ({test_of(nodeid) for nodeid in some} for some in (names, self.tests))
         cases = {nodeid for nodeid in items.keys() - self.tests.keys() if test_of(nodeid) in noted}
         others = {nodeid for nodeid in cases if test_of(nodeid) in reached}
@@ -231,8 +238,15 @@ class Reach:
             seconds, hits = self.tests.get(nodeid) or self.longest_case.get(test_of(nodeid), (most, []))
             if seconds >= most or nodeid in names or not before:
                 cost = (seconds + CALL) * (len(hits) + 1) ** 2 * (1.0 if nodeid in names else 4.0)
-                (quick if seconds < most else long).append((nodeid not in mine, cost, nodeid))
-        return [[items[nodeid] for *_, nodeid in sorted(some)] for some in (quick, long)]
+                kind = wide if items[nodeid].path.name in WIDE else quick if seconds < most else long
+                kind.append((nodeid not in mine, cost, seconds, nodeid))
+        quick.sort()
+        wide.sort(key=lambda each: each[2])
+        early, few = (
+            sum(spent < EARLY for spent in accumulate(each[2] + CALL for each in some)) for some in (quick, wide)
+        )
+        quick[early:early] = wide[:few]
+        return [[items[nodeid] for *_, nodeid in some] for some in (quick, sorted(long + wide[few:]))]
 
 
 def sampled(items):
@@ -240,7 +254,8 @@ def sampled(items):
     of_test = defaultdict(list)
     for item in items:
         of_test[test_of(item.nodeid)].append(item)
-    kept = {item for cases in of_test.values() for item in cases[:: -(-len(cases) // CASES)]}
+    step = {test: 1 if some[0].path.name in WIDE else -(-len(some) // CASES) for test, some in of_test.items()}
+    kept = {item for test, cases in of_test.items() for item in cases[:: step[test]]}
     return [item for item in items if item in kept]
 
 

@@ -11,7 +11,7 @@ import json
 import time
 from collections.abc import Iterator
 from contextlib import suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +19,8 @@ import pytest
 
 import refkin
 from refkin import analysis, fast
+from refkin.model import Scene
+from refkin.output.drawing import Drawing, NothingToDraw, Part
 from refkin.scenes.files import load
 
 ROOT = Path(__file__).parents[2]
@@ -29,6 +31,7 @@ AT = 4
 LEVEL, RADIUS = 1e-8, 1024.0
 """What another processor makes of levels and sigma_min, as a part of the largest number, and how many times a radius,
 of which a part is the residual that rounding happened to leave."""
+WEIGHTS = np.cos(np.arange(1e4))
 BY_ROUNDING = ("space-leg-too-long", "fast-guided-beside-a-change-point")
 """Scenes of which a sentence or a radius is another where another processor rounds."""
 LONGEST = 0.5
@@ -42,9 +45,23 @@ def files() -> dict[str, Path]:
 
 
 def answers(path: Path) -> dict:
-    """Return what is kept of the answers to a scene."""
+    """Return what is kept of the answers to a scene, and of the drawing of the first of them."""
     scene = load(path)
-    return {name: kept(solver(scene)) for name, solver in SOLVERS.items()}
+    motions = {name: solver(scene) for name, solver in SOLVERS.items()}
+    return {**{name: kept(motion) for name, motion in motions.items()}, "drawn": drawn(scene, motions["solve"])}
+
+
+def drawn(scene: Scene, motion: refkin.Motion) -> list:
+    """Return what is kept of a drawing: of each shape its role, radius and a sum of its points, by parts."""
+    try:
+        drawing = Drawing(replace(scene, bodies_wanted=None), motion)
+    except NothingToDraw as error:
+        return [str(error)]
+    parts = [(part.name, part.shapes) for part in drawing.parts if isinstance(part, Part)]
+    shapes = [(name, shape) for name, some in (*parts, ("curves", drawing.curves)) for shape in some]
+    numbers = [[float(np.nan_to_num(s.points).ravel() @ WEIGHTS[: s.points.size]), s.radius] for _, s in shapes]
+    said = [f"{name}: {shape.role}" for name, shape in shapes]
+    return [said, [[float(f"{x:.10g}") for x in pair] for pair in (*numbers, *drawing.box.tolist())]]
 
 
 def kept(motion: refkin.Motion) -> dict:
@@ -65,7 +82,12 @@ KEPT = json.loads(FILE.read_text(encoding="utf-8")) if FILE.exists() else {}
 
 @pytest.mark.parametrize("name", KEPT)
 def test_an_answer_is_what_it_was(name):
-    for solver, now in answers(files()[name]).items():
+    every = answers(files()[name])
+    now, was = every.pop("drawn"), KEPT[name]["drawn"]
+    assert now[0] == was[0]
+    if now[1:]:
+        assert np.array(now[1]) == pytest.approx(np.array(was[1]), abs=LEVEL * np.max(np.abs(was[1])), rel=0.0)
+    for solver, now in every.items():
         was = KEPT[name][solver]
 
         assert now["said"] == was["said"], solver

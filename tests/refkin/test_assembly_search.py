@@ -5,6 +5,7 @@ from __future__ import annotations
 import cmath
 import math
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -13,6 +14,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from refkin.newton import newton
+from refkin.proof.assembly.search import _Intervals, _Known
 from refkin.proof.assembly.slopes import interval
 from tests.drawn import Drawn
 
@@ -237,3 +239,21 @@ def test_the_excess_of_an_enclosure_shrinks_with_the_square_of_the_width(name):
 
     assert excess[1] / excess[0] < 0.3
     assert excess[2] / excess[1] < 0.3
+
+
+@pytest.mark.parametrize("turns", [-1, 0, 2])
+@pytest.mark.parametrize(("off", "alone", "known"), [(1e-4, 1e-3, True), (1e-2, 1e-3, False)])
+def test_a_branch_is_known_where_all_of_it_is_as_near_a_root_as_that_is_alone_whole_turns_aside(
+    turns, off, alone, known
+):
+    for k in range(3):
+        pose = [0.3, -0.2, 0.5]
+        root = _Known(np.array(pose), alone, 0.0)
+        pose[k] += off
+        there = SimpleNamespace(
+            r=SimpleNamespace(x=arb(pose[0]), y=arb(pose[1])), phi=arb(pose[2]) + 2 * turns * arb.pi()
+        )
+        system = SimpleNamespace(columns=lambda _: slice(0, 3))
+        search = SimpleNamespace(names=["bar"], known=[root], system=system)
+
+        assert _Intervals(search)._is_known(SimpleNamespace(poses={"bar": there})) is known

@@ -171,6 +171,14 @@ def test_matplotlib_writes_the_same_parts(motion, tmp_path, suffix, first):
     assert file.read_bytes().startswith(first)
 
 
+def test_a_page_is_as_high_as_what_it_shows(scene, motion):
+    drawing = Drawing(scene, motion)
+    figure, axes = raster._page(drawing)
+    (x0, x1, y0, y1), (wide, high) = axes.axis(), figure.get_size_inches()
+
+    assert high / wide == pytest.approx((y1 - y0) / (x1 - x0), rel=1e-12)
+
+
 def test_matplotlib_draws_each_shape_where_it_is():
     figure = raster.Figure()
     axes = figure.add_axes((0.0, 0.0, 1.0, 1.0))

@@ -199,6 +199,13 @@ def test_of_poses_of_other_choices_that_are_compared_the_second_order_counts_too
     proof = isolate(system, *answers)
     monkeypatch.setattr(choices, "MOST_CHOICES", 2)
 
+    without = choices._over_all_choices(system, proof, *answers[:3], None)
+    whole = choices._over_all_choices(system, proof, *answers)
+    assert np.array_equal(without.velocity, whole.velocity)
+    assert "the bounds cover those whose inverse" in whole.why
+    monkeypatch.setattr(choices, "unique_within", lambda *_: np.array([np.inf, 0.0, np.inf]))
+    assert "no error bound covers all of them" in choices._over_all_choices(system, proof, *answers).why
+
     def far(unique):
         monkeypatch.setattr(choices, "unique_within", lambda *_: unique)
         bounds = choices._over_all_choices(system, proof, *answers)

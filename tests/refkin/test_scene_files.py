@@ -296,10 +296,11 @@ def test_times_out_of_order_are_told_beside_a_joint_that_cannot_be_read():
 
 
 def test_a_file_that_is_not_there_and_one_that_is_not_text_are_named(tmp_path):
-    (tmp_path / "binary.toml").write_bytes(b"\xff\xfe\x00")
+    (tmp_path / "binary.toml").write_bytes(b"a = 1\n\n\xff\xfe\x00")
     for path in (tmp_path / "absent.toml", tmp_path / "binary.toml", tmp_path):
-        with pytest.raises(InvalidScene, match=path.name):
+        with pytest.raises(InvalidScene, match=path.name) as refused:
             load(path)
+        assert ("line 3" in str(refused.value)) == (path.name == "binary.toml")
 
 
 def test_the_schema_knows_how_many_coordinates_a_body_has_in_the_plane_and_in_space():

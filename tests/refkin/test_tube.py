@@ -14,7 +14,7 @@ from refkin import FourBar, Polynomial, SliderCrank, Status, compile_system
 from refkin.motion_laws import Sinusoid
 from refkin.proof.numbers.bounded import bounded_system, box, read
 from refkin.proof.path.branch import first_unproved
-from refkin.proof.path.tube import ConnectionProof, Tubes, _over_times, _Spans
+from refkin.proof.path.tube import DEEPEST, ConnectionProof, Tubes, _over_times, _Spans
 from refkin.scenes.linkages import Hooke
 from refkin.solving.starts import _turned_to
 from refkin.solving.sweep import pose_between
@@ -79,6 +79,16 @@ def test_a_swing_is_one_motion_in_a_few_tubes_and_one_beyond_a_limit_is_none(swi
     q = system.to_unit(refkin.solve(scene).q[:, 0])
 
     assert ConnectionProof(system, 40, pose_between).connects(0.0, math.pi, q, q) is inside
+
+
+def test_a_step_is_halved_as_often_as_is_stated_before_it_is_given_up(monkeypatch):
+    scene = ROCKER.scene(samples=9)
+    system = compile_system(scene.mechanism, unit=scene.mechanism.unit())
+    monkeypatch.setattr(ConnectionProof, "_tube_holds", lambda *_: False)
+    proof = ConnectionProof(system, 1000, pose_between)
+
+    assert not proof.connects(*scene.times[:2], *system.to_unit(refkin.solve(scene).q).T[:2])
+    assert proof.tried == 1 + DEEPEST
 
 
 @pytest.mark.parametrize(("swing", "holds"), [(1e-7, True), (0.6, False)])

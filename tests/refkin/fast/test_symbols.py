@@ -164,3 +164,11 @@ def test_what_depends_on_geometry_alone_is_done_once_for_a_mechanism_but_for_wha
     assert {stages[some] for some in (g, g * g)} == {"mechanism"}
     assert {stages[some] for some in (f, g * f, mask, chosen, solution, entry)} == {"time"}
     assert {stages[some] for some in (q, q * f)} == {"core"}
+
+
+def test_a_quotient_by_one_and_of_nothing_is_folded():
+    graph = Graph()
+    a, one, other, nothing = graph.input("q", 0), *(graph.constant(x) for x in (1.0, -1.0, 0.0))
+
+    for x, divisor, expected in ((a, one, 5.0), (a, other, -5.0), (nothing, a, 0.0), (nothing, other, 0.0)):
+        assert value(graph.div(x, divisor), (5.0,)) == expected

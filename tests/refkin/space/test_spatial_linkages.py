@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import astuple, replace
+from types import SimpleNamespace
 
 import mpmath
 import numpy as np
@@ -19,6 +20,7 @@ from refkin.joints.spatial_vectors import Vec3
 from refkin.model import Body, Mechanism, Scene
 from refkin.motion import Status
 from refkin.motion_laws import Polynomial
+from refkin.proof.assembly import spatial as by_starts
 from refkin.proof.assembly.assembly import assemblies
 from refkin.proof.assembly.dyads import _Reader, certain_miss
 from refkin.proof.assembly.spatial import starts
@@ -203,10 +205,12 @@ def test_a_hooke_joint_turns_at_the_ratio_of_the_textbook_within_its_radii(beta)
     assert np.max(error) < 2e-15
 
 
-def test_two_matched_hooke_joints_turn_evenly():
-    even = turned(DoubleHooke(0.5, 2.0))
+@pytest.mark.parametrize("parallel", [True, False])
+def test_two_matched_hooke_joints_turn_evenly(parallel):
+    even = turned(DoubleHooke(0.5, 2.0, parallel=parallel))
+    last = np.array([0.0, 0.0, 1.0]) if parallel else np.array([0.0, -math.sin(1.0), math.cos(1.0)])
 
-    assert even["output"].omega[2] == pytest.approx(np.full(SAMPLES, 1.7), abs=4e-15)
+    assert last @ even["output"].omega == pytest.approx(np.full(SAMPLES, 1.7), abs=4e-15)
     assert np.max(np.abs(even["output"].alpha)) < 2e-14
 
 
@@ -638,3 +642,17 @@ def test_a_rod_that_just_reaches_its_line_reaches_it_whichever_way_its_square_is
         pose = RSSP(length, length, (0.0, 0.0, 0.5), (0.0, 0.0, 1.0)).assemble(value)
 
         assert pose["slider"][:3] == pytest.approx((0.0, 0.0, 0.0), abs=1e-7)
+
+
+def test_a_search_of_space_ends_where_so_many_starts_lead_nowhere_new_and_has_each_pose_once(monkeypatch):
+    """Where Newton's method ends from each start: nowhere, at one of two poses, or at a third from the last start."""
+    many = by_starts.ENOUGH
+    tried, ends = [], [None, 0.0, 0.0, 1.0, *[0.0, None] * (many // 2 - 1), 2.0, *[1.0] * many, 3.0]
+    monkeypatch.setattr(by_starts, "starts", lambda *_: iter(range(len(ends))))
+    monkeypatch.setattr(by_starts, "signed", lambda _, q, like: q)
+    monkeypatch.setattr(
+        by_starts, "refined", lambda _, k, t: tried.append(k) or (None if ends[k] is None else np.array([ends[k]]))
+    )
+
+    assert by_starts.assemblies_in_space(SimpleNamespace(n=1), 0.0) == [0.0, 1.0, 2.0]
+    assert len(tried) == len(ends) - 1
