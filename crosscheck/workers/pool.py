@@ -210,7 +210,7 @@ class Workers(Pool):
             process = self.idle.pop() if self.idle else Child(self.work.do, self.work.prepare)
             task = self.waiting[0]
             specs = tuple(self.engines[name] for name in task.engines)
-            if process.give([{**job, "engines": specs} for job in task.jobs], self.seconds):
+            if process.give([{**job, "engines": specs} for job in task.jobs]):
                 self.busy[process] = self.waiting.popleft()
             else:
                 process.end()  # it was killed while it was idle

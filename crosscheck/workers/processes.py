@@ -27,6 +27,11 @@ from typing import Any
 
 from crosscheck.errors import kept
 
+try:
+    import fcntl
+except ImportError:  # Windows, where a process whose parent has ended goes on to its next result
+    fcntl = None  # type: ignore[assignment]
+
 SECONDS_TO_START = 60.0
 """How long a process may take to start and to prepare."""
 SERVER_DIES_WITHIN = (0.05, 0.2, 1.0)
@@ -112,10 +117,10 @@ class Child:
         self.deadline = 0.0
         self.pipe, self.process = start(serve, function, prepare)
 
-    def give(self, arguments: Sequence[Any], seconds: float, to_start: float = SECONDS_TO_START) -> bool:
-        """Hand over arguments, with `seconds` for each; return whether there still was a process to take them."""
+    def give(self, arguments: Sequence[Any], to_start: float = SECONDS_TO_START) -> bool:
+        """Hand over arguments; return whether there still was a process to take them."""
         try:
-            self.pipe.send((tuple(arguments), seconds))
+            self.pipe.send(tuple(arguments))
         except OSError:
             return False
         self.deadline = time.monotonic() + to_start
@@ -152,13 +157,11 @@ def serve(function: Callable[[Any], Any], prepare: Callable[[Any], None] | None,
     gc.set_threshold(COLLECTED_AFTER)
     with suppress(EOFError, OSError):  # the parent is gone: there is nobody left to tell
         while True:
-            arguments, seconds = pipe.recv()
-            with ended_by_the_system(2 * SECONDS_TO_START):
-                ready = told_if_raised(prepare, arguments[0]) if prepare else None
+            arguments = pipe.recv()
+            ready = told_if_raised(prepare, arguments[0]) if prepare else None
             pipe.send((Message.READY, None))
             for argument in arguments:
-                with ended_by_the_system(seconds + SECONDS_TO_START):
-                    result = ready if isinstance(ready, Failure) else told_if_raised(function, argument)
+                result = ready if isinstance(ready, Failure) else told_if_raised(function, argument)
                 pipe.send((Message.DONE, result))
 
 
@@ -170,7 +173,7 @@ def call_each(function: Callable[[Any], Any], arguments: Sequence[Any], seconds:
     children = []
     for argument in arguments:
         children.append(Child(function))
-        children[-1].give([argument], seconds, to_start=seconds)
+        children[-1].give([argument], to_start=seconds)
     end = time.monotonic() + seconds
     results = []
     for child in children:
@@ -190,7 +193,7 @@ def call_in_turn(
     child = None
     try:
         for argument in arguments:
-            while child is None or not child.give([argument], seconds):
+            while child is None or not child.give([argument]):
                 child = Child(function)
             result = child.result(seconds)
             if isinstance(result, Failure) and result.kind is not FailureKind.ERROR:
@@ -210,17 +213,18 @@ def start(function: Callable[..., None], *arguments: Any) -> tuple[Any, Any]:
     context = _context()
     ours, theirs = context.Pipe()
     printed, printing = context.Pipe(duplex=False)
-    process = context.Process(target=_begun, args=(function, printing, *arguments, theirs), daemon=True)
+    living, life = context.Pipe(duplex=False)
+    process = context.Process(target=_begun, args=(function, printing, living, *arguments, theirs), daemon=True)
     _begin(process)
-    theirs.close()
-    printing.close()
+    for end in (theirs, printing, living):
+        end.close()
     shown = Thread(target=_show, args=(printed,), daemon=True)
-    _shown[id(process)] = shown
+    _begun_here[id(process)] = shown, life
     shown.start()
     return ours, process
 
 
-def _begun(function: Callable[..., None], printing: Any, *arguments: Any) -> None:
+def _begun(function: Callable[..., None], printing: Any, living: Any, *arguments: Any) -> None:
     """Call a function in a process whose standard output and error are a pipe: results go through another alone.
 
     It is a group of its own, with what an engine starts in it, and may start processes as any program may.
@@ -230,12 +234,28 @@ def _begun(function: Callable[..., None], printing: Any, *arguments: Any) -> Non
     printing.close()
     if hasattr(os, "setpgid"):
         os.setpgid(0, 0)
+        _end_with_parent(living)
     multiprocessing.current_process()._config["daemon"] = False  # type: ignore[attr-defined]
     function(*arguments)
 
 
-_shown: dict[int, Thread] = {}
-"""The `id` of a process that was begun -> what shows what it prints, until it is stopped."""
+def _end_with_parent(living: Any) -> None:
+    """Have the system kill this group when a pipe is closed whose other end the parent alone has.
+
+    A signal to the parent's group does not reach this one, and an engine may hang where no Python runs. So it is the
+    system that signals the end of the pipe: by SIGKILL where it can be told which (Linux), by SIGIO elsewhere.
+    """
+    with suppress(OSError):  # a system that does not signal for pipes
+        fcntl.fcntl(living, fcntl.F_SETOWN, -os.getpgrp())
+        if hasattr(fcntl, "F_SETSIG"):
+            fcntl.fcntl(living, fcntl.F_SETSIG, signal.SIGKILL)
+        fcntl.fcntl(living, fcntl.F_SETFL, fcntl.fcntl(living, fcntl.F_GETFL) | os.O_ASYNC)
+    if living.poll():  # it has ended before that
+        os._exit(0)
+
+
+_begun_here: dict[int, tuple[Thread, Any]] = {}
+"""The `id` of a process that was begun -> what shows what it prints, and the pipe with which it ends."""
 
 
 def _show(printed: Any) -> None:
@@ -295,8 +315,10 @@ def stop(process: Any) -> Failure:
         process.join(5.0)
     with suppress(OSError, AttributeError):  # nothing that it started is left, or there are no groups
         os.killpg(process.pid, signal.SIGKILL)
-    if id(process) in _shown:
-        _shown.pop(id(process)).join(1.0)
+    if id(process) in _begun_here:
+        shown, life = _begun_here.pop(id(process))
+        shown.join(1.0)
+        life.close()
     return _crash(code)
 
 
@@ -307,20 +329,6 @@ def _crash(code: int | None) -> Failure:
         with suppress(ValueError):
             name = signal.Signals(-code).name
     return Failure(FailureKind.CRASH, f"its process ended: {name}", name)
-
-
-@contextmanager
-def ended_by_the_system(seconds: float) -> Iterator[None]:
-    """Have the system end this process should it hang where no Python runs, with no parent left to end it."""
-    if not hasattr(signal, "setitimer"):
-        yield
-        return
-    signal.signal(signal.SIGALRM, signal.SIG_DFL)
-    signal.setitimer(signal.ITIMER_REAL, seconds)
-    try:
-        yield
-    finally:
-        signal.setitimer(signal.ITIMER_REAL, 0.0)
 
 
 _preloaded: list[str] = []

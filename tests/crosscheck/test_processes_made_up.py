@@ -50,7 +50,7 @@ def failing(job: Any) -> Any:
 
 
 def test_a_child_is_ready_once_for_some_arguments_and_says_what_came_of_each():
-    prepared, pipe = [], Pipe((("a", "bad", "b"), 5.0), (("c",), 5.0))
+    prepared, pipe = [], Pipe(("a", "bad", "b"), ("c",))
     serve(failing, prepared.append, pipe)
     kinds = [message[0] for message in pipe.sent]
     answers = [message[1] for message in pipe.sent if message[0] is Message.DONE]
@@ -66,7 +66,7 @@ def test_what_cannot_be_prepared_is_the_result_of_all_arguments():
     def unprepared(argument: Any) -> None:
         raise OSError(f"no {argument}")
 
-    pipe = Pipe((("a", "b"), 5.0))
+    pipe = Pipe(("a", "b"))
     serve(failing, unprepared, pipe)
 
     assert [message[1].text.partition(" (")[0] for message in pipe.sent[1:]] == ["OSError: no a"] * 2
@@ -96,15 +96,6 @@ def test_a_process_is_begun_while_interrupts_are_held_back_and_they_are_let_thro
     assert signal.SIGINT not in signal.pthread_sigmask(signal.SIG_BLOCK, [])
 
 
-def test_a_process_that_hangs_in_c_is_ended_by_the_system_and_not_later():
-    before = signal.getsignal(signal.SIGALRM)
-    with processes.ended_by_the_system(500.0):
-        assert 400.0 < signal.getitimer(signal.ITIMER_REAL)[0] <= 500.0
-    signal.signal(signal.SIGALRM, before)
-
-    assert signal.getitimer(signal.ITIMER_REAL)[0] == 0.0
-
-
 @pytest.fixture
 def child(monkeypatch):
     """A child at the other end of a made-up pipe, at a time that stands still."""
@@ -121,8 +112,8 @@ def child(monkeypatch):
 
 def test_a_child_has_its_time_to_start_and_then_that_of_each_argument(child):
     one = child((Message.READY, None), (Message.DONE, "well"))
-    assert one.give(["a", "b"], 7.0, to_start=30.0)
-    assert (one.pipe.sent, one.deadline) == ([(("a", "b"), 7.0)], 130.0)
+    assert one.give(["a", "b"], to_start=30.0)
+    assert (one.pipe.sent, one.deadline) == ([("a", "b")], 130.0)
     assert one.result(7.0) == "well"
     assert (one.deadline, one.pipe.waited) == (107.0, [30.0, 7.0])
     assert (one.result(7.0), one.pipe.closed) == (CRASH, True)  # nothing more comes in
@@ -131,7 +122,7 @@ def test_a_child_has_its_time_to_start_and_then_that_of_each_argument(child):
 def test_a_child_that_does_not_answer_hangs_and_one_that_is_gone_takes_nothing(child):
     gone = child(there=False)
 
-    assert gone.give(["a"], 7.0) is False
+    assert gone.give(["a"]) is False
     assert (gone.result(7.0), gone.pipe.closed) == (HANG, True)
 
 
@@ -144,12 +135,13 @@ class Called:
         self.taken, self.ended, self.deadline = [], 0, 0.0
         self.made.append(self)
 
-    def give(self, arguments: Any, seconds: float, to_start: float = 0.0) -> bool:
+    def give(self, arguments: Any, to_start: float = 0.0) -> bool:
         gone = arguments == ["after a kill"] and bool(self.taken)
-        self.taken += [] if gone else [(*arguments, seconds, to_start)]
+        self.taken += [] if gone else [(*arguments, to_start)]
         return not gone
 
     def result(self, seconds: float) -> Any:
+        assert seconds == 7.0
         return ANSWERS.get(self.taken[-1][0], "well")
 
     def end(self) -> None:
@@ -175,14 +167,13 @@ def test_one_process_does_as_many_arguments_as_it_can_and_is_replaced_where_it_e
     taken = [[argument for argument, *_ in one.taken] for one in called]
     assert taken == [["a", "raises", "b", "crashes"], ["c", "hangs"], ["d"], ["after a kill"]]
     assert [one.ended for one in called] == [1, 1, 0, 1]
-    assert {seconds for one in called for _, seconds, _ in one.taken} == {7.0}
 
 
 def test_each_argument_has_a_process_of_its_own_and_time_to_start(called):
     answers = call_each(failing, ["a", "crashes", "b"], 7.0)
 
     assert answers == ["well", CRASH, "well"]
-    assert [one.taken for one in called] == [[("a", 7.0, 7.0)], [("crashes", 7.0, 7.0)], [("b", 7.0, 7.0)]]
+    assert [one.taken for one in called] == [[("a", 7.0)], [("crashes", 7.0)], [("b", 7.0)]]
     assert [one.ended for one in called] == [1, 1, 1]
 
 
