@@ -15,7 +15,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Annotated, Any, Literal
 
-from pydantic import AfterValidator, AliasChoices, Field, StringConstraints, ValidationError
+from pydantic import AfterValidator, Field, StringConstraints, ValidationError
 
 from crosscheck.errors import CannotRun
 from crosscheck.judge.records import Disagreement, Record, Strict, adapter, fault
@@ -80,7 +80,7 @@ class KnownGap(Strict):
     engine: Text
     predicate: Annotated[str, AfterValidator(_known)]
     reason: Text
-    kind_of_gap: Annotated[KindOfGap, Field(validation_alias=AliasChoices("class", "kind_of_gap"))]
+    kind_of_gap: Annotated[KindOfGap, Field(alias="class")]
     date: Date
     reproduction: Text
     method: str = ""
@@ -168,16 +168,23 @@ def read(text: str | None = None) -> tuple[KnownGap, ...]:
 
 
 def rows_of(kind: Any, key: str, file: str, text: str | None) -> tuple[Any, ...]:
-    """Return the rows that stand under a key in TOML: in a file beside this module, or in a text of its form."""
+    """Return the rows that stand under a key in TOML: in a file beside this module, or in a text of its form.
+
+    What a person writes there says something: an empty text would be taken for what is left out, which is any.
+    """
     if text is None:
         text = files("crosscheck.judge").joinpath(file).read_text(encoding="utf-8")
     try:
         table = tomllib.loads(text)
-        rows: tuple[Any, ...] = adapter(tuple[kind, ...]).validate_python(table.pop(key, []))
+        written = table.pop(key, [])
+        rows: tuple[Any, ...] = adapter(tuple[kind, ...]).validate_python(written)
     except tomllib.TOMLDecodeError as error:
         raise InvalidGap(f"{file}: {error}") from error
     except ValidationError as error:
-        raise InvalidGap(f"{key}.{fault(error)}") from error
+        raise InvalidGap(fault(error, key)) from error
+    empty = [f"{key}.{k}.{name}" for k, row in enumerate(written) for name, value in row.items() if value == ""]
+    if empty:
+        raise InvalidGap(f"{empty[0]}: ''; expected a text, or no such key")
     if table:
         raise InvalidGap(f"{', '.join(table)}: no such key; there is: {key}")
     return rows

@@ -243,7 +243,9 @@ class Golden(Strict):
 def write_outcome(folder: Path, outcome: NightOutcome) -> None:
     """Write how a night ended into its folder."""
     folder.mkdir(parents=True, exist_ok=True)
-    replace_file(folder / OUTCOME, TypeAdapter(NightOutcome).dump_json(outcome, indent=1).decode() + "\n")
+    replace_file(
+        folder / OUTCOME, TypeAdapter(NightOutcome).dump_json(outcome, indent=1, by_alias=True).decode() + "\n"
+    )
 
 
 def read_outcome(folder: Path) -> tuple[NightOutcome | None, list[str]]:
